@@ -1,0 +1,1 @@
+"""Examples: each one idea, importable, its result a name at module level."""

@@ -1,0 +1,71 @@
+"""Bodies of random numbers in the layout of SMPL's files, for the tests of files."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from tests.bodies_made_up import SMPL_PARENTS
+from workbench.bodies.skinned import Landmarks, SkinnedBody
+
+Entries = dict[str, Any]
+
+
+def entries(N: int = 40, K: int = 24, B: int = 10, seed: int = 0) -> Entries:
+    """The seven arrays of an SMPL file, float64, the root's parent being 2^32 - 1."""
+    rng = np.random.default_rng(seed)
+    parents = SMPL_PARENTS if K == 24 else (-1, *(int(rng.integers(k)) for k in range(1, K)))
+    return {
+        "v_template": rng.normal(size=(N, 3)),
+        "shapedirs": rng.normal(size=(N, 3, B)) * 0.02,
+        "posedirs": rng.normal(size=(N, 3, 9 * (K - 1))) * 0.01,
+        "J_regressor": _rows(rng, K, N),
+        "weights": _rows(rng, N, K),
+        "kintree_table": np.array([(2**32 - 1, *parents[1:]), range(K)], dtype=np.uint32),
+        "f": rng.integers(N, size=(2 * N, 3)).astype(np.uint32),
+    }
+
+
+def _rows(rng: np.random.Generator, rows: int, columns: int) -> NDArray[np.float64]:
+    """Sparse rows that sum to one."""
+    found = rng.random((rows, columns)) * (rng.random((rows, columns)) < 4 / columns)
+    found[np.arange(rows), rng.integers(columns, size=rows)] += 1
+    return found / found.sum(axis=1, keepdims=True)
+
+
+def decorated(body: SkinnedBody) -> SkinnedBody:
+    """The body with everything that a file of ours can hold beside SMPL's arrays."""
+    rng = np.random.default_rng(1)
+    landmarks = {
+        name: Landmarks(tuple(f"{name}_{i}" for i in range(M)),
+                        csr_array(_rows(rng, M, body.n_vertices)))
+        for name, M in (("coco", 5), ("one", 1))
+    }  # fmt: skip
+    return replace(
+        body,
+        mirror=np.arange(body.n_vertices)[::-1].copy(),
+        landmarks=landmarks,
+        name="someone",
+        card={"source": "made up", "numbers": [1, 0.1, None], "nested": {"é": "ü"}},
+    )
+
+
+def same(a: SkinnedBody, b: SkinnedBody) -> None:
+    """Assert that two bodies hold the same, bit for bit."""
+    for name in ("template", "shapedirs", "posedirs", "weights", "faces", "mirror", "bound_in"):
+        one, other = getattr(a, name), getattr(b, name)
+        assert (one is None) == (other is None), name
+        np.testing.assert_array_equal(one, other, err_msg=name)
+        assert one is None or one.dtype == other.dtype, name
+    for one, other in (
+        (a.J_regressor, b.J_regressor),
+        *((a.landmarks[n].regressor, b.landmarks[n].regressor) for n in a.landmarks),
+    ):
+        assert type(one) is type(other)
+        np.testing.assert_array_equal(one.toarray(), other.toarray())
+    assert a.landmarks.keys() == b.landmarks.keys()
+    assert all(a.landmarks[n].names == b.landmarks[n].names for n in a.landmarks)
+    for name in ("parents", "joint_names", "name", "card"):
+        assert getattr(a, name) == getattr(b, name), name

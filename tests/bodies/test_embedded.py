@@ -1,0 +1,211 @@
+"""The bodies that are shipped: what must be true of their arrays."""
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+import workbench
+from workbench.bodies.embedded import EmbeddedBody, read_embedded
+from workbench.errors import BadFile
+
+FOLDER = Path(workbench.__file__).parent / "data" / "bodies"
+COUNTS = {"default": (1229, 2454), "small": (369, 734), "full": (12272, 24540)}
+MEGABYTES = {"default": 0.3, "small": 0.1, "full": 3.0}
+FLIP = np.array([-1.0, 1.0, 1.0])
+
+
+@cache
+def load(name: str) -> EmbeddedBody:
+    return read_embedded(FOLDER / f"{name}.npz")
+
+
+@pytest.fixture(params=COUNTS)
+def name(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+@pytest.fixture
+def body(name: str) -> EmbeddedBody:
+    return load(name)
+
+
+def opposites(names: tuple[str, ...]) -> list[int]:
+    swapped = [n.replace("left", "L").replace("right", "left").replace("L", "right") for n in names]
+    return [names.index(n) for n in swapped]
+
+
+def test_counts_and_sizes(name: str, body: EmbeddedBody) -> None:
+    N, F = COUNTS[name]
+    assert body["template"].shape == (N, 3)
+    assert body["shapedirs"].shape == (N, 3, 10)
+    assert body["posedirs"].shape == (N, 3, 207)
+    assert body["weights"].shape == (N, 24)
+    assert body["J_regressor"].shape == (24, N)
+    assert body["faces"].shape == (F, 3)
+    assert body["card"]["n_vertices"] == N
+    assert (FOLDER / f"{name}.npz").stat().st_size < 1e6 * MEGABYTES[name]
+
+
+def test_surface_is_closed_and_faces_outwards(body: EmbeddedBody) -> None:
+    mesh = trimesh.Trimesh(body["template"], body["faces"], process=False)
+    assert mesh.is_watertight
+    assert mesh.is_winding_consistent
+    assert mesh.body_count == 1
+    assert 0.055 < mesh.volume < 0.085  # m^3, positive: outwards
+
+
+def test_weights_are_at_most_four_and_sum_to_one(body: EmbeddedBody) -> None:
+    weights = body["weights"]
+    assert weights.min() == 0
+    assert (weights > 0).sum(axis=1).max() <= 4
+    assert abs(weights.sum(axis=1) - 1).max() < 1e-15
+
+
+@pytest.mark.parametrize("kind", ["joints", "coco"])
+def test_regressors_are_sparse_convex_combinations(body: EmbeddedBody, kind: str) -> None:
+    regressor = body["J_regressor"] if kind == "joints" else body["landmarks"]["coco"][1]
+    assert regressor.data.min() > 0
+    assert abs(np.asarray(regressor.sum(axis=1)) - 1).max() < 1e-15
+    assert np.diff(regressor.indptr).max() <= 40
+
+
+def test_tree_is_that_of_smpl(body: EmbeddedBody) -> None:
+    names, parents = body["joint_names"], body["parents"]
+    assert parents[0] == -1
+    assert all(0 <= parent < k for k, parent in enumerate(parents[1:], start=1))
+    chain, k = [], names.index("left_hand")
+    while k >= 0:
+        chain.append(names[k])
+        k = parents[k]
+    assert chain == [
+        *("left_hand", "left_wrist", "left_elbow", "left_shoulder", "left_collar"),
+        *("spine3", "spine2", "spine1", "pelvis"),
+    ]
+
+
+def test_t_pose(body: EmbeddedBody) -> None:
+    """Pelvis at the origin, arms along x, palms down, legs down, nose to the front."""
+    joints = body["J_regressor"] @ body["template"]
+    at = dict(zip(body["joint_names"], joints, strict=True))
+    assert abs(joints[0]).max() < 1e-15
+    arm = at["left_wrist"] - at["left_shoulder"]
+    assert arm[0] > 0.4
+    assert abs(arm[1:]).max() < 0.005
+    shank = at["left_ankle"] - at["left_knee"]
+    assert shank[1] < -0.3
+    assert abs(shank[[0, 2]]).max() < 0.005
+    names, regressor = body["landmarks"]["coco"]
+    keypoint = dict(zip(names, regressor @ body["template"], strict=True))
+    assert keypoint["nose"][2] > keypoint["left_ear"][2] + 0.08
+    assert keypoint["left_big_toe"][2] > keypoint["left_heel"][2] + 0.15
+    hand = body["template"][body["template"][:, 0] > 0.68]
+    thickness, breadth = np.ptp(hand[:, 1]), np.ptp(hand[:, 2])
+    assert breadth > 1.5 * thickness  # flat, lying horizontally
+
+
+def test_stature_and_proportions_are_those_of_people(body: EmbeddedBody) -> None:
+    stature, span = np.ptp(body["template"][:, 1]), np.ptp(body["template"][:, 0])
+    assert 1.62 < stature < 1.74
+    assert 0.93 < span / stature < 1.06
+    facts = body["card"]["population"]
+    assert 1.58 < facts["female"]["stature_m_mean"] < 1.67
+    assert 1.70 < facts["male"]["stature_m_mean"] < 1.80
+    assert all(24 < facts[gender]["bmi_mean"] < 26.5 for gender in ("female", "male"))
+
+
+def test_shape_directions_are_orthogonal_and_in_order(body: EmbeddedBody) -> None:
+    directions = body["shapedirs"].reshape(-1, 10)
+    lengths = np.linalg.norm(directions, axis=0)
+    cosines = directions.T @ directions / np.outer(lengths, lengths)
+    assert abs(cosines - np.eye(10)).max() < 3e-4  # they are stored in steps of 5 micrometres
+    assert (np.diff(lengths) < 0).all()
+    explained = np.array(body["card"]["betas"]["explained_variance"])
+    assert lengths**2 / lengths[0] ** 2 == pytest.approx(explained / explained[0], abs=1.5e-5)
+
+
+def test_signs_of_the_shape_directions(body: EmbeddedBody) -> None:
+    def person(k: int, beta: float) -> trimesh.Trimesh:
+        vertices = body["template"] + beta * body["shapedirs"][:, :, k]
+        return trimesh.Trimesh(vertices, body["faces"], process=False)
+
+    assert np.ptp(person(0, 1).vertices[:, 1]) > np.ptp(person(0, -1).vertices[:, 1]) + 0.1
+    assert all(person(k, 1).volume > person(k, -1).volume for k in range(1, 10))
+
+
+def test_mirror_maps_the_body_to_itself(body: EmbeddedBody) -> None:
+    mirror, joints = body["mirror"], opposites(body["joint_names"])
+    assert np.array_equal(mirror[mirror], np.arange(len(mirror)))
+    assert np.array_equal(body["template"][mirror] * FLIP, body["template"])
+    assert np.array_equal(body["shapedirs"][mirror] * FLIP[:, None], body["shapedirs"])
+    assert np.array_equal(body["weights"][mirror][:, joints], body["weights"])
+    assert np.array_equal(
+        _mirrored_rows(body["J_regressor"], joints, mirror), body["J_regressor"].toarray()
+    )
+    names, coco = body["landmarks"]["coco"]
+    assert np.array_equal(_mirrored_rows(coco, opposites(names), mirror), coco.toarray())
+
+
+def _mirrored_rows(regressor, rows, columns):  # type: ignore[no-untyped-def]
+    return regressor.toarray()[rows][:, columns]
+
+
+def test_mirror_maps_the_faces_to_themselves(body: EmbeddedBody) -> None:
+    def turned(faces):  # type: ignore[no-untyped-def]
+        return {tuple(np.roll(face, -face.argmin())) for face in faces}
+
+    reflected = body["mirror"][body["faces"]][:, [0, 2, 1]]
+    assert turned(reflected) == turned(body["faces"])
+
+
+def test_mirror_maps_the_pose_blend_shapes_to_themselves(body: EmbeddedBody) -> None:
+    """P f(mirrored pose) = mirrored P f(pose), where a mirrored rotation is S R S."""
+    rng = np.random.default_rng(0)
+    joints = np.array(opposites(body["joint_names"]))
+    deviations = rng.normal(size=(24, 3, 3))
+    reflected = deviations[joints] * np.outer(FLIP, FLIP)
+    here, there = (body["posedirs"] @ d[1:].ravel() for d in (deviations, reflected))
+    assert abs(here[body["mirror"]] * FLIP - there).max() < 1e-14
+
+
+def test_pose_blend_shapes_are_local_and_sane(body: EmbeddedBody) -> None:
+    posedirs = body["posedirs"]
+    assert 0.01 < abs(posedirs).max() < 0.1  # m
+    assert (posedirs != 0).mean() < 0.15
+    knee = body["joint_names"].index("left_knee")
+    right_side = body["template"][:, 0] < -0.05
+    assert not posedirs[right_side][:, :, 9 * (knee - 1) : 9 * knee].any()
+
+
+def test_pose_blend_shapes_help_where_nothing_was_learned(body: EmbeddedBody) -> None:
+    for poses in ("held_out_draws", "held_out_mocap"):
+        measured = body["card"]["pose_blend_shapes"][poses]
+        assert measured["rms_after"] < 0.55 * measured["rms_before"]
+
+
+def test_card_says_where_the_numbers_come_from(name: str, body: EmbeddedBody) -> None:
+    card = body["card"]
+    assert card["name"] == name
+    assert "CC0" in card["licence"]
+    assert "Apache-2.0" in card["licence"]
+    assert any("made, not measured" in sentence for sentence in card["provenance"])
+    assert any("synthetic" in sentence for sentence in card["provenance"])
+    assert card["largest_rounding_error_mm"] < 0.2
+    assert max(card["J_regressor_rms_mm"].values()) < 25
+
+
+def test_all_bodies_together_are_small() -> None:
+    assert sum(path.stat().st_size for path in FOLDER.glob("*.npz")) < 5e6
+
+
+def test_what_is_no_body_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(BadFile, match=r"nothing\.npz is no embedded body"):
+        read_embedded(tmp_path / "nothing.npz")
+    np.savez(tmp_path / "other.npz", template=np.zeros((3, 3)))
+    with pytest.raises(BadFile, match="joint_names"):
+        read_embedded(tmp_path / "other.npz")
+    np.savez(tmp_path / "pickled.npz", template=np.array([{}], dtype=object))
+    with pytest.raises(BadFile, match="allow_pickle"):
+        read_embedded(tmp_path / "pickled.npz")

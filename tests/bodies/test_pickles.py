@@ -1,0 +1,421 @@
+"""Pickles: what a body's holds is read, what an attacker's asks for never happens."""
+
+import copyreg
+import os
+import pickle
+import struct
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.sparse import coo_matrix, csc_array, csc_matrix, csr_matrix
+
+from tests.bodies.random_bodies import Entries, entries
+from workbench.bodies.catalogue import load_body
+from workbench.bodies.pickle_records import KNOWN, Made
+from workbench.bodies.pickled_arrays import read_pickled_arrays
+from workbench.bodies.pickles import EFFECTS, LITERALS, OPCODES, run
+from workbench.bodies.raw import Unread
+from workbench.errors import BadFile, UnsafePickle
+
+# A stand-in for the package chumpy, there while a file is written and gone when it is read.
+
+
+class Ch:
+    def __init__(self, **terms: Any) -> None:
+        self.__dict__.update(terms)
+
+
+class Select(Ch):
+    pass
+
+
+class transpose(Ch):  # noqa: N801
+    pass
+
+
+class add(Ch):  # noqa: N801
+    pass
+
+
+PLACES = ((Ch, "chumpy.ch"), (Select, "chumpy.reordering"), (transpose, "chumpy.reordering"),
+          (add, "chumpy.ch_ops"))  # fmt: skip
+
+
+@pytest.fixture
+def chumpy(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    monkeypatch.setitem(sys.modules, "chumpy", ModuleType("chumpy"))
+    for kind, place in PLACES:
+        module = sys.modules.get(place, ModuleType(place))
+        setattr(module, kind.__name__, kind)
+        monkeypatch.setitem(sys.modules, place, module)
+        monkeypatch.setattr(kind, "__module__", place)
+    yield
+    monkeypatch.undo()
+
+
+def dumped(raw: Entries, path: Path, protocol: int = 2) -> Path:
+    """A pickle of the entries, with chumpy already forgotten when this returns."""
+    path.write_bytes(pickle.dumps(raw, protocol=protocol))
+    for name in [name for name in sys.modules if name.split(".")[0] == "chumpy"]:
+        del sys.modules[name]
+    return path
+
+
+def python_2_pickle(raw: dict[str, np.ndarray]) -> bytes:
+    """A dictionary of float64 and int64 arrays, opcode by opcode as Python 2 wrote it."""
+    out = [b"\x80\x02}("]
+    for key, array in raw.items():
+        code = array.dtype.str[1:].encode()
+        content = array.tobytes()
+        out += [
+            b"U" + bytes([len(key)]) + key.encode(),
+            b"cnumpy.core.multiarray\n_reconstruct\n(cnumpy\nndarray\nK\x00\x85U\x01btR(K\x01(",
+            b"".join(b"J" + struct.pack("<i", n) for n in array.shape),
+            b"tcnumpy\ndtype\n(U" + bytes([len(code)]) + code + b"K\x00K\x01tR(K\x03U\x01<NNNJ",
+            b"\xff\xff\xff\xffJ\xff\xff\xff\xffK\x00tb\x89T" + struct.pack("<i", len(content)),
+            content + b"tb",
+        ]
+    return b"".join([*out, b"u."])
+
+
+def equal_to(raw: Entries, path: Path) -> None:
+    body = load_body(path)
+    for name, key in (("template", "v_template"), ("shapedirs", "shapedirs"),
+                      ("posedirs", "posedirs"), ("weights", "weights")):  # fmt: skip
+        np.testing.assert_array_equal(getattr(body, name), raw[key])
+    np.testing.assert_array_equal(body.J_regressor.toarray(), raw["J_regressor"])
+    np.testing.assert_array_equal(body.faces, raw["f"])
+
+
+# What is read.
+
+
+@pytest.mark.parametrize("protocol", range(pickle.HIGHEST_PROTOCOL + 1))
+@pytest.mark.parametrize("kind", [np.asarray, csc_matrix, csr_matrix, coo_matrix, csc_array])
+def test_every_protocol_and_sparse_kind(tmp_path: Path, protocol: int, kind: Any) -> None:
+    raw = entries()
+    raw["posedirs"] = np.asfortranarray(raw["posedirs"])  # stored column by column
+    held = raw | {"J_regressor": kind(raw["J_regressor"]), "gender": "female", "n": np.float64(3)}
+    path = dumped(held, tmp_path / "model.pkl", protocol)
+    equal_to(raw, path)
+    assert load_body(path).card["gender"] == "female"
+    assert read_pickled_arrays(path)["n"] == 3
+
+
+def test_a_file_of_python_2(tmp_path: Path) -> None:
+    raw = entries()
+    (tmp_path / "old.pkl").write_bytes(python_2_pickle(raw))
+    theirs = pickle.loads(python_2_pickle(raw), encoding="latin1")  # the test's own file is one
+    np.testing.assert_array_equal(theirs["weights"], raw["weights"])
+    equal_to(raw, tmp_path / "old.pkl")
+
+
+def test_strings_of_python_2_s_first_protocol() -> None:
+    assert run(b"(dp0\nS'a\\x00\\xff\\n\\''\np1\nI01\nsS\"b\"\nL5L\ns.") == {
+        "a\0\xff\n'": True,
+        "b": 5,
+    }
+
+
+@pytest.mark.usefixtures("chumpy")
+@pytest.mark.parametrize("protocol", [0, 1, 2, 4])
+def test_a_file_of_chumpy_values(tmp_path: Path, protocol: int) -> None:
+    raw = entries(N=20, B=4)
+    wide = np.random.default_rng(5).normal(size=(20, 3, 9))
+    idxs = np.arange(wide.size).reshape(wide.shape)[:, :, :4].ravel()
+    held = raw | {
+        "v_template": Ch(x=raw["v_template"], _dirty_vars={"x"}, dterms=["x"], cache={(1, 2): 3}),
+        "weights": transpose(a=Ch(x=raw["weights"].T.copy()), axes=None),
+        "posedirs": transpose(a=raw["posedirs"].transpose(2, 0, 1).copy(), axes=(1, 2, 0)),
+        "shapedirs": Select(a=Ch(x=wide), idxs=idxs, preferred_shape=(20, 3, 4)),
+        "J_regressor": csc_matrix(raw["J_regressor"]),
+        "J": transpose(a=add(a=1, b=2)),
+        "v_shaped": add(a=Ch(x=raw["v_template"]), b=1),
+    }
+    path = dumped(held, tmp_path / "model.pkl", protocol)
+    assert "chumpy" not in sys.modules
+    equal_to(raw | {"shapedirs": wide[:, :, :4]}, path)
+    assert isinstance(read_pickled_arrays(path)["v_shaped"], Unread)
+    assert "chumpy" not in sys.modules
+
+
+@pytest.mark.usefixtures("chumpy")
+@pytest.mark.parametrize(
+    ("value", "says"),
+    [
+        (add(a=1, b=2), "weights is a chumpy.ch_ops.add .*chumpy would have to compute it"),
+        (Ch(), "weights is a chumpy.ch.Ch that cannot be read"),
+        (Select(a=np.zeros(3), idxs=np.array([7])), "cannot be read .*out of bounds"),
+        (Select(a=np.zeros(3), idxs=[[0]]), "made of a list"),
+        (np.array([None, 1]), "an array of type 'O8', not of numbers"),
+        (np.zeros(2, dtype=[("a", "f4")]), "an array of type 'V4'"),
+        ([1, 2], "weights is a list, but must be an array"),
+    ],
+)
+def test_what_cannot_be_evaluated_is_said(tmp_path: Path, value: Any, says: str) -> None:
+    path = dumped(entries() | {"weights": value}, tmp_path / "model.pkl")
+    with pytest.raises(BadFile, match=says):
+        load_body(path)
+
+
+def nested() -> Ch:
+    deep: Any = np.zeros(3)
+    for _ in range(40):
+        deep = Ch(x=deep)
+    return deep  # type: ignore[no-any-return]
+
+
+def in_a_circle() -> Ch:
+    loop = Ch()
+    loop.__dict__["x"] = loop
+    return loop
+
+
+@pytest.mark.usefixtures("chumpy")
+@pytest.mark.parametrize("make", [nested, in_a_circle])
+def test_values_nested_without_end(tmp_path: Path, make: Callable[[], Ch]) -> None:
+    path = dumped(entries() | {"weights": make()}, tmp_path / "model.pkl")
+    with pytest.raises(BadFile, match="nested more than 16 deep"):
+        load_body(path)
+
+
+def test_every_instruction_is_decided() -> None:
+    refused = {"EXT1", "EXT2", "EXT4", "PERSID", "BINPERSID", "NEXT_BUFFER", "READONLY_BUFFER"}
+    assert LITERALS | EFFECTS.keys() | {"PROTO", "FRAME", "STOP"} == (
+        {opcode.name for opcode in OPCODES.values()} - refused
+    )
+
+
+# What is refused. Each attack tries to make the file `marker`.
+
+
+class Calls:
+    """Pickles as a call."""
+
+    def __init__(self, function: Any, argument: str) -> None:
+        self.call = function, (argument,)
+
+    def __reduce__(self) -> Any:
+        return self.call
+
+
+def text(value: str) -> bytes:
+    return b"\x8c" + bytes([len(value)]) + value.encode()
+
+
+def stack_global(module: str, name: str) -> bytes:
+    return b"\x80\x04" + text(module) + text(name) + b"\x93"
+
+
+def command(marker: Path) -> bytes:
+    return b"X" + struct.pack("<i", len(f"touch {marker}")) + f"touch {marker}".encode()
+
+
+def attacks(marker: Path) -> dict[str, tuple[bytes, str]]:
+    """Name -> (the file, what the refusal names)."""
+    touch = command(marker)
+    run_it = touch + b"\x85R."
+    again = b"ccopy_reg\n_reconstructor\n"
+    return {
+        "os.system": (b"\x80\x02cposix\nsystem\n" + run_it, "posix.system"),
+        "protocol 0": (b"cposix\nsystem\n(S'touch " + str(marker).encode() + b"'\ntR.", "posix.sy"),
+        "STACK_GLOBAL": (stack_global("os", "system") + run_it, "os.system"),
+        "dotted name": (stack_global("numpy", "os.system") + run_it, "numpy.os.system"),
+        "dotted, chumpy": (stack_global("chumpy.ch", "os.system") + run_it, "chumpy.ch.os.system"),
+        "chumpy's builtins": (b"\x80\x02cchumpy\n__builtins__\n" + run_it, "chumpy.__builtins__"),
+        "private chumpy": (stack_global("chumpy._x", "y") + run_it, "chumpy._x.y"),
+        "like chumpy": (b"\x80\x02cchumpyx\nsystem\n" + run_it, "chumpyx.system"),
+        "eval": (b"\x80\x02cbuiltins\neval\n" + run_it, "builtins.eval"),
+        "getattr": (b"\x80\x02c__builtin__\ngetattr\n" + run_it, "__builtin__.getattr"),
+        "old sparse loader": (stack_global("scipy.sparse", "load_npz") + run_it, "load_npz"),
+        "numpy.load": (stack_global("numpy", "load") + run_it, "numpy.load"),
+        "numpy f2py": (stack_global("numpy.testing._private.utils", "runstring") + run_it, "runst"),
+        "copyreg": (stack_global("copyreg", "add_extension") + run_it, "copyreg.add_extension"),
+        "codecs": (stack_global("_codecs", "lookup") + run_it, "_codecs.lookup"),
+        "INST": (b"(" + touch + b"iposix\nsystem\n.", "posix.system"),
+        "OBJ": (b"(cposix\nsystem\n" + touch + b"o.", "posix.system"),
+        "NEWOBJ": (b"\x80\x02csubprocess\nPopen\n" + touch + b"\x85\x81.", "subprocess.Popen"),
+        "NEWOBJ_EX": (stack_global("subprocess", "Popen") + touch + b"\x85}\x92.", "subprocess."),
+        "reconstructor": (again + b"(csubprocess\nPopen\nc__builtin__\nobject\nNtR.", "Popen"),
+        "unnamed class": (again + b"(S'posix'\nc__builtin__\nobject\nNtR.", "calls a str"),
+        "call of a call": (b"\x80\x02cbuiltins\nobject\n)R" + run_it, "calls a Made"),
+        "call of a text": (b"\x80\x02X\x02\x00\x00\x00os" + run_it, "calls a str"),
+        "BUILD on a name": (b"\x80\x02cnumpy\nndarray\n}X\x01\x00\x00\x00aK\x01sb.", "of a Name"),
+        "BUILD on a dict": (b"\x80\x02}}b.", "inside of a dict"),
+        "EXT1": (b"\x80\x02\x82\x01.", "EXT1"),
+        "EXT4": (b"\x80\x02\x84\x01\x00\x00\x00.", "EXT4"),
+        "persistent id": (b"Pposix.system\n.", "PERSID"),
+        "binary persistent id": (b"\x80\x02K\x01Q.", "BINPERSID"),
+        "out-of-band buffer": (b"\x80\x05\x97.", "NEXT_BUFFER"),
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("name", attacks(Path("marker")))
+def test_attacks_are_refused_by_name_and_nothing_runs(tmp_path: Path, name: str) -> None:
+    pickled, named = attacks(tmp_path / "marker")[name]
+    path = tmp_path / "model.pkl"
+    for content in (pickled, b"(" + pickled if pickled[:1] in b"cP" else pickled):
+        path.write_bytes(content)
+        if content[:1] not in b"\x80(}]c":
+            continue
+        with pytest.raises(UnsafePickle, match=named.replace(".", r"\.")) as refusal:
+            load_body(path)
+        assert str(path) in str(refusal.value)
+    assert not (tmp_path / "marker").exists()
+
+
+def test_the_attack_would_work(tmp_path: Path) -> None:
+    pickle.loads(attacks(tmp_path / "marker")["os.system"][0])
+    assert (tmp_path / "marker").exists()
+
+
+@pytest.mark.parametrize("protocol", [0, 2, 5])
+def test_an_attack_hidden_in_a_good_file(tmp_path: Path, protocol: int) -> None:
+    marker = tmp_path / "marker"
+    trap = Calls(os.system, f"touch {marker}")
+    for held in (
+        {"weights": trap},
+        {"notes": [{"deep": (1, trap)}]},
+        {"objects": np.array([trap, None], dtype=object)},
+    ):
+        path = dumped(entries() | held, tmp_path / "model.pkl", protocol)
+        with pytest.raises(UnsafePickle, match=r"posix\.system|nt\.system"):
+            load_body(path)
+    assert not marker.exists()
+
+
+def test_a_registered_extension_is_refused_too(tmp_path: Path) -> None:
+    copyreg.add_extension("posix", "system", 200)
+    try:
+        path = dumped({"a": Calls(os.system, "true")}, tmp_path / "model.pkl")
+        assert b"posix" not in path.read_bytes()
+        with pytest.raises(UnsafePickle, match="EXT1"):
+            load_body(path)
+    finally:
+        copyreg.remove_extension("posix", "system", 200)
+
+
+@pytest.mark.usefixtures("chumpy")
+def test_a_state_cannot_change_what_a_record_does(tmp_path: Path) -> None:
+    marker = tmp_path / "marker"
+    value = np.arange(72.0).reshape(24, 3)
+    wild = Ch(x=value, __class__="os", __setstate__="os", name="Select", arguments=(), state=None,
+              __reduce__="posix.system", __dict__={"x": 1})  # fmt: skip
+    path = dumped({"a": wild}, tmp_path / "model.pkl")
+    np.testing.assert_array_equal(read_pickled_arrays(path)["a"], value)
+    assert not marker.exists()
+
+
+@pytest.mark.parametrize(
+    "subtype", [b"cnumpy\ndtype\n", b"cchumpy.ch\nCh\n", b"cbuiltins\nobject\n"]
+)
+def test_an_array_of_another_class_is_refused(tmp_path: Path, subtype: bytes) -> None:
+    good = python_2_pickle({"a": np.zeros(3)})
+    (tmp_path / "model.pkl").write_bytes(good.replace(b"cnumpy\nndarray\n", subtype))
+    with pytest.raises(UnsafePickle, match="an array of a kind that is not read"):
+        load_body(tmp_path / "model.pkl")
+
+
+def test_a_name_alone_makes_nothing() -> None:
+    for module, name in KNOWN:
+        if name != "_reconstructor":
+            made = run(b"c" + module.encode() + b"\n" + name.encode() + b"\n(S'x'\ntR.")
+            assert isinstance(made, Made)
+
+
+# What is damaged, or made to be.
+
+
+@pytest.mark.parametrize(
+    ("pickled", "says"),
+    [
+        (b"\x80\x02", "its end is missing"),
+        (b"\x80\x02}\xfe.", "unknown instruction"),
+        (b"\x80\x02.", "cut off, damaged"),
+        (b"\x80\x02h\x07.", "cut off, damaged"),
+        (b"\x80\x02(.", "a mark stands"),
+        (b"\x80\x02]K\x01K\x02s.", "entries for a list"),
+        (b"\x80\x02}K\x01a.", "items for a dict"),
+        (b"\x80\x02}(K\x01u.", "cut off, damaged"),
+        (b"\x80\x02]].", "holds no dictionary of arrays, but a list"),
+        (b"\x80\x02cnumpy\nndarray\n.", "holds no dictionary of arrays, but a Name"),
+        (b"\x80\x04\x8e" + struct.pack("<Q", 2**62) + b"abc.", "cut off, damaged"),
+        (b"\x80\x02\x8a\xff" + b"\x01" * 20, "cut off, damaged"),
+        (b"\x80\x02I" + b"9" * 10_000 + b"\n.", "cut off, damaged"),
+        (b"\x80\x02cnumpy\nndarray\nK\x01R.", "called with a int"),
+    ],
+)
+def test_damage_is_said(tmp_path: Path, pickled: bytes, says: str) -> None:
+    (tmp_path / "model.pkl").write_bytes(pickled)
+    with pytest.raises(BadFile, match=says):
+        load_body(tmp_path / "model.pkl")
+
+
+def test_a_far_memo_costs_nothing() -> None:
+    """Python's own unpickler sets 64 GB aside for this."""
+    assert run(b"\x80\x02}r\xff\xff\xff\xff.") == {}
+
+
+def test_keys_that_could_be_hashed_for_ever_are_left_out() -> None:
+    """A tuple holding a tuple twice, which holds one twice, ...: 200 of them take 2^200 hashes."""
+    assert run(b"\x80\x02})" + b"2\x86" * 3 + b"K\x01s.") == {}
+
+
+def test_a_shape_that_claims_too_much_allocates_nothing(tmp_path: Path) -> None:
+    good = python_2_pickle({"weights": np.zeros((3, 5))})
+    shape = b"J" + struct.pack("<i", 3) + b"J" + struct.pack("<i", 5)
+    assert shape in good
+    for wrong in (
+        b"J" + struct.pack("<i", 2**31 - 1) + shape[5:],
+        b"K\x02K\x05",
+        b"J\xff\xff\xff\xffK\x05",
+    ):
+        (tmp_path / "model.pkl").write_bytes(good.replace(shape, wrong))
+        weights = read_pickled_arrays(tmp_path / "model.pkl")["weights"]
+        assert isinstance(weights, Unread)
+        assert "bytes" in weights.reason or "no tuple of sizes" in weights.reason
+
+
+def test_a_file_that_is_too_large_is_not_opened(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    dumped(entries(), tmp_path / "model.pkl")
+    monkeypatch.setattr("workbench.bodies.pickles.MOST_BYTES", 1000)
+    with pytest.raises(BadFile, match="over 2 GB are not read"):
+        load_body(tmp_path / "model.pkl")
+
+
+@pytest.mark.parametrize("break_it", ["far index", "far pointer", "float index", "huge shape"])
+def test_indices_of_a_sparse_matrix_are_checked(tmp_path: Path, break_it: str) -> None:
+    matrix = csc_matrix(entries()["J_regressor"])
+    match break_it:
+        case "far index":
+            matrix.indices[0] = 10**6
+        case "far pointer":
+            matrix.indptr[3] = 10**6
+        case "float index":
+            matrix.indices = matrix.indices.astype(float)
+        case "huge shape":
+            matrix._shape = (10**10, 10**10)
+    path = dumped(entries() | {"J_regressor": matrix}, tmp_path / "model.pkl")
+    with pytest.raises(BadFile, match=r"J_regressor is a scipy.*that cannot be read"):
+        load_body(path)
+
+
+def test_random_damage_never_escapes(tmp_path: Path) -> None:
+    """Bytes flipped at random: an array of other numbers, or a refusal in our own words."""
+    rng = np.random.default_rng(0)
+    good = pickle.dumps({"J_regressor": csc_matrix(np.eye(3)), "v_template": np.eye(3)}, protocol=2)
+    for _ in range(1500):
+        bad = bytearray(good)
+        for position in rng.integers(2, len(good), size=rng.integers(1, 4)):
+            bad[position] = rng.integers(256)
+        (tmp_path / "model.pkl").write_bytes(bad)
+        with suppress(BadFile):
+            read_pickled_arrays(tmp_path / "model.pkl")

@@ -1,0 +1,69 @@
+"""Made-up bodies in the layout of SMPL's files: random numbers, nobody's licence."""
+
+from functools import cache
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from workbench import SkinnedBody
+
+SMPL_NAMES = (
+    "pelvis", "left_hip", "right_hip", "spine1", "left_knee", "right_knee", "spine2",
+    "left_ankle", "right_ankle", "spine3", "left_foot", "right_foot", "neck", "left_collar",
+    "right_collar", "head", "left_shoulder", "right_shoulder", "left_elbow", "right_elbow",
+    "left_wrist", "right_wrist", "left_hand", "right_hand",
+)  # fmt: skip
+SMPL_PARENTS = (
+    -1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21,
+)  # fmt: skip
+
+
+def random_body(
+    seed: int = 0,
+    *,
+    n_vertices: int = 30,
+    n_joints: int = 5,
+    n_betas: int = 3,
+    parents: tuple[int, ...] | None = None,
+    joint_names: tuple[str, ...] | None = None,
+    bound: bool = False,
+) -> SkinnedBody:
+    """A body of random arrays on a random tree; `bound` draws its template in a random pose."""
+    rng = np.random.default_rng(seed)
+    N, K, B = n_vertices, n_joints, n_betas
+    if parents is None:
+        parents = (-1, *(int(rng.integers(k)) for k in range(1, K)))
+    return SkinnedBody(
+        template=rng.normal(scale=0.5, size=(N, 3)),
+        shapedirs=rng.normal(scale=0.02, size=(N, 3, B)),
+        posedirs=rng.normal(scale=0.01, size=(N, 3, 9 * (K - 1))),
+        J_regressor=csr_array(_rows(rng, K, N, min(N, 4))),
+        weights=_rows(rng, N, K, min(K, 4)),
+        parents=parents,
+        faces=rng.integers(N, size=(2 * N, 3)),
+        joint_names=joint_names or tuple(f"joint{k}" for k in range(K)),
+        bound_in=rng.normal(scale=0.3, size=(K, 3)) if bound else None,
+        name="made-up",
+    )
+
+
+@cache
+def smpl_like_body(n_vertices: int = 60, n_betas: int = 4, seed: int = 1) -> SkinnedBody:
+    """A random body on SMPL's tree of 24 joints, with its names."""
+    return random_body(
+        seed,
+        n_vertices=n_vertices,
+        n_joints=24,
+        n_betas=n_betas,
+        parents=SMPL_PARENTS,
+        joint_names=SMPL_NAMES,
+    )
+
+
+def _rows(rng: np.random.Generator, rows: int, columns: int, nonzeros: int) -> np.ndarray:
+    """(rows, columns), each row `nonzeros` positive numbers that sum to one."""
+    array = np.zeros((rows, columns))
+    for row in array:
+        where = rng.choice(columns, size=nonzeros, replace=False)
+        row[where] = rng.dirichlet(np.ones(nonzeros))
+    return array

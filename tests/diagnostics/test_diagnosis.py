@@ -1,0 +1,221 @@
+"""What joints cannot see of a body: the known rank, and the names of the rest."""
+
+import casadi as cs
+import numpy as np
+import pytest
+import scipy.linalg
+
+from tests.bodies_made_up import SMPL_NAMES, SMPL_PARENTS, random_body, smpl_like_body
+from workbench import Block, Diagnosis, Problem, Residual, Values, diagnose, residuals
+
+LEAVES = ("head", "left_foot", "right_foot", "left_hand", "right_hand")
+CHILDREN = {
+    name: [SMPL_NAMES[c] for c, parent in enumerate(SMPL_PARENTS) if parent == k]
+    for k, name in enumerate(SMPL_NAMES)
+}
+SINGLE_CHILD = [name for name, children in CHILDREN.items() if len(children) == 1]
+
+
+def joints_problem(*free: str) -> Problem:
+    body = smpl_like_body()
+    symbols = [block.symbol for block in body.blocks()]
+    observed = Block("observed", (24, 3), "m").symbol
+    return Problem((residuals.landmarks(body.joint_points(*symbols), observed, sigma=0.01),), free)
+
+
+def at(seed: int | None) -> Values:
+    """Numbers for all blocks: the bind pose, or a random one."""
+    body = smpl_like_body()
+    values = body.start() | {"observed": np.zeros((24, 3))}
+    if seed is not None:
+        rng = np.random.default_rng(seed)
+        values |= {"pose": rng.normal(size=(24, 3)), "betas": rng.normal(size=4)}
+    return values
+
+
+POSES = pytest.mark.parametrize("seed", [None, 0, 1, 2, 3], ids=lambda s: f"pose {s}")
+
+
+def test_the_tree_has_five_leaves_and_seventeen_single_children() -> None:
+    assert tuple(name for name, children in CHILDREN.items() if not children) == (
+        "left_foot", "right_foot", "head", "left_hand", "right_hand",
+    )  # fmt: skip
+    assert len(SINGLE_CHILD) == 17
+
+
+@POSES
+def test_joints_see_forty_of_seventy_two(seed: int | None) -> None:
+    diagnosis = diagnose(joints_problem("pose"), at(seed))
+    assert diagnosis.shape == (72, 72)
+    assert diagnosis.rank == 40
+    assert len(diagnosis.null_directions) == 32
+    assert diagnosis.singular_values[39] > 1e6 * diagnosis.tolerance
+    assert diagnosis.condition == np.inf
+
+
+@POSES
+def test_with_translation_they_see_forty_three_of_seventy_five(seed: int | None) -> None:
+    diagnosis = diagnose(joints_problem("pose", "trans"), at(seed))
+    assert (diagnosis.rank, diagnosis.shape[1]) == (43, 75)
+    assert len(diagnosis.null_directions) == 32
+
+
+@POSES
+def test_what_they_do_not_see_has_names(seed: int | None) -> None:
+    diagnosis = diagnose(joints_problem("pose"), at(seed))
+    entries = [d for d in diagnosis.null_directions if d.kind == "entry"]
+    assert {d.name for d in entries} == {f"pose[{leaf}, {a}]" for leaf in LEAVES for a in "xyz"}
+    twists = [d for d in diagnosis.null_directions if d.kind == "twist"]
+    assert len(twists) == 17
+    # one for each joint with a single child: about the bone, and undone where the bone ends
+    assert {d.joints[0] for d in twists} == set(SINGLE_CHILD)
+    for d in twists:
+        below = CHILDREN[d.joints[0]][0]
+        assert d.joints in ((d.joints[0],), (d.joints[0], below))
+        assert d.joints[0] in d.name
+        if len(d.joints) == 2:
+            assert below in d.name
+        else:
+            assert below in LEAVES  # whose own turns nobody sees: nothing to undo
+
+
+@POSES
+def test_a_direction_moves_only_the_joints_in_its_name(seed: int | None) -> None:
+    problem = joints_problem("pose", "trans")
+    diagnosis = diagnose(problem, at(seed))
+    for direction in diagnosis.null_directions:
+        labels = [problem.free.label(i) for i in np.flatnonzero(direction.vector)]
+        for label in labels:
+            assert any(f"[{joint}," in label for joint in direction.joints), direction.name
+
+
+@POSES
+def test_null_directions_are_a_basis_of_the_null_space(seed: int | None) -> None:
+    problem = joints_problem("pose", "trans")
+    J = problem.linearize(at(seed)).jacobian
+    diagnosis = diagnose(problem, at(seed))
+    vectors = np.column_stack([d.vector for d in diagnosis.null_directions])
+    np.testing.assert_allclose(np.linalg.norm(vectors, axis=0), 1, rtol=1e-14)
+    scale = np.linalg.norm(J, 2)
+    np.testing.assert_allclose([d.change for d in diagnosis.null_directions], 0, atol=1e-12 * scale)
+    null_space = np.linalg.svd(J)[2][43:].T
+    angles = scipy.linalg.subspace_angles(vectors, null_space)
+    assert vectors.shape == null_space.shape
+    assert angles.max() < 1e-7  # arccos of 1 - eps
+
+
+def test_a_twist_is_about_its_bone() -> None:
+    body, values = smpl_like_body(), at(None)
+    joints = body.joints(values["pose"], values["betas"])
+    diagnosis = diagnose(joints_problem("pose"), values)
+    (thigh,) = (d for d in diagnosis.null_directions if d.joints[:1] == ("left_hip",))
+    hip, knee = SMPL_NAMES.index("left_hip"), SMPL_NAMES.index("left_knee")
+    bone = (joints[knee] - joints[hip]) / np.linalg.norm(joints[knee] - joints[hip])
+    turns = thigh.vector.reshape(24, 3)
+    np.testing.assert_allclose(abs(turns[hip] @ bone), np.sqrt(0.5), rtol=1e-10)
+    np.testing.assert_allclose(turns[knee], -turns[hip], atol=1e-10)  # at the bind pose, undone
+
+
+def test_the_report_says_it_in_words() -> None:
+    text = str(diagnose(joints_problem("pose"), at(0)))
+    assert "Jacobian 72 x 72" in text
+    assert "numerical rank 40 of 72 (singular values fall from" in text
+    assert "32 directions that no residual notices:" in text
+    assert "15 single entries: pose[left_foot, x y z], pose[right_foot" in text
+    assert "a turn of pose[left_knee], undone at left_ankle" in text
+    assert text.count("\n  ") == 18
+
+
+def test_joints_that_are_observed_later_uncover_the_rest() -> None:
+    """The surface sees everything."""
+    body = smpl_like_body()
+    symbols = [block.symbol for block in body.blocks()]
+    observed = Block("observed", (60, 3), "m").symbol
+    problem = Problem(
+        (residuals.vertices(body.points(*symbols), observed, sigma=0.01),),
+        ("pose", "betas", "trans"),
+    )
+    diagnosis = diagnose(problem, at(0) | {"observed": np.zeros((60, 3))})
+    assert diagnosis.rank == diagnosis.structural_rank == 72 + 4 + 3
+    assert diagnosis.null_directions == ()
+    s = diagnosis.singular_values
+    assert diagnosis.condition == pytest.approx(s[0] / s[-1])
+    assert "every direction is seen" in str(diagnosis)
+
+
+def test_a_shape_that_no_joint_feels_is_named() -> None:
+    body = random_body(n_betas=3)
+    body.shapedirs[:, :, 1] = 0
+    symbols = [block.symbol for block in body.blocks()]
+    observed = Block("observed", (30, 3), "m").symbol
+    problem = Problem(
+        (residuals.vertices(body.points(*symbols), observed, sigma=0.01),), ("betas", "trans")
+    )
+    diagnosis = diagnose(problem, body.start() | {"observed": np.zeros((30, 3))})
+    assert [d.name for d in diagnosis.null_directions] == ["betas[1]"]
+    assert [d.kind for d in diagnosis.null_directions] == ["entry"]
+    assert diagnosis.rank == 5
+
+
+def linear(A: np.ndarray, *shapes: tuple[int, ...]) -> Diagnosis:
+    """The diagnosis of A x = 0, x cut into blocks called a, b, ..."""
+    blocks = [Block(name, shape) for name, shape in zip("abc", shapes, strict=False)]
+    x = cs.vertcat(*[cs.vec(block.symbol) for block in blocks])
+    matrix = cs.sparsify(cs.DM(A)) if not A.all() else cs.DM(A)
+    problem = Problem((Residual("r", matrix @ x, 1.0),), [block.name for block in blocks])
+    return diagnose(problem, {block.name: np.zeros(block.shape) for block in blocks})
+
+
+def test_structural_rank_is_what_the_pattern_allows() -> None:
+    pattern = linear(np.array([[1.0, 1, 0], [2, 2, 0], [0, 0, 1], [0, 0, 3]]), (3,))
+    assert (pattern.rank, pattern.structural_rank, pattern.nonzeros) == (2, 3, 6)
+    assert pattern.density == 0.5
+    alone = linear(np.array([[1.0, 1, 1], [0, 0, 0], [0, 0, 0]]), (3,))
+    assert (alone.rank, alone.structural_rank) == (1, 1)
+
+
+def test_directions_within_a_block_and_across_blocks_are_told_apart() -> None:
+    rng = np.random.default_rng(0)
+    A = rng.normal(size=(8, 3))
+    across = linear(np.column_stack([A, A[:, 0] - A[:, 1]]), (2,), (2,))
+    (direction,) = across.null_directions
+    assert direction.kind == "mixed"
+    assert all(entry in direction.name for entry in ("0.58 a[0]", "0.58 a[1]", "0.58 b[1]"))
+    assert "b[0]" not in direction.name
+    block = linear(np.column_stack([rng.normal(size=8), A, A @ [1.0, 2, 3]]), (1,), (4,))
+    (direction,) = block.null_directions
+    assert direction.kind == "block"
+    assert direction.name.startswith("within b: ")
+    np.testing.assert_allclose(direction.vector[0], 0, atol=1e-15)
+    expected = np.array([0, 1, 2, 3, -1]) / np.sqrt(15)
+    np.testing.assert_allclose(abs(direction.vector @ expected), 1, rtol=1e-12)
+
+
+def test_more_unknowns_than_rows_leave_the_difference_unseen() -> None:
+    diagnosis = linear(np.random.default_rng(0).normal(size=(3, 7)), (3,), (4,))
+    assert diagnosis.rank == 3
+    assert len(diagnosis.null_directions) == 4
+    assert diagnosis.singular_values.shape == (3,)
+
+
+def test_terms_say_who_reads_what() -> None:
+    body = random_body()
+    symbols = [block.symbol for block in body.blocks()]
+    observed = Block("observed", (5, 3), "m").symbol
+    problem = Problem(
+        (
+            residuals.landmarks(body.joint_points(*symbols), observed, sigma=0.01),
+            residuals.gaussian(symbols[1]),
+        ),
+        ("pose", "betas", "trans"),
+    )
+    diagnosis = diagnose(problem, body.start() | {"observed": np.zeros((5, 3))})
+    terms = {(term.term, term.block): term for term in diagnosis.terms}
+    prior = terms["gaussian(betas)", "betas"]
+    assert (prior.rows, prior.columns, prior.nonzeros) == (3, 3, 3)
+    assert prior.norm == pytest.approx(np.sqrt(3))
+    assert terms["gaussian(betas)", "pose"].nonzeros == 0
+    moved = terms["landmarks(observed)", "trans"]
+    assert (moved.nonzeros, moved.norm) == (15, pytest.approx(100 * np.sqrt(15)))
+    assert sum(term.nonzeros for term in diagnosis.terms) == diagnosis.nonzeros
+    assert diagnosis.row_edges == (0, 15, 18)

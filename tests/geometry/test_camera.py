@@ -1,0 +1,114 @@
+"""A camera against OpenCV's model evaluated by hand, its derivatives, and triangulation."""
+
+import casadi as cs
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from workbench.blocks import Values
+from workbench.geometry.camera import Camera, triangulate
+
+RNG = np.random.default_rng(0)
+POINTS = RNG.normal(scale=0.5, size=(7, 3))
+K = np.array([[900.0, 0, 640], [0, 950.0, 360], [0, 0, 1]])
+DISTORTION = (-0.2, 0.05, 0.003, -0.002, 0.01)
+
+
+def looking(turn: tuple[float, float, float], camera: Camera, distortion=()) -> Values:
+    R = Rotation.from_rotvec(turn).as_matrix()
+    return camera.values(K=K, R=R, t=(0.1, -0.2, 4.0), distortion=distortion)
+
+
+def opencv(points: np.ndarray, R: np.ndarray, t: np.ndarray, k: tuple) -> np.ndarray:
+    """projectPoints of OpenCV's calib3d documentation, one point at a time."""
+    k1, k2, p1, p2, k3 = k
+    pixels = []
+    for X in points:
+        xc, yc, zc = R @ X + t
+        x, y = xc / zc, yc / zc
+        r2 = x * x + y * y
+        radial = 1 + k1 * r2 + k2 * r2**2 + k3 * r2**3
+        xd = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
+        yd = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
+        pixels.append((K @ (xd, yd, 1))[:2])
+    return np.array(pixels)
+
+
+@pytest.mark.parametrize("distortion", [(0.0,) * 5, DISTORTION], ids=["pinhole", "lens"])
+def test_pixels_are_those_of_opencv(distortion: tuple) -> None:
+    camera = Camera("cam/")
+    values = looking((0.3, -2.0, 0.5), camera, distortion)
+    R = Rotation.from_rotvec((0.3, -2.0, 0.5)).as_matrix()
+    expected = opencv(POINTS, R, np.array([0.1, -0.2, 4.0]), distortion)
+    np.testing.assert_allclose(camera.pixels(POINTS, values), expected, rtol=1e-12)
+
+
+def test_every_block_is_named_after_the_camera() -> None:
+    camera = Camera("cam/")
+    names = ("cam/focal", "cam/centre", "cam/distortion", "cam/rotation", "cam/translation")
+    assert tuple(block.name for block in camera.blocks) == names
+    assert tuple(looking((0, 0, 0), camera)) == names
+    assert camera.distortion.entry(2) == "[p1]"
+
+
+@pytest.mark.parametrize("which", range(6))
+def test_the_derivative_by_every_input_is_that_of_differences(which: int) -> None:
+    camera = Camera()
+    points = cs.MX.sym("points", 3, len(POINTS))
+    inputs = [*(block.symbol for block in camera.blocks), points]
+    numbers = [*looking((0.3, -0.4, 0.5), camera, DISTORTION).values(), POINTS.T]
+    pixels = cs.vec(camera.project(points))
+    f = cs.Function("f", inputs, [pixels, cs.jacobian(pixels, cs.vec(inputs[which]))])
+    J = np.asarray(f(*numbers)[1])
+    at = numbers[which].ravel(order="F")
+    for i in range(at.size):
+        h = 1e-4 * max(1.0, abs(at[i]))
+
+        def moved(by: float, i: int = i) -> np.ndarray:
+            x = at.copy()
+            x[i] += by
+            changed = list(numbers)
+            changed[which] = x.reshape(numbers[which].shape, order="F")
+            return np.asarray(f(*changed)[0]).ravel()
+
+        # fourth order: the error is h^4 f'''''/30 (1e-17) plus eps f / h (1e-9 of 1e3 px)
+        central = (8 * (moved(h) - moved(-h)) - (moved(2 * h) - moved(-2 * h))) / (12 * h)
+        np.testing.assert_allclose(J[:, i], central, atol=1e-8 * max(1.0, abs(J).max()))
+
+
+def rig(distortion=()) -> tuple[list[Camera], Values]:
+    cameras = [Camera(f"{i}/") for i in range(3)]
+    turns = ((0.0, 0.1, 0.0), (0.0, 1.5, 0.2), (0.3, -1.4, 0.0))
+    values: Values = {}
+    for camera, turn in zip(cameras, turns, strict=True):
+        values |= looking(turn, camera, distortion)
+    return cameras, values
+
+
+def test_points_are_found_again_from_their_pixels() -> None:
+    cameras, values = rig()
+    pixels = [camera.pixels(POINTS, values) for camera in cameras]
+    confidence = RNG.uniform(0.2, 1, (3, len(POINTS)))
+    found = triangulate(cameras, values, pixels, confidence)
+    np.testing.assert_allclose(found, POINTS, atol=1e-12)
+
+
+def test_a_point_that_one_camera_sees_is_nowhere() -> None:
+    cameras, values = rig()
+    pixels = [camera.pixels(POINTS, values) for camera in cameras]
+    confidence = np.ones((3, len(POINTS)))
+    confidence[:2, 0] = 0  # one view left
+    pixels[0][1] = np.nan  # two views left, whatever the confidence says
+    found = triangulate(cameras, values, pixels, confidence)
+    assert np.isnan(found[0]).all()
+    np.testing.assert_allclose(found[1:], POINTS[1:], atol=1e-12)
+
+
+def test_depth_is_positive_in_front_and_negative_behind() -> None:
+    camera = Camera()
+    values = camera.values(K=K, t=(0, 0, 2.0))
+    depths = camera.depths([[0.3, 0.1, 1.0], [0.0, 0.5, -2.5]], values)
+    np.testing.assert_allclose(depths, [3.0, -0.5])
+    turned = looking((0.3, -2.0, 0.5), camera)
+    R = Rotation.from_rotvec((0.3, -2.0, 0.5)).as_matrix()
+    np.testing.assert_allclose(camera.depths(POINTS, turned), (POINTS @ R.T)[:, 2] + 4.0)

@@ -1,0 +1,143 @@
+"""Mesh files: what is written is read, in its order."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from workbench.errors import BadFile, BadMesh
+from workbench.geometry.meshes import Mesh, read_mesh, write_mesh
+
+VERTICES = np.random.default_rng(0).normal(size=(8, 3))
+VERTICES[5] = VERTICES[2]  # twins, which must not be merged; vertex 7 is in no face
+FACES = np.array([[4, 1, 2], [0, 3, 5], [6, 1, 0], [2, 1, 4]])
+
+SEAMS = """# one quad of two materials; texture and normals change at a shared edge
+mtllib missing.mtl
+v 0 0 0 0.5 0.5 0.5
+v 1 0 0
+v 1 1 0
+v 0 1 0
+vt 0 0
+vt 1 1
+vn 0 0 1
+o one
+usemtl red
+f 3/1/1 2/2/1 1/1/1
+g two
+usemtl blue
+f 1//1 3//1 4//1
+f 1 2 3 4
+f -4 -3 -2
+"""
+POINTS_PLY = """ply
+format ascii 1.0
+element vertex 2
+property float x
+property float y
+property float z
+end_header
+0 0 0
+1 2 3
+"""
+
+
+@pytest.mark.parametrize(
+    ("suffix", "tolerance"), [(".obj", 0), (".ply", 0), (".off", 0), (".glb", 2e-7), (".PLY", 0)]
+)
+def test_order_and_numbers_survive(tmp_path: Path, suffix: str, tolerance: float) -> None:
+    path = tmp_path / f"mesh{suffix}"
+    write_mesh(path, VERTICES, FACES)
+    mesh = read_mesh(path)
+    np.testing.assert_allclose(mesh.vertices, VERTICES, rtol=tolerance, atol=tolerance)
+    np.testing.assert_array_equal(mesh.faces, FACES)
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_an_stl_keeps_its_triangles(tmp_path: Path) -> None:
+    write_mesh(tmp_path / "mesh.stl", VERTICES, FACES)
+    mesh = read_mesh(tmp_path / "mesh.stl")
+    np.testing.assert_allclose(mesh.vertices[mesh.faces], VERTICES[FACES], rtol=2e-7, atol=2e-7)
+
+
+def test_an_obj_with_seams_keeps_its_vertices(tmp_path: Path) -> None:
+    (tmp_path / "seams.obj").write_text(SEAMS)
+    mesh = read_mesh(tmp_path / "seams.obj")
+    np.testing.assert_array_equal(mesh.vertices, [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    assert mesh.faces.tolist() == [[2, 1, 0], [0, 2, 3], [0, 1, 2], [0, 2, 3], [0, 1, 2]]
+
+
+def test_the_parts_of_a_scene_come_where_it_puts_them(tmp_path: Path) -> None:
+    import trimesh
+
+    part = trimesh.Trimesh(VERTICES, FACES, process=False)
+    scene = trimesh.Scene()
+    scene.add_geometry(part, geom_name="a")
+    scene.add_geometry(part.copy(), geom_name="b", transform=np.diag([2.0, 2, 2, 1]))
+    scene.export(tmp_path / "scene.glb")
+    mesh = read_mesh(tmp_path / "scene.glb")
+    np.testing.assert_allclose(mesh.vertices, np.vstack([VERTICES, 2 * VERTICES]), atol=1e-6)
+    np.testing.assert_array_equal(mesh.faces, np.vstack([FACES, FACES + len(VERTICES)]))
+
+
+@pytest.mark.parametrize("suffix", [".obj", ".ply", ".off"])
+def test_points_pass_only_where_they_are_asked_for(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"points{suffix}"
+    write_mesh(path, VERTICES, [])
+    with pytest.raises(BadFile, match=r"8 points and no faces.*points_alone"):
+        read_mesh(path)
+    cloud = read_mesh(path, points_alone=True)
+    np.testing.assert_array_equal(cloud.vertices, VERTICES)
+    assert cloud.faces.shape == (0, 3)
+
+
+def test_a_scanner_s_point_cloud(tmp_path: Path) -> None:
+    (tmp_path / "cloud.ply").write_text(POINTS_PLY)
+    cloud = read_mesh(tmp_path / "cloud.ply", points_alone=True)
+    np.testing.assert_array_equal(cloud.vertices, [[0, 0, 0], [1, 2, 3]])
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "says"),
+    [
+        ("missing.obj", None, "no mesh file"),
+        ("empty.obj", "", "holds no vertices"),
+        ("empty.ply", "", "damaged, or no .ply file"),
+        ("empty.glb", "", "damaged, or no .glb file"),
+        ("empty.stl", "", "holds no vertices"),
+        ("prose.off", "not a mesh", "damaged, or no .off file"),
+        ("prose.glb", "not a mesh", "damaged, or no .glb file"),
+        ("mesh.txt", "v 0 0 0", r"no mesh format is called '.txt'; there are .glb, .obj"),
+        ("nan.obj", "v 0 0 0\nv 0 nan 0\nv 1 0 0\nf 1 2 3", "vertex 1 is .*nan"),
+        ("far.obj", "v 0 0 0\nv 0 1 0\nf 1 2 3", "face 0 is .0, 1, 2., but there are 2 vertices"),
+        ("zero.obj", "v 0 0 0\nf 0 1 1", "line 2.*counted from 1"),
+        ("torn.obj", "v 0 0 0\nv 0 1", "line 2.*no position"),
+        ("words.obj", "v 0 0 0\nf a b c", "line 2: 'a' is no corner"),
+    ],
+)
+def test_what_is_no_mesh_is_refused(
+    tmp_path: Path, name: str, content: str | None, says: str
+) -> None:
+    if content is not None:
+        (tmp_path / name).write_text(content)
+    with pytest.raises(BadFile, match=says):
+        read_mesh(tmp_path / name)
+
+
+def test_what_cannot_be_written_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(BadFile, match="no mesh format is called"):
+        write_mesh(tmp_path / "mesh.fbx", VERTICES, FACES)
+    with pytest.raises(BadFile, match=r"holds triangles; write points as \.ply"):
+        write_mesh(tmp_path / "mesh.stl", VERTICES, [])
+    with pytest.raises(BadFile, match="choose an existing folder"):
+        write_mesh(tmp_path / "no" / "mesh.obj", VERTICES, FACES)
+    with pytest.raises(BadMesh, match="vertex 0 is"):
+        write_mesh(tmp_path / "mesh.ply", np.full((3, 3), np.nan), [[0, 1, 2]])
+    with pytest.raises(BadMesh, match="no vertices"):
+        write_mesh(tmp_path / "mesh.ply", np.zeros((0, 3)), [])
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_mesh_checks_its_shapes() -> None:
+    with pytest.raises(BadMesh, match=r"faces have shape \(1, 4\)"):
+        Mesh(VERTICES, np.array([[0, 1, 2, 3]]))

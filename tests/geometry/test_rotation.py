@@ -1,0 +1,179 @@
+"""The exponential map against 50 digits of truth, and the laws of rotations."""
+
+from functools import cache
+
+import casadi as cs
+import mpmath
+import numpy as np
+import pytest
+import scipy.linalg
+from scipy.spatial.transform import Rotation
+
+from workbench.geometry.rotation import (
+    SERIES_BELOW,
+    matrix_from_vector,
+    nearest_rotation,
+    rodrigues,
+    skew,
+    vector_from_matrix,
+)
+
+Array = np.ndarray
+SWITCH = float(np.sqrt(SERIES_BELOW))  # 0.5 rad: from the series to the closed form
+ANGLES = (0, 1e-12, 1e-9, 1e-6, 1e-3, 0.1, 1, 3, np.pi, 6.2)
+AROUND_THE_SWITCH = (0.49, SWITCH * (1 - 1e-15), SWITCH, SWITCH * (1 + 1e-15), 0.51)
+DIRECTIONS = np.array([[1, 0, 0], [0, -1, 0], [0.48, 0.6, -0.64], [-0.6, 0.0, 0.8]])
+TOLERANCE = 1e-12  # entries of R and its derivatives are of order one; eps is 2e-16
+
+
+@cache
+def truth(w: tuple[float, float, float]) -> tuple[Array, Array, Array]:
+    """exp([w]x), its gradient [..., k] and its Hessian [..., k, l], summed as power series.
+
+    The derivatives follow the powers: with A = [w]x and E_k = dA/dw_k,
+    d_k A^(n+1) = d_k A^n A + A^n E_k, and likewise for the second ones.
+    """
+    with mpmath.workdps(50):
+        zero = np.array([[mpmath.mpf(0)] * 3] * 3, dtype=object)
+        E = [zero + np.asarray(skew(cs.DM(e))).astype(int) for e in np.eye(3)]
+        A = sum(E[k] * mpmath.mpf(w[k]) for k in range(3))
+        P, D, H = zero + np.eye(3, dtype=int), [zero] * 3, [[zero] * 3] * 3
+        R, dR, ddR = P, [zero] * 3, [[zero] * 3] * 3
+        factorial = mpmath.mpf(1)
+        for n in range(1, 60):  # 6.3^60 / 60! is below 1e-33
+            H = [[H[k][m] @ A + D[k] @ E[m] + D[m] @ E[k] for m in range(3)] for k in range(3)]
+            D = [D[k] @ A + P @ E[k] for k in range(3)]
+            P = P @ A
+            factorial *= n
+            R = R + P / factorial
+            dR = [dR[k] + D[k] / factorial for k in range(3)]
+            ddR = [[ddR[k][m] + H[k][m] / factorial for m in range(3)] for k in range(3)]
+        first = np.moveaxis(np.array(dR), 0, -1).astype(float)
+        second = np.moveaxis(np.array(ddR), (0, 1), (-2, -1)).astype(float)
+        return R.astype(float), first, second
+
+
+@cache
+def value_gradient_hessian(kind: type) -> cs.Function:
+    w = kind.sym("w", 3)
+    r = cs.vec(rodrigues(w))
+    J = cs.jacobian(r, w)
+    return cs.Function("f", [w], [r, J, cs.jacobian(cs.vec(J), w)])
+
+
+def test_the_truth_is_the_matrix_exponential() -> None:
+    for w in DIRECTIONS * 2.5:
+        R, dR, _ = truth(tuple(w))
+        A = np.asarray(skew(cs.DM(w)))
+        np.testing.assert_allclose(R, scipy.linalg.expm(A), atol=1e-13)
+        for k, e in enumerate(np.eye(3)):
+            change = scipy.linalg.expm_frechet(A, np.asarray(skew(cs.DM(e))), compute_expm=False)
+            np.testing.assert_allclose(dR[:, :, k], change, atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", [cs.SX, cs.MX], ids=["SX", "MX"])
+@pytest.mark.parametrize("angle", ANGLES + AROUND_THE_SWITCH)
+def test_value_jacobian_and_hessian_are_exact(angle: float, kind: type) -> None:
+    for direction in DIRECTIONS:
+        w = angle * direction
+        r, J, H = (np.asarray(out) for out in value_gradient_hessian(kind)(w))
+        R, dR, ddR = truth(tuple(w))
+        np.testing.assert_allclose(r.reshape(3, 3).T, R, rtol=0, atol=TOLERANCE)
+        by_column = dR.transpose(1, 0, 2).reshape(9, 3)  # CasADi's vec runs down the columns
+        np.testing.assert_allclose(J, by_column, rtol=0, atol=TOLERANCE)
+        # the rows of H are vec(J): entry (i, k) of J at row i + 9 k
+        second = ddR.transpose(2, 1, 0, 3).reshape(27, 3)
+        np.testing.assert_allclose(H, second, rtol=0, atol=TOLERANCE)
+
+
+@pytest.mark.parametrize("kind", [cs.SX, cs.MX], ids=["SX", "MX"])
+def test_many_rotations_stand_side_by_side(kind: type) -> None:
+    vectors = np.array([angle * d for angle in ANGLES for d in DIRECTIONS])
+    w = kind.sym("w", 3, len(vectors))
+    r = rodrigues(w)
+    assert r.shape == (3, 3 * len(vectors))
+    R, J = cs.Function("f", [w], [r, cs.jacobian(cs.vec(r), cs.vec(w))])(vectors.T)
+    blocks = np.asarray(J).reshape(len(vectors), 9, len(vectors), 3)
+    for k, one in enumerate(vectors):
+        expected, gradient, _ = truth(tuple(one))
+        np.testing.assert_allclose(np.asarray(R)[:, 3 * k : 3 * k + 3], expected, atol=TOLERANCE)
+        by_column = gradient.transpose(1, 0, 2).reshape(9, 3)
+        np.testing.assert_allclose(blocks[k, :, k], by_column, rtol=0, atol=TOLERANCE)
+        blocks[k, :, k] = 0
+    assert not blocks.any()  # one rotation's numbers do not touch another's
+
+
+def random_vectors(n: int = 200, longest: float = 6.2) -> Array:
+    rng = np.random.default_rng(0)
+    w = rng.normal(size=(n, 3))
+    return w / np.linalg.norm(w, axis=1, keepdims=True) * rng.uniform(0, longest, (n, 1))
+
+
+def test_numbers_come_in_batches() -> None:
+    w = random_vectors(24).reshape(2, 4, 3, 3)
+    R = matrix_from_vector(w)
+    assert R.shape == (2, 4, 3, 3, 3)
+    np.testing.assert_allclose(R[1, 2, 0], scipy.linalg.expm(np.asarray(skew(cs.DM(w[1, 2, 0])))),
+                               atol=1e-13)  # fmt: skip
+    assert matrix_from_vector(np.zeros(3)).shape == (3, 3)
+    assert matrix_from_vector(np.zeros((0, 3))).shape == (0, 3, 3)
+
+
+def test_rotations_are_orthogonal_and_keep_their_axis() -> None:
+    w = random_vectors()
+    R = matrix_from_vector(w)
+    unit = np.broadcast_to(np.eye(3), R.shape)
+    np.testing.assert_allclose(R.transpose(0, 2, 1) @ R, unit, atol=1e-14)
+    np.testing.assert_allclose(np.linalg.det(R), 1, atol=1e-14)
+    np.testing.assert_allclose(np.einsum("nij,nj->ni", R, w), w, atol=1e-14)
+    np.testing.assert_allclose(R, Rotation.from_rotvec(w).as_matrix(), atol=1e-14)
+
+
+def test_the_distance_to_the_identity_is_that_of_the_half_angle() -> None:
+    w = random_vectors()
+    distance = np.linalg.norm(matrix_from_vector(w) - np.eye(3), axis=(1, 2))
+    half = np.linalg.norm(w, axis=1) / 2
+    np.testing.assert_allclose(distance, 2 * np.sqrt(2) * np.abs(np.sin(half)), atol=1e-14)
+
+
+@pytest.mark.parametrize(("angle", "singular_values"), [(0.0, (1, 1, 1)), (2 * np.pi, (1, 0, 0))])
+def test_the_map_loses_two_directions_at_a_full_turn(
+    angle: float, singular_values: tuple[int, ...]
+) -> None:
+    for direction in DIRECTIONS:
+        J = np.asarray(value_gradient_hessian(cs.SX)(angle * direction)[1])
+        s = np.linalg.svd(J, compute_uv=False)
+        np.testing.assert_allclose(s, np.sqrt(2) * np.array(singular_values), atol=1e-14)
+
+
+def test_the_logarithm_undoes_the_exponential() -> None:
+    w = random_vectors(longest=3.1)
+    np.testing.assert_allclose(vector_from_matrix(matrix_from_vector(w)), w, atol=1e-12)
+    R = matrix_from_vector(random_vectors()).reshape(10, 20, 3, 3)  # also beyond half a turn
+    np.testing.assert_allclose(matrix_from_vector(vector_from_matrix(R)), R, atol=1e-13)
+    assert np.linalg.norm(vector_from_matrix(R), axis=-1).max() <= np.pi + 1e-12
+
+
+def test_skew_is_the_cross_product() -> None:
+    a, b = np.random.default_rng(0).normal(size=(2, 3))
+    np.testing.assert_allclose(np.asarray(skew(cs.DM(a))) @ b, np.cross(a, b), atol=1e-15)
+
+
+def test_the_nearest_rotation_of_a_rotation_is_itself() -> None:
+    R = matrix_from_vector(random_vectors())
+    np.testing.assert_allclose(nearest_rotation(R), R, atol=1e-14)
+
+
+def test_no_rotation_is_nearer_than_the_nearest() -> None:
+    rng = np.random.default_rng(1)
+    others = Rotation.random(1000, rng=rng).as_matrix()
+    matrices = rng.normal(size=(20, 3, 3))
+    matrices[:10] *= np.sign(np.linalg.det(matrices[:10]))[:, None, None]
+    matrices[10:] *= -np.sign(np.linalg.det(matrices[10:]))[:, None, None]  # reflections
+    for M, R in zip(matrices, nearest_rotation(matrices), strict=True):
+        np.testing.assert_allclose(R.T @ R, np.eye(3), atol=1e-14)
+        assert np.linalg.det(R) > 0
+        # all of them, and a crowd around R itself
+        close = R @ matrix_from_vector(1e-3 * rng.normal(size=(100, 3)))
+        distances = np.linalg.norm(np.concatenate([others, close]) - M, axis=(1, 2))
+        assert np.linalg.norm(R - M) <= distances.min() + 1e-14

@@ -1,0 +1,84 @@
+"""Costs on the way down, on an axis that has no zero."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.outcomes_made_up import outcome_made_up
+from workbench.plots import SECONDS, caption_convergence, plot_convergence, png, sheet
+from workbench.plots.convergence import best_cost, gap
+from workbench.plots.sheets import convergence_sheet
+from workbench.solvers import Evaluations, Iterate, Solution, Status
+
+
+def solution(costs: list[float], status: Status = Status.CONVERGED) -> Solution:
+    trace = tuple(
+        Iterate({}, cost, 0.0, 0.0, 0.0, Evaluations(residual=i), 0.1 * i)
+        for i, cost in enumerate(costs)
+    )
+    best = min(c for c in costs if np.isfinite(c))
+    return Solution({}, best, 0.0, status, "", "made-up", Evaluations(), 1.0, trace)
+
+
+def test_every_iterate_is_drawn_at_its_share_of_the_way() -> None:
+    solutions = {"a": solution([11.0, 3.0, 1.0]), "b": solution([11.0, 6.0], Status.STALLED)}
+    _, (ax,) = sheet(4, 4)
+    plot_convergence(solutions, ax=ax)
+    first, _, second, end = ax.get_lines()[:4]
+    np.testing.assert_array_equal(first.get_xdata(), [0, 1, 2])
+    np.testing.assert_allclose(first.get_ydata()[:2], [1.0, 0.2])
+    assert 0 < first.get_ydata()[2] < 0.2  # the best itself: on the floor
+    np.testing.assert_allclose(second.get_ydata(), [1.0, 0.5])
+    assert end.get_markerfacecolor() == "white"  # it did not converge
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == [
+        "a: converged", "b: stalled",
+    ]  # fmt: skip
+    assert ax.get_yscale() == "log"
+    assert ax.get_xlabel()
+    assert ax.get_ylabel()
+
+
+def test_the_gap_is_of_the_best_among_all() -> None:
+    solutions = {"a": solution([10.0, 2.0]), "b": solution([10.0, 0.0])}
+    assert best_cost(solutions) == 0.0
+    np.testing.assert_allclose(gap(solutions["a"], solutions), [1.0, 0.2])
+    np.testing.assert_allclose(gap(solutions["b"], solutions), [1.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    "costs",
+    [
+        [5.0],
+        [0.0],
+        [1.0, 0.0, 0.0],
+        [1.0, float("inf"), float("nan"), 0.5],
+        list(np.geomspace(1e8, 1e-30, 5000)),
+        [-1.0, -2.0],
+    ],
+)
+def test_any_course_can_be_drawn(costs: list[float]) -> None:
+    solutions = {"only": solution(costs, Status.MAX_ITERATIONS)}
+    assert png(convergence_sheet(solutions)).startswith(b"\x89PNG")
+    assert caption_convergence(solutions)
+
+
+def test_a_solver_that_never_moved_has_no_line_but_a_name() -> None:
+    never = replace(solution([1.0]), trace=(), cost=float("inf"), status=Status.RAISED)
+    figure = convergence_sheet({"a": solution([2.0, 1.0]), "never": never})
+    assert png(figure).startswith(b"\x89PNG")
+    (legend,) = figure.legends
+    assert [t.get_text() for t in legend.get_texts()] == ["a: converged", "never: raised"]
+
+
+def test_nothing_found_by_anybody_is_said() -> None:
+    never = replace(solution([1.0]), trace=(), cost=float("inf"), status=Status.NOT_FINITE)
+    assert "No solver found" in caption_convergence({"never": never})
+    assert png(convergence_sheet({"never": never})).startswith(b"\x89PNG")
+
+
+def test_time_starts_above_zero_on_its_logarithmic_axis() -> None:
+    _, (ax,) = sheet(4, 4)
+    plot_convergence(outcome_made_up().compared, ax=ax, against=SECONDS)
+    assert ax.get_xscale() == "log"
+    assert min(line.get_xdata()[0] for line in ax.get_lines()[:2]) > 0

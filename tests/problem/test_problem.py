@@ -1,0 +1,269 @@
+"""Names in, a least-squares problem out: free, fixed, bounded, and its exact derivatives."""
+
+import casadi as cs
+import numpy as np
+import pytest
+
+from tests.bodies_made_up import random_body, smpl_like_body
+from tests.differences import assert_hessian, assert_jacobian, differences
+from workbench import Block, Camera, Problem, Residual, residuals
+from workbench.errors import (
+    BadBounds,
+    BadResidual,
+    DuplicateResidual,
+    MissingValue,
+    ShapeMismatch,
+    TwoSymbolsOneName,
+    UnknownName,
+)
+
+T = np.linspace(-1, 1, 9)
+Y = 1 + 2 * T - 3 * T**2 + 0.01 * np.random.default_rng(0).normal(size=9)
+
+
+def polynomial() -> Problem:
+    w, t, y = Block("w", (3,)).symbol, Block("t", (9,)).symbol, Block("y", (9,)).symbol
+    fit = Residual("fit", w[0] + w[1] * t + w[2] * t**2 - y, sigma=0.01)
+    return Problem((fit,), ("w",))
+
+
+def body_problem() -> tuple[Problem, dict[str, np.ndarray]]:
+    """Vertices of a body against observed ones, with a prior on its shape."""
+    body = random_body(n_vertices=12, n_joints=4)
+    symbols = [block.symbol for block in body.blocks()]
+    observed = Block("observed", (12, 3), "m").symbol
+    problem = Problem(
+        (
+            residuals.vertices(body.points(*symbols), observed, sigma=0.1),
+            residuals.gaussian(symbols[1]),
+        ),
+        ("pose", "betas", "trans"),
+    )
+    rng = np.random.default_rng(0)
+    seen = body.vertices(0.3 * rng.normal(size=(4, 3)), rng.normal(size=3), rng.normal(size=3))
+    return problem, body.start() | {"observed": seen + 0.05 * rng.normal(size=(12, 3))}
+
+
+def test_a_polynomial_fit_is_a_problem_in_five_lines() -> None:
+    step = polynomial().linearize({"w": np.zeros(3), "t": T, "y": Y}).step()
+    np.testing.assert_allclose(step, np.polyfit(T, Y, 2)[::-1], rtol=1e-12)
+
+
+# Names.
+
+
+def test_what_is_read_and_not_free_is_fixed() -> None:
+    problem, values = body_problem()
+    assert problem.free.names == ("pose", "betas", "trans")
+    assert problem.fixed.names == ("observed",)
+    x, fixed = problem.split(values)
+    assert (x.size, fixed.size) == (12 + 3 + 3, 36)
+    np.testing.assert_array_equal(fixed, values["observed"].ravel())
+
+
+def test_units_and_labels_come_with_the_points() -> None:
+    problem, _ = body_problem()
+    assert problem.free.label(5) == "pose[joint1, z]"
+    assert problem.free.unit(5) == "rad"
+    w = Block("w", (2,), "kg", ("left", "right"))
+    described = Problem((residuals.gaussian(w.symbol),), ("w",), blocks=(w,))
+    assert (described.free.label(1), described.free.unit(1)) == ("w[right]", "kg")
+
+
+def test_freeing_other_names_keeps_the_residuals() -> None:
+    problem, values = body_problem()
+    other = problem.freeing("trans", "observed")
+    assert other.free.names == ("trans", "observed")
+    assert set(other.fixed.names) == {"pose", "betas"}
+    assert problem.free.names == ("pose", "betas", "trans")
+    np.testing.assert_allclose(
+        other.linearize(values).residual, problem.linearize(values).residual, rtol=1e-13
+    )
+    columns = problem.linearize(values).jacobian[:, problem.free.slices["trans"]]
+    np.testing.assert_allclose(other.linearize(values).jacobian[:, :3], columns, atol=1e-13)
+
+
+def test_freeing_keeps_only_the_bounds_of_what_is_free() -> None:
+    w, v = Block("w", (3,)).symbol, Block("v", (3,)).symbol
+    bounds = {"w": (-1.0, 1.0), "v": (0.0, np.inf)}
+    problem = Problem((residuals.gaussian(w + v),), ("w", "v"), bounds)
+    assert problem.freeing("v").bounds == {"v": (0.0, np.inf)}
+
+
+def test_rows_say_which_residual_they_belong_to() -> None:
+    problem, values = body_problem()
+    assert problem.rows == {"vertices(observed)": slice(0, 36), "gaussian(betas)": slice(36, 39)}
+    assert problem.size == 39
+    assert problem.row_label(35) == "vertices(observed)[35]"
+    assert problem.row_label(36) == "gaussian(betas)[0]"
+    with pytest.raises(IndexError):
+        problem.row_label(39)
+    r = problem.linearize(values | {"betas": np.array([1.0, 2.0, 3.0])}).residual
+    np.testing.assert_array_equal(r[problem.rows["gaussian(betas)"]], [1, 2, 3])
+
+
+def test_unknown_names_list_what_exists() -> None:
+    text = "no block is called 'poze'; there are betas, observed, pose, trans"
+    with pytest.raises(UnknownName, match=text):
+        body_problem()[0].freeing("poze")
+    with pytest.raises(UnknownName, match=text):
+        Problem(body_problem()[0].residuals, ("pose",), {"poze": (0, 1)})
+
+
+def test_missing_and_misshapen_values_are_named() -> None:
+    problem, values = body_problem()
+    del values["observed"]
+    with pytest.raises(MissingValue, match=r"'observed' \(12, 3\) was given no value"):
+        problem.linearize(values)
+    with pytest.raises(ShapeMismatch, match=r"'pose' has shape \(4, 3\), but was given \(12,\)"):
+        problem.linearize(values | {"pose": np.zeros(12)})
+
+
+def test_two_symbols_may_not_share_a_name() -> None:
+    one, other = Block("w", (2,)).symbol, Block("w", (2,)).symbol
+    both = (residuals.gaussian(one, name="a"), residuals.gaussian(other, name="b"))
+    with pytest.raises(TwoSymbolsOneName, match="two different symbols are called 'w'"):
+        Problem(both, ("w",))
+
+
+def test_two_residuals_may_not_share_a_name() -> None:
+    w = Block("w", (2,)).symbol
+    with pytest.raises(DuplicateResidual, match=r"two residuals are called 'gaussian\(w\)'"):
+        Problem((residuals.gaussian(w), residuals.gaussian(w, mean=1.0)), ("w",))
+
+
+def test_no_residuals_are_no_problem() -> None:
+    with pytest.raises(BadResidual, match="at least one residual"):
+        Problem((), ())
+
+
+@pytest.mark.parametrize(
+    ("bounds", "error", "text"),
+    [
+        ({"y": (0, 1)}, BadBounds, "'y' has bounds but is fixed; free it or drop them"),
+        ({"w": (2, 1)}, BadBounds, r"w\[0\] has the lower bound 2 and the upper bound 1"),
+        ({"w": ([0, 0, 1], 0.5)}, BadBounds, r"w\[2\] has the lower bound 1 and the upper"),
+        ({"w": (np.nan, 1)}, BadBounds, r"w\[0\] has the lower bound nan"),
+        ({"w": ([0, 0], 1)}, ShapeMismatch, r"'bounds of w' has shape \(3,\), but was given \(2,"),
+    ],
+)
+def test_bounds_that_make_no_sense_are_refused(bounds: dict, error: type, text: str) -> None:
+    with pytest.raises(error, match=text):
+        Problem(polynomial().residuals, ("w",), bounds)
+
+
+def test_bounds_are_numbers_or_arrays() -> None:
+    problem = Problem(polynomial().residuals, ("w",), {"w": ([-1, -np.inf, 0], 2)})
+    np.testing.assert_array_equal(problem.lower, [-1, -np.inf, 0])
+    np.testing.assert_array_equal(problem.upper, [2, 2, 2])
+    assert problem.bounded
+    assert not polynomial().bounded
+
+
+def test_the_same_points_may_be_read_by_many_residuals() -> None:
+    body = smpl_like_body()
+    symbols = [block.symbol for block in body.blocks()]
+    joints = body.joint_points(*symbols)
+    o, p = Block("o", (24, 3)).symbol, Block("p", (24, 3)).symbol
+    both = [residuals.landmarks(joints, target, sigma=1.0) for target in (o, p)]
+    problem = Problem(both, ("pose",))
+    assert set(problem.fixed.names) == {"betas", "trans", "o", "p"}
+    assert [tree.pose for tree in problem.trees] == ["pose"]
+    seen = body.joints()
+    here = problem.linearize(body.start() | {"o": seen, "p": seen + 1})
+    np.testing.assert_allclose(here.residual, np.repeat([0, -1], 72), atol=1e-14)
+
+
+# Derivatives.
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-3, 1.0, np.pi, 2 * np.pi])
+def test_the_whole_graph_is_differentiated_exactly(angle: float) -> None:
+    problem, values = body_problem()
+    directions = np.random.default_rng(1).normal(size=(4, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    values |= {"pose": angle * directions, "betas": np.array([0.5, -1.0, 2.0])}
+    x, fixed = problem.split(values)
+    assert_jacobian(problem, x, fixed, 1e-9)
+    assert_hessian(problem, x, fixed, 1e-9)
+
+
+def test_the_adjoint_gradient_is_that_of_the_jacobian() -> None:
+    problem, values = body_problem()
+    x, fixed = problem.split(values)
+    here = problem.linearize(values)
+    cost, gradient = problem.cost_and_gradient(x, fixed)
+    assert cost == pytest.approx(here.cost, rel=1e-14)
+    assert cost == pytest.approx(0.5 * np.sum(here.residual**2), rel=1e-14)
+    np.testing.assert_allclose(gradient, here.gradient, rtol=1e-11, atol=1e-11)
+    np.testing.assert_array_equal(problem.residual(x, fixed), here.residual)
+
+
+def test_the_hessian_is_gauss_newtons_and_what_it_leaves_out() -> None:
+    """H = J'J + sum r_i H_i, the H_i by differences of the rows of the Jacobian."""
+    problem, values = body_problem()
+    x, fixed = problem.split(values)
+    here = problem.linearize(values)
+    m, n = here.jacobian.shape
+    curvature = differences(lambda x: problem.linearize_at(x, fixed).jacobian.ravel(), x)
+    left_out = np.einsum("m,mij->ij", here.residual, curvature.reshape(m, n, n))
+    H = problem.hessian_at(x, fixed)
+    assert np.abs(left_out).max() > 1
+    np.testing.assert_allclose(H, here.normal + left_out, atol=1e-9 * np.abs(H).max())
+    np.testing.assert_allclose(H, H.T, atol=1e-13 * np.abs(H).max())
+
+
+def row_plus_scalar(row: cs.MX, scalar: cs.MX) -> cs.MX:
+    return row.T + scalar
+
+
+def scalar_minus_row(row: cs.MX, scalar: cs.MX) -> cs.MX:
+    return scalar - row.T**2
+
+
+def row_times_scalar(row: cs.MX, scalar: cs.MX) -> cs.MX:
+    return row.T * scalar
+
+
+def plane(row: cs.MX, scalar: cs.MX) -> cs.MX:
+    return cs.vertcat(row.T * scalar, row.T + scalar)
+
+
+@pytest.mark.parametrize("combine", [row_plus_scalar, scalar_minus_row, row_times_scalar, plane])
+def test_more_unknowns_than_rows_lose_no_derivative(combine) -> None:
+    """CasADi would go backwards here, and its backwards mode drops broadcast scalars."""
+    row, scalar, more = Block("row", (3,)), Block("scalar"), Block("more", (20,))
+    expression = cs.vec(combine(row.symbol + cs.sum1(more.symbol), scalar.symbol))
+    problem = Problem((Residual("r", expression, 1.0),), ("row", "scalar", "more"))
+    assert problem.size < problem.free.size
+    x = np.random.default_rng(0).normal(size=problem.free.size)
+    assert_jacobian(problem, x, np.zeros(0), 1e-10)
+    assert_hessian(problem, x, np.zeros(0), 1e-10)
+
+
+def test_a_camera_of_unknown_lens_loses_no_derivative() -> None:
+    """Few keypoints, many unknowns: every block of the camera is free."""
+    camera, points = Camera(), Block("points", (3, 3), "m")
+    observed, confidence = Block("seen", (3, 2), "px"), Block("confidence", (3,))
+    residual = residuals.keypoints(
+        points.symbol, camera, observed.symbol, confidence.symbol, sigma=10.0
+    )
+    problem = Problem((residual,), [block.name for block in camera.blocks])
+    values = camera.values(
+        K=[[900, 0, 640], [0, 950, 360], [0, 0, 1]], t=(0.1, 0.0, 4.0),
+        distortion=(-0.2, 0.05, 0.003, -0.002, 0.01),
+    )  # fmt: skip
+    rng = np.random.default_rng(0)
+    values |= {"points": rng.normal(size=(3, 3)), "confidence": np.ones(3)}
+    x, fixed = problem.split(values | {"seen": np.full((3, 2), 500.0)})
+    assert problem.size < problem.free.size
+    assert_jacobian(problem, x, fixed, 1e-9)
+
+
+def test_the_pattern_of_the_jacobian_holds_all_that_is_not_zero() -> None:
+    problem, values = body_problem()
+    x, fixed = problem.split(values)
+    pattern = np.asarray(cs.DM(problem.derivative.sparsity_out("J"), 1.0)) != 0
+    J = problem.linearize_at(x + 0.1, fixed).jacobian
+    assert (J[~pattern] == 0).all()
+    assert not pattern[problem.rows["gaussian(betas)"], problem.free.slices["pose"]].any()

@@ -1,0 +1,81 @@
+"""A body's card, on the terminal and as a page."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.bodies_made_up import random_body, smpl_like_body
+from workbench.errors import BadFile
+from workbench.reports import card_text, write_card
+from workbench.reports.anatomy import facts, joints, shapes
+
+CARD = {
+    "licence": "CC0 <1.0>",
+    "source": {"where": "https://example.org/body?a=1&b=2", "rms_mm": [0.1, 0.2]},
+    "provenance": ["made", "not measured"],
+}
+
+
+def test_the_page_holds_sizes_joints_and_provenance(tmp_path: Path) -> None:
+    body = replace(smpl_like_body(), card=CARD)
+    page = write_card(body, tmp_path / "card")
+    text = page.read_text(encoding="utf-8")
+    assert {path.name for path in page.parent.iterdir()} == {
+        "index.html", "card.txt", "summary.json",
+    }  # fmt: skip
+    for word in ("left_wrist", "vertices moved", "CC0 &lt;1.0&gt;", "not measured", "0.1, 0.2"):
+        assert word in text
+    assert '<a href="https://example.org/body?a=1&amp;b=2">' in text
+    assert text.count("<figure") == 2
+    assert "<1.0>" not in text
+    assert json.loads((page.parent / "summary.json").read_text())["card"] == CARD
+    write_card(body, tmp_path / "card")
+
+
+def test_a_body_without_shapes_and_card_has_a_card(tmp_path: Path) -> None:
+    body = random_body(n_betas=0)
+    text = write_card(body, tmp_path / "card").read_text(encoding="utf-8")
+    assert text.count("<figure") == 1
+    assert "no card" in text
+
+
+def test_a_folder_of_others_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(BadFile, match="not overwritten"):
+        write_card(smpl_like_body(), tmp_path)
+
+
+def test_the_text_says_what_the_body_is() -> None:
+    text = card_text(replace(smpl_like_body(), card=CARD))
+    assert text.splitlines()[0] == "made-up"
+    assert "linear blend skinning" in text
+    assert "  licence: CC0 <1.0>" in text
+    assert "    rms_mm: 0.1, 0.2" in text
+    assert "    - not measured" in text
+
+
+def test_the_facts_are_the_bodys() -> None:
+    body = random_body(n_vertices=40, n_joints=5)
+    found = facts(body)
+    assert found["vertices V"] == "40"
+    assert found["skinning weights"].startswith("at most 4 per vertex")
+    table = joints(body)
+    assert [j.parent for j in table] == ["–", *(f"joint{p}" for p in body.parents[1:])]
+    np.testing.assert_allclose([j.rest for j in table], body.joints())
+    assert [j.vertices for j in table] == np.count_nonzero(body.weights, axis=0).tolist()
+    assert [j.regressor for j in table] == [4] * 5
+
+
+def test_shapes_are_two_standard_deviations_from_the_mean() -> None:
+    body = random_body()
+    found = shapes(body)
+    assert list(found) == [
+        "mean", "betas[0] +2 sd", "betas[1] +2 sd", "betas[2] +2 sd",
+        "mean, side", "betas[0] −2 sd", "betas[1] −2 sd", "betas[2] −2 sd",
+    ]  # fmt: skip
+    np.testing.assert_allclose(
+        found["betas[1] −2 sd"], body.template - 2 * body.shapedirs[:, :, 1], atol=1e-12
+    )

@@ -1,0 +1,104 @@
+"""A folder is replaced whole or not at all, and only if it is ours."""
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+from workbench.errors import BadFile
+from workbench.reports.folder import refuse_foreign, replacing_folder
+
+
+def write(folder: Path, page: str = "a page", *files: str) -> None:
+    with replacing_folder(folder) as fresh:
+        for name in ("index.html", *files):
+            (fresh / name).write_text(page)
+        summary = {"made_by": "workbench", "files": ["index.html", "summary.json", *files]}
+        (fresh / "summary.json").write_text(json.dumps(summary))
+
+
+def test_a_second_one_replaces_the_first(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    write(folder, "first", "body.glb")
+    (folder / "notes.txt").write_text("mine")
+    write(folder, "second")
+    assert {path.name for path in folder.iterdir()} == {"index.html", "summary.json", "notes.txt"}
+    assert (folder / "index.html").read_text() == "second"
+    assert (folder / "notes.txt").read_text() == "mine"
+    assert [path.name for path in tmp_path.iterdir()] == ["run"]
+
+
+@pytest.mark.parametrize("error", [RuntimeError("in the middle"), KeyboardInterrupt()])
+def test_an_interruption_leaves_the_previous_one(tmp_path: Path, error: BaseException) -> None:
+    folder = tmp_path / "run"
+    write(folder, "first")
+    with pytest.raises(type(error)), replacing_folder(folder) as fresh:  # noqa: PT012
+        (fresh / "index.html").write_text("half")
+        raise error
+    assert (folder / "index.html").read_text() == "first"
+    assert [path.name for path in tmp_path.iterdir()] == ["run"]
+
+
+def test_one_that_cannot_take_its_place_leaves_the_previous_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "run"
+    write(folder, "first")
+    rename = Path.rename
+
+    def failing(self: Path, target: Path) -> Path:
+        if Path(target) == folder and "previous" not in self.name:
+            raise OSError(28, "No space left on device")
+        return rename(self, target)
+
+    monkeypatch.setattr(Path, "rename", failing)
+    with pytest.raises(BadFile, match="No space left"):
+        write(folder, "second")
+    assert (folder / "index.html").read_text() == "first"
+    assert [path.name for path in tmp_path.iterdir()] == ["run"]
+
+
+@pytest.mark.parametrize("summary", [None, "{}", "not json", '{"made_by": "someone"}', "[1]"])
+def test_somebody_elses_folder_is_left_alone(tmp_path: Path, summary: str | None) -> None:
+    folder = tmp_path / "thesis"
+    folder.mkdir()
+    (folder / "chapter1.tex").write_text("years of work")
+    if summary is not None:
+        (folder / "summary.json").write_text(summary)
+    for attempt in (write, refuse_foreign):
+        with pytest.raises(BadFile, match="not overwritten"):
+            attempt(folder)
+    assert (folder / "chapter1.tex").read_text() == "years of work"
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis"]
+
+
+def test_an_empty_folder_and_one_that_is_not_there_are_fine(tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    for name in ("empty", "a/b/c"):
+        write(tmp_path / name)
+        assert (tmp_path / name / "index.html").is_file()
+
+
+def test_a_place_that_cannot_be_written_is_a_sentence(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    for place in (tmp_path / "file", tmp_path / "file" / "run"):
+        with pytest.raises(BadFile, match="choose"):
+            write(place)
+
+
+def test_a_link_stays_and_what_it_points_to_is_replaced(tmp_path: Path) -> None:
+    (tmp_path / "runs").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "runs")
+    for page in ("first", "second"):
+        write(tmp_path / "link", page)
+        assert (tmp_path / "link").is_symlink()
+        assert (tmp_path / "runs" / "index.html").read_text() == page
+
+
+@pytest.mark.skipif(os.name != "posix", reason="permissions")
+def test_the_folder_can_be_read_by_those_who_may(tmp_path: Path) -> None:
+    write(tmp_path / "run")
+    mask = os.umask(0)
+    os.umask(mask)
+    assert (tmp_path / "run").stat().st_mode & 0o777 == 0o777 & ~mask

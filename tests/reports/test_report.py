@@ -1,0 +1,165 @@
+"""The folder of a run: whole, true to the numbers, and nobody else's."""
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.outcomes_made_up import NAMES, outcome_made_up
+from workbench.geometry import meshes
+from workbench.plots import plot_overlay, sheet
+from workbench.reports import report, write_report
+from workbench.reports.arrays import write_arrays
+from workbench.solvers import Solution, Status
+
+FILES = {
+    "index.html", "values.npz", "solution.npz", "body.glb", "diagnosis.txt", "summary.json",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    page = write_report(outcome_made_up(), tmp_path_factory.mktemp("runs") / "made-up")
+    assert page.name == "index.html"
+    return page.parent
+
+
+def test_every_file_is_there_and_nothing_else(folder: Path) -> None:
+    assert {path.name for path in folder.iterdir()} == FILES
+    assert [path.name for path in folder.parent.iterdir()] == [folder.name]
+    assert (folder / "diagnosis.txt").read_text().startswith("Jacobian 55 x 79")
+
+
+def test_values_hold_every_block_and_what_is_drawn(folder: Path) -> None:
+    outcome = outcome_made_up()
+    with np.load(folder / "values.npz", allow_pickle=False) as numbers:
+        for name, value in outcome.values.items():
+            np.testing.assert_array_equal(numbers[name], value)
+        assert "scan 3/observed" in numbers.files
+        np.testing.assert_array_equal(numbers["surface"], outcome.surface)
+        for i, name in enumerate(NAMES):
+            _, (ax,) = sheet(4, 5)
+            plot_overlay(outcome, i, ax=ax)
+            crosses, circles = ax.collections[-2:]
+            np.testing.assert_array_equal(crosses.get_offsets(), numbers[f"projected:{name}"])
+            seen = numbers[f"confidence:{name}"] > 0
+            np.testing.assert_array_equal(circles.get_offsets(), numbers[f"observed:{name}"][seen])
+
+
+def test_the_solution_goes_on_from_its_file(folder: Path) -> None:
+    loaded, outcome = Solution.load(folder / "solution.npz"), outcome_made_up()
+    np.testing.assert_array_equal(loaded.values["pose"], outcome.solution.values["pose"])
+    assert len(loaded.trace) == len(outcome.solution.trace)
+
+
+def test_the_summary_is_json_without_nan(folder: Path) -> None:
+    def refuse(constant: str) -> float:
+        raise AssertionError(constant)
+
+    text = (folder / "summary.json").read_text(encoding="utf-8")
+    summary = json.loads(text, parse_constant=refuse)
+    assert summary["name"] == "made <i>up</i>"
+    assert summary["status"] == "CONVERGED"
+    assert summary["measures"][1] == {"name": "unknown", "value": None, "unit": "mm"}
+    assert summary["versions"]["casadi"]
+    assert set(summary["files"]) == FILES
+    assert set(summary["compared"]) == {"gauss-newton", "nlopt-lbfgs"}
+
+
+def test_the_page_needs_nothing_from_elsewhere(folder: Path) -> None:
+    text = (folder / "index.html").read_text(encoding="utf-8")
+    assert not re.findall(r'(?:src|href)="(?!data:|#)(?![\w.]+")', text)
+    assert "<link" not in text
+    assert "@import" not in text
+    assert not re.findall(r"<script", text)
+    linked = set(re.findall(r'href="([\w.]+)"', text))
+    assert linked == FILES
+    anchors = set(re.findall(r'href="#(\w+)"', text))
+    assert anchors <= set(re.findall(r'id="(\w+)"', text))
+
+
+def test_names_are_escaped(folder: Path) -> None:
+    text = (folder / "index.html").read_text(encoding="utf-8")
+    assert "<i>up" not in text
+    assert "made &lt;i&gt;up&lt;/i&gt;" in text
+    assert "&lt;script&gt;alert(1)" in text
+    assert "shape &lt;prior&gt;" in text
+    assert "&lt;b&gt;right&lt;/b&gt; &amp; $x$ 左" in text
+
+
+def test_the_page_has_every_section_and_number(folder: Path) -> None:
+    text = (folder / "index.html").read_text(encoding="utf-8")
+    for heading in ("Measures", "Views", "Distances to the truth", "Convergence", "The Jacobian",
+                    "Values", "Files"):  # fmt: skip
+        assert f">{heading}</h2>" in text
+    assert text.count("<figure") == text.count("<figcaption>") == 6
+    outcome = outcome_made_up()
+    for direction in outcome.diagnosis.null_directions:
+        assert direction.name in text
+    for label in ("betas[0]", "trans[x]", "left_wrist", "nlopt-lbfgs", "pose: 24 × 3 (rad)"):
+        assert label in text
+    assert Status.CONVERGED.value in text
+
+
+def test_a_problem_without_a_body_has_a_page_too(tmp_path: Path) -> None:
+    outcome = outcome_made_up()
+    setup = replace(outcome.setup, body=None, views=(), truth=None)
+    bare = replace(
+        outcome, setup=setup, overlays=(), surface=None, compared={}, measures=(),
+        solution=replace(outcome.solution, status=Status.MAX_SECONDS, message="it took long"),
+    )  # fmt: skip
+    page = write_report(bare, tmp_path / "bare")
+    text = page.read_text(encoding="utf-8")
+    assert "Views" not in text
+    assert "it took long" in text
+    assert not (page.parent / "body.glb").exists()
+
+
+def test_arrays_keep_any_name(tmp_path: Path) -> None:
+    named = {name: np.arange(3.0) for name in ("file", "a/b", "../up", "x.npy", "allow_pickle")}
+    write_arrays(tmp_path / "a.npz", named)
+    with np.load(tmp_path / "a.npz", allow_pickle=False) as found:
+        assert set(found.files) == set(named)
+
+
+def test_the_mesh_is_the_posed_surface(folder: Path) -> None:
+    found = meshes.read_mesh(folder / "body.glb")
+    np.testing.assert_allclose(found.vertices, outcome_made_up().surface, atol=1e-5)
+
+
+@pytest.mark.parametrize("error", [RuntimeError("in the middle"), KeyboardInterrupt()])
+def test_an_interrupted_report_leaves_the_previous_one_or_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: BaseException
+) -> None:
+    outcome, folder = outcome_made_up(), tmp_path / "run"
+
+    def fail(*_: object) -> str:
+        raise error
+
+    monkeypatch.setattr(report, "run_page", fail)
+    with pytest.raises(type(error)):
+        write_report(outcome, folder)
+    assert list(tmp_path.iterdir()) == []
+    monkeypatch.setattr(report, "run_page", lambda *_: "the first page")
+    write_report(outcome, folder)
+    monkeypatch.setattr(report, "run_page", fail)
+    with pytest.raises(type(error)):
+        write_report(outcome, folder)
+    assert {path.name for path in folder.iterdir()} == FILES
+    assert (folder / "index.html").read_text() == "the first page"
+    assert [path.name for path in tmp_path.iterdir()] == ["run"]
+
+
+def test_what_the_previous_report_wrote_goes_and_what_the_user_wrote_stays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    outcome, folder = outcome_made_up(), tmp_path / "run"
+    monkeypatch.setattr(report, "run_page", lambda *_: "a page")
+    write_report(outcome, folder)
+    (folder / "notes.txt").write_text("mine")
+    write_report(replace(outcome, surface=None), folder)
+    assert (folder / "notes.txt").read_text() == "mine"
+    assert not (folder / "body.glb").exists()

@@ -1,0 +1,155 @@
+"""What is promised of every residual: exact derivatives, and zero where nothing is wrong."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import casadi as cs
+import numpy as np
+import pytest
+
+from tests.bodies_made_up import random_body
+from tests.differences import assert_hessian, assert_jacobian
+from workbench import Block, Camera, Problem, Residual, Values, residuals
+from workbench.residuals import Kernel, geman_mcclure, huber, quadratic
+
+BODY = random_body(n_vertices=6, n_joints=3, n_betas=2)
+POSE, BETAS, TRANS = BODY.blocks()
+SYMBOLS = (POSE.symbol, BETAS.symbol, TRANS.symbol)
+ARGUMENTS: Values = {
+    "pose": np.random.default_rng(0).normal(scale=0.4, size=(3, 3)),
+    "betas": np.array([0.7, -1.1]),
+    "trans": np.array([0.1, 0.2, 4.0]),
+}
+KERNELS: dict[str, Kernel] = {
+    "quadratic": quadratic, "geman-mcclure": geman_mcclure, "huber": huber(0.7),
+}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A residual with values at which it is zero, and how far from there it is looked at."""
+
+    residual: Residual
+    null: Values
+    spread: float = 0.2
+
+    def problem(self, kernel: Kernel) -> Problem:
+        """Everything that the residual reads is free."""
+        return Problem((replace(self.residual, kernel=kernel),), self.residual.reads)
+
+
+def vertices() -> Case:
+    observed = Block("observed", (6, 3), "m").symbol
+    residual = residuals.vertices(BODY.points(*SYMBOLS), observed, sigma=0.2)
+    return Case(residual, ARGUMENTS | {"observed": BODY.vertices(*ARGUMENTS.values())})
+
+
+def landmarks() -> Case:
+    observed = Block("observed", (3, 3), "m").symbol
+    residual = residuals.landmarks(BODY.joint_points(*SYMBOLS), observed, sigma=0.2)
+    return Case(residual, ARGUMENTS | {"observed": BODY.joints(*ARGUMENTS.values())})
+
+
+def keypoints() -> Case:
+    camera = Camera("cam/")
+    observed, confidence = Block("observed", (3, 2), "px"), Block("confidence", (3,))
+    residual = residuals.keypoints(
+        BODY.joint_points(*SYMBOLS), camera, observed.symbol, confidence.symbol, sigma=8.0
+    )
+    lens = camera.values(
+        K=[[900, 0, 640], [0, 950, 360], [0, 0, 1]],
+        R=np.array([[0.8, 0, 0.6], [0, 1, 0], [-0.6, 0, 0.8]]),
+        t=(0.3, 0.0, 1.0),
+        distortion=(-0.2, 0.05, 0.003, -0.002, 0.01),
+    )
+    pixels = camera.pixels(BODY.joints(*ARGUMENTS.values()), lens)
+    seen = {"observed": pixels, "confidence": np.array([1.0, 0.5, 0.2])}
+    return Case(residual, ARGUMENTS | lens | seen, spread=0.02)
+
+
+def gaussian_scalar() -> Case:
+    residual = residuals.gaussian(POSE.symbol, mean=0.3, covariance=0.04, unit="rad")
+    return Case(residual, {"pose": np.full((3, 3), 0.3)})
+
+
+def gaussian_vector() -> Case:
+    mean, variances = np.array([0.3, -0.2]), np.array([0.04, 0.25])
+    return Case(
+        residuals.gaussian(BETAS.symbol, mean=mean, covariance=variances), {"betas": mean}, 0.5
+    )
+
+
+def gaussian_matrix() -> Case:
+    rng = np.random.default_rng(1)
+    A, mean = 0.3 * rng.normal(size=(9, 9)), rng.normal(size=9)
+    residual = residuals.gaussian(POSE.symbol, mean=mean, covariance=A @ A.T + 0.01 * np.eye(9))
+    return Case(residual, {"pose": mean.reshape(3, 3)})
+
+
+CASES: list[Callable[[], Case]] = [
+    vertices, landmarks, keypoints, gaussian_scalar, gaussian_vector, gaussian_matrix,
+]  # fmt: skip
+EACH_CASE = pytest.mark.parametrize("build", CASES, ids=lambda build: build.__name__)
+EACH_KERNEL = pytest.mark.parametrize("kernel", KERNELS.values(), ids=list(KERNELS))
+
+
+def near(case: Case, problem: Problem, seed: int) -> np.ndarray:
+    x = problem.free.pack(case.null)
+    return x + case.spread * np.random.default_rng(seed).normal(size=x.size) * np.maximum(
+        1, 0.02 * abs(x)
+    )
+
+
+@EACH_CASE
+@EACH_KERNEL
+def test_derivatives_are_those_of_differences(build: Callable[[], Case], kernel: Kernel) -> None:
+    case = build()
+    problem = case.problem(kernel)
+    for x in (problem.free.pack(case.null), near(case, problem, 0), near(case, problem, 1)):
+        assert_jacobian(problem, x, np.zeros(0), 1e-8)
+        assert_hessian(problem, x, np.zeros(0), 1e-8)
+
+
+@EACH_CASE
+@EACH_KERNEL
+def test_nothing_is_wrong_at_the_null_point(build: Callable[[], Case], kernel: Kernel) -> None:
+    case = build()
+    r = case.problem(kernel).linearize(case.null).residual
+    assert r.shape == (case.residual.size,)
+    # points are made of numbers of order 4 m, pixels of 1e3 px: some eps of these, in sigmas
+    np.testing.assert_allclose(r, 0, atol=1e-13)
+
+
+@EACH_CASE
+def test_sigma_whitens(build: Callable[[], Case]) -> None:
+    case = build()
+    problem = case.problem(quadratic)
+    x = near(case, problem, 0)
+    wider = replace(case.residual, sigma=2 * np.asarray(case.residual.sigma))
+    half = Problem((wider,), wider.reads).residual(x, np.zeros(0))
+    np.testing.assert_allclose(half, problem.residual(x, np.zeros(0)) / 2, rtol=1e-12)
+
+
+@EACH_CASE
+def test_every_row_has_a_name_of_its_own(build: Callable[[], Case]) -> None:
+    residual = build().residual
+    labels = [residual.label(row) for row in range(residual.size)]
+    assert len(set(labels)) == residual.size
+    assert all(label.startswith(residual.name + "[") for label in labels)
+
+
+def test_huber_was_looked_at_on_both_sides() -> None:
+    """The differences above mean something only if residuals are small here and large there."""
+    for build in CASES:
+        case = build()
+        problem = case.problem(quadratic)
+        sizes = [abs(problem.residual(near(case, problem, seed), np.zeros(0))) for seed in (0, 1)]
+        assert np.min(sizes) < 0.7 < np.max(sizes), build.__name__
+
+
+def test_reads_lists_blocks_of_points_and_of_numbers() -> None:
+    assert set(keypoints().residual.reads) == {
+        "pose", "betas", "trans", "observed", "confidence",
+        "cam/focal", "cam/centre", "cam/distortion", "cam/rotation", "cam/translation",
+    }  # fmt: skip
+    assert not any(cs.is_equal(s, keypoints().residual.points[0].symbol) for s in SYMBOLS)

@@ -1,0 +1,136 @@
+"""Names, labels, priors, and residuals that cannot be."""
+
+import casadi as cs
+import numpy as np
+import pytest
+import scipy.stats
+
+from tests.bodies_made_up import random_body, smpl_like_body
+from workbench import Block, Camera, Problem, Residual, residuals
+from workbench.errors import BadResidual, NonFiniteValue
+from workbench.residuals import gaussian, keypoints, landmarks
+
+X = Block("x", (3,))
+
+
+def test_a_residual_is_named_after_its_function_and_blocks() -> None:
+    body = smpl_like_body()
+    symbols = [block.symbol for block in body.blocks()]
+    observed = Block("scan/joints", (24, 3)).symbol
+    residual = landmarks(body.joint_points(*symbols), observed, sigma=0.01)
+    assert residual.name == "landmarks(scan/joints)"
+    assert residual.label(3 * 20 + 1) == "landmarks(scan/joints)[left_wrist, y]"
+    assert residual.unit == "m"
+    assert gaussian(symbols[1]).name == "gaussian(betas)"
+    assert gaussian(symbols[0][:, 1:]).name == "gaussian(pose)"
+    assert gaussian(symbols[1], name="prior").name == "prior"
+    pixels, confidence = Block("seen", (24, 2)).symbol, Block("c", (24,)).symbol
+    seen = keypoints(body.joint_points(*symbols), Camera(), pixels, confidence, sigma=5.0)
+    assert seen.label(2 * 21) == "keypoints(seen)[right_wrist, u]"
+    assert gaussian(symbols[1]).label(2) == "gaussian(betas)[2]"
+
+
+def test_bare_matrices_are_points_too() -> None:
+    points, observed = Block("p", (4, 3)), Block("o", (4, 3))
+    problem = Problem((residuals.vertices(points.symbol, observed.symbol, sigma=0.5),), ("p",))
+    p, o = np.random.default_rng(0).normal(size=(2, 4, 3))
+    r = problem.linearize({"p": p, "o": o}).residual
+    np.testing.assert_allclose(r, (p - o).ravel() / 0.5, rtol=1e-14)
+
+
+def test_a_keypoint_without_confidence_has_no_say() -> None:
+    points, observed, confidence = Block("p", (3, 3)), Block("o", (3, 2)), Block("c", (3,))
+    camera = Camera()
+    residual = keypoints(points.symbol, camera, observed.symbol, confidence.symbol, sigma=2.0)
+    problem = Problem((residual,), ("p",))
+    values = camera.values(K=[[500, 0, 320], [0, 500, 240], [0, 0, 1]], t=(0, 0, 3.0))
+    values |= {"p": np.random.default_rng(0).normal(size=(3, 3)), "c": np.array([1.0, 0.0, 0.5])}
+    here = problem.linearize(values | {"o": np.full((3, 2), 1e6)})
+    assert not here.residual[2:4].any()
+    assert not here.jacobian[2:4].any()
+    expected = (camera.pixels(values["p"], values) - 1e6) * values["c"][:, None] / 2.0
+    np.testing.assert_allclose(here.residual, expected.ravel(), rtol=1e-14)
+    with pytest.raises(NonFiniteValue, match=r"'o' holds nan at \[1, 0\].*confidence 0"):
+        problem.linearize(values | {"o": np.array([[1, 1], [np.nan, 2], [3, np.nan]])})
+
+
+# Gaussians.
+
+
+@pytest.mark.parametrize(
+    "covariance",
+    [0.3, np.array([0.1, 2.0, 0.5]), np.array([[2, 0.5, 0], [0.5, 1, -0.3], [0, -0.3, 0.4]])],
+    ids=["variance", "variances", "matrix"],
+)
+def test_the_cost_of_a_gaussian_is_minus_its_log_density(covariance: np.ndarray) -> None:
+    mean = np.array([0.5, -1.0, 2.0])
+    problem = Problem((gaussian(X.symbol, mean=mean, covariance=covariance),), ("x",))
+    C = np.asarray(covariance)
+    density = scipy.stats.multivariate_normal(mean, C if C.ndim == 2 else C * np.eye(3))
+    for x in np.random.default_rng(0).normal(size=(5, 3)):
+        cost = problem.linearize({"x": x}).cost
+        constant = density.logpdf(mean)
+        assert cost == pytest.approx(constant - density.logpdf(x), rel=1e-12)
+        full = np.linalg.inv(C if C.ndim == 2 else C * np.eye(3))
+        assert 2 * cost == pytest.approx((x - mean) @ full @ (x - mean), rel=1e-12)
+
+
+def test_the_covariance_comes_back_from_the_linearization() -> None:
+    C = np.array([[2, 0.5, 0], [0.5, 1, -0.3], [0, -0.3, 0.4]])
+    here = Problem((gaussian(X.symbol, covariance=C),), ("x",)).linearize({"x": np.zeros(3)})
+    np.testing.assert_allclose(here.covariance, C, rtol=1e-13, atol=1e-14)
+
+
+def test_a_mean_is_read_in_the_order_of_the_array() -> None:
+    pose = Block("pose", (4, 3))
+    mean = np.random.default_rng(0).normal(size=(4, 3))
+    for given in (mean, mean.ravel()):
+        problem = Problem((gaussian(pose.symbol, mean=given),), ("pose",))
+        assert not problem.linearize({"pose": mean}).residual.any()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        ({"mean": np.zeros(2)}, r"mean of \(2,\)"),
+        ({"covariance": np.ones(2)}, r"covariance of \(2,\)"),
+        ({"covariance": np.eye(2)}, r"covariance of \(2, 2\)"),
+        ({"covariance": 0.0}, "variances above zero, not 0.0"),
+        ({"covariance": np.array([1.0, -1.0, 1.0])}, "variances above zero, not -1.0"),
+        ({"covariance": np.diag([1.0, -2.0, 1.0])}, "smallest eigenvalue of this one is -2"),
+        ({"covariance": np.triu(np.ones((3, 3)))}, "finite and symmetric"),
+        ({"covariance": np.full((3, 3), np.nan)}, "finite and symmetric"),
+    ],
+)
+def test_gaussians_that_are_none_are_refused(arguments: dict, text: str) -> None:
+    with pytest.raises(BadResidual, match=rf"'gaussian\(x\)'.*{text}"):
+        gaussian(X.symbol, **arguments)
+
+
+# Residuals that cannot be.
+
+
+@pytest.mark.parametrize("sigma", [0.0, -1.0, np.nan, np.ones(2), np.array([1.0, 0.0, 1.0])])
+def test_a_sigma_must_be_above_zero_and_fit(sigma: float) -> None:
+    with pytest.raises(BadResidual, match="'x' needs a sigma above zero in m, one or 3 of them"):
+        Residual("x", X.symbol, sigma, "m")
+
+
+def test_a_residual_is_a_column() -> None:
+    with pytest.raises(BadResidual, match=r"must be a column \(m, 1\), not \(3, 4\); casadi.vec"):
+        Residual("x", cs.MX.sym("x", 3, 4), 1.0)
+    with pytest.raises(BadResidual, match="has 3 rows but 1 labels"):
+        Residual("x", X.symbol, 1.0, labels=("a",))
+
+
+def test_points_and_observations_must_be_as_many() -> None:
+    body = random_body()
+    symbols = [block.symbol for block in body.blocks()]
+    points = body.joint_points(*symbols)
+    text = r"compares 5 points \(5, {}\) with a block of shape \({}\); they must be the same"
+    with pytest.raises(BadResidual, match=text.format(3, "6, 3")):
+        landmarks(points, Block("o", (6, 3)).symbol, sigma=1.0)
+    with pytest.raises(BadResidual, match=text.format(2, "5, 3")):
+        keypoints(points, Camera(), Block("o", (5, 3)).symbol, Block("c", (5,)).symbol, sigma=1.0)
+    with pytest.raises(BadResidual, match=r"has 5 keypoints, but confidences of shape \(4, 1\)"):
+        keypoints(points, Camera(), Block("o", (5, 2)).symbol, Block("c", (4,)).symbol, sigma=1.0)

@@ -1,0 +1,372 @@
+"""What is promised of every solver in the catalogue."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import casadi as cs
+import numpy as np
+import pytest
+import scipy.optimize
+
+from tests.solvers.problems import TRUTH, body_fit, decay, line, rosenbrock
+from workbench import SOLVERS, Block, Problem, Residual, Status, Values, solve
+from workbench.errors import NotSupported, UnknownName
+from workbench.solvers import Evaluations, Iterate, LevenbergMarquardt, Nlopt, Solution
+
+EACH_SOLVER = pytest.mark.parametrize("name", SOLVERS)
+BOUNDED = [name for name in SOLVERS if name not in ("gauss-newton", "levenberg-marquardt")]
+TOLERANCE = 1e-6  # every solver's gradient_tolerance
+
+
+def cost(problem: Problem, values: Values) -> float:
+    return problem.linearize(values).cost
+
+
+def limited(name: str, **limits: Any) -> Any:
+    return replace(SOLVERS[name], **limits)  # type: ignore[type-var]
+
+
+# The same answer.
+
+
+def reference(problem: Problem, start: Values) -> Any:
+    """SciPy's trust region, with our derivatives."""
+    x, fixed = problem.split(start)
+    tight = dict.fromkeys(("ftol", "xtol", "gtol"), 1e-14)
+    return scipy.optimize.least_squares(
+        lambda x: problem.residual(x, fixed),
+        x,
+        jac=lambda x: problem.linearize_at(x, fixed).jacobian,
+        bounds=(problem.lower, problem.upper),
+        **tight,
+    )
+
+
+@EACH_SOLVER
+@pytest.mark.parametrize("build", [decay, body_fit], ids=["decay", "body"])
+def test_they_reach_the_same_minimum(build: Callable[[], Any], name: str) -> None:
+    problem, start = build()
+    solution = SOLVERS[name].solve(problem, start)
+    assert solution.status is Status.CONVERGED, (solution.status, solution.message)
+    expected = reference(problem, start)
+    # the cost is flat: off by half the square of the optimality, 1e-12 of it
+    assert solution.cost == pytest.approx(expected.cost, rel=1e-9)
+    assert solution.cost > 1
+    found = problem.free.pack(solution.values)
+    np.testing.assert_allclose(found, expected.x, atol=1e-4)
+
+
+@EACH_SOLVER
+@pytest.mark.parametrize("build", [decay, body_fit, line], ids=["decay", "body", "line"])
+def test_converged_is_what_the_problem_says(build: Callable[[], Any], name: str) -> None:
+    problem, start = build()
+    solution = SOLVERS[name].solve(problem, start)
+    there = start | solution.values
+    x, _ = problem.split(there)
+    again = problem.optimality(x, problem.linearize(there))
+    assert solution.status is Status.CONVERGED
+    assert again <= TOLERANCE * (1 + 1e-6)
+    assert solution.optimality == pytest.approx(again, abs=1e-12)
+    assert solution.cost == pytest.approx(cost(problem, there), rel=1e-14)
+    assert solution.converged
+    assert solution.solver.startswith(name.split("-")[0])
+    early = limited(name, max_iterations=1).solve(problem, start)
+    if early.optimality > TOLERANCE:
+        assert early.status is not Status.CONVERGED
+
+
+@EACH_SOLVER
+@pytest.mark.parametrize("seed", range(5))
+def test_they_never_end_worse_than_they_began(name: str, seed: int) -> None:
+    problem, start = rosenbrock()
+    start = {"x": 3 * np.random.default_rng(seed).normal(size=2)}
+    solution = limited(name, max_iterations=3).solve(problem, start)
+    assert solution.cost <= cost(problem, start)
+    assert solution.cost == pytest.approx(cost(problem, solution.values), rel=1e-14)
+    assert solution.cost <= min(iterate.cost for iterate in solution.trace)
+
+
+@EACH_SOLVER
+def test_a_problem_without_noise_converges_too(name: str) -> None:
+    """There the residual is rounding error, and so is its angle with the Jacobian."""
+    problem, start = decay(noise=0.0)
+    solution = SOLVERS[name].solve(problem, start)
+    np.testing.assert_allclose(solution.values["x"], TRUTH, atol=1e-5)
+    if name != "nlopt-lbfgs":  # which leaves when the cost, 1e-20, is small to it
+        assert solution.status is Status.CONVERGED
+
+
+# Bounds.
+
+BOUNDS = {"x": ([0.0, 0.0, 0.55], [1.9, 5.0, 5.0])}  # holds a and c back from their minimum
+
+
+@EACH_SOLVER
+def test_bounds_are_honoured_or_refused(name: str) -> None:
+    problem, start = decay(bounds=BOUNDS)
+    if name not in BOUNDED:
+        with pytest.raises(NotSupported, match=r"knows no bounds.*bounds x; use ipopt or an NLopt"):
+            SOLVERS[name].solve(problem, start)
+        return
+    solution = SOLVERS[name].solve(problem, start | {"x": np.array([1.0, 0.5, 1.0])})
+    expected = reference(problem, start | {"x": np.array([1.0, 0.5, 1.0])})
+    assert solution.status is Status.CONVERGED, (solution.status, solution.message)
+    # first order in the way that is left to a bound, which may be the tolerance of |r|
+    assert solution.cost == pytest.approx(expected.cost, rel=10 * TOLERANCE)
+    for iterate in (*solution.trace, solution):
+        x = iterate.values["x"]
+        assert (x >= BOUNDS["x"][0]).all()
+        assert (x <= BOUNDS["x"][1]).all()
+    assert solution.values["x"][0] == pytest.approx(1.9, abs=1e-5)
+    assert solution.values["x"][2] == pytest.approx(0.55, abs=1e-5)
+
+
+@pytest.mark.parametrize("name", BOUNDED)
+def test_a_start_outside_is_moved_inside(name: str) -> None:
+    problem, start = decay(bounds=BOUNDS)
+    solution = SOLVERS[name].solve(problem, start | {"x": np.array([7.0, -1.0, 0.0])})
+    assert solution.status is Status.CONVERGED
+    assert (problem.lower <= solution.values["x"]).all()
+    assert (solution.values["x"] <= problem.upper).all()
+
+
+# Limits.
+
+
+@EACH_SOLVER
+def test_iterations_are_limited(name: str) -> None:
+    problem, start = rosenbrock()
+    solution = limited(name, max_iterations=2).solve(problem, start)
+    assert solution.status is Status.MAX_ITERATIONS
+    assert solution.iterations == 2
+    assert "max_iterations" in solution.message
+
+
+@EACH_SOLVER
+def test_evaluations_are_limited(name: str) -> None:
+    problem, start = rosenbrock()
+    solution = limited(name, max_evaluations=6).solve(problem, start)
+    assert solution.status is Status.MAX_EVALUATIONS
+    counts = solution.evaluations
+    assert counts.residual + counts.gradient + counts.jacobian + counts.hessian == 6
+
+
+@EACH_SOLVER
+def test_seconds_are_limited(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    ticks = iter(range(10**6))  # a clock that goes one second forward whenever it is read
+    clock = SimpleNamespace(perf_counter=lambda: float(next(ticks)))
+    monkeypatch.setattr("workbench.solvers.run.time", clock)
+    problem, start = rosenbrock()
+    solution = limited(name, max_seconds=10.0).solve(problem, start)
+    assert solution.status is Status.MAX_SECONDS
+    assert solution.cost <= cost(problem, start)
+    assert 10 < solution.seconds < 20
+
+
+# The way.
+
+
+@EACH_SOLVER
+def test_the_callback_sees_every_iterate(name: str) -> None:
+    problem, start = decay()
+    seen: list[Iterate] = []
+    solution = SOLVERS[name].solve(problem, start, callback=seen.append)
+    assert seen == list(solution.trace)
+    assert solution.iterations == len(seen) - 1 > 0
+    seconds = [iterate.seconds for iterate in seen]
+    assert seconds == sorted(seconds)
+
+
+@EACH_SOLVER
+@pytest.mark.parametrize("yes", [True, np.True_], ids=["bool", "numpy"])
+def test_the_callback_can_stop(name: str, yes: Any) -> None:
+    problem, start = rosenbrock()
+    seen: list[Iterate] = []
+
+    def after_three(iterate: Iterate) -> Any:
+        seen.append(iterate)
+        return yes if len(seen) == 3 else None
+
+    solution = SOLVERS[name].solve(problem, start, callback=after_three)
+    assert solution.status is Status.STOPPED
+    assert len(seen) == 3
+    assert solution.cost <= min(iterate.cost for iterate in seen)
+
+
+@EACH_SOLVER
+def test_the_keyboard_keeps_the_best(name: str) -> None:
+    problem, start = rosenbrock()
+    seen: list[Iterate] = []
+
+    def interrupted(iterate: Iterate) -> None:
+        seen.append(iterate)
+        if len(seen) == 3:
+            raise KeyboardInterrupt
+
+    solution = SOLVERS[name].solve(problem, start, callback=interrupted)
+    assert solution.status is Status.STOPPED
+    assert "keyboard" in solution.message
+    assert solution.cost <= min(iterate.cost for iterate in seen)
+
+
+@EACH_SOLVER
+def test_what_the_callback_raises_is_the_callers(name: str) -> None:
+    def broken(iterate: Iterate) -> None:
+        raise LookupError("of the caller")
+
+    with pytest.raises(LookupError, match="of the caller"):
+        SOLVERS[name].solve(*decay(), callback=broken)
+
+
+@EACH_SOLVER
+def test_the_trace_begins_at_the_start_and_its_numbers_are_right(name: str) -> None:
+    problem, start = decay()
+    solution = SOLVERS[name].solve(problem, start)
+    first = solution.trace[0]
+    np.testing.assert_array_equal(first.values["x"], start["x"])
+    assert first.step_norm == 0
+    for before, after in zip(solution.trace, solution.trace[1:], strict=False):
+        step = np.linalg.norm(after.values["x"] - before.values["x"])
+        assert after.step_norm == pytest.approx(step)
+    for iterate in solution.trace:
+        here = problem.linearize(start | iterate.values)
+        assert iterate.cost == pytest.approx(here.cost, rel=1e-12)
+        if not np.isnan(iterate.optimality):
+            there = problem.optimality(iterate.values["x"], here)
+            assert iterate.optimality == pytest.approx(there, abs=1e-12)
+
+
+@EACH_SOLVER
+def test_evaluations_are_counted(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    problem, start = decay()
+    asked = dict.fromkeys(("residual", "cost_and_gradient", "linearize_at", "hessian_at"), 0)
+
+    def counting(method: str) -> Callable[..., Any]:
+        original = getattr(problem, method)
+
+        def counted(*arguments: Any) -> Any:
+            asked[method] += 1
+            return original(*arguments)
+
+        return counted
+
+    for method in asked:
+        monkeypatch.setattr(problem, method, counting(method))
+    solution = SOLVERS[name].solve(problem, start)
+    counts = solution.evaluations
+    assert counts == Evaluations(
+        residual=asked["residual"],
+        gradient=asked["cost_and_gradient"],
+        jacobian=asked["linearize_at"] - 1,  # the last one is the judge's, not the solver's
+        hessian=asked["hessian_at"],
+    )
+    assert solution.trace[-1].evaluations.jacobian <= counts.jacobian
+
+
+@EACH_SOLVER
+def test_the_start_is_left_alone(name: str) -> None:
+    problem, start = body_fit()
+    before = {key: value.copy() for key, value in start.items()}
+    solution = limited(name, max_iterations=5).solve(problem, start)
+    assert solution.values.keys() == {"pose", "betas", "trans"}
+    for key, value in before.items():
+        np.testing.assert_array_equal(start[key], value)
+    assert not any(np.shares_memory(solution.values[k], start[k]) for k in solution.values)
+
+
+# Objectives that misbehave.
+
+
+def root() -> Problem:
+    """sqrt(x) = 0.1: a full Gauss-Newton step from 4 goes to where there is no root."""
+    return Problem((Residual("root", cs.sqrt(Block("x").symbol) - 0.1, 0.1),), ("x",))
+
+
+@EACH_SOLVER
+def test_nan_on_the_way_is_survived_or_said(name: str) -> None:
+    problem = root()
+    solution = SOLVERS[name].solve(problem, {"x": np.array(4.0)})
+    if solution.status is Status.CONVERGED:
+        assert solution.values["x"] == pytest.approx(0.01, rel=1e-3)
+    else:
+        assert solution.status is Status.NOT_FINITE
+        assert "NaN or infinite" in solution.message
+    assert solution.cost <= cost(problem, {"x": np.array(4.0)})
+    assert np.isfinite(solution.values["x"])
+    if name in ("gauss-newton", "levenberg-marquardt", "ipopt", "ipopt-exact"):
+        assert solution.converged  # their line search or damping comes back
+
+
+@EACH_SOLVER
+def test_nan_at_the_start_is_said(name: str) -> None:
+    solution = SOLVERS[name].solve(root(), {"x": np.array(-1.0)})
+    assert solution.status is Status.NOT_FINITE
+    assert solution.values["x"] == -1.0
+
+
+@EACH_SOLVER
+def test_an_infinite_slope_is_said(name: str) -> None:
+    """The square root is finite at 0, its slope is not."""
+    residual = Residual("root", cs.sqrt(Block("x").symbol) + 1.0, 1.0)
+    solution = SOLVERS[name].solve(Problem((residual,), ("x",)), {"x": np.array(0.0)})
+    assert solution.status is Status.NOT_FINITE
+
+
+class Fussy(cs.Callback):
+    """x -> x, until it has been asked often enough."""
+
+    def __init__(self, patience: int) -> None:
+        super().__init__()
+        self.patience = patience
+        self.construct("fussy", {"enable_fd": True})
+
+    def eval(self, arguments: list[cs.DM]) -> list[cs.DM]:
+        self.patience -= 1
+        if self.patience < 0:
+            raise ValueError("out of patience")
+        return [arguments[0]]
+
+
+@EACH_SOLVER
+@pytest.mark.parametrize("patience", [0, 12])
+def test_an_exception_in_the_residual_ends_the_run(
+    name: str, patience: int, capfd: pytest.CaptureFixture[str]
+) -> None:
+    fussy = Fussy(patience)
+    x = Block("x", (2,)).symbol
+    valley = cs.vertcat(10 * (x[1] - fussy(x[0]) ** 2), 1 - x[0])
+    problem = Problem((Residual("valley", valley, 1.0),), ("x",))
+    start = {"x": np.array([-1.2, 1.0])}
+    solution = SOLVERS[name].solve(problem, start)
+    capfd.readouterr()  # CasADi complains aloud
+    assert solution.status is Status.RAISED
+    assert "out of patience" in solution.message
+    assert np.isfinite(solution.values["x"]).all()
+    if patience:
+        before = cost(rosenbrock()[0], start)
+        assert cost(rosenbrock()[0], solution.values) <= before
+
+
+# The catalogue.
+
+
+def test_levenberg_marquardt_is_asked_unless_told_otherwise() -> None:
+    problem, start = decay()
+    assert solve(problem, start).solver == LevenbergMarquardt().solve(problem, start).solver
+    other = solve(problem, start, SOLVERS["gauss-newton"])
+    assert isinstance(other, Solution)
+    assert other.solver == "gauss-newton"
+
+
+def test_an_algorithm_that_is_not_offered_is_refused() -> None:
+    with pytest.raises(UnknownName, match="'LD_NEWTON'; there are LD_LBFGS, LD_MMA"):
+        Nlopt("LD_NEWTON")
+
+
+def test_missing_values_are_the_callers_error() -> None:
+    problem, start = decay()
+    for solver in SOLVERS.values():
+        with pytest.raises(Exception, match=r"'y' .* was given no value"):
+            solver.solve(problem, {"x": start["x"]})

@@ -1,0 +1,112 @@
+"""The rooms of the workbench, and which may look into which."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1] / "workbench"
+
+FLOORS = (  # from the ground up; a room imports from lower floors and from itself
+    ("errors",),
+    ("writing",),
+    ("blocks",),
+    ("geometry",),  # half a floor up: a camera is made of blocks
+    ("bodies", "residuals"),
+    ("problem",),
+    ("diagnostics",),
+    ("solvers", "sampling"),
+    ("registration", "training", "experiments"),
+    ("plots",),
+    ("reports",),
+    ("cli",),
+)
+FLOOR = {room: height for height, rooms in enumerate(FLOORS) for room in rooms}
+FORBIDDEN = {"utils", "util", "common", "helpers", "helper", "misc", "base"}
+LONGEST = 300  # lines, of a module that is read in one sitting
+MODULES = sorted(path for path in ROOT.rglob("*.py") if path != ROOT / "__init__.py")
+EACH_MODULE = pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(ROOT)))
+
+
+def room_of(path: Path) -> str:
+    return path.relative_to(ROOT).parts[0].removesuffix(".py")
+
+
+def imported(source: str, package: tuple[str, ...]) -> set[str]:
+    """Every module that a module imports, by full name, wherever the import stands.
+
+    `package` is where the module lives, for relative imports; of `from x import y` both x and
+    x.y are given, as y may be a module too.
+    """
+    found = set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            up = package[: len(package) - node.level + 1] if node.level else ()
+            module = ".".join((*up, *([node.module] if node.module else [])))
+            found |= {module, *(f"{module}.{alias.name}" for alias in node.names)}
+    return found
+
+
+def imports_of(path: Path) -> set[str]:
+    return imported(path.read_text(), path.parent.relative_to(ROOT.parent).parts)
+
+
+def rooms(modules: set[str]) -> set[str]:
+    parts = [module.split(".") for module in modules]
+    return {p[1] for p in parts if p[0] == "workbench" and len(p) > 1}
+
+
+def test_no_kind_of_import_is_overlooked() -> None:
+    package = ("workbench", "solvers")
+    for source in (
+        "import workbench.plots.figure",
+        "import workbench.plots as p",
+        "from workbench import plots",
+        "from workbench.plots import figure",
+        "from workbench.plots.figure import draw",
+        "from ..plots import figure",
+        "from .. import plots",
+        "def f():\n    from workbench import plots",
+        "if TYPE_CHECKING:\n    from workbench.plots import figure",
+    ):
+        assert rooms(imported(source, package)) == {"plots"}, source
+    assert rooms(imported("from . import run", package)) == {"solvers"}
+    assert rooms(imported("from .run import Run", package)) == {"solvers"}
+    assert rooms(imported("import numpy.linalg, workbenches.plots", package)) == set()
+
+
+def test_every_room_has_its_floor() -> None:
+    there = {room_of(path) for path in MODULES}
+    assert there <= FLOOR.keys(), f"{there - FLOOR.keys()} stand on no floor"
+
+
+@EACH_MODULE
+def test_rooms_look_only_downstairs(path: Path) -> None:
+    here = room_of(path)
+    seen = rooms(imports_of(path)) - {here}
+    unknown = seen - FLOOR.keys()
+    assert not unknown, f"{here} imports {unknown} from the front door; name the room it is in"
+    upstairs = {room for room in seen if FLOOR[room] >= FLOOR[here]}
+    assert not upstairs, f"{here} looks into {upstairs}"
+
+
+@EACH_MODULE
+def test_a_module_is_read_in_one_sitting(path: Path) -> None:
+    assert len(path.read_text().splitlines()) <= LONGEST
+
+
+@EACH_MODULE
+def test_a_module_is_named_after_what_it_holds(path: Path) -> None:
+    assert FORBIDDEN.isdisjoint(path.relative_to(ROOT).with_suffix("").parts)
+
+
+@EACH_MODULE
+def test_only_plots_draw_and_nothing_is_shown(path: Path) -> None:
+    drawing = {module.split(".")[0] for module in imports_of(path)} & {"matplotlib", "mpl_toolkits"}
+    assert not drawing or room_of(path) == "plots"
+    calls = [
+        node.func for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Call)
+    ]
+    assert not any(isinstance(f, ast.Attribute) and ast.unparse(f) == "plt.show" for f in calls)

@@ -1,0 +1,7 @@
+"""Named blocks of numbers, the flat vectors they pack into, and points that come from bodies."""
+
+from workbench.blocks.block import Block
+from workbench.blocks.layout import Layout, Values
+from workbench.blocks.points import Points, PointSource, Tree
+
+__all__ = ["Block", "Layout", "PointSource", "Points", "Tree", "Values"]

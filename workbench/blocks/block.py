@@ -1,0 +1,75 @@
+"""A block: a named array of numbers, and the CasADi symbol that stands for it."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import prod
+
+import casadi as cs
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.errors import BadResidual
+
+AXES = ("x", "y", "z")
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """A named array; `unit` is what each entry measures, `labels` name its rows.
+
+    An array of shape (N, 3), as a user sees it, is a (3, N) matrix inside CasADi: stored
+    column by column, it is the same memory, so packing never shuffles numbers.
+    """
+
+    name: str
+    shape: tuple[int, ...] = ()
+    unit: str = "1"
+    labels: tuple[str, ...] | None = None
+
+    def __post_init__(self) -> None:
+        if self.labels is not None and len(self.labels) != (*self.shape, 1)[0]:
+            raise BadResidual(
+                f"block {self.name!r} has {(*self.shape, 1)[0]} rows but {len(self.labels)} labels"
+            )
+
+    @property
+    def size(self) -> int:
+        """How many numbers it holds."""
+        return prod(self.shape)
+
+    @property
+    def symbol_shape(self) -> tuple[int, int]:
+        """The axes reversed: (N, 3) -> 3 x N, (B,) -> B x 1, () -> 1 x 1."""
+        if len(self.shape) < 2:
+            return self.size, 1
+        return self.shape[-1], prod(self.shape[:-1])
+
+    @cached_property
+    def symbol(self) -> cs.MX:
+        """The symbol of this block, made once; two blocks never share one."""
+        return cs.MX.sym(self.name, *self.symbol_shape)
+
+    def entry(self, index: int) -> str:
+        """The name of one entry within the block: `[right_ankle, z]`, `[3]`; empty for a scalar."""
+        if not self.shape:
+            return ""
+        *rows, last = (int(i) for i in np.unravel_index(index, self.shape))
+        names = [str(i) for i in (*rows, last)]
+        if self.labels is not None:
+            names[0] = self.labels[(*rows, last)[0]]
+        if rows and self.shape[-1] == 3:
+            names[-1] = AXES[last]
+        return f"[{', '.join(names)}]"
+
+    def where(self, found: NDArray[np.bool_]) -> str:
+        """Where in the array (of this block's shape) the first true entry stands."""
+        return self.entry(int(np.argmax(found.ravel()))) or "its only entry"
+
+    @staticmethod
+    def of(symbol: cs.MX) -> "Block":
+        """The block that a bare symbol stands for, as far as a symbol tells: no unit, no labels."""
+        rows, columns = symbol.shape
+        shape = (rows,) if columns == 1 else (columns, rows)
+        block = Block(symbol.name(), () if shape == (1,) else shape)
+        block.__dict__["symbol"] = symbol
+        return block

@@ -1,0 +1,103 @@
+"""The order in which blocks fill a flat vector."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import casadi as cs
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from workbench.blocks.block import Block
+from workbench.errors import MissingValue, NonFiniteValue, ShapeMismatch, UnknownName
+
+Values = dict[str, NDArray[np.float64]]
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Blocks side by side in one vector, each row by row: (N, 3) is x0 y0 z0 x1 y1 z1 ..."""
+
+    blocks: tuple[Block, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The blocks' names, in order."""
+        return tuple(block.name for block in self.blocks)
+
+    @property
+    def size(self) -> int:
+        """The length of the vector."""
+        return int(self._edges[-1])
+
+    @cached_property
+    def _edges(self) -> NDArray[np.int64]:
+        return np.cumsum([0, *(block.size for block in self.blocks)])
+
+    @cached_property
+    def slices(self) -> dict[str, slice]:
+        """Where each block lies in the vector."""
+        return {
+            b.name: slice(int(i), int(j))
+            for b, (i, j) in zip(self.blocks, pairwise(self._edges), strict=True)
+        }
+
+    def __getitem__(self, name: str) -> Block:
+        for block in self.blocks:
+            if block.name == name:
+                return block
+        raise UnknownName("block", name, self.names)
+
+    def pack(self, values: Mapping[str, ArrayLike]) -> NDArray[np.float64]:
+        """The named arrays as one vector (size,); checks every name, shape and number.
+
+        Raises MissingValue, ShapeMismatch or NonFiniteValue.
+        """
+        flat = np.empty(self.size)
+        for block in self.blocks:
+            if block.name not in values:
+                raise MissingValue(block.name, block.shape, values)
+            value = np.asarray(values[block.name], dtype=float)
+            # a bare symbol cannot tell (3,) from (1, 3) or () from (1,): the same numbers
+            if [n for n in value.shape if n != 1] != [n for n in block.shape if n != 1]:
+                raise ShapeMismatch(block.name, expected=block.shape, got=value.shape)
+            if not np.isfinite(value).all():
+                bad = ~np.isfinite(value.ravel())
+                raise NonFiniteValue(block.name, block.where(bad), float(value.ravel()[bad][0]))
+            flat[self.slices[block.name]] = value.ravel()
+        return flat
+
+    def unpack(self, flat: NDArray[np.float64]) -> Values:
+        """Undo `pack`; the arrays are copies."""
+        return {
+            b.name: np.array(flat[self.slices[b.name]], dtype=float).reshape(b.shape)
+            for b in self.blocks
+        }
+
+    def pieces(self, flat: cs.MX) -> list[cs.MX]:
+        """A symbolic vector (size, 1) cut into one matrix per block, axes reversed."""
+        parts = cs.vertsplit(flat, self._edges.tolist()) if self.blocks else []
+        return [
+            cs.reshape(part, *b.symbol_shape) for part, b in zip(parts, self.blocks, strict=True)
+        ]
+
+    def block_of(self, index: int) -> tuple[Block, int]:
+        """The block that entry `index` of the vector belongs to, and the entry's place in it."""
+        if not 0 <= index < self.size:
+            raise IndexError(f"entry {index} of a vector of {self.size}")
+        which = int(np.searchsorted(self._edges, index, side="right")) - 1
+        return self.blocks[which], index - int(self._edges[which])
+
+    def label(self, index: int) -> str:
+        """The name of one entry of the vector: `pose[right_ankle, z]`."""
+        block, entry = self.block_of(index)
+        return block.name + block.entry(entry)
+
+    def unit(self, index: int) -> str:
+        """The unit of one entry of the vector."""
+        return self.block_of(index)[0].unit
+
+    def only(self, names: Iterable[str]) -> "Layout":
+        """A layout of the named blocks, in the order of the names."""
+        return Layout(tuple(self[name] for name in names))

@@ -1,0 +1,93 @@
+"""The bodies that come with the workbench, and those in files of your own."""
+
+from importlib.resources import as_file, files
+from pathlib import Path
+
+from workbench.bodies.embedded import read_embedded
+from workbench.bodies.npz_files import read_npz
+from workbench.bodies.pickled_arrays import read_pickled_arrays
+from workbench.bodies.skinned import Landmarks, SkinnedBody
+from workbench.bodies.smpl_layout import body_from
+from workbench.errors import BadFile, listed
+
+BODIES = {  # name -> file in workbench/data/bodies, read when it is asked for
+    "default": "default.npz",
+    "small": "small.npz",
+    "full": "full.npz",
+}
+NPZ = b"PK\x03\x04"
+PICKLES = (b"\x80", b"(", b"}", b"]", b"c")  # protocol 2 and later; Python 2's own
+OTHERS = (  # how other files begin that people try
+    (b"\x93NUMPY", "a single array (.npy)"),
+    (b"\x1f\x8b", "packed with gzip; unpack it first"),
+    (b"Rar!", "a rar archive; unpack it first"),
+    (b"7z\xbc\xaf", "a 7z archive; unpack it first"),
+    (b"\x89HDF", "an HDF5 file"),
+    (b"glTF", "a glTF mesh, which read_mesh reads"),
+    (b"ply", "a PLY mesh, which read_mesh reads"),
+    (b"OFF", "an OFF mesh, which read_mesh reads"),
+    (b"solid", "an STL mesh, which read_mesh reads"),
+    (b"version https://git-lfs", "a pointer of git-lfs, not the file itself; run `git lfs pull`"),
+    (b"<", "a web page, perhaps the one that asked you to log in"),
+)
+
+
+def load_body(name_or_path: str | Path = "default") -> SkinnedBody:
+    """An embedded body by its name in `BODIES`, or the body in an .npz or .pkl file of yours.
+
+    Files are in the layout of SMPL (SMPL, SMPL-H, SMPL-X, MANO and the like, or written by
+    `save_body`); what a file is, its first bytes tell, not its name. Nothing in it is ever
+    run, changed or copied. A path called like a body is meant by `Path("small")`.
+
+    Raises BadFile (UnsafePickle) if there is no such body or file, or it is not a body, and
+    BadBody if its arrays do not fit together.
+    """
+    if isinstance(name_or_path, str) and name_or_path in BODIES:
+        return _embedded(name_or_path)
+    path = Path(name_or_path).expanduser()
+    if path.is_dir():
+        raise BadFile(f"{path} is a folder; give the file in it")
+    if not path.exists():
+        raise BadFile(
+            f"no body is called {str(name_or_path)!r}, and there is no such file; "
+            f"the bodies are {listed(BODIES)}, or give the path of an .npz or .pkl file"
+        )
+    try:
+        return _from_file(path)
+    except OSError as error:
+        raise BadFile(f"cannot read {path}: {error.strerror}") from error
+
+
+def _embedded(name: str) -> SkinnedBody:
+    with as_file(files("workbench") / "data" / "bodies" / BODIES[name]) as path:
+        arrays = read_embedded(path)
+    return SkinnedBody(
+        template=arrays["template"],
+        shapedirs=arrays["shapedirs"],
+        posedirs=arrays["posedirs"],
+        J_regressor=arrays["J_regressor"],
+        weights=arrays["weights"],
+        parents=arrays["parents"],
+        faces=arrays["faces"],
+        joint_names=arrays["joint_names"],
+        mirror=arrays["mirror"],
+        landmarks={name: Landmarks(*both) for name, both in arrays["landmarks"].items()},
+        name=name,
+        card=arrays["card"],
+    )
+
+
+def _from_file(path: Path) -> SkinnedBody:
+    with path.open("rb") as file:
+        start = file.read(32)
+    if start.startswith(NPZ):
+        raw = read_npz(path)
+    else:
+        for magic, what in OTHERS:
+            if start.lstrip().startswith(magic):
+                raise BadFile(f"{path} is {what}; a body is an .npz or .pkl file in SMPL's layout")
+        if not start.startswith(PICKLES):
+            what = "empty" if not start else "neither"
+            raise BadFile(f"{path} is {what}; a body is an .npz or .pkl file in SMPL's layout")
+        raw = read_pickled_arrays(path)
+    return body_from(raw, path.stem, str(path))

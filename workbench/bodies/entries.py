@@ -1,0 +1,108 @@
+"""The entries of a body's file, each asked for as what it must be."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from workbench.bodies.raw import Raw, Unread
+from workbench.errors import BadFile
+
+SPARSE_PARTS = ("data", "indices", "indptr", "shape")
+
+
+@dataclass(frozen=True)
+class Entries:
+    """What the file `where` holds by key; every question raises BadFile if the answer is no."""
+
+    raw: Raw
+    where: str
+
+    def __contains__(self, key: str) -> bool:
+        return key in self.raw
+
+    def array(self, key: str) -> NDArray[Any]:
+        """An array of numbers."""
+        value = self.raw[key]
+        if isinstance(value, Unread):
+            raise BadFile(f"{self.where}: {key} is {value.reason}")
+        if not isinstance(value, np.ndarray):
+            raise BadFile(
+                f"{self.where}: {key} is a {type(value).__name__}, but must be an array of numbers"
+            )
+        if value.dtype.kind not in "fiu":
+            raise BadFile(f"{self.where}: {key} holds {value.dtype}, but must hold numbers")
+        return value
+
+    def reals(self, key: str) -> NDArray[np.float64]:
+        """An array of any numbers as float64."""
+        return np.ascontiguousarray(self.array(key), dtype=np.float64)
+
+    def wholes(self, key: str) -> NDArray[np.int64]:
+        """Whole numbers, however they are stored."""
+        array = self.array(key)
+        if array.dtype.kind == "f" and not (np.isfinite(array) & (array == np.trunc(array))).all():
+            raise BadFile(f"{self.where}: {key} must hold whole numbers, but holds others")
+        return array.astype(np.int64)
+
+    def directions(self, key: str, N: int) -> NDArray[np.float64]:
+        """Blend shapes (N, 3, .), also from the flat (3 N, .), (., 3 N) and (N, 3 .)."""
+        array = self.reals(key)
+        if array.ndim == 3 and array.shape[:2] == (N, 3):
+            return array
+        if array.ndim == 2 and array.shape[0] != 3 * N and array.shape[1] == 3 * N:
+            return np.ascontiguousarray(array.T).reshape(N, 3, -1)
+        if array.ndim == 2 and array.shape[0] in (N, 3 * N) and array.size % (3 * N) == 0:
+            return array.reshape(N, 3, -1)
+        raise BadFile(
+            f"{self.where}: {key} has shape {array.shape}; with {N} vertices it must be "
+            f"({N}, 3, .), ({3 * N}, .) or (., {3 * N})"
+        )
+
+    def matrix(self, key: str) -> csr_array:
+        """A matrix, dense or sparse, or its parts under `key/data`, `key/indices`, ..."""
+        if f"{key}/data" not in self:
+            value = self.raw[key]
+            matrix = value if isinstance(value, csr_array) else csr_array(self._two_axes(key))
+            return matrix.astype(np.float64)
+        data, indices, indptr, shape = (
+            self.array(f"{key}/{part}") if part == "data" else self.wholes(f"{key}/{part}")
+            for part in SPARSE_PARTS
+            if self._has(f"{key}/{part}")
+        )
+        try:
+            rows, columns = shape
+            matrix = csr_array((data, indices, indptr), shape=(int(rows), int(columns)))
+            matrix.check_format(full_check=True)  # scipy's own code trusts the indices
+        except (ValueError, IndexError) as error:
+            raise BadFile(f"{self.where}: {key} is no sparse matrix ({error})") from error
+        return matrix.astype(np.float64)
+
+    def texts(self, key: str) -> tuple[str, ...]:
+        """A list of names."""
+        array = self.raw.get(key)
+        if not (isinstance(array, np.ndarray) and array.ndim == 1 and array.dtype.kind == "U"):
+            raise BadFile(f"{self.where}: {key} must be a list of names")
+        return tuple(str(text) for text in array)
+
+    def text(self, key: str, otherwise: str) -> str:
+        """A single text, stored as text, as bytes or as an array of either."""
+        value = self.raw.get(key)
+        if isinstance(value, np.ndarray) and value.size == 1:
+            value = value.item()
+        if isinstance(value, bytes):
+            value = value.decode("latin1")
+        return value if isinstance(value, str) else otherwise
+
+    def _two_axes(self, key: str) -> NDArray[Any]:
+        array = self.array(key)
+        if array.ndim != 2:
+            raise BadFile(f"{self.where}: {key} has shape {array.shape}, but must be (K, N)")
+        return array
+
+    def _has(self, key: str) -> bool:
+        if key not in self:
+            raise BadFile(f"{self.where} has no {key}")
+        return True

@@ -1,0 +1,98 @@
+"""Writing a body for the workbench, and for the packages of the field."""
+
+import json
+import pickle
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.bodies.skinned import SkinnedBody
+from workbench.bodies.skinning import linear_blend
+from workbench.bodies.smplx_vertices import vertex_ids
+from workbench.errors import BadFile
+from workbench.writing import replacing
+
+ROOT = 2**32 - 1  # the parent of the root in SMPL's files: -1, unsigned
+
+
+def save_body(body: SkinnedBody, path: str | Path) -> None:
+    """Write a body to `path`, whole or not at all: .npz, or .pkl for the package smplx.
+
+    Both have SMPL's keys, float64 arrays, and the body's name, joint names, mirror, landmarks,
+    bind pose and card; `load_body` returns the same numbers. A pickle holds numpy arrays only.
+
+    The package smplx opens the .pkl of a body of 24 joints. Beside it, `<stem>_vertex_ids.json`
+    says which vertices are the nose, the eyes, the finger tips and so on, which smplx appends to
+    the joints; a mesh that is not SMPL's own needs it, or smplx takes SMPL's vertices:
+
+        ids = json.loads(Path("models/smpl/SMPL_NEUTRAL_vertex_ids.json").read_text())
+        smplx.create("models", model_type="smpl", vertex_ids=ids, num_betas=10)
+
+    Give smplx `num_betas` of at most `body.n_betas`; it shows no more than ten.
+
+    Raises BadFile for another suffix, a folder that cannot be written, or a body that the
+    format cannot hold.
+    """
+    path = Path(path)
+    if path.suffix not in (".npz", ".pkl"):
+        raise BadFile(f"a body is saved as .npz or .pkl, not as {path.name!r}")
+    arrays = _arrays(body)
+    if path.suffix == ".npz":
+        with replacing(path) as temporary:
+            np.savez_compressed(temporary, allow_pickle=False, **arrays)
+        return
+    if body.bind_pose.any():
+        raise BadFile(
+            f"body {body.name!r} is drawn in a pose that is not zero, which a .pkl for smplx "
+            "cannot say; save it as .npz"
+        )
+    # the names come last: a model without them is whole, names without a model are not
+    with replacing(path.with_name(f"{path.stem}_vertex_ids.json")) as names:
+        names.write_text(json.dumps(vertex_ids(body), indent=2) + "\n")
+        with replacing(path) as temporary, temporary.open("wb") as file:
+            pickle.dump(arrays, file, protocol=2)
+
+
+def _arrays(body: SkinnedBody) -> dict[str, NDArray[Any]]:
+    """The body by SMPL's keys, and ours: nothing but arrays of numbers and texts."""
+    if body.skinning is not linear_blend:
+        raise BadFile(
+            f"body {body.name!r} is not skinned by linear_blend, and its files say no other; "
+            "save dataclasses.replace(body, skinning=linear_blend)"
+        )
+    arrays = {
+        "v_template": body.template,
+        "shapedirs": body.shapedirs,
+        "posedirs": body.posedirs,
+        "J_regressor": body.J_regressor.toarray(),
+        "weights": body.weights,
+        "kintree_table": np.array(
+            [(ROOT, *body.parents[1:]), range(body.n_joints)], dtype=np.uint32
+        ),
+        "f": body.faces.astype(np.uint32),
+        "bs_style": np.array("lbs"),
+        "name": np.array(body.name),
+        "joint_names": np.array(body.joint_names),
+        "card": np.array(_card(body)),
+    }
+    if body.mirror is not None:
+        arrays["vert_sym_idxs"] = body.mirror
+    if body.bound_in is not None:
+        arrays["bind_pose"] = body.bound_in
+    for name, landmarks in body.landmarks.items():
+        key, matrix = f"landmarks/{name}", landmarks.regressor
+        arrays[f"{key}/names"] = np.array(landmarks.names)
+        arrays[f"{key}/data"], arrays[f"{key}/indices"] = matrix.data, matrix.indices
+        arrays[f"{key}/indptr"], arrays[f"{key}/shape"] = matrix.indptr, np.array(matrix.shape)
+    return arrays
+
+
+def _card(body: SkinnedBody) -> str:
+    try:
+        return json.dumps(dict(body.card))
+    except (TypeError, ValueError) as error:
+        raise BadFile(
+            f"the card of body {body.name!r} must hold texts, numbers, lists and dicts: {error}"
+        ) from error

@@ -1,0 +1,146 @@
+"""A body from the entries of an SMPL file, whatever its size, precision and age."""
+
+import json
+import re
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.bodies.entries import Entries
+from workbench.bodies.joint_names import family, joint_names
+from workbench.bodies.raw import Raw
+from workbench.bodies.skinned import Landmarks, SkinnedBody
+from workbench.errors import BadFile
+
+REQUIRED = ("v_template", "shapedirs", "posedirs", "J_regressor", "weights", "kintree_table", "f")
+INSTEAD = (  # keys that tell what a file is that is no body
+    ({"poses", "trans"}, "a motion (AMASS), which moves a body and is none"),
+    ({"eigvec"}, "the soft-tissue directions of DMPL, which go with a body and are none"),
+    ({"vertices", "faces"}, "a plain mesh; read_mesh reads mesh files"),
+    ({"means", "covars"}, "a pose prior"),
+)
+STAR_COLUMNS = 93  # of its posedirs: features of quaternions, where SMPL has 207 of matrices
+LANDMARKS = re.compile("landmarks/([^/]+)/names")
+
+
+def body_from(raw: Raw, name: str, where: str) -> SkinnedBody:
+    """The body whose entries are `raw`; `where` is the file, for messages and the card.
+
+    Arrays become float64 (N, 3), (N, 3, B), (N, 3, P), csr (K, N) and (N, K); parents are -1 at
+    the root. Nothing is normalised. Raises BadFile for entries that are missing or are not
+    what their key says, BadBody if they do not fit together.
+    """
+    entries = Entries(raw, where)
+    _check_keys(entries)
+    template = entries.reals("v_template")
+    if template.ndim != 2 or template.shape[1] != 3 or not len(template):
+        raise BadFile(f"{where}: v_template has shape {template.shape}, but must be (N, 3)")
+    N, parents = len(template), _parents(entries)
+    mirror = _mirror(entries, N)
+    return SkinnedBody(
+        template=template,
+        shapedirs=entries.directions("shapedirs", N),
+        posedirs=_posedirs(entries, N),
+        J_regressor=entries.matrix("J_regressor"),
+        weights=entries.reals("weights"),
+        parents=parents,
+        faces=entries.wholes("f"),
+        joint_names=entries.texts("joint_names")
+        if "joint_names" in entries
+        else joint_names(len(parents)),
+        mirror=mirror,
+        landmarks={
+            set_name: Landmarks(
+                entries.texts(f"landmarks/{set_name}/names"),
+                entries.matrix(f"landmarks/{set_name}"),
+            )
+            for set_name in _landmark_sets(raw)
+        },
+        name=entries.text("name", name),
+        bound_in=entries.reals("bind_pose") if "bind_pose" in entries else None,
+        card=_card(entries, len(parents), mirror),
+    )
+
+
+def _check_keys(entries: Entries) -> None:
+    have = {key.partition("/")[0] for key in entries.raw}
+    missing = [key for key in REQUIRED if key not in have]
+    if missing:
+        instead = next((f"It looks like {what}. " for keys, what in INSTEAD if keys <= have), "")
+        raise BadFile(
+            f"{entries.where} has no {', '.join(missing)}; it has "
+            f"{', '.join(sorted(have)) or 'nothing'}. {instead}A body needs {', '.join(REQUIRED)}"
+        )
+    style = entries.text("bs_style", "lbs")
+    if style != "lbs":
+        raise BadFile(f"{entries.where} is skinned by bs_style {style!r}; there is lbs alone")
+
+
+def _parents(entries: Entries) -> tuple[int, ...]:
+    """Row 0 of kintree_table with -1 at the root, which files mark in many ways."""
+    table = entries.wholes("kintree_table")
+    if table.ndim != 2 or len(table) != 2 or table.shape[1] == 0:
+        raise BadFile(f"{entries.where}: kintree_table is {table.shape}, but must be (2, K)")
+    if not np.array_equal(table[1, 1:], np.arange(1, table.shape[1])):
+        raise BadFile(
+            f"{entries.where}: row 1 of kintree_table must number the joints 0, 1, 2, ..., "
+            f"but begins {table[1, :4].tolist()}"
+        )
+    return (-1, *(int(parent) for parent in table[0, 1:]))
+
+
+def _posedirs(entries: Entries, N: int) -> NDArray[np.float64]:
+    posedirs = entries.directions("posedirs", N)
+    if posedirs.shape[2] == STAR_COLUMNS:
+        raise BadFile(
+            f"{entries.where}: posedirs have {STAR_COLUMNS} columns, as in STAR; its features of "
+            "quaternions are not supported, SMPL's 9 (K - 1) of rotation matrices are"
+        )
+    return posedirs
+
+
+def _mirror(entries: Entries, N: int) -> NDArray[np.int64] | None:
+    """The vertex on the other side of each, if the file has them and its pairs are pairs."""
+    if "vert_sym_idxs" not in entries:
+        return None
+    mirror = entries.wholes("vert_sym_idxs").ravel()
+    if len(mirror) != N or mirror.min() < 0 or mirror.max() >= N:
+        return None
+    return mirror if np.array_equal(mirror[mirror], np.arange(N)) else None
+
+
+def _landmark_sets(keys: Iterable[str]) -> list[str]:
+    return sorted(found[1] for key in keys if (found := LANDMARKS.fullmatch(key)))
+
+
+def _card(entries: Entries, K: int, mirror: NDArray[np.int64] | None) -> dict[str, Any]:
+    """The file's own card, or what can be said of a file without one."""
+    if "card" in entries:
+        return _own_card(entries)
+    file, notes = Path(entries.where).name, []
+    guessed = next((g for g in ("female", "male", "neutral") if g in file.lower()), "unknown")
+    if family(K) == "SMPL-X":
+        notes.append("betas are the shape's, followed by the expression's")
+    if "vert_sym_idxs" in entries and mirror is None:
+        notes.append("vert_sym_idxs do not swap the vertices in pairs and were left out")
+    return {
+        "name": file,
+        "model": family(K),
+        "gender": entries.text("gender", guessed),
+        "source": file,
+        "licence": "its owners'; do not pass it on without theirs",
+        **({"provenance": notes} if notes else {}),
+    }
+
+
+def _own_card(entries: Entries) -> dict[str, Any]:
+    try:
+        card = json.loads(entries.text("card", "null"))
+    except ValueError as error:
+        raise BadFile(f"{entries.where}: its card is no JSON ({error})") from error
+    if not isinstance(card, dict):
+        raise BadFile(f"{entries.where}: its card is a {type(card).__name__}, not an object")
+    return card

@@ -1,0 +1,87 @@
+"""Whether the arrays of a body fit together; if not, which one and why."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.errors import BadBody
+
+if TYPE_CHECKING:
+    from workbench.bodies.skinned import SkinnedBody
+
+Refuse = Callable[[str], NoReturn]
+ROW_SUM_TOLERANCE = 1e-3  # single-precision files of many small weights reach 1e-5
+
+
+def check(body: SkinnedBody) -> None:
+    """Raise BadBody with what is wrong and where, or return."""
+
+    def refuse(reason: str) -> NoReturn:
+        raise BadBody(f"body {body.name!r}: {reason}")
+
+    def shape(name: str, expected: str, fits: bool) -> None:
+        if not fits:
+            refuse(f"{name} has shape {getattr(body, name).shape}, but must be {expected}")
+
+    shape("template", "(N, 3)", body.template.ndim == 2 and body.template.shape[1] == 3)
+    N, K = len(body.template), len(body.parents)
+    shape(
+        "shapedirs", f"({N}, 3, B)", body.shapedirs.shape[:2] == (N, 3) and body.shapedirs.ndim == 3
+    )
+    shape("posedirs", f"({N}, 3, {9 * (K - 1)})", body.posedirs.shape == (N, 3, 9 * (K - 1)))
+    shape("J_regressor", f"({K}, {N})", body.J_regressor.shape == (K, N))
+    shape("weights", f"({N}, {K})", body.weights.shape == (N, K))
+    shape("faces", "(F, 3)", body.faces.ndim == 2 and body.faces.shape[1] == 3)
+    if len(body.joint_names) != K:
+        refuse(f"joint_names has {len(body.joint_names)} names for {K} joints")
+    for name in ("template", "shapedirs", "posedirs", "weights"):
+        bad = np.argwhere(~np.isfinite(getattr(body, name)))
+        if len(bad):
+            refuse(f"{name}[{', '.join(map(str, bad[0]))}] is not finite ({len(bad)} such entries)")
+    if not np.isfinite(body.J_regressor.data).all():
+        refuse("J_regressor holds entries that are not finite")
+    _check_rows(refuse, "weights", body.weights.sum(axis=1), "vertex")
+    if body.weights.min(initial=0) < -ROW_SUM_TOLERANCE:
+        vertex, joint = np.unravel_index(int(body.weights.argmin()), body.weights.shape)
+        refuse(f"weights[{vertex}, {joint}] is negative ({body.weights[vertex, joint]:.3g})")
+    _check_rows(refuse, "J_regressor", np.asarray(body.J_regressor.sum(axis=1)), "joint")
+    _check_tree(refuse, body.parents)
+    if body.faces.size and not 0 <= body.faces.min() <= body.faces.max() < N:
+        face = int(np.argmax(((body.faces < 0) | (body.faces >= N)).any(axis=1)))
+        refuse(f"face {face} is {body.faces[face].tolist()}, but there are vertices 0 to {N - 1}")
+    if body.mirror is not None and not _swaps_pairs(body.mirror, N):
+        refuse("mirror must swap vertices in pairs: mirror[mirror] is not 0, 1, 2, ...")
+    if body.bind_pose.shape != (K, 3) or not np.isfinite(body.bind_pose).all():
+        refuse(f"bound_in must be finite angles ({K}, 3), not an array {body.bind_pose.shape}")
+    for name, landmarks in body.landmarks.items():
+        if landmarks.regressor.shape != (len(landmarks.names), N):
+            refuse(
+                f"landmarks {name!r}: {len(landmarks.names)} names and a regressor "
+                f"{landmarks.regressor.shape}, which must be ({len(landmarks.names)}, {N})"
+            )
+
+
+def _swaps_pairs(mirror: NDArray[np.int64], N: int) -> bool:
+    fits = mirror.shape == (N,) and bool(((mirror >= 0) & (mirror < N)).all())
+    return fits and np.array_equal(mirror[mirror], np.arange(N))
+
+
+def _check_rows(refuse: Refuse, name: str, sums: NDArray[np.float64], row: str) -> None:
+    worst = int(np.argmax(abs(sums - 1)))
+    if abs(sums[worst] - 1) > ROW_SUM_TOLERANCE:
+        refuse(f"{name} of {row} {worst} sum to {sums[worst]:.6g}, but must sum to 1")
+
+
+def _check_tree(refuse: Refuse, parents: tuple[int, ...]) -> None:
+    if not parents or parents[0] != -1:
+        refuse(f"joint 0 must be the root, with parent -1, but parents are {parents[:4]}...")
+    for k, parent in enumerate(parents[1:], start=1):
+        if not 0 <= parent < k:
+            refuse(
+                f"joint {k} has parent {parent}; parents must come before their children, "
+                f"so it must be one of 0 to {k - 1}"
+            )

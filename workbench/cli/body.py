@@ -1,0 +1,27 @@
+"""`workbench body`: what a body is made of, and how it looks."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+
+from workbench.bodies.catalogue import load_body
+from workbench.cli.run import make_folder
+from workbench.reports import card_text, write_card
+
+
+def body(
+    name: Annotated[
+        str, typer.Argument(help="An embedded body (default, small, full), or a file of your own.")
+    ] = "default",
+    out: Annotated[Path, typer.Option(help="Folder that the card is written into.")] = Path("runs"),
+) -> None:
+    """Print a body's model card and draw it: front, side, and shapes at plus and minus 2 sd."""
+    console = Console()
+    model = load_body(name)
+    console.print(escape(card_text(model)), highlight=False, soft_wrap=True)
+    make_folder(out)
+    page = write_card(model, out / f"body-{Path(name).stem}")
+    console.print(f"card: [bold]{escape(str(page))}[/]", soft_wrap=True)

@@ -1,0 +1,75 @@
+"""`workbench fit`: a user's own keypoints or mesh, without a line of Python."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from workbench.bodies.catalogue import load_body
+from workbench.cli.run import Compare, Out, SolverName, carry_out, solver_named
+from workbench.errors import BadFile
+from workbench.experiments import Experiment
+from workbench.experiments.correspondences import own_mesh
+from workbench.experiments.keypoint_files import read_observations
+from workbench.experiments.keypoint_fit import keypoint_fit
+
+MESHES = (".obj", ".ply", ".glb", ".stl", ".off")
+
+
+def fit(
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Keypoints (COCO or OpenPose JSON, one file per camera), or a mesh "
+            f"({', '.join(MESHES)}) of the body's topology, in metres."
+        ),
+    ],
+    cameras: Annotated[
+        Path | None,
+        typer.Option(
+            help="Calibration, cameras in the files' order: Pose2Sim TOML, or JSON "
+            '{"name": {"K": 3x3, "R": 3x3, "t": 3, "distortion": [...], "size": [w, h]}}.'
+        ),
+    ] = None,
+    size: Annotated[str | None, typer.Option(help="The image's size, WIDTHxHEIGHT in px.")] = None,
+    focal: Annotated[
+        float | None, typer.Option(help="Focal length in px; unknown: it is estimated too.")
+    ] = None,
+    person: Annotated[
+        int | None, typer.Option(help="Which person of the file, from 0; else the best seen.")
+    ] = None,
+    body: Annotated[str, typer.Option(help="default, small, full, or a file.")] = "default",
+    sigma: Annotated[
+        float | None, typer.Option(help="What is ordinary: 4 px for keypoints, 0.002 m for a mesh.")
+    ] = None,
+    solver: SolverName = "levenberg-marquardt",
+    compare: Compare = False,
+    out: Out = Path("runs"),
+) -> None:
+    """Fit a body to keypoints or to a mesh of its topology; write a report to runs/FILE/."""
+    model = load_body(body)
+    if files[0].suffix.lower() in MESHES:
+        if len(files) > 1:
+            raise BadFile("give one mesh at a time")
+        setup = own_mesh(files[0], model, sigma or 0.002)
+    else:
+        observed = read_observations(
+            files, calibration=cameras, size=_size(size), focal=focal, person=person
+        )
+        question = (
+            f"Which pose, shape and place of the body explain the keypoints of "
+            f"{', '.join(str(f.name) for f in files)}?"
+        )
+        setup = keypoint_fit(observed, model, question, sigma=sigma or 4.0)
+    experiment = Experiment(files[0].stem, lambda: setup, "a user's own file")
+    carry_out(Console(), experiment, solver_named(solver), compare, out)
+
+
+def _size(text: str | None) -> tuple[int, int] | None:
+    if text is None:
+        return None
+    width, x, height = text.lower().partition("x")
+    if not (x and width.isdigit() and height.isdigit()):
+        raise BadFile(f"--size takes WIDTHxHEIGHT in px, such as 1920x1080; not {text!r}")
+    return int(width), int(height)

@@ -1,0 +1,90 @@
+"""`workbench run`: an experiment from its name or file to a report."""
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+
+from workbench.cli.progress import LiveTrace, print_outcome
+from workbench.errors import UnknownName, WorkbenchError
+from workbench.experiments import EXPERIMENTS, Experiment, find
+from workbench.experiments import run as run_experiment
+from workbench.reports import refuse_foreign, write_report
+from workbench.solvers import SOLVERS, Solver
+
+Out = Annotated[Path, typer.Option(help="Folder that the run's own folder is written into.")]
+SolverName = Annotated[str, typer.Option("--solver", help=f"One of {', '.join(SOLVERS)}.")]
+Compare = Annotated[bool, typer.Option(help="Solve with the other solvers as well.")]
+
+
+def run(
+    name: Annotated[
+        str, typer.Argument(help=f"One of {', '.join(EXPERIMENTS)}, or a Python file.")
+    ] = "balance",
+    setting: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="An argument of the experiment: frame=60, noise=0.001, ..."),
+    ] = None,
+    solver: SolverName = "levenberg-marquardt",
+    compare: Compare = True,
+    out: Out = Path("runs"),
+    listing: Annotated[bool, typer.Option("--list", help="Say which experiments exist.")] = False,
+) -> None:
+    """Run an experiment and write its report to runs/NAME/."""
+    console = Console()
+    if listing:
+        for experiment in EXPERIMENTS.values():
+            console.print(f"[bold]{experiment.name:24}[/]{experiment.summary}", highlight=False)
+        return
+    arguments = dict(_setting(text) for text in setting or [])
+    carry_out(console, find(name, arguments), solver_named(solver), compare, out)
+
+
+def carry_out(
+    console: Console, experiment: Experiment, solver: Solver, compare: bool, out: Path
+) -> None:
+    """Run, print the summary, write the report, say where it is."""
+    make_folder(out)
+    refuse_foreign(out / experiment.name)  # before the work, not after it
+    with LiveTrace(console) as trace:
+        outcome = run_experiment(
+            experiment,
+            solver,
+            compare=compare,
+            callback=trace,
+            progress=lambda text: console.print(f"[dim]{escape(text)}[/]", highlight=False),
+        )
+    print_outcome(console, outcome)
+    console.print("[dim]writing the report[/]")
+    page = write_report(outcome, out / experiment.name)
+    console.print(f"report: [bold]{escape(str(page))}[/]", soft_wrap=True)
+
+
+def solver_named(name: str) -> Solver:
+    """A solver of the catalogue."""
+    if name not in SOLVERS:
+        raise UnknownName("solver", name, SOLVERS)
+    return SOLVERS[name]
+
+
+def make_folder(folder: Path) -> None:
+    """Make the folder that runs go to."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise WorkbenchError(
+            f"cannot make the folder {folder}: {error.strerror}; give another with --out"
+        ) from error
+
+
+def _setting(text: str) -> tuple[str, Any]:
+    name, equals, value = text.partition("=")
+    if not equals:
+        raise WorkbenchError(f"--set takes NAME=VALUE, such as frame=60; not {text!r}")
+    try:
+        return name, json.loads(value)
+    except json.JSONDecodeError:
+        return name, value

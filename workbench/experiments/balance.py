@@ -1,0 +1,119 @@
+"""A real person balancing on a beam, seen by four cameras."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from importlib.resources import as_file, files
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.bodies.catalogue import load_body
+from workbench.errors import UnknownName
+from workbench.experiments.experiment import Setup
+from workbench.experiments.keypoint_fit import keypoint_fit, landmark_set
+from workbench.experiments.observations import Observations, photograph
+
+Array = NDArray[np.float64]
+NAMES = {  # of the file -> of the body's landmarks; neck and crown have none
+    "Nose": "nose",
+    **{
+        f"{letter}{part}": f"{side}_{part.lower()}"
+        for letter, side in (("L", "left"), ("R", "right"))
+        for part in ("Eye", "Ear", "Shoulder", "Elbow", "Wrist", "Hip", "Knee", "Ankle", "Heel")
+    },
+    **{
+        f"{letter}{size}Toe": f"{side}_{size.lower()}_toe"
+        for letter, side in (("L", "left"), ("R", "right"))
+        for size in ("Big", "Small")
+    },
+}
+COMPARED = ("gauss-newton", "levenberg-marquardt", "ipopt", "ipopt-exact", "nlopt-lbfgs",
+            "nlopt-tnewton", "nlopt-slsqp")  # fmt: skip
+
+
+FITTED = 40  # the frame of the main experiment
+
+
+@contextmanager
+def published() -> Iterator[Mapping[str, NDArray[Any]]]:
+    """The arrays of `data/keypoints/balance.npz`, as PROVENANCE.md beside it describes them."""
+    path = files("workbench") / "data" / "keypoints" / "balance.npz"
+    with as_file(path) as file, np.load(file, allow_pickle=False) as data:
+        yield data
+
+
+def calibrated() -> tuple[Array, Array]:
+    """R (4, 3, 3) and T (4, 3) m of the cameras, adjusted on frames far from the fitted one."""
+    path = files("workbench") / "data" / "keypoints" / "balance_cameras.npz"
+    with as_file(path) as file, np.load(file, allow_pickle=False) as data:
+        return data["R"], data["T"]
+
+
+def observations(frame: int = FITTED, *, adjusted: bool = True) -> tuple[Observations, Array]:
+    """One frame of the four-camera keypoints, and the file's own triangulation of it (M, 3) m.
+
+    The cameras are the published ones, or `adjusted`.
+    """
+    with published() as data:
+        if not 0 <= frame < len(data["keypoints"]):
+            raise UnknownName("frame", str(frame), (f"0 to {len(data['keypoints']) - 1}",))
+        names = tuple(NAMES.get(str(name), str(name)) for name in data["keypoint_names"])
+        R, T = calibrated() if adjusted else (data["R"], data["T"])
+        K, dist, size = data["K"], data["dist"], data["image_size"]
+        photographs = tuple(
+            photograph(
+                str(name),
+                size[i],
+                data["keypoints"][frame, i],
+                {"K": K[i], "R": R[i], "t": T[i], "distortion": dist[i]},
+            )
+            for i, name in enumerate(data["camera"])
+        )
+        triangulated = np.asarray(data["keypoints3d_dlt"][frame], dtype=float)
+    return Observations(names, photographs), triangulated
+
+
+def balance(
+    frame: int = FITTED,
+    body: str = "default",
+    held_out: Sequence[str] = (),
+    sigma: float = 4.0,
+    adjusted: bool = True,
+    compared: Sequence[str] = COMPARED,
+) -> Setup:
+    """Pose, betas and trans of a body from the 2D keypoints; `sigma` in px.
+
+    The cameras are those of balance_cameras.py, or the published ones if not `adjusted`.
+    """
+    seen, triangulated = observations(frame, adjusted=adjusted)
+    known = [p.name for p in seen.photographs]
+    for name in held_out:
+        if name not in known:
+            raise UnknownName("camera", name, known)
+    model = load_body(body)
+    where = {name: i for i, name in enumerate(seen.names)}
+    reference = np.full((len(model.landmark_names(landmark_set(model))), 3), np.nan)
+    for i, name in enumerate(model.landmark_names(landmark_set(model))):
+        if name in where:
+            reference[i] = triangulated[where[name]]
+    fitted = len(known) - len(set(held_out))
+    return keypoint_fit(
+        seen,
+        model,
+        f"A real person on a beam (frame {frame}) was seen by four calibrated cameras. Which pose, "
+        f"shape and place of the body explain the 2D keypoints of {fitted} of them, and what do "
+        "the keypoints leave open?",
+        sigma=sigma,
+        held_out=tuple(held_out),
+        reference=reference,
+        compared=tuple(compared),
+    )
+
+
+def balance_monocular(frame: int = FITTED, body: str = "default", camera: str = "cam01") -> Setup:
+    """One camera is fitted; the other three are held out and tell how far off the depth is."""
+    names = [p.name for p in observations(frame)[0].photographs]
+    if camera not in names:
+        raise UnknownName("camera", camera, names)
+    return balance(frame, body, [name for name in names if name != camera])

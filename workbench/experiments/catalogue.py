@@ -1,0 +1,79 @@
+"""The experiments by name, and those that a user's own file describes."""
+
+import importlib.util
+import sys
+from collections.abc import Mapping
+from dataclasses import replace
+from inspect import signature
+from pathlib import Path
+from typing import Any
+
+from workbench.errors import BadFile, UnknownName
+from workbench.experiments.balance import balance, balance_monocular
+from workbench.experiments.correspondences import known_correspondences
+from workbench.experiments.experiment import Experiment, Setup
+from workbench.experiments.registration import registration
+
+EXPERIMENTS: Mapping[str, Experiment] = {
+    experiment.name: experiment
+    for experiment in (
+        Experiment("balance", balance, "a real person on a beam, four cameras"),
+        Experiment("balance-monocular", balance_monocular, "the same from one camera alone"),
+        Experiment(
+            "known-correspondences", known_correspondences, "vertices of the model, each known"
+        ),
+        Experiment("registration", registration, "a person whom the shape space does not hold"),
+    )
+}
+
+
+def find(name: str, arguments: Mapping[str, Any] | None = None) -> Experiment:
+    """An experiment of the catalogue, or of a Python file, with some of its arguments changed.
+
+    A file defines `experiment` (an Experiment), or `setup` (a Setup, or a function that makes
+    one), or `problem` and `start`. Raises UnknownName or BadFile.
+    """
+    if name in EXPERIMENTS:
+        experiment = EXPERIMENTS[name]
+    elif name.endswith(".py"):
+        experiment = _from_file(Path(name))
+    else:
+        raise UnknownName("experiment", name, (*EXPERIMENTS, "or give a FILE.py"))
+    changed = dict(arguments or {})
+    known = signature(experiment.build).parameters
+    for argument in changed:
+        if argument not in known:
+            raise UnknownName(f"argument of {experiment.name}", argument, known)
+    return replace(experiment, arguments={**experiment.arguments, **changed})
+
+
+def _from_file(path: Path) -> Experiment:
+    if not path.is_file():
+        raise BadFile(f"there is no file {path}; give the path of a Python file, or one of "
+                      f"{', '.join(EXPERIMENTS)}")  # fmt: skip
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules.setdefault(path.stem, module)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise BadFile(f"{path} cannot be run: {type(error).__name__}: {error}") from error
+    if isinstance(getattr(module, "experiment", None), Experiment):
+        return module.experiment  # type: ignore[no-any-return]
+    found = getattr(module, "setup", None)
+    if isinstance(found, Setup):
+        return Experiment(path.stem, lambda: found, path.name)
+    if callable(found):
+        return Experiment(path.stem, found, path.name)
+    if hasattr(module, "problem") and hasattr(module, "start"):
+        question = (module.__doc__ or f"The problem of {path.name}.").strip()
+        made = Setup(
+            module.problem, module.start, question,
+            body=getattr(module, "body", None), compared=getattr(module, "compared", ()),
+        )  # fmt: skip
+        return Experiment(path.stem, lambda: made, path.name)
+    raise BadFile(
+        f"{path} defines no experiment; it needs `experiment`, or `setup`, or `problem` and `start`"
+    )

@@ -1,0 +1,57 @@
+"""Registering a person whom the shape space does not hold: what is left is the model's limit."""
+
+from dataclasses import replace
+from importlib.resources import as_file, files
+
+import numpy as np
+
+from workbench.bodies.catalogue import load_body
+from workbench.errors import UnknownName
+from workbench.experiments.correspondences import COMPARED, mesh_fit, placed
+from workbench.experiments.experiment import Measure, Setup
+from workbench.residuals import gaussian
+from workbench.solvers import solve
+
+
+def registration(
+    body: str = "default",
+    person: int = 0,
+    seed: int = 0,
+    pose_sigma: float = 0.2,
+    compared: tuple[str, ...] = COMPARED,
+) -> Setup:
+    """A posed stranger with every correspondence known; pose_sigma in rad."""
+    model = load_body(body)
+    with as_file(files("workbench") / "data" / "bodies" / "strangers.npz") as path:
+        data = dict(np.load(path, allow_pickle=False))
+    if body not in data:
+        raise UnknownName("body with strangers", body, data)
+    if not 0 <= person < len(data[body]):
+        raise UnknownName("person", str(person), (f"0 to {len(data[body]) - 1}",))
+    stranger = replace(model, template=data[body][person].astype(float), name="stranger")
+    rng = np.random.default_rng(seed)
+    truth = {
+        "pose": pose_sigma * rng.standard_normal((model.n_joints, 3)),
+        "betas": np.zeros(model.n_betas),
+        "trans": rng.normal(0.0, 0.2, 3),
+    }
+    observed = stranger.vertices(**truth)
+    prior = gaussian(model.blocks()[1].symbol, name="shape prior")
+    setup = mesh_fit(
+        model,
+        observed,
+        f"Person {person} (synthetic) was drawn from the same population, but is not one of those "
+        "whom the shape directions were learned from. Every vertex is known; how near can ten "
+        "directions come?",
+        sigma=0.005,
+        priors=(prior,),
+        start=placed(model, observed),
+        compared=compared,
+    )
+    shape_alone = solve(setup.problem.freeing("betas", "trans"), setup.start | truth)
+    nearest = model.vertices(
+        truth["pose"], shape_alone.values["betas"], shape_alone.values["trans"]
+    )
+    floor = 1e3 * float(np.sqrt(np.mean(np.sum((nearest - observed) ** 2, axis=1))))
+    known = Measure("floor: best shape at the true pose, rms", floor, "mm")
+    return replace(setup, measures=lambda values: (*setup.measures(values), known))

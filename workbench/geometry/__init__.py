@@ -1,0 +1,1 @@
+"""Rotations, rigid motions, cameras and mesh files: geometry that knows no body."""

@@ -1,0 +1,144 @@
+"""A pinhole camera with lens distortion: five small blocks, each of which may be free or fixed."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache, cached_property
+
+import casadi as cs
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from workbench.blocks import Block, Values
+from workbench.geometry.rotation import matrix_from_vector, rodrigues, vector_from_matrix
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """The blocks of one camera; their names begin with `prefix`.
+
+    `rotation` (rad) and `translation` (m) take world points to the camera's frame
+    (x right, y down, z forward); `focal` (fx, fy) and `centre` are in pixels; `distortion`
+    holds k1 k2 p1 p2 k3 in OpenCV's order, all zero for a pure pinhole.
+    """
+
+    prefix: str = ""
+
+    @cached_property
+    def focal(self) -> Block:
+        """(2,) px."""
+        return Block(self.prefix + "focal", (2,), "px", ("x", "y"))
+
+    @cached_property
+    def centre(self) -> Block:
+        """(2,) px."""
+        return Block(self.prefix + "centre", (2,), "px", ("u", "v"))
+
+    @cached_property
+    def distortion(self) -> Block:
+        """(5,): k1 k2 p1 p2 k3."""
+        return Block(self.prefix + "distortion", (5,), "1", ("k1", "k2", "p1", "p2", "k3"))
+
+    @cached_property
+    def rotation(self) -> Block:
+        """(3,) rad."""
+        return Block(self.prefix + "rotation", (3,), "rad", ("x", "y", "z"))
+
+    @cached_property
+    def translation(self) -> Block:
+        """(3,) m: where the world's origin is, seen from the camera."""
+        return Block(self.prefix + "translation", (3,), "m", ("x", "y", "z"))
+
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        """All five."""
+        return self.focal, self.centre, self.distortion, self.rotation, self.translation
+
+    def project(self, points: cs.MX) -> cs.MX:
+        """World points (3, N) in metres -> pixels (2, N)."""
+        return project(points, *(block.symbol for block in self.blocks))
+
+    def values(
+        self,
+        *,
+        K: ArrayLike,
+        R: ArrayLike = ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
+        t: ArrayLike = (0, 0, 0),
+        distortion: ArrayLike = (),
+    ) -> Values:
+        """Numbers for the blocks from the usual matrices: K (3, 3), R (3, 3), t (3,), k1 k2 ..."""
+        K = np.asarray(K, dtype=float)
+        k = np.zeros(5)
+        given = np.asarray(distortion, dtype=float).ravel()
+        k[: given.size] = given
+        numbers = (K[[0, 1], [0, 1]], K[:2, 2], k, vector_from_matrix(R), np.array(t, dtype=float))
+        return {block.name: n for block, n in zip(self.blocks, numbers, strict=True)}
+
+    def pixels(self, points: ArrayLike, values: Mapping[str, ArrayLike]) -> NDArray[np.float64]:
+        """World points (N, 3) in metres -> pixels (N, 2), with this camera's numbers."""
+        numbers = [np.asarray(values[block.name], dtype=float) for block in self.blocks]
+        return np.asarray(_numeric(len(np.asarray(points)))(np.asarray(points).T, *numbers)).T
+
+    def depths(self, points: ArrayLike, values: Mapping[str, ArrayLike]) -> NDArray[np.float64]:
+        """How far in front of the camera world points (N, 3) are: (N,) m, negative behind it."""
+        R = matrix_from_vector(values[self.rotation.name])
+        t = np.asarray(values[self.translation.name], dtype=float)
+        return np.asarray(np.asarray(points, dtype=float) @ R[2] + t[2])
+
+
+def project(
+    points: cs.MX, focal: cs.MX, centre: cs.MX, distortion: cs.MX, rotation: cs.MX, t: cs.MX
+) -> cs.MX:
+    r"""The pinhole camera with radial and tangential distortion (Brown 1971, as in OpenCV).
+
+    With (x, y) = (X / Z, Y / Z) in the camera's frame and r^2 = x^2 + y^2:
+        radial = 1 + k1 r^2 + k2 r^4 + k3 r^6
+        u = f_x (x radial + 2 p1 x y + p2 (r^2 + 2 x^2)) + c_x
+        v = f_y (y radial + p1 (r^2 + 2 y^2) + 2 p2 x y) + c_y
+    """
+    seen = rodrigues(rotation) @ points + cs.repmat(t, 1, points.shape[1])  # (3, N) m
+    x, y = seen[0, :] / seen[2, :], seen[1, :] / seen[2, :]
+    k1, k2, p1, p2, k3 = (distortion[i] for i in range(5))
+    r2 = x**2 + y**2
+    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    u = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x**2)
+    v = y * radial + p1 * (r2 + 2 * y**2) + 2 * p2 * x * y
+    return cs.vertcat(focal[0] * u + centre[0], focal[1] * v + centre[1])
+
+
+@cache
+def _numeric(count: int) -> cs.Function:
+    points = cs.MX.sym("points", 3, count)
+    camera = Camera()
+    symbols = [block.symbol for block in camera.blocks]
+    return cs.Function("project", [points, *symbols], [camera.project(points)])
+
+
+def triangulate(
+    cameras: Sequence[Camera],
+    values: Mapping[str, ArrayLike],
+    pixels: Sequence[ArrayLike],
+    confidence: Sequence[ArrayLike],
+) -> NDArray[np.float64]:
+    """World points (N, 3) from their pixels (N, 2) in several cameras, each view weighed by
+    its confidence (N,), 0 where a pixel is NaN; NaN where fewer than two cameras see a point.
+
+    The linear method (DLT, Hartley and Zisserman, Multiple View Geometry, 12.2); the lens
+    distortion is ignored, which serves for a start.
+    """
+    count = len(np.asarray(pixels[0]))
+    rows = np.zeros((count, 2 * len(cameras), 4))
+    seen = np.zeros(count, dtype=int)
+    for i, camera in enumerate(cameras):
+        f, c, _, w, t = (np.asarray(values[b.name], dtype=float) for b in camera.blocks)
+        P = np.column_stack([matrix_from_vector(w), t])  # (3, 4) world -> camera
+        u = np.asarray(pixels[i], dtype=float)
+        weight = np.where(np.isfinite(u).all(axis=1), np.asarray(confidence[i], dtype=float), 0)
+        x = (np.nan_to_num(u) - c) / f  # (N, 2)
+        rows[:, 2 * i : 2 * i + 2] = weight[:, None, None] * (x[:, :, None] * P[2] - P[:2])
+        seen += weight > 0
+    _, _, Vt = np.linalg.svd(rows)
+    h = Vt[:, -1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        points = h[:, :3] / h[:, 3:]
+    points[seen < 2] = np.nan
+    return np.asarray(points)

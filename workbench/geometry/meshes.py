@@ -1,0 +1,173 @@
+"""Meshes and their files: the same vertices in the same order, out and in.
+
+In metres, y up, as glTF has it; nothing is scaled, turned, merged or re-ordered.
+"""
+
+import io
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+from numpy.typing import ArrayLike, NDArray
+
+from workbench.errors import BadFile, BadMesh, listed
+from workbench.geometry.obj import obj_text, parse_obj
+from workbench.writing import replacing
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Vertices (N, 3) in m and triangles (F, 3) of their numbers; a point cloud has none.
+
+    Raises BadMesh if they do not fit together or a number is not finite.
+    """
+
+    vertices: Array
+    faces: NDArray[np.int64]
+
+    def __post_init__(self) -> None:
+        for name, array in (("vertices", self.vertices), ("faces", self.faces)):
+            if array.ndim != 2 or array.shape[1] != 3:
+                raise BadMesh(f"{name} have shape {array.shape}, but must be (., 3)")
+        if not np.isfinite(self.vertices).all():
+            bad = int(np.argmax(~np.isfinite(self.vertices).all(axis=1)))
+            raise BadMesh(f"vertex {bad} is {self.vertices[bad].tolist()}; remove or repair it")
+        N, wrong = len(self.vertices), ((self.faces < 0) | (self.faces >= len(self.vertices)))
+        if wrong.any():
+            face = int(np.argmax(wrong.any(axis=1)))
+            raise BadMesh(
+                f"face {face} is {self.faces[face].tolist()}, but there are {N} vertices from 0"
+            )
+
+
+def read_mesh(path: str | Path, *, points_alone: bool = False) -> Mesh:
+    """The mesh in a .glb, .obj, .off, .ply or .stl file, with the file's vertices in its order.
+
+    An .stl holds three vertices per triangle and shares none; the parts of a .glb scene come
+    one after the other, each where the scene puts it. `points_alone` lets a file without faces
+    pass, as a mesh with faces (0, 3). Raises BadFile if there is nothing to read.
+    """
+    path = Path(path)
+    read = _known(path, READERS)
+    if not path.is_file():
+        raise BadFile(f"there is no mesh file {path}")
+    try:
+        vertices, faces = read(path)
+        mesh = Mesh(vertices, faces)
+    except (BadMesh, OSError) as error:
+        raise BadFile(f"cannot use the mesh {path}: {error}") from error
+    # trimesh raises whatever its parsers stumble over
+    except Exception as error:
+        reason = str(error) or type(error).__name__
+        raise BadFile(f"{path} is damaged, or no {path.suffix} file: {reason}") from error
+    if not len(mesh.vertices):
+        raise BadFile(f"{path} holds no vertices; it is empty, or no {path.suffix} file")
+    if not len(mesh.faces) and not points_alone:
+        raise BadFile(
+            f"{path} holds {len(mesh.vertices)} points and no faces; "
+            "read_mesh(path, points_alone=True) takes them as they are"
+        )
+    return mesh
+
+
+def write_mesh(path: str | Path, vertices: ArrayLike, faces: ArrayLike) -> None:
+    """Write vertices (N, 3) in m and faces (F, 3), from 0, as the suffix of `path` says.
+
+    .obj, .off and .ply keep every digit (float64), .glb and .stl are of single precision by
+    their definition. Whole or not at all. Points without faces go into .obj, .off and .ply.
+    Raises BadFile for another suffix or a place that cannot be written, BadMesh for numbers
+    that are no mesh.
+    """
+    path = Path(path)
+    write = _known(path, WRITERS)
+    triangles = np.asarray(faces, dtype=np.int64)
+    if not triangles.size:
+        triangles = np.zeros((0, 3), dtype=np.int64)
+    mesh = Mesh(np.asarray(vertices, dtype=np.float64), triangles)
+    if not len(mesh.vertices):
+        raise BadMesh(f"there are no vertices to write to {path}")
+    if not len(triangles) and path.suffix.lower() in (".glb", ".stl"):
+        raise BadFile(f"{path}: a {path.suffix} holds triangles; write points as .ply")
+    content = write(mesh)
+    with replacing(path) as temporary:
+        temporary.write_bytes(content)
+
+
+def _known(path: Path, formats: dict[str, Callable[[Any], Any]]) -> Callable[[Any], Any]:
+    if path.suffix.lower() not in formats:
+        raise BadFile(
+            f"{path}: no mesh format is called {path.suffix!r}; there are {listed(formats)}"
+        )
+    return formats[path.suffix.lower()]
+
+
+def _read_obj(path: Path) -> tuple[Array, NDArray[np.int64]]:
+    with path.open(encoding="utf-8", errors="replace") as lines:
+        return parse_obj(lines)
+
+
+def _read_with_trimesh(path: Path) -> tuple[Array, NDArray[np.int64]]:
+    scene = trimesh.load_scene(io.BytesIO(path.read_bytes()), file_type=path.suffix[1:].lower(),
+                               process=False, skip_materials=True)  # fmt: skip
+    vertices, faces, count = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)], 0
+    for part, motion in _parts(scene):
+        vertices.append(trimesh.transform_points(part.vertices, motion))
+        triangles = np.asarray(getattr(part, "faces", ()), dtype=np.int64)
+        faces.append(triangles.reshape(-1, 3) + count)
+        count += len(vertices[-1])
+    return np.concatenate(vertices), np.concatenate(faces)
+
+
+def _parts(scene: trimesh.Scene) -> Iterator[tuple[Any, Array]]:
+    """Each mesh or point cloud in the file's order, with the motion (4, 4) to where it stands."""
+    nodes = {node: scene.graph[node] for node in sorted(scene.graph.nodes_geometry)}
+    for name, part in scene.geometry.items():
+        for motion, shown in nodes.values():
+            if shown == name:
+                yield part, motion
+
+
+def _write_ply(mesh: Mesh) -> bytes:
+    triangles = np.empty(len(mesh.faces), dtype=[("corners", "u1"), ("faces", "<i4", 3)])
+    triangles["corners"], triangles["faces"] = 3, mesh.faces
+    header = (
+        "ply\nformat binary_little_endian 1.0\ncomment metres, y up\n"
+        f"element vertex {len(mesh.vertices)}\n"
+        "property double x\nproperty double y\nproperty double z\n"
+        f"element face {len(mesh.faces)}\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    return header.encode() + mesh.vertices.astype("<f8").tobytes() + triangles.tobytes()
+
+
+def _write_off(mesh: Mesh) -> bytes:
+    positions = "".join(f"{x!r} {y!r} {z!r}\n" for x, y, z in mesh.vertices.tolist())
+    triangles = "".join(f"3 {a} {b} {c}\n" for a, b, c in mesh.faces.tolist())
+    return f"OFF\n{len(mesh.vertices)} {len(mesh.faces)} 0\n{positions}{triangles}".encode()
+
+
+def _write_with_trimesh(kind: str) -> Callable[[Mesh], bytes]:
+    def write(mesh: Mesh) -> bytes:
+        same = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False, validate=False)
+        content = same.export(file_type=kind)
+        assert isinstance(content, bytes)  # of one file, that is not text
+        return content
+
+    return write
+
+
+READERS: dict[str, Callable[[Path], tuple[Array, NDArray[np.int64]]]] = {
+    ".obj": _read_obj,
+    **dict.fromkeys((".ply", ".glb", ".stl", ".off"), _read_with_trimesh),
+}
+WRITERS: dict[str, Callable[[Mesh], bytes]] = {
+    ".obj": lambda mesh: obj_text(mesh.vertices, mesh.faces).encode(),
+    ".ply": _write_ply,
+    ".off": _write_off,
+    ".glb": _write_with_trimesh("glb"),
+    ".stl": _write_with_trimesh("stl"),
+}

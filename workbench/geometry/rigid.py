@@ -1,0 +1,45 @@
+"""Rigid motions of point sets: the best one between two, in closed form."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from workbench.geometry.rotation import nearest_rotation
+
+
+@dataclass(frozen=True, eq=False)
+class Similarity:
+    """p -> scale R p + t; rigid when the scale is 1."""
+
+    R: NDArray[np.float64]  # (3, 3)
+    t: NDArray[np.float64]  # (3,) m
+    scale: float = 1.0
+
+    def __call__(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Move points (..., 3)."""
+        return self.scale * np.asarray(points, dtype=float) @ self.R.T + self.t
+
+
+def procrustes(
+    source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = None
+) -> Similarity:
+    """The rigid motion that takes source to target, both (N, 3), with the least squared error.
+
+    Kabsch's solution; the rotation is proper also for mirrored data (Umeyama 1991).
+    """
+    p, q = np.asarray(source, dtype=float), np.asarray(target, dtype=float)
+    w = np.ones(len(p)) if weights is None else np.asarray(weights, dtype=float)
+    w = w / w.sum()
+    p0, q0 = w @ p, w @ q
+    R = nearest_rotation((q - q0).T @ (w[:, None] * (p - p0)))
+    return Similarity(R, q0 - R @ p0)
+
+
+def umeyama(source: ArrayLike, target: ArrayLike) -> Similarity:
+    """The same with a scale: the similarity of least squared error (Umeyama 1991, eq. 41-43)."""
+    p, q = np.asarray(source, dtype=float), np.asarray(target, dtype=float)
+    rigid = procrustes(p, q)
+    p0, q0 = p.mean(axis=0), q.mean(axis=0)
+    scale = float(np.sum((q - q0) * ((p - p0) @ rigid.R.T)) / np.sum((p - p0) ** 2))
+    return Similarity(rigid.R, q0 - scale * rigid.R @ p0, scale)

@@ -1,0 +1,89 @@
+"""Rotations of three-space: the exponential map in CasADi, and plain arrays around it."""
+
+from functools import cache
+from math import factorial
+from typing import TypeVar
+
+import casadi as cs
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+
+Matrix = TypeVar("Matrix", cs.MX, cs.SX, cs.DM)
+
+SERIES_BELOW = 0.25  # of the squared angle: there the series' ninth term is below 1e-19
+SERIES_TERMS = 8
+
+
+def rodrigues(w: Matrix) -> Matrix:
+    r"""The rotations exp([w]x) of rotation vectors in radians: (3, K) -> (3, 3 K), side by side.
+
+    With t = |w| and [w]x the matrix of v -> w x v (Rodrigues' formula, SMPL eq. 1 corrected):
+
+        R = cos(t) I + a [w]x + b w w',   a = sin(t) / t,   b = (1 - cos(t)) / t^2
+
+    (the same as I + a [w]x + b [w]x^2, because [w]x^2 = w w' - t^2 I). The closed forms lose
+    their derivatives at t = 0, so a, b and cos are taken as series in t^2 there; elsewhere b
+    is written 2 (sin(t/2) / t)^2, which does not cancel. Both branches of a CasADi
+    `if_else` are evaluated, hence the guarded argument of the closed one.
+    """
+    x, y, z = w[0, :], w[1, :], w[2, :]
+    t2 = x**2 + y**2 + z**2  # (1, K) rad^2
+    near = t2 < SERIES_BELOW
+    t = cs.sqrt(cs.if_else(near, 1.0, t2))
+    a = cs.if_else(near, _series(t2, 1), cs.sin(t) / t)
+    b = cs.if_else(near, _series(t2, 2), 2 * (cs.sin(t / 2) / t) ** 2)
+    c = cs.if_else(near, _series(t2, 0), cs.cos(t))
+    columns_of_each = cs.vertcat(
+        c + b * x * x, b * x * y + a * z, b * x * z - a * y,
+        b * x * y - a * z, c + b * y * y, b * y * z + a * x,
+        b * x * z + a * y, b * y * z - a * x, c + b * z * z,
+    )  # (9, K): each rotation column by column  # fmt: skip
+    return cs.reshape(columns_of_each, 3, 3 * w.shape[1])
+
+
+def _series(t2: Matrix, first: int) -> Matrix:
+    """Sum over n of (-t2)^n / (2 n + first)!: cos t, sin t / t, (1 - cos t) / t^2 for 0, 1, 2."""
+    total = 0 * t2
+    for n in reversed(range(SERIES_TERMS + (first == 0))):
+        total = total * t2 + (-1) ** n / factorial(2 * n + first)
+    return total
+
+
+@cache
+def _numeric() -> cs.Function:
+    w = cs.SX.sym("w", 3)
+    return cs.Function("rodrigues", [w], [rodrigues(w)], ["w"], ["R"])
+
+
+def matrix_from_vector(w: ArrayLike) -> NDArray[np.float64]:
+    """Rotation vectors (..., 3) in radians -> rotation matrices (..., 3, 3)."""
+    w = np.asarray(w, dtype=float)
+    if not w.size:
+        return np.empty((*w.shape[:-1], 3, 3))  # to CasADi no columns mean one of zeros
+    R = np.asarray(_numeric()(w.reshape(-1, 3).T))  # (3, 3 n)
+    return R.reshape(3, -1, 3).transpose(1, 0, 2).reshape(*w.shape[:-1], 3, 3)
+
+
+def vector_from_matrix(R: ArrayLike) -> NDArray[np.float64]:
+    """Rotation matrices (..., 3, 3) -> rotation vectors (..., 3), angle in [0, pi]."""
+    R = np.asarray(R, dtype=float)
+    return Rotation.from_matrix(R.reshape(-1, 3, 3)).as_rotvec().reshape(*R.shape[:-2], 3)
+
+
+def nearest_rotation(M: ArrayLike) -> NDArray[np.float64]:
+    """The rotation nearest to each 3 x 3 matrix in the Frobenius norm: (..., 3, 3).
+
+    U diag(1, 1, det(U V')) V' from the singular value decomposition; a reflection becomes
+    a rotation (Umeyama, IEEE PAMI 13(4), 1991).
+    """
+    U, _, Vt = np.linalg.svd(np.asarray(M, dtype=float))
+    signs = np.ones(U.shape[:-1])
+    signs[..., 2] = np.linalg.det(U @ Vt)
+    return np.asarray((U * np.sign(signs)[..., None, :]) @ Vt)
+
+
+def skew(w: Matrix) -> Matrix:
+    """The (3, 3) matrix of v -> w x v."""
+    x, y, z = w[0], w[1], w[2]
+    return cs.vertcat(cs.horzcat(0, -z, y), cs.horzcat(z, 0, -x), cs.horzcat(-y, x, 0))

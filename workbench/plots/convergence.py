@@ -1,0 +1,140 @@
+"""How solvers got to their ends: the cost above the best known one, on the way."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
+from numpy.typing import NDArray
+
+from workbench.plots.lettering import plain
+from workbench.plots.palette import DASHES, FAINT, LINES, MARKERS
+from workbench.solvers import Iterate, Solution, Status
+
+Array = NDArray[np.float64]
+SMALLEST = 1e-16  # of the starting cost: below it a difference of costs is rounding
+
+
+@dataclass(frozen=True)
+class Against:
+    """What a cost is drawn against."""
+
+    label: str
+    of: Callable[[int, Iterate], float]
+    scale: Callable[[Axes, float], None]
+
+
+def _count(ax: Axes, longest: float) -> None:
+    if longest > 60:
+        ax.set_xscale("symlog", linthresh=10)
+        ax.xaxis.set_minor_locator(LogLocator(subs=(2, 4, 6, 8)))
+    else:
+        ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+    if longest > 60:
+        ax.set_xlim(0, 1.5 * longest)
+    else:
+        ax.set_xlim(-0.04 * max(longest, 1), 1.04 * max(longest, 1))
+
+
+def _logarithmic(ax: Axes, longest: float) -> None:
+    ax.set_xscale("log")
+    if longest <= 0:  # nothing to draw: the axis cannot find limits of its own
+        ax.set_xlim(0.1, 1.0)
+
+
+ITERATIONS = Against("iteration", lambda i, iterate: float(i), _count)
+SECONDS = Against("time (s)", lambda i, iterate: max(iterate.seconds, 1e-4), _logarithmic)
+
+
+def plot_convergence(
+    solutions: Mapping[str, Solution], *, ax: Axes, against: Against = ITERATIONS
+) -> Axes:
+    """(cost - best) / (cost at the start - best) of every iterate, one line per solver.
+
+    `best` is the lowest cost that any of them found; what equals it is drawn on a floor, since
+    the axis is logarithmic. A hollow end means that the solver did not converge.
+    """
+    gaps = {name: gap(solution, solutions) for name, solution in solutions.items()}
+    floor = _floor(gaps)
+    longest = 0.0
+    for k, (name, solution) in enumerate(solutions.items()):
+        iterates = [
+            (against.of(i, iterate), above)
+            for i, (iterate, above) in enumerate(zip(solution.trace, gaps[name], strict=True))
+            if np.isfinite(above)
+        ]
+        x, y = np.array(iterates).reshape(-1, 2).T
+        longest = max(longest, float(x.max(initial=0.0)))
+        colour, marker = LINES[k % len(LINES)], MARKERS[k % len(MARKERS)]
+        ax.plot(
+            x, np.maximum(y, floor), color=colour, linestyle=DASHES[k // 2 % len(DASHES)],
+            linewidth=1.5, marker=marker, markersize=4, markevery=max(1, len(x) // 12),
+            label=plain(f"{name}: {_ending(solution)}"),
+        )  # fmt: skip
+        ax.plot(
+            x[-1:], np.maximum(y[-1:], floor), color=colour, marker=marker, markersize=8,
+            markerfacecolor=colour if solution.converged else "white", linestyle="none",
+        )  # fmt: skip
+    ax.set_yscale("log")
+    ax.set_ylim(floor / 100, 5.0)
+    ticks = [float(t) for t in ax.get_yticks() if 5 * floor < t <= 1]  # the floor stands for 0
+    ax.set_yticks(ticks)
+    ax.yaxis.set_minor_locator(NullLocator())
+    ax.axhline(floor, color=FAINT, linewidth=0.8, linestyle=(0, (1, 2)))
+    against.scale(ax, longest)
+    ax.annotate(
+        "0: the best known cost", (0.01, floor), xycoords=("axes fraction", "data"),
+        xytext=(0, -4), textcoords="offset points", color=FAINT, fontsize=8, va="top",
+    )  # fmt: skip
+    ax.grid(color=FAINT, alpha=0.25, linewidth=0.6)
+    ax.set_xlabel(against.label)
+    ax.set_ylabel("(cost − best) / (start − best)")
+    ax.legend(loc="upper right")
+    return ax
+
+
+def caption_convergence(solutions: Mapping[str, Solution]) -> str:
+    """What `plot_convergence` shows."""
+    best = best_cost(solutions)
+    if not np.isfinite(best):
+        return "No solver found a point of finite cost."
+    same = [n for n, s in solutions.items() if s.cost - best <= 1e-6 * abs(best) + 1e-300]
+    quickest = min(same, key=lambda name: solutions[name].seconds)
+    above = f"{len(same)} of {len(solutions)} solvers end" if len(solutions) > 1 else "It ends"
+    return (
+        f"How far the cost still was above the best known, {best:.6g}, as a share of the whole "
+        f"way down from the start. {above} within one millionth of the best; "
+        f"{quickest} was there first, in {solutions[quickest].seconds:.2f} s. "
+        "Hollow ends did not converge."
+    )
+
+
+def best_cost(solutions: Mapping[str, Solution]) -> float:
+    """The lowest cost among all that was found."""
+    found = [s.cost for s in solutions.values()]
+    found += [i.cost for s in solutions.values() for i in s.trace]
+    return min((c for c in found if np.isfinite(c)), default=float("nan"))
+
+
+def gap(solution: Solution, among: Mapping[str, Solution]) -> Array:
+    """What is drawn: (cost - best) / (start - best) of each iterate; 0 where nothing was lost."""
+    best = best_cost(among)
+    starts = [s.trace[0].cost for s in among.values() if s.trace]
+    whole = max((c for c in starts if np.isfinite(c)), default=best) - best
+    costs = np.array([i.cost for i in solution.trace], dtype=float)
+    return (costs - best) / (whole if whole > 0 else 1.0)
+
+
+def _floor(gaps: Mapping[str, Array]) -> float:
+    every = np.concatenate([*gaps.values(), np.ones(1)])
+    above = every[np.isfinite(every) & (every > SMALLEST)]
+    return float(max(SMALLEST, 10.0 ** np.floor(np.log10(above.min()) - 0.5)))
+
+
+def _ending(solution: Solution) -> str:
+    words = solution.status.name.lower().replace("_", " ")
+    return words.replace("max", "out of") if solution.status in _LIMITS else words
+
+
+_LIMITS = (Status.MAX_ITERATIONS, Status.MAX_EVALUATIONS, Status.MAX_SECONDS)

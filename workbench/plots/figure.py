@@ -1,0 +1,72 @@
+"""Figures without a screen: sheets of paper, and their bytes as SVG or PNG."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import BytesIO
+
+from matplotlib import style
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from workbench.plots.palette import FAINT, INK
+
+DPI = 150  # of PNG, and of what is rasterized inside an SVG
+STYLE = {
+    "font.family": "DejaVu Sans",  # matplotlib brings it along
+    "font.size": 10.0,
+    "axes.titlesize": 11.0,
+    "axes.labelsize": 10.0,
+    "xtick.labelsize": 9.0,
+    "ytick.labelsize": 9.0,
+    "legend.fontsize": 9.0,
+    "legend.frameon": False,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": FAINT,
+    "axes.labelcolor": INK,
+    "text.color": INK,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "axes.axisbelow": True,
+    "svg.hashsalt": "workbench",  # the same figure is the same bytes
+}
+
+
+@contextmanager
+def house_style() -> Iterator[None]:
+    """Matplotlib's defaults with our changes, whatever the user's own; restored afterwards."""
+    with style.context(["default", STYLE]):
+        yield
+
+
+def sheet(width: float, height: float, columns: int = 1) -> tuple[Figure, list[Axes]]:
+    """A figure of that many inches (100 px each on a page), and its axes side by side."""
+    figure = Figure(figsize=(width, height), layout="constrained")
+    axes = figure.subplots(1, columns, squeeze=False)
+    return figure, list(axes[0])
+
+
+def svg(figure: Figure) -> bytes:
+    """Letters as outlines, so that it looks the same everywhere."""
+    return _saved(figure, "svg", {"Date": None})
+
+
+def png(figure: Figure) -> bytes:
+    """150 pixels to the inch."""
+    return _saved(figure, "png", {})
+
+
+def smallest(figure: Figure) -> tuple[bytes, str]:
+    """SVG or PNG, whichever is shorter, and its media type."""
+    drawn = png(figure), "image/png"
+    if any(artist.get_rasterized() for artist in figure.findobj()):
+        return drawn  # paint inside an SVG is a PNG in itself
+    lines = svg(figure), "image/svg+xml"
+    return lines if len(lines[0]) < len(drawn[0]) else drawn
+
+
+def _saved(figure: Figure, format: str, metadata: dict[str, None]) -> bytes:
+    buffer = BytesIO()
+    with house_style():
+        figure.savefig(buffer, format=format, dpi=DPI, metadata=metadata or None)
+    return buffer.getvalue()

@@ -1,0 +1,121 @@
+"""The fitted body over the keypoints, as one camera sees them."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.colors import to_rgb
+from matplotlib.patches import Rectangle
+from numpy.typing import NDArray
+
+from workbench.experiments.experiment import Outcome, Overlay
+from workbench.experiments.keypoint_fit import SEEN
+from workbench.plots.lettering import plain
+from workbench.plots.palette import BLUE, FAINT, OUTSIDE, VERMILLION
+from workbench.plots.shading import painted
+
+Array = NDArray[np.float64]
+
+
+def plot_overlay(outcome: Outcome, view: int, *, ax: Axes, shape: float = 1.25) -> Axes:
+    """View number `view`: the body, circles where keypoints were observed (as opaque as the
+    detector was confident), crosses where the fitted body has them, lines between the pairs.
+
+    All in pixels, v down, cropped to the person; `shape` is the crop's height over width.
+    """
+    overlay, body = outcome.overlays[view], outcome.setup.body
+    seen = overlay.confidence > 0
+    observed, projected = overlay.observed[seen], overlay.projected[seen]
+    opacity = np.clip(overlay.confidence[seen], 0, 1)
+    ax.set_facecolor(OUTSIDE)
+    frame = Rectangle((0, 0), *overlay.size, facecolor="white", edgecolor=FAINT, linewidth=0.8)
+    ax.add_patch(frame).set_zorder(0.5)
+    if body is not None and outcome.surface is not None:
+        solid = _solid(overlay, outcome.surface)
+        ax.add_collection(painted(overlay.surface, solid, body.faces, contrast=0.4)).set_zorder(1)
+    faded = [(*to_rgb(VERMILLION), float(alpha)) for alpha in opacity]
+    pairs = LineCollection(
+        list(np.stack([observed, projected], axis=1)), colors=faded, linewidths=1.0
+    )
+    ax.add_collection(pairs).set_zorder(2)
+    ax.scatter(
+        overlay.projected[:, 0], overlay.projected[:, 1], marker="x", s=30, c=BLUE,
+        linewidths=1.4, zorder=3, label="fitted",
+    )  # fmt: skip
+    ax.scatter(
+        observed[:, 0], observed[:, 1], marker="o", s=42, facecolors="none", edgecolors=faded,
+        linewidths=1.7, zorder=4, label="observed",
+    )  # fmt: skip
+    (left, right), (top, bottom) = window(overlay, shape)
+    ax.set_xlim(left, right)
+    ax.set_ylim(bottom, top)  # v down
+    ax.set_aspect("equal")
+    ax.set_xlabel("u (px)")
+    ax.set_ylabel("v (px)")
+    ax.set_title(_title(overlay), loc="left")
+    legend = ax.legend(
+        loc="upper left", bbox_to_anchor=(0, -0.11), ncols=2, borderaxespad=0, columnspacing=1.2
+    )
+    for handle in legend.legend_handles[1:]:
+        if handle is not None:
+            handle.set_edgecolor(VERMILLION)  # type: ignore[attr-defined]  # whatever the first one's confidence
+    return ax
+
+
+def caption_overlay(outcome: Outcome, view: int) -> str:
+    """What `plot_overlay` shows."""
+    overlay = outcome.overlays[view]
+    error, count = reprojection(overlay)
+    unseen = int(np.sum(overlay.confidence <= 0))
+    if not count:
+        return f"{overlay.name}: no keypoint was seen with a confidence above {SEEN}."
+    off = np.linalg.norm(overlay.projected - overlay.observed, axis=1)
+    off = np.where(overlay.confidence > SEEN, off, -1.0)
+    worst = int(np.argmax(off))
+    told = "; this view was not fitted" if overlay.held_out else ""
+    missing = f" Not seen at all: {unseen}." if unseen else ""
+    return (
+        f"{overlay.name}{told}. {count} keypoints with a confidence above {SEEN} lie on average "
+        f"{error:.1f} px from their fitted places; the farthest, "
+        f"{overlay.landmarks[worst].replace('_', ' ')}, {off[worst]:.1f} px.{missing}"
+    )
+
+
+def reprojection(overlay: Overlay) -> tuple[float, int]:
+    """Mean distance (px) of the keypoints that were seen well, and how many those are."""
+    well = overlay.confidence > SEEN
+    off = np.linalg.norm((overlay.projected - overlay.observed)[well], axis=1)
+    return (float(off.mean()) if well.any() else float("nan")), int(well.sum())
+
+
+def window(overlay: Overlay, shape: float) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Limits of u and v (px) around person and keypoints, with a margin, height = shape x width."""
+    well = overlay.observed[overlay.confidence > 0]
+    shown = np.vstack([overlay.surface, overlay.projected, well])
+    shown = shown[np.isfinite(shown).all(axis=1)]
+    if not len(shown):
+        return (0.0, float(overlay.size[0])), (0.0, float(overlay.size[1]))
+    low, high = shown.min(axis=0), shown.max(axis=0)
+    middle, extent = (low + high) / 2, 1.14 * np.maximum(high - low, 10.0)
+    width = float(max(extent[0], extent[1] / shape))
+    u, v = float(middle[0]), float(middle[1])
+    return (u - width / 2, u + width / 2), (v - shape * width / 2, v + shape * width / 2)
+
+
+def _title(overlay: Overlay) -> str:
+    error, count = reprojection(overlay)
+    name = plain(overlay.name) + (" (held out)" if overlay.held_out else "")
+    return f"{name}: mean {error:.1f} px over {count} points" if count else f"{name}: nothing seen"
+
+
+def _solid(overlay: Overlay, surface: Array) -> Array:
+    """The surface for the viewer in pixels, depth included: right, up, towards.
+
+    How many pixels make a metre follows from the spread of the vertices, which projection
+    scales and turning leaves alone.
+    """
+    spread, depth, flat = np.var(surface, axis=0).sum(), np.var(overlay.depth), overlay.surface
+    finite = np.isfinite(flat).all(axis=1) & (overlay.depth > 0)
+    scale = np.sqrt(np.var(flat[finite], axis=0).sum() / max(spread - depth, 1e-12))
+    solid = np.column_stack([flat[:, 0], -flat[:, 1], -scale * overlay.depth])
+    solid[overlay.depth <= 0] = np.nan  # behind the camera: not painted
+    return solid

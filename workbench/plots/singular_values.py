@@ -1,0 +1,119 @@
+"""The spectrum of a Jacobian: what the residuals see well, badly, and not at all."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
+
+from workbench.diagnostics import Diagnosis, Direction
+from workbench.plots.lettering import plain, shortened
+from workbench.plots.palette import BLUE, FAINT, VERMILLION
+
+MOST = 26  # lines of text beside the spectrum
+WIDEST = 44  # letters in one
+FAR = 1e4  # times the tolerance: above it no singular value is near
+
+
+def plot_singular_values(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
+    """Singular values, largest first, on a logarithmic axis; hollow below the tolerance.
+
+    Beside them stands in words what the hollow ones are directions of.
+    """
+    s, n, rank = diagnosis.singular_values, diagnosis.shape[1], diagnosis.rank
+    floor = _floor(diagnosis)
+    index = np.arange(1, s.size + 1)
+    seen = index <= rank
+    drawn = np.maximum(s, floor)
+    ax.plot(index[seen], drawn[seen], "o", color=BLUE, markersize=4, label="seen")
+    ax.plot(
+        index[~seen], drawn[~seen], "o", color=VERMILLION, markersize=5, markerfacecolor="none",
+        label="below the tolerance",
+    )  # fmt: skip
+    if diagnosis.tolerance > floor:
+        ax.axhline(diagnosis.tolerance, color=VERMILLION, linewidth=1.0, linestyle="--")
+        ax.annotate(
+            f"tolerance {diagnosis.tolerance:.1e}", (0.02, diagnosis.tolerance),
+            xycoords=("axes fraction", "data"), xytext=(0, 4), textcoords="offset points",
+            color=VERMILLION, fontsize=9,
+        )  # fmt: skip
+    ax.set_yscale("log")
+    ax.set_ylim(floor / 3, 10 * max(float(s.max(initial=0.0)), 10 * floor))
+    ax.set_xlim(0.0, n + 1.0)
+    if rank < n:
+        ax.axvline(rank + 0.5, color=FAINT, linewidth=1.0)
+        ax.axvspan(rank + 0.5, n + 1.0, color=VERMILLION, alpha=0.07, linewidth=0)
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+    ax.grid(color=FAINT, alpha=0.25, linewidth=0.6)
+    ax.set_xlabel("index, largest first")
+    ax.set_ylabel("singular value (whitened residual per unit)")
+    if rank == n:
+        ax.set_title(f"rank {rank} of {n}, condition {diagnosis.condition:.3g}", loc="left")
+        return ax
+    ax.set_title(f"rank {rank} of {n}", loc="left")
+    ax.text(
+        1.03, 1.0, "\n".join(plain(line) for line in unseen(diagnosis)),
+        transform=ax.transAxes, va="top", fontsize=9, linespacing=1.35,
+    )  # fmt: skip
+    return ax
+
+
+def caption_singular_values(diagnosis: Diagnosis) -> str:
+    """What `plot_singular_values` shows."""
+    s, n, rank = diagnosis.singular_values, diagnosis.shape[1], diagnosis.rank
+    if rank == n:
+        return (
+            f"All {n} directions are seen: the singular values fall from {s[0]:.3g} to "
+            f"{s[-1]:.3g}, a condition of {diagnosis.condition:.3g}."
+        )
+    gap = f" The values fall from {s[rank - 1]:.2g} to {s[rank]:.2g}" if 0 < rank < s.size else ""
+    where = f"{gap} at the rank." if gap else ""
+    return (
+        f"The residuals notice {rank} of {n} directions; along the other {n - rank} the free "
+        f"numbers can change and no residual does.{where} The table below names them all."
+    )
+
+
+def unseen(diagnosis: Diagnosis) -> list[str]:
+    """The null directions in a few short lines."""
+    if diagnosis.rank == diagnosis.shape[1]:
+        return ["every direction is seen", f"condition {diagnosis.condition:.3g}"]
+    found = diagnosis.null_directions
+    text = [f"{len(found)} directions not seen", *_entries(found)]
+    alone = [d.joints[0] for d in found if d.kind == "twist" and len(d.joints) == 1]
+    pairs = [" / ".join(d.joints) for d in found if d.kind == "twist" and len(d.joints) > 1]
+    text += _group(alone, "of one joint alone") + _group(pairs, "undone at the child")
+    text += [d.name for d in found if d.kind not in ("entry", "twist")]
+    if len(text) > MOST:
+        text = [*text[: MOST - 1], f"… {len(text) - MOST + 1} lines more: see the table"]
+    return [shortened(line, WIDEST) for line in text]
+
+
+def _entries(found: tuple[Direction, ...]) -> list[str]:
+    entries = [d.name for d in found if d.kind == "entry"]
+    if len(entries) <= 3:
+        return entries
+    blocks: dict[str, int] = {}
+    for name in entries:
+        block = name.partition("[")[0]
+        blocks[block] = blocks.get(block, 0) + 1
+    return [f"{count} single entries of {block}" for block, count in blocks.items()]
+
+
+def _group(names: list[str], kind: str) -> list[str]:
+    if not names:
+        return []
+    counted = f"{len(names)} {'turn' if len(names) == 1 else 'turns'} {kind}:"
+    return [counted, *(f"   {name}" for name in names)]
+
+
+def _floor(diagnosis: Diagnosis) -> float:
+    """Where the axis ends, and values that are zero, or nearly, are drawn."""
+    s, tolerance = diagnosis.singular_values, diagnosis.tolerance
+    above = s[s > 0]
+    if not above.size:
+        return 1e-1
+    least = float(above.min())
+    if (
+        diagnosis.rank == diagnosis.shape[1] and least > FAR * tolerance
+    ):  # a tolerance so far below would leave the drawing empty
+        return least / 10
+    return max(min(least, tolerance), 1e-4 * tolerance) / 3

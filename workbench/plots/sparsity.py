@@ -1,0 +1,121 @@
+"""Where a Jacobian is not zero: which residuals see which numbers."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
+from numpy.typing import NDArray
+
+from workbench.diagnostics import Diagnosis
+from workbench.plots.lettering import apart, plain, shortened
+from workbench.plots.palette import BLUE, FAINT
+
+LINES = 720  # that the drawing has, top to bottom
+THINNEST = 0.04  # of the height: what a term gets at least, so that it can be read
+
+
+def plot_sparsity(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
+    """The pattern (m, n): a row per residual, grouped by term, a column per free number, by block.
+
+    Where several rows share a line, the line shows every column that any of them reads.
+    """
+    m, n = diagnosis.shape
+    terms = term_names(diagnosis)
+    heights = lines(np.diff(diagnosis.row_edges))
+    drawn = [
+        squeezed(diagnosis.pattern[top:bottom], height)
+        for (top, bottom), height in zip(pairwise(diagnosis.row_edges), heights, strict=True)
+    ]
+    image = np.vstack(drawn) if drawn else np.zeros((1, max(n, 1)), dtype=bool)
+    ax.imshow(
+        image, extent=(0, max(n, 1), len(image), 0), aspect="auto", interpolation="nearest",
+        cmap=ListedColormap(["white", BLUE]), vmin=0, vmax=1,
+    )  # fmt: skip
+    rows = np.cumsum([0, *heights])
+    columns = [0, *(part.stop for part in diagnosis.free.slices.values())]
+    for edge in rows[1:-1]:
+        ax.axhline(float(edge), color=FAINT, linewidth=0.8)
+    for edge in columns[1:-1]:
+        ax.axvline(edge, color=FAINT, linewidth=0.8)
+    _label_rows(ax, terms, rows, np.diff(diagnosis.row_edges))
+    _label_columns(ax, diagnosis.free.names, np.asarray(columns))
+    ax.spines[:].set_visible(True)
+    ax.set_xlabel("free numbers, by block (columns)")
+    ax.set_ylabel("whitened residuals, by term (rows)")
+    ax.set_title(
+        f"{m:,} × {n:,}, {diagnosis.nonzeros:,} nonzeros ({diagnosis.density:.1%})", loc="left"
+    )
+    return ax
+
+
+def caption_sparsity(diagnosis: Diagnosis) -> str:
+    """What `plot_sparsity` shows."""
+    m, n = diagnosis.shape
+    sizes = np.diff(diagnosis.row_edges)
+    text = (
+        f"Blue where one of the {m:,} residuals depends on one of the {n:,} free numbers, by "
+        f"structure: {diagnosis.density:.1%} of the entries."
+    )
+    if (sizes > np.array(lines(sizes))).any():
+        text += " Several rows share a line; it is blue where any of them is."
+    if (sizes < THINNEST * m).any():
+        text += " Small terms are drawn taller than to scale."
+    return text
+
+
+def term_names(diagnosis: Diagnosis) -> list[str]:
+    """The residuals, from the top down."""
+    return list(dict.fromkeys(term.term for term in diagnosis.terms))
+
+
+def lines(sizes: Sequence[int] | NDArray[np.int64]) -> list[int]:
+    """How many lines of the drawing each term gets: to scale, but never too thin to see."""
+    share = np.maximum(
+        np.asarray(sizes, dtype=float), min(THINNEST, 0.5 / max(len(sizes), 1)) * np.sum(sizes)
+    )
+    share = share / max(share.sum(), 1.0)
+    return [max(1, round(LINES * float(s))) for s in share]
+
+
+def squeezed(pattern: NDArray[np.bool_], height: int) -> NDArray[np.bool_]:
+    """Rows (m, n) on `height` lines: any nonzero where rows share a line, else repeated."""
+    m = len(pattern)
+    if m == 0:
+        return np.zeros((height, pattern.shape[1]), dtype=bool)
+    starts = np.arange(height) * m // height
+    if m <= height:
+        return pattern[starts]
+    return np.logical_or.reduceat(pattern, starts, axis=0)
+
+
+def _label_rows(
+    ax: Axes, names: Sequence[str], edges: NDArray[np.int64], sizes: NDArray[np.int64]
+) -> None:
+    middles = [(a + b) / 2 for a, b in pairwise(edges.tolist())]
+    kept = apart(middles, np.diff(edges).tolist(), 0.035 * float(edges[-1]))
+    labels = [plain(f"{shortened(names[i], 24)}: {sizes[i]:,}") for i in kept]
+    ax.set_yticks([middles[i] for i in kept], labels)
+    ax.tick_params(axis="y", length=0)
+
+
+def _label_columns(ax: Axes, names: Sequence[str], edges: NDArray[np.int64]) -> None:
+    middles = [(a + b) / 2 for a, b in pairwise(edges.tolist())]
+    sizes = np.diff(edges)
+    kept = apart(middles, sizes.tolist(), 0.03 * float(edges[-1]))
+    labels = [f"{shortened(names[i], 24)}\n{sizes[i]:,}" for i in kept]
+    widths = [  # at 75 letters to the axis
+        (2 + max(map(len, label.split("\n")))) / 75 * float(edges[-1]) for label in labels
+    ]
+    spaces = [middles[j] - middles[i] for i, j in pairwise(kept)]
+    tight = any(s < (a + b) / 2 for s, (a, b) in zip(spaces, pairwise(widths), strict=True))
+    if tight and len(kept) <= 6:  # every other label two lines lower
+        labels = [label if k % 2 == 0 else "\n\n" + label for k, label in enumerate(labels)]
+    elif tight:
+        labels = [label.replace("\n", ": ") for label in labels]
+    ax.set_xticks([middles[i] for i in kept], [plain(label) for label in labels])
+    if tight and len(kept) > 6:
+        for label in ax.get_xticklabels():
+            label.set(rotation=35, ha="right", rotation_mode="anchor")
+    ax.tick_params(axis="x", length=0)

@@ -1,0 +1,6 @@
+"""Problems: residuals over named blocks, some of them free; and how they look from one point."""
+
+from workbench.problem.linearization import Linearization
+from workbench.problem.problem import Problem
+
+__all__ = ["Linearization", "Problem"]

@@ -1,0 +1,106 @@
+"""A least-squares problem seen from one point, where it is nearly linear."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+EPS = float(np.finfo(float).eps)
+CHOLESKY_UP_TO = 1e6  # of the condition of J; its square is what Cholesky meets
+
+
+@dataclass(frozen=True, eq=False)
+class Linearization:
+    """r(x + p) ~ r + J p, whitened, and the textbook formulas on it."""
+
+    residual: Array  # (m,)
+    jacobian: Array  # (m, n)
+
+    @property
+    def cost(self) -> float:
+        """1/2 |r|^2."""
+        return 0.5 * float(self.residual @ self.residual)
+
+    @cached_property
+    def gradient(self) -> Array:
+        """J' r, (n,): the factor 2 of |r|^2 is gone with the half."""
+        return self.jacobian.T @ self.residual
+
+    @cached_property
+    def normal(self) -> Array:
+        """J' J, (n, n): Gauss and Newton's Hessian."""
+        return self.jacobian.T @ self.jacobian
+
+    @cached_property
+    def column_norms(self) -> Array:
+        """|J_i|, (n,): what one unit of each entry does to the residual."""
+        return np.asarray(np.linalg.norm(self.jacobian, axis=0))
+
+    @cached_property
+    def svd(self) -> tuple[Array, Array, Array]:
+        """`U, s, Vt` of the Jacobian, thin: s (k,) falls, the rows of Vt (k, n) are directions."""
+        return np.linalg.svd(self.jacobian, full_matrices=False)
+
+    @property
+    def tolerance(self) -> float:
+        """The singular value below which a direction counts as unseen: eps max(m, n) s_1."""
+        s = self.svd[1]
+        return float(EPS * max(self.jacobian.shape) * s.max(initial=0.0))
+
+    @property
+    def rank(self) -> int:
+        """How many directions the residual notices."""
+        return int(np.sum(self.svd[1] > self.tolerance))
+
+    def step(self, damping: float = 0.0, scaling: Array | float = 1.0) -> Array:
+        """The p (n,) least in |J p + r|^2 + damping |D p|^2, D = diag(scaling).
+
+        Without damping, Gauss and Newton's step; where J has no full rank, the shortest one. Well
+        conditioned normal equations go to Cholesky, all else to the singular values. The scaling
+        must be above zero.
+        """
+        D = np.broadcast_to(np.asarray(scaling, dtype=float), self.gradient.shape)
+        A = self.normal + damping * np.diag(D**2)
+        d = np.sqrt(np.diag(A))
+        if (d > 0).all():
+            try:
+                L = scipy.linalg.cholesky(A / np.outer(d, d), lower=True)
+            except np.linalg.LinAlgError:
+                L = np.zeros((1, 1))
+            if np.diag(L).min() > 1 / CHOLESKY_UP_TO:
+                return -scipy.linalg.cho_solve((L, True), self.gradient / d) / d
+        if damping == 0 or (D == 1).all():
+            D, (U, s, Vt) = np.ones_like(D), self.svd
+        else:
+            U, s, Vt = np.linalg.svd(self.jacobian / D, full_matrices=False)
+        seen = s > EPS * max(self.jacobian.shape) * s.max(initial=0.0)
+        s, U, Vt = s[seen], U[:, seen], Vt[seen]
+        # unseen directions are left out: there damping below eps would magnify rounding errors
+        return np.asarray(-(Vt.T @ ((U.T @ self.residual) / (s + damping / s))) / D)
+
+    def predicted_cost(self, step: Array) -> float:
+        """1/2 |r + J p|^2."""
+        r = self.residual + self.jacobian @ step
+        return 0.5 * float(r @ r)
+
+    @property
+    def covariance(self) -> Array:
+        """Laplace's approximation to the posterior covariance, (J' J)^-1, (n, n).
+
+        From the singular values, never from the normal equations; directions that the residual
+        does not notice get infinite variance, wherever they point to.
+        """
+        _, s, Vt = self.svd
+        if self.rank == self.jacobian.shape[1]:
+            half = Vt.T / s
+            return half @ half.T
+        seen = s > self.tolerance
+        half = Vt[seen].T / s[seen]
+        blind = 1 - np.sum(Vt[seen] ** 2, axis=0) > 1e-9  # entries with a part in the null space
+        C = half @ half.T
+        C[blind, :] = C[:, blind] = np.nan
+        C[blind, blind] = np.inf
+        return C

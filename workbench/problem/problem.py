@@ -1,0 +1,260 @@
+"""Residuals over named blocks, some of them free."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property
+from itertools import pairwise
+
+import casadi as cs
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from workbench.blocks import Block, Layout, Points, Tree
+from workbench.errors import (
+    BadBounds,
+    BadResidual,
+    DuplicateResidual,
+    ShapeMismatch,
+    TwoSymbolsOneName,
+    UnknownName,
+)
+from workbench.problem.linearization import EPS, Linearization
+from workbench.residuals import Residual
+
+# CasADi 3.8 loses the derivative of `row + scalar` by the scalar when it takes a Jacobian of more
+# columns than rows backwards: all but the first entry come out zero
+FORWARD = {"helper_options": {"ad_weight": 0.0}}
+
+Array = NDArray[np.float64]
+Bounds = Mapping[str, tuple[ArrayLike, ArrayLike]]
+
+
+class Problem:
+    """Minimise 1/2 sum over residuals of |r(x, fixed) / sigma|^2 over the blocks named `free`.
+
+    Every other block that the residuals read is fixed at the value that it is given: a
+    measurement, or an unknown whose turn has not come. `bounds` map names of free blocks to
+    (lower, upper), numbers or arrays. Units and labels of blocks come with the bodies' points;
+    `blocks` adds those of others. A problem is never changed; `freeing` makes another.
+
+    Raises DuplicateResidual, TwoSymbolsOneName, UnknownName, BadBounds or BadResidual.
+    """
+
+    def __init__(
+        self,
+        residuals: Iterable[Residual],
+        free: Sequence[str],
+        bounds: Bounds | None = None,
+        blocks: Iterable[Block] = (),
+    ) -> None:
+        self.residuals = tuple(residuals)
+        self.bounds = dict(bounds or {})
+        self._named = tuple(blocks)
+        if not self.residuals:
+            raise BadResidual("a problem needs at least one residual")
+        names = [residual.name for residual in self.residuals]
+        for name in names:
+            if names.count(name) > 1:
+                raise DuplicateResidual(name)
+        known = self._blocks
+        for name in (*free, *self.bounds):
+            if name not in known:
+                raise UnknownName("block", name, known)
+        self.free = Layout(tuple(known[name] for name in dict.fromkeys(free)))
+        self.fixed = Layout(tuple(b for name, b in known.items() if name not in free))
+        for name in self.bounds:
+            if name in self.fixed.names:
+                raise BadBounds(f"block {name!r} has bounds but is fixed; free it or drop them")
+        self.lower, self.upper = self._flat_bounds(0), self._flat_bounds(1)
+        wrong = ~(self.lower <= self.upper)  # also where one is NaN
+        if wrong.any():
+            i = int(np.argmax(wrong))
+            raise BadBounds(
+                f"{self.free.label(i)} has the lower bound {self.lower[i]:g} and the upper bound "
+                f"{self.upper[i]:g}; no number lies between"
+            )
+
+    def freeing(self, *names: str) -> "Problem":
+        """The same residuals with these blocks free instead; bounds of others are dropped."""
+        bounds = {name: self.bounds[name] for name in names if name in self.bounds}
+        return Problem(self.residuals, names, bounds, self._named)
+
+    # Values in and out.
+
+    def split(self, values: Mapping[str, ArrayLike]) -> tuple[Array, Array]:
+        """The free and the fixed numbers among `values`, each as a flat vector."""
+        return self.free.pack(values), self.fixed.pack(values)
+
+    @cached_property
+    def rows(self) -> dict[str, slice]:
+        """Where each residual sits in the stacked vector."""
+        edges = np.cumsum([0, *(r.size for r in self.residuals)]).tolist()
+        return {
+            r.name: slice(*edge) for r, edge in zip(self.residuals, pairwise(edges), strict=True)
+        }
+
+    @property
+    def size(self) -> int:
+        """m, the length of the stacked residual."""
+        return sum(residual.size for residual in self.residuals)
+
+    def row_label(self, row: int) -> str:
+        """The name of one entry of the stacked residual."""
+        for residual in self.residuals:
+            if row < residual.size:
+                return residual.label(row)
+            row -= residual.size
+        raise IndexError(f"row {row} of a residual of {self.size}")
+
+    @property
+    def trees(self) -> tuple[Tree, ...]:
+        """The kinematic trees of the bodies whose points are read, one per pose block."""
+        found = {tree.pose: tree for p in self._points if (tree := p.source.tree) is not None}
+        return tuple(found.values())
+
+    @property
+    def bounded(self) -> bool:
+        """Whether any entry has a bound."""
+        return bool(np.isfinite(self.lower).any() or np.isfinite(self.upper).any())
+
+    # The graphs.
+
+    @cached_property
+    def function(self) -> cs.Function:
+        """(x, fixed) -> r: the stacked, whitened residual, (m, 1)."""
+        x, fixed, r = self._graph
+        return cs.Function("residual", [x, fixed], [r], ["x", "fixed"], ["r"])
+
+    @cached_property
+    def derivative(self) -> cs.Function:
+        """(x, fixed) -> r, J: J (m, n) as sparse as its structure."""
+        x, fixed, r = self._graph
+        J = cs.jacobian(r, x, FORWARD)
+        return cs.Function("derivative", [x, fixed], [r, J], ["x", "fixed"], ["r", "J"])
+
+    @cached_property
+    def adjoint(self) -> cs.Function:
+        """(x, fixed) -> cost, gradient: one reverse sweep, no Jacobian."""
+        x, fixed, r = self._graph
+        cost = 0.5 * cs.sumsqr(r)
+        outputs = [cost, cs.gradient(cost, x)]
+        return cs.Function("adjoint", [x, fixed], outputs, ["x", "fixed"], ["cost", "gradient"])
+
+    @cached_property
+    def hessian(self) -> cs.Function:
+        """(x, fixed) -> H: the exact Hessian of the cost, J' J + sum r_i H_i, (n, n)."""
+        x, fixed, r = self._graph
+        H = cs.hessian(0.5 * cs.sumsqr(r), x)[0]
+        return cs.Function("hessian", [x, fixed], [H], ["x", "fixed"], ["H"])
+
+    # The numbers, for flat vectors.
+
+    def residual(self, x: Array, fixed: Array) -> Array:
+        """r (m,), whitened."""
+        return np.asarray(self.function(x, fixed)).ravel()
+
+    def cost_and_gradient(self, x: Array, fixed: Array) -> tuple[float, Array]:
+        """The cost and its gradient (n,), without a Jacobian."""
+        cost, gradient = self.adjoint(x, fixed)
+        return float(cost), np.asarray(gradient).ravel()
+
+    def hessian_at(self, x: Array, fixed: Array) -> Array:
+        """The exact Hessian (n, n)."""
+        return np.asarray(self.hessian(x, fixed))
+
+    def linearize_at(self, x: Array, fixed: Array) -> Linearization:
+        """Residual and Jacobian at a point."""
+        r, J = self.derivative(x, fixed)
+        return Linearization(np.asarray(r).ravel(), np.asarray(J))
+
+    def linearize(self, values: Mapping[str, ArrayLike]) -> Linearization:
+        """Residual and Jacobian at named values; every block that is read needs one."""
+        return self.linearize_at(*self.split(values))
+
+    # What convergence means, for every solver.
+
+    def rounding(self, x: Array, fixed: Array) -> float:
+        """How much of |r| may be rounding error: 10 eps times the size of what r is made from.
+
+        That is the free and the fixed numbers, each through its derivative, and r itself.
+        """
+        r, made_from = self._scale(x, fixed)
+        sizes = [
+            np.sqrt(self.size),
+            np.linalg.norm(np.asarray(r)),
+            np.linalg.norm(np.asarray(made_from)),
+        ]
+        return 10 * EPS * float(sum(sizes))
+
+    def optimality(self, x: Array, here: Linearization, rounding: float = 0.0) -> float:
+        """How far from a stationary point: 0 at one, at most 1, free of units.
+
+        The largest |g_i| / (|J_i| |r|), the cosine between the residual and a column of the
+        Jacobian, less what rounding explains. With bounds g_i / |J_i| is cut to |J_i| times the
+        way that is left: the projected gradient, in the units of the residual. So an entry at a
+        bound that it is pulled against is stationary, and one next to it nearly so.
+        """
+        norms, seen = here.column_norms, here.column_norms > 0
+        pull = -here.gradient[seen] / norms[seen]
+        left, right = (self.lower - x)[seen] * norms[seen], (self.upper - x)[seen] * norms[seen]
+        pull = np.maximum(np.abs(np.clip(pull, left, right)) - rounding, 0)
+        size = np.linalg.norm(here.residual)
+        return float(np.max(pull, initial=0.0) / size) if size > 0 else 0.0
+
+    # How all of it is put together.
+
+    @cached_property
+    def _points(self) -> tuple[Points, ...]:
+        found = {p.symbol.__hash__(): p for r in self.residuals for p in r.points}
+        return tuple(found.values())
+
+    @cached_property
+    def _stacked(self) -> cs.MX:
+        """The whitened residual with every placeholder replaced by its source's expression."""
+        r = cs.vertcat(*[residual.whitened for residual in self.residuals])
+        if not self._points:
+            return r
+        placeholders = [p.symbol for p in self._points]
+        return cs.graph_substitute(r, placeholders, [p.source.expression for p in self._points])
+
+    @cached_property
+    def _blocks(self) -> dict[str, Block]:
+        """Every block that is read, by name, the best known description of each."""
+        described = {
+            b.symbol.__hash__(): b
+            for b in (*self._named, *(b for p in self._points for b in p.source.blocks))
+        }
+        blocks: dict[str, Block] = {}
+        for symbol in cs.symvar(self._stacked):
+            if symbol.name() in blocks:
+                raise TwoSymbolsOneName(symbol.name())
+            blocks[symbol.name()] = described.get(symbol.__hash__()) or Block.of(symbol)
+        return blocks
+
+    @cached_property
+    def _graph(self) -> tuple[cs.MX, cs.MX, cs.MX]:
+        blocks = (*self.free.blocks, *self.fixed.blocks)
+        named = cs.Function("named", [b.symbol for b in blocks], [self._stacked])
+        x, fixed = cs.MX.sym("x", self.free.size), cs.MX.sym("fixed", self.fixed.size)
+        pieces = self.free.pieces(x) + self.fixed.pieces(fixed)
+        (r,) = named.call(pieces, True, False)  # inlined: seeds stay sparse, derivatives fast
+        return x, fixed, r
+
+    @cached_property
+    def _scale(self) -> cs.Function:
+        """(x, fixed) -> r and |dr/dx x| + |dr/dfixed fixed|, the terms whose difference r is."""
+        x, fixed, r = self._graph
+        of_free, of_fixed = cs.jtimes(r, x, x), cs.jtimes(r, fixed, fixed)
+        return cs.Function("scale", [x, fixed], [r, cs.fabs(of_free) + cs.fabs(of_fixed)])
+
+    def _flat_bounds(self, side: int) -> Array:
+        flat = np.full(self.free.size, (-np.inf, np.inf)[side])
+        for name, pair in self.bounds.items():
+            block = self.free[name]
+            limit = np.asarray(pair[side], dtype=float)
+            try:
+                flat[self.free.slices[name]] = np.broadcast_to(limit, block.shape).ravel()
+            except ValueError:
+                raise ShapeMismatch(
+                    f"bounds of {name}", expected=block.shape, got=limit.shape
+                ) from None
+        return flat

@@ -1,0 +1,87 @@
+"""What a body is made of, in names and numbers."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.bodies import SkinnedBody
+from workbench.plots.body import side
+
+Array = NDArray[np.float64]
+LOWERED = 1.15  # rad that the arms hang down from a T-pose, so that shapes stand closer together
+ENDS = 2.0  # standard deviations at which shapes are drawn
+DRAWN = 5  # shape directions in the gallery
+
+
+@dataclass(frozen=True)
+class Joint:
+    """One row of the joint table; `rest` in metres."""
+
+    index: int
+    name: str
+    parent: str
+    rest: tuple[float, float, float]
+    vertices: int  # that it moves
+    regressor: int  # vertices that it is regressed from
+
+
+def facts(body: SkinnedBody) -> dict[str, str]:
+    """Sizes and kinds, by name."""
+    weights = np.count_nonzero(body.weights, axis=1)
+    features, acting = body.posedirs.shape[2], int(np.count_nonzero(body.posedirs))
+    mirrored = "no" if body.mirror is None else "yes: a partner on the other side for every vertex"
+    sets = [f"{name} ({len(marks.names)})" for name, marks in body.landmarks.items()]
+    tall = float(np.ptp(body.template[:, 1]))
+    return {
+        "type": f"{type(body).__name__}, {body.skinning.__name__.replace('_', ' ')} skinning",
+        "vertices V": f"{body.n_vertices:,}",
+        "faces": f"{len(body.faces):,}",
+        "joints K": str(body.n_joints),
+        "shape directions B": str(body.n_betas),
+        "pose features P": f"{features} ({acting:,} nonzeros in posedirs)",
+        "skinning weights": f"at most {weights.max()} per vertex, {weights.mean():.2f} on average",
+        "J_regressor": f"{body.J_regressor.nnz:,} nonzeros",
+        "height of the template": f"{tall:.3f} m",
+        "mirror": mirrored,
+        "landmarks": ", ".join(["joints", *sets]),
+    }
+
+
+def joints(body: SkinnedBody) -> list[Joint]:
+    """The kinematic tree, parents first."""
+    rest = body.joints()
+    moved = np.count_nonzero(body.weights, axis=0)
+    read = np.diff(body.J_regressor.indptr)
+    return [
+        Joint(
+            k, name, "–" if parent < 0 else body.joint_names[parent],
+            (float(rest[k, 0]), float(rest[k, 1]), float(rest[k, 2])), int(moved[k]), int(read[k]),
+        )
+        for k, (name, parent) in enumerate(zip(body.joint_names, body.parents, strict=True))
+    ]  # fmt: skip
+
+
+def shapes(body: SkinnedBody) -> dict[str, Array]:
+    """The mean and the first shape directions at plus, then at minus two standard deviations.
+
+    (N, 3) m each, the arms hanging where the body is a T-pose of SMPL's joint names.
+    """
+    pose = _arms_down(body)
+    found: dict[str, Array] = {}
+    for sign, word in ((1, "+2 sd"), (-1, "−2 sd")):
+        mean = body.vertices(pose)
+        found |= {"mean": mean} if sign > 0 else {"mean, side": side(mean)}
+        for b in range(min(DRAWN, body.n_betas)):
+            betas = np.zeros(body.n_betas)
+            betas[b] = sign * ENDS
+            found[f"betas[{b}] {word}"] = body.vertices(pose, betas)
+    return found
+
+
+def _arms_down(body: SkinnedBody) -> Array:
+    pose = body.bind_pose.copy()
+    for name, turn in (("left_shoulder", -LOWERED), ("right_shoulder", LOWERED)):
+        if name in body.joint_names and body.bound_in is None:
+            pose[body.joint_names.index(name), 2] = turn
+    return pose

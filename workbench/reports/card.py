@@ -1,0 +1,98 @@
+"""A body's model card: what it is made of, where that comes from, and how it looks."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from workbench.bodies import SkinnedBody
+from workbench.plots import caption_body, caption_shape_gallery, sheets
+from workbench.reports.anatomy import facts, joints, shapes
+from workbench.reports.figures import shown
+from workbench.reports.folder import MAKER, SUMMARY, replacing_folder
+from workbench.reports.page import page
+from workbench.reports.summary import as_json, versions
+from workbench.reports.tables import Table
+
+
+def write_card(body: SkinnedBody, folder: str | Path) -> Path:
+    """Write the folder of a card, and return its page `index.html`; whole or not at all.
+
+    Raises BadFile if the place cannot be written or holds something else.
+    """
+    target = Path(folder)
+    with replacing_folder(target) as fresh:
+        (fresh / "index.html").write_text(card_page(body), encoding="utf-8")
+        (fresh / "card.txt").write_text(card_text(body) + "\n", encoding="utf-8")
+        summary = {
+            "made_by": MAKER,
+            "kind": "card",
+            "name": body.name,
+            "facts": facts(body),
+            "card": dict(body.card),
+            "versions": versions(),
+            "files": ["card.txt", "index.html", SUMMARY],
+        }
+        (fresh / SUMMARY).write_text(as_json(summary), encoding="utf-8")
+    return target / "index.html"
+
+
+def card_page(body: SkinnedBody) -> str:
+    """The page of a body."""
+    gallery = shapes(body)
+    return page(
+        "card.html",
+        title=f"Body: {body.name}",
+        facts=facts(body),
+        portrait=shown(sheets.body_sheet(body.template, body.faces), caption_body(body.template)),
+        gallery=shown(
+            sheets.shape_gallery_sheet(gallery, body.faces), caption_shape_gallery(gallery)
+        ) if body.n_betas else None,
+        joints=joint_table(body),
+        card=dict(body.card),
+        versions=versions(),
+    )  # fmt: skip
+
+
+def card_text(body: SkinnedBody) -> str:
+    """The card for a terminal."""
+    known = facts(body)
+    widest = max(map(len, known))
+    lines = [body.name, *(f"  {name:{widest}}  {text}" for name, text in known.items()), ""]
+    table = joint_table(body)
+    rows = [table.head, *table.rows]
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    for row in rows:
+        cells = [
+            cell.rjust(width) if i in table.numbers else cell.ljust(width)
+            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ]
+        lines.append("  " + "  ".join(cells).rstrip())
+    return "\n".join([*lines, "", *_nested(body.card, 1)]).rstrip()
+
+
+def joint_table(body: SkinnedBody) -> Table:
+    """The joints with their parents and places."""
+    rows = tuple(
+        (
+            str(j.index), j.name, j.parent, *(f"{round(x, 3) + 0.0:.3f}" for x in j.rest),
+            f"{j.vertices:,}", f"{j.regressor:,}",
+        )
+        for j in joints(body)
+    )  # fmt: skip
+    head = ("k", "joint", "parent", "x (m)", "y (m)", "z (m)", "vertices moved", "regressed from")
+    return Table(head, rows, (0, 3, 4, 5, 6, 7))
+
+
+def _nested(card: Mapping[str, Any], depth: int) -> list[str]:
+    lines = []
+    for key, value in card.items():
+        name = f"{'  ' * depth}{key}:"
+        if isinstance(value, Mapping):
+            lines += [name, *_nested(value, depth + 1)]
+        elif isinstance(value, (list, tuple)) and any(isinstance(v, str) for v in value):
+            lines += [name, *(f"{'  ' * (depth + 1)}- {v}" for v in value)]
+        elif isinstance(value, (list, tuple)):
+            lines.append(f"{name} {', '.join(map(str, value))}")
+        else:
+            lines.append(f"{name} {value}")
+    return lines

@@ -1,0 +1,112 @@
+"""A run as a folder: one page with the figures in it, and the numbers beside it."""
+
+from pathlib import Path
+
+import numpy as np
+
+from workbench.experiments.experiment import Outcome
+from workbench.geometry.meshes import write_mesh
+from workbench.plots import (
+    caption_convergence,
+    caption_distances,
+    caption_overlay,
+    caption_singular_values,
+    caption_sparsity,
+    sheets,
+)
+from workbench.reports import tables
+from workbench.reports.arrays import arrays, write_arrays
+from workbench.reports.figures import Shown, shown
+from workbench.reports.folder import SUMMARY, replacing_folder
+from workbench.reports.page import page
+from workbench.reports.summary import as_json, run_summary, versions
+
+FILES = {
+    "index.html": "this page",
+    "values.npz": "every block by its name, free and fixed, and the points as drawn in each view",
+    "solution.npz": "the solution with its trace: Solution.load reads it",
+    "body.glb": "the fitted, posed body, in metres",
+    "diagnosis.txt": "what the Jacobian sees, as text",
+    SUMMARY: "how it ended, in a file that programs read",
+}
+
+
+def write_report(outcome: Outcome, folder: str | Path) -> Path:
+    """Write the folder of a run, and return its page `index.html`.
+
+    The folder appears whole or not at all: whatever interrupts the writing, a previous report
+    stays. Raises BadFile if the place cannot be written or holds something else.
+    """
+    target = Path(folder)
+    with replacing_folder(target) as fresh:
+        write_arrays(fresh / "values.npz", arrays(outcome))
+        outcome.solution.save(fresh / "solution.npz")
+        body = outcome.setup.body
+        if body is not None and outcome.surface is not None:
+            write_mesh(fresh / "body.glb", outcome.surface, body.faces)
+        (fresh / "diagnosis.txt").write_text(f"{outcome.diagnosis}\n", encoding="utf-8")
+        present = {path.name for path in fresh.iterdir()} | {"index.html", SUMMARY}
+        files = {name: text for name, text in FILES.items() if name in present}
+        (fresh / "index.html").write_text(run_page(outcome, files), encoding="utf-8")
+        (fresh / SUMMARY).write_text(as_json(run_summary(outcome, files)), encoding="utf-8")
+    return target / "index.html"
+
+
+def run_page(outcome: Outcome, files: dict[str, str]) -> str:
+    """The page of a run."""
+    solution, diagnosis = outcome.solution, outcome.diagnosis
+    solutions = tables.solvers(outcome)
+    advice = solution.status.value
+    return page(
+        "run.html",
+        title=outcome.name,
+        question=outcome.setup.question,
+        measures=tables.measures_table(outcome.measures),
+        status=solution.status.name.lower().replace("_", " "),
+        converged=solution.converged,
+        advice=advice,
+        message=solution.message if solution.message != advice else "",
+        solver=solution.solver,
+        cost=tables.number(solution.cost, 6),
+        optimality=tables.number(solution.optimality, 2),
+        iterations=solution.iterations,
+        seconds=f"{solution.seconds:.2f}",
+        overlays=overlay_figures(outcome),
+        distances=distance_figure(outcome),
+        convergence=shown(sheets.convergence_sheet(solutions), caption_convergence(solutions)),
+        solvers=tables.solvers_table(solutions),
+        rows=f"{diagnosis.shape[0]:,}",
+        columns=f"{diagnosis.shape[1]:,}",
+        nonzeros=f"{diagnosis.nonzeros:,}",
+        density=f"{diagnosis.density:.1%}",
+        rank=diagnosis.rank,
+        structural_rank=diagnosis.structural_rank,
+        condition=tables.number(diagnosis.condition, 3),
+        sparsity=shown(sheets.sparsity_sheet(diagnosis), caption_sparsity(diagnosis)),
+        terms=tables.terms_table(diagnosis),
+        spectrum=shown(sheets.singular_values_sheet(diagnosis), caption_singular_values(diagnosis)),
+        directions=tables.directions_table(diagnosis),
+        values=tables.value_tables(outcome),
+        arrays=tables.array_tables(outcome),
+        fixed=tables.fixed_table(outcome),
+        files=files,
+        versions=versions(),
+    )
+
+
+def overlay_figures(outcome: Outcome) -> list[Shown]:
+    """One per view."""
+    return [
+        shown(sheets.overlay_sheet(outcome, i), caption_overlay(outcome, i))
+        for i in range(len(outcome.overlays))
+    ]
+
+
+def distance_figure(outcome: Outcome) -> Shown | None:
+    """Where the true surface is known."""
+    truth, surface, body = outcome.setup.truth, outcome.surface, outcome.setup.body
+    if truth is None or surface is None or body is None:
+        return None
+    distances = 1e3 * np.linalg.norm(surface - truth, axis=1)  # mm
+    figure = sheets.distances_sheet(surface, distances, body.faces)
+    return shown(figure, caption_distances(distances))

@@ -1,0 +1,72 @@
+"""A run in one small file that programs read."""
+
+import json
+import math
+import platform
+from collections.abc import Iterable
+from dataclasses import asdict
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+from workbench.experiments.experiment import Outcome
+from workbench.reports.folder import MAKER
+from workbench.solvers import Solution
+
+PACKAGES = ("workbench", "casadi", "numpy", "scipy", "nlopt", "matplotlib")
+
+
+def run_summary(outcome: Outcome, files: Iterable[str]) -> dict[str, Any]:
+    """How a run ended, what it measured, and what it ran on."""
+    m, n = outcome.diagnosis.shape
+    return {
+        "made_by": MAKER,
+        "kind": "run",
+        "name": outcome.name,
+        **_ending(outcome.solution),
+        "solver": outcome.solution.solver,
+        "rows": m,
+        "unknowns": n,
+        "rank": outcome.diagnosis.rank,
+        "measures": [asdict(measure) for measure in outcome.measures],
+        "compared": {name: _ending(solution) for name, solution in outcome.compared.items()},
+        "versions": versions(),
+        "files": sorted(files),
+    }
+
+
+def versions() -> dict[str, str | None]:
+    """Of Python and of what computes; None for what runs without being installed."""
+    found: dict[str, str | None] = {"python": platform.python_version()}
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = None
+    return found
+
+
+def as_json(summary: dict[str, Any]) -> str:
+    """JSON as every reader takes it: null where a number is not finite."""
+    return json.dumps(_finite(summary), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _ending(solution: Solution) -> dict[str, Any]:
+    return {
+        "status": solution.status.name,
+        "message": solution.message,
+        "cost": solution.cost,
+        "optimality": solution.optimality,
+        "iterations": solution.iterations,
+        "evaluations": asdict(solution.evaluations),
+        "seconds": solution.seconds,
+    }
+
+
+def _finite(thing: Any) -> Any:
+    if isinstance(thing, dict):
+        return {str(key): _finite(value) for key, value in thing.items()}
+    if isinstance(thing, (list, tuple)):
+        return [_finite(value) for value in thing]
+    if isinstance(thing, float):  # NumPy's float64 is one
+        return float(thing) if math.isfinite(thing) else None
+    return thing

@@ -1,0 +1,150 @@
+"""The tables of a report, as rows of text."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.blocks import Block
+from workbench.diagnostics import Diagnosis
+from workbench.experiments.experiment import Measure, Outcome
+from workbench.plots.convergence import best_cost
+from workbench.solvers import Solution
+
+SMALL = 24  # entries of a block that is listed number by number
+MOST = 3000  # entries of one that is listed row by row; what is larger is in the .npz alone
+Row = tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Table:
+    """Headings and rows of text, and which columns hold numbers: those stand to the right."""
+
+    head: Row
+    rows: tuple[Row, ...]
+    numbers: tuple[int, ...] = (1,)
+
+
+def number(value: float, digits: int = 4) -> str:
+    """A number for people: `12.35`, `3.1e-11`; a dash for what is not one."""
+    if not math.isfinite(value):
+        return "∞" if value == math.inf else "–"
+    return f"{value:.{digits}g}".replace("-", "−")
+
+
+def measures_table(measures: tuple[Measure, ...]) -> Table:
+    """What was measured, with units."""
+    return Table(
+        ("measure", "value", "unit"),
+        tuple((m.name, number(m.value), "" if m.unit == "1" else m.unit) for m in measures),
+    )
+
+
+def solvers(outcome: Outcome) -> dict[str, Solution]:
+    """All solves of this problem from this start, the run's own among them under its name."""
+    own = outcome.solution
+    return dict(outcome.compared) if own.solver in outcome.compared else {
+        own.solver: own, **outcome.compared
+    }  # fmt: skip
+
+
+def solvers_table(solutions: Mapping[str, Solution]) -> Table:
+    """How each solver ended, and what that took."""
+    best = best_cost(solutions)
+    rows = []
+    for name, s in solutions.items():
+        above = (s.cost - best) / abs(best) if best else math.nan
+        counts = s.evaluations
+        rows.append(
+            (
+                name, s.status.name.lower().replace("_", " "), f"{s.seconds:.2f}", f"{s.cost:.8g}",
+                "0" if s.cost == best else number(above, 2), number(s.optimality, 2),
+                str(s.iterations), str(counts.residual), str(counts.gradient),
+                str(counts.jacobian), str(counts.hessian),
+            )
+        )  # fmt: skip
+    return Table(
+        (
+            "solver", "status", "seconds", "cost", "above the best", "optimality", "iterations",
+            "residuals", "gradients", "Jacobians", "Hessians",
+        ),
+        tuple(rows),
+        tuple(range(2, 11)),
+    )  # fmt: skip
+
+
+def terms_table(diagnosis: Diagnosis) -> Table:
+    """The Jacobian by term and block."""
+    rows = tuple(
+        (
+            t.term, t.block, f"{t.rows:,}", f"{t.columns:,}", f"{t.nonzeros:,}",
+            f"{t.nonzeros / max(1, t.rows * t.columns):.1%}", number(t.norm),
+        )
+        for t in diagnosis.terms
+    )  # fmt: skip
+    return Table(
+        ("term", "block", "rows", "columns", "nonzeros", "density", "norm"),
+        rows,
+        tuple(range(2, 7)),
+    )
+
+
+def directions_table(diagnosis: Diagnosis) -> Table:
+    """What no residual notices, by name."""
+    rows = tuple(
+        (d.name, d.kind, number(d.change, 2)) for d in diagnosis.null_directions
+    )  # fmt: skip
+    return Table(("null direction", "kind", "change of the whitened residual"), rows, (2,))
+
+
+def value_tables(outcome: Outcome) -> list[Table]:
+    """The free numbers of small blocks, one by one, a table for each block."""
+    found = []
+    for block in outcome.diagnosis.free.blocks:
+        if block.size <= SMALL:
+            rows = tuple(
+                (block.name + block.entry(i), number(float(value)))
+                for i, value in enumerate(np.asarray(outcome.values[block.name]).ravel())
+            )
+            found.append(Table((block.name, "value" + _unit(block)), rows))
+    return found
+
+
+def array_tables(outcome: Outcome) -> dict[str, Table]:
+    """Free blocks of rows with three numbers, such as a pose, a table each, by a title."""
+    found = {}
+    for block in outcome.diagnosis.free.blocks:
+        if SMALL < block.size <= MOST and len(block.shape) == 2 and block.shape[1] == 3:
+            unit = _unit(block)
+            value = np.asarray(outcome.values[block.name])
+            rows = tuple(
+                (_row_name(block, k), *(number(float(x), 3) for x in row), number(_length(row), 3))
+                for k, row in enumerate(value)
+            )
+            head = (block.name, *(axis + unit for axis in "xyz"), "length" + unit)
+            found[f"{block.name}: {' × '.join(map(str, block.shape))}{unit}"] = Table(
+                head, rows, (1, 2, 3, 4)
+            )
+    return found
+
+
+def fixed_table(outcome: Outcome) -> Table:
+    """The blocks that were given."""
+    rows = tuple(
+        (b.name, " × ".join(map(str, b.shape)) or "1", "" if b.unit == "1" else b.unit)
+        for b in outcome.setup.problem.fixed.blocks
+    )
+    return Table(("block", "shape", "unit"), rows, ())
+
+
+def _unit(block: Block) -> str:
+    return "" if block.unit == "1" else f" ({block.unit})"
+
+
+def _row_name(block: Block, k: int) -> str:
+    return block.labels[k] if block.labels is not None else str(k)
+
+
+def _length(row: np.ndarray) -> float:
+    return float(np.linalg.norm(row))

@@ -1,0 +1,19 @@
+"""Residuals: short functions from points and numbers to named columns that should be zero."""
+
+from workbench.residuals.gaussian import gaussian
+from workbench.residuals.kernels import Kernel, geman_mcclure, huber, quadratic
+from workbench.residuals.keypoints import keypoints
+from workbench.residuals.points import landmarks, vertices
+from workbench.residuals.residual import Residual
+
+__all__ = [
+    "Kernel",
+    "Residual",
+    "gaussian",
+    "geman_mcclure",
+    "huber",
+    "keypoints",
+    "landmarks",
+    "quadratic",
+    "vertices",
+]

@@ -1,0 +1,62 @@
+"""Numbers that are expected near a mean: a Gaussian prior, or a measurement."""
+
+import casadi as cs
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from workbench.errors import BadResidual
+from workbench.residuals.residual import Residual, named
+
+
+def gaussian(
+    expression: cs.MX,
+    *,
+    mean: ArrayLike = 0.0,
+    covariance: ArrayLike = 1.0,
+    unit: str = "1",
+    name: str | None = None,
+) -> Residual:
+    """x - mean with its covariance: half the sum of squares is half Mahalanobis' distance squared.
+
+    x is a block's symbol or any expression, read in the order of the array that a user sees.
+    `mean` has the array's shape or broadcasts to it; `covariance` is a variance, one per entry, or
+    a matrix (n, n). A matrix is whitened by its Cholesky factor, L^-1 (x - mean), so that the
+    residual has no unit left and sigma 1. Raises BadResidual if shapes do not fit or the
+    covariance is not positive definite.
+    """
+    x = cs.vec(expression)
+    n = int(x.shape[0])
+    name = name or named("gaussian", expression)
+    rows, columns = expression.shape
+    shape = (n,) if columns == 1 else (columns, rows)  # as a user sees it
+    C = np.asarray(covariance, dtype=float)
+    try:
+        mu = np.asarray(mean, dtype=float)
+        mu = mu if mu.shape == (n,) else np.broadcast_to(mu, shape).ravel()
+    except ValueError:
+        mu = np.zeros(0)
+    if mu.size != n or C.shape not in ((), (n,), (n, n)):
+        raise BadResidual(
+            f"residual {name!r} is about {shape} numbers, but has a mean of {np.shape(mean)} and "
+            f"a covariance of {C.shape}; give a mean for {shape} or ({n},), and a covariance of "
+            f"shape (), ({n},) or ({n}, {n})"
+        )
+    difference = x - cs.DM(mu)
+    if C.ndim == 2:
+        return Residual(name, cs.DM(_whitening(C, name)) @ difference, 1.0)
+    if not (C > 0).all():
+        raise BadResidual(f"residual {name!r} needs variances above zero, not {C.min()}")
+    return Residual(name, difference, np.sqrt(C), unit)
+
+
+def _whitening(C: NDArray[np.float64], name: str) -> NDArray[np.float64]:
+    if not np.allclose(C, C.T, rtol=1e-9, atol=0):  # Cholesky would read the lower half only
+        raise BadResidual(f"residual {name!r} needs a covariance that is finite and symmetric")
+    try:
+        return np.linalg.inv(np.linalg.cholesky(C))
+    except np.linalg.LinAlgError:
+        low = np.linalg.eigvalsh(C)[0]
+        raise BadResidual(
+            f"residual {name!r} needs a positive definite covariance; the smallest eigenvalue "
+            f"of this one is {low:.3g}"
+        ) from None

@@ -1,0 +1,146 @@
+"""What every solver is asked, and what it answers with."""
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from enum import Enum
+from pathlib import Path
+from typing import Any, Protocol
+from zipfile import BadZipFile
+
+import numpy as np
+
+from workbench.blocks import Values
+from workbench.errors import BadFile
+from workbench.problem import Problem
+from workbench.writing import replacing
+
+
+class Status(Enum):
+    """How a solve ended; the value says what to do next."""
+
+    CONVERGED = "the gradient vanishes; nothing more to gain from here"
+    STALLED = "no step lowers the cost although the gradient does not vanish; diagnose the problem"
+    MAX_ITERATIONS = "out of iterations; raise max_iterations or start nearer"
+    MAX_EVALUATIONS = "out of evaluations; raise max_evaluations or start nearer"
+    MAX_SECONDS = "out of time; raise max_seconds or start nearer"
+    NOT_FINITE = "the residual is NaN or infinite; look at its formula there, or bound the blocks"
+    RAISED = "the residual raised an exception; see the message"
+    STOPPED = "stopped by the callback or from the keyboard; the best point so far was kept"
+
+
+@dataclass(frozen=True)
+class Evaluations:
+    """How often a solver asked for what."""
+
+    residual: int = 0
+    gradient: int = 0
+    jacobian: int = 0
+    hessian: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Iterate:
+    """One point that a solver visited."""
+
+    values: Values
+    cost: float
+    optimality: float  # Problem.optimality: 0 at a stationary point; NaN where it was not asked
+    step_norm: float
+    damping: float
+    evaluations: Evaluations
+    seconds: float
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """The best point that a solver found, how it ended, and the way there."""
+
+    values: Values  # of the free blocks
+    cost: float
+    optimality: float
+    status: Status
+    message: str
+    solver: str
+    evaluations: Evaluations
+    seconds: float
+    trace: tuple[Iterate, ...] = field(repr=False)
+
+    @property
+    def converged(self) -> bool:
+        """Whether the gradient vanished."""
+        return self.status is Status.CONVERGED
+
+    @property
+    def iterations(self) -> int:
+        """Steps taken: the start is not one."""
+        return max(0, len(self.trace) - 1)
+
+    def save(self, path: str | Path) -> None:
+        """Write everything to one `.npz`, whole or not at all; raises BadFile if it cannot be."""
+        facts = {
+            "cost": self.cost,
+            "optimality": self.optimality,
+            "status": self.status.name,
+            "message": self.message,
+            "solver": self.solver,
+            "evaluations": asdict(self.evaluations),
+            "seconds": self.seconds,
+            "trace": [
+                [i.cost, i.optimality, i.step_norm, i.damping, asdict(i.evaluations), i.seconds]
+                for i in self.trace
+            ],
+        }
+        arrays = {"solution": np.array(json.dumps(facts))}
+        arrays |= {f"value:{name}": value for name, value in self.values.items()}
+        for name in self.values:
+            arrays[f"trace:{name}"] = np.array([i.values[name] for i in self.trace])
+        with replacing(path) as temporary, temporary.open("wb") as file:
+            np.savez_compressed(file, **arrays)  # type: ignore[arg-type]  # its bool has another name
+
+    @staticmethod
+    def load(path: str | Path) -> "Solution":
+        """Read what `save` wrote; raises BadFile if that is not what the file holds."""
+        try:
+            with Path(path).open("rb") as raw, np.load(raw, allow_pickle=False) as file:
+                facts = json.loads(str(file["solution"]))
+                arrays = {name: file[name] for name in file.files if name != "solution"}
+            return Solution._from(facts, arrays)
+        except (OSError, ValueError, LookupError, TypeError, EOFError, BadZipFile) as error:
+            raise BadFile(
+                f"{path} is no solution that Solution.save wrote ({error}); give the .npz of a run"
+            ) from error
+
+    @staticmethod
+    def _from(facts: dict[str, Any], arrays: Values) -> "Solution":
+        names = [key.removeprefix("value:") for key in arrays if key.startswith("value:")]
+        trace = tuple(
+            Iterate(
+                {name: arrays[f"trace:{name}"][i] for name in names},
+                cost, optimality, step, damping, Evaluations(**counts), seconds,
+            )
+            for i, (cost, optimality, step, damping, counts, seconds) in enumerate(facts["trace"])
+        )  # fmt: skip
+        return Solution(
+            values={name: arrays[f"value:{name}"] for name in names},
+            cost=facts["cost"],
+            optimality=facts["optimality"],
+            status=Status[facts["status"]],
+            message=facts["message"],
+            solver=facts["solver"],
+            evaluations=Evaluations(**facts["evaluations"]),
+            seconds=facts["seconds"],
+            trace=trace,
+        )
+
+
+Callback = Callable[[Iterate], object]  # called at every iterate; stops the solver if it says True
+
+
+class Solver(Protocol):
+    """Anything that leads a problem from starting values to a solution."""
+
+    def solve(
+        self, problem: Problem, start: Values, *, callback: Callback | None = None
+    ) -> Solution:
+        """From `start`, values for every block that the problem reads, to the best point found."""
