@@ -2,6 +2,6 @@
 
 from workbench.blocks.block import Block
 from workbench.blocks.layout import Layout, Values
-from workbench.blocks.points import Points, PointSource, Tree
+from workbench.blocks.points import NumericPoints, Points, PointSource, Tree
 
-__all__ = ["Block", "Layout", "PointSource", "Points", "Tree", "Values"]
+__all__ = ["Block", "Layout", "NumericPoints", "PointSource", "Points", "Tree", "Values"]

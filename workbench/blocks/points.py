@@ -1,11 +1,16 @@
 """Points on a body as residuals see them: a placeholder, and where it comes from."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
 import casadi as cs
+import numpy as np
+from numpy.typing import NDArray
 
 from workbench.blocks.block import Block
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -22,6 +27,28 @@ class Tree:
     def children(self, joint: int) -> tuple[int, ...]:
         """The joints whose parent is `joint`."""
         return tuple(k for k, parent in enumerate(self.parents) if parent == joint)
+
+
+class NumericPoints(Protocol):
+    """Points by arithmetic on arrays, faster than any graph; `values` hold the blocks they read."""
+
+    @property
+    def reads(self) -> tuple[str, ...]:
+        """The names of the blocks that the points depend on."""
+
+    def points(self, values: Mapping[str, Array]) -> Array:
+        """(N, 3) m."""
+
+    def tangent(
+        self, values: Mapping[str, Array], into: Mapping[str, Array], scale: Array | None
+    ) -> None:
+        """Write the points' derivative by each block of `into`, transposed: (size, 3 N).
+
+        Each column is multiplied by `scale` (3 N,), where there is one.
+        """
+
+    def adjoint(self, values: Mapping[str, Array], pull: Array) -> dict[str, Array]:
+        """The gradient of sum(pull * points), pull (3 N,), by each block that is read, flat."""
 
 
 class PointSource(Protocol):
@@ -42,6 +69,10 @@ class PointSource(Protocol):
     @property
     def labels(self) -> tuple[str, ...] | None:
         """A name for each point, where they have names."""
+
+    @property
+    def numeric(self) -> NumericPoints | None:
+        """The same points by arithmetic, if the source knows its structure; None otherwise."""
 
 
 @dataclass(frozen=True, eq=False)

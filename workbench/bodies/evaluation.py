@@ -5,24 +5,65 @@ from __future__ import annotations
 from math import prod
 from typing import TYPE_CHECKING
 
-import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from workbench.bodies.numeric import many_points
+from workbench.bodies.skinning import linear_blend
 from workbench.errors import BadBody
 
 if TYPE_CHECKING:
     from workbench.bodies.skinned import SkinnedBody
 
+Array = NDArray[np.float64]
 
-def batched(
+
+TOGETHER = 16  # bodies in one matrix product: more would leave the cache
+
+
+def vertices(
     body: SkinnedBody,
-    function: cs.Function,
     pose: ArrayLike | None,
     betas: ArrayLike | None,
     trans: ArrayLike | None,
-) -> NDArray[np.float64]:
-    """`function` of (pose, betas, trans), (3, n) each time, over a broadcast batch: (..., n, 3).
+) -> Array:
+    """The posed surface over a broadcast batch, (..., N, 3) m."""
+    batch, theta, beta, move = arguments(body, pose, betas, trans)
+    found = np.empty((len(theta), body.n_vertices, 3))
+    for first in range(0, len(theta), TOGETHER):
+        some = slice(first, first + TOGETHER)
+        if body.skinning is linear_blend:
+            pairs = zip(theta[some], beta[some], strict=True)
+            motions = [body.kinematics.motion(*pair) for pair in pairs]
+            found[some] = many_points(body.chunks, motions, beta[some])
+        else:
+            graph = body.skinned_rest
+            for i in range(*some.indices(len(theta))):
+                found[i] = np.asarray(graph(theta[i].T, beta[i])).T
+    return (found + move[:, None]).reshape(*batch, body.n_vertices, 3)
+
+
+def joints(
+    body: SkinnedBody,
+    pose: ArrayLike | None,
+    betas: ArrayLike | None,
+    trans: ArrayLike | None,
+) -> Array:
+    """The posed joints over a broadcast batch, (..., K, 3) m."""
+    batch, theta, beta, move = arguments(body, pose, betas, trans)
+    found = np.empty((len(theta), body.n_joints, 3))
+    for i in range(len(theta)):
+        found[i] = body.kinematics.motion(theta[i], beta[i]).joints + move[i]
+    return found.reshape(*batch, body.n_joints, 3)
+
+
+def arguments(
+    body: SkinnedBody,
+    pose: ArrayLike | None,
+    betas: ArrayLike | None,
+    trans: ArrayLike | None,
+) -> tuple[tuple[int, ...], Array, Array, Array]:
+    """The batch, and M of each: (M, K, 3), (M, B), (M, 3).
 
     What is None is as in the template; betas may be shorter than B. Raises BadBody.
     """
@@ -42,14 +83,10 @@ def batched(
         np.broadcast_to(a, batch + tail).reshape(prod(batch), *tail)
         for a, tail in ((theta, theta.shape[-2:]), (beta, beta.shape[-1:]), (move, (3,)))
     )
-    free = [body.array(n).reshape(b.symbol_shape[::-1]).T for n, b in body.free.items()]
-    points = np.empty((len(theta), function.size2_out(0), 3))
-    for i in range(len(theta)):
-        points[i] = np.asarray(function(theta[i].T, beta[i], move[i], *free)).T
-    return points.reshape(*batch, *points.shape[1:])
+    return batch, theta, beta, move
 
 
-def _pose(body: SkinnedBody, pose: ArrayLike) -> NDArray[np.float64]:
+def _pose(body: SkinnedBody, pose: ArrayLike) -> Array:
     theta, K = np.asarray(pose, dtype=float), body.n_joints
     if theta.shape[-2:] == (K, 3):
         return theta
@@ -61,7 +98,7 @@ def _pose(body: SkinnedBody, pose: ArrayLike) -> NDArray[np.float64]:
     )
 
 
-def _betas(body: SkinnedBody, betas: ArrayLike) -> NDArray[np.float64]:
+def _betas(body: SkinnedBody, betas: ArrayLike) -> Array:
     beta, B = np.asarray(betas, dtype=float), body.n_betas
     if beta.ndim == 0 or beta.shape[-1] > B:
         raise BadBody(f"body {body.name!r} takes up to {B} betas, not an array {beta.shape}")

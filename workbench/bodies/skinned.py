@@ -11,7 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 
 from workbench.blocks import Block, Points, Values
-from workbench.bodies import evaluation, surface
+from workbench.bodies import evaluation, sources, surface
+from workbench.bodies.motion import Kinematics
+from workbench.bodies.numeric import Chunk, chunks_of
 from workbench.bodies.skinning import Skinning, linear_blend
 from workbench.bodies.validation import check
 from workbench.errors import UnknownName
@@ -119,17 +121,17 @@ class SkinnedBody:
     ) -> Points:
         """The posed surface, (3, N) m, or just some vertices of it."""
         chosen = surface.ALL if vertices is None else [int(v) for v in vertices]
-        return Points.of(surface.SurfacePoints(self, (pose, betas, trans), chosen), "vertices")
+        return Points.of(sources.SurfacePoints(self, (pose, betas, trans), chosen), "vertices")
 
     def joint_points(self, pose: cs.MX, betas: cs.MX, trans: cs.MX) -> Points:
         """The posed joints, (3, K) m."""
-        return Points.of(surface.JointPoints(self, (pose, betas, trans)), "joints")
+        return Points.of(sources.JointPoints(self, (pose, betas, trans)), "joints")
 
     def landmark_points(self, name: str, pose: cs.MX, betas: cs.MX, trans: cs.MX) -> Points:
         """A named set of landmarks on the posed surface, (3, M) m; `joints` are always there."""
         if name == "joints":
             return self.joint_points(pose, betas, trans)
-        source = surface.LandmarkPoints(self, self._landmarks(name), (pose, betas, trans))
+        source = sources.LandmarkPoints(self, self._landmarks(name), (pose, betas, trans))
         return Points.of(source, name)
 
     # Numbers, for those who want no symbols. Any argument may have a batch in front.
@@ -141,7 +143,7 @@ class SkinnedBody:
         trans: ArrayLike | None = None,
     ) -> Array:
         """The posed surface (..., N, 3) m of poses (..., K, 3) or (..., 3 K) rad."""
-        return evaluation.batched(self, self._vertices, pose, betas, trans)
+        return evaluation.vertices(self, pose, betas, trans)
 
     def joints(
         self,
@@ -150,7 +152,7 @@ class SkinnedBody:
         trans: ArrayLike | None = None,
     ) -> Array:
         """The posed joints (..., K, 3) m."""
-        return evaluation.batched(self, self._joints, pose, betas, trans)
+        return evaluation.joints(self, pose, betas, trans)
 
     def landmark(
         self,
@@ -176,24 +178,25 @@ class SkinnedBody:
         array = getattr(self, name)
         return array.toarray() if isinstance(array, csr_array) else array
 
+    @cached_property
+    def kinematics(self) -> Kinematics:
+        """The joints' motions and their derivatives in numbers."""
+        return Kinematics(self)
+
+    @cached_property
+    def chunks(self) -> list[Chunk]:
+        """The arrays packed for arithmetic."""
+        return chunks_of(self, surface.ALL)
+
     def _landmarks(self, name: str) -> Landmarks:
         if name not in self.landmarks:
             raise UnknownName("landmark set", name, ("joints", *self.landmarks))
         return self.landmarks[name]
 
     @cached_property
-    def _vertices(self) -> cs.Function:
-        return self._function(surface.SurfacePoints(self, self._symbols, surface.ALL).expression)
-
-    @cached_property
-    def _joints(self) -> cs.Function:
-        return self._function(surface.JointPoints(self, self._symbols).expression)
-
-    @property
-    def _symbols(self) -> tuple[cs.MX, cs.MX, cs.MX]:
-        pose, betas, trans = self.blocks()
-        return pose.symbol, betas.symbol, trans.symbol
-
-    def _function(self, expression: cs.MX) -> cs.Function:
-        free = [block.symbol for block in self.free.values()]
-        return cs.Function("points", [*self._symbols, *free], [expression])
+    def skinned_rest(self) -> cs.Function:
+        """(pose, betas) -> the posed surface before translation, (3, N), for any skinning."""
+        body = replace(self, free={})
+        pose, betas = (block.symbol for block in body.blocks()[:2])
+        expression = surface.posed(body, pose, betas, cs.MX(cs.DM.zeros(3)))
+        return cs.Function("skinned_rest", [pose, betas], [expression])

@@ -1,27 +1,22 @@
 """The SMPL function in symbols: from pose, betas and trans to points on a skinned body.
 
-    M(theta, beta) = W(T + B_S(beta) + B_P(theta), J(beta), theta)        (SMPL eq. 6)
-
-The posed surface, the posed joints and landmarks are three sources of points over it.
+M(theta, beta) = W(T + B_S(beta) + B_P(theta), J(beta), theta)        (SMPL eq. 6)
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import casadi as cs
 import numpy as np
 
-from workbench.blocks import Block, Tree
 from workbench.bodies.kinematics import binding_motions, pose_features
 from workbench.errors import BadBody
 from workbench.geometry.rotation import rodrigues
 
 if TYPE_CHECKING:
-    from workbench.bodies.skinned import Landmarks, SkinnedBody
+    from workbench.bodies.skinned import SkinnedBody
 
 Vertices = Sequence[int] | slice
 ALL = slice(None)
@@ -93,107 +88,3 @@ def posed(
     rest += cs.reshape(directions(body, "posedirs", vertices) @ features, rest.shape)
     skinned = body.skinning(rest, G, weights(body, vertices))
     return skinned + cs.repmat(trans, 1, rest.shape[1])
-
-
-@dataclass(frozen=True, eq=False)
-class SurfacePoints:
-    """Vertices of the posed surface, all or some."""
-
-    body: SkinnedBody
-    arguments: tuple[cs.MX, cs.MX, cs.MX]  # pose (3, K), betas (B, 1), trans (3, 1)
-    vertices: Vertices
-
-    @cached_property
-    def expression(self) -> cs.MX:
-        """(3, N) m."""
-        return posed(self.body, *self.arguments, self.vertices)
-
-    @property
-    def blocks(self) -> tuple[Block, ...]:
-        """Those of the arguments, and the body's free arrays."""
-        return _blocks(self.body, self.expression)
-
-    @property
-    def tree(self) -> Tree | None:
-        """The body's."""
-        return _tree(self.body, self.arguments[0])
-
-    @property
-    def labels(self) -> tuple[str, ...] | None:
-        """Vertices have no names but their numbers."""
-        if isinstance(self.vertices, slice):
-            return None
-        return tuple(f"vertex {i}" for i in self.vertices)
-
-
-@dataclass(frozen=True, eq=False)
-class JointPoints:
-    """The posed joints: J'_k is where G_k puts joint k, not the regressor on posed vertices."""
-
-    body: SkinnedBody
-    arguments: tuple[cs.MX, cs.MX, cs.MX]
-
-    @cached_property
-    def expression(self) -> cs.MX:
-        """(3, K) m."""
-        pose, betas, trans = self.arguments
-        joints = motions(self.body, pose, betas)[2]
-        return joints + cs.repmat(trans, 1, self.body.n_joints)
-
-    @property
-    def blocks(self) -> tuple[Block, ...]:
-        """Those of the arguments, and the body's free arrays."""
-        return _blocks(self.body, self.expression)
-
-    @property
-    def tree(self) -> Tree | None:
-        """The body's."""
-        return _tree(self.body, self.arguments[0])
-
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """The joints' names."""
-        return self.body.joint_names
-
-
-@dataclass(frozen=True, eq=False)
-class LandmarkPoints:
-    """Weighted means of posed vertices; only the vertices that carry weight are posed."""
-
-    body: SkinnedBody
-    landmarks: Landmarks
-    arguments: tuple[cs.MX, cs.MX, cs.MX]
-
-    @cached_property
-    def expression(self) -> cs.MX:
-        """(3, M) m."""
-        regressor = self.landmarks.regressor.tocsc()
-        used = np.flatnonzero(np.diff(regressor.indptr))
-        surface = posed(self.body, *self.arguments, used.tolist())
-        return surface @ cs.MX(cs.DM(regressor[:, used].T.tocsc()))
-
-    @property
-    def blocks(self) -> tuple[Block, ...]:
-        """Those of the arguments, and the body's free arrays."""
-        return _blocks(self.body, self.expression)
-
-    @property
-    def tree(self) -> Tree | None:
-        """The body's."""
-        return _tree(self.body, self.arguments[0])
-
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """The landmarks' names."""
-        return self.landmarks.names
-
-
-def _blocks(body: SkinnedBody, expression: cs.MX) -> tuple[Block, ...]:
-    """The block behind each symbol, the body's own (with unit and labels) where it is one."""
-    known = {b.symbol.__hash__(): b for b in body.known_blocks}
-    return tuple(known.get(s.__hash__()) or Block.of(s) for s in cs.symvar(expression))
-
-
-def _tree(body: SkinnedBody, pose: cs.MX) -> Tree | None:
-    """The tree behind a pose that is a plain block; a pose made of pieces has no single name."""
-    return Tree(pose.name(), body.joint_names, body.parents) if pose.is_symbolic() else None

@@ -145,9 +145,7 @@ def run(
 
 def _prepare(problem: Problem, compared: tuple[str, ...]) -> None:
     """Build the functions that the solvers will call."""
-    _ = problem.function, problem.derivative
-    if compared:
-        _ = problem.adjoint
+    problem.prepare()
     if "ipopt-exact" in compared:
         _ = problem.hessian
 

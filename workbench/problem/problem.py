@@ -17,12 +17,9 @@ from workbench.errors import (
     TwoSymbolsOneName,
     UnknownName,
 )
+from workbench.problem.chain import FORWARD, Chain, Graph
 from workbench.problem.linearization import EPS, Linearization
 from workbench.residuals import Residual
-
-# CasADi 3.8 loses the derivative of `row + scalar` by the scalar when it takes a Jacobian of more
-# columns than rows backwards: all but the first entry come out zero
-FORWARD = {"helper_options": {"ad_weight": 0.0}}
 
 Array = NDArray[np.float64]
 Bounds = Mapping[str, tuple[ArrayLike, ArrayLike]]
@@ -146,16 +143,19 @@ class Problem:
         H = cs.hessian(0.5 * cs.sumsqr(r), x)[0]
         return cs.Function("hessian", [x, fixed], [H], ["x", "fixed"], ["H"])
 
-    # The numbers, for flat vectors.
+    def prepare(self) -> None:
+        """Build what the numbers below need, so that a clock that starts now does not count it."""
+        _ = self._chain
+
+    # The numbers, for flat vectors: by the chain rule, or from the graphs above.
 
     def residual(self, x: Array, fixed: Array) -> Array:
         """r (m,), whitened."""
-        return np.asarray(self.function(x, fixed)).ravel()
+        return self._chain.residual(x, fixed)
 
     def cost_and_gradient(self, x: Array, fixed: Array) -> tuple[float, Array]:
-        """The cost and its gradient (n,), without a Jacobian."""
-        cost, gradient = self.adjoint(x, fixed)
-        return float(cost), np.asarray(gradient).ravel()
+        """The cost and its gradient (n,), without a Jacobian of the points."""
+        return self._chain.gradient(x, fixed)
 
     def hessian_at(self, x: Array, fixed: Array) -> Array:
         """The exact Hessian (n, n)."""
@@ -163,8 +163,7 @@ class Problem:
 
     def linearize_at(self, x: Array, fixed: Array) -> Linearization:
         """Residual and Jacobian at a point."""
-        r, J = self.derivative(x, fixed)
-        return Linearization(np.asarray(r).ravel(), np.asarray(J))
+        return Linearization(*self._chain.linearize(x, fixed))
 
     def linearize(self, values: Mapping[str, ArrayLike]) -> Linearization:
         """Residual and Jacobian at named values; every block that is read needs one."""
@@ -175,15 +174,11 @@ class Problem:
     def rounding(self, x: Array, fixed: Array) -> float:
         """How much of |r| may be rounding error: 10 eps times the size of what r is made from.
 
-        That is the free and the fixed numbers, each through its derivative, and r itself.
+        That is the free numbers, the fixed ones and the points, each through its derivative, and
+        r itself.
         """
-        r, made_from = self._scale(x, fixed)
-        sizes = [
-            np.sqrt(self.size),
-            np.linalg.norm(np.asarray(r)),
-            np.linalg.norm(np.asarray(made_from)),
-        ]
-        return 10 * EPS * float(sum(sizes))
+        r = float(np.linalg.norm(self._chain.residual(x, fixed)))
+        return 10 * EPS * (float(np.sqrt(self.size)) + r + self._chain.size(x, fixed))
 
     def optimality(self, x: Array, here: Linearization, rounding: float = 0.0) -> float:
         """How far from a stationary point: 0 at one, at most 1, free of units.
@@ -208,13 +203,17 @@ class Problem:
         return tuple(found.values())
 
     @cached_property
-    def _stacked(self) -> cs.MX:
-        """The whitened residual with every placeholder replaced by its source's expression."""
-        r = cs.vertcat(*[residual.whitened for residual in self.residuals])
-        if not self._points:
-            return r
-        placeholders = [p.symbol for p in self._points]
-        return cs.graph_substitute(r, placeholders, [p.source.expression for p in self._points])
+    def _whitened(self) -> cs.MX:
+        """The stacked residual, its points being placeholders."""
+        return cs.vertcat(*[residual.whitened for residual in self.residuals])
+
+    def _substituted(self, points: Iterable[Points]) -> cs.MX:
+        """The stacked residual with these placeholders replaced by their sources' expressions."""
+        chosen = tuple(points)
+        if not chosen:
+            return self._whitened
+        expressions = [p.source.expression for p in chosen]
+        return cs.graph_substitute(self._whitened, [p.symbol for p in chosen], expressions)
 
     @cached_property
     def _blocks(self) -> dict[str, Block]:
@@ -223,28 +222,39 @@ class Problem:
             b.symbol.__hash__(): b
             for b in (*self._named, *(b for p in self._points for b in p.source.blocks))
         }
+        placeholders = {p.symbol.__hash__() for p in self._points}
+        found = [s for s in cs.symvar(self._whitened) if s.__hash__() not in placeholders]
+        found += [b.symbol for p in self._points for b in p.source.blocks]
         blocks: dict[str, Block] = {}
-        for symbol in cs.symvar(self._stacked):
+        for symbol in {s.__hash__(): s for s in found}.values():
             if symbol.name() in blocks:
                 raise TwoSymbolsOneName(symbol.name())
             blocks[symbol.name()] = described.get(symbol.__hash__()) or Block.of(symbol)
         return blocks
 
-    @cached_property
-    def _graph(self) -> tuple[cs.MX, cs.MX, cs.MX]:
+    def _on_vectors(self, residual: cs.MX, points: Sequence[cs.MX]) -> Graph:
+        """A residual in blocks, as one in flat vectors of free and fixed numbers."""
         blocks = (*self.free.blocks, *self.fixed.blocks)
-        named = cs.Function("named", [b.symbol for b in blocks], [self._stacked])
+        symbols = [*(block.symbol for block in blocks), *points]
+        named = cs.Function("named", symbols, [residual])
         x, fixed = cs.MX.sym("x", self.free.size), cs.MX.sym("fixed", self.fixed.size)
         pieces = self.free.pieces(x) + self.fixed.pieces(fixed)
-        (r,) = named.call(pieces, True, False)  # inlined: seeds stay sparse, derivatives fast
-        return x, fixed, r
+        (r,) = named.call([*pieces, *points], True, False)  # inlined: seeds stay sparse
+        return Graph(x, fixed, tuple(points), r)
 
     @cached_property
-    def _scale(self) -> cs.Function:
-        """(x, fixed) -> r and |dr/dx x| + |dr/dfixed fixed|, the terms whose difference r is."""
-        x, fixed, r = self._graph
-        of_free, of_fixed = cs.jtimes(r, x, x), cs.jtimes(r, fixed, fixed)
-        return cs.Function("scale", [x, fixed], [r, cs.fabs(of_free) + cs.fabs(of_fixed)])
+    def _graph(self) -> tuple[cs.MX, cs.MX, cs.MX]:
+        whole = self._on_vectors(self._substituted(self._points), ())
+        return whole.x, whole.fixed, whole.residual
+
+    @cached_property
+    def _chain(self) -> Chain:
+        quick = [(p, p.source.numeric) for p in self._points]
+        by_graph = [p for p, numeric in quick if numeric is None]
+        placeholders = [p.symbol for p, numeric in quick if numeric is not None]
+        sources = [numeric for _, numeric in quick if numeric is not None]
+        graph = self._on_vectors(self._substituted(by_graph), placeholders)
+        return Chain(graph, sources, self.free, self.fixed)
 
     def _flat_bounds(self, side: int) -> Array:
         flat = np.full(self.free.size, (-np.inf, np.inf)[side])

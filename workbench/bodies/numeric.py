@@ -1,0 +1,200 @@
+"""The posed surface and its derivatives in numbers: kinematics from CasADi, the mesh by BLAS.
+
+The kinematics do not know how many vertices there are: CasADi derives them, once per body. What
+is left per vertex is linear in what they say. With v_i = T_i + S_i betas + P_i f the rest vertex
+and R_i = sum_j w_ij R_j,
+
+    v'_i = sum_j w_ij G'_j v_i
+    dv'_i/dpose[k, a] = w_ka x sum_{j at or below k} w_ij (G'_j v_i - t_k) + R_i P_ik df/dpose[k, a]
+    dv'_i/dbetas[b]   = R_i S_ib + sum_j w_ij dG'_j/dbetas[b] v_i
+
+where w_ka is the axis about which the world turns when pose[k, a] grows, and t_k the posed joint
+it turns about. Arrays are packed in chunks of vertices that stay in the processor's cache,
+coordinates first, so that every operation runs along vertices.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.bodies.motion import Motion
+
+if TYPE_CHECKING:
+    from workbench.bodies.skinned import SkinnedBody
+
+Array = NDArray[np.float64]
+CHUNK = 256  # vertices: their pose directions take 1.3 MB
+
+
+@dataclass(frozen=True, eq=False)
+class Chunk:
+    """Some vertices, coordinate by coordinate: n of them."""
+
+    rows: slice
+    template: Array  # (3 n,)
+    shapedirs: Array  # (B, 3 n)
+    posedirs: Array  # (9 (K - 1), 3 n)
+    weights: Array  # (K, n)
+
+    @property
+    def columns(self) -> slice:
+        """Where these vertices' coordinates stand among all."""
+        return slice(3 * self.rows.start, 3 * self.rows.stop)
+
+    def rest(self, betas: Array, features: Array) -> Array:
+        """T + S betas + P f, (..., 3, n), for betas (..., B) and features (..., 9 (K - 1))."""
+        flat = betas @ self.shapedirs + features @ self.posedirs + self.template
+        return np.asarray(flat.reshape(*flat.shape[:-1], 3, -1))
+
+
+def chunks_of(body: SkinnedBody, vertices: slice | list[int]) -> list[Chunk]:
+    """The body's vertices, or some of them, in order."""
+    chosen = np.arange(body.n_vertices)[vertices]
+    packed = []
+    for first in range(0, len(chosen), CHUNK):
+        rows = chosen[first : first + CHUNK]
+        packed.append(
+            Chunk(
+                slice(first, first + len(rows)),
+                np.ascontiguousarray(body.template[rows].T).reshape(-1),
+                _planar(body.shapedirs[rows]),
+                _planar(body.posedirs[rows]),
+                np.ascontiguousarray(body.weights[rows].T),
+            )
+        )
+    return packed
+
+
+def points(chunks: list[Chunk], motion: Motion, betas: Array) -> Array:
+    """(N, 3) m, before translation."""
+    G = motion.G.reshape(len(motion.G), 12).T  # (12, K)
+    found = np.empty((chunks[-1].rows.stop if chunks else 0, 3))
+    for chunk in chunks:
+        M = (G @ chunk.weights).reshape(3, 4, -1)
+        moved = np.einsum("dcn,cn->dn", M[:, :3], chunk.rest(betas, motion.features)) + M[:, 3]
+        found[chunk.rows] = moved.T
+    return found
+
+
+def many_points(chunks: list[Chunk], motions: list[Motion], betas: Array) -> Array:
+    """(M, N, 3) m for M motions and betas (M, B), before translation: a few matrix products."""
+    features = np.stack([motion.features for motion in motions])
+    G = np.stack([motion.G for motion in motions]).transpose(0, 2, 3, 1)  # (M, 3, 4, K)
+    found = np.empty((len(motions), chunks[-1].rows.stop if chunks else 0, 3))
+    for chunk in chunks:
+        M = G @ chunk.weights  # (M, 3, 4, n)
+        rest = chunk.rest(betas, features)
+        moved = np.einsum("mdcn,mcn->mdn", M[:, :, :3], rest) + M[:, :, 3]
+        found[:, chunk.rows] = moved.transpose(0, 2, 1)
+    return found
+
+
+def tangent(
+    chunks: list[Chunk],
+    motion: Motion,
+    betas: Array,
+    parents: tuple[int, ...],
+    into: Mapping[str, Array],
+    scale: Array | None,
+) -> None:
+    """The points' derivative by `pose`, `betas` and `trans`, as far as `into` has them.
+
+    into[name] (size, 3 N) receives it transposed, each column times scale (3 N,).
+    """
+    for chunk in chunks:
+        K, n = chunk.weights.shape
+        R = (motion.G[:, :, :3].reshape(K, 9).T @ chunk.weights).reshape(3, 3, n)
+        factor = None if scale is None else scale[chunk.columns].reshape(n, 3)
+        if "pose" in into:
+            below = _below(chunk, chunk.rest(betas, motion.features), motion, parents)
+            _write(into["pose"][:, chunk.columns], _by_pose(chunk, below, R, motion), factor)
+        if "betas" in into:
+            _write(into["betas"][:, chunk.columns], _by_betas(chunk, R, motion), factor)
+        if "trans" in into:
+            unit = np.broadcast_to(np.eye(3)[:, :, None], (3, 3, n))
+            _write(into["trans"][:, chunk.columns], unit, factor)
+
+
+def adjoint(
+    chunks: list[Chunk], motion: Motion, betas: Array, pull: Array
+) -> tuple[Array, Array, Array]:
+    """The gradients of sum(pull * points), pull (N, 3), by G (K, 3, 4), the features and betas."""
+    K = len(motion.G)
+    on_G, on_features, on_betas = np.zeros((K, 12)), np.zeros_like(motion.features), 0 * betas
+    for chunk in chunks:
+        n = chunk.weights.shape[1]
+        p = np.ascontiguousarray(pull[chunk.rows].T)  # (3, n)
+        outer = np.empty((3, 4, n))
+        np.multiply(p[:, None], chunk.rest(betas, motion.features)[None], out=outer[:, :3])
+        outer[:, 3] = p
+        on_G += chunk.weights @ outer.reshape(12, n).T
+        R = (motion.G[:, :, :3].reshape(K, 9).T @ chunk.weights).reshape(3, 3, n)
+        on_rest = np.einsum("dcn,dn->cn", R, p).reshape(-1)
+        on_features += chunk.posedirs @ on_rest
+        on_betas += chunk.shapedirs @ on_rest
+    return on_G.reshape(K, 3, 4), on_features, on_betas
+
+
+def _planar(array: Array) -> Array:
+    """(n, 3, B) -> (B, 3 n), coordinate by coordinate."""
+    n, _, B = array.shape
+    return np.ascontiguousarray(array.transpose(2, 1, 0)).reshape(B, 3 * n)
+
+
+def _below(chunk: Chunk, rest: Array, motion: Motion, parents: tuple[int, ...]) -> Array:
+    """sum_{j at or below k} w_ij (G'_j v_i - t_k), (K, 3, n) m."""
+    K, n = chunk.weights.shape
+    y = (motion.G[:, :, :3].reshape(3 * K, 3) @ rest).reshape(K, 3, n)
+    y += motion.G[:, :, 3, None]
+    y *= chunk.weights[:, None]
+    share = chunk.weights.copy()
+    for k in range(K - 1, 0, -1):  # children come after their parents
+        y[parents[k]] += y[k]
+        share[parents[k]] += share[k]
+    y -= share[:, None] * motion.joints[:, :, None]
+    return y
+
+
+def _by_pose(chunk: Chunk, below: Array, R: Array, motion: Motion) -> Array:
+    """(3 K, 3, n)."""
+    K, n = chunk.weights.shape
+    out: Array = np.matmul(motion.turns, below).reshape(3 * K, 3, n)
+    if K > 1:
+        bulge = np.matmul(motion.d_features, chunk.posedirs.reshape(K - 1, 9, 3 * n))
+        _add_rotated(out[3:], R, bulge.reshape(3 * (K - 1), 3, n))
+    return out
+
+
+def _by_betas(chunk: Chunk, R: Array, motion: Motion) -> Array:
+    """(B, 3, n)."""
+    B, n = len(chunk.shapedirs), chunk.weights.shape[1]
+    out: Array = (motion.d_shift @ chunk.weights).reshape(B, 3, n)
+    _add_rotated(out, R, chunk.shapedirs.reshape(B, 3, n))
+    return out
+
+
+def _add_rotated(out: Array, R: Array, X: Array) -> None:
+    """out_kd += sum_c R_dc X_kc for every vertex: out, X (k, 3, n), R (3, 3, n)."""
+    term = np.empty((len(X), X.shape[2]))
+    for d in range(3):
+        for c in range(3):
+            np.multiply(X[:, c], R[d, c], out=term)
+            out[:, d] += term
+
+
+def _write(into: Array, values: Array, factor: Array | None) -> None:
+    """Planar (k, 3, n) into columns (k, 3 n), vertex by vertex, times a factor (n, 3)."""
+    k, _, n = values.shape
+    target = np.lib.stride_tricks.as_strided(
+        into, (k, n, 3), (into.strides[0], 3 * into.strides[1], into.strides[1])
+    )
+    ordered = values.transpose(0, 2, 1)
+    if factor is None:
+        target[...] = ordered
+    else:
+        np.multiply(ordered, factor, out=target)

@@ -1,0 +1,131 @@
+"""A problem's numbers by the chain rule: graphs for the residuals, arithmetic for the points.
+
+The residual is a small graph of the free numbers, the fixed ones and the points, r(x, h, p(x, h)).
+Where the source of the points knows their derivative by its structure, only the residuals are
+derived by CasADi, and
+
+    dr/dx = r_x + sum over sources of r_p dp/dx.
+
+Points of sources without such knowledge are part of the graph, so one way serves all.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import casadi as cs
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_array
+
+from workbench.blocks import Layout, NumericPoints
+from workbench.blocks.buffered import Buffered
+
+Array = NDArray[np.float64]
+# CasADi 3.8 loses the derivative of `row + scalar` by the scalar when it takes a Jacobian of more
+# columns than rows backwards: all but the first entry come out zero
+FORWARD = {"helper_options": {"ad_weight": 0.0}}
+
+
+@dataclass(frozen=True, eq=False)
+class Graph:
+    """The residual in symbols: flat free and fixed numbers, and the points left as they are."""
+
+    x: cs.MX  # (n, 1)
+    fixed: cs.MX
+    points: tuple[cs.MX, ...]  # (3, N) each
+    residual: cs.MX  # (m, 1), whitened
+
+
+class Chain:
+    """Residual, Jacobian and gradient of a graph whose points come from `sources`."""
+
+    def __init__(
+        self, graph: Graph, sources: Sequence[NumericPoints], free: Layout, fixed: Layout
+    ) -> None:
+        self._sources, self._free, self._fixed = tuple(sources), free, fixed
+        arguments = [graph.x, graph.fixed, *graph.points]
+        r = cs.densify(graph.residual)
+        self._residual = Buffered(cs.Function("residual", arguments, [r]))
+        jacobians = [cs.jacobian(r, a, FORWARD) for a in (graph.x, *graph.points)]
+        self._derivative = Buffered(cs.Function("derivative", arguments, [r, *jacobians]))
+        self._by_x, *self._by_points = (_Pattern(J.sparsity()) for J in jacobians)
+        taken = [set(pattern.rows.tolist()) for pattern in self._by_points]
+        self._own_rows = [  # where a source has rows for itself, coordinate by coordinate
+            pattern.diagonal()
+            if not any(taken[i] & other for j, other in enumerate(taken) if j != i)
+            else None
+            for i, pattern in enumerate(self._by_points)
+        ]
+        made_from = [cs.jtimes(r, a, a) for a in arguments if a.numel()]
+        size = cs.sqrt(sum(cs.sumsqr(part) for part in made_from)) if made_from else cs.MX(0)
+        self._size = Buffered(cs.Function("size", arguments, [cs.densify(size)]))
+        self._last: tuple[bytes, Mapping[str, Array], list[Array]] = (b"", {}, [])
+
+    def residual(self, x: Array, fixed: Array) -> Array:
+        """r (m,)."""
+        _, points = self._points(x, fixed)
+        return self._residual(x, fixed, *points)[0]
+
+    def linearize(self, x: Array, fixed: Array) -> tuple[Array, Array]:
+        """r (m,) and J (m, n), stored column by column."""
+        values, points = self._points(x, fixed)
+        r, direct, *by_points = self._derivative(x, fixed, *points)
+        columns = np.zeros((len(x), len(r)))  # J transposed
+        for source, pattern, rows, entries in zip(
+            self._sources, self._by_points, self._own_rows, by_points, strict=True
+        ):
+            wanted = [(name, at) for name, at in self._free.slices.items() if name in source.reads]
+            if rows is not None:
+                source.tangent(values, {name: columns[at, rows] for name, at in wanted}, entries)
+                continue
+            parts = {name: np.empty((at.stop - at.start, pattern.shape[1])) for name, at in wanted}
+            source.tangent(values, parts, None)
+            for name, at in wanted:
+                columns[at] += (pattern.matrix(entries) @ parts[name].T).T
+        columns[self._by_x.columns, self._by_x.rows] += direct
+        return r, columns.T
+
+    def gradient(self, x: Array, fixed: Array) -> tuple[float, Array]:
+        """The cost and its gradient (n,); no Jacobian of the points is formed."""
+        values, points = self._points(x, fixed)
+        r, direct, *by_points = self._derivative(x, fixed, *points)
+        g = self._by_x.matrix(direct).T @ r
+        for source, pattern, entries in zip(self._sources, self._by_points, by_points, strict=True):
+            for name, part in source.adjoint(values, pattern.matrix(entries).T @ r).items():
+                if name in self._free.slices:
+                    g[self._free.slices[name]] += part
+        return 0.5 * float(r @ r), g
+
+    def size(self, x: Array, fixed: Array) -> float:
+        """The size of what the residual is the difference of: arguments through their derivatives."""
+        _, points = self._points(x, fixed)
+        return float(self._size(x, fixed, *points)[0][0])
+
+    def _points(self, x: Array, fixed: Array) -> tuple[Mapping[str, Array], list[Array]]:
+        """The values by name, and each source's points (N, 3); kept for the next call at x."""
+        key = x.tobytes() + fixed.tobytes() if self._sources else b""
+        if not self._sources or key != self._last[0]:
+            values = self._free.unpack(x) | self._fixed.unpack(fixed) if self._sources else {}
+            self._last = key, values, [source.points(values) for source in self._sources]
+        return self._last[1:]
+
+
+class _Pattern:
+    """Where the entries of a sparse Jacobian stand, in CasADi's order: column by column."""
+
+    def __init__(self, sparsity: cs.Sparsity) -> None:
+        self.shape: tuple[int, int] = sparsity.shape
+        self._starts = np.array(sparsity.colind(), dtype=np.int64)
+        self.rows = np.array(sparsity.row(), dtype=np.int64)
+        self.columns = np.repeat(np.arange(self.shape[1]), np.diff(self._starts))
+
+    def diagonal(self) -> slice | None:
+        """The rows of a diagonal over all columns, if that is all: points seen one by one."""
+        first, n = int(self.rows[0]) if len(self.rows) else 0, self.shape[1]
+        once = np.array_equal(self.columns, np.arange(n))
+        in_order = once and np.array_equal(self.rows, first + np.arange(n))
+        return slice(first, first + n) if in_order else None
+
+    def matrix(self, entries: Array) -> csc_array:
+        """The matrix with these entries."""
+        return csc_array((entries, self.rows, self._starts), shape=self.shape)
