@@ -75,6 +75,10 @@ class BadMesh(WorkbenchError):
     """Vertices and faces that do not fit together."""
 
 
+class BadCamera(WorkbenchError):
+    """A calibration that the camera model does not cover."""
+
+
 class BadFile(WorkbenchError):
     """A file that cannot be read, or a place that cannot be written."""
 

@@ -1,11 +1,14 @@
 """A camera against OpenCV's model evaluated by hand, its derivatives, and triangulation."""
 
+from typing import Any
+
 import casadi as cs
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from workbench.blocks import Values
+from workbench.errors import BadCamera
 from workbench.geometry.camera import Camera, triangulate
 
 RNG = np.random.default_rng(0)
@@ -112,3 +115,16 @@ def test_depth_is_positive_in_front_and_negative_behind() -> None:
     turned = looking((0.3, -2.0, 0.5), camera)
     R = Rotation.from_rotvec((0.3, -2.0, 0.5)).as_matrix()
     np.testing.assert_allclose(camera.depths(POINTS, turned), (POINTS @ R.T)[:, 2] + 4.0)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"K": np.eye(2)}, r"K \(3, 3\).*not \(2, 2\)"),
+        ({"K": np.eye(3), "distortion": np.ones(8)}, "up to five distortion coefficients.*not 8"),
+        ({"K": [[1, 0.1, 0], [0, 1, 0], [0, 0, 1]]}, r"K\[0, 1\] is 0.1"),
+    ],
+)
+def test_a_calibration_beyond_the_model_is_refused(given: dict[str, Any], said: str) -> None:
+    with pytest.raises(BadCamera, match=said):
+        Camera().values(**given)

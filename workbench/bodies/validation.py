@@ -58,6 +58,8 @@ def check(body: SkinnedBody) -> None:
     if body.bind_pose.shape != (K, 3) or not np.isfinite(body.bind_pose).all():
         refuse(f"bound_in must be finite angles ({K}, 3), not an array {body.bind_pose.shape}")
     for name, landmarks in body.landmarks.items():
+        if not np.isfinite(landmarks.regressor.data).all():
+            refuse(f"landmarks {name!r}: the regressor holds entries that are not finite")
         if landmarks.regressor.shape != (len(landmarks.names), N):
             refuse(
                 f"landmarks {name!r}: {len(landmarks.names)} names and a regressor "

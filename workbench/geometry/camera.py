@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from workbench.blocks import Block, Values
+from workbench.errors import BadCamera
 from workbench.geometry.rotation import matrix_from_vector, rodrigues, vector_from_matrix
 
 
@@ -65,10 +66,25 @@ class Camera:
         t: ArrayLike = (0, 0, 0),
         distortion: ArrayLike = (),
     ) -> Values:
-        """Numbers for the blocks from the usual matrices: K (3, 3), R (3, 3), t (3,), k1 k2 ..."""
-        K = np.asarray(K, dtype=float)
-        k = np.zeros(5)
+        """Numbers for the blocks from the usual matrices: K (3, 3), R (3, 3), t (3,), k1 k2 ...
+
+        Raises BadCamera for other shapes, skewed pixels or more than five coefficients.
+        """
+        K, R = np.asarray(K, dtype=float), np.asarray(R, dtype=float)
         given = np.asarray(distortion, dtype=float).ravel()
+        if K.shape != (3, 3) or R.shape != (3, 3) or np.shape(t) != (3,):
+            raise BadCamera(
+                f"a camera takes K (3, 3), R (3, 3) and t (3,), not {K.shape}, {R.shape} and "
+                f"{np.shape(t)}"
+            )
+        if given.size > 5:
+            raise BadCamera(
+                f"a camera takes up to five distortion coefficients (k1 k2 p1 p2 k3), not "
+                f"{given.size}; the rational and thin-prism models are not supported"
+            )
+        if abs(K[0, 1]) > 1e-6 * abs(K[0, 0]):
+            raise BadCamera(f"a camera has square or oblong pixels, but K[0, 1] is {K[0, 1]:g}")
+        k = np.zeros(5)
         k[: given.size] = given
         numbers = (K[[0, 1], [0, 1]], K[:2, 2], k, vector_from_matrix(R), np.array(t, dtype=float))
         return {block.name: n for block, n in zip(self.blocks, numbers, strict=True)}

@@ -97,7 +97,7 @@ class Chain:
         return 0.5 * float(r @ r), g
 
     def size(self, x: Array, fixed: Array) -> float:
-        """The size of what the residual is the difference of: arguments through their derivatives."""
+        """The size of what the residual is made of: each argument through its derivative."""
         _, points = self._points(x, fixed)
         return float(self._size(x, fixed, *points)[0][0])
 
