@@ -65,3 +65,13 @@ def test_one_camera_fits_itself_and_the_others_tell() -> None:
     assert numbers["COCO reprojection, cam01"] < 10
     held_out = [numbers[f"COCO reprojection, {c} (held out)"] for c in CAMERAS[1:]]
     assert max(held_out) > 2 * numbers["COCO reprojection, cam01"]
+
+
+def test_the_data_alone_are_looked_at_too(outcome: Outcome) -> None:
+    assert outcome.diagnosis.rank == 85
+    alone = outcome.data_alone
+    assert alone is not None
+    assert alone.shape == (184, 85)
+    assert alone.rank < 85
+    assert len(alone.null_directions) == 85 - alone.rank
+    assert max(direction.change for direction in alone.null_directions) < 1e-9

@@ -267,3 +267,18 @@ def test_the_pattern_of_the_jacobian_holds_all_that_is_not_zero() -> None:
     J = problem.linearize_at(x + 0.1, fixed).jacobian
     assert (J[~pattern] == 0).all()
     assert not pattern[problem.rows["gaussian(betas)"], problem.free.slices["pose"]].any()
+
+
+def test_without_a_residual_what_nobody_reads_is_no_longer_free() -> None:
+    a, b = Block("a", (2,)), Block("b", (3,))
+    problem = Problem(
+        [residuals.gaussian(a.symbol, name="one"), residuals.gaussian(b.symbol, name="two")],
+        ("b", "a"),
+        {"b": (0.0, 1.0)},
+    )
+    left = problem.without("two")
+    assert left.free.names == ("a",)
+    assert left.rows == {"one": slice(0, 2)}
+    assert not left.bounded
+    with pytest.raises(UnknownName, match="no residual is called 'three'; there are one, two"):
+        problem.without("three")

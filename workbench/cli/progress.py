@@ -8,6 +8,7 @@ from rich.live import Live
 from rich.markup import escape
 from rich.table import Table
 
+from workbench.diagnostics import Diagnosis
 from workbench.experiments.experiment import Outcome
 from workbench.solvers import Iterate, Status
 
@@ -76,18 +77,22 @@ def print_outcome(console: Console, outcome: Outcome) -> None:
         value = f"{measure.value:.3g}" if np.isfinite(measure.value) else "-"
         table.add_row(escape(measure.name), value, measure.unit)
     console.print(table)
-    d = outcome.diagnosis
+    console.print(escape(_seen("Jacobian", outcome.diagnosis)))
+    if outcome.data_alone is not None:
+        console.print(escape(_seen("without the priors", outcome.data_alone)))
+    if outcome.compared:
+        console.print(_comparison(outcome))
+
+
+def _seen(what: str, d: Diagnosis) -> str:
+    """Size, rank and the first directions that are not seen."""
     m, n = d.shape
     unseen = "every direction is seen"
     if d.null_directions:
-        names = ", ".join(direction.name for direction in d.null_directions[:3])
-        more = f" and {len(d.null_directions) - 3} more" if len(d.null_directions) > 3 else ""
-        unseen = f"unseen: {names}{more}"
-    console.print(
-        f"Jacobian {m} x {n}, {d.density:.0%} nonzero, rank {d.rank} of {n}; {escape(unseen)}"
-    )
-    if outcome.compared:
-        console.print(_comparison(outcome))
+        short = [direction.name for direction in d.null_directions if direction.joints][:3]
+        named = f", among them {', '.join(short)}" if short else ""
+        unseen = f"{len(d.null_directions)} directions are not seen{named} (see the report)"
+    return f"{what}: {m} x {n}, {d.density:.0%} nonzero, rank {d.rank} of {n}; {unseen}"
 
 
 def _comparison(outcome: Outcome) -> Table:

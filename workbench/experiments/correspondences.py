@@ -62,6 +62,7 @@ def mesh_fit(
         body=body,
         truth=truth,
         measures=measures,
+        priors=tuple(prior.name for prior in priors),
         compared=compared,
     )
 

@@ -51,6 +51,7 @@ class Setup:
     views: tuple[View, ...] = ()
     truth: Array | None = None  # (N, 3) m, the true surface, where it is known
     measures: Callable[[Values], tuple[Measure, ...]] = lambda values: ()
+    priors: tuple[str, ...] = ()  # the residuals that are no data
     compared: tuple[str, ...] = ()  # names of SOLVERS to run on the same problem and start
 
 
@@ -92,6 +93,7 @@ class Outcome:
     solution: Solution
     values: Values  # of every block, free and fixed
     diagnosis: Diagnosis
+    data_alone: Diagnosis | None  # the same without the priors, where there are any
     compared: Mapping[str, Solution]  # the same problem and start, by name of the solver
     measures: tuple[Measure, ...]
     overlays: tuple[Overlay, ...]
@@ -121,6 +123,7 @@ def run(
     values = setup.start | solution.values
     progress("looking at the Jacobian")
     diagnosis = diagnose(setup.problem, values)
+    data_alone = diagnose(setup.problem.without(*setup.priors), values) if setup.priors else None
     compared: dict[str, Solution] = {}
     stopped = solution.status is Status.STOPPED  # whoever stops a solve wants no more of them
     for name in setup.compared if compare and not stopped else ():
@@ -136,6 +139,7 @@ def run(
         solution=solution,
         values=values,
         diagnosis=diagnosis,
+        data_alone=data_alone,
         compared=compared,
         measures=setup.measures(values),
         overlays=tuple(overlay(body, view, values) for view in setup.views) if body else (),

@@ -66,20 +66,21 @@ def keypoint_fit(
         )
     fitted = [view for view in views if not view.held_out]
     start |= place_body(body, fitted, start)
-    residuals += [pose_prior(body), gaussian(betas.symbol, name="shape prior")]
+    priors = [pose_prior(body), gaussian(betas.symbol, name="shape prior")]
     free = ["pose", "betas", "trans"]
     for camera, photo in zip((v.camera for v in views), seen.photographs, strict=True):
         if photo.K is None and photo.name not in held_out:
-            residuals.append(focal_prior(camera, start))
+            priors.append(focal_prior(camera, start))
             free.append(camera.focal.name)
     blocks = [block for camera in cameras for block in camera.blocks]
     return Setup(
-        problem=Problem(residuals, free, blocks=blocks),
+        problem=Problem([*residuals, *priors], free, blocks=blocks),
         start=start,
         question=question,
         body=body,
         views=tuple(views),
         measures=lambda values: measures(body, views, values, reference),
+        priors=tuple(prior.name for prior in priors),
         compared=compared,
     )
 

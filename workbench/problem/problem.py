@@ -75,6 +75,17 @@ class Problem:
         bounds = {name: self.bounds[name] for name in names if name in self.bounds}
         return Problem(self.residuals, names, bounds, self._named)
 
+    def without(self, *residuals: str) -> "Problem":
+        """The same but for the named residuals; what then nobody reads is no longer free."""
+        for name in residuals:
+            if name not in self.rows:
+                raise UnknownName("residual", name, self.rows)
+        left = [residual for residual in self.residuals if residual.name not in residuals]
+        read = {name for residual in left for name in residual.reads}
+        free = [name for name in self.free.names if name in read]
+        bounds = {name: self.bounds[name] for name in free if name in self.bounds}
+        return Problem(left, free, bounds, self._named)
+
     # Values in and out.
 
     def split(self, values: Mapping[str, ArrayLike]) -> tuple[Array, Array]:

@@ -86,12 +86,27 @@ def run_page(outcome: Outcome, files: dict[str, str]) -> str:
         terms=tables.terms_table(diagnosis),
         spectrum=shown(sheets.singular_values_sheet(diagnosis), caption_singular_values(diagnosis)),
         directions=tables.directions_table(diagnosis),
+        alone=data_alone(outcome),
         values=tables.value_tables(outcome),
         arrays=tables.array_tables(outcome),
         fixed=tables.fixed_table(outcome),
         files=files,
         versions=versions(),
     )
+
+
+def data_alone(outcome: Outcome) -> dict[str, object] | None:
+    """What the data see without the priors, where there are priors."""
+    found = outcome.data_alone
+    if found is None:
+        return None
+    return {
+        "priors": " and ".join(outcome.setup.priors),
+        "rank": found.rank,
+        "columns": found.shape[1],
+        "spectrum": shown(sheets.singular_values_sheet(found), caption_singular_values(found)),
+        "directions": tables.directions_table(found),
+    }
 
 
 def overlay_figures(outcome: Outcome) -> list[Shown]:
