@@ -1,0 +1,95 @@
+"""The command `python -m benchmarks`: how fast the workbench is, against peers and hardware."""
+
+import argparse
+import json
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from benchmarks.timing import alone_on_one_core
+
+HERE = Path(__file__).parent
+PARTS = ("derivatives", "fits", "scaling")
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Measure the parts asked for, print their tables, write numbers, figure and README."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
+    parser.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}; or page")
+    parser.add_argument("--bodies", nargs="+", metavar="NAME", help="numbers of vertices or names")
+    parser.add_argument("--sizes", nargs="+", type=int, metavar="N", help="of scaling")
+    parser.add_argument("--rounds", type=int, default=12)
+    parser.add_argument("--out", type=Path, default=HERE, help="where results/ is written")
+    parser.add_argument("--no-peers", action="store_true", help="the workbench and the floor only")
+    asked = parser.parse_args(arguments)
+    if asked.parts[:1] == ["memory"]:  # scaling asks this of processes of their own
+        from benchmarks import scaling
+
+        print(json.dumps(scaling.memory_of(int(asked.parts[1]), asked.parts[2])))
+        return
+    unknown = set(asked.parts) - {*PARTS, "page"}
+    if unknown:
+        known = ", ".join(PARTS)
+        parser.error(f"no part is called {', '.join(sorted(unknown))}; there are {known}")
+    for part in asked.parts or PARTS:
+        if part != "page":
+            _measure(part, asked)
+    _write_page(asked.out)
+
+
+def _measure(part: str, asked: argparse.Namespace) -> None:
+    """One part, to `results/<part>.json`."""
+    from benchmarks import bodies_made_up, derivatives, fits, machine, scaling, table
+
+    names = asked.bodies or [*map(str, bodies_made_up.SIZES), *bodies_made_up.EMBEDDED]
+    peers, rounds, facts = not asked.no_peers, asked.rounds, machine.description()
+    found: dict[str, Any] = {}
+    if part == "scaling":
+        sizes = tuple(asked.sizes or scaling.UP_TO_100_000)
+        found = scaling.measure(sizes, max(3, rounds // 2))
+        print(table.scaling(found), flush=True)
+    for name in names if part != "scaling" else ():
+        if part == "derivatives":
+            found[name] = derivatives.measure(name, rounds, peers)
+            print(table.derivatives({name: found[name]}), flush=True)
+        else:
+            found[name] = fits.measure(name, max(3, rounds // 2), with_peers=peers)
+            print(table.fits({name: found[name]}), flush=True)
+    options = {"bodies": names, "rounds": rounds, "peers": peers}
+    facts["load after"] = machine.load()
+    (asked.out / "results").mkdir(parents=True, exist_ok=True)
+    text = json.dumps({"machine": facts, "options": options, "found": _rounded(found)}, indent=1)
+    (asked.out / "results" / f"{part}.json").write_text(_one_line_lists(text) + "\n")
+
+
+def _write_page(out: Path) -> None:
+    """Promises, README and figure from the numbers that are there."""
+    from benchmarks import figure, page, table, targets
+
+    files = {part: out / "results" / f"{part}.json" for part in PARTS}
+    results = {part: json.loads(f.read_text()) for part, f in files.items() if f.exists()}
+    print(table.promises(targets.all_of(results)))
+    if len(results) == len(PARTS) and figure.SIZE in results["derivatives"]["found"]:
+        figure.draw(results, out / "results" / "performance.svg")
+    if (out / "README.md").exists():
+        page.rewrite(out / "README.md", results)
+
+
+def _rounded(found: Any) -> Any:
+    """Times to a tenth of a microsecond."""
+    if isinstance(found, dict):
+        return {key: _rounded(value) for key, value in found.items()}
+    if isinstance(found, list):
+        return [_rounded(value) for value in found]
+    return float(f"{found:.5g}") if isinstance(found, float) else found
+
+
+def _one_line_lists(text: str) -> str:
+    """JSON with every list of numbers on a line of its own, so that files stay readable."""
+    return re.sub(r"\[[^][{}]*\]", lambda match: " ".join(match[0].split()), text)
+
+
+if __name__ == "__main__":
+    alone_on_one_core()
+    main()

@@ -1,0 +1,91 @@
+"""Bodies in SMPL's shape made of random numbers, and the problems that are timed on them."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+import workbench as wb
+
+Array = NDArray[np.float64]
+EMBEDDED = ("small", "default", "full")
+SIZES = (700, 1700, 6890)
+SIGMA = 0.01  # m, of the observed vertices
+PARENTS = (-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21)
+JOINTS, BETAS, WEIGHTS = len(PARENTS), 10, 4
+POSE_SIGMA, BETAS_SIGMA, TRANS_SIGMA = 0.3, 1.0, 0.1  # rad, 1, m: how people differ
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """The vertices of a body, all of them seen; the unknowns are its pose, betas and trans."""
+
+    name: str
+    body: wb.SkinnedBody
+    problem: wb.Problem
+    observed: Array  # (N, 3) m
+
+    @property
+    def fixed(self) -> Array:
+        """The observed vertices, flat."""
+        return self.observed.ravel()
+
+    def vertices(self, x: Array) -> Array:
+        """(N, 3) m at flat unknowns."""
+        return self.body.vertices(*self.problem.free.unpack(x).values())
+
+    def seeing(self, x: Array) -> "Case":
+        """The same with the vertices of somebody else observed."""
+        return replace(self, observed=self.vertices(x))
+
+    def people(self, count: int, seed: int = 0) -> list[Array]:
+        """Random unknowns, flat."""
+        rng = np.random.default_rng(seed)
+        sigma = {"pose": POSE_SIGMA, "betas": BETAS_SIGMA, "trans": TRANS_SIGMA}
+        return [
+            np.concatenate([rng.normal(0, sigma[b.name], b.size) for b in self.problem.free.blocks])
+            for _ in range(count)
+        ]
+
+
+def case_of(name: str, body: wb.SkinnedBody) -> Case:
+    """Any body; each call makes a body of its own of the same arrays, sharing no caches."""
+    body = replace(body)
+    symbols = [block.symbol for block in body.blocks()]
+    observed = wb.Block("observed", (body.n_vertices, 3), "m")
+    residual = wb.residuals.vertices(body.points(*symbols), observed.symbol, sigma=SIGMA)
+    problem = wb.Problem([residual], free=("pose", "betas", "trans"))
+    return Case(name, body, problem, body.template)
+
+
+def random_body(n_vertices: int, seed: int = 0) -> wb.SkinnedBody:
+    """Dense pose directions and four weights a vertex, as a file of SMPL has them."""
+    rng = np.random.default_rng(seed)
+    N, K = n_vertices, JOINTS
+    posedirs = rng.standard_normal((N, 3, 9 * (K - 1)))
+    posedirs *= 0.01
+    return wb.SkinnedBody(
+        template=rng.normal(0, 0.5, (N, 3)),
+        shapedirs=rng.normal(0, 0.02, (N, 3, BETAS)),
+        posedirs=posedirs,
+        J_regressor=csr_array(_shares(rng, K, N, min(N, 30))),
+        weights=_shares(rng, N, K, WEIGHTS),
+        parents=PARENTS,
+        faces=rng.integers(N, size=(2 * N, 3)),
+        joint_names=tuple(f"joint{k}" for k in range(K)),
+        name=f"random {N}",
+    )
+
+
+def body_called(name: str) -> wb.SkinnedBody:
+    """An embedded body by its name, or a random one by its number of vertices."""
+    return random_body(int(name)) if name.isdigit() else wb.load_body(name)
+
+
+def _shares(rng: np.random.Generator, rows: int, columns: int, filled: int) -> Array:
+    """Random rows with few entries above zero, which sum to one."""
+    shares = np.zeros((rows, columns))
+    for row in shares:
+        row[rng.choice(columns, filled, replace=False)] = rng.dirichlet(np.ones(filled))
+    return shares

@@ -1,0 +1,49 @@
+"""On what a benchmark ran."""
+
+import os
+import platform
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+PACKAGES = ("workbench", "casadi", "numpy", "scipy", "jax", "jaxlib", "torch", "smplx")
+
+
+def description() -> dict[str, Any]:
+    """Processor, cores, system, versions, BLAS, date and load."""
+    affinity = getattr(os, "sched_getaffinity", lambda _: set(range(os.cpu_count() or 1)))(0)
+    return {
+        "processor": _processor(),
+        "cores": os.cpu_count(),
+        "cores used": len(affinity),
+        "system": f"{platform.system()} {platform.machine()}",
+        "python": platform.python_version(),
+        "versions": {name: _version(name) for name in PACKAGES},
+        "blas of numpy": np.show_config(mode="dicts")["Build Dependencies"]["blas"]["name"],
+        "date": datetime.now(UTC).isoformat(timespec="seconds"),
+        "load": load(),
+    }
+
+
+def load() -> list[float]:
+    """Processes at work, over the last 1, 5 and 15 minutes."""
+    return list(os.getloadavg()) if hasattr(os, "getloadavg") else []
+
+
+def _version(package: str) -> str | None:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
+
+
+def _processor() -> str:
+    facts = Path("/proc/cpuinfo")
+    if facts.exists():
+        names = [line for line in facts.read_text().splitlines() if line.startswith("model name")]
+        if names:
+            return names[0].partition(":")[2].strip()
+    return platform.processor() or platform.machine()

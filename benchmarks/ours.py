@@ -1,0 +1,63 @@
+"""The workbench as a candidate, by its public face, with and without the compiled kernel."""
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+
+import numpy as np
+from numpy.typing import NDArray
+
+import workbench as wb
+from benchmarks.bodies_made_up import Case, case_of
+from benchmarks.candidates import Candidate
+
+Array = NDArray[np.float64]
+NUMPY, COMPILED = "workbench", "workbench, compiled"
+SWITCH = "WORKBENCH_COMPILE"
+
+
+@contextmanager
+def compiling(allowed: bool) -> Iterator[None]:
+    """Allow the compiled kernel, or not, while a problem is built and first used."""
+    before = os.environ.get(SWITCH)
+    os.environ[SWITCH] = "1" if allowed else "0"
+    try:
+        yield
+    finally:
+        os.environ.pop(SWITCH)
+        if before is not None:
+            os.environ[SWITCH] = before
+
+
+def ways() -> dict[str, bool]:
+    """How the workbench can compute here, and whether it may compile for that."""
+    found = {NUMPY: False}
+    if find_spec("workbench.bodies.compiled") is not None:
+        found[COMPILED] = True
+    return found
+
+
+def cases(name: str, body: wb.SkinnedBody) -> dict[str, Case]:
+    """The problem of each way that the workbench can compute here, built and used once."""
+    made = {}
+    for way, allowed in ways().items():
+        with compiling(allowed):
+            case = case_of(name, body)
+            case.problem.prepare()
+            for x in case.people(2, seed=1):
+                case.problem.linearize_at(x, case.fixed).step()
+        made[way] = case
+    return made
+
+
+def candidate(name: str, case: Case) -> Candidate:
+    """Through Problem.residual, Problem.linearize_at and Linearization.step."""
+    problem, fixed = case.problem, case.fixed
+
+    def jacobian(x: Array) -> tuple[Array, Array]:
+        here = problem.linearize_at(x, fixed)
+        return here.residual, here.jacobian
+
+    forward: Callable[[Array], Array] = lambda x: problem.residual(x, fixed)  # noqa: E731
+    return Candidate(name, forward, jacobian, lambda x: problem.linearize_at(x, fixed).step())

@@ -1,0 +1,106 @@
+"""A benchmark's numbers as text: Markdown tables of milliseconds and ratios."""
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from benchmarks import fits as whole_fits
+from benchmarks import ours
+from benchmarks.targets import Target
+from benchmarks.timing import best, median
+
+MEMORY = {
+    "before": "imports alone",
+    "arrays": "the arrays of the body",
+    "body": "peak with the body",
+    "forward": "peak with a forward",
+    "peak": "peak with a step",
+}
+NAMES = {"forward": "forward", "jacobian": "Jacobian", "step": "Gauss-Newton step"}
+
+
+def derivatives(bodies: Mapping[str, Any]) -> str:
+    """Per body and candidate: least / median milliseconds, and how often the workbench's time."""
+    lines = []
+    for name, body in bodies.items():
+        heads = [f"{head}, ms | × ours" for head in NAMES.values()]
+        lines += [f"| {_called(name, body)} | {' | '.join(heads)} |", "| --- |" + " --: |" * 6]
+        for candidate in body["seconds"]["forward"]:
+            cells = []
+            for kind in NAMES:
+                timings = body["seconds"][kind]
+                cells += [spent(timings[candidate]), ratio(timings, candidate, ours.NUMPY)]
+            lines.append(f"| {candidate} | {' | '.join(cells)} |")
+        lines.append("")
+    return "\n".join(lines)
+
+
+def fits(bodies: Mapping[str, Any]) -> str:
+    """Per body and method: least / median milliseconds, and how often Levenberg-Marquardt's."""
+    lines = []
+    for name, body in bodies.items():
+        timings = body["seconds"]
+        lines += [
+            f"| {_called(name, body)} | fit, ms | × LM | linearizations |",
+            "| --- | --: | --: | --: |",
+        ]
+        for label, seconds in timings.items():
+            way = label.partition(":")[0]
+            mine = f"{way}: {whole_fits.LM}"
+            counts = [one.get("jacobian") for one in body["evaluations"][label]]
+            cells = spent(seconds), ratio(timings, label, mine), _range(counts)
+            lines.append(f"| {label} | {' | '.join(cells)} |")
+        lines.append("")
+    return "\n".join(lines)
+
+
+def scaling(found: Mapping[str, Any]) -> str:
+    """Per size: microseconds per vertex by kind and candidate, and peak memory."""
+    lines = []
+    sizes = [str(N) for N in found["sizes"]]
+    heads = " | ".join(f"N = {int(N):,}" for N in sizes)
+    lines += [f"| µs per vertex | {heads} |", "| --- |" + " --: |" * len(sizes)]
+    for kind, by_candidate in found["seconds"].items():
+        for candidate, by_size in by_candidate.items():
+            cells = [_three(1e6 * best(by_size[N]) / int(N)) for N in sizes]
+            lines.append(f"| {candidate}: {NAMES[kind]} | {' | '.join(cells)} |")
+    lines += ["", f"| memory, MB | {heads} |", "| --- |" + " --: |" * len(sizes)]
+    for way, by_size in found["bytes"].items():
+        for what, title in MEMORY.items():
+            cells = [_three(by_size[N][what] / 1e6) for N in sizes]
+            lines.append(f"| {way}: {title} | {' | '.join(cells)} |")
+    return "\n".join([*lines, ""])
+
+
+def promises(judged: Iterable[Target]) -> str:
+    """Promise, measurement, and whether it holds."""
+    lines = ["| ratio of times | promised | measured | |", "| --- | --: | --: | --- |"]
+    for target in judged:
+        promised = f"{'at most' if target.at_most else 'at least'} {target.limit:g}"
+        verdict = "holds" if target.holds else "**missed**"
+        lines.append(f"| {target.name} | {promised} | {target.measured:.2f} | {verdict} |")
+    return "\n".join([*lines, ""])
+
+
+def spent(seconds: list[float]) -> str:
+    """Least / median, milliseconds."""
+    return f"{_three(1e3 * best(seconds))} / {_three(1e3 * median(seconds))}"
+
+
+def ratio(timings: Mapping[str, list[float]], candidate: str, to: str) -> str:
+    """How often the time of another."""
+    return _three(best(timings[candidate]) / best(timings[to]))
+
+
+def _called(name: str, body: Mapping[str, Any]) -> str:
+    N = f"N = {body['vertices']:,}"
+    return N if name.isdigit() else f"{name}, {N}"
+
+
+def _range(counts: list[int | None]) -> str:
+    known = sorted({count for count in counts if count is not None})
+    return "–".join(str(count) for count in {known[0]: 0, known[-1]: 0}) if known else ""
+
+
+def _three(number: float) -> str:
+    """Three digits."""
+    return f"{number:.0f}" if number >= 100 else f"{number:.3g}"

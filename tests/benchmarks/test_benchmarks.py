@@ -1,0 +1,189 @@
+"""The benchmarks run at tiny sizes and agree; how fast they are is not asked here."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from importlib.util import find_spec
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks import figure, fits, ours, page, peers, scaling, table, targets
+from benchmarks.__main__ import PARTS, main
+from benchmarks.bodies_made_up import case_of, random_body
+from benchmarks.candidates import Candidate, Disagreement, check
+from benchmarks.derivatives import KINDS
+from benchmarks.floor import FLOOR
+from benchmarks.timing import side_by_side
+
+README = Path(__file__).parents[2] / "benchmarks" / "README.md"
+RESULTS = README.parent / "results"
+TINY = "40"
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("out")
+    (out / "README.md").write_text(f"before\n{page.BEGIN}\n{page.END}\nafter\n")
+    options = ["--bodies", TINY, "--rounds", "1", "--sizes", TINY, "--out", str(out), "--no-peers"]
+    main(options)
+    return out
+
+
+def read(out: Path, part: str) -> dict:
+    return json.loads((out / "results" / f"{part}.json").read_text())
+
+
+def test_without_peers_every_part_is_written_with_its_keys(written: Path) -> None:
+    for part in PARTS:
+        found = read(written, part)
+        assert set(found) == {"machine", "options", "found"}
+        assert {"processor", "cores", "versions", "date", "load"} <= set(found["machine"])
+        assert found["options"] == {"bodies": [TINY], "rounds": 1, "peers": False}
+    body = read(written, "derivatives")["found"][TINY]
+    assert set(body) == {"vertices", "unknowns", "apart", "remarks", "seconds"}
+    assert body["unknowns"] == 85
+    for kind in KINDS:
+        assert {ours.NUMPY, FLOOR} <= set(body["seconds"][kind])
+        assert all(t > 0 for timings in body["seconds"][kind].values() for t in timings)
+    fit = read(written, "fits")["found"][TINY]
+    assert set(fit["seconds"]) == set(fit["evaluations"])
+    assert f"{ours.NUMPY}: {fits.LM}" in fit["seconds"]
+    found = read(written, "scaling")["found"]
+    assert found["sizes"] == [int(TINY)]
+    memory = found["bytes"][ours.NUMPY][TINY]
+    assert 0 < memory["before"] <= memory["body"] <= memory["forward"] <= memory["peak"]
+
+
+def test_the_page_is_written_between_its_marks(written: Path) -> None:
+    text = (written / "README.md").read_text()
+    assert text.startswith("before\n")
+    assert text.endswith("after\n")
+    assert "| workbench |" in text
+    assert "µs per vertex" in text
+
+
+def test_an_unknown_part_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["speed"])
+    assert "no part is called speed" in capsys.readouterr().err
+
+
+def test_differences_agree_with_the_workbench() -> None:
+    case = case_of(TINY, random_body(40))
+    x, y = case.people(2)
+    apart = check(peers.by_differences(case.seeing(x)), case.seeing(x), y)
+    assert apart["value"] < 1e-12
+    assert apart["jacobian"] < 1e-6
+
+
+@pytest.mark.filterwarnings("default")  # they have warnings of their own
+@pytest.mark.parametrize(
+    ("make", "packages"), [(peers.in_jax, ["jax"]), (peers.in_torch, ["torch", "smplx"])]
+)
+def test_peers_agree_with_the_workbench(make: Callable, packages: list[str]) -> None:
+    if any(find_spec(package) is None for package in packages):
+        pytest.skip(f"{' and '.join(packages)} needed: pip install 'workbench[bench]'")
+    case = case_of(TINY, random_body(40))
+    x, y = case.people(2)
+    check(make(case.seeing(x)), case.seeing(x), y)
+
+
+def test_what_computes_something_else_is_not_timed() -> None:
+    case = case_of(TINY, random_body(40))
+    (x,) = case.people(1)
+    right = ours.candidate("wrong", case)
+    wrong = replace(right, forward=lambda x: right.forward(x) + 1e-6)
+    with pytest.raises(Disagreement, match="wrong on 40: its value is"):
+        check(wrong, case, x)
+
+
+def test_peers_that_are_not_installed_are_skipped_with_a_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(peers, "find_spec", lambda name: None)
+    here = list(peers.installed(case_of(TINY, random_body(40))))
+    assert [one.name for one in here] == [peers.DIFFERENCES]
+    assert "skipped in_torch: torch and smplx not installed" in capsys.readouterr().out
+
+
+def test_everybody_reaches_the_goal() -> None:
+    found = fits.measure(TINY, rounds=1, people=1)
+    assert f"{ours.NUMPY}: {fits.SCIPY_TRF}" in found["seconds"]
+
+
+def test_candidates_take_turns_on_changing_inputs() -> None:
+    seen: dict[str, list[int]] = {"a": [], "b": []}
+    timings = side_by_side({name: calls.append for name, calls in seen.items()}, [1, 2, 3], 2)
+    assert all(set(calls) == {1, 2, 3} for calls in seen.values())
+    assert all(x != y for calls in seen.values() for x, y in pairwise(calls[3:]))
+    assert len(timings["a"]) == len(timings["b"])
+
+
+def made_up_results() -> dict:
+    """All parts in round numbers: 2 ms, 20 for JAX and torch, 1 s for 100,000 vertices."""
+    machine = {
+        "processor": "P",
+        "cores": 2,
+        "cores used": 1,
+        "system": "S",
+        "python": "3",
+        "versions": {"numpy": "2"},
+        "date": "2026-01-31T00:00:00",
+    }
+    times = {ours.NUMPY: [2e-3], peers.JAX: [20e-3], peers.TORCH: [20e-3], FLOOR: [1e-3]}
+    body = {"vertices": 6890, "unknowns": 85, "seconds": {kind: times for kind in KINDS}}
+    labels = [f"{ours.NUMPY}: {m}" for m in (fits.LM, fits.ALONE, fits.IPOPT, fits.SCIPY_LM)]
+    fit = {
+        "vertices": 6890,
+        "evaluations": {label: [{"jacobian": 7}] for label in labels},
+        "seconds": {label: [0.1] for label in labels},
+    }
+    by_size = {"6890": [2e-3], "100000": [1.0]}
+    memory = {size: dict.fromkeys(table.MEMORY, 10**6) for size in by_size}
+    scale = {
+        "sizes": [6890, 100000],
+        "bytes": {ours.NUMPY: memory},
+        "seconds": {kind: {ours.NUMPY: by_size, FLOOR: by_size} for kind in KINDS},
+    }
+    found = {"derivatives": {"6890": body}, "fits": {"6890": fit}, "scaling": scale}
+    return {part: {"machine": machine, "found": one} for part, one in found.items()}
+
+
+def test_promises_are_judged() -> None:
+    judged = {target.name: target for target in targets.all_of(made_up_results())}
+    assert judged[f"{ours.NUMPY}: JAX / Jacobian"].holds
+    assert not judged[f"{ours.NUMPY}: torch / Jacobian"].holds
+    assert judged[f"{ours.NUMPY}: LM / its own parts"].holds
+    assert not judged[f"{ours.NUMPY}: {fits.SCIPY_LM} / LM"].holds
+    step = judged[f"{ours.NUMPY}: step per vertex, 100,000 / 6,890"]
+    np.testing.assert_allclose(step.measured, 1.0 / 100_000 / (2e-3 / 6890))
+    assert not step.holds
+
+
+def test_the_figure_is_drawn_from_the_numbers(tmp_path: Path) -> None:
+    caption = figure.draw(made_up_results(), tmp_path / "figure.svg")
+    assert (tmp_path / "figure.svg").read_text().startswith("<?xml")
+    assert "1 of 2 cores of P" in caption
+
+
+@pytest.mark.skipif(not RESULTS.exists(), reason="no results are kept here")
+def test_the_page_says_what_the_kept_results_say() -> None:
+    results = {part: json.loads((RESULTS / f"{part}.json").read_text()) for part in PARTS}
+    assert page.text(results) in README.read_text()
+
+
+def test_memory_of_a_body_holds_its_arrays() -> None:
+    found = scaling.memory_of(40, ours.NUMPY)
+    assert found["arrays"] == 8 * 40 * (3 + 3 * 10 + 3 * 207 + 24)
+
+
+def test_a_candidate_is_three_functions() -> None:
+    case = case_of(TINY, random_body(40))
+    one: Candidate = ours.candidate("one", case)
+    (x,) = case.people(1)
+    r, J = one.jacobian(x)
+    np.testing.assert_allclose(r, one.forward(x))
+    np.testing.assert_allclose(one.step(x), -np.linalg.lstsq(J, r, rcond=None)[0], rtol=1e-8)
