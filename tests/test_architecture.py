@@ -10,6 +10,7 @@ ROOT = Path(__file__).parents[1] / "workbench"
 FLOORS = (  # from the ground up; a room imports from lower floors and from itself
     ("errors",),
     ("writing",),
+    ("compiling", "threads"),
     ("blocks",),
     ("geometry",),  # half a floor up: a camera is made of blocks
     ("bodies", "residuals"),

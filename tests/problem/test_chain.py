@@ -7,7 +7,7 @@ import pytest
 import workbench as wb
 from tests.bodies_made_up import random_body, smpl_like_body
 from workbench import residuals
-from workbench.bodies import SkinnedBody
+from workbench.bodies import SkinnedBody, arithmetic
 from workbench.residuals import geman_mcclure, huber
 
 POINTS = ("zero", "near zero", "pi", "anywhere")
@@ -39,13 +39,21 @@ def body(request: pytest.FixtureRequest) -> SkinnedBody:
     return random_body(1, n_vertices=530, n_joints=K, n_betas=B)
 
 
+@pytest.mark.parametrize("worth_compiling", [1, 10**9], ids=["compiled, if it can be", "NumPy"])
 @pytest.mark.parametrize("where", POINTS)
 @pytest.mark.parametrize(
     "free",
     [("pose",), ("betas", "trans"), ("trans", "pose", "betas"), ("pose", "observed")],
     ids=str,
 )
-def test_vertices(body: SkinnedBody, free: tuple[str, ...], where: str) -> None:
+def test_vertices(
+    body: SkinnedBody,
+    free: tuple[str, ...],
+    where: str,
+    worth_compiling: int,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(arithmetic, "WORTH_COMPILING", worth_compiling)
     rng = np.random.default_rng(0)
     pose, betas, trans = (block.symbol for block in body.blocks())
     observed = wb.Block("observed", (body.n_vertices, 3), "m")

@@ -17,15 +17,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from workbench.bodies.motion import Motion
-
-if TYPE_CHECKING:
-    from workbench.bodies.skinned import SkinnedBody
 
 Array = NDArray[np.float64]
 CHUNK = 512  # vertices: measured, and flat from 256 on
@@ -52,33 +49,101 @@ class Chunk:
         return np.asarray(flat.reshape(*flat.shape[:-1], 3, -1))
 
 
-def chunks_of(body: SkinnedBody, vertices: slice | list[int]) -> list[Chunk]:
-    """The body's vertices, or some of them, in order."""
-    chosen = np.arange(body.n_vertices)[vertices]
+class SurfaceArrays(Protocol):
+    """What a body's surface is made of; N vertices, K joints, B betas."""
+
+    @property
+    def template(self) -> Array:
+        """(N, 3) m."""
+
+    @property
+    def shapedirs(self) -> Array:
+        """(N, 3, B) m."""
+
+    @property
+    def posedirs(self) -> Array:
+        """(N, 3, 9 (K - 1)) m."""
+
+    @property
+    def weights(self) -> Array:
+        """(N, K)."""
+
+
+def chunks_of(arrays: SurfaceArrays, vertices: slice | list[int]) -> list[Chunk]:
+    """A body's vertices, or some of them, in order."""
+    chosen = np.arange(len(arrays.template))[vertices]
     packed = []
     for first in range(0, len(chosen), CHUNK):
         rows = chosen[first : first + CHUNK]
         packed.append(
             Chunk(
                 slice(first, first + len(rows)),
-                np.ascontiguousarray(body.template[rows].T).reshape(-1),
-                _planar(body.shapedirs[rows]),
-                _planar(body.posedirs[rows]),
-                np.ascontiguousarray(body.weights[rows].T),
+                np.ascontiguousarray(arrays.template[rows].T).reshape(-1),
+                _planar(arrays.shapedirs[rows]),
+                _planar(arrays.posedirs[rows]),
+                np.ascontiguousarray(arrays.weights[rows].T),
             )
         )
     return packed
 
 
-def points(chunks: list[Chunk], motion: Motion, betas: Array) -> Array:
-    """(N, 3) m, before translation."""
-    G = motion.G.reshape(len(motion.G), 12).T  # (12, K)
-    found = np.empty((chunks[-1].rows.stop if chunks else 0, 3))
-    for chunk in chunks:
-        M = (G @ chunk.weights).reshape(3, 4, -1)
-        moved = np.einsum("dcn,cn->dn", M[:, :3], chunk.rest(betas, motion.features)) + M[:, 3]
-        found[chunk.rows] = moved.T
-    return found
+@dataclass(frozen=True, eq=False)
+class ChunkedSurface:
+    """The surface by NumPy, chunk after chunk; see Arithmetic."""
+
+    chunks: list[Chunk]
+    parents: tuple[int, ...]
+
+    def points(self, motion: Motion, betas: Array) -> Array:
+        """(N, 3) m, before translation."""
+        G = motion.G.reshape(len(motion.G), 12).T  # (12, K)
+        found = np.empty((self.chunks[-1].rows.stop if self.chunks else 0, 3))
+        for chunk in self.chunks:
+            M = (G @ chunk.weights).reshape(3, 4, -1)
+            moved = np.einsum("dcn,cn->dn", M[:, :3], chunk.rest(betas, motion.features)) + M[:, 3]
+            found[chunk.rows] = moved.T
+        return found
+
+    def tangent(
+        self,
+        motion: Motion,
+        betas: Array,
+        into: Mapping[str, Array],
+        scale: Array | None,
+    ) -> None:
+        """The points' derivative by `pose`, `betas` and `trans`, as far as `into` has them.
+
+        into[name] (size, 3 N) receives it transposed, each column times scale (3 N,).
+        """
+        for chunk in self.chunks:
+            K, n = chunk.weights.shape
+            R = (motion.G[:, :, :3].reshape(K, 9).T @ chunk.weights).reshape(3, 3, n)
+            factor = None if scale is None else scale[chunk.columns].reshape(n, 3)
+            if "pose" in into:
+                below = _below(chunk, chunk.rest(betas, motion.features), motion, self.parents)
+                _write(into["pose"][:, chunk.columns], _by_pose(chunk, below, R, motion), factor)
+            if "betas" in into:
+                _write(into["betas"][:, chunk.columns], _by_betas(chunk, R, motion), factor)
+            if "trans" in into:
+                unit = np.broadcast_to(np.eye(3)[:, :, None], (3, 3, n))
+                _write(into["trans"][:, chunk.columns], unit, factor)
+
+    def adjoint(self, motion: Motion, betas: Array, pull: Array) -> tuple[Array, Array, Array]:
+        """The gradients of sum(pull * points), pull (N, 3), by G (K, 3, 4), features and betas."""
+        K = len(motion.G)
+        on_G, on_features, on_betas = np.zeros((K, 12)), np.zeros_like(motion.features), 0 * betas
+        for chunk in self.chunks:
+            n = chunk.weights.shape[1]
+            p = np.ascontiguousarray(pull[chunk.rows].T)  # (3, n)
+            outer = np.empty((3, 4, n))
+            np.multiply(p[:, None], chunk.rest(betas, motion.features)[None], out=outer[:, :3])
+            outer[:, 3] = p
+            on_G += chunk.weights @ outer.reshape(12, n).T
+            R = (motion.G[:, :, :3].reshape(K, 9).T @ chunk.weights).reshape(3, 3, n)
+            on_rest = np.einsum("dcn,dn->cn", R, p).reshape(-1)
+            on_features += chunk.posedirs @ on_rest
+            on_betas += chunk.shapedirs @ on_rest
+        return on_G.reshape(K, 3, 4), on_features, on_betas
 
 
 def many_points(chunks: list[Chunk], motions: list[Motion], betas: Array) -> Array:
@@ -92,52 +157,6 @@ def many_points(chunks: list[Chunk], motions: list[Motion], betas: Array) -> Arr
         moved = np.einsum("mdcn,mcn->mdn", M[:, :, :3], rest) + M[:, :, 3]
         found[:, chunk.rows] = moved.transpose(0, 2, 1)
     return found
-
-
-def tangent(
-    chunks: list[Chunk],
-    motion: Motion,
-    betas: Array,
-    parents: tuple[int, ...],
-    into: Mapping[str, Array],
-    scale: Array | None,
-) -> None:
-    """The points' derivative by `pose`, `betas` and `trans`, as far as `into` has them.
-
-    into[name] (size, 3 N) receives it transposed, each column times scale (3 N,).
-    """
-    for chunk in chunks:
-        K, n = chunk.weights.shape
-        R = (motion.G[:, :, :3].reshape(K, 9).T @ chunk.weights).reshape(3, 3, n)
-        factor = None if scale is None else scale[chunk.columns].reshape(n, 3)
-        if "pose" in into:
-            below = _below(chunk, chunk.rest(betas, motion.features), motion, parents)
-            _write(into["pose"][:, chunk.columns], _by_pose(chunk, below, R, motion), factor)
-        if "betas" in into:
-            _write(into["betas"][:, chunk.columns], _by_betas(chunk, R, motion), factor)
-        if "trans" in into:
-            unit = np.broadcast_to(np.eye(3)[:, :, None], (3, 3, n))
-            _write(into["trans"][:, chunk.columns], unit, factor)
-
-
-def adjoint(
-    chunks: list[Chunk], motion: Motion, betas: Array, pull: Array
-) -> tuple[Array, Array, Array]:
-    """The gradients of sum(pull * points), pull (N, 3), by G (K, 3, 4), the features and betas."""
-    K = len(motion.G)
-    on_G, on_features, on_betas = np.zeros((K, 12)), np.zeros_like(motion.features), 0 * betas
-    for chunk in chunks:
-        n = chunk.weights.shape[1]
-        p = np.ascontiguousarray(pull[chunk.rows].T)  # (3, n)
-        outer = np.empty((3, 4, n))
-        np.multiply(p[:, None], chunk.rest(betas, motion.features)[None], out=outer[:, :3])
-        outer[:, 3] = p
-        on_G += chunk.weights @ outer.reshape(12, n).T
-        R = (motion.G[:, :, :3].reshape(K, 9).T @ chunk.weights).reshape(3, 3, n)
-        on_rest = np.einsum("dcn,dn->cn", R, p).reshape(-1)
-        on_features += chunk.posedirs @ on_rest
-        on_betas += chunk.shapedirs @ on_rest
-    return on_G.reshape(K, 3, 4), on_features, on_betas
 
 
 def _planar(array: Array) -> Array:

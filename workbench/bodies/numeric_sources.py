@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array, kron
 
-from workbench.bodies import numeric
+from workbench.bodies.arithmetic import Arithmetic
 from workbench.bodies.motion import Motion
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ class NumericSurface:
     """Vertices of a linearly blended body whose arrays are all numbers; see NumericPoints."""
 
     body: SkinnedBody
-    chunks: list[numeric.Chunk]
+    arithmetic: Arithmetic
     pose: str
     betas: str
     trans: str
@@ -38,7 +38,7 @@ class NumericSurface:
     def points(self, values: Mapping[str, Array]) -> Array:
         """(N, 3) m."""
         motion = self._motion(values)
-        return numeric.points(self.chunks, motion, values[self.betas]) + values[self.trans]
+        return self.arithmetic.points(motion, values[self.betas]) + values[self.trans]
 
     def tangent(
         self, values: Mapping[str, Array], into: Mapping[str, Array], scale: Array | None
@@ -47,12 +47,12 @@ class NumericSurface:
         ours = {"pose": self.pose, "betas": self.betas, "trans": self.trans}
         wanted = {our: into[name] for our, name in ours.items() if name in into}
         motion, betas = self._motion(values), values[self.betas]
-        numeric.tangent(self.chunks, motion, betas, self.body.parents, wanted, scale)
+        self.arithmetic.tangent(motion, betas, wanted, scale)
 
     def adjoint(self, values: Mapping[str, Array], pull: Array) -> dict[str, Array]:
         """By pose, betas and trans, flat."""
         pulled, pose, betas = pull.reshape(-1, 3), values[self.pose], values[self.betas]
-        felt = numeric.adjoint(self.chunks, self._motion(values), betas, pulled)
+        felt = self.arithmetic.adjoint(self._motion(values), betas, pulled)
         on_G, on_features, on_betas = felt
         on_pose, through_joints = self.body.kinematics.adjoint(pose, betas, on_G, on_features)
         return {

@@ -11,7 +11,7 @@ import numpy as np
 
 from workbench.blocks import Block, NumericPoints, Tree
 from workbench.bodies import surface
-from workbench.bodies.numeric import chunks_of
+from workbench.bodies.arithmetic import arithmetic_of
 from workbench.bodies.numeric_sources import NumericLandmarks, NumericSurface
 from workbench.bodies.skinning import linear_blend
 
@@ -58,9 +58,8 @@ class SurfacePoints:
             return None
         if not all(argument.is_symbolic() for argument in self.arguments):
             return None
-        some = self.vertices
-        chunks = self.body.chunks if isinstance(some, slice) else chunks_of(self.body, list(some))
-        return NumericSurface(self.body, chunks, *(a.name() for a in self.arguments))
+        arithmetic = arithmetic_of(self.body, self.vertices)
+        return NumericSurface(self.body, arithmetic, *(a.name() for a in self.arguments))
 
 
 @dataclass(frozen=True, eq=False)

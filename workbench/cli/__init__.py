@@ -7,6 +7,7 @@ from rich.console import Console
 
 from workbench.cli.body import body
 from workbench.cli.fit import fit
+from workbench.cli.info import info
 from workbench.cli.run import run
 from workbench.errors import WorkbenchError
 
@@ -19,6 +20,7 @@ app = typer.Typer(
 app.command()(run)
 app.command()(fit)
 app.command()(body)
+app.command()(info)
 
 
 def main() -> None:

@@ -20,6 +20,7 @@ from workbench.errors import (
 from workbench.problem.chain import FORWARD, Chain, Graph
 from workbench.problem.linearization import EPS, Linearization
 from workbench.residuals import Residual
+from workbench.threads import limited_threads
 
 Array = NDArray[np.float64]
 Bounds = Mapping[str, tuple[ArrayLike, ArrayLike]]
@@ -178,7 +179,8 @@ class Problem:
 
     def linearize(self, values: Mapping[str, ArrayLike]) -> Linearization:
         """Residual and Jacobian at named values; every block that is read needs one."""
-        return self.linearize_at(*self.split(values))
+        with limited_threads():
+            return self.linearize_at(*self.split(values))
 
     # What convergence means, for every solver.
 

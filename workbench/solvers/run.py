@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import asdict
 from types import TracebackType
 from typing import Protocol, TypeVar
@@ -13,6 +14,7 @@ from workbench.blocks import Values
 from workbench.errors import NotSupported
 from workbench.problem import Linearization, Problem
 from workbench.solvers.solution import Callback, Evaluations, Iterate, Solution, Status
+from workbench.threads import limited_threads
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
@@ -50,7 +52,8 @@ class Run:
     """A context: what is raised inside ends the run, and `solution` tells how.
 
     Functions evaluate at flat vectors and raise Stop when a limit is reached. An interrupt from
-    the keyboard ends the run too, with the best point kept.
+    the keyboard ends the run too, with the best point kept. Linear algebra keeps to one thread
+    inside, or to WORKBENCH_THREADS.
     """
 
     def __init__(
@@ -65,14 +68,17 @@ class Run:
         self.stopped: Stop | None = None
         self.not_finite = 0  # points at which the residual was NaN or infinite, and none since
         self.rounding = 0.0
+        self._threads = ExitStack()
 
     def __enter__(self) -> "Run":
+        self._threads.enter_context(limited_threads())
         self.began = time.perf_counter()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
     ) -> bool:
+        self._threads.close()
         if isinstance(error, Stop):
             self.stopped = error
         elif isinstance(error, KeyboardInterrupt):

@@ -1,0 +1,298 @@
+"""Compiled arithmetic: the numbers of NumPy and of the whole graph, or NumPy and a reason why."""
+
+import logging
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.bodies_made_up import SMPL_PARENTS, random_body
+from workbench import compiling
+from workbench.bodies import SkinnedBody, arithmetic, surface
+from workbench.bodies.arithmetic import arithmetic_of
+from workbench.bodies.compiled import CompiledSurface
+from workbench.bodies.kernels import NAME, kernels
+from workbench.bodies.numeric import ChunkedSurface, chunks_of
+
+COMPILER = next((c for c in ("gcc", "clang", "cc") if shutil.which(c)), None)
+NEEDS_COMPILER = pytest.mark.skipif(COMPILER is None, reason="no C compiler on the PATH")
+KINDS = {"smpl": (24, 10), "one joint": (1, 0), "no betas": (5, 0), "small": (4, 2)}
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A cache for the tests that may share what they compile."""
+    return tmp_path_factory.mktemp("cache")
+
+
+@pytest.fixture(autouse=True)
+def afresh(monkeypatch: pytest.MonkeyPatch, cache: Path) -> Iterator[None]:
+    """As in a new process, with everything worth compiling."""
+    monkeypatch.setenv("WORKBENCH_CACHE", str(cache))
+    monkeypatch.delenv("WORKBENCH_COMPILE", raising=False)
+    monkeypatch.delenv("CC", raising=False)
+    monkeypatch.setattr(arithmetic, "WORTH_COMPILING", 1)
+    kernels.cache_clear()
+    yield
+    kernels.cache_clear()
+
+
+def body_of(kind: str, N: int, nonzeros: int | None = None) -> SkinnedBody:
+    K, B = KINDS[kind]
+    parents = SMPL_PARENTS if K == 24 else None
+    body = random_body(N, n_vertices=N, n_joints=K, n_betas=B, parents=parents)
+    if nonzeros:
+        rng = np.random.default_rng(0)
+        body.weights[...] = rng.dirichlet(np.ones(K), size=N)  # every joint moves every vertex
+    return body
+
+
+def pose_at(where: str, K: int) -> np.ndarray:
+    axes = np.random.default_rng(5).standard_normal((K, 3))
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    return {"zero": 0.0, "near zero": 1e-7, "pi": np.pi, "anywhere": 0.7}[where] * axes
+
+
+def graph_of(body: SkinnedBody, pose: np.ndarray, betas: np.ndarray) -> list[np.ndarray]:
+    """Points (N, 3), and the Jacobian by pose and by betas, from the whole graph."""
+    import casadi as cs
+
+    symbols = [block.symbol for block in body.blocks()]
+    whole = cs.vec(body.points(*symbols).source.expression)
+    J = cs.Function("J", symbols, [whole, *(cs.jacobian(whole, s) for s in symbols)])
+    points, *by = (np.asarray(a) for a in J(pose.T, betas, np.zeros(3)))
+    return [points.reshape(-1, 3), *by]
+
+
+def assert_right(body: SkinnedBody, where: str = "anywhere", kind: type = CompiledSurface) -> None:
+    K, B, N = body.n_joints, body.n_betas, body.n_vertices
+    rng = np.random.default_rng(6)
+    pose, betas = pose_at(where, K), rng.standard_normal(B)
+    motion = body.kinematics.motion(pose, betas)
+    made = arithmetic_of(body, surface.ALL)
+    assert isinstance(made, kind)
+    points, *by = graph_of(body, pose, betas)
+    np.testing.assert_allclose(made.points(motion, betas), points, rtol=0, atol=1e-12)
+    scale = rng.standard_normal(3 * N)
+    into = {n: np.full((b.shape[1], 3 * N), np.nan) for n, b in zip(NAMES, by, strict=True)}
+    made.tangent(motion, betas, into, scale)
+    for name, expected in zip(NAMES, by, strict=True):
+        largest = np.abs(expected).max(initial=0.0)
+        wanted = (expected * scale[:, None]).T
+        np.testing.assert_allclose(into[name], wanted, rtol=1e-11, atol=1e-11 * largest)
+    pull = rng.standard_normal((N, 3))
+    in_numpy = ChunkedSurface(chunks_of(body, slice(None)), body.parents)
+    for got, expected in zip(
+        made.adjoint(motion, betas, pull), in_numpy.adjoint(motion, betas, pull), strict=True
+    ):
+        np.testing.assert_allclose(got, expected, atol=1e-12 * np.abs(expected).max(initial=1.0))
+
+
+NAMES = ("pose", "betas", "trans")
+
+
+@NEEDS_COMPILER
+@pytest.mark.parametrize("where", ["zero", "near zero", "pi", "anywhere"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_numbers_of_the_whole_graph(kind: str, where: str) -> None:
+    assert_right(body_of(kind, 43), where)
+
+
+@NEEDS_COMPILER
+@pytest.mark.parametrize("N", [1, 7, 8, 9, 16, 1030])
+def test_any_number_of_vertices(N: int) -> None:
+    assert_right(body_of("small", N))
+
+
+@NEEDS_COMPILER
+def test_every_joint_may_move_a_vertex() -> None:
+    assert_right(body_of("smpl", 21, nonzeros=24))
+
+
+@NEEDS_COMPILER
+def test_some_vertices_in_any_order() -> None:
+    body, some = body_of("small", 40), [31, 2, 2, 17]
+    motion = body.kinematics.motion(pose_at("anywhere", 4), np.ones(2))
+    every, few = (arithmetic_of(body, v).points(motion, np.ones(2)) for v in (surface.ALL, some))
+    assert isinstance(arithmetic_of(body, some), CompiledSurface)
+    np.testing.assert_array_equal(few, every[some])
+
+
+@NEEDS_COMPILER
+@pytest.mark.parametrize("layout", ["columns", "rows of a larger one", "float32", "every other"])
+def test_into_memory_of_any_layout(layout: str) -> None:
+    body, betas = body_of("small", 13), np.ones(2)
+    motion = body.kinematics.motion(pose_at("anywhere", 4), betas)
+    made = arithmetic_of(body, surface.ALL)
+    plain = {"pose": np.zeros((12, 39)), "trans": np.zeros((3, 39))}
+    made.tangent(motion, betas, plain, None)
+    room = {
+        "columns": np.full((39, 12), 7.0).T,
+        "rows of a larger one": np.full((20, 50), 7.0)[3:15, 5:44],
+        "float32": np.full((12, 39), 7.0, dtype=np.float32),
+        "every other": np.full((12, 78), 7.0)[:, ::2],
+    }[layout]
+    made.tangent(motion, betas, {"pose": room}, np.broadcast_to(2.0, 39))
+    tolerance = 1e-6 if room.dtype == np.float32 else 0
+    np.testing.assert_allclose(room, 2 * plain["pose"], rtol=tolerance)
+    if layout == "rows of a larger one":
+        whole = room.base
+        assert whole is not None
+        outside = np.ones(whole.shape, dtype=bool)
+        outside[3:15, 5:44] = False
+        assert (whole[outside] == 7).all()
+
+
+# The ways to NumPy, each with its reason.
+
+
+def assert_falls_back(caplog: pytest.LogCaptureFixture, reason: str) -> None:
+    with caplog.at_level(logging.INFO, logger="workbench"):
+        assert_right(body_of("small", 9), kind=ChunkedSurface)
+    said = [r.getMessage() for r in caplog.records if "computed by NumPy" in r.getMessage()]
+    assert len(said) == 1
+    assert reason in said[0]
+    assert reason in kernels(body_of("small", 9).parents, 2)[1]
+
+
+def compiler_that(tmp_path: Path, says: str) -> str:
+    script = tmp_path / "mycc"
+    script.write_text(f"#!/bin/sh\n{says}\n")
+    script.chmod(0o755)
+    return str(script)
+
+
+def test_switched_off(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
+    monkeypatch.setenv("WORKBENCH_COMPILE", "0")
+    assert_falls_back(caplog, "switched off by WORKBENCH_COMPILE=0")
+
+
+def test_no_compiler(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert_falls_back(caplog, "no C compiler on the PATH")
+
+
+def test_a_compiler_that_fails(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("CC", compiler_that(tmp_path, "echo no licence >&2; exit 1"))
+    assert_falls_back(caplog, "fails with exit code 1: no licence")
+
+
+def test_a_compiler_that_fails_on_the_source(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, tmp_path: Path
+) -> None:
+    script = compiler_that(tmp_path, 'case "$*" in *-dM*) echo "#define X";; *) exit 3;; esac')
+    monkeypatch.setenv("CC", script)
+    assert_falls_back(caplog, "fails with exit code 3: it says nothing")
+
+
+def test_a_compiler_that_makes_no_library(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, tmp_path: Path
+) -> None:
+    says = 'case "$*" in *-dM*) ;; *) echo rubbish > vertex-kernels.so;; esac'
+    monkeypatch.setenv("CC", compiler_that(tmp_path, says))
+    monkeypatch.setenv("WORKBENCH_CACHE", str(tmp_path / "cache"))
+    assert_falls_back(caplog, "does not load")
+    assert not list((tmp_path / "cache").glob("*.so"))
+
+
+@NEEDS_COMPILER
+def test_a_library_with_wrong_numbers_is_not_kept(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, tmp_path: Path
+) -> None:
+    spoil = "sed -i.bak 's/whole.i. .= factor/whole[i] += factor/' vertex-kernels.c"
+    says = f'case "$*" in *-dM*) ;; *) {spoil};; esac; exec {COMPILER} "$@"'
+    monkeypatch.setenv("CC", compiler_that(tmp_path, says))
+    monkeypatch.setenv("WORKBENCH_CACHE", str(tmp_path / "cache"))
+    assert_falls_back(caplog, "numbers are wrong")
+    assert not list((tmp_path / "cache").glob("*.so"))
+
+
+@NEEDS_COMPILER
+@pytest.mark.parametrize("damage", ["truncated", "another's", "empty"])
+def test_a_damaged_library_is_made_anew(
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+    tmp_path: Path,
+    damage: str,
+) -> None:
+    monkeypatch.setenv("WORKBENCH_CACHE", str(tmp_path))
+    assert_right(body_of("small", 9))
+    (kept,) = tmp_path.glob(f"{NAME}-*.so")
+    whole = kept.read_bytes()
+    kept.unlink()  # a loaded library must not change under the process
+    kept.write_bytes(
+        {"truncated": whole[: len(whole) // 2], "another's": b"MZ" * 999}.get(damage, b"")
+    )
+    kernels.cache_clear()
+    with caplog.at_level(logging.WARNING, logger="workbench"):
+        assert_right(body_of("small", 9))
+    assert "it is damaged" in caplog.text
+    assert [path.read_bytes() for path in tmp_path.glob("*.so")] == [whole]
+
+
+@NEEDS_COMPILER
+def test_a_cache_that_cannot_be_written(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, tmp_path: Path
+) -> None:
+    (tmp_path / "file").write_text("not a folder")
+    monkeypatch.setenv("WORKBENCH_CACHE", str(tmp_path / "file" / "cache"))
+    with caplog.at_level(logging.WARNING, logger="workbench"):
+        assert_right(body_of("small", 9))
+    assert "compiled for this process only" in caplog.text
+
+
+@NEEDS_COMPILER
+def test_a_compiler_of_several_words(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CC", f"env {COMPILER}")
+    assert_right(body_of("small", 9))
+
+
+@NEEDS_COMPILER
+def test_compiled_once_and_said(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("WORKBENCH_CACHE", str(tmp_path))
+    with caplog.at_level(logging.INFO, logger="workbench"):
+        for N in (9, 20, 33):
+            body = random_body(N, n_vertices=N, parents=(-1, 0, 1), n_joints=3, n_betas=2)
+            assert_right(body)
+            kernels.cache_clear()
+    assert caplog.text.count("compiling the vertex-kernels") == 1
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_little_is_not_worth_compiling(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(arithmetic, "WORTH_COMPILING", 10)
+    monkeypatch.setattr(compiling, "find_compiler", lambda: pytest.fail("compiled"))
+    assert isinstance(arithmetic_of(body_of("small", 9), surface.ALL), ChunkedSurface)
+
+
+@NEEDS_COMPILER
+def test_two_processes_at_once(tmp_path: Path) -> None:
+    code = (
+        "from workbench.bodies.kernels import kernels\n"
+        "library, why = kernels((-1, 0, 0, 1), 3)\n"
+        "assert library is not None, why"
+    )
+    environment = {
+        "WORKBENCH_CACHE": str(tmp_path),
+        "PATH": str(Path(shutil.which(COMPILER)).parent),
+    }
+    runs = [
+        subprocess.Popen([sys.executable, "-c", code], env=environment, stderr=subprocess.PIPE)
+        for _ in range(2)
+    ]
+    for run in runs:
+        _, error = run.communicate(timeout=120)
+        assert run.returncode == 0, error
+    left = [path.name for path in tmp_path.iterdir()]
+    assert len(left) in (1, 2)
+    assert all(name.startswith(NAME) for name in left)

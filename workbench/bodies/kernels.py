@@ -1,0 +1,82 @@
+"""Loading compiled arithmetic for a kind of body, after trying it out."""
+
+import ctypes
+import logging
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.bodies.compiled import CompiledSurface
+from workbench.bodies.motion import Motion
+from workbench.bodies.numeric import ChunkedSurface, chunks_of
+from workbench.bodies.vertex import vertex_functions
+from workbench.bodies.vertex_code import vertex_code
+from workbench.compiling import NoLibrary, library
+from workbench.errors import NotSupported
+
+Array = NDArray[np.float64]
+LOG = logging.getLogger(__name__)
+NAME = "vertex-kernels"
+TRIED = 11  # vertices: eight, and some that are left over
+
+
+@cache
+def kernels(parents: tuple[int, ...], B: int) -> tuple[ctypes.CDLL | None, str]:
+    """The library for bodies with B betas on this tree, once per process; or None, and why."""
+    try:
+        source = vertex_code(vertex_functions(parents, B), len(parents), B)
+        return library(NAME, source, lambda loaded: _agrees(loaded, parents, B)), ""
+    except (NoLibrary, NotSupported) as error:
+        LOG.info("surfaces are computed by NumPy: %s", error)
+        return None, str(error)
+
+
+class _Arrays(NamedTuple):
+    template: Array
+    shapedirs: Array
+    posedirs: Array
+    weights: Array
+
+
+def _agrees(loaded: ctypes.CDLL, parents: tuple[int, ...], B: int) -> bool:
+    """Whether the library says what NumPy says, about a few random vertices."""
+    rng, K, N = np.random.default_rng(0), len(parents), TRIED
+    arrays = _Arrays(
+        rng.standard_normal((N, 3)),
+        rng.standard_normal((N, 3, B)),
+        rng.standard_normal((N, 3, 9 * (K - 1))),
+        rng.standard_normal((N, K)),
+    )
+    axes = rng.standard_normal((K, 3, 1, 3))
+    motion = Motion(
+        G=rng.standard_normal((K, 3, 4)),
+        features=rng.standard_normal(9 * (K - 1)),
+        joints=rng.standard_normal((K, 3)),
+        turns=np.cross(np.eye(3), axes).reshape(K, 9, 3),  # antisymmetric, as of rotations
+        d_features=rng.standard_normal((K - 1, 3, 9)),
+        d_shift=rng.standard_normal((3 * B, K)),
+    )
+    betas, scale = rng.standard_normal(B), rng.standard_normal(3 * N)
+    answers = [
+        _answers(surface, motion, betas, scale)
+        for surface in (
+            CompiledSurface.of(loaded, arrays, slice(None)),
+            ChunkedSurface(chunks_of(arrays, slice(None)), parents),
+        )
+    ]
+    return all(
+        np.allclose(got, expected, rtol=0, atol=1e-12 * (1 + np.abs(expected).max(initial=0)))
+        for got, expected in zip(*answers, strict=True)
+    )
+
+
+def _answers(
+    surface: CompiledSurface | ChunkedSurface, motion: Motion, betas: Array, scale: Array
+) -> list[Array]:
+    sizes = {"pose": 3 * len(motion.G), "betas": len(betas), "trans": 3}
+    into = {name: np.zeros((size, len(scale))) for name, size in sizes.items()}
+    surface.tangent(motion, betas, into, scale)
+    pulled = surface.adjoint(motion, betas, scale.reshape(-1, 3))
+    return [surface.points(motion, betas), *into.values(), *pulled]

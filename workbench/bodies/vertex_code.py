@@ -1,0 +1,63 @@
+"""The C of a body's arithmetic: CasADi's own instructions, eight vertices at a time."""
+
+from importlib.resources import files
+
+import casadi as cs
+
+from workbench.bodies.vertex import OF_JOINT, VertexFunctions
+from workbench.errors import NotSupported
+
+BINARY = {cs.OP_ADD: "+", cs.OP_SUB: "-", cs.OP_MUL: "*"}
+
+
+def vertex_code(functions: VertexFunctions, K: int, B: int) -> str:
+    """The whole source, for K joints and B betas: the kernels, and loops around them."""
+    numbers = functions.point.nnz_in(1)
+    sizes = {
+        "JOINTS": K, "BETAS": B, "PULLED": functions.pulled.nnz_out(0),
+        "ROWS": functions.point.nnz_in(0), "WEIGHTS": 3, "SHAPEDIRS": 3 + K,
+        "POSEDIRS": 3 + K + 3 * B, "OF_JOINT": OF_JOINT,
+        "OF_JOINTS": numbers - 3 * K * B - OF_JOINT * K, "OF_BETAS": numbers - 3 * K * B,
+    }  # fmt: skip
+    types, loops = (
+        files(__package__).joinpath(name).read_text(encoding="utf-8")
+        for name in ("vertex_types.h", "vertex_loops.c")
+    )
+    defines = [f"#define {name} {size}" for name, size in sizes.items()]
+    kernels = [kernel(function) for function in functions.all]
+    return "\n".join([types, *defines, *kernels, loops])
+
+
+def kernel(function: cs.Function) -> str:
+    """A function as C for eight vertices; the input called `motion` is the same for all.
+
+    Raises NotSupported for any operation but sums and products.
+    """
+    shared = [function.name_in(i) == "motion" for i in range(function.n_in())]
+    lines = []
+    for i in range(function.n_instructions()):
+        operation = function.instruction_id(i)
+        to, of = function.instruction_output(i), function.instruction_input(i)
+        if operation == cs.OP_INPUT:
+            entry = f"i{of[0]}[{of[1]}]"
+            lines.append(f"w{to[0]} = {f'BROADCAST({entry})' if shared[of[0]] else entry};")
+        elif operation == cs.OP_OUTPUT:
+            lines.append(f"out[{to[1]}] = w{of[0]};")
+        elif operation == cs.OP_CONST:
+            number = function.instruction_constant(i)
+            lines.append(f"w{to[0]} = BROADCAST({float(number)!r});")
+        elif operation == cs.OP_NEG:
+            lines.append(f"w{to[0]} = -w{of[0]};")
+        elif operation in BINARY:
+            lines.append(f"w{to[0]} = w{of[0]} {BINARY[operation]} w{of[1]};")
+        else:
+            raise NotSupported(
+                f"CasADi's operation {operation} in {function.name()!r} has no C here; "
+                "write the function with sums and products"
+            )
+    inputs = [
+        f"const {'double' if same else 'anywhere'} *restrict i{i}" for i, same in enumerate(shared)
+    ]
+    variables = ", ".join(f"w{i}" for i in range(max(1, function.sz_w())))
+    head = f"static void {function.name()}({', '.join(inputs)}, v *restrict out)"
+    return "\n".join([head, "{", f"v {variables};", *lines, "}", ""])

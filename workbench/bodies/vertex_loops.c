@@ -1,0 +1,119 @@
+/* Loops over vertices around the kernels above.
+
+vertices: ROWS x 8 numbers for every eight vertices, the last eight filled up with zeros.
+motion: numbers shared by all. N: how many vertices there are.
+Memory is asked for ahead of use: the processor's own guess stops at every page, and fails for the
+many rows that a derivative is written to.
+*/
+
+typedef ptrdiff_t integer;
+
+static inline void look_ahead(const double *vertices, integer first, integer rows)
+{
+    const double *next = vertices + 8 * (ROWS + first);
+    for (integer i = 0; i < rows; ++i) __builtin_prefetch(next + 8 * i);
+}
+
+static inline integer at_most_eight(integer left) { return left < 8 ? left : 8; }
+
+/* (3, 8) to (8, 3) */
+static inline void interleave(const v *restrict from, v *restrict to)
+{
+    const v x = from[0], y = from[1], z = from[2];
+    const v a = SHUFFLE(x, y, 0, 8, 0, 1, 9, 0, 2, 10);
+    const v b = SHUFFLE(x, y, 0, 3, 11, 0, 4, 12, 0, 5);
+    const v c = SHUFFLE(x, y, 13, 0, 6, 14, 0, 7, 15, 0);
+    to[0] = SHUFFLE(a, z, 0, 1, 8, 3, 4, 9, 6, 7);
+    to[1] = SHUFFLE(b, z, 10, 1, 2, 11, 4, 5, 12, 7);
+    to[2] = SHUFFLE(c, z, 0, 13, 2, 3, 14, 5, 6, 15);
+}
+
+/* (rows, 3, 8) to rows of 3 count numbers, vertex by vertex, times factor (8, 3) */
+static inline void spread(const v *from, integer rows, integer count, const v *factor, double *to,
+                          integer stride)
+{
+    for (integer row = 0; row < rows; ++row, from += 3, to += stride) {
+        v whole[3];
+        for (int i = 0; i < 3; ++i) __builtin_prefetch(to + 48 + 8 * i, 1);
+        interleave(from, whole);
+        for (int i = 0; i < 3; ++i) whole[i] *= factor[i];
+        if (count == 8) {
+            for (int i = 0; i < 3; ++i) ((anywhere *)to)[i] = whole[i];
+        } else {
+            memcpy(to, whole, 3 * count * sizeof(double));
+        }
+    }
+}
+
+/* found (N, 3) */
+EXPORT void points(integer N, const double *vertices, const double *motion, double *found)
+{
+    const v one[3] = {BROADCAST(1.0), BROADCAST(1.0), BROADCAST(1.0)};
+    for (integer i = 0; i < N; i += 8, vertices += 8 * ROWS) {
+        v moved[3];
+        look_ahead(vertices, 0, ROWS);
+        point((const anywhere *)vertices, motion, moved);
+        spread(moved, 1, at_most_eight(N - i), one, found + 3 * i, 0);
+    }
+}
+
+/* pose (3 K, 3 N), betas (B, 3 N), trans (3, 3 N): each absent, or with so many numbers from row
+to row; scale (3 N) multiplies columns, or is absent */
+EXPORT void tangent(integer N, const double *vertices, const double *motion, const double *scale,
+                    double *pose, integer pose_stride, double *betas, integer betas_stride,
+                    double *trans, integer trans_stride)
+{
+    static const v still[27]; /* the root bends nothing */
+    for (integer i = 0; i < N; i += 8, vertices += 8 * ROWS) {
+        const integer count = at_most_eight(N - i);
+        const anywhere *vertex = (const anywhere *)vertices;
+        v factor[3] = {BROADCAST(1.0), BROADCAST(1.0), BROADCAST(1.0)}, R[9], found[9];
+        if (scale) memcpy(factor, scale + 3 * i, 3 * count * sizeof(double));
+        if (pose || betas) rotation(vertex, motion, R);
+        if (pose) {
+            v arm[3 * JOINTS];
+            look_ahead(vertices, 0, POSEDIRS);
+            arms(vertex, motion, arm);
+            for (integer k = 0; k < JOINTS; ++k) {
+                const integer bends = POSEDIRS + 27 * (k - 1);
+                if (k) look_ahead(vertices, bends, 27);
+                by_joint(k ? vertex + bends : (const anywhere *)still, R, arm + 3 * k,
+                         motion + OF_JOINTS + OF_JOINT * k, found);
+                spread(found, 3, count, factor, pose + 3 * k * pose_stride + 3 * i, pose_stride);
+            }
+        }
+        if (betas) {
+            for (integer b = 0; b < BETAS; ++b) {
+                by_beta(vertex + SHAPEDIRS + 3 * b, R, vertex + WEIGHTS,
+                        motion + OF_BETAS + 3 * JOINTS * b, found);
+                spread(found, 1, count, factor, betas + b * betas_stride + 3 * i, betas_stride);
+            }
+        }
+        if (trans) {
+            v unit[9] = {{0}};
+            for (int d = 0; d < 3; ++d) unit[4 * d] = BROADCAST(1.0);
+            spread(unit, 3, count, factor, trans + 3 * i, trans_stride);
+        }
+    }
+}
+
+/* felt (PULLED): by the motion, the sum of pull (N, 3) times the points */
+EXPORT void adjoint(integer N, const double *vertices, const double *motion, const double *pull,
+                    double *felt)
+{
+    v sum[PULLED] = {{0}};
+    for (integer i = 0; i < N; i += 8, vertices += 8 * ROWS) {
+        v found[PULLED], planar[3];
+        double some[24] = {0};
+        memcpy(some, pull + 3 * i, 3 * at_most_eight(N - i) * sizeof(double));
+        for (int lane = 0; lane < 8; ++lane)
+            for (int d = 0; d < 3; ++d) planar[d][lane] = some[3 * lane + d];
+        look_ahead(vertices, 0, ROWS);
+        pulled((const anywhere *)vertices, motion, (const anywhere *)planar, found);
+        for (integer k = 0; k < PULLED; ++k) sum[k] += found[k];
+    }
+    for (integer k = 0; k < PULLED; ++k) {
+        felt[k] = 0;
+        for (int lane = 0; lane < 8; ++lane) felt[k] += sum[k][lane];
+    }
+}

@@ -1,0 +1,82 @@
+"""`workbench info`: versions, threads, and which arithmetic is active and why."""
+
+import logging
+import os
+import platform
+from importlib.metadata import version
+
+import typer
+from rich.console import Console
+from rich.logging import RichHandler
+from rich.table import Table
+
+from workbench.bodies.arithmetic import WORTH_COMPILING
+from workbench.bodies.catalogue import load_body
+from workbench.bodies.kernels import kernels
+from workbench.compiling import NoLibrary, cache_folder, find_compiler
+from workbench.threads import blas_libraries, thread_count
+
+PACKAGES = ("workbench", "casadi", "numpy", "scipy", "nlopt", "emcee", "trimesh", "matplotlib")
+VARIABLES = (
+    "WORKBENCH_COMPILE", "WORKBENCH_CACHE", "WORKBENCH_THREADS", "CC", "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS",
+)  # fmt: skip
+
+
+def info(
+    body: str = typer.Option("default", help="The body whose arithmetic is asked about."),
+) -> None:
+    """Print versions, threads, the compiler, the cache, and how surfaces are computed."""
+    console = Console()
+    said = RichHandler(console=console, show_time=False, show_level=False, show_path=False)
+    logging.basicConfig(level=logging.INFO, format="%(message)s", handlers=[said])
+    table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
+    table.add_column(style="bold", no_wrap=True)
+    table.add_column(overflow="fold")
+    for label, text in _facts(body):
+        table.add_row(label, text)
+    console.print(table, highlight=False, markup=False)
+
+
+def _facts(name: str) -> list[tuple[str, str]]:
+    model = load_body(name)
+    library, why = kernels(model.parents, model.n_betas)
+    active = (
+        f"compiled from {WORTH_COMPILING} vertices on, NumPy below" if library else f"NumPy: {why}"
+    )
+    return [
+        ("surfaces", active),
+        ("compiler", _compiler()),
+        ("cache", _cache()),
+        ("BLAS threads", f"{thread_count()} in a run (WORKBENCH_THREADS sets it)"),
+        *(("BLAS", text) for text in blas_libraries()),
+        ("processor", f"{_processor()}, {os.cpu_count()} cores seen"),
+        ("system", f"{platform.system()} {platform.release()}, {platform.machine()}"),
+        ("python", platform.python_version()),
+        *((package, version(package)) for package in PACKAGES),
+        *((name, os.environ[name]) for name in VARIABLES if name in os.environ),
+    ]
+
+
+def _compiler() -> str:
+    try:
+        compiler = find_compiler()
+    except NoLibrary as error:
+        return f"none: {error}"
+    return f"{' '.join(compiler.command)} {compiler.version}, {compiler.native}"
+
+
+def _cache() -> str:
+    folder = cache_folder()
+    files = sorted(folder.glob("*.so")) if folder.is_dir() else []
+    size = sum(file.stat().st_size for file in files)
+    return f"{folder}: {len(files)} libraries, {size / 1e6:.1f} MB"
+
+
+def _processor() -> str:
+    try:
+        with open("/proc/cpuinfo", encoding="utf-8") as lines:
+            names = [line.partition(":")[2].strip() for line in lines if "model name" in line]
+    except OSError:
+        names = []
+    return names[0] if names else platform.processor() or "unknown"

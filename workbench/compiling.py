@@ -1,0 +1,159 @@
+"""From C source to a loaded library: compiled once, kept on disk, checked before it is trusted.
+
+The environment decides: WORKBENCH_COMPILE=0 switches compiling off, CC names the compiler, and
+WORKBENCH_CACHE (else XDG_CACHE_HOME/workbench, else ~/.cache/workbench) the folder that libraries
+are kept in. They are never needed: who asks for a library has another way to the same numbers.
+"""
+
+import ctypes
+import hashlib
+import logging
+import os
+import shlex
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from workbench.errors import BadFile, WorkbenchError
+from workbench.writing import replacing
+
+LOG = logging.getLogger(__name__)
+NATIVE = ("-march=native", "-mcpu=native")  # what compilers call the processor they run on
+FLAGS = ("-O2", "-ffp-contract=fast", "-fPIC", "-shared", "-fvisibility=hidden", "-w")
+LONGEST = 120  # seconds that a compiler may take
+
+
+class NoLibrary(WorkbenchError):
+    """Why there is no compiled code: no compiler, or one that fails, or it is switched off."""
+
+
+@dataclass(frozen=True)
+class Compiler:
+    """A C compiler that works: `target` is all that it says of its version and the processor."""
+
+    command: tuple[str, ...]  # a path, and perhaps words after it
+    native: str  # the flag for this processor
+    target: str
+
+    @property
+    def version(self) -> str:
+        """As the compiler puts it."""
+        lines = [line for line in self.target.splitlines() if "__VERSION__ " in line]
+        return lines[0].split(maxsplit=2)[2].strip('"') if lines else "unknown"
+
+
+def find_compiler() -> Compiler:
+    """CC, gcc, clang or cc. Raises NoLibrary."""
+    if os.environ.get("WORKBENCH_COMPILE") == "0":
+        raise NoLibrary("switched off by WORKBENCH_COMPILE=0")
+    if os.name != "posix":
+        raise NoLibrary("only gcc and clang on Linux and macOS are known")
+    named = shlex.split(os.environ.get("CC", ""))
+    candidates = (named, ["gcc"], ["clang"], ["cc"])
+    found = [(path, *c[1:]) for c in candidates if c and (path := shutil.which(c[0]))]
+    if not found:
+        raise NoLibrary("no C compiler on the PATH (gcc, clang, cc), and none named by CC")
+    why = ""
+    for native in NATIVE:  # its macros name its version and every instruction set
+        try:
+            macros = _output([*found[0], native, "-dM", "-E", "-x", "c", os.devnull])
+        except NoLibrary as error:
+            why = str(error)
+            continue
+        return Compiler(found[0], native, macros)
+    raise NoLibrary(why)
+
+
+def cache_folder() -> Path:
+    """Where libraries are kept; it need not exist."""
+    if named := os.environ.get("WORKBENCH_CACHE"):
+        return Path(named)
+    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(base) / "workbench"
+
+
+def library(name: str, source: str, trusted: Callable[[ctypes.CDLL], bool]) -> ctypes.CDLL:
+    """The compiled source, from the cache or anew; `trusted` tries it out.
+
+    A file is called name-key-digest.so: the key of source, compiler, flags and processor, and the
+    digest of the file itself, so that one which is damaged is never loaded. Raises NoLibrary.
+    """
+    compiler = find_compiler()
+    flags = (*FLAGS, compiler.native)
+    key = _digest("\0".join((source, *compiler.command, compiler.target, *flags)).encode())
+    folder = cache_folder()
+    for kept in sorted(folder.glob(f"{name}-{key}-*.so")) if folder.is_dir() else ():
+        try:
+            if _digest(kept.read_bytes()) != kept.stem.rsplit("-", 1)[-1]:
+                raise NoLibrary("it is damaged")
+            return _loaded(kept, trusted)
+        except (NoLibrary, OSError) as error:
+            LOG.warning("not using %s: %s", kept, error)
+            _discard(kept)
+    return _compiled(name, key, source, [*compiler.command, *flags], trusted)
+
+
+def _compiled(
+    name: str, key: str, source: str, command: list[str], trusted: Callable[[ctypes.CDLL], bool]
+) -> ctypes.CDLL:
+    LOG.info("compiling the %s with %s (once, a few seconds)", name, command[0])
+    try:
+        with tempfile.TemporaryDirectory(prefix="workbench-") as private:
+            text, made = Path(private, f"{name}.c"), Path(private, f"{name}.so")
+            text.write_text(source, encoding="utf-8")
+            _output([*command, text.name, "-o", made.name], private)
+            compiled = made.read_bytes()
+            try:
+                path = cache_folder() / f"{name}-{key}-{_digest(compiled)}.so"
+                path.parent.mkdir(parents=True, exist_ok=True)
+                with replacing(path) as temporary:
+                    temporary.write_bytes(compiled)
+            except (OSError, BadFile) as error:
+                LOG.warning("compiled for this process only: %s", error)
+                return _loaded(made, trusted)
+            try:
+                return _loaded(path, trusted)
+            except NoLibrary:
+                _discard(path)
+                raise
+    except OSError as error:
+        raise NoLibrary(f"no place to compile in: {error}") from error
+
+
+def _loaded(path: Path, trusted: Callable[[ctypes.CDLL], bool]) -> ctypes.CDLL:
+    try:
+        loaded = ctypes.CDLL(str(path))
+        right = trusted(loaded)
+    except (OSError, AttributeError) as error:  # not a library, or without our functions
+        raise NoLibrary(f"it does not load: {error}") from error
+    if not right:
+        raise NoLibrary("its numbers are wrong")
+    return loaded
+
+
+def _output(command: list[str], folder: str | None = None) -> str:
+    """What a command prints. Raises NoLibrary."""
+    try:
+        done = subprocess.run(
+            command, cwd=folder, capture_output=True, text=True, timeout=LONGEST, check=False
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise NoLibrary(f"{command[0]} does not run: {error}") from error
+    if done.returncode:
+        said = (done.stderr.strip() or "it says nothing").splitlines()[0]
+        raise NoLibrary(f"{command[0]} fails with exit code {done.returncode}: {said}")
+    return done.stdout
+
+
+def _digest(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()[:24]
+
+
+def _discard(path: Path) -> None:
+    try:
+        path.unlink(missing_ok=True)
+    except OSError:
+        LOG.warning("cannot remove %s", path)

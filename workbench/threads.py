@@ -1,0 +1,50 @@
+"""How many threads linear algebra may use: one, or WORKBENCH_THREADS.
+
+One is stated, not guessed: the matrices of a fit are small or limited by memory, and two threads
+that wait for each other on a busy machine have been seen to be four times slower than one. The
+limit holds inside the context and is lifted after it, so that other code in the process keeps its
+own; entering costs about 25 microseconds, so it belongs around a run, not around each product.
+"""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+
+from threadpoolctl import ThreadpoolController
+
+from workbench.errors import WorkbenchError
+
+
+def thread_count() -> int:
+    """What WORKBENCH_THREADS says, or 1."""
+    said = os.environ.get("WORKBENCH_THREADS", "1")
+    if not said.isdecimal() or int(said) < 1:
+        raise WorkbenchError(f"WORKBENCH_THREADS is a count of threads, 1 or more, not {said!r}")
+    return int(said)
+
+
+@contextmanager
+def limited_threads() -> Iterator[None]:
+    """BLAS keeps to `thread_count()` threads inside."""
+    with _controller().limit(limits=thread_count(), user_api="blas"):
+        yield
+
+
+def blas_libraries() -> list[str]:
+    """Each BLAS in the process: its name, version, and threads outside of the context."""
+    found = [library for library in _controller().info() if library["user_api"] == "blas"]
+    return [
+        f"{library['internal_api']} {library['version']}, {library['num_threads']} threads, "
+        f"{library.get('architecture', 'architecture unknown')} ({library['prefix']})"
+        for library in found
+    ]
+
+
+@cache
+def _controller() -> ThreadpoolController:
+    """Finding the libraries takes milliseconds; NumPy's and SciPy's are loaded by now."""
+    import numpy.linalg  # noqa: F401
+    import scipy.linalg  # noqa: F401
+
+    return ThreadpoolController()
