@@ -3,7 +3,7 @@
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from importlib.util import find_spec
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 import workbench as wb
 from benchmarks.bodies_made_up import Case, case_of
 from benchmarks.candidates import Candidate
+from workbench.bodies.arithmetic import arithmetic_of
+from workbench.bodies.compiled import CompiledSurface
+from workbench.bodies.kernels import kernels
 
 Array = NDArray[np.float64]
 NUMPY, COMPILED = "workbench", "workbench, compiled"
@@ -22,26 +25,29 @@ def compiling(allowed: bool) -> Iterator[None]:
     """Allow the compiled kernel, or not, while a problem is built and first used."""
     before = os.environ.get(SWITCH)
     os.environ[SWITCH] = "1" if allowed else "0"
+    kernels.cache_clear()  # it remembers for the whole process what it was allowed
     try:
         yield
     finally:
+        kernels.cache_clear()
         os.environ.pop(SWITCH)
         if before is not None:
             os.environ[SWITCH] = before
 
 
-def ways() -> dict[str, bool]:
-    """How the workbench can compute here, and whether it may compile for that."""
+def ways(body: wb.SkinnedBody) -> dict[str, bool]:
+    """How the workbench can compute a body here, and whether it may compile for that."""
     found = {NUMPY: False}
-    if find_spec("workbench.bodies.compiled") is not None:
-        found[COMPILED] = True
+    with compiling(True):
+        if isinstance(arithmetic_of(replace(body), slice(None)), CompiledSurface):
+            found[COMPILED] = True
     return found
 
 
 def cases(name: str, body: wb.SkinnedBody) -> dict[str, Case]:
     """The problem of each way that the workbench can compute here, built and used once."""
     made = {}
-    for way, allowed in ways().items():
+    for way, allowed in ways(body).items():
         with compiling(allowed):
             case = case_of(name, body)
             case.problem.prepare()

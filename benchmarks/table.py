@@ -61,12 +61,12 @@ def scaling(found: Mapping[str, Any]) -> str:
     lines += [f"| µs per vertex | {heads} |", "| --- |" + " --: |" * len(sizes)]
     for kind, by_candidate in found["seconds"].items():
         for candidate, by_size in by_candidate.items():
-            cells = [_three(1e6 * best(by_size[N]) / int(N)) for N in sizes]
+            cells = [_three(1e6 * best(by_size[N]) / int(N)) if N in by_size else "" for N in sizes]
             lines.append(f"| {candidate}: {NAMES[kind]} | {' | '.join(cells)} |")
     lines += ["", f"| memory, MB | {heads} |", "| --- |" + " --: |" * len(sizes)]
     for way, by_size in found["bytes"].items():
         for what, title in MEMORY.items():
-            cells = [_three(by_size[N][what] / 1e6) for N in sizes]
+            cells = [_three(by_size[N][what] / 1e6) if N in by_size else "" for N in sizes]
             lines.append(f"| {way}: {title} | {' | '.join(cells)} |")
     return "\n".join([*lines, ""])
 
