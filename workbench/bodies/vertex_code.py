@@ -24,13 +24,14 @@ def vertex_code(functions: VertexFunctions, K: int, B: int) -> str:
         for name in ("vertex_types.h", "vertex_loops.c")
     )
     defines = [f"#define {name} {size}" for name, size in sizes.items()]
-    kernels = [kernel(function) for function in functions.all]
+    kernels = [kernel(f, "+=" if f is functions.pulled else "=") for f in functions.all]
     return "\n".join([types, *defines, *kernels, loops])
 
 
-def kernel(function: cs.Function) -> str:
+def kernel(function: cs.Function, put: str = "=") -> str:
     """A function as C for eight vertices; the input called `motion` is the same for all.
 
+    `put` says whether outputs are set or, with `+=`, added to what is there.
     Raises NotSupported for any operation but sums and products.
     """
     shared = [function.name_in(i) == "motion" for i in range(function.n_in())]
@@ -42,7 +43,7 @@ def kernel(function: cs.Function) -> str:
             entry = f"i{of[0]}[{of[1]}]"
             lines.append(f"w{to[0]} = {f'BROADCAST({entry})' if shared[of[0]] else entry};")
         elif operation == cs.OP_OUTPUT:
-            lines.append(f"out[{to[1]}] = w{of[0]};")
+            lines.append(f"out[{to[1]}] {put} w{of[0]};")
         elif operation == cs.OP_CONST:
             number = function.instruction_constant(i)
             lines.append(f"w{to[0]} = BROADCAST({float(number)!r});")

@@ -103,14 +103,13 @@ EXPORT void adjoint(integer N, const double *vertices, const double *motion, con
 {
     v sum[PULLED] = {{0}};
     for (integer i = 0; i < N; i += 8, vertices += 8 * ROWS) {
-        v found[PULLED], planar[3];
+        v planar[3];
         double some[24] = {0};
         memcpy(some, pull + 3 * i, 3 * at_most_eight(N - i) * sizeof(double));
         for (int lane = 0; lane < 8; ++lane)
             for (int d = 0; d < 3; ++d) planar[d][lane] = some[3 * lane + d];
         look_ahead(vertices, 0, ROWS);
-        pulled((const anywhere *)vertices, motion, (const anywhere *)planar, found);
-        for (integer k = 0; k < PULLED; ++k) sum[k] += found[k];
+        pulled((const anywhere *)vertices, motion, (const anywhere *)planar, sum);
     }
     for (integer k = 0; k < PULLED; ++k) {
         felt[k] = 0;
