@@ -1,5 +1,7 @@
 """The chain rule gives what the whole graph gives, whatever is free and wherever we stand."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import casadi as cs
 import numpy as np
 import pytest
@@ -166,3 +168,24 @@ def test_what_is_handed_out_is_not_written_again() -> None:
     np.testing.assert_array_equal(first.jacobian, kept[1])
     np.testing.assert_allclose(again.jacobian, kept[1], atol=1e-9)
     assert not np.allclose(other.jacobian, first.jacobian)
+
+
+def test_threads_that_share_a_body_get_their_own_numbers() -> None:
+    body = wb.load_body("small")
+    poses = 0.3 * np.random.default_rng(6).standard_normal((40, 24, 3))
+    alone = [body.vertices(pose) for pose in poses]
+    with ThreadPoolExecutor(4) as pool:
+        together = list(pool.map(body.vertices, poses))
+    np.testing.assert_array_equal(together, alone)
+
+
+def test_one_symbol_in_two_roles() -> None:
+    body = random_body(7, n_betas=3)
+    pose, both, _ = (block.symbol for block in body.blocks())
+    observed = wb.Block("observed", (body.n_vertices, 3), "m")
+    points = body.points(pose, both, both)
+    problem = wb.Problem(
+        [residuals.vertices(points, observed.symbol, sigma=0.1)], ("pose", "betas")
+    )
+    values = body.start() | {"observed": body.template + 0.1, "betas": np.array([0.1, 0.2, 0.3])}
+    assert_same(problem, values)

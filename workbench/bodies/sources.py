@@ -58,6 +58,8 @@ class SurfacePoints:
             return None
         if not all(argument.is_symbolic() for argument in self.arguments):
             return None
+        if len({argument.name() for argument in self.arguments}) < 3:
+            return None  # one block in two roles: its derivatives would have to be added
         arithmetic = arithmetic_of(self.body, self.vertices)
         return NumericSurface(self.body, arithmetic, *(a.name() for a in self.arguments))
 

@@ -52,7 +52,7 @@ def fit(
     if files[0].suffix.lower() in MESHES:
         if len(files) > 1:
             raise BadFile("give one mesh at a time")
-        setup = own_mesh(files[0], model, sigma or 0.002)
+        setup = own_mesh(files[0], model, 0.002 if sigma is None else sigma)
     else:
         observed = read_observations(
             files, calibration=cameras, size=_size(size), focal=focal, person=person
@@ -61,7 +61,7 @@ def fit(
             f"Which pose, shape and place of the body explain the keypoints of "
             f"{', '.join(str(f.name) for f in files)}?"
         )
-        setup = keypoint_fit(observed, model, question, sigma=sigma or 4.0)
+        setup = keypoint_fit(observed, model, question, sigma=4.0 if sigma is None else sigma)
     experiment = Experiment(files[0].stem, lambda: setup, "a user's own file")
     carry_out(Console(), experiment, solver_named(solver), compare, out)
 

@@ -104,10 +104,13 @@ class Chain:
     def _points(self, x: Array, fixed: Array) -> tuple[Mapping[str, Array], list[Array]]:
         """The values by name, and each source's points (N, 3); kept for the next call at x."""
         key = x.tobytes() + fixed.tobytes() if self._sources else b""
-        if not self._sources or key != self._last[0]:
+        last = self._last  # once: another thread may replace it
+        if not self._sources or key != last[0]:
             values = self._free.unpack(x) | self._fixed.unpack(fixed) if self._sources else {}
-            self._last = key, values, [source.points(values) for source in self._sources]
-        return self._last[1:]
+            found = [source.points(values) for source in self._sources]
+            self._last = key, values, found
+            return values, found
+        return last[1:]
 
 
 class _Pattern:
