@@ -13,10 +13,15 @@ def listed(names: Iterable[str]) -> str:
 
 
 class UnknownName(WorkbenchError):
-    """A name that is not among those that exist: of a block, a body, a solver, an experiment."""
+    """A name that is not among those that exist: of a block, a body, a solver, an experiment.
 
-    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
-        super().__init__(f"no {kind} is called {name!r}; there are {listed(known)}")
+    `hint` is said after the names, or instead of them: `0 to 99`.
+    """
+
+    def __init__(self, kind: str, name: str, known: Iterable[str] = (), *, hint: str = "") -> None:
+        names = tuple(known)
+        there = ", ".join((listed(names), hint) if names and hint else (hint or listed(names),))
+        super().__init__(f"no {kind} is called {name!r}; there are {there}")
 
 
 class MissingValue(WorkbenchError):
@@ -46,6 +51,13 @@ class NonFiniteValue(WorkbenchError):
         )
 
 
+class NotNumbers(WorkbenchError):
+    """Text, None, rows of different lengths or complex numbers where real numbers belong."""
+
+    def __init__(self, what: str, found: str, wanted: str = "real numbers") -> None:
+        super().__init__(f"{what} must be an array of {wanted}, not {found}")
+
+
 class TwoSymbolsOneName(WorkbenchError):
     """Two different blocks of one problem share a name."""
 
@@ -61,6 +73,10 @@ class DuplicateResidual(WorkbenchError):
 
     def __init__(self, name: str) -> None:
         super().__init__(f"two residuals are called {name!r}; give one of them a name of its own")
+
+
+class BadBlock(WorkbenchError):
+    """A block whose shape or labels make no sense."""
 
 
 class BadResidual(WorkbenchError):
@@ -85,6 +101,14 @@ class BadFile(WorkbenchError):
 
 class UnsafePickle(BadFile):
     """A pickle that asks for more than arrays; nothing it names was imported or run."""
+
+
+class BadArgument(WorkbenchError):
+    """An argument that a function or a command cannot take."""
+
+
+class BadSetup(WorkbenchError):
+    """An experiment's setup whose parts do not fit together."""
 
 
 class NotSupported(WorkbenchError):

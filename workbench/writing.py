@@ -1,12 +1,20 @@
 """Writing files whole or not at all."""
 
+import hashlib
 import os
+import platform
+import re
 import tempfile
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from glob import escape
 from pathlib import Path
 
 from workbench.errors import BadFile
+
+AN_HOUR = 3600.0  # s: nothing of ours takes that long to write
+LONGEST = 100  # bytes of a name that its temporaries repeat; file systems take 255
 
 
 @contextmanager
@@ -17,8 +25,13 @@ def replacing(path: str | Path) -> Iterator[Path]:
     disk is full; what was at `path` before is then still there.
     """
     path = Path(path)
+    for left in leftovers(path):
+        with suppress(OSError):
+            left.unlink()
     try:
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=".", suffix=path.suffix)
+        handle, name = tempfile.mkstemp(
+            dir=path.parent, prefix=temporary_prefix(path), suffix=path.suffix
+        )
         os.close(handle)
     except OSError as error:
         raise BadFile(
@@ -36,3 +49,51 @@ def replacing(path: str | Path) -> Iterator[Path]:
         raise BadFile(f"cannot write {path}: {error.strerror or error}") from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def temporary_prefix(path: Path) -> str:
+    """How what is written in the place of `path` is called until it is whole: hidden, and named
+    after its writer: `.run.workbench-host-4711-`.
+    """
+    return f"{_begin(path)}{_host()}-{os.getpid()}-"
+
+
+def leftovers(path: Path) -> list[Path]:
+    """Temporaries for `path` that nobody will finish: their writer died, or they are an hour old.
+
+    A process that is killed cannot clean up; whoever writes to the same place next does.
+    """
+    return [found for found in path.parent.glob(escape(_begin(path)) + "*") if _dead(found)]
+
+
+def _begin(path: Path) -> str:
+    name = os.fsencode(path.name)
+    told = path.name if len(name) <= LONGEST else hashlib.sha256(name).hexdigest()
+    return f".{told}.workbench-"
+
+
+def _dead(temporary: Path) -> bool:
+    writer = re.search(r"\.workbench-([^-]*)-(\d+)-", temporary.name)
+    try:
+        found = temporary.lstat()
+    except OSError:
+        return False
+    old = time.time() - max(found.st_mtime, found.st_ctime) > AN_HOUR
+    return writer is not None and (old or (writer[1] == _host() and not _alive(int(writer[2]))))
+
+
+def _alive(process: int) -> bool:
+    """Whether a process of this machine runs; yes, where that cannot be told."""
+    if os.name != "posix":  # there, signal 0 is not a question
+        return True
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except OSError:
+        return True
+    return True
+
+
+def _host() -> str:
+    return re.sub(r"[^A-Za-z0-9_.]", "_", platform.node())[:60]

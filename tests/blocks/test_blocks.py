@@ -1,11 +1,15 @@
 """A block's symbol, its memory, and the names of its entries."""
 
+import copy
+import pickle
+from typing import Any
+
 import casadi as cs
 import numpy as np
 import pytest
 
 from workbench.blocks import Block
-from workbench.errors import BadResidual
+from workbench.errors import BadBlock
 
 
 @pytest.mark.parametrize(
@@ -42,7 +46,7 @@ def test_entries_have_names() -> None:
 
 
 def test_labels_must_be_one_per_row() -> None:
-    with pytest.raises(BadResidual, match="'pose' has 2 rows but 3 labels"):
+    with pytest.raises(BadBlock, match="'pose' has 2 rows but 3 labels"):
         Block("pose", (2, 3), labels=("a", "b", "c"))
 
 
@@ -54,3 +58,30 @@ def test_a_bare_symbol_tells_its_block(symbol: tuple[int, int], shape: tuple[int
     block = Block.of(bare)
     assert (block.name, block.shape, block.symbol_shape) == ("bare", shape, symbol)
     assert block.symbol is bare
+
+
+@pytest.mark.parametrize(("given", "shape"), [(3, (3,)), (np.int64(3), (3,)), ([24, 3], (24, 3))])
+def test_a_shape_may_be_one_number_or_any_list(given: Any, shape: tuple[int, ...]) -> None:
+    block = Block("x", given)
+    assert block.shape == shape
+    assert all(type(length) is int for length in block.shape)
+    assert block.size == np.prod(shape)
+
+
+@pytest.mark.parametrize("shape", [-1, (3, -1), 1.5, (24, 3.0), "3", None, ((1, 2), 3)])
+def test_a_shape_that_is_none_is_refused(shape: Any) -> None:
+    with pytest.raises(BadBlock, match=r"block 'x' has the shape .*, but a shape is whole numbers"):
+        Block("x", shape)
+
+
+@pytest.mark.parametrize(
+    "travel", [copy.copy, copy.deepcopy, lambda b: pickle.loads(pickle.dumps(b))]
+)
+def test_a_copy_is_another_block_of_the_same_name(travel: Any) -> None:
+    block = Block("pose", (2, 3), "rad", ("pelvis", "right_ankle"))
+    _ = block.symbol
+    other = travel(block)
+    assert (other.name, other.shape, other.unit) == (block.name, block.shape, block.unit)
+    assert other.labels == block.labels
+    assert other.symbol.shape == block.symbol.shape
+    assert not cs.is_equal(other.symbol, block.symbol)

@@ -5,7 +5,13 @@ import numpy as np
 import pytest
 
 from workbench.blocks import Block, Layout
-from workbench.errors import MissingValue, NonFiniteValue, ShapeMismatch, UnknownName
+from workbench.errors import (
+    MissingValue,
+    NonFiniteValue,
+    NotNumbers,
+    ShapeMismatch,
+    UnknownName,
+)
 
 LAYOUT = Layout(
     (
@@ -103,6 +109,33 @@ def test_a_number_that_is_not_finite_is_named(bad: float) -> None:
         LAYOUT.pack(some_values() | {"pose": pose})
     with pytest.raises(NonFiniteValue, match="its only entry"):
         LAYOUT.pack(some_values() | {"scale": np.array(bad)})
+
+
+@pytest.mark.parametrize(
+    ("value", "found"),
+    [
+        ("abc", "text"),
+        ([["1", "2", "3"]] * 2, "text"),
+        ([[0, 0, 0], [1, 1]], "rows of different lengths"),
+        (None, "something of type NoneType"),
+        ([[None] * 3] * 2, "something of type NoneType"),
+        (np.zeros((2, 3), complex), "complex numbers"),
+        ([[1j, 0, 0]] * 2, "complex numbers"),
+        (np.zeros((2, 3), "datetime64[s]"), "dates"),
+        (LAYOUT["pose"].symbol, "a symbol; give its numbers"),
+        ({"pose": 1}, "something of type dict"),
+    ],
+)
+def test_what_are_no_numbers_is_named(value: object, found: str) -> None:
+    with pytest.raises(NotNumbers, match=f"block 'pose' must be an array of real .*, not {found}"):
+        LAYOUT.pack(some_values() | {"pose": value})  # type: ignore[dict-item]
+
+
+@pytest.mark.parametrize("dtype", [bool, np.int8, np.uint64, np.float16, np.longdouble])
+def test_numbers_of_any_precision_are_packed(dtype: type) -> None:
+    pose = np.arange(6).reshape(2, 3).astype(dtype)
+    flat = LAYOUT.pack(some_values() | {"pose": pose})
+    np.testing.assert_array_equal(flat[LAYOUT.slices["pose"]], pose.ravel())
 
 
 def test_an_axis_of_length_one_may_come_or_go() -> None:

@@ -12,7 +12,7 @@ def smpl(
     """Vertices (N, 3) and posed joints (K, 3) for one pose (K, 3), betas (B,), trans (3,)."""
     N, K, B = body.n_vertices, len(body.parents), body.shapedirs.shape[2]
     regressor = body.J_regressor.toarray()
-    bind = np.zeros((K, 3)) if body.bound_in is None else body.bound_in
+    bind = body.bind_pose
     R = [Rotation.from_rotvec(pose[k]).as_matrix() for k in range(K)]
     R0 = [Rotation.from_rotvec(bind[k]).as_matrix() for k in range(K)]
 

@@ -5,6 +5,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -47,7 +48,7 @@ def body_of(kind: str, N: int, nonzeros: int | None = None) -> SkinnedBody:
     body = random_body(N, n_vertices=N, n_joints=K, n_betas=B, parents=parents)
     if nonzeros:
         rng = np.random.default_rng(0)
-        body.weights[...] = rng.dirichlet(np.ones(K), size=N)  # every joint moves every vertex
+        body = replace(body, weights=rng.dirichlet(np.ones(K), size=N))  # all joints, everywhere
     return body
 
 
@@ -72,14 +73,14 @@ def assert_right(body: SkinnedBody, where: str = "anywhere", kind: type = Compil
     K, B, N = body.n_joints, body.n_betas, body.n_vertices
     rng = np.random.default_rng(6)
     pose, betas = pose_at(where, K), rng.standard_normal(B)
-    motion = body.kinematics.motion(pose, betas)
+    motion, slopes = body.kinematics.motion(pose, betas), body.kinematics.slopes(pose, betas)
     made = arithmetic_of(body, surface.ALL)
     assert isinstance(made, kind)
     points, *by = graph_of(body, pose, betas)
     np.testing.assert_allclose(made.points(motion, betas), points, rtol=0, atol=1e-12)
     scale = rng.standard_normal(3 * N)
     into = {n: np.full((b.shape[1], 3 * N), np.nan) for n, b in zip(NAMES, by, strict=True)}
-    made.tangent(motion, betas, into, scale)
+    made.tangent(motion, slopes, betas, into, scale)
     for name, expected in zip(NAMES, by, strict=True):
         largest = np.abs(expected).max(initial=0.0)
         wanted = (expected * scale[:, None]).T
@@ -125,18 +126,18 @@ def test_some_vertices_in_any_order() -> None:
 @NEEDS_COMPILER
 @pytest.mark.parametrize("layout", ["columns", "rows of a larger one", "float32", "every other"])
 def test_into_memory_of_any_layout(layout: str) -> None:
-    body, betas = body_of("small", 13), np.ones(2)
-    motion = body.kinematics.motion(pose_at("anywhere", 4), betas)
+    body, betas, pose = body_of("small", 13), np.ones(2), pose_at("anywhere", 4)
+    motion, slopes = body.kinematics.motion(pose, betas), body.kinematics.slopes(pose, betas)
     made = arithmetic_of(body, surface.ALL)
     plain = {"pose": np.zeros((12, 39)), "trans": np.zeros((3, 39))}
-    made.tangent(motion, betas, plain, None)
+    made.tangent(motion, slopes, betas, plain, None)
     room = {
         "columns": np.full((39, 12), 7.0).T,
         "rows of a larger one": np.full((20, 50), 7.0)[3:15, 5:44],
         "float32": np.full((12, 39), 7.0, dtype=np.float32),
         "every other": np.full((12, 78), 7.0)[:, ::2],
     }[layout]
-    made.tangent(motion, betas, {"pose": room}, np.broadcast_to(2.0, 39))
+    made.tangent(motion, slopes, betas, {"pose": room}, np.broadcast_to(2.0, 39))
     tolerance = 1e-6 if room.dtype == np.float32 else 0
     np.testing.assert_allclose(room, 2 * plain["pose"], rtol=tolerance)
     if layout == "rows of a larger one":

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from tests.bodies.paper import smpl
 from tests.bodies_made_up import random_body, smpl_like_body
 from workbench import Landmarks, Points, SkinnedBody
-from workbench.errors import BadBody, UnknownName
+from workbench.errors import BadBody, NotNumbers, UnknownName
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 
 BODIES = {
@@ -194,10 +194,13 @@ def test_betas_may_be_fewer() -> None:
         ({"betas": np.zeros(5)}, r"takes up to 4 betas, not an array \(5,\)"),
         ({"betas": 1.0}, r"takes up to 4 betas, not an array \(\)"),
         ({"trans": np.zeros(2)}, r"a trans of shape \(\.\.\., 3\), not \(2,\)"),
+        ({"trans": "abc"}, "trans must be an array of real numbers, not text"),
+        ({"pose": [[0.0], [1.0, 2.0]]}, "pose must .*, not rows of different lengths"),
+        ({"betas": [1j]}, "betas must .*, not complex numbers"),
     ],
 )
 def test_wrong_arguments_are_explained(arguments: dict[str, Any], text: str) -> None:
-    with pytest.raises(BadBody, match=text):
+    with pytest.raises((BadBody, NotNumbers), match=text):
         smpl_like_body().vertices(**arguments)
 
 
@@ -277,6 +280,16 @@ def test_landmarks_come_in_batches_and_joints_are_always_there() -> None:
         body.landmark("fase")
 
 
+def test_an_empty_batch_has_no_points() -> None:
+    body = with_landmarks(random_body())
+    for batch in ((0,), (2, 0), (0, 3)):
+        pose = np.zeros((*batch, 5, 3))
+        assert body.landmark("face", pose).shape == (*batch, 3, 3)
+        assert body.landmark("joints", pose).shape == (*batch, 5, 3)
+        assert body.joints(pose).shape == (*batch, 5, 3)
+        assert body.vertices(pose).shape == (*batch, 30, 3)
+
+
 def test_blocks_are_the_same_objects_each_time() -> None:
     body = smpl_like_body()
     assert body.blocks() is body.blocks()
@@ -285,12 +298,6 @@ def test_blocks_are_the_same_objects_each_time() -> None:
         "scan 3/pose", "scan 3/betas", "scan 3/trans",
     ]  # fmt: skip
     assert body.blocks()[0].entry(3 * 8 + 2) == "[right_ankle, z]"
-
-
-def test_symbols_of_the_wrong_shape_are_refused() -> None:
-    pose, betas, trans = (block.symbol for block in smpl_like_body().blocks())
-    with pytest.raises(BadBody, match=r"symbols of shape \(3, 24\) for pose.*not \(24, 3\)"):
-        _ = smpl_like_body().points(pose.T, betas, trans).count
 
 
 def test_rigid_motion_of_the_body_is_one_of_space() -> None:

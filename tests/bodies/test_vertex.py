@@ -22,7 +22,9 @@ def test_the_functions_of_one_vertex(K: int, B: int, bound: bool) -> None:
     points, by_pose, by_betas = (np.asarray(a) for a in J(pose.T, betas, np.zeros(3)))
 
     f = vertex_functions(body.parents, B)
-    motion = motion_column(body.kinematics.motion(pose, betas), betas)
+    motion = motion_column(
+        body.kinematics.motion(pose, betas), betas, body.kinematics.slopes(pose, betas)
+    )
     columns = vertex_columns(body, np.arange(4))
     P = columns[3 + K + 3 * B :].reshape(K - 1, 27, 4)
     S = columns[3 + K : 3 + K + 3 * B].reshape(B, 3, 4)

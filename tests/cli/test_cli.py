@@ -26,6 +26,12 @@ def test_run_writes_a_whole_report(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert "CONVERGED" in done.stdout
     assert "COCO reprojection, cam01" in done.stdout
+    said = done.stdout.splitlines()
+    header = next(i for i, line in enumerate(said) if line.split()[:2] == ["iteration", "cost"])
+    assert said[header - 1] == "solving"
+    assert said[header + 1].split()[0] == "0"
+    assert "The priors, pose prior and shape prior, make up " in done.stdout
+    assert "without the priors: 184 x 85" in done.stdout
     folder = tmp_path / "runs" / "balance"
     for name in ("index.html", "values.npz", "solution.npz", "body.glb", "summary.json"):
         assert (folder / name).is_file(), name

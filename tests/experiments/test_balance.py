@@ -5,6 +5,9 @@ import pytest
 
 from workbench.errors import UnknownName
 from workbench.experiments import EXPERIMENTS, Outcome, find, run
+from workbench.experiments.balance import balance
+from workbench.experiments.observations import COCO
+from workbench.plots import caption_overlay
 
 CAMERAS = ("cam01", "cam02", "cam03", "cam04")
 
@@ -75,3 +78,21 @@ def test_the_data_alone_are_looked_at_too(outcome: Outcome) -> None:
     assert alone.rank < 85
     assert len(alone.null_directions) == 85 - alone.rank
     assert max(direction.change for direction in alone.null_directions) < 1e-9
+
+
+def test_a_single_name_is_a_name() -> None:
+    one = find("balance", {"held_out": "cam01", "compared": "ipopt"}).setup()
+    assert [view.held_out for view in one.views] == [True, False, False, False]
+    assert one.compared == ("ipopt",)
+    assert balance(held_out="cam01").views[0].held_out
+
+
+def test_measures_say_what_they_are_over(outcome: Outcome) -> None:
+    over = {measure.name: measure.over for measure in outcome.measures}
+    view = outcome.setup.views[0]
+    body = outcome.setup.body
+    assert body is not None
+    coco = np.isin(body.landmark_names("coco"), COCO)
+    count = int(np.sum(coco & (view.confidence > 0.2)))
+    assert over["COCO reprojection, cam01"] == f"{count} COCO keypoints with a confidence above 0.2"
+    assert "keypoints with a confidence above 0.2" in caption_overlay(outcome, 0)

@@ -7,13 +7,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from workbench.errors import BadFile, UnknownName
+from workbench.bodies.catalogue import load_body
+from workbench.errors import BadArgument, BadFile, UnknownName
+from workbench.experiments.calibration_files import read_calibration
 from workbench.experiments.keypoint_files import (
     OPENPOSE_25,
-    read_calibration,
     read_keypoints,
     read_observations,
 )
+from workbench.experiments.keypoint_fit import keypoint_fit
 from workbench.experiments.observations import COCO, BadObservation, Observations, photograph
 
 
@@ -44,8 +46,20 @@ def test_of_several_people_the_best_seen_is_taken_unless_one_is_named(tmp_path: 
     file = written(tmp_path / "a.json", {"people": people})
     assert read_keypoints(file)[1][0, 0] == 7
     assert read_keypoints(file, person=0)[1][0, 0] == 0
-    with pytest.raises(UnknownName, match="0 to 1"):
+    with pytest.raises(UnknownName, match="no person is called '2'; there are 0 to 1 in "):
         read_keypoints(file, person=2)
+
+
+def test_the_size_is_that_of_the_image_with_the_chosen_person(tmp_path: Path) -> None:
+    data = {
+        "images": [{"id": i, "width": 100 * i, "height": 50} for i in (1, 2)],
+        "annotations": [
+            {"image_id": i, "keypoints": person(17, confidence=0.3 * i)} for i in (1, 2)
+        ],
+    }
+    file = written(tmp_path / "a.json", data)
+    assert read_keypoints(file)[2] == (200, 50)
+    assert read_keypoints(file, person=0)[2] == (100, 50)
 
 
 def test_coco_annotations_bring_the_size_of_their_image(tmp_path: Path) -> None:
@@ -71,8 +85,26 @@ def test_coco_results_are_a_plain_list(tmp_path: Path) -> None:
         ({"people": [{"pose_keypoints_2d": person(19)}]}, "19 keypoints per person.*25 or 18"),
         ([], "no person's keypoints"),
         ({"something": 1}, "no person's keypoints"),
+        (3, "annotations must be a list of objects, not 3"),
+        ([1, 2], r"annotations\[0\] must be an object, not 1"),
+        ({"people": 3}, "people must be a list of objects, not 3"),
+        ({"people": ["x"]}, r"people\[0\] must be an object, not 'x'"),
+        ({"annotations": 3}, "annotations must be a list"),
+        ({"annotations": [{"keypoints": "abc"}]}, "keypoints must be numbers, not 'abc'"),
+        ({"annotations": [{"keypoints": None}]}, "keypoints must be numbers, not None"),
+        ({"annotations": [{"keypoints": [[1], [2, 3]]}]}, "keypoints must be numbers"),
+        ({"annotations": [{"keypoints": [10**400] * 51}]}, "keypoints must be numbers"),
+        ({"annotations": [{"keypoints": [1, 2]}]}, "but are 2 numbers"),
+        ({"annotations": [{"keypoints": person(17, confidence=-1)}]}, "0 has confidence -1"),
+        ({"annotations": [{"keypoints": person(17, at=float("nan"))}]}, r"nose at \[nan, nan\]"),
+        ({"annotations": [{"keypoints": person(17, at=1e300)}]}, r"has nose at \[1e\+300"),
+        ({"images": [3], "annotations": [{"keypoints": person(17)}]}, r"images\[0\] must be an"),
+        ({"images": [{"id": 1, "width": 0, "height": 5}],
+          "annotations": [{"image_id": 1, "keypoints": person(17)}]}, r"the size \[0, 5\]"),
+        ({"images": [{"id": 1, "width": "x"}],
+          "annotations": [{"image_id": 1, "keypoints": person(17)}]}, "size must be numbers"),
     ],
-)
+)  # fmt: skip
 def test_what_holds_no_keypoints_is_refused(tmp_path: Path, data: Any, said: str) -> None:
     with pytest.raises(BadFile, match=said):
         read_keypoints(written(tmp_path / "a.json", data))
@@ -116,8 +148,49 @@ def test_a_broken_calibration_says_which_camera_and_what(tmp_path: Path) -> None
         read_calibration(
             written(tmp_path / "c.json", {"a": good, "b": {"K": good["K"], "t": good["t"]}})
         )
-    with pytest.raises(BadFile, match=r"camera 'a' has t of shape \(2,\)"):
+    with pytest.raises(BadFile, match=r"camera 'a': a camera takes .*\(2,\)"):
         read_calibration(written(tmp_path / "d.json", {"a": good | {"t": [0, 1]}}))
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"R": [[-1, 0, 0], [0, 1, 0], [0, 0, 1]]}, "determinant is -1"),
+        ({"R": [[0] * 3] * 3}, "R must be a rotation"),
+        ({"R": [[1e308, 1, 0], [0, 1, 0], [0, 0, 1]]}, "R must be a rotation"),
+        ({"R": "abc"}, "R of camera 'a' must be numbers, not 'abc'"),
+        ({"t": None}, "lacks t"),
+        ({"size": 3}, "size must be numbers, not 3"),
+        ({"size": [0, 5]}, r"the size \[0, 5\]"),
+        ({"K": [[0, 0, 1], [0, 1, 1], [0, 0, 1]]}, "focal lengths are above zero"),
+        ({"K": [[-5, 0, 1], [0, 1, 1], [0, 0, 1]]}, "focal lengths are above zero"),
+        ({"K": [[5, 0, 1], [0, 1, 1], [0, 0, 2]]}, "lower rows of K"),
+        ({"distortion": [float("nan")]}, "finite"),
+        ({"distortion": [1] * 8}, "up to five distortion coefficients"),
+    ],
+)
+def test_numbers_that_are_no_camera_are_refused(
+    tmp_path: Path, change: dict[str, Any], said: str
+) -> None:
+    good = {"K": np.eye(3).tolist(), "R": np.eye(3).tolist(), "t": [0, 0, 1]}
+    with pytest.raises(BadFile, match=said):
+        read_calibration(written(tmp_path / "c.json", {"a": good | change}))
+
+
+@pytest.mark.parametrize("data", [3, [1], {}, {"a": 3}, {"a": {"K": 1}}, None])
+def test_what_is_no_calibration_is_refused(tmp_path: Path, data: Any) -> None:
+    with pytest.raises(BadFile, match=r"holds no cameras|lacks"):
+        read_calibration(written(tmp_path / "c.json", data))
+
+
+@pytest.mark.parametrize("text", ["[a", "x = ", "\xff", "[a]\nmatrix = 1979-05-27"])
+def test_broken_toml_is_refused(tmp_path: Path, text: str) -> None:
+    (tmp_path / "c.toml").write_bytes(text.encode("latin1"))
+    with pytest.raises(BadFile):
+        read_calibration(tmp_path / "c.toml")
+    (tmp_path / "d.toml").write_text(TOML + TOML.replace("cam_a", "cam_b").replace("metad", "d"))
+    with pytest.raises(BadFile, match="two cameras of one name"):
+        read_calibration(tmp_path / "d.toml")
 
 
 def test_an_image_without_a_size_is_asked_for_one(tmp_path: Path) -> None:
@@ -134,6 +207,26 @@ def test_several_files_need_as_many_cameras(tmp_path: Path) -> None:
     file = written(tmp_path / "a.json", {"people": [{"pose_keypoints_2d": person(25)}]})
     with pytest.raises(BadFile, match="2 files of keypoints need as many calibrated cameras"):
         read_observations([file, file], size=(640, 480))
+
+
+def test_one_file_and_two_cameras_do_not_match(tmp_path: Path) -> None:
+    file = written(tmp_path / "a.json", {"people": [{"pose_keypoints_2d": person(25)}]})
+    good = {"K": np.eye(3).tolist(), "R": np.eye(3).tolist(), "t": [0, 0, 1]}
+    cameras = written(tmp_path / "c.json", {"a": good, "b": good})
+    with pytest.raises(BadFile, match="one file needs as many calibrated cameras, but there are 2"):
+        read_observations([file], calibration=cameras, size=(640, 480))
+
+
+@pytest.mark.parametrize("focal", [0.0, -5.0, float("nan"), float("inf")])
+def test_a_focal_length_is_above_zero(focal: float) -> None:
+    with pytest.raises(BadArgument, match="px above 0"):
+        read_observations(["a.json"], size=(640, 480), focal=focal)
+
+
+def test_keypoints_in_one_place_tell_none_for_the_body(tmp_path: Path) -> None:
+    file = written(tmp_path / "a.json", {"people": [{"pose_keypoints_2d": [5.0, 5.0, 1.0] * 25}]})
+    with pytest.raises(BadObservation, match="coincide"):
+        keypoint_fit(read_observations([file], size=(640, 480)), load_body("small"), "where?")
 
 
 def test_a_keypoint_without_a_place_is_named() -> None:

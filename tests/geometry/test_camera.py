@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from workbench.blocks import Values
-from workbench.errors import BadCamera
+from workbench.errors import BadCamera, MissingValue, NotNumbers, ShapeMismatch
 from workbench.geometry.camera import Camera, triangulate
 
 RNG = np.random.default_rng(0)
@@ -123,8 +123,55 @@ def test_depth_is_positive_in_front_and_negative_behind() -> None:
         ({"K": np.eye(2)}, r"K \(3, 3\).*not \(2, 2\)"),
         ({"K": np.eye(3), "distortion": np.ones(8)}, "up to five distortion coefficients.*not 8"),
         ({"K": [[1, 0.1, 0], [0, 1, 0], [0, 0, 1]]}, r"K\[0, 1\] is 0.1"),
+        ({"K": [[np.nan, 0, 0], [0, 1, 0], [0, 0, 1]]}, "finite numbers, but K is"),
+        ({"K": np.diag([-900.0, 900, 1])}, r"focal lengths are above zero, but K\[0, 0\] is -900"),
+        ({"K": np.diag([900.0, 0, 1])}, r"above zero, but .* K\[1, 1\] is 0 px"),
+        ({"K": K.T}, r"the lower rows of K .* \[640.0, 360.0, 1.0\]; transpose K"),
+        ({"K": 2 * K}, r"\[0.0, 0.0, 2.0\]; .* divide it by K\[2, 2\]"),
+        ({"K": "wide"}, "K must be an array of real numbers, not text"),
+        ({"K": K, "R": np.diag([1.0, 1, -1])}, "it mirrors.*turn the sign of one of its rows"),
+        ({"K": K, "R": 2 * np.eye(3)}, "R must be a rotation, but R R' differs .* by 3"),
+        ({"K": K, "R": np.zeros((3, 3))}, "R must be a rotation"),
+        ({"K": K, "R": np.full((3, 3), np.nan)}, "finite numbers, but R is"),
+        ({"K": K, "t": (0, np.inf, 0)}, "finite numbers, but t is"),
+        ({"K": K, "t": None}, "t must be an array of real numbers, not something of type None"),
+        ({"K": K, "distortion": [np.nan]}, "finite numbers, but distortion is"),
     ],
 )
 def test_a_calibration_beyond_the_model_is_refused(given: dict[str, Any], said: str) -> None:
-    with pytest.raises(BadCamera, match=said):
+    with pytest.raises((BadCamera, NotNumbers), match=said):
         Camera().values(**given)
+
+
+def test_a_rotation_of_a_few_digits_will_do() -> None:
+    R = Rotation.from_rotvec((0.3, -2.0, 0.5)).as_matrix()
+    values = Camera().values(K=K, R=R.round(4))
+    np.testing.assert_allclose(values["rotation"], (0.3, -2.0, 0.5), atol=1e-3)
+
+
+@pytest.mark.parametrize("shape", [(), (1,), (0,), (4,), (2, 5), (2, 0)])
+def test_points_may_come_in_any_number(shape: tuple[int, ...]) -> None:
+    camera = Camera()
+    values = looking((0.3, -2.0, 0.5), camera, DISTORTION)
+    points = np.random.default_rng(0).normal(scale=0.5, size=(*shape, 3))
+    pixels, depths = camera.pixels(points, values), camera.depths(points, values)
+    assert pixels.shape == (*shape, 2)
+    assert depths.shape == shape
+    flat = points.reshape(-1, 3)
+    np.testing.assert_array_equal(pixels.reshape(-1, 2), camera.pixels(flat, values))
+    np.testing.assert_allclose(depths.ravel(), camera.depths(flat, values), rtol=1e-15)
+
+
+@pytest.mark.parametrize("see", [Camera().pixels, Camera().depths])
+def test_points_and_numbers_of_a_camera_are_checked(see: Any) -> None:
+    values = looking((0, 0, 0), Camera())
+    for points in (np.zeros((4, 2)), 1.0, np.zeros(4)):
+        with pytest.raises(BadCamera, match=r"points of shape \(\.\.\., 3\), not"):
+            see(points, values)
+    with pytest.raises(NotNumbers, match=r"points must be .*, not text"):
+        see("here", values)
+    with pytest.raises(MissingValue, match="block 'rotation'"):
+        see(POINTS, {name: value for name, value in values.items() if name != "rotation"})
+    with pytest.raises(ShapeMismatch, match="block 'translation'"):
+        see(POINTS, values | {"translation": np.zeros(2)})
+    assert np.isnan(np.asarray(see([np.nan, 0, 0], values))).any()  # a point that is nowhere

@@ -12,6 +12,7 @@ from workbench.errors import (
     BadResidual,
     DuplicateResidual,
     MissingValue,
+    NotNumbers,
     ShapeMismatch,
     TwoSymbolsOneName,
     UnknownName,
@@ -102,6 +103,15 @@ def test_rows_say_which_residual_they_belong_to() -> None:
     np.testing.assert_array_equal(r[problem.rows["gaussian(betas)"]], [1, 2, 3])
 
 
+def test_one_name_may_stand_alone_and_names_may_come_one_by_one() -> None:
+    problem, _ = body_problem()
+    assert Problem(problem.residuals, "pose").free.names == ("pose",)
+    names = (name for name in ("pose", "betas"))
+    assert Problem(problem.residuals, names).free.names == ("pose", "betas")
+    with pytest.raises(UnknownName, match="no block is called 'poze'"):
+        Problem(problem.residuals, "poze")
+
+
 def test_unknown_names_list_what_exists() -> None:
     text = "no block is called 'poze'; there are betas, observed, pose, trans"
     with pytest.raises(UnknownName, match=text):
@@ -115,6 +125,8 @@ def test_missing_and_misshapen_values_are_named() -> None:
     del values["observed"]
     with pytest.raises(MissingValue, match=r"'observed' \(12, 3\) was given no value"):
         problem.linearize(values)
+    with pytest.raises(NotNumbers, match=r"block 'pose' must be an array of real .*, not text"):
+        problem.linearize(values | {"pose": "tall"})
     with pytest.raises(ShapeMismatch, match=r"'pose' has shape \(4, 3\), but was given \(12,\)"):
         problem.linearize(values | {"pose": np.zeros(12)})
 
@@ -144,6 +156,16 @@ def test_no_residuals_are_no_problem() -> None:
         ({"w": (2, 1)}, BadBounds, r"w\[0\] has the lower bound 2 and the upper bound 1"),
         ({"w": ([0, 0, 1], 0.5)}, BadBounds, r"w\[2\] has the lower bound 1 and the upper"),
         ({"w": (np.nan, 1)}, BadBounds, r"w\[0\] has the lower bound nan"),
+        ({"w": 3}, BadBounds, r"bounds of 'w' are a pair \(lower, upper\), not 3"),
+        (
+            {"w": (0, 1, 2)},
+            BadBounds,
+            r"bounds of 'w' are a pair \(lower, upper\), not \(0, 1, 2\)",
+        ),
+        ({"w": "ab"}, BadBounds, "bounds of 'w' are a pair"),
+        ({"w": None}, BadBounds, "bounds of 'w' are a pair"),
+        ({"w": ("a", "b")}, NotNumbers, "a bound of 'w' must be .*, not text"),
+        ({"w": (None, 1)}, NotNumbers, "a bound of 'w' must be .*, not something of type NoneT"),
         ({"w": ([0, 0], 1)}, ShapeMismatch, r"'bounds of w' has shape \(3,\), but was given \(2,"),
     ],
 )

@@ -35,6 +35,14 @@ def test_the_page_holds_sizes_joints_and_provenance(tmp_path: Path) -> None:
     write_card(body, tmp_path / "card")
 
 
+def test_a_card_of_another_file_is_not_overwritten(tmp_path: Path) -> None:
+    body = random_body(n_betas=0)
+    write_card(body, tmp_path / "card", "/a/me.npz")
+    write_card(body, tmp_path / "card", "/a/me.npz")
+    with pytest.raises(BadFile, match="--out"):
+        write_card(body, tmp_path / "card", "/b/me.npz")
+
+
 def test_a_body_without_shapes_and_card_has_a_card(tmp_path: Path) -> None:
     body = random_body(n_betas=0)
     text = write_card(body, tmp_path / "card").read_text(encoding="utf-8")

@@ -2,10 +2,13 @@
 
 import json
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
+from workbench import writing
 from workbench.errors import BadFile
 from workbench.reports.folder import refuse_foreign, replacing_folder
 
@@ -94,6 +97,73 @@ def test_a_link_stays_and_what_it_points_to_is_replaced(tmp_path: Path) -> None:
         write(tmp_path / "link", page)
         assert (tmp_path / "link").is_symlink()
         assert (tmp_path / "runs" / "index.html").read_text() == page
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from workbench.reports import folder
+swap = Path.rename
+def rename(self, target):
+    if self.name.startswith("."):  # the new one was to take its place
+        os.kill(os.getpid(), signal.SIGKILL)
+    return swap(self, target)
+with folder.replacing_folder(Path(sys.argv[1])) as fresh:
+    (fresh / "index.html").write_text("half")
+    if sys.argv[2] == "writing":
+        os.kill(os.getpid(), signal.SIGKILL)
+    Path.rename = rename
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="SIGKILL")
+@pytest.mark.parametrize("during", ["writing", "swapping"])
+def test_after_a_killed_writer_the_next_one_tidies_up_and_loses_nothing(
+    tmp_path: Path, during: str
+) -> None:
+    folder = tmp_path / "run"
+    write(folder, "first")
+    (folder / "notes.txt").write_text("mine")
+    killed = [sys.executable, "-c", KILLED, str(folder), during]
+    assert subprocess.run(killed, timeout=60, check=False).returncode == -9
+    assert folder.exists() == (during == "writing")
+    assert len(list(tmp_path.iterdir())) == 2
+    write(folder, "second")
+    assert [path.name for path in tmp_path.iterdir()] == ["run"]
+    assert (folder / "index.html").read_text() == "second"
+    assert (folder / "notes.txt").read_text() == "mine"
+
+
+def test_notes_that_a_killed_writer_had_not_yet_moved_are_found(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    write(folder, "second")
+    previous = tmp_path / ".run.workbench-elsewhere-1-x.previous"
+    previous.mkdir()
+    (previous / "notes.txt").write_text("mine")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(writing, "AN_HOUR", -1.0)
+        write(folder, "third")
+    assert (folder / "notes.txt").read_text() == "mine"
+    assert [path.name for path in tmp_path.iterdir()] == ["run"]
+
+
+def test_a_report_about_another_file_is_not_overwritten(tmp_path: Path) -> None:
+    folder = tmp_path / "kp"
+
+    def report(source: str | None) -> None:
+        with replacing_folder(folder, source) as fresh:
+            about = {} if source is None else {"source": source}
+            (fresh / "summary.json").write_text(json.dumps({"made_by": "workbench", **about}))
+
+    report("/a/kp.json")
+    report("/a/kp.json")
+    for attempt in (report, lambda source: refuse_foreign(folder, source)):
+        with pytest.raises(BadFile, match=r"the report of /a/kp\.json, not of /b/kp\.json.* --out"):
+            attempt("/b/kp.json")
+    with pytest.raises(BadFile, match="not of the workbench's own kp"):
+        report("")
+    report(None)  # whoever does not say what it is about is let through
+    report("/b/kp.json")
 
 
 @pytest.mark.skipif(os.name != "posix", reason="permissions")

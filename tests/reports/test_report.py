@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from tests.outcomes_made_up import NAMES, outcome_made_up
+from workbench.diagnostics import diagnose
 from workbench.geometry import meshes
 from workbench.plots import plot_overlay, sheet
-from workbench.reports import report, write_report
+from workbench.reports import report, tables, write_report
 from workbench.reports.arrays import write_arrays
 from workbench.solvers import Solution, Status
 
@@ -63,10 +64,13 @@ def test_the_summary_is_json_without_nan(folder: Path) -> None:
     summary = json.loads(text, parse_constant=refuse)
     assert summary["name"] == "made <i>up</i>"
     assert summary["status"] == "CONVERGED"
-    assert summary["measures"][1] == {"name": "unknown", "value": None, "unit": "mm"}
+    assert summary["measures"][1] == {"name": "unknown", "value": None, "unit": "mm", "over": ""}
     assert summary["versions"]["casadi"]
     assert set(summary["files"]) == FILES
-    assert set(summary["compared"]) == {"gauss-newton", "nlopt-lbfgs"}
+    assert set(summary["compared"]) == {"levenberg-marquardt", "gauss-newton", "nlopt-lbfgs"}
+    assert summary["better"] is None
+    assert summary["best_cost"] == outcome_made_up().best_cost
+    assert sum(summary["costs"].values()) == pytest.approx(summary["cost"])
 
 
 def test_the_page_needs_nothing_from_elsewhere(folder: Path) -> None:
@@ -107,15 +111,76 @@ def test_the_page_has_every_section_and_number(folder: Path) -> None:
 def test_a_problem_without_a_body_has_a_page_too(tmp_path: Path) -> None:
     outcome = outcome_made_up()
     setup = replace(outcome.setup, body=None, views=(), truth=None)
+    late = replace(outcome.solution, status=Status.MAX_SECONDS, message="it took long")
     bare = replace(
-        outcome, setup=setup, overlays=(), surface=None, compared={}, measures=(),
-        solution=replace(outcome.solution, status=Status.MAX_SECONDS, message="it took long"),
+        outcome, setup=setup, overlays=(), surface=None, measures=(), solution=late,
+        compared={outcome.solver: late},
     )  # fmt: skip
     page = write_report(bare, tmp_path / "bare")
     text = page.read_text(encoding="utf-8")
     assert "Views" not in text
     assert "it took long" in text
     assert not (page.parent / "body.glb").exists()
+
+
+def test_another_solver_that_found_less_is_named_with_how_much(tmp_path: Path) -> None:
+    outcome = outcome_made_up()
+    cost = outcome.solution.cost
+    less = replace(outcome.solution, cost=cost / 2)
+    poor = replace(outcome, compared=outcome.compared | {"ipopt": less})
+    page = write_report(poor, tmp_path / "poor")
+    said = f"ipopt found a lower cost from the same start: {tables.number(cost / 2, 6)}, which is"
+    text = page.read_text(encoding="utf-8")
+    assert said in text
+    assert "(50.0%) less than levenberg-marquardt found" in text
+    assert 'class="ending"' in text  # not the green of a good end
+    summary = json.loads((page.parent / "summary.json").read_text(encoding="utf-8"))
+    assert summary["better"] == "ipopt"
+    assert summary["compared"]["levenberg-marquardt"]["excess"] == pytest.approx(1.0)
+    assert summary["best_cost"] == cost / 2
+
+
+def test_residuals_say_what_they_add_and_which_are_priors(folder: Path) -> None:
+    outcome = outcome_made_up()
+    setup = replace(outcome.setup, priors=("shape <prior>", "place"))
+    table = tables.residuals_table(replace(outcome, setup=setup))
+    assert [row[:3] for row in table.rows] == [
+        (r.name, kind, str(r.size))
+        for r, kind in zip(setup.problem.residuals, ("data", "prior", "prior"), strict=True)
+    ]
+    assert table.rows[0][3:5] == ("1", "px")
+    shares = [float(row[6].removesuffix("%")) for row in table.rows]
+    assert sum(shares) == pytest.approx(100, abs=0.2)
+    said = tables.priors_said(replace(outcome, setup=setup))
+    assert said.startswith("The priors, shape <prior> and place, make up ")
+    assert f"{shares[1] + shares[2]:.0f}" in said
+    text = (folder / "index.html").read_text(encoding="utf-8")
+    assert ">Residuals</h2>" in text
+    assert tables.priors_said(outcome) in text
+
+
+def test_the_data_alone_are_in_every_file(tmp_path: Path) -> None:
+    outcome = outcome_made_up()
+    setup = replace(outcome.setup, priors=("shape <prior>", "place"))
+    alone = diagnose(setup.problem.without(*setup.priors), outcome.values)
+    folder = write_report(replace(outcome, setup=setup, data_alone=alone), tmp_path / "x").parent
+    text = (folder / "diagnosis.txt").read_text(encoding="utf-8")
+    first, second = text.split("The data alone, without shape <prior> and place\n")
+    assert str(outcome.diagnosis) in first
+    assert str(alone) in second
+    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    assert summary["data_alone"] == {
+        "without": ["shape <prior>", "place"], "rows": alone.shape[0], "unknowns": alone.shape[1],
+        "rank": alone.rank,
+    }  # fmt: skip
+
+
+def test_an_interrupted_comparison_is_said(tmp_path: Path) -> None:
+    cut = replace(outcome_made_up(), skipped=("ipopt",))
+    page = write_report(cut, tmp_path / "cut")
+    said = "The comparison of solvers was cut short from the keyboard; not run: ipopt."
+    assert said in page.read_text(encoding="utf-8")
+    assert json.loads((page.parent / "summary.json").read_text())["skipped"] == ["ipopt"]
 
 
 def test_arrays_keep_any_name(tmp_path: Path) -> None:

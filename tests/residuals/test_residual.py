@@ -1,5 +1,7 @@
 """Names, labels, priors, and residuals that cannot be."""
 
+from typing import Any
+
 import casadi as cs
 import numpy as np
 import pytest
@@ -7,7 +9,7 @@ import scipy.stats
 
 from tests.bodies_made_up import random_body, smpl_like_body
 from workbench import Block, Camera, Problem, Residual, residuals
-from workbench.errors import BadResidual, NonFiniteValue
+from workbench.errors import BadResidual, NonFiniteValue, NotNumbers
 from workbench.residuals import gaussian, keypoints, landmarks
 
 X = Block("x", (3,))
@@ -100,19 +102,31 @@ def test_a_mean_is_read_in_the_order_of_the_array() -> None:
         ({"covariance": np.diag([1.0, -2.0, 1.0])}, "smallest eigenvalue of this one is -2"),
         ({"covariance": np.triu(np.ones((3, 3)))}, "finite and symmetric"),
         ({"covariance": np.full((3, 3), np.nan)}, "finite and symmetric"),
+        ({"covariance": np.diag([1.0, np.inf, 1.0])}, "finite and symmetric"),
+        ({"covariance": np.ones((3, 3))}, "smallest eigenvalue of this one is"),
+        ({"covariance": np.inf}, "finite variances above zero, not inf"),
+        ({"covariance": np.array([1.0, np.nan, 1.0])}, "finite variances above zero, not nan"),
+        ({"covariance": "wide"}, "the covariance must be .*, not text"),
+        ({"mean": np.array([0.0, np.nan, 1.0])}, "a finite mean, but entry 1 of it is nan"),
+        ({"mean": np.inf}, "a finite mean, but entry 0 of it is inf"),
+        ({"mean": [1j, 0, 0]}, "the mean must be .*, not complex numbers"),
     ],
 )
 def test_gaussians_that_are_none_are_refused(arguments: dict, text: str) -> None:
-    with pytest.raises(BadResidual, match=rf"'gaussian\(x\)'.*{text}"):
+    with pytest.raises((BadResidual, NotNumbers), match=rf"'gaussian\(x\)'.*{text}"):
         gaussian(X.symbol, **arguments)
 
 
 # Residuals that cannot be.
 
 
-@pytest.mark.parametrize("sigma", [0.0, -1.0, np.nan, np.ones(2), np.array([1.0, 0.0, 1.0])])
+@pytest.mark.parametrize(
+    "sigma", [0.0, -1.0, np.nan, np.inf, np.ones(2), np.array([1.0, 0.0, 1.0])]
+)
 def test_a_sigma_must_be_above_zero_and_fit(sigma: float) -> None:
-    with pytest.raises(BadResidual, match="'x' needs a sigma above zero in m, one or 3 of them"):
+    with pytest.raises(
+        BadResidual, match="'x' needs a finite sigma above zero in m, one or 3 of them"
+    ):
         Residual("x", X.symbol, sigma, "m")
 
 
@@ -134,3 +148,124 @@ def test_points_and_observations_must_be_as_many() -> None:
         keypoints(points, Camera(), Block("o", (5, 3)).symbol, Block("c", (5,)).symbol, sigma=1.0)
     with pytest.raises(BadResidual, match=r"has 5 keypoints, but confidences of shape \(4, 1\)"):
         keypoints(points, Camera(), Block("o", (5, 2)).symbol, Block("c", (4,)).symbol, sigma=1.0)
+
+
+@pytest.mark.parametrize(
+    ("expression", "kind"),
+    [
+        (np.zeros(3), "ndarray"),
+        (cs.DM(3, 1), "DM"),
+        (cs.SX.sym("x", 3), "SX"),
+        (X, "Block"),
+        (0, "int"),
+    ],
+)
+def test_what_is_no_symbol_is_no_residual(expression: Any, kind: str) -> None:
+    for make in (
+        lambda: Residual("x", expression, 1.0),
+        lambda: gaussian(expression),
+        lambda: landmarks(expression, np.zeros((1, 3)), sigma=1.0),
+    ):
+        hint = "; take its .symbol" if kind == "Block" else "$"
+        with pytest.raises(BadResidual, match=rf"must be a CasADi .* of type {kind}{hint}"):
+            make()
+
+
+# Numbers instead of symbols.
+
+
+def test_observations_may_be_arrays_as_users_see_them() -> None:
+    body, rng = random_body(), np.random.default_rng(0)
+    symbols = [block.symbol for block in body.blocks()]
+    points, joints, camera = body.points(*symbols), body.joint_points(*symbols), Camera("c/")
+    v, j, u, c = (
+        rng.normal(size=shape) for shape in ((30, 3), (5, 3), (5, 2), (5,))
+    )  # fmt: skip
+    observed = {"v": v, "j": j, "u": u, "c": abs(c)}
+    blocks = {name: Block(name, array.shape).symbol for name, array in observed.items()}
+
+    def problem(given: dict[str, Any]) -> Problem:
+        terms = (
+            residuals.vertices(points, given["v"], sigma=0.1, name="v"),
+            landmarks(joints, given["j"], sigma=0.1, name="j"),
+            keypoints(joints, camera, given["u"], given["c"], sigma=5.0, name="u"),
+        )
+        return Problem(terms, ("pose", "betas", "trans"))
+
+    values = body.start() | camera.values(K=[[500, 0, 320], [0, 500, 240], [0, 0, 1]], t=(0, 0, 3))
+    expected = problem(blocks).linearize(values | observed)
+    as_matrices = {name: cs.DM(array.T) for name, array in observed.items()}  # (3, N), as in CasADi
+    as_lists = {name: array.tolist() for name, array in observed.items()}
+    for given in (observed, as_matrices, as_lists):
+        here = problem(given).linearize(values)
+        np.testing.assert_array_equal(here.residual, expected.residual)
+        np.testing.assert_array_equal(here.jacobian, expected.jacobian)
+    assert set(problem(observed).fixed.names) == {block.name for block in camera.blocks}
+
+
+def test_residuals_of_numbers_are_named_after_the_blocks_behind_the_points() -> None:
+    body = smpl_like_body()
+    joints = body.joint_points(*(block.symbol for block in body.blocks("scan/")))
+    name = "landmarks(scan/pose, scan/betas, scan/trans)"
+    assert landmarks(joints, np.zeros((24, 3)), sigma=1.0).name == name
+    bare = Block("p", (24, 3)).symbol
+    assert landmarks(bare, np.zeros((24, 3)), sigma=1.0).name == "landmarks(p)"
+    seen = keypoints(joints, Camera(), np.zeros((24, 2)), np.ones(24), sigma=1.0)
+    assert seen.name == "keypoints(scan/pose, scan/betas, scan/trans)"
+
+
+def holed(shape: tuple[int, ...]) -> np.ndarray:
+    array = np.zeros(shape)
+    array[2:4] = np.nan
+    return array
+
+
+@pytest.mark.parametrize(
+    ("observed", "confidence", "text"),
+    [
+        (
+            np.zeros((2, 5)),
+            np.ones(5),
+            r"observed as .* an array of shape \(5, 2\), not of \(2, 5\)",
+        ),
+        (np.zeros((5, 2)), np.ones(4), r"the confidence as .* of shape \(5,\), not of \(4,\)"),
+        (holed((5, 2)), np.ones(5), r"row 2 of what was observed is \[nan nan\], and 2 of 5 rows"),
+        (np.zeros((5, 2)), holed((5,)), r"row 2 of the confidence is nan, and 2 of 5 rows"),
+        (cs.DM(5, 2), np.ones(5), r"of shape \(5, 2\), not of \(2, 5\)"),
+        (np.zeros((5, 2)), cs.DM(1, 5), r"the confidence as .* of shape \(5,\), not of \(5, 1\)"),
+        ([["a", "b"]] * 5, np.ones(5), "what was observed must be .*, not text"),
+        (Block("o", (5, 2)), np.ones(5), "what was observed must be a CasADi .*; take its .symbol"),
+    ],
+)
+def test_observations_that_do_not_fit_are_named(observed: Any, confidence: Any, text: str) -> None:
+    points = Block("p", (5, 3)).symbol
+    with pytest.raises((BadResidual, NotNumbers), match=rf"residual 'keypoints\((p|o)?\)'.*{text}"):
+        keypoints(points, Camera(), observed, confidence, sigma=1.0)
+
+
+def test_no_observations_are_no_rows() -> None:
+    none = residuals.vertices(cs.MX.sym("p", 3, 0), np.zeros((0, 3)), sigma=1.0)
+    assert none.size == 0
+
+
+# Kernels that are none.
+
+
+@pytest.mark.parametrize("threshold", [-1, 0, np.nan, np.inf, "far", None])
+def test_a_threshold_is_above_zero(threshold: Any) -> None:
+    with pytest.raises(BadResidual, match="huber takes a threshold above zero"):
+        residuals.huber(threshold)
+
+
+@pytest.mark.parametrize("number", [-1, 0, 0.5])
+def test_a_kernel_without_parameter_takes_none(number: float) -> None:
+    with pytest.raises(BadResidual, match="geman_mcclure is the kernel itself"):
+        residuals.geman_mcclure(number)
+
+
+def test_a_kernel_is_a_function_of_squares() -> None:
+    with pytest.raises(BadResidual, match=r"'x' needs a function as its kernel.*, not 1.345"):
+        Residual("x", X.symbol, 1.0, kernel=1.345)  # type: ignore[arg-type]
+    forgotten = Residual("x", X.symbol, 1.0, kernel=residuals.huber)  # type: ignore[arg-type]
+    with pytest.raises(BadResidual, match=r"the kernel is huber\(\) or huber\(threshold\)"):
+        _ = forgotten.whitened

@@ -1,14 +1,17 @@
 """A block: a named array of numbers, and the CasADi symbol that stands for it."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from math import prod
+from operator import index
+from typing import Any
 
 import casadi as cs
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.errors import BadResidual
+from workbench.errors import BadBlock
 
 AXES = ("x", "y", "z")
 
@@ -18,7 +21,8 @@ class Block:
     """A named array; `unit` is what each entry measures, `labels` name its rows.
 
     An array of shape (N, 3), as a user sees it, is a (3, N) matrix inside CasADi: stored
-    column by column, it is the same memory, so packing never shuffles numbers.
+    column by column, it is the same memory, so packing never shuffles numbers. A shape may be
+    given as a single number. Raises BadBlock for a shape or labels that make no sense.
     """
 
     name: str
@@ -27,8 +31,9 @@ class Block:
     labels: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
+        self.__dict__["shape"] = _lengths(self.name, self.shape)
         if self.labels is not None and len(self.labels) != (*self.shape, 1)[0]:
-            raise BadResidual(
+            raise BadBlock(
                 f"block {self.name!r} has {(*self.shape, 1)[0]} rows but {len(self.labels)} labels"
             )
 
@@ -65,6 +70,10 @@ class Block:
         """Where in the array (of this block's shape) the first true entry stands."""
         return self.entry(int(np.argmax(found.ravel()))) or "its only entry"
 
+    def __getstate__(self) -> dict[str, Any]:
+        """All but the symbol: it does not pickle, and a copy is another block."""
+        return {name: value for name, value in self.__dict__.items() if name != "symbol"}
+
     @staticmethod
     def of(symbol: cs.MX) -> "Block":
         """The block that a bare symbol stands for, as far as a symbol tells: no unit, no labels."""
@@ -73,3 +82,17 @@ class Block:
         block = Block(symbol.name(), () if shape == (1,) else shape)
         block.__dict__["symbol"] = symbol
         return block
+
+
+def _lengths(name: str, shape: object) -> tuple[int, ...]:
+    """The lengths of the axes; one number is one axis."""
+    try:
+        lengths = tuple(map(index, shape if isinstance(shape, Iterable) else (shape,)))
+    except TypeError:
+        lengths = (-1,)
+    if any(n < 0 for n in lengths):
+        raise BadBlock(
+            f"block {name!r} has the shape {shape!r}, but a shape is whole numbers from 0 on, "
+            "such as 3, (24, 3) or () for a single number"
+        )
+    return lengths

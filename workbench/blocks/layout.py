@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from workbench.blocks.block import Block
+from workbench.blocks.reals import reals
 from workbench.errors import MissingValue, NonFiniteValue, ShapeMismatch, UnknownName
 
 Values = dict[str, NDArray[np.float64]]
@@ -52,13 +53,13 @@ class Layout:
     def pack(self, values: Mapping[str, ArrayLike]) -> NDArray[np.float64]:
         """The named arrays as one vector (size,); checks every name, shape and number.
 
-        Raises MissingValue, ShapeMismatch or NonFiniteValue.
+        Raises MissingValue, NotNumbers, ShapeMismatch or NonFiniteValue.
         """
         flat = np.empty(self.size)
         for block in self.blocks:
             if block.name not in values:
                 raise MissingValue(block.name, block.shape, values)
-            value = np.asarray(values[block.name], dtype=float)
+            value = reals(f"block {block.name!r}", values[block.name])
             # a bare symbol cannot tell (3,) from (1, 3) or () from (1,): the same numbers
             if [n for n in value.shape if n != 1] != [n for n in block.shape if n != 1]:
                 raise ShapeMismatch(block.name, expected=block.shape, got=value.shape)

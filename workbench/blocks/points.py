@@ -52,7 +52,14 @@ class NumericPoints(Protocol):
 
 
 class PointSource(Protocol):
-    """Where points come from: an expression in the symbols of some blocks."""
+    """Where points come from: an expression in the symbols of some blocks.
+
+    The expression may be large and is asked for last: all else is known without it.
+    """
+
+    @property
+    def count(self) -> int:
+        """N, the number of points."""
 
     @property
     def expression(self) -> cs.MX:
@@ -89,7 +96,7 @@ class Points:
     @staticmethod
     def of(source: PointSource, name: str) -> "Points":
         """A new placeholder for the points of a source."""
-        return Points(cs.MX.sym(name, *source.expression.shape), source)
+        return Points(cs.MX.sym(name, 3, source.count), source)
 
     @property
     def count(self) -> int:

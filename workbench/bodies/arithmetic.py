@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from workbench.bodies.compiled import CompiledSurface
 from workbench.bodies.kernels import kernels
-from workbench.bodies.motion import Motion
+from workbench.bodies.motion import Motion, Slopes
 from workbench.bodies.numeric import ChunkedSurface, chunks_of
 
 if TYPE_CHECKING:
@@ -28,7 +28,12 @@ class Arithmetic(Protocol):
         """(N, 3) m."""
 
     def tangent(
-        self, motion: Motion, betas: Array, into: Mapping[str, Array], scale: Array | None
+        self,
+        motion: Motion,
+        slopes: Slopes,
+        betas: Array,
+        into: Mapping[str, Array],
+        scale: Array | None,
     ) -> None:
         """Write into `pose` (3 K, 3 N), `betas` and `trans`, each column times scale (3 N,)."""
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from workbench.bodies.embedded import read_embedded
 from workbench.bodies.npz_files import read_npz
+from workbench.bodies.owned import given_up
 from workbench.bodies.pickled_arrays import read_pickled_arrays
 from workbench.bodies.skinned import Landmarks, SkinnedBody
 from workbench.bodies.smpl_layout import body_from
@@ -62,11 +63,11 @@ def _embedded(name: str) -> SkinnedBody:
     with as_file(files("workbench") / "data" / "bodies" / BODIES[name]) as path:
         arrays = read_embedded(path)
     return SkinnedBody(
-        template=arrays["template"],
-        shapedirs=arrays["shapedirs"],
-        posedirs=arrays["posedirs"],
+        template=given_up(arrays["template"]),
+        shapedirs=given_up(arrays["shapedirs"]),
+        posedirs=given_up(arrays["posedirs"]),
         J_regressor=arrays["J_regressor"],
-        weights=arrays["weights"],
+        weights=given_up(arrays["weights"]),
         parents=arrays["parents"],
         faces=arrays["faces"],
         joint_names=arrays["joint_names"],

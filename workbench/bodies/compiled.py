@@ -9,22 +9,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.bodies.motion import Motion
+from workbench.bodies.motion import Motion, Slopes
 from workbench.bodies.numeric import SurfaceArrays
 from workbench.bodies.vertex import motion_column, vertex_columns
 
 Array = NDArray[np.float64]
-LANES = 8  # vertices at a time
 PACKED_TOGETHER = 1024  # vertices, so that packing needs little memory beside the result
 BLOCKS = ("pose", "betas", "trans")
 
 
 @dataclass(frozen=True, eq=False)
 class CompiledSurface:
-    """N vertices, eight side by side; see Arithmetic."""
+    """N vertices, as many side by side as the processor takes at a time; see Arithmetic."""
 
     library: ctypes.CDLL
-    packed: Array  # (N / 8, rows, 8), at an address that is a multiple of 64
+    packed: Array  # (N / lanes, rows, lanes), at an address that is a multiple of 64
     count: int  # N
     sizes: tuple[int, int]  # K, B
 
@@ -35,12 +34,13 @@ class CompiledSurface:
         """A body's vertices, or some of them, in order."""
         chosen = np.arange(len(arrays.template))[vertices]
         rows, N = len(vertex_columns(arrays, chosen[:1])), len(chosen)
-        packed = _aligned((-(-N // LANES), rows, LANES))
+        lanes = int(library.lanes())
+        packed = _aligned((-(-N // lanes), rows, lanes))
         for first in range(0, N, PACKED_TOGETHER):
             columns = vertex_columns(arrays, chosen[first : first + PACKED_TOGETHER])
-            filled = np.pad(columns, ((0, 0), (0, -columns.shape[1] % LANES)))
-            blocks = filled.reshape(rows, -1, LANES).transpose(1, 0, 2)
-            packed[first // LANES :][: len(blocks)] = blocks
+            filled = np.pad(columns, ((0, 0), (0, -columns.shape[1] % lanes)))
+            blocks = filled.reshape(rows, -1, lanes).transpose(1, 0, 2)
+            packed[first // lanes :][: len(blocks)] = blocks
         return CompiledSurface(
             library, packed, N, (arrays.weights.shape[1], arrays.shapedirs.shape[2])
         )
@@ -48,11 +48,16 @@ class CompiledSurface:
     def points(self, motion: Motion, betas: Array) -> Array:
         """(N, 3) m, before translation."""
         found = np.empty((self.count, 3))
-        self._run("points", motion, betas, _address(found))
+        self._run("points", motion_column(motion, betas), _address(found))
         return found
 
     def tangent(
-        self, motion: Motion, betas: Array, into: Mapping[str, Array], scale: Array | None
+        self,
+        motion: Motion,
+        slopes: Slopes,
+        betas: Array,
+        into: Mapping[str, Array],
+        scale: Array | None,
     ) -> None:
         """Transposed, into[name] (size, 3 N), each column times scale (3 N,)."""
         factor = None if scale is None else np.ascontiguousarray(scale, dtype=np.float64)
@@ -61,7 +66,8 @@ class CompiledSurface:
         for name in BLOCKS:
             array = targets.get(name)
             where += [None, 0] if array is None else [_address(array), array.strides[0] // 8]
-        self._run("tangent", motion, betas, None if factor is None else _address(factor), *where)
+        column = motion_column(motion, betas, slopes)
+        self._run("tangent", column, None if factor is None else _address(factor), *where)
         for name, array in into.items():
             if targets[name] is not array:
                 array[...] = targets[name]
@@ -71,12 +77,11 @@ class CompiledSurface:
         K, B = self.sizes
         pulled = np.ascontiguousarray(pull, dtype=np.float64)
         felt = np.empty(B + len(motion.features) + 12 * K)
-        self._run("adjoint", motion, betas, _address(pulled), _address(felt))
+        self._run("adjoint", motion_column(motion, betas), _address(pulled), _address(felt))
         on_betas, on_features, on_G = np.split(felt, [B, B + len(motion.features)])
         return on_G.reshape(K, 3, 4), on_features, on_betas
 
-    def _run(self, name: str, motion: Motion, betas: Array, *words: int | None) -> None:
-        numbers = motion_column(motion, betas)  # kept alive for the call
+    def _run(self, name: str, numbers: Array, *words: int | None) -> None:
         shared = self.count, _address(self.packed), _address(numbers)
         function = getattr(self.library, name)
         function(*(ctypes.c_ssize_t(word or 0) for word in (*shared, *words)))

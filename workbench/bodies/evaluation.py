@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from workbench.blocks.reals import reals
 from workbench.bodies.numeric import many_points
 from workbench.bodies.skinning import linear_blend
 from workbench.errors import BadBody
@@ -65,11 +66,11 @@ def arguments(
 ) -> tuple[tuple[int, ...], Array, Array, Array]:
     """The batch, and M of each: (M, K, 3), (M, B), (M, 3).
 
-    What is None is as in the template; betas may be shorter than B. Raises BadBody.
+    What is None is as in the template; betas may be shorter than B. Raises BadBody or NotNumbers.
     """
     theta = _pose(body, body.bind_pose if pose is None else pose)
     beta = _betas(body, np.zeros(0) if betas is None else betas)
-    move = np.asarray(np.zeros(3) if trans is None else trans, dtype=float)
+    move = reals("trans", np.zeros(3) if trans is None else trans)
     if move.shape[-1:] != (3,):
         raise BadBody(f"body {body.name!r} takes a trans of shape (..., 3), not {move.shape}")
     try:
@@ -87,7 +88,7 @@ def arguments(
 
 
 def _pose(body: SkinnedBody, pose: ArrayLike) -> Array:
-    theta, K = np.asarray(pose, dtype=float), body.n_joints
+    theta, K = reals("pose", pose), body.n_joints
     if theta.shape[-2:] == (K, 3):
         return theta
     if theta.shape[-1:] == (3 * K,):
@@ -99,7 +100,7 @@ def _pose(body: SkinnedBody, pose: ArrayLike) -> Array:
 
 
 def _betas(body: SkinnedBody, betas: ArrayLike) -> Array:
-    beta, B = np.asarray(betas, dtype=float), body.n_betas
+    beta, B = reals("betas", betas), body.n_betas
     if beta.ndim == 0 or beta.shape[-1] > B:
         raise BadBody(f"body {body.name!r} takes up to {B} betas, not an array {beta.shape}")
     return np.pad(beta, [(0, 0)] * (beta.ndim - 1) + [(0, B - beta.shape[-1])])

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.bodies.compiled import CompiledSurface
-from workbench.bodies.motion import Motion
+from workbench.bodies.motion import Motion, Slopes
 from workbench.bodies.numeric import ChunkedSurface, chunks_of
 from workbench.bodies.vertex import vertex_functions
 from workbench.bodies.vertex_code import vertex_code
@@ -19,7 +19,7 @@ from workbench.errors import NotSupported
 Array = NDArray[np.float64]
 LOG = logging.getLogger(__name__)
 NAME = "vertex-kernels"
-TRIED = 11  # vertices: eight, and some that are left over
+TRIED = 11  # vertices: all lanes full at least once, and some that are left over
 
 
 @cache
@@ -54,13 +54,15 @@ def _agrees(loaded: ctypes.CDLL, parents: tuple[int, ...], B: int) -> bool:
         G=rng.standard_normal((K, 3, 4)),
         features=rng.standard_normal(9 * (K - 1)),
         joints=rng.standard_normal((K, 3)),
+    )
+    slopes = Slopes(
         turns=np.cross(np.eye(3), axes).reshape(K, 9, 3),  # antisymmetric, as of rotations
         d_features=rng.standard_normal((K - 1, 3, 9)),
         d_shift=rng.standard_normal((3 * B, K)),
     )
     betas, scale = rng.standard_normal(B), rng.standard_normal(3 * N)
     answers = [
-        _answers(surface, motion, betas, scale)
+        _answers(surface, motion, slopes, betas, scale)
         for surface in (
             CompiledSurface.of(loaded, arrays, slice(None)),
             ChunkedSurface(chunks_of(arrays, slice(None)), parents),
@@ -73,10 +75,14 @@ def _agrees(loaded: ctypes.CDLL, parents: tuple[int, ...], B: int) -> bool:
 
 
 def _answers(
-    surface: CompiledSurface | ChunkedSurface, motion: Motion, betas: Array, scale: Array
+    surface: CompiledSurface | ChunkedSurface,
+    motion: Motion,
+    slopes: Slopes,
+    betas: Array,
+    scale: Array,
 ) -> list[Array]:
     sizes = {"pose": 3 * len(motion.G), "betas": len(betas), "trans": 3}
     into = {name: np.zeros((size, len(scale))) for name, size in sizes.items()}
-    surface.tangent(motion, betas, into, scale)
+    surface.tangent(motion, slopes, betas, into, scale)
     pulled = surface.adjoint(motion, betas, scale.reshape(-1, 3))
     return [surface.points(motion, betas), *into.values(), *pulled]

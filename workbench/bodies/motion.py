@@ -26,6 +26,12 @@ class Motion:
     G: Array  # (K, 3, 4): rest to posed
     features: Array  # (9 (K - 1),)
     joints: Array  # (K, 3) m, posed
+
+
+@dataclass(frozen=True, eq=False)
+class Slopes:
+    """How a motion changes with pose and betas."""
+
     turns: Array  # (K, 9, 3): rows (a, d), u -> (axis of pose[k, a] x u)_d
     d_features: Array  # (K - 1, 3, 9): joint k + 1's features by its own three numbers
     d_shift: Array  # (3 B, K): rows (b, d), the last column of G_k by betas[b]
@@ -56,16 +62,16 @@ class Kinematics:
         stacked = cs.horzcat(*G)  # (3, 4 K)
         shift = cs.horzcat(*[motion[:, 3] for motion in G])  # (3, K)
         by_betas = [cs.reshape(c, 3, K) for c in cs.horzsplit(cs.jacobian(cs.vec(shift), betas), 1)]
-        outputs = [
-            cs.vertcat(*[cs.vec(motion.T) for motion in G]),
-            features,
-            joints,
+        outputs = [cs.vertcat(*[cs.vec(motion.T) for motion in G]), features, joints]
+        slopes = [
             cs.vertcat(*[cs.vec(turn.T) for turn in turns]),
             cs.vertcat(*[cs.vec(d) for d in d_features]) if d_features else cs.SX(0, 1),
             cs.vertcat(*[cs.vec(d.T) for d in by_betas]) if B else cs.SX(0, 1),
         ]
-        dense = [cs.densify(output) for output in outputs]
-        self._forward = Buffered(cs.Function("kinematics", [pose, betas], dense))
+        self._motion, self._slopes = (
+            Buffered(cs.Function("kinematics", [pose, betas], [cs.densify(part) for part in parts]))
+            for parts in (outputs, slopes)
+        )
         pull_G = cs.SX.sym("pull_G", 3, 4 * K)
         pull_f = cs.SX.sym("pull_f", features.shape[0])
         felt = cs.dot(pull_G, stacked) + cs.dot(pull_f, features)
@@ -74,12 +80,15 @@ class Kinematics:
 
     def motion(self, pose: Array, betas: Array) -> Motion:
         """At pose (K, 3) rad and betas (B,)."""
+        K, _ = self._sizes
+        G, features, joints = self._motion(pose, betas)
+        return Motion(G.reshape(K, 3, 4), features, joints.reshape(K, 3))
+
+    def slopes(self, pose: Array, betas: Array) -> Slopes:
+        """Of the motion at pose (K, 3) rad and betas (B,)."""
         K, B = self._sizes
-        G, features, joints, turns, d_features, d_shift = self._forward(pose, betas)
-        return Motion(
-            G.reshape(K, 3, 4),
-            features,
-            joints.reshape(K, 3),
+        turns, d_features, d_shift = self._slopes(pose, betas)
+        return Slopes(
             turns.reshape(K, 9, 3),
             d_features.reshape(max(0, K - 1), 3, 9),
             d_shift.reshape(3 * B, K),

@@ -22,7 +22,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.bodies.motion import Motion
+from workbench.bodies.motion import Motion, Slopes
 
 Array = NDArray[np.float64]
 CHUNK = 512  # vertices: measured, and flat from 256 on
@@ -107,6 +107,7 @@ class ChunkedSurface:
     def tangent(
         self,
         motion: Motion,
+        slopes: Slopes,
         betas: Array,
         into: Mapping[str, Array],
         scale: Array | None,
@@ -121,9 +122,9 @@ class ChunkedSurface:
             factor = None if scale is None else scale[chunk.columns].reshape(n, 3)
             if "pose" in into:
                 below = _below(chunk, chunk.rest(betas, motion.features), motion, self.parents)
-                _write(into["pose"][:, chunk.columns], _by_pose(chunk, below, R, motion), factor)
+                _write(into["pose"][:, chunk.columns], _by_pose(chunk, below, R, slopes), factor)
             if "betas" in into:
-                _write(into["betas"][:, chunk.columns], _by_betas(chunk, R, motion), factor)
+                _write(into["betas"][:, chunk.columns], _by_betas(chunk, R, slopes), factor)
             if "trans" in into:
                 unit = np.broadcast_to(np.eye(3)[:, :, None], (3, 3, n))
                 _write(into["trans"][:, chunk.columns], unit, factor)
@@ -179,20 +180,20 @@ def _below(chunk: Chunk, rest: Array, motion: Motion, parents: tuple[int, ...]) 
     return y
 
 
-def _by_pose(chunk: Chunk, below: Array, R: Array, motion: Motion) -> Array:
+def _by_pose(chunk: Chunk, below: Array, R: Array, slopes: Slopes) -> Array:
     """(3 K, 3, n)."""
     K, n = chunk.weights.shape
-    out: Array = np.matmul(motion.turns, below).reshape(3 * K, 3, n)
+    out: Array = np.matmul(slopes.turns, below).reshape(3 * K, 3, n)
     if K > 1:
-        bulge = np.matmul(motion.d_features, chunk.posedirs.reshape(K - 1, 9, 3 * n))
+        bulge = np.matmul(slopes.d_features, chunk.posedirs.reshape(K - 1, 9, 3 * n))
         _add_rotated(out[3:], R, bulge.reshape(3 * (K - 1), 3, n))
     return out
 
 
-def _by_betas(chunk: Chunk, R: Array, motion: Motion) -> Array:
+def _by_betas(chunk: Chunk, R: Array, slopes: Slopes) -> Array:
     """(B, 3, n)."""
     B, n = len(chunk.shapedirs), chunk.weights.shape[1]
-    out: Array = (motion.d_shift @ chunk.weights).reshape(B, 3, n)
+    out: Array = (slopes.d_shift @ chunk.weights).reshape(B, 3, n)
     _add_rotated(out, R, chunk.shapedirs.reshape(B, 3, n))
     return out
 

@@ -47,7 +47,8 @@ class NumericSurface:
         ours = {"pose": self.pose, "betas": self.betas, "trans": self.trans}
         wanted = {our: into[name] for our, name in ours.items() if name in into}
         motion, betas = self._motion(values), values[self.betas]
-        self.arithmetic.tangent(motion, betas, wanted, scale)
+        slopes = self.body.kinematics.slopes(values[self.pose], betas)
+        self.arithmetic.tangent(motion, slopes, betas, wanted, scale)
 
     def adjoint(self, values: Mapping[str, Array], pull: Array) -> dict[str, Array]:
         """By pose, betas and trans, flat."""

@@ -1,8 +1,9 @@
 """A body whose surface rides on its joints: SMPL and its relatives."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any
 
 import casadi as cs
@@ -10,15 +11,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 
-from workbench.blocks import Block, Points, Values
-from workbench.bodies import evaluation, sources, surface
+from workbench.blocks import Block, Layout, Points, Values
+from workbench.bodies import evaluation, surface
 from workbench.bodies.motion import Kinematics
 from workbench.bodies.numeric import Chunk, chunks_of
+from workbench.bodies.owned import given_up, owned, owned_index, owned_matrix
 from workbench.bodies.skinning import Skinning, linear_blend
-from workbench.bodies.validation import check
-from workbench.errors import UnknownName
+from workbench.bodies.sources import Arguments, JointPoints, LandmarkPoints, SurfacePoints
+from workbench.bodies.validation import check, chosen_vertices
+from workbench.errors import BadBody, NotNumbers, UnknownName
 
 Array = NDArray[np.float64]
+REALS = ("template", "shapedirs", "posedirs", "weights")
 FREEABLE = {"template": "m", "shapedirs": "m", "posedirs": "m", "J_regressor": "1", "weights": "1"}
 
 
@@ -29,6 +33,13 @@ class Landmarks:
     names: tuple[str, ...]
     regressor: csr_array
 
+    def __post_init__(self) -> None:
+        regressor = owned_matrix("the regressor of landmarks", self.regressor)
+        self.__dict__.update(names=tuple(self.names), regressor=regressor)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Landmarks, (self.names, self.regressor)  # so that a copy is read-only as well
+
 
 @dataclass(frozen=True, eq=False)
 class SkinnedBody:
@@ -36,7 +47,10 @@ class SkinnedBody:
 
     Metres, y up, facing +z. The arrays are numbers; those in `free` are symbols in every
     expression as well, so that training a body is a fit with other names free.
-    Raises BadBody if the arrays do not fit together.
+
+    A body never changes: it keeps read-only copies of what it is given (float64, int64; read-only
+    arrays as they are), and dataclasses.replace makes another. It pickles and copies; the copy
+    has the same numbers and blocks of its own. Raises BadBody if the arrays do not fit together.
     """
 
     template: Array  # (N, 3) m, the mean rest surface
@@ -59,7 +73,31 @@ class SkinnedBody:
     )
 
     def __post_init__(self) -> None:
+        try:
+            self.__dict__.update(self._owned())
+        except NotNumbers as error:
+            raise BadBody(f"body {self.name!r}: {error}") from None
         check(self)
+
+    def _owned(self) -> dict[str, Any]:
+        kept: dict[str, Any] = {n: owned(n, getattr(self, n)) for n in REALS}
+        kept["J_regressor"] = owned_matrix("J_regressor", self.J_regressor)
+        kept["faces"] = owned_index("faces", self.faces)
+        kept["parents"] = tuple(owned_index("parents", self.parents).tolist())
+        kept["joint_names"] = tuple(self.joint_names)
+        if self.mirror is not None:
+            kept["mirror"] = owned_index("mirror", self.mirror)
+        if self.bound_in is not None:
+            kept["bound_in"] = owned("bound_in", self.bound_in)
+        for name in ("landmarks", "free"):
+            kept[name] = MappingProxyType(dict(getattr(self, name)))
+        return kept
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Its parts, without the blocks it made and what it computed with."""
+        parts = {part.name: getattr(self, part.name) for part in fields(self) if part.init}
+        plain = {"landmarks": dict(self.landmarks), "free": dict(self.free)}
+        return _made_of, (parts | plain,)
 
     @property
     def n_vertices(self) -> int:
@@ -79,7 +117,7 @@ class SkinnedBody:
     @property
     def bind_pose(self) -> Array:
         """The pose (K, 3) rad that leaves the template as it is."""
-        return np.zeros((self.n_joints, 3)) if self.bound_in is None else self.bound_in
+        return np.zeros((self.n_joints, 3)) if self.bound_in is None else self.bound_in.copy()
 
     # What a problem is written with.
 
@@ -99,40 +137,60 @@ class SkinnedBody:
         return (*(b for blocks in self._made.values() for b in blocks), *self.free.values())
 
     def freed(self, *names: str, prefix: str = "") -> "SkinnedBody":
-        """The same body, the named arrays being blocks of unknowns in every expression."""
+        """The same body, the named arrays being blocks of unknowns in every expression.
+
+        It shares its blocks with this one, so that points of either fit into one problem.
+        """
         for name in names:
             if name not in FREEABLE:
                 raise UnknownName("array to free", name, FREEABLE)
         made = {n: Block(prefix + n, self.array(n).shape, FREEABLE[n]) for n in names}
-        return replace(self, free={**self.free, **made})
+        return self._sharing_blocks(replace(self, free={**self.free, **made}))
+
+    def with_values(self, values: Mapping[str, ArrayLike]) -> "SkinnedBody":
+        """The trained body: each free array has its value among `values`, and is free no longer.
+
+        Raises MissingValue, NotNumbers, ShapeMismatch or NonFiniteValue for a value, and BadBody
+        where the arrays no longer fit together, as weights that do not sum to one.
+        """
+        found: dict[str, Any] = {
+            name: given_up(Layout((block,)).pack(values).reshape(block.shape))
+            for name, block in self.free.items()
+        }
+        return self._sharing_blocks(replace(self, free={}, **found))
+
+    def _sharing_blocks(self, other: "SkinnedBody") -> "SkinnedBody":
+        other.__dict__["_made"] = self._made
+        return other
 
     def start(self, prefix: str = "") -> Values:
         """The template as values: bind pose, mean shape, at the origin; free arrays as they are."""
         pose, betas, trans = self.blocks(prefix)
         return {
-            pose.name: self.bind_pose.copy(),
+            pose.name: self.bind_pose,
             betas.name: np.zeros(betas.shape),
             trans.name: np.zeros(trans.shape),
             **{block.name: self.array(name).copy() for name, block in self.free.items()},
         }
 
     def points(
-        self, pose: cs.MX, betas: cs.MX, trans: cs.MX, *, vertices: Sequence[int] | None = None
+        self, pose: cs.MX, betas: cs.MX, trans: cs.MX, *, vertices: ArrayLike | None = None
     ) -> Points:
-        """The posed surface, (3, N) m, or just some vertices of it."""
-        chosen = surface.ALL if vertices is None else [int(v) for v in vertices]
-        return Points.of(sources.SurfacePoints(self, (pose, betas, trans), chosen), "vertices")
+        """The posed surface, (3, N) m, or some of it: a list of vertices, or a mask (N,)."""
+        at = Arguments(self, pose, betas, trans)
+        chosen = surface.ALL if vertices is None else chosen_vertices(self, vertices)
+        return Points.of(SurfacePoints(at, chosen), "vertices")
 
     def joint_points(self, pose: cs.MX, betas: cs.MX, trans: cs.MX) -> Points:
         """The posed joints, (3, K) m."""
-        return Points.of(sources.JointPoints(self, (pose, betas, trans)), "joints")
+        return Points.of(JointPoints(Arguments(self, pose, betas, trans)), "joints")
 
     def landmark_points(self, name: str, pose: cs.MX, betas: cs.MX, trans: cs.MX) -> Points:
         """A named set of landmarks on the posed surface, (3, M) m; `joints` are always there."""
         if name == "joints":
             return self.joint_points(pose, betas, trans)
-        source = sources.LandmarkPoints(self, self._landmarks(name), (pose, betas, trans))
-        return Points.of(source, name)
+        at = Arguments(self, pose, betas, trans)
+        return Points.of(LandmarkPoints(at, self._landmarks(name)), name)
 
     # Numbers, for those who want no symbols. Any argument may have a batch in front.
 
@@ -167,7 +225,8 @@ class SkinnedBody:
         regressor = self._landmarks(name).regressor
         v = self.vertices(pose, betas, trans)
         flat = np.moveaxis(v, -2, 0).reshape(self.n_vertices, -1)
-        return np.moveaxis((regressor @ flat).reshape(-1, *v.shape[:-2], 3), 0, -2)
+        found = (regressor @ flat).reshape(regressor.shape[0], *v.shape[:-2], 3)
+        return np.moveaxis(found, 0, -2)
 
     def landmark_names(self, name: str) -> tuple[str, ...]:
         """The names of the points of a landmark set."""
@@ -200,3 +259,11 @@ class SkinnedBody:
         pose, betas = (block.symbol for block in body.blocks()[:2])
         expression = surface.posed(body, pose, betas, cs.MX(cs.DM.zeros(3)))
         return cs.Function("skinned_rest", [pose, betas], [expression])
+
+
+def _made_of(parts: dict[str, Any]) -> SkinnedBody:
+    """A body of parts that are nobody else's, as a pickle or a copy hands them over."""
+    for part in parts.values():
+        if isinstance(part, np.ndarray):
+            given_up(part)
+    return SkinnedBody(**parts)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from workbench.bodies.entries import Entries
 from workbench.bodies.joint_names import family, joint_names
+from workbench.bodies.owned import given_up
 from workbench.bodies.raw import Raw
 from workbench.bodies.skinned import Landmarks, SkinnedBody
 from workbench.errors import BadFile
@@ -41,11 +42,11 @@ def body_from(raw: Raw, name: str, where: str) -> SkinnedBody:
     N, parents = len(template), _parents(entries)
     mirror = _mirror(entries, N)
     return SkinnedBody(
-        template=template,
-        shapedirs=entries.directions("shapedirs", N),
-        posedirs=_posedirs(entries, N),
+        template=given_up(template),
+        shapedirs=given_up(entries.directions("shapedirs", N)),
+        posedirs=given_up(_posedirs(entries, N)),
         J_regressor=entries.matrix("J_regressor"),
-        weights=entries.reals("weights"),
+        weights=given_up(entries.reals("weights")),
         parents=parents,
         faces=entries.wholes("f"),
         joint_names=entries.texts("joint_names")

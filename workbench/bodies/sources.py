@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -14,35 +15,99 @@ from workbench.bodies import surface
 from workbench.bodies.arithmetic import arithmetic_of
 from workbench.bodies.numeric_sources import NumericLandmarks, NumericSurface
 from workbench.bodies.skinning import linear_blend
+from workbench.errors import BadBody
 
 if TYPE_CHECKING:
     from workbench.bodies.skinned import Landmarks, SkinnedBody
 
-Arguments = tuple[cs.MX, cs.MX, cs.MX]  # pose (3, K), betas (B, 1), trans (3, 1)
+MOVE_JOINTS = ("template", "shapedirs", "J_regressor")  # the arrays that joints are made from
+
+
+@dataclass(frozen=True, eq=False)
+class Arguments:
+    """A body, and what stands for its pose (3, K) rad, betas (B, 1) and trans (3, 1) m.
+
+    Raises BadBody for what has another shape, or is no symbol or expression of symbols.
+    """
+
+    body: SkinnedBody
+    pose: cs.MX
+    betas: cs.MX
+    trans: cs.MX
+
+    def __post_init__(self) -> None:
+        for block, given in zip(self.body.blocks(), self.symbols, strict=True):
+            if not isinstance(given, cs.MX):
+                raise BadBody(
+                    f"body {self.body.name!r} takes a symbol for {block.name}, not something of "
+                    f"type {type(given).__name__}; take block.symbol for block in body.blocks(), "
+                    "or give numbers to body.vertices"
+                )
+            if given.shape != block.symbol_shape:
+                raise BadBody(
+                    f"body {self.body.name!r} takes a symbol of shape {block.symbol_shape} for "
+                    f"{block.name}, not {given.shape}; take block.symbol for block in body.blocks()"
+                )
+
+    @property
+    def symbols(self) -> tuple[cs.MX, cs.MX, cs.MX]:
+        """In the order that a body takes them."""
+        return self.pose, self.betas, self.trans
+
+    def blocks(self, arrays: Sequence[str] | None = None) -> tuple[Block, ...]:
+        """The block behind each symbol, the body's own (with unit and labels) where it is one.
+
+        Then the body's free arrays, of those named.
+        """
+        known = {b.symbol.__hash__(): b for b in self.body.known_blocks}
+        read = cs.symvar(cs.veccat(*self.symbols))
+        free = (b for name, b in self.body.free.items() if arrays is None or name in arrays)
+        return (*(known.get(s.__hash__()) or Block.of(s) for s in read), *free)
+
+    @property
+    def tree(self) -> Tree | None:
+        """Behind a pose that is a plain block; a pose made of pieces has no single name."""
+        if not self.pose.is_symbolic():
+            return None
+        return Tree(self.pose.name(), self.body.joint_names, self.body.parents)
+
+    @property
+    def names(self) -> tuple[str, str, str] | None:
+        """The three blocks' names, if these are three blocks and nothing else."""
+        if not all(symbol.is_symbolic() for symbol in self.symbols):
+            return None
+        pose, betas, trans = (symbol.name() for symbol in self.symbols)
+        # of one block in two roles the derivatives would have to be added
+        return (pose, betas, trans) if len({pose, betas, trans}) == 3 else None
 
 
 @dataclass(frozen=True, eq=False)
 class SurfacePoints:
     """Vertices of the posed surface, all or some."""
 
-    body: SkinnedBody
-    arguments: Arguments
+    at: Arguments
     vertices: surface.Vertices
+
+    @property
+    def count(self) -> int:
+        """N, or how many are chosen."""
+        every, chosen = range(self.at.body.n_vertices), self.vertices
+        return len(every[chosen] if isinstance(chosen, slice) else chosen)
 
     @cached_property
     def expression(self) -> cs.MX:
         """(3, N) m."""
-        return surface.posed(self.body, *self.arguments, self.vertices)
+        return surface.posed(self.at.body, *self.at.symbols, self.vertices)
 
     @property
     def blocks(self) -> tuple[Block, ...]:
-        """Those of the arguments, and the body's free arrays."""
-        return _blocks(self)
+        """Those of the arguments, and every free array."""
+        return self.at.blocks()
 
     @property
     def tree(self) -> Tree | None:
         """The body's."""
-        return _tree(self)
+        return self.at.tree
 
     @property
     def labels(self) -> tuple[str, ...] | None:
@@ -54,44 +119,43 @@ class SurfacePoints:
     @cached_property
     def numeric(self) -> NumericSurface | None:
         """None if arrays are free, the skinning is not linear, or an argument is no plain block."""
-        if self.body.free or self.body.skinning is not linear_blend:
+        body, names = self.at.body, self.at.names
+        if names is None or body.free or body.skinning is not linear_blend:
             return None
-        if not all(argument.is_symbolic() for argument in self.arguments):
-            return None
-        if len({argument.name() for argument in self.arguments}) < 3:
-            return None  # one block in two roles: its derivatives would have to be added
-        arithmetic = arithmetic_of(self.body, self.vertices)
-        return NumericSurface(self.body, arithmetic, *(a.name() for a in self.arguments))
+        return NumericSurface(body, arithmetic_of(body, self.vertices), *names)
 
 
 @dataclass(frozen=True, eq=False)
 class JointPoints:
     """The posed joints: J'_k is where G_k puts joint k, not the regressor on posed vertices."""
 
-    body: SkinnedBody
-    arguments: Arguments
+    at: Arguments
+
+    @property
+    def count(self) -> int:
+        """K."""
+        return self.at.body.n_joints
 
     @cached_property
     def expression(self) -> cs.MX:
         """(3, K) m."""
-        pose, betas, trans = self.arguments
-        joints = surface.motions(self.body, pose, betas)[2]
-        return joints + cs.repmat(trans, 1, self.body.n_joints)
+        joints = surface.motions(self.at.body, self.at.pose, self.at.betas)[2]
+        return joints + cs.repmat(self.at.trans, 1, self.count)
 
     @property
     def blocks(self) -> tuple[Block, ...]:
-        """Those of the arguments, and the body's free arrays."""
-        return _blocks(self)
+        """Those of the arguments, and the free arrays that joints are made from."""
+        return self.at.blocks(MOVE_JOINTS)
 
     @property
     def tree(self) -> Tree | None:
         """The body's."""
-        return _tree(self)
+        return self.at.tree
 
     @property
     def labels(self) -> tuple[str, ...]:
         """The joints' names."""
-        return self.body.joint_names
+        return self.at.body.joint_names
 
     @property
     def numeric(self) -> NumericPoints | None:
@@ -103,9 +167,13 @@ class JointPoints:
 class LandmarkPoints:
     """Weighted means of posed vertices; only the vertices that carry weight are posed."""
 
-    body: SkinnedBody
+    at: Arguments
     landmarks: Landmarks
-    arguments: Arguments
+
+    @property
+    def count(self) -> int:
+        """M."""
+        return len(self.landmarks.names)
 
     @cached_property
     def expression(self) -> cs.MX:
@@ -115,13 +183,13 @@ class LandmarkPoints:
 
     @property
     def blocks(self) -> tuple[Block, ...]:
-        """Those of the arguments, and the body's free arrays."""
-        return _blocks(self)
+        """Those of the arguments, and every free array."""
+        return self.at.blocks()
 
     @property
     def tree(self) -> Tree | None:
         """The body's."""
-        return _tree(self)
+        return self.at.tree
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -143,18 +211,4 @@ class LandmarkPoints:
 
     @cached_property
     def _surface(self) -> SurfacePoints:
-        return SurfacePoints(self.body, self.arguments, self._used)
-
-
-def _blocks(source: SurfacePoints | JointPoints | LandmarkPoints) -> tuple[Block, ...]:
-    """The block behind each symbol, the body's own (with unit and labels) where it is one."""
-    body = source.body
-    read = source.expression if body.free else cs.veccat(*source.arguments)
-    known = {b.symbol.__hash__(): b for b in body.known_blocks}
-    return tuple(known.get(s.__hash__()) or Block.of(s) for s in cs.symvar(read))
-
-
-def _tree(source: SurfacePoints | JointPoints | LandmarkPoints) -> Tree | None:
-    """The tree behind a pose that is a plain block; a pose made of pieces has no single name."""
-    pose, body = source.arguments[0], source.body
-    return Tree(pose.name(), body.joint_names, body.parents) if pose.is_symbolic() else None
+        return SurfacePoints(self.at, self._used)

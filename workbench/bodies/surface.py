@@ -12,7 +12,6 @@ import casadi as cs
 import numpy as np
 
 from workbench.bodies.kinematics import binding_motions, pose_features
-from workbench.errors import BadBody
 from workbench.geometry.rotation import rodrigues
 
 if TYPE_CHECKING:
@@ -67,12 +66,6 @@ def rest_joints(body: SkinnedBody, betas: cs.MX) -> cs.MX:
 
 def motions(body: SkinnedBody, pose: cs.MX, betas: cs.MX) -> tuple[cs.MX, list[cs.MX], cs.MX]:
     """Pose features (9 (K - 1), 1), binding motions (3, 4) per joint, posed joints (3, K) m."""
-    if pose.shape != (3, body.n_joints) or betas.shape != (body.n_betas, 1):
-        raise BadBody(
-            f"body {body.name!r} takes symbols of shape (3, {body.n_joints}) for pose and "
-            f"({body.n_betas}, 1) for betas, not {pose.shape} and {betas.shape}; "
-            "take the symbols of body.blocks()"
-        )
     R = rodrigues(pose)
     R_bind = rodrigues(cs.DM(body.bind_pose.T))
     G, joints = binding_motions(R, R_bind, rest_joints(body, betas), body.parents)

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.errors import BadBody
+from workbench.blocks.reals import numbers
+from workbench.errors import BadBody, NotNumbers
 
 if TYPE_CHECKING:
     from workbench.bodies.skinned import SkinnedBody
@@ -27,7 +28,10 @@ def check(body: SkinnedBody) -> None:
         if not fits:
             refuse(f"{name} has shape {getattr(body, name).shape}, but must be {expected}")
 
+    _check_tree(refuse, body.parents)
     shape("template", "(N, 3)", body.template.ndim == 2 and body.template.shape[1] == 3)
+    if not len(body.template):
+        refuse("template has no vertices")
     N, K = len(body.template), len(body.parents)
     shape(
         "shapedirs", f"({N}, 3, B)", body.shapedirs.shape[:2] == (N, 3) and body.shapedirs.ndim == 3
@@ -49,7 +53,6 @@ def check(body: SkinnedBody) -> None:
         vertex, joint = np.unravel_index(int(body.weights.argmin()), body.weights.shape)
         refuse(f"weights[{vertex}, {joint}] is negative ({body.weights[vertex, joint]:.3g})")
     _check_rows(refuse, "J_regressor", np.asarray(body.J_regressor.sum(axis=1)), "joint")
-    _check_tree(refuse, body.parents)
     if body.faces.size and not 0 <= body.faces.min() <= body.faces.max() < N:
         face = int(np.argmax(((body.faces < 0) | (body.faces >= N)).any(axis=1)))
         refuse(f"face {face} is {body.faces[face].tolist()}, but there are vertices 0 to {N - 1}")
@@ -65,6 +68,26 @@ def check(body: SkinnedBody) -> None:
                 f"landmarks {name!r}: {len(landmarks.names)} names and a regressor "
                 f"{landmarks.regressor.shape}, which must be ({len(landmarks.names)}, {N})"
             )
+
+
+def chosen_vertices(body: SkinnedBody, vertices: object) -> list[int]:
+    """The vertices that a mask (N,) or a list of their numbers chooses; raises BadBody."""
+    N, there = body.n_vertices, f"body {body.name!r} has vertices 0 to {body.n_vertices - 1}"
+    try:
+        found = numbers("vertices", vertices)
+    except NotNumbers as error:
+        raise BadBody(f"{error}; {there}") from None
+    if found.dtype == bool and found.shape == (N,):
+        return [int(vertex) for vertex in np.flatnonzero(found)]
+    if found.ndim != 1 or (found.size and found.dtype.kind not in "iu"):
+        raise BadBody(
+            f"{there}; choose some by a list of whole numbers, or by a mask of shape ({N},), "
+            f"not by an array of {found.dtype} of shape {found.shape}"
+        )
+    outside = (found < 0) | (found >= N)
+    if outside.any():
+        raise BadBody(f"there is no vertex {found[outside][0]}; {there}")
+    return [int(vertex) for vertex in found]
 
 
 def _swaps_pairs(mirror: NDArray[np.int64], N: int) -> bool:

@@ -20,7 +20,7 @@ import casadi as cs
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.bodies.motion import Motion
+from workbench.bodies.motion import Motion, Slopes
 from workbench.bodies.numeric import SurfaceArrays
 
 Array = NDArray[np.float64]
@@ -55,14 +55,16 @@ def vertex_columns(arrays: SurfaceArrays, vertices: NDArray[np.int64]) -> Array:
     return np.concatenate([part.reshape(len(vertices), prod(part.shape[1:])).T for part in parts])
 
 
-def motion_column(motion: Motion, betas: Array) -> Array:
+def motion_column(motion: Motion, betas: Array, slopes: Slopes | None = None) -> Array:
     """The column that all vertices share."""
     K = len(motion.G)
-    of_joints = np.zeros((K, OF_JOINT))
-    turns = motion.turns.reshape(K, 3, 3, 3)  # [axis]x
-    of_joints[:, :9] = turns[:, :, (2, 0, 1), (1, 2, 0)].reshape(K, 9)
-    of_joints[1:, 9:] = motion.d_features.reshape(K - 1, 27)
-    parts = (betas, motion.features, motion.G, motion.joints, of_joints, motion.d_shift)
+    parts = [betas, motion.features, motion.G, motion.joints]
+    if slopes is not None:
+        of_joints = np.zeros((K, OF_JOINT))
+        turns = slopes.turns.reshape(K, 3, 3, 3)  # [axis]x
+        of_joints[:, :9] = turns[:, :, (2, 0, 1), (1, 2, 0)].reshape(K, 9)
+        of_joints[1:, 9:] = slopes.d_features.reshape(K - 1, 27)
+        parts += [of_joints, slopes.d_shift]
     return np.concatenate([part.ravel() for part in parts])
 
 

@@ -1,4 +1,4 @@
-"""The C of a body's arithmetic: CasADi's own instructions, eight vertices at a time."""
+"""The C of a body's arithmetic: CasADi's own instructions, several vertices at a time."""
 
 from importlib.resources import files
 
@@ -29,7 +29,7 @@ def vertex_code(functions: VertexFunctions, K: int, B: int) -> str:
 
 
 def kernel(function: cs.Function, put: str = "=") -> str:
-    """A function as C for eight vertices; the input called `motion` is the same for all.
+    """A function as C for several vertices; the input called `motion` is the same for all.
 
     `put` says whether outputs are set or, with `+=`, added to what is there.
     Raises NotSupported for any operation but sums and products.

@@ -1,6 +1,6 @@
 /* Loops over vertices around the kernels above.
 
-vertices: ROWS x 8 numbers for every eight vertices, the last eight filled up with zeros.
+vertices: ROWS x LANES numbers for every LANES vertices, the last ones filled up with zeros.
 motion: numbers shared by all. N: how many vertices there are.
 Memory is asked for ahead of use: the processor's own guess stops at every page, and fails for the
 many rows that a derivative is written to.
@@ -10,34 +10,48 @@ typedef ptrdiff_t integer;
 
 static inline void look_ahead(const double *vertices, integer first, integer rows)
 {
-    const double *next = vertices + 8 * (ROWS + first);
-    for (integer i = 0; i < rows; ++i) __builtin_prefetch(next + 8 * i);
+    const double *next = vertices + LANES * (ROWS + first);
+    for (integer i = 0; i < LANES * rows; i += 8) __builtin_prefetch(next + i);
 }
 
-static inline integer at_most_eight(integer left) { return left < 8 ? left : 8; }
+static inline integer at_most_all(integer left) { return left < LANES ? left : LANES; }
 
-/* (3, 8) to (8, 3) */
+EXPORT integer lanes(void) { return LANES; }
+
+/* (3, LANES) to (LANES, 3) */
 static inline void interleave(const v *restrict from, v *restrict to)
 {
     const v x = from[0], y = from[1], z = from[2];
+#if LANES == 8
     const v a = SHUFFLE(x, y, 0, 8, 0, 1, 9, 0, 2, 10);
     const v b = SHUFFLE(x, y, 0, 3, 11, 0, 4, 12, 0, 5);
     const v c = SHUFFLE(x, y, 13, 0, 6, 14, 0, 7, 15, 0);
     to[0] = SHUFFLE(a, z, 0, 1, 8, 3, 4, 9, 6, 7);
     to[1] = SHUFFLE(b, z, 10, 1, 2, 11, 4, 5, 12, 7);
     to[2] = SHUFFLE(c, z, 0, 13, 2, 3, 14, 5, 6, 15);
+#elif LANES == 4
+    const v a = SHUFFLE(x, y, 0, 4, 1, 5); /* x0 y0 x1 y1 */
+    const v b = SHUFFLE(x, y, 2, 6, 3, 7); /* x2 y2 x3 y3 */
+    to[0] = SHUFFLE(a, z, 0, 1, 4, 2);
+    to[1] = SHUFFLE(SHUFFLE(a, z, 3, 5, 3, 5), b, 0, 1, 4, 5);
+    to[2] = SHUFFLE(b, z, 6, 2, 3, 7);
+#else
+    to[0] = SHUFFLE(x, y, 0, 2);
+    to[1] = SHUFFLE(z, x, 0, 3);
+    to[2] = SHUFFLE(y, z, 1, 3);
+#endif
 }
 
-/* (rows, 3, 8) to rows of 3 count numbers, vertex by vertex, times factor (8, 3) */
+/* (rows, 3, LANES) to rows of 3 count numbers, vertex by vertex, times factor (LANES, 3) */
 static inline void spread(const v *from, integer rows, integer count, const v *factor, double *to,
                           integer stride)
 {
     for (integer row = 0; row < rows; ++row, from += 3, to += stride) {
         v whole[3];
-        for (int i = 0; i < 3; ++i) __builtin_prefetch(to + 48 + 8 * i, 1);
+        for (int i = 0; i < 3; ++i) __builtin_prefetch(to + 48 + LANES * i, 1);
         interleave(from, whole);
         for (int i = 0; i < 3; ++i) whole[i] *= factor[i];
-        if (count == 8) {
+        if (count == LANES) {
             for (int i = 0; i < 3; ++i) ((anywhere *)to)[i] = whole[i];
         } else {
             memcpy(to, whole, 3 * count * sizeof(double));
@@ -49,11 +63,11 @@ static inline void spread(const v *from, integer rows, integer count, const v *f
 EXPORT void points(integer N, const double *vertices, const double *motion, double *found)
 {
     const v one[3] = {BROADCAST(1.0), BROADCAST(1.0), BROADCAST(1.0)};
-    for (integer i = 0; i < N; i += 8, vertices += 8 * ROWS) {
+    for (integer i = 0; i < N; i += LANES, vertices += LANES * ROWS) {
         v moved[3];
         look_ahead(vertices, 0, ROWS);
         point((const anywhere *)vertices, motion, moved);
-        spread(moved, 1, at_most_eight(N - i), one, found + 3 * i, 0);
+        spread(moved, 1, at_most_all(N - i), one, found + 3 * i, 0);
     }
 }
 
@@ -64,8 +78,8 @@ EXPORT void tangent(integer N, const double *vertices, const double *motion, con
                     double *trans, integer trans_stride)
 {
     static const v still[27]; /* the root bends nothing */
-    for (integer i = 0; i < N; i += 8, vertices += 8 * ROWS) {
-        const integer count = at_most_eight(N - i);
+    for (integer i = 0; i < N; i += LANES, vertices += LANES * ROWS) {
+        const integer count = at_most_all(N - i);
         const anywhere *vertex = (const anywhere *)vertices;
         v factor[3] = {BROADCAST(1.0), BROADCAST(1.0), BROADCAST(1.0)}, R[9], found[9];
         if (scale) memcpy(factor, scale + 3 * i, 3 * count * sizeof(double));
@@ -102,17 +116,17 @@ EXPORT void adjoint(integer N, const double *vertices, const double *motion, con
                     double *felt)
 {
     v sum[PULLED] = {{0}};
-    for (integer i = 0; i < N; i += 8, vertices += 8 * ROWS) {
+    for (integer i = 0; i < N; i += LANES, vertices += LANES * ROWS) {
         v planar[3];
-        double some[24] = {0};
-        memcpy(some, pull + 3 * i, 3 * at_most_eight(N - i) * sizeof(double));
-        for (int lane = 0; lane < 8; ++lane)
+        double some[3 * LANES] = {0};
+        memcpy(some, pull + 3 * i, 3 * at_most_all(N - i) * sizeof(double));
+        for (int lane = 0; lane < LANES; ++lane)
             for (int d = 0; d < 3; ++d) planar[d][lane] = some[3 * lane + d];
         look_ahead(vertices, 0, ROWS);
         pulled((const anywhere *)vertices, motion, (const anywhere *)planar, sum);
     }
     for (integer k = 0; k < PULLED; ++k) {
         felt[k] = 0;
-        for (int lane = 0; lane < 8; ++lane) felt[k] += sum[k][lane];
+        for (int lane = 0; lane < LANES; ++lane) felt[k] += sum[k][lane];
     }
 }

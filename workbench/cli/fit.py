@@ -1,5 +1,7 @@
 """`workbench fit`: a user's own keypoints or mesh, without a line of Python."""
 
+import math
+import re
 from pathlib import Path
 from typing import Annotated
 
@@ -8,7 +10,7 @@ from rich.console import Console
 
 from workbench.bodies.catalogue import load_body
 from workbench.cli.run import Compare, Out, SolverName, carry_out, solver_named
-from workbench.errors import BadFile
+from workbench.errors import BadArgument, BadFile
 from workbench.experiments import Experiment
 from workbench.experiments.correspondences import own_mesh
 from workbench.experiments.keypoint_files import read_observations
@@ -48,6 +50,11 @@ def fit(
     out: Out = Path("runs"),
 ) -> None:
     """Fit a body to keypoints or to a mesh of its topology; write a report to runs/FILE/."""
+    if sigma is not None and not 0 < sigma < math.inf:
+        raise BadArgument(f"--sigma takes a number above 0, not {sigma:g}")
+    if focal is not None and not 0 < focal < math.inf:
+        raise BadArgument(f"--focal takes a length in px above 0, not {focal:g}")
+    image = _size(size)
     model = load_body(body)
     if files[0].suffix.lower() in MESHES:
         if len(files) > 1:
@@ -55,21 +62,23 @@ def fit(
         setup = own_mesh(files[0], model, 0.002 if sigma is None else sigma)
     else:
         observed = read_observations(
-            files, calibration=cameras, size=_size(size), focal=focal, person=person
+            files, calibration=cameras, size=image, focal=focal, person=person
         )
         question = (
             f"Which pose, shape and place of the body explain the keypoints of "
             f"{', '.join(str(f.name) for f in files)}?"
         )
         setup = keypoint_fit(observed, model, question, sigma=4.0 if sigma is None else sigma)
-    experiment = Experiment(files[0].stem, lambda: setup, "a user's own file")
+    experiment = Experiment(
+        files[0].stem, lambda: setup, "a user's own file", source=str(files[0].resolve())
+    )
     carry_out(Console(), experiment, solver_named(solver), compare, out)
 
 
 def _size(text: str | None) -> tuple[int, int] | None:
     if text is None:
         return None
-    width, x, height = text.lower().partition("x")
-    if not (x and width.isdigit() and height.isdigit()):
-        raise BadFile(f"--size takes WIDTHxHEIGHT in px, such as 1920x1080; not {text!r}")
-    return int(width), int(height)
+    found = re.fullmatch("([1-9][0-9]{0,5})x([1-9][0-9]{0,5})", text.strip().lower())
+    if not found:
+        raise BadArgument(f"--size takes WIDTHxHEIGHT in px, such as 1920x1080; not {text!r}")
+    return int(found[1]), int(found[2])

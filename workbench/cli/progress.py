@@ -10,6 +10,7 @@ from rich.table import Table
 
 from workbench.diagnostics import Diagnosis
 from workbench.experiments.experiment import Outcome
+from workbench.reports import tables
 from workbench.solvers import Iterate, Status
 
 ROWS = 12  # of the live table; the whole trace is in the report
@@ -27,8 +28,6 @@ class LiveTrace:
     def __enter__(self) -> "LiveTrace":
         if self._live:
             self._live.start()
-        else:
-            self._console.print(f"{'iteration':>9} {'cost':>14} {'gradient':>9} {'step':>9}")
         return self
 
     def __exit__(
@@ -44,6 +43,8 @@ class LiveTrace:
             self._iterates = [*self._iterates[-ROWS + 1 :], (number, iterate)]
             self._live.update(self._table(), refresh=True)
         else:
+            if number == 0:
+                self._console.print(f"{'iteration':>9} {'cost':>14} {'gradient':>9} {'step':>9}")
             self._console.print(
                 f"{number:>9} {iterate.cost:>14.6g} {iterate.optimality:>9.1e} "
                 f"{iterate.step_norm:>9.1e}"
@@ -64,11 +65,15 @@ class LiveTrace:
 def print_outcome(console: Console, outcome: Outcome) -> None:
     """The summary of a run."""
     solution = outcome.solution
-    colour = "green" if solution.converged else "yellow"
+    good = solution.converged and outcome.better is None
     console.print(
-        f"[bold {colour}]{solution.status.name}[/] after {solution.iterations} iterations, "
-        f"{solution.seconds:.2f} s, cost {solution.cost:.6g}: {escape(solution.message)}"
+        f"[bold {'green' if good else 'yellow'}]{solution.status.name}[/] after "
+        f"{solution.iterations} iterations, {solution.seconds:.2f} s, cost {solution.cost:.6g}: "
+        f"{escape(solution.message)}"
     )
+    for said in (tables.better_said(outcome), tables.interrupted_said(outcome)):
+        if said:
+            console.print(f"[bold yellow]{escape(_typed(said))}[/]", highlight=False)
     table = Table(box=None, show_header=False)
     table.add_column()
     table.add_column(justify="right")
@@ -77,11 +82,34 @@ def print_outcome(console: Console, outcome: Outcome) -> None:
         value = f"{measure.value:.3g}" if np.isfinite(measure.value) else "-"
         table.add_row(escape(measure.name), value, measure.unit)
     console.print(table)
+    _print_residuals(console, outcome)
     console.print(escape(_seen("Jacobian", outcome.diagnosis)))
     if outcome.data_alone is not None:
         console.print(escape(_seen("without the priors", outcome.data_alone)))
-    if outcome.compared:
+    if len(outcome.compared) > 1:
         console.print(_comparison(outcome))
+
+
+def _print_residuals(console: Console, outcome: Outcome) -> None:
+    """What the cost is made of; the costliest, if there are many."""
+    found = tables.residuals_table(outcome)
+    rows = sorted(zip(outcome.costs.values(), found.rows, strict=True), key=lambda row: -row[0])
+    shown = {row for _, row in rows[:ROWS]}
+    table = Table(box=None, header_style="bold")
+    for i, head in enumerate(found.head):
+        table.add_column(head, justify="right" if i in found.numbers else "left")
+    for row in found.rows:
+        if row in shown:
+            table.add_row(*(escape(_typed(cell)) for cell in row))
+    console.print(table)
+    if len(rows) > ROWS:
+        console.print(f"and {len(rows) - ROWS} residuals of less cost (see the report)")
+    console.print(escape(tables.priors_said(outcome)), highlight=False)
+
+
+def _typed(text: str) -> str:
+    """As every terminal can show it."""
+    return text.replace("−", "-").replace("–", "-").replace("∞", "inf")
 
 
 def _seen(what: str, d: Diagnosis) -> str:
@@ -96,7 +124,6 @@ def _seen(what: str, d: Diagnosis) -> str:
 
 
 def _comparison(outcome: Outcome) -> Table:
-    best = min((s.cost for s in outcome.compared.values()), default=np.nan)
     table = Table(box=None, header_style="bold")
     table.add_column("solver", no_wrap=True)
     for column in ("cost", "over best", "steps", "calls", "s"):
@@ -105,8 +132,14 @@ def _comparison(outcome: Outcome) -> Table:
     for name, s in outcome.compared.items():
         counts = s.evaluations
         total = counts.residual + counts.gradient + counts.jacobian + counts.hessian
-        above = (s.cost - best) / best if best > 0 else s.cost - best
+        above = outcome.excess(name)
         style = "" if s.status is Status.CONVERGED else "yellow"
-        row = (name, f"{s.cost:.8g}", f"{above:.0e}", str(s.iterations), str(total))
+        row = (
+            name,
+            f"{s.cost:.8g}",
+            f"{_typed(tables.number(above, 1))}",
+            str(s.iterations),
+            str(total),
+        )
         table.add_row(*row, f"{s.seconds:.2f}", s.status.name, style=style)
     return table

@@ -1,15 +1,15 @@
 """`workbench run`: an experiment from its name or file to a report."""
 
-import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from rich.console import Console
 from rich.markup import escape
 
+from workbench.cli.leaving import Interrupted
 from workbench.cli.progress import LiveTrace, print_outcome
-from workbench.errors import UnknownName, WorkbenchError
+from workbench.errors import BadArgument, UnknownName, WorkbenchError
 from workbench.experiments import EXPERIMENTS, Experiment, find
 from workbench.experiments import run as run_experiment
 from workbench.reports import refuse_foreign, write_report
@@ -39,16 +39,18 @@ def run(
         for experiment in EXPERIMENTS.values():
             console.print(f"[bold]{experiment.name:24}[/]{experiment.summary}", highlight=False)
         return
-    arguments = dict(_setting(text) for text in setting or [])
-    carry_out(console, find(name, arguments), solver_named(solver), compare, out)
+    carry_out(console, find(name, settings(setting)), solver_named(solver), compare, out)
 
 
 def carry_out(
     console: Console, experiment: Experiment, solver: Solver, compare: bool, out: Path
 ) -> None:
-    """Run, print the summary, write the report, say where it is."""
+    """Run, print the summary, write the report, say where it is.
+
+    After an interrupt the report holds what there was by then, and the exit code is 130.
+    """
     make_folder(out)
-    refuse_foreign(out / experiment.name)  # before the work, not after it
+    refuse_foreign(out / experiment.name, experiment.source)  # before the work, not after it
     with LiveTrace(console) as trace:
         outcome = run_experiment(
             experiment,
@@ -61,6 +63,8 @@ def carry_out(
     console.print("[dim]writing the report[/]")
     page = write_report(outcome, out / experiment.name)
     console.print(f"report: [bold]{escape(str(page))}[/]", soft_wrap=True)
+    if outcome.interrupted:
+        raise Interrupted("interrupted; the report holds what was found until then")
 
 
 def solver_named(name: str) -> Solver:
@@ -80,11 +84,12 @@ def make_folder(folder: Path) -> None:
         ) from error
 
 
-def _setting(text: str) -> tuple[str, Any]:
-    name, equals, value = text.partition("=")
-    if not equals:
-        raise WorkbenchError(f"--set takes NAME=VALUE, such as frame=60; not {text!r}")
-    try:
-        return name, json.loads(value)
-    except json.JSONDecodeError:
-        return name, value
+def settings(texts: list[str] | None) -> dict[str, str]:
+    """What was typed after each --set, by name."""
+    found = {}
+    for text in texts or []:
+        name, equals, value = text.partition("=")
+        if not equals:
+            raise BadArgument(f"--set takes NAME=VALUE, such as frame=60; not {text!r}")
+        found[name] = value
+    return found

@@ -1,6 +1,7 @@
-"""What a problem's Jacobian can see, and the names of what it cannot."""
+"""What a problem's Jacobian can see, the names of what it cannot, and what to do about it."""
 
-from workbench.diagnostics.diagnosis import Diagnosis, diagnose
+from workbench.diagnostics.comparison import Comparison
+from workbench.diagnostics.diagnosis import Diagnosis, Undiagnosed, diagnose
 from workbench.diagnostics.null_space import Direction
 
-__all__ = ["Diagnosis", "Direction", "diagnose"]
+__all__ = ["Comparison", "Diagnosis", "Direction", "Undiagnosed", "diagnose"]

@@ -1,129 +1,300 @@
-"""The Jacobian of a fit at one point: its size, what is zero, its rank, and what it cannot see."""
+"""The Jacobian of a fit at one point: what it sees, what it cannot see, and what to do about it."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
 
-import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from workbench.blocks import Layout
-from workbench.diagnostics.null_space import Direction, null_directions
-from workbench.problem import Linearization, Problem
+from workbench.blocks import Layout, Values
+from workbench.diagnostics import advice, conditioning, schema, structure, text
+from workbench.diagnostics.derivatives import DerivativeCheck, check_derivatives
+from workbench.diagnostics.findings import Finding, findings
+from workbench.diagnostics.identifiability import (
+    Contribution,
+    Identifiability,
+    contributions,
+    identifiability,
+)
+from workbench.diagnostics.jacobian import Jacobian, jacobian_at, neighbours, weaker
+from workbench.diagnostics.motions import Motion, motions
+from workbench.diagnostics.null_space import Direction, directions
+from workbench.diagnostics.rank_law import law_of
+from workbench.diagnostics.structure import Structure, TermBlock
+from workbench.errors import UnknownName, WorkbenchError
+from workbench.problem import Problem
 
 Array = NDArray[np.float64]
+HARDLY = 0.99  # sigmas per unit: below, a whole radian or metre hides in the noise; a unit prior: 1
 
 
-@dataclass(frozen=True)
-class TermBlock:
-    """One residual's part of the Jacobian in one block's columns."""
-
-    term: str
-    block: str
-    rows: int
-    columns: int
-    nonzeros: int  # structural
-    norm: float  # Frobenius, of the whitened Jacobian
+class Undiagnosed(WorkbenchError, AssertionError):
+    """An assertion about a diagnosis that does not hold."""
 
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """What was found; `str` of it is the report."""
+    """A problem at one point. Every part is computed when it is first asked for.
 
-    free: Layout
-    terms: tuple[TermBlock, ...]
-    pattern: NDArray[np.bool_] = field(repr=False)  # (m, n): structurally nonzero
-    row_edges: tuple[int, ...]  # where each residual's rows begin, and m
-    singular_values: Array = field(repr=False)  # (min(m, n),), falling
-    tolerance: float
-    rank: int
-    structural_rank: int
-    null_directions: tuple[Direction, ...]
+    `str` of it is a summary, `report()` everything in words, `data()` the same as JSON.
+    """
+
+    problem: Problem = field(repr=False)
+    at: Values = field(repr=False)
+    here: Jacobian = field(repr=False)
+    priors: tuple[str, ...] = ()  # residuals that are no data
+
+    # Size and structure.
+
+    @property
+    def free(self) -> Layout:
+        """The unknowns."""
+        return self.problem.free
 
     @property
     def shape(self) -> tuple[int, int]:
         """(m, n)."""
-        return int(self.pattern.shape[0]), int(self.pattern.shape[1])
+        return self.here.shape
+
+    @cached_property
+    def structure(self) -> Structure:
+        """The pattern, taken apart."""
+        return structure.structure_of(self.problem)
+
+    @property
+    def pattern(self) -> NDArray[np.bool_]:
+        """(m, n): structurally nonzero."""
+        return np.asarray(self.structure.pattern.toarray())
 
     @property
     def nonzeros(self) -> int:
         """Structural nonzeros."""
-        return int(self.pattern.sum())
+        return int(self.structure.pattern.nnz)
 
     @property
     def density(self) -> float:
         """Nonzeros over entries, 0 to 1."""
-        return self.nonzeros / max(1, self.pattern.size)
+        return self.nonzeros / max(1, self.shape[0] * self.shape[1])
+
+    @property
+    def structural_rank(self) -> int:
+        """Of any matrix with this pattern, at most."""
+        return self.structure.rank
+
+    @property
+    def row_edges(self) -> tuple[int, ...]:
+        """Where each residual's rows begin, and m."""
+        return (*(rows.start for rows in self.problem.rows.values()), self.problem.size)
+
+    @cached_property
+    def terms(self) -> tuple[TermBlock, ...]:
+        """Residuals by blocks."""
+        return structure.term_blocks(self.problem, self.structure, self.here)
+
+    @cached_property
+    def duplicates(self) -> tuple[tuple[str, str], ...]:
+        """Pairs of residuals that say the same."""
+        return structure.duplicates(self.problem, self.here) if self.here.finite else ()
+
+    @cached_property
+    def not_finite(self) -> tuple[tuple[int, int], ...]:
+        """Rows and columns of entries that are NaN or infinite; column -1: of the residual."""
+        if self.here.finite:
+            return ()
+        r = [(int(i), -1) for i in np.flatnonzero(~np.isfinite(self.here.residual))]
+        return (*r, *self.here.not_finite)
+
+    @property
+    def not_finite_columns(self) -> list[int]:
+        """The columns among them."""
+        return sorted({j for _, j in self.not_finite if j >= 0})
+
+    # Rank, and what is not seen.
+
+    @property
+    def singular_values(self) -> Array:
+        """(min(m, n),), falling."""
+        return self.here.svd[0]
+
+    @property
+    def tolerance(self) -> float:
+        """The singular value below which a direction counts as unseen."""
+        return self.here.tolerance
+
+    @property
+    def rank(self) -> int:
+        """How many directions the residuals notice here."""
+        return self.here.rank
 
     @property
     def condition(self) -> float:
         """Largest over smallest singular value; infinite without full column rank."""
-        s = self.singular_values
-        full = self.rank == self.shape[1] and s.size
-        return float(s[0] / s[-1]) if full else float("inf")
+        return self.state.condition
+
+    @cached_property
+    def state(self) -> advice.State:
+        """Unknowns, rank and condition."""
+        return advice.state_of(self.here)
+
+    @cached_property
+    def scaled_singular_values(self) -> Array:
+        """With every column of length 1."""
+        return conditioning.scaled_singular_values(self.here)
+
+    @cached_property
+    def scaled_rank(self) -> int:
+        """The rank of the same."""
+        s = self.scaled_singular_values
+        relative = self.tolerance / max(float(self.singular_values.max(initial=0.0)), 1e-300)
+        return int(np.sum(s > relative * s.max(initial=0.0)))
+
+    @cached_property
+    def nearby(self) -> tuple[Jacobian, ...]:
+        """At a few random points, a tenth of a unit away; none if large and sparse."""
+        return () if self.here.estimated else neighbours(self.problem, self.at)
+
+    @property
+    def ranks_nearby(self) -> tuple[int, ...]:
+        """The rank at these points: is the rank here the rule or the exception?"""
+        return tuple(there.rank for there in self.nearby)
+
+    @property
+    def weaker_here(self) -> float:
+        """How many times weaker the weakest direction that is seen is here than at these points."""
+        return weaker(self.here, self.nearby)
+
+    @cached_property
+    def null_directions(self) -> tuple[Direction, ...]:
+        """What no residual notices, in names."""
+        if self.rank == self.shape[1]:
+            return ()
+        return directions(self.here, self.free, self._dictionary(), self.tolerance)
+
+    @cached_property
+    def weak_directions(self) -> tuple[Direction, ...]:
+        """What the residuals hardly notice: less than one sigma for a whole unit; weakest first."""
+        if self.here.estimated or (self.rank == self.shape[1] and not self.hardly_seen):
+            return ()
+        found = directions(self.here, self.free, self._dictionary(), HARDLY)
+        noticed = (d for d in found if d.change > self.tolerance)
+        return tuple(sorted(noticed, key=lambda d: d.change))
+
+    @property
+    def hardly_seen(self) -> int:
+        """How many directions change the residuals by less than one sigma for a whole unit."""
+        seen = self.singular_values[: self.rank]
+        return int(np.sum(seen < HARDLY))
+
+    def _dictionary(self) -> Iterable[Motion]:
+        return motions(self.free, self.problem.trees, self.structure.pattern)
+
+    @cached_property
+    def rank_law(self) -> tuple[int, str] | None:
+        """The rank that the tree predicts, and why; None where the law says nothing."""
+        return law_of(self.problem, self.at)
+
+    # Conditioning.
+
+    @cached_property
+    def parallel_columns(self) -> tuple[conditioning.Pair, ...]:
+        """Pairs of unknowns that do nearly the same."""
+        return conditioning.parallel_columns(self.here)
+
+    @cached_property
+    def parallel_rows(self) -> tuple[conditioning.Pair, ...]:
+        """Pairs of rows that ask the same."""
+        return conditioning.parallel_rows(self.here)
+
+    @cached_property
+    def turns(self) -> tuple[conditioning.Turn, ...]:
+        """Of each joint that is seen to turn, how well about its best two axes."""
+        return conditioning.turns(self.here, self.free, self.problem.trees)
+
+    @cached_property
+    def weakest(self) -> tuple[conditioning.Weakest, ...]:
+        """Which few columns and rows the smallest singular values come from."""
+        return conditioning.weakest(self.here)
+
+    @cached_property
+    def leverage(self) -> Array | None:
+        """(m,) how much each row decides by itself."""
+        return conditioning.leverage(self.here)
+
+    # What is known of each number.
+
+    @cached_property
+    def identifiability(self) -> Identifiability:
+        """Sigmas, correlations, the data's share, a verdict per entry."""
+        priors = [self.problem.rows[name] for name in self.priors]
+        return identifiability(self.here, priors, self.structure)
+
+    @cached_property
+    def contributions(self) -> tuple[Contribution, ...]:
+        """What each residual adds."""
+        if self.here.estimated or len(self.problem.rows) < 2:
+            return ()
+        return contributions(self.here, self.problem.rows, self.free)
+
+    @cached_property
+    def derivatives(self) -> DerivativeCheck:
+        """Whether the Jacobian is right."""
+        return check_derivatives(self.problem, self.at, self.here)
+
+    # What to make of it.
+
+    @cached_property
+    def suggestions(self) -> tuple[advice.Suggestion, ...]:
+        """What to do, each carried out already."""
+        return advice.advise(self)
+
+    @cached_property
+    def findings(self) -> tuple[Finding, ...]:
+        """Warnings first, then what is worth knowing."""
+        return findings(self)
+
+    @property
+    def warnings(self) -> tuple[Finding, ...]:
+        """The findings that are warnings."""
+        return tuple(finding for finding in self.findings if finding.warning)
+
+    def assert_rank(self, rank: int) -> None:
+        """Raise an AssertionError that names what is not seen, unless the rank is `rank`."""
+        if not self.here.finite:
+            raise Undiagnosed(f"there is no rank: {self.findings[0].text}")
+        if self.rank != rank:
+            unseen = "; ".join(d.name for d in self.null_directions) or "nothing"
+            raise Undiagnosed(f"the rank is {self.rank}, not {rank}; not seen: {unseen}")
+
+    def assert_no_warnings(self) -> None:
+        """Raise an AssertionError that lists the warnings, if there are any."""
+        if self.warnings:
+            raise Undiagnosed("; ".join(warning.text for warning in self.warnings))
 
     def __str__(self) -> str:
-        m, n = self.shape
-        lines = [
-            f"Jacobian {m} x {n}, {self.nonzeros} nonzeros ({self.density:.1%})",
-            f"structural rank {self.structural_rank} of {n}: what the pattern alone allows",
-            f"numerical rank {self.rank} of {n}{self._gap()}",
-        ]
-        if self.rank == n:
-            lines.append(f"condition {self.condition:.3g}; every direction is seen")
-        else:
-            lines.append(f"{len(self.null_directions)} directions that no residual notices:")
-            lines += [f"  {line}" for line in self._unseen()]
-        return "\n".join(lines)
+        return text.summary(self)
 
-    def _gap(self) -> str:
-        s, rank = self.singular_values, self.rank
-        if not 0 < rank < s.size:
-            return ""
-        return f" (singular values fall from {s[rank - 1]:.2g} to {s[rank]:.2g} there)"
+    def report(self) -> str:
+        """Everything in words, section by section."""
+        return text.report(self)
 
-    def _unseen(self) -> list[str]:
-        entries = [d.name for d in self.null_directions if d.kind == "entry"]
-        others = [d.name for d in self.null_directions if d.kind != "entry"]
-        first = [f"{len(entries)} single entries: {', '.join(_gathered(entries))}"]
-        return (first if entries else []) + others
+    def data(self) -> dict[str, Any]:
+        """Everything as plain data, for JSON; `schema` and `version` say how to read it."""
+        return schema.as_data(self)
 
 
-def _gathered(entries: list[str]) -> list[str]:
-    """`pose[head, x]`, `pose[head, y]` as `pose[head, x y]`."""
-    rows: dict[str, list[str]] = {}
-    for entry in entries:
-        row, comma, last = entry.removesuffix("]").rpartition(", ")
-        rows.setdefault(row + comma, []).append(last if comma else entry)
-    return [row + " ".join(last) + "]" if row else ", ".join(last) for row, last in rows.items()]
+def diagnose(
+    problem: Problem, at: Mapping[str, ArrayLike], *, priors: Iterable[str] = ()
+) -> Diagnosis:
+    """Look at a problem's whitened Jacobian at the values `at`.
 
-
-def diagnose(problem: Problem, at: Mapping[str, ArrayLike]) -> Diagnosis:
-    """Look at a problem's whitened Jacobian at the values `at`."""
-    return diagnose_linearization(problem, problem.linearize(at))
-
-
-def diagnose_linearization(problem: Problem, here: Linearization) -> Diagnosis:
-    """The same, of a linearization that was already made."""
-    sparsity = problem.derivative.sparsity_out("J")
-    pattern = np.asarray(cs.DM(sparsity, 1.0)) != 0
-    J = here.jacobian
-    terms = tuple(
-        TermBlock(
-            term, block, rows.stop - rows.start, columns.stop - columns.start,
-            int(pattern[rows, columns].sum()), float(np.linalg.norm(J[rows, columns])),
-        )
-        for term, rows in problem.rows.items()
-        for block, columns in problem.free.slices.items()
-    )  # fmt: skip
-    return Diagnosis(
-        free=problem.free,
-        terms=terms,
-        pattern=pattern,
-        row_edges=(*(rows.start for rows in problem.rows.values()), problem.size),
-        singular_values=here.svd[1],
-        tolerance=here.tolerance,
-        rank=here.rank,
-        structural_rank=int(cs.sprank(cs.DM(sparsity, 1.0))),
-        null_directions=null_directions(J, problem.free, problem.trees, here.tolerance),
-    )
+    `priors` name the residuals that are no data; what is known by them alone is told apart.
+    Raises UnknownName for a name that no residual has.
+    """
+    for name in (names := tuple(priors)):
+        if name not in problem.rows:
+            raise UnknownName("residual", name, problem.rows)
+    read = (*problem.free.names, *problem.fixed.names)
+    values = {name: np.asarray(at[name], dtype=float) for name in read if name in at}
+    return Diagnosis(problem, values, jacobian_at(problem, at), names)

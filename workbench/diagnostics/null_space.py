@@ -1,21 +1,21 @@
-"""The directions that no residual notices, each with the smallest set of entries it needs.
+"""The directions that no residual notices, or hardly notices, each with a name."""
 
-Singular vectors of a null space are an arbitrary basis of it: one joint's twist comes out
-smeared over the whole body. So the null space is taken apart by support: first the single
-entries that can change alone, then joints, then a joint and its child together, then whole
-blocks; only what is left is given as it comes.
-"""
-
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
+from scipy.optimize import linprog
 
-from workbench.blocks import Layout, Tree
+from workbench.blocks import Layout
+from workbench.diagnostics.jacobian import Jacobian
+from workbench.diagnostics.motions import MANY, Motion
 
 Array = NDArray[np.float64]
+FRESH = 1e-6  # sine of the angle to what is known, above which a direction is another one
+CLEARLY_FRESH = 0.1
+ALIKE = 1e-6  # entries of a direction that differ by less are of one size
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,57 +23,84 @@ class Direction:
     """A unit vector (n,) of free numbers, and how much the whitened residual changes along it."""
 
     name: str
-    kind: str  # entry, twist, joint, block or mixed
+    kind: str  # entry, twist, joint, shift, block or mixed
     joints: tuple[str, ...]  # that it turns, as far as it is known
     vector: Array = field(repr=False)
-    change: float  # |J d|
+    change: float  # |J d|: sigmas per unit of the direction
 
 
-@dataclass(frozen=True)
-class _Support:
-    """A few entries that may make up a null direction by themselves."""
-
-    kind: str
-    name: str
-    joints: tuple[str, ...]
-    entries: tuple[int, ...]
-
-
-def null_basis(J: Array, tolerance: float) -> Array:
-    """(n, d) orthonormal: what J maps below `tolerance` times the length."""
-    n = J.shape[1]
+def null_basis(A: Array, tolerance: float) -> Array:
+    """(n, d) orthonormal: what A (m, n) maps below `tolerance` times the length."""
+    n = A.shape[1]
     if not n:
         return np.zeros((0, 0))
-    R = scipy.linalg.qr(J, mode="r")[0][:n] if len(J) > n else J
+    R = scipy.linalg.qr(A, mode="r")[0][:n] if len(A) > n else A
     _, s, Vt = np.linalg.svd(R, full_matrices=True)
     return np.asarray(Vt[int(np.sum(s > tolerance)) :].T)
 
 
-def null_directions(
-    J: Array, free: Layout, trees: Sequence[Tree], tolerance: float
+def directions(
+    here: Jacobian, free: Layout, dictionary: Iterable[Motion], tolerance: float
 ) -> tuple[Direction, ...]:
-    """A basis of the null space of J (m, n), smallest supports first, each vector of length 1."""
-    total = null_basis(J, tolerance).shape[1]
+    """A basis of what J maps below `tolerance` times the length: named motions first.
+
+    What no motion of the dictionary covers is made as sparse as it can be (least sum of absolute
+    values), and named by its largest entries.
+    """
+    s, Vt = here.svd
+    null = Vt[int(np.sum(s > tolerance)) :].T
+    total = null.shape[1]
+    if not total:
+        return ()
+    gram = here.R.T @ here.R
+    silent = np.linalg.norm(here.R, axis=0) <= tolerance  # entries: null directions by themselves
+    known = np.eye(free.size)[:, silent]  # orthonormal basis of what was found
+    searched: set[bytes] = set()
     found: list[Direction] = []
-    known = np.zeros((J.shape[1], 0))  # orthonormal basis of what was found
-    for support in _supports(free, trees):
+    for motion in dictionary:
         if len(found) == total:
             break
-        entries = list(support.entries)
-        local = null_basis(J[:, entries], tolerance)
+        entries, basis = motion.entries, motion.basis
+        if motion.kind == "entry":
+            if silent[entries].all():
+                v = np.zeros(free.size)
+                v[entries] = 1.0
+                found.append(_direction(motion, v, here, free, several=False))
+            continue
+        if basis is None:
+            entries = entries[~silent[entries]]
+            if not entries.size or entries.tobytes() in searched:
+                continue
+            searched.add(entries.tobytes())
+        if _all_seen(gram[np.ix_(entries, entries)], basis, tolerance):
+            continue
+        moved = here.R[:, entries]
+        if basis is None:
+            local = null_basis(moved, tolerance)
+        else:  # along the axes, where it may be
+            local = null_basis(moved @ basis, tolerance)
+            local = basis @ sparsest(local, np.zeros((len(local), 0)))
         if not local.shape[1]:
             continue
-        vectors = np.zeros((J.shape[1], local.shape[1]))
+        vectors = np.zeros((free.size, local.shape[1]))
         vectors[entries] = local
         fresh, new = _beyond(known, vectors)
-        for v in new.T:
-            found.append(_direction(support, v, J, free))
+        if new.shape[1] > 1 and motion.kind != "shift":
+            new = _inside(sparsest(new, known), null, here.R)
+        found += [_direction(motion, v, here, free, several=new.shape[1] > 1) for v in new.T]
         known = np.column_stack([known, fresh])
+    found = found[:total]
     if len(found) < total:
-        whole = _Support("mixed", "", (), tuple(range(J.shape[1])))
-        rest, _ = _beyond(known, null_basis(J, tolerance))
-        found += [_direction(whole, v, J, free) for v in rest.T[: total - len(found)]]
+        rest, _ = _beyond(known, null)
+        rest = rest[:, : total - len(found)]
+        found += [_mixed(v, here, free) for v in _inside(sparsest(rest, known), null, here.R).T]
     return tuple(found)
+
+
+def _all_seen(gram: Array, basis: Array | None, tolerance: float) -> bool:
+    """Whether J surely notices all of a subspace, from its part of J'J: quick, never wrong."""
+    G = gram if basis is None else basis.T @ gram @ basis
+    return bool(np.linalg.eigvalsh(G)[0] > tolerance**2 + 1e-12 * np.trace(gram))
 
 
 def _beyond(known: Array, vectors: Array) -> tuple[Array, Array]:
@@ -83,49 +110,108 @@ def _beyond(known: Array, vectors: Array) -> tuple[Array, Array]:
     rest = vectors - known @ (known.T @ vectors)
     rest -= known @ (known.T @ rest)
     U, s, Vt = np.linalg.svd(rest, full_matrices=False)
-    return U[:, s > 1e-6], np.asarray(vectors @ Vt[s > 1e-6].T)
+    if s.size == vectors.shape[1] and (s > CLEARLY_FRESH).all():
+        return U, vectors
+    return U[:, s > FRESH], np.asarray(vectors @ Vt[s > FRESH].T)
 
 
-def _supports(free: Layout, trees: Sequence[Tree]) -> Iterator[_Support]:
-    for i in range(free.size):
-        yield _Support("entry", free.label(i), _joints_of(free, trees, i), (i,))
-    moving = [tree for tree in trees if tree.pose in free.names]
-    for tree in moving:
-        for k, name in enumerate(tree.names):
-            where = f"of {tree.pose}[{name}]"
-            yield _Support("twist", f"a turn {where} alone", (name,), _joint(free, tree, k))
-    for tree in moving:
-        for k, parent in enumerate(tree.parents[1:], start=1):
-            names = tree.names[parent], tree.names[k]
-            entries = _joint(free, tree, parent) + _joint(free, tree, k)
-            name = f"a turn of {tree.pose}[{names[0]}], undone at {names[1]}"
-            yield _Support("twist", name, names, entries)
-    for name, part in free.slices.items():
-        if part.stop - part.start > 1:
-            yield _Support("block", f"within {name}", (), tuple(range(part.start, part.stop)))
+def sparsest(basis: Array, known: Array) -> Array:
+    """Vectors (n, d) of length 1 that span the same together with `known`, of few entries each.
+
+    Each is the one of least sum |v_i| among those whose entry at a pivot is 1: a linear program
+    over the basis and over what is known already. Of more than 400 entries, the vectors that are
+    1 at one pivot and 0 at the others.
+    """
+    n, d = basis.shape
+    if not d:
+        return basis
+    pivots = scipy.linalg.qr(basis.T, mode="r", pivoting=True)[1][:d]
+    if n > MANY:
+        return _echelon(basis, pivots)
+    space = np.column_stack([basis, known])
+    space = space / np.linalg.norm(space, axis=0)
+    k = space.shape[1]
+    chosen: list[Array] = []
+    done = known
+    for pivot in pivots:
+        # v = space c = plus - minus; least sum of both; v[pivot] = 1
+        cost = np.concatenate([np.zeros(k), np.ones(2 * n)])
+        equal = np.hstack([space, -np.eye(n), np.eye(n)])
+        at_pivot = np.concatenate([space[pivot], np.zeros(2 * n)])
+        answer = linprog(
+            cost, A_eq=np.vstack([equal, at_pivot]), b_eq=np.append(np.zeros(n), 1.0),
+            bounds=[(None, None)] * k + [(0, None)] * (2 * n), method="highs",
+        )  # fmt: skip
+        v = np.zeros(n) if answer.x is None else space @ answer.x[:k]
+        fresh = _beyond(done, v[:, None] / (float(np.linalg.norm(v)) or 1.0))[0]
+        if fresh.shape[1]:
+            chosen.append(_polished(v, space))
+            done = np.column_stack([done, fresh])
+    left = _beyond(done, basis)[0][:, : d - len(chosen)]
+    return np.column_stack([*(v[:, None] for v in chosen), left])
 
 
-def _joint(free: Layout, tree: Tree, k: int) -> tuple[int, ...]:
-    start = free.slices[tree.pose].start + 3 * k
-    return tuple(range(start, start + 3))
+def _echelon(basis: Array, pivots: NDArray[np.signedinteger]) -> Array:
+    """The same space, each vector 1 at its own pivot and 0 at those of the others."""
+    vectors = np.linalg.solve(basis[pivots].T, basis.T).T
+    vectors[abs(vectors) < 1e-7 * abs(vectors).max(axis=0)] = 0
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=0))
 
 
-def _joints_of(free: Layout, trees: Sequence[Tree], i: int) -> tuple[str, ...]:
-    block, entry = free.block_of(i)
-    return tuple(tree.names[entry // 3] for tree in trees if tree.pose == block.name)
+def _inside(vectors: Array, null: Array, R: Array) -> Array:
+    """Back into the null space, which a linear program meets only nearly; zeros stay zero."""
+    exact = np.where(vectors == 0, 0.0, null @ (null.T @ vectors))
+    worse = np.linalg.norm(R @ exact, axis=0) > np.linalg.norm(R @ vectors, axis=0)
+    return np.where(worse, vectors, exact)
 
 
-def _direction(support: _Support, v: Array, J: Array, free: Layout) -> Direction:
+def _polished(v: Array, space: Array) -> Array:
+    """v of length 1, its tiny entries set to zero exactly where the space allows it."""
+    keep = abs(v) > 1e-7 * abs(v).max()
+    if keep.all():
+        return np.asarray(v / np.linalg.norm(v))
+    allowed = null_basis(space[~keep], 1e-9 * float(np.linalg.norm(space, 2)))
+    exact = space @ (allowed @ (allowed.T @ np.linalg.lstsq(space, v)[0]))
+    exact = np.where(keep, exact, 0.0)
+    if np.linalg.norm(exact - v) > 1e-5 * np.linalg.norm(v):
+        exact = v
+    return np.asarray(exact / np.linalg.norm(exact))
+
+
+def _direction(
+    motion: Motion, v: Array, here: Jacobian, free: Layout, *, several: bool
+) -> Direction:
+    v = signed(v)
+    name, joints = motion.name, motion.joints
+    if motion.kind in ("block", "joint") or (several and motion.kind == "twist"):
+        name = f"{name}: {dominant(v, free)}"
+    if motion.kind == "shift":
+        name = f"{name}, along {along_axes(v, motion)}"
+    return Direction(name, motion.kind, joints, v, float(np.linalg.norm(here.along(v))))
+
+
+def _mixed(v: Array, here: Jacobian, free: Layout) -> Direction:
+    v = signed(v)
+    return Direction(dominant(v, free), "mixed", (), v, float(np.linalg.norm(here.along(v))))
+
+
+def signed(v: Array) -> Array:
+    """Of length 1, the first of its largest entries positive."""
     v = v / np.linalg.norm(v)
-    v = v * np.sign(v[np.argmax(abs(v))])
-    name = support.name
-    if support.kind in ("block", "mixed"):
-        name = f"{name + ': ' if name else ''}{dominant(v, free)}"
-    return Direction(name, support.kind, support.joints, v, float(np.linalg.norm(J @ v)))
+    return np.asarray(v * np.sign(v[np.argmax(abs(v) > (1 - ALIKE) * abs(v).max())]))
+
+
+def along_axes(v: Array, motion: Motion) -> str:
+    """`x`, or `0.60 x + 0.80 z`, of a shift's first block."""
+    first = v[motion.entries[:3]]
+    first = first / (float(np.linalg.norm(first)) or 1.0)
+    terms = [f"{c:.2f} {a}" for c, a in zip(first, "xyz", strict=True) if abs(c) > 1e-6]
+    return terms[0].split()[1] if len(terms) == 1 else " + ".join(terms).replace("+ -", "- ")
 
 
 def dominant(v: Array, free: Layout, most: int = 4) -> str:
     """The largest entries of a direction: `0.71 betas[3] - 0.70 trans[z] + ...`."""
-    order = [int(i) for i in np.argsort(-abs(v)) if abs(v[i]) > 0.05 * abs(v).max()]
+    size = np.round(abs(v) / abs(v).max() / ALIKE)  # so that rounding does not shuffle equals
+    order = [int(i) for i in np.argsort(-size, kind="stable") if size[i] * ALIKE > 0.05]
     terms = [f"{'-' if v[i] < 0 else '+'} {abs(v[i]):.2f} {free.label(i)}" for i in order[:most]]
     return " ".join(terms).removeprefix("+ ") + (" + ..." if len(order) > most else "")

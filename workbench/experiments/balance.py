@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from workbench.bodies.catalogue import load_body
 from workbench.errors import UnknownName
+from workbench.experiments.arguments import names
 from workbench.experiments.experiment import Setup
 from workbench.experiments.keypoint_fit import keypoint_fit, landmark_set
 from workbench.experiments.observations import Observations, photograph
@@ -57,8 +58,8 @@ def observations(frame: int = FITTED, *, adjusted: bool = True) -> tuple[Observa
     """
     with published() as data:
         if not 0 <= frame < len(data["keypoints"]):
-            raise UnknownName("frame", str(frame), (f"0 to {len(data['keypoints']) - 1}",))
-        names = tuple(NAMES.get(str(name), str(name)) for name in data["keypoint_names"])
+            raise UnknownName("frame", str(frame), hint=f"0 to {len(data['keypoints']) - 1}")
+        landmarks = tuple(NAMES.get(str(name), str(name)) for name in data["keypoint_names"])
         R, T = calibrated() if adjusted else (data["R"], data["T"])
         K, dist, size = data["K"], data["dist"], data["image_size"]
         photographs = tuple(
@@ -71,7 +72,7 @@ def observations(frame: int = FITTED, *, adjusted: bool = True) -> tuple[Observa
             for i, name in enumerate(data["camera"])
         )
         triangulated = np.asarray(data["keypoints3d_dlt"][frame], dtype=float)
-    return Observations(names, photographs), triangulated
+    return Observations(landmarks, photographs), triangulated
 
 
 def balance(
@@ -88,6 +89,7 @@ def balance(
     """
     seen, triangulated = observations(frame, adjusted=adjusted)
     known = [p.name for p in seen.photographs]
+    held_out = names(held_out)
     for name in held_out:
         if name not in known:
             raise UnknownName("camera", name, known)
@@ -105,15 +107,15 @@ def balance(
         f"shape and place of the body explain the 2D keypoints of {fitted} of them, and what do "
         "the keypoints leave open?",
         sigma=sigma,
-        held_out=tuple(held_out),
+        held_out=held_out,
         reference=reference,
-        compared=tuple(compared),
+        compared=names(compared),
     )
 
 
 def balance_monocular(frame: int = FITTED, body: str = "default", camera: str = "cam01") -> Setup:
     """One camera is fitted; the other three are held out and tell how far off the depth is."""
-    names = [p.name for p in observations(frame)[0].photographs]
-    if camera not in names:
-        raise UnknownName("camera", camera, names)
-    return balance(frame, body, [name for name in names if name != camera])
+    known = [p.name for p in observations(frame)[0].photographs]
+    if camera not in known:
+        raise UnknownName("camera", camera, known)
+    return balance(frame, body, [name for name in known if name != camera])

@@ -4,12 +4,13 @@ import importlib.util
 import sys
 from collections.abc import Mapping
 from dataclasses import replace
-from inspect import signature
 from pathlib import Path
 from typing import Any
 
 from workbench.errors import BadFile, UnknownName
+from workbench.experiments.arguments import converted, parameters
 from workbench.experiments.balance import balance, balance_monocular
+from workbench.experiments.blame import blaming
 from workbench.experiments.correspondences import known_correspondences
 from workbench.experiments.experiment import Experiment, Setup
 from workbench.experiments.registration import registration
@@ -31,19 +32,23 @@ def find(name: str, arguments: Mapping[str, Any] | None = None) -> Experiment:
     """An experiment of the catalogue, or of a Python file, with some of its arguments changed.
 
     A file defines `experiment` (an Experiment), or `setup` (a Setup, or a function that makes
-    one), or `problem` and `start`. Raises UnknownName or BadFile.
+    one), or `problem` and `start`. Arguments are values, or what was typed for them. Raises
+    UnknownName, BadArgument, or BadFile with the line of the file that is to blame.
     """
     if name in EXPERIMENTS:
         experiment = EXPERIMENTS[name]
     elif name.endswith(".py"):
         experiment = _from_file(Path(name))
     else:
-        raise UnknownName("experiment", name, (*EXPERIMENTS, "or give a FILE.py"))
+        raise UnknownName("experiment", name, EXPERIMENTS, hint="or give a FILE.py")
     changed = dict(arguments or {})
-    known = signature(experiment.build).parameters
-    for argument in changed:
+    with blaming(experiment.source):
+        known = parameters(experiment.build)
+    for argument, given in changed.items():
         if argument not in known:
             raise UnknownName(f"argument of {experiment.name}", argument, known)
+        what = f"{argument} of {experiment.name}"
+        changed[argument] = converted(what, known[argument].annotation, given)
     return replace(experiment, arguments={**experiment.arguments, **changed})
 
 
@@ -51,17 +56,27 @@ def _from_file(path: Path) -> Experiment:
     if not path.is_file():
         raise BadFile(f"there is no file {path}; give the path of a Python file, or one of "
                       f"{', '.join(EXPERIMENTS)}")  # fmt: skip
-    spec = importlib.util.spec_from_file_location(path.stem, path)
+    source = str(path.resolve())
+    spec = importlib.util.spec_from_file_location(path.stem, source)
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules.setdefault(path.stem, module)
-    try:
+    folder = str(path.resolve().parent)  # where its own imports are, as under `python FILE.py`
+    if folder not in sys.path:
+        sys.path.insert(0, folder)
+    with blaming(source):
         spec.loader.exec_module(module)
-    except Exception as error:
-        raise BadFile(f"{path} cannot be run: {type(error).__name__}: {error}") from error
-    if isinstance(getattr(module, "experiment", None), Experiment):
-        return module.experiment  # type: ignore[no-any-return]
+        return replace(_described(module, path), source=source)
+
+
+def _described(module: Any, path: Path) -> Experiment:
+    """What the module defines, whichever way."""
+    experiment = getattr(module, "experiment", None)
+    if isinstance(experiment, Experiment):
+        if Path(experiment.name).name != experiment.name:
+            raise BadFile(f"an experiment's name is that of a folder, not {experiment.name!r}")
+        return experiment
     found = getattr(module, "setup", None)
     if isinstance(found, Setup):
         return Experiment(path.stem, lambda: found, path.name)
@@ -75,5 +90,5 @@ def _from_file(path: Path) -> Experiment:
         )  # fmt: skip
         return Experiment(path.stem, lambda: made, path.name)
     raise BadFile(
-        f"{path} defines no experiment; it needs `experiment`, or `setup`, or `problem` and `start`"
+        "it defines no experiment; it needs `experiment`, or `setup`, or `problem` and `start`"
     )

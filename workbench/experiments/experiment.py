@@ -1,7 +1,8 @@
 """A named problem with a start, what is known about its answer, and what came of solving it."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from types import NoneType
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,10 @@ from numpy.typing import NDArray
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.diagnostics import Diagnosis, diagnose
-from workbench.errors import WorkbenchError
+from workbench.errors import BadSetup, UnknownName, WorkbenchError
+from workbench.experiments import comparison
+from workbench.experiments.arguments import names
+from workbench.experiments.blame import blaming
 from workbench.geometry.camera import Camera
 from workbench.problem import Problem
 from workbench.solvers import SOLVERS, Callback, Solution, Solver, Status
@@ -25,6 +29,7 @@ class Measure:
     name: str
     value: float
     unit: str
+    over: str = ""  # what it is a mean over: `17 keypoints with a confidence above 0.2`
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +47,10 @@ class View:
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """A problem ready to be solved, and what there is to look at afterwards."""
+    """A problem ready to be solved, and what there is to look at afterwards.
+
+    Raises BadSetup, UnknownName, or what Problem.split says about a start that does not do.
+    """
 
     problem: Problem
     start: Values
@@ -54,6 +62,36 @@ class Setup:
     priors: tuple[str, ...] = ()  # the residuals that are no data
     compared: tuple[str, ...] = ()  # names of SOLVERS to run on the same problem and start
 
+    def __post_init__(self) -> None:
+        _expect("problem", self.problem, Problem, "a Problem")
+        _expect("start", self.start, Mapping, "a dict of arrays by the names of blocks")
+        _expect("body", self.body, (SkinnedBody, NoneType), "a SkinnedBody or None")
+        _expect("question", self.question, str, "a text")
+        _expect("views", self.views, (tuple, list), "several Views")
+        for view in self.views:
+            _expect("views", view, View, "several Views")
+        shape = None if self.body is None else self.body.template.shape
+        if self.truth is not None and shape not in (None, np.shape(self.truth)):
+            raise BadSetup(
+                f"`truth` of a setup must have the shape {shape} of the body's vertices, not "
+                f"{np.shape(self.truth)}"
+            )
+        for name, known, kind in (
+            ("compared", SOLVERS, "solver"),
+            ("priors", self.problem.rows, "residual"),
+        ):
+            several = names(getattr(self, name))
+            object.__setattr__(self, name, several)  # a single name is one, not its letters
+            for one in several:
+                if one not in known:
+                    raise UnknownName(kind, one, known)
+        self.problem.split(self.start)
+
+
+def _expect(name: str, value: object, kind: type | tuple[type, ...], wanted: str) -> None:
+    if not isinstance(value, kind):
+        raise BadSetup(f"`{name}` of a setup must be {wanted}, not {value!r:.80}")
+
 
 @dataclass(frozen=True)
 class Experiment:
@@ -63,10 +101,21 @@ class Experiment:
     build: Callable[..., Setup]
     summary: str
     arguments: Mapping[str, Any] = field(default_factory=dict)
+    source: str = ""  # the file that it is from or about; "" for what comes with the workbench
 
     def setup(self) -> Setup:
-        """Build it."""
-        return self.build(**self.arguments)
+        """Build it.
+
+        Raises BadFile where the file that it is from is wrong, with the line, and BadArgument
+        where an argument is.
+        """
+        with blaming(self.source, self.name, self.arguments):
+            setup = self.build(**self.arguments)
+            if not isinstance(setup, Setup):
+                raise BadSetup(
+                    f"the function that builds it must return a Setup, not {setup!r:.80}"
+                )
+            return setup
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,14 +139,45 @@ class Outcome:
 
     name: str
     setup: Setup
-    solution: Solution
+    solver: str  # that was asked; its name in SOLVERS if it is there as it was
+    solution: Solution  # what it found
     values: Values  # of every block, free and fixed
+    costs: Mapping[str, float]  # what each residual adds to the cost, by name
     diagnosis: Diagnosis
     data_alone: Diagnosis | None  # the same without the priors, where there are any
-    compared: Mapping[str, Solution]  # the same problem and start, by name of the solver
+    compared: Mapping[str, Solution]  # the same problem and start, by solver; this one's too
+    skipped: tuple[str, ...]  # solvers that were to be compared, but for an interrupt
     measures: tuple[Measure, ...]
     overlays: tuple[Overlay, ...]
     surface: Array | None  # (N, 3) m, the posed body
+    source: str = ""  # the file that it is about
+
+    @property
+    def best_cost(self) -> float:
+        """The lowest cost that any of the compared solvers found."""
+        return comparison.best_cost(self.compared)
+
+    def excess(self, name: str) -> float:
+        """How far a solver's cost is above the best one, as a share of that."""
+        return comparison.excess(self.compared[name], self.compared)
+
+    @property
+    def better(self) -> str | None:
+        """A solver that found less cost than this one by more than a millionth, the quickest."""
+        good = comparison.as_good(self.compared)
+        return good[0] if good and self.solver not in good else None
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether the keyboard stopped a solver."""
+        stopped = any(s.status is Status.STOPPED for s in self.compared.values())
+        return stopped or bool(self.skipped)
+
+    @property
+    def prior_share(self) -> float:
+        """What the priors' part of the cost is, 0 to 1; NaN of a cost of zero."""
+        whole = sum(self.costs.values())
+        return sum(self.costs[name] for name in self.setup.priors) / whole if whole else np.nan
 
 
 Progress = Callable[[str], object]  # told what begins
@@ -111,46 +191,73 @@ def run(
     callback: Callback | None = None,
     progress: Progress = lambda text: None,
 ) -> Outcome:
-    """Solve an experiment, look at its Jacobian, and solve it with the solvers it compares."""
+    """Solve an experiment, look at its Jacobian, and solve it with the solvers it compares.
+
+    An interrupt from the keyboard ends a solve, and all that would come after it; what was found
+    until then is kept.
+    """
     progress(f"building {experiment.name}")
     setup = experiment.setup()
+    _measured(experiment, setup, setup.start)  # a mistake in there is better found now
+    solver = solver or SOLVERS["levenberg-marquardt"]
+    wanted = setup.compared if compare else ()
     progress("deriving")  # before anything is timed
-    _prepare(setup.problem, setup.compared if compare else ())
+    _prepare(setup.problem, solver, wanted)
     progress("solving")
-    solution = (solver or SOLVERS["levenberg-marquardt"]).solve(
-        setup.problem, setup.start, callback=callback
-    )
-    values = setup.start | solution.values
+    solution = solver.solve(setup.problem, setup.start, callback=callback)
+    if not np.isfinite(solution.cost):
+        raise WorkbenchError(
+            f"{experiment.name} has no finite cost, or no slope, where it starts: "
+            f"{solution.message}"
+        )
+    own = comparison.catalogue_name(solver) or f"{solution.solver} (with other options)"
+    values = dict(setup.start) | solution.values
     progress("looking at the Jacobian")
-    diagnosis = diagnose(setup.problem, values)
-    data_alone = diagnose(setup.problem.without(*setup.priors), values) if setup.priors else None
-    compared: dict[str, Solution] = {}
-    stopped = solution.status is Status.STOPPED  # whoever stops a solve wants no more of them
-    for name in setup.compared if compare and not stopped else ():
-        progress(f"comparing: {name}")
-        try:
-            compared[name] = SOLVERS[name].solve(setup.problem, setup.start)
-        except WorkbenchError as error:
-            progress(f"{name} cannot solve this: {error}")
+    diagnosis = diagnose(setup.problem, values, priors=setup.priors)
+    data_alone = (
+        diagnose(setup.problem.without(*setup.priors), values)
+        if 0 < len(setup.priors) < len(setup.problem.residuals)
+        else None
+    )
+    compared, skipped = comparison.compare(
+        setup.problem, setup.start, {own: solution}, wanted, progress
+    )
     body = setup.body
     return Outcome(
         name=experiment.name,
         setup=setup,
+        solver=own,
         solution=solution,
         values=values,
+        costs={
+            name: 0.5 * float(diagnosis.here.residual[rows] @ diagnosis.here.residual[rows])
+            for name, rows in setup.problem.rows.items()
+        },
         diagnosis=diagnosis,
         data_alone=data_alone,
         compared=compared,
-        measures=setup.measures(values),
+        skipped=skipped,
+        measures=_measured(experiment, setup, values),
         overlays=tuple(overlay(body, view, values) for view in setup.views) if body else (),
         surface=body.vertices(*_arguments(body, values)) if body else None,
+        source=experiment.source,
     )
 
 
-def _prepare(problem: Problem, compared: tuple[str, ...]) -> None:
+def _measured(experiment: Experiment, setup: Setup, values: Values) -> tuple[Measure, ...]:
+    with blaming(experiment.source):
+        found = setup.measures(values)
+        _expect("measures", found, (tuple, list), "a function that returns several Measures")
+        for one in found:
+            _expect("measures", one, Measure, "a function that returns several Measures")
+        return tuple(found)
+
+
+def _prepare(problem: Problem, solver: Solver, compared: Iterable[str]) -> None:
     """Build the functions that the solvers will call."""
     problem.prepare()
-    if "ipopt-exact" in compared:
+    exact = SOLVERS["ipopt-exact"]
+    if solver == exact or "ipopt-exact" in compared:
         _ = problem.hessian
 
 

@@ -1,7 +1,5 @@
-"""Keypoints and cameras from files that detectors and calibration tools write."""
+"""Keypoints from files that detectors write, with their cameras."""
 
-import json
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -9,12 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.errors import BadFile, UnknownName
+from workbench.errors import BadArgument, BadFile, UnknownName
+from workbench.experiments.calibration_files import read_calibration
 from workbench.experiments.observations import COCO, FEET, Observations, Photograph
-from workbench.geometry.rotation import matrix_from_vector
+from workbench.experiments.reading import json_in, numbers_in, size_in
 
 Array = NDArray[np.float64]
-Calibration = dict[str, dict[str, Any]]  # per camera: K, R, t, distortion, size
 
 _LIMBS = ("shoulder", "elbow", "wrist")
 _ARMS = tuple(f"{side}_{part}" for side in ("right", "left") for part in _LIMBS)
@@ -28,6 +26,7 @@ OPENPOSE_18 = (
     "nose", "neck", *_ARMS, "right_hip", "right_knee", "right_ankle", "left_hip", "left_knee",
     "left_ankle", "right_eye", "left_eye", "right_ear", "left_ear",
 )  # fmt: skip
+FARTHEST = 1e7  # px: no detector means a place farther out
 BY_COUNT = {"openpose": {25: OPENPOSE_25, 18: OPENPOSE_18}, "coco": {17: COCO, 23: COCO + FEET}}
 
 
@@ -40,88 +39,91 @@ def read_keypoints(
     JSON. Of several people the one seen best is taken, or number `person`, counted from 0.
     Raises BadFile or UnknownName.
     """
-    data = _json(path)
-    if isinstance(data, dict) and "people" in data:
-        kind, people = "openpose", [p.get("pose_keypoints_2d", []) for p in data["people"]]
-    else:
-        kind = "coco"
-        annotations = data.get("annotations", [data]) if isinstance(data, dict) else data
-        people = [a["keypoints"] for a in annotations if isinstance(a, dict) and "keypoints" in a]
-        size = size or _image_size(data, annotations)
-    people = [np.asarray(p, dtype=float).reshape(-1, 3) for p in people if p and len(p) % 3 == 0]
-    if not people:
+    data = json_in(path)
+    kind = "openpose" if isinstance(data, dict) and "people" in data else "coco"
+    entries = _openpose(path, data) if kind == "openpose" else _coco(path, data)
+    people = [_person(path, where, numbers) for where, numbers, _ in entries]
+    if not any(len(one) for one in people):
         raise BadFile(
             f"{path} holds no person's keypoints; give COCO JSON (annotations with `keypoints`) "
             "or OpenPose JSON (`people` with `pose_keypoints_2d`)"
         )
     if person is not None and not 0 <= person < len(people):
-        raise UnknownName("person", str(person), (f"0 to {len(people) - 1} in {path}",))
-    chosen = max(people, key=lambda p: p[:, 2].sum()) if person is None else people[person]
+        raise UnknownName("person", str(person), hint=f"0 to {len(people) - 1} in {path}")
+    best = max(range(len(people)), key=lambda i: people[i][:, 2].sum() if len(people[i]) else -1.0)
+    number = best if person is None else person
+    chosen, (where, _, image) = people[number], entries[number]
     known = BY_COUNT[kind]
     if len(chosen) not in known:
         counts = " or ".join(map(str, known))
         raise BadFile(f"{path} has {len(chosen)} keypoints per person; {kind} JSON has {counts}")
+    names = known[len(chosen)]
+    lost = ~(np.abs(chosen[:, :2]) < FARTHEST).all(axis=1) & (chosen[:, 2] > 0)
+    if lost.any():
+        row = int(np.argmax(lost))
+        raise BadFile(
+            f"{path}: {where} has {names[row]} at {chosen[row, :2].tolist()} with confidence "
+            f"{chosen[row, 2]:g}; give px, or confidence 0 if it was not seen"
+        )
     if kind == "coco" and set(np.unique(chosen[:, 2])) <= {0.0, 1.0, 2.0}:
         chosen = np.column_stack([chosen[:, :2], chosen[:, 2] > 0])  # a visibility flag, 0 1 2
-    return known[len(chosen)], chosen, size
+    return names, chosen, size or (_image_size(path, data, image) if kind == "coco" else None)
 
 
-def _image_size(data: Any, annotations: list[Any]) -> tuple[int, int] | None:
+Entry = tuple[str, Any, Any]  # where it is in the file, the flat list of numbers, the image's id
+
+
+def _openpose(path: str | Path, data: dict[str, Any]) -> list[Entry]:
+    people = _objects(path, "people", data["people"])
+    return [(where, one.get("pose_keypoints_2d", []), None) for where, one in people]
+
+
+def _coco(path: str | Path, data: Any) -> list[Entry]:
+    if isinstance(data, dict):
+        data = data.get("annotations", [data])
+    annotations = _objects(path, "annotations", data)
+    return [
+        (where, one["keypoints"], one.get("image_id"))
+        for where, one in annotations
+        if "keypoints" in one
+    ]
+
+
+def _objects(path: str | Path, what: str, found: Any) -> list[tuple[str, dict[str, Any]]]:
+    """The objects of a list, each with where it is: `people[3]`."""
+    if not isinstance(found, list):
+        raise BadFile(f"{path}: {what} must be a list of objects, not {found!r:.60}")
+    for i, one in enumerate(found):
+        if not isinstance(one, dict):
+            raise BadFile(f"{path}: {what}[{i}] must be an object, not {one!r:.60}")
+    return [(f"{what}[{i}]", one) for i, one in enumerate(found)]
+
+
+def _person(path: str | Path, where: str, given: Any) -> Array:
+    """(M, 3): u, v, confidence; (0, 3) of a person without keypoints."""
+    numbers = numbers_in(path, f"{where}: keypoints", given)
+    if numbers.size % 3:
+        raise BadFile(
+            f"{path}: {where}: keypoints must be u, v, confidence of each, but are "
+            f"{numbers.size} numbers"
+        )
+    points = numbers.reshape(-1, 3)
+    unsure = ~(np.isfinite(points[:, 2]) & (points[:, 2] >= 0))
+    if unsure.any():
+        row = int(np.argmax(unsure))
+        raise BadFile(
+            f"{path}: {where}: keypoint {row} has confidence {points[row, 2]:g}; it must be a "
+            "number from 0 (not seen) to 1"
+        )
+    return points
+
+
+def _image_size(path: str | Path, data: Any, wanted: Any) -> tuple[int, int] | None:
     images = data.get("images", []) if isinstance(data, dict) else []
-    wanted = annotations[0].get("image_id") if annotations else None
-    for image in images:
+    for where, image in _objects(path, "images", images):
         if image.get("id") == wanted and "width" in image:
-            return int(image["width"]), int(image["height"])
+            return size_in(path, where, [image["width"], image.get("height")])
     return None
-
-
-def read_calibration(path: str | Path) -> Calibration:
-    """Cameras by name, from Pose2Sim's (and OpenCap's, Anipose's) TOML or a JSON of K, R, t.
-
-    TOML: a table per camera with `matrix`, `rotation` (a rotation vector), `translation`,
-    `distortions`, `size`. JSON: an object per camera with `K`, `R` (matrix or vector), `t`, and
-    if known `distortion`, `size`. Raises BadFile.
-    """
-    path = Path(path)
-    if path.suffix.lower() == ".toml":
-        try:
-            tables = tomllib.loads(path.read_text())
-        except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-            raise BadFile(f"{path} cannot be read as TOML: {error}") from error
-        other = {"matrix": "K", "rotation": "R", "translation": "t", "distortions": "distortion"}
-        cameras = {
-            str(table.get("name", key)): {other.get(k, k): v for k, v in table.items()}
-            for key, table in tables.items()
-            if isinstance(table, dict) and "matrix" in table
-        }
-    else:
-        data = _json(path)
-        cameras = dict(data) if isinstance(data, dict) else {}
-    if not cameras:
-        raise BadFile(f"{path} holds no cameras; see `workbench fit --help` for the formats")
-    return {name: _camera(path, name, camera) for name, camera in cameras.items()}
-
-
-def _camera(path: Path, name: str, given: Any) -> dict[str, Any]:
-    missing = [key for key in ("K", "R", "t") if not isinstance(given, dict) or key not in given]
-    if missing:
-        raise BadFile(f"{path}: camera {name!r} lacks {', '.join(missing)}")
-    R = np.asarray(given["R"], dtype=float)
-    numbers = {
-        "K": np.asarray(given["K"], dtype=float),
-        "R": matrix_from_vector(R) if R.shape == (3,) else R,
-        "t": np.asarray(given["t"], dtype=float).ravel(),
-        "distortion": np.asarray(given.get("distortion", ()), dtype=float).ravel(),
-    }
-    shapes = {"K": (3, 3), "R": (3, 3), "t": (3,)}
-    for key, shape in shapes.items():
-        if numbers[key].shape != shape or not np.isfinite(numbers[key]).all():
-            raise BadFile(
-                f"{path}: camera {name!r} has {key} of shape {numbers[key].shape}; it must be "
-                f"{shape} and finite"
-            )
-    size = given.get("size")
-    return numbers | {"size": None if size is None else (int(size[0]), int(size[1]))}
 
 
 def read_observations(
@@ -132,16 +134,24 @@ def read_observations(
     focal: float | None = None,
     person: int | None = None,
 ) -> Observations:
-    """One photograph per file; with several, the cameras are the calibration's, in its order."""
+    """One photograph per file; with several, the cameras are the calibration's, in its order.
+
+    Raises BadFile, UnknownName, BadArgument or BadObservation.
+    """
+    if focal is not None and not 0 < focal < np.inf:
+        raise BadArgument(f"a focal length is a number of px above 0, not {focal:g}")
+    if size is not None and min(size) < 1:
+        raise BadArgument(f"an image is at least 1 px wide and high, not {size[0]}x{size[1]}")
     cameras = read_calibration(calibration) if calibration is not None else {}
-    if len(paths) > 1 and len(cameras) != len(paths):
+    if len(cameras) != len(paths) and (cameras or len(paths) > 1):
+        many = f"{len(paths)} files of keypoints need" if len(paths) > 1 else "one file needs"
         raise BadFile(
-            f"{len(paths)} files of keypoints need as many calibrated cameras, but there are "
+            f"{many} as many calibrated cameras, but there are "
             f"{len(cameras)}; give --cameras FILE with one camera per file, in the same order"
         )
     photographs, all_names = [], []
     named: list[str | None] = list(cameras) if cameras else [None]
-    for path, name in zip(paths, named, strict=False):
+    for path, name in zip(paths, named, strict=True):
         camera = cameras.get(name, {}) if name is not None else {}
         names, points, found = read_keypoints(path, size=size or camera.get("size"), person=person)
         if found is None:
@@ -159,10 +169,3 @@ def read_observations(
     if len(set(all_names)) > 1:
         raise BadFile("the files list different keypoints; give files of one detector")
     return Observations(all_names[0], tuple(photographs))
-
-
-def _json(path: str | Path) -> Any:
-    try:
-        return json.loads(Path(path).read_text())
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise BadFile(f"{path} cannot be read as JSON: {error}") from error

@@ -5,13 +5,14 @@ from importlib.resources import as_file, files
 
 import casadi as cs
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from workbench.blocks import Block, Values
 from workbench.bodies import SkinnedBody
+from workbench.experiments.arguments import names
 from workbench.experiments.experiment import Measure, Setup, View
 from workbench.experiments.keypoint_start import place_body
-from workbench.experiments.observations import COCO, Observations
+from workbench.experiments.observations import COCO, BadObservation, Observations
 from workbench.geometry.camera import Camera, triangulate
 from workbench.problem import Problem
 from workbench.residuals import Residual, gaussian, keypoints
@@ -40,16 +41,16 @@ def keypoint_fit(
     in the order of the body's landmarks and NaN where unknown, is what others published about
     where the points are. A single camera without K gets a free focal length.
     """
-    kind = landmark_set(body)
-    names = body.landmark_names(kind)
-    seen = observations.ordered(names)
+    kind, held_out = landmark_set(body), names(held_out)
+    landmarks = body.landmark_names(kind)
+    seen = observations.ordered(landmarks)
     pose, betas, trans = body.blocks()
     points = body.landmark_points(kind, pose.symbol, betas.symbol, trans.symbol)
     start, residuals, views, cameras = body.start(), [], [], []
     for photo in seen.photographs:
         camera = Camera(photo.name + "/")
-        observed = Block(photo.name + "/observed", photo.pixels.shape, "px", names)
-        confidence = Block(photo.name + "/confidence", photo.confidence.shape, "1", names)
+        observed = Block(photo.name + "/observed", photo.pixels.shape, "px", landmarks)
+        confidence = Block(photo.name + "/confidence", photo.confidence.shape, "1", landmarks)
         start |= camera_values(camera, photo.size, photo.K, photo.R, photo.t, photo.distortion)
         start |= {observed.name: photo.pixels, confidence.name: photo.confidence}
         out = photo.name in held_out
@@ -65,7 +66,14 @@ def keypoint_fit(
             View(photo.name, camera, photo.size, kind, photo.pixels, photo.confidence, out)
         )
     fitted = [view for view in views if not view.held_out]
-    start |= place_body(body, fitted, start)
+    try:
+        with np.errstate(divide="raise", invalid="raise", over="raise"):
+            start |= place_body(body, fitted, start)
+    except (ArithmeticError, np.linalg.LinAlgError) as error:
+        raise BadObservation(
+            "the keypoints tell no place for the body: those of its torso, or all of them, "
+            "coincide or lie absurdly far out; look at their coordinates, which are px"
+        ) from error
     priors = [pose_prior(body), gaussian(betas.symbol, name="shape prior")]
     free = ["pose", "betas", "trans"]
     for camera, photo in zip((v.camera for v in views), seen.photographs, strict=True):
@@ -148,21 +156,28 @@ def measures(
         if not view.held_out:
             fitted += error.tolist()
         what = f"COCO reprojection, {view.name}{' (held out)' if view.held_out else ''}"
-        result.append(Measure(what, float(np.mean(error)) if len(error) else np.nan, "px"))
-    result.insert(0, Measure("COCO reprojection, mean of the fitted", float(np.mean(fitted)), "px"))
+        result.append(_mean(what, error, "px"))
+    result.insert(0, _mean("COCO reprojection, mean of the fitted", fitted, "px"))
     fitting = [view for view in views if not view.held_out]
     if len(fitting) > 1:
         places = triangulate(
             [view.camera for view in fitting], values, [view.observed for view in fitting],
             [np.where(view.confidence > SEEN, view.confidence, 0.0) for view in fitting],
         )  # fmt: skip
-        result.append(_distance("distance to triangulated keypoints", (found - places)[coco]))
+        off = np.linalg.norm(found - places, axis=1)[coco]
+        result.append(_mean("distance to triangulated keypoints", 1e3 * off, "mm", " in 2 views"))
     if reference is not None:
-        result.append(_distance("distance to published keypoints", (found - reference)[coco]))
+        off = np.linalg.norm(found - reference, axis=1)[coco]
+        result.append(_mean("distance to published keypoints", 1e3 * off, "mm", None))
     betas = values[body.blocks()[1].name]
     result.append(Measure("largest |beta|", float(np.max(np.abs(betas), initial=0.0)), "sd"))
     return tuple(result)
 
 
-def _distance(name: str, off: Array) -> Measure:
-    return Measure(name, 1e3 * float(np.nanmean(np.linalg.norm(off, axis=1))), "mm")
+def _mean(name: str, numbers: ArrayLike, unit: str, where: str | None = "") -> Measure:
+    """The mean of those that are known, which were seen well `where`, or at all."""
+    known = np.asarray(numbers, dtype=float)
+    known = known[np.isfinite(known)]
+    well = "" if where is None else f" with a confidence above {SEEN}{where}"
+    value = float(np.mean(known)) if known.size else np.nan
+    return Measure(name, value, unit, f"{known.size} COCO keypoints{well}")

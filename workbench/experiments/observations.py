@@ -30,7 +30,8 @@ class Photograph:
     """What one camera saw: keypoints (M, 2) in px with confidences (M,), and its calibration.
 
     `R`, `t` take the world to the camera. A camera without K has an unknown focal length.
-    Raises BadObservation if a keypoint with a confidence has no finite place.
+    Raises BadObservation if a keypoint with a confidence has no finite place, or a confidence is
+    no number from 0.
     """
 
     name: str
@@ -44,7 +45,7 @@ class Photograph:
 
     def __post_init__(self) -> None:
         bad = ~np.isfinite(self.pixels).all(axis=1) & (self.confidence > 0)
-        bad |= ~np.isfinite(self.confidence)
+        bad |= ~(np.isfinite(self.confidence) & (self.confidence >= 0))
         if bad.any():
             row = int(np.argmax(bad))
             raise BadObservation(

@@ -8,9 +8,12 @@ import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from workbench.blocks import Block, Values
+from workbench.blocks import Block, Layout, Values
+from workbench.blocks.reals import reals
 from workbench.errors import BadCamera
 from workbench.geometry.rotation import matrix_from_vector, rodrigues, vector_from_matrix
+
+ROTATION_TOLERANCE = 1e-3  # of R R' from the identity: files may hold three digits
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,15 +71,19 @@ class Camera:
     ) -> Values:
         """Numbers for the blocks from the usual matrices: K (3, 3), R (3, 3), t (3,), k1 k2 ...
 
-        Raises BadCamera for other shapes, skewed pixels or more than five coefficients.
+        Raises BadCamera for other shapes, numbers that are not finite, skewed pixels, an R that
+        is no rotation or more than five coefficients, and NotNumbers for text and the like.
         """
-        K, R = np.asarray(K, dtype=float), np.asarray(R, dtype=float)
-        given = np.asarray(distortion, dtype=float).ravel()
-        if K.shape != (3, 3) or R.shape != (3, 3) or np.shape(t) != (3,):
+        K, R, t = reals("K", K), reals("R", R), reals("t", t)
+        given = reals("distortion", distortion).ravel()
+        if K.shape != (3, 3) or R.shape != (3, 3) or t.shape != (3,):
             raise BadCamera(
                 f"a camera takes K (3, 3), R (3, 3) and t (3,), not {K.shape}, {R.shape} and "
-                f"{np.shape(t)}"
+                f"{t.shape}"
             )
+        for name, array in (("K", K), ("R", R), ("t", t), ("distortion", given)):
+            if not np.isfinite(array).all():
+                raise BadCamera(f"a camera needs finite numbers, but {name} is {array.tolist()}")
         if given.size > 5:
             raise BadCamera(
                 f"a camera takes up to five distortion coefficients (k1 k2 p1 p2 k3), not "
@@ -84,21 +91,42 @@ class Camera:
             )
         if abs(K[0, 1]) > 1e-6 * abs(K[0, 0]):
             raise BadCamera(f"a camera has square or oblong pixels, but K[0, 1] is {K[0, 1]:g}")
+        if not (K[0, 0] > 0 and K[1, 1] > 0):
+            raise BadCamera(
+                f"a camera's focal lengths are above zero, but K[0, 0] is {K[0, 0]:g} and "
+                f"K[1, 1] is {K[1, 1]:g} px"
+            )
+        if abs(K[1, 0]) > 1e-6 * K[1, 1] or not np.allclose(K[2], (0, 0, 1), atol=1e-6):
+            raise BadCamera(
+                f"the lower rows of K are 0, fy, cy and 0, 0, 1, not {K[1].tolist()} and "
+                f"{K[2].tolist()}; transpose K, or divide it by K[2, 2]"
+            )
+        _check_rotation(R)
         k = np.zeros(5)
         k[: given.size] = given
-        numbers = (K[[0, 1], [0, 1]], K[:2, 2], k, vector_from_matrix(R), np.array(t, dtype=float))
+        numbers = (K[[0, 1], [0, 1]], K[:2, 2], k, vector_from_matrix(R), t.copy())
         return {block.name: n for block, n in zip(self.blocks, numbers, strict=True)}
 
     def pixels(self, points: ArrayLike, values: Mapping[str, ArrayLike]) -> NDArray[np.float64]:
-        """World points (N, 3) in metres -> pixels (N, 2), with this camera's numbers."""
-        numbers = [np.asarray(values[block.name], dtype=float) for block in self.blocks]
-        return np.asarray(_numeric(len(np.asarray(points)))(np.asarray(points).T, *numbers)).T
+        """World points (..., 3) in metres -> pixels (..., 2), with this camera's numbers.
+
+        Raises BadCamera for points of another shape, and what Layout.pack raises for values.
+        """
+        where, numbers = _places(points), self._numbers(values)
+        flat = where.reshape(-1, 3)
+        return np.asarray(_numeric(len(flat))(flat.T, *numbers)).T.reshape(*where.shape[:-1], 2)
 
     def depths(self, points: ArrayLike, values: Mapping[str, ArrayLike]) -> NDArray[np.float64]:
-        """How far in front of the camera world points (N, 3) are: (N,) m, negative behind it."""
-        R = matrix_from_vector(values[self.rotation.name])
-        t = np.asarray(values[self.translation.name], dtype=float)
-        return np.asarray(np.asarray(points, dtype=float) @ R[2] + t[2])
+        """How far in front of the camera world points (..., 3) are: (...) m, negative behind it.
+
+        Raises as `pixels` does.
+        """
+        *_, rotation, t = self._numbers(values)
+        return np.asarray(_places(points) @ matrix_from_vector(rotation)[2] + t[2])
+
+    def _numbers(self, values: Mapping[str, ArrayLike]) -> list[NDArray[np.float64]]:
+        layout = Layout(self.blocks)
+        return list(layout.unpack(layout.pack(values)).values())
 
 
 def project(
@@ -119,6 +147,24 @@ def project(
     u = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x**2)
     v = y * radial + p1 * (r2 + 2 * y**2) + 2 * p2 * x * y
     return cs.vertcat(focal[0] * u + centre[0], focal[1] * v + centre[1])
+
+
+def _check_rotation(R: NDArray[np.float64]) -> None:
+    off = float(np.abs(R @ R.T - np.eye(3)).max())
+    if not off <= ROTATION_TOLERANCE:  # nor NaN
+        raise BadCamera(f"R must be a rotation, but R R' differs from the identity by {off:.2g}")
+    if np.linalg.det(R) < 0:
+        raise BadCamera(
+            "R must be a rotation, but it mirrors (its determinant is -1); turn the sign of one "
+            "of its rows, according to x right, y down, z forward"
+        )
+
+
+def _places(points: ArrayLike) -> NDArray[np.float64]:
+    found = reals("points", points)
+    if found.shape[-1:] != (3,):
+        raise BadCamera(f"a camera sees points of shape (..., 3), not {found.shape}")
+    return found
 
 
 @cache

@@ -81,9 +81,3 @@ def nearest_rotation(M: ArrayLike) -> NDArray[np.float64]:
     signs = np.ones(U.shape[:-1])
     signs[..., 2] = np.linalg.det(U @ Vt)
     return np.asarray((U * np.sign(signs)[..., None, :]) @ Vt)
-
-
-def skew(w: Matrix) -> Matrix:
-    """The (3, 3) matrix of v -> w x v."""
-    x, y, z = w[0], w[1], w[2]
-    return cs.vertcat(cs.horzcat(0, -z, y), cs.horzcat(z, 0, -x), cs.horzcat(-y, x, 0))

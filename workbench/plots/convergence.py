@@ -8,12 +8,12 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
+from workbench.experiments.comparison import SMALLEST, as_good, best_cost, start_cost
 from workbench.plots.lettering import plain
 from workbench.plots.palette import DASHES, FAINT, LINES, MARKERS
 from workbench.solvers import Iterate, Solution, Status
 
 Array = NDArray[np.float64]
-SMALLEST = 1e-16  # of the starting cost: below it a difference of costs is rounding
 
 
 @dataclass(frozen=True)
@@ -99,8 +99,8 @@ def caption_convergence(solutions: Mapping[str, Solution]) -> str:
     best = best_cost(solutions)
     if not np.isfinite(best):
         return "No solver found a point of finite cost."
-    same = [n for n, s in solutions.items() if s.cost - best <= 1e-6 * abs(best) + 1e-300]
-    quickest = min(same, key=lambda name: solutions[name].seconds)
+    same = as_good(solutions)
+    quickest = same[0]
     above = f"{len(same)} of {len(solutions)} solvers end" if len(solutions) > 1 else "It ends"
     return (
         f"How far the cost still was above the best known, {best:.6g}, as a share of the whole "
@@ -110,18 +110,10 @@ def caption_convergence(solutions: Mapping[str, Solution]) -> str:
     )
 
 
-def best_cost(solutions: Mapping[str, Solution]) -> float:
-    """The lowest cost among all that was found."""
-    found = [s.cost for s in solutions.values()]
-    found += [i.cost for s in solutions.values() for i in s.trace]
-    return min((c for c in found if np.isfinite(c)), default=float("nan"))
-
-
 def gap(solution: Solution, among: Mapping[str, Solution]) -> Array:
     """What is drawn: (cost - best) / (start - best) of each iterate; 0 where nothing was lost."""
     best = best_cost(among)
-    starts = [s.trace[0].cost for s in among.values() if s.trace]
-    whole = max((c for c in starts if np.isfinite(c)), default=best) - best
+    whole = start_cost(among) - best
     costs = np.array([i.cost for i in solution.trace], dtype=float)
     return (costs - best) / (whole if whole > 0 else 1.0)
 

@@ -50,7 +50,7 @@ def lightness(solid: Array, faces: NDArray[np.int64]) -> Array:
         ]
     )
     smooth = at_vertices[faces].sum(axis=1)
-    smooth *= np.where(smooth[:, 2:] < 0, -1.0, 1.0)  # both sides of a face are skin
+    smooth = smooth * np.where(smooth[:, 2:] < 0, -1.0, 1.0)  # both sides of a face are skin
     length = np.linalg.norm(smooth, axis=1)
     towards = smooth @ (LIGHT / np.linalg.norm(LIGHT))
     return np.asarray(np.clip(towards / np.where(length > 0, length, 1.0), 0, 1))

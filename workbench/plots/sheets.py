@@ -12,11 +12,14 @@ from workbench.diagnostics import Diagnosis
 from workbench.experiments.experiment import Outcome
 from workbench.plots.body import plot_body, plot_shape_gallery
 from workbench.plots.convergence import ITERATIONS, SECONDS, plot_convergence
+from workbench.plots.direction import plot_direction
 from workbench.plots.distances import plot_distances
 from workbench.plots.figure import house_style, sheet
+from workbench.plots.knowledge import plot_data_share, plot_sigmas
 from workbench.plots.overlay import plot_overlay
 from workbench.plots.singular_values import plot_singular_values, unseen
 from workbench.plots.sparsity import plot_sparsity
+from workbench.plots.taylor import plot_taylor
 from workbench.solvers import Solution
 
 Array = NDArray[np.float64]
@@ -58,6 +61,39 @@ def singular_values_sheet(diagnosis: Diagnosis) -> Figure:
     with house_style():
         figure, (ax,) = sheet(8.0, max(4.2, 0.9 + 0.185 * len(unseen(diagnosis))))
         plot_singular_values(diagnosis, ax=ax)
+    return figure
+
+
+def sigmas_sheet(diagnosis: Diagnosis) -> Figure:
+    """How well each unknown is known."""
+    with house_style():
+        figure, (ax,) = sheet(8.0, 4.4)
+        plot_sigmas(diagnosis, ax=ax)
+    return figure
+
+
+def data_share_sheet(diagnosis: Diagnosis) -> Figure:
+    """Data against priors."""
+    with house_style():
+        figure, (ax,) = sheet(8.0, 3.4)
+        plot_data_share(diagnosis, ax=ax)
+    return figure
+
+
+def taylor_sheet(diagnosis: Diagnosis) -> Figure:
+    """The order of the linear model's error."""
+    with house_style():
+        figure, (ax,) = sheet(6.0, 3.8)
+        plot_taylor(diagnosis, ax=ax)
+    return figure
+
+
+def direction_sheet(moved: Mapping[str, Array], faces: NDArray[np.int64]) -> Figure:
+    """A body moved along a direction."""
+    with house_style():
+        figure, (ax,) = sheet(8.0, 4.0)
+        plot_direction(moved, faces, ax=ax)
+        figure.set_figheight(_height(ax, 7.2))
     return figure
 
 

@@ -81,7 +81,9 @@ def unseen(diagnosis: Diagnosis) -> list[str]:
     alone = [d.joints[0] for d in found if d.kind == "twist" and len(d.joints) == 1]
     pairs = [" / ".join(d.joints) for d in found if d.kind == "twist" and len(d.joints) > 1]
     text += _group(alone, "of one joint alone") + _group(pairs, "undone at the child")
-    text += [d.name for d in found if d.kind not in ("entry", "twist")]
+    text += [d.name for d in found if d.kind in ("shift", "block")]
+    longer = [d.name for d in found if d.kind in ("joint", "mixed")]
+    text += longer if len(longer) < 4 else [f"{len(longer)} combinations of more: see the table"]
     if len(text) > MOST:
         text = [*text[: MOST - 1], f"… {len(text) - MOST + 1} lines more: see the table"]
     return [shortened(line, WIDEST) for line in text]

@@ -37,7 +37,15 @@ class Linearization:
     @cached_property
     def column_norms(self) -> Array:
         """|J_i|, (n,): what one unit of each entry does to the residual."""
-        return np.asarray(np.linalg.norm(self.jacobian, axis=0))
+        columns = self.jacobian.T  # as it is stored
+        return np.asarray(np.sqrt(np.einsum("ij,ij->i", columns, columns)))
+
+    @property
+    def finite(self) -> bool:
+        """Whether every number of the residual and the Jacobian is."""
+        if not np.isfinite(self.residual).all():
+            return False
+        return bool(np.isfinite(self.column_norms).all() or np.isfinite(self.jacobian).all())
 
     @cached_property
     def svd(self) -> tuple[Array, Array, Array]:

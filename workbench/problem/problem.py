@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from workbench.blocks import Block, Layout, Points, Tree
+from workbench.blocks.reals import reals
 from workbench.errors import (
     BadBounds,
     BadResidual,
@@ -30,21 +31,23 @@ class Problem:
     """Minimise 1/2 sum over residuals of |r(x, fixed) / sigma|^2 over the blocks named `free`.
 
     Every other block that the residuals read is fixed at the value that it is given: a
-    measurement, or an unknown whose turn has not come. `bounds` map names of free blocks to
-    (lower, upper), numbers or arrays. Units and labels of blocks come with the bodies' points;
-    `blocks` adds those of others. A problem is never changed; `freeing` makes another.
+    measurement, or an unknown whose turn has not come. `free` holds names, or is one; `bounds`
+    map names of free blocks to (lower, upper), numbers or arrays. Units and labels of blocks
+    come with the bodies' points; `blocks` adds those of others. A problem is never changed;
+    `freeing` makes another.
 
-    Raises DuplicateResidual, TwoSymbolsOneName, UnknownName, BadBounds or BadResidual.
+    Raises DuplicateResidual, TwoSymbolsOneName, UnknownName, BadBounds, NotNumbers or BadResidual.
     """
 
     def __init__(
         self,
         residuals: Iterable[Residual],
-        free: Sequence[str],
+        free: str | Iterable[str],
         bounds: Bounds | None = None,
         blocks: Iterable[Block] = (),
     ) -> None:
         self.residuals = tuple(residuals)
+        free = (free,) if isinstance(free, str) else tuple(free)
         self.bounds = dict(bounds or {})
         self._named = tuple(blocks)
         if not self.residuals:
@@ -273,7 +276,9 @@ class Problem:
         flat = np.full(self.free.size, (-np.inf, np.inf)[side])
         for name, pair in self.bounds.items():
             block = self.free[name]
-            limit = np.asarray(pair[side], dtype=float)
+            if not isinstance(pair, (tuple, list, np.ndarray)) or len(pair) != 2:
+                raise BadBounds(f"bounds of {name!r} are a pair (lower, upper), not {pair!r}")
+            limit = reals(f"a bound of {name!r}", pair[side])
             try:
                 flat[self.free.slices[name]] = np.broadcast_to(limit, block.shape).ravel()
             except ValueError:

@@ -14,19 +14,21 @@ from workbench.reports.summary import as_json, versions
 from workbench.reports.tables import Table
 
 
-def write_card(body: SkinnedBody, folder: str | Path) -> Path:
+def write_card(body: SkinnedBody, folder: str | Path, source: str = "") -> Path:
     """Write the folder of a card, and return its page `index.html`; whole or not at all.
 
-    Raises BadFile if the place cannot be written or holds something else.
+    `source` is the file that the body is from. Raises BadFile if the place cannot be written or
+    holds something else, the card of another file too.
     """
     target = Path(folder)
-    with replacing_folder(target) as fresh:
+    with replacing_folder(target, source) as fresh:
         (fresh / "index.html").write_text(card_page(body), encoding="utf-8")
         (fresh / "card.txt").write_text(card_text(body) + "\n", encoding="utf-8")
         summary = {
             "made_by": MAKER,
             "kind": "card",
             "name": body.name,
+            "source": source,
             "facts": facts(body),
             "card": dict(body.card),
             "versions": versions(),

@@ -10,35 +10,52 @@ from pathlib import Path
 from typing import Any
 
 from workbench.errors import BadFile
+from workbench.writing import leftovers, temporary_prefix
 
 SUMMARY = "summary.json"  # by which a folder of ours is known, and what in it is ours
 MAKER = "workbench"
+PREVIOUS = ".previous"
 
 
-def refuse_foreign(folder: Path) -> None:
-    """Raise BadFile if `folder` exists and is not one that we wrote, nor empty."""
+def refuse_foreign(folder: Path, source: str | None = None) -> None:
+    """Raise BadFile if `folder` exists and is not one that we wrote, nor empty.
+
+    Nor one that we wrote about something else: `source` is the file that a report is about, or
+    "" where there is none.
+    """
     if folder.exists() and not folder.is_dir():
         raise BadFile(f"{folder} is a file, and a folder is to be written; choose another name")
-    if folder.is_dir() and any(folder.iterdir()) and _summary(folder) is None:
+    if not folder.is_dir() or not any(folder.iterdir()):
+        return
+    found = _summary(folder)
+    if found is None:
         raise BadFile(
             f"{folder} exists and holds no {SUMMARY} of a report, so it is not overwritten; "
             "move it away or choose another folder"
         )
+    before = found.get("source", source)  # what says nothing about its source is not asked
+    if source is not None and before != source:
+        held, new = (of or f"the workbench's own {folder.name}" for of in (before, source))
+        raise BadFile(
+            f"{folder} holds the report of {held}, not of {new}, so it is not overwritten; "
+            "choose another folder with --out"
+        )
 
 
 @contextmanager
-def replacing_folder(folder: Path) -> Iterator[Path]:
+def replacing_folder(folder: Path, source: str | None = None) -> Iterator[Path]:
     """A new folder beside `folder` that takes its place when the block ends without an error.
 
     Whatever interrupts the block, the previous folder stays as it was. Files in that folder
     which no report wrote move over to the new one. Raises BadFile if the place cannot be
-    written, or holds a folder that is not ours.
+    written, or holds a folder that is not ours or about another `source`.
     """
     folder = Path(folder).resolve()
-    refuse_foreign(folder)
     try:
+        _recover(folder)
+        refuse_foreign(folder, source)
         folder.parent.mkdir(parents=True, exist_ok=True)
-        fresh = Path(tempfile.mkdtemp(dir=folder.parent, prefix=f".{folder.name}."))
+        fresh = Path(tempfile.mkdtemp(dir=folder.parent, prefix=temporary_prefix(folder)))
     except OSError as error:
         raise _unwritable(folder, error) from error
     try:
@@ -57,18 +74,35 @@ def _swap(fresh: Path, folder: Path) -> None:
     if not folder.exists():
         fresh.rename(folder)
         return
-    ours = set((_summary(folder) or {}).get("files", ())) | {SUMMARY}
-    previous = fresh.with_name(f"{fresh.name}.previous")
+    previous = fresh.with_name(fresh.name + PREVIOUS)
     folder.rename(previous)
     try:
         fresh.rename(folder)
     except BaseException:
-        previous.rename(folder)
+        if not folder.exists():
+            previous.rename(folder)
         raise
+    _take_over(previous, folder)
+
+
+def _take_over(previous: Path, folder: Path) -> None:
+    """Move what is not ours from the previous folder to its successor, and remove the rest."""
+    ours = set((_summary(previous) or {}).get("files", ())) | {SUMMARY}
     for kept in previous.iterdir():
         if kept.name not in ours and not (folder / kept.name).exists():
             kept.rename(folder / kept.name)
     shutil.rmtree(previous, ignore_errors=True)
+
+
+def _recover(folder: Path) -> None:
+    """Tidy up after writers that were killed; the folder that one of them moved away comes back."""
+    for left in leftovers(folder):
+        if not left.name.endswith(PREVIOUS):
+            shutil.rmtree(left, ignore_errors=True)
+        elif folder.exists():
+            _take_over(left, folder)
+        else:
+            left.rename(folder)
 
 
 def _summary(folder: Path) -> dict[str, Any] | None:

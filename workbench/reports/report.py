@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from workbench.experiments.experiment import Outcome
+from workbench.experiments.keypoint_fit import SEEN
 from workbench.geometry.meshes import write_mesh
 from workbench.plots import (
     caption_convergence,
@@ -26,7 +27,7 @@ FILES = {
     "values.npz": "every block by its name, free and fixed, and the points as drawn in each view",
     "solution.npz": "the solution with its trace: Solution.load reads it",
     "body.glb": "the fitted, posed body, in metres",
-    "diagnosis.txt": "what the Jacobian sees, as text",
+    "diagnosis.txt": "what the Jacobian sees, with and without the priors, as text",
     SUMMARY: "how it ended, in a file that programs read",
 }
 
@@ -38,13 +39,13 @@ def write_report(outcome: Outcome, folder: str | Path) -> Path:
     stays. Raises BadFile if the place cannot be written or holds something else.
     """
     target = Path(folder)
-    with replacing_folder(target) as fresh:
+    with replacing_folder(target, outcome.source) as fresh:
         write_arrays(fresh / "values.npz", arrays(outcome))
         outcome.solution.save(fresh / "solution.npz")
         body = outcome.setup.body
         if body is not None and outcome.surface is not None:
             write_mesh(fresh / "body.glb", outcome.surface, body.faces)
-        (fresh / "diagnosis.txt").write_text(f"{outcome.diagnosis}\n", encoding="utf-8")
+        (fresh / "diagnosis.txt").write_text(diagnosis_text(outcome), encoding="utf-8")
         present = {path.name for path in fresh.iterdir()} | {"index.html", SUMMARY}
         files = {name: text for name, text in FILES.items() if name in present}
         (fresh / "index.html").write_text(run_page(outcome, files), encoding="utf-8")
@@ -52,10 +53,18 @@ def write_report(outcome: Outcome, folder: str | Path) -> Path:
     return target / "index.html"
 
 
+def diagnosis_text(outcome: Outcome) -> str:
+    """What the Jacobian sees, with and without the priors."""
+    text = f"{outcome.diagnosis}\n"
+    if outcome.data_alone is not None:
+        heading = f"The data alone, without {' and '.join(outcome.setup.priors)}"
+        text += f"\n{heading}\n{'-' * len(heading)}\n{outcome.data_alone}\n"
+    return text
+
+
 def run_page(outcome: Outcome, files: dict[str, str]) -> str:
     """The page of a run."""
     solution, diagnosis = outcome.solution, outcome.diagnosis
-    solutions = tables.solvers(outcome)
     advice = solution.status.value
     return page(
         "run.html",
@@ -64,17 +73,24 @@ def run_page(outcome: Outcome, files: dict[str, str]) -> str:
         measures=tables.measures_table(outcome.measures),
         status=solution.status.name.lower().replace("_", " "),
         converged=solution.converged,
+        better=tables.better_said(outcome),
+        interrupted=tables.interrupted_said(outcome),
         advice=advice,
         message=solution.message if solution.message != advice else "",
-        solver=solution.solver,
+        solver=outcome.solver,
+        residuals=tables.residuals_table(outcome),
+        priors=tables.priors_said(outcome),
         cost=tables.number(solution.cost, 6),
         optimality=tables.number(solution.optimality, 2),
         iterations=solution.iterations,
         seconds=f"{solution.seconds:.2f}",
         overlays=overlay_figures(outcome),
+        seen=SEEN,
         distances=distance_figure(outcome),
-        convergence=shown(sheets.convergence_sheet(solutions), caption_convergence(solutions)),
-        solvers=tables.solvers_table(solutions),
+        convergence=shown(
+            sheets.convergence_sheet(outcome.compared), caption_convergence(outcome.compared)
+        ),
+        solvers=tables.solvers_table(outcome),
         rows=f"{diagnosis.shape[0]:,}",
         columns=f"{diagnosis.shape[1]:,}",
         nonzeros=f"{diagnosis.nonzeros:,}",

@@ -8,6 +8,7 @@ from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
+from workbench.diagnostics import Diagnosis
 from workbench.experiments.experiment import Outcome
 from workbench.reports.folder import MAKER
 from workbench.solvers import Solution
@@ -17,18 +18,27 @@ PACKAGES = ("workbench", "casadi", "numpy", "scipy", "nlopt", "matplotlib")
 
 def run_summary(outcome: Outcome, files: Iterable[str]) -> dict[str, Any]:
     """How a run ended, what it measured, and what it ran on."""
-    m, n = outcome.diagnosis.shape
+    alone, priors = outcome.data_alone, list(outcome.setup.priors)
     return {
         "made_by": MAKER,
         "kind": "run",
         "name": outcome.name,
+        "source": outcome.source,
         **_ending(outcome.solution),
-        "solver": outcome.solution.solver,
-        "rows": m,
-        "unknowns": n,
-        "rank": outcome.diagnosis.rank,
+        "solver": outcome.solver,
+        "better": outcome.better,
+        "best_cost": outcome.best_cost,
+        **_seen(outcome.diagnosis),
+        "data_alone": None if alone is None else {"without": priors, **_seen(alone)},
+        "costs": dict(outcome.costs),
+        "priors": priors,
         "measures": [asdict(measure) for measure in outcome.measures],
-        "compared": {name: _ending(solution) for name, solution in outcome.compared.items()},
+        "compared": {
+            name: _ending(solution) | {"excess": outcome.excess(name)}
+            for name, solution in outcome.compared.items()
+        },
+        "interrupted": outcome.interrupted,
+        "skipped": list(outcome.skipped),
         "versions": versions(),
         "files": sorted(files),
     }
@@ -48,6 +58,11 @@ def versions() -> dict[str, str | None]:
 def as_json(summary: dict[str, Any]) -> str:
     """JSON as every reader takes it: null where a number is not finite."""
     return json.dumps(_finite(summary), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _seen(diagnosis: Diagnosis) -> dict[str, int]:
+    rows, unknowns = diagnosis.shape
+    return {"rows": rows, "unknowns": unknowns, "rank": diagnosis.rank}
 
 
 def _ending(solution: Solution) -> dict[str, Any]:

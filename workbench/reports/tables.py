@@ -1,7 +1,6 @@
 """The tables of a report, as rows of text."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,8 +8,7 @@ import numpy as np
 from workbench.blocks import Block
 from workbench.diagnostics import Diagnosis
 from workbench.experiments.experiment import Measure, Outcome
-from workbench.plots.convergence import best_cost
-from workbench.solvers import Solution
+from workbench.solvers import Status
 
 SMALL = 24  # entries of a block that is listed number by number
 MOST = 3000  # entries of one that is listed row by row; what is larger is in the .npz alone
@@ -34,32 +32,72 @@ def number(value: float, digits: int = 4) -> str:
 
 
 def measures_table(measures: tuple[Measure, ...]) -> Table:
-    """What was measured, with units."""
-    return Table(
-        ("measure", "value", "unit"),
-        tuple((m.name, number(m.value), "" if m.unit == "1" else m.unit) for m in measures),
+    """What was measured, with units, and over what it is a mean."""
+    rows = tuple((m.name, number(m.value), _told(m.unit), m.over) for m in measures)
+    if any(m.over for m in measures):
+        return Table(("measure", "value", "unit", "mean over"), rows)
+    return Table(("measure", "value", "unit"), tuple(row[:3] for row in rows))
+
+
+def residuals_table(outcome: Outcome) -> Table:
+    """What each residual adds to the cost, and which of them are priors."""
+    whole = sum(outcome.costs.values())
+    rows = tuple(
+        (
+            r.name, "prior" if r.name in outcome.setup.priors else "data", f"{r.size:,}",
+            _sigma(r.sigma), _told(r.unit), number(outcome.costs[r.name]),
+            f"{outcome.costs[r.name] / whole:.1%}" if whole else "–",
+        )
+        for r in outcome.setup.problem.residuals
+    )  # fmt: skip
+    return Table(("residual", "kind", "rows", "sigma", "unit", "cost", "share"), rows, (2, 3, 5, 6))
+
+
+def priors_said(outcome: Outcome) -> str:
+    """Which residuals are priors, and what they make of the cost, in a sentence."""
+    priors = outcome.setup.priors
+    if not priors:
+        return "No residual is a prior."
+    of = (
+        f"The prior, {priors[0]}, makes"
+        if len(priors) == 1
+        else (f"The priors, {' and '.join(priors)}, make")
+    )
+    share = f"{outcome.prior_share:.1%}" if math.isfinite(outcome.prior_share) else "nothing"
+    return f"{of} up {share} of the cost at the end."
+
+
+def better_said(outcome: Outcome) -> str:
+    """That another solver found less, and how much less; empty if none did."""
+    if outcome.better is None:
+        return ""
+    own, other = outcome.solution.cost, outcome.compared[outcome.better].cost
+    return (
+        f"{outcome.better} found a lower cost from the same start: {number(other, 6)}, which is "
+        f"{number(own - other)} ({(own - other) / own:.1%}) less than {outcome.solver} found. This "
+        "end is not the best one known."
     )
 
 
-def solvers(outcome: Outcome) -> dict[str, Solution]:
-    """All solves of this problem from this start, the run's own among them under its name."""
-    own = outcome.solution
-    return dict(outcome.compared) if own.solver in outcome.compared else {
-        own.solver: own, **outcome.compared
-    }  # fmt: skip
+def interrupted_said(outcome: Outcome) -> str:
+    """That an interrupt cut the run short, and what it lacks; empty if none did."""
+    if not outcome.interrupted:
+        return ""
+    lacks = f"; not run: {', '.join(outcome.skipped)}" if outcome.skipped else ""
+    what = "run" if outcome.solution.status is Status.STOPPED else "comparison of solvers"
+    return f"The {what} was cut short from the keyboard{lacks}."
 
 
-def solvers_table(solutions: Mapping[str, Solution]) -> Table:
+def solvers_table(outcome: Outcome) -> Table:
     """How each solver ended, and what that took."""
-    best = best_cost(solutions)
     rows = []
-    for name, s in solutions.items():
-        above = (s.cost - best) / abs(best) if best else math.nan
+    for name, s in outcome.compared.items():
+        above = outcome.excess(name)
         counts = s.evaluations
         rows.append(
             (
                 name, s.status.name.lower().replace("_", " "), f"{s.seconds:.2f}", f"{s.cost:.8g}",
-                "0" if s.cost == best else number(above, 2), number(s.optimality, 2),
+                number(above, 2), number(s.optimality, 2),
                 str(s.iterations), str(counts.residual), str(counts.gradient),
                 str(counts.jacobian), str(counts.hessian),
             )
@@ -132,7 +170,7 @@ def array_tables(outcome: Outcome) -> dict[str, Table]:
 def fixed_table(outcome: Outcome) -> Table:
     """The blocks that were given."""
     rows = tuple(
-        (b.name, " × ".join(map(str, b.shape)) or "1", "" if b.unit == "1" else b.unit)
+        (b.name, " × ".join(map(str, b.shape)) or "1", _told(b.unit))
         for b in outcome.setup.problem.fixed.blocks
     )
     return Table(("block", "shape", "unit"), rows, ())
@@ -140,6 +178,15 @@ def fixed_table(outcome: Outcome) -> Table:
 
 def _unit(block: Block) -> str:
     return "" if block.unit == "1" else f" ({block.unit})"
+
+
+def _told(unit: str) -> str:
+    return "" if unit == "1" else unit
+
+
+def _sigma(sigma: float | np.ndarray) -> str:
+    low, high = float(np.min(sigma)), float(np.max(sigma))
+    return number(low, 3) if low == high else f"{number(low, 3)} to {number(high, 3)}"
 
 
 def _row_name(block: Block, k: int) -> str:

@@ -4,8 +4,9 @@ import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from workbench.blocks.reals import reals
 from workbench.errors import BadResidual
-from workbench.residuals.residual import Residual, named
+from workbench.residuals.residual import Residual, check_symbolic, named
 
 
 def gaussian(
@@ -21,17 +22,18 @@ def gaussian(
     x is a block's symbol or any expression, read in the order of the array that a user sees.
     `mean` has the array's shape or broadcasts to it; `covariance` is a variance, one per entry, or
     a matrix (n, n). A matrix is whitened by its Cholesky factor, L^-1 (x - mean), so that the
-    residual has no unit left and sigma 1. Raises BadResidual if shapes do not fit or the
-    covariance is not positive definite.
+    residual has no unit left and sigma 1. Raises BadResidual if shapes do not fit, a number is
+    not finite or the covariance is not positive definite, and NotNumbers for text and the like.
     """
+    check_symbolic("what a gaussian is about", expression)
     x = cs.vec(expression)
     n = int(x.shape[0])
     name = name or named("gaussian", expression)
     rows, columns = expression.shape
     shape = (n,) if columns == 1 else (columns, rows)  # as a user sees it
-    C = np.asarray(covariance, dtype=float)
+    C = reals(f"residual {name!r}: the covariance", covariance)
+    mu = reals(f"residual {name!r}: the mean", mean)
     try:
-        mu = np.asarray(mean, dtype=float)
         mu = mu if mu.shape == (n,) else np.broadcast_to(mu, shape).ravel()
     except ValueError:
         mu = np.zeros(0)
@@ -41,16 +43,22 @@ def gaussian(
             f"a covariance of {C.shape}; give a mean for {shape} or ({n},), and a covariance of "
             f"shape (), ({n},) or ({n}, {n})"
         )
+    if not np.isfinite(mu).all():
+        i = int(np.argmax(~np.isfinite(mu)))
+        raise BadResidual(f"residual {name!r} needs a finite mean, but entry {i} of it is {mu[i]}")
     difference = x - cs.DM(mu)
     if C.ndim == 2:
         return Residual(name, cs.DM(_whitening(C, name)) @ difference, 1.0)
-    if not (C > 0).all():
-        raise BadResidual(f"residual {name!r} needs variances above zero, not {C.min()}")
+    if not ((C > 0) & np.isfinite(C)).all():
+        wrong = C[~((C > 0) & np.isfinite(C))].flat[0]
+        raise BadResidual(f"residual {name!r} needs finite variances above zero, not {wrong}")
     return Residual(name, difference, np.sqrt(C), unit)
 
 
 def _whitening(C: NDArray[np.float64], name: str) -> NDArray[np.float64]:
-    if not np.allclose(C, C.T, rtol=1e-9, atol=0):  # Cholesky would read the lower half only
+    rounding = 1e-12 * np.abs(C).max(initial=0)  # of what was computed in two orders
+    # Cholesky would read the lower half only
+    if not (np.isfinite(C).all() and np.allclose(C, C.T, rtol=1e-9, atol=rounding)):
         raise BadResidual(f"residual {name!r} needs a covariance that is finite and symmetric")
     try:
         return np.linalg.inv(np.linalg.cholesky(C))

@@ -9,6 +9,9 @@ square is rho(s). That is smooth at 0, so Gauss-Newton and its kin need nothing 
 from collections.abc import Callable
 
 import casadi as cs
+import numpy as np
+
+from workbench.errors import BadResidual
 
 Kernel = Callable[[cs.MX], cs.MX]
 
@@ -25,15 +28,27 @@ def geman_mcclure(s: cs.MX) -> cs.MX:
     by sigma^2 here makes the cost dimensionless, so weights taken from SMPLify, which keeps the
     sigma^2, are not interchangeable with ours (Geman and McClure 1987; Bogo et al. 2016).
     Halfway (rho = 1/2) at |x| = sigma; the pull is strongest at |x| = sigma / sqrt(3).
+    Raises BadResidual for a number: it has no parameter of its own.
     """
+    if isinstance(s, (int, float, np.number)):
+        raise BadResidual(
+            f"geman_mcclure is the kernel itself, not geman_mcclure({s}); write "
+            "kernel=geman_mcclure, and say by sigma where outliers begin"
+        )
     return 1 / cs.sqrt(1 + s)
 
 
 def huber(threshold: float = 1.345) -> Kernel:
     """rho(s) = s up to |x| = threshold sigma, linear in |x| beyond: 2 k |x|/sigma - k^2.
 
-    1.345 keeps 95 % of the efficiency on Gaussian data (Huber 1964).
+    1.345 keeps 95 % of the efficiency on Gaussian data (Huber 1964). Raises BadResidual for a
+    threshold that is not above zero.
     """
+    if not isinstance(threshold, (int, float, np.number)) or not 0 < threshold < np.inf:
+        raise BadResidual(
+            f"huber takes a threshold above zero, in sigmas, not {threshold}; the kernel is "
+            "huber() or huber(threshold)"
+        )
 
     def kernel(s: cs.MX) -> cs.MX:
         far = s > threshold**2

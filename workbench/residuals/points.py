@@ -1,46 +1,61 @@
 """Points in space against where they were seen: vertices, joints, landmarks."""
 
 import casadi as cs
+from numpy.typing import ArrayLike
 
 from workbench.blocks import Points
 from workbench.residuals.kernels import Kernel, quadratic
-from workbench.residuals.residual import Residual, expressed, named, row_labels, same_shape
+from workbench.residuals.residual import (
+    Residual,
+    expressed,
+    given,
+    named_after,
+    row_labels,
+    same_shape,
+)
 
 
 def vertices(
     points: Points | cs.MX,
-    observed: cs.MX,
+    observed: cs.MX | ArrayLike,
     *,
     sigma: float,
     kernel: Kernel = quadratic,
     name: str | None = None,
 ) -> Residual:
-    """v_i(theta, beta) - v^_i, both (3, N), in metres: E_D of known correspondences."""
+    """v_i(theta, beta) - v^_i in metres: E_D of known correspondences.
+
+    `observed` is the symbol of a block (N, 3), whose numbers may change, or an array (N, 3).
+    """
     return _difference("vertices", points, observed, sigma, kernel, name)
 
 
 def landmarks(
     points: Points | cs.MX,
-    observed: cs.MX,
+    observed: cs.MX | ArrayLike,
     *,
     sigma: float,
     kernel: Kernel = quadratic,
     name: str | None = None,
 ) -> Residual:
-    """p_k(theta, beta) - p^_k for named points (joints, keypoints), both (3, M), in metres."""
+    """p_k(theta, beta) - p^_k in metres for named points (joints, keypoints).
+
+    `observed` is the symbol of a block (M, 3), whose numbers may change, or an array (M, 3).
+    """
     return _difference("landmarks", points, observed, sigma, kernel, name)
 
 
 def _difference(
     function: str,
     points: Points | cs.MX,
-    observed: cs.MX,
+    observed: cs.MX | ArrayLike,
     sigma: float,
     kernel: Kernel,
     name: str | None,
 ) -> Residual:
     predicted, reads = expressed(points)
-    name = name or named(function, observed)
-    same_shape(name, predicted, observed)
-    difference = cs.vec(predicted - observed)  # (3 N, 1) m
+    name = name or named_after(function, observed, points)
+    target = given(name, "what was observed", observed, predicted.shape[::-1])
+    same_shape(name, predicted, target)
+    difference = cs.vec(predicted - target)  # (3 N, 1) m
     return Residual(name, difference, sigma, "m", kernel, reads, row_labels(points, "xyz"))

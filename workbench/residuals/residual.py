@@ -5,9 +5,10 @@ from dataclasses import dataclass
 
 import casadi as cs
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from workbench.blocks import Points
+from workbench.blocks import Block, Points
+from workbench.blocks.reals import reals
 from workbench.errors import BadResidual
 from workbench.residuals.kernels import Kernel, quadratic
 
@@ -18,7 +19,8 @@ class Residual:
 
     Problems see it whitened: half the sum of squares is then dimensionless, and minus a log
     likelihood up to a constant. `points` are the placeholders that the expression reads;
-    `labels` name its rows. Raises BadResidual if it is no column or has no positive sigma.
+    `labels` name its rows. Raises BadResidual if it is no column of symbols, has no positive and
+    finite sigma, or a kernel that is no function; NotNumbers for a sigma of text and the like.
     """
 
     name: str
@@ -30,16 +32,23 @@ class Residual:
     labels: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
+        check_symbolic(f"residual {self.name!r}: the expression", self.expression)
         if self.expression.shape[1] != 1:
             raise BadResidual(
                 f"residual {self.name!r} must be a column (m, 1), not {self.expression.shape}; "
                 "casadi.vec makes one"
             )
-        sigma = np.asarray(self.sigma, dtype=float)
-        if sigma.shape not in ((), (self.size,)) or not (sigma > 0).all():
+        sigma = reals(f"the sigma of residual {self.name!r}", self.sigma)
+        fits = sigma.shape in ((), (self.size,))
+        if not fits or not ((sigma > 0) & np.isfinite(sigma)).all():
             raise BadResidual(
-                f"residual {self.name!r} needs a sigma above zero in {self.unit}, one or "
+                f"residual {self.name!r} needs a finite sigma above zero in {self.unit}, one or "
                 f"{self.size} of them, not {self.sigma}"
+            )
+        if not callable(self.kernel):
+            raise BadResidual(
+                f"residual {self.name!r} needs a function as its kernel, such as quadratic, "
+                f"geman_mcclure or huber(1.345), not {self.kernel!r}"
             )
         if self.labels is not None and len(self.labels) != self.size:
             raise BadResidual(
@@ -71,9 +80,52 @@ class Residual:
         return f"{self.name}[{self.labels[row] if self.labels else row}]"
 
 
+def check_symbolic(what: str, value: object) -> None:
+    """Raise BadResidual unless the value is a CasADi symbol or an expression of symbols."""
+    if not isinstance(value, cs.MX):
+        hint = "; take its .symbol" if isinstance(value, (Block, Points)) else ""
+        raise BadResidual(
+            f"{what} must be a CasADi symbol or expression (MX), not something of type "
+            f"{type(value).__name__}{hint}"
+        )
+
+
 def expressed(points: Points | cs.MX) -> tuple[cs.MX, tuple[Points, ...]]:
-    """Points or a bare matrix (3, N), as an expression and what it reads."""
-    return (points.symbol, (points,)) if isinstance(points, Points) else (points, ())
+    """Points or a bare matrix (3, N), as an expression and what it reads; raises BadResidual."""
+    if isinstance(points, Points):
+        return points.symbol, (points,)
+    check_symbolic("the points of a residual", points)
+    return points, ()
+
+
+def given(name: str, what: str, value: cs.MX | ArrayLike, shape: tuple[int, ...]) -> cs.MX:
+    """What was observed, axes reversed: a symbol as it is, numbers of `shape` as a constant.
+
+    Raises NotNumbers, or BadResidual for an array of another shape or with a row that is not
+    finite.
+    """
+    if isinstance(value, cs.MX):
+        return value
+    if isinstance(value, (Block, Points)):
+        check_symbolic(f"residual {name!r}: {what}", value)
+    if isinstance(value, cs.DM):
+        value = np.asarray(value).T  # as a user sees it
+        value = value[0] if len(shape) == len(value) == 1 else value
+    found = reals(f"residual {name!r}: {what}", value)
+    if found.shape != shape:
+        raise BadResidual(
+            f"residual {name!r} needs {what} as a block's symbol or an array of shape {shape}, "
+            f"not of {found.shape}"
+        )
+    bad = ~np.isfinite(found).all(axis=tuple(range(1, found.ndim)))
+    if bad.any():
+        row = int(np.argmax(bad))
+        raise BadResidual(
+            f"residual {name!r}: row {row} of {what} is {found[row]}, and {bad.sum()} of "
+            f"{len(found)} rows are not finite; leave them out, or give them confidence 0 and "
+            "any number where there is a confidence"
+        )
+    return cs.MX(cs.DM(found.T))
 
 
 def row_labels(points: Points | cs.MX, axes: Sequence[str]) -> tuple[str, ...] | None:
@@ -86,6 +138,15 @@ def named(function: str, *symbols: cs.MX) -> str:
     """`function(block, block)`; pieces and expressions go by the blocks that they read."""
     blocks = dict.fromkeys(s.name() for symbol in symbols for s in cs.symvar(symbol))
     return f"{function}({', '.join(blocks)})"
+
+
+def named_after(function: str, observed: cs.MX | ArrayLike, points: Points | cs.MX) -> str:
+    """The same for observations; numbers have no name, so the blocks behind the points serve."""
+    if isinstance(observed, cs.MX):
+        return named(function, observed)
+    if isinstance(points, Points):
+        return f"{function}({', '.join(block.name for block in points.source.blocks)})"
+    return named(function, points)
 
 
 def same_shape(name: str, expression: cs.MX, observed: cs.MX) -> None:

@@ -60,6 +60,8 @@ class Ipopt:
             run.linearize(x0)  # a start that is not finite ends the run here
             answer = self._ask(run, x0)
             status = MEANING.get(answer, Status.STALLED)
+            if status is Status.STALLED:
+                run.stall(f"{status.value} (ipopt: {answer})")
             raise Stop(status, f"{status.value} (ipopt: {answer})")
         return run.solution()
 

@@ -38,7 +38,7 @@ class LevenbergMarquardt:
     """
 
     scaling: Scaling = identity
-    first_damping: float = 1e-2  # of the largest (|J_i| / D_i)^2 at the start
+    first_damping: float = 1e-3  # of the largest (|J_i| / D_i)^2 at the start
     max_iterations: int = 200
     max_evaluations: int = 10_000
     max_seconds: float = 600.0

@@ -64,7 +64,10 @@ class Nlopt:
             optimizer.set_maxtime(max(self.max_seconds, 1e-3))
             if self.algorithm.startswith("LN_"):
                 optimizer.set_initial_step(0.1 * scale)
-            optimizer.optimize(x0 * scale)
+            try:
+                optimizer.optimize(x0 * scale)
+            except SystemError as error:  # an interrupt while NLopt was at its own work
+                raise error.__cause__ or error from None
             if objective.error is not None:
                 raise objective.error
             code = optimizer.last_optimize_result()

@@ -18,6 +18,7 @@ from workbench.threads import limited_threads
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
+NOT_FINITE_IN_A_ROW = 100  # a line search that halves has long met rounding by then
 
 
 class Limits(Protocol):
@@ -66,8 +67,10 @@ class Run:
         self.trace: list[Iterate] = []
         self.best, self.best_cost = self.x.copy(), np.inf
         self.stopped: Stop | None = None
-        self.not_finite = 0  # points at which the residual was NaN or infinite, and none since
+        self.not_finite = 0  # points in a row at which the residual was NaN or infinite
+        self.met_not_finite = -2  # how long the trace was when the last of them was met
         self.rounding = 0.0
+        self._linearized: tuple[Array, Linearization] | None = None  # the last one
         self._threads = ExitStack()
 
     def __enter__(self) -> "Run":
@@ -104,9 +107,9 @@ class Run:
     def linearize(self, x: Array) -> Linearization:
         """Residual and Jacobian at x; stops the run where they are not finite."""
         here = self._evaluate("jacobian", lambda: self.problem.linearize_at(x, self.fixed))
-        cost = here.cost if np.isfinite(here.jacobian).all() else np.inf
-        if not np.isfinite(self._kept(x, cost)):
+        if not np.isfinite(self._kept(x, here.cost if here.finite else np.inf)):
             raise Stop(Status.NOT_FINITE)
+        self._linearized = x.copy(), here
         if not self.rounding:
             self.rounding = self.problem.rounding(x, self.fixed)
         return here
@@ -132,7 +135,9 @@ class Run:
 
     def _kept(self, x: Array, cost: float) -> float:
         if not np.isfinite(cost):
-            self.not_finite += 1
+            self.not_finite, self.met_not_finite = self.not_finite + 1, len(self.trace)
+            if self.not_finite >= NOT_FINITE_IN_A_ROW:
+                raise Stop(Status.NOT_FINITE)
             return np.inf
         self.not_finite = 0
         if cost < self.best_cost:
@@ -166,8 +171,8 @@ class Run:
             raise Stop(Status.MAX_ITERATIONS)
 
     def stall(self, message: str = "") -> None:
-        """End the run for want of a better point."""
-        if self.not_finite:
+        """End the run for want of a better point, or for what stood in the way of one."""
+        if len(self.trace) - self.met_not_finite <= 1:  # in the last step or the one before
             raise Stop(Status.NOT_FINITE)
         raise Stop(Status.STALLED, message)
 
@@ -177,7 +182,7 @@ class Run:
         status, message, optimality = stop.status, stop.message, np.nan
         if np.isfinite(self.best_cost):
             try:
-                here = self.problem.linearize_at(self.best, self.fixed)
+                here = self._at_best()
                 self.rounding = self.rounding or self.problem.rounding(self.best, self.fixed)
                 optimality = self.optimality(self.best, here)
             except Exception as error:  # the residual is the user's; the best point is still ours
@@ -191,6 +196,12 @@ class Run:
             self.name, Evaluations(**self.counts), time.perf_counter() - self.began,
             tuple(self.trace),
         )  # fmt: skip
+
+    def _at_best(self) -> Linearization:
+        """The linearization at the best point: the last one made, as a rule."""
+        if self._linearized is not None and np.array_equal(self._linearized[0], self.best):
+            return self._linearized[1]
+        return self.problem.linearize_at(self.best, self.fixed)
 
 
 def refuse_bounds(name: str, problem: Problem, instead: str) -> None:

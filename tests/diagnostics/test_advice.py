@@ -1,0 +1,99 @@
+"""Every suggestion has been carried out, and does what it says."""
+
+from collections.abc import Callable
+
+import casadi as cs
+import numpy as np
+import pytest
+
+from tests.diagnostics import cases
+from workbench import Block, Problem, Residual, diagnose
+
+CASES = pytest.mark.parametrize("case", cases.CASES, ids=lambda case: case.__name__)
+
+
+@CASES
+def test_every_suggestion_does_what_it_says(case: Callable[[], cases.Case]) -> None:
+    found = diagnose(*case())
+    assert found.suggestions  # each case has something wrong
+    for suggestion in found.suggestions:
+        assert suggestion.before == found.state
+        after = diagnose(suggestion.problem, suggestion.at)
+        if suggestion.kind == "rescale":  # the same problem, in other units
+            s = np.linalg.svd(after.here.matrix / after.here.column_norms, compute_uv=False)
+            rank, condition = len(s), s[0] / s[-1]
+        else:
+            rank, condition = after.rank, after.condition
+        assert suggestion.after.unknowns == after.shape[1], suggestion.what
+        assert suggestion.after.rank == rank, suggestion.what
+        assert suggestion.after.condition == pytest.approx(condition, rel=1e-9), suggestion.what
+        assert suggestion.cured == (rank == after.shape[1]), suggestion.what
+        assert f"{suggestion.what}: {suggestion.before} -> {suggestion.after}" in found.report()
+
+
+@CASES
+def test_something_among_the_suggestions_makes_the_rank_full(
+    case: Callable[[], cases.Case],
+) -> None:
+    assert any(suggestion.cured for suggestion in diagnose(*case()).suggestions)
+
+
+@pytest.mark.parametrize("kind", ["fix", "prior", "rewrap"])
+def test_a_cure_leaves_fewer_directions_unseen(kind: str) -> None:
+    for case in cases.CASES:
+        for suggestion in diagnose(*case()).suggestions:
+            if suggestion.kind == kind:
+                before, after = suggestion.before, suggestion.after
+                assert after.unknowns - after.rank < before.unknowns - before.rank
+
+
+def test_what_is_fixed_keeps_its_value_and_other_bounds_stay() -> None:
+    problem, values = cases.scale_against_depth()
+    bounded = Problem(problem.residuals, problem.free.names, {"scale": (0.5, 2), "trans": (-9, 9)})
+    found = {s.what: s for s in diagnose(bounded, values).suggestions}
+    assert found["fix scale"].problem.free.names == ("trans",)
+    assert set(found["fix scale"].problem.bounds) == {"trans"}
+    assert found["fix scale"].at["scale"] == 1.0
+    assert set(found["add a Gaussian prior on scale (sigma 1)"].problem.bounds) == {
+        "scale", "trans",
+    }  # fmt: skip
+
+
+def test_a_prior_stands_at_the_present_value() -> None:
+    problem, values = cases.scale_against_depth()
+    (prior,) = (s for s in diagnose(problem, values).suggestions if s.kind == "prior")
+    fuller = prior.problem
+    np.testing.assert_array_equal(
+        fuller.linearize(values).residual[fuller.rows["prior on scale"]], 0.0
+    )
+
+
+def test_a_prior_of_that_name_does_not_stand_in_the_way() -> None:
+    x = Block("x", (2,))
+    problem = Problem((Residual("prior on x", x.symbol[0] - x.symbol[1], 1.0),), ("x",))
+    (prior,) = diagnose(problem, {"x": np.zeros(2)}).suggestions
+    assert list(prior.problem.rows) == ["prior on x", "prior on x'"]
+
+
+def test_blocks_that_need_a_prior_each_get_it_together() -> None:
+    x, y = Block("x", (1, 3), "m"), Block("y", (2,))
+    differences = cs.vertcat(x.symbol[0] - x.symbol[1], x.symbol[2], y.symbol[0] - y.symbol[1])
+    problem = Problem((Residual("r", differences, 1.0),), ("x", "y"), blocks=(x, y))
+    found = diagnose(problem, {"x": np.zeros((1, 3)), "y": np.zeros(2)})
+    priors = [s for s in found.suggestions if s.kind == "prior"]
+    assert [(s.what, s.after.rank, s.cured) for s in priors] == [
+        ("add a Gaussian prior on x (sigma 1 m)", 4, False),
+        ("add a Gaussian prior on y (sigma 1)", 4, False),
+        ("add a Gaussian prior on x and y (sigma 1 m, 1)", 5, True),
+    ]
+
+
+def test_a_healthy_problem_gets_no_advice() -> None:
+    x = Block("x", (3,))
+    A = np.random.default_rng(0).normal(size=(8, 3))
+    problem = Problem((Residual("r", cs.DM(A) @ x.symbol, 0.1),), ("x",), blocks=(x,))
+    found = diagnose(problem, {"x": np.zeros(3)})
+    assert found.suggestions == ()
+    assert found.findings == ()
+    assert "no warnings" in found.report()
+    found.assert_no_warnings()

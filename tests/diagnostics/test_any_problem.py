@@ -1,0 +1,104 @@
+"""A diagnosis of anything at all ends in a report and in data; what the data hold is fixed."""
+
+import json
+from collections.abc import Callable
+
+import casadi as cs
+import numpy as np
+import pytest
+
+from tests.diagnostics import cases
+from workbench import Block, Problem, Residual, diagnose
+
+SHAPES = ((), (1,), (2,), (3,), (4,), (2, 3), (3, 2), (1, 3))
+BENT: tuple[Callable[[cs.MX], cs.MX], ...] = (
+    lambda r: r, lambda r: r**2, cs.sin, lambda r: r * r[0], cs.sqrt, lambda r: 1 / r, cs.floor,
+)  # fmt: skip
+
+
+def anything(rng: np.random.Generator) -> tuple[Problem, dict[str, np.ndarray]]:
+    """A small problem: empty rows and columns, too few rows, no Jacobian, nothing free, NaN."""
+    blocks = [
+        Block(name, SHAPES[rng.integers(len(SHAPES))], str(rng.choice(["1", "m", "rad"])))
+        for name in "abc"[: rng.integers(1, 4)]
+    ]
+    x = cs.vertcat(*[cs.vec(block.symbol) for block in blocks])
+    found = []
+    for k in range(rng.integers(1, 4)):
+        A = rng.normal(size=(rng.integers(1, 9), x.shape[0])) * 10.0 ** rng.integers(-9, 9)
+        A[rng.random(len(A)) < 0.2] = 0
+        A[:, rng.random(x.shape[0]) < 0.2] = 0
+        A *= rng.random(A.shape) < rng.choice([0.3, 1])
+        A = cs.DM(A) if rng.random() < 0.5 else cs.sparsify(cs.DM(A))
+        r = BENT[rng.integers(len(BENT))](A @ x + rng.integers(2)) + 0 * x[0]
+        found.append(Residual(f"r{k}", r, float(rng.choice([0.01, 1, 100]))))
+    read = {name for residual in found for name in residual.reads}
+    free = [b.name for b in blocks if b.name in read and rng.random() < 0.8]
+    at = {b.name: rng.normal(size=b.shape) * rng.integers(2) for b in blocks}
+    return Problem(found, free, blocks=blocks), at
+
+
+@pytest.mark.parametrize("batch", range(6))
+def test_no_problem_is_too_odd_for_a_report(batch: int) -> None:
+    for case in range(25):
+        rng = np.random.default_rng([batch, case])
+        problem, at = anything(rng)
+        priors = tuple(name for name in problem.rows if rng.random() < 0.3)
+        found = diagnose(problem, at, priors=priors)
+        where = (batch, case)
+        assert str(found), where
+        assert found.report().startswith("FINDINGS"), where
+        json.dumps(found.data(), allow_nan=False)
+        for suggestion in found.suggestions:
+            if suggestion.kind != "rescale":
+                again = diagnose(suggestion.problem, suggestion.at)
+                assert again.state.rank == suggestion.after.rank, where
+        if found.here.finite:
+            assert len(found.null_directions) == found.shape[1] - found.rank, where
+            assert found.rank <= found.structural_rank, where
+
+
+KEYS = (
+    "schema", "version", "finite", "estimated", "shape", "nonzeros", "density", "structural_rank",
+    "blocks", "residuals", "terms", "structure", "not_finite", "findings", "suggestions",
+)  # fmt: skip
+KEYS_OF_NUMBERS = (
+    "rank", "tolerance", "condition", "singular_values", "scaled_rank", "ranks_nearby",
+    "weaker_here", "rank_law", "null_directions", "weak_directions", "parallel_columns", "turns",
+    "weakest", "entries", "effective_degrees_of_freedom", "better_from_data", "correlations",
+    "contributions", "derivatives",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("case", cases.CASES, ids=lambda case: case.__name__)
+def test_the_keys_of_version_one(case: Callable[[], cases.Case]) -> None:
+    """New keys may come; whoever takes one away or changes its meaning raises the version."""
+    found = diagnose(*case())
+    data = json.loads(json.dumps(found.data(), allow_nan=False))
+    assert (data["schema"], data["version"]) == ("workbench.diagnosis", 1)
+    assert tuple(data) == (KEYS + KEYS_OF_NUMBERS if found.here.finite else KEYS)
+
+
+def test_the_keys_further_down() -> None:
+    data = diagnose(*cases.joints_only()).data()
+    assert diagnose(*cases.joints_only()).data() == data  # twice the same
+    inner = {key: tuple(value[0]) for key, value in data.items()
+             if isinstance(value, list) and value and isinstance(value[0], dict)}  # fmt: skip
+    assert inner == {
+        "blocks": ("name", "shape", "unit"),
+        "residuals": ("name", "rows", "unit", "prior"),
+        "terms": ("residual", "block", "rows", "columns", "nonzeros", "norm"),
+        "findings": ("part", "text", "warning"),
+        "suggestions": ("what", "why", "costs", "kind", "before", "after"),
+        "null_directions": ("name", "kind", "change", "entries"),
+        "turns": ("joint", "best", "second"),
+        "weakest": ("singular_value", "change", "columns", "rows"),
+        "entries": ("name", "unit", "sigma", "prior_sigma", "verdict"),
+        "correlations": ("first", "second", "value"),
+    }
+    assert tuple(data["derivatives"]) == (
+        "passed", "wrong", "largest_error", "slope", "gradient_error", "hessian_error",
+        "neglected", "suspects",
+    )  # fmt: skip
+    assert data["rank_law"]["rank"] == data["rank"] == 43
+    assert data["condition"] is None  # infinite

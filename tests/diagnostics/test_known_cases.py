@@ -1,0 +1,229 @@
+"""What is wrong with each of the known cases is found: rank, null directions and their names."""
+
+import json
+
+import casadi as cs
+import numpy as np
+import pytest
+
+from tests.diagnostics import cases
+from workbench import Block, Diagnosis, Problem, Residual, diagnose, residuals
+from workbench.diagnostics.null_space import Direction
+
+
+def of(case: cases.Case) -> Diagnosis:
+    return diagnose(*case)
+
+
+def unseen(diagnosis: Diagnosis) -> list[tuple[str, str]]:
+    return [(d.kind, d.name) for d in diagnosis.null_directions]
+
+
+def entries(diagnosis: Diagnosis, direction: Direction) -> dict[str, float]:
+    """The entries of a direction that move at all, by name."""
+    moved = np.flatnonzero(abs(direction.vector) > 1e-12)
+    return {diagnosis.free.label(int(i)): float(direction.vector[i]) for i in moved}
+
+
+def suggested(diagnosis: Diagnosis, kind: str) -> list[str]:
+    return [s.what for s in diagnosis.suggestions if s.kind == kind]
+
+
+def warned(diagnosis: Diagnosis) -> str:
+    return "; ".join(finding.text for finding in diagnosis.warnings)
+
+
+def test_a_joint_after_a_full_turn_has_one_axis_left() -> None:
+    found = of(cases.full_turn())
+    assert (found.rank, found.shape[1], found.structural_rank) == (73, 75, 75)
+    assert [d.kind for d in found.null_directions] == ["twist", "twist"]
+    for direction in found.null_directions:
+        assert direction.joints == ("left_knee",)
+        assert direction.name.startswith("a turn of pose[left_knee] alone: ")
+        assert all(name.startswith("pose[left_knee, ") for name in entries(found, direction))
+    assert len({d.name for d in found.null_directions}) == 2  # told apart
+    assert found.ranks_nearby == (75, 75, 75, 75)
+    assert "the rank is 73 only here; a tenth of a unit away it is 75" in warned(found)
+    (turned_back,) = (s for s in found.suggestions if s.kind == "rewrap")
+    assert turned_back.what == "take one turn of 2 pi off the rotation vector of left_knee"
+    assert turned_back.cured
+    # it is the same rotation, so the same residual
+    np.testing.assert_allclose(
+        turned_back.problem.linearize(turned_back.at).residual, found.here.residual, atol=1e-9
+    )
+
+
+def test_a_shape_without_effect_is_named() -> None:
+    found = of(cases.shape_without_effect())
+    assert found.rank == 5
+    assert unseen(found) == [("entry", "betas[1]")]
+    assert suggested(found, "fix") == ["fix betas"]
+
+
+def test_a_free_block_that_nobody_reads_is_named() -> None:
+    found = of(cases.pose_that_nobody_reads())
+    assert (found.rank, found.structural_rank) == (3, 3)
+    assert {kind for kind, _ in unseen(found)} == {"entry"}
+    assert len(found.null_directions) == 72
+    assert "read by no residual: all of pose" in warned(found)
+    assert found.free.label(int(found.structure.unread[0])) == "pose[pelvis, x]"
+    assert suggested(found, "fix") == ["do not free pose"]
+    assert "72 single entries: pose[pelvis, x y z]" in str(found)
+
+
+def test_a_residual_that_is_there_twice_is_named_and_dropped() -> None:
+    found = of(cases.the_same_twice())
+    assert found.rank == 4
+    assert found.duplicates == (("first", "second"),)
+    assert "second says row for row what first says" in warned(found)
+    (drop,) = (s for s in found.suggestions if s.kind == "drop")
+    assert drop.what == "drop the residual second"
+    assert list(drop.problem.rows) == ["first", "other"]
+    assert diagnose(drop.problem, drop.at).duplicates == ()
+
+
+def test_two_measurements_of_the_same_thing_are_no_duplicates() -> None:
+    """Where both are met exactly, only what they read tells them apart."""
+    x = Block("x", (3,))
+    seen = [Block(name, (3,)) for name in ("monday", "tuesday")]
+    problem = Problem([Residual(b.name, x.symbol - b.symbol, 1.0) for b in seen], ("x",))
+    values = {"x": np.ones(3), "monday": np.ones(3)}
+    assert diagnose(problem, values | {"tuesday": np.ones(3)}).duplicates == ()
+    assert diagnose(problem, values | {"tuesday": np.zeros(3)}).duplicates == ()
+    again = diagnose(problem, {"x": np.zeros(3), "monday": np.ones(3), "tuesday": np.ones(3)})
+    assert again.duplicates == (("monday", "tuesday"),)  # the same numbers under two names
+
+
+def test_a_freed_template_can_move_against_the_translation() -> None:
+    found = of(cases.template_and_translation())
+    assert (found.rank, found.shape[1]) == (90, 93)
+    assert sorted(unseen(found)) == [
+        ("shift", f"a shift of template, undone by trans, along {axis}") for axis in "xyz"
+    ]
+    for direction in found.null_directions:
+        parts = {name: direction.vector[at] for name, at in found.free.slices.items()}
+        np.testing.assert_allclose(
+            parts["template"].reshape(30, 3), np.tile(-parts["trans"], (30, 1)), atol=1e-12
+        )
+
+
+def test_a_scale_before_one_camera_is_known_only_against_the_distance() -> None:
+    found = of(cases.scale_against_depth())
+    assert found.rank == 3
+    ((kind, name),) = unseen(found)
+    assert kind == "block"
+    assert name.startswith("scale against trans: 0.95 trans[z] + 0.32 scale")
+    (direction,) = found.null_directions
+    # growing by a factor about the camera: (scale, trans) moves along itself
+    along = np.array([1.0, 0.1, 0.2, 3.0])
+    np.testing.assert_allclose(direction.vector, along / np.linalg.norm(along), atol=1e-12)
+    assert suggested(found, "fix") == ["fix scale", "fix trans"]
+
+
+def test_points_in_one_piece_can_be_shifted() -> None:
+    found = of(cases.one_piece())
+    assert found.rank == 24
+    assert unseen(found) == [("shift", f"a shift of all of points, along {a}") for a in "xyz"]
+
+
+def test_points_in_two_pieces_can_be_shifted_piece_by_piece() -> None:
+    found = of(cases.two_pieces())
+    assert (found.rank, found.structural_rank) == (21, 27)
+    pieces = ("4 rows of points (0, 1, 2, ...)", "5 rows of points (4, 5, 6, ...)")
+    assert unseen(found) == [
+        ("shift", f"a shift of {piece}, along {axis}") for piece in pieces for axis in "xyz"
+    ]
+    for direction, rows in zip(found.null_directions, [range(4)] * 3 + [range(4, 9)] * 3,
+                               strict=True):  # fmt: skip
+        moved = np.flatnonzero(abs(direction.vector.reshape(9, 3)).max(axis=1) > 1e-12)
+        assert moved.tolist() == list(rows)
+
+
+def test_pieces_of_points_with_labels_are_named_by_them() -> None:
+    points = Block("points", (5, 3), "m", ("a", "b", "c", "d", "e"))
+    ends = ((0, 1), (1, 2), (3, 4))
+    along = cs.vertcat(*[points.symbol[:, i] - points.symbol[:, j] for i, j in ends])
+    problem = Problem((Residual("edges", along, 1.0, "m"),), ("points",), blocks=(points,))
+    names = [d.name for d in diagnose(problem, {"points": np.zeros((5, 3))}).null_directions]
+    assert names[0] == "a shift of 3 rows of points (a, b, c), along x"
+    assert names[3] == "a shift of 2 rows of points (d, e), along x"
+
+
+def test_a_derivative_made_by_hand_and_wrong_is_named() -> None:
+    A = np.array([[2.0, 0, 1], [0, 3, 0], [1, 1, 1]])
+    wrong = A.copy()
+    wrong[1, 1] = 3.3
+    X, Y = cs.MX.sym("X", 3), cs.MX.sym("Y", 3)
+    by_hand = cs.Function("jac_f", [X, Y], [cs.DM(wrong) @ cs.diag(cs.cos(X))], ["x", "out_y"],
+                          ["jac_y_x"])  # fmt: skip
+    options = {"custom_jacobian": by_hand, "never_inline": True, "jac_penalty": 0}
+    f = cs.Function("f", [X], [cs.DM(A) @ cs.sin(X)], ["x"], ["y"], options)
+    x = Block("x", (3,), "1", ("u", "v", "w"))
+    problem = Problem((Residual("by hand", f(x.symbol), 0.1),), ("x",), blocks=(x,))
+    found = diagnose(problem, {"x": [0.1, 0.2, 0.3]})
+    check = found.derivatives
+    assert not check.passed
+    assert check.wrong == 1
+    (suspect,) = check.suspects
+    assert (suspect.row, suspect.column) == (1, 1)
+    assert suspect.given == pytest.approx(33 * np.cos(0.2))
+    assert suspect.differences == pytest.approx(30 * np.cos(0.2), rel=1e-7)
+    assert check.slope == pytest.approx(1, abs=0.05)
+    assert "the worst is by hand[1] by x[v]: given 32.34" in warned(found)
+    with pytest.raises(AssertionError, match=r"by hand\[1\] by x\[v\]"):
+        found.assert_no_warnings()
+    right = Problem((Residual("r", cs.DM(A) @ cs.sin(x.symbol), 0.1),), ("x",), blocks=(x,))
+    assert diagnose(right, {"x": [0.1, 0.2, 0.3]}).derivatives.passed
+
+
+def test_not_a_number_is_named_and_nothing_crashes() -> None:
+    found = of(cases.naive_rodrigues())
+    assert not found.here.finite
+    assert len(found.not_finite) == 12 + 36
+    assert "the residual is not finite: turned[0], turned[1]" in warned(found)
+    assert "the Jacobian is not finite: turned[0] by turn[x], turned[0] by turn[y]" in warned(found)
+    assert "turned[0] by turn[x]" in str(found)
+    assert "turned[0] by turn[x]" in found.report()
+    data = json.loads(json.dumps(found.data(), allow_nan=False))
+    assert data["finite"] is False
+    assert data["not_finite"]["count"] == 48
+    assert {"row": "turned[0]", "column": "turn[x]"} in data["not_finite"]["first"]
+    assert "rank" not in data
+    (move,) = found.suggestions
+    assert (move.kind, move.what) == ("move", "start a thousandth of a unit away in turn")
+    assert str(move.before) == "not finite"
+    assert move.cured
+    with pytest.raises(AssertionError, match=r"no rank: the residual is not finite: turned\[0\]"):
+        found.assert_rank(3)
+    with pytest.raises(AssertionError, match="not finite"):
+        found.assert_no_warnings()
+
+
+def test_a_single_entry_that_is_no_number_is_named() -> None:
+    """sqrt(x) is finite at 0, its derivative is not."""
+    x = Block("x", (2,))
+    problem = Problem((Residual("root", cs.sqrt(x.symbol), 1.0),), ("x",), blocks=(x,))
+    found = diagnose(problem, {"x": [1.0, 0.0]})
+    assert found.not_finite == ((1, 1),)
+    assert found.warnings[0].text == "the Jacobian is not finite: root[1] by x[1]"
+    near_the_edge = diagnose(problem, {"x": [1.0, 1e-6]})  # differences would step over it
+    assert near_the_edge.derivatives.wrong == 0
+    near_the_edge.report()
+
+
+def test_a_prior_alone_is_no_null_space() -> None:
+    x = Block("x", (3,), "m")
+    problem = Problem((residuals.gaussian(x.symbol),), ("x",), blocks=(x,))
+    found = diagnose(problem, {"x": np.zeros(3)})
+    found.assert_rank(3)
+    found.assert_no_warnings()
+    assert "every direction is seen" in str(found)
+    with pytest.raises(AssertionError, match="the rank is 3, not 2; not seen: nothing"):
+        found.assert_rank(2)
+
+
+def test_an_assertion_about_the_rank_names_what_is_not_seen() -> None:
+    with pytest.raises(AssertionError, match=r"the rank is 5, not 6; not seen: betas\[1\]"):
+        of(cases.shape_without_effect()).assert_rank(6)
+    with pytest.raises(AssertionError, match="no residual notices 1 of 6 directions"):
+        of(cases.shape_without_effect()).assert_no_warnings()

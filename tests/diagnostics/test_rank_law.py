@@ -1,0 +1,187 @@
+"""How much of a pose observed joints can tell: the law, the singular values and the names agree."""
+
+from collections import Counter
+
+import casadi as cs
+import numpy as np
+import pytest
+
+from tests.bodies_made_up import SMPL_NAMES, smpl_like_body
+from workbench import Block, Diagnosis, Problem, Residual, Values, diagnose, residuals
+from workbench.blocks import Layout, Tree
+from workbench.diagnostics.jacobian import Jacobian
+from workbench.diagnostics.motions import motions
+from workbench.diagnostics.null_space import Direction, directions
+from workbench.diagnostics.rank_law import law_in_words, rank_of_observed_joints
+from workbench.geometry.rotation import matrix_from_vector
+
+
+def skew(w: np.ndarray) -> np.ndarray:
+    return np.array([[0, -w[2], w[1]], [w[2], 0, -w[0]], [-w[1], w[0], 0]])
+
+
+def left_jacobian(w: np.ndarray) -> np.ndarray:
+    """d exp(w) = (left_jacobian(w) dw) x exp(w)."""
+    t, W = float(np.linalg.norm(w)), skew(w)
+    return np.eye(3) + (1 - np.cos(t)) / t**2 * W + (t - np.sin(t)) / t**3 * W @ W
+
+
+def posed(
+    parents: tuple[int, ...], offsets: np.ndarray, pose: np.ndarray
+) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Joints (K, 3), and what carries a turn of each joint's vector into space (K of (3, 3))."""
+    turned: list[np.ndarray] = []
+    carried: list[np.ndarray] = []
+    joints = np.zeros((len(parents), 3))
+    for k, parent in enumerate(parents):
+        above = np.eye(3) if parent < 0 else turned[parent]
+        if parent >= 0:
+            joints[k] = joints[parent] + above @ offsets[k]
+        carried.append(above @ left_jacobian(pose[k]))
+        turned.append(above @ np.asarray(matrix_from_vector(pose[k])))
+    return joints, carried
+
+
+def jacobian_of(
+    parents: tuple[int, ...], joints: np.ndarray, carried: list[np.ndarray],
+    observed: list[int], translation: bool,
+) -> np.ndarray:  # fmt: skip
+    """Of the observed joints' positions by all rotation vectors, and by a translation."""
+    J = np.zeros((3 * len(observed), 3 * len(parents) + 3 * translation))
+    for i, joint in enumerate(observed):
+        rows, k = slice(3 * i, 3 * i + 3), parents[joint]
+        while k >= 0:
+            J[rows, 3 * k : 3 * k + 3] = -skew(joints[joint] - joints[k]) @ carried[k]
+            k = parents[k]
+        if translation:
+            J[rows, -3:] = np.eye(3)
+    return J
+
+
+def named(J: np.ndarray, parents: tuple[int, ...], translation: bool) -> tuple[Direction, ...]:
+    names = tuple(f"joint{k}" for k in range(len(parents)))
+    pose, trans = Block("pose", (len(parents), 3), "rad", names), Block("trans", (3,), "m")
+    free = Layout((pose, trans) if translation else (pose,))
+    here = Jacobian(np.zeros(len(J)), J)
+    found = motions(free, (Tree("pose", names, parents),))
+    return directions(here, free, found, here.tolerance)
+
+
+@pytest.mark.parametrize("batch", range(10))
+def test_the_law_the_singular_values_and_the_names_agree_on_any_tree(batch: int) -> None:
+    for case in range(20):
+        rng = np.random.default_rng([batch, case])
+        K = int(rng.integers(5, 61))
+        reach = int(rng.integers(1, 7))  # 1: a chain; more: bushier
+        parents = (-1, *(int(rng.integers(max(0, k - reach), k)) for k in range(1, K)))
+        observed = np.sort(rng.permutation(K)[: int(rng.integers(1, K + 1))]).tolist()
+        translation = bool(rng.integers(2))
+        joints, carried = posed(parents, rng.normal(size=(K, 3)), rng.normal(size=(K, 3)))
+        J = jacobian_of(parents, joints, carried, observed, translation)
+
+        s, Vt = np.linalg.svd(J)[1:]
+        rank = int(np.sum(s > 1e-11 * s.max(initial=1.0)))
+        law = rank_of_observed_joints(parents, joints, observed, translation=translation)
+        assert law == rank, (batch, case)
+
+        found = named(J, parents, translation)
+        assert len(found) == J.shape[1] - rank, (batch, case)
+        assert {d.kind for d in found} <= {"entry", "twist", "joint"}, (batch, case)
+        if found:
+            V = np.linalg.qr(np.column_stack([d.vector for d in found]))[0]
+            null = Vt[rank:].T
+            sine = np.linalg.norm(null - V @ (V.T @ null), 2)
+            assert np.degrees(np.arcsin(min(1.0, sine))) < 1e-8, (batch, case)
+
+
+def test_the_words_of_the_law_add_up_to_the_law() -> None:
+    body = smpl_like_body()
+    joints = body.joints(np.zeros((24, 3)), np.zeros(4))
+    everything = range(24)
+    for translation, rank in ((False, 40), (True, 43)):
+        assert rank_of_observed_joints(
+            body.parents, joints, everything, translation=translation
+        ) == rank  # fmt: skip
+        words = law_in_words(body.parents, translation=translation)
+        assert words.endswith(f"= {rank}")
+        assert "3 x 2 joints with several children + 2 x 17 with one child" in words
+
+
+def observing(chosen: tuple[str, ...], *free: str) -> tuple[Problem, Values]:
+    """Some joints of a body on SMPL's tree, in a random pose."""
+    body = smpl_like_body()
+    joints = body.joint_points(*(block.symbol for block in body.blocks()))
+    columns = [SMPL_NAMES.index(name) for name in chosen]
+    expression = cs.vec(joints.symbol[:, columns])
+    problem = Problem((Residual("some joints", expression, 0.01, "m", points=(joints,)),), free)
+    rng = np.random.default_rng(5)
+    return problem, body.start() | {"pose": rng.normal(scale=0.5, size=(24, 3))}
+
+
+def kinds(diagnosis: Diagnosis) -> dict[str, int]:
+    return dict(Counter(d.kind for d in diagnosis.null_directions))
+
+
+@pytest.mark.parametrize("free", [("pose",), ("pose", "trans")], ids="+".join)
+def test_of_twenty_four_joints_fifteen_numbers_and_seventeen_twists_are_hidden(
+    free: tuple[str, ...],
+) -> None:
+    diagnosis = diagnose(*observing(SMPL_NAMES, *free))
+    assert kinds(diagnosis) == {"entry": 15, "twist": 17}
+    assert diagnosis.rank_law is not None
+    assert diagnosis.rank_law[0] == diagnosis.rank == 40 + 3 * ("trans" in free)
+    assert f"the rank law of observed joints says {diagnosis.rank}" in diagnosis.report()
+
+
+@pytest.mark.parametrize("free", [("pose",), ("pose", "trans")], ids="+".join)
+def test_the_swivel_of_an_elbow_that_nobody_sees_has_a_name(free: tuple[str, ...]) -> None:
+    chosen = tuple(name for name in SMPL_NAMES if name != "left_elbow")
+    diagnosis = diagnose(*observing(chosen, *free))
+    names = [d.name for d in diagnosis.null_directions]
+    assert "a turn of pose[left_shoulder], undone at left_wrist" in names
+    assert "a turn of pose[right_shoulder], undone at right_elbow" in names
+    assert set(kinds(diagnosis)) == {"entry", "twist"}
+    assert diagnosis.rank_law is not None
+    assert diagnosis.rank_law[0] == diagnosis.rank
+    assert diagnosis.rank_law[1] == "23 of 24 joints are looked at"
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_law_holds_for_any_subset_of_a_body(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    chosen = tuple(name for name in SMPL_NAMES if rng.random() < 0.4) or ("head",)
+    diagnosis = diagnose(*observing(chosen, "pose", "trans"))
+    assert diagnosis.rank_law is not None
+    assert diagnosis.rank_law[0] == diagnosis.rank
+    assert len(diagnosis.null_directions) == 75 - diagnosis.rank
+    assert set(kinds(diagnosis)) <= {"entry", "twist", "joint"}
+
+
+def test_the_law_says_nothing_where_more_than_joints_is_at_stake() -> None:
+    problem, values = observing(SMPL_NAMES, "pose", "betas")
+    assert diagnose(problem, values).rank_law is None
+    pose = problem.free["pose"].symbol
+    prior = residuals.gaussian(pose)
+    assert diagnose(Problem((*problem.residuals, prior), ("pose",)), values).rank_law is None
+    assert diagnose(problem.freeing("betas"), values).rank_law is None
+    (joints,) = problem.residuals[0].points
+    heights = Residual("heights", joints.symbol[1, :].T, 0.01, "m", points=(joints,))
+    assert diagnose(Problem((heights,), ("pose",)), values).rank_law is None
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_law_holds_in_poses_that_are_no_rule(seed: int) -> None:
+    """Limbs stretched out straight, all bones in one plane, joints on top of each other."""
+    rng = np.random.default_rng(seed)
+    K = 14
+    parents = (-1, *(int(rng.integers(max(0, k - 3), k)) for k in range(1, K)))
+    offsets = np.eye(3)[rng.integers(2, size=K)]  # along x or along y
+    offsets[rng.random(K) < 0.2] = 0.0
+    joints = np.zeros((K, 3))
+    for k in range(1, K):
+        joints[k] = joints[parents[k]] + offsets[k]
+    carried = [np.eye(3)] * K  # nothing is turned
+    observed = np.sort(rng.permutation(K)[: int(rng.integers(1, K + 1))]).tolist()
+    J = jacobian_of(parents, joints, carried, observed, True)
+    law = rank_of_observed_joints(parents, joints, observed, translation=True)
+    assert law == np.linalg.matrix_rank(J)

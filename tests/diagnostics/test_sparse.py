@@ -1,0 +1,166 @@
+"""Large sparse Jacobians take another way, to the same answers as far as it goes."""
+
+import json
+import tracemalloc
+
+import casadi as cs
+import numpy as np
+import pytest
+from scipy.sparse import csc_array, random_array
+
+from workbench import Block, Diagnosis, Problem, Values, diagnose, load_body, residuals
+from workbench.diagnostics import jacobian
+from workbench.diagnostics.jacobian import Jacobian
+from workbench.residuals import Residual
+
+
+def sparse_problem(m: int, n: int, seed: int = 0) -> tuple[Problem, Values]:
+    """m rows of about eight entries; x[7] is read by nobody, x[8] and x[9] by the same rows."""
+    rng = np.random.default_rng(seed)
+    A = random_array((m, n), density=8 / n, rng=rng, format="lil")
+    A[:, 7] = 0
+    A[:, 9] = A[:, [8]]
+    A = csc_array(A)
+    A.eliminate_zeros()
+    matrix = cs.DM(cs.Sparsity(m, n, A.indptr.tolist(), A.indices.tolist()), A.data)
+    x, y = Block("x", (n - n // 4,)), Block("y", (n // 4,))
+    r = matrix @ cs.vertcat(x.symbol, y.symbol) - 1
+    terms = (
+        Residual("first", r[: m // 2], 0.1),
+        Residual("second", r[m // 2 :], 0.2),
+        residuals.gaussian(y.symbol, covariance=4.0, name="prior"),
+    )
+    values = {"x": rng.normal(size=x.shape), "y": np.zeros(y.shape)}
+    return Problem(terms, ("x", "y"), blocks=(x, y)), values
+
+
+@pytest.fixture
+def both(monkeypatch: pytest.MonkeyPatch) -> tuple[Diagnosis, Diagnosis]:
+    """The same problem by dense and by sparse methods."""
+    problem, values = sparse_problem(400, 60)
+    dense = diagnose(problem, values, priors=("prior",))
+    monkeypatch.setattr(jacobian, "DENSE_UP_TO", 100)
+    return dense, diagnose(problem, values, priors=("prior",))
+
+
+def test_the_numbers_are_those_of_the_dense_way(both: tuple[Diagnosis, Diagnosis]) -> None:
+    dense, sparse = both
+    assert (dense.here.estimated, sparse.here.estimated) == (False, True)
+    assert dense.rank == sparse.rank == 58
+    assert dense.scaled_rank == sparse.scaled_rank == 58
+    assert dense.structural_rank == sparse.structural_rank == 59
+    s = dense.singular_values
+    np.testing.assert_allclose(sparse.singular_values[:58], s[:58], rtol=1e-10)
+    np.testing.assert_allclose(sparse.singular_values[58:], 0, atol=1e-7 * s[0])
+    np.testing.assert_allclose(
+        sparse.scaled_singular_values[:58], dense.scaled_singular_values[:58], rtol=1e-10
+    )
+    assert [d.name for d in sparse.null_directions] == [d.name for d in dense.null_directions]
+    np.testing.assert_allclose(sparse.identifiability.sigma, dense.identifiability.sigma)
+    np.testing.assert_allclose(
+        sparse.identifiability.prior_sigma, dense.identifiability.prior_sigma
+    )
+    assert sparse.identifiability.effective == pytest.approx(dense.identifiability.effective)
+    assert sparse.identifiability.verdicts == dense.identifiability.verdicts
+    assert [(t.nonzeros, pytest.approx(t.norm)) for t in sparse.terms] == [
+        (t.nonzeros, t.norm) for t in dense.terms
+    ]
+    assert {(p.first, p.second) for p in sparse.parallel_columns if p.apart == 0} == {(8, 9)}
+    assert sparse.derivatives.passed
+
+
+def test_what_is_estimated_or_left_out_is_said(both: tuple[Diagnosis, Diagnosis]) -> None:
+    _, sparse = both
+    text = sparse.report()
+    assert "singular values are estimates from J'J" in text
+    assert "leverage, neighbours and contributions are left out" in text
+    assert "read by no residual: x[7]" in text
+    assert "1 pair of unknowns that do the same: x[8] and x[9]" in text
+    data = json.loads(json.dumps(sparse.data(), allow_nan=False))
+    assert data["estimated"] is True
+    assert (data["ranks_nearby"], data["contributions"]) == ([], [])
+
+
+def test_suggestions_are_carried_out_there_too(both: tuple[Diagnosis, Diagnosis]) -> None:
+    _, sparse = both
+    assert sparse.suggestions
+    for suggestion in sparse.suggestions:
+        after = diagnose(suggestion.problem, suggestion.at)
+        assert (after.rank, after.shape[1]) == (suggestion.after.rank, suggestion.after.unknowns)
+    assert any(suggestion.cured for suggestion in sparse.suggestions)
+
+
+def test_duplicates_and_what_is_not_finite_are_found_without_a_dense_array(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(jacobian, "DENSE_UP_TO", 1)
+    x = Block("x", (6,))
+    terms = [Residual(name, factor * x.symbol, 1.0) for name, factor in (("a", 1), ("b", -3))]
+    problem = Problem((*terms, Residual("root", cs.sqrt(x.symbol), 1.0)), ("x",), blocks=(x,))
+    assert diagnose(problem, {"x": np.ones(6)}).duplicates == (("a", "b"),)
+    found = diagnose(problem, {"x": np.array([1.0, 0, 1, 1, 1, 1])})
+    assert found.not_finite == ((13, 1),)
+    assert "the Jacobian is not finite: root[1] by x[1]" in found.report()
+    json.dumps(found.data(), allow_nan=False)
+
+
+def test_many_null_directions_of_many_unknowns_stay_short(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Differences of neighbours, in five pieces of 100 each, too many for a linear program."""
+    monkeypatch.setattr(jacobian, "DENSE_UP_TO", 1)
+    x = Block("x", (500,))
+    steps = x.symbol[1:] - x.symbol[:-1]
+    within = [i for i in range(499) if (i + 1) % 100]
+    problem = Problem((Residual("steps", steps[within], 0.1),), ("x",), blocks=(x,))
+    found = diagnose(problem, {"x": np.zeros(500)})
+    assert (found.rank, len(found.null_directions)) == (495, 5)
+    pieces = sorted(np.flatnonzero(d.vector).tolist() for d in found.null_directions)
+    assert pieces == [list(range(100 * k, 100 * k + 100)) for k in range(5)]
+
+
+def test_rows_and_columns_are_those_of_the_matrix() -> None:
+    rng = np.random.default_rng(0)
+    A = rng.normal(size=(7, 4)) * (rng.random((7, 4)) < 0.5)
+    for matrix in (A, csc_array(A)):
+        here = Jacobian(np.arange(7.0), matrix)
+        np.testing.assert_array_equal(here.row(3), A[3])
+        np.testing.assert_array_equal(here.column(2), A[:, 2])
+        np.testing.assert_allclose(here.row_norms, np.linalg.norm(A, axis=1))
+        np.testing.assert_allclose(here.column_norms, np.linalg.norm(A, axis=0))
+        np.testing.assert_allclose(here.R.T @ here.R, A.T @ A, atol=1e-12)
+        some = here.rows(np.array([1, 5]))
+        np.testing.assert_array_equal(some.along(np.ones(4)), A[[1, 5]].sum(axis=1))
+        np.testing.assert_array_equal(some.residual, [1, 5])
+        np.testing.assert_array_equal(here.columns(np.array([3])).column(0), A[:, 3])
+
+
+@pytest.mark.long
+def test_fifty_thousand_rows_need_no_dense_array() -> None:
+    problem, values = sparse_problem(50_000, 2_000)
+    tracemalloc.start()
+    found = diagnose(problem, values, priors=("prior",))
+    found.findings  # noqa: B018  # all but the suggestions, which free fewer blocks
+    assert found.here.estimated
+    assert found.rank == 1998
+    assert tracemalloc.get_traced_memory()[1] < 0.5 * 8 * 50_000 * 2_000
+    tracemalloc.stop()
+    assert "estimates from J'J" in found.report()
+    json.dumps(found.data(), allow_nan=False)
+
+
+@pytest.mark.long
+def test_a_whole_mesh_is_diagnosed() -> None:
+    body = load_body("full")
+    observed = Block("observed", (body.n_vertices, 3), "m")
+    points = body.points(*(block.symbol for block in body.blocks()))
+    problem = Problem(
+        (residuals.vertices(points, observed.symbol, sigma=0.002),), ("pose", "betas", "trans")
+    )
+    pose = np.random.default_rng(0).normal(scale=0.3, size=(24, 3))
+    values = body.start() | {"pose": pose, "observed": np.zeros(observed.shape)}
+    found = diagnose(problem, values)
+    assert found.shape == (36_816, 85)
+    found.assert_rank(85)
+    found.assert_no_warnings()
+    assert found.derivatives.passed

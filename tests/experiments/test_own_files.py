@@ -1,0 +1,85 @@
+"""Experiments in a Python file of one's own, and what can be wrong in it."""
+
+from pathlib import Path
+
+import pytest
+
+from workbench.errors import BadFile
+from workbench.experiments import find, run
+
+LINE = '''"""A line through three points."""
+import numpy as np
+import workbench as wb
+from workbench.experiments import Experiment, Setup
+from workbench.experiments.experiment import Measure
+a = wb.Block("a", (2,)).symbol
+x, y = wb.Block("x", (3,)).symbol, wb.Block("y", (3,)).symbol
+problem = wb.Problem([wb.Residual("line", a[0] + a[1] * x - y, sigma=0.1)], ["a"])
+start = {"a": np.zeros(2), "x": np.arange(3.0), "y": np.array([1.0, 3.0, 5.5])}
+'''
+NEXT = LINE.count("\n") + 1
+
+
+def written(folder: Path, more: str) -> str:
+    (folder / "line.py").write_text(LINE + more)
+    return str(folder / "line.py")
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        "compared = 'gauss-newton'",
+        "setup = Setup(problem, start, 'q', compared='gauss-newton')",
+        "def setup(): return Setup(problem, start, 'q', compared=['gauss-newton'])",
+        "experiment = Experiment('mine', lambda: Setup(problem, start, 'q',"
+        " compared=('gauss-newton',)), '')",
+    ],
+)
+def test_every_way_to_say_it_runs(tmp_path: Path, more: str) -> None:
+    experiment = find(written(tmp_path, more))
+    assert experiment.source == str((tmp_path / "line.py").resolve())
+    outcome = run(experiment)
+    assert outcome.solution.converged
+    assert outcome.source == experiment.source
+    assert set(outcome.compared) == {"gauss-newton", "levenberg-marquardt"}
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ("def f(:", f"line.py line {NEXT}: SyntaxError"),
+        ("import sys\nsys.exit(3)", rf"line.py line {NEXT + 1}: it ends the program \(sys.exit\(3"),
+        ("problem = 3", "line.py: `problem` of a setup must be a Problem, not 3"),
+        ("start = 4", "`start` of a setup must be a dict"),
+        ("del start['y']", "block 'y' .* was given no value"),
+        ("compared = ('foo',)", "line.py: no solver is called 'foo'; there are gauss-newton"),
+        ("setup = Setup(problem, start, 'q', compared=('foo',))", f"line {NEXT}: no solver"),
+        ("setup = Setup(problem, start, 'q', priors='pose')", "no residual is called 'pose'"),
+        ("setup = Setup(problem, start, 'q', body=3)", "`body` of a setup must be a SkinnedBody"),
+        ("setup = Setup(problem, start, 'q', views=3)", "`views` of a setup must be several"),
+        ("def setup():\n  raise ValueError('no')", f"line.py line {NEXT + 1}: ValueError: no"),
+        ("def setup():\n  return 3", "must return a Setup, not 3"),
+        ("def setup(n): pass", "line.py: TypeError: .*missing 1 required"),
+        ("def setup():\n  raise SystemExit", f"line {NEXT + 1}: it ends the program"),
+        ("setup = Setup(problem, start, 'q', measures=lambda v: 1 / 0)",
+         f"line.py line {NEXT}: ZeroDivisionError"),
+        ("setup = Setup(problem, start, 'q', measures=lambda v: 3)", "several Measures, not 3"),
+        ("experiment = Experiment('../up', lambda: 3, '')", "name is that of a folder"),
+        ("del problem", "it defines no experiment; it needs"),
+        ("a.no_such_thing", f"line.py line {NEXT}: AttributeError"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_in_it_is_a_sentence_before_anything_is_solved(
+    tmp_path: Path, more: str, said: str
+) -> None:
+    solved: list[object] = []
+    with pytest.raises(BadFile, match=said):
+        run(find(written(tmp_path, more)), callback=solved.append)
+    assert not solved
+
+
+def test_arguments_of_ones_own_function_are_checked_too(tmp_path: Path) -> None:
+    path = written(tmp_path, "def setup(n: int = 1):\n  return Setup(problem, start, str(1 / n))")
+    assert find(path, {"n": "2"}).setup().question == "0.5"
+    with pytest.raises(BadFile, match=f"line.py line {NEXT + 1}: ZeroDivisionError"):
+        find(path, {"n": "0"}).setup()

@@ -1,0 +1,61 @@
+"""Files that are written whole or not at all, and what killed writers leave."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from workbench import writing
+from workbench.writing import leftovers, replacing, temporary_prefix
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from workbench.writing import replacing
+with replacing(Path(sys.argv[1])) as temporary:
+    temporary.write_text("half")
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def write(path: Path, text: str) -> None:
+    with replacing(path) as temporary:
+        temporary.write_text(text)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="SIGKILL")
+def test_what_a_killed_writer_leaves_is_swept_by_the_next(tmp_path: Path) -> None:
+    path = tmp_path / "me [1].obj"
+    subprocess.run([sys.executable, "-c", KILLED, str(path)], timeout=60, check=False)
+    (left,) = tmp_path.iterdir()
+    assert left.name.startswith(".me [1].obj.workbench-")
+    (tmp_path / ".me.obj.workbench-elsewhere-1-x.obj").write_text("of another target")
+    write(path, "whole")
+    assert path.read_text() == "whole"
+    assert not left.exists()
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_what_a_living_writer_writes_is_left_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "me.obj"
+    with replacing(path) as first:
+        first.write_text("first")
+        write(path, "second")
+        assert first.exists()
+        elsewhere = tmp_path / ".me.obj.workbench-elsewhere-1-x.obj"
+        elsewhere.write_text("of another machine, whose processes are not known here")
+        assert leftovers(path) == []
+        monkeypatch.setattr(writing, "AN_HOUR", -1.0)
+        assert set(leftovers(path)) == {first, elsewhere}
+    assert path.read_text() == "first"
+
+
+def test_long_names_have_temporaries_too(tmp_path: Path) -> None:
+    path = tmp_path / ("长" * 80 + ".txt")
+    write(path, "whole")
+    assert [found.name for found in tmp_path.iterdir()] == [path.name]
+    assert len(os.fsencode(temporary_prefix(path))) < 200

@@ -1,0 +1,45 @@
+"""The commands together; importing this takes a second, for all that they need comes with it."""
+
+from collections.abc import Callable
+from functools import wraps
+from typing import ParamSpec
+
+import typer
+
+from workbench.cli.body import body
+from workbench.cli.diagnose import diagnose
+from workbench.cli.fit import fit
+from workbench.cli.info import info
+from workbench.cli.leaving import Interrupted, Terminated
+from workbench.cli.run import run
+from workbench.experiments.blame import caused_by
+
+P = ParamSpec("P")
+
+app = typer.Typer(
+    help="A symbolic SMPL body model: fit it, and see what the fit cannot know.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+
+def interruptible(command: Callable[P, None]) -> Callable[P, None]:
+    """The same, and an interrupt from the keyboard comes out as Interrupted, wherever it hit."""
+
+    @wraps(command)
+    def run_it(*arguments: P.args, **options: P.kwargs) -> None:
+        try:
+            command(*arguments, **options)
+        except (KeyboardInterrupt, SystemError) as error:
+            if caused_by(error, KeyboardInterrupt):
+                raise Interrupted("interrupted; nothing was written") from error
+            if caused_by(error, Terminated):
+                raise Terminated from error
+            raise
+
+    return run_it
+
+
+for command in (run, fit, diagnose, body, info):
+    app.command()(interruptible(command))

@@ -1,0 +1,78 @@
+"""`workbench diagnose`: what a fit cannot see, in names, and what to do about it."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+
+from workbench import diagnostics
+from workbench.cli.run import Out, SolverName, make_folder, settings, solver_named
+from workbench.experiments import EXPERIMENTS, Experiment, find
+from workbench.experiments.experiment import Setup
+from workbench.reports import refuse_foreign, write_diagnosis
+
+WARNED = 1  # the exit code if there are warnings
+
+
+def diagnose(
+    name: Annotated[
+        str, typer.Argument(help=f"One of {', '.join(EXPERIMENTS)}, or a Python file.")
+    ] = "balance",
+    setting: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="An argument of the experiment: frame=60, noise=0.001, ..."),
+    ] = None,
+    against: Annotated[
+        str | None, typer.Option(help="A second experiment or file, to compare with.")
+    ] = None,
+    at_start: Annotated[
+        bool,
+        typer.Option("--at-start", help="Look at the start; else the problem is solved first."),
+    ] = False,
+    data_alone: Annotated[
+        bool, typer.Option("--data-alone", help="Leave the priors out of the Jacobian.")
+    ] = False,
+    solver: SolverName = "levenberg-marquardt",
+    out: Out = Path("runs"),
+) -> None:
+    """Look at a fit's Jacobian: size, rank, what it cannot see, and what to do about it.
+
+    Exits with 1 if there are warnings, so that a script notices.
+    """
+    console = Console()
+    experiment = find(name, settings(setting))
+    other = find(against) if against is not None else None
+    make_folder(out)
+    folder = out / f"{experiment.name}-diagnosis"
+    refuse_foreign(folder, experiment.source)
+    first, setup = _looked_at(console, experiment, solver, at_start, data_alone)
+    second = _looked_at(console, other, solver, at_start, data_alone)[0] if other else None
+    console.print(escape(first.report()), highlight=False, soft_wrap=True)
+    console.print("[dim]writing the page[/]")
+    page = write_diagnosis(
+        first, folder, title=experiment.name, question=setup.question, body=setup.body,
+        against=second, source=experiment.source,
+    )  # fmt: skip
+    console.print(f"report: [bold]{escape(str(page))}[/]", soft_wrap=True)
+    if first.warnings:
+        raise typer.Exit(WARNED)
+
+
+def _looked_at(
+    console: Console, experiment: Experiment, solver: str, at_start: bool, data_alone: bool
+) -> tuple[diagnostics.Diagnosis, Setup]:
+    console.print(f"[dim]building {escape(experiment.name)}[/]")
+    setup = experiment.setup()
+    values = setup.start
+    if not at_start:
+        console.print("[dim]solving[/]")
+        solution = solver_named(solver).solve(setup.problem, setup.start)
+        said = f"{solution.status.name}, cost {solution.cost:.6g}"
+        console.print(f"[dim]{said}: {escape(solution.message)}[/]", soft_wrap=True)
+        values = setup.start | solution.values
+    console.print("[dim]looking at the Jacobian[/]")
+    if data_alone:
+        return diagnostics.diagnose(setup.problem.without(*setup.priors), values), setup
+    return diagnostics.diagnose(setup.problem, values, priors=setup.priors), setup

@@ -1,0 +1,254 @@
+"""What to do about what a fit cannot see: every suggestion is carried out before it is given."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.blocks import Values
+from workbench.diagnostics.jacobian import Jacobian, jacobian_at
+from workbench.problem import Problem
+from workbench.residuals import gaussian
+
+if TYPE_CHECKING:
+    from workbench.diagnostics.diagnosis import Diagnosis
+
+Array = NDArray[np.float64]
+PRIOR_SIGMA = 1.0  # in the block's own unit: a radian, a metre, a standard deviation of shape
+TURN = 2 * np.pi
+
+
+@dataclass(frozen=True)
+class State:
+    """What a suggestion changes: unknowns, rank, condition (inf without full rank)."""
+
+    unknowns: int
+    rank: int
+    condition: float
+    finite: bool = True  # the Jacobian; if not, nothing has a rank
+
+    def __str__(self) -> str:
+        if not self.finite:
+            return "not finite"
+        said = f"rank {self.rank} of {self.unknowns}"
+        return said if np.isinf(self.condition) else f"{said}, condition {self.condition:.3g}"
+
+
+@dataclass(frozen=True, eq=False)
+class Suggestion:
+    """One thing to do, and what it did when it was tried."""
+
+    what: str  # `fix pose`
+    why: str
+    cost: str  # what is given up by it
+    before: State
+    after: State
+    problem: Problem = field(repr=False)  # with the suggestion carried out
+    at: Values = field(repr=False)
+    kind: str = ""  # fix, prior, drop, rescale, rewrap, move
+
+    @property
+    def cured(self) -> bool:
+        """Whether every direction is seen afterwards."""
+        return self.after.rank == self.after.unknowns
+
+
+def state_of(here: Jacobian) -> State:
+    """Rank and condition of a Jacobian."""
+    if not here.finite:
+        return State(here.shape[1], 0, float("inf"), finite=False)
+    s, n = here.svd[0], here.shape[1]
+    full = here.rank == n and n > 0
+    return State(n, here.rank, float(s[0] / s[n - 1]) if full else float("inf"))
+
+
+def advise(diagnosis: "Diagnosis") -> tuple[Suggestion, ...]:
+    """Suggestions that keep what they promise at the point of the diagnosis."""
+    problem, at = diagnosis.problem, dict(diagnosis.at)
+    tried = [suggestion for make in REMEDIES for suggestion in make(diagnosis, problem, at)]
+    return tuple(s for s in tried if s is not None)
+
+
+def _try(
+    kind: str, what: str, why: str, cost: str, diagnosis: "Diagnosis",
+    problem: Problem, at: Mapping[str, Array], better: Callable[[State, State], bool],
+) -> list[Suggestion]:  # fmt: skip
+    """Carry it out; keep it if it does what it should."""
+    here = jacobian_at(problem, at)
+    if not here.finite:
+        return []
+    before = diagnosis.state
+    after = state_of(here)
+    if not better(before, after):
+        return []
+    return [Suggestion(what, why, cost, before, after, problem, dict(at), kind)]
+
+
+def _full(before: State, after: State) -> bool:
+    return after.rank == after.unknowns
+
+
+def _fewer_unseen(before: State, after: State) -> bool:
+    return after.unknowns - after.rank < before.unknowns - before.rank
+
+
+def _somewhere_else(diagnosis: "Diagnosis", problem: Problem, at: Values) -> list[Suggestion]:
+    """A Jacobian that is not finite here may be finite nearby."""
+    if diagnosis.here.finite:
+        return []
+    rng = np.random.default_rng(0)
+    columns = diagnosis.not_finite_columns
+    names = sorted({problem.free.block_of(i)[0].name for i in columns}) or problem.free.names
+    if not names:
+        return []
+    moved = at | {n: at[n] + 1e-3 * rng.standard_normal(np.shape(at[n])) for n in names}
+    why = "the derivative is not finite at this very point"
+    cost = "the formula stays fragile there; a series near the point cures it"
+    return _try(
+        "move", f"start a thousandth of a unit away in {', '.join(names)}", why, cost,
+        diagnosis, problem, moved, lambda before, after: True,
+    )  # fmt: skip
+
+
+def _rewrap(diagnosis: "Diagnosis", problem: Problem, at: Values) -> list[Suggestion]:
+    """A rotation vector near a full turn is shortened by one: the same rotation."""
+    suggestions = []
+    for tree in problem.trees:
+        if tree.pose not in problem.free.names or not diagnosis.here.finite:
+            continue
+        pose = np.array(at[tree.pose], dtype=float).reshape(-1, 3)
+        angle = np.linalg.norm(pose, axis=1)
+        far = np.flatnonzero(abs(angle - TURN) < 0.5)
+        if not far.size:
+            continue
+        wrapped = pose.copy()
+        wrapped[far] *= (1 - TURN / angle[far])[:, None]
+        names = ", ".join(tree.names[k] for k in far)
+        suggestions += _try(
+            "rewrap", f"take one turn of 2 pi off the rotation vector of {names}",
+            "near a full turn two of the three numbers of a rotation vector do nothing",
+            "nothing: it is the same rotation", diagnosis, problem,
+            at | {tree.pose: wrapped.reshape(np.shape(at[tree.pose]))}, _fewer_unseen,
+        )  # fmt: skip
+    return suggestions
+
+
+def _fix(diagnosis: "Diagnosis", problem: Problem, at: Values) -> list[Suggestion]:
+    """Blocks that take part in what is not seen, each fixed alone; at last all of them."""
+    if not diagnosis.here.finite or not diagnosis.null_directions:
+        return []
+    unread = set(diagnosis.structure.unread.tolist())
+    suggestions: list[Suggestion] = []
+    for name in _blind_blocks(diagnosis)[: 3 if diagnosis.here.estimated else None]:
+        part = problem.free.slices[name]
+        others = [n for n in problem.free.names if n != name]
+        if others and not unread.issuperset(range(part.start, part.stop)):
+            suggestions += _try(
+                "fix", f"fix {name}", f"{name} takes part in what no residual notices",
+                f"{name} stays at its present value, right or wrong",
+                diagnosis, problem.freeing(*others), at, _fewer_unseen,
+            )  # fmt: skip
+    return suggestions
+
+
+def _prior(diagnosis: "Diagnosis", problem: Problem, at: Values) -> list[Suggestion]:
+    """A Gaussian prior on the blocks that take part in what is not seen."""
+    if not diagnosis.here.finite or not diagnosis.null_directions:
+        return []
+    names = _blind_blocks(diagnosis)
+    suggestions: list[Suggestion] = []
+    for chosen in ([[name] for name in names] if len(names) > 1 else []) + [names]:
+        priors = [
+            gaussian(
+                problem.free[name].symbol,
+                mean=np.ravel(at[name]),
+                covariance=PRIOR_SIGMA**2,
+                name=_unused(f"prior on {name}", problem),
+            )
+            for name in chosen
+        ]
+        bounds = {n: b for n, b in problem.bounds.items() if n in problem.free.names}
+        blocks = (*problem.free.blocks, *problem.fixed.blocks)
+        fuller = Problem((*problem.residuals, *priors), problem.free.names, bounds, blocks)
+        units = ", ".join(_in_units(PRIOR_SIGMA, problem.free[name].unit) for name in chosen)
+        suggestions += _try(
+            "prior", f"add a Gaussian prior on {' and '.join(chosen)} (sigma {units})",
+            "a prior decides where the residuals do not",
+            "what it decides is what you put in: its mean, not the data", diagnosis, fuller, at,
+            _fewer_unseen,
+        )  # fmt: skip
+        if suggestions and suggestions[-1].cured:
+            break
+    return suggestions
+
+
+def _drop(diagnosis: "Diagnosis", problem: Problem, at: Values) -> list[Suggestion]:
+    """The second of two residuals that say the same."""
+    suggestions = []
+    for first, second in diagnosis.duplicates:
+        suggestions += _try(
+            "drop", f"drop the residual {second}",
+            f"it says row for row what {first} says: counted twice, sigmas come out too small",
+            "nothing is lost but a false certainty", diagnosis, problem.without(second), at,
+            lambda before, after: after.unknowns - after.rank == before.unknowns - before.rank,
+        )  # fmt: skip
+    return suggestions
+
+
+def _unread(diagnosis: "Diagnosis", problem: Problem, at: Values) -> list[Suggestion]:
+    """Free blocks that no residual reads at all."""
+    unread = set(diagnosis.structure.unread.tolist())
+    whole = [
+        name for name, part in problem.free.slices.items()
+        if part.stop > part.start and unread.issuperset(range(part.start, part.stop))
+    ]  # fmt: skip
+    others = [name for name in problem.free.names if name not in whole]
+    if not whole or not others or not diagnosis.here.finite:
+        return []
+    said = " and ".join(whole)
+    return _try(
+        "fix", f"do not free {said}", f"no residual reads {said}",
+        "nothing: the fit cannot change it", diagnosis, problem.freeing(*others), at, _fewer_unseen,
+    )  # fmt: skip
+
+
+def _rescale(diagnosis: "Diagnosis", problem: Problem, at: Values) -> list[Suggestion]:
+    """Columns of length 1, where that makes the condition at least a hundred times better."""
+    here = diagnosis.here
+    if not here.finite or diagnosis.null_directions or np.isinf(diagnosis.condition):
+        return []
+    s = diagnosis.scaled_singular_values
+    after = State(here.shape[1], int(np.sum(s > 0)), float(s[0] / s[-1]) if s[-1] > 0 else np.inf)
+    if not after.condition * 100 < diagnosis.condition:
+        return []
+    return [
+        Suggestion(
+            "measure each unknown in units of 1 / |its column|, as scaling=columns does",
+            "the columns of the Jacobian have very different lengths",
+            "damping then treats all unknowns alike, the hardly seen ones too",
+            diagnosis.state, after, problem, dict(at), "rescale",
+        )
+    ]  # fmt: skip
+
+
+def _blind_blocks(diagnosis: "Diagnosis") -> list[str]:
+    free = diagnosis.free
+    part = np.zeros(free.size)
+    for direction in diagnosis.null_directions:
+        part = np.maximum(part, abs(direction.vector))
+    return [name for name, at in free.slices.items() if (part[at] > 1e-6).any()]
+
+
+def _in_units(number: float, unit: str) -> str:
+    return f"{number:g}" if unit == "1" else f"{number:g} {unit}"
+
+
+def _unused(name: str, problem: Problem) -> str:
+    while name in problem.rows:
+        name += "'"
+    return name
+
+
+REMEDIES = (_somewhere_else, _rewrap, _unread, _drop, _fix, _prior, _rescale)

@@ -1,0 +1,168 @@
+"""How well a Jacobian's columns and rows stand apart, and who is to blame where they do not."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+from scipy.sparse import csc_array, diags_array
+
+from workbench.blocks import Layout, Tree
+from workbench.diagnostics.jacobian import Jacobian
+from workbench.diagnostics.null_space import sparsest
+
+Array = NDArray[np.float64]
+PARALLEL = 1e-8  # 1 - |cosine| of columns that say the same
+NEARLY = 1e-3
+MOST = 20  # pairs, rows or columns that are listed
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two columns (or rows) by index; `apart` is the sine of their angle."""
+
+    first: int
+    second: int
+    apart: float
+
+
+@dataclass(frozen=True, eq=False)
+class Weakest:
+    """A certificate of ill-conditioning: few columns that nearly cancel, and the rows that object.
+
+    |J d| is small although d has length 1; `columns` carry d, `rows` carry J d.
+    """
+
+    singular_value: float
+    vector: Array  # d (n,)
+    change: float  # |J d|
+    columns: tuple[int, ...]
+    rows: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Turn:
+    """How well a joint is seen to turn about its best axis and the next: sigmas per radian."""
+
+    joint: str
+    best: float
+    second: float
+
+
+def scaled_singular_values(here: Jacobian) -> Array:
+    """Those of J with every column of length 1 (columns of zeros stay): no unit matters."""
+    norms = np.where(here.column_norms > 0, here.column_norms, 1.0)
+    if isinstance(here.matrix, csc_array):
+        unit = here.matrix @ diags_array(1 / norms)
+        squares = np.linalg.eigvalsh((unit.T @ unit).toarray())[::-1]
+        return np.asarray(np.sqrt(np.maximum(squares, 0))[: min(here.shape)])
+    return np.asarray(np.linalg.svd(here.R / norms, compute_uv=False), dtype=float)
+
+
+def turns(here: Jacobian, free: Layout, trees: Sequence[Tree]) -> tuple[Turn, ...]:
+    """Of every joint that is seen to turn, all other joints at rest.
+
+    In space a bone shows two turns alike. In one image it shows one only, if it lies across the
+    line of sight: the other moves its end in depth.
+    """
+    found = []
+    for tree in trees:
+        if tree.pose in free.names:
+            first = free.slices[tree.pose].start
+            for k, name in enumerate(tree.names):
+                columns = here.R[:, first + 3 * k : first + 3 * k + 3]
+                best, second, *_ = *np.linalg.svd(columns, compute_uv=False), 0.0, 0.0
+                if best > here.tolerance:
+                    found.append(Turn(name, float(best), float(second)))
+    return tuple(found)
+
+
+def parallel_columns(here: Jacobian, within: float = NEARLY) -> tuple[Pair, ...]:
+    """Pairs of columns whose angle has a sine of at most `within`, the nearest first."""
+    norms = here.column_norms
+    read = np.flatnonzero(norms > 1e-14 * norms.max(initial=0.0))
+    unit = here.R[:, read] / norms[read]
+    cosines = np.triu(abs(unit.T @ unit), 1)
+    i, j = np.nonzero(cosines > np.sqrt(max(0.0, 1 - within**2)) - 1e-12)
+    pairs = []
+    for k in np.argsort(-cosines[i, j])[: 50 * MOST]:
+        a, b = int(read[i[k]]), int(read[j[k]])
+        # a sine, for a cosine cannot tell 1e-9 from 1e-10; of J itself where R is an estimate
+        x, y = (here.column(a), here.column(b)) if here.estimated else (here.R[:, a], here.R[:, b])
+        pairs.append(Pair(a, b, _sine(x / norms[a], y / norms[b])))
+    return tuple(sorted((p for p in pairs if p.apart <= within), key=lambda p: p.apart)[:MOST])
+
+
+def parallel_rows(here: Jacobian) -> tuple[Pair, ...]:
+    """Pairs of neighbouring rows, in a random order of all, that are parallel to 1e-8.
+
+    Rows of length 1 are sorted by one random projection: parallel ones come to stand together.
+    Repeated observations are no fault; they are listed because they count twice.
+    """
+    m, n = here.shape
+    if m > 200_000 or n < 2:
+        return ()
+    rng = np.random.default_rng(0)
+    norms = here.row_norms
+    key = here.along(rng.standard_normal(n)) / np.where(norms > 0, norms, 1.0)
+    order = np.argsort(abs(key))
+    order = order[norms[order] > 0]
+    close = np.flatnonzero(np.diff(abs(key[order])) < PARALLEL)
+    found = []
+    for at in close[: 50 * MOST]:
+        a, b = sorted((int(order[at]), int(order[at + 1])))
+        apart = _sine(here.row(a) / norms[a], here.row(b) / norms[b])
+        if apart < PARALLEL:
+            found.append(Pair(a, b, apart))
+    return tuple(sorted(found, key=lambda p: (p.first, p.second))[:MOST])
+
+
+def _sine(a: Array, b: Array) -> float:
+    return float(min(np.linalg.norm(a - b), np.linalg.norm(a + b)))
+
+
+def weakest(here: Jacobian, most: int = 3) -> tuple[Weakest, ...]:
+    """What the smallest singular values above the tolerance are made of.
+
+    Directions about as weak, within a factor of three, are told apart by having few entries each.
+    """
+    s, Vt = here.svd
+    found: list[Weakest] = []
+    k = int(np.sum(s > here.tolerance)) - 1
+    while k >= 0 and len(found) < most:
+        group = np.flatnonzero(s[: k + 1] < 3 * s[k])[::-1]
+        basis = Vt[group].T
+        if 1 < group.size < 12:
+            basis = sparsest(basis, np.zeros((len(basis), 0)))
+        for i, d in zip(group[: most - len(found)], basis.T, strict=False):
+            moved = here.along(d)
+            change = float(np.linalg.norm(moved))
+            found.append(Weakest(float(s[i]), d, change, _main(d), _main(moved)))
+        k -= group.size
+    return tuple(found)
+
+
+def _main(v: Array) -> tuple[int, ...]:
+    """The few entries that make up nine tenths of a vector's square."""
+    order = np.argsort(-abs(v))[:MOST]
+    share = np.cumsum(v[order] ** 2) / max(float(v @ v), 1e-300)
+    return tuple(int(i) for i in order[: int(np.searchsorted(share, 0.9)) + 1])
+
+
+def leverage(here: Jacobian) -> Array | None:
+    """h_i in 0..1 (m,), summing to the rank: 1 is a row that alone decides something.
+
+    None where the Jacobian is sparse and large.
+    """
+    if isinstance(here.matrix, csc_array):
+        return None
+    if here.shape[0] < here.shape[1]:
+        U, s, _ = np.linalg.svd(here.matrix, full_matrices=False)
+        return np.asarray(np.sum(U[:, s > here.tolerance] ** 2, axis=1))
+    s, Vt = here.svd
+    seen = s > here.tolerance
+    if seen.all():
+        Q = scipy.linalg.solve_triangular(here.R, here.matrix.T, trans="T", lower=False)
+        return np.asarray(np.sum(Q**2, axis=0))
+    return np.asarray(np.sum((here.matrix @ (Vt[: s.size][seen].T / s[seen])) ** 2, axis=1))

@@ -1,0 +1,185 @@
+"""Whether the derivatives are right: against differences, and by Taylor's law of second order."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from workbench.diagnostics.jacobian import Jacobian
+from workbench.problem import Problem
+from workbench.problem.linearization import EPS
+
+Array = NDArray[np.float64]
+WRONG = 1e-5  # of the largest entry of its column and of what differences can resolve
+STEPS_OF_DIFFERENCES = tuple(2e-4 / 32**k for k in range(5))  # of a unit, or of a larger number
+NOISE = 8 * EPS
+MOST_COLUMNS = 300  # that are differenced one by one; of more, a random choice
+HESSIAN_UP_TO = 150  # free numbers, and
+HESSIAN_ROWS = 8000  # rows: above, an exact Hessian takes longer than all the rest
+STEPS = np.logspace(-1, -5, 9)
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """One entry of the Jacobian that differences do not confirm."""
+
+    row: int
+    column: int
+    given: float
+    differences: float
+    error: float  # of the difference, over what it may be; above 1 is wrong
+
+
+@dataclass(frozen=True, eq=False)
+class DerivativeCheck:
+    """What was compared, and what did not agree."""
+
+    columns: NDArray[np.int64] = field(repr=False)  # that were differenced
+    largest_error: float  # |J - differences| over the largest entry of the column
+    suspects: tuple[Suspect, ...]  # worst first
+    wrong: int  # how many entries there are like these
+    steps: Array = field(repr=False)
+    taylor: Array = field(repr=False)  # |r(x + h d) - r(x) - h J d| for each step h
+    slope: float | None  # of log taylor by log h: 2 is right, 1 is wrong; None: r is linear
+    gradient_error: float  # adjoint gradient against J'r, relative
+    hessian_error: float | None  # exact Hessian against differences of the gradient, relative
+    neglected: float | None  # |H - J'J| / |H|, what Gauss and Newton leave out
+
+    @property
+    def passed(self) -> bool:
+        """Whether nothing is wrong."""
+        return (
+            self.wrong == 0
+            and self.gradient_error < 1e-8
+            and (self.hessian_error is None or self.hessian_error < 1e-4)
+            and (self.slope is None or self.slope > 1.5)
+        )
+
+
+def check_derivatives(
+    problem: Problem, at: Mapping[str, ArrayLike], here: Jacobian, seed: int = 0
+) -> DerivativeCheck:
+    """Central differences, column by column; where they do not agree, with smaller steps as well.
+
+    An entry is wrong if it differs from every difference by more than 1e-5 of its column's largest
+    entry and more than ten times the rounding error of the difference.
+    """
+    with np.errstate(invalid="ignore", over="ignore"):
+        return _checked(problem, *problem.split(at), here, np.random.default_rng(seed))
+
+
+def _checked(
+    problem: Problem, x: Array, fixed: Array, here: Jacobian, rng: np.random.Generator
+) -> DerivativeCheck:
+    n = x.size
+    columns = np.arange(n) if n <= MOST_COLUMNS else np.sort(
+        rng.choice(n, MOST_COLUMNS, replace=False)
+    )  # fmt: skip
+    suspects: list[Suspect] = []
+    wrong, largest = 0, 0.0
+    scale = here.column_norms.max(initial=0.0) / np.sqrt(max(here.shape[0], 1))
+    for i in columns:
+        given = here.column(int(i))
+        size = max(float(abs(given).max(initial=0.0)), 1e-8 * scale, 1e-300)
+        found, off, allowed = _compared(problem, x, fixed, here.residual, int(i), given, size)
+        largest = max(largest, float(np.max(off, initial=0.0)) / size)
+        bad = np.flatnonzero(off > allowed)
+        wrong += bad.size
+        suspects += [
+            Suspect(int(k), int(i), float(given[k]), float(found[k]), float(off[k] / allowed[k]))
+            for k in bad[np.argsort(-off[bad] / allowed[bad])][:10]
+        ]
+    taylor, slope = _taylor(problem, x, fixed, here, rng)
+    return DerivativeCheck(
+        columns, largest,
+        tuple(sorted(suspects, key=lambda s: -s.error)[:10]), wrong,
+        STEPS, taylor, slope, _gradient_error(problem, x, fixed, here),
+        *_second(problem, x, fixed, here),
+    )  # fmt: skip
+
+
+def _compared(
+    problem: Problem, x: Array, fixed: Array, r: Array, i: int, given: Array, size: float
+) -> tuple[Array, Array, Array]:
+    """Differences, how far off the given column is, and how far it may be, for each row.
+
+    Smaller steps are tried as long as some row disagrees; of each row the best counts.
+    """
+    unit = max(1.0, abs(x[i]))
+    first = np.zeros_like(given)
+    off, allowed = np.full_like(given, np.inf), np.ones_like(given)
+    for step in STEPS_OF_DIFFERENCES:
+        found = _central(problem, x, fixed, i, step * unit)
+        first = found if step == STEPS_OF_DIFFERENCES[0] else first
+        doubt = NOISE * (abs(r) + abs(found) * unit + 1.0) / (step * unit)
+        here, may = np.maximum(abs(given - found) - doubt, 0), np.maximum(WRONG * size, 9 * doubt)
+        # at the edge of where r is defined differences say nothing
+        here[~np.isfinite(found)], may[~np.isfinite(found)] = 0.0, 1.0
+        better = here * allowed < off * may
+        off, allowed = np.where(better, here, off), np.where(better, may, allowed)
+        if (off <= allowed).all():
+            break
+    return first, off, allowed
+
+
+def _central(problem: Problem, x: Array, fixed: Array, i: int, h: float) -> Array:
+    up, down = x.copy(), x.copy()
+    up[i], down[i] = x[i] + h, x[i] - h
+    high, low = problem.residual(up, fixed), problem.residual(down, fixed)
+    return np.asarray((high - low) / (up[i] - down[i]))
+
+
+def _taylor(
+    problem: Problem, x: Array, fixed: Array, here: Jacobian, rng: np.random.Generator
+) -> tuple[Array, float | None]:
+    d = rng.standard_normal(x.size)
+    d /= max(float(np.linalg.norm(d)), 1e-300)
+    slope_of_r = here.along(d)
+    left = np.array([
+        float(np.linalg.norm(problem.residual(x + h * d, fixed) - here.residual - h * slope_of_r))
+        for h in STEPS
+    ])  # fmt: skip
+    rounding = 100 * EPS * (1 + float(np.linalg.norm(here.residual)) + here.norm)
+    clear = np.isfinite(left) & (left > 10 * rounding)
+    if clear.sum() < 3:
+        return left, None
+    # the smallest steps that rounding has not reached: there the law holds best
+    h, e = np.log(STEPS[clear])[-4:], np.log(left[clear])[-4:]
+    return left, float(np.polyfit(h, e, 1)[0])
+
+
+def _gradient_error(problem: Problem, x: Array, fixed: Array, here: Jacobian) -> float:
+    _, g = problem.cost_and_gradient(x, fixed)
+    ours = np.asarray(here.matrix.T @ here.residual)
+    size = float(np.linalg.norm(here.column_norms) * np.linalg.norm(here.residual))
+    return float(np.linalg.norm(g - ours)) / max(size, 1e-300)
+
+
+def _second(
+    problem: Problem, x: Array, fixed: Array, here: Jacobian
+) -> tuple[float | None, float | None]:
+    if x.size > HESSIAN_UP_TO or here.shape[0] > HESSIAN_ROWS or not x.size:
+        return None, None
+    try:
+        H = problem.hessian_at(x, fixed)
+    except RuntimeError:  # CasADi's, of a function that was given first derivatives only
+        return None, None
+    if not np.isfinite(H).all():
+        return float("inf"), None
+    off, pull = np.empty_like(H), here.column_norms * float(np.linalg.norm(here.residual))
+    for i in range(x.size):
+        h = 1e-4 * max(1.0, abs(x[i]))
+        slopes = []
+        for step in (h, 0.5 * h):
+            up, down = x.copy(), x.copy()
+            up[i], down[i] = x[i] + step, x[i] - step
+            g = [problem.cost_and_gradient(y, fixed)[1] for y in (up, down)]
+            slopes.append((g[0] - g[1]) / (up[i] - down[i]))
+        found = (4 * slopes[1] - slopes[0]) / 3
+        doubt = abs(found - slopes[1]) + NOISE * pull / h
+        off[:, i] = np.maximum(abs(H[:, i] - found) - doubt, 0)
+    normal = here.normal
+    size = max(float(np.linalg.norm(H)), 1e-300)
+    wrong = float(np.linalg.norm(off)) / size if np.isfinite(off).all() else None
+    return wrong, float(np.linalg.norm(H - normal)) / size

@@ -1,0 +1,180 @@
+"""What is known of each number, and from whom: Laplace's approximation, the data and the priors.
+
+With J_d the data's rows and J_p the priors', (J_d; J_p) = (Q_d; Q_p) R, and the singular values
+c of Q_d say of every direction which share of its information comes from the data: c^2 = 1 where
+the priors say nothing, 0 where only they do. Their sum is the number of directions that the data
+really decide, the effective degrees of freedom.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.blocks import Layout
+from workbench.diagnostics.jacobian import Jacobian
+from workbench.diagnostics.structure import Structure
+
+Array = NDArray[np.float64]
+UNCHANGED = 0.9  # posterior over prior sigma from which on the data have told nothing
+
+
+class Verdict(Enum):
+    """How well one entry is known; the value says what it means."""
+
+    STRUCTURAL = "no residual reads it, or too few rows read it and its neighbours"
+    NUMERICAL = "it takes part in a direction that no residual notices"
+    PRACTICAL = "the residuals notice it, but know it no better than before"
+    IDENTIFIED = "known"
+
+
+@dataclass(frozen=True, eq=False)
+class Identifiability:
+    """Per entry of the free vector, at one point. Sigmas are in the entries' own units."""
+
+    sigma: Array  # (n,) posterior; infinite where the null space takes part
+    prior_sigma: Array  # (n,) by the priors alone; infinite where they say nothing
+    correlations: tuple[tuple[int, int, float], ...]  # the strongest, largest first
+    data_share: Array = field(repr=False)  # c^2 (rank,), falling
+    verdicts: tuple[Verdict, ...] = field(repr=False)
+
+    @property
+    def effective(self) -> float:
+        """Effective degrees of freedom: how many directions the data decide."""
+        return float(self.data_share.sum())
+
+    @property
+    def better_from_data(self) -> int:
+        """Directions better known from the data than from the priors."""
+        return int(np.sum(self.data_share > 0.5))
+
+    @property
+    def shrinkage(self) -> Array:
+        """Posterior over prior sigma (n,); 0 where there is no prior, 1 where nothing was told."""
+        both = np.isfinite(self.sigma) & np.isfinite(self.prior_sigma)
+        ratio = np.zeros_like(self.sigma)
+        ratio[both] = self.sigma[both] / self.prior_sigma[both]
+        ratio[~np.isfinite(self.sigma)] = 1.0
+        return np.asarray(ratio)
+
+
+def identifiability(
+    here: Jacobian, priors: Sequence[slice], structure: Structure
+) -> Identifiability:
+    """Which entries are known; `priors` are the rows that are no data."""
+    prior_rows = np.zeros(here.shape[0], dtype=bool)
+    for rows in priors:
+        prior_rows[rows] = True
+    s, Vt = here.svd
+    n = here.shape[1]
+    seen = s > here.tolerance
+    half = Vt[: s.size][seen].T / s[seen]  # (n, rank): half @ half.T is the covariance
+    blind = _blind(1 - np.sum(Vt[: s.size][seen] ** 2, axis=0))
+    sigma = np.sqrt(np.sum(half**2, axis=1))
+    sigma[blind] = np.inf
+    prior = _prior_sigma(here, prior_rows)
+    share = _data_share(here, prior_rows, half)
+    verdicts = _verdicts(n, sigma, prior, blind, structure.unread, structure.under.columns)
+    return Identifiability(sigma, prior, _correlated(half, blind), share, verdicts)
+
+
+def _blind(part: Array) -> NDArray[np.bool_]:
+    return np.asarray(part > 1e-9)
+
+
+def _data_share(here: Jacobian, prior_rows: NDArray[np.bool_], half: Array) -> Array:
+    if not prior_rows.any():
+        return np.ones(half.shape[1])
+    from_priors = np.asarray(here.rows(np.flatnonzero(prior_rows)).matrix @ half)  # Q_p, rotated
+    left = np.linalg.eigvalsh(from_priors.T @ from_priors)  # 1 - c^2, rising
+    return np.asarray(np.clip(1 - left, 0.0, 1.0))
+
+
+def _prior_sigma(here: Jacobian, prior_rows: NDArray[np.bool_]) -> Array:
+    sigma = np.full(here.shape[1], np.inf)
+    if not prior_rows.any():
+        return sigma
+    rows = here.rows(np.flatnonzero(prior_rows))
+    read = np.flatnonzero(rows.column_norms)
+    alone = rows.columns(read)
+    s, Vt = alone.svd
+    seen = s > alone.tolerance
+    known = ~_blind(1 - np.sum(Vt[: s.size][seen] ** 2, axis=0))
+    half = Vt[: s.size][seen].T / s[seen]
+    sigma[read[known]] = np.sqrt(np.sum(half[known] ** 2, axis=1))
+    return sigma
+
+
+def _verdicts(
+    n: int, sigma: Array, prior: Array, blind: NDArray[np.bool_],
+    unread: NDArray[np.int64], under: NDArray[np.int64],
+) -> tuple[Verdict, ...]:  # fmt: skip
+    structural = np.zeros(n, dtype=bool)
+    structural[unread] = True
+    structural[under] |= blind[under]
+    told = np.where(np.isfinite(prior), sigma < UNCHANGED * prior, sigma < 1.0)
+    return tuple(
+        Verdict.STRUCTURAL if structural[i]
+        else Verdict.NUMERICAL if blind[i]
+        else Verdict.IDENTIFIED if told[i]
+        else Verdict.PRACTICAL
+        for i in range(n)
+    )  # fmt: skip
+
+
+def _correlated(half: Array, blind: NDArray[np.bool_], most: int = 20) -> tuple[
+    tuple[int, int, float], ...
+]:  # fmt: skip
+    known = np.flatnonzero(~blind)
+    rows = half[known] / np.maximum(np.linalg.norm(half[known], axis=1), 1e-300)[:, None]
+    C = np.triu(rows @ rows.T, 1)
+    order = np.argsort(-abs(C), axis=None)[:most]
+    pairs = [(int(a), int(b)) for a, b in zip(*np.unravel_index(order, C.shape), strict=True)]
+    return tuple(
+        (int(known[a]), int(known[b]), float(C[a, b])) for a, b in pairs if abs(C[a, b]) > 0.5
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Contribution:
+    """What one residual adds to all the others."""
+
+    term: str
+    rank_without: int
+    rank_with: int
+    singular_values_without: Array = field(repr=False)
+    singular_values_with: Array = field(repr=False)
+    sigma_without: Mapping[str, float] = field(repr=False)  # by block: root mean square of sigma
+    sigma_with: Mapping[str, float] = field(repr=False)
+
+
+def contributions(
+    here: Jacobian, rows: Mapping[str, slice], free: Layout
+) -> tuple[Contribution, ...]:
+    """Each residual left out in turn; nothing is solved again."""
+    m = here.shape[0]
+    s, rank, sigma = _known(here, free)
+    found = []
+    for term, part in rows.items():
+        left = np.ones(m, dtype=bool)
+        left[part] = False
+        without = here.rows(np.flatnonzero(left)) if left.any() else None
+        s0, rank0, sigma0 = (
+            _known(without, free)
+            if without is not None
+            else (np.zeros(0), 0, dict.fromkeys(free.names, np.inf))
+        )
+        found.append(Contribution(term, rank0, rank, s0, s, sigma0, sigma))
+    return tuple(found)
+
+
+def _known(here: Jacobian, free: Layout) -> tuple[Array, int, dict[str, float]]:
+    s, Vt = here.svd
+    seen = s > here.tolerance
+    directions = Vt[: s.size][seen]
+    variance = np.sum((directions.T / s[seen]) ** 2, axis=1)
+    variance[_blind(1 - np.sum(directions**2, axis=0))] = np.inf
+    rms = {name: float(np.sqrt(np.mean(variance[at]))) for name, at in free.slices.items()}
+    return s, int(seen.sum()), rms

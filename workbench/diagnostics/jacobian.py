@@ -1,0 +1,211 @@
+"""The whitened Jacobian at one point, dense or sparse, and the triangle that stands for it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as cs
+import numpy as np
+import scipy.linalg
+from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import csc_array, csr_array, issparse
+
+from workbench.errors import WorkbenchError
+from workbench.problem import Problem
+from workbench.problem.linearization import EPS
+
+Array = NDArray[np.float64]
+NEIGHBOURS = 4
+NEARBY = 0.1  # of a unit: how far the neighbouring points are
+DENSE_UP_TO = 3e7  # entries: 240 MB; above it nothing of m x n is ever dense
+WIDE = 4000  # columns of a sparse Jacobian whose n x n matrices still fit
+
+
+class NotFinite(WorkbenchError):
+    """A Jacobian that holds NaN or infinity has no rank."""
+
+
+@dataclass(frozen=True, eq=False)
+class Jacobian:
+    """r (m,) and J (m, n) of a problem at one point.
+
+    All that asks for the geometry of the columns is asked of R (min(m, n), n), R'R = J'J: R has
+    J's singular values and null space. From a dense J it comes by QR, and is upper triangular;
+    from a sparse one, to keep memory small, from the eigenvalues of J'J, which resolve singular
+    values only down to 1e-8 of the largest: `estimated` says so.
+    """
+
+    residual: Array
+    matrix: Array | csc_array
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(m, n)."""
+        return int(self.matrix.shape[0]), int(self.matrix.shape[1])
+
+    @property
+    def estimated(self) -> bool:
+        """Whether singular values come from J'J, and are no better than 1e-8 of the largest."""
+        return issparse(self.matrix)
+
+    @cached_property
+    def finite(self) -> bool:
+        """Whether all of r and J is."""
+        entries = self.matrix.data if isinstance(self.matrix, csc_array) else self.matrix
+        return bool(np.isfinite(self.residual).all() and np.isfinite(entries).all())
+
+    @property
+    def not_finite(self) -> list[tuple[int, int]]:
+        """Rows and columns of entries that are NaN or infinite."""
+        if isinstance(self.matrix, csc_array):
+            entries = self.matrix.tocoo()
+            bad = ~np.isfinite(entries.data)
+            rows, columns = entries.row[bad], entries.col[bad]
+        else:
+            rows, columns = np.nonzero(~np.isfinite(self.matrix))
+        return [(int(i), int(j)) for i, j in zip(rows, columns, strict=True)]
+
+    @cached_property
+    def R(self) -> Array:
+        """(min(m, n), n); raises NotFinite."""
+        if isinstance(self.matrix, csc_array):
+            s, Vt = self.svd
+            return np.asarray(s[:, None] * Vt[: s.size])
+        self._check()
+        return np.asarray(scipy.linalg.qr(self.matrix, mode="r")[0][: min(self.shape)])
+
+    @cached_property
+    def svd(self) -> tuple[Array, Array]:
+        """`s` (min(m, n),), falling, and all right singular vectors as the rows of Vt (n, n)."""
+        if isinstance(self.matrix, csc_array):
+            self._check()
+            values, vectors = np.linalg.eigh(self.normal)
+            s = np.sqrt(np.maximum(values[::-1], 0))
+            return s[: min(self.shape)], np.asarray(vectors[:, ::-1].T)
+        _, s, Vt = np.linalg.svd(self.R, full_matrices=True)
+        return s[: min(self.shape)], Vt
+
+    @property
+    def normal(self) -> Array:
+        """J'J (n, n), dense."""
+        if isinstance(self.matrix, csc_array):
+            return np.asarray((self.matrix.T @ self.matrix).toarray())
+        return self.matrix.T @ self.matrix
+
+    def _check(self) -> None:
+        if not self.finite:
+            raise NotFinite("the Jacobian holds NaN or infinity here; see `not_finite` for where")
+
+    @cached_property
+    def tolerance(self) -> float:
+        """The singular value below which a direction counts as unseen: eps max(m, n) s_1, or
+        1e-7 s_1 where singular values are estimates.
+        """
+        s = self.svd[0]
+        relative = 1e-7 if self.estimated else EPS * max(self.shape)
+        return float(relative * s.max(initial=0.0))
+
+    @property
+    def rank(self) -> int:
+        """How many singular values are above the tolerance."""
+        return int(np.sum(self.svd[0] > self.tolerance))
+
+    @cached_property
+    def column_norms(self) -> Array:
+        """|J_i| (n,)."""
+        if isinstance(self.matrix, csc_array):
+            return np.sqrt(np.asarray(self.matrix.power(2).sum(axis=0)).ravel())
+        return np.asarray(np.sqrt(np.einsum("ij,ij->j", self.matrix, self.matrix)))
+
+    @cached_property
+    def row_norms(self) -> Array:
+        """Of every row, (m,)."""
+        if isinstance(self.matrix, csc_array):
+            return np.sqrt(np.asarray(self.matrix.power(2).sum(axis=1)).ravel())
+        return np.asarray(np.sqrt(np.einsum("ij,ij->i", self.matrix, self.matrix)))
+
+    def column(self, i: int) -> Array:
+        """One column, (m,)."""
+        column = self.matrix[:, [i]]
+        return np.asarray(column.toarray() if issparse(column) else column).ravel()
+
+    def row(self, i: int) -> Array:
+        """One row, (n,)."""
+        row = self._by_rows[[i]]
+        return np.asarray(row.toarray() if issparse(row) else row).ravel()
+
+    @property
+    def norm(self) -> float:
+        """Frobenius' norm of J."""
+        return float(np.linalg.norm(self.column_norms))
+
+    def along(self, direction: Array) -> Array:
+        """J d (m,)."""
+        return np.asarray(self.matrix @ direction)
+
+    def rows(self, part: NDArray[np.int64]) -> "Jacobian":
+        """Some rows alone."""
+        some = self._by_rows[part]
+        return Jacobian(self.residual[part], csc_array(some) if issparse(some) else some)
+
+    def columns(self, part: NDArray[np.int64]) -> "Jacobian":
+        """Some columns alone, dense where they fit."""
+        some = self.matrix[:, part]
+        if isinstance(some, csc_array) and some.shape[0] * some.shape[1] <= DENSE_UP_TO / 4:
+            return Jacobian(self.residual, np.asarray(some.toarray()))
+        return Jacobian(self.residual, some)
+
+    def block(self, rows: slice, columns: slice) -> Array | csr_array:
+        """Some rows and columns."""
+        return self._by_rows[rows][:, columns]
+
+    @cached_property
+    def _by_rows(self) -> Array | csr_array:
+        return self.matrix.tocsr() if isinstance(self.matrix, csc_array) else self.matrix
+
+
+def jacobian_at(problem: Problem, at: Mapping[str, ArrayLike]) -> Jacobian:
+    """By the chain rule where it fits as a dense array, from the whole graph where it does not."""
+    x, fixed = problem.split(at)
+    m, n = problem.size, problem.free.size
+    if m * n <= DENSE_UP_TO:
+        here = problem.linearize(at)
+        return Jacobian(here.residual, here.jacobian)
+    if n > WIDE:
+        raise WorkbenchError(
+            f"a Jacobian of {m} x {n} is more than the diagnosis can look at; up to {WIDE} "
+            "columns are: free fewer blocks"
+        )
+    r, J = problem.derivative(x, fixed)
+    starts, rows = J.sparsity().get_ccs()
+    entries = np.asarray(J.nonzeros())
+    return Jacobian(np.asarray(r).ravel(), csc_array((entries, rows, starts), shape=J.shape))
+
+
+def neighbours(problem: Problem, at: Mapping[str, Array]) -> tuple[Jacobian, ...]:
+    """At a few random points NEARBY in each entry, those left out where it is not finite."""
+    rng = np.random.default_rng(0)
+    found = []
+    for _ in range(NEIGHBOURS if problem.free.size else 0):
+        moved = {
+            name: at[name] + NEARBY * rng.standard_normal(np.shape(at[name]))
+            for name in problem.free.names
+        }
+        there = jacobian_at(problem, dict(at) | moved)
+        found += [there] if there.finite else []
+    return tuple(found)
+
+
+def weaker(here: Jacobian, nearby: Sequence[Jacobian]) -> float:
+    """How many times weaker the weakest direction that is seen is here than at other points."""
+    if not nearby or not here.rank:
+        return 1.0
+    there = np.median([other.svd[0][here.rank - 1] for other in nearby])
+    return float(there / here.svd[0][here.rank - 1])
+
+
+def pattern_of(function: cs.Function) -> csc_array:
+    """Where the Jacobian of a function's first output by its first input can be nonzero (m, n)."""
+    sparsity = function.jac_sparsity(0, 0)
+    starts, rows = sparsity.get_ccs()
+    return csc_array((np.ones(len(rows), dtype=bool), rows, starts), shape=sparsity.shape)

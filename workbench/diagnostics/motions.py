@@ -1,0 +1,204 @@
+"""The dictionary of motions that a null direction may turn out to be, smallest first.
+
+A null space has no basis of its own: singular vectors smear one joint's twist over the whole body.
+So it is looked for in small subspaces that have a name: one entry; one joint; a joint and one of
+those below it, that undoes what it did (the twist of a bone, the swivel of an elbow); a joint
+against a translation; a uniform shift of many points against another (a gauge); two blocks; a
+limb; a block.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array, csc_array
+from scipy.sparse.csgraph import connected_components
+
+from workbench.blocks import Block, Layout, Tree
+
+Array = NDArray[np.float64]
+MANY = 400  # entries of a subspace that is searched as a whole
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A subspace of the free numbers with a name: the columns of `basis` at the rows `entries`."""
+
+    kind: str  # entry, twist, joint, shift, block or mixed
+    name: str
+    joints: tuple[str, ...]  # that it turns
+    entries: NDArray[np.int64]  # (q,)
+    basis: Array | None = None  # (q, p), orthonormal; None: every entry may move by itself
+
+
+def motions(
+    free: Layout, trees: Sequence[Tree], pattern: csc_array | None = None
+) -> Iterator[Motion]:
+    """All of them, those that need few entries first.
+
+    The `pattern` (m, n) of the Jacobian, where it is given, tells which points hang together.
+    """
+    moving = [tree for tree in trees if tree.pose in free.names]
+    for i in range(free.size):
+        yield _free("entry", free.label(i), _joint_of(free, moving, i), [i])
+    for tree in moving:
+        yield from _single_joints(free, tree)
+    for tree in moving:
+        yield from _pairs(free, tree)
+    others = [block for block in free.blocks if block.name not in {tree.pose for tree in moving}]
+    if pattern is not None:
+        yield from _islands(free, others, pattern)
+    yield from _shifts(free, others)
+    yield from _against_translations(free, moving, others)
+    for block in others:
+        if 1 < block.size <= MANY:
+            part = free.slices[block.name]
+            yield _free("block", f"within {block.name}", (), range(part.start, part.stop))
+    yield from _two_blocks(free, others)
+    for tree in moving:
+        yield from _limbs(free, tree)
+    for tree in moving:
+        yield from _limbs_against_translations(free, tree, others)
+
+
+def _free(kind: str, name: str, joints: tuple[str, ...], entries: Sequence[int]) -> Motion:
+    return Motion(kind, name, joints, np.array(entries, dtype=np.int64))
+
+
+def _joint(free: Layout, tree: Tree, k: int) -> list[int]:
+    start = free.slices[tree.pose].start + 3 * k
+    return [start, start + 1, start + 2]
+
+
+def _joint_of(free: Layout, moving: Sequence[Tree], i: int) -> tuple[str, ...]:
+    block, entry = free.block_of(i)
+    return tuple(tree.names[entry // 3] for tree in moving if tree.pose == block.name)
+
+
+def _single_joints(free: Layout, tree: Tree) -> Iterator[Motion]:
+    for k, name in enumerate(tree.names):
+        yield _free("twist", f"a turn of {tree.pose}[{name}] alone", (name,), _joint(free, tree, k))
+
+
+def _pairs(free: Layout, tree: Tree) -> Iterator[Motion]:
+    """A joint turns, and one below it turns back: nearest relatives first."""
+    related = []
+    for k in range(len(tree.parents)):
+        above, apart = tree.parents[k], 1
+        while above >= 0:
+            related.append((apart, above, k))
+            above, apart = tree.parents[above], apart + 1
+    for _, above, k in sorted(related):
+        names = tree.names[above], tree.names[k]
+        entries = _joint(free, tree, above) + _joint(free, tree, k)
+        yield _free("twist", f"a turn of {tree.pose}[{names[0]}], undone at {names[1]}", names,
+                    entries)  # fmt: skip
+
+
+def _islands(free: Layout, blocks: Sequence[Block], pattern: csc_array) -> Iterator[Motion]:
+    """Rows of a block of points that residuals tie to each other, but not to its other rows."""
+    for block in blocks:
+        found = _uniform(free, block)
+        if found is None or block.size < 9:
+            continue
+        entries = found[0].reshape(-1, 3)
+        m, count = pattern.shape[0], len(entries)
+        read = pattern[:, free.slices[block.name]].tocoo()
+        ties = coo_array(
+            (np.ones(read.nnz, dtype=np.int8), (read.row, m + read.col // 3)),
+            shape=(m + count, m + count),
+        )
+        label = connected_components(ties, directed=False)[1][m:]
+        order = np.argsort(label, kind="stable")
+        for rows in np.split(order, np.flatnonzero(np.diff(label[order])) + 1):
+            if 1 < rows.size < count:
+                basis = np.tile(np.eye(3), (rows.size, 1)) / np.sqrt(rows.size)
+                said = ", ".join(_row(block, int(row)) for row in rows[:3])
+                name = (
+                    f"a shift of {rows.size} rows of {block.name} "
+                    f"({said}{', ...' if rows.size > 3 else ''})"
+                )
+                yield Motion("shift", name, (), entries[rows].ravel(), basis)
+
+
+def _row(block: Block, row: int) -> str:
+    return block.labels[row] if block.labels else str(row)
+
+
+def _shifts(free: Layout, blocks: Sequence[Block]) -> Iterator[Motion]:
+    """All rows of a block move by the same, alone or against another block's."""
+    moved = [(block, _uniform(free, block)) for block in blocks]
+    in_space = [(block, found) for block, found in moved if found is not None]
+    for block, (entries, basis) in in_space:
+        if block.size > 3:
+            yield Motion("shift", f"a shift of all of {block.name}", (), entries, basis)
+    for i, (a, (at_a, by_a)) in enumerate(in_space):
+        for b, (at_b, by_b) in in_space[i + 1 :]:
+            basis = np.zeros((at_a.size + at_b.size, 6))
+            basis[: at_a.size, :3], basis[at_a.size :, 3:] = by_a, by_b
+            name = f"a shift of {a.name}, undone by {b.name}"
+            yield Motion("shift", name, (), np.concatenate([at_a, at_b]), basis)
+
+
+def _uniform(free: Layout, block: Block) -> tuple[NDArray[np.int64], Array] | None:
+    """The three shifts of a block of points in space; None for any other block."""
+    if not block.shape or block.shape[-1] != 3 or block.unit != "m":
+        return None
+    part = free.slices[block.name]
+    entries = np.arange(part.start, part.stop)
+    return entries, np.tile(np.eye(3), (block.size // 3, 1)) / np.sqrt(block.size / 3)
+
+
+def _against_translations(
+    free: Layout, moving: Sequence[Tree], blocks: Sequence[Block]
+) -> Iterator[Motion]:
+    for tree in moving:
+        for block, moves in _translations(free, blocks):
+            for k, name in enumerate(tree.names):
+                entries = [*_joint(free, tree, k), *moves]
+                said = f"a turn of {tree.pose}[{name}], undone by {block.name}"
+                yield _free("twist", said, (name,), entries)
+
+
+def _two_blocks(free: Layout, blocks: Sequence[Block]) -> Iterator[Motion]:
+    for i, a in enumerate(blocks):
+        for b in blocks[i + 1 :]:
+            if a.size + b.size <= MANY:
+                parts = free.slices[a.name], free.slices[b.name]
+                entries = [e for part in parts for e in range(part.start, part.stop)]
+                yield _free("block", f"{a.name} against {b.name}", (), entries)
+
+
+def _limbs(free: Layout, tree: Tree) -> Iterator[Motion]:
+    """A joint and all below it, small limbs first; at last the whole tree."""
+    K = len(tree.parents)
+    below: list[list[int]] = [[k] for k in range(K)]
+    for k in range(K - 1, 0, -1):
+        below[tree.parents[k]] += below[k]
+    for k in sorted(range(K), key=lambda k: len(below[k])):
+        if len(below[k]) > 2:
+            entries = [e for j in sorted(below[k]) for e in _joint(free, tree, j)]
+            yield _free("joint", f"turns from {tree.names[k]} down", (), entries)
+
+
+def _limbs_against_translations(
+    free: Layout, tree: Tree, blocks: Sequence[Block]
+) -> Iterator[Motion]:
+    """The root moves, and turns of the joints near it undo that at all that is looked at."""
+    depth = [0] * len(tree.parents)
+    for k, parent in enumerate(tree.parents[1:], start=1):
+        depth[k] = depth[parent] + 1
+    for block, moves in _translations(free, blocks):
+        for most in range(1, max(depth) + 1):
+            near = [e for k, d in enumerate(depth) if d <= most for e in _joint(free, tree, k)]
+            name = f"turns near {tree.names[0]}, undone by {block.name}"
+            yield _free("joint", name, (), [*near, *moves])
+
+
+def _translations(free: Layout, blocks: Sequence[Block]) -> Iterator[tuple[Block, list[int]]]:
+    """Blocks of three numbers, and their entries."""
+    for block in blocks:
+        if block.shape == (3,):
+            part = free.slices[block.name]
+            yield block, list(range(part.start, part.stop))

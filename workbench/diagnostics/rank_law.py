@@ -1,0 +1,135 @@
+"""How many directions of a pose observed joints can tell, from the tree alone.
+
+A joint that is seen moves when one above it turns. Counting from the leaves to the root, rho_k is
+how much of a turn of joint k can be told, and U_k the small moves of joint k itself that the
+joints below it can hide. If all joints are observed, this is 3 for the root's position (where
+translation is free), 3 for each joint with several children, 2 for each joint with one (its
+twist about the bone is hidden), 0 for a leaf.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import casadi as cs
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from workbench.blocks import Tree
+from workbench.problem import Problem
+
+Array = NDArray[np.float64]
+SMALL = 1e-9  # of a singular value, bones having length 1
+
+
+def rank_of_observed_joints(
+    parents: Sequence[int], joints: Array, observed: Sequence[int], *, translation: bool
+) -> int:
+    """Rank of the positions of the `observed` joints by all rotations (and the translation).
+
+    `joints` (K, 3) are the posed positions; parents[k] < k. Any pose, any subset.
+    """
+    K = len(parents)
+    seen = set(observed)
+    below = [k in seen for k in range(K)]  # whether anything observed hangs on k
+    for k in range(K - 1, 0, -1):
+        below[parents[k]] = below[parents[k]] or below[k]
+    if not below[0]:
+        return 0
+    children = [[c for c in range(k + 1, K) if parents[c] == k and below[c]] for k in range(K)]
+    hidden: list[Array] = [np.zeros((3, 0))] * K  # a basis of U_k
+    told = 0
+    for k in range(K - 1, -1, -1):
+        if not below[k]:
+            continue
+        turns, moves = [], []  # of each child: what a turn of k, and a move of k, do to it
+        for c in children[k]:
+            e = joints[c] - joints[k]
+            length = float(np.linalg.norm(e)) or 1.0
+            left = np.eye(3) - hidden[c] @ hidden[c].T  # what c cannot hide
+            turns.append(left @ _cross(e / length))  # of w -> w x e, up to sign
+            moves.append(left / length)
+        by_turn = np.vstack([np.zeros((0, 3)), *turns])
+        rho = _rank(by_turn)
+        told += rho
+        if k in seen:
+            continue  # U_k = 0: the joint itself is looked at
+        # moves of k that some turn of k can undo at every child
+        by_move = np.vstack([np.zeros((0, 3)), *moves])
+        column_space = np.linalg.svd(by_turn, full_matrices=False)[0][:, :rho]
+        remains = by_move - column_space @ (column_space.T @ by_move)
+        _, s, Vt = np.linalg.svd(remains, full_matrices=True)
+        hidden[k] = Vt[int(np.sum(s > SMALL * max(1.0, s.max(initial=0.0)))) :].T
+    return told + (3 - hidden[0].shape[1] if translation else 0)
+
+
+def law_in_words(parents: Sequence[int], *, translation: bool) -> str:
+    """The sum for a tree all of whose joints are observed, spelled out."""
+    counts = np.bincount([p for p in parents if p >= 0], minlength=len(parents))
+    several, one = int(np.sum(counts > 1)), int(np.sum(counts == 1))
+    total = 3 * several + 2 * one + (3 if translation else 0)
+    first = "3 for the translation + " if translation else ""
+    return (
+        f"{first}3 x {several} joints with several children + 2 x {one} with one child, whose "
+        f"twist about the bone moves no joint + 0 x {int(np.sum(counts == 0))} leaves = {total}"
+    )
+
+
+def _cross(e: Array) -> Array:
+    x, y, z = e
+    return np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])  # w -> w x e
+
+
+def _rank(A: Array) -> int:
+    s = np.linalg.svd(A, compute_uv=False) if A.size else np.zeros(0)
+    return int(np.sum(s > SMALL * max(1.0, float(s.max(initial=0.0)))))
+
+
+def law_of(problem: Problem, at: Mapping[str, ArrayLike]) -> tuple[int, str] | None:
+    """The rank that the law predicts for a problem, and why; None where it says nothing."""
+    found = only_joints(problem, at)
+    if found is None:
+        return None
+    tree, joints, seen = found
+    moving = len(problem.free.names) > 1
+    rank = rank_of_observed_joints(tree.parents, joints, seen, translation=moving)
+    if len(seen) == len(tree.parents):
+        return rank, law_in_words(tree.parents, translation=moving)
+    return rank, f"{len(seen)} of {len(tree.parents)} joints are looked at"
+
+
+def only_joints(
+    problem: Problem, at: Mapping[str, ArrayLike]
+) -> tuple[Tree, NDArray[np.float64], tuple[int, ...]] | None:
+    """The tree, the posed joints (K, 3) m and which of them are read, if nothing else is there.
+
+    None unless all residuals read the joints of one body, coordinate by coordinate, and nothing is
+    free but its pose and perhaps its translation.
+    """
+    points = {p.symbol.__hash__(): p for r in problem.residuals for p in r.points}
+    if len(points) != 1:
+        return None
+    (found,) = points.values()
+    tree = found.source.tree
+    if tree is None or found.labels != tree.names or tree.pose not in problem.free.names:
+        return None
+    others = [block for block in problem.free.blocks if block.name != tree.pose]
+    if [block.shape for block in others] not in ([], [(3,)]):
+        return None
+    stacked = cs.vertcat(*[residual.expression for residual in problem.residuals])
+    own = {s.name() for s in cs.symvar(stacked)} & set(problem.free.names)
+    if own:  # a prior, or a residual of another kind
+        return None
+    by_points = cs.jacobian_sparsity(stacked, found.symbol)
+    starts, rows = by_points.get_ccs()
+    reads = np.diff(starts).reshape(-1, 3)
+    # the law counts whole positions: every coordinate read, each by rows of its own
+    if len(set(rows)) != len(rows) or not np.isin(reads, (0, 1)).all():
+        return None
+    seen = reads.all(axis=1)
+    if (reads.any(axis=1) != seen).any():
+        return None
+    value = cs.Function("joints", [b.symbol for b in found.source.blocks],
+                        [found.source.expression])  # fmt: skip
+    joints = value(*(np.asarray(at[b.name], dtype=float).reshape(b.symbol_shape, order="F")
+                     if len(b.shape) < 2 else np.asarray(at[b.name], dtype=float).T
+                     for b in found.source.blocks))  # fmt: skip
+    return tree, np.asarray(joints).T, tuple(int(k) for k in np.flatnonzero(seen))

@@ -1,0 +1,155 @@
+"""What the pattern of a Jacobian alone allows: who reads what, and what cannot be determined.
+
+Dulmage and Mendelsohn (Coverings of bipartite graphs, 1958) cut any pattern into three parts by a
+maximum matching of rows with columns: an under-determined part with more columns than rows, an
+over-determined one with more rows than columns, and a square one between them.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import casadi as cs
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_array, csr_array, issparse
+
+from workbench.blocks import Layout
+from workbench.diagnostics.jacobian import Jacobian, pattern_of
+from workbench.problem import Problem
+
+Index = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class TermBlock:
+    """One residual's part of the Jacobian in one block's columns."""
+
+    term: str
+    block: str
+    rows: int
+    columns: int
+    nonzeros: int  # structural
+    norm: float  # Frobenius, of the whitened Jacobian
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Rows and columns that belong together, by their indices."""
+
+    rows: Index
+    columns: Index
+
+
+@dataclass(frozen=True, eq=False)
+class Structure:
+    """The pattern (m, n), and what follows from it."""
+
+    pattern: csc_array = field(repr=False)
+    rank: int  # of any matrix with this pattern, at most
+    under: Part  # more columns than rows: something in here cannot be determined
+    square: Part
+    over: Part  # more rows than columns: fitted, not solved
+    unread: Index  # columns that no residual reads
+    idle: Index  # rows that read nothing free
+
+
+def structure_of(problem: Problem) -> Structure:
+    """The pattern of a problem's Jacobian, taken apart."""
+    return taken_apart(pattern_of(problem.function))
+
+
+def taken_apart(pattern: csc_array) -> Structure:
+    """A pattern (m, n), cut by Dulmage's and Mendelsohn's decomposition."""
+    m, n = pattern.shape
+    S = cs.Sparsity(m, n, pattern.indptr.tolist(), pattern.indices.tolist())
+    # rows in the order unmatched | over | square | under, columns over | square | under | unmatched
+    _, p, q, _, _, row_edges, column_edges = S.btf()
+    p, q = np.array(p, dtype=np.int64), np.array(q, dtype=np.int64)
+    r, c = list(row_edges), list(column_edges)
+    columns_read = np.diff(pattern.indptr)
+    return Structure(
+        pattern,
+        rank=n - (c[4] - c[3]),
+        over=Part(np.sort(p[r[0] : r[2]]), np.sort(q[c[0] : c[1]])),
+        square=Part(np.sort(p[r[2] : r[3]]), np.sort(q[c[1] : c[2]])),
+        under=Part(np.sort(p[r[3] : r[4]]), np.sort(q[c[2] : c[4]])),
+        unread=np.flatnonzero(columns_read == 0),
+        idle=np.flatnonzero(np.bincount(pattern.indices, minlength=m) == 0),
+    )
+
+
+def term_blocks(problem: Problem, structure: Structure, here: Jacobian) -> tuple[TermBlock, ...]:
+    """The Jacobian as a table of terms by blocks."""
+    by_rows = structure.pattern.tocsr()
+    return tuple(
+        TermBlock(
+            term, block, rows.stop - rows.start, columns.stop - columns.start,
+            int(by_rows[rows, columns].nnz), _size(here.block(rows, columns)),
+        )
+        for term, rows in problem.rows.items()
+        for block, columns in problem.free.slices.items()
+    )  # fmt: skip
+
+
+def duplicates(problem: Problem, here: Jacobian) -> tuple[tuple[str, str], ...]:
+    """Pairs of residuals that say the same: equal rows, up to one factor and the sign.
+
+    Seen at this point only. Where both are zero here, they have to read the same blocks as well.
+    """
+    found = []
+    reads = {residual.name: set(residual.reads) for residual in problem.residuals}
+    terms = list(problem.rows.items())
+    for i, (name, rows) in enumerate(terms):
+        for other, others in terms[i + 1 :]:
+            if rows.stop - rows.start != others.stop - others.start:
+                continue
+            # a residual of zero does not tell one measurement from another
+            told = np.any(here.residual[rows]) or reads[name] == reads[other]
+            if told and _same(here, rows, others):
+                found.append((name, other))
+    return tuple(found)
+
+
+def _same(here: Jacobian, rows: slice, others: slice) -> bool:
+    every = slice(0, here.shape[1])
+    a, b = here.block(rows, every), here.block(others, every)
+    r, s = here.residual[rows], here.residual[others]
+    size, other = np.hypot(_size(a), _size(r)), np.hypot(_size(b), _size(s))
+    if not _size(a) or not _size(b):
+        return False
+    return any(
+        np.hypot(_size(a / size - sign * b / other), _size(r / size - sign * s / other)) < 1e-10
+        for sign in (1, -1)
+    )
+
+
+def _size(part: NDArray[np.float64] | csr_array) -> float:
+    """The root of the sum of squares."""
+    return float(np.linalg.norm(part.data if issparse(part) else part))
+
+
+def named_groups(layout: Layout, columns: Index) -> str:
+    """Entries of a vector in few words: whole blocks by name, rows gathered."""
+    said = []
+    slices: Mapping[str, slice] = layout.slices
+    for name, part in slices.items():
+        inside = columns[(columns >= part.start) & (columns < part.stop)]
+        if inside.size == part.stop - part.start:
+            said.append(name if inside.size == 1 else f"all of {name}")
+        elif inside.size:
+            said.extend(gathered([layout.label(int(i)) for i in inside]))
+    return ", ".join(said)
+
+
+def counted(number: int, noun: str) -> str:
+    """`1 row`, `2 rows`."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def gathered(entries: list[str]) -> list[str]:
+    """`pose[head, x]`, `pose[head, y]` as `pose[head, x y]`."""
+    rows: dict[str, list[str]] = {}
+    for entry in entries:
+        row, comma, last = entry.removesuffix("]").rpartition(", ")
+        rows.setdefault(row + comma, []).append(last if comma else entry)
+    return [row + " ".join(last) + "]" if row else ", ".join(last) for row, last in rows.items()]

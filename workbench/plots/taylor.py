@@ -1,0 +1,37 @@
+"""Whether a derivative is right: what the linear model misses has to shrink like the square."""
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from workbench.diagnostics import Diagnosis
+from workbench.plots.palette import BLUE, FAINT
+
+
+def plot_taylor(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
+    """|r(x + h d) - r(x) - h J d| against h on two logarithmic axes, with a slope of two."""
+    check = diagnosis.derivatives
+    h, error = check.steps, check.taylor
+    drawn = np.isfinite(error) & (error > 0)
+    ax.loglog(h[drawn], error[drawn], "o-", color=BLUE, markersize=4, label="this Jacobian")
+    if drawn.any():
+        top = error[drawn][0] * (h / h[drawn][0]) ** 2
+        ax.loglog(h, top, color=FAINT, linestyle="--", label="slope 2: right")
+        ax.loglog(h, error[drawn][0] * (h / h[drawn][0]), color=FAINT, linestyle=":",
+                  label="slope 1: wrong")  # fmt: skip
+    ax.set_xlabel("step h (units of the unknowns)")
+    ax.set_ylabel("what the linear model misses (sigmas)")
+    ax.grid(color=FAINT, alpha=0.25, linewidth=0.6)
+    ax.legend(loc="upper left")
+    return ax
+
+
+def caption_taylor(diagnosis: Diagnosis) -> str:
+    """What `plot_taylor` shows."""
+    slope = diagnosis.derivatives.slope
+    if slope is None:
+        return "The residual is linear, or too nearly so for its second order to be seen."
+    verdict = "as it must" if slope > 1.5 else "but should like h^2: a derivative is wrong"
+    return (
+        f"A step of length h in a random direction: what is left after the linear model shrinks "
+        f"like h^{slope:.2f}, {verdict}. At the smallest steps rounding takes over."
+    )

@@ -1,0 +1,264 @@
+"""A diagnosis as a folder: one page with figures, and the same as text and as JSON beside it."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from workbench.bodies import SkinnedBody
+from workbench.diagnostics import Comparison, Diagnosis, Direction
+from workbench.diagnostics.conditioning import PARALLEL
+from workbench.diagnostics.structure import gathered, named_groups
+from workbench.plots import (
+    caption_data_share,
+    caption_sigmas,
+    caption_singular_values,
+    caption_sparsity,
+    caption_taylor,
+    sheets,
+)
+from workbench.reports import tables
+from workbench.reports.direction_pictures import pictures
+from workbench.reports.figures import shown
+from workbench.reports.folder import MAKER, SUMMARY, replacing_folder
+from workbench.reports.page import page
+from workbench.reports.summary import as_json, versions
+from workbench.reports.tables import Table, number
+
+FILES = {
+    "index.html": "this page",
+    "diagnosis.txt": "the same in words",
+    "diagnosis.json": "the same as data, for programs; its schema has a version",
+    SUMMARY: "what was asked, in a file that programs read",
+}
+
+
+def write_diagnosis(
+    diagnosis: Diagnosis,
+    folder: str | Path,
+    *,
+    title: str,
+    question: str = "",
+    body: SkinnedBody | None = None,
+    against: Diagnosis | None = None,
+    source: str | None = None,
+) -> Path:
+    """Write the folder of a diagnosis, and return its page.
+
+    With `body` the directions are drawn on it; with `against` a comparison is on the page. The
+    folder appears whole or not at all; raises BadFile if it cannot be written.
+    """
+    target = Path(folder)
+    with replacing_folder(target, source) as fresh:
+        text = diagnosis.report()
+        compared = Comparison(diagnosis, against) if against is not None else None
+        if compared is not None:
+            text += f"\n\nCOMPARISON\n{compared.report()}"
+        (fresh / "diagnosis.txt").write_text(text + "\n", encoding="utf-8")
+        data = diagnosis.data() if compared is None else compared.data()
+        words = json.dumps(data, indent=1, allow_nan=False)
+        (fresh / "diagnosis.json").write_text(words, encoding="utf-8")
+        html = diagnosis_page(diagnosis, title, question, body, compared)
+        (fresh / "index.html").write_text(html, encoding="utf-8")
+        summary = {
+            "made_by": MAKER, "source": source or "", "files": list(FILES), "title": title,
+            "warnings": len(diagnosis.warnings), "versions": versions(),
+        }  # fmt: skip
+        (fresh / SUMMARY).write_text(as_json(summary), encoding="utf-8")
+    return target / "index.html"
+
+
+def diagnosis_page(
+    d: Diagnosis, title: str, question: str, body: SkinnedBody | None, compared: Comparison | None
+) -> str:
+    """The page."""
+    finite = d.here.finite
+    return page(
+        "diagnosis.html",
+        title=title,
+        question=question,
+        shape=f"{d.shape[0]:,} residuals by {d.shape[1]:,} unknowns",
+        rank=f"rank {d.rank} of {d.shape[1]}" if finite else "not finite",
+        warnings=[f.text for f in d.findings if f.warning],
+        notes=[f.text for f in d.findings if not f.warning],
+        suggestions=suggestions_table(d),
+        density=f"{d.density:.1%}",
+        nonzeros=f"{d.nonzeros:,}",
+        sparsity=None if d.here.estimated else shown(sheets.sparsity_sheet(d), caption_sparsity(d)),
+        terms=tables.terms_table(d),
+        parts=parts_table(d),
+        ranks=ranks_table(d) if finite else None,
+        spectrum=(
+            shown(sheets.singular_values_sheet(d), caption_singular_values(d)) if finite else None
+        ),
+        estimated=d.here.estimated,
+        unseen=directions_table(d.null_directions) if finite else None,
+        unseen_pictures=pictures(d, d.null_directions, body) if finite else [],
+        weak=directions_table(d.weak_directions) if finite else None,
+        weak_pictures=pictures(d, d.weak_directions, body) if finite else [],
+        conditioning=conditioning_table(d) if finite else None,
+        sigmas=shown(sheets.sigmas_sheet(d), caption_sigmas(d)) if finite else None,
+        share=(
+            shown(sheets.data_share_sheet(d), caption_data_share(d))
+            if finite and d.priors
+            else None
+        ),
+        known=known_table(d) if finite else None,
+        entries=entries_table(d) if finite else None,
+        contributions=contributions_table(d) if finite else None,
+        taylor=shown(sheets.taylor_sheet(d), caption_taylor(d)) if finite else None,
+        derivatives=derivatives_table(d) if finite else None,
+        compared=None if compared is None else compared.report(),
+        files=FILES,
+        versions=versions(),
+    )
+
+
+def suggestions_table(d: Diagnosis) -> Table:
+    """What to do, and what it did."""
+    rows = tuple((s.what, str(s.before), str(s.after), s.why, s.cost) for s in d.suggestions)
+    return Table(("suggestion", "before", "after", "why", "what it costs"), rows, ())
+
+
+def parts_table(d: Diagnosis) -> Table:
+    """Dulmage and Mendelsohn's three parts."""
+    s = d.structure
+    parts = (("over-determined", s.over), ("square", s.square), ("under-determined", s.under))
+    rows = tuple(
+        (name, f"{len(p.rows):,}", f"{len(p.columns):,}", named_groups(d.free, p.columns) or "–")
+        for name, p in parts
+    )
+    return Table(("part", "rows", "unknowns", "which unknowns"), rows, (1, 2))
+
+
+def ranks_table(d: Diagnosis) -> Table:
+    """The rank from several sides."""
+    n = d.shape[1]
+    rows = [
+        ("structural rank", str(d.structural_rank), "the most that this pattern of zeros allows"),
+        (
+            "numerical rank",
+            str(d.rank),
+            f"singular values above {number(d.tolerance, 2)} at this point",
+        ),
+        ("with columns of length 1", str(d.scaled_rank), "the same whatever the units are"),
+    ]
+    if d.ranks_nearby:
+        near = ", ".join(map(str, d.ranks_nearby))
+        rows.append(("nearby", near, "at random points a tenth of a unit away"))
+    if d.rank_law:
+        rows.append(("rank law of observed joints", str(d.rank_law[0]), d.rank_law[1]))
+    rows.append(("unknowns", str(n), "what the rank would have to be"))
+    return Table(("which", "rank", "what it says"), tuple(rows), (1,))
+
+
+def directions_table(directions: Sequence[Direction]) -> Table:
+    """Single entries gathered, all others one by one."""
+    entries = [x for x in directions if x.kind == "entry"]
+    rows = []
+    if entries:
+        worst = max(x.change for x in entries)
+        names = ", ".join(gathered([x.name for x in entries]))
+        rows.append((f"{len(entries)} single entries: {names}", "entry", f"≤ {number(worst, 2)}"))
+    rows += [(x.name, x.kind, number(x.change, 2)) for x in directions if x.kind != "entry"]
+    return Table(("direction", "kind", "|J d|, sigmas per unit"), tuple(rows), (2,))
+
+
+def conditioning_table(d: Diagnosis) -> Table:
+    """Column lengths, near-parallel pairs, the weakest direction, leverage."""
+    norms = d.here.column_norms
+    rows: list[tuple[str, str, str]] = []
+    if norms.size:
+        longest, shortest = int(np.argmax(norms)), int(np.argmin(norms))
+        rows += [
+            ("condition", number(d.condition, 3), "largest over smallest singular value"),
+            ("longest column", number(float(norms[longest]), 3), d.free.label(longest)),
+            ("shortest column", number(float(norms[shortest]), 3), d.free.label(shortest)),
+        ]
+    for pair in d.parallel_columns[:8]:
+        what = f"{d.free.label(pair.first)} and {d.free.label(pair.second)}"
+        label = "the same column" if pair.apart <= PARALLEL else "nearly parallel (sine)"
+        rows.append((label, number(pair.apart, 2), what))
+    for weak in d.weakest[:2]:
+        columns = ", ".join(gathered([d.free.label(i) for i in weak.columns[:8]]))
+        seen_by = ", ".join(d.problem.row_label(i) for i in weak.rows[:3])
+        more = " and others" if len(weak.rows) > 3 else ""
+        rows.append(
+            ("weakest seen (|J d|)", number(weak.change, 2), f"{columns}; seen by {seen_by}{more}")
+        )
+    if d.leverage is not None:
+        for i in np.argsort(-d.leverage)[:3]:
+            row = d.problem.row_label(int(i))
+            rows.append(("leverage", number(float(d.leverage[i]), 2), f"{row}, of at most 1"))
+    return Table(("what", "value", "where"), tuple(rows), (1,))
+
+
+def known_table(d: Diagnosis) -> Table:
+    """Verdicts by block."""
+    known = d.identifiability
+    names = np.array([v.name for v in known.verdicts])
+    rows = []
+    for block in d.free.blocks:
+        at = d.free.slices[block.name]
+        counts = [
+            str(int(np.sum(names[at] == name)))
+            for name in ("IDENTIFIED", "PRACTICAL", "NUMERICAL", "STRUCTURAL")
+        ]
+        rows.append((block.name, block.unit, *counts))
+    head = ("block", "unit", "identified", "practically not", "numerically not", "structurally not")
+    return Table(head, tuple(rows), (2, 3, 4, 5))
+
+
+def entries_table(d: Diagnosis) -> Table:
+    """Every unknown."""
+    known = d.identifiability
+    rows = tuple(
+        (
+            d.free.label(i), d.free.unit(i), number(float(known.sigma[i]), 3),
+            number(float(known.prior_sigma[i]), 3), known.verdicts[i].value,
+        )
+        for i in range(min(d.free.size, tables.MOST))
+    )  # fmt: skip
+    return Table(("unknown", "unit", "sigma", "prior sigma", "verdict"), rows, (2, 3))
+
+
+def contributions_table(d: Diagnosis) -> Table | None:
+    """What each residual adds."""
+    if not d.contributions:
+        return None
+    rows = tuple(
+        (
+            c.term, str(c.rank_without), str(c.rank_with),
+            number(float(c.singular_values_without.min(initial=np.inf)), 2),
+            number(float(c.singular_values_with.min(initial=np.inf)), 2),
+            *(f"{number(c.sigma_without[n], 2)} → {number(c.sigma_with[n], 2)}"
+              for n in d.free.names),
+        )
+        for c in d.contributions
+    )  # fmt: skip
+    head = (
+        "residual", "rank without", "with", "least singular value without", "with",
+        *(f"sigma of {n}" for n in d.free.names),
+    )  # fmt: skip
+    return Table(head, rows, tuple(range(1, len(head))))
+
+
+def derivatives_table(d: Diagnosis) -> Table:
+    """What was checked and how far off it is."""
+    check = d.derivatives
+    rows = [
+        ("entries not confirmed by differences", str(check.wrong), f"{len(check.columns)} columns"),
+        ("largest error", number(check.largest_error, 2), "of the column's largest entry"),
+        ("gradient against J'r", number(check.gradient_error, 2), "relative"),
+    ]
+    if check.hessian_error is not None:
+        rows.append(("exact Hessian", number(check.hessian_error, 2), "against differences"))
+    if check.neglected is not None:
+        share = f"{check.neglected:.1%}"
+        rows.append(("left out by J'J", share, "of the exact Hessian, by Gauss and Newton"))
+    for s in check.suspects:
+        where = f"{d.problem.row_label(s.row)} by {d.free.label(s.column)}"
+        said = f"given {number(s.given, 6)}, differences {number(s.differences, 6)}"
+        rows.append(("suspect", said, where))
+    return Table(("what", "value", "where"), tuple(rows), (1,))

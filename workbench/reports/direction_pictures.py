@@ -1,0 +1,54 @@
+"""Directions of a diagnosis as pictures of the body moved along them."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.blocks import Values
+from workbench.bodies import SkinnedBody
+from workbench.diagnostics import Diagnosis, Direction
+from workbench.geometry.rotation import matrix_from_vector
+from workbench.plots import caption_direction, sheets
+from workbench.reports.figures import Shown, shown
+
+PICTURES = 4  # of directions that are not seen, and as many of hardly seen ones
+UNSEEN_MOVE = 0.5  # units along a direction that nothing holds
+MOST_MOVE = 1.0  # units: two sigmas may be far out of the linear world
+
+
+def pictures(d: Diagnosis, found: Sequence[Direction], body: SkinnedBody | None) -> list[Shown]:
+    """The body moved along the first directions that move it at all."""
+    if body is None or not {block.name for block in body.blocks()} <= set(d.at):
+        return []
+    drawn: list[Shown] = []
+    for direction in sorted(found, key=lambda x: x.kind == "entry"):
+        if len(drawn) == PICTURES:
+            break
+        amount = min(2 / direction.change if direction.change > 0 else np.inf, MOST_MOVE)
+        if direction.change <= d.tolerance:
+            amount = UNSEEN_MOVE
+        moved = _moved(d, direction, body, amount)
+        here = moved["here"]
+        if max(float(np.abs(s - here).max()) for s in moved.values()) < 1e-3:
+            continue
+        unit = d.free.unit(int(np.argmax(abs(direction.vector))))
+        figure = sheets.direction_sheet(moved, body.faces)
+        drawn.append(shown(figure, caption_direction(direction.name, moved, amount, unit)))
+    return drawn
+
+
+def _moved(
+    d: Diagnosis, direction: Direction, body: SkinnedBody, amount: float
+) -> dict[str, NDArray[np.float64]]:
+    """Surfaces (N, 3) m by label, the person upright whatever the world's axes are."""
+    x = d.free.pack(d.at)
+    upright = matrix_from_vector(np.reshape(d.at[body.blocks()[0].name], (-1, 3))[0])
+    return {
+        label: _surface(body, dict(d.at) | d.free.unpack(x + step * direction.vector)) @ upright
+        for label, step in (("−", -amount), ("here", 0.0), ("+", amount))
+    }
+
+
+def _surface(body: SkinnedBody, values: Values) -> NDArray[np.float64]:
+    return body.vertices(*(values[block.name] for block in body.blocks()))
