@@ -115,12 +115,15 @@ def _typed(text: str) -> str:
 def _seen(what: str, d: Diagnosis) -> str:
     """Size, rank and the first directions that are not seen."""
     m, n = d.shape
-    unseen = "every direction is seen"
+    said = "every direction is seen"
     if d.null_directions:
-        short = [direction.name for direction in d.null_directions if direction.joints][:3]
-        named = f", among them {', '.join(short)}" if short else ""
-        unseen = f"{len(d.null_directions)} directions are not seen{named} (see the report)"
-    return f"{what}: {m} x {n}, {d.density:.0%} nonzero, rank {d.rank} of {n}; {unseen}"
+        said = f"{len(d.null_directions)} directions are not seen"
+    if d.hardly_seen:
+        said += f", {d.hardly_seen} hardly (less than one sigma for a whole unit)"
+    short = [x.name for x in (*d.null_directions, *d.weak_directions) if x.joints][:3]
+    if short:
+        said += f"; among them {', '.join(short)} (see the report)"
+    return f"{what}: {m} x {n}, {d.density:.0%} nonzero, rank {d.rank} of {n}; {said}"
 
 
 def _comparison(outcome: Outcome) -> Table:
