@@ -6,6 +6,7 @@ import casadi as cs
 import numpy as np
 import pytest
 
+from tests.bodies_made_up import SMPL_NAMES
 from tests.diagnostics import cases
 from workbench import Block, Problem, Residual, diagnose
 
@@ -45,6 +46,23 @@ def test_a_cure_leaves_fewer_directions_unseen(kind: str) -> None:
             if suggestion.kind == kind:
                 before, after = suggestion.before, suggestion.after
                 assert after.unknowns - after.rank < before.unknowns - before.rank
+
+
+@pytest.mark.parametrize("past", [-0.02, 0.01])
+def test_near_a_full_turn_one_turn_is_taken_off(past: float) -> None:
+    """There the rank is full, and the condition is bad."""
+    problem, values = cases.full_turn()
+    pose = values["pose"].copy()
+    knee = SMPL_NAMES.index("left_knee")
+    pose[knee] *= 1 + past / (2 * np.pi)
+    found = diagnose(problem, values | {"pose": pose})
+    found.assert_rank(75)
+    (turned,) = (s for s in found.suggestions if s.kind == "rewrap")
+    assert turned.after.condition < turned.before.condition / 3
+    axis = pose[knee] / np.linalg.norm(pose[knee])
+    np.testing.assert_allclose(turned.at["pose"][knee], past * axis, atol=1e-12)
+    residual = turned.problem.linearize(turned.at).residual
+    np.testing.assert_allclose(residual, found.here.residual, atol=1e-9)
 
 
 def test_what_is_fixed_keeps_its_value_and_other_bounds_stay() -> None:

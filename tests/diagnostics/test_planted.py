@@ -76,6 +76,18 @@ def test_near_dependencies_are_ranked_by_how_near_they_are(seed: int) -> None:
     assert first.change < 1e-8 < second.change < 1e-4
 
 
+def test_dependencies_of_the_same_size_are_told_apart() -> None:
+    """Singular vectors of singular values that are nearly alike mix their columns."""
+    rng = np.random.default_rng(1)
+    A = np.linalg.qr(rng.normal(size=(60, 20)))[0]
+    for a, b in ((3, 11), (5, 17), (8, 9)):
+        A[:, b] = A[:, a] + 1e-6 * np.linalg.qr(rng.normal(size=(60, 1)))[0][:, 0]
+    found = linear(A)
+    assert {frozenset(w.columns) for w in found.weakest} == {
+        frozenset({3, 11}), frozenset({5, 17}), frozenset({8, 9}),
+    }  # fmt: skip
+
+
 def test_a_dependency_of_three_columns_is_no_parallel_pair_but_has_a_certificate() -> None:
     rng = np.random.default_rng(3)
     A = rng.normal(size=(40, 12))

@@ -90,6 +90,10 @@ def _full(before: State, after: State) -> bool:
     return after.rank == after.unknowns
 
 
+def _clearly_better(before: State, after: State) -> bool:
+    return _fewer_unseen(before, after) or 3 * after.condition < before.condition
+
+
 def _fewer_unseen(before: State, after: State) -> bool:
     return after.unknowns - after.rank < before.unknowns - before.rank
 
@@ -130,7 +134,7 @@ def _rewrap(diagnosis: "Diagnosis", problem: Problem, at: Values) -> list[Sugges
             "rewrap", f"take one turn of 2 pi off the rotation vector of {names}",
             "near a full turn two of the three numbers of a rotation vector do nothing",
             "nothing: it is the same rotation", diagnosis, problem,
-            at | {tree.pose: wrapped.reshape(np.shape(at[tree.pose]))}, _fewer_unseen,
+            at | {tree.pose: wrapped.reshape(np.shape(at[tree.pose]))}, _clearly_better,
         )  # fmt: skip
     return suggestions
 
