@@ -1,12 +1,14 @@
 """Small problems with something wrong, each of which is known in every detail."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import casadi as cs
 import numpy as np
 
 from tests.bodies_made_up import SMPL_NAMES, random_body, smpl_like_body
-from workbench import Block, Problem, Residual, Values, residuals
+from workbench import Block, Diagnosis, Problem, Residual, Values, diagnose, residuals
 from workbench.geometry.camera import Camera
 
 Case = tuple[Problem, Values]
@@ -141,3 +143,9 @@ CASES = (
     joints_only, full_turn, shape_without_effect, pose_that_nobody_reads, the_same_twice,
     template_and_translation, scale_against_depth, one_piece, two_pieces, naive_rodrigues, uneven,
 )  # fmt: skip
+
+
+@cache
+def diagnosed(case: Callable[[], Case]) -> Diagnosis:
+    """Of one of the cases, once for all tests."""
+    return diagnose(*case())

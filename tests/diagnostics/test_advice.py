@@ -15,7 +15,7 @@ CASES = pytest.mark.parametrize("case", cases.CASES, ids=lambda case: case.__nam
 
 @CASES
 def test_every_suggestion_does_what_it_says(case: Callable[[], cases.Case]) -> None:
-    found = diagnose(*case())
+    found = cases.diagnosed(case)
     assert found.suggestions  # each case has something wrong
     for suggestion in found.suggestions:
         assert suggestion.before == found.state
@@ -36,13 +36,13 @@ def test_every_suggestion_does_what_it_says(case: Callable[[], cases.Case]) -> N
 def test_something_among_the_suggestions_makes_the_rank_full(
     case: Callable[[], cases.Case],
 ) -> None:
-    assert any(suggestion.cured for suggestion in diagnose(*case()).suggestions)
+    assert any(suggestion.cured for suggestion in cases.diagnosed(case).suggestions)
 
 
 @pytest.mark.parametrize("kind", ["fix", "prior", "rewrap"])
 def test_a_cure_leaves_fewer_directions_unseen(kind: str) -> None:
     for case in cases.CASES:
-        for suggestion in diagnose(*case()).suggestions:
+        for suggestion in cases.diagnosed(case).suggestions:
             if suggestion.kind == kind:
                 before, after = suggestion.before, suggestion.after
                 assert after.unknowns - after.rank < before.unknowns - before.rank

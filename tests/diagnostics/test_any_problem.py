@@ -73,14 +73,14 @@ KEYS_OF_NUMBERS = (
 @pytest.mark.parametrize("case", cases.CASES, ids=lambda case: case.__name__)
 def test_the_keys_of_version_one(case: Callable[[], cases.Case]) -> None:
     """New keys may come; whoever takes one away or changes its meaning raises the version."""
-    found = diagnose(*case())
+    found = cases.diagnosed(case)
     data = json.loads(json.dumps(found.data(), allow_nan=False))
     assert (data["schema"], data["version"]) == ("workbench.diagnosis", 1)
     assert tuple(data) == (KEYS + KEYS_OF_NUMBERS if found.here.finite else KEYS)
 
 
 def test_the_keys_further_down() -> None:
-    data = diagnose(*cases.joints_only()).data()
+    data = cases.diagnosed(cases.joints_only).data()
     assert diagnose(*cases.joints_only()).data() == data  # twice the same
     inner = {key: tuple(value[0]) for key, value in data.items()
              if isinstance(value, list) and value and isinstance(value[0], dict)}  # fmt: skip

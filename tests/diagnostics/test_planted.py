@@ -80,8 +80,8 @@ def test_dependencies_of_the_same_size_are_told_apart() -> None:
     """Singular vectors of singular values that are nearly alike mix their columns."""
     rng = np.random.default_rng(1)
     A = np.linalg.qr(rng.normal(size=(60, 20)))[0]
-    for a, b in ((3, 11), (5, 17), (8, 9)):
-        A[:, b] = A[:, a] + 1e-6 * np.linalg.qr(rng.normal(size=(60, 1)))[0][:, 0]
+    for a, b, apart in ((3, 11, 1e-6), (5, 17, 1e-6), (8, 9, 1e-3)):
+        A[:, b] = A[:, a] + apart * np.linalg.qr(rng.normal(size=(60, 1)))[0][:, 0]
     found = linear(A)
     assert {frozenset(w.columns) for w in found.weakest} == {
         frozenset({3, 11}), frozenset({5, 17}), frozenset({8, 9}),
@@ -117,3 +117,10 @@ def test_one_row_far_longer_than_all_others_does_not_hide_them() -> None:
     found = linear(np.vstack([A, A[[0]]]))
     assert found.rank == 4
     assert found.scaled_rank == 4
+
+
+@pytest.mark.parametrize("m", [40, 4000])
+def test_rows_that_ask_the_same_are_paired(m: int) -> None:
+    A = np.random.default_rng(2).normal(size=(m, 6))
+    A[31] = -2.5 * A[7]
+    assert [(p.first, p.second) for p in linear(A).parallel_rows] == [(7, 31)]

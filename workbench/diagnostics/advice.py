@@ -57,11 +57,9 @@ class Suggestion:
 
 def state_of(here: Jacobian) -> State:
     """Rank and condition of a Jacobian."""
-    if not here.finite:
-        return State(here.shape[1], 0, float("inf"), finite=False)
-    s, n = here.svd[0], here.shape[1]
-    full = here.rank == n and n > 0
-    return State(n, here.rank, float(s[0] / s[n - 1]) if full else float("inf"))
+    s, n, rank = here.svd[0], here.shape[1], here.rank
+    full = rank == n and n > 0
+    return State(n, rank, float(s[0] / s[n - 1]) if full else float("inf"))
 
 
 def advise(diagnosis: "Diagnosis") -> tuple[Suggestion, ...]:
@@ -90,12 +88,12 @@ def _full(before: State, after: State) -> bool:
     return after.rank == after.unknowns
 
 
-def _clearly_better(before: State, after: State) -> bool:
-    return _fewer_unseen(before, after) or 3 * after.condition < before.condition
-
-
 def _fewer_unseen(before: State, after: State) -> bool:
     return after.unknowns - after.rank < before.unknowns - before.rank
+
+
+def _clearly_better(before: State, after: State) -> bool:
+    return _fewer_unseen(before, after) or 3 * after.condition < before.condition
 
 
 def _somewhere_else(diagnosis: "Diagnosis", problem: Problem, at: Values) -> list[Suggestion]:
@@ -132,7 +130,8 @@ def _rewrap(diagnosis: "Diagnosis", problem: Problem, at: Values) -> list[Sugges
         names = ", ".join(tree.names[k] for k in far)
         suggestions += _try(
             "rewrap", f"take one turn of 2 pi off the rotation vector of {names}",
-            "near a full turn two of the three numbers of a rotation vector do nothing",
+            "at a full turn two of the three numbers of a rotation vector do nothing, near it "
+            "little",
             "nothing: it is the same rotation", diagnosis, problem,
             at | {tree.pose: wrapped.reshape(np.shape(at[tree.pose]))}, _clearly_better,
         )  # fmt: skip

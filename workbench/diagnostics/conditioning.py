@@ -15,6 +15,8 @@ from workbench.diagnostics.null_space import sparsest
 Array = NDArray[np.float64]
 PARALLEL = 1e-8  # 1 - |cosine| of columns that say the same
 NEARLY = 1e-3
+SAME_ROW = 1.5e-4  # sine of the angle of rows that ask the same: 1 - cosine is 1e-8
+FEW = 3000  # rows that are compared each with each
 MOST = 20  # pairs, rows or columns that are listed
 
 
@@ -94,27 +96,31 @@ def parallel_columns(here: Jacobian, within: float = NEARLY) -> tuple[Pair, ...]
     return tuple(sorted((p for p in pairs if p.apart <= within), key=lambda p: p.apart)[:MOST])
 
 
-def parallel_rows(here: Jacobian) -> tuple[Pair, ...]:
-    """Pairs of neighbouring rows, in a random order of all, that are parallel to 1e-8.
+def parallel_rows(here: Jacobian, within: float = SAME_ROW) -> tuple[Pair, ...]:
+    """Pairs of rows whose angle has a sine of at most `within`, in their order.
 
-    Rows of length 1 are sorted by one random projection: parallel ones come to stand together.
-    Repeated observations are no fault; they are listed because they count twice.
+    Repeated observations are no fault; they are listed because they count twice. Of more than
+    FEW rows only neighbours are compared, after sorting by one random projection, which brings
+    parallel ones together.
     """
     m, n = here.shape
     if m > 200_000 or n < 2:
         return ()
-    rng = np.random.default_rng(0)
     norms = here.row_norms
-    key = here.along(rng.standard_normal(n)) / np.where(norms > 0, norms, 1.0)
-    order = np.argsort(abs(key))
-    order = order[norms[order] > 0]
-    close = np.flatnonzero(np.diff(abs(key[order])) < PARALLEL)
+    read = np.flatnonzero(norms > 0)
+    if m <= FEW:
+        unit = here.rows(read).dense / norms[read, None]
+        a, b = np.nonzero(np.triu(abs(unit @ unit.T), 1) > 1 - within**2)
+    else:
+        key = abs(here.along(np.random.default_rng(0).standard_normal(n))[read] / norms[read])
+        order = np.argsort(key)
+        close = np.flatnonzero(np.diff(key[order]) < PARALLEL)[: 50 * MOST]
+        a, b = order[close], order[close + 1]
     found = []
-    for at in close[: 50 * MOST]:
-        a, b = sorted((int(order[at]), int(order[at + 1])))
-        apart = _sine(here.row(a) / norms[a], here.row(b) / norms[b])
-        if apart < PARALLEL:
-            found.append(Pair(a, b, apart))
+    for first, second in zip(read[a].tolist(), read[b].tolist(), strict=True):
+        apart = _sine(here.row(first) / norms[first], here.row(second) / norms[second])
+        if apart <= within:
+            found.append(Pair(min(first, second), max(first, second), apart))
     return tuple(sorted(found, key=lambda p: (p.first, p.second))[:MOST])
 
 
@@ -129,7 +135,7 @@ def weakest(here: Jacobian, most: int = 3) -> tuple[Weakest, ...]:
     """
     s, Vt = here.svd
     found: list[Weakest] = []
-    k = int(np.sum(s > here.tolerance)) - 1
+    k = here.rank - 1
     while k >= 0 and len(found) < most:
         group = np.flatnonzero(s[: k + 1] < 3 * s[k])[::-1]
         basis = Vt[group].T

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -18,8 +19,9 @@ from workbench.diagnostics.identifiability import (
     contributions,
     identifiability,
 )
-from workbench.diagnostics.jacobian import Jacobian, jacobian_at, neighbours, weaker
+from workbench.diagnostics.jacobian import Jacobian, jacobian_at
 from workbench.diagnostics.motions import Motion, motions
+from workbench.diagnostics.neighbourhood import Neighbourhood
 from workbench.diagnostics.null_space import Direction, directions
 from workbench.diagnostics.rank_law import law_of
 from workbench.diagnostics.structure import Structure, TermBlock
@@ -136,6 +138,8 @@ class Diagnosis:
     @cached_property
     def state(self) -> advice.State:
         """Unknowns, rank and condition."""
+        if not self.here.finite:
+            return advice.State(self.shape[1], 0, float("inf"), finite=False)
         return advice.state_of(self.here)
 
     @cached_property
@@ -151,19 +155,9 @@ class Diagnosis:
         return int(np.sum(s > relative * s.max(initial=0.0)))
 
     @cached_property
-    def nearby(self) -> tuple[Jacobian, ...]:
-        """At a few random points, a tenth of a unit away; none if large and sparse."""
-        return () if self.here.estimated else neighbours(self.problem, self.at)
-
-    @property
-    def ranks_nearby(self) -> tuple[int, ...]:
-        """The rank at these points: is the rank here the rule or the exception?"""
-        return tuple(there.rank for there in self.nearby)
-
-    @property
-    def weaker_here(self) -> float:
-        """How many times weaker the weakest direction that is seen is here than at these points."""
-        return weaker(self.here, self.nearby)
+    def nearby(self) -> Neighbourhood:
+        """Rank and singular values at a few points around."""
+        return Neighbourhood(self.problem, self.at, self.here)
 
     @cached_property
     def null_directions(self) -> tuple[Direction, ...]:
@@ -192,7 +186,7 @@ class Diagnosis:
 
     @cached_property
     def rank_law(self) -> tuple[int, str] | None:
-        """The rank that the tree predicts, and why; None where the law says nothing."""
+        """The rank that the tree predicts, and why; None unless only joints are looked at."""
         return law_of(self.problem, self.at)
 
     # Conditioning.
@@ -227,8 +221,12 @@ class Diagnosis:
     @cached_property
     def identifiability(self) -> Identifiability:
         """Sigmas, correlations, the data's share, a verdict per entry."""
-        priors = [self.problem.rows[name] for name in self.priors]
-        return identifiability(self.here, priors, self.structure)
+        is_prior = np.zeros(self.shape[0], dtype=bool)
+        for name in self.priors:
+            is_prior[self.problem.rows[name]] = True
+        return identifiability(
+            self.here, is_prior, self.structure.unread, self.structure.under.columns
+        )
 
     @cached_property
     def contributions(self) -> tuple[Contribution, ...]:
@@ -295,6 +293,6 @@ def diagnose(
     for name in (names := tuple(priors)):
         if name not in problem.rows:
             raise UnknownName("residual", name, problem.rows)
-    read = (*problem.free.names, *problem.fixed.names)
-    values = {name: np.asarray(at[name], dtype=float) for name in read if name in at}
+    values = {name: np.asarray(at[name], dtype=float) for name in chain(
+        problem.free.names, problem.fixed.names) if name in at}  # fmt: skip
     return Diagnosis(problem, values, jacobian_at(problem, at), names)

@@ -87,12 +87,13 @@ def _rank(d: "Diagnosis") -> list[Finding]:
     if d.rank < n:
         text = f"no residual notices {n - d.rank} of {n} directions"
         found.append(Finding("rank", text, True))
-    if d.ranks_nearby and max(d.ranks_nearby) > d.rank:
-        text = f"the rank is {d.rank} only here; a tenth of a unit away it is {max(d.ranks_nearby)}"
+    if d.nearby.ranks and max(d.nearby.ranks) > d.rank:
+        text = f"the rank is {d.rank} only here; a tenth of a unit away it is {max(d.nearby.ranks)}"
         found.append(Finding("rank", text, True))
-    if d.weaker_here > WEAKER:
+    weaker = d.nearby.weaker_here
+    if weaker > WEAKER:
         text = (
-            f"nearly degenerate here: the weakest direction that is seen is {d.weaker_here:.0f} "
+            f"nearly degenerate here: the weakest direction that is seen is {weaker:.0f} "
             f"times weaker than a tenth of a unit away: {dominant(d.weakest[0].vector, d.free)}"
         )
         found.append(Finding("rank", text, False))

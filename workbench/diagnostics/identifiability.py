@@ -6,7 +6,7 @@ the priors say nothing, 0 where only they do. Their sum is the number of directi
 really decide, the effective degrees of freedom.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from workbench.blocks import Layout
 from workbench.diagnostics.jacobian import Jacobian
-from workbench.diagnostics.structure import Structure
 
 Array = NDArray[np.float64]
 UNCHANGED = 0.9  # posterior over prior sigma from which on the data have told nothing
@@ -61,12 +60,10 @@ class Identifiability:
 
 
 def identifiability(
-    here: Jacobian, priors: Sequence[slice], structure: Structure
-) -> Identifiability:
-    """Which entries are known; `priors` are the rows that are no data."""
-    prior_rows = np.zeros(here.shape[0], dtype=bool)
-    for rows in priors:
-        prior_rows[rows] = True
+    here: Jacobian, prior_rows: NDArray[np.bool_], unread: NDArray[np.int64],
+    under: NDArray[np.int64],
+) -> Identifiability:  # fmt: skip
+    """Which entries are known; `prior_rows` (m,) says which rows are priors."""
     s, Vt = here.svd
     n = here.shape[1]
     seen = s > here.tolerance
@@ -76,7 +73,7 @@ def identifiability(
     sigma[blind] = np.inf
     prior = _prior_sigma(here, prior_rows)
     share = _data_share(here, prior_rows, half)
-    verdicts = _verdicts(n, sigma, prior, blind, structure.unread, structure.under.columns)
+    verdicts = _verdicts(n, sigma, prior, blind, unread, under)
     return Identifiability(sigma, prior, _correlated(half, blind), share, verdicts)
 
 

@@ -1,6 +1,6 @@
 """The whitened Jacobian at one point, dense or sparse, and the triangle that stands for it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,8 +15,6 @@ from workbench.problem import Problem
 from workbench.problem.linearization import EPS
 
 Array = NDArray[np.float64]
-NEIGHBOURS = 4
-NEARBY = 0.1  # of a unit: how far the neighbouring points are
 DENSE_UP_TO = 3e7  # entries: 240 MB; above it nothing of m x n is ever dense
 WIDE = 4000  # columns of a sparse Jacobian whose n x n matrices still fit
 
@@ -129,6 +127,11 @@ class Jacobian:
         column = self.matrix[:, [i]]
         return np.asarray(column.toarray() if issparse(column) else column).ravel()
 
+    @property
+    def dense(self) -> Array:
+        """J as an array; ask this of small parts only."""
+        return np.asarray(self.matrix.toarray() if issparse(self.matrix) else self.matrix)
+
     def row(self, i: int) -> Array:
         """One row, (n,)."""
         row = self._by_rows[[i]]
@@ -180,28 +183,6 @@ def jacobian_at(problem: Problem, at: Mapping[str, ArrayLike]) -> Jacobian:
     starts, rows = J.sparsity().get_ccs()
     entries = np.asarray(J.nonzeros())
     return Jacobian(np.asarray(r).ravel(), csc_array((entries, rows, starts), shape=J.shape))
-
-
-def neighbours(problem: Problem, at: Mapping[str, Array]) -> tuple[Jacobian, ...]:
-    """At a few random points NEARBY in each entry, those left out where it is not finite."""
-    rng = np.random.default_rng(0)
-    found = []
-    for _ in range(NEIGHBOURS if problem.free.size else 0):
-        moved = {
-            name: at[name] + NEARBY * rng.standard_normal(np.shape(at[name]))
-            for name in problem.free.names
-        }
-        there = jacobian_at(problem, dict(at) | moved)
-        found += [there] if there.finite else []
-    return tuple(found)
-
-
-def weaker(here: Jacobian, nearby: Sequence[Jacobian]) -> float:
-    """How many times weaker the weakest direction that is seen is here than at other points."""
-    if not nearby or not here.rank:
-        return 1.0
-    there = np.median([other.svd[0][here.rank - 1] for other in nearby])
-    return float(there / here.svd[0][here.rank - 1])
 
 
 def pattern_of(function: cs.Function) -> csc_array:

@@ -9,11 +9,10 @@ twist about the bone is hidden), 0 for a leaf.
 
 from collections.abc import Mapping, Sequence
 
-import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from workbench.blocks import Tree
+from workbench.diagnostics.structure import only_joints
 from workbench.problem import Problem
 
 Array = NDArray[np.float64]
@@ -61,6 +60,23 @@ def rank_of_observed_joints(
     return told + (3 - hidden[0].shape[1] if translation else 0)
 
 
+def law_of(problem: Problem, at: Mapping[str, ArrayLike]) -> tuple[int, str] | None:
+    """The rank that the law predicts for a problem, and why; None where it says nothing.
+
+    It speaks where every residual reads the joints of one body and nothing is free but its pose
+    and perhaps its translation.
+    """
+    found = only_joints(problem, at)
+    if found is None:
+        return None
+    tree, joints, seen = found
+    moving = len(problem.free.names) > 1
+    rank = rank_of_observed_joints(tree.parents, joints, seen, translation=moving)
+    if len(seen) == len(tree.parents):
+        return rank, law_in_words(tree.parents, translation=moving)
+    return rank, f"{len(seen)} of {len(tree.parents)} joints are looked at"
+
+
 def law_in_words(parents: Sequence[int], *, translation: bool) -> str:
     """The sum for a tree all of whose joints are observed, spelled out."""
     counts = np.bincount([p for p in parents if p >= 0], minlength=len(parents))
@@ -81,55 +97,3 @@ def _cross(e: Array) -> Array:
 def _rank(A: Array) -> int:
     s = np.linalg.svd(A, compute_uv=False) if A.size else np.zeros(0)
     return int(np.sum(s > SMALL * max(1.0, float(s.max(initial=0.0)))))
-
-
-def law_of(problem: Problem, at: Mapping[str, ArrayLike]) -> tuple[int, str] | None:
-    """The rank that the law predicts for a problem, and why; None where it says nothing."""
-    found = only_joints(problem, at)
-    if found is None:
-        return None
-    tree, joints, seen = found
-    moving = len(problem.free.names) > 1
-    rank = rank_of_observed_joints(tree.parents, joints, seen, translation=moving)
-    if len(seen) == len(tree.parents):
-        return rank, law_in_words(tree.parents, translation=moving)
-    return rank, f"{len(seen)} of {len(tree.parents)} joints are looked at"
-
-
-def only_joints(
-    problem: Problem, at: Mapping[str, ArrayLike]
-) -> tuple[Tree, NDArray[np.float64], tuple[int, ...]] | None:
-    """The tree, the posed joints (K, 3) m and which of them are read, if nothing else is there.
-
-    None unless all residuals read the joints of one body, coordinate by coordinate, and nothing is
-    free but its pose and perhaps its translation.
-    """
-    points = {p.symbol.__hash__(): p for r in problem.residuals for p in r.points}
-    if len(points) != 1:
-        return None
-    (found,) = points.values()
-    tree = found.source.tree
-    if tree is None or found.labels != tree.names or tree.pose not in problem.free.names:
-        return None
-    others = [block for block in problem.free.blocks if block.name != tree.pose]
-    if [block.shape for block in others] not in ([], [(3,)]):
-        return None
-    stacked = cs.vertcat(*[residual.expression for residual in problem.residuals])
-    own = {s.name() for s in cs.symvar(stacked)} & set(problem.free.names)
-    if own:  # a prior, or a residual of another kind
-        return None
-    by_points = cs.jacobian_sparsity(stacked, found.symbol)
-    starts, rows = by_points.get_ccs()
-    reads = np.diff(starts).reshape(-1, 3)
-    # the law counts whole positions: every coordinate read, each by rows of its own
-    if len(set(rows)) != len(rows) or not np.isin(reads, (0, 1)).all():
-        return None
-    seen = reads.all(axis=1)
-    if (reads.any(axis=1) != seen).any():
-        return None
-    value = cs.Function("joints", [b.symbol for b in found.source.blocks],
-                        [found.source.expression])  # fmt: skip
-    joints = value(*(np.asarray(at[b.name], dtype=float).reshape(b.symbol_shape, order="F")
-                     if len(b.shape) < 2 else np.asarray(at[b.name], dtype=float).T
-                     for b in found.source.blocks))  # fmt: skip
-    return tree, np.asarray(joints).T, tuple(int(k) for k in np.flatnonzero(seen))

@@ -10,10 +10,10 @@ from dataclasses import dataclass, field
 
 import casadi as cs
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csc_array, csr_array, issparse
 
-from workbench.blocks import Layout
+from workbench.blocks import Layout, Tree
 from workbench.diagnostics.jacobian import Jacobian, pattern_of
 from workbench.problem import Problem
 
@@ -153,3 +153,42 @@ def gathered(entries: list[str]) -> list[str]:
         row, comma, last = entry.removesuffix("]").rpartition(", ")
         rows.setdefault(row + comma, []).append(last if comma else entry)
     return [row + " ".join(last) + "]" if row else ", ".join(last) for row, last in rows.items()]
+
+
+def only_joints(
+    problem: Problem, at: Mapping[str, ArrayLike]
+) -> tuple[Tree, NDArray[np.float64], tuple[int, ...]] | None:
+    """The tree, the posed joints (K, 3) m and which of them are read, if nothing else is there.
+
+    None unless all residuals read the joints of one body, coordinate by coordinate, and nothing is
+    free but its pose and perhaps its translation.
+    """
+    points = {p.symbol.__hash__(): p for r in problem.residuals for p in r.points}
+    if len(points) != 1:
+        return None
+    (found,) = points.values()
+    tree = found.source.tree
+    if tree is None or found.labels != tree.names or tree.pose not in problem.free.names:
+        return None
+    others = [block for block in problem.free.blocks if block.name != tree.pose]
+    if [block.shape for block in others] not in ([], [(3,)]):
+        return None
+    stacked = cs.vertcat(*[residual.expression for residual in problem.residuals])
+    own = {s.name() for s in cs.symvar(stacked)} & set(problem.free.names)
+    if own:  # a prior, or a residual of another kind
+        return None
+    by_points = cs.jacobian_sparsity(stacked, found.symbol)
+    starts, rows = by_points.get_ccs()
+    reads = np.diff(starts).reshape(-1, 3)
+    # the law counts whole positions: every coordinate read, each by rows of its own
+    if len(set(rows)) != len(rows) or not np.isin(reads, (0, 1)).all():
+        return None
+    seen = reads.all(axis=1)
+    if (reads.any(axis=1) != seen).any():
+        return None
+    value = cs.Function("joints", [b.symbol for b in found.source.blocks],
+                        [found.source.expression])  # fmt: skip
+    joints = value(*(np.asarray(at[b.name], dtype=float).reshape(b.symbol_shape, order="F")
+                     if len(b.shape) < 2 else np.asarray(at[b.name], dtype=float).T
+                     for b in found.source.blocks))  # fmt: skip
+    return tree, np.asarray(joints).T, tuple(int(k) for k in np.flatnonzero(seen))

@@ -132,11 +132,11 @@ def _rank(d: "Diagnosis") -> list[str]:
             f"{d.structural_rank - d.rank} are lost to the numbers, not to their places"
         )
     lines.append(f"with columns of length 1: rank {d.scaled_rank}")
-    if d.ranks_nearby:
+    if d.nearby.ranks:
         lines.append(
-            f"at {len(d.ranks_nearby)} points a tenth of a unit away: rank "
-            f"{', '.join(map(str, d.ranks_nearby))}; the weakest direction that is seen here is "
-            f"{d.weaker_here:.2g} times as strong there"
+            f"at {len(d.nearby.ranks)} points a tenth of a unit away: rank "
+            f"{', '.join(map(str, d.nearby.ranks))}; the weakest direction that is seen here is "
+            f"{d.nearby.weaker_here:.2g} times as strong there"
         )
     if d.rank_law:
         lines.append(f"the rank law of observed joints says {d.rank_law[0]}: {d.rank_law[1]}")

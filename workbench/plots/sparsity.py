@@ -13,6 +13,7 @@ from workbench.plots.lettering import apart, plain, shortened
 from workbench.plots.palette import BLUE, FAINT
 
 LINES = 720  # that the drawing has, top to bottom
+MOST_LABELLED = 200  # columns: of more, joints are too narrow for their names
 THINNEST = 0.04  # of the height: what a term gets at least, so that it can be read
 
 
@@ -41,6 +42,7 @@ def plot_sparsity(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
         ax.axvline(edge, color=FAINT, linewidth=0.8)
     _label_rows(ax, terms, rows, np.diff(diagnosis.row_edges))
     _label_columns(ax, diagnosis.free.names, np.asarray(columns))
+    _label_joints(ax, diagnosis)
     ax.spines[:].set_visible(True)
     ax.set_xlabel("free numbers, by block (columns)")
     ax.set_ylabel("whitened residuals, by term (rows)")
@@ -98,6 +100,27 @@ def _label_rows(
     labels = [plain(f"{shortened(names[i], 24)}: {sizes[i]:,}") for i in kept]
     ax.set_yticks([middles[i] for i in kept], labels)
     ax.tick_params(axis="y", length=0)
+
+
+def _label_joints(ax: Axes, diagnosis: Diagnosis) -> None:
+    """Above the columns of a pose, the joint to which each three belong."""
+    free = diagnosis.free
+    if not 0 < free.size <= MOST_LABELLED:
+        return
+    names: list[str] = []
+    middles: list[float] = []
+    for tree in diagnosis.problem.trees:
+        if tree.pose in free.names:
+            first = free.slices[tree.pose].start
+            names += tree.names
+            middles += [first + 3 * k + 1.5 for k in range(len(tree.names))]
+            for k in range(1, len(tree.names)):
+                ax.axvline(first + 3 * k, color=FAINT, linewidth=0.3, alpha=0.5)
+    if names:
+        above = ax.secondary_xaxis("top")
+        above.set_xticks(middles, [plain(shortened(name, 16)) for name in names], rotation=90)
+        above.tick_params(axis="x", length=0, labelsize=6)
+        above.spines[:].set_visible(False)
 
 
 def _label_columns(ax: Axes, names: Sequence[str], edges: NDArray[np.int64]) -> None:

@@ -144,8 +144,8 @@ def ranks_table(d: Diagnosis) -> Table:
         ),
         ("with columns of length 1", str(d.scaled_rank), "the same whatever the units are"),
     ]
-    if d.ranks_nearby:
-        near = ", ".join(map(str, d.ranks_nearby))
+    if d.nearby.ranks:
+        near = ", ".join(map(str, d.nearby.ranks))
         rows.append(("nearby", near, "at random points a tenth of a unit away"))
     if d.rank_law:
         rows.append(("rank law of observed joints", str(d.rank_law[0]), d.rank_law[1]))

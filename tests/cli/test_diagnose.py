@@ -1,0 +1,60 @@
+"""`workbench diagnose` on small files of a user's own."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from workbench.cli.app import app
+
+LINE = """
+import casadi as cs, numpy as np, workbench as wb
+x = wb.Block("x", ({n},))
+A = np.vander(np.linspace(0, 1, 9), 3)[:, :{columns}]
+fit = wb.Residual("fit", cs.DM(A) @ x.symbol[:{columns}] - 1, 0.1)
+hold = wb.Residual("hold", x.symbol[{columns}:] if {n} > {columns} else x.symbol[:1], 1e3)
+problem = wb.Problem([fit, hold], ["x"], blocks=[x])
+start = {{"x": np.zeros({n})}}
+"""
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def written(here: Path, name: str, n: int, columns: int) -> str:
+    (here / name).write_text(LINE.format(n=n, columns=columns), encoding="utf-8")
+    return name
+
+
+def test_a_sound_problem_exits_with_zero(here: Path) -> None:
+    result = CliRunner().invoke(app, ["diagnose", written(here, "sound.py", 3, 3)])
+    assert result.exit_code == 0, result.output
+    assert "no warnings" in result.output or "note:" in result.output
+    data = json.loads((here / "runs" / "sound-diagnosis" / "diagnosis.json").read_text())
+    assert data["rank"] == 3
+
+
+def test_warnings_exit_with_one_and_are_said(here: Path) -> None:
+    text = LINE.format(n=3, columns=3).replace("[:, :3]", "[:, [0, 1, 1]]")  # two alike
+    (here / "blind.py").write_text(text, encoding="utf-8")
+    result = CliRunner().invoke(app, ["diagnose", "blind.py", "--at-start"])
+    assert result.exit_code == 1, result.output
+    assert "warning:" in result.output
+    assert "x[1] and x[2]" in result.output
+    assert (here / "runs" / "blind-diagnosis" / "index.html").is_file()
+
+
+def test_against_another(here: Path) -> None:
+    first, second = written(here, "a.py", 3, 3), written(here, "b.py", 3, 3)
+    result = CliRunner().invoke(app, ["diagnose", first, "--against", second])
+    assert result.exit_code == 0, result.output
+    assert "COMPARISON" in (here / "runs" / "a-diagnosis" / "diagnosis.txt").read_text()
+
+
+def test_unknown_names_are_answered(here: Path) -> None:
+    result = CliRunner().invoke(app, ["diagnose", "nobody"])
+    assert "no experiment is called 'nobody'" in str(result.exception)

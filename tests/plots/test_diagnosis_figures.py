@@ -1,0 +1,73 @@
+"""The figures of a diagnosis: what stands on their axes, and that they show the numbers."""
+
+import numpy as np
+import pytest
+
+from tests.bodies_made_up import smpl_like_body
+from tests.diagnostics import cases
+from workbench import diagnose
+from workbench.plots import (
+    caption_direction,
+    caption_sigmas,
+    caption_taylor,
+    plot_data_share,
+    plot_direction,
+    plot_sigmas,
+    plot_sparsity,
+    plot_taylor,
+    sheet,
+)
+
+
+def test_joints_are_named_above_the_pattern() -> None:
+    found = diagnose(*cases.joints_only())
+    _, (ax,) = sheet(8, 5)
+    plot_sparsity(found, ax=ax)
+    (above,) = ax.child_axes
+    labels = [label.get_text() for label in above.get_xticklabels()]
+    assert labels == list(smpl_like_body().joint_names)
+    middles = above.get_xticks()
+    np.testing.assert_allclose(middles, 1.5 + 3 * np.arange(24))
+
+
+def test_sigmas_are_drawn_where_they_are_known() -> None:
+    found = diagnose(*cases.joints_only())
+    _, (ax,) = sheet(8, 4)
+    plot_sigmas(found, ax=ax)
+    assert "unit" in ax.get_ylabel()
+    sigma = found.identifiability.sigma
+    drawn = {float(x): float(y) for line in ax.lines for x, y in zip(*line.get_data(), strict=True)}
+    for i in np.flatnonzero(np.isfinite(sigma)):
+        assert drawn[float(i)] == pytest.approx(sigma[i])
+    assert f"{int(np.sum(~np.isfinite(sigma)))} entries" in caption_sigmas(found)
+
+
+def test_the_share_of_the_data_is_a_curve_from_one_to_zero() -> None:
+    problem, values = cases.uneven()
+    found = diagnose(problem, values)
+    _, (ax,) = sheet(8, 3)
+    plot_data_share(found, ax=ax)
+    np.testing.assert_allclose(ax.lines[0].get_ydata(), 1.0)
+    assert "5.0 of 5" in ax.get_title("left")
+
+
+def test_taylor_goes_like_the_square() -> None:
+    found = diagnose(*cases.scale_against_depth())
+    _, (ax,) = sheet(6, 4)
+    plot_taylor(found, ax=ax)
+    h, e = ax.lines[0].get_data()
+    assert np.log(e[0] / e[2]) / np.log(h[0] / h[2]) == pytest.approx(2, abs=0.2)
+    assert "as it must" in caption_taylor(found)
+    assert "sigmas" in ax.get_ylabel()
+
+
+def test_what_moves_is_red() -> None:
+    body = smpl_like_body()
+    here = body.vertices()
+    there = here.copy()
+    there[5] += [0.0, 0.3, 0.0]
+    moved = {"-": here, "here": here, "+": there}
+    _, (ax,) = sheet(8, 4)
+    plot_direction(moved, body.faces, ax=ax)
+    assert len(ax.collections) == 6  # three from the front, three from the side
+    assert "30 cm" in caption_direction("a shift", moved, 0.5, "m")
