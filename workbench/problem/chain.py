@@ -70,7 +70,9 @@ class Chain:
         """r (m,) and J (m, n), stored column by column."""
         values, points = self._points(x, fixed)
         r, direct, *by_points = self._derivative(x, fixed, *points)
-        columns = np.zeros((len(x), len(r)))  # J transposed
+        columns = np.empty((len(x), len(r)))  # J transposed
+        for at in self._not_all_written(len(r)):
+            columns[at] = 0.0
         for source, pattern, rows, entries in zip(
             self._sources, self._by_points, self._own_rows, by_points, strict=True
         ):
@@ -84,6 +86,16 @@ class Chain:
                 columns[at] += (pattern.matrix(entries) @ parts[name].T).T
         columns[self._by_x.columns, self._by_x.rows] += direct
         return r, columns.T
+
+    def _not_all_written(self, m: int) -> list[slice]:
+        """The blocks of which no source writes every row: only those have to be zero before."""
+        whole = {
+            name
+            for source, rows in zip(self._sources, self._own_rows, strict=True)
+            if rows == slice(0, m)
+            for name in source.reads
+        }
+        return [at for name, at in self._free.slices.items() if name not in whole]
 
     def gradient(self, x: Array, fixed: Array) -> tuple[float, Array]:
         """The cost and its gradient (n,); no Jacobian of the points is formed."""
