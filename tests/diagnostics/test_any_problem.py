@@ -59,8 +59,9 @@ def test_no_problem_is_too_odd_for_a_report(batch: int) -> None:
 
 
 KEYS = (
-    "schema", "version", "finite", "estimated", "shape", "nonzeros", "density", "structural_rank",
-    "blocks", "residuals", "terms", "structure", "not_finite", "findings", "suggestions",
+    "schema", "version", "finite", "estimated", "shape", "nonzeros", "thick", "density",
+    "structural_rank", "blocks", "residuals", "terms", "structure", "not_finite", "findings",
+    "suggestions",
 )  # fmt: skip
 KEYS_OF_NUMBERS = (
     "rank", "tolerance", "condition", "singular_values", "scaled_rank", "ranks_nearby",

@@ -8,7 +8,8 @@ from scipy.sparse.csgraph import maximum_bipartite_matching
 
 from workbench import Block, Problem, Residual, diagnose
 from workbench.blocks import Layout
-from workbench.diagnostics.structure import Structure, named_groups, taken_apart
+from workbench.diagnostics.jacobian import Jacobian
+from workbench.diagnostics.structure import Structure, named_groups, named_rows, taken_apart
 
 
 def reached(pattern: np.ndarray, partner: dict[int, int], start: set[int]) -> tuple[set, set]:
@@ -70,7 +71,7 @@ def test_too_few_rows_for_some_unknowns_are_named() -> None:
     assert "2 rows have to decide 3 unknowns: all of a" in found.warnings[0].text
     assert "over-determined 3 x 2, square 0 x 0, under-determined 2 x 3" in found.report()
     assert found.data()["structure"]["under_determined"] == {
-        "rows": 2, "unknowns": ["a[0]", "a[1]", "a[2]"],
+        "rows": 2, "of": "2 of few", "unknowns": ["a[0]", "a[1]", "a[2]"],
     }  # fmt: skip
     assert [v.name for v in found.identifiability.verdicts] == ["STRUCTURAL"] * 3 + [
         "IDENTIFIED", "IDENTIFIED",
@@ -103,3 +104,14 @@ def test_entries_are_named_in_few_words() -> None:
     assert named_groups(layout, np.array([1, 2, 3, 6, 11])) == (
         "pose[hip, x y z], pose[knee, z], betas[1]"
     )
+
+
+def test_thin_entries_are_told_from_thick_ones() -> None:
+    A = np.array([[1.0, 5e-4, 0.0], [1e-4, 2.0, 0.0], [0.5, 1e-2, 3.0]])
+    dense, sparse = Jacobian(np.zeros(3), A), Jacobian(np.zeros(3), csc_array(A))
+    assert dense.thick == sparse.thick == 5
+
+
+def test_rows_are_named_by_their_residuals() -> None:
+    rows = {"a": slice(0, 4), "b": slice(4, 6), "c": slice(6, 9)}
+    assert named_rows(rows, np.array([0, 3, 7])) == "2 of a, 1 of c"

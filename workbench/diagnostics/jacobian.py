@@ -15,6 +15,7 @@ from workbench.problem import Problem
 from workbench.problem.linearization import EPS
 
 Array = NDArray[np.float64]
+THIN = 1e-3  # of its column's largest entry: smaller ones hardly matter
 DENSE_UP_TO = 3e7  # entries: 240 MB; above it nothing of m x n is ever dense
 WIDE = 4000  # columns of a sparse Jacobian whose n x n matrices still fit
 
@@ -136,6 +137,16 @@ class Jacobian:
         """One row, (n,)."""
         row = self._by_rows[[i]]
         return np.asarray(row.toarray() if issparse(row) else row).ravel()
+
+    @cached_property
+    def thick(self) -> int:
+        """How many entries are above a thousandth of their column's largest."""
+        if isinstance(self.matrix, csc_array):
+            largest = np.asarray(abs(self.matrix).max(axis=0).toarray()).ravel()
+            columns = np.repeat(np.arange(self.shape[1]), np.diff(self.matrix.indptr))
+            return int(np.sum(abs(self.matrix.data) > THIN * largest[columns]))
+        size = abs(self.matrix)
+        return int(np.sum(size > THIN * size.max(axis=0, initial=0.0)))
 
     @property
     def norm(self) -> float:

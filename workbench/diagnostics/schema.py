@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from workbench.diagnostics.null_space import Direction
+from workbench.diagnostics.structure import named_rows
 
 if TYPE_CHECKING:
     from workbench.diagnostics.diagnosis import Diagnosis
@@ -24,6 +25,7 @@ def as_data(d: "Diagnosis") -> dict[str, Any]:
         "estimated": d.here.estimated,
         "shape": list(d.shape),
         "nonzeros": d.nonzeros,
+        "thick": d.here.thick if d.here.finite else None,
         "density": d.density,
         "structural_rank": d.structural_rank,
         "blocks": [
@@ -42,6 +44,7 @@ def as_data(d: "Diagnosis") -> dict[str, Any]:
             "unread": _labels(d, d.structure.unread),
             "under_determined": {
                 "rows": len(d.structure.under.rows),
+                "of": named_rows(d.problem.rows, d.structure.under.rows),
                 "unknowns": _labels(d, d.structure.under.columns),
             },
             "square": len(d.structure.square.columns),

@@ -146,6 +146,15 @@ def counted(number: int, noun: str) -> str:
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
+def named_rows(rows: Mapping[str, slice], chosen: Index) -> str:
+    """Rows by their residuals, and how many of each."""
+    counts = {
+        name: int(np.sum((chosen >= part.start) & (chosen < part.stop)))
+        for name, part in rows.items()
+    }
+    return ", ".join(f"{count} of {name}" for name, count in counts.items() if count)
+
+
 def gathered(entries: list[str]) -> list[str]:
     """`pose[head, x]`, `pose[head, y]` as `pose[head, x y]`."""
     rows: dict[str, list[str]] = {}

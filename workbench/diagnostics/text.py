@@ -7,7 +7,7 @@ import numpy as np
 
 from workbench.diagnostics.conditioning import PARALLEL
 from workbench.diagnostics.identifiability import Verdict
-from workbench.diagnostics.structure import counted, gathered, named_groups
+from workbench.diagnostics.structure import counted, gathered, named_groups, named_rows
 
 if TYPE_CHECKING:
     from workbench.diagnostics.diagnosis import Diagnosis
@@ -99,6 +99,11 @@ def _structure(d: "Diagnosis") -> list[str]:
     lines = [
         f"{m} rows x {n} unknowns, {d.nonzeros} of {m * n} entries may be nonzero ({d.density:.1%})"
     ]
+    if d.here.finite and d.nonzeros:
+        lines.append(
+            f"{d.here.thick} of them are above a thousandth of their column's largest here; the "
+            "others are thin, such as what pose blend shapes do far from a joint"
+        )
     lines += table(
         ("residual", "block", "rows", "columns", "nonzeros", "density", "norm"),
         [
@@ -115,6 +120,11 @@ def _structure(d: "Diagnosis") -> list[str]:
         f"square {s.square.rows.size} x {s.square.columns.size}, "
         f"under-determined {s.under.rows.size} x {s.under.columns.size} (rows x unknowns)"
     )
+    if s.under.columns.size:
+        lines.append(
+            f"under-determined are {named_groups(d.free, s.under.columns)}, by "
+            f"{named_rows(d.problem.rows, s.under.rows) or 'no row'}"
+        )
     return lines
 
 

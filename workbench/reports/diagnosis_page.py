@@ -9,7 +9,7 @@ import numpy as np
 from workbench.bodies import SkinnedBody
 from workbench.diagnostics import Comparison, Diagnosis, Direction
 from workbench.diagnostics.conditioning import PARALLEL
-from workbench.diagnostics.structure import gathered, named_groups
+from workbench.diagnostics.structure import gathered, named_groups, named_rows
 from workbench.plots import (
     caption_data_share,
     caption_sigmas,
@@ -85,6 +85,7 @@ def diagnosis_page(
         suggestions=suggestions_table(d),
         density=f"{d.density:.1%}",
         nonzeros=f"{d.nonzeros:,}",
+        thick=f"{d.here.thick:,}" if finite else "",
         sparsity=None if d.here.estimated else shown(sheets.sparsity_sheet(d), caption_sparsity(d)),
         terms=tables.terms_table(d),
         parts=parts_table(d),
@@ -126,10 +127,13 @@ def parts_table(d: Diagnosis) -> Table:
     s = d.structure
     parts = (("over-determined", s.over), ("square", s.square), ("under-determined", s.under))
     rows = tuple(
-        (name, f"{len(p.rows):,}", f"{len(p.columns):,}", named_groups(d.free, p.columns) or "–")
+        (
+            name, f"{len(p.rows):,}", f"{len(p.columns):,}",
+            named_rows(d.problem.rows, p.rows) or "–", named_groups(d.free, p.columns) or "–",
+        )
         for name, p in parts
-    )
-    return Table(("part", "rows", "unknowns", "which unknowns"), rows, (1, 2))
+    )  # fmt: skip
+    return Table(("part", "rows", "unknowns", "which rows", "which unknowns"), rows, (1, 2))
 
 
 def ranks_table(d: Diagnosis) -> Table:
