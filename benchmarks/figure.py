@@ -75,10 +75,12 @@ def _fits(ax: Axes, timings: Mapping[str, list[float]]) -> None:
     rows: list[str] = list(dict.fromkeys(label.partition(": ")[2] for label in seconds))
     for label, t in seconds.items():
         way, _, method = label.partition(": ")
-        row = rows.index(method) + (0.0 if way == ours.NUMPY else 0.25)
+        row = rows.index(method) + (-0.2 if way == ours.NUMPY else 0.2)
         ax.plot(1e3 * t, row, "o", markersize=8, color=COLOURS[way])
         note = "" if t == first else f"  × {t / first:.2g}"
-        ax.annotate(note, (1e3 * t, row), (5, 0), textcoords="offset points", va="center")
+        ax.annotate(
+            note, (1e3 * t, row), (5, 0), textcoords="offset points", va="center", fontsize=7.5
+        )
     ax.set_yticks(range(len(rows)), rows)
     _finish(ax, seconds.values())
 
@@ -93,7 +95,10 @@ def _scaling(ax: Axes, seconds: Mapping[str, Any]) -> None:
             ax.plot(N, each, dash, marker=marker, markersize=5, color=COLOURS[name], label=label)
     ax.set(xscale="log", yscale="log", xlabel="vertices", ylabel="time per vertex (µs)")
     ax.grid(color=FAINT, alpha=0.3)
-    ax.legend(ncols=len(next(iter(seconds.values()))), fontsize=7.5, loc="lower left")
+    ax.legend(
+        ncols=len(next(iter(seconds.values()))), fontsize=6.0, loc="lower left",
+        columnspacing=0.8, handlelength=2.0,
+    )  # fmt: skip
     low, high = ax.get_ylim()
     ax.set_ylim(low / 12, high)
     _plain(ax.xaxis)
