@@ -8,8 +8,8 @@ from rich.console import Console
 from rich.markup import escape
 
 from workbench import diagnostics
-from workbench.cli.run import Out, SolverName, make_folder, settings, solver_named
-from workbench.experiments import EXPERIMENTS, Experiment, find
+from workbench.cli.run import Name, Out, Setting, SolverName, make_folder, settings, solver_named
+from workbench.experiments import Experiment, find
 from workbench.experiments.experiment import Setup
 from workbench.reports import refuse_foreign, write_diagnosis
 
@@ -17,13 +17,8 @@ WARNED = 1  # the exit code if there are warnings
 
 
 def diagnose(
-    name: Annotated[
-        str, typer.Argument(help=f"One of {', '.join(EXPERIMENTS)}, or a Python file.")
-    ] = "balance",
-    setting: Annotated[
-        list[str] | None,
-        typer.Option("--set", help="An argument of the experiment: frame=60, noise=0.001, ..."),
-    ] = None,
+    name: Name = "balance",
+    setting: Setting = None,
     against: Annotated[
         str | None, typer.Option(help="A second experiment or file, to compare with.")
     ] = None,

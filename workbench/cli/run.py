@@ -15,19 +15,19 @@ from workbench.experiments import run as run_experiment
 from workbench.reports import refuse_foreign, write_report
 from workbench.solvers import SOLVERS, Solver
 
+Name = Annotated[str, typer.Argument(help=f"One of {', '.join(EXPERIMENTS)}, or a Python file.")]
+Setting = Annotated[
+    list[str] | None,
+    typer.Option("--set", help="An argument of the experiment: frame=60, noise=0.001, ..."),
+]
 Out = Annotated[Path, typer.Option(help="Folder that the run's own folder is written into.")]
 SolverName = Annotated[str, typer.Option("--solver", help=f"One of {', '.join(SOLVERS)}.")]
 Compare = Annotated[bool, typer.Option(help="Solve with the other solvers as well.")]
 
 
 def run(
-    name: Annotated[
-        str, typer.Argument(help=f"One of {', '.join(EXPERIMENTS)}, or a Python file.")
-    ] = "balance",
-    setting: Annotated[
-        list[str] | None,
-        typer.Option("--set", help="An argument of the experiment: frame=60, noise=0.001, ..."),
-    ] = None,
+    name: Name = "balance",
+    setting: Setting = None,
     solver: SolverName = "levenberg-marquardt",
     compare: Compare = True,
     out: Out = Path("runs"),

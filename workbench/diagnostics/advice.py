@@ -57,7 +57,10 @@ class Suggestion:
 
 def state_of(here: Jacobian) -> State:
     """Rank and condition of a Jacobian."""
-    s, n, rank = here.svd[0], here.shape[1], here.rank
+    n = here.shape[1]
+    if not here.finite:
+        return State(n, 0, float("inf"), finite=False)
+    s, rank = here.svd[0], here.rank
     full = rank == n and n > 0
     return State(n, rank, float(s[0] / s[n - 1]) if full else float("inf"))
 
@@ -65,8 +68,7 @@ def state_of(here: Jacobian) -> State:
 def advise(diagnosis: "Diagnosis") -> tuple[Suggestion, ...]:
     """Suggestions that keep what they promise at the point of the diagnosis."""
     problem, at = diagnosis.problem, dict(diagnosis.at)
-    tried = [suggestion for make in REMEDIES for suggestion in make(diagnosis, problem, at)]
-    return tuple(s for s in tried if s is not None)
+    return tuple(s for remedy in REMEDIES for s in remedy(diagnosis, problem, at))
 
 
 def _try(
@@ -82,10 +84,6 @@ def _try(
     if not better(before, after):
         return []
     return [Suggestion(what, why, cost, before, after, problem, dict(at), kind)]
-
-
-def _full(before: State, after: State) -> bool:
-    return after.rank == after.unknowns
 
 
 def _fewer_unseen(before: State, after: State) -> bool:

@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -138,8 +137,6 @@ class Diagnosis:
     @cached_property
     def state(self) -> advice.State:
         """Unknowns, rank and condition."""
-        if not self.here.finite:
-            return advice.State(self.shape[1], 0, float("inf"), finite=False)
         return advice.state_of(self.here)
 
     @cached_property
@@ -293,6 +290,6 @@ def diagnose(
     for name in (names := tuple(priors)):
         if name not in problem.rows:
             raise UnknownName("residual", name, problem.rows)
-    values = {name: np.asarray(at[name], dtype=float) for name in chain(
-        problem.free.names, problem.fixed.names) if name in at}  # fmt: skip
+    read = (*problem.free.names, *problem.fixed.names)
+    values = {name: np.asarray(at[name], dtype=float) for name in read if name in at}
     return Diagnosis(problem, values, jacobian_at(problem, at), names)

@@ -17,6 +17,7 @@ from workbench.blocks import Layout
 from workbench.diagnostics.jacobian import Jacobian
 
 Array = NDArray[np.float64]
+BLIND = 1e-9  # of an entry's square that lies in the null space: then it is not known
 UNCHANGED = 0.9  # posterior over prior sigma from which on the data have told nothing
 
 
@@ -64,21 +65,26 @@ def identifiability(
     under: NDArray[np.int64],
 ) -> Identifiability:  # fmt: skip
     """Which entries are known; `prior_rows` (m,) says which rows are priors."""
-    s, Vt = here.svd
-    n = here.shape[1]
-    seen = s > here.tolerance
-    half = Vt[: s.size][seen].T / s[seen]  # (n, rank): half @ half.T is the covariance
-    blind = _blind(1 - np.sum(Vt[: s.size][seen] ** 2, axis=0))
-    sigma = np.sqrt(np.sum(half**2, axis=1))
-    sigma[blind] = np.inf
+    sigma, half = _laplace(here)
+    blind = np.isinf(sigma)
     prior = _prior_sigma(here, prior_rows)
     share = _data_share(here, prior_rows, half)
-    verdicts = _verdicts(n, sigma, prior, blind, unread, under)
+    verdicts = _verdicts(here.shape[1], sigma, prior, blind, unread, under)
     return Identifiability(sigma, prior, _correlated(half, blind), share, verdicts)
 
 
-def _blind(part: Array) -> NDArray[np.bool_]:
-    return np.asarray(part > 1e-9)
+def _laplace(here: Jacobian) -> tuple[Array, Array]:
+    """Each entry's sigma (n,), and half of the covariance (n, rank): half @ half.T is it.
+
+    Entries with a part in what is not seen have an infinite sigma.
+    """
+    s, Vt = here.svd
+    seen = s > here.tolerance
+    directions = Vt[: s.size][seen]
+    half = directions.T / s[seen]
+    sigma = np.sqrt(np.sum(half**2, axis=1))
+    sigma[1 - np.sum(directions**2, axis=0) > BLIND] = np.inf
+    return sigma, half
 
 
 def _data_share(here: Jacobian, prior_rows: NDArray[np.bool_], half: Array) -> Array:
@@ -95,12 +101,7 @@ def _prior_sigma(here: Jacobian, prior_rows: NDArray[np.bool_]) -> Array:
         return sigma
     rows = here.rows(np.flatnonzero(prior_rows))
     read = np.flatnonzero(rows.column_norms)
-    alone = rows.columns(read)
-    s, Vt = alone.svd
-    seen = s > alone.tolerance
-    known = ~_blind(1 - np.sum(Vt[: s.size][seen] ** 2, axis=0))
-    half = Vt[: s.size][seen].T / s[seen]
-    sigma[read[known]] = np.sqrt(np.sum(half[known] ** 2, axis=1))
+    sigma[read] = _laplace(rows.columns(read))[0]
     return sigma
 
 
@@ -168,10 +169,6 @@ def contributions(
 
 
 def _known(here: Jacobian, free: Layout) -> tuple[Array, int, dict[str, float]]:
-    s, Vt = here.svd
-    seen = s > here.tolerance
-    directions = Vt[: s.size][seen]
-    variance = np.sum((directions.T / s[seen]) ** 2, axis=1)
-    variance[_blind(1 - np.sum(directions**2, axis=0))] = np.inf
+    variance = _laplace(here)[0] ** 2
     rms = {name: float(np.sqrt(np.mean(variance[at]))) for name, at in free.slices.items()}
-    return s, int(seen.sum()), rms
+    return here.svd[0], here.rank, rms

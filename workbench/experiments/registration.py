@@ -8,7 +8,7 @@ import numpy as np
 from workbench.bodies.catalogue import load_body
 from workbench.errors import UnknownName
 from workbench.experiments.correspondences import COMPARED, mesh_fit, placed
-from workbench.experiments.experiment import Measure, Setup
+from workbench.experiments.experiment import Setup
 from workbench.residuals import gaussian
 from workbench.solvers import solve
 
@@ -49,7 +49,6 @@ def registration(
         compared=compared,
     )
     nearest = solve(setup.problem.without(prior.name), setup.start | truth).values
-    left = model.vertices(*(nearest[block.name] for block in model.blocks())) - observed
-    floor = 1e3 * float(np.sqrt(np.mean(np.sum(left**2, axis=1))))
-    known = Measure("floor: without the prior, from the true pose, rms", floor, "mm")
+    floor = setup.measures(setup.start | nearest)[0]  # vertex to observation, rms
+    known = replace(floor, name="floor: without the prior, from the true pose, rms")
     return replace(setup, measures=lambda values: (*setup.measures(values), known))

@@ -1,13 +1,12 @@
 """A diagnosis as a folder: one page with figures, and the same as text and as JSON beside it."""
 
 import json
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from workbench.bodies import SkinnedBody
-from workbench.diagnostics import Comparison, Diagnosis, Direction
+from workbench.diagnostics import Comparison, Diagnosis
 from workbench.diagnostics.conditioning import PARALLEL
 from workbench.diagnostics.structure import gathered, named_groups, named_rows
 from workbench.plots import (
@@ -94,9 +93,9 @@ def diagnosis_page(
             shown(sheets.singular_values_sheet(d), caption_singular_values(d)) if finite else None
         ),
         estimated=d.here.estimated,
-        unseen=directions_table(d.null_directions) if finite else None,
+        unseen=tables.gathered_directions_table(d.null_directions) if finite else None,
         unseen_pictures=pictures(d, d.null_directions, body) if finite else [],
-        weak=directions_table(d.weak_directions) if finite else None,
+        weak=tables.gathered_directions_table(d.weak_directions) if finite else None,
         weak_pictures=pictures(d, d.weak_directions, body) if finite else [],
         conditioning=conditioning_table(d) if finite else None,
         sigmas=shown(sheets.sigmas_sheet(d), caption_sigmas(d)) if finite else None,
@@ -155,18 +154,6 @@ def ranks_table(d: Diagnosis) -> Table:
         rows.append(("rank law of observed joints", str(d.rank_law[0]), d.rank_law[1]))
     rows.append(("unknowns", str(n), "what the rank would have to be"))
     return Table(("which", "rank", "what it says"), tuple(rows), (1,))
-
-
-def directions_table(directions: Sequence[Direction]) -> Table:
-    """Single entries gathered, all others one by one."""
-    entries = [x for x in directions if x.kind == "entry"]
-    rows = []
-    if entries:
-        worst = max(x.change for x in entries)
-        names = ", ".join(gathered([x.name for x in entries]))
-        rows.append((f"{len(entries)} single entries: {names}", "entry", f"≤ {number(worst, 2)}"))
-    rows += [(x.name, x.kind, number(x.change, 2)) for x in directions if x.kind != "entry"]
-    return Table(("direction", "kind", "|J d|, sigmas per unit"), tuple(rows), (2,))
 
 
 def conditioning_table(d: Diagnosis) -> Table:

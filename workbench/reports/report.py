@@ -17,7 +17,6 @@ from workbench.plots import (
 )
 from workbench.reports import tables
 from workbench.reports.arrays import arrays, write_arrays
-from workbench.reports.diagnosis_page import directions_table
 from workbench.reports.figures import Shown, shown
 from workbench.reports.folder import SUMMARY, replacing_folder
 from workbench.reports.page import page
@@ -123,7 +122,7 @@ def data_alone(outcome: Outcome) -> dict[str, object] | None:
         "columns": found.shape[1],
         "spectrum": shown(sheets.singular_values_sheet(found), caption_singular_values(found)),
         "directions": tables.directions_table(found),
-        "weak": directions_table(found.weak_directions),
+        "weak": tables.gathered_directions_table(found.weak_directions),
     }
 
 

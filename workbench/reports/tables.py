@@ -1,12 +1,14 @@
 """The tables of a report, as rows of text."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from workbench.blocks import Block
-from workbench.diagnostics import Diagnosis
+from workbench.diagnostics import Diagnosis, Direction
+from workbench.diagnostics.structure import gathered
 from workbench.experiments.experiment import Measure, Outcome
 from workbench.solvers import Status
 
@@ -134,6 +136,18 @@ def directions_table(diagnosis: Diagnosis) -> Table:
         (d.name, d.kind, number(d.change, 2)) for d in diagnosis.null_directions
     )  # fmt: skip
     return Table(("null direction", "kind", "change of the whitened residual"), rows, (2,))
+
+
+def gathered_directions_table(directions: Sequence[Direction]) -> Table:
+    """Single entries gathered, all others one by one."""
+    entries = [x for x in directions if x.kind == "entry"]
+    rows = []
+    if entries:
+        worst = max(x.change for x in entries)
+        names = ", ".join(gathered([x.name for x in entries]))
+        rows.append((f"{len(entries)} single entries: {names}", "entry", f"≤ {number(worst, 2)}"))
+    rows += [(x.name, x.kind, number(x.change, 2)) for x in directions if x.kind != "entry"]
+    return Table(("direction", "kind", "|J d|, sigmas per unit"), tuple(rows), (2,))
 
 
 def value_tables(outcome: Outcome) -> list[Table]:
