@@ -80,7 +80,9 @@ def assert_right(body: SkinnedBody, where: str = "anywhere", kind: type = Compil
     np.testing.assert_allclose(made.points(motion, betas), points, rtol=0, atol=1e-12)
     scale = rng.standard_normal(3 * N)
     into = {n: np.full((b.shape[1], 3 * N), np.nan) for n, b in zip(NAMES, by, strict=True)}
-    made.tangent(motion, slopes, betas, into, scale)
+    on_the_way = np.full((N, 3), np.nan)
+    made.tangent(motion, slopes, betas, into, scale, on_the_way)
+    np.testing.assert_allclose(on_the_way, points, rtol=0, atol=1e-12)
     for name, expected in zip(NAMES, by, strict=True):
         largest = np.abs(expected).max(initial=0.0)
         wanted = (expected * scale[:, None]).T

@@ -25,37 +25,58 @@ def test_the_functions_of_one_vertex(K: int, B: int, bound: bool) -> None:
     motion = motion_column(
         body.kinematics.motion(pose, betas), betas, body.kinematics.slopes(pose, betas)
     )
-    columns = vertex_columns(body, np.arange(4))
-    P = columns[3 + K + 3 * B :].reshape(K - 1, 27, 4)
-    S = columns[3 + K : 3 + K + 3 * B].reshape(B, 3, 4)
-    of_betas = motion[len(motion) - 3 * K * B :].reshape(B, 3 * K)
-    of_joints = motion[: len(motion) - 3 * K * B][-36 * K :].reshape(K, 36)
+    features, G, joints, of_joints, of_betas = np.split(
+        motion[B:], np.cumsum([9 * (K - 1), 12 * K, 3 * K, 36 * K])
+    )
     for i in range(4):
-        vertex, rows = columns[:, i], slice(3 * i, 3 * i + 3)
-        np.testing.assert_allclose(np.asarray(f.point(vertex, motion)), points[rows], atol=1e-13)
-        R, arms = f.rotation(vertex, motion), np.asarray(f.arms(vertex, motion)).reshape(K, 3)
+        rows = slice(3 * i, 3 * i + 3)
+        template, S, w, P = np.split(
+            vertex_columns(body, np.arange(4))[:, i], np.cumsum([3, 3 * B, K])
+        )
+        rest = number(f.shaped, template, S, betas)
+        M = np.zeros(12)
         for k in range(K):
-            bends = P[k - 1, :, i] if k else np.zeros(27)
-            found = np.asarray(f.by_joint(bends, R, arms[k], of_joints[k])).reshape(3, 3).T
+            M += number(f.blended, w[k], part(G, K, k))
+            if k:
+                rest += number(f.bent, part(P, K - 1, k - 1), part(features, K - 1, k - 1))
+        point = number(f.moved, M, rest)
+        np.testing.assert_allclose(point, points[rows].ravel(), rtol=0, atol=1e-13)
+        below = [number(f.below, w[k], part(G, K, k), rest) for k in range(K)]
+        arms = number(f.arms, np.concatenate(below), w, joints)
+        for k in range(K):
+            bends = part(P, K - 1, k - 1) if k else np.zeros(27)
+            found = number(f.by_joint, bends, M, part(arms, K, k), part(of_joints, K, k))
             expected = by_pose[rows, 3 * k : 3 * k + 3]
-            np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
+            np.testing.assert_allclose(found.reshape(3, 3).T, expected, rtol=0, atol=1e-12)
         for b in range(B):
-            found = np.asarray(f.by_beta(S[b, :, i], R, vertex[3 : 3 + K], of_betas[b]))
-            np.testing.assert_allclose(found, by_betas[rows, b : b + 1], rtol=0, atol=1e-12)
+            found = number(f.by_beta, part(S, B, b), M, w, part(of_betas, B, b))
+            np.testing.assert_allclose(found, by_betas[rows, b], rtol=0, atol=1e-12)
 
 
-def test_pulled_is_the_gradient_of_the_point() -> None:
+def number(f: cs.Function, *columns: object) -> np.ndarray:
+    return np.asarray(f(*columns)).ravel()
+
+
+def part(column: np.ndarray, count: int, i: int) -> np.ndarray:
+    """The i-th of `count` parts of the same size."""
+    return column.reshape(count, -1)[i]
+
+
+def test_gradients_are_those_of_the_sums_they_belong_to() -> None:
     f = vertex_functions((-1, 0, 1), 2)
     rng = np.random.default_rng(1)
-    vertex, motion = (rng.standard_normal(f.point.nnz_in(i)) for i in range(2))
-    pull, step = rng.standard_normal(3), rng.standard_normal(f.pulled.nnz_out(0))
-    moved = motion.copy()
-    moved[: len(step)] += 1e-6 * step
-    back = motion.copy()
-    back[: len(step)] -= 1e-6 * step
-    slope = (np.asarray(f.point(vertex, moved)) - np.asarray(f.point(vertex, back))) / 2e-6
-    felt = np.asarray(f.pulled(vertex, motion, pull)).ravel()
-    np.testing.assert_allclose(felt @ step, pull @ slope.ravel(), rtol=1e-8)
+    v, pull, w = rng.standard_normal(3), rng.standard_normal(3), 0.3
+    M, S, P = (rng.standard_normal(size) for size in (12, 6, 27))
+    nowhere = np.zeros(3)
+    for gradient, forward, size in (
+        (number(f.on_rest, M, pull), lambda u: number(f.moved, M, u), 3),
+        (number(f.on_betas, S, pull), lambda u: number(f.shaped, nowhere, S, u), 2),
+        (number(f.on_features, P, pull), lambda u: number(f.bent, P, u), 9),
+        (number(f.on_motion, w, v, pull), lambda u: number(f.below, w, u, v), 12),
+    ):
+        u, step = rng.standard_normal(size), rng.standard_normal(size)
+        slope = forward(u + step) - forward(u)  # affine, so exact
+        np.testing.assert_allclose(gradient @ step, pull @ slope, rtol=1e-12)
 
 
 def test_operations_that_have_no_code_are_refused_by_name() -> None:

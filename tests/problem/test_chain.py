@@ -24,7 +24,14 @@ def pose_at(where: str, joints: int, rng: np.random.Generator) -> np.ndarray:
 
 def assert_same(problem: wb.Problem, values: wb.Values) -> None:
     x, fixed = problem.split(values)
-    here = problem.linearize_at(x, fixed)
+    here = problem.linearize_at(x, fixed)  # points and slopes together, where that can be
+    alone = problem.residual(x, fixed)
+    np.testing.assert_allclose(alone, here.residual, rtol=0, atol=1e-12 * np.abs(alone).max())
+    problem.residual(x + 1.0, fixed)
+    problem.residual(x, fixed)
+    after = problem.linearize_at(x, fixed)  # the points being known
+    largest = np.abs(after.jacobian).max()
+    np.testing.assert_allclose(after.jacobian, here.jacobian, rtol=0, atol=1e-12 * largest)
     r, J = (np.asarray(part) for part in problem.derivative(x, fixed))
     np.testing.assert_allclose(here.residual, r.ravel(), rtol=1e-11, atol=1e-11 * np.abs(r).max())
     np.testing.assert_allclose(here.jacobian, J, rtol=1e-11, atol=1e-11 * np.abs(J).max())

@@ -40,11 +40,16 @@ class NumericPoints(Protocol):
         """(N, 3) m."""
 
     def tangent(
-        self, values: Mapping[str, Array], into: Mapping[str, Array], scale: Array | None
+        self,
+        values: Mapping[str, Array],
+        into: Mapping[str, Array],
+        scale: Array | None,
+        points: Array | None = None,
     ) -> None:
         """Write the points' derivative by each block of `into`, transposed: (size, 3 N).
 
-        Each column is multiplied by `scale` (3 N,), where there is one.
+        Each column is multiplied by `scale` (3 N,), where there is one. The points themselves,
+        which are met on the way, are written into `points` (N, 3), where there is room for them.
         """
 
     def adjoint(self, values: Mapping[str, Array], pull: Array) -> dict[str, Array]:

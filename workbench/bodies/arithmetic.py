@@ -34,8 +34,12 @@ class Arithmetic(Protocol):
         betas: Array,
         into: Mapping[str, Array],
         scale: Array | None,
+        points: Array | None = None,
     ) -> None:
-        """Write into `pose` (3 K, 3 N), `betas` and `trans`, each column times scale (3 N,)."""
+        """Write into `pose` (3 K, 3 N), `betas` and `trans`, each column times scale (3 N,).
+
+        And the points into `points` (N, 3), C-contiguous, where it is given.
+        """
 
     def adjoint(self, motion: Motion, betas: Array, pull: Array) -> tuple[Array, Array, Array]:
         """Gradients of sum(pull * points), pull (N, 3), by G (K, 3, 4), features and betas."""

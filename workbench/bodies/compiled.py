@@ -58,8 +58,9 @@ class CompiledSurface:
         betas: Array,
         into: Mapping[str, Array],
         scale: Array | None,
+        points: Array | None = None,
     ) -> None:
-        """Transposed, into[name] (size, 3 N), each column times scale (3 N,)."""
+        """Transposed, into[name] (size, 3 N), each column times scale (3 N,); and the points."""
         factor = None if scale is None else np.ascontiguousarray(scale, dtype=np.float64)
         targets = {name: _plain(array) for name, array in into.items()}
         where: list[int | None] = []
@@ -67,7 +68,9 @@ class CompiledSurface:
             array = targets.get(name)
             where += [None, 0] if array is None else [_address(array), array.strides[0] // 8]
         column = motion_column(motion, betas, slopes)
-        self._run("tangent", column, None if factor is None else _address(factor), *where)
+        factors = None if factor is None else _address(factor)
+        found = None if points is None else _address(points)
+        self._run("tangent", column, factors, *where, found)
         for name, array in into.items():
             if targets[name] is not array:
                 array[...] = targets[name]

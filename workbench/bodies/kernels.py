@@ -83,6 +83,7 @@ def _answers(
 ) -> list[Array]:
     sizes = {"pose": 3 * len(motion.G), "betas": len(betas), "trans": 3}
     into = {name: np.zeros((size, len(scale))) for name, size in sizes.items()}
-    surface.tangent(motion, slopes, betas, into, scale)
+    on_the_way = np.zeros((len(scale) // 3, 3))
+    surface.tangent(motion, slopes, betas, into, scale, on_the_way)
     pulled = surface.adjoint(motion, betas, scale.reshape(-1, 3))
-    return [surface.points(motion, betas), *into.values(), *pulled]
+    return [surface.points(motion, betas), on_the_way, *into.values(), *pulled]

@@ -48,6 +48,11 @@ class Chunk:
         flat = betas @ self.shapedirs + features @ self.posedirs + self.template
         return np.asarray(flat.reshape(*flat.shape[:-1], 3, -1))
 
+    def motion(self, motion: Motion) -> Array:
+        """sum_j w_j G_j, (3, 4, n)."""
+        K, n = self.weights.shape
+        return np.asarray((motion.G.reshape(K, 12).T @ self.weights).reshape(3, 4, n))
+
 
 class SurfaceArrays(Protocol):
     """What a body's surface is made of; N vertices, K joints, B betas."""
@@ -96,12 +101,9 @@ class ChunkedSurface:
 
     def points(self, motion: Motion, betas: Array) -> Array:
         """(N, 3) m, before translation."""
-        G = motion.G.reshape(len(motion.G), 12).T  # (12, K)
         found = np.empty((self.chunks[-1].rows.stop if self.chunks else 0, 3))
         for chunk in self.chunks:
-            M = (G @ chunk.weights).reshape(3, 4, -1)
-            moved = np.einsum("dcn,cn->dn", M[:, :3], chunk.rest(betas, motion.features)) + M[:, 3]
-            found[chunk.rows] = moved.T
+            found[chunk.rows] = _moved(chunk.motion(motion), chunk.rest(betas, motion.features))
         return found
 
     def tangent(
@@ -111,17 +113,24 @@ class ChunkedSurface:
         betas: Array,
         into: Mapping[str, Array],
         scale: Array | None,
+        points: Array | None = None,
     ) -> None:
         """The points' derivative by `pose`, `betas` and `trans`, as far as `into` has them.
 
-        into[name] (size, 3 N) receives it transposed, each column times scale (3 N,).
+        into[name] (size, 3 N) receives it transposed, each column times scale (3 N,), and
+        `points` (N, 3) the points.
         """
         for chunk in self.chunks:
-            K, n = chunk.weights.shape
-            R = (motion.G[:, :, :3].reshape(K, 9).T @ chunk.weights).reshape(3, 3, n)
+            n = chunk.weights.shape[1]
+            M = chunk.motion(motion)
+            R = M[:, :3]
             factor = None if scale is None else scale[chunk.columns].reshape(n, 3)
+            if "pose" in into or points is not None:
+                rest = chunk.rest(betas, motion.features)
+            if points is not None:
+                points[chunk.rows] = _moved(M, rest)
             if "pose" in into:
-                below = _below(chunk, chunk.rest(betas, motion.features), motion, self.parents)
+                below = _below(chunk, rest, motion, self.parents)
                 _write(into["pose"][:, chunk.columns], _by_pose(chunk, below, R, slopes), factor)
             if "betas" in into:
                 _write(into["betas"][:, chunk.columns], _by_betas(chunk, R, slopes), factor)
@@ -140,7 +149,7 @@ class ChunkedSurface:
             np.multiply(p[:, None], chunk.rest(betas, motion.features)[None], out=outer[:, :3])
             outer[:, 3] = p
             on_G += chunk.weights @ outer.reshape(12, n).T
-            R = (motion.G[:, :, :3].reshape(K, 9).T @ chunk.weights).reshape(3, 3, n)
+            R = chunk.motion(motion)[:, :3]
             on_rest = np.einsum("dcn,dn->cn", R, p).reshape(-1)
             on_features += chunk.posedirs @ on_rest
             on_betas += chunk.shapedirs @ on_rest
@@ -158,6 +167,12 @@ def many_points(chunks: list[Chunk], motions: list[Motion], betas: Array) -> Arr
         moved = np.einsum("mdcn,mcn->mdn", M[:, :, :3], rest) + M[:, :, 3]
         found[:, chunk.rows] = moved.transpose(0, 2, 1)
     return found
+
+
+def _moved(M: Array, rest: Array) -> Array:
+    """M [rest; 1] for every vertex, (n, 3)."""
+    moved = np.einsum("dcn,cn->dn", M[:, :3], rest) + M[:, 3]
+    return np.asarray(moved.T)
 
 
 def _planar(array: Array) -> Array:

@@ -41,14 +41,20 @@ class NumericSurface:
         return self.arithmetic.points(motion, values[self.betas]) + values[self.trans]
 
     def tangent(
-        self, values: Mapping[str, Array], into: Mapping[str, Array], scale: Array | None
+        self,
+        values: Mapping[str, Array],
+        into: Mapping[str, Array],
+        scale: Array | None,
+        points: Array | None = None,
     ) -> None:
         """Transposed, into[block] (size, 3 N)."""
         ours = {"pose": self.pose, "betas": self.betas, "trans": self.trans}
         wanted = {our: into[name] for our, name in ours.items() if name in into}
         motion, betas = self._motion(values), values[self.betas]
         slopes = self.body.kinematics.slopes(values[self.pose], betas)
-        self.arithmetic.tangent(motion, slopes, betas, wanted, scale)
+        self.arithmetic.tangent(motion, slopes, betas, wanted, scale, points)
+        if points is not None:
+            points += values[self.trans]
 
     def adjoint(self, values: Mapping[str, Array], pull: Array) -> dict[str, Array]:
         """By pose, betas and trans, flat."""
@@ -88,11 +94,19 @@ class NumericLandmarks:
         return np.asarray(self.regressor @ self.surface.points(values))
 
     def tangent(
-        self, values: Mapping[str, Array], into: Mapping[str, Array], scale: Array | None
+        self,
+        values: Mapping[str, Array],
+        into: Mapping[str, Array],
+        scale: Array | None,
+        points: Array | None = None,
     ) -> None:
         """Transposed, into[block] (size, 3 M)."""
-        whole = {name: np.empty((len(a), 3 * self.regressor.shape[1])) for name, a in into.items()}
-        self.surface.tangent(values, whole, None)
+        N = self.regressor.shape[1]
+        whole = {name: np.empty((len(a), 3 * N)) for name, a in into.items()}
+        vertices = None if points is None else np.empty((N, 3))
+        self.surface.tangent(values, whole, None, vertices)
+        if points is not None and vertices is not None:
+            points[...] = self.regressor @ vertices
         for name, array in into.items():
             array[...] = (self._on_coordinates @ whole[name].T).T
             if scale is not None:

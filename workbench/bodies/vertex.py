@@ -3,7 +3,7 @@
 The symbolic truth behind compiled arithmetic; `numeric` says the formulas. There are two kinds of
 input, each a column of numbers whose order is known here only:
 
-    vertex  template (3,), weights (K,), shapedirs (B, 3), posedirs (9 (K - 1), 3) of one vertex
+    vertex  template (3,), shapedirs (B, 3), weights (K,), posedirs (9 (K - 1), 3) of one vertex
     motion  what the kinematics say at one pose and shape, the same for all vertices: betas,
             features, G (K, 3, 4), joints (K, 3), then per joint three axes and its features'
             derivative (9 + 27; zeros for the root's), then per beta its shift of G (3 K)
@@ -29,27 +29,43 @@ OF_JOINT = 36  # numbers of motion: three axes, and the slopes of nine features
 
 @dataclass(frozen=True, eq=False)
 class VertexFunctions:
-    """Functions of columns, `motion...` being the same for all vertices; K joints, B betas."""
+    """Functions of columns, `motion` being the same for all vertices; K joints, B betas.
 
-    point: cs.Function  # (vertex, motion) -> (3, 1) m, before translation
-    rotation: cs.Function  # (vertex, motion) -> R = sum_j w_j R_j, (3, 3)
-    arms: cs.Function  # (vertex, motion) -> sum_{j at or below k} w_j (G'_j v - t_k), (3, K) m
-    by_joint: cs.Function  # (posedirs_k, R, arm, motion_k) -> d(point)/d(pose_k), (3, 3) m/rad
-    by_beta: cs.Function  # (shapedirs_b, R, weights, motion_b) -> d(point)/d(beta_b), (3, 1) m
-    pulled: cs.Function  # (vertex, motion, pull) -> pull . d(point)/d(betas, features, G)
+    M = sum_j w_j G_j, (3, 4), and other matrices of motions, stand row by row. Those that are
+    `added` are summed over joints.
+    """
+
+    shaped: cs.Function  # (template, shapedirs, betas) -> T + S betas, (3,) m
+    bent: cs.Function  # (posedirs_k, features_k) -> P_k f_k, (3,) m, added
+    blended: cs.Function  # (w_k, G_k) -> w_k G_k, (12,), added
+    moved: cs.Function  # (M, v) -> M [v; 1], (3,) m
+    below: cs.Function  # (w_k, G_k, v) -> w_k G_k [v; 1], (3,) m
+    arms: cs.Function  # (below, w, joints) -> sum_{j at or below k} w_j (G'_j v - t_k), (3 K,) m
+    by_joint: cs.Function  # (posedirs_k, M, arm, motion_k) -> d(point)/d(pose_k), (3, 3) m/rad
+    by_beta: cs.Function  # (shapedirs_b, M, w, motion_b) -> d(point)/d(beta_b), (3,) m
+    on_rest: cs.Function  # (M, pull) -> the gradient of pull . M [v; 1] by v, (3,)
+    on_betas: cs.Function  # (shapedirs, pull) -> that of pull . S betas, (B,), added
+    on_features: cs.Function  # (posedirs_k, pull) -> that of pull . P_k f_k, (9,), added
+    on_motion: cs.Function  # (w_k, v, pull) -> that of pull . w_k G_k [v; 1], (12,), added
 
     @property
     def all(self) -> tuple[cs.Function, ...]:
         """In the order above."""
         return tuple(getattr(self, field.name) for field in fields(self))
 
+    @property
+    def added(self) -> tuple[cs.Function, ...]:
+        """Those whose values are summed up by who calls them."""
+        of_joints = self.bent, self.blended, self.on_features, self.on_motion
+        return (*of_joints, self.on_betas)
+
 
 def vertex_columns(arrays: SurfaceArrays, vertices: NDArray[np.int64]) -> Array:
     """A column for each of n vertices, (., n)."""
     parts = (
         arrays.template[vertices],
-        arrays.weights[vertices],
         arrays.shapedirs[vertices].transpose(0, 2, 1),
+        arrays.weights[vertices],
         arrays.posedirs[vertices].transpose(0, 2, 1),
     )
     return np.concatenate([part.reshape(len(vertices), prod(part.shape[1:])).T for part in parts])
@@ -69,60 +85,66 @@ def motion_column(motion: Motion, betas: Array, slopes: Slopes | None = None) ->
 
 
 def vertex_functions(parents: tuple[int, ...], B: int) -> VertexFunctions:
-    """Those of a body with B betas on this tree of K joints."""
+    """Those of a body with B betas on this tree of K joints.
+
+    They are small, one joint or beta each, so that what they need stays in registers.
+    """
     K = len(parents)
-    of_vertex = (3, K, 3 * B, 27 * (K - 1))
-    of_motion = (B, 9 * (K - 1), 12 * K, 3 * K, OF_JOINT * K, 3 * K * B)
-    vertex, motion = cs.SX.sym("vertex", sum(of_vertex)), cs.SX.sym("motion", sum(of_motion))
-    template, weights, shapedirs, posedirs = _split(vertex, of_vertex)
-    betas, features, G, joints = _split(motion, of_motion)[:4]
-    w, motions = cs.vertsplit(weights), [_rows(part, 3, 4) for part in _split(G, [12] * K)]
+    T, S, betas = cs.SX.sym("T", 3), cs.SX.sym("S", 3, B), cs.SX.sym("betas", B)
+    P, f = cs.SX.sym("P", 3, 9), cs.SX.sym("f", 9)
+    w, weights, joints = cs.SX.sym("w"), cs.SX.sym("weights", K), cs.SX.sym("joints", 3 * K)
+    v, pull = cs.SX.sym("v", 3), cs.SX.sym("pull", 3)
+    G, M, hanging = cs.SX.sym("G", 12), cs.SX.sym("M", 12), cs.SX.sym("hanging", 3 * K)
+    S_b, arm = cs.SX.sym("S_b", 3), cs.SX.sym("arm", 3)
+    of_joint, of_beta = cs.SX.sym("of_joint", OF_JOINT), cs.SX.sym("of_beta", 3 * K)
 
-    blended = sum(w_j * G_j for w_j, G_j in zip(w, motions, strict=True))
-    bends = [  # joint by joint: short sums that do not wait for each other
-        cs.reshape(P_k, 3, 9) @ f_k
-        for P_k, f_k in zip(
-            _split(posedirs, [27] * (K - 1)), _split(features, [9] * (K - 1)), strict=True
-        )
-    ]
-    rest = sum(bends, template + cs.reshape(shapedirs, 3, B) @ betas)
-    point = blended[:, :3] @ rest + blended[:, 3]
+    R = _rows(M, 3, 4)[:, :3]
+    moved, below = _moved(M, v), w * _moved(G, v)
+    axes, slopes = cs.reshape(of_joint[:9], 3, 3), cs.reshape(of_joint[9:], 9, 3)
+    turned = cs.horzcat(*[cs.cross(axis, arm) for axis in cs.horzsplit(axes)])
+    shift = _rows(of_beta, 3, K) @ weights  # of G only the last column follows betas
+    return VertexFunctions(
+        shaped=_function("shaped", T + S @ betas, template=T, shapedirs=S, motion=betas),
+        bent=_function("bent", P @ f, posedirs=P, motion=f),
+        blended=_function("blended", w * G, weight=w, motion=G),
+        moved=_function("moved", moved, M=M, v=v),
+        below=_function("below", below, weight=w, motion=G, v=v),
+        arms=_function(
+            "arms", _arms(hanging, weights, joints, parents),
+            below=hanging, weights=weights, motion=joints,
+        ),
+        by_joint=_function(
+            "by_joint", turned + R @ (P @ slopes), posedirs=P, M=M, arm=arm, motion=of_joint
+        ),
+        by_beta=_function(
+            "by_beta", R @ S_b + shift, shapedirs=S_b, M=M, weights=weights, motion=of_beta
+        ),
+        on_rest=_function("on_rest", _gradient(moved, pull, v), M=M, pull=pull),
+        on_betas=_function("on_betas", _gradient(S @ betas, pull, betas), shapedirs=S, pull=pull),
+        on_features=_function("on_features", _gradient(P @ f, pull, f), posedirs=P, pull=pull),
+        on_motion=_function("on_motion", _gradient(below, pull, G), weight=w, v=v, pull=pull),
+    )  # fmt: skip
 
-    below = [w_j * (G_j[:, :3] @ rest + G_j[:, 3]) for w_j, G_j in zip(w, motions, strict=True)]
-    share = [*w]
+
+def _moved(G: cs.SX, v: cs.SX) -> cs.SX:
+    """G [v; 1], (3, 1)."""
+    rows = _rows(G, 3, 4)
+    return rows[:, :3] @ v + rows[:, 3]
+
+
+def _arms(below: cs.SX, weights: cs.SX, joints: cs.SX, parents: tuple[int, ...]) -> cs.SX:
+    """From every joint's place to what hangs below it, weighted: (3 K, 1)."""
+    K = len(parents)
+    hanging, share = _split(below, [3] * K), cs.vertsplit(weights)
     for k in range(K - 1, 0, -1):  # children come after their parents
-        below[parents[k]] += below[k]
+        hanging[parents[k]] += hanging[k]
         share[parents[k]] += share[k]
     centres = _split(joints, [3] * K)
-    arms = [b - s * t for b, s, t in zip(below, share, centres, strict=True)]
-
-    pull = cs.SX.sym("pull", 3)
-    felt = cs.gradient(cs.dot(point, pull), motion)[: B + 9 * (K - 1) + 12 * K]
-    return VertexFunctions(
-        _function("point", point, vertex=vertex, motion=motion),
-        _function("rotation", blended[:, :3], vertex=vertex, motion=motion),
-        _function("arms", cs.horzcat(*arms), vertex=vertex, motion=motion),
-        _by_joint(),
-        _by_beta(K),
-        _function("pulled", felt, vertex=vertex, motion=motion, pull=pull),
-    )
+    return cs.vertcat(*[h - s * t for h, s, t in zip(hanging, share, centres, strict=True)])
 
 
-def _by_joint() -> cs.Function:
-    """axis_a x arm + R P_k df_k/da for the three numbers a of joint k."""
-    P, R, arm = cs.SX.sym("P", 3, 9), cs.SX.sym("R", 3, 3), cs.SX.sym("arm", 3)
-    motion = cs.SX.sym("motion", OF_JOINT)
-    axes, slopes = cs.reshape(motion[:9], 3, 3), cs.reshape(motion[9:], 9, 3)
-    turned = cs.horzcat(*[cs.cross(axis, arm) for axis in cs.horzsplit(axes)])
-    return _function("by_joint", turned + R @ (P @ slopes), posedirs=P, R=R, arm=arm, motion=motion)
-
-
-def _by_beta(K: int) -> cs.Function:
-    """R S_b + sum_j w_j dG_j/dbeta_b, of which only the last column moves."""
-    S, R, w = cs.SX.sym("S", 3), cs.SX.sym("R", 3, 3), cs.SX.sym("w", K)
-    motion = cs.SX.sym("motion", 3 * K)
-    shift = _rows(motion, 3, K) @ w
-    return _function("by_beta", R @ S + shift, shapedirs=S, R=R, weights=w, motion=motion)
+def _gradient(of: cs.SX, pull: cs.SX, by: cs.SX) -> cs.SX:
+    return cs.gradient(cs.dot(pull, of), by)
 
 
 def _split(column: cs.SX, sizes: Sequence[int]) -> list[cs.SX]:

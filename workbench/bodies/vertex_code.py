@@ -12,19 +12,19 @@ BINARY = {cs.OP_ADD: "+", cs.OP_SUB: "-", cs.OP_MUL: "*"}
 
 def vertex_code(functions: VertexFunctions, K: int, B: int) -> str:
     """The whole source, for K joints and B betas: the kernels, and loops around them."""
-    numbers = functions.point.nnz_in(1)
     sizes = {
-        "JOINTS": K, "BETAS": B, "PULLED": functions.pulled.nnz_out(0),
-        "ROWS": functions.point.nnz_in(0), "WEIGHTS": 3, "SHAPEDIRS": 3 + K,
-        "POSEDIRS": 3 + K + 3 * B, "OF_JOINT": OF_JOINT,
-        "OF_JOINTS": numbers - 3 * K * B - OF_JOINT * K, "OF_BETAS": numbers - 3 * K * B,
+        "JOINTS": K, "BETAS": B, "SHAPEDIRS": 3, "WEIGHTS": 3 + 3 * B, "POSEDIRS": 3 + 3 * B + K,
+        "ROWS": 3 + 3 * B + K + 27 * (K - 1), "FEATURES": B, "MOTIONS": B + 9 * (K - 1),
+        "CENTRES": B + 9 * (K - 1) + 12 * K, "OF_JOINTS": B + 9 * (K - 1) + 15 * K,
+        "OF_JOINT": OF_JOINT, "OF_BETAS": B + 9 * (K - 1) + (15 + OF_JOINT) * K,
     }  # fmt: skip
     types, loops = (
         files(__package__).joinpath(name).read_text(encoding="utf-8")
         for name in ("vertex_types.h", "vertex_loops.c")
     )
     defines = [f"#define {name} {size}" for name, size in sizes.items()]
-    kernels = [kernel(f, "+=" if f is functions.pulled else "=") for f in functions.all]
+    added = {f.name() for f in functions.added}
+    kernels = [kernel(f, "+=" if f.name() in added else "=") for f in functions.all]
     return "\n".join([types, *defines, *kernels, loops])
 
 
@@ -60,5 +60,5 @@ def kernel(function: cs.Function, put: str = "=") -> str:
         f"const {'double' if same else 'anywhere'} *restrict i{i}" for i, same in enumerate(shared)
     ]
     variables = ", ".join(f"w{i}" for i in range(max(1, function.sz_w())))
-    head = f"static void {function.name()}({', '.join(inputs)}, v *restrict out)"
+    head = f"static ALWAYS_INLINE void {function.name()}({', '.join(inputs)}, v *restrict out)"
     return "\n".join([head, "{", f"v {variables};", *lines, "}", ""])

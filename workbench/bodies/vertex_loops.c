@@ -2,8 +2,8 @@
 
 vertices: ROWS x LANES numbers for every LANES vertices, the last ones filled up with zeros.
 motion: numbers shared by all. N: how many vertices there are.
-Memory is asked for ahead of use: the processor's own guess stops at every page, and fails for the
-many rows that a derivative is written to.
+The many rows that a derivative is written to make the processor's own guess at what is read next
+fail: memory is asked for ahead of use there.
 */
 
 typedef ptrdiff_t integer;
@@ -59,48 +59,67 @@ static inline void spread(const v *from, integer rows, integer count, const v *f
     }
 }
 
+/* the rest vertex, the motion M (12) of it, and where that takes it */
+static inline void posed(const anywhere *vertex, const double *motion, v *restrict rest,
+                         v *restrict M, v *restrict found)
+{
+    v sum[3], M_sum[12] = {{0}};
+    shaped(vertex, vertex + SHAPEDIRS, motion, sum);
+    for (integer k = 1; k < JOINTS; ++k)
+        bent(vertex + POSEDIRS + 27 * (k - 1), motion + FEATURES + 9 * (k - 1), sum);
+    for (integer k = 0; k < JOINTS; ++k)
+        blended(vertex + WEIGHTS + k, motion + MOTIONS + 12 * k, M_sum);
+    memcpy(rest, sum, sizeof sum);
+    memcpy(M, M_sum, sizeof M_sum);
+    moved((const anywhere *)M, (const anywhere *)rest, found);
+}
+
 /* found (N, 3) */
 EXPORT void points(integer N, const double *vertices, const double *motion, double *found)
 {
     const v one[3] = {BROADCAST(1.0), BROADCAST(1.0), BROADCAST(1.0)};
     for (integer i = 0; i < N; i += LANES, vertices += LANES * ROWS) {
-        v moved[3];
-        look_ahead(vertices, 0, ROWS);
-        point((const anywhere *)vertices, motion, moved);
-        spread(moved, 1, at_most_all(N - i), one, found + 3 * i, 0);
+        v rest[3], M[12], here[3];
+        posed((const anywhere *)vertices, motion, rest, M, here);
+        spread(here, 1, at_most_all(N - i), one, found + 3 * i, 0);
     }
 }
 
 /* pose (3 K, 3 N), betas (B, 3 N), trans (3, 3 N): each absent, or with so many numbers from row
-to row; scale (3 N) multiplies columns, or is absent */
+to row; scale (3 N) multiplies columns, or is absent; found (N, 3), or absent: the points */
 EXPORT void tangent(integer N, const double *vertices, const double *motion, const double *scale,
                     double *pose, integer pose_stride, double *betas, integer betas_stride,
-                    double *trans, integer trans_stride)
+                    double *trans, integer trans_stride, double *found)
 {
     static const v still[27]; /* the root bends nothing */
+    const v one[3] = {BROADCAST(1.0), BROADCAST(1.0), BROADCAST(1.0)};
     for (integer i = 0; i < N; i += LANES, vertices += LANES * ROWS) {
         const integer count = at_most_all(N - i);
-        const anywhere *vertex = (const anywhere *)vertices;
-        v factor[3] = {BROADCAST(1.0), BROADCAST(1.0), BROADCAST(1.0)}, R[9], found[9];
+        const anywhere *vertex = (const anywhere *)vertices, *weights = vertex + WEIGHTS;
+        v factor[3] = {BROADCAST(1.0), BROADCAST(1.0), BROADCAST(1.0)};
+        v rest[3], M[12], here[3], slope[9];
         if (scale) memcpy(factor, scale + 3 * i, 3 * count * sizeof(double));
-        if (pose || betas) rotation(vertex, motion, R);
+        posed(vertex, motion, rest, M, here);
+        if (found) spread(here, 1, count, one, found + 3 * i, 0);
         if (pose) {
-            v arm[3 * JOINTS];
+            v hanging[3 * JOINTS], arm[3 * JOINTS];
+            for (integer k = 0; k < JOINTS; ++k)
+                below(weights + k, motion + MOTIONS + 12 * k, (const anywhere *)rest, hanging + 3 * k);
             look_ahead(vertices, 0, POSEDIRS);
-            arms(vertex, motion, arm);
+            arms((const anywhere *)hanging, weights, motion + CENTRES, arm);
             for (integer k = 0; k < JOINTS; ++k) {
                 const integer bends = POSEDIRS + 27 * (k - 1);
                 if (k) look_ahead(vertices, bends, 27);
-                by_joint(k ? vertex + bends : (const anywhere *)still, R, arm + 3 * k,
-                         motion + OF_JOINTS + OF_JOINT * k, found);
-                spread(found, 3, count, factor, pose + 3 * k * pose_stride + 3 * i, pose_stride);
+                by_joint(k ? vertex + bends : (const anywhere *)still, (const anywhere *)M,
+                         (const anywhere *)arm + 3 * k, motion + OF_JOINTS + OF_JOINT * k, slope);
+                spread(slope, 3, count, factor, pose + 3 * k * pose_stride + 3 * i, pose_stride);
             }
         }
         if (betas) {
             for (integer b = 0; b < BETAS; ++b) {
-                by_beta(vertex + SHAPEDIRS + 3 * b, R, vertex + WEIGHTS,
-                        motion + OF_BETAS + 3 * JOINTS * b, found);
-                spread(found, 1, count, factor, betas + b * betas_stride + 3 * i, betas_stride);
+                by_beta(vertex + SHAPEDIRS + 3 * b, (const anywhere *)M, weights,
+                        motion + OF_BETAS + 3 * JOINTS * b, slope);
+                spread(slope, 1, count, factor, betas + b * betas_stride + 3 * i, betas_stride);
             }
         }
         if (trans) {
@@ -111,21 +130,32 @@ EXPORT void tangent(integer N, const double *vertices, const double *motion, con
     }
 }
 
-/* felt (PULLED): by the motion, the sum of pull (N, 3) times the points */
+/* felt (MOTIONS + 12 JOINTS): by betas, features and motions, the sum of pull (N, 3) times the points */
 EXPORT void adjoint(integer N, const double *vertices, const double *motion, const double *pull,
                     double *felt)
 {
-    v sum[PULLED] = {{0}};
+    v sum[MOTIONS + 12 * JOINTS] = {{0}};
     for (integer i = 0; i < N; i += LANES, vertices += LANES * ROWS) {
-        v planar[3];
+        const anywhere *vertex = (const anywhere *)vertices;
+        v planar[3], rest[3], M[12], here[3], inside[3];
         double some[3 * LANES] = {0};
         memcpy(some, pull + 3 * i, 3 * at_most_all(N - i) * sizeof(double));
         for (int lane = 0; lane < LANES; ++lane)
             for (int d = 0; d < 3; ++d) planar[d][lane] = some[3 * lane + d];
-        look_ahead(vertices, 0, ROWS);
-        pulled((const anywhere *)vertices, motion, (const anywhere *)planar, sum);
+        posed(vertex, motion, rest, M, here);
+        on_rest((const anywhere *)M, (const anywhere *)planar, inside);
+        on_betas(vertex + SHAPEDIRS, (const anywhere *)inside, sum);
+        look_ahead(vertices, 0, POSEDIRS);
+        for (integer k = 1; k < JOINTS; ++k) {
+            look_ahead(vertices, POSEDIRS + 27 * (k - 1), 27);
+            on_features(vertex + POSEDIRS + 27 * (k - 1), (const anywhere *)inside,
+                        sum + FEATURES + 9 * (k - 1));
+        }
+        for (integer k = 0; k < JOINTS; ++k)
+            on_motion(vertex + WEIGHTS + k, (const anywhere *)rest, (const anywhere *)planar,
+                      sum + MOTIONS + 12 * k);
     }
-    for (integer k = 0; k < PULLED; ++k) {
+    for (integer k = 0; k < MOTIONS + 12 * JOINTS; ++k) {
         felt[k] = 0;
         for (int lane = 0; lane < LANES; ++lane) felt[k] += sum[k][lane];
     }

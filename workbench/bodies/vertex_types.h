@@ -20,6 +20,7 @@ typedef double anywhere __attribute__((vector_size(8 * LANES), aligned(8), may_a
 typedef long long places __attribute__((vector_size(8 * LANES)));
 
 #define EXPORT __attribute__((visibility("default")))
+#define ALWAYS_INLINE inline __attribute__((always_inline))
 #ifdef __clang__
 #define SHUFFLE(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
 #else

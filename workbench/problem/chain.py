@@ -9,7 +9,7 @@ derived by CasADi, and
 Points of sources without such knowledge are part of the graph, so one way serves all.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as cs
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_array
 
-from workbench.blocks import Layout, NumericPoints
+from workbench.blocks import Layout, NumericPoints, Values
 from workbench.blocks.buffered import Buffered
 
 Array = NDArray[np.float64]
@@ -48,6 +48,10 @@ class Chain:
         self._residual = Buffered(cs.Function("residual", arguments, [r]))
         jacobians = [cs.jacobian(r, a, FORWARD) for a in (graph.x, *graph.points)]
         self._derivative = Buffered(cs.Function("derivative", arguments, [r, *jacobians]))
+        self._shapes = [point.shape[::-1] for point in graph.points]
+        self._slopes: Buffered | None = None  # the Jacobians alone, if they read no points
+        if self._sources and not cs.depends_on(cs.veccat(*jacobians), cs.veccat(*graph.points)):
+            self._slopes = Buffered(cs.Function("slopes", arguments[:2], jacobians))
         self._by_x, *self._by_points = (_Pattern(J.sparsity()) for J in jacobians)
         taken = [set(pattern.rows.tolist()) for pattern in self._by_points]
         self._own_rows = [  # where a source has rows for itself, coordinate by coordinate
@@ -59,7 +63,7 @@ class Chain:
         made_from = [cs.jtimes(r, a, a) for a in arguments if a.numel()]
         size = cs.sqrt(sum(cs.sumsqr(part) for part in made_from)) if made_from else cs.MX(0)
         self._size = Buffered(cs.Function("size", arguments, [cs.densify(size)]))
-        self._last: tuple[bytes, Mapping[str, Array], list[Array]] = (b"", {}, [])
+        self._last: tuple[bytes, Values, list[Array]] = (b"", {}, [])
 
     def residual(self, x: Array, fixed: Array) -> Array:
         """r (m,)."""
@@ -67,25 +71,44 @@ class Chain:
         return self._residual(x, fixed, *points)[0]
 
     def linearize(self, x: Array, fixed: Array) -> tuple[Array, Array]:
-        """r (m,) and J (m, n), stored column by column."""
-        values, points = self._points(x, fixed)
-        r, direct, *by_points = self._derivative(x, fixed, *points)
-        columns = np.empty((len(x), len(r)))  # J transposed
-        for at in self._not_all_written(len(r)):
+        """r (m,) and J (m, n), stored column by column.
+
+        Where the residual's derivative does not read the points, these are found on the way.
+        """
+        if not self._slopes or self._known(x, fixed):
+            values, points = self._points(x, fixed)
+            r, direct, *by_points = self._derivative(x, fixed, *points)
+            columns = self._columns(values, by_points, [None] * len(points))
+        else:
+            values, points = self._values(x, fixed), [np.empty(shape) for shape in self._shapes]
+            direct, *by_points = self._slopes(x, fixed)
+            columns = self._columns(values, by_points, points)
+            self._last = _key(x, fixed), values, points
+            r = self._residual(x, fixed, *points)[0]
+        columns[self._by_x.columns, self._by_x.rows] += direct
+        return r, columns.T
+
+    def _columns(
+        self, values: Values, by_points: list[Array], points: Sequence[Array | None]
+    ) -> Array:
+        """What reaches the residual through the points: J transposed, (n, m)."""
+        m = self._by_x.shape[0]
+        columns = np.empty((self._free.size, m))
+        for at in self._not_all_written(m):
             columns[at] = 0.0
-        for source, pattern, rows, entries in zip(
-            self._sources, self._by_points, self._own_rows, by_points, strict=True
+        for source, pattern, rows, entries, found in zip(
+            self._sources, self._by_points, self._own_rows, by_points, points, strict=True
         ):
             wanted = [(name, at) for name, at in self._free.slices.items() if name in source.reads]
             if rows is not None:
-                source.tangent(values, {name: columns[at, rows] for name, at in wanted}, entries)
+                targets = {name: columns[at, rows] for name, at in wanted}
+                source.tangent(values, targets, entries, found)
                 continue
             parts = {name: np.empty((at.stop - at.start, pattern.shape[1])) for name, at in wanted}
-            source.tangent(values, parts, None)
+            source.tangent(values, parts, None, found)
             for name, at in wanted:
                 columns[at] += (pattern.matrix(entries) @ parts[name].T).T
-        columns[self._by_x.columns, self._by_x.rows] += direct
-        return r, columns.T
+        return columns
 
     def _not_all_written(self, m: int) -> list[slice]:
         """The blocks of which no source writes every row: only those have to be zero before."""
@@ -113,16 +136,27 @@ class Chain:
         _, points = self._points(x, fixed)
         return float(self._size(x, fixed, *points)[0][0])
 
-    def _points(self, x: Array, fixed: Array) -> tuple[Mapping[str, Array], list[Array]]:
+    def _points(self, x: Array, fixed: Array) -> tuple[Values, list[Array]]:
         """The values by name, and each source's points (N, 3); kept for the next call at x."""
-        key = x.tobytes() + fixed.tobytes() if self._sources else b""
         last = self._last  # once: another thread may replace it
-        if not self._sources or key != last[0]:
-            values = self._free.unpack(x) | self._fixed.unpack(fixed) if self._sources else {}
-            found = [source.points(values) for source in self._sources]
-            self._last = key, values, found
-            return values, found
-        return last[1:]
+        key = _key(x, fixed) if self._sources else b""
+        if self._sources and key == last[0]:
+            return last[1:]
+        values = self._values(x, fixed) if self._sources else {}
+        found = [source.points(values) for source in self._sources]
+        self._last = key, values, found
+        return values, found
+
+    def _known(self, x: Array, fixed: Array) -> bool:
+        """Whether the points at x are kept."""
+        return _key(x, fixed) == self._last[0]
+
+    def _values(self, x: Array, fixed: Array) -> Values:
+        return self._free.unpack(x) | self._fixed.unpack(fixed)
+
+
+def _key(x: Array, fixed: Array) -> bytes:
+    return x.tobytes() + fixed.tobytes()
 
 
 class _Pattern:
