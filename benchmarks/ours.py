@@ -12,7 +12,7 @@ import workbench as wb
 from benchmarks.bodies_made_up import Case, case_of
 from benchmarks.candidates import Candidate
 from workbench.bodies.arithmetic import arithmetic_of
-from workbench.bodies.compiled import CompiledSurface
+from workbench.bodies.compiled import CompiledArithmetic
 from workbench.bodies.kernels import kernels
 
 Array = NDArray[np.float64]
@@ -39,7 +39,7 @@ def ways(body: wb.SkinnedBody) -> dict[str, bool]:
     """How the workbench can compute a body here, and whether it may compile for that."""
     found = {NUMPY: False}
     with compiling(True):
-        if isinstance(arithmetic_of(replace(body), slice(None)), CompiledSurface):
+        if isinstance(arithmetic_of(replace(body), slice(None)), CompiledArithmetic):
             found[COMPILED] = True
     return found
 

@@ -15,9 +15,9 @@ from tests.bodies_made_up import SMPL_PARENTS, random_body
 from workbench import compiling
 from workbench.bodies import SkinnedBody, arithmetic, surface
 from workbench.bodies.arithmetic import arithmetic_of
-from workbench.bodies.compiled import CompiledSurface
+from workbench.bodies.compiled import CompiledArithmetic
 from workbench.bodies.kernels import NAME, kernels
-from workbench.bodies.numeric import ChunkedSurface, chunks_of
+from workbench.bodies.numeric import ChunkedArithmetic, chunks_of
 
 COMPILER = next((c for c in ("gcc", "clang", "cc") if shutil.which(c)), None)
 NEEDS_COMPILER = pytest.mark.skipif(COMPILER is None, reason="no C compiler on the PATH")
@@ -69,7 +69,9 @@ def graph_of(body: SkinnedBody, pose: np.ndarray, betas: np.ndarray) -> list[np.
     return [points.reshape(-1, 3), *by]
 
 
-def assert_right(body: SkinnedBody, where: str = "anywhere", kind: type = CompiledSurface) -> None:
+def assert_right(
+    body: SkinnedBody, where: str = "anywhere", kind: type = CompiledArithmetic
+) -> None:
     K, B, N = body.n_joints, body.n_betas, body.n_vertices
     rng = np.random.default_rng(6)
     pose, betas = pose_at(where, K), rng.standard_normal(B)
@@ -77,21 +79,22 @@ def assert_right(body: SkinnedBody, where: str = "anywhere", kind: type = Compil
     made = arithmetic_of(body, surface.ALL)
     assert isinstance(made, kind)
     points, *by = graph_of(body, pose, betas)
-    np.testing.assert_allclose(made.points(motion, betas), points, rtol=0, atol=1e-12)
+    here, asked_last = made.at(motion, betas), made.at(motion, betas)
+    np.testing.assert_allclose(here.points, points, rtol=0, atol=1e-12)
     scale = rng.standard_normal(3 * N)
     into = {n: np.full((b.shape[1], 3 * N), np.nan) for n, b in zip(NAMES, by, strict=True)}
-    on_the_way = np.full((N, 3), np.nan)
-    made.tangent(motion, slopes, betas, into, scale, on_the_way)
-    np.testing.assert_allclose(on_the_way, points, rtol=0, atol=1e-12)
+    here.tangent(slopes, into, scale)
+    again = {name: np.full_like(array, np.nan) for name, array in into.items()}
+    asked_last.tangent(slopes, again, scale)  # which meets the points on its way
+    np.testing.assert_allclose(asked_last.points, points, rtol=0, atol=1e-12)
     for name, expected in zip(NAMES, by, strict=True):
         largest = np.abs(expected).max(initial=0.0)
         wanted = (expected * scale[:, None]).T
-        np.testing.assert_allclose(into[name], wanted, rtol=1e-11, atol=1e-11 * largest)
+        for got in (into[name], again[name]):
+            np.testing.assert_allclose(got, wanted, rtol=1e-11, atol=1e-11 * largest)
     pull = rng.standard_normal((N, 3))
-    in_numpy = ChunkedSurface(chunks_of(body, slice(None)), body.parents)
-    for got, expected in zip(
-        made.adjoint(motion, betas, pull), in_numpy.adjoint(motion, betas, pull), strict=True
-    ):
+    in_numpy = ChunkedArithmetic(chunks_of(body, slice(None)), body.parents).at(motion, betas)
+    for got, expected in zip(here.adjoint(pull), in_numpy.adjoint(pull), strict=True):
         np.testing.assert_allclose(got, expected, atol=1e-12 * np.abs(expected).max(initial=1.0))
 
 
@@ -120,8 +123,8 @@ def test_every_joint_may_move_a_vertex() -> None:
 def test_some_vertices_in_any_order() -> None:
     body, some = body_of("small", 40), [31, 2, 2, 17]
     motion = body.kinematics.motion(pose_at("anywhere", 4), np.ones(2))
-    every, few = (arithmetic_of(body, v).points(motion, np.ones(2)) for v in (surface.ALL, some))
-    assert isinstance(arithmetic_of(body, some), CompiledSurface)
+    every, few = (arithmetic_of(body, v).at(motion, np.ones(2)).points for v in (surface.ALL, some))
+    assert isinstance(arithmetic_of(body, some), CompiledArithmetic)
     np.testing.assert_array_equal(few, every[some])
 
 
@@ -130,16 +133,16 @@ def test_some_vertices_in_any_order() -> None:
 def test_into_memory_of_any_layout(layout: str) -> None:
     body, betas, pose = body_of("small", 13), np.ones(2), pose_at("anywhere", 4)
     motion, slopes = body.kinematics.motion(pose, betas), body.kinematics.slopes(pose, betas)
-    made = arithmetic_of(body, surface.ALL)
+    made = arithmetic_of(body, surface.ALL).at(motion, betas)
     plain = {"pose": np.zeros((12, 39)), "trans": np.zeros((3, 39))}
-    made.tangent(motion, slopes, betas, plain, None)
+    made.tangent(slopes, plain, None)
     room = {
         "columns": np.full((39, 12), 7.0).T,
         "rows of a larger one": np.full((20, 50), 7.0)[3:15, 5:44],
         "float32": np.full((12, 39), 7.0, dtype=np.float32),
         "every other": np.full((12, 78), 7.0)[:, ::2],
     }[layout]
-    made.tangent(motion, slopes, betas, {"pose": room}, np.broadcast_to(2.0, 39))
+    made.tangent(slopes, {"pose": room}, np.broadcast_to(2.0, 39))
     tolerance = 1e-6 if room.dtype == np.float32 else 0
     np.testing.assert_allclose(room, 2 * plain["pose"], rtol=tolerance)
     if layout == "rows of a larger one":
@@ -155,7 +158,7 @@ def test_into_memory_of_any_layout(layout: str) -> None:
 
 def assert_falls_back(caplog: pytest.LogCaptureFixture, reason: str) -> None:
     with caplog.at_level(logging.INFO, logger="workbench"):
-        assert_right(body_of("small", 9), kind=ChunkedSurface)
+        assert_right(body_of("small", 9), kind=ChunkedArithmetic)
     said = [r.getMessage() for r in caplog.records if "computed by NumPy" in r.getMessage()]
     assert len(said) == 1
     assert reason in said[0]
@@ -275,7 +278,7 @@ def test_compiled_once_and_said(
 def test_little_is_not_worth_compiling(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(arithmetic, "WORTH_COMPILING", 10)
     monkeypatch.setattr(compiling, "find_compiler", lambda: pytest.fail("compiled"))
-    assert isinstance(arithmetic_of(body_of("small", 9), surface.ALL), ChunkedSurface)
+    assert isinstance(arithmetic_of(body_of("small", 9), surface.ALL), ChunkedArithmetic)
 
 
 @NEEDS_COMPILER

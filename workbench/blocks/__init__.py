@@ -2,6 +2,15 @@
 
 from workbench.blocks.block import Block
 from workbench.blocks.layout import Layout, Values
-from workbench.blocks.points import NumericPoints, Points, PointSource, Tree
+from workbench.blocks.points import NumericPoints, Points, PointsAt, PointSource, Tree
 
-__all__ = ["Block", "Layout", "NumericPoints", "PointSource", "Points", "Tree", "Values"]
+__all__ = [
+    "Block",
+    "Layout",
+    "NumericPoints",
+    "PointSource",
+    "Points",
+    "PointsAt",
+    "Tree",
+    "Values",
+]

@@ -29,31 +29,32 @@ class Tree:
         return tuple(k for k, parent in enumerate(self.parents) if parent == joint)
 
 
+class PointsAt(Protocol):
+    """Points at one set of values; what is found on the way to one answer is kept for the next."""
+
+    @property
+    def points(self) -> Array:
+        """(N, 3) m."""
+
+    def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
+        """Write the points' derivative by each block of `into`, transposed: (size, 3 N).
+
+        Each column is multiplied by `scale` (3 N,), where there is one.
+        """
+
+    def adjoint(self, pull: Array) -> dict[str, Array]:
+        """The gradient of sum(pull * points), pull (3 N,), by each block that is read, flat."""
+
+
 class NumericPoints(Protocol):
-    """Points by arithmetic on arrays, faster than any graph; `values` hold the blocks they read."""
+    """Points by arithmetic on arrays, faster than any graph."""
 
     @property
     def reads(self) -> tuple[str, ...]:
         """The names of the blocks that the points depend on."""
 
-    def points(self, values: Mapping[str, Array]) -> Array:
-        """(N, 3) m."""
-
-    def tangent(
-        self,
-        values: Mapping[str, Array],
-        into: Mapping[str, Array],
-        scale: Array | None,
-        points: Array | None = None,
-    ) -> None:
-        """Write the points' derivative by each block of `into`, transposed: (size, 3 N).
-
-        Each column is multiplied by `scale` (3 N,), where there is one. The points themselves,
-        which are met on the way, are written into `points` (N, 3), where there is room for them.
-        """
-
-    def adjoint(self, values: Mapping[str, Array], pull: Array) -> dict[str, Array]:
-        """The gradient of sum(pull * points), pull (3 N,), by each block that is read, flat."""
+    def at(self, values: Mapping[str, Array]) -> PointsAt:
+        """The points where the blocks that are read have these values."""
 
 
 class PointSource(Protocol):

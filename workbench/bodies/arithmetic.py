@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.bodies.compiled import CompiledSurface
+from workbench.bodies.compiled import CompiledArithmetic
 from workbench.bodies.kernels import kernels
 from workbench.bodies.motion import Motion, Slopes
-from workbench.bodies.numeric import ChunkedSurface, chunks_of
+from workbench.bodies.numeric import ChunkedArithmetic, chunks_of
 
 if TYPE_CHECKING:
     from workbench.bodies.skinned import SkinnedBody
@@ -21,28 +21,28 @@ Array = NDArray[np.float64]
 WORTH_COMPILING = 1000  # vertices: with fewer NumPy needs at most two milliseconds
 
 
-class Arithmetic(Protocol):
-    """Points of a surface before translation, and their derivative; see `numeric`."""
+class Surface(Protocol):
+    """The points of a surface at one motion and shape, before translation; see `numeric`.
 
-    def points(self, motion: Motion, betas: Array) -> Array:
+    What is found on the way to one answer is kept for the next.
+    """
+
+    @property
+    def points(self) -> Array:
         """(N, 3) m."""
 
-    def tangent(
-        self,
-        motion: Motion,
-        slopes: Slopes,
-        betas: Array,
-        into: Mapping[str, Array],
-        scale: Array | None,
-        points: Array | None = None,
-    ) -> None:
-        """Write into `pose` (3 K, 3 N), `betas` and `trans`, each column times scale (3 N,).
+    def tangent(self, slopes: Slopes, into: Mapping[str, Array], scale: Array | None) -> None:
+        """Write into `pose` (3 K, 3 N), `betas` and `trans`, each column times scale (3 N,)."""
 
-        And the points into `points` (N, 3), C-contiguous, where it is given.
-        """
-
-    def adjoint(self, motion: Motion, betas: Array, pull: Array) -> tuple[Array, Array, Array]:
+    def adjoint(self, pull: Array) -> tuple[Array, Array, Array]:
         """Gradients of sum(pull * points), pull (N, 3), by G (K, 3, 4), features and betas."""
+
+
+class Arithmetic(Protocol):
+    """How the surface of a body is computed."""
+
+    def at(self, motion: Motion, betas: Array) -> Surface:
+        """Moved like this, and shaped by betas (B,)."""
 
 
 def arithmetic_of(body: SkinnedBody, vertices: Vertices) -> Arithmetic:
@@ -52,6 +52,6 @@ def arithmetic_of(body: SkinnedBody, vertices: Vertices) -> Arithmetic:
     if count >= WORTH_COMPILING:
         library, _ = kernels(body.parents, body.n_betas)
         if library is not None:
-            return CompiledSurface.of(library, body, chosen)
+            return CompiledArithmetic.of(library, body, chosen)
     chunks = body.chunks if isinstance(chosen, slice) else chunks_of(body, chosen)
-    return ChunkedSurface(chunks, body.parents)
+    return ChunkedArithmetic(chunks, body.parents)

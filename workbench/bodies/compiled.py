@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ BLOCKS = ("pose", "betas", "trans")
 
 
 @dataclass(frozen=True, eq=False)
-class CompiledSurface:
+class CompiledArithmetic:
     """N vertices, as many side by side as the processor takes at a time; see Arithmetic."""
 
     library: ctypes.CDLL
@@ -30,7 +31,7 @@ class CompiledSurface:
     @staticmethod
     def of(
         library: ctypes.CDLL, arrays: SurfaceArrays, vertices: slice | list[int]
-    ) -> CompiledSurface:
+    ) -> CompiledArithmetic:
         """A body's vertices, or some of them, in order."""
         chosen = np.arange(len(arrays.template))[vertices]
         rows, N = len(vertex_columns(arrays, chosen[:1])), len(chosen)
@@ -41,25 +42,37 @@ class CompiledSurface:
             filled = np.pad(columns, ((0, 0), (0, -columns.shape[1] % lanes)))
             blocks = filled.reshape(rows, -1, lanes).transpose(1, 0, 2)
             packed[first // lanes :][: len(blocks)] = blocks
-        return CompiledSurface(
+        return CompiledArithmetic(
             library, packed, N, (arrays.weights.shape[1], arrays.shapedirs.shape[2])
         )
 
-    def points(self, motion: Motion, betas: Array) -> Array:
-        """(N, 3) m, before translation."""
-        found = np.empty((self.count, 3))
-        self._run("points", motion_column(motion, betas), _address(found))
+    def at(self, motion: Motion, betas: Array) -> CompiledSurface:
+        """Moved like this, and shaped by betas (B,)."""
+        return CompiledSurface(self, motion, betas)
+
+    def run(self, name: str, numbers: Array, *words: int | None) -> None:
+        """A function of the library, for all vertices; `words` are addresses or integers."""
+        shared = self.count, _address(self.packed), _address(numbers)
+        function = getattr(self.library, name)
+        function(*(ctypes.c_ssize_t(word or 0) for word in (*shared, *words)))
+
+
+@dataclass(frozen=True, eq=False)
+class CompiledSurface:
+    """The points at one motion and shape, before translation; see Surface."""
+
+    of: CompiledArithmetic
+    motion: Motion
+    betas: Array
+
+    @cached_property
+    def points(self) -> Array:
+        """(N, 3) m."""
+        found = np.empty((self.of.count, 3))
+        self.of.run("points", motion_column(self.motion, self.betas), _address(found))
         return found
 
-    def tangent(
-        self,
-        motion: Motion,
-        slopes: Slopes,
-        betas: Array,
-        into: Mapping[str, Array],
-        scale: Array | None,
-        points: Array | None = None,
-    ) -> None:
+    def tangent(self, slopes: Slopes, into: Mapping[str, Array], scale: Array | None) -> None:
         """Transposed, into[name] (size, 3 N), each column times scale (3 N,); and the points."""
         factor = None if scale is None else np.ascontiguousarray(scale, dtype=np.float64)
         targets = {name: _plain(array) for name, array in into.items()}
@@ -67,27 +80,25 @@ class CompiledSurface:
         for name in BLOCKS:
             array = targets.get(name)
             where += [None, 0] if array is None else [_address(array), array.strides[0] // 8]
-        column = motion_column(motion, betas, slopes)
-        factors = None if factor is None else _address(factor)
-        found = None if points is None else _address(points)
-        self._run("tangent", column, factors, *where, found)
+        found = None if "points" in self.__dict__ else np.empty((self.of.count, 3))
+        column = motion_column(self.motion, self.betas, slopes)
+        factors, room = (None if a is None else _address(a) for a in (factor, found))
+        self.of.run("tangent", column, factors, *where, room)
+        if found is not None:
+            self.__dict__["points"] = found  # as if they had been asked for
         for name, array in into.items():
             if targets[name] is not array:
                 array[...] = targets[name]
 
-    def adjoint(self, motion: Motion, betas: Array, pull: Array) -> tuple[Array, Array, Array]:
+    def adjoint(self, pull: Array) -> tuple[Array, Array, Array]:
         """The gradients of sum(pull * points), pull (N, 3), by G, the features and betas."""
-        K, B = self.sizes
+        (K, B), features = self.of.sizes, len(self.motion.features)
         pulled = np.ascontiguousarray(pull, dtype=np.float64)
-        felt = np.empty(B + len(motion.features) + 12 * K)
-        self._run("adjoint", motion_column(motion, betas), _address(pulled), _address(felt))
-        on_betas, on_features, on_G = np.split(felt, [B, B + len(motion.features)])
+        felt = np.empty(B + features + 12 * K)
+        column = motion_column(self.motion, self.betas)
+        self.of.run("adjoint", column, _address(pulled), _address(felt))
+        on_betas, on_features, on_G = np.split(felt, [B, B + features])
         return on_G.reshape(K, 3, 4), on_features, on_betas
-
-    def _run(self, name: str, numbers: Array, *words: int | None) -> None:
-        shared = self.count, _address(self.packed), _address(numbers)
-        function = getattr(self.library, name)
-        function(*(ctypes.c_ssize_t(word or 0) for word in (*shared, *words)))
 
 
 def _plain(array: Array) -> Array:

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.bodies.compiled import CompiledSurface
+from workbench.bodies.compiled import CompiledArithmetic, CompiledSurface
 from workbench.bodies.motion import Motion, Slopes
-from workbench.bodies.numeric import ChunkedSurface, chunks_of
+from workbench.bodies.numeric import ChunkedArithmetic, ChunkedSurface, chunks_of
 from workbench.bodies.vertex import vertex_functions
 from workbench.bodies.vertex_code import vertex_code
 from workbench.compiling import NoLibrary, library
@@ -62,10 +62,10 @@ def _agrees(loaded: ctypes.CDLL, parents: tuple[int, ...], B: int) -> bool:
     )
     betas, scale = rng.standard_normal(B), rng.standard_normal(3 * N)
     answers = [
-        _answers(surface, motion, slopes, betas, scale)
-        for surface in (
-            CompiledSurface.of(loaded, arrays, slice(None)),
-            ChunkedSurface(chunks_of(arrays, slice(None)), parents),
+        _answers(way.at(motion, betas), slopes, betas, scale)
+        for way in (
+            CompiledArithmetic.of(loaded, arrays, slice(None)),
+            ChunkedArithmetic(chunks_of(arrays, slice(None)), parents),
         )
     ]
     return all(
@@ -75,15 +75,13 @@ def _agrees(loaded: ctypes.CDLL, parents: tuple[int, ...], B: int) -> bool:
 
 
 def _answers(
-    surface: CompiledSurface | ChunkedSurface,
-    motion: Motion,
-    slopes: Slopes,
-    betas: Array,
-    scale: Array,
+    surface: CompiledSurface | ChunkedSurface, slopes: Slopes, betas: Array, scale: Array
 ) -> list[Array]:
-    sizes = {"pose": 3 * len(motion.G), "betas": len(betas), "trans": 3}
-    into = {name: np.zeros((size, len(scale))) for name, size in sizes.items()}
-    on_the_way = np.zeros((len(scale) // 3, 3))
-    surface.tangent(motion, slopes, betas, into, scale, on_the_way)
-    pulled = surface.adjoint(motion, betas, scale.reshape(-1, 3))
-    return [surface.points(motion, betas), on_the_way, *into.values(), *pulled]
+    K = len(surface.motion.G)
+    into = {
+        name: np.zeros((size, len(scale)))
+        for name, size in (("pose", 3 * K), ("betas", len(betas)), ("trans", 3))
+    }
+    surface.tangent(slopes, into, scale)
+    alone = surface.of.at(surface.motion, betas).points
+    return [surface.points, alone, *into.values(), *surface.adjoint(scale.reshape(-1, 3))]

@@ -16,7 +16,8 @@ coordinates first, so that every operation runs along vertices.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -93,67 +94,78 @@ def chunks_of(arrays: SurfaceArrays, vertices: slice | list[int]) -> list[Chunk]
 
 
 @dataclass(frozen=True, eq=False)
-class ChunkedSurface:
+class ChunkedArithmetic:
     """The surface by NumPy, chunk after chunk; see Arithmetic."""
 
     chunks: list[Chunk]
     parents: tuple[int, ...]
 
-    def points(self, motion: Motion, betas: Array) -> Array:
-        """(N, 3) m, before translation."""
-        found = np.empty((self.chunks[-1].rows.stop if self.chunks else 0, 3))
-        for chunk in self.chunks:
-            found[chunk.rows] = _moved(chunk.motion(motion), chunk.rest(betas, motion.features))
+    def at(self, motion: Motion, betas: Array) -> ChunkedSurface:
+        """Moved like this, and shaped by betas (B,)."""
+        return ChunkedSurface(self, motion, betas)
+
+
+@dataclass(frozen=True, eq=False)
+class ChunkedSurface:
+    """The points at one motion and shape, before translation; see Surface."""
+
+    of: ChunkedArithmetic
+    motion: Motion
+    betas: Array
+    _rest: dict[int, Array] = field(default_factory=dict)  # by the chunk's first vertex
+
+    @cached_property
+    def points(self) -> Array:
+        """(N, 3) m."""
+        chunks = self.of.chunks
+        found = np.empty((chunks[-1].rows.stop if chunks else 0, 3))
+        for chunk in chunks:
+            M = chunk.motion(self.motion)
+            moved = np.einsum("dcn,cn->dn", M[:, :3], self._rest_of(chunk)) + M[:, 3]
+            found[chunk.rows] = moved.T
         return found
 
-    def tangent(
-        self,
-        motion: Motion,
-        slopes: Slopes,
-        betas: Array,
-        into: Mapping[str, Array],
-        scale: Array | None,
-        points: Array | None = None,
-    ) -> None:
+    def tangent(self, slopes: Slopes, into: Mapping[str, Array], scale: Array | None) -> None:
         """The points' derivative by `pose`, `betas` and `trans`, as far as `into` has them.
 
-        into[name] (size, 3 N) receives it transposed, each column times scale (3 N,), and
-        `points` (N, 3) the points.
+        into[name] (size, 3 N) receives it transposed, each column times scale (3 N,).
         """
-        for chunk in self.chunks:
+        for chunk in self.of.chunks:
             n = chunk.weights.shape[1]
-            M = chunk.motion(motion)
-            R = M[:, :3]
-            factor = None if scale is None else scale[chunk.columns].reshape(n, 3)
-            if "pose" in into or points is not None:
-                rest = chunk.rest(betas, motion.features)
-            if points is not None:
-                points[chunk.rows] = _moved(M, rest)
+            R = chunk.motion(self.motion)[:, :3]
+            factor = None if scale is None else scale[chunk.columns].reshape(n, 3).T
             if "pose" in into:
-                below = _below(chunk, rest, motion, self.parents)
+                below = _below(chunk, self._rest_of(chunk), self.motion, self.of.parents)
                 _write(into["pose"][:, chunk.columns], _by_pose(chunk, below, R, slopes), factor)
             if "betas" in into:
                 _write(into["betas"][:, chunk.columns], _by_betas(chunk, R, slopes), factor)
             if "trans" in into:
-                unit = np.broadcast_to(np.eye(3)[:, :, None], (3, 3, n))
+                unit = np.repeat(np.eye(3)[:, :, None], n, axis=2)
                 _write(into["trans"][:, chunk.columns], unit, factor)
 
-    def adjoint(self, motion: Motion, betas: Array, pull: Array) -> tuple[Array, Array, Array]:
+    def adjoint(self, pull: Array) -> tuple[Array, Array, Array]:
         """The gradients of sum(pull * points), pull (N, 3), by G (K, 3, 4), features and betas."""
-        K = len(motion.G)
-        on_G, on_features, on_betas = np.zeros((K, 12)), np.zeros_like(motion.features), 0 * betas
-        for chunk in self.chunks:
+        motion, K = self.motion, len(self.motion.G)
+        on_G, on_features = np.zeros((K, 12)), np.zeros_like(motion.features)
+        on_betas = np.zeros_like(self.betas)
+        for chunk in self.of.chunks:
             n = chunk.weights.shape[1]
             p = np.ascontiguousarray(pull[chunk.rows].T)  # (3, n)
             outer = np.empty((3, 4, n))
-            np.multiply(p[:, None], chunk.rest(betas, motion.features)[None], out=outer[:, :3])
+            np.multiply(p[:, None], self._rest_of(chunk)[None], out=outer[:, :3])
             outer[:, 3] = p
             on_G += chunk.weights @ outer.reshape(12, n).T
-            R = chunk.motion(motion)[:, :3]
-            on_rest = np.einsum("dcn,dn->cn", R, p).reshape(-1)
+            on_rest = np.einsum("dcn,dn->cn", chunk.motion(motion)[:, :3], p).reshape(-1)
             on_features += chunk.posedirs @ on_rest
             on_betas += chunk.shapedirs @ on_rest
         return on_G.reshape(K, 3, 4), on_features, on_betas
+
+    def _rest_of(self, chunk: Chunk) -> Array:
+        """(3, n), computed once."""
+        first = chunk.rows.start
+        if first not in self._rest:
+            self._rest[first] = chunk.rest(self.betas, self.motion.features)
+        return self._rest[first]
 
 
 def many_points(chunks: list[Chunk], motions: list[Motion], betas: Array) -> Array:
@@ -167,12 +179,6 @@ def many_points(chunks: list[Chunk], motions: list[Motion], betas: Array) -> Arr
         moved = np.einsum("mdcn,mcn->mdn", M[:, :, :3], rest) + M[:, :, 3]
         found[:, chunk.rows] = moved.transpose(0, 2, 1)
     return found
-
-
-def _moved(M: Array, rest: Array) -> Array:
-    """M [rest; 1] for every vertex, (n, 3)."""
-    moved = np.einsum("dcn,cn->dn", M[:, :3], rest) + M[:, 3]
-    return np.asarray(moved.T)
 
 
 def _planar(array: Array) -> Array:
@@ -219,9 +225,11 @@ def _add_rotated(out: Array, R: Array, X: Array) -> None:
 
 
 def _write(into: Array, values: Array, factor: Array | None) -> None:
-    """Planar (k, 3, n) into columns (k, 3 n), vertex by vertex, times a factor (n, 3)."""
+    """Planar (k, 3, n), which is used up, into columns (k, 3 n), vertex by vertex.
+
+    Times a factor (3, n).
+    """
+    if factor is not None:
+        values *= factor
     for d in range(3):  # one coordinate at a time, so that the inner loop runs along vertices
-        if factor is None:
-            into[:, d::3] = values[:, d]
-        else:
-            np.multiply(values[:, d], factor[:, d], out=into[:, d::3])
+        into[:, d::3] = values[:, d]

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array, kron
 
-from workbench.bodies.arithmetic import Arithmetic
-from workbench.bodies.motion import Motion
+from workbench.bodies.arithmetic import Arithmetic, Surface
 
 if TYPE_CHECKING:
     from workbench.bodies.skinned import SkinnedBody
@@ -35,41 +34,50 @@ class NumericSurface:
         """Pose, betas and trans by their names in the problem."""
         return self.pose, self.betas, self.trans
 
-    def points(self, values: Mapping[str, Array]) -> Array:
+    def at(self, values: Mapping[str, Array]) -> SurfaceAt:
+        """Where pose, betas and trans have these values."""
+        return SurfaceAt(self, values[self.pose], values[self.betas], values[self.trans])
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceAt:
+    """The vertices at one pose (K, 3) rad, betas (B,) and trans (3,) m; see PointsAt."""
+
+    of: NumericSurface
+    pose: Array
+    betas: Array
+    trans: Array
+
+    @cached_property
+    def surface(self) -> Surface:
+        """The surface before translation."""
+        motion = self.of.body.kinematics.motion(self.pose, self.betas)
+        return self.of.arithmetic.at(motion, self.betas)
+
+    @cached_property
+    def points(self) -> Array:
         """(N, 3) m."""
-        motion = self._motion(values)
-        return self.arithmetic.points(motion, values[self.betas]) + values[self.trans]
+        return self.surface.points + self.trans
 
-    def tangent(
-        self,
-        values: Mapping[str, Array],
-        into: Mapping[str, Array],
-        scale: Array | None,
-        points: Array | None = None,
-    ) -> None:
+    def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
         """Transposed, into[block] (size, 3 N)."""
-        ours = {"pose": self.pose, "betas": self.betas, "trans": self.trans}
+        of = self.of
+        ours = {"pose": of.pose, "betas": of.betas, "trans": of.trans}
         wanted = {our: into[name] for our, name in ours.items() if name in into}
-        motion, betas = self._motion(values), values[self.betas]
-        slopes = self.body.kinematics.slopes(values[self.pose], betas)
-        self.arithmetic.tangent(motion, slopes, betas, wanted, scale, points)
-        if points is not None:
-            points += values[self.trans]
+        slopes = of.body.kinematics.slopes(self.pose, self.betas)
+        self.surface.tangent(slopes, wanted, scale)
 
-    def adjoint(self, values: Mapping[str, Array], pull: Array) -> dict[str, Array]:
+    def adjoint(self, pull: Array) -> dict[str, Array]:
         """By pose, betas and trans, flat."""
-        pulled, pose, betas = pull.reshape(-1, 3), values[self.pose], values[self.betas]
-        felt = self.arithmetic.adjoint(self._motion(values), betas, pulled)
-        on_G, on_features, on_betas = felt
-        on_pose, through_joints = self.body.kinematics.adjoint(pose, betas, on_G, on_features)
+        pulled, of = pull.reshape(-1, 3), self.of
+        on_G, on_features, on_betas = self.surface.adjoint(pulled)
+        back = of.body.kinematics.adjoint(self.pose, self.betas, on_G, on_features)
+        on_pose, through_joints = back
         return {
-            self.pose: on_pose.ravel(),
-            self.betas: on_betas + through_joints,
-            self.trans: pulled.sum(axis=0),
+            of.pose: on_pose.ravel(),
+            of.betas: on_betas + through_joints,
+            of.trans: pulled.sum(axis=0),
         }
-
-    def _motion(self, values: Mapping[str, Array]) -> Motion:
-        return self.body.kinematics.motion(values[self.pose], values[self.betas])
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,33 +93,37 @@ class NumericLandmarks:
         return self.surface.reads
 
     @cached_property
-    def _on_coordinates(self) -> csr_array:
+    def on_coordinates(self) -> csr_array:
         """(3 M, 3 N)."""
         return csr_array(kron(self.regressor, np.eye(3), format="csr"))
 
-    def points(self, values: Mapping[str, Array]) -> Array:
-        """(M, 3) m."""
-        return np.asarray(self.regressor @ self.surface.points(values))
+    def at(self, values: Mapping[str, Array]) -> LandmarksAt:
+        """Where pose, betas and trans have these values."""
+        return LandmarksAt(self, self.surface.at(values))
 
-    def tangent(
-        self,
-        values: Mapping[str, Array],
-        into: Mapping[str, Array],
-        scale: Array | None,
-        points: Array | None = None,
-    ) -> None:
+
+@dataclass(frozen=True, eq=False)
+class LandmarksAt:
+    """The means at one pose, betas and trans; see PointsAt."""
+
+    of: NumericLandmarks
+    surface: SurfaceAt
+
+    @cached_property
+    def points(self) -> Array:
+        """(M, 3) m."""
+        return np.asarray(self.of.regressor @ self.surface.points)
+
+    def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
         """Transposed, into[block] (size, 3 M)."""
-        N = self.regressor.shape[1]
+        N = self.of.regressor.shape[1]
         whole = {name: np.empty((len(a), 3 * N)) for name, a in into.items()}
-        vertices = None if points is None else np.empty((N, 3))
-        self.surface.tangent(values, whole, None, vertices)
-        if points is not None and vertices is not None:
-            points[...] = self.regressor @ vertices
+        self.surface.tangent(whole, None)
         for name, array in into.items():
-            array[...] = (self._on_coordinates @ whole[name].T).T
+            array[...] = (self.of.on_coordinates @ whole[name].T).T
             if scale is not None:
                 array *= scale
 
-    def adjoint(self, values: Mapping[str, Array], pull: Array) -> dict[str, Array]:
+    def adjoint(self, pull: Array) -> dict[str, Array]:
         """By pose, betas and trans, flat."""
-        return self.surface.adjoint(values, self._on_coordinates.T @ pull)
+        return self.surface.adjoint(self.of.on_coordinates.T @ pull)

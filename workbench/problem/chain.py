@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_array
 
-from workbench.blocks import Layout, NumericPoints, Values
+from workbench.blocks import Layout, NumericPoints, PointsAt
 from workbench.blocks.buffered import Buffered
 
 Array = NDArray[np.float64]
@@ -48,9 +48,9 @@ class Chain:
         self._residual = Buffered(cs.Function("residual", arguments, [r]))
         jacobians = [cs.jacobian(r, a, FORWARD) for a in (graph.x, *graph.points)]
         self._derivative = Buffered(cs.Function("derivative", arguments, [r, *jacobians]))
-        self._shapes = [point.shape[::-1] for point in graph.points]
         self._slopes: Buffered | None = None  # the Jacobians alone, if they read no points
-        if self._sources and not cs.depends_on(cs.veccat(*jacobians), cs.veccat(*graph.points)):
+        read = cs.veccat(*graph.points)
+        if self._sources and not any(cs.depends_on(J, read) for J in jacobians):
             self._slopes = Buffered(cs.Function("slopes", arguments[:2], jacobians))
         self._by_x, *self._by_points = (_Pattern(J.sparsity()) for J in jacobians)
         taken = [set(pattern.rows.tolist()) for pattern in self._by_points]
@@ -63,49 +63,39 @@ class Chain:
         made_from = [cs.jtimes(r, a, a) for a in arguments if a.numel()]
         size = cs.sqrt(sum(cs.sumsqr(part) for part in made_from)) if made_from else cs.MX(0)
         self._size = Buffered(cs.Function("size", arguments, [cs.densify(size)]))
-        self._last: tuple[bytes, Values, list[Array]] = (b"", {}, [])
+        self._last: tuple[bytes, list[PointsAt]] = (b"", [])
 
     def residual(self, x: Array, fixed: Array) -> Array:
         """r (m,)."""
-        _, points = self._points(x, fixed)
-        return self._residual(x, fixed, *points)[0]
+        return self._residual(x, fixed, *self._points(x, fixed))[0]
 
     def linearize(self, x: Array, fixed: Array) -> tuple[Array, Array]:
-        """r (m,) and J (m, n), stored column by column.
-
-        Where the residual's derivative does not read the points, these are found on the way.
-        """
-        if not self._slopes or self._known(x, fixed):
-            values, points = self._points(x, fixed)
-            r, direct, *by_points = self._derivative(x, fixed, *points)
-            columns = self._columns(values, by_points, [None] * len(points))
-        else:
-            values, points = self._values(x, fixed), [np.empty(shape) for shape in self._shapes]
+        """r (m,) and J (m, n), stored column by column."""
+        if self._slopes is None:
+            r, direct, *by_points = self._derivative(x, fixed, *self._points(x, fixed))
+            columns = self._columns(self._at(x, fixed), by_points)
+        else:  # the points come last: they are met on the way to their derivative
             direct, *by_points = self._slopes(x, fixed)
-            columns = self._columns(values, by_points, points)
-            self._last = _key(x, fixed), values, points
-            r = self._residual(x, fixed, *points)[0]
+            columns = self._columns(self._at(x, fixed), by_points)
+            r = self.residual(x, fixed)
         columns[self._by_x.columns, self._by_x.rows] += direct
         return r, columns.T
 
-    def _columns(
-        self, values: Values, by_points: list[Array], points: Sequence[Array | None]
-    ) -> Array:
+    def _columns(self, places: Sequence[PointsAt], by_points: list[Array]) -> Array:
         """What reaches the residual through the points: J transposed, (n, m)."""
         m = self._by_x.shape[0]
         columns = np.empty((self._free.size, m))
         for at in self._not_all_written(m):
             columns[at] = 0.0
-        for source, pattern, rows, entries, found in zip(
-            self._sources, self._by_points, self._own_rows, by_points, points, strict=True
+        for source, here, pattern, rows, entries in zip(
+            self._sources, places, self._by_points, self._own_rows, by_points, strict=True
         ):
             wanted = [(name, at) for name, at in self._free.slices.items() if name in source.reads]
             if rows is not None:
-                targets = {name: columns[at, rows] for name, at in wanted}
-                source.tangent(values, targets, entries, found)
+                here.tangent({name: columns[at, rows] for name, at in wanted}, entries)
                 continue
             parts = {name: np.empty((at.stop - at.start, pattern.shape[1])) for name, at in wanted}
-            source.tangent(values, parts, None, found)
+            here.tangent(parts, None)
             for name, at in wanted:
                 columns[at] += (pattern.matrix(entries) @ parts[name].T).T
         return columns
@@ -122,41 +112,33 @@ class Chain:
 
     def gradient(self, x: Array, fixed: Array) -> tuple[float, Array]:
         """The cost and its gradient (n,); no Jacobian of the points is formed."""
-        values, points = self._points(x, fixed)
-        r, direct, *by_points = self._derivative(x, fixed, *points)
+        r, direct, *by_points = self._derivative(x, fixed, *self._points(x, fixed))
         g = self._by_x.matrix(direct).T @ r
-        for source, pattern, entries in zip(self._sources, self._by_points, by_points, strict=True):
-            for name, part in source.adjoint(values, pattern.matrix(entries).T @ r).items():
+        for here, pattern, entries in zip(
+            self._at(x, fixed), self._by_points, by_points, strict=True
+        ):
+            for name, part in here.adjoint(pattern.matrix(entries).T @ r).items():
                 if name in self._free.slices:
                     g[self._free.slices[name]] += part
         return 0.5 * float(r @ r), g
 
     def size(self, x: Array, fixed: Array) -> float:
         """The size of what the residual is made of: each argument through its derivative."""
-        _, points = self._points(x, fixed)
-        return float(self._size(x, fixed, *points)[0][0])
+        return float(self._size(x, fixed, *self._points(x, fixed))[0][0])
 
-    def _points(self, x: Array, fixed: Array) -> tuple[Values, list[Array]]:
-        """The values by name, and each source's points (N, 3); kept for the next call at x."""
-        last = self._last  # once: another thread may replace it
-        key = _key(x, fixed) if self._sources else b""
-        if self._sources and key == last[0]:
-            return last[1:]
-        values = self._values(x, fixed) if self._sources else {}
-        found = [source.points(values) for source in self._sources]
-        self._last = key, values, found
-        return values, found
+    def _points(self, x: Array, fixed: Array) -> list[Array]:
+        """Each source's points, (N, 3)."""
+        return [here.points for here in self._at(x, fixed)]
 
-    def _known(self, x: Array, fixed: Array) -> bool:
-        """Whether the points at x are kept."""
-        return _key(x, fixed) == self._last[0]
-
-    def _values(self, x: Array, fixed: Array) -> Values:
-        return self._free.unpack(x) | self._fixed.unpack(fixed)
-
-
-def _key(x: Array, fixed: Array) -> bytes:
-    return x.tobytes() + fixed.tobytes()
+    def _at(self, x: Array, fixed: Array) -> Sequence[PointsAt]:
+        """Each source's points as they are at x; kept for the next call there."""
+        if not self._sources:
+            return ()
+        last, key = self._last, x.tobytes() + fixed.tobytes()  # once: a thread may replace it
+        if key != last[0]:
+            values = self._free.unpack(x) | self._fixed.unpack(fixed)
+            self._last = last = key, [source.at(values) for source in self._sources]
+        return last[1]
 
 
 class _Pattern:
