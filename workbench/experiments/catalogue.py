@@ -7,13 +7,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from workbench.errors import BadFile, UnknownName
+from workbench.errors import BadArgument, BadFile, UnknownName
 from workbench.experiments.arguments import converted, parameters
 from workbench.experiments.balance import balance, balance_monocular
 from workbench.experiments.blame import blaming
 from workbench.experiments.correspondences import known_correspondences
 from workbench.experiments.experiment import Experiment, Setup
 from workbench.experiments.registration import registration
+from workbench.experiments.suites import SUITES
 
 EXPERIMENTS: Mapping[str, Experiment] = {
     experiment.name: experiment
@@ -29,18 +30,25 @@ EXPERIMENTS: Mapping[str, Experiment] = {
 
 
 def find(name: str, arguments: Mapping[str, Any] | None = None) -> Experiment:
-    """An experiment of the catalogue, or of a Python file, with some of its arguments changed.
+    """An experiment of the catalogue, a suite or a Python file, some of its arguments changed.
 
     A file defines `experiment` (an Experiment), or `setup` (a Setup, or a function that makes
     one), or `problem` and `start`. Arguments are values, or what was typed for them. Raises
     UnknownName, BadArgument, or BadFile with the line of the file that is to blame.
     """
-    if name in EXPERIMENTS:
-        experiment = EXPERIMENTS[name]
+    members = {one.name: one for suite in SUITES.values() for one in suite}
+    if name in EXPERIMENTS or name in members:
+        experiment = EXPERIMENTS.get(name) or members[name]
     elif name.endswith(".py"):
         experiment = _from_file(Path(name))
     else:
-        raise UnknownName("experiment", name, EXPERIMENTS, hint="or give a FILE.py")
+        if name in SUITES:
+            raise BadArgument(
+                f"{name} is a suite; give one of its {len(SUITES[name])} problems, such as "
+                f"{SUITES[name][0].name}: `workbench run {name} --list` names them"
+            )
+        others = "the members of suites (workbench run --list says which), or give a FILE.py"
+        raise UnknownName("experiment", name, EXPERIMENTS, hint=others)
     changed = dict(arguments or {})
     with blaming(experiment.source):
         known = parameters(experiment.build)

@@ -1,0 +1,24 @@
+"""Suites of problems on which solvers are compared.
+
+| suite | problems | known |
+| --- | --- | --- |
+| `more-wild` | 54 sums of squares, 2 to 100 unknowns, near and far starts | best cost |
+| `nist` | 12 regressions of NIST's, 2 to 8 unknowns, 2 starts | answer, deviations: 11 digits |
+
+Each problem is an experiment with a name of its own: `workbench run nist-misra1a --set start=2`.
+"""
+
+from collections.abc import Mapping
+
+from workbench.experiments.experiment import Experiment
+from workbench.experiments.more_wild import MORE_WILD
+from workbench.experiments.nist import NIST
+
+SUITES: Mapping[str, tuple[Experiment, ...]] = {
+    "nist": NIST,
+    "more-wild": MORE_WILD,
+}
+SUMMARIES: Mapping[str, str] = {
+    "nist": "regressions, answers certified by NIST",
+    "more-wild": "sums of squares of Moré and Wild",
+}
