@@ -33,7 +33,7 @@ from workbench.residuals.kernels import Kernel, geman_mcclure, huber, quadratic
 
 Array = NDArray[np.float64]
 COMPARED = ("gauss-newton", "levenberg-marquardt", "ipopt", "ipopt-exact", "nlopt-lbfgs")
-WITH_BOUNDS = ("ipopt", "ipopt-exact", "nlopt-lbfgs", "nlopt-slsqp", "nlopt-mma")
+WITH_BOUNDS = ("ipopt", "ipopt-exact", "nlopt-lbfgs", "nlopt-slsqp")
 SIZE, FOCAL, AWAY = 1000, 1200.0, 4.0  # px, px, m: of the cameras
 
 
