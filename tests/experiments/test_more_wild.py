@@ -78,6 +78,8 @@ def test_where_the_answer_is_known_it_costs_that_and_is_stationary(name: str) ->
         here = setup.problem.linearize(setup.known.values)
         assert here.cost == pytest.approx(setup.known.cost, rel=1e-14, abs=1e-25)
         np.testing.assert_allclose(here.gradient, 0, atol=1e-12)
+        assert setup.measures(setup.known.values)[0].value == pytest.approx(0, abs=1e-12)
+    assert setup.measures(setup.start)[0].value > 0
 
 
 def test_a_zero_by_formula_is_one() -> None:

@@ -16,7 +16,9 @@ from workbench.experiments.known import Known
 from workbench.geometry.meshes import read_mesh
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 from workbench.problem import Problem
+from workbench.problem.problem import Bounds
 from workbench.residuals import Residual, gaussian, vertices
+from workbench.residuals.kernels import Kernel, quadratic
 
 Array = NDArray[np.float64]
 COMPARED = ("gauss-newton", "levenberg-marquardt", "ipopt", "nlopt-lbfgs")
@@ -29,6 +31,8 @@ def mesh_fit(
     *,
     sigma: float,
     priors: tuple[Residual, ...] = (),
+    kernel: Kernel = quadratic,
+    bounds: Bounds | None = None,
     start: Values | None = None,
     truth: Array | None = None,
     further: tuple[Measure, ...] = (),
@@ -42,7 +46,7 @@ def mesh_fit(
     pose, betas, trans = (block.symbol for block in body.blocks())
     target = Block("observed", (body.n_vertices, 3), "m")
     points = body.points(pose, betas, trans)
-    data = vertices(points, target.symbol, sigma=sigma)
+    data = vertices(points, target.symbol, sigma=sigma, kernel=kernel)
 
     def measures(values: Values) -> tuple[Measure, ...]:
         found = body.vertices(*(values[block.name] for block in body.blocks()))
@@ -58,7 +62,7 @@ def mesh_fit(
         return (*shown, *further)
 
     return Setup(
-        problem=Problem((data, *priors), ("pose", "betas", "trans"), blocks=(target,)),
+        problem=Problem((data, *priors), ("pose", "betas", "trans"), bounds, (target,)),
         start=body.start() | (start or {}) | {target.name: observed},
         question=question,
         body=body,

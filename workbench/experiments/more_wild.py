@@ -13,10 +13,10 @@ import casadi as cs
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.blocks import Block
+from workbench.blocks import Block, Values
 from workbench.errors import BadArgument, UnknownName
 from workbench.experiments import more_wild_formulas as f
-from workbench.experiments.experiment import Experiment, Setup
+from workbench.experiments.experiment import Experiment, Measure, Setup
 from workbench.experiments.known import Known
 from workbench.problem import Problem
 from workbench.residuals import Residual
@@ -129,15 +129,20 @@ def more_wild(
     moved = MOVED * np.random.default_rng(start).standard_normal(n) if start else np.zeros(n)
     away = scale * (standard + moved * np.where(standard == 0, 1.0, np.abs(standard)))
     answer = None if family.answer is None else {"x": family.answer(n)}
+    problem = Problem((Residual(function, family.residual(x.symbol, m), 1.0),), ("x",), blocks=(x,))
+    least = LEAST.get((function, n), 0.0)
+
+    def measures(values: Values) -> tuple[Measure, ...]:
+        return (Measure("above the best known cost", problem.linearize(values).cost - least, "1"),)
+
     return Setup(
-        problem=Problem(
-            (Residual(function, family.residual(x.symbol, m), 1.0),), ("x",), blocks=(x,)
-        ),
+        problem=problem,
         start={"x": away},
         question=f"{function}: {m} residuals of {n} unknowns, as Moré and Wild set it, from "
         f"{scale:g} times the standard start{f', moved (start {start})' if start else ''}. Is "
         "the least sum of squares found?",
-        known=Known(family.source, LEAST.get((function, n), 0.0), answer),
+        known=Known(family.source, least, answer),
+        measures=measures,
         compared=COMPARED,
     )
 
