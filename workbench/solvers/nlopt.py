@@ -98,6 +98,7 @@ class Nlopt:
                 )
             if objective.error is not None:
                 raise objective.error
+            run.check()  # some leave at a limit without saying so
             code = optimizer.last_optimize_result()
             status, advice = MEANING.get(code, (Status.STALLED, Status.STALLED.value))
             message = f"{advice} (nlopt: result {code})"

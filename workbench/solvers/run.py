@@ -99,7 +99,7 @@ class Run:
             raise Stop(Status.NOT_FINITE)
         self._linearized = x.copy(), here
         if not self.rounding:
-            self.rounding = self.problem.rounding(x, self.fixed)
+            self.rounding = _guarded(lambda: self.problem.rounding(x, self.fixed))
         return here
 
     def hessian(self, x: Array) -> Array:
@@ -133,14 +133,7 @@ class Run:
     def _evaluate(self, kind: str, function: Callable[[], T]) -> T:
         self.check()
         self.counts[kind] += 1
-        try:
-            return function()
-        except (Stop, KeyboardInterrupt):
-            raise
-        except Exception as error:
-            raise Stop(
-                Status.RAISED, f"the residual raised {type(error).__name__}: {error}"
-            ) from error
+        return _guarded(function)
 
     def _kept(self, x: Array, cost: float, here: Linearization | None = None) -> float:
         there, missed = self.problem.stacked_constraints, 0.0
@@ -272,3 +265,13 @@ class Run:
         if self._linearized is not None and np.array_equal(self._linearized[0], self.best.x):
             return self._linearized[1]
         return self.problem.linearize_at(self.best.x, self.fixed)
+
+
+def _guarded(function: Callable[[], T]) -> T:
+    """What a function of the user's gives; what it raises is a Stop that quotes it."""
+    try:
+        return function()
+    except (Stop, KeyboardInterrupt):
+        raise
+    except Exception as error:
+        raise Stop(Status.RAISED, f"the residual raised {type(error).__name__}: {error}") from error
