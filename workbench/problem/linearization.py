@@ -98,6 +98,14 @@ class Linearization:
         smaller.__dict__["normal"] = self.normal[np.ix_(rest, rest)]
         return smaller
 
+    def promise(self, p: Array) -> float:
+        """By how much the linear model says that a step lowers the cost."""
+        if "normal" in self.__dict__:  # known already, and small: no need to read J again
+            bend = float(p @ self.normal @ p)
+        else:
+            bend = float(np.sum((self.jacobian @ p) ** 2))
+        return -float(self.gradient @ p) - 0.5 * bend
+
     def predicted_cost(self, step: Array) -> float:
         """1/2 |r + J p|^2."""
         r = self.residual + self.jacobian @ step

@@ -15,7 +15,7 @@ class Best:
 
     def __init__(self, start: Array) -> None:
         self.x, self.cost, self.missed = start.copy(), np.inf, np.inf
-        self._settled: tuple[Array, float, float] | None = None  # x, cost, optimality
+        self._settled: tuple[Array, float, float, float] | None = None  # and its optimality
         self._noise = 0.0  # of the cost there
 
     def offer(self, x: Array, cost: float, missed: float) -> None:
@@ -27,12 +27,12 @@ class Best:
         if better:
             self.x, self.cost, self.missed = x.copy(), cost, missed
 
-    def settle(self, x: Array, cost: float, optimality: float, noise: float) -> None:
+    def settle(self, x: Array, cost: float, missed: float, optimality: float, noise: float) -> None:
         """A point of which it is known how stationary it is, and how rough its cost."""
-        if self.missed > 1 or not cost <= self.cost + noise or np.isnan(optimality):
+        if missed > 1 or self.missed > 1 or not cost <= self.cost + noise or np.isnan(optimality):
             return
         if self._settled is None or optimality < self._settled[2] or self._settled_is_worse():
-            self._settled, self._noise = (x.copy(), cost, optimality), noise
+            self._settled, self._noise = (x.copy(), cost, optimality, missed), noise
 
     def decide(self, optimality: float) -> float:
         """Prefer the settled point, if it costs the same and is more stationary than the best.
@@ -41,7 +41,7 @@ class Best:
         """
         if self._settled is None or self._settled_is_worse() or optimality <= self._settled[2]:
             return optimality
-        self.x, self.cost, optimality = self._settled
+        self.x, self.cost, optimality, self.missed = self._settled
         return optimality
 
     def _settled_is_worse(self) -> bool:

@@ -100,7 +100,7 @@ class Dogleg:
                 cauchy = cauchy_point(here, D)
                 while True:
                     p = dogleg_step(newton.p, cauchy, D, radius)
-                    trial = run.gain(x, here, x + p, here.cost - here.predicted_cost(p))
+                    trial = run.gain(x, here, x + p, here.promise(p))
                     length = float(np.linalg.norm(D * p))
                     if trial.gain > self.rule.good:
                         radius = max(radius, self.rule.growth * length)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.blocks import Values
-from workbench.problem import Linearization, Problem
+from workbench.problem import Problem
 from workbench.problem.steps import LinearAlgebra, automatic
 from workbench.solvers.abilities import Abilities, Boxes, Derivative, refuse
 from workbench.solvers.box import box_step
@@ -65,7 +65,7 @@ class LevenbergMarquardt:
                 step = box_step(here, damping, D, low, high, self.linear_algebra)
                 if step is not None:
                     to = np.clip(x + step.p, problem.lower, problem.upper)
-                    trial = run.gain(x, here, to, _promise(here, damping, D, step.p))
+                    trial = run.gain(x, here, to, here.promise(step.p))
                     if trial.gain > 0:
                         x, here = run.wrapped(to, trial.there or run.linearize(to))
                         D = np.maximum(D, self.scaling(here))
@@ -78,8 +78,3 @@ class LevenbergMarquardt:
                 damping *= growth
                 growth *= 2
         return run.solution()
-
-
-def _promise(here: Linearization, damping: float, D: Array, p: Array) -> float:
-    """The fall of the cost that the linear model predicts for a step, without its damping."""
-    return -float(here.gradient @ p) - 0.5 * float(np.sum((here.jacobian @ p) ** 2))

@@ -1,13 +1,14 @@
 """What NLopt is shown: always a finite number, and never anything raised."""
 
 from collections.abc import Callable
+from math import sqrt
 
 import nlopt
 import numpy as np
 from numpy.typing import NDArray
 
 from workbench.solvers.abilities import Abilities, Derivative
-from workbench.solvers.run import Run
+from workbench.solvers.run import BOUGHT, Run
 
 Array = NDArray[np.float64]
 LOOK = 3.0  # times the tolerance: an estimate of the optimality at which it is worth a Jacobian
@@ -25,10 +26,10 @@ class Objective:
         self.run, self.scale, self.optimizer = run, scale, optimizer
         self.error: BaseException | None = None
         self._descends = abilities.derivative is Derivative.GRADIENT and not abilities.is_global
-        self._lowest = run.best.cost if run.problem.stacked_constraints is None else np.inf
+        self._lowest = run.best.cost
         self._last = run.x * scale, run.best.cost  # the last good point
         self._worst = run.best.cost
-        self._norms = scale
+        self._norms = np.where(scale > 0, scale, np.inf)
 
     def cost(self, y: Array, gradient: Array) -> float:
         """The cost at y, its gradient written into `gradient`, if that has a length."""
@@ -86,10 +87,17 @@ class Objective:
         if not np.isfinite(cost):
             return self._cone(y, gradient)
         self._last, self._worst = (y.copy(), cost), max(self._worst, cost)
-        if cost < self._lowest and run.best.cost == cost:  # feasible too, where that matters
+        if self._is_worth_recording(cost):
             self._lowest = cost
             run.record(x, cost, self._optimality(x, g))
         return cost
+
+    def _is_worth_recording(self, cost: float) -> bool:
+        """Whether it is the best so far; with constraints also if it may be more stationary."""
+        best = self.run.best
+        if self.run.problem.stacked_constraints is None:
+            return cost < self._lowest
+        return best.cost == cost or (best.missed <= 1 and cost <= (1 + BOUGHT) * best.cost)
 
     def _cone(self, y: Array, gradient: Array) -> float:
         """Higher than anything seen, and falling towards the last good point."""
@@ -109,13 +117,14 @@ class Objective:
         if not (self._descends and g.size):
             return np.nan
         if problem.stacked_constraints is None:
-            seen = self._norms > 0
-            norms = self._norms[seen]
-            left, right = ((side - x)[seen] * norms for side in (problem.lower, problem.upper))
-            way = np.abs(np.clip(-g[seen] / norms, left, right)) - run.rounding
-            size = np.sqrt(2 * run.best.cost)
-            if np.max(way, initial=0.0) > LOOK * run.limits.gradient_tolerance * size:
+            way = -g / self._norms
+            if problem.bounded:
+                way = np.clip(
+                    way, (problem.lower - x) * self._norms, (problem.upper - x) * self._norms
+                )
+            enough = run.rounding + LOOK * run.limits.gradient_tolerance * sqrt(2 * run.best.cost)
+            if np.abs(way).max(initial=0.0) > enough:
                 return np.nan
         here = run.linearize(x)
-        self._norms = here.column_norms
+        self._norms = np.where(here.column_norms > 0, here.column_norms, np.inf)
         return run.optimality(x, here)

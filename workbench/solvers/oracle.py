@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from functools import lru_cache
+from typing import Any
 
 import casadi as cs
 import numpy as np
@@ -80,7 +81,10 @@ def _constraint_jacobian(here: Linearization) -> Array:
 
 
 class External(cs.Callback):  # type: ignore[misc]  # casadi's way of calling back
-    """A CasADi function of x and multipliers whose value Python computes; NaN after an error."""
+    """A CasADi function of x and multipliers whose value Python computes; NaN after an error.
+
+    Numbers go through shared memory: a DM of a Hessian takes longer to make than the Hessian.
+    """
 
     def __init__(
         self, name: str, n: int, k: int, shape: tuple[int, int],
@@ -103,16 +107,24 @@ class External(cs.Callback):  # type: ignore[misc]  # casadi's way of calling ba
         """A dense matrix."""
         return cs.Sparsity.dense(*self._shape)
 
-    def eval(self, arguments: list[cs.DM]) -> list[cs.DM]:
+    def has_eval_buffer(self) -> bool:
+        """Numbers come and go by memory, not as DM."""
+        return True
+
+    def eval_buffer(self, arguments: list[Any], results: list[Any]) -> int:
         """Called by CasADi."""
+        multipliers = _column(arguments[1], self._k)
+        out = np.frombuffer(results[0]) if results[0] is not None else np.empty(0)
         if self._oracle.error is None:
             try:
-                x, multipliers = (np.asarray(a).ravel() for a in arguments)
+                x = _inside(arguments[0], self._oracle.run)
                 value = self._compute(x.tobytes(), multipliers)
-                return [cs.DM(np.reshape(value, self._shape))]
+                out[:] = np.ravel(value, order="F")[: out.size]  # column by column
+                return 0
             except BaseException as error:
                 self._oracle.error = error
-        return [cs.DM(np.full(self._shape, np.nan))]
+        out[:] = np.nan
+        return 0
 
 
 class Recorder(cs.Callback):  # type: ignore[misc]
@@ -125,21 +137,39 @@ class Recorder(cs.Callback):  # type: ignore[misc]
         self.construct("recorder", {})
 
     def get_n_in(self) -> int:
-        """How many arguments."""
+        """As many as a solver has outputs."""
         return int(cs.nlpsol_n_out())
 
     def get_sparsity_in(self, i: int) -> cs.Sparsity:
         """Dense columns."""
         return cs.Sparsity.dense(self._sizes.get(cs.nlpsol_out(i), 0), 1)
 
-    def eval(self, arguments: list[cs.DM]) -> list[cs.DM]:
-        """Called by CasADi."""
+    def has_eval_buffer(self) -> bool:
+        """Numbers come and go by memory, not as DM."""
+        return True
+
+    def eval_buffer(self, arguments: list[Any], results: list[Any]) -> int:
+        """Called by CasADi; 1 stops the solver."""
+        stop = 1.0
         if self._oracle.error is None:
             try:
-                x = np.asarray(arguments[0]).ravel()
+                x = _inside(arguments[0], self._run)
                 here = self._oracle.linearization(x)
                 self._run.record(x, here.cost, self._run.optimality(x, here))
-                return [cs.DM(0)]
+                stop = 0.0
             except BaseException as error:
                 self._oracle.error = error
-        return [cs.DM(1)]
+        if results[0] is not None:
+            np.frombuffer(results[0])[:] = stop
+        return 0
+
+
+def _column(memory: Any, size: int) -> Array:
+    """A copy of CasADi's memory; a missing argument is zero."""
+    return np.zeros(size) if memory is None else np.array(np.frombuffer(memory))
+
+
+def _inside(memory: Any, run: Run) -> Array:
+    """A point between the bounds: an infeasible quadratic program may have led out of them."""
+    problem = run.problem
+    return np.clip(_column(memory, problem.free.size), problem.lower, problem.upper)

@@ -22,6 +22,7 @@ from workbench.threads import limited_threads
 Array = NDArray[np.float64]
 T = TypeVar("T")
 NOT_FINITE_IN_A_ROW = 100  # a line search that halves has long met rounding by then
+BOUGHT = 1e-5  # of the cost: points that are cheaper by less, and no more, may owe it to a miss
 POLISHED = 0.9  # of the optimality before, at least, where costs no longer tell points apart
 
 
@@ -54,6 +55,7 @@ class Run:
         self.met_not_finite = -2  # how long the trace was when the last of them was met
         self.rounding = 0.0
         self._linearized: tuple[Array, Linearization] | None = None  # the last one
+        self._recorded: Array | None = None  # the last one
         self._threads = ExitStack()
 
     def __enter__(self) -> "Run":
@@ -94,6 +96,8 @@ class Run:
 
     def linearize(self, x: Array) -> Linearization:
         """Residual and Jacobian at x; stops the run where they are not finite."""
+        if self._linearized is not None and np.array_equal(self._linearized[0], x):
+            return self._linearized[1]  # it was asked for just now
         here = self._evaluate("jacobian", lambda: self.problem.linearize_at(x, self.fixed))
         if not np.isfinite(self._kept(x, here.cost if here.finite else np.inf, here)):
             raise Stop(Status.NOT_FINITE)
@@ -196,14 +200,14 @@ class Run:
     ) -> None:
         """Add an iterate to the trace; stop if it is good enough, or limit or callback say so."""
         values = self.problem.free.unpack(x)
-        before = self.problem.free.pack(self.trace[-1].values) if self.trace else x
+        step = 0.0 if self._recorded is None else float(np.linalg.norm(x - self._recorded))
+        self._recorded = x.copy()
         iterate = Iterate(
-            values, cost, optimality, float(np.linalg.norm(x - before)), damping,
+            values, cost, optimality, step, damping,
             Evaluations(**self.counts), time.perf_counter() - self.began, linear_algebra,
         )  # fmt: skip
         self.trace.append(iterate)
-        if self.problem.stacked_constraints is None:
-            self.best.settle(x, cost, optimality, self.noise(cost))
+        self._settle(x, cost, optimality)
         says = self.callback(iterate) if self.callback is not None else None
         stop = isinstance(says, bool | np.bool_) and bool(says)
         if optimality <= self.limits.gradient_tolerance:
@@ -212,6 +216,19 @@ class Run:
             raise Stop(Status.STOPPED, "stopped by the callback")
         if len(self.trace) > self.limits.max_iterations:
             raise Stop(Status.MAX_ITERATIONS)
+
+    def _settle(self, x: Array, cost: float, optimality: float) -> None:
+        """Let the best point be one that costs the same and is more stationary.
+
+        The same is what rounding hides, or what the tolerances of constraints may buy.
+        """
+        here = self._linearized
+        there = self.problem.stacked_constraints
+        if there is None:
+            self.best.settle(x, cost, 0.0, optimality, self.noise(cost))
+        elif here is not None and here[1].constraints is not None and np.array_equal(here[0], x):
+            missed = there.missed(here[1].constraints.values)
+            self.best.settle(x, cost, missed, optimality, BOUGHT * cost + self.noise(cost))
 
     def stall(self, message: str = "") -> None:
         """End the run for want of a better point, or for what stood in the way of one."""

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from workbench.blocks import Values
 from workbench.problem import Problem
 from workbench.solvers.abilities import Abilities, Boxes, Derivative
+from workbench.solvers.limits import Stop
 from workbench.solvers.oracle import Hessian, Oracle, gauss_newton_hessian
 from workbench.solvers.run import Run
 from workbench.solvers.solution import Callback, Solution, Status
@@ -86,6 +87,7 @@ class Sqp:
                 "min_step_size": 1e-14,
                 "max_iter_ls": 30,
                 "c1": 1e-4,
+                "elastic_mode": True,  # where the linearized constraints contradict each other
                 "qpsol": "qrqp",
                 "qpsol_options": {
                     "print_iter": False, "print_header": False, "print_info": False,
@@ -99,7 +101,18 @@ class Sqp:
                 "error_on_fail": False,
             },
         )  # fmt: skip
-        solver(x0=x0, lbx=problem.lower, ubx=problem.upper, **limits)
+        try:
+            solver(x0=x0, lbx=problem.lower, ubx=problem.upper, **limits)
+        except RuntimeError as error:  # of the quadratic program, if not of ours
+            if oracle.error is None:
+                raise Stop(
+                    Status.INFEASIBLE, f"{Status.INFEASIBLE.value} ({_last(error)})"
+                ) from error
         if oracle.error is not None:
             raise oracle.error
         return str(solver.stats()["return_status"])
+
+
+def _last(error: Exception) -> str:
+    """CasADi's own sentence, at the end of where it was."""
+    return str(error).strip().splitlines()[-1].rpartition(": ")[2]
