@@ -11,16 +11,22 @@ from workbench.bodies.saving import save_body
 from workbench.diagnostics import Diagnosis, diagnose
 from workbench.errors import WorkbenchError
 from workbench.geometry.camera import Camera
-from workbench.problem import Linearization, Problem
+from workbench.problem import Constraint, Linearization, Problem
 from workbench.residuals import Residual
 from workbench.solvers import (
     SOLVERS,
+    Dogleg,
     GaussNewton,
     Ipopt,
     LevenbergMarquardt,
+    Newton,
     Nlopt,
+    Scipy,
     Solution,
+    Sqp,
+    Staged,
     Status,
+    SteepestDescent,
     solve,
 )
 
@@ -28,20 +34,27 @@ __all__ = [
     "SOLVERS",
     "Block",
     "Camera",
+    "Constraint",
     "Diagnosis",
+    "Dogleg",
     "GaussNewton",
     "Ipopt",
     "Landmarks",
     "Layout",
     "LevenbergMarquardt",
     "Linearization",
+    "Newton",
     "Nlopt",
     "Points",
     "Problem",
     "Residual",
+    "Scipy",
     "SkinnedBody",
     "Solution",
+    "Sqp",
+    "Staged",
     "Status",
+    "SteepestDescent",
     "Values",
     "WorkbenchError",
     "diagnose",
