@@ -41,9 +41,9 @@ class Budget:
             "gradient_tolerance": self.gradient_tolerance,
             "seed": repetition,
         }
-        options: Any = solver  # a dataclass, or any object with `solve`
-        if not is_dataclass(options):
+        if not is_dataclass(solver):
             return solver
+        options: Any = solver
         has = {field.name for field in fields(options) if field.init}
         changed: Solver = replace(options, **{k: v for k, v in wanted.items() if k in has})
         return changed
