@@ -119,6 +119,19 @@ def test_what_is_unseen_has_infinite_variance_and_the_rest_keeps_its_own() -> No
     np.testing.assert_allclose(C[seen], without, rtol=1e-12)
 
 
+@pytest.mark.parametrize("units", [1e-12, 1.0, 1e9])
+def test_the_covariance_knows_no_units(units: float) -> None:
+    """A parameter of size 1e-12 is no unseen one: columns count by their angles alone."""
+    D = np.array([units, 1.0, 1.0 / units, 1.0])
+    found = Linearization(B, A * D).covariance
+    np.testing.assert_allclose(found, np.linalg.inv(A.T @ A) / np.outer(D, D), rtol=1e-10)
+    dependent = np.column_stack([A * D, A[:, 0] + A[:, 1]])
+    C = Linearization(B, dependent).covariance
+    assert (np.diag(C)[[0, 1, 4]] == np.inf).all()
+    without = np.linalg.inv(A.T @ A)[2:, 2:] / np.outer(D, D)[2:, 2:]
+    np.testing.assert_allclose(C[2:4, 2:4], without, rtol=1e-10)
+
+
 # What converged means.
 
 

@@ -10,12 +10,18 @@ from rich.markup import escape
 from workbench.cli.leaving import Interrupted
 from workbench.cli.progress import LiveTrace, print_outcome
 from workbench.errors import BadArgument, UnknownName, WorkbenchError
-from workbench.experiments import EXPERIMENTS, Experiment, find
+from workbench.experiments import EXPERIMENTS, SUITES, Experiment, find
 from workbench.experiments import run as run_experiment
+from workbench.experiments.suites import SUMMARIES
 from workbench.reports import refuse_foreign, write_report
 from workbench.solvers import SOLVERS, Solver
 
-Name = Annotated[str, typer.Argument(help=f"One of {', '.join(EXPERIMENTS)}, or a Python file.")]
+Name = Annotated[
+    str,
+    typer.Argument(
+        help=f"One of {', '.join(EXPERIMENTS)}, a problem of a suite (--list), or a Python file."
+    ),
+]
 Setting = Annotated[
     list[str] | None,
     typer.Option("--set", help="An argument of the experiment: frame=60, noise=0.001, ..."),
@@ -38,6 +44,11 @@ def run(
     if listing:
         for experiment in EXPERIMENTS.values():
             console.print(f"[bold]{experiment.name:24}[/]{experiment.summary}", highlight=False)
+        for suite, members in SUITES.items():
+            names = " ".join(member.name for member in members)
+            console.print(
+                f"\nsuite [bold]{suite}[/]: {SUMMARIES[suite]}\n[dim]{names}[/]", highlight=False
+            )
         return
     carry_out(console, find(name, settings(setting)), solver_named(solver), compare, out)
 

@@ -2,5 +2,7 @@
 
 from workbench.experiments.catalogue import EXPERIMENTS, find
 from workbench.experiments.experiment import Experiment, Outcome, Setup, run
+from workbench.experiments.known import Known
+from workbench.experiments.suites import SUITES
 
-__all__ = ["EXPERIMENTS", "Experiment", "Outcome", "Setup", "find", "run"]
+__all__ = ["EXPERIMENTS", "SUITES", "Experiment", "Known", "Outcome", "Setup", "find", "run"]

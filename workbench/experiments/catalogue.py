@@ -13,6 +13,7 @@ from workbench.experiments.correspondences import known_correspondences
 from workbench.experiments.experiment import Experiment, Setup
 from workbench.experiments.own_file import loaded
 from workbench.experiments.registration import registration
+from workbench.experiments.suites import SUITES
 
 EXPERIMENTS: Mapping[str, Experiment] = {
     experiment.name: experiment
@@ -28,18 +29,20 @@ EXPERIMENTS: Mapping[str, Experiment] = {
 
 
 def find(name: str, arguments: Mapping[str, Any] | None = None) -> Experiment:
-    """An experiment of the catalogue, or of a Python file, with some of its arguments changed.
+    """An experiment of the catalogue, a suite or a Python file, some of its arguments changed.
 
     A file defines `experiment` (an Experiment), or `setup` (a Setup, or a function that makes
     one), or `problem` and `start`. Arguments are values, or what was typed for them. Raises
     UnknownName, BadArgument, or BadFile with the line of the file that is to blame.
     """
-    if name in EXPERIMENTS:
-        experiment = EXPERIMENTS[name]
+    members = {one.name: one for suite in SUITES.values() for one in suite}
+    if name in EXPERIMENTS or name in members:
+        experiment = EXPERIMENTS.get(name) or members[name]
     elif name.endswith(".py"):
         experiment = _from_file(Path(name))
     else:
-        raise UnknownName("experiment", name, EXPERIMENTS, hint="or give a FILE.py")
+        others = "the members of suites (workbench run --list says which), or give a FILE.py"
+        raise UnknownName("experiment", name, EXPERIMENTS, hint=others)
     changed = dict(arguments or {})
     with blaming(experiment.source):
         known = parameters(experiment.build)

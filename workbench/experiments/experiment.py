@@ -15,6 +15,7 @@ from workbench.errors import BadSetup, UnknownName, WorkbenchError
 from workbench.experiments import comparison
 from workbench.experiments.arguments import names
 from workbench.experiments.blame import blaming
+from workbench.experiments.known import Known
 from workbench.geometry.camera import Camera
 from workbench.problem import Problem
 from workbench.solvers import SOLVERS, Callback, Solution, Solver, Status
@@ -61,12 +62,14 @@ class Setup:
     measures: Callable[[Values], tuple[Measure, ...]] = lambda values: ()
     priors: tuple[str, ...] = ()  # the residuals that are no data
     compared: tuple[str, ...] = ()  # names of SOLVERS to run on the same problem and start
+    known: Known | None = None  # the answer, or the best cost, where there is one beforehand
 
     def __post_init__(self) -> None:
         _expect("problem", self.problem, Problem, "a Problem")
         _expect("start", self.start, Mapping, "a dict of arrays by the names of blocks")
         _expect("body", self.body, (SkinnedBody, NoneType), "a SkinnedBody or None")
         _expect("question", self.question, str, "a text")
+        _expect("known", self.known, (Known, NoneType), "a Known or None")
         _expect("views", self.views, (tuple, list), "several Views")
         for view in self.views:
             _expect("views", view, View, "several Views")
@@ -86,6 +89,8 @@ class Setup:
                 if one not in known:
                     raise UnknownName(kind, one, known)
         self.problem.split(self.start)
+        if self.known is not None:
+            self.known.check(self.problem)
 
 
 def _expect(name: str, value: object, kind: type | tuple[type, ...], wanted: str) -> None:

@@ -98,17 +98,22 @@ class Linearization:
     def covariance(self) -> Array:
         """Laplace's approximation to the posterior covariance, (J' J)^-1, (n, n).
 
-        From the singular values, never from the normal equations; directions that the residual
-        does not notice get infinite variance, wherever they point to.
+        R^-1 R^-T from the triangle R of J with its columns scaled to length 1, never from the
+        normal equations: no entry's unit costs a digit. Directions that the residual does not
+        notice get infinite variance, wherever they point to.
         """
-        _, s, Vt = self.svd
-        if self.rank == self.jacobian.shape[1]:
-            half = Vt.T / s
-            return half @ half.T
-        seen = s > self.tolerance
-        half = Vt[seen].T / s[seen]
-        blind = 1 - np.sum(Vt[seen] ** 2, axis=0) > 1e-9  # entries with a part in the null space
-        C = half @ half.T
+        m, n = self.jacobian.shape
+        lengths = np.where(self.column_norms > 0, self.column_norms, 1.0)
+        R = scipy.linalg.qr(self.jacobian / lengths, mode="r")[0][: min(m, n)]
+        _, s, Vt = np.linalg.svd(R, full_matrices=False)
+        seen = s > EPS * max(m, n) * s.max(initial=0.0)
+        if seen.sum() == n:
+            half = scipy.linalg.solve_triangular(R, np.eye(n)) / lengths[:, None]
+            return np.asarray(half @ half.T)
+        s, Vt = s[seen], Vt[seen]
+        half = Vt.T / s / lengths[:, None]
+        blind = 1 - np.sum(Vt**2, axis=0) > 1e-9  # entries with a part in the null space
+        C: Array = half @ half.T
         C[blind, :] = C[:, blind] = np.nan
         C[blind, blind] = np.inf
         return C

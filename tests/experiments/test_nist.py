@@ -1,0 +1,115 @@
+"""NIST's regressions: what is certified is what our formulas and our covariance give."""
+
+import pickle
+
+import mpmath as mp
+import numpy as np
+import pytest
+
+from workbench.errors import BadArgument, UnknownName
+from workbench.experiments import SUITES, Setup, find
+from workbench.experiments.known import Known, digits
+from workbench.experiments.nist import MODELS, certified
+from workbench.solvers import SOLVERS
+
+NAMES = [experiment.name for experiment in SUITES["nist"]]
+EACH = pytest.mark.parametrize("name", NAMES)
+
+
+def built(name: str, start: int = 1) -> tuple[Setup, Known]:
+    setup = find(name, {"start": start}).setup()
+    assert setup.known is not None
+    return setup, setup.known
+
+
+def test_all_twelve_are_there() -> None:
+    assert len(NAMES) == 12 == len(certified()) == len(MODELS)
+
+
+@EACH
+def test_the_certified_residual_sum_of_squares_comes_out(name: str) -> None:
+    setup, known = built(name)
+    assert known.values is not None
+    assert known.cost is not None
+    cost = setup.problem.linearize(known.values).cost
+    if name == "nist-lanczos1":  # parameters of eleven digits leave 1e-11, the residual is 1e-13
+        assert cost < 1e-20
+    else:
+        assert cost == pytest.approx(known.cost, rel=1e-10)
+
+
+@EACH
+def test_degrees_of_freedom_are_those_of_the_residual_deviation(name: str) -> None:
+    setup, known = built(name)
+    assert known.cost is not None
+    dof = setup.problem.size - setup.problem.free.size
+    assert known.residual_deviation == pytest.approx(np.sqrt(2 * known.cost / dof), rel=1e-10)
+
+
+@EACH
+def test_laplace_deviations_are_the_certified_ones_to_nine_digits(name: str) -> None:
+    setup, known = built(name)
+    assert known.values is not None
+    assert known.deviations is not None
+    assert known.residual_deviation is not None
+    here = setup.problem.linearize(known.values)
+    found = known.residual_deviation * np.sqrt(np.diag(here.covariance))
+    assert digits({"b": found}, known.deviations) >= 9
+
+
+@EACH
+@pytest.mark.parametrize("start", [1, 2])
+def test_a_start_is_nists_and_the_second_is_nearer(name: str, start: int) -> None:
+    setup, known = built(name, start)
+    assert np.isfinite(setup.problem.linearize(setup.start).cost)
+    assert setup.measures(setup.start)[0].value < 4  # no answer yet
+    assert known.values is not None
+    assert setup.measures(known.values)[0].value == 11
+
+
+def test_starts_differ_and_others_are_refused() -> None:
+    first, second = built("nist-misra1a", 1)[0], built("nist-misra1a", 2)[0]
+    assert first.start["b"].tolist() == [500, 1e-4]
+    assert second.start["b"].tolist() == [250, 5e-4]
+    with pytest.raises(UnknownName, match="no start is called '3'; there are 1 and 2"):
+        built("nist-misra1a", 3)
+    with pytest.raises(BadArgument, match="start of nist-misra1a must be a whole number"):
+        find("nist-misra1a", {"start": "near"})
+    with pytest.raises(UnknownName, match="no NIST problem is called 'x'"):
+        find("nist-misra1a", {"problem": "x"}).setup()
+
+
+@EACH
+def test_members_pickle_and_are_found_by_name(name: str) -> None:
+    again = pickle.loads(pickle.dumps(find(name, {"start": "2"})))
+    assert again.name == name
+    assert again.arguments["start"] == 2
+    assert again.setup().problem.size == certified()[again.arguments["problem"]]["n_obs"]
+
+
+def test_the_tightest_fit_is_certified_beyond_double_precision() -> None:
+    """Lanczos1's residuals are 1e-13: Newton's method in 40 digits finds NIST's sum of squares."""
+    facts = certified()["Lanczos1"]
+    with mp.workdps(40):
+        ys, xs = ([mp.mpf(repr(row[k])) for row in facts["data"]] for k in (0, 1))
+        b = mp.matrix([mp.mpf(repr(number)) for number in facts["certified"]])
+        for _ in range(6):
+            r, J = mp.matrix(24, 1), mp.matrix(24, 6)
+            for i, (x, y) in enumerate(zip(xs, ys, strict=True)):
+                r[i] = -y
+                for k in (0, 2, 4):
+                    e = mp.exp(-b[k + 1] * x)
+                    r[i] += b[k] * e
+                    J[i, k], J[i, k + 1] = e, -b[k] * x * e
+            cost = mp.fdot(r, r)
+            b -= mp.lu_solve(J.T * J, J.T * r)
+        assert float(cost) == pytest.approx(facts["rss"], rel=1e-10)
+        assert digits({"b": [float(n) for n in b]}, {"b": facts["certified"]}) >= 10.5
+
+
+@EACH
+def test_a_solver_finds_the_answer_from_the_near_start(name: str) -> None:
+    setup, known = built(name, 2)
+    assert known.values is not None
+    solution = SOLVERS["ipopt-exact"].solve(setup.problem, setup.start)
+    assert digits(solution.values, known.values) >= 4

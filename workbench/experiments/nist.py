@@ -1,0 +1,105 @@
+"""NIST's reference regressions: data, two starts, and answers certified to eleven digits.
+
+Minimise 1/2 sum of (f(x; b) - y)^2 over b; the formulas are those of the files, in
+`data/nist/nist_strd.json`, as PROVENANCE.md beside it describes them.
+"""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+import casadi as cs
+import numpy as np
+
+from workbench.blocks import Block, Values
+from workbench.errors import UnknownName
+from workbench.experiments.experiment import Experiment, Measure, Setup
+from workbench.experiments.known import Known, digits
+from workbench.problem import Problem
+from workbench.residuals import Residual
+
+Model = Callable[[Sequence[cs.MX], cs.DM], cs.MX]
+COMPARED = ("gauss-newton", "levenberg-marquardt", "ipopt", "ipopt-exact", "nlopt-lbfgs")
+
+
+def _peak(b: Sequence[cs.MX], x: cs.DM) -> cs.MX:
+    height, centre, width = b
+    return height * cs.exp(-((x - centre) ** 2) / width**2)
+
+
+def _gauss(b: Sequence[cs.MX], x: cs.DM) -> cs.MX:
+    b1, b2, *peaks = b
+    return b1 * cs.exp(-b2 * x) + _peak(peaks[:3], x) + _peak(peaks[3:], x)
+
+
+def _lanczos(b: Sequence[cs.MX], x: cs.DM) -> cs.MX:
+    return sum(b[k] * cs.exp(-b[k + 1] * x) for k in (0, 2, 4))
+
+
+MODELS: Mapping[str, Model] = {
+    "Chwirut2": lambda b, x: cs.exp(-b[0] * x) / (b[1] + b[2] * x),
+    "DanWood": lambda b, x: b[0] * x ** b[1],
+    "Gauss1": _gauss,
+    "Gauss3": _gauss,
+    "Kirby2": lambda b, x: (b[0] + b[1] * x + b[2] * x**2) / (1 + b[3] * x + b[4] * x**2),
+    "Lanczos1": _lanczos,
+    "Lanczos3": _lanczos,
+    "MGH09": lambda b, x: b[0] * (x**2 + x * b[1]) / (x**2 + x * b[2] + b[3]),
+    "Misra1a": lambda b, x: b[0] * (1 - cs.exp(-b[1] * x)),
+    "Misra1b": lambda b, x: b[0] * (1 - (1 + b[1] * x / 2) ** -2),
+    "Misra1d": lambda b, x: b[0] * b[1] * x / (1 + b[1] * x),
+    "Rat42": lambda b, x: b[0] / (1 + cs.exp(b[1] - b[2] * x)),
+}
+
+
+@cache
+def certified() -> Mapping[str, Mapping[str, Any]]:
+    """The problems as the file has them, by NIST's names."""
+    text = (files("workbench") / "data" / "nist" / "nist_strd.json").read_text()
+    found: Mapping[str, Mapping[str, Any]] = json.loads(text)
+    return found
+
+
+def nist(problem: str = "Misra1a", start: int = 1) -> Setup:
+    """A regression by NIST's name of it, from NIST's first start (far) or second (near)."""
+    if problem not in MODELS:
+        raise UnknownName("NIST problem", problem, MODELS)
+    facts = certified()[problem]
+    if start not in (1, 2):
+        raise UnknownName("start", str(start), hint="1 and 2")
+    n, p = facts["n_obs"], facts["n_params"]
+    y, x = np.array(facts["data"]).T
+    b = Block("b", (p,), labels=tuple(f"b{i + 1}" for i in range(p)))
+    model = MODELS[problem](cs.vertsplit(b.symbol), cs.DM(x))
+    answer = {"b": np.array(facts["certified"])}
+
+    def measures(values: Values) -> tuple[Measure, ...]:
+        agree = digits({"b": values["b"]}, answer)
+        return (Measure("digits that agree with NIST's", agree, "1", f"the worst of {p}"),)
+
+    return Setup(
+        problem=Problem((Residual("regression", model - cs.DM(y), 1.0),), ("b",), blocks=(b,)),
+        start={"b": np.array(facts["starts"][start - 1])},
+        question=f"NIST's regression {problem} ({facts['level']} difficulty, start {start} of 2): "
+        f"do the {p} parameters come out of {n} observations as NIST certified them?",
+        known=Known(
+            source="NIST StRD, certified to 11 digits",
+            cost=facts["rss"] / 2,
+            values=answer,
+            deviations={"b": np.array(facts["certified_sd"])},
+            residual_deviation=facts["rsd"],
+        ),
+        measures=measures,
+        compared=COMPARED,
+    )
+
+
+NIST = tuple(
+    Experiment(
+        f"nist-{name.lower()}", nist, f"NIST's regression {name}, answer certified",
+        {"problem": name},
+    )
+    for name in MODELS
+)  # fmt: skip
