@@ -6,7 +6,9 @@ from workbench import residuals
 WORKBENCH = [
     "SOLVERS",
     "Block",
+    "Budget",
     "Camera",
+    "Comparison",
     "Diagnosis",
     "GaussNewton",
     "Ipopt",
@@ -23,6 +25,7 @@ WORKBENCH = [
     "Status",
     "Values",
     "WorkbenchError",
+    "compare",
     "diagnose",
     "linear_blend",
     "load_body",

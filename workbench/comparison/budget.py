@@ -41,9 +41,12 @@ class Budget:
             "gradient_tolerance": self.gradient_tolerance,
             "seed": repetition,
         }
-        if not is_dataclass(solver):
-            return solver
         options: Any = solver
-        has = {field.name for field in fields(options) if field.init}
-        changed: Solver = replace(options, **{k: v for k, v in wanted.items() if k in has})
-        return changed
+        fits = fields(options) if is_dataclass(options) else ()
+        has = {field.name for field in fits if field.init} & wanted.keys()
+        return _changed(options, {name: wanted[name] for name in has})
+
+
+def _changed(solver: Any, options: dict[str, Any]) -> Solver:
+    changed: Solver = replace(solver, **options) if options else solver
+    return changed

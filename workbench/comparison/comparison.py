@@ -159,6 +159,22 @@ class Comparison:
             ]
         ).reshape(len(self.instances), len(self.solvers))
 
+    def trace(self, instance: Instance, solver: str) -> Array:
+        """(k, 3) cost units, seconds and (f - f*) / (f_0 - f*) of the best point so far; the last
+        row is the end of the run.
+        """
+        record, yardstick = self.records[instance.name, solver], self.yardsticks[instance.name]
+        rows = record.seen.trace
+        if not len(rows):
+            return np.zeros((0, 3))
+        counts = [getattr(record.evaluations, kind) for kind in KINDS]
+        last = np.array([*counts, max(record.seen.seconds, rows[-1, 4]), rows[-1, 5]])
+        rows = np.vstack([rows, last])
+        whole = yardstick.start - yardstick.best
+        gap = (rows[:, 5] - yardstick.best) / (whole if whole > 0 else 1.0)
+        units = self.units(instance.problem, rows[:, :4])
+        return np.column_stack([units, rows[:, 4], np.maximum(gap, 0.0)])
+
     def success(self, solver: str, tau: float, problem: str | None = None) -> statistics.Interval:
         """The share of instances, of one problem or of all, on which it met a target."""
         chosen = self.instances if problem is None else self.of(problem)
@@ -183,6 +199,16 @@ class Comparison:
         """All that it asked for, over all runs."""
         every = [r.evaluations for (_, name), r in self.records.items() if name == solver]
         return Evaluations(*(sum(getattr(e, kind) for e in every) for kind in KINDS))
+
+    def digits(self, solver: str) -> Array:
+        """Digits that agree with the certified answer, run by run; 0 of a run without an end."""
+        return np.array(
+            [
+                float(np.nan_to_num(self.records[i.name, solver].digits))
+                for i in self.instances
+                if self.described[i.name].certified
+            ]
+        )
 
     def duel(self, a: str, b: str, tau: float = MAIN) -> statistics.Duel:
         """Two solvers on the same starts."""

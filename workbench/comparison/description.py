@@ -34,6 +34,7 @@ class Description:
     seconds: dict[str, float]  # of a residual, a gradient, a Jacobian
     known_cost: float  # NaN if none is
     known_source: str
+    certified: bool  # the values of its answer are known
     question: str
 
     def same_problem(self, other: "Description") -> bool:
@@ -62,7 +63,7 @@ def describe(instance: str, setup: Setup) -> Description:
     problem = setup.problem
     warm(problem, setup.start)
     x, fixed = problem.split(setup.start)
-    known = getattr(setup, "known", None)
+    known = setup.known
     rng = np.random.default_rng(0)
     draws = rng.standard_normal((len(PROBES), problem.free.size))
     points = [
@@ -86,6 +87,7 @@ def describe(instance: str, setup: Setup) -> Description:
         seconds=seconds,
         known_cost=np.nan if known is None or known.cost is None else float(known.cost),
         known_source="" if known is None else str(known.source),
+        certified=known is not None and known.values is not None,
         question=setup.question,
     )
 

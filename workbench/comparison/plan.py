@@ -8,9 +8,9 @@ from typing import Any
 from workbench.comparison.budget import Budget
 from workbench.comparison.entrants import Entrant, pickled
 from workbench.comparison.identity import code_version, digest, file_digest, identity
-from workbench.errors import BadArgument
-from workbench.experiments import Experiment, find
-from workbench.experiments.arguments import parameters
+from workbench.errors import BadArgument, UnknownName
+from workbench.experiments import SUITES, Experiment, find
+from workbench.experiments.arguments import converted, parameters
 
 NUMBERING = ("start", "seed")  # arguments that number starts or data, the first that there is
 
@@ -80,6 +80,34 @@ class Plan:
 Experiments = str | Experiment | Iterable[str | Experiment]
 
 
+def chosen(names: Iterable[str], arguments: Mapping[str, Any]) -> tuple[Experiment, ...]:
+    """Experiments, problems of suites, whole suites and FILE.py by name, each with those of the
+    arguments that it has. Raises UnknownName for a name or an argument that nobody has.
+    """
+    found = []
+    left = dict(arguments)
+    for name in names:
+        for experiment in _named(name):
+            has = parameters(experiment.build)
+            own = {k: v for k, v in arguments.items() if k in has}
+            left = {k: v for k, v in left.items() if k not in has}
+            if own:
+                changed = {
+                    k: converted(f"{k} of {experiment.name}", has[k].annotation, v)
+                    for k, v in own.items()
+                }
+                experiment = replace(experiment, arguments={**experiment.arguments, **changed})
+            found.append(experiment)
+    for name in left:
+        known = {k for e in found for k in parameters(e.build)}
+        raise UnknownName("argument of any of these experiments", name, known)
+    return tuple(found)
+
+
+def _named(name: str) -> tuple[Experiment, ...]:
+    return SUITES[name] if name in SUITES else (find(name),)
+
+
 def plan(
     experiments: Experiments, entrants: tuple[Entrant, ...], seeds: int, budget: Budget
 ) -> Plan:
@@ -88,7 +116,11 @@ def plan(
         raise BadArgument(f"seeds is how many starts there are, 1 or more; not {seeds}")
     single = isinstance(experiments, (str, Experiment))
     several: Any = (experiments,) if single else experiments
-    found = [one if isinstance(one, Experiment) else find(one) for one in several]
+    found = [
+        experiment
+        for one in several
+        for experiment in ((one,) if isinstance(one, Experiment) else _named(one))
+    ]
     if not found:
         raise BadArgument("no experiment to compare solvers on; give one or more")
     names = [e.name for e in found]

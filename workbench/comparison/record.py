@@ -38,6 +38,7 @@ class Record:
     claimed_cost: float
     cost: float  # of the problem, at the point that was returned; NaN without one
     optimality: float  # Problem.optimality there
+    digits: float  # that agree with a certified answer, 0 to 11; NaN where none is known
     inside: bool  # the bounds
     end: Array  # (n,) that point; empty without one
     seen: Seen
@@ -65,7 +66,7 @@ class Record:
             "solver": self.solver, "instance": self.instance, "ending": self.ending.name,
             "message": self.message, "claim": self.claim, "claimed_cost": self.claimed_cost,
             "cost": self.cost, "optimality": self.optimality, "inside": self.inside,
-            "machine": self.machine, "evaluations": asdict(seen.evaluations),
+            "digits": self.digits, "machine": self.machine, "evaluations": asdict(seen.evaluations),
             "spent": list(seen.spent), "not_finite": seen.not_finite, "seconds": seen.seconds,
         }  # fmt: skip
         return facts, {"end": self.end, "best": seen.best, "trace": seen.trace}
@@ -79,7 +80,7 @@ class Record:
             solver=facts["solver"], instance=facts["instance"], ending=Ending[facts["ending"]],
             message=facts["message"], claim=facts["claim"], claimed_cost=facts["claimed_cost"],
             cost=facts["cost"], optimality=facts["optimality"], inside=facts["inside"],
-            end=arrays["end"], machine=facts["machine"],
+            digits=facts["digits"], end=arrays["end"], machine=facts["machine"],
             seen=Seen(
                 Evaluations(**counts), tuple(facts["spent"]), facts["not_finite"],
                 facts["seconds"], arrays["best"], arrays["trace"].reshape(-1, ROW),
@@ -93,5 +94,17 @@ def ended_early(
     """A run that returned nothing."""
     nothing = np.zeros(0)
     return Record(
-        solver, instance, ending, message, "", np.nan, np.nan, np.nan, True, nothing, seen, machine
+        solver,
+        instance,
+        ending,
+        message,
+        "",
+        np.nan,
+        np.nan,
+        np.nan,
+        np.nan,
+        True,
+        nothing,
+        seen,
+        machine,
     )

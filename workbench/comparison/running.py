@@ -15,6 +15,7 @@ from workbench.comparison.watch import Log, Watch
 from workbench.errors import NotSupported, WorkbenchError
 from workbench.experiments.blame import blaming
 from workbench.experiments.experiment import Setup
+from workbench.experiments.known import digits
 from workbench.problem import Problem
 from workbench.solvers import Solution, Solver
 from workbench.solvers.run import Stop
@@ -111,14 +112,16 @@ def _at(
     claimed: float, seen: Any,
 ) -> Record:  # fmt: skip
     problem = setup.problem
-    cost, optimality, inside = np.nan, np.nan, True
+    cost, optimality, agree, inside = np.nan, np.nan, np.nan, True
     if end.size and np.isfinite(end).all():
         cost, optimality = look(problem, end, problem.split(setup.start)[1])
+        if setup.known is not None and setup.known.values is not None:
+            agree = digits(problem.free.unpack(end), setup.known.values)
         room = 1e-9 * np.maximum(1, abs(end))
         inside = bool((problem.lower <= end + room).all() and (end - room <= problem.upper).all())
     return Record(
-        job.solver.name, job.instance, ending, message, claim, claimed, cost, optimality, inside,
-        end, seen, machine(),
+        job.solver.name, job.instance, ending, message, claim, claimed, cost, optimality, agree,
+        inside, end, seen, machine(),
     )  # fmt: skip
 
 
