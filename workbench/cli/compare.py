@@ -15,13 +15,14 @@ from rich.table import Table
 from workbench import comparison
 from workbench.cli.leaving import Interrupted
 from workbench.cli.run import Setting, settings
+from workbench.comparison.comparison import MAIN
 from workbench.comparison.plan import chosen
+from workbench.comparison.targets import Verdict, named
 from workbench.comparison.words import advice
 from workbench.errors import WorkbenchError
 from workbench.experiments import EXPERIMENTS, SUITES
 from workbench.experiments.blame import caused_by
 from workbench.reports import write_comparison
-from workbench.reports.comparison_tables import success_table
 from workbench.solvers import SOLVERS
 
 USUAL = ("gauss-newton", "levenberg-marquardt", "ipopt", "nlopt-lbfgs")
@@ -142,10 +143,19 @@ class _Told:
 
 
 def _table(found: comparison.Comparison) -> Table:
-    told = success_table(found)
+    """As narrow as a terminal; intervals are on the page."""
     table = Table(box=None, header_style="bold")
-    for i, head in enumerate(told.head):
-        table.add_column(head, justify="right" if i in told.numbers else "left")
-    for row in told.rows:
-        table.add_row(*(escape(cell) for cell in row))
+    table.add_column("solver", no_wrap=True)
+    for head in (f"met {named(MAIN)}", "lowest", "effort", "elsewhere", "false claims", "failed"):
+        table.add_column(head, justify="right")
+    for solver in found.solvers:
+        counts, runs = found.counted(solver), len(found.instances)
+        reached, elsewhere = counts[Verdict.REACHED], counts[Verdict.OTHER_BASIN]
+        wrong = counts[Verdict.FALSE_CLAIM]
+        effort = found.effort(solver, MAIN).value
+        table.add_row(
+            escape(solver), f"{found.success(solver, MAIN).value * runs:.0f}/{runs}",
+            f"{reached}/{runs}", f"{effort:.4g}", str(elsewhere), str(wrong),
+            str(runs - reached - elsewhere - wrong),
+        )  # fmt: skip
     return table

@@ -139,6 +139,13 @@ class Comparison:
 
     def needed(self, tau: float) -> Array:
         """(P, S) cost units until the target, by instance and solver; infinite if never."""
+        return self._needed[tau] if tau in self._needed else self._units_to(tau)
+
+    @cached_property
+    def _needed(self) -> dict[float, Array]:
+        return {tau: self._units_to(tau) for tau in self.taus}
+
+    def _units_to(self, tau: float) -> Array:
         found = np.full((len(self.instances), len(self.solvers)), np.inf)
         for p, instance in enumerate(self.instances):
             for s, solver in enumerate(self.solvers):

@@ -61,7 +61,7 @@ def judge(setup: Setup, ends: tuple[Array, ...]) -> Judgement:
     told = {}
     for k, lost in list(enumerate(found))[1 : EXPLAINED + 1]:
         if np.isfinite(lost.cost):
-            told[k] = explain(problem, fixed, lost, found[0])
+            told[k] = explain(problem, fixed, lost, found[0], setup.priors)
     return Judgement(
         where,
         tuple(basin.cost for basin in found),

@@ -127,7 +127,7 @@ def plan(
     instances: list[Instance] = []
     for experiment in found:
         label = experiment.name
-        if names.count(label) > 1:
+        if names.count(label) > 1 and experiment.arguments:
             label += " (" + ", ".join(f"{k}={v}" for k, v in experiment.arguments.items()) + ")"
         instances += _repeated(label, experiment, seeds)
     labels = [i.name for i in instances]

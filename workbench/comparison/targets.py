@@ -21,6 +21,11 @@ TAUS = (1e-1, 1e-3, 1e-5, 1e-7)
 NEARLY = 1e-9  # of the whole way: nearer than that, a run is at the lowest cost
 
 
+def named(tau: float) -> str:
+    """`1e-5`, as it is written."""
+    return f"{tau:g}".replace("e-0", "e-")
+
+
 class Verdict(Enum):
     """What became of a run, by the problem's own numbers."""
 

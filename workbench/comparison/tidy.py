@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.comparison.comparison import Comparison
 from workbench.comparison.plan import Instance
-from workbench.comparison.targets import claims, stationary
+from workbench.comparison.targets import claims, named, stationary
 from workbench.comparison.watch import KINDS
 from workbench.writing import replacing
 
@@ -23,8 +23,8 @@ MEASURED = ("seconds", "machine")  # not the same on another machine, or a secon
 
 def columns(comparison: Comparison) -> tuple[str, ...]:
     """Of a run; for each target the evaluations and the effort until it was met."""
-    until = [f"{what} to {tau:g}" for tau in comparison.taus for what in (*KINDS,)]
-    effort = [f"{what} to {tau:g}" for tau in comparison.taus for what in ("units", "seconds")]
+    until = [f"{what} to {named(tau)}" for tau in comparison.taus for what in (*KINDS,)]
+    effort = [f"{what} to {named(tau)}" for tau in comparison.taus for what in ("units", "seconds")]
     return (*RUN, *until, "message", *effort, *MEASURED)
 
 
@@ -73,9 +73,11 @@ def _row(comparison: Comparison, instance: Instance, solver: str) -> dict[str, A
     for tau in comparison.taus:
         met = comparison.met(instance.name, solver, tau)
         if met is not None:
-            found |= {f"{kind} to {tau:g}": int(n) for kind, n in zip(KINDS, met, strict=False)}
-            found[f"units to {tau:g}"] = float(comparison.units(instance.problem, met[:4]))
-            found[f"seconds to {tau:g}"] = met[4]
+            found |= {
+                f"{kind} to {named(tau)}": int(n) for kind, n in zip(KINDS, met, strict=False)
+            }
+            found[f"units to {named(tau)}"] = float(comparison.units(instance.problem, met[:4]))
+            found[f"seconds to {named(tau)}"] = met[4]
     return found
 
 

@@ -2,12 +2,12 @@
 
 from workbench.comparison.comparison import MAIN, Comparison
 from workbench.comparison.statistics import Interval
-from workbench.comparison.targets import Verdict
+from workbench.comparison.targets import Verdict, named
 
 
 def percent(interval: Interval) -> str:
-    """`90 % (60 to 98)`."""
-    return f"{interval.value:.0%} ({100 * interval.low:.0f} to {100 * interval.high:.0f})"
+    """`90% (60–98)`."""
+    return f"{interval.value:.0%} ({100 * interval.low:.0f}–{100 * interval.high:.0f})"
 
 
 def surest(comparison: Comparison, tau: float = MAIN) -> tuple[str, ...]:
@@ -32,13 +32,12 @@ def advice(comparison: Comparison, tau: float = MAIN) -> tuple[str, ...]:
     said = []
     first = surest(comparison, tau)
     if not first:
-        return (f"No solver met the target of {tau:g} from any of the {starts} starts.",)
+        return (f"No solver met the target τ = {named(tau)} from any of the {starts} starts.",)
     rate = comparison.success(first[0], tau)
-    who = _and(first)
+    who, alone = _and(first), len(solvers) == 1
     said.append(
-        f"{who} met the target of {tau:g} from {rate.value * starts:.0f} of {starts} starts, "
-        + ("more often than any other." if len(first) == 1 < len(solvers) else "")
-        + ("each." if len(first) > 1 else "" if len(solvers) > 1 else "the only solver here.")
+        f"{who} met the target τ = {named(tau)} from {rate.value * starts:.0f} of {starts} starts"
+        + (" each." if len(first) > 1 else "." if alone else ", more often than any other.")
     )
     alike = as_sure(comparison, tau)
     if len(alike) > len(first):

@@ -6,6 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from workbench.comparison import Comparison
+from workbench.comparison.targets import named
+from workbench.plots.decades import decades
 from workbench.plots.lettering import plain
 from workbench.plots.palette import FAINT
 from workbench.plots.solver_lines import line
@@ -51,6 +53,8 @@ def plot_cost_traces(
     ax.set_yscale("log")
     ax.set_ylim(LOWEST / 3, 5)
     ax.set_xlim(against.least, 1.5 * longest)
+    decades(ax.xaxis, against.least, 1.5 * longest)
+    decades(ax.yaxis, LOWEST, 1.0)
     ax.set_xlabel(against.label)
     ax.set_ylabel("(f − f*) / (f₀ − f*)")
     ax.grid(color=FAINT, alpha=0.2, linewidth=0.6)
@@ -64,6 +68,6 @@ def caption_cost_traces(comparison: Comparison, problem: str) -> str:
     return (
         f"{problem}: how far the best point so far was still above the lowest cost known, as a "
         f"share of the whole way down; {runs}, a dot where a run ended. Dotted lines are the "
-        f"targets. What is below {LOWEST:g} is drawn at {LOWEST:g}. A line that runs flat above "
+        f"targets. What is below {named(LOWEST)} is drawn there. A line that runs flat above "
         "the targets sits in another basin, or is stuck."
     )

@@ -5,6 +5,7 @@ from matplotlib.axes import Axes
 
 from workbench.comparison import Comparison
 from workbench.comparison.comparison import MAIN
+from workbench.comparison.targets import named
 from workbench.plots.lettering import plain
 from workbench.plots.palette import INK
 
@@ -37,8 +38,8 @@ def plot_duels(comparison: Comparison, tau: float = MAIN, *, ax: Axes) -> Axes:
 def caption_duels(comparison: Comparison, tau: float = MAIN) -> str:
     """What `plot_duels` shows."""
     return (
-        f"Pairs of solvers from the same starts, at the target {tau:g}: how often the one in the "
-        "row needed less effort than the one in the column, and the other way round; a target that "
-        "only one of them met is a win, within 1 % is a tie, and what both failed counts for "
+        f"Pairs of solvers from the same starts, at the target {named(tau)}: how often the one in "
+        "the row needed less effort than the one in the column, and the other way round. A target "
+        "that only one of them met is a win, within 1 % is a tie, and what both failed counts for "
         "nobody. Bold: beyond chance (95 %, Wilson). A pair does not depend on who else takes part."
     )

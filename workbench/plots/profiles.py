@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 
 from workbench.comparison import Comparison
 from workbench.comparison.profiles import data_profile, performance_profile, ratios
+from workbench.comparison.targets import named
+from workbench.plots.decades import decades
 from workbench.plots.lettering import plain
 from workbench.plots.palette import FAINT
 from workbench.plots.solver_lines import line
@@ -42,13 +44,15 @@ def plot_data_profile(comparison: Comparison, tau: float, *, ax: Axes) -> Axes:
 def _curves(comparison: Comparison, x: Array, shares: Array, tau: float, ax: Axes) -> None:
     count = len(comparison.solvers)
     for k, solver in enumerate(comparison.solvers):
-        lift = 0.004 * (k - (count - 1) / 2)  # so that equal curves do not hide each other
+        lift = 0.012 * (k / max(1, count - 1) - 0.5)  # so that equal curves do not hide each other
         ax.step(x, shares[:, k] + lift, where="post", linewidth=1.6, label=plain(solver), **line(k))
     ax.set_xscale("log")
+    ax.set_xlim(x[0], x[-1])
+    decades(ax.xaxis, x[0], x[-1])
     ax.set_ylim(-0.03, 1.05)
     ax.yaxis.set_major_formatter(PercentFormatter(1.0))
     ax.set_ylabel("share of the starts")
-    ax.set_title(f"target τ = {tau:g}", loc="left")
+    ax.set_title(f"target τ = {named(tau)}", loc="left")
     ax.grid(color=FAINT, alpha=0.25, linewidth=0.6)
 
 

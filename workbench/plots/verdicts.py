@@ -16,9 +16,6 @@ COLOURS = {
     Verdict.FALSE_CLAIM: VERMILLION,
 }
 NO_ANSWER = "#c9cdd3"
-GROUPS = (
-    "REACHED", "OTHER_BASIN", "STALLED", "OUT_OF_BUDGET", "FALSE_CLAIM",
-)  # fmt: skip
 SHOWN_BASINS = 5
 
 

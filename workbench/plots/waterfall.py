@@ -6,6 +6,7 @@ from matplotlib.ticker import MaxNLocator
 
 from workbench.comparison import Comparison
 from workbench.plots.cost_traces import LOWEST
+from workbench.plots.decades import decades
 from workbench.plots.lettering import plain
 from workbench.plots.palette import FAINT
 from workbench.plots.solver_lines import line, marker
@@ -23,6 +24,7 @@ def plot_waterfall(comparison: Comparison, problem: str, *, ax: Axes) -> Axes:
         ax.axhline(tau, color=FAINT, linewidth=0.7, linestyle=(0, (1, 3)))
     ax.set_yscale("log")
     ax.set_ylim(LOWEST / 3, 5)
+    decades(ax.yaxis, LOWEST, 1.0)
     ax.set_xlim(0.5, len(instances) + 0.5)
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     ax.set_xlabel("run, best first")

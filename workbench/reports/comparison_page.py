@@ -8,6 +8,7 @@ from workbench.comparison import Comparison
 from workbench.comparison.comparison import MAIN
 from workbench.comparison.identity import code_version, identity
 from workbench.comparison.store import MARK, RUNS
+from workbench.comparison.targets import Verdict, named
 from workbench.comparison.tidy import write_csv
 from workbench.comparison.words import advice, basin_sentence
 from workbench.plots import comparison_sheets as sheets
@@ -105,8 +106,10 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
         problems=comparison.problems,
         starts=len(comparison.instances),
         advice=advice(comparison),
-        main=f"{MAIN:g}",
+        main=named(MAIN),
         verdicts=shown(sheets.verdicts_sheet(comparison), caption_verdicts(comparison)),
+        outcomes=tables.verdicts_table(comparison),
+        meanings={v.name.lower().replace("_", " "): v.value for v in Verdict},
         success=tables.success_table(comparison),
         effort=tables.effort_table(comparison),
         data_profile=shown(
@@ -124,7 +127,7 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
         unbuilt=comparison.unbuilt,
         options=tables.options_table(comparison),
         budget=budget,
-        taus=", ".join(f"{tau:g}" for tau in comparison.taus),
+        taus=", ".join(named(tau) for tau in comparison.taus),
         machines=machines(comparison),
         versions=versions(),
         files=files,
@@ -142,10 +145,10 @@ def _of(comparison: Comparison, problem: str) -> dict[str, Any]:
     instances = comparison.of(problem)
     several = any(len(comparison.judgement(i.name).costs) > 1 for i in instances)
     explained = {
-        f"{i.name}, basin {k + 1}": str(e)
-        for i in instances
-        if comparison.groups[_group(comparison, i.name)][0] == i.name
-        for k, e in comparison.judgement(i.name).explanations.items()
+        f"{group[0] if len(group) == 1 else problem}, basin {k + 1}": str(e)
+        for group, judgement in zip(comparison.groups, comparison.judgements, strict=True)
+        if group[0] in {i.name for i in instances}
+        for k, e in judgement.explanations.items()
     }
     return {
         "name": problem,
@@ -164,7 +167,3 @@ def _of(comparison: Comparison, problem: str) -> dict[str, Any]:
         "explained": explained,
         "unjudged": [m for i in instances if (m := comparison.judgement(i.name).message)],
     }  # fmt: skip
-
-
-def _group(comparison: Comparison, instance: str) -> int:
-    return next(k for k, group in enumerate(comparison.groups) if instance in group)

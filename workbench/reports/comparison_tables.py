@@ -7,6 +7,7 @@ from workbench.comparison.comparison import MAIN
 from workbench.comparison.identity import identity
 from workbench.comparison.plan import Instance
 from workbench.comparison.statistics import Interval, median
+from workbench.comparison.targets import named
 from workbench.comparison.watch import KINDS
 from workbench.comparison.words import percent
 from workbench.reports.tables import Row, Table, number
@@ -15,31 +16,30 @@ PLURAL = ("residuals", "gradients", "Jacobians", "Hessians")
 
 
 def success_table(comparison: Comparison) -> Table:
-    """How often each solver met each target, and what its runs came to."""
-    rows = []
-    for solver in comparison.solvers:
-        counts = comparison.counted(solver)
-        failed = counts.total() - sum(
-            counts[v]
-            for v in (
-                Verdict.REACHED, Verdict.OTHER_BASIN, Verdict.STALLED, Verdict.OUT_OF_BUDGET,
-                Verdict.FALSE_CLAIM,
-            )
-        )  # fmt: skip
-        rows.append(
-            (
-                solver,
-                *(percent(comparison.success(solver, tau)) for tau in comparison.taus),
-                percent(comparison.reached(solver)),
-                str(counts[Verdict.OTHER_BASIN]), str(counts[Verdict.FALSE_CLAIM]),
-                str(counts[Verdict.STALLED]), str(counts[Verdict.OUT_OF_BUDGET]), str(failed),
-            )
-        )  # fmt: skip
+    """How often each solver met each target, and returned a point at the lowest cost."""
+    rows = tuple(
+        (
+            solver,
+            *(percent(comparison.success(solver, tau)) for tau in comparison.taus),
+            percent(comparison.reached(solver)),
+        )
+        for solver in comparison.solvers
+    )
     head = (
-        "solver", *(f"τ = {tau:g}" for tau in comparison.taus), "ended at the lowest cost",
-        "other basin", "false claim", "stalled", "out of budget", "no answer",
+        "solver", *(f"τ = {named(tau)}" for tau in comparison.taus), "ended at the lowest cost",
     )  # fmt: skip
-    return Table(head, tuple(rows), tuple(range(1, len(head))))
+    return Table(head, rows, tuple(range(1, len(head))))
+
+
+def verdicts_table(comparison: Comparison) -> Table:
+    """How many runs came to what; verdicts that nobody met are left out."""
+    counts = [comparison.counted(solver) for solver in comparison.solvers]
+    there = [v for v in Verdict if any(c[v] for c in counts)]
+    rows = tuple(
+        (solver, *(str(c[v]) for v in there))
+        for solver, c in zip(comparison.solvers, counts, strict=True)
+    )
+    return Table(("solver", *(_verdict(v) for v in there)), rows, tuple(range(1, len(there) + 1)))
 
 
 def effort_table(comparison: Comparison, tau: float = MAIN) -> Table:
@@ -56,11 +56,11 @@ def effort_table(comparison: Comparison, tau: float = MAIN) -> Table:
         rows.append(
             (
                 solver, f"{sum(row is not None for row in met)} of {len(met)}",
-                *(number(c, 4) for c in counts), _told(comparison.effort(solver, tau)),
+                *(_amount(c) for c in counts), _told(comparison.effort(solver, tau)),
                 _told(seconds),
             )
         )  # fmt: skip
-    head = ("solver", "met", *PLURAL, "effort, residuals' worth", "seconds")
+    head = ("solver", "met", *PLURAL, "effort", "seconds")
     return Table(head, tuple(rows), tuple(range(1, len(head))))
 
 
@@ -79,13 +79,13 @@ def problem_table(comparison: Comparison, problem: str, tau: float = MAIN) -> Ta
         rows.append(
             (
                 solver, percent(comparison.success(solver, tau, problem)),
-                *(number(c, 4) for c in counts),
+                *(_amount(c) for c in counts),
                 _told(comparison.effort(solver, tau, problem)), number(lowest, 7),
                 _verdicts(comparison, chosen, solver),
             )
         )  # fmt: skip
     head = (
-        "solver", f"met τ = {tau:g}", *PLURAL, "effort, residuals' worth", "lowest end",
+        "solver", f"met τ = {named(tau)}", *PLURAL, "effort", "lowest end",
         "what its runs came to",
     )  # fmt: skip
     return Table(head, tuple(rows), tuple(range(1, len(head) - 1)))
@@ -176,12 +176,21 @@ def _verdicts(comparison: Comparison, chosen: tuple[Instance, ...], solver: str)
     found = [comparison.verdicts[i.name, solver] for i in chosen]
     names = dict.fromkeys(found)
     if len(chosen) == 1:
-        return found[0].name.lower().replace("_", " ")
-    return ", ".join(f"{found.count(v)} {v.name.lower().replace('_', ' ')}" for v in names)
+        return _verdict(found[0])
+    return ", ".join(f"{found.count(v)} {_verdict(v)}" for v in names)
+
+
+def _verdict(verdict: Verdict) -> str:
+    return verdict.name.lower().replace("_", " ")
 
 
 def _told(interval: Interval) -> str:
-    """`23.4 (20.1 to 31)`."""
-    if np.isnan(interval.low):
-        return number(interval.value, 4)
-    return f"{number(interval.value, 4)} ({number(interval.low, 3)} to {number(interval.high, 3)})"
+    """`23.4 (20.1–31)`."""
+    if np.isnan(interval.low) or np.isinf(interval.low):
+        return _amount(interval.value)
+    return f"{_amount(interval.value)} ({_amount(interval.low)}–{_amount(interval.high)})"
+
+
+def _amount(value: float) -> str:
+    """Three digits, and no powers of ten up to a million."""
+    return f"{value:,.0f}" if 1000 <= value < 1e6 else number(value, 3)
