@@ -18,6 +18,7 @@ FLOORS = (  # from the ground up; a room imports from lower floors and from itse
     ("diagnostics",),
     ("solvers", "sampling"),
     ("registration", "training", "experiments"),
+    ("comparison",),
     ("plots",),
     ("reports",),
     ("cli",),

@@ -6,7 +6,9 @@ from workbench import residuals
 WORKBENCH = [
     "SOLVERS",
     "Block",
+    "Budget",
     "Camera",
+    "Comparison",
     "Constraint",
     "Diagnosis",
     "Dogleg",
@@ -30,6 +32,7 @@ WORKBENCH = [
     "SteepestDescent",
     "Values",
     "WorkbenchError",
+    "compare",
     "diagnose",
     "linear_blend",
     "load_body",

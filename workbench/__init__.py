@@ -8,6 +8,7 @@ from workbench.blocks import Block, Layout, Points, Values
 from workbench.bodies import Landmarks, SkinnedBody, linear_blend
 from workbench.bodies.catalogue import load_body
 from workbench.bodies.saving import save_body
+from workbench.comparison import Budget, Comparison, compare
 from workbench.diagnostics import Diagnosis, diagnose
 from workbench.errors import WorkbenchError
 from workbench.geometry.camera import Camera
@@ -33,7 +34,9 @@ from workbench.solvers import (
 __all__ = [
     "SOLVERS",
     "Block",
+    "Budget",
     "Camera",
+    "Comparison",
     "Constraint",
     "Diagnosis",
     "Dogleg",
@@ -57,6 +60,7 @@ __all__ = [
     "SteepestDescent",
     "Values",
     "WorkbenchError",
+    "compare",
     "diagnose",
     "linear_blend",
     "load_body",

@@ -7,6 +7,7 @@ from typing import ParamSpec
 import typer
 
 from workbench.cli.body import body
+from workbench.cli.compare import compare
 from workbench.cli.diagnose import diagnose
 from workbench.cli.fit import fit
 from workbench.cli.info import info
@@ -41,5 +42,5 @@ def interruptible(command: Callable[P, None]) -> Callable[P, None]:
     return run_it
 
 
-for command in (run, fit, diagnose, body, info):
+for command in (run, fit, diagnose, compare, body, info):
     app.command()(interruptible(command))

@@ -13,6 +13,7 @@ from rich.table import Table
 from workbench.bodies.arithmetic import WORTH_COMPILING
 from workbench.bodies.catalogue import load_body
 from workbench.bodies.kernels import kernels
+from workbench.comparison.machine import processor
 from workbench.compiling import NoLibrary, cache_folder, find_compiler
 from workbench.threads import blas_libraries, thread_count
 
@@ -50,7 +51,7 @@ def _facts(name: str) -> list[tuple[str, str]]:
         ("cache", _cache()),
         ("BLAS threads", f"{thread_count()} in a run (WORKBENCH_THREADS sets it)"),
         *(("BLAS", text) for text in blas_libraries()),
-        ("processor", f"{_processor()}, {os.cpu_count()} cores seen"),
+        ("processor", f"{processor()}, {os.cpu_count()} cores seen"),
         ("system", f"{platform.system()} {platform.release()}, {platform.machine()}"),
         ("python", platform.python_version()),
         *((package, version(package)) for package in PACKAGES),
@@ -71,12 +72,3 @@ def _cache() -> str:
     files = sorted(folder.glob("*.so")) if folder.is_dir() else []
     size = sum(file.stat().st_size for file in files)
     return f"{folder}: {len(files)} libraries, {size / 1e6:.1f} MB"
-
-
-def _processor() -> str:
-    try:
-        with open("/proc/cpuinfo", encoding="utf-8") as lines:
-            names = [line.partition(":")[2].strip() for line in lines if "model name" in line]
-    except OSError:
-        names = []
-    return names[0] if names else platform.processor() or "unknown"

@@ -1,7 +1,5 @@
 """The experiments by name, and those that a user's own file describes."""
 
-import importlib.util
-import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +11,7 @@ from workbench.experiments.balance import balance, balance_monocular
 from workbench.experiments.blame import blaming
 from workbench.experiments.correspondences import known_correspondences
 from workbench.experiments.experiment import Experiment, Setup
+from workbench.experiments.own_file import loaded
 from workbench.experiments.registration import registration
 from workbench.experiments.suites import SUITES
 
@@ -61,20 +60,8 @@ def find(name: str, arguments: Mapping[str, Any] | None = None) -> Experiment:
 
 
 def _from_file(path: Path) -> Experiment:
-    if not path.is_file():
-        raise BadFile(f"there is no file {path}; give the path of a Python file, or one of "
-                      f"{', '.join(EXPERIMENTS)}")  # fmt: skip
-    source = str(path.resolve())
-    spec = importlib.util.spec_from_file_location(path.stem, source)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules.setdefault(path.stem, module)
-    folder = str(path.resolve().parent)  # where its own imports are, as under `python FILE.py`
-    if folder not in sys.path:
-        sys.path.insert(0, folder)
+    module, source = loaded(path, f"one of {', '.join(EXPERIMENTS)}")
     with blaming(source):
-        spec.loader.exec_module(module)
         return replace(_described(module, path), source=source)
 
 

@@ -19,13 +19,17 @@ def best_cost(solutions: Mapping[str, Solution]) -> float:
 
 
 def excess(solution: Solution, among: Mapping[str, Solution]) -> float:
-    """(cost - best) / best, 0 where the difference is rounding.
+    """(cost - best) / best among them, 0 where the difference is rounding."""
+    return share_above(solution.cost, best_cost(among), start_cost(among))
 
-    That is, as a share of the lowest cost among them; infinite above a best cost of 0.
+
+def share_above(cost: float, best: float, start: float) -> float:
+    """(cost - best) / best, 0 where that is rounding of the cost at the start.
+
+    That is, as a share of the lowest cost; infinite above a best cost of 0.
     """
-    best = best_cost(among)
-    above = solution.cost - best
-    if above <= SMALLEST * start_cost(among):
+    above = cost - best
+    if above <= SMALLEST * start:
         return 0.0
     return above / abs(best) if best else math.inf * above
 

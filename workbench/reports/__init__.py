@@ -1,8 +1,16 @@
 """A run as one page with its numbers beside it, and a body as a card."""
 
 from workbench.reports.card import card_text, write_card
+from workbench.reports.comparison_page import write_comparison
 from workbench.reports.diagnosis_page import write_diagnosis
 from workbench.reports.folder import refuse_foreign
 from workbench.reports.report import write_report
 
-__all__ = ["card_text", "refuse_foreign", "write_card", "write_diagnosis", "write_report"]
+__all__ = [
+    "card_text",
+    "refuse_foreign",
+    "write_card",
+    "write_comparison",
+    "write_diagnosis",
+    "write_report",
+]

@@ -1,0 +1,161 @@
+"""`workbench compare`: solvers on problems, from the same starts, under one budget."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from joblib import parallel_config
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from workbench import comparison
+from workbench.cli.leaving import Interrupted
+from workbench.cli.run import Setting, settings
+from workbench.comparison.comparison import MAIN
+from workbench.comparison.plan import chosen
+from workbench.comparison.targets import Verdict, named
+from workbench.comparison.words import advice
+from workbench.errors import WorkbenchError
+from workbench.experiments import EXPERIMENTS, SUITES
+from workbench.experiments.blame import caused_by
+from workbench.reports import write_comparison
+from workbench.solvers import SOLVERS
+
+USUAL = ("gauss-newton", "levenberg-marquardt", "ipopt", "nlopt-lbfgs")
+Names = Annotated[
+    list[str],
+    typer.Argument(
+        help=f"Experiments ({', '.join(EXPERIMENTS)}), suites ({', '.join(SUITES)}), problems of a "
+        "suite, Python files."
+    ),
+]
+Limits = comparison.Budget()
+
+
+def compare(
+    names: Names,
+    solver: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--solver", help=f"Of {', '.join(SOLVERS)}, or a Python file; once for each solver."
+        ),
+    ] = None,
+    setting: Setting = None,
+    seeds: Annotated[
+        int, typer.Option(help="How many starts, of problems with an argument start or seed.")
+    ] = 1,
+    workers: Annotated[int, typer.Option(help="Runs side by side on this machine.")] = 1,
+    dask: Annotated[
+        str | None, typer.Option(help="Address of a Dask scheduler, to run on its workers instead.")
+    ] = None,
+    max_evaluations: Annotated[
+        int, typer.Option(help="Of each run: residuals, gradients, Jacobians, Hessians together.")
+    ] = Limits.max_evaluations,
+    max_seconds: Annotated[float, typer.Option(help="Of each run.")] = Limits.max_seconds,
+    out: Annotated[Path, typer.Option(help="Folder of the comparison.")] = Path("runs/comparison"),
+) -> None:
+    """Compare solvers on problems; an interrupted comparison goes on where it stopped.
+
+    What is in the folder already is not run again. The page says which solver to take when.
+    """
+    console = Console()
+    experiments = chosen(names, settings(setting))
+    budget = comparison.Budget(max_evaluations=max_evaluations, max_seconds=max_seconds)
+    told = _Told(console)
+    try:
+        with _cluster(dask), told:
+            found = comparison.compare(
+                experiments, solver or USUAL, seeds=seeds, budget=budget, workers=workers,
+                folder=out, progress=told,
+            )  # fmt: skip
+    except (KeyboardInterrupt, SystemError) as error:
+        if not caused_by(error, KeyboardInterrupt):
+            raise
+        raise Interrupted(
+            f"interrupted while {told.last}; what was finished is stored in {out}, and the same "
+            "command goes on from there"
+        ) from error
+    console.print(_table(found))
+    for text in advice(found):
+        console.print(escape(text), highlight=False, soft_wrap=True)
+    console.print("[dim]writing the page[/]")
+    page = write_comparison(found, out)
+    console.print(f"report: [bold]{escape(str(page))}[/]", soft_wrap=True)
+
+
+@contextmanager
+def _cluster(address: str | None) -> Iterator[None]:
+    """Runs go to a Dask cluster inside, if there is an address of one."""
+    if address is None:
+        yield
+        return
+    try:
+        from distributed import Client
+    except ImportError as error:
+        raise WorkbenchError(
+            "--dask needs Dask, which is not installed: pip install 'workbench[dask]'"
+        ) from error
+    try:
+        client = Client(address, timeout=10)  # type: ignore[no-untyped-call]
+    except (OSError, ValueError) as error:
+        raise WorkbenchError(
+            f"no Dask scheduler answers at {address}: {error}; start one with `dask scheduler`"
+        ) from error
+    with client, parallel_config(backend="dask"):
+        yield
+
+
+class _Told:
+    """Progress: bars where somebody watches, a line for each tenth elsewhere."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._bars = Progress(
+            TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(),
+            TimeRemainingColumn(), console=console,
+        )  # fmt: skip
+        self._tasks: dict[str, int] = {}
+        self._tenths: dict[str, int] = {}
+        self.last = "starting"
+
+    def __enter__(self) -> "_Told":
+        if self._console.is_terminal:
+            self._bars.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._console.is_terminal:
+            self._bars.stop()
+
+    def __call__(self, what: str, done: int, of: int) -> None:
+        self.last = f"{what} ({done} of {of} done)"
+        if self._console.is_terminal:
+            if what not in self._tasks:
+                self._tasks[what] = self._bars.add_task(what, total=of)
+            self._bars.update(self._tasks[what], completed=done)  # type: ignore[arg-type]
+        elif self._tenths.get(what) != 10 * done // max(1, of):
+            self._tenths[what] = 10 * done // max(1, of)
+            self._console.print(f"{what}: {done} of {of}", highlight=False)
+
+
+def _table(found: comparison.Comparison) -> Table:
+    """As narrow as a terminal; intervals are on the page."""
+    table = Table(box=None, header_style="bold")
+    table.add_column("solver", no_wrap=True)
+    for head in (f"met {named(MAIN)}", "lowest", "effort", "elsewhere", "false claims", "failed"):
+        table.add_column(head, justify="right")
+    for solver in found.solvers:
+        counts, runs = found.counted(solver), len(found.instances)
+        reached, elsewhere = counts[Verdict.REACHED], counts[Verdict.OTHER_BASIN]
+        wrong = counts[Verdict.FALSE_CLAIM]
+        effort = found.effort(solver, MAIN).value
+        table.add_row(
+            escape(solver), f"{found.success(solver, MAIN).value * runs:.0f}/{runs}",
+            f"{reached}/{runs}", f"{effort:.4g}", str(elsewhere), str(wrong),
+            str(runs - reached - elsewhere - wrong),
+        )  # fmt: skip
+    return table

@@ -1,0 +1,89 @@
+"""Which minimum an end belongs to: the one that Levenberg-Marquardt leads to from there.
+
+Two minima are one if the residuals cannot tell them apart: 1/2 |r_a - r_b|^2, over the whitened
+residuals, is at most a millionth of their cost, or what rounding explains. So whatever lies along
+null directions, or a full turn away, counts as the same.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.comparison.running import look
+from workbench.experiments.comparison import AS_GOOD
+from workbench.problem import Problem
+from workbench.solvers import Ipopt, LevenbergMarquardt, Solver
+
+Array = NDArray[np.float64]
+POLISH_SECONDS = 20.0  # at most, per end
+POLISH_TO = 1e-13  # of Problem.optimality
+FAR_ABOVE_ROUNDING = 1e3  # of |r|
+
+
+@dataclass(frozen=True, eq=False)
+class Basin:
+    """A minimum that some ends lead to."""
+
+    x: Array  # (n,) its lowest point
+    cost: float
+    optimality: float
+    residual: Array  # (m,) whitened
+
+
+def polished(problem: Problem, x: Array, fixed: Array) -> Array:
+    """Where Levenberg-Marquardt (IPOPT, with bounds) leads to from x; never to a higher cost."""
+    options = {"gradient_tolerance": POLISH_TO, "max_seconds": POLISH_SECONDS}
+    solver: Solver = LevenbergMarquardt(**options)  # type: ignore[arg-type]
+    if problem.bounded:
+        solver = Ipopt(**options)  # type: ignore[arg-type]
+    values = problem.free.unpack(x) | problem.fixed.unpack(fixed)
+    try:
+        found = problem.free.pack(solver.solve(problem, values).values)
+    except Exception:  # an end at which nothing can be evaluated leads nowhere
+        return x
+    before, after = look(problem, x, fixed)[0], look(problem, found, fixed)[0]
+    return found if after <= before or not np.isfinite(before) else x
+
+
+def basins(
+    problem: Problem, fixed: Array, ends: Sequence[Array]
+) -> tuple[tuple[Basin, ...], tuple[int, ...]]:
+    """The basins, lowest first, and for each end the number of its own, 0 being the lowest.
+
+    An end at which the residual already equals that of a known minimum is not followed further.
+    """
+    found: list[list[Basin]] = []
+    where = []
+    for end in ends:
+        k = _place(problem, found, _at(problem, end, fixed), fixed)
+        if k is None:
+            basin = _at(problem, polished(problem, end, fixed), fixed)
+            k = _place(problem, found, basin, fixed)
+            if k is None:
+                k = len(found)
+                found.append([])
+            found[k].append(basin)
+        where.append(k)
+    lowest = [min(members, key=lambda basin: basin.cost) for members in found]
+    order = sorted(range(len(lowest)), key=lambda k: lowest[k].cost)
+    rank = {k: i for i, k in enumerate(order)}
+    return tuple(lowest[k] for k in order), tuple(rank[k] for k in where)
+
+
+def _place(problem: Problem, found: list[list[Basin]], at: Basin, fixed: Array) -> int | None:
+    """The first basin with a member that has the same residual."""
+    for k, members in enumerate(found):
+        for member in members:
+            apart = at.residual - member.residual
+            rounding = FAR_ABOVE_ROUNDING * problem.rounding(member.x, fixed)
+            least = AS_GOOD * max(at.cost, member.cost) + 0.5 * rounding**2
+            if 0.5 * float(apart @ apart) <= least:
+                return k
+    return None
+
+
+def _at(problem: Problem, x: Array, fixed: Array) -> Basin:
+    cost, optimality = look(problem, x, fixed)
+    return Basin(x, cost, optimality, problem.residual(x, fixed))

@@ -1,0 +1,52 @@
+"""What every run may spend, the same for all solvers."""
+
+from dataclasses import dataclass, fields, is_dataclass, replace
+from typing import Any
+
+from workbench.errors import BadArgument
+from workbench.solvers import Solver
+
+
+@dataclass(frozen=True)
+class Budget:
+    """Limits of one run; `given` hands them to a solver, and the watch enforces them on all.
+
+    `gradient_tolerance` is far below what the judgement asks for, so that nobody's stopping rule
+    decides; whether a point is stationary is judged at `stationary` (both of Problem.optimality).
+    Raises BadArgument for a limit that is not above zero.
+    """
+
+    max_evaluations: int = 5_000  # of residual, gradient, Jacobian and Hessian together
+    max_seconds: float = 60.0
+    gradient_tolerance: float = 1e-10
+    stationary: float = 1e-6
+    grace: float = 2.0  # s after max_seconds, or three Jacobians; then the process is killed
+    build_seconds: float = 300.0  # for building a problem, before the clock starts
+    judge_seconds: float = 900.0  # for looking at all ends of one problem
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not value > 0:
+                raise BadArgument(f"{field.name} of a budget must be above 0, not {value!r}")
+
+    def given(self, solver: Solver, repetition: int = 0) -> Solver:
+        """The solver with these limits in those of the house's options that it has, and a seed of
+        its own for each repetition if it has one.
+        """
+        wanted = {
+            "max_evaluations": self.max_evaluations,
+            "max_iterations": self.max_evaluations,  # a step takes an evaluation at least
+            "max_seconds": self.max_seconds,
+            "gradient_tolerance": self.gradient_tolerance,
+            "seed": repetition,
+        }
+        options: Any = solver
+        fits = fields(options) if is_dataclass(options) else ()
+        has = {field.name for field in fits if field.init} & wanted.keys()
+        return _changed(options, {name: wanted[name] for name in has})
+
+
+def _changed(solver: Any, options: dict[str, Any]) -> Solver:
+    changed: Solver = replace(solver, **options) if options else solver
+    return changed

@@ -1,0 +1,183 @@
+"""Carrying out a comparison: in processes that can be killed, stored as it goes."""
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+from joblib import Parallel, delayed
+
+from workbench.comparison.budget import Budget
+from workbench.comparison.comparison import Comparison, ended
+from workbench.comparison.contained import answered, pool
+from workbench.comparison.description import Description
+from workbench.comparison.entrants import Entrant, Given, entrants
+from workbench.comparison.jobs import Answer, Describe, Failed, Job, Judge, Solve
+from workbench.comparison.judgement import Judgement, unjudged
+from workbench.comparison.plan import Experiments, Instance, Plan, plan
+from workbench.comparison.record import Record, Stored
+from workbench.comparison.store import Folder, Memory, Store
+from workbench.errors import BadArgument, WorkbenchError
+
+T = TypeVar("T")
+Progress = Callable[[str, int, int], object]  # what is going on, how many are done, of how many
+SLOW = 3  # Jacobians: the grace of a problem whose evaluations take long
+
+
+def compare(
+    experiments: Experiments,
+    solvers: Given,
+    *,
+    seeds: int = 1,
+    budget: Budget | None = None,
+    workers: int = 1,
+    folder: str | Path | None = None,
+    progress: Progress = lambda what, done, of: None,
+) -> Comparison:
+    """Every experiment, from `seeds` starts, by every solver, under one budget.
+
+    Experiments are names, paths of FILE.py, or Experiments; solvers names of SOLVERS, paths of
+    FILE.py, solvers, or a dict of solvers by names of one's own. With `folder` each finished run is
+    stored there, and what is stored already is not run again: an interrupted comparison goes on
+    where it stopped. `workers` runs go side by side; inside of `joblib.parallel_config("dask")`
+    they go to that cluster.
+
+    Raises UnknownName, BadFile or BadArgument before anything runs; WorkbenchError if no
+    experiment can be built. What a solver does wrong is in its records.
+    """
+    chosen = plan(experiments, entrants(solvers), seeds, budget or Budget())
+    if workers < 1:
+        raise BadArgument(f"workers is how many runs go side by side, 1 or more; not {workers}")
+    store: Store = Memory() if folder is None else Folder(folder)
+    hands = _Hands(store, workers, progress)
+    try:
+        return _carried_out(chosen, hands)
+    finally:
+        pool().close()
+
+
+class _Hands:
+    """Jobs go out, answers are stored as they come."""
+
+    def __init__(self, store: Store, workers: int, progress: Progress) -> None:
+        self.store, self.workers, self.progress = store, workers, progress
+
+    def do(
+        self, what: str, jobs: Iterable[Job], of: Callable[[Stored], T]
+    ) -> tuple[dict[str, T], dict[str, Failed]]:
+        """Results by key, and what failed; those that are stored are not asked for."""
+        every = list(jobs)
+        found = {
+            job.key: kept for job in every if (kept := self.store.get(job.key, of)) is not None
+        }
+        failed: dict[str, Failed] = {}
+        missing = [job for job in every if job.key not in found]
+        self.progress(what, len(found), len(every))
+        parallel = Parallel(
+            n_jobs=self.workers, prefer="threads", return_as="generator_unordered", batch_size=1
+        )
+        for key, answer in parallel(delayed(_keyed)(job) for job in missing):
+            if isinstance(answer, Failed):
+                failed[key] = answer
+            else:
+                self.store.put(key, answer)
+                found[key] = of(answer)
+            self.progress(what, len(found) + len(failed), len(every))
+        return found, failed
+
+
+def _keyed(job: Job) -> tuple[str, Answer | Failed]:
+    return job.key, answered(job)
+
+
+def _carried_out(chosen: Plan, hands: _Hands) -> Comparison:
+    described, unbuilt = _described(chosen, hands)
+    instances = tuple(i for i in chosen.instances if i.name in described)
+    if not instances:
+        first = next(iter(unbuilt.items()))
+        raise WorkbenchError(f"no experiment can be built; {first[0]}: {first[1]}")
+    jobs = {
+        (instance.name, entrant.name): _solve(chosen, instance, entrant, described[instance.name])
+        for instance in instances
+        for entrant in chosen.entrants
+    }
+    found, _ = hands.do("solving", jobs.values(), Record.of)
+    records = {names: found[job.key] for names, job in jobs.items()}
+    groups = _groups(instances, described)
+    judgements = _judged(chosen, hands, instances, groups, records)
+    return Comparison(chosen, instances, unbuilt, described, records, groups, judgements)
+
+
+def _described(chosen: Plan, hands: _Hands) -> tuple[dict[str, Description], dict[str, str]]:
+    """What each instance is; where numbers run out (`start=3` of two) there is no instance."""
+    jobs = {
+        i.name: Describe(chosen.key("problem", i.identity()), i.sent(), i.name, chosen.budget)
+        for i in chosen.instances
+    }
+    found, failed = hands.do("looking at the problems", jobs.values(), Description.of)
+    unbuilt = {}
+    for instance in chosen.instances:
+        wrong = failed.get(jobs[instance.name].key)
+        if wrong is not None and not (wrong.argument and instance.repetition):
+            unbuilt[instance.name] = wrong.message
+    return {name: found[job.key] for name, job in jobs.items() if job.key in found}, unbuilt
+
+
+def _solve(chosen: Plan, instance: Instance, entrant: Entrant, about: Description) -> Solve:
+    return Solve(
+        key=chosen.run_key(instance, entrant),
+        experiment=instance.sent(),
+        solver=entrant.sent(),
+        instance=instance.name,
+        repetition=instance.repetition,
+        budget=chosen.budget,
+        grace=max(chosen.budget.grace, SLOW * about.seconds["jacobian"]),
+        own="" if entrant.of_the_house else entrant.name,
+    )
+
+
+def _groups(
+    instances: tuple[Instance, ...], described: dict[str, Description]
+) -> tuple[tuple[str, ...], ...]:
+    """Instances of one experiment whose problems are the same and only the starts differ."""
+    groups: list[tuple[str, list[str]]] = []
+    for instance in instances:
+        about = described[instance.name]
+        for problem, names in groups:
+            if problem == instance.problem and described[names[0]].same_problem(about):
+                names.append(instance.name)
+                break
+        else:
+            groups.append((instance.problem, [instance.name]))
+    return tuple(tuple(names) for _, names in groups)
+
+
+def _judged(
+    chosen: Plan,
+    hands: _Hands,
+    instances: tuple[Instance, ...],
+    groups: tuple[tuple[str, ...], ...],
+    records: dict[tuple[str, str], Record],
+) -> tuple[Judgement, ...]:
+    by_name = {instance.name: instance for instance in instances}
+    names = tuple(entrant.name for entrant in chosen.entrants)
+    jobs: dict[int, Judge] = {}
+    for k, group in enumerate(groups):
+        ends = [records[key].end for key in ended(group, names, records)]
+        runs = [records[name, solver] for name in group for solver in names]
+        deepest = min(runs, key=lambda r: r.lowest)
+        if deepest.seen.best.size and deepest.lowest < min(
+            (r.cost for r in runs if r.finite and r.inside), default=np.inf
+        ):
+            ends.append(deepest.seen.best)  # of a run that did not return it
+        if ends:
+            instance = by_name[group[0]]
+            key = chosen.key("judgement", instance.identity(), ends)
+            jobs[k] = Judge(key, instance.sent(), tuple(ends), chosen.budget)
+    found, failed = hands.do("looking at the ends", jobs.values(), Judgement.of)
+    return tuple(
+        found[jobs[k].key]
+        if k in jobs and jobs[k].key in found
+        else unjudged(failed[jobs[k].key].message if k in jobs else "")
+        for k in range(len(groups))
+    )

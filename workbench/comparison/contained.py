@@ -1,0 +1,169 @@
+"""Worker processes that can be killed, and the pool that lends them out.
+
+They are started as plain subprocesses, so this works in daemonic processes as well, which may not
+have children by `multiprocessing`: those of Dask's nannies, or of joblib.
+"""
+
+import os
+import pickle
+import queue
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+from contextlib import suppress
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from workbench.comparison.jobs import Answer, Failed, Job, Lost, Solve
+from workbench.comparison.machine import machine
+from workbench.comparison.record import Ending, ended_early
+from workbench.comparison.watch import Log
+from workbench.threads import thread_count
+
+STARTING = 120.0  # s, for Python to start and import the workbench
+COMMAND = "from workbench.comparison.worker import main; main()"
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+class Worker:
+    """One process; it lives until it is killed, or its input is closed."""
+
+    def __init__(self) -> None:
+        paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
+        environment = os.environ | {"PYTHONPATH": paths}
+        environment |= dict.fromkeys(THREADS, str(thread_count()))
+        self._process = subprocess.Popen(
+            [sys.executable, "-c", COMMAND], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL, env=environment, start_new_session=True,
+        )  # fmt: skip
+        self._said: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._listener = threading.Thread(target=self._listen, daemon=True)
+        self._listener.start()
+
+    def ask(self, job: Job) -> Answer | Failed | Lost:
+        """The answer, or why there is none; a worker that was lost cannot be asked again."""
+        phase, limit = "starting", STARTING
+        try:
+            assert self._process.stdin is not None
+            pickle.dump(job, self._process.stdin)
+            self._process.stdin.flush()
+        except OSError:
+            return self._lost(phase, killed=False)
+        while True:
+            try:
+                said = self._said.get(timeout=limit)
+            except queue.Empty:
+                return self._lost(phase, killed=True)
+            if said is None:
+                return self._lost(phase, killed=False)
+            if isinstance(said, Failed) or isinstance(said[0], dict):
+                return said  # type: ignore[no-any-return]  # what the worker sends
+            phase, limit = said
+
+    def kill(self) -> None:
+        """At once, with whatever it has started itself."""
+        with suppress(OSError):
+            if hasattr(os, "killpg"):
+                os.killpg(self._process.pid, signal.SIGKILL)
+            else:
+                self._process.kill()
+        self._process.wait()
+        self._listener.join(timeout=10)
+        for pipe in (self._process.stdin, self._process.stdout):
+            with suppress(OSError):
+                if pipe is not None:
+                    pipe.close()
+
+    def _lost(self, phase: str, killed: bool) -> Lost:
+        self.kill()
+        code = self._process.returncode
+        said = f"in the phase of {phase}, "
+        if killed:
+            return Lost(phase, True, said + "it took too long")
+        by = signal.Signals(-code).name if code < 0 else f"exit code {code}"
+        return Lost(phase, False, said + f"its process died ({by})")
+
+    def _listen(self) -> None:
+        assert self._process.stdout is not None
+        with suppress(Exception):  # whatever happens to the pipe is its end
+            while True:
+                self._said.put(pickle.load(self._process.stdout))
+        self._said.put(None)
+
+
+class Pool:
+    """Idle workers by whose they are: a solver from outside shares no process with others."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._idle: dict[str, list[Worker]] = {}
+        self.unrehearsed: set[str] = set()  # solvers that do not survive a rehearsal
+        self._busy: set[Worker] = set()
+
+    def ask(self, job: Job) -> Answer | Failed | Lost:
+        """Ask an idle worker, or a new one."""
+        with self._lock:
+            idle = self._idle.setdefault(job.own, [])
+            worker = idle.pop() if idle else Worker()
+            self._busy.add(worker)
+        answer: Answer | Failed | Lost | None = None
+        try:
+            answer = worker.ask(job)
+            return answer
+        finally:
+            well = answer is not None and not isinstance(answer, Lost)
+            if not well:
+                worker.kill()
+            with self._lock:
+                self._busy.discard(worker)
+                if well:
+                    self._idle.setdefault(job.own, []).append(worker)
+
+    def close(self) -> None:
+        """End every worker, busy or not."""
+        with self._lock:
+            every = [*self._busy, *(w for idle in self._idle.values() for w in idle)]
+            self._idle.clear()
+        for worker in every:
+            worker.kill()
+
+
+@cache
+def pool() -> Pool:
+    """The one of this process: threads share it, and a Dask worker keeps it between tasks."""
+    return Pool()
+
+
+def answered(job: Job) -> Answer | Failed:
+    """What a job comes to, whatever happens in it."""
+    if isinstance(job, Solve):
+        return _run(job)
+    answer = pool().ask(job)
+    return Failed(answer.message) if isinstance(answer, Lost) else answer
+
+
+def _run(job: Solve) -> Answer:
+    """A run that gives no answer is told by what its watch wrote before it was lost."""
+    with tempfile.TemporaryDirectory(prefix="workbench-", ignore_cleanup_errors=True) as folder:
+        unrehearsed = pool().unrehearsed
+        rehearse = job.solver.name not in unrehearsed
+        job = replace(job, log=str(Path(folder) / "log"), rehearse=rehearse)
+        answer = pool().ask(job)
+        if isinstance(answer, Lost) and answer.phase == "rehearsing":
+            unrehearsed.add(job.solver.name)
+            answer = pool().ask(replace(job, rehearse=False))
+        if isinstance(answer, Lost):
+            ending = Ending.KILLED if answer.killed else Ending.CRASHED
+        elif isinstance(answer, Failed):
+            ending = Ending.RAISED
+        else:
+            return answer
+        Path(job.log).touch()
+        seen = Log.read(job.log)
+    return ended_early(
+        job.solver.name, job.instance, ending, answer.message, seen, machine()
+    ).stored()

@@ -1,0 +1,108 @@
+"""What an instance is, before anybody solves it: its size, its start, what an evaluation costs."""
+
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.comparison.record import Stored
+from workbench.comparison.running import look, warm
+from workbench.experiments.experiment import Setup
+from workbench.threads import limited_threads
+
+Array = NDArray[np.float64]
+PROBES = (0.0, 1e-3, 0.1, 1.0)  # sizes of the points at which two problems are told apart
+SAME = 1e-9  # relative difference of costs there, for problems that are the same
+BATCHES, BATCH = 6, 0.01  # s: the quickest of some batches is what an evaluation takes
+STEP = 1e-7  # between the points of a batch
+
+
+@dataclass(frozen=True, eq=False)
+class Description:
+    """An instance as a worker found it."""
+
+    instance: str
+    rows: int  # m
+    unknowns: int  # n
+    bounded: bool
+    start: Array  # (n,)
+    start_cost: float
+    probes: Array  # costs at points that do not depend on the start
+    seconds: dict[str, float]  # of a residual, a gradient, a Jacobian
+    known_cost: float  # NaN if none is
+    known_source: str
+    certified: bool  # the values of its answer are known
+    question: str
+
+    def same_problem(self, other: "Description") -> bool:
+        """Whether only the starts differ: sizes are equal, and costs wherever one looked."""
+        if (self.rows, self.unknowns, self.bounded) != (other.rows, other.unknowns, other.bounded):
+            return False
+        a, b = self.probes, other.probes
+        if not np.isfinite(a).any():
+            return self.instance == other.instance
+        return bool(np.allclose(a, b, rtol=SAME, atol=0, equal_nan=True))
+
+    def stored(self) -> Stored:
+        """As facts and arrays."""
+        facts = asdict(self)
+        return facts, {"start": facts.pop("start"), "probes": facts.pop("probes")}
+
+    @staticmethod
+    def of(stored: Stored) -> "Description":
+        """From what `stored` gave."""
+        facts, arrays = stored
+        return Description(**facts, start=arrays["start"], probes=arrays["probes"])
+
+
+def describe(instance: str, setup: Setup) -> Description:
+    """Inside a worker: evaluate it at its start and elsewhere, and time that."""
+    problem = setup.problem
+    warm(problem, setup.start)
+    x, fixed = problem.split(setup.start)
+    known = setup.known
+    rng = np.random.default_rng(0)
+    draws = rng.standard_normal((len(PROBES), problem.free.size))
+    points = [
+        np.clip(s * d, problem.lower, problem.upper) for s, d in zip(PROBES, draws, strict=True)
+    ]
+    near = [x + k * STEP * (1 + abs(x)) for k in range(8)]
+    with limited_threads():
+        seconds = {
+            "residual": _quickest(lambda at: problem.residual(at, fixed), near),
+            "gradient": _quickest(lambda at: problem.cost_and_gradient(at, fixed), near),
+            "jacobian": _quickest(lambda at: problem.linearize_at(at, fixed), near),
+        }
+    return Description(
+        instance=instance,
+        rows=problem.size,
+        unknowns=problem.free.size,
+        bounded=problem.bounded,
+        start=x,
+        start_cost=look(problem, x, fixed)[0],
+        probes=np.array([look(problem, point, fixed)[0] for point in points]),
+        seconds=seconds,
+        known_cost=np.nan if known is None or known.cost is None else float(known.cost),
+        known_source="" if known is None else str(known.source),
+        certified=known is not None and known.values is not None,
+        question=setup.question,
+    )
+
+
+def _quickest(evaluate: Callable[[Array], Any], points: list[Array]) -> float:
+    """Seconds of one evaluation, in the quickest of a few batches. No two in a row are at the same
+    point: a problem remembers the last one.
+    """
+    found, times = np.inf, 1
+    for _ in range(BATCHES):
+        before = time.perf_counter()
+        for k in range(times):
+            evaluate(points[k % len(points)])
+        taken = time.perf_counter() - before
+        if times > 1 or taken > BATCH:
+            found = min(found, taken / times)
+        times = int(np.clip(BATCH * times / max(taken, 1e-9), 2, 1000))
+    return found

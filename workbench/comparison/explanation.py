@@ -1,0 +1,158 @@
+"""Why a lost basin was lost: the way from its lowest point to the best one, in named motions."""
+
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.comparison.basins import Basin
+from workbench.diagnostics.diagnosis import HARDLY, Diagnosis, diagnose
+from workbench.diagnostics.motions import motions
+from workbench.diagnostics.null_space import Direction, directions, dominant
+from workbench.problem import Problem
+
+Array = NDArray[np.float64]
+THIN = 0.1  # of the median singular value: below, a direction counts as weak here
+NAMED = 3  # directions that are told
+SMALL = 0.1  # of the way: what goes less far along a direction is not worth its name
+POINTS = 41  # on the straight line between the two ends
+ENOUGH = 0.5  # of the way, for weak directions to explain it
+
+
+@dataclass(frozen=True)
+class Part:
+    """How far the way goes along one weak direction."""
+
+    name: str
+    length: float  # in units of the unknowns
+    change: float  # sigmas per unit
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """From a lost end to the best one."""
+
+    cost: float
+    best: float
+    length: float  # of the way: radians, metres, standard deviations, as the unknowns have them
+    share: float  # of its square that lies along weak directions of the lost end, 0 to 1
+    parts: tuple[Part, ...]  # the longest, first
+    rest: str  # the largest entries of the way
+    ridge: float  # how much the cost rises above the lost end on the straight line
+
+    def data(self) -> dict[str, Any]:
+        """As JSON."""
+        return asdict(self)
+
+    @staticmethod
+    def of(data: dict[str, Any]) -> "Explanation":
+        """From `data`."""
+        return Explanation(**{**data, "parts": tuple(Part(**p) for p in data["parts"])})
+
+    def __str__(self) -> str:
+        said = (
+            f"It costs {self.cost - self.best:.4g} more than the best end ({self.cost:.6g} against "
+            f"{self.best:.6g}), which lies {self.length:.3g} units away. "
+        )
+        if self.share >= ENOUGH and self.parts:
+            named = "; ".join(
+                f"{p.name} ({p.length:.2g}, where one unit changes the data by "
+                f"{p.change:.2g} sigma)"
+                for p in self.parts
+            )
+            said += (
+                f"{self.share:.0%} of the way goes along directions that the data hardly "
+                f"notice at the lost end, so that little held the solver back from sliding there; "
+                f"most of all {named}. "
+            )
+        else:
+            said += (
+                f"Only {self.share:.0%} of the way goes along directions that are weak at the lost "
+                f"end; it is mostly {self.rest}, which the data do notice: not a slide, but "
+                "another minimum. "
+            )
+        if self.ridge > 0:
+            said += (
+                f"On the straight line between them the cost rises by {self.ridge:.3g}: no method "
+                "that only goes down comes back that way."
+            )
+        else:
+            said += "On the straight line between them the cost only falls."
+        return said
+
+
+def explain(
+    problem: Problem, fixed: Array, lost: Basin, best: Basin, priors: tuple[str, ...] = ()
+) -> Explanation:
+    """Decompose the way on the named directions that the data hardly notice at the lost end, those
+    residuals being left out that are priors.
+
+    Weak is a singular value below a tenth of the median one, or below one sigma for a whole unit
+    and a tenth of the largest.
+    """
+    way = best.x - lost.x
+    length = float(np.linalg.norm(way))
+    values = problem.free.unpack(lost.x) | problem.fixed.unpack(fixed)
+    data = problem.without(*priors) if 0 < len(priors) < len(problem.residuals) else problem
+    seen = diagnose(data, values)
+    along, parts = _along(way, _weak(seen, data, problem))
+    costs = [_cost(problem, lost.x + s * way, fixed) for s in np.linspace(0, 1, POINTS)]
+    return Explanation(
+        cost=lost.cost,
+        best=best.cost,
+        length=length,
+        share=along,
+        parts=parts,
+        rest=dominant(way, problem.free) if length > 0 else "nothing",
+        ridge=max(0.0, float(np.nanmax(costs)) - lost.cost),
+    )
+
+
+def _weak(seen: Diagnosis, data: Problem, whole: Problem) -> tuple[Direction, ...]:
+    """The weak directions of the data, as vectors of all free numbers."""
+    if seen.here.estimated or not seen.here.finite:
+        return ()
+    s = seen.singular_values
+    thin = max(THIN * float(np.median(s)), min(HARDLY, THIN * float(s.max(initial=0.0))))
+    dictionary = motions(data.free, data.trees, seen.structure.pattern)
+    found = list(directions(seen.here, data.free, dictionary, max(thin, seen.tolerance)))
+    for k, direction in enumerate(found):
+        vector = np.zeros(whole.free.size)
+        for name in data.free.names:
+            vector[whole.free.slices[name]] = direction.vector[data.free.slices[name]]
+        found[k] = replace(direction, vector=vector)
+    return tuple(found)
+
+
+def _along(way: Array, weak: tuple[Direction, ...]) -> tuple[float, tuple[Part, ...]]:
+    """The share of |way|^2 in the span of the directions, and the few that make most of it.
+
+    Named directions are not orthogonal: all of them together would tell of large moves that
+    cancel. So they are taken one by one, each time the one that is nearest to what is left.
+    """
+    if not weak or not way.any():
+        return 0.0, ()
+    V = np.column_stack([d.vector for d in weak])
+    within = V @ np.linalg.lstsq(V, way)[0]
+    share = float(np.sum(within**2) / np.sum(way**2))
+    chosen: list[int] = []
+    c: Array = np.zeros(0)
+    left = within
+    while len(chosen) < min(NAMED, len(weak)):
+        nearness = abs(V.T @ left)
+        nearness[chosen] = 0
+        if nearness.max() <= SMALL * np.linalg.norm(way):
+            break
+        chosen.append(int(np.argmax(nearness)))
+        c = np.linalg.lstsq(V[:, chosen], within)[0]
+        left = within - V[:, chosen] @ c
+    parts = [
+        Part(weak[i].name, float(abs(x)), weak[i].change) for i, x in zip(chosen, c, strict=True)
+    ]
+    return min(1.0, share), tuple(sorted(parts, key=lambda part: -part.length))
+
+
+def _cost(problem: Problem, x: Array, fixed: Array) -> float:
+    r = problem.residual(x, fixed)
+    return 0.5 * float(r @ r)

@@ -1,0 +1,156 @@
+"""What is to be run: every experiment, from every start, by every solver."""
+
+import pickle
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from workbench.comparison.budget import Budget
+from workbench.comparison.entrants import Entrant, pickled
+from workbench.comparison.identity import code_version, digest, file_digest, identity
+from workbench.errors import BadArgument, UnknownName
+from workbench.experiments import SUITES, Experiment, find
+from workbench.experiments.arguments import converted, parameters
+
+NUMBERING = ("start", "seed")  # arguments that number starts or data, the first that there is
+
+
+@dataclass(frozen=True)
+class SentExperiment:
+    """An experiment on its way to another process: by its file, or pickled."""
+
+    source: str
+    arguments: Mapping[str, Any]
+    blob: bytes
+
+    def opened(self) -> Experiment:
+        """There."""
+        if self.source:
+            return find(self.source, self.arguments)
+        experiment: Experiment = pickle.loads(self.blob)
+        return experiment
+
+
+@dataclass(frozen=True)
+class Instance:
+    """An experiment with all its arguments: one problem and one start, the same for everybody."""
+
+    problem: str  # what it is called on the page
+    experiment: Experiment
+    argument: str  # that numbers the repetitions; "" if none does
+    number: int  # its value; 0 without one
+    repetition: int  # 0, 1, ...
+
+    @property
+    def name(self) -> str:
+        """`nist-misra1a, start 2`."""
+        return f"{self.problem}, {self.argument} {self.number}" if self.argument else self.problem
+
+    def identity(self) -> Any:
+        """All that it depends on."""
+        e = self.experiment
+        return [e.name, identity(e.build), identity(e.arguments), file_digest(e.source)]
+
+    def sent(self) -> SentExperiment:
+        """For another process; raises BadArgument if it cannot go there."""
+        e = self.experiment
+        if e.source.endswith(".py"):
+            return SentExperiment(e.source, dict(e.arguments), b"")
+        return SentExperiment("", {}, pickled(e, f"experiment {e.name}"))
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Every instance by every entrant, within one budget."""
+
+    instances: tuple[Instance, ...]
+    entrants: tuple[Entrant, ...]
+    budget: Budget
+    seeds: int
+
+    def key(self, kind: str, *parts: Any) -> str:
+        """Of a stored result: it changes with whatever the result depends on."""
+        return f"{kind}-{digest([kind, code_version(), identity(self.budget), *parts])}"
+
+    def run_key(self, instance: Instance, entrant: Entrant) -> str:
+        """Of one run."""
+        return self.key("run", instance.identity(), entrant.identity(), instance.repetition)
+
+
+Experiments = str | Experiment | Iterable[str | Experiment]
+
+
+def chosen(names: Iterable[str], arguments: Mapping[str, Any]) -> tuple[Experiment, ...]:
+    """Experiments, problems of suites, whole suites and FILE.py by name, each with those of the
+    arguments that it has. Raises UnknownName for a name or an argument that nobody has.
+    """
+    found = []
+    left = dict(arguments)
+    for name in names:
+        for experiment in _named(name):
+            has = parameters(experiment.build)
+            own = {k: v for k, v in arguments.items() if k in has}
+            left = {k: v for k, v in left.items() if k not in has}
+            if own:
+                changed = {
+                    k: converted(f"{k} of {experiment.name}", has[k].annotation, v)
+                    for k, v in own.items()
+                }
+                experiment = replace(experiment, arguments={**experiment.arguments, **changed})
+            found.append(experiment)
+    for name in left:
+        known = {k for e in found for k in parameters(e.build)}
+        raise UnknownName("argument of any of these experiments", name, known)
+    return tuple(found)
+
+
+def _named(name: str) -> tuple[Experiment, ...]:
+    return SUITES[name] if name in SUITES else (find(name),)
+
+
+def plan(
+    experiments: Experiments, entrants: tuple[Entrant, ...], seeds: int, budget: Budget
+) -> Plan:
+    """Raises UnknownName, BadFile, or BadArgument for what cannot be planned."""
+    if seeds < 1:
+        raise BadArgument(f"seeds is how many starts there are, 1 or more; not {seeds}")
+    single = isinstance(experiments, (str, Experiment))
+    several: Any = (experiments,) if single else experiments
+    found = [
+        experiment
+        for one in several
+        for experiment in ((one,) if isinstance(one, Experiment) else _named(one))
+    ]
+    if not found:
+        raise BadArgument("no experiment to compare solvers on; give one or more")
+    names = [e.name for e in found]
+    instances: list[Instance] = []
+    for experiment in found:
+        label = experiment.name
+        if names.count(label) > 1 and experiment.arguments:
+            label += " (" + ", ".join(f"{k}={v}" for k, v in experiment.arguments.items()) + ")"
+        instances += _repeated(label, experiment, seeds)
+    labels = [i.name for i in instances]
+    twice = [label for label in labels if labels.count(label) > 1]
+    if twice:
+        raise BadArgument(f"{twice[0]} is there twice; give each experiment once")
+    return Plan(tuple(instances), entrants, budget, seeds)
+
+
+def _repeated(label: str, experiment: Experiment, seeds: int) -> list[Instance]:
+    """One for each seed, if one of its arguments numbers them and is not given already."""
+    known = parameters(experiment.build)
+    free = [name for name in NUMBERING if name in known and name not in experiment.arguments]
+    if not free:
+        return [Instance(label, experiment, "", 0, 0)]
+    name = free[0]
+    first = known[name].default
+    first = first if isinstance(first, int) else 0
+    return [
+        Instance(
+            label,
+            replace(experiment, arguments={**experiment.arguments, name: first + k}),
+            name, first + k, k,
+        )
+        for k in range(seeds)
+    ]  # fmt: skip

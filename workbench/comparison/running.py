@@ -1,0 +1,137 @@
+"""One solver at work, inside a worker process."""
+
+import random
+from copy import deepcopy
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from workbench.blocks import Values
+from workbench.comparison.jobs import Say, Solve
+from workbench.comparison.machine import machine
+from workbench.comparison.record import Ending, Record, ended_early
+from workbench.comparison.watch import Log, Watch
+from workbench.errors import NotSupported, WorkbenchError
+from workbench.experiments.blame import blaming
+from workbench.experiments.experiment import Setup
+from workbench.experiments.known import digits
+from workbench.problem import Problem
+from workbench.solvers import Solution, Solver
+from workbench.solvers.limits import Stop
+from workbench.threads import limited_threads
+
+REHEARSED = 10  # evaluations: enough to load what a solver loads, and to build what it builds
+
+
+def carry_out(job: Solve, setup: Setup, say: Say) -> Record:
+    """Run it once for a few evaluations, without a clock, and then in earnest.
+
+    The problem says what the returned point is worth; the solver's own word is kept beside it.
+    """
+    problem, budget = setup.problem, job.budget
+    longest = budget.max_seconds + job.grace
+    solver = budget.given(_opened(job), job.repetition)
+    warm(problem, setup.start)
+    if job.rehearse:
+        say("rehearsing", longest)
+        log = Log(job.log + ".rehearsal", problem.free.size)
+        watch = Watch(problem, REHEARSED, budget.max_seconds, log)
+        _ask(solver, watch.watched(), setup.start, job)
+        Path(job.log + ".rehearsal").unlink(missing_ok=True)
+    log = Log(job.log, problem.free.size)
+    random.seed(job.repetition)
+    np.random.seed(job.repetition)  # for solvers that draw from the common generator
+    say("solving", longest)
+    watch = Watch(problem, budget.max_evaluations, budget.max_seconds, log)
+    ending, message, found = _ask(solver, watch.watched(), setup.start, job)
+    seconds = watch.seconds
+    say("looking at its end", budget.build_seconds)
+    log.numbers[11] = seconds
+    log.numbers.flush()
+    seen = Log.read(job.log)
+    who = job.solver.name, job.instance
+    if ending is Ending.CUT:
+        return _at(job, setup, ending, message, seen.best, "", np.nan, seen)
+    if ending is not Ending.RETURNED:
+        return ended_early(*who, ending, message, seen, machine())
+    try:
+        end = problem.free.pack(_numbers(found))
+        claim, cost, said = found.status.name, float(found.cost), str(found.message)
+    except (AttributeError, TypeError, ValueError, WorkbenchError) as error:
+        told = "" if isinstance(found, Solution) else f"it returned {found!r:.60}: "
+        return ended_early(*who, Ending.BROKEN, f"{told}{error}", seen, machine())
+    return _at(job, setup, ending, said, end, claim, cost, seen)
+
+
+def warm(problem: Problem, start: Values) -> None:
+    """Build what is built once, and touch it: no clock counts this."""
+    problem.prepare()
+    x, fixed = problem.split(start)
+    with limited_threads():
+        problem.residual(x, fixed)
+        problem.cost_and_gradient(x, fixed)
+        problem.linearize_at(x, fixed)
+
+
+def _opened(job: Solve) -> Solver:
+    with blaming(job.solver.source):
+        return job.solver.opened()
+
+
+def _ask(solver: Solver, problem: Problem, start: Values, job: Solve) -> tuple[Ending, str, Any]:
+    """How it ended, why, and what was returned; whatever a solver raises ends here."""
+    try:
+        with limited_threads(), blaming(job.solver.source):
+            return Ending.RETURNED, "", solver.solve(problem, deepcopy(dict(start)))
+    except Stop as stop:
+        return Ending.CUT, stop.message, None
+    except NotSupported as error:
+        return Ending.REFUSED, str(error), None
+    except BaseException as error:  # also SystemExit and KeyboardInterrupt: they are its own
+        cause = error.__cause__ if isinstance(error, WorkbenchError) else error
+        if isinstance(cause, Stop):
+            return Ending.CUT, cause.message, None
+        if isinstance(cause, NotSupported):
+            return Ending.REFUSED, str(cause), None
+        said = str(error) if isinstance(error, WorkbenchError) else _told(error)
+        return Ending.RAISED, said, None
+
+
+def _told(error: BaseException) -> str:
+    return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+
+
+def _numbers(found: Solution) -> Values:
+    """Its values as arrays, NaN being allowed: it is an answer, if no good one."""
+    return {name: np.asarray(value, dtype=float) for name, value in found.values.items()}
+
+
+def _at(
+    job: Solve, setup: Setup, ending: Ending, message: str, end: np.ndarray, claim: str,
+    claimed: float, seen: Any,
+) -> Record:  # fmt: skip
+    problem = setup.problem
+    cost, optimality, agree, inside = np.nan, np.nan, np.nan, True
+    if end.size and np.isfinite(end).all():
+        cost, optimality = look(problem, end, problem.split(setup.start)[1])
+        if setup.known is not None and setup.known.values is not None:
+            agree = digits(problem.free.unpack(end), setup.known.values)
+        room = 1e-9 * np.maximum(1, abs(end))
+        inside = bool((problem.lower <= end + room).all() and (end - room <= problem.upper).all())
+    return Record(
+        job.solver.name, job.instance, ending, message, claim, claimed, cost, optimality, agree,
+        inside, end, seen, machine(),
+    )  # fmt: skip
+
+
+def look(problem: Problem, x: np.ndarray, fixed: np.ndarray) -> tuple[float, float]:
+    """Cost and optimality of a point by the problem itself; NaN where it cannot be evaluated."""
+    try:
+        with limited_threads():
+            here = problem.linearize_at(x, fixed)
+            if not here.finite:
+                return (here.cost if np.isfinite(here.cost) else np.nan), np.nan
+            return here.cost, problem.optimality(x, here, problem.rounding(x, fixed))
+    except Exception:
+        return np.nan, np.nan

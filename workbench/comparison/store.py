@@ -1,0 +1,99 @@
+"""Where finished results are kept, each under a key that says all it depends on."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Protocol, TypeVar
+from zipfile import BadZipFile
+
+import numpy as np
+
+from workbench.comparison.record import Stored
+from workbench.errors import BadFile
+from workbench.writing import replacing
+
+T = TypeVar("T")
+MARK = "comparison.json"  # by which a folder of ours is known
+RUNS = "runs"
+FACTS = "facts"
+
+
+class Store(Protocol):
+    """Results by key."""
+
+    def get(self, key: str, of: Callable[[Stored], T]) -> T | None:
+        """What is stored under a key, as `of` makes it; None if nothing is, or nothing whole."""
+
+    def put(self, key: str, stored: Stored) -> None:
+        """Keep a result."""
+
+
+class Memory:
+    """For as long as the process lives."""
+
+    def __init__(self) -> None:
+        self._held: dict[str, Stored] = {}
+
+    def get(self, key: str, of: Callable[[Stored], T]) -> T | None:
+        """See Store."""
+        return of(self._held[key]) if key in self._held else None
+
+    def put(self, key: str, stored: Stored) -> None:
+        """See Store."""
+        facts, arrays = stored
+        self._held[key] = json.loads(json.dumps(facts)), arrays
+
+
+class Folder:
+    """One file for each result in FOLDER/runs, written whole or not at all.
+
+    Raises BadFile if the folder holds something else, or cannot be made.
+    """
+
+    def __init__(self, folder: str | Path) -> None:
+        self.folder = Path(folder)
+        self._runs = self.folder / RUNS
+        try:
+            there = self.folder.exists() and (
+                not self.folder.is_dir() or any(self.folder.iterdir())
+            )
+            if there and not _ours(self.folder / MARK):
+                raise BadFile(
+                    f"{self.folder} exists and holds no comparison, so nothing is written there; "
+                    "choose another folder"
+                )
+            self._runs.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise BadFile(
+                f"cannot make the folder {self.folder}: {error.strerror}; choose another"
+            ) from error
+        if not there:
+            text = json.dumps({"made_by": "workbench", "kind": "comparison"})
+            with replacing(self.folder / MARK) as temporary:
+                temporary.write_text(text, encoding="utf-8")
+
+    def get(self, key: str, of: Callable[[Stored], T]) -> T | None:
+        """See Store; a file that is not whole counts as none."""
+        path = self._runs / f"{key}.npz"
+        try:
+            with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
+                facts = json.loads(str(file[FACTS]))
+                return of((facts, {name: file[name] for name in file.files if name != FACTS}))
+        except (OSError, ValueError, LookupError, TypeError, EOFError, BadZipFile):
+            return None
+
+    def put(self, key: str, stored: Stored) -> None:
+        """See Store."""
+        facts, arrays = stored
+        with replacing(self._runs / f"{key}.npz") as temporary, temporary.open("wb") as file:
+            np.savez_compressed(
+                file, allow_pickle=False, **arrays, facts=np.array(json.dumps(facts))
+            )
+
+
+def _ours(mark: Path) -> bool:
+    try:
+        found = json.loads(mark.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    return isinstance(found, dict) and found.get("kind") == "comparison"

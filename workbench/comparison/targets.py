@@ -1,0 +1,115 @@
+"""Success by targets that are common to all, and what became of each run.
+
+A run meets the target tau when it has visited a point with f - f* <= tau (f_0 - f*): f_0 is the
+cost at its start, f* the lowest cost that anybody found for this problem, polished, or the known
+one where that is lower (More and Wild, Benchmarking derivative-free optimization algorithms, SIAM
+J. Optim. 20, 2009, section 2). No solver's own word counts.
+"""
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.comparison.record import Ending, Record
+from workbench.experiments.comparison import AS_GOOD, SMALLEST, share_above
+from workbench.solvers import Status
+
+Array = NDArray[np.float64]
+TAUS = (1e-1, 1e-3, 1e-5, 1e-7)
+NEARLY = 1e-9  # of the whole way: nearer than that, a run is at the lowest cost
+
+
+def named(tau: float) -> str:
+    """`1e-5`, as it is written."""
+    return f"{tau:g}".replace("e-0", "e-")
+
+
+class Verdict(Enum):
+    """What became of a run, by the problem's own numbers."""
+
+    REACHED = "ended at the lowest cost known"
+    OTHER_BASIN = "ended at a stationary point of another basin, which costs more"
+    FALSE_CLAIM = "claims convergence where the cost still slopes"
+    STALLED = "gave up where the cost still slopes"
+    OUT_OF_BUDGET = "ran out of evaluations, iterations or time"
+    NOT_STOPPING = "did not stop in time; its process was ended"
+    CRASHED = "its process died"
+    RAISED = "raised an exception"
+    NO_SOLUTION = "returned no solution, or one that is not finite"
+    OUT_OF_BOUNDS = "returned a point outside the bounds"
+    REFUSED = "is not made for this problem"
+
+
+LIMITS = {Status.MAX_EVALUATIONS.name, Status.MAX_ITERATIONS.name, Status.MAX_SECONDS.name}
+EARLY = {
+    Ending.KILLED: Verdict.NOT_STOPPING,
+    Ending.CRASHED: Verdict.CRASHED,
+    Ending.RAISED: Verdict.RAISED,
+    Ending.BROKEN: Verdict.NO_SOLUTION,
+    Ending.REFUSED: Verdict.REFUSED,
+}
+
+
+@dataclass(frozen=True)
+class Yardstick:
+    """What the runs from one start are measured by."""
+
+    start: float  # f_0
+    best: float  # f*
+    origin: str  # where f* is from
+
+    def target(self, tau: float) -> float:
+        """The cost that meets it; NaN where start or best is not finite. Rounding is allowed for:
+        1e-12 of f*, 1e-16 of f_0.
+        """
+        if not (np.isfinite(self.start) and np.isfinite(self.best)):
+            return np.nan
+        slack = max(1e-12 * abs(self.best), SMALLEST * abs(self.start))
+        return self.best + max(tau * (self.start - self.best), slack)
+
+    def met(self, record: Record, tau: float) -> Array | None:
+        """The row of the trace (4 counts, seconds, cost) at which a run met it, or None."""
+        rows = record.seen.trace
+        below = np.flatnonzero(rows[:, -1] <= self.target(tau)) if rows.size else np.zeros(0, int)
+        return np.asarray(rows[below[0]]) if below.size else None
+
+    def near(self, cost: float) -> bool:
+        """Whether a cost is the lowest one: a millionth above, or 1e-9 of the whole way."""
+        return share_above(cost, self.best, self.start) <= AS_GOOD or cost <= self.target(NEARLY)
+
+
+def stationary(record: Record, tolerance: float) -> bool:
+    """By the problem, at the point that was returned."""
+    return record.optimality <= tolerance
+
+
+def claims(record: Record) -> bool:
+    """Whether it said that it converged."""
+    return record.claim == Status.CONVERGED.name
+
+
+def verdict(record: Record, yardstick: Yardstick, lowest: bool | None, tolerance: float) -> Verdict:
+    """What became of it; `lowest` says whether its end leads to the lowest cost known, None if that
+    is not known.
+    """
+    if record.ending in EARLY:
+        return EARLY[record.ending]
+    if not record.finite:
+        spent = record.ending is Ending.CUT or record.claim in LIMITS
+        return Verdict.OUT_OF_BUDGET if spent else Verdict.NO_SOLUTION
+    if not record.inside:
+        return Verdict.OUT_OF_BOUNDS
+    settled = stationary(record, tolerance)
+    if lowest is not False and yardstick.near(record.cost):
+        return Verdict.REACHED
+    if settled and lowest:
+        return Verdict.REACHED
+    if settled:
+        return Verdict.OTHER_BASIN
+    if claims(record):
+        return Verdict.FALSE_CLAIM
+    if record.ending is Ending.CUT or record.claim in LIMITS:
+        return Verdict.OUT_OF_BUDGET
+    return Verdict.STALLED

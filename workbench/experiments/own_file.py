@@ -1,0 +1,30 @@
+"""A user's own Python file, carried out."""
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+from workbench.errors import BadFile
+from workbench.experiments.blame import blaming
+
+
+def loaded(path: Path, instead: str) -> tuple[ModuleType, str]:
+    """The module and its full path. Raises BadFile, with the line that is to blame.
+
+    `instead` is what else could have been given, for the error of a file that is not there.
+    """
+    if not path.is_file():
+        raise BadFile(f"there is no file {path}; give the path of a Python file, or {instead}")
+    source = str(path.resolve())
+    spec = importlib.util.spec_from_file_location(path.stem, source)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules.setdefault(path.stem, module)
+    folder = str(path.resolve().parent)  # where its own imports are, as under `python FILE.py`
+    if folder not in sys.path:
+        sys.path.insert(0, folder)
+    with blaming(source):
+        spec.loader.exec_module(module)
+    return module, source

@@ -1,0 +1,43 @@
+"""How many digits of a certified answer each solver attained."""
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from workbench.comparison import Comparison
+from workbench.experiments.known import CERTIFIED_DIGITS
+from workbench.plots.lettering import plain
+from workbench.plots.palette import FAINT, INK
+from workbench.plots.solver_lines import line, marker
+
+ENOUGH = 4  # digits, for a fit to count as right
+
+
+def plot_accuracy(comparison: Comparison, *, ax: Axes) -> Axes:
+    """A mark per run with a certified answer: digits that agree, of the worst parameter."""
+    rng = np.random.default_rng(0)
+    y = np.arange(len(comparison.solvers))[::-1]
+    for k, solver in enumerate(comparison.solvers):
+        digits = comparison.digits(solver)
+        at = y[k] + 0.28 * rng.uniform(-1, 1, digits.size)
+        ax.plot(
+            digits, at, marker(k), color=line(k)["color"], markersize=4, alpha=0.7,
+            linestyle="none",
+        )  # fmt: skip
+        if digits.size:
+            ax.plot([digits.mean()] * 2, [y[k] - 0.38, y[k] + 0.38], color=INK, linewidth=1.6)
+    ax.axvline(ENOUGH, color=FAINT, linewidth=1.0, linestyle="--")
+    ax.set_yticks(y, [plain(s) for s in comparison.solvers])
+    ax.set_xlim(-0.3, CERTIFIED_DIGITS + 0.3)
+    ax.set_ylim(-0.6, len(comparison.solvers) - 0.4)
+    ax.set_xlabel("digits that agree with the certified answer (log relative error)")
+    ax.grid(axis="x", color=FAINT, alpha=0.25, linewidth=0.6)
+    return ax
+
+
+def caption_accuracy(comparison: Comparison) -> str:
+    """What `plot_accuracy` shows."""
+    return (
+        "Attained accuracy where the answer is certified: a mark per run, the number of digits of "
+        f"the worst parameter, {CERTIFIED_DIGITS} at most; a run without an answer has 0. The bar "
+        f"is the mean. Right of the dashed line, at {ENOUGH} digits, a fit counts as right."
+    )

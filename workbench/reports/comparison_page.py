@@ -1,0 +1,169 @@
+"""A comparison of solvers as a folder: one page, the tidy table, and how it was made."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from workbench.comparison import Comparison
+from workbench.comparison.comparison import MAIN
+from workbench.comparison.identity import code_version, identity
+from workbench.comparison.store import MARK, RUNS
+from workbench.comparison.targets import Verdict, named
+from workbench.comparison.tidy import write_csv
+from workbench.comparison.words import advice, basin_sentence
+from workbench.plots import comparison_sheets as sheets
+from workbench.plots.accuracy import caption_accuracy
+from workbench.plots.cost_traces import caption_cost_traces
+from workbench.plots.duels import caption_duels
+from workbench.plots.profiles import caption_data_profile, caption_performance_profile
+from workbench.plots.verdicts import caption_basins, caption_verdicts
+from workbench.plots.waterfall import caption_waterfall
+from workbench.reports import comparison_tables as tables
+from workbench.reports.figures import Shown, shown
+from workbench.reports.folder import MAKER
+from workbench.reports.page import page
+from workbench.reports.summary import as_json, versions
+from workbench.writing import replacing
+
+RESULTS = "results.csv"
+FILES = {
+    "index.html": "this page",
+    RESULTS: "every run as one row: costs, evaluations, times, verdict, and each target",
+    MARK: "machine, versions, options, prices, targets, basins, for programs",
+}
+FEW = 3  # runs that a waterfall needs
+
+
+def write_comparison(comparison: Comparison, folder: str | Path) -> Path:
+    """Write page, table and JSON into the folder of a comparison, each whole or not at all.
+
+    Returns the page. Raises BadFile if the folder cannot be written.
+    """
+    folder = Path(folder)
+    write_csv(comparison, folder / RESULTS)
+    texts = {
+        MARK: as_json(comparison_data(comparison)),
+        "index.html": comparison_page(comparison, (folder / RUNS).is_dir()),
+    }
+    for name, text in texts.items():
+        with replacing(folder / name) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    return folder / "index.html"
+
+
+def comparison_data(comparison: Comparison) -> dict[str, Any]:
+    """Everything but the runs, as plain data."""
+    plan = comparison.plan
+    return {
+        "made_by": MAKER,
+        "kind": "comparison",
+        "problems": comparison.problems,
+        "solvers": {
+            e.name: identity(plan.budget.given(e.solver)) | {"file": e.source}
+            for e in comparison.entrants
+        },
+        "budget": asdict(plan.budget),
+        "seeds": plan.seeds,
+        "targets": comparison.taus,
+        "prices": comparison.prices,
+        "starts": {
+            name: asdict(yardstick) for name, yardstick in comparison.yardsticks.items()
+        },
+        "basins": [
+            {
+                "starts": group,
+                "costs": judgement.costs,
+                "optimality": judgement.optimality,
+                "explanations": {k + 1: e.data() for k, e in judgement.explanations.items()},
+                "message": judgement.message,
+            }
+            for group, judgement in zip(comparison.groups, comparison.judgements, strict=True)
+        ],
+        "unbuilt": comparison.unbuilt,
+        "machines": machines(comparison),
+        "code": code_version(),
+        "versions": versions(),
+        "files": list(FILES),
+    }  # fmt: skip
+
+
+def machines(comparison: Comparison) -> list[str]:
+    """On which the runs were measured, each once."""
+    return sorted({record.machine for record in comparison.records.values()})
+
+
+def comparison_page(comparison: Comparison, kept: bool) -> str:
+    """The page; `kept` if the runs themselves are beside it."""
+    taus = comparison.taus[1], comparison.taus[-1]
+    budget = comparison.plan.budget
+    files = FILES | ({f"{RUNS}/": "every run with its trace; the same command goes on from them"}
+                     if kept else {})  # fmt: skip
+    pairs = len(comparison.solvers) > 1
+    return page(
+        "comparison.html",
+        title="Solvers compared",
+        solvers=comparison.solvers,
+        problems=comparison.problems,
+        starts=len(comparison.instances),
+        advice=advice(comparison),
+        main=named(MAIN),
+        verdicts=shown(sheets.verdicts_sheet(comparison), caption_verdicts(comparison)),
+        outcomes=tables.verdicts_table(comparison),
+        meanings={v.name.lower().replace("_", " "): v.value for v in Verdict},
+        success=tables.success_table(comparison),
+        effort=tables.effort_table(comparison),
+        data_profile=shown(
+            sheets.data_profile_sheet(comparison, taus), caption_data_profile(comparison)
+        ),
+        performance_profile=shown(
+            sheets.performance_profile_sheet(comparison, taus),
+            caption_performance_profile(comparison),
+        ) if pairs else None,
+        duels=shown(sheets.duels_sheet(comparison), caption_duels(comparison)) if pairs else None,
+        accuracy=_accuracy(comparison),
+        each=[_of(comparison, problem) for problem in comparison.problems],
+        table=tables.problems_table(comparison),
+        failures=tables.failures_table(comparison),
+        unbuilt=comparison.unbuilt,
+        options=tables.options_table(comparison),
+        budget=budget,
+        taus=", ".join(named(tau) for tau in comparison.taus),
+        machines=machines(comparison),
+        versions=versions(),
+        files=files,
+    )  # fmt: skip
+
+
+def _accuracy(comparison: Comparison) -> Shown | None:
+    if not any(d.certified for d in comparison.described.values()):
+        return None
+    return shown(sheets.accuracy_sheet(comparison), caption_accuracy(comparison))
+
+
+def _of(comparison: Comparison, problem: str) -> dict[str, Any]:
+    """What the page says of one problem."""
+    instances = comparison.of(problem)
+    several = any(len(comparison.judgement(i.name).costs) > 1 for i in instances)
+    explained = {
+        f"{group[0] if len(group) == 1 else problem}, basin {k + 1}": str(e)
+        for group, judgement in zip(comparison.groups, comparison.judgements, strict=True)
+        if group[0] in {i.name for i in instances}
+        for k, e in judgement.explanations.items()
+    }
+    return {
+        "name": problem,
+        "question": comparison.described[instances[0].name].question,
+        "table": tables.problem_table(comparison, problem),
+        "traces": shown(
+            sheets.cost_traces_sheet(comparison, problem), caption_cost_traces(comparison, problem)
+        ),
+        "waterfall": shown(
+            sheets.waterfall_sheet(comparison, problem), caption_waterfall(comparison, problem)
+        ) if len(instances) >= FEW else None,
+        "sentence": basin_sentence(comparison, problem),
+        "basins": tables.basins_table(comparison, problem) if several else None,
+        "bars": shown(sheets.basins_sheet(comparison, problem), caption_basins(comparison, problem))
+        if several else None,
+        "explained": explained,
+        "unjudged": [m for i in instances if (m := comparison.judgement(i.name).message)],
+    }  # fmt: skip
