@@ -235,8 +235,8 @@ def test_a_comparison_that_was_killed_goes_on_to_the_same_table(tmp_path: Path) 
 
 
 def test_mistakes_are_said_before_anything_runs(tmp_path: Path) -> None:
-    with pytest.raises(UnknownName, match="no solver is called 'newton'"):
-        compare(SLIDE, "newton")
+    with pytest.raises(UnknownName, match="no solver is called 'newtons'"):
+        compare(SLIDE, "newtons")
     with pytest.raises(UnknownName, match="no experiment is called 'slides'"):
         compare("slides", "gauss-newton")
     with pytest.raises(BadArgument, match="seeds is how many"):

@@ -145,7 +145,7 @@ def _along(way: Array, weak: tuple[Direction, ...]) -> tuple[float, tuple[Part, 
         if nearness.max() <= SMALL * np.linalg.norm(way):
             break
         chosen.append(int(np.argmax(nearness)))
-        c = np.linalg.lstsq(V[:, chosen], within)[0]
+        c = np.asarray(np.linalg.lstsq(V[:, chosen], within)[0], dtype=np.float64)
         left = within - V[:, chosen] @ c
     parts = [
         Part(weak[i].name, float(abs(x)), weak[i].change) for i, x in zip(chosen, c, strict=True)
