@@ -137,14 +137,15 @@ def _along(way: Array, weak: tuple[Direction, ...]) -> tuple[float, tuple[Part, 
     within = V @ np.linalg.lstsq(V, way)[0]
     share = float(np.sum(within**2) / np.sum(way**2))
     chosen: list[int] = []
-    c, left = np.zeros(0), within
+    c: Array = np.zeros(0)
+    left: Array = within
     while len(chosen) < min(NAMED, len(weak)):
         nearness = abs(V.T @ left)
         nearness[chosen] = 0
         if nearness.max() <= SMALL * np.linalg.norm(way):
             break
         chosen.append(int(np.argmax(nearness)))
-        c = np.linalg.lstsq(V[:, chosen], within)[0]
+        c = np.asarray(np.linalg.lstsq(V[:, chosen], within)[0], dtype=float)
         left = within - V[:, chosen] @ c
     parts = [
         Part(weak[i].name, float(abs(x)), weak[i].change) for i, x in zip(chosen, c, strict=True)
