@@ -46,6 +46,19 @@ def test_run_lists_the_experiments(tmp_path: Path) -> None:
     assert done.returncode == 0
     for name in ("balance", "balance-monocular", "known-correspondences", "registration"):
         assert name in done.stdout
+    assert "suites" in done.stdout
+    assert "nist-misra1a" not in done.stdout
+    assert len(done.stdout.splitlines()) < 15
+    done = workbench("run", "nist", "--list", cwd=tmp_path)
+    assert len(done.stdout.splitlines()) == 12
+    assert "nist-misra1a" in done.stdout
+
+
+def test_a_problem_of_a_suite_is_run_and_reported(tmp_path: Path) -> None:
+    done = workbench("run", "nist-misra1a", "--set", "start=2", cwd=tmp_path)
+    assert done.returncode == 0
+    assert "agreement with NIST, worst parameter" in done.stdout
+    assert (tmp_path / "runs" / "nist-misra1a" / "index.html").is_file()
 
 
 @pytest.mark.parametrize(

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from workbench.blocks import Block
-from workbench.errors import BadSetup
-from workbench.experiments import Known, Setup
+from workbench.errors import BadArgument, BadSetup
+from workbench.experiments import EXPERIMENTS, SUITES, Known, Setup, find
 from workbench.experiments.known import digits
+from workbench.experiments.suites import SUMMARIES
 from workbench.problem import Problem
 from workbench.residuals import gaussian
 
@@ -51,6 +52,18 @@ def test_what_cannot_be_known_is_refused(facts: dict, said: str) -> None:
 def test_known_is_a_known() -> None:
     with pytest.raises(BadSetup, match="`known` of a setup must be a Known or None"):
         Setup(PROBLEM, START, "?", known={"cost": 1.0})  # type: ignore[arg-type]
+
+
+def test_a_suite_is_no_experiment_and_its_members_have_names_of_their_own() -> None:
+    with pytest.raises(
+        BadArgument, match="nist is a suite; give one of its 12 problems, such as nist-c"
+    ):
+        find("nist")
+    members = [one.name for suite in SUITES.values() for one in suite]
+    assert len(set(members) | set(EXPERIMENTS)) == len(members) + len(EXPERIMENTS)
+    assert SUITES.keys() == SUMMARIES.keys()
+    for one in members:
+        assert find(one).name == one
 
 
 def test_digits_are_those_of_the_worst_parameter() -> None:

@@ -1,5 +1,6 @@
 """`workbench run`: an experiment from its name or file to a report."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -37,20 +38,30 @@ def run(
     solver: SolverName = "levenberg-marquardt",
     compare: Compare = True,
     out: Out = Path("runs"),
-    listing: Annotated[bool, typer.Option("--list", help="Say which experiments exist.")] = False,
+    listing: Annotated[bool, typer.Option("--list", help="Say what there is to run.")] = False,
 ) -> None:
     """Run an experiment and write its report to runs/NAME/."""
     console = Console()
     if listing:
-        for experiment in EXPERIMENTS.values():
-            console.print(f"[bold]{experiment.name:24}[/]{experiment.summary}", highlight=False)
-        for suite, members in SUITES.items():
-            names = " ".join(member.name for member in members)
-            console.print(
-                f"\nsuite [bold]{suite}[/]: {SUMMARIES[suite]}\n[dim]{names}[/]", highlight=False
-            )
+        print_list(console, SUITES.get(name))
         return
     carry_out(console, find(name, settings(setting)), solver_named(solver), compare, out)
+
+
+def print_list(console: Console, suite: Sequence[Experiment] | None) -> None:
+    """The problems of a suite; or the experiments, and the suites as such."""
+    shown = EXPERIMENTS.values() if suite is None else suite
+    width = 2 + max(len(experiment.name) for experiment in shown)
+    for experiment in shown:
+        console.print(f"[bold]{experiment.name:{width}}[/]{experiment.summary}", highlight=False)
+    if suite is not None:
+        return
+    console.print(
+        "\nsuites, to compare solvers on (workbench run SUITE --list names their problems)"
+    )
+    for name, members in SUITES.items():
+        told = f"{len(members)} {SUMMARIES[name]}"
+        console.print(f"[bold]{name:{width}}[/]{told}", highlight=False)
 
 
 def carry_out(

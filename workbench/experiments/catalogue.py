@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from workbench.errors import BadFile, UnknownName
+from workbench.errors import BadArgument, BadFile, UnknownName
 from workbench.experiments.arguments import converted, parameters
 from workbench.experiments.balance import balance, balance_monocular
 from workbench.experiments.blame import blaming
@@ -41,6 +41,11 @@ def find(name: str, arguments: Mapping[str, Any] | None = None) -> Experiment:
     elif name.endswith(".py"):
         experiment = _from_file(Path(name))
     else:
+        if name in SUITES:
+            raise BadArgument(
+                f"{name} is a suite; give one of its {len(SUITES[name])} problems, such as "
+                f"{SUITES[name][0].name}: `workbench run {name} --list` names them"
+            )
         others = "the members of suites (workbench run --list says which), or give a FILE.py"
         raise UnknownName("experiment", name, EXPERIMENTS, hint=others)
     changed = dict(arguments or {})

@@ -3,19 +3,22 @@
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from workbench.blocks import Block, Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.catalogue import load_body
-from workbench.errors import BadFile
+from workbench.errors import BadFile, UnknownName
+from workbench.experiments.correspondence_start import STARTS, placed
 from workbench.experiments.experiment import Measure, Setup
 from workbench.experiments.keypoint_fit import pose_prior
+from workbench.experiments.known import Known
 from workbench.geometry.meshes import read_mesh
-from workbench.geometry.rigid import procrustes
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 from workbench.problem import Problem
+from workbench.problem.problem import Bounds
 from workbench.residuals import Residual, gaussian, vertices
+from workbench.residuals.kernels import Kernel, quadratic
 
 Array = NDArray[np.float64]
 COMPARED = ("gauss-newton", "levenberg-marquardt", "ipopt", "nlopt-lbfgs")
@@ -28,9 +31,12 @@ def mesh_fit(
     *,
     sigma: float,
     priors: tuple[Residual, ...] = (),
+    kernel: Kernel = quadratic,
+    bounds: Bounds | None = None,
     start: Values | None = None,
     truth: Array | None = None,
     further: tuple[Measure, ...] = (),
+    known: Known | None = None,
     compared: tuple[str, ...] = COMPARED,
 ) -> Setup:
     """Pose, betas and trans from the vertices (N, 3) m of a mesh of the topology; sigma in m.
@@ -40,7 +46,7 @@ def mesh_fit(
     pose, betas, trans = (block.symbol for block in body.blocks())
     target = Block("observed", (body.n_vertices, 3), "m")
     points = body.points(pose, betas, trans)
-    data = vertices(points, target.symbol, sigma=sigma)
+    data = vertices(points, target.symbol, sigma=sigma, kernel=kernel)
 
     def measures(values: Values) -> tuple[Measure, ...]:
         found = body.vertices(*(values[block.name] for block in body.blocks()))
@@ -56,7 +62,7 @@ def mesh_fit(
         return (*shown, *further)
 
     return Setup(
-        problem=Problem((data, *priors), ("pose", "betas", "trans"), blocks=(target,)),
+        problem=Problem((data, *priors), ("pose", "betas", "trans"), bounds, (target,)),
         start=body.start() | (start or {}) | {target.name: observed},
         question=question,
         body=body,
@@ -64,17 +70,8 @@ def mesh_fit(
         measures=measures,
         priors=tuple(prior.name for prior in priors),
         compared=compared,
+        known=known,
     )
-
-
-def placed(body: SkinnedBody, observed: Array) -> Values:
-    """The root's rotation and the translation of the rest body moved rigidly onto a mesh."""
-    motion = procrustes(body.vertices(), observed)
-    root = body.joints()[0]
-    pose, _, trans = body.blocks()
-    turned = body.bind_pose.copy()
-    turned[0] = vector_from_matrix(motion.R @ matrix_from_vector(turned[0]))
-    return {pose.name: turned, trans.name: motion(root) - root}
 
 
 def known_correspondences(
@@ -82,25 +79,42 @@ def known_correspondences(
     seed: int = 0,
     pose_sigma: float = 0.3,
     noise: float = 0.0,
+    start: str = "zero",
     compared: tuple[str, ...] = COMPARED,
 ) -> Setup:
-    """A posed and shaped body of the model itself, start at zero: pose_sigma in rad, noise in m."""
+    """A posed and shaped body of the model itself: pose_sigma in rad, noise in m.
+
+    `start` names one of STARTS: `zero`, `placed` or `procrustes`.
+    """
+    if start not in STARTS:
+        raise UnknownName("start", start, STARTS)
     model = load_body(body)
     rng = np.random.default_rng(seed)
-    truth = model.vertices(
-        pose_sigma * rng.standard_normal((model.n_joints, 3)), rng.standard_normal(model.n_betas)
-    )
+    pose = pose_sigma * rng.standard_normal((model.n_joints, 3))
+    betas = rng.standard_normal(model.n_betas)
+    truth = model.vertices(pose, betas)
     observed = truth + noise * rng.standard_normal(truth.shape)
     return mesh_fit(
         model,
         observed,
         f"The vertices of a body of the model (synthetic; pose {pose_sigma} rad, shape 1 sd, "
         f"noise {1e3 * noise:g} mm, seed {seed}) are given, each with its partner. Does the fit "
-        "find the pose and shape that made them, from zero?",
+        f"find the pose and shape that made them, from the start `{start}`?",
         sigma=noise or 1e-3,
+        start=STARTS[start](model, observed),
         truth=truth,
         compared=compared,
+        known=None if noise else recovered(model, pose, betas),
     )
+
+
+def recovered(body: SkinnedBody, pose: Array, betas: Array, trans: ArrayLike = (0, 0, 0)) -> Known:
+    """That noiseless synthetic data are explained by what they were made of."""
+    names = (block.name for block in body.blocks())
+    turns = vector_from_matrix(matrix_from_vector(pose))  # at most half a turn: 2 pi are nothing
+    made_of = (turns, betas, np.asarray(trans, dtype=float))
+    values = dict(zip(names, made_of, strict=True))
+    return Known("the synthetic body that the data were made of", 0.0, values)
 
 
 def own_mesh(path: str | Path, body: SkinnedBody, sigma: float) -> Setup:

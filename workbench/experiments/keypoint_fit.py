@@ -125,11 +125,16 @@ def pose_prior(body: SkinnedBody) -> Residual:
     if body.n_joints != 24:
         rest = body.bind_pose[1:]
         return gaussian(pose[:, 1:], mean=rest, covariance=0.25, unit="rad", name="pose prior")
+    mean, covariance = learned_poses()
+    return gaussian(pose[:, 1:], mean=mean, covariance=covariance, name="pose prior")
+
+
+def learned_poses() -> tuple[Array, Array]:
+    """Mean (69,) rad and covariance (69, 69) rad^2 of the rotations of SMPL's joints 1 to 23."""
     with as_file(files("workbench") / "data" / "poses" / "cmu_gaussian.npz") as path:
         learned = np.load(path, allow_pickle=False)
-    return gaussian(
-        pose[:, 1:], mean=learned["mean"], covariance=learned["covariance"], name="pose prior"
-    )
+        mean, covariance = learned["mean"], learned["covariance"]
+    return mean.astype(float), covariance.astype(float)
 
 
 def focal_prior(camera: Camera, start: Values) -> Residual:

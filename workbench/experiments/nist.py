@@ -77,7 +77,7 @@ def nist(problem: str = "Misra1a", start: int = 1) -> Setup:
 
     def measures(values: Values) -> tuple[Measure, ...]:
         agree = digits({"b": values["b"]}, answer)
-        return (Measure("digits that agree with NIST's", agree, "1", f"the worst of {p}"),)
+        return (Measure("agreement with NIST, worst parameter", agree, "digits"),)
 
     return Setup(
         problem=Problem((Residual("regression", model - cs.DM(y), 1.0),), ("b",), blocks=(b,)),

@@ -7,7 +7,8 @@ import numpy as np
 
 from workbench.bodies.catalogue import load_body
 from workbench.errors import UnknownName
-from workbench.experiments.correspondences import COMPARED, mesh_fit, placed
+from workbench.experiments.correspondence_start import placed
+from workbench.experiments.correspondences import COMPARED, mesh_fit
 from workbench.experiments.experiment import Setup
 from workbench.residuals import gaussian
 from workbench.solvers import solve

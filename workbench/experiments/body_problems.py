@@ -1,0 +1,276 @@
+"""Fits of bodies of graded difficulty, for comparing solvers.
+
+Every builder takes the body's name, the `seed` of the person and of the noise, and the number of
+the `start`: 0 is the template at the origin, every other one is a random start, the same for each
+solver. All data are synthetic.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.blocks import Block, Values
+from workbench.bodies import SkinnedBody
+from workbench.bodies.catalogue import load_body
+from workbench.experiments.correspondences import mesh_fit
+from workbench.experiments.experiment import Experiment, Measure, Setup
+from workbench.experiments.keypoint_fit import keypoint_fit, landmark_set, pose_prior
+from workbench.experiments.known import Known
+from workbench.experiments.observations import Observations, photograph
+from workbench.experiments.synthetic_people import (
+    beginning,
+    bent_person,
+    likely_person,
+    made_of,
+    polished,
+)
+from workbench.geometry.camera import Camera
+from workbench.problem import Problem
+from workbench.residuals import Residual, gaussian, landmarks
+from workbench.residuals.kernels import Kernel, geman_mcclure, huber, quadratic
+
+Array = NDArray[np.float64]
+COMPARED = ("gauss-newton", "levenberg-marquardt", "ipopt", "ipopt-exact", "nlopt-lbfgs")
+WITH_BOUNDS = ("ipopt", "ipopt-exact", "nlopt-lbfgs", "nlopt-slsqp")
+SIZE, FOCAL, AWAY = 1000, 1200.0, 4.0  # px, px, m: of the cameras
+
+
+def body_vertices(
+    body: str = "small",
+    seed: int = 0,
+    start: int = 0,
+    pose_sigma: float = 0.3,
+    noise: float = 0.0,
+    start_sigma: float = 0.3,
+) -> Setup:
+    """Every vertex known: pose_sigma and start_sigma in rad, noise in m."""
+    model = load_body(body)
+    rng = np.random.default_rng(seed)
+    truth = bent_person(model, rng, pose_sigma)
+    surface = model.vertices(**truth)
+    observed = surface + noise * rng.standard_normal(surface.shape)
+    setup = mesh_fit(
+        model,
+        observed,
+        f"The vertices of a synthetic body (pose {pose_sigma} rad, noise {1e3 * noise:g} mm, seed "
+        f"{seed}) are known, each with its partner. Does the fit find its pose and shape"
+        f"{_from(start, start_sigma)}?",
+        sigma=noise or 1e-3,
+        start=beginning(model, seed, start, start_sigma),
+        truth=surface,
+        compared=COMPARED,
+    )
+    if noise == 0:
+        return replace(setup, known=made_of(model, truth))
+    return replace(setup, known=polished(setup.problem, setup.start, truth))
+
+
+def body_outliers(body: str = "small", seed: int = 0, start: int = 0, share: float = 0.2) -> Setup:
+    """A `share` of the vertices lies 0.3 m off, the rest 5 mm: squares believe them all."""
+    return _with_outliers(body, seed, start, share, quadratic, 0.005)
+
+
+def body_outliers_huber(
+    body: str = "small", seed: int = 0, start: int = 0, share: float = 0.2
+) -> Setup:
+    """The same data; far vertices pull no harder than near ones."""
+    return _with_outliers(body, seed, start, share, huber(), 0.005)
+
+
+def body_outliers_geman_mcclure(
+    body: str = "small", seed: int = 0, start: int = 0, share: float = 0.2
+) -> Setup:
+    """The same data; far vertices hardly pull at all, also where it is the start that is off."""
+    return _with_outliers(body, seed, start, share, geman_mcclure, 0.05)
+
+
+def _with_outliers(
+    body: str, seed: int, start: int, share: float, kernel: Kernel, sigma: float
+) -> Setup:
+    model = load_body(body)
+    rng = np.random.default_rng(seed)
+    truth = bent_person(model, rng, 0.3)
+    surface = model.vertices(**truth)
+    off = np.where(rng.random(len(surface)) < share, 0.3, 0.005)  # m
+    setup = mesh_fit(
+        model,
+        surface + off[:, None] * rng.standard_normal(surface.shape),
+        f"Of the vertices of a synthetic body (seed {seed}), {100 * share:g} % lie 30 cm off, the "
+        f"others 5 mm. Does the fit see past them{_from(start, 0.3)}?",
+        sigma=sigma,
+        kernel=kernel,
+        priors=(gaussian(model.blocks()[1].symbol, name="shape prior"),),
+        start=beginning(model, seed, start, 0.3),
+        truth=surface,
+        compared=COMPARED,
+    )
+    return replace(setup, known=polished(setup.problem, setup.start, truth))
+
+
+def body_bounds(body: str = "small", seed: int = 0, start: int = 0, limit: float = 0.4) -> Setup:
+    """Every vertex known, but no angle may exceed `limit` rad, nor a beta 1: many would have to."""
+    model = load_body(body)
+    truth = bent_person(model, np.random.default_rng(seed), 0.3)
+    pose, betas, _ = (block.name for block in model.blocks())
+    bounds = {pose: (-limit, limit), betas: (-1.0, 1.0)}
+
+    def inside(values: Values) -> Values:
+        return values | {name: np.clip(values[name], *bounds[name]) for name in bounds}
+
+    surface = model.vertices(**truth)
+    setup = mesh_fit(
+        model,
+        surface,
+        f"The vertices of a synthetic body (pose 0.3 rad, seed {seed}) are known, but its angles "
+        f"are bounded by {limit:g} rad and its betas by 1 sd. Which of them end at their bounds"
+        f"{_from(start, 0.3)}?",
+        sigma=0.005,
+        bounds=bounds,
+        start=inside(beginning(model, seed, start, 0.3)),
+        truth=surface,
+        compared=WITH_BOUNDS,
+    )
+    return replace(setup, known=polished(setup.problem, setup.start, inside(truth)))
+
+
+def body_joints(body: str = "small", seed: int = 0, start: int = 0, noise: float = 0.01) -> Setup:
+    """All joints known to `noise` m, priors on pose and shape."""
+    model = load_body(body)
+    rng = np.random.default_rng(seed)
+    truth = likely_person(model, rng)
+    joints = model.joints(**truth)
+    priors = (pose_prior(model), gaussian(model.blocks()[1].symbol, name="shape prior"))
+    setup = _joint_fit(
+        model,
+        joints + noise * rng.standard_normal(joints.shape),
+        f"The joints of a synthetic body (seed {seed}) are known to {1e3 * noise:g} mm, and priors "
+        f"say the rest. Which body is the likeliest{_from(start, 0.3)}?",
+        noise,
+        priors,
+        beginning(model, seed, start, 0.3),
+    )
+    return replace(setup, known=polished(setup.problem, setup.start, truth))
+
+
+def body_joints_alone(
+    body: str = "small", seed: int = 0, start: int = 0, pose_sigma: float = 0.3
+) -> Setup:
+    """All joints known exactly and no prior: many bodies explain them, and J has no full rank."""
+    model = load_body(body)
+    truth = bent_person(model, np.random.default_rng(seed), pose_sigma)
+    setup = _joint_fit(
+        model,
+        model.joints(**truth),
+        f"The joints of a synthetic body (pose {pose_sigma} rad, seed {seed}) are known exactly, "
+        f"and nothing else is. Is one of the bodies found that explain them{_from(start, 0.3)}?",
+        0.01,
+        (),
+        beginning(model, seed, start, 0.3),
+    )
+    return replace(setup, known=Known("the joints are those of a synthetic person", 0.0))
+
+
+def _joint_fit(
+    body: SkinnedBody,
+    observed: Array,
+    question: str,
+    sigma: float,
+    priors: tuple[Residual, ...],
+    start: Values,
+) -> Setup:
+    pose, betas, trans = (block.symbol for block in body.blocks())
+    target = Block("observed", observed.shape, "m", body.joint_names)
+    data = landmarks(body.joint_points(pose, betas, trans), target.symbol, sigma=sigma)
+
+    def measures(values: Values) -> tuple[Measure, ...]:
+        found = body.joints(*(values[block.name] for block in body.blocks()))
+        off = 1e3 * np.linalg.norm(found - observed, axis=1)
+        rms = float(np.sqrt(np.mean(off**2)))
+        return (Measure("joint to observation, rms", rms, "mm"),)
+
+    return Setup(
+        problem=Problem((data, *priors), ("pose", "betas", "trans"), blocks=(target,)),
+        start=start | {target.name: observed},
+        question=question,
+        body=body,
+        measures=measures,
+        priors=tuple(prior.name for prior in priors),
+        compared=COMPARED,
+    )
+
+
+def body_cameras(
+    body: str = "small", seed: int = 0, start: int = 0, cameras: int = 4, noise: float = 4.0
+) -> Setup:
+    """Keypoints in images of 1000 px from all around, priors on pose and shape; noise in px."""
+    model = load_body(body)
+    rng = np.random.default_rng(seed)
+    truth = likely_person(model, rng)
+    kind = landmark_set(model)
+    names, points = model.landmark_names(kind), model.landmark(kind, **truth)
+    photographs = []
+    for i in range(cameras):
+        calibration = _looking_in(2 * np.pi * i / cameras)
+        camera = Camera()
+        pixels = camera.pixels(points, camera.values(**calibration))
+        pixels = pixels + noise * rng.standard_normal(pixels.shape)
+        seen = np.column_stack([pixels, np.ones(len(pixels))])
+        photographs.append(photograph(f"camera {i + 1}", (SIZE, SIZE), seen, calibration))
+    setup = keypoint_fit(
+        Observations(names, tuple(photographs)),
+        model,
+        f"{cameras} synthetic image{'s' * (cameras > 1)} (seed {seed}) show the keypoints of a "
+        f"synthetic body to {noise:g} px, and priors say the rest. Which body is the likeliest"
+        f"{_from(start, 0.3)}?",
+        sigma=noise,
+        compared=COMPARED,
+    )
+    setup = replace(setup, start=setup.start | beginning(model, seed, start, 0.3))
+    return replace(setup, known=polished(setup.problem, setup.start, truth))
+
+
+def _looking_in(angle: float) -> Mapping[str, Array]:
+    """The calibration of a camera on a circle about the origin, upright, from the front at 0."""
+    forward = -np.array([np.sin(angle), 0.0, np.cos(angle)])
+    down = np.array([0.0, -1.0, 0.0])
+    middle = (SIZE - 1) / 2
+    return {
+        "K": np.array([[FOCAL, 0, middle], [0, FOCAL, middle], [0, 0, 1]]),
+        "R": np.array([np.cross(down, forward), down, forward]),
+        "t": np.array([0.0, 0.0, AWAY]),
+    }
+
+
+def _from(start: int, sigma: float) -> str:
+    return f", from random start {start} ({sigma:g} rad)" if start else ", from the template"
+
+
+BODIES = (
+    Experiment("body-vertices", body_vertices, "every vertex known, no noise"),
+    Experiment(
+        "body-vertices-noisy", body_vertices, "every vertex known to 2 mm", {"noise": 0.002}
+    ),
+    Experiment(
+        "body-vertices-bent", body_vertices, "the same, joints bent by 1 rad per axis",
+        {"pose_sigma": 1.0},
+    ),
+    Experiment(
+        "body-vertices-far", body_vertices, "the same, starts 1 rad off per axis",
+        {"start": 1, "start_sigma": 1.0},
+    ),
+    Experiment("body-joints", body_joints, "joints known to 10 mm, and priors"),
+    Experiment("body-joints-alone", body_joints_alone, "joints without a prior: rank-deficient"),
+    Experiment("body-four-cameras", body_cameras, "keypoints in four images, and priors"),
+    Experiment(
+        "body-one-camera", body_cameras, "keypoints in one image, and priors", {"cameras": 1}
+    ),
+    Experiment("body-outliers", body_outliers, "a fifth of the vertices 30 cm off, squares"),
+    Experiment("body-outliers-huber", body_outliers_huber, "the same, Huber's kernel"),
+    Experiment(
+        "body-outliers-geman-mcclure", body_outliers_geman_mcclure,
+        "the same, Geman and McClure's kernel",
+    ),
+    Experiment("body-bounds", body_bounds, "every vertex known, bounds active at the answer"),
+)  # fmt: skip

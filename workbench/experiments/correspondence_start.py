@@ -1,0 +1,93 @@
+"""Where to begin a fit to a mesh of the body's topology: closed forms, no iteration."""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.blocks import Block, Layout, Values
+from workbench.bodies import SkinnedBody
+from workbench.geometry.rigid import procrustes
+from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
+
+Array = NDArray[np.float64]
+Start = Callable[[SkinnedBody, Array], Values]  # from a body and a mesh (N, 3) m of its topology
+RIGID = 0.03  # m: how far off a body is whose parts are placed as if each were rigid
+
+
+def zero(body: SkinnedBody, observed: Array) -> Values:
+    """The template where it is: bind pose, mean shape, at the origin."""
+    return body.start()
+
+
+def placed(body: SkinnedBody, observed: Array) -> Values:
+    """The root's rotation and the translation of the rest body moved rigidly onto a mesh."""
+    motion = procrustes(body.vertices(), observed)
+    root = body.joints()[0]
+    pose, _, trans = body.blocks()
+    turned = body.bind_pose.copy()
+    turned[0] = vector_from_matrix(motion.R @ matrix_from_vector(turned[0]))
+    return {pose.name: turned, trans.name: motion(root) - root}
+
+
+def from_correspondences(body: SkinnedBody, observed: Array) -> Values:
+    """Pose, betas and trans of a body near a mesh (N, 3) m, however far it is bent.
+
+    Each part is moved rigidly onto the mesh by itself (Procrustes, its vertices counting by the
+    squares of their skinning weights). The rotations along the tree are what turns each part
+    against its parent; their angles lie in [0, pi]. Then the vertices are linear in betas and
+    trans, which are solved for, betas with their standard normal prior: parts are not rigid, and
+    shape would be bent to make up for that.
+
+    Raises NotNumbers, ShapeMismatch or NonFiniteValue for another mesh.
+    """
+    target = Block("observed", (body.n_vertices, 3), "m")
+    mesh = Layout((target,)).pack({target.name: observed}).reshape(target.shape)
+    bound = _chained(matrix_from_vector(body.bind_pose), body.parents)
+    turned: list[Array] = []
+    for joint, parent in enumerate(body.parents):
+        weight = body.weights[:, joint] ** 2
+        if np.count_nonzero(weight) >= 3:
+            turned.append(procrustes(body.template, mesh, weight).R @ bound[joint])
+        else:  # nothing to see of it: as at rest, in its parent's frame
+            at_rest = bound[parent].T @ bound[joint] if joint else bound[0]
+            turned.append(turned[parent] @ at_rest if joint else at_rest)
+    local = [turned[0]]
+    local += [turned[up].T @ turned[k] for k, up in enumerate(body.parents[1:], start=1)]
+    found = vector_from_matrix(np.array(local))
+    shape, shift = _shape_of(body, found, mesh)
+    pose, betas, trans = body.blocks()
+    return {pose.name: found, betas.name: shape, trans.name: shift}
+
+
+def _chained(R: Array, parents: tuple[int, ...]) -> Array:
+    """Rotations (K, 3, 3) in the world, from those in the parents' frames."""
+    world = [R[0]]
+    for k, parent in enumerate(parents[1:], start=1):
+        world.append(world[parent] @ R[k])
+    return np.array(world)
+
+
+def _shape_of(body: SkinnedBody, pose: Array, mesh: Array) -> tuple[Array, Array]:
+    """Betas (B,) and trans (3,) m of a known pose: a ridge regression.
+
+    A part is off as a whole: its vertices count for one together, however many there are.
+    """
+    B = body.n_betas
+    sigma = RIGID * np.sqrt(body.n_vertices / body.n_joints)  # m, of a vertex
+    mean, *along = body.vertices(pose, np.vstack([np.zeros(B), np.eye(B)]))
+    columns = [(one - mean).ravel() for one in along]
+    columns += [np.tile(axis, body.n_vertices) for axis in np.eye(3)]
+    A = np.column_stack(columns) / sigma
+    prior = np.eye(B, B + 3)  # none on trans
+    right = np.concatenate([(mesh - mean).ravel() / sigma, np.zeros(B)])
+    x = np.linalg.lstsq(np.vstack([A, prior]), right)[0]
+    return x[:B], x[B:]
+
+
+STARTS: Mapping[str, Start] = {
+    "zero": zero,
+    "placed": placed,
+    "procrustes": from_correspondences,
+}
+"""By the names that the command line knows them by."""
