@@ -12,16 +12,22 @@ from workbench.comparison import Budget, Comparison, compare
 from workbench.diagnostics import Diagnosis, diagnose
 from workbench.errors import WorkbenchError
 from workbench.geometry.camera import Camera
-from workbench.problem import Linearization, Problem
+from workbench.problem import Constraint, Linearization, Problem
 from workbench.residuals import Residual
 from workbench.solvers import (
     SOLVERS,
+    Dogleg,
     GaussNewton,
     Ipopt,
     LevenbergMarquardt,
+    Newton,
     Nlopt,
+    Scipy,
     Solution,
+    Sqp,
+    Staged,
     Status,
+    SteepestDescent,
     solve,
 )
 
@@ -31,20 +37,27 @@ __all__ = [
     "Budget",
     "Camera",
     "Comparison",
+    "Constraint",
     "Diagnosis",
+    "Dogleg",
     "GaussNewton",
     "Ipopt",
     "Landmarks",
     "Layout",
     "LevenbergMarquardt",
     "Linearization",
+    "Newton",
     "Nlopt",
     "Points",
     "Problem",
     "Residual",
+    "Scipy",
     "SkinnedBody",
     "Solution",
+    "Sqp",
+    "Staged",
     "Status",
+    "SteepestDescent",
     "Values",
     "WorkbenchError",
     "compare",

@@ -83,6 +83,10 @@ class BadResidual(WorkbenchError):
     """A residual that cannot be part of a problem."""
 
 
+class BadConstraint(WorkbenchError):
+    """A constraint that cannot be part of a problem."""
+
+
 class BadBody(WorkbenchError):
     """A body whose arrays do not fit together."""
 

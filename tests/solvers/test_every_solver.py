@@ -13,10 +13,12 @@ import scipy.optimize
 from tests.solvers.problems import TRUTH, body_fit, decay, line, rosenbrock
 from workbench import SOLVERS, Block, Problem, Residual, Status, Values, solve
 from workbench.errors import NotSupported, UnknownName
-from workbench.solvers import Iterate, LevenbergMarquardt, Nlopt, Solution
+from workbench.solvers import Boxes, Iterate, LevenbergMarquardt, Nlopt, Solution
 
-EACH_SOLVER = pytest.mark.parametrize("name", SOLVERS)
-BOUNDED = [name for name in SOLVERS if name not in ("gauss-newton", "levenberg-marquardt")]
+LOCAL = [name for name, solver in SOLVERS.items() if not solver.abilities.is_global]
+EACH_SOLVER = pytest.mark.parametrize("name", LOCAL)
+BOUNDED = [name for name in LOCAL if SOLVERS[name].abilities.bounds is Boxes.TAKEN]
+QUITTERS = ("nlopt-lbfgs", "nlopt-var2", "steepest-descent")
 TOLERANCE = 1e-6  # every solver's gradient_tolerance
 
 
@@ -93,8 +95,11 @@ def test_a_problem_without_noise_converges_too(name: str) -> None:
     """There the residual is rounding error, and so is its angle with the Jacobian."""
     problem, start = decay(noise=0.0)
     solution = SOLVERS[name].solve(problem, start)
+    if name == "gauss-newton-full":  # whose full steps end elsewhere, and it says so
+        assert solution.status is Status.STALLED
+        return
     np.testing.assert_allclose(solution.values["x"], TRUTH, atol=1e-5)
-    if name != "nlopt-lbfgs":  # which leaves when the cost, 1e-20, is small to it
+    if name not in QUITTERS:  # which leave when the cost, 1e-18, is small to them
         assert solution.status is Status.CONVERGED
 
 
@@ -107,7 +112,9 @@ BOUNDS = {"x": ([0.0, 0.0, 0.55], [1.9, 5.0, 5.0])}  # holds a and c back from t
 def test_bounds_are_honoured_or_refused(name: str) -> None:
     problem, start = decay(bounds=BOUNDS)
     if name not in BOUNDED:
-        with pytest.raises(NotSupported, match=r"knows no bounds.*bounds x; use ipopt or an NLopt"):
+        with pytest.raises(
+            NotSupported, match=r"knows no bounds.*bounds x; use levenberg-marquardt, ipopt"
+        ):
             SOLVERS[name].solve(problem, start)
         return
     solution = SOLVERS[name].solve(problem, start | {"x": np.array([1.0, 0.5, 1.0])})
@@ -135,9 +142,17 @@ def test_a_start_outside_is_moved_inside(name: str) -> None:
 # Limits.
 
 
+def long_way(name: str) -> tuple[Problem, Values]:
+    """A problem that this solver does not solve in a few steps."""
+    if name != "gauss-newton-full":
+        return rosenbrock()
+    problem, start = decay(noise=0.6)  # two full steps are enough for Rosenbrock's valley
+    return problem, start | {"x": np.array([1.5, 1.0, 0.3])}
+
+
 @EACH_SOLVER
 def test_iterations_are_limited(name: str) -> None:
-    problem, start = rosenbrock()
+    problem, start = long_way(name)
     solution = limited(name, max_iterations=2).solve(problem, start)
     assert solution.status is Status.MAX_ITERATIONS
     assert solution.iterations == 2
@@ -146,7 +161,7 @@ def test_iterations_are_limited(name: str) -> None:
 
 @EACH_SOLVER
 def test_evaluations_are_limited(name: str) -> None:
-    problem, start = rosenbrock()
+    problem, start = long_way(name)
     solution = limited(name, max_evaluations=6).solve(problem, start)
     assert solution.status is Status.MAX_EVALUATIONS
     counts = solution.evaluations
@@ -158,7 +173,7 @@ def test_seconds_are_limited(name: str, monkeypatch: pytest.MonkeyPatch) -> None
     ticks = iter(range(10**6))  # a clock that goes one second forward whenever it is read
     clock = SimpleNamespace(perf_counter=lambda: float(next(ticks)))
     monkeypatch.setattr("workbench.solvers.run.time", clock)
-    problem, start = rosenbrock()
+    problem, start = long_way(name)
     solution = limited(name, max_seconds=10.0).solve(problem, start)
     assert solution.status is Status.MAX_SECONDS
     assert solution.cost <= cost(problem, start)
@@ -182,7 +197,7 @@ def test_the_callback_sees_every_iterate(name: str) -> None:
 @EACH_SOLVER
 @pytest.mark.parametrize("yes", [True, np.True_], ids=["bool", "numpy"])
 def test_the_callback_can_stop(name: str, yes: Any) -> None:
-    problem, start = rosenbrock()
+    problem, start = long_way(name)
     seen: list[Iterate] = []
 
     def after_three(iterate: Iterate) -> Any:
@@ -197,7 +212,7 @@ def test_the_callback_can_stop(name: str, yes: Any) -> None:
 
 @EACH_SOLVER
 def test_the_keyboard_keeps_the_best(name: str) -> None:
-    problem, start = rosenbrock()
+    problem, start = long_way(name)
     seen: list[Iterate] = []
 
     def interrupted(iterate: Iterate) -> None:
@@ -278,6 +293,12 @@ def test_the_start_is_left_alone(name: str) -> None:
 # Objectives that misbehave.
 
 
+COME_BACK = (
+    "gauss-newton", "levenberg-marquardt", "levenberg-marquardt-columns", "dogleg", "newton",
+    "dogleg-chumpy", "steepest-descent", "ipopt", "ipopt-exact", "scipy-lm", "nlopt-bobyqa",
+)  # fmt: skip
+
+
 def root() -> Problem:
     """sqrt(x) = 0.1: a full Gauss-Newton step from 4 goes to where there is no root."""
     return Problem((Residual("root", cs.sqrt(Block("x").symbol) - 0.1, 0.1),), ("x",))
@@ -287,15 +308,15 @@ def root() -> Problem:
 def test_nan_on_the_way_is_survived_or_said(name: str) -> None:
     problem = root()
     solution = SOLVERS[name].solve(problem, {"x": np.array(4.0)})
-    if solution.status is Status.CONVERGED:
+    if solution.status is Status.CONVERGED or solution.cost < 1e-20:  # or all but
         assert solution.values["x"] == pytest.approx(0.01, rel=1e-3)
     else:
         assert solution.status is Status.NOT_FINITE
         assert "NaN or infinite" in solution.message
     assert solution.cost <= cost(problem, {"x": np.array(4.0)})
     assert np.isfinite(solution.values["x"])
-    if name in ("gauss-newton", "levenberg-marquardt", "ipopt", "ipopt-exact"):
-        assert solution.converged  # their line search or damping comes back
+    if name in COME_BACK:  # by their line search, damping or trust region
+        assert solution.converged
 
 
 @EACH_SOLVER
@@ -373,12 +394,12 @@ def test_levenberg_marquardt_is_asked_unless_told_otherwise() -> None:
 
 
 def test_an_algorithm_that_is_not_offered_is_refused() -> None:
-    with pytest.raises(UnknownName, match="'LD_NEWTON'; there are LD_LBFGS, LD_MMA"):
+    with pytest.raises(UnknownName, match="'LD_NEWTON'; there are GD_STOGO, GD_STOGO_RAND"):
         Nlopt("LD_NEWTON")
 
 
 def test_missing_values_are_the_callers_error() -> None:
     problem, start = decay()
-    for solver in SOLVERS.values():
+    for name in LOCAL:
         with pytest.raises(Exception, match=r"'y' .* was given no value"):
-            solver.solve(problem, {"x": start["x"]})
+            SOLVERS[name].solve(problem, {"x": start["x"]})

@@ -38,11 +38,19 @@ def test_convergence_is_linear_where_it_does_not() -> None:
     np.testing.assert_allclose(tail[1:] / tail[:-1], rate, rtol=0.15)
 
 
-def test_a_stationary_point_that_is_not_good_enough_ends_the_run() -> None:
-    """With a tolerance of zero no gradient vanishes; the steps do."""
+def test_a_tolerance_of_zero_is_met_to_rounding() -> None:
+    """The last steps gain less cost than rounding hides; they are judged by the gradient."""
     solution = GaussNewton(gradient_tolerance=0.0).solve(*decay())
-    assert solution.status is Status.STALLED
-    assert solution.optimality < 1e-6
+    assert solution.optimality == 0
+    assert solution.status is Status.CONVERGED
+    costs = [iterate.cost for iterate in solution.trace]
+    assert min(np.diff(costs)) < 0 <= max(np.diff(costs)) < 1e-14 * costs[-1]
+
+
+def test_a_step_that_does_not_help_any_more_ends_the_run() -> None:
+    problem, start = decay()
+    around = GaussNewton(line_search=lambda run, x, here, p: 0.0, gradient_tolerance=0.0)
+    assert around.solve(problem, start).status is Status.STALLED
 
 
 def test_a_linear_problem_takes_one_step() -> None:

@@ -2,7 +2,8 @@
 
 from tests.solvers.problems import decay
 from workbench import GaussNewton, Status
-from workbench.solvers.run import Run, Stop
+from workbench.solvers.limits import Stop
+from workbench.solvers.run import Run
 
 
 def test_a_solver_that_only_says_it_converged_has_not() -> None:

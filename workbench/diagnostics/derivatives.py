@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from workbench.diagnostics.jacobian import Jacobian
 from workbench.problem import Problem
-from workbench.problem.linearization import EPS
+from workbench.problem.steps import EPS
 
 Array = NDArray[np.float64]
 WRONG = 1e-5  # of the largest entry of its column and of what differences can resolve

@@ -12,7 +12,7 @@ from scipy.sparse import csc_array, csr_array, issparse
 
 from workbench.errors import WorkbenchError
 from workbench.problem import Problem
-from workbench.problem.linearization import EPS
+from workbench.problem.steps import EPS
 
 Array = NDArray[np.float64]
 THIN = 1e-3  # of its column's largest entry: smaller ones hardly matter

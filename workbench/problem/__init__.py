@@ -1,6 +1,7 @@
 """Problems: residuals over named blocks, some of them free; and how they look from one point."""
 
+from workbench.problem.constraint import Constraint
 from workbench.problem.linearization import Linearization
 from workbench.problem.problem import Problem
 
-__all__ = ["Linearization", "Problem"]
+__all__ = ["Constraint", "Linearization", "Problem"]

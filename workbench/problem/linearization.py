@@ -7,9 +7,10 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from workbench.problem.constraint_set import Constrained
+from workbench.problem.steps import EPS, automatic
+
 Array = NDArray[np.float64]
-EPS = float(np.finfo(float).eps)
-CHOLESKY_UP_TO = 1e6  # of the condition of J; its square is what Cholesky meets
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,6 +19,7 @@ class Linearization:
 
     residual: Array  # (m,)
     jacobian: Array  # (m, n)
+    constraints: Constrained | None = None  # of the problem, seen from the same point
 
     @property
     def cost(self) -> float:
@@ -45,6 +47,8 @@ class Linearization:
         """Whether every number of the residual and the Jacobian is."""
         if not np.isfinite(self.residual).all():
             return False
+        if self.constraints is not None and not self.constraints.finite:
+            return False
         return bool(np.isfinite(self.column_norms).all() or np.isfinite(self.jacobian).all())
 
     @cached_property
@@ -63,31 +67,44 @@ class Linearization:
         """How many directions the residual notices."""
         return int(np.sum(self.svd[1] > self.tolerance))
 
+    @cached_property
+    def triangle(self) -> tuple[Array, Array, Array]:
+        """`d, R, b`: |(R / d^-1) p + b| is |J p + r| but for a constant; R (k, n) of J / d by QR.
+
+        d are the column norms, 1 where one is zero; b (k,) is Q'r; k = min(m, n).
+        """
+        m, n = self.jacobian.shape
+        d = np.where(self.column_norms > 0, self.column_norms, 1.0)
+        A = np.empty((m, n + 1), order="F")
+        A[:, :n], A[:, n] = self.jacobian / d, self.residual
+        R = scipy.linalg.qr(A, mode="r", overwrite_a=True, check_finite=False)[0]
+        k = min(m, n)
+        return d, np.asarray(R[:k, :n], dtype=float), np.asarray(R[:k, n], dtype=float)
+
     def step(self, damping: float = 0.0, scaling: Array | float = 1.0) -> Array:
         """The p (n,) least in |J p + r|^2 + damping |D p|^2, D = diag(scaling).
 
-        Without damping, Gauss and Newton's step; where J has no full rank, the shortest one. Well
-        conditioned normal equations go to Cholesky, all else to the singular values. The scaling
-        must be above zero.
+        Without damping, Gauss and Newton's step; where J has no full rank, the shortest one. The
+        scaling must be above zero. How it is computed: `steps.automatic`.
         """
-        D = np.broadcast_to(np.asarray(scaling, dtype=float), self.gradient.shape)
-        A = self.normal + damping * np.diag(D**2)
-        d = np.sqrt(np.diag(A))
-        if (d > 0).all():
-            try:
-                L = scipy.linalg.cholesky(A / np.outer(d, d), lower=True)
-            except np.linalg.LinAlgError:
-                L = np.zeros((1, 1))
-            if np.diag(L).min() > 1 / CHOLESKY_UP_TO:
-                return -scipy.linalg.cho_solve((L, True), self.gradient / d) / d
-        if damping == 0 or (D == 1).all():
-            D, (U, s, Vt) = np.ones_like(D), self.svd
+        D = np.array(np.broadcast_to(scaling, self.gradient.shape), dtype=float)
+        return automatic(self, damping, D).p
+
+    def without(self, held: NDArray[np.bool_], p: Array) -> "Linearization":
+        """The problem in the entries that are not held, once the held ones have moved by p."""
+        rest = ~held
+        moved = np.where(held, p, 0.0)
+        smaller = Linearization(self.residual + self.jacobian @ moved, self.jacobian[:, rest])
+        smaller.__dict__["normal"] = self.normal[np.ix_(rest, rest)]
+        return smaller
+
+    def promise(self, p: Array) -> float:
+        """By how much the linear model says that a step lowers the cost."""
+        if "normal" in self.__dict__:  # known already, and small: no need to read J again
+            bend = float(p @ self.normal @ p)
         else:
-            U, s, Vt = np.linalg.svd(self.jacobian / D, full_matrices=False)
-        seen = s > EPS * max(self.jacobian.shape) * s.max(initial=0.0)
-        s, U, Vt = s[seen], U[:, seen], Vt[seen]
-        # unseen directions are left out: there damping below eps would magnify rounding errors
-        return np.asarray(-(Vt.T @ ((U.T @ self.residual) / (s + damping / s))) / D)
+            bend = float(np.sum((self.jacobian @ p) ** 2))
+        return -float(self.gradient @ p) - 0.5 * bend
 
     def predicted_cost(self, step: Array) -> float:
         """1/2 |r + J p|^2."""

@@ -9,22 +9,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from workbench.blocks import Block, Layout, Points, Tree
-from workbench.blocks.reals import reals
-from workbench.errors import (
-    BadBounds,
-    BadResidual,
-    DuplicateResidual,
-    ShapeMismatch,
-    TwoSymbolsOneName,
-    UnknownName,
-)
+from workbench.errors import BadResidual, DuplicateResidual, TwoSymbolsOneName, UnknownName
+from workbench.problem.bounds import Bounds, flat_bounds
 from workbench.problem.chain import FORWARD, Chain, Graph
-from workbench.problem.linearization import EPS, Linearization
+from workbench.problem.constraint import Constraint
+from workbench.problem.constraint_set import ConstraintSet
+from workbench.problem.linearization import Linearization
+from workbench.problem.optimality import optimality
+from workbench.problem.steps import EPS
 from workbench.residuals import Residual
 from workbench.threads import limited_threads
 
 Array = NDArray[np.float64]
-Bounds = Mapping[str, tuple[ArrayLike, ArrayLike]]
 
 
 class Problem:
@@ -45,14 +41,15 @@ class Problem:
         free: str | Iterable[str],
         bounds: Bounds | None = None,
         blocks: Iterable[Block] = (),
+        constraints: Iterable[Constraint] = (),
     ) -> None:
-        self.residuals = tuple(residuals)
+        self.residuals, self.constraints = tuple(residuals), tuple(constraints)
         free = (free,) if isinstance(free, str) else tuple(free)
         self.bounds = dict(bounds or {})
         self._named = tuple(blocks)
         if not self.residuals:
             raise BadResidual("a problem needs at least one residual")
-        names = [residual.name for residual in self.residuals]
+        names = [*(r.name for r in self.residuals), *(c.name for c in self.constraints)]
         for name in names:
             if names.count(name) > 1:
                 raise DuplicateResidual(name)
@@ -62,22 +59,19 @@ class Problem:
                 raise UnknownName("block", name, known)
         self.free = Layout(tuple(known[name] for name in dict.fromkeys(free)))
         self.fixed = Layout(tuple(b for name, b in known.items() if name not in free))
-        for name in self.bounds:
-            if name in self.fixed.names:
-                raise BadBounds(f"block {name!r} has bounds but is fixed; free it or drop them")
-        self.lower, self.upper = self._flat_bounds(0), self._flat_bounds(1)
-        wrong = ~(self.lower <= self.upper)  # also where one is NaN
-        if wrong.any():
-            i = int(np.argmax(wrong))
-            raise BadBounds(
-                f"{self.free.label(i)} has the lower bound {self.lower[i]:g} and the upper bound "
-                f"{self.upper[i]:g}; no number lies between"
-            )
+        self.lower, self.upper = flat_bounds(self.bounds, self.free, self.fixed)
+        self.stacked_constraints = (
+            ConstraintSet(self.constraints, self._constraint_graph) if self.constraints else None
+        )
 
     def freeing(self, *names: str) -> "Problem":
-        """The same residuals with these blocks free instead; bounds of others are dropped."""
+        """The same residuals with these blocks free instead.
+
+        Bounds of other blocks are dropped, and constraints that read none of these.
+        """
         bounds = {name: self.bounds[name] for name in names if name in self.bounds}
-        return Problem(self.residuals, names, bounds, self._named)
+        left = [c for c in self.constraints if not set(names).isdisjoint(c.reads)]
+        return Problem(self.residuals, names, bounds, self._named, left)
 
     def without(self, *residuals: str) -> "Problem":
         """The same but for the named residuals; what then nobody reads is no longer free."""
@@ -88,7 +82,8 @@ class Problem:
         read = {name for residual in left for name in residual.reads}
         free = [name for name in self.free.names if name in read]
         bounds = {name: self.bounds[name] for name in free if name in self.bounds}
-        return Problem(left, free, bounds, self._named)
+        kept = [c for c in self.constraints if not set(free).isdisjoint(c.reads)]
+        return Problem(left, free, bounds, self._named, kept)
 
     # Values in and out.
 
@@ -178,7 +173,9 @@ class Problem:
 
     def linearize_at(self, x: Array, fixed: Array) -> Linearization:
         """Residual and Jacobian at a point."""
-        return Linearization(*self._chain.linearize(x, fixed))
+        there = self.stacked_constraints
+        constraints = None if there is None else there.linearize(x, fixed)
+        return Linearization(*self._chain.linearize(x, fixed), constraints)
 
     def linearize(self, values: Mapping[str, ArrayLike]) -> Linearization:
         """Residual and Jacobian at named values; every block that is read needs one."""
@@ -197,19 +194,8 @@ class Problem:
         return 10 * EPS * (float(np.sqrt(self.size)) + r + self._chain.size(x, fixed))
 
     def optimality(self, x: Array, here: Linearization, rounding: float = 0.0) -> float:
-        """How far from a stationary point: 0 at one, at most 1, free of units.
-
-        The largest |g_i| / (|J_i| |r|), the cosine between the residual and a column of the
-        Jacobian, less what rounding explains. With bounds g_i / |J_i| is cut to |J_i| times the
-        way that is left: the projected gradient, in the units of the residual. So an entry at a
-        bound that it is pulled against is stationary, and one next to it nearly so.
-        """
-        norms, seen = here.column_norms, here.column_norms > 0
-        pull = -here.gradient[seen] / norms[seen]
-        left, right = (self.lower - x)[seen] * norms[seen], (self.upper - x)[seen] * norms[seen]
-        pull = np.maximum(np.abs(np.clip(pull, left, right)) - rounding, 0)
-        size = np.linalg.norm(here.residual)
-        return float(np.max(pull, initial=0.0) / size) if size > 0 else 0.0
+        """How far from a stationary point: 0 at one, free of units. See `optimality.optimality`."""
+        return optimality(x, here, self.lower, self.upper, rounding)
 
     # How all of it is put together.
 
@@ -219,28 +205,31 @@ class Problem:
         return tuple(found.values())
 
     @cached_property
+    def _points_of_all(self) -> tuple[Points, ...]:
+        of_constraints = (p for c in self.constraints for p in c.points)
+        found = {p.symbol.__hash__(): p for p in (*self._points, *of_constraints)}
+        return tuple(found.values())
+
+    @cached_property
     def _whitened(self) -> cs.MX:
         """The stacked residual, its points being placeholders."""
         return cs.vertcat(*[residual.whitened for residual in self.residuals])
 
-    def _substituted(self, points: Iterable[Points]) -> cs.MX:
-        """The stacked residual with these placeholders replaced by their sources' expressions."""
-        chosen = tuple(points)
-        if not chosen:
-            return self._whitened
-        expressions = [p.source.expression for p in chosen]
-        return cs.graph_substitute(self._whitened, [p.symbol for p in chosen], expressions)
+    def _constraint_graph(self, stacked: cs.MX) -> Graph:
+        read = {p.symbol.__hash__(): p for c in self.constraints for p in c.points}
+        return self._on_vectors(substituted(stacked, tuple(read.values())), ())
 
     @cached_property
     def _blocks(self) -> dict[str, Block]:
         """Every block that is read, by name, the best known description of each."""
         described = {
             b.symbol.__hash__(): b
-            for b in (*self._named, *(b for p in self._points for b in p.source.blocks))
+            for b in (*self._named, *(b for p in self._points_of_all for b in p.source.blocks))
         }
-        placeholders = {p.symbol.__hash__() for p in self._points}
-        found = [s for s in cs.symvar(self._whitened) if s.__hash__() not in placeholders]
-        found += [b.symbol for p in self._points for b in p.source.blocks]
+        placeholders = {p.symbol.__hash__() for p in self._points_of_all}
+        stacked = cs.vertcat(self._whitened, *(c.expression for c in self.constraints))
+        found = [s for s in cs.symvar(stacked) if s.__hash__() not in placeholders]
+        found += [b.symbol for p in self._points_of_all for b in p.source.blocks]
         blocks: dict[str, Block] = {}
         for symbol in {s.__hash__(): s for s in found}.values():
             if symbol.name() in blocks:
@@ -260,7 +249,7 @@ class Problem:
 
     @cached_property
     def _graph(self) -> tuple[cs.MX, cs.MX, cs.MX]:
-        whole = self._on_vectors(self._substituted(self._points), ())
+        whole = self._on_vectors(substituted(self._whitened, self._points), ())
         return whole.x, whole.fixed, whole.residual
 
     @cached_property
@@ -269,20 +258,13 @@ class Problem:
         by_graph = [p for p, numeric in quick if numeric is None]
         placeholders = [p.symbol for p, numeric in quick if numeric is not None]
         sources = [numeric for _, numeric in quick if numeric is not None]
-        graph = self._on_vectors(self._substituted(by_graph), placeholders)
+        graph = self._on_vectors(substituted(self._whitened, by_graph), placeholders)
         return Chain(graph, sources, self.free, self.fixed)
 
-    def _flat_bounds(self, side: int) -> Array:
-        flat = np.full(self.free.size, (-np.inf, np.inf)[side])
-        for name, pair in self.bounds.items():
-            block = self.free[name]
-            if not isinstance(pair, (tuple, list, np.ndarray)) or len(pair) != 2:
-                raise BadBounds(f"bounds of {name!r} are a pair (lower, upper), not {pair!r}")
-            limit = reals(f"a bound of {name!r}", pair[side])
-            try:
-                flat[self.free.slices[name]] = np.broadcast_to(limit, block.shape).ravel()
-            except ValueError:
-                raise ShapeMismatch(
-                    f"bounds of {name}", expected=block.shape, got=limit.shape
-                ) from None
-        return flat
+
+def substituted(expression: cs.MX, points: Sequence[Points]) -> cs.MX:
+    """An expression with these placeholders replaced by their sources' expressions."""
+    if not points:
+        return expression
+    sources = [p.source.expression for p in points]
+    return cs.graph_substitute(expression, [p.symbol for p in points], sources)

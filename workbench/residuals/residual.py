@@ -69,15 +69,20 @@ class Residual:
     @property
     def reads(self) -> tuple[str, ...]:
         """Names of the blocks that it depends on, directly or through its points."""
-        placeholders = {p.symbol.__hash__() for p in self.points}
-        own = (s for s in cs.symvar(self.expression) if s.__hash__() not in placeholders)
-        names = [s.name() for s in own]
-        names += [b.name for p in self.points for b in p.source.blocks]
-        return tuple(dict.fromkeys(names))
+        return blocks_read(self.expression, self.points)
 
     def label(self, row: int) -> str:
         """The name of one row: `keypoints(camera 1/observed)[left_wrist, u]`."""
         return f"{self.name}[{self.labels[row] if self.labels else row}]"
+
+
+def blocks_read(expression: cs.MX, points: Sequence[Points]) -> tuple[str, ...]:
+    """Names of the blocks that an expression of symbols and points depends on."""
+    placeholders = {p.symbol.__hash__() for p in points}
+    own = (s for s in cs.symvar(expression) if s.__hash__() not in placeholders)
+    names = [s.name() for s in own]
+    names += [b.name for p in points for b in p.source.blocks]
+    return tuple(dict.fromkeys(names))
 
 
 def check_symbolic(what: str, value: object) -> None:

@@ -4,10 +4,17 @@ from collections.abc import Mapping
 
 from workbench.blocks import Values
 from workbench.problem import Problem
-from workbench.solvers.gauss_newton import GaussNewton, backtracking, full_step
-from workbench.solvers.ipopt import Ipopt, exact_hessian, gauss_newton_hessian
-from workbench.solvers.levenberg_marquardt import LevenbergMarquardt, columns, identity
+from workbench.solvers.abilities import Abilities, Boxes, Derivative, Listed
+from workbench.solvers.dogleg import Dogleg, chumpy, textbook
+from workbench.solvers.gauss_newton import GaussNewton
+from workbench.solvers.ipopt import Ipopt
+from workbench.solvers.levenberg_marquardt import LevenbergMarquardt
+from workbench.solvers.line_search import backtracking, full_step
+from workbench.solvers.newton import Newton
 from workbench.solvers.nlopt import Nlopt
+from workbench.solvers.oracle import exact_hessian, gauss_newton_hessian
+from workbench.solvers.scaling import columns, identity
+from workbench.solvers.scipy import Scipy
 from workbench.solvers.solution import (
     Callback,
     Evaluations,
@@ -16,17 +23,34 @@ from workbench.solvers.solution import (
     Solver,
     Status,
 )
+from workbench.solvers.sqp import Sqp
+from workbench.solvers.staged import Staged
+from workbench.solvers.steepest_descent import SteepestDescent
 
-SOLVERS: Mapping[str, Solver] = {
+SOLVERS: Mapping[str, Listed] = {
     "gauss-newton": GaussNewton(),
+    "gauss-newton-full": GaussNewton(line_search=full_step),
     "levenberg-marquardt": LevenbergMarquardt(),
+    "levenberg-marquardt-columns": LevenbergMarquardt(scaling=columns, first_damping=1e-5),
+    "dogleg": Dogleg(),
+    "dogleg-chumpy": Dogleg(rule=chumpy),
+    "steepest-descent": SteepestDescent(),
+    "newton": Newton(),
     "ipopt": Ipopt(),
     "ipopt-exact": Ipopt(hessian=exact_hessian),
+    "ipopt-lbfgs": Ipopt(hessian=None, max_iterations=3_000),
+    "sqp": Sqp(),
+    "scipy-trf": Scipy("trf"),
+    "scipy-dogbox": Scipy("dogbox"),
+    "scipy-lm": Scipy("lm"),
     "nlopt-lbfgs": Nlopt("LD_LBFGS"),
     "nlopt-tnewton": Nlopt("LD_TNEWTON_PRECOND_RESTART"),
+    "nlopt-var2": Nlopt("LD_VAR2"),
     "nlopt-slsqp": Nlopt("LD_SLSQP"),
     "nlopt-mma": Nlopt("LD_MMA"),
+    "nlopt-ccsaq": Nlopt("LD_CCSAQ"),
     "nlopt-bobyqa": Nlopt("LN_BOBYQA"),
+    "nlopt-mlsl": Nlopt("G_MLSL_LDS"),
 }
 
 
@@ -43,21 +67,33 @@ def solve(
 
 __all__ = [
     "SOLVERS",
+    "Abilities",
+    "Boxes",
     "Callback",
+    "Derivative",
+    "Dogleg",
     "Evaluations",
     "GaussNewton",
     "Ipopt",
     "Iterate",
     "LevenbergMarquardt",
+    "Listed",
+    "Newton",
     "Nlopt",
+    "Scipy",
     "Solution",
     "Solver",
+    "Sqp",
+    "Staged",
     "Status",
+    "SteepestDescent",
     "backtracking",
+    "chumpy",
     "columns",
     "exact_hessian",
     "full_step",
     "gauss_newton_hessian",
     "identity",
     "solve",
+    "textbook",
 ]

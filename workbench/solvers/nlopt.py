@@ -1,4 +1,4 @@
-"""The algorithms of NLopt that ask for no more than a cost, and perhaps its gradient."""
+"""The algorithms of NLopt, behind our own counters, our own best point and our own judge."""
 
 from dataclasses import dataclass
 
@@ -9,19 +9,25 @@ from numpy.typing import NDArray
 from workbench.blocks import Values
 from workbench.errors import UnknownName
 from workbench.problem import Problem
-from workbench.solvers.run import Run, Stop
+from workbench.problem.constraint_set import ConstraintSet
+from workbench.solvers.abilities import Abilities, refuse
+from workbench.solvers.limits import Stop
+from workbench.solvers.nlopt_algorithms import ALGORITHMS
+from workbench.solvers.nlopt_objective import Objective
+from workbench.solvers.run import Run
 from workbench.solvers.solution import Callback, Solution, Status
 
 Array = NDArray[np.float64]
-
-ALGORITHMS = {  # ours: name, whether it takes bounds
-    "LD_LBFGS": True,
-    "LD_TNEWTON_PRECOND_RESTART": True,
-    "LD_SLSQP": True,
-    "LD_MMA": True,
-    "LN_BOBYQA": True,
+MEANING = {  # of the result codes that end a run by themselves
+    nlopt.FAILURE: (Status.STALLED, "it gave up; try another algorithm"),
+    nlopt.INVALID_ARGS: (Status.STALLED, "it does not take this problem; try another algorithm"),
+    nlopt.OUT_OF_MEMORY: (Status.STALLED, "out of memory; try an algorithm without a full matrix"),
+    nlopt.ROUNDOFF_LIMITED: (Status.STALLED, "rounding ended it; as a rule a minimum is near"),
+    nlopt.MAXEVAL_REACHED: (Status.MAX_EVALUATIONS, Status.MAX_EVALUATIONS.value),
+    nlopt.MAXTIME_REACHED: (Status.MAX_SECONDS, Status.MAX_SECONDS.value),
 }
-CHECK_EVERY = 10  # gradients between two looks at the problem's own measure of convergence
+
+SMALLEST_STEP = 1e-14  # of a trust region: COBYLA halves one for ever, asking for nothing
 
 
 @dataclass(frozen=True)
@@ -30,10 +36,13 @@ class Nlopt:
 
     NLopt sees y_i = |J_i| x_i: quasi-Newton methods begin with the identity for a Hessian, and
     after this scaling its diagonal is right. `cost_tolerance` is the relative fall of the cost
-    below which NLopt gives up; whether that point has converged, the problem says.
+    below which NLopt gives up; whether that point has converged, the problem says. `local` does
+    the descents of MLSL. Raises UnknownName for an algorithm that is not in ALGORITHMS.
     """
 
     algorithm: str = "LD_LBFGS"
+    local: str = "LD_LBFGS"
+    seed: int = 0  # of those that roll dice
     max_iterations: int = 100_000
     max_evaluations: int = 20_000
     max_seconds: float = 600.0
@@ -41,73 +50,82 @@ class Nlopt:
     cost_tolerance: float = 1e-16  # not by a single bit; at 1e-15 BOBYQA stops short
 
     def __post_init__(self) -> None:
-        if self.algorithm not in ALGORITHMS:
-            raise UnknownName("NLopt algorithm here", self.algorithm, ALGORITHMS)
+        for name in (self.algorithm, self.local):
+            if name not in ALGORITHMS:
+                raise UnknownName("NLopt algorithm here", name, ALGORITHMS)
+
+    @property
+    def abilities(self) -> Abilities:
+        """As the table has them."""
+        return ALGORITHMS[self.algorithm]
 
     def solve(
         self, problem: Problem, start: Values, *, callback: Callback | None = None
     ) -> Solution:
-        """See Solver. Bounds are honoured; the start is moved inside them."""
-        with Run(f"nlopt {self.algorithm}", self, problem, start, callback) as run:
+        """See Solver. Bounds are honoured; the start is moved inside them. Raises NotSupported
+        for bounds or constraints that the algorithm cannot take, or needs and has not.
+        """
+        name = f"nlopt {self.algorithm}"
+        refuse(name, self.abilities, problem)
+        with Run(name, self, problem, start, callback) as run:
             x0 = np.clip(run.x, problem.lower, problem.upper)
             here = run.linearize(x0)
             run.record(x0, here.cost, run.optimality(x0, here))
             scale = np.where(here.column_norms > 0, here.column_norms, 1.0)
-            optimizer = nlopt.opt(getattr(nlopt, self.algorithm), x0.size)
-            objective = _Objective(run, scale, optimizer)
-            optimizer.set_exceptions_enabled(False)
-            optimizer.set_min_objective(objective)
+            optimizer = self._optimizer(self.algorithm, x0.size)
+            objective = Objective(run, scale, optimizer, self.abilities)
+            optimizer.set_min_objective(objective.cost)
             optimizer.set_lower_bounds(problem.lower * scale)
             optimizer.set_upper_bounds(problem.upper * scale)
-            optimizer.set_ftol_rel(self.cost_tolerance)
-            optimizer.set_maxeval(self.max_evaluations + 1)
-            optimizer.set_maxtime(max(self.max_seconds, 1e-3))
+            if problem.stacked_constraints is not None:
+                _constrain(optimizer, objective, problem.stacked_constraints)
+            if self.algorithm.startswith("G_MLSL"):
+                optimizer.set_local_optimizer(self._optimizer(self.local, x0.size))
             if self.algorithm.startswith("LN_"):
                 optimizer.set_initial_step(0.1 * scale)
+                optimizer.set_xtol_rel(SMALLEST_STEP)
+            nlopt.srand(self.seed)
             try:
-                optimizer.optimize(x0 * scale)
-            except SystemError as error:  # an interrupt while NLopt was at its own work
-                raise error.__cause__ or error from None
+                optimizer.optimize(
+                    np.clip(x0 * scale, problem.lower * scale, problem.upper * scale)
+                )
+            except (SystemError, ValueError, RuntimeError, MemoryError) as error:
+                # an interrupt while NLopt was at its own work, or what it says of its arguments
+                if objective.error is None and isinstance(error, SystemError):
+                    raise error.__cause__ or error from None
+                objective.error = objective.error or Stop(
+                    Status.STALLED, f"nlopt {self.algorithm} refused: {error or type(error)}"
+                )
             if objective.error is not None:
                 raise objective.error
+            run.check()  # some leave at a limit without saying so
             code = optimizer.last_optimize_result()
-            run.stall(f"{Status.STALLED.value} (nlopt: result {code})")
+            status, advice = MEANING.get(code, (Status.STALLED, Status.STALLED.value))
+            message = f"{advice} (nlopt: result {code})"
+            if status is Status.STALLED:
+                run.stall(message)
+            raise Stop(status, message)
         return run.solution()
 
+    def _optimizer(self, algorithm: str, n: int) -> nlopt.opt:
+        optimizer = nlopt.opt(getattr(nlopt, algorithm), n)
+        optimizer.set_exceptions_enabled(False)
+        optimizer.set_ftol_rel(self.cost_tolerance)
+        optimizer.set_maxeval(self.max_evaluations + 1)
+        optimizer.set_maxtime(max(self.max_seconds, 1e-3))
+        return optimizer
 
-class _Objective:
-    """The cost in NLopt's variables; what is raised inside stops NLopt and is kept for later."""
 
-    def __init__(self, run: Run, scale: Array, optimizer: nlopt.opt) -> None:
-        self.run, self.scale, self.optimizer = run, scale, optimizer
-        self.error: BaseException | None = None
-        self.lowest = np.inf
-
-    def __call__(self, y: Array, gradient: Array) -> float:
-        if self.error is None:
-            try:
-                problem = self.run.problem  # y / scale may leave the bounds by a rounding
-                x = np.clip(y / self.scale, problem.lower, problem.upper)
-                return self._evaluate(x, gradient)
-            except BaseException as error:
-                self.error = error
-                self.optimizer.force_stop()
-        gradient[:] = 0.0
-        return float(self.run.best_cost)
-
-    def _evaluate(self, x: Array, gradient: Array) -> float:
-        run = self.run
-        if gradient.size:
-            cost, g = run.cost_and_gradient(x)
-            gradient[:] = g / self.scale
-        else:
-            cost = run.cost(x)
-        if not np.isfinite(cost):  # NLopt's algorithms do not survive it
-            raise Stop(Status.NOT_FINITE)
-        if cost < self.lowest:
-            self.lowest = cost
-            optimality = np.nan
-            if gradient.size and len(run.trace) % CHECK_EVERY == 0:
-                optimality = run.optimality(x, run.linearize(x))
-            run.record(x, cost, optimality)
-        return cost
+def _constrain(optimizer: nlopt.opt, objective: Objective, there: ConstraintSet) -> None:
+    """NLopt's form: h(x) = 0 and g(x) <= 0."""
+    equal, above, below = there.equal, np.isfinite(there.upper), np.isfinite(there.lower)
+    if equal.any():
+        rows = objective.rows(equal, 1.0, there.lower)
+        optimizer.add_equality_mconstraint(rows, there.tolerance[equal])
+    for wanted, sign, limit in (
+        (above & ~equal, 1.0, there.upper),
+        (below & ~equal, -1.0, there.lower),
+    ):
+        if wanted.any():
+            rows = objective.rows(wanted, sign, limit)
+            optimizer.add_inequality_mconstraint(rows, there.tolerance[wanted])

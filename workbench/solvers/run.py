@@ -5,48 +5,32 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import asdict
 from types import TracebackType
-from typing import Protocol, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from workbench.blocks import Values
-from workbench.errors import NotSupported
 from workbench.problem import Linearization, Problem
+from workbench.problem.constraint_set import Constrained
+from workbench.solvers.best import Best
+from workbench.solvers.limits import Limits, Stop
 from workbench.solvers.solution import Callback, Evaluations, Iterate, Solution, Status
+from workbench.solvers.wrapping import rewrapped
 from workbench.threads import limited_threads
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
 NOT_FINITE_IN_A_ROW = 100  # a line search that halves has long met rounding by then
+BOUGHT = 1e-5  # of the cost: points that are cheaper by less, and no more, may owe it to a miss
+POLISHED = 0.9  # of the optimality before, at least, where costs no longer tell points apart
 
 
-class Limits(Protocol):
-    """What every solver's options include."""
+class Trial(NamedTuple):
+    """What a step gained, as a share of its promise, and the linearization if it was needed."""
 
-    @property
-    def max_iterations(self) -> int:
-        """Steps."""
-
-    @property
-    def max_evaluations(self) -> int:
-        """Of the residual, its gradient, its Jacobian and its Hessian, together."""
-
-    @property
-    def max_seconds(self) -> float:
-        """Wall time."""
-
-    @property
-    def gradient_tolerance(self) -> float:
-        """Of Problem.optimality: at or below it a point counts as converged."""
-
-
-class Stop(Exception):
-    """The end of a run, from wherever it is noticed."""
-
-    def __init__(self, status: Status, message: str = "") -> None:
-        super().__init__(message or status.value)
-        self.status, self.message = status, message or status.value
+    gain: float
+    there: Linearization | None = None
 
 
 class Run:
@@ -65,12 +49,13 @@ class Run:
         self.began = time.perf_counter()
         self.counts = dict.fromkeys(asdict(Evaluations()), 0)
         self.trace: list[Iterate] = []
-        self.best, self.best_cost = self.x.copy(), np.inf
+        self.best = Best(self.x)
         self.stopped: Stop | None = None
         self.not_finite = 0  # points in a row at which the residual was NaN or infinite
         self.met_not_finite = -2  # how long the trace was when the last of them was met
         self.rounding = 0.0
         self._linearized: tuple[Array, Linearization] | None = None  # the last one
+        self._recorded: Array | None = None  # the last one
         self._threads = ExitStack()
 
     def __enter__(self) -> "Run":
@@ -94,8 +79,13 @@ class Run:
 
     def cost(self, x: Array) -> float:
         """The cost at x; infinite where the residual is not finite, so that no step goes there."""
+        return self.cost_and_residual(x)[0]
+
+    def cost_and_residual(self, x: Array) -> tuple[float, Array]:
+        """The same, and the residual (m,) that it is the cost of."""
         r = self._evaluate("residual", lambda: self.problem.residual(x, self.fixed))
-        return self._kept(x, 0.5 * float(r @ r))
+        with np.errstate(over="ignore"):  # too large is as good as infinite
+            return self._kept(x, 0.5 * float(r @ r)), r
 
     def cost_and_gradient(self, x: Array) -> tuple[float, Array]:
         """The cost and its gradient at x, by one reverse sweep."""
@@ -106,42 +96,62 @@ class Run:
 
     def linearize(self, x: Array) -> Linearization:
         """Residual and Jacobian at x; stops the run where they are not finite."""
+        if self._linearized is not None and np.array_equal(self._linearized[0], x):
+            return self._linearized[1]  # it was asked for just now
         here = self._evaluate("jacobian", lambda: self.problem.linearize_at(x, self.fixed))
-        if not np.isfinite(self._kept(x, here.cost if here.finite else np.inf)):
+        if not np.isfinite(self._kept(x, here.cost if here.finite else np.inf, here)):
             raise Stop(Status.NOT_FINITE)
         self._linearized = x.copy(), here
         if not self.rounding:
-            self.rounding = self.problem.rounding(x, self.fixed)
+            self.rounding = _guarded(lambda: self.problem.rounding(x, self.fixed))
         return here
 
     def hessian(self, x: Array) -> Array:
-        """The exact Hessian of the cost at x."""
-        return self._evaluate("hessian", lambda: self.problem.hessian_at(x, self.fixed))
+        """The exact Hessian of the cost at x; stops the run where it is not finite."""
+        H = self._evaluate("hessian", lambda: self.problem.hessian_at(x, self.fixed))
+        if not np.isfinite(H).all():
+            raise Stop(Status.NOT_FINITE)
+        return H
 
-    def _evaluate(self, kind: str, function: Callable[[], T]) -> T:
-        if sum(self.counts.values()) >= self.limits.max_evaluations:
+    def constraints(self, x: Array) -> Array:
+        """The constraints' values at x (k,), each in its unit."""
+        there = self.problem.stacked_constraints
+        if there is None:
+            return np.zeros(0)
+        return self._evaluate("constraint", lambda: there.values(x, self.fixed))
+
+    def constraints_linearized(self, x: Array) -> Constrained:
+        """The same with their Jacobian; only for a problem that has constraints."""
+        there = self.problem.stacked_constraints
+        if there is None:
+            raise Stop(Status.RAISED, "there are no constraints")
+        return self._evaluate("constraint", lambda: there.linearize(x, self.fixed))
+
+    def check(self) -> None:
+        """Stop the run if its evaluations or its time are used up."""
+        if sum(self.counts.values()) - self.counts["constraint"] >= self.limits.max_evaluations:
             raise Stop(Status.MAX_EVALUATIONS)
         if time.perf_counter() - self.began > self.limits.max_seconds:
             raise Stop(Status.MAX_SECONDS)
-        self.counts[kind] += 1
-        try:
-            return function()
-        except (Stop, KeyboardInterrupt):
-            raise
-        except Exception as error:
-            raise Stop(
-                Status.RAISED, f"the residual raised {type(error).__name__}: {error}"
-            ) from error
 
-    def _kept(self, x: Array, cost: float) -> float:
-        if not np.isfinite(cost):
+    def _evaluate(self, kind: str, function: Callable[[], T]) -> T:
+        self.check()
+        self.counts[kind] += 1
+        return _guarded(function)
+
+    def _kept(self, x: Array, cost: float, here: Linearization | None = None) -> float:
+        there, missed = self.problem.stacked_constraints, 0.0
+        if there is not None and np.isfinite(cost):
+            known = None if here is None else here.constraints
+            values = self.constraints(x) if known is None else known.values
+            missed = there.missed(values)
+        if not (np.isfinite(cost) and np.isfinite(missed)):
             self.not_finite, self.met_not_finite = self.not_finite + 1, len(self.trace)
             if self.not_finite >= NOT_FINITE_IN_A_ROW:
                 raise Stop(Status.NOT_FINITE)
             return np.inf
         self.not_finite = 0
-        if cost < self.best_cost:
-            self.best, self.best_cost = x.copy(), cost
+        self.best.offer(x, cost, missed)
         return cost
 
     # The way.
@@ -150,17 +160,54 @@ class Run:
         """The problem's measure, less what rounding explains."""
         return self.problem.optimality(x, here, self.rounding)
 
+    def gain(self, x: Array, here: Linearization, to: Array, promised: float) -> Trial:
+        """The fall of the cost from x to another point, as a share of what was promised.
+
+        A promise that rounding would hide is kept by a point that is more stationary; if it is
+        not, there is nothing more to gain and the run ends.
+        """
+        if not promised > 0:
+            return Trial(-np.inf)
+        cost = self.cost(to)
+        if promised > self.noise(here.cost) or not np.isfinite(cost):
+            return Trial((here.cost - cost) / promised)
+        there = self.linearize(to)
+        if not self.optimality(to, there) <= POLISHED * self.optimality(x, here):
+            self.stall()
+        return Trial(1.0, there)
+
+    def wrapped(self, x: Array, here: Linearization) -> tuple[Array, Linearization]:
+        """The same point with rotation vectors of at most half a turn, where that costs nothing.
+
+        A prior on the pose may have it otherwise, and so may bounds.
+        """
+        for turned in rewrapped(self.problem, x):
+            if self.cost(turned) <= here.cost + self.noise(here.cost):
+                return turned, self.linearize(turned)
+        return x, here
+
+    def noise(self, cost: float) -> float:
+        """By how much rounding may have changed a cost."""
+        return self.rounding * float(np.sqrt(2 * cost))
+
     def record(
-        self, x: Array, cost: float, optimality: float = np.nan, damping: float = 0.0
+        self,
+        x: Array,
+        cost: float,
+        optimality: float = np.nan,
+        damping: float = 0.0,
+        linear_algebra: str = "",
     ) -> None:
         """Add an iterate to the trace; stop if it is good enough, or limit or callback say so."""
         values = self.problem.free.unpack(x)
-        before = self.problem.free.pack(self.trace[-1].values) if self.trace else x
+        step = 0.0 if self._recorded is None else float(np.linalg.norm(x - self._recorded))
+        self._recorded = x.copy()
         iterate = Iterate(
-            values, cost, optimality, float(np.linalg.norm(x - before)), damping,
-            Evaluations(**self.counts), time.perf_counter() - self.began,
+            values, cost, optimality, step, damping,
+            Evaluations(**self.counts), time.perf_counter() - self.began, linear_algebra,
         )  # fmt: skip
         self.trace.append(iterate)
+        self._settle(x, cost, optimality)
         says = self.callback(iterate) if self.callback is not None else None
         stop = isinstance(says, bool | np.bool_) and bool(says)
         if optimality <= self.limits.gradient_tolerance:
@@ -169,6 +216,19 @@ class Run:
             raise Stop(Status.STOPPED, "stopped by the callback")
         if len(self.trace) > self.limits.max_iterations:
             raise Stop(Status.MAX_ITERATIONS)
+
+    def _settle(self, x: Array, cost: float, optimality: float) -> None:
+        """Let the best point be one that costs the same and is more stationary.
+
+        The same is what rounding hides, or what the tolerances of constraints may buy.
+        """
+        here = self._linearized
+        there = self.problem.stacked_constraints
+        if there is None:
+            self.best.settle(x, cost, 0.0, optimality, self.noise(cost))
+        elif here is not None and here[1].constraints is not None and np.array_equal(here[0], x):
+            missed = there.missed(here[1].constraints.values)
+            self.best.settle(x, cost, missed, optimality, BOUGHT * cost + self.noise(cost))
 
     def stall(self, message: str = "") -> None:
         """End the run for want of a better point, or for what stood in the way of one."""
@@ -180,34 +240,55 @@ class Run:
         """The best point seen. It decides whether the run converged, whoever says otherwise."""
         stop = self.stopped or Stop(Status.STALLED)
         status, message, optimality = stop.status, stop.message, np.nan
-        if np.isfinite(self.best_cost):
+        best = self.best
+        if np.isfinite(best.cost):
+            self._wrap_best()
             try:
                 here = self._at_best()
-                self.rounding = self.rounding or self.problem.rounding(self.best, self.fixed)
-                optimality = self.optimality(self.best, here)
+                self.rounding = self.rounding or self.problem.rounding(best.x, self.fixed)
+                optimality = best.decide(self.optimality(best.x, here))
             except Exception as error:  # the residual is the user's; the best point is still ours
                 message += f" (no gradient at the best point: {error})"
-            if optimality <= self.limits.gradient_tolerance:
+            if optimality <= self.limits.gradient_tolerance and best.missed <= 1:
                 status, message = Status.CONVERGED, Status.CONVERGED.value
+            elif best.missed > 1 and status in (Status.CONVERGED, Status.STALLED):
+                status, message = Status.INFEASIBLE, self._what_is_missed()
             elif status is Status.CONVERGED:
                 status, message = Status.STALLED, Status.STALLED.value
         return Solution(
-            self.problem.free.unpack(self.best), self.best_cost, optimality, status, message,
+            self.problem.free.unpack(best.x), best.cost, optimality, status, message,
             self.name, Evaluations(**self.counts), time.perf_counter() - self.began,
-            tuple(self.trace),
+            tuple(self.trace), max(best.missed, 0.0) if np.isfinite(best.cost) else 0.0,
         )  # fmt: skip
+
+    def _wrap_best(self) -> None:
+        """Turn the best point's rotation vectors to at most half a turn, where that is free."""
+        for turned in rewrapped(self.problem, self.best.x):
+            r = self.problem.residual(turned, self.fixed)
+            cost = 0.5 * float(r @ r)
+            if cost <= self.best.cost + self.noise(self.best.cost):
+                self.best.x, self.best.cost = turned, cost
+                return
+
+    def _what_is_missed(self) -> str:
+        there = self.problem.stacked_constraints
+        if there is None:
+            return Status.INFEASIBLE.value
+        worst = there.worst(there.values(self.best.x, self.fixed))
+        return f"{worst}; {Status.INFEASIBLE.value}"
 
     def _at_best(self) -> Linearization:
         """The linearization at the best point: the last one made, as a rule."""
-        if self._linearized is not None and np.array_equal(self._linearized[0], self.best):
+        if self._linearized is not None and np.array_equal(self._linearized[0], self.best.x):
             return self._linearized[1]
-        return self.problem.linearize_at(self.best, self.fixed)
+        return self.problem.linearize_at(self.best.x, self.fixed)
 
 
-def refuse_bounds(name: str, problem: Problem, instead: str) -> None:
-    """Raise NotSupported if the problem has bounds, which this algorithm has not."""
-    if problem.bounded:
-        raise NotSupported(
-            f"{name} knows no bounds, but the problem bounds {', '.join(problem.bounds)}; "
-            f"use {instead}, or drop the bounds"
-        )
+def _guarded(function: Callable[[], T]) -> T:
+    """What a function of the user's gives; what it raises is a Stop that quotes it."""
+    try:
+        return function()
+    except (Stop, KeyboardInterrupt):
+        raise
+    except Exception as error:
+        raise Stop(Status.RAISED, f"the residual raised {type(error).__name__}: {error}") from error

@@ -25,6 +25,7 @@ class Status(Enum):
     MAX_EVALUATIONS = "out of evaluations; raise max_evaluations or start nearer"
     MAX_SECONDS = "out of time; raise max_seconds or start nearer"
     NOT_FINITE = "the residual is NaN or infinite; look at its formula there, or bound the blocks"
+    INFEASIBLE = "the constraints are not met; start nearer to where they are, or relax them"
     RAISED = "the residual raised an exception; see the message"
     STOPPED = "stopped by the callback or from the keyboard; the best point so far was kept"
 
@@ -37,6 +38,12 @@ class Evaluations:
     gradient: int = 0
     jacobian: int = 0
     hessian: int = 0
+    constraint: int = 0  # values or Jacobian of the constraints
+
+    @property
+    def total(self) -> int:
+        """Of the residual, its gradient, its Jacobian and its Hessian, together."""
+        return self.residual + self.gradient + self.jacobian + self.hessian
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +57,7 @@ class Iterate:
     damping: float
     evaluations: Evaluations
     seconds: float
+    linear_algebra: str = ""  # the factorization behind the step that led here, where we know it
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,11 +73,18 @@ class Solution:
     evaluations: Evaluations
     seconds: float
     trace: tuple[Iterate, ...] = field(repr=False)
+    missed: float = 0.0  # by how many tolerances the worst constraint is missed; up to 1 is met
 
     @property
     def converged(self) -> bool:
         """Whether the gradient vanished."""
         return self.status is Status.CONVERGED
+
+    @property
+    def linear_algebra(self) -> dict[str, int]:
+        """How many steps each factorization gave."""
+        by = [i.linear_algebra for i in self.trace if i.linear_algebra]
+        return {name: by.count(name) for name in dict.fromkeys(by)}
 
     @property
     def iterations(self) -> int:
@@ -86,8 +101,17 @@ class Solution:
             "solver": self.solver,
             "evaluations": asdict(self.evaluations),
             "seconds": self.seconds,
+            "missed": self.missed,
             "trace": [
-                [i.cost, i.optimality, i.step_norm, i.damping, asdict(i.evaluations), i.seconds]
+                [
+                    i.cost,
+                    i.optimality,
+                    i.step_norm,
+                    i.damping,
+                    asdict(i.evaluations),
+                    i.seconds,
+                    i.linear_algebra,
+                ]
                 for i in self.trace
             ],
         }
@@ -117,9 +141,9 @@ class Solution:
         trace = tuple(
             Iterate(
                 {name: arrays[f"trace:{name}"][i] for name in names},
-                cost, optimality, step, damping, Evaluations(**counts), seconds,
+                cost, optimality, step, damping, Evaluations(**counts), *further,
             )
-            for i, (cost, optimality, step, damping, counts, seconds) in enumerate(facts["trace"])
+            for i, (cost, optimality, step, damping, counts, *further) in enumerate(facts["trace"])
         )  # fmt: skip
         return Solution(
             values={name: arrays[f"value:{name}"] for name in names},
@@ -131,6 +155,7 @@ class Solution:
             evaluations=Evaluations(**facts["evaluations"]),
             seconds=facts["seconds"],
             trace=trace,
+            missed=facts.get("missed", 0.0),
         )
 
 

@@ -1,0 +1,53 @@
+"""NLopt's algorithms end when they are told to, whatever the objective does.
+
+NLopt's COBYLA, shown a NaN, loops in C for ever, whatever its limits; so all of this runs in a
+process that can be killed.
+"""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.solvers.misbehaving import KINDS, SECONDS
+from workbench.solvers.nlopt_algorithms import ALGORITHMS
+
+ROOT = Path(__file__).parents[2]
+HARD_TIMEOUT = 120.0  # of the process
+GRACE = 2.0  # a call may take so much longer than its limit
+
+ENDS = {
+    "nan": {"NOT_FINITE"},
+    "infinite": {"NOT_FINITE"},
+    "now and then": {"NOT_FINITE", "MAX_SECONDS", "STALLED", "CONVERGED"},
+    "raises": {"RAISED"},
+    "slow": {"MAX_SECONDS"},
+}
+
+
+@pytest.fixture(scope="module")
+def calls() -> dict[tuple[str, str], tuple[float, str]]:
+    """(algorithm, misbehaviour) -> seconds, status."""
+    command = [sys.executable, "-m", "tests.solvers.misbehaving"]
+    done = subprocess.run(
+        command, cwd=ROOT, capture_output=True, text=True, timeout=HARD_TIMEOUT, check=False
+    )
+    assert done.returncode == 0, done.stderr[-2000:]
+    rows = [line.split("\t") for line in done.stdout.splitlines()]
+    return {(name, kind): (float(seconds), status) for name, kind, seconds, status in rows}
+
+
+def test_every_algorithm_was_asked(calls: dict[tuple[str, str], tuple[float, str]]) -> None:
+    assert calls.keys() == {(name, kind) for name in ALGORITHMS for kind in KINDS}
+
+
+def test_every_call_ends_in_time(calls: dict[tuple[str, str], tuple[float, str]]) -> None:
+    late = {call: seconds for call, (seconds, _) in calls.items() if seconds > SECONDS + GRACE}
+    assert not late
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_how_it_ended_is_said(calls: dict[tuple[str, str], tuple[float, str]], kind: str) -> None:
+    ended = {name: status for (name, k), (_, status) in calls.items() if k == kind}
+    assert set(ended.values()) <= ENDS[kind], ended

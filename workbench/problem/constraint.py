@@ -1,0 +1,86 @@
+"""What a solution must satisfy, whatever it costs: lower <= c(x) <= upper."""
+
+from dataclasses import dataclass
+
+import casadi as cs
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from workbench.blocks import Points
+from workbench.blocks.reals import reals
+from workbench.errors import BadConstraint, BadResidual
+from workbench.residuals.residual import blocks_read, check_symbolic
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Constraint:
+    """A named column kept between `lower` and `upper`, all three in `unit`.
+
+    One number or one per row; equal limits make an equation, an infinite one is none. `points`
+    are the placeholders that the expression reads. A point that misses a limit by no more than
+    `tolerance`, in `unit`, counts as feasible. Raises BadConstraint or NotNumbers.
+    """
+
+    name: str
+    expression: cs.MX  # (k, 1) in `unit`
+    lower: ArrayLike = -np.inf
+    upper: ArrayLike = np.inf
+    unit: str = "1"
+    points: tuple[Points, ...] = ()
+    tolerance: float = 1e-6  # in `unit`
+
+    def __post_init__(self) -> None:
+        try:
+            check_symbolic(f"constraint {self.name!r}: the expression", self.expression)
+        except BadResidual as error:
+            raise BadConstraint(str(error)) from None
+        if self.expression.shape[1] != 1 or not self.size:
+            raise BadConstraint(
+                f"constraint {self.name!r} must be a column (k, 1), not {self.expression.shape}; "
+                "casadi.vec makes one"
+            )
+        lower, upper = self.limits
+        if not (lower <= upper).all():  # also where one is NaN
+            row = int(np.argmin(lower <= upper))
+            raise BadConstraint(
+                f"{self.label(row)} has the lower limit {lower[row]:g} and the upper limit "
+                f"{upper[row]:g}; no number lies between"
+            )
+        if not (np.isfinite(lower) | np.isfinite(upper)).all():
+            row = int(np.argmin(np.isfinite(lower) | np.isfinite(upper)))
+            raise BadConstraint(f"{self.label(row)} has no finite limit; give one, or drop it")
+        if not 0 < self.tolerance < np.inf:
+            raise BadConstraint(
+                f"constraint {self.name!r} needs a finite tolerance above zero in {self.unit}, "
+                f"not {self.tolerance}"
+            )
+
+    @property
+    def size(self) -> int:
+        """k."""
+        return int(self.expression.shape[0])
+
+    @property
+    def limits(self) -> tuple[Array, Array]:
+        """Lower and upper, (k,) each."""
+        return self._limit("lower", self.lower), self._limit("upper", self.upper)
+
+    @property
+    def reads(self) -> tuple[str, ...]:
+        """Names of the blocks that it depends on, directly or through its points."""
+        return blocks_read(self.expression, self.points)
+
+    def label(self, row: int) -> str:
+        """The name of one row."""
+        return self.name if self.size == 1 else f"{self.name}[{row}]"
+
+    def _limit(self, side: str, value: ArrayLike) -> Array:
+        limit = reals(f"the {side} limit of constraint {self.name!r}", value)
+        if limit.shape not in ((), (self.size,)):
+            raise BadConstraint(
+                f"constraint {self.name!r} has {self.size} rows; give one {side} limit or "
+                f"{self.size} of them, not an array of shape {limit.shape}"
+            )
+        return np.array(np.broadcast_to(limit, (self.size,)))

@@ -1,0 +1,126 @@
+"""The constraints of a problem together, for flat vectors."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import accumulate
+
+import casadi as cs
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.blocks.buffered import Buffered
+from workbench.problem.chain import FORWARD, Graph
+from workbench.problem.constraint import Constraint
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Constrained:
+    """c(x + p) ~ values + jacobian p, to be kept between lower and upper, (k,) each."""
+
+    values: Array  # (k,)
+    jacobian: Array  # (k, n)
+    lower: Array
+    upper: Array
+    tolerance: Array  # (k,), of a miss that counts as none
+
+    @property
+    def finite(self) -> bool:
+        """Whether every number is."""
+        return bool(np.isfinite(self.values).all() and np.isfinite(self.jacobian).all())
+
+    @property
+    def way_left(self) -> tuple[Array, Array]:
+        """How far down and up each value may still go, (k,) each; a miss makes it a demand.
+
+        A miss within the tolerance demands nothing.
+        """
+        down, up = self.lower - self.values, self.upper - self.values
+        down = np.where(down > self.tolerance, down, np.minimum(down, 0))
+        up = np.where(-up > self.tolerance, up, np.maximum(up, 0))
+        return down, up
+
+
+class ConstraintSet:
+    """c(x, fixed) (k,), its Jacobian and the Hessian of multipliers' c, from the whole graph."""
+
+    def __init__(self, constraints: Sequence[Constraint], graph: Callable[[cs.MX], Graph]) -> None:
+        self.constraints = tuple(constraints)
+        self._make_graph = graph
+        limits = [c.limits for c in self.constraints]
+        self.lower = np.concatenate([lower for lower, _ in limits])
+        self.upper = np.concatenate([upper for _, upper in limits])
+        sizes = [c.size for c in self.constraints]
+        self.tolerance = np.repeat([c.tolerance for c in self.constraints], sizes)
+
+    @property
+    def size(self) -> int:
+        """k."""
+        return len(self.lower)
+
+    @property
+    def equal(self) -> NDArray[np.bool_]:
+        """Which rows are equations, (k,)."""
+        return np.asarray(self.lower == self.upper)
+
+    def label(self, row: int) -> str:
+        """The name of one row."""
+        for constraint in self.constraints:
+            if row < constraint.size:
+                return constraint.label(row)
+            row -= constraint.size
+        raise IndexError(f"row {row} of {self.size} constraints")
+
+    def values(self, x: Array, fixed: Array) -> Array:
+        """c (k,), each in its unit."""
+        return self._values(x, fixed)[0]
+
+    def linearize(self, x: Array, fixed: Array) -> Constrained:
+        """c and its Jacobian (k, n)."""
+        c, A = self._derivative(x, fixed)
+        jacobian = A.reshape(-1, self.size).T
+        return Constrained(c, jacobian, self.lower, self.upper, self.tolerance)
+
+    def hessian(self, x: Array, fixed: Array, multipliers: Array) -> Array:
+        """The Hessian of multipliers' c, (n, n)."""
+        return self._hessian(x, fixed, multipliers)[0].reshape(len(x), len(x))
+
+    def missed(self, values: Array) -> float:
+        """By how many tolerances the worst limit is missed; at most 1 is feasible, NaN is not."""
+        miss = np.maximum(self.lower - values, values - self.upper) / self.tolerance
+        return float(np.max(miss)) if np.isfinite(values).all() else np.inf
+
+    def worst(self, values: Array) -> str:
+        """The most missed limit in words."""
+        row = int(np.argmax(np.maximum(self.lower - values, values - self.upper) / self.tolerance))
+        below = self.lower[row] - values[row] > values[row] - self.upper[row]
+        unit = next(c.unit for i, c in enumerate(self.constraints) if self._edges[i + 1] > row)
+        side, limit = ("below", self.lower[row]) if below else ("above", self.upper[row])
+        return f"{self.label(row)} is {values[row]:.6g} {unit}, {side} its limit {limit:.6g}"
+
+    @cached_property
+    def _edges(self) -> list[int]:
+        return [0, *accumulate(c.size for c in self.constraints)]
+
+    @cached_property
+    def _graph(self) -> Graph:
+        return self._make_graph(cs.vertcat(*[c.expression for c in self.constraints]))
+
+    @cached_property
+    def _values(self) -> Buffered:
+        g = self._graph
+        return Buffered(cs.Function("c", [g.x, g.fixed], [cs.densify(g.residual)]))
+
+    @cached_property
+    def _derivative(self) -> Buffered:
+        g = self._graph
+        A = cs.densify(cs.jacobian(g.residual, g.x, FORWARD))
+        return Buffered(cs.Function("A", [g.x, g.fixed], [cs.densify(g.residual), A]))
+
+    @cached_property
+    def _hessian(self) -> Buffered:
+        g, multipliers = self._graph, cs.MX.sym("multipliers", self.size)
+        H = cs.hessian(cs.dot(multipliers, g.residual), g.x)[0]
+        return Buffered(cs.Function("H", [g.x, g.fixed, multipliers], [cs.densify(H)]))

@@ -1,0 +1,92 @@
+"""The damped linear least-squares step, by three factorizations, and which of them to trust."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from workbench.problem.linearization import Linearization
+
+Array = NDArray[np.float64]
+EPS = float(np.finfo(float).eps)
+CHOLESKY_UP_TO = 1e4  # of the condition of the columns; its square is what Cholesky meets
+LEAST_DAMPED = 1e-5  # inverse condition, with its damping, of columns that are dependent
+
+
+class Step(NamedTuple):
+    """A step p (n,), and the name of the factorization that gave it."""
+
+    p: Array
+    by: str
+
+
+LinearAlgebra = Callable[["Linearization", float, Array], Step | None]
+
+
+def cholesky(here: "Linearization", damping: float, D: Array) -> Step | None:
+    """By the normal equations J'J + damping D^2, made free of units: quick for tall Jacobians.
+
+    Their condition is the square of the Jacobian's; None where that leaves too few digits.
+    """
+    A = here.normal + damping * np.diag(D**2)
+    d = np.sqrt(np.diag(A))
+    if not (d > 0).all() or not np.isfinite(d).all():
+        return None
+    A /= np.outer(d, d)
+    norm = np.abs(A).sum(axis=0).max()
+    L, failed = scipy.linalg.lapack.dpotrf(A, lower=True)
+    if failed:
+        return None
+    inverse_condition, _ = scipy.linalg.lapack.dpocon(L, norm, uplo="L")
+    if inverse_condition < CHOLESKY_UP_TO**-2:
+        return None
+    return Step(-scipy.linalg.cho_solve((L, True), here.gradient / d) / d, "cholesky")
+
+
+def qr(here: "Linearization", damping: float, D: Array) -> Step | None:
+    """By the orthogonal triangle of J, then of it above sqrt(damping) D (Moré 1978).
+
+    The condition is not squared. None where the columns are dependent to rounding and the damping
+    does not outweigh it: there it would magnify rounding errors.
+    """
+    d, R, b = here.triangle
+    n = len(d)
+    independent = len(R) == n and _inverse_condition(R) > EPS * max(here.jacobian.shape)
+    if damping > 0:
+        A = np.concatenate([R, np.diag(np.sqrt(damping) * D / d)])
+        Q, R = scipy.linalg.qr(A, mode="economic", check_finite=False)
+        b = Q[: len(b)].T @ b
+    if not independent and (len(R) < n or _inverse_condition(R) < LEAST_DAMPED):
+        return None
+    return Step(-scipy.linalg.solve_triangular(R, b, check_finite=False) / d, "qr")
+
+
+def _inverse_condition(R: Array) -> float:
+    found, _ = scipy.linalg.lapack.dtrcon(R)
+    return float(found)
+
+
+def svd(here: "Linearization", damping: float, D: Array) -> Step:
+    """By the singular values of J / D; of what no residual notices, nothing: the shortest step.
+
+    Always an answer. There damping below eps would magnify rounding errors.
+    """
+    if damping == 0 or (D == 1).all():
+        D, (U, s, Vt) = np.ones_like(D), here.svd
+    else:
+        U, s, Vt = np.linalg.svd(here.jacobian / D, full_matrices=False)
+    seen = s > EPS * max(here.jacobian.shape) * s.max(initial=0.0)
+    s, U, Vt = s[seen], U[:, seen], Vt[seen]
+    return Step(-(Vt.T @ ((U.T @ here.residual) / (s + damping / s))) / D, "svd")
+
+
+def automatic(here: "Linearization", damping: float, D: Array) -> Step:
+    """Cholesky while it keeps half of the digits; QR while columns are independent; else SVD."""
+    for factorize in (cholesky, qr):
+        step = factorize(here, damping, D)
+        if step is not None:
+            return step
+    return svd(here, damping, D)

@@ -1,0 +1,32 @@
+"""How far to go along a direction."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.problem import Linearization
+from workbench.solvers.run import Run
+
+Array = NDArray[np.float64]
+LineSearch = Callable[[Run, Array, Linearization, Array], float]
+
+
+def full_step(run: Run, x: Array, here: Linearization, p: Array) -> float:
+    """Length 1, whatever happens: the method as Gauss had it."""
+    return 1.0
+
+
+def backtracking(run: Run, x: Array, here: Linearization, p: Array) -> float:
+    """Halve until the cost falls by 1e-4 of what its slope promises (Armijo 1966); 0 if it never
+    does. Where rounding would hide the promise, 1 if the full step ends at a more stationary point.
+    """
+    slope = float(here.gradient @ p)
+    if -slope / 2 <= run.noise(here.cost):
+        return 1.0 if run.gain(x, here, x + p, -slope / 2).gain > 0 else 0.0
+    length = 1.0
+    while length > 1e-10:
+        if run.cost(x + length * p) <= here.cost + 1e-4 * length * slope:
+            return length
+        length /= 2
+    return 0.0

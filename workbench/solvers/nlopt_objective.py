@@ -1,0 +1,130 @@
+"""What NLopt is shown: always a finite number, and never anything raised."""
+
+from collections.abc import Callable
+from math import sqrt
+
+import nlopt
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.solvers.abilities import Abilities, Derivative
+from workbench.solvers.run import BOUGHT, Run
+
+Array = NDArray[np.float64]
+LOOK = 3.0  # times the tolerance: an estimate of the optimality at which it is worth a Jacobian
+
+
+class Objective:
+    """The cost and the constraints in NLopt's variables y = scale x.
+
+    What is raised inside stops NLopt and is kept for later. Where the residual is not finite
+    NLopt sees a cone that rises from the last good point: COBYLA does not survive a NaN, nor do
+    the others get far with one.
+    """
+
+    def __init__(self, run: Run, scale: Array, optimizer: nlopt.opt, abilities: Abilities) -> None:
+        self.run, self.scale, self.optimizer = run, scale, optimizer
+        self.error: BaseException | None = None
+        self._descends = abilities.derivative is Derivative.GRADIENT and not abilities.is_global
+        self._lowest = run.best.cost
+        self._last = run.x * scale, run.best.cost  # the last good point
+        self._worst = run.best.cost
+        self._norms = np.where(scale > 0, scale, np.inf)
+
+    def cost(self, y: Array, gradient: Array) -> float:
+        """The cost at y, its gradient written into `gradient`, if that has a length."""
+        if self.error is None:
+            try:
+                return self._evaluate(y, gradient)
+            except BaseException as error:
+                self._give_up(error)
+        gradient[:] = 0.0
+        return float(self._last[1])
+
+    def rows(
+        self, wanted: NDArray[np.bool_], sign: float, limit: Array
+    ) -> Callable[[Array, Array, Array], None]:
+        """sign (c - limit) of some rows of the constraints, as NLopt asks for them."""
+
+        def evaluate(result: Array, y: Array, gradient: Array) -> None:
+            result[:] = 0.0
+            if gradient.size:
+                gradient[:] = 0.0
+            if self.error is not None:
+                return
+            try:
+                x = self._x(y)
+                if gradient.size:
+                    there = self.run.constraints_linearized(x)
+                    values = there.values
+                    slopes = sign * there.jacobian[wanted] / self.scale
+                    gradient[:] = np.where(np.isfinite(slopes), slopes, 0.0)
+                else:
+                    values = self.run.constraints(x)
+                found = sign * (values - limit)[wanted]
+                result[:] = np.where(np.isfinite(found), found, 1e10)
+            except BaseException as error:
+                self._give_up(error)
+
+        return evaluate
+
+    def _give_up(self, error: BaseException) -> None:
+        self.error = error
+        self.optimizer.force_stop()
+
+    def _x(self, y: Array) -> Array:
+        problem = self.run.problem  # y / scale may leave the bounds by a rounding
+        return np.clip(y / self.scale, problem.lower, problem.upper)
+
+    def _evaluate(self, y: Array, gradient: Array) -> float:
+        run, x = self.run, self._x(y)
+        if gradient.size:
+            cost, g = run.cost_and_gradient(x)
+            if np.isfinite(cost):
+                gradient[:] = g / self.scale
+        else:
+            cost, g = run.cost(x), np.zeros(0)
+        if not np.isfinite(cost):
+            return self._cone(y, gradient)
+        self._last, self._worst = (y.copy(), cost), max(self._worst, cost)
+        if self._is_worth_recording(cost):
+            self._lowest = cost
+            run.record(x, cost, self._optimality(x, g))
+        return cost
+
+    def _is_worth_recording(self, cost: float) -> bool:
+        """Whether it is the best so far; with constraints also if it may be more stationary."""
+        best = self.run.best
+        if self.run.problem.stacked_constraints is None:
+            return cost < self._lowest
+        return best.cost == cost or (best.missed <= 1 and cost <= (1 + BOUGHT) * best.cost)
+
+    def _cone(self, y: Array, gradient: Array) -> float:
+        """Higher than anything seen, and falling towards the last good point."""
+        good, cost = self._last
+        way, high = y - good, 10 * abs(self._worst) + 1
+        length = float(np.linalg.norm(way))
+        if gradient.size:
+            gradient[:] = (high - cost) * way / length**2 if length > 0 else 0.0
+        return float(high)
+
+    def _optimality(self, x: Array, g: Array) -> float:
+        """The problem's measure where it may be small, NaN elsewhere: it costs a Jacobian.
+
+        Whether it may be, the gradient says with the column norms of the last Jacobian.
+        """
+        run, problem = self.run, self.run.problem
+        if not (self._descends and g.size):
+            return np.nan
+        if problem.stacked_constraints is None:
+            way = -g / self._norms
+            if problem.bounded:
+                way = np.clip(
+                    way, (problem.lower - x) * self._norms, (problem.upper - x) * self._norms
+                )
+            enough = run.rounding + LOOK * run.limits.gradient_tolerance * sqrt(2 * run.best.cost)
+            if np.abs(way).max(initial=0.0) > enough:
+                return np.nan
+        here = run.linearize(x)
+        self._norms = np.where(here.column_norms > 0, here.column_norms, np.inf)
+        return run.optimality(x, here)

@@ -1,0 +1,175 @@
+"""A run's numbers as CasADi functions, for the solvers that CasADi calls."""
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any
+
+import casadi as cs
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.problem import Linearization
+from workbench.solvers.convexity import reflected
+from workbench.solvers.run import Run
+
+Array = NDArray[np.float64]
+Hessian = Callable[[Run, Array, Linearization], Array]
+
+
+def gauss_newton_hessian(run: Run, x: Array, here: Linearization) -> Array:
+    """J'J: positive semidefinite, and exact where the residual vanishes."""
+    return here.normal
+
+
+def exact_hessian(run: Run, x: Array, here: Linearization) -> Array:
+    """J'J + sum r_i H_i, by algorithmic differentiation of the whole graph."""
+    return run.hessian(x)
+
+
+class Oracle:
+    """Cost, constraints and their derivatives, one linearization per point for all of them.
+
+    What is raised inside is kept in `error`, as it would lose its type on the way through C++.
+    """
+
+    def __init__(self, run: Run, hessian: Hessian | None) -> None:
+        self.run = run
+        self.error: BaseException | None = None
+        n = run.problem.free.size
+        there = run.problem.stacked_constraints
+        k = 0 if there is None else there.size
+        self._linearize = lru_cache(maxsize=2)(lambda key: run.linearize(np.frombuffer(key)))
+        at = self._linearize
+        costs = lru_cache(maxsize=2)(lambda key: run.cost(np.frombuffer(key)))
+        of_constraints = lru_cache(maxsize=2)(lambda key: run.constraints(np.frombuffer(key)))
+        self.cost = External("cost", n, 0, (1, 1), lambda x, _: costs(x), self)
+        self.gradient = External("gradient", n, 0, (n, 1), lambda x, _: at(x).gradient, self)
+        self.constraints = External(
+            "constraints", n, 0, (k, 1), lambda x, _: of_constraints(x), self
+        )
+        self.constraint_jacobian = External(
+            "jacobian", n, 0, (k, n), lambda x, _: _constraint_jacobian(at(x)), self
+        )
+
+        def of_cost(x: bytes, _: Array) -> Array:
+            return (hessian or gauss_newton_hessian)(run, np.frombuffer(x), at(x))
+
+        def bend(x: bytes, multipliers: Array) -> Array:
+            if there is None:
+                return np.zeros((n, n))
+            return there.hessian(np.frombuffer(x), run.fixed, multipliers)
+
+        def convex(x: bytes, multipliers: Array) -> Array:
+            return reflected(of_cost(x, multipliers) + bend(x, multipliers)).matrix
+
+        self.hessian = External("hessian", n, 0, (n, n), of_cost, self)
+        self.constraint_hessian = External("bend", n, k, (n, n), bend, self)
+        self.convex_hessian = External("convex", n, k, (n, n), convex, self)
+        self.recorder = Recorder(run, self, n, k)
+
+    def linearization(self, x: Array) -> Linearization:
+        """At a point that the solver has accepted, as a rule already known."""
+        return self._linearize(x.tobytes())
+
+
+def _constraint_jacobian(here: Linearization) -> Array:
+    return (
+        np.zeros((0, here.jacobian.shape[1]))
+        if here.constraints is None
+        else (here.constraints.jacobian)
+    )
+
+
+class External(cs.Callback):  # type: ignore[misc]  # casadi's way of calling back
+    """A CasADi function of x and multipliers whose value Python computes; NaN after an error.
+
+    Numbers go through shared memory: a DM of a Hessian takes longer to make than the Hessian.
+    """
+
+    def __init__(
+        self, name: str, n: int, k: int, shape: tuple[int, int],
+        compute: Callable[[bytes, Array], float | Array], oracle: Oracle,
+    ) -> None:  # fmt: skip
+        super().__init__()
+        self._n, self._k, self._shape = n, k, shape
+        self._compute, self._oracle = compute, oracle
+        self.construct(name, {})
+
+    def get_n_in(self) -> int:
+        """How many arguments."""
+        return 2
+
+    def get_sparsity_in(self, i: int) -> cs.Sparsity:
+        """Dense columns."""
+        return cs.Sparsity.dense((self._n, self._k)[i], 1)
+
+    def get_sparsity_out(self, i: int) -> cs.Sparsity:
+        """A dense matrix."""
+        return cs.Sparsity.dense(*self._shape)
+
+    def has_eval_buffer(self) -> bool:
+        """Numbers come and go by memory, not as DM."""
+        return True
+
+    def eval_buffer(self, arguments: list[Any], results: list[Any]) -> int:
+        """Called by CasADi."""
+        multipliers = _column(arguments[1], self._k)
+        out = np.frombuffer(results[0]) if results[0] is not None else np.empty(0)
+        if self._oracle.error is None:
+            try:
+                x = _inside(arguments[0], self._oracle.run)
+                value = self._compute(x.tobytes(), multipliers)
+                out[:] = np.ravel(value, order="F")[: out.size]  # column by column
+                return 0
+            except BaseException as error:
+                self._oracle.error = error
+        out[:] = np.nan
+        return 0
+
+
+class Recorder(cs.Callback):  # type: ignore[misc]
+    """Adds a solver's iterates to the trace, and stops it when the run says so."""
+
+    def __init__(self, run: Run, oracle: Oracle, n: int, k: int) -> None:
+        super().__init__()
+        self._run, self._oracle = run, oracle
+        self._sizes = {"x": n, "lam_x": n, "f": 1, "g": k, "lam_g": k}
+        self.construct("recorder", {})
+
+    def get_n_in(self) -> int:
+        """As many as a solver has outputs."""
+        return int(cs.nlpsol_n_out())
+
+    def get_sparsity_in(self, i: int) -> cs.Sparsity:
+        """Dense columns."""
+        return cs.Sparsity.dense(self._sizes.get(cs.nlpsol_out(i), 0), 1)
+
+    def has_eval_buffer(self) -> bool:
+        """Numbers come and go by memory, not as DM."""
+        return True
+
+    def eval_buffer(self, arguments: list[Any], results: list[Any]) -> int:
+        """Called by CasADi; 1 stops the solver."""
+        stop = 1.0
+        if self._oracle.error is None:
+            try:
+                x = _inside(arguments[0], self._run)
+                here = self._oracle.linearization(x)
+                self._run.record(x, here.cost, self._run.optimality(x, here))
+                stop = 0.0
+            except BaseException as error:
+                self._oracle.error = error
+        if results[0] is not None:
+            np.frombuffer(results[0])[:] = stop
+        return 0
+
+
+def _column(memory: Any, size: int) -> Array:
+    """A copy of CasADi's memory; a missing argument is zero."""
+    return np.zeros(size) if memory is None else np.array(np.frombuffer(memory))
+
+
+def _inside(memory: Any, run: Run) -> Array:
+    """A point between the bounds: an infeasible quadratic program may have led out of them."""
+    problem = run.problem
+    return np.clip(_column(memory, problem.free.size), problem.lower, problem.upper)

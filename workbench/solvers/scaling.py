@@ -1,0 +1,23 @@
+"""The metric D of a step: what a unit of each entry costs."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.problem import Linearization
+
+Array = NDArray[np.float64]
+Scaling = Callable[[Linearization], Array]
+
+
+def identity(here: Linearization) -> Array:
+    """D = I: a radian, a metre and a standard deviation of shape cost the same (Levenberg 1944)."""
+    return np.ones(here.jacobian.shape[1])
+
+
+def columns(here: Linearization) -> Array:
+    """D = diag |J_i|: no entry's unit matters (Marquardt 1963). Right for regressions; on bodies
+    it frees the entries that the data hardly see, and the fit wanders.
+    """
+    return np.where(here.column_norms > 0, here.column_norms, 1.0)

@@ -1,0 +1,48 @@
+"""Rotation vectors beyond half a turn, and the shorter ones that mean the same."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.problem import Problem
+
+Array = NDArray[np.float64]
+BEYOND = np.pi * (1 + 1e-6)  # at half a turn exactly there are two, and no reason to change
+
+
+def shortest(rotations: Array) -> Array:
+    """The same rotations by vectors (..., 3) rad of at most pi: theta - 2 pi k theta / |theta|.
+
+    At |theta| = 2 pi the exponential map has rank 1: whoever comes near sits there for ever.
+    """
+    angles = np.linalg.norm(rotations, axis=-1, keepdims=True)
+    turns = np.round(angles / (2 * np.pi))
+    return np.asarray(rotations * (1 - 2 * np.pi * turns / np.where(angles > 0, angles, 1.0)))
+
+
+def rewrapped(problem: Problem, x: Array) -> Iterator[Array]:
+    """Points that mean the same with shorter rotation vectors: all of them, then one by one.
+
+    Only those within the bounds; none if no joint is turned by more than pi.
+    """
+    turned = x.copy()
+    joints: list[slice] = []
+    for name in dict.fromkeys(tree.pose for tree in problem.trees):
+        if name not in problem.free.slices:
+            continue
+        first = problem.free.slices[name].start
+        pose = x[problem.free.slices[name]].reshape(-1, 3)
+        for j in np.flatnonzero(np.linalg.norm(pose, axis=1) > BEYOND):
+            at = slice(first + 3 * int(j), first + 3 * int(j) + 3)
+            short = shortest(x[at])
+            if (problem.lower[at] <= short).all() and (short <= problem.upper[at]).all():
+                turned[at] = short
+                joints.append(at)
+    if joints:
+        yield turned
+    if len(joints) > 1:
+        for at in joints:
+            one = x.copy()
+            one[at] = turned[at]
+            yield one
