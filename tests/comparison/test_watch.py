@@ -2,21 +2,26 @@
 
 from pathlib import Path
 
+import casadi as cs
 import numpy as np
 import pytest
 
 from tests.comparison.problems import slide
-from tests.solvers.problems import decay
-from workbench import SOLVERS
+from tests.solvers.problems import body_fit, decay
+from workbench import SOLVERS, Block, Constraint, Problem, Residual
 from workbench.comparison.watch import Log, Watch
 from workbench.errors import NotSupported
 from workbench.solvers import Evaluations, Status
-from workbench.solvers.run import Stop
+from workbench.solvers.limits import Stop
+
+NOTHING = np.zeros(0)
 
 
 def watched(tmp_path: Path, most: int = 1000) -> tuple[Watch, Path]:
     problem = slide().problem
-    return Watch(problem, most, 10.0, Log(tmp_path / "log", problem.free.size)), tmp_path / "log"
+    return Watch(
+        problem, NOTHING, most, 10.0, Log(tmp_path / "log", problem.free.size)
+    ), tmp_path / "log"
 
 
 def test_every_kind_of_question_is_counted(tmp_path: Path) -> None:
@@ -54,7 +59,7 @@ def test_a_trace_holds_improvements_only_and_the_best_point_is_a_copy(tmp_path: 
 
 def test_points_outside_the_bounds_are_no_progress(tmp_path: Path) -> None:
     problem, start = decay(bounds={"x": (0.4, 5.0)})
-    watch = Watch(problem, 99, 9.0, Log(tmp_path / "log", 3))
+    watch = Watch(problem, problem.split(start)[1], 99, 9.0, Log(tmp_path / "log", 3))
     x, fixed = problem.split(start)
     watch.watched().residual(x, fixed)  # starts at c = 0
     assert not len(Log.read(tmp_path / "log").trace)
@@ -73,12 +78,44 @@ def test_who_asks_too_often_is_stopped(tmp_path: Path) -> None:
     assert Log.read(log).evaluations.residual == 2
 
 
+def test_stages_are_seen_and_other_costs_make_no_progress(tmp_path: Path) -> None:
+    problem, start = body_fit()
+    x, fixed = problem.split(start)
+    watch = Watch(problem, fixed, 99, 9.0, Log(tmp_path / "log", x.size))
+    part = watch.watched().freeing("trans")
+    there = np.array([0.1, 0.2, -0.1])
+    part.residual(there, part.split(start)[1])
+    seen = Log.read(tmp_path / "log")
+    whole = problem.free.pack(start | {"trans": there})
+    np.testing.assert_array_equal(seen.best, whole)
+    r = problem.residual(whole, fixed)
+    assert seen.trace[-1, -1] == pytest.approx(0.5 * r @ r)
+    less = watch.watched().without(problem.residuals[0].name)
+    less.linearize(start)
+    seen = Log.read(tmp_path / "log")
+    assert seen.evaluations == Evaluations(residual=1, jacobian=1)
+    assert len(seen.trace) == 1
+
+
+def test_what_constraints_forbid_is_no_progress(tmp_path: Path) -> None:
+    x = Block("x", (2,)).symbol
+    circle = Constraint("circle", cs.sumsqr(x), 1.0, 1.0)
+    problem = Problem((Residual("r", x, 1.0),), ("x",), constraints=(circle,))
+    watch = Watch(problem, NOTHING, 99, 9.0, Log(tmp_path / "log", 2))
+    watch.watched().residual(np.zeros(2), NOTHING)
+    assert not len(Log.read(tmp_path / "log").trace)
+    watch.watched().residual(np.array([0.6, 0.8]), NOTHING)
+    assert Log.read(tmp_path / "log").trace[-1, -1] == pytest.approx(0.5)
+
+
 @pytest.mark.parametrize("name", SOLVERS)
 def test_the_counters_agree_with_what_a_solver_of_the_house_says(name: str, tmp_path: Path) -> None:
     problem, start = decay()
     log = Log(tmp_path / "log", problem.free.size)
     try:
-        solution = SOLVERS[name].solve(Watch(problem, 9999, 60.0, log).watched(), start)
+        solution = SOLVERS[name].solve(
+            Watch(problem, problem.split(start)[1], 9999, 60.0, log).watched(), start
+        )
     except NotSupported:
         pytest.skip("not made for it")
     seen = Log.read(tmp_path / "log").evaluations

@@ -16,7 +16,7 @@ from workbench.experiments.known import Known
 from workbench.geometry.meshes import read_mesh
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 from workbench.problem import Problem
-from workbench.problem.problem import Bounds
+from workbench.problem.bounds import Bounds
 from workbench.residuals import Residual, gaussian, vertices
 from workbench.residuals.kernels import Kernel, quadratic
 
