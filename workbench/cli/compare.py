@@ -100,7 +100,7 @@ def _cluster(address: str | None) -> Iterator[None]:
             "--dask needs Dask, which is not installed: pip install 'workbench[dask]'"
         ) from error
     try:
-        client = Client(address, timeout=10)  # type: ignore[no-untyped-call]
+        client = Client(address, timeout=5)  # type: ignore[no-untyped-call]
     except (OSError, ValueError) as error:
         raise WorkbenchError(
             f"no Dask scheduler answers at {address}: {error}; start one with `dask scheduler`"

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.comparison.feasible import feasible
 from workbench.comparison.running import look
 from workbench.experiments.comparison import AS_GOOD
 from workbench.problem import Problem
@@ -33,10 +34,12 @@ class Basin:
 
 
 def polished(problem: Problem, x: Array, fixed: Array) -> Array:
-    """Where Levenberg-Marquardt (IPOPT, with bounds) leads to from x; never to a higher cost."""
+    """Where Levenberg-Marquardt (IPOPT, with constraints) leads to from x; never to a higher cost,
+    nor to where a limit is missed.
+    """
     options = {"gradient_tolerance": POLISH_TO, "max_seconds": POLISH_SECONDS}
     solver: Solver = LevenbergMarquardt(**options)  # type: ignore[arg-type]
-    if problem.bounded:
+    if problem.stacked_constraints is not None:
         solver = Ipopt(**options)  # type: ignore[arg-type]
     values = problem.free.unpack(x) | problem.fixed.unpack(fixed)
     try:
@@ -44,7 +47,8 @@ def polished(problem: Problem, x: Array, fixed: Array) -> Array:
     except Exception:  # an end at which nothing can be evaluated leads nowhere
         return x
     before, after = look(problem, x, fixed)[0], look(problem, found, fixed)[0]
-    return found if after <= before or not np.isfinite(before) else x
+    lower = after <= before or not np.isfinite(before)
+    return found if lower and feasible(problem, found, fixed) else x
 
 
 def basins(

@@ -138,14 +138,14 @@ def _along(way: Array, weak: tuple[Direction, ...]) -> tuple[float, tuple[Part, 
     share = float(np.sum(within**2) / np.sum(way**2))
     chosen: list[int] = []
     c: Array = np.zeros(0)
-    left = within
+    left: Array = within
     while len(chosen) < min(NAMED, len(weak)):
         nearness = abs(V.T @ left)
         nearness[chosen] = 0
         if nearness.max() <= SMALL * np.linalg.norm(way):
             break
         chosen.append(int(np.argmax(nearness)))
-        c = np.asarray(np.linalg.lstsq(V[:, chosen], within)[0], dtype=np.float64)
+        c = np.asarray(np.linalg.lstsq(V[:, chosen], within)[0], dtype=float)
         left = within - V[:, chosen] @ c
     parts = [
         Part(weak[i].name, float(abs(x)), weak[i].change) for i, x in zip(chosen, c, strict=True)

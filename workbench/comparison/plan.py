@@ -3,6 +3,7 @@
 import pickle
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from inspect import Parameter
 from typing import Any
 
 from workbench.comparison.budget import Budget
@@ -140,12 +141,15 @@ def plan(
 def _repeated(label: str, experiment: Experiment, seeds: int) -> list[Instance]:
     """One for each seed, if one of its arguments numbers them and is not given already."""
     known = parameters(experiment.build)
-    free = [name for name in NUMBERING if name in known and name not in experiment.arguments]
+    free = [
+        name
+        for name in NUMBERING
+        if name in known and name not in experiment.arguments and _counts(known[name])
+    ]
     if not free:
         return [Instance(label, experiment, "", 0, 0)]
     name = free[0]
-    first = known[name].default
-    first = first if isinstance(first, int) else 0
+    first = known[name].default if isinstance(known[name].default, int) else 0
     return [
         Instance(
             label,
@@ -154,3 +158,8 @@ def _repeated(label: str, experiment: Experiment, seeds: int) -> list[Instance]:
         )
         for k in range(seeds)
     ]  # fmt: skip
+
+
+def _counts(parameter: Parameter) -> bool:
+    """Whether an argument is a whole number: `start="procrustes"` is another thing."""
+    return isinstance(parameter.default, int) or parameter.annotation is int

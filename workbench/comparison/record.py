@@ -39,7 +39,7 @@ class Record:
     cost: float  # of the problem, at the point that was returned; NaN without one
     optimality: float  # Problem.optimality there
     digits: float  # that agree with a certified answer, 0 to 11; NaN where none is known
-    inside: bool  # the bounds
+    inside: bool  # the bounds and constraints
     end: Array  # (n,) that point; empty without one
     seen: Seen
     machine: str

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from workbench.blocks import Values
+from workbench.comparison.feasible import feasible
 from workbench.comparison.jobs import Say, Solve
 from workbench.comparison.machine import machine
 from workbench.comparison.record import Ending, Record, ended_early
@@ -31,19 +32,20 @@ def carry_out(job: Solve, setup: Setup, say: Say) -> Record:
     """
     problem, budget = setup.problem, job.budget
     longest = budget.max_seconds + job.grace
+    fixed = problem.split(setup.start)[1]
     solver = budget.given(_opened(job), job.repetition)
     warm(problem, setup.start)
     if job.rehearse:
         say("rehearsing", longest)
         log = Log(job.log + ".rehearsal", problem.free.size)
-        watch = Watch(problem, REHEARSED, budget.max_seconds, log)
+        watch = Watch(problem, fixed, REHEARSED, budget.max_seconds, log)
         _ask(solver, watch.watched(), setup.start, job)
         Path(job.log + ".rehearsal").unlink(missing_ok=True)
     log = Log(job.log, problem.free.size)
     random.seed(job.repetition)
     np.random.seed(job.repetition)  # for solvers that draw from the common generator
     say("solving", longest)
-    watch = Watch(problem, budget.max_evaluations, budget.max_seconds, log)
+    watch = Watch(problem, fixed, budget.max_evaluations, budget.max_seconds, log)
     ending, message, found = _ask(solver, watch.watched(), setup.start, job)
     seconds = watch.seconds
     say("looking at its end", budget.build_seconds)
@@ -114,11 +116,11 @@ def _at(
     problem = setup.problem
     cost, optimality, agree, inside = np.nan, np.nan, np.nan, True
     if end.size and np.isfinite(end).all():
-        cost, optimality = look(problem, end, problem.split(setup.start)[1])
+        fixed = problem.split(setup.start)[1]
+        cost, optimality = look(problem, end, fixed)
         if setup.known is not None and setup.known.values is not None:
             agree = digits(problem.free.unpack(end), setup.known.values)
-        room = 1e-9 * np.maximum(1, abs(end))
-        inside = bool((problem.lower <= end + room).all() and (end - room <= problem.upper).all())
+        inside = feasible(problem, end, fixed)
     return Record(
         job.solver.name, job.instance, ending, message, claim, claimed, cost, optimality, agree,
         inside, end, seen, machine(),

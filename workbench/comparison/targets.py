@@ -38,7 +38,7 @@ class Verdict(Enum):
     CRASHED = "its process died"
     RAISED = "raised an exception"
     NO_SOLUTION = "returned no solution, or one that is not finite"
-    OUT_OF_BOUNDS = "returned a point outside the bounds"
+    NOT_ALLOWED = "returned a point that bounds or constraints forbid"
     REFUSED = "is not made for this problem"
 
 
@@ -100,7 +100,7 @@ def verdict(record: Record, yardstick: Yardstick, lowest: bool | None, tolerance
         spent = record.ending is Ending.CUT or record.claim in LIMITS
         return Verdict.OUT_OF_BUDGET if spent else Verdict.NO_SOLUTION
     if not record.inside:
-        return Verdict.OUT_OF_BOUNDS
+        return Verdict.NOT_ALLOWED
     settled = stationary(record, tolerance)
     if lowest is not False and yardstick.near(record.cost):
         return Verdict.REACHED

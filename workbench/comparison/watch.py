@@ -2,7 +2,8 @@
 
 import copy
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -10,12 +11,15 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.problem import Linearization, Problem
+from workbench.comparison.feasible import feasible
+from workbench.problem import Problem
 from workbench.solvers import Evaluations, Status
 from workbench.solvers.limits import Stop
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
+Complete = Callable[[Array, Array], Array]
+Evaluate = Callable[[Array, Array], T]
 KINDS = ("residual", "gradient", "jacobian", "hessian")
 HEAD = 12  # n, rows, 4 counts, 4 times, not finite, seconds
 ROW = 6  # 4 counts, seconds, cost
@@ -71,18 +75,16 @@ class Log:
 
 class Watch:
     """Counts, clock and limits of one run. The clock starts when the watch is made, and stands
-    still while a graph is built.
+    still while a graph is built, or while we look at whether a point is allowed.
     """
 
     def __init__(
-        self, problem: Problem, max_evaluations: int, max_seconds: float, log: Log
+        self, problem: Problem, fixed: Array, max_evaluations: int, max_seconds: float, log: Log
     ) -> None:
-        self._problem, self._log = problem, log
+        self._problem, self._fixed, self._log = problem, fixed, log
         self._most, self._longest = max_evaluations, max_seconds
         self._counts, self._spent = dict.fromkeys(KINDS, 0), dict.fromkeys(KINDS, 0.0)
         self._not_finite, self._best, self._paused = 0, np.inf, 0.0
-        self._lower = problem.lower - 1e-9 * np.maximum(1, abs(problem.lower))
-        self._upper = problem.upper + 1e-9 * np.maximum(1, abs(problem.upper))
         self._began = time.perf_counter()
 
     @property
@@ -91,58 +93,85 @@ class Watch:
         return time.perf_counter() - self._began - self._paused
 
     def watched(self) -> Problem:
-        """A copy of the problem whose evaluations are seen here; it shares all that is built."""
-        problem = self._problem
+        """A copy of the problem whose evaluations are seen here; it shares all that is built.
+
+        So are those of the same problem with other blocks free, whose points are completed by
+        what is fixed. Without some of its residuals a problem has another cost: evaluations of
+        that are counted, and make no progress.
+        """
+        return self._copied(self._problem, lambda x, fixed: x)
+
+    def _copied(self, problem: Problem, whole: Complete | None) -> Problem:
+        def asked(kind: str, cost: Callable[[T], float], compute: Evaluate[T]) -> Evaluate[T]:
+            def evaluate(x: Array, fixed: Array) -> T:
+                answer, seconds = self._asked(kind, lambda: compute(x, fixed))
+                if whole is not None and kind != "hessian":
+                    at = np.asarray(x, dtype=float).ravel()
+                    with np.errstate(over="ignore", invalid="ignore"):  # as good as infinite
+                        told = float(cost(answer))
+                    self._heard(lambda: whole(at, fixed), told, seconds)
+                self._note(seconds)
+                return answer
+
+            return evaluate
+
+        def hessian(x: Array, fixed: Array) -> Array:
+            with self._standing_still():
+                _ = problem.hessian
+            return asked("hessian", lambda H: np.nan, problem.hessian_at)(x, fixed)
+
+        def freeing(*names: str) -> Problem:
+            part = problem.freeing(*names)
+            complete = None if whole is None else _completing(part, self._problem)
+            return self._copied(part, complete)
+
         copied = copy.copy(problem)
         vars(copied).update(  # methods of this one copy
-            residual=lambda x, fixed: self._asked(
-                "residual", x, lambda: problem.residual(x, fixed), lambda r: 0.5 * float(r @ r)
-            ),
-            cost_and_gradient=lambda x, fixed: self._asked(
-                "gradient", x, lambda: problem.cost_and_gradient(x, fixed), lambda found: found[0]
-            ),
-            linearize_at=lambda x, fixed: self._asked(
-                "jacobian", x, lambda: problem.linearize_at(x, fixed), _cost
-            ),
-            hessian_at=self._hessian,
+            residual=asked("residual", lambda r: 0.5 * float(r @ r), problem.residual),
+            cost_and_gradient=asked("gradient", lambda both: both[0], problem.cost_and_gradient),
+            linearize_at=asked("jacobian", lambda here: here.cost, problem.linearize_at),
+            hessian_at=hessian,
+            freeing=freeing,
+            without=lambda *names: self._copied(problem.without(*names), None),
         )
         return copied
 
-    def _hessian(self, x: Array, fixed: Array) -> Array:
-        before = time.perf_counter()
-        _ = self._problem.hessian
-        self._paused += time.perf_counter() - before
-        return self._asked(
-            "hessian", x, lambda: self._problem.hessian_at(x, fixed), lambda H: np.nan
-        )
-
-    def _asked(
-        self, kind: str, x: Array, compute: Callable[[], T], cost_of: Callable[[T], float]
-    ) -> T:
+    def _asked(self, kind: str, compute: Callable[[], T]) -> tuple[T, float]:
+        """The answer, and the time on the clock when it came."""
         if sum(self._counts.values()) >= self._most:
             raise Stop(Status.MAX_EVALUATIONS)
-        before = time.perf_counter()
-        if before - self._began - self._paused > self._longest:
+        before = self.seconds
+        if before > self._longest:
             raise Stop(Status.MAX_SECONDS)
         self._counts[kind] += 1
         answer = compute()
-        after = time.perf_counter()
+        after = self.seconds
         self._spent[kind] += after - before
-        seconds = after - self._began - self._paused
-        if kind != "hessian":
-            self._heard(np.asarray(x, dtype=float).ravel(), float(cost_of(answer)), seconds)
+        return answer, after
+
+    def _heard(self, at: Callable[[], Array], cost: float, seconds: float) -> None:
+        if not np.isfinite(cost):
+            self._not_finite += 1
+        elif cost < self._best:
+            with self._standing_still():
+                x = at()
+                allowed = feasible(self._problem, x, self._fixed)
+            if allowed:
+                self._best = cost
+                self._log.better(x, (*self._counts.values(), seconds, cost))
+
+    def _note(self, seconds: float) -> None:
         self._log.numbers[2:HEAD] = (
             *self._counts.values(), *self._spent.values(), self._not_finite, seconds
         )  # fmt: skip
-        return answer
 
-    def _heard(self, x: Array, cost: float, seconds: float) -> None:
-        if not np.isfinite(cost):
-            self._not_finite += 1
-        elif cost < self._best and ((self._lower <= x) & (x <= self._upper)).all():
-            self._best = cost
-            self._log.better(x, (*self._counts.values(), seconds, cost))
+    @contextmanager
+    def _standing_still(self) -> Iterator[None]:
+        before = time.perf_counter()
+        yield
+        self._paused += time.perf_counter() - before
 
 
-def _cost(here: Linearization) -> float:
-    return here.cost
+def _completing(part: Problem, problem: Problem) -> Complete:
+    """From the numbers of a part, free and fixed, to the free ones of the whole problem."""
+    return lambda x, fixed: problem.free.pack(part.free.unpack(x) | part.fixed.unpack(fixed))

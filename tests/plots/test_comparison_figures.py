@@ -1,0 +1,125 @@
+"""Figures of a comparison: what they draw is what the numbers say."""
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+
+from tests.comparison.made_up import comparison
+from workbench.comparison import Comparison
+from workbench.plots import comparison_sheets as sheets
+from workbench.plots.accuracy import caption_accuracy, plot_accuracy
+from workbench.plots.cost_traces import LOWEST, UNITS, caption_cost_traces, plot_cost_traces
+from workbench.plots.decades import power
+from workbench.plots.duels import caption_duels, plot_duels
+from workbench.plots.figure import sheet
+from workbench.plots.profiles import (
+    caption_data_profile,
+    caption_performance_profile,
+    plot_data_profile,
+    plot_performance_profile,
+)
+from workbench.plots.verdicts import caption_basins, plot_basins, plot_verdicts
+from workbench.plots.waterfall import caption_waterfall, plot_waterfall
+
+RUNS = {
+    ("p", "good"): [50.0, 9.0, 0.0], ("p", "$x$ 左"): [100.0, 10.0, 4.0], ("p", "bad"): [],
+    ("q", "good"): [90.0, 0.0], ("q", "$x$ 左"): [0.0], ("q", "bad"): [],
+}  # fmt: skip
+
+
+@pytest.fixture
+def found() -> Comparison:
+    return comparison(RUNS, basins={("p", "$x$ 左"): 1})
+
+
+@pytest.fixture
+def ax() -> Axes:
+    return sheet(4, 3)[1][0]
+
+
+def test_a_profile_ends_at_the_rate_of_success(found: Comparison, ax: Axes) -> None:
+    plot_performance_profile(found, 1e-3, ax=ax)
+    ends = [float(np.asarray(line.get_ydata())[-1]) for line in ax.get_lines()]
+    np.testing.assert_allclose(ends, [1.0, 0.5, 0.0], atol=0.01)
+    assert "must not be read as a ranking" in caption_performance_profile(found)
+    two = comparison({k: v for k, v in RUNS.items() if k[1] != "bad"})
+    assert "ranking" not in caption_performance_profile(two)
+
+
+def test_a_data_profile_rises_where_a_target_is_met(found: Comparison, ax: Axes) -> None:
+    plot_data_profile(found, 1e-3, ax=ax)
+    x, y = (np.asarray(d, dtype=float) for d in ax.get_lines()[0].get_data())
+    assert y[x < 0.99].max() < 0.05  # 2 and 3 residuals over n + 1 = 2
+    assert y[(x > 1.01) & (x < 1.49)] == pytest.approx(0.5, abs=0.01)
+    assert "n + 1 residuals" in caption_data_profile(found)
+
+
+def test_traces_begin_at_the_first_point_and_never_rise(found: Comparison, ax: Axes) -> None:
+    plot_cost_traces(found, "p", ax=ax, against=UNITS)
+    y = np.asarray(ax.get_lines()[0].get_ydata(), dtype=float)
+    assert y[0] == pytest.approx(0.5)
+    assert y[-1] == LOWEST
+    assert (np.diff(y) <= 0).all()
+    assert "one run of each solver" in caption_cost_traces(found, "p")
+
+
+def test_bars_are_as_long_as_there_are_runs(found: Comparison) -> None:
+    for plot in (plot_verdicts, lambda c, ax: plot_basins(c, "p", ax=ax)):
+        ax = sheet(4, 3)[1][0]
+        plot(found, ax=ax)
+        length: dict[float, float] = {}
+        for bar in ax.patches:
+            length[bar.get_y()] = length.get(bar.get_y(), 0) + bar.get_width()
+        assert len(set(length.values())) == 1
+    assert "basin" in caption_basins(found, "p")
+
+
+def test_pairs_are_read_from_rows_against_columns(found: Comparison, ax: Axes) -> None:
+    plot_duels(found, 1e-3, ax=ax)
+    said = {text.get_position(): text.get_text() for text in ax.texts}
+    assert said[1, 0] == "1:1"  # on q the other one was first
+    assert said[2, 0] == "2:0"
+    assert said[0, 2] == "0:2"
+    assert "same starts" in caption_duels(found)
+
+
+def test_a_waterfall_is_sorted(found: Comparison, ax: Axes) -> None:
+    plot_waterfall(found, "p", ax=ax)
+    assert "sorted" in caption_waterfall(found, "p")
+    for line in ax.get_lines():
+        assert (np.diff(np.asarray(line.get_ydata(), dtype=float)) >= 0).all()
+
+
+def test_without_certified_answers_no_accuracy_is_drawn(found: Comparison, ax: Axes) -> None:
+    plot_accuracy(found, ax=ax)
+    assert "worst parameter" in caption_accuracy(found)
+
+
+def test_powers_of_ten_are_short() -> None:
+    assert [power(x) for x in (1e-5, 0.01, 1, 1000, 1e4, 2e5)] == [
+        "10⁻⁵", "0.01", "1", "1000", "10⁴", "200000",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "runs",
+    [
+        RUNS,
+        {("p", "alone"): [3.0]},
+        {("p", "a"): [], ("p", "b"): []},
+        {("p", f"solver {k}"): [float(k)] for k in range(20)},
+        {("p", "a"): [np.nan, np.inf], ("p", "b"): [1.0]},
+    ],
+)
+def test_every_sheet_is_drawn_of_whatever_there_is(
+    runs: dict[tuple[str, str], list[float]],
+) -> None:
+    found = comparison(runs)
+    for figure in (
+        sheets.verdicts_sheet(found), sheets.basins_sheet(found, "p"),
+        sheets.performance_profile_sheet(found, found.taus[:2]),
+        sheets.data_profile_sheet(found, found.taus[:2]), sheets.cost_traces_sheet(found, "p"),
+        sheets.waterfall_sheet(found, "p"), sheets.duels_sheet(found),
+        sheets.accuracy_sheet(found),
+    ):  # fmt: skip
+        figure.draw_without_rendering()

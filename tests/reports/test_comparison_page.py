@@ -1,0 +1,43 @@
+"""The page of a comparison: whole, self-contained, and of the same numbers as the table."""
+
+import csv
+import json
+from pathlib import Path
+
+from tests.comparison.made_up import comparison
+from workbench.reports import write_comparison
+
+RUNS = {
+    (p, s): costs
+    for p in ("p", "<b>q</b>")
+    for s, costs in (("good", [50.0, 1.0]), ("poor", [50.0, 5.0]), ("bad", []))
+}
+
+
+def test_the_folder_holds_page_table_and_data(tmp_path: Path) -> None:
+    found = comparison(RUNS, basins={(p, "poor"): 1 for p in ("p", "<b>q</b>")})
+    page = write_comparison(found, tmp_path)
+    text = page.read_text(encoding="utf-8")
+    assert "good met the target τ = 1e-5 from 2 of 2 starts" in text
+    assert "<b>q</b>" not in text
+    assert "&lt;b&gt;q&lt;/b&gt;" in text
+    for outside in ("http://", "https://", 'src="/', "<script"):
+        assert outside not in text
+    assert "raised an exception" in text
+    with (tmp_path / "results.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["verdict"] for row in rows[:3]] == ["REACHED", "OTHER_BASIN", "RAISED"]
+    data = json.loads((tmp_path / "comparison.json").read_text(encoding="utf-8"))
+    assert data["kind"] == "comparison"
+    assert data["budget"]["max_evaluations"] == 5000
+    assert data["starts"]["p"]["best"] == 1.0
+    assert data["machines"] == ["a machine"]
+    assert data["versions"]["numpy"]
+
+
+def test_all_fail_and_alone(tmp_path: Path) -> None:
+    text = write_comparison(comparison({("p", "a"): []}), tmp_path).read_text(encoding="utf-8")
+    assert "No solver met the target" in text
+    alone = write_comparison(comparison({("p", "a"): [2.0]}), tmp_path).read_text(encoding="utf-8")
+    assert "Every run reached it." in alone
+    assert 'id="pairs"' not in alone
