@@ -104,6 +104,16 @@ def test_they_never_end_worse_than_they_began(name: str, seed: int) -> None:
 
 
 @EACH_SOLVER
+def test_a_warm_start_is_where_it_ends(name: str) -> None:
+    problem, start = decay(bounds=BOUNDS if name in BOUNDED else None)
+    cold = SOLVERS[name].solve(problem, start | {"x": np.array([1.0, 0.5, 1.0])})
+    warm = SOLVERS[name].solve(problem, start | cold.values)
+    assert warm.status is Status.CONVERGED
+    assert warm.iterations == 0
+    np.testing.assert_array_equal(warm.values["x"], cold.values["x"])
+
+
+@EACH_SOLVER
 def test_a_problem_without_noise_converges_too(name: str) -> None:
     """There the residual is rounding error, and so is its angle with the Jacobian."""
     problem, start = decay(noise=0.0)
