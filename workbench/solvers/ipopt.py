@@ -78,7 +78,7 @@ class Ipopt:
             name = "ipopt-lbfgs"
         with Run(name, self, problem, start, callback) as run:
             x0 = np.clip(run.x, problem.lower, problem.upper)
-            run.linearize(x0)  # a start that is not finite ends the run here
+            run.unless_solved(x0)  # a start that is not finite ends the run here, too
             answer = self._ask(run, x0)
             status = MEANING.get(answer, Status.STALLED)
             message = f"{ADVICE.get(answer, status.value)} (ipopt: {answer})"

@@ -176,6 +176,13 @@ class Run:
             self.stall()
         return Trial(1.0, there)
 
+    def unless_solved(self, x: Array) -> None:
+        """End the run at a start that needs no solver: a warm one."""
+        here = self.linearize(x)
+        optimality = self.optimality(x, here)
+        if optimality <= self.limits.gradient_tolerance:
+            self.record(x, here.cost, optimality)
+
     def wrapped(self, x: Array, here: Linearization) -> tuple[Array, Linearization]:
         """The same point with rotation vectors of at most half a turn, where that costs nothing.
 
