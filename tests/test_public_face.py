@@ -24,6 +24,7 @@ WORKBENCH = [
     "Values",
     "WorkbenchError",
     "diagnose",
+    "dual_quaternion_blend",
     "linear_blend",
     "load_body",
     "residuals",

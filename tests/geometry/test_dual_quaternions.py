@@ -146,9 +146,7 @@ def test_blending_is_never_farther_from_the_screw_than_a_known_angle() -> None:
     largest = np.degrees(2 * abs(np.arctan(s / (1 - s)) - s * np.pi / 2))
     assert -searched.fun == pytest.approx(largest, abs=1e-6)
     assert round(largest, 3) == 8.149
-    grid = [
-        [gap(a, s) for s in np.linspace(0, 1, 41)] for a in np.linspace(0.1, almost, 12)
-    ]
+    grid = [[gap(a, s) for s in np.linspace(0, 1, 41)] for a in np.linspace(0.1, almost, 12)]
     assert np.max(grid) <= largest + 1e-6
     assert (np.diff(np.max(grid, axis=1)) > 0).all()
     assert gap(almost, 0.5) < 1e-6  # halfway they agree

@@ -67,3 +67,10 @@ def count_features(features: Features, K: int) -> int:
     pose, bind = cs.MX.sym("pose", 3, K), cs.MX.sym("bind", 3, K)
     found = features(Posture.of(pose, bind))
     return int(found.shape[0])
+
+
+CLASSICAL: tuple[Features, ...] = (
+    rotation_elements,
+    rotation_vectors,
+    quaternion_elements,
+)
