@@ -6,6 +6,7 @@ from typing import ParamSpec
 
 import typer
 
+from workbench.cli.blendshapes import blendshapes
 from workbench.cli.body import body
 from workbench.cli.diagnose import diagnose
 from workbench.cli.fit import fit
@@ -41,5 +42,5 @@ def interruptible(command: Callable[P, None]) -> Callable[P, None]:
     return run_it
 
 
-for command in (run, fit, diagnose, body, info):
+for command in (run, fit, diagnose, body, blendshapes, info):
     app.command()(interruptible(command))

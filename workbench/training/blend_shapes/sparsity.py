@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-STEPS = 400  # of the accelerated proximal gradient: the last ones change the fifth digit
+STEPS = 400  # measured: the objective is then within a thousandth of that after 1,600
 REFIT_RIDGE = 1e-4  # per pose
 
 
