@@ -13,6 +13,7 @@ from workbench.cli.fit import fit
 from workbench.cli.info import info
 from workbench.cli.leaving import Interrupted, Terminated
 from workbench.cli.run import run
+from workbench.cli.sliders import sliders
 from workbench.experiments.blame import caused_by
 
 P = ParamSpec("P")
@@ -42,5 +43,5 @@ def interruptible(command: Callable[P, None]) -> Callable[P, None]:
     return run_it
 
 
-for command in (run, fit, diagnose, body, blendshapes, info):
+for command in (run, fit, diagnose, body, sliders, blendshapes, info):
     app.command()(interruptible(command))

@@ -19,7 +19,7 @@ KNOWN = (
     "quaternions. That DQB does well is partly because the teacher does the same; measured people "
     "would not grant it that. Only the poses come from people.",
     "Repaired is the share of the mean distance of linear blending alone that is gone. Learned are "
-    "numbers that are not zero, beside template and weights. The time is that of one pose: "
+    "numbers that are not zero, beside template and weights. The time is the least of one pose: "
     "features and skinning by CasADi, the product between them by NumPy or, sparse, SciPy.",
 )
 
