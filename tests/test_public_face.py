@@ -34,6 +34,7 @@ WORKBENCH = [
     "WorkbenchError",
     "compare",
     "diagnose",
+    "dual_quaternion_blend",
     "linear_blend",
     "load_body",
     "residuals",

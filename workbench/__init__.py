@@ -5,7 +5,7 @@
 
 from workbench import residuals
 from workbench.blocks import Block, Layout, Points, Values
-from workbench.bodies import Landmarks, SkinnedBody, linear_blend
+from workbench.bodies import Landmarks, SkinnedBody, dual_quaternion_blend, linear_blend
 from workbench.bodies.catalogue import load_body
 from workbench.bodies.saving import save_body
 from workbench.comparison import Budget, Comparison, compare
@@ -62,6 +62,7 @@ __all__ = [
     "WorkbenchError",
     "compare",
     "diagnose",
+    "dual_quaternion_blend",
     "linear_blend",
     "load_body",
     "residuals",

@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 import workbench
 from workbench.bodies.embedded import read_embedded
 from workbench.errors import BadFile
+from workbench.geometry.solids import volume
 from workbench.training.embedded.build import Recipe, build_body, gather_sources
 from workbench.training.embedded.packing import (
     POSE_STEP,
@@ -24,7 +25,6 @@ from workbench.training.embedded.packing import (
     whole_shares,
     write_body,
 )
-from workbench.training.embedded.population import volume
 from workbench.training.embedded.pose_blends import Lesson, solve_ridge, unposed_error
 from workbench.training.embedded.regressors import regress, regression_errors
 from workbench.training.embedded.rig import HALF_OF, at_most_four, carrier

@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from workbench.blocks.reals import reals
 from workbench.bodies.numeric import many_points
-from workbench.bodies.skinning import linear_blend
 from workbench.errors import BadBody
 
 if TYPE_CHECKING:
@@ -33,7 +32,7 @@ def vertices(
     found = np.empty((len(theta), body.n_vertices, 3))
     for first in range(0, len(theta), TOGETHER):
         some = slice(first, first + TOGETHER)
-        if body.skinning is linear_blend:
+        if body.is_smpl:
             pairs = zip(theta[some], beta[some], strict=True)
             motions = [body.kinematics.motion(*pair) for pair in pairs]
             found[some] = many_points(body.chunks, motions, beta[some])

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.bodies.features import rotation_elements
 from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.skinning import linear_blend
 from workbench.bodies.smplx_vertices import vertex_ids
@@ -61,6 +62,11 @@ def _arrays(body: SkinnedBody) -> dict[str, NDArray[Any]]:
         raise BadFile(
             f"body {body.name!r} is not skinned by linear_blend, and its files say no other; "
             "save dataclasses.replace(body, skinning=linear_blend)"
+        )
+    if body.features is not rotation_elements:
+        raise BadFile(
+            f"the pose blend shapes of body {body.name!r} do not go by rotation_elements, and its "
+            "files say nothing else; keep it as a program that makes it"
         )
     arrays = {
         "v_template": body.template,

@@ -13,6 +13,7 @@ from scipy.sparse import csr_array
 
 from workbench.blocks import Block, Layout, Points, Values
 from workbench.bodies import evaluation, surface
+from workbench.bodies.features import Features, rotation_elements
 from workbench.bodies.motion import Kinematics
 from workbench.bodies.numeric import Chunk, chunks_of
 from workbench.bodies.owned import given_up, owned, owned_index, owned_matrix
@@ -55,7 +56,7 @@ class SkinnedBody:
 
     template: Array  # (N, 3) m, the mean rest surface
     shapedirs: Array  # (N, 3, B) m per unit of betas
-    posedirs: Array  # (N, 3, 9 (K - 1)) m per unit of pose feature
+    posedirs: Array  # (N, 3, F) m per unit of pose feature; F is 9 (K - 1) as in SMPL
     J_regressor: csr_array  # (K, N), rows sum to one: joints from rest vertices
     weights: Array  # (N, K), rows sum to one
     parents: tuple[int, ...]  # parents[0] == -1, and parents[k] < k
@@ -64,6 +65,7 @@ class SkinnedBody:
     mirror: NDArray[np.int64] | None = None  # (N,): the vertex on the other side of each
     landmarks: Mapping[str, Landmarks] = field(default_factory=dict)
     skinning: Skinning = linear_blend
+    features: Features = rotation_elements  # of the pose, that posedirs are multiplied with
     name: str = "body"
     card: Mapping[str, Any] = field(default_factory=dict)  # where the numbers come from
     bound_in: Array | None = None  # (K, 3) rad, the pose that the template is drawn in; None: 0
@@ -113,6 +115,11 @@ class SkinnedBody:
     def n_betas(self) -> int:
         """B."""
         return int(self.shapedirs.shape[2])
+
+    @property
+    def is_smpl(self) -> bool:
+        """Whether it is blended linearly and goes by rotation elements: arithmetic knows it."""
+        return self.skinning is linear_blend and self.features is rotation_elements
 
     @property
     def bind_pose(self) -> Array:

@@ -4,6 +4,8 @@ from collections.abc import Callable, Sequence
 
 import casadi as cs
 
+from workbench.geometry.dual_quaternions import dual_quaternions, moved
+
 Skinning = Callable[[cs.MX, Sequence[cs.MX], cs.MX], cs.MX]
 
 
@@ -21,3 +23,38 @@ def linear_blend(points: cs.MX, motions: Sequence[cs.MX], weights: cs.MX) -> cs.
         for d in range(3)
     ]
     return cs.horzcat(*rows).T
+
+
+def dual_quaternion_blend(points: cs.MX, motions: Sequence[cs.MX], weights: cs.MX) -> cs.MX:
+    """v'_i is moved by sum over k of w_ik s_ik q_k, normalised, q_k being the motions G'_k.
+
+    Dual quaternion blending (Kavan et al. 2008): every vertex is moved rigidly, so that twisted
+    limbs keep their radius. Where two joints that a vertex blends are 180 degrees apart, both ways
+    round are as long: there it jumps from one to the other, and has no derivative.
+
+    For points (3, N) in m, motions (3, 4), weights (N, K).
+    """
+    Q = dual_quaternions(motions)
+    return moved(points, blended(Q, weights))
+
+
+def blended(Q: cs.MX, weights: cs.MX) -> cs.MX:
+    """sum over k of w_ik s_ik q_k, (8, N), for dual quaternions (8, K) and weights (N, K).
+
+    q and -q are the same motion. The sign s_ik brings q_k to the side of the joint that weighs
+    most in vertex i, so that no vertex takes the long way round, and none can meet a sum of zero.
+    """
+    q = Q[:4, :]
+    side = 1 - 2 * (q.T @ q < 0)  # (K, K)
+    return ((weights * (heaviest(weights) @ side)) @ Q.T).T
+
+
+def heaviest(weights: cs.MX) -> cs.MX:
+    """(N, K): 1 at the first of the largest weights of every vertex, 0 elsewhere."""
+    first, *others = cs.horzsplit(cs.densify(weights), 1)
+    largest, where = first, 0 * first
+    for k, column in enumerate(others, start=1):
+        where = cs.if_else(column > largest, k, where)
+        largest = cs.fmax(largest, column)
+    found = cs.horzcat(*[where == k for k in range(weights.shape[1])])
+    return found if cs.symvar(found) else cs.MX(cs.sparsify(cs.evalf(found)))

@@ -14,7 +14,6 @@ from workbench.blocks import Block, NumericPoints, Tree
 from workbench.bodies import surface
 from workbench.bodies.arithmetic import arithmetic_of
 from workbench.bodies.numeric_sources import NumericLandmarks, NumericSurface
-from workbench.bodies.skinning import linear_blend
 from workbench.errors import BadBody
 
 if TYPE_CHECKING:
@@ -118,9 +117,9 @@ class SurfacePoints:
 
     @cached_property
     def numeric(self) -> NumericSurface | None:
-        """None if arrays are free, the skinning is not linear, or an argument is no plain block."""
+        """None if arrays are free, the body is not SMPL's, or an argument is no plain block."""
         body, names = self.at.body, self.at.names
-        if names is None or body.free or body.skinning is not linear_blend:
+        if names is None or body.free or not body.is_smpl:
             return None
         return NumericSurface(body, arithmetic_of(body, self.vertices), *names)
 
@@ -139,7 +138,8 @@ class JointPoints:
     @cached_property
     def expression(self) -> cs.MX:
         """(3, K) m."""
-        joints = surface.motions(self.at.body, self.at.pose, self.at.betas)[2]
+        posture = surface.posture(self.at.body, self.at.pose)
+        _, joints = surface.motions(self.at.body, posture, self.at.betas)
         return joints + cs.repmat(self.at.trans, 1, self.count)
 
     @property

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import casadi as cs
 import numpy as np
 
-from workbench.bodies.kinematics import binding_motions, pose_features
-from workbench.geometry.rotation import rodrigues
+from workbench.bodies.features import Posture
+from workbench.bodies.kinematics import binding_motions
 
 if TYPE_CHECKING:
     from workbench.bodies.skinned import SkinnedBody
@@ -64,20 +64,29 @@ def rest_joints(body: SkinnedBody, betas: cs.MX) -> cs.MX:
     return cs.DM(mean.T) + cs.reshape(moved, 3, body.n_joints)
 
 
-def motions(body: SkinnedBody, pose: cs.MX, betas: cs.MX) -> tuple[cs.MX, list[cs.MX], cs.MX]:
-    """Pose features (9 (K - 1), 1), binding motions (3, 4) per joint, posed joints (3, K) m."""
-    R = rodrigues(pose)
-    R_bind = rodrigues(cs.DM(body.bind_pose.T))
-    G, joints = binding_motions(R, R_bind, rest_joints(body, betas), body.parents)
-    return pose_features(R, R_bind), G, joints
+def posture(body: SkinnedBody, pose: cs.MX) -> Posture:
+    """The pose with its rotations, beside the one that the template is drawn in."""
+    return Posture.of(pose, cs.DM(body.bind_pose.T))
+
+
+def motions(body: SkinnedBody, at: Posture, betas: cs.MX) -> tuple[list[cs.MX], cs.MX]:
+    """Binding motions (3, 4) per joint, posed joints (3, K) m."""
+    return binding_motions(at.R, at.R_bind, rest_joints(body, betas), body.parents)
+
+
+def rest(body: SkinnedBody, at: Posture, betas: cs.MX, vertices: Vertices = ALL) -> cs.MX:
+    """T + B_S(beta) + B_P(theta), (3, N) m: what is skinned."""
+    person = shaped(body, betas, vertices)
+    bulges = directions(body, "posedirs", vertices) @ body.features(at)
+    return person + cs.reshape(bulges, person.shape)
 
 
 def posed(
     body: SkinnedBody, pose: cs.MX, betas: cs.MX, trans: cs.MX, vertices: Vertices = ALL
 ) -> cs.MX:
     """M(theta, beta) + trans, (3, N) m."""
-    features, G, _ = motions(body, pose, betas)
-    rest = shaped(body, betas, vertices)
-    rest += cs.reshape(directions(body, "posedirs", vertices) @ features, rest.shape)
-    skinned = body.skinning(rest, G, weights(body, vertices))
-    return skinned + cs.repmat(trans, 1, rest.shape[1])
+    at = posture(body, pose)
+    G, _ = motions(body, at, betas)
+    points = rest(body, at, betas, vertices)
+    skinned = body.skinning(points, G, weights(body, vertices))
+    return skinned + cs.repmat(trans, 1, points.shape[1])

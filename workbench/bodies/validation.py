@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.blocks.reals import numbers
+from workbench.bodies.features import count_features, rotation_elements
 from workbench.errors import BadBody, NotNumbers
 
 if TYPE_CHECKING:
@@ -36,7 +37,13 @@ def check(body: SkinnedBody) -> None:
     shape(
         "shapedirs", f"({N}, 3, B)", body.shapedirs.shape[:2] == (N, 3) and body.shapedirs.ndim == 3
     )
-    shape("posedirs", f"({N}, 3, {9 * (K - 1)})", body.posedirs.shape == (N, 3, 9 * (K - 1)))
+    F = 9 * (K - 1)
+    if body.features is not rotation_elements:
+        try:
+            F = count_features(body.features, K)
+        except Exception as error:
+            refuse(f"its features cannot be made of a pose of {K} joints: {error}")
+    shape("posedirs", f"({N}, 3, {F})", body.posedirs.shape == (N, 3, F))
     shape("J_regressor", f"({K}, {N})", body.J_regressor.shape == (K, N))
     shape("weights", f"({N}, {K})", body.weights.shape == (N, K))
     shape("faces", "(F, 3)", body.faces.ndim == 2 and body.faces.shape[1] == 3)

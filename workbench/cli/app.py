@@ -6,6 +6,7 @@ from typing import ParamSpec
 
 import typer
 
+from workbench.cli.blendshapes import blendshapes
 from workbench.cli.body import body
 from workbench.cli.compare import compare
 from workbench.cli.diagnose import diagnose
@@ -13,6 +14,7 @@ from workbench.cli.fit import fit
 from workbench.cli.info import info
 from workbench.cli.leaving import Interrupted, Terminated
 from workbench.cli.run import run
+from workbench.cli.sliders import sliders
 from workbench.cli.solvers import solvers
 from workbench.experiments.blame import caused_by
 
@@ -43,5 +45,7 @@ def interruptible(command: Callable[P, None]) -> Callable[P, None]:
     return run_it
 
 
-for command in (run, fit, diagnose, compare, body, solvers, info):
+for command in (
+    run, fit, diagnose, compare, body, sliders, blendshapes, solvers, info
+):  # fmt: skip
     app.command()(interruptible(command))

@@ -42,6 +42,18 @@ def rodrigues(w: Matrix) -> Matrix:
     return cs.reshape(columns_of_each, 3, 3 * w.shape[1])
 
 
+def half_turns(w: Matrix) -> Matrix:
+    """(cos t/2, n sin t/2) of rotation vectors n t in radians, (3, K): quaternions (4, K).
+
+    Smooth everywhere; a full turn further is the opposite quaternion, of the same rotation.
+    """
+    h2 = cs.sum1(w**2) / 4  # (1, K), the squared half angle
+    near = h2 < SERIES_BELOW
+    h = cs.sqrt(cs.if_else(near, 1.0, h2))
+    a = cs.if_else(near, _series(h2, 1), cs.sin(h) / h)
+    return cs.vertcat(cs.if_else(near, _series(h2, 0), cs.cos(h)), cs.repmat(a / 2, 3, 1) * w)
+
+
 def _series(t2: Matrix, first: int) -> Matrix:
     """Sum over n of (-t2)^n / (2 n + first)!: cos t, sin t / t, (1 - cos t) / t^2 for 0, 1, 2."""
     total = 0 * t2

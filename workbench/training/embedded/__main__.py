@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from workbench.training.embedded.build import Recipe, build_body, gather_sources, write_result
+from workbench.training.embedded.fine_weights import write_fine_weights
 from workbench.training.embedded.pose_blends import draw_poses
 from workbench.training.embedded.strangers import PEOPLE, SEED_SHIFT, write_strangers
 from workbench.training.embedded.topology import FILES
@@ -51,6 +52,8 @@ def main() -> None:
     report("drawing strangers")
     others = Recipe(people=PEOPLE, seed=arguments.seed + SEED_SHIFT)
     path = write_strangers(gather_sources(Wheel(arguments.wheel), others, report), arguments.out)
+    report(f"wrote {path} ({path.stat().st_size / 1e6:.2f} MB)")
+    path = write_fine_weights(Wheel(arguments.wheel), arguments.out)
     report(f"wrote {path} ({path.stat().st_size / 1e6:.2f} MB)")
 
 

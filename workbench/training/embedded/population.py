@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from workbench.geometry.solids import volume
 from workbench.training.embedded.base_mesh import N_BODY, BaseMesh
 from workbench.training.embedded.rig import Rig
 from workbench.training.embedded.shape_targets import Person, ShapeTargets
@@ -82,12 +83,6 @@ def draw_person(rng: np.random.Generator, female: bool, thicker: Array) -> Perso
         race=tuple(rng.dirichlet([0.6] * 3)),
         local=tuple(changes.clip(-0.5, 0.5)),
     )
-
-
-def volume(vertices: Array, triangles: NDArray[np.int64]) -> float:
-    """Inside a closed surface, m^3: positive if its triangles face outwards."""
-    a, b, c = (vertices[triangles[:, i]] for i in range(3))
-    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
 
 
 def draw_population(

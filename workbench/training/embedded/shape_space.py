@@ -6,7 +6,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from workbench.training.embedded.population import volume
+from workbench.geometry.solids import volume
 from workbench.training.mirror import Mirror
 
 Array = NDArray[np.float64]

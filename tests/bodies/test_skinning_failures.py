@@ -1,0 +1,317 @@
+"""How linear blending fails, against what can be computed by hand; and what repairs it."""
+
+from dataclasses import replace
+
+import casadi as cs
+import numpy as np
+import pytest
+
+import workbench as wb
+from workbench.bodies.ablations import (
+    ABLATIONS,
+    without_blend_weights,
+    without_pose_blend_shapes,
+    without_shape_blend_shapes,
+)
+from workbench.bodies.limbs import Limb
+from workbench.bodies.parts import SeparateParts
+from workbench.bodies.skinning import blended
+from workbench.bodies.tubes import (
+    dual_quaternion_stretch,
+    linear_radius,
+    linear_stretch,
+    tube,
+    volume_lost_bent,
+    volume_lost_twisted,
+)
+from workbench.errors import BadArgument, BadBody, UnknownName
+from workbench.geometry.dual_quaternions import dual_quaternions
+from workbench.geometry.rotation import matrix_from_vector
+from workbench.geometry.solids import edges, lengths, lids, piece_volume, volume
+
+TUBE = tube()
+DUAL = replace(TUBE, skinning=wb.dual_quaternion_blend)
+EVERY_DEGREE = np.radians(np.arange(181))
+X, Z = np.eye(3)[0], np.eye(3)[2]
+BENDS = np.radians([15, 45, 90, 135, 170])
+
+
+def area(around: int = 32, radius: float = 0.05) -> float:
+    """Of a regular polygon."""
+    return around / 2 * radius**2 * np.sin(2 * np.pi / around)
+
+
+# The candy wrapper.
+
+
+def test_a_twisted_tube_has_the_radius_of_the_formula_at_every_ring() -> None:
+    w = TUBE.weights[:, 1]
+    skin = TUBE.template[:, 1:].any(axis=1)
+    for body, share in ((TUBE, linear_radius), (DUAL, lambda w, a: np.ones_like(w))):
+        posed = Limb(body, "joint").posed(X, EVERY_DEGREE)
+        found = np.linalg.norm(posed[:, skin, 1:], axis=2) / 0.05
+        expected = np.array([share(w[skin], a) for a in EVERY_DEGREE])
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
+
+
+def test_halfway_linear_blending_leaves_the_cosine_of_half_the_angle_and_dual_quaternions_all() -> (
+    None
+):
+    middle = np.flatnonzero(TUBE.weights[:, 1] == 0.5)
+    assert len(middle) == 32
+    narrow = [Limb(body, "joint") for body in (TUBE, DUAL)]
+    for limb in narrow:
+        limb.__dict__["waist"] = middle
+    linear, dual = (limb.radii(EVERY_DEGREE) for limb in narrow)
+    np.testing.assert_allclose(linear, np.abs(np.cos(EVERY_DEGREE / 2)), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(dual, 1, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("axis", "law", "order"), [(Z, volume_lost_bent, 2), (X, volume_lost_twisted, 1)]
+)
+def test_the_volume_lost_is_that_of_the_integral(axis, law, order) -> None:  # type: ignore[no-untyped-def]
+    """As rings become more: at second order bent, at first twisted, where the diagonals turn."""
+    errors, kept = [], []
+    for rings in (61, 121, 241):
+        body = tube(rings=rings)
+        full = volume(body.template, body.faces)
+        assert full == pytest.approx(area() * 0.6, rel=1e-12)
+        for skinning, into in ((wb.linear_blend, errors), (wb.dual_quaternion_blend, kept)):
+            limb = Limb(replace(body, skinning=skinning), "joint")
+            lost = full - np.array([volume(v, body.faces) for v in limb.posed(axis, BENDS)])
+            expected = law(area(), 0.1, BENDS) if skinning is wb.linear_blend else 0
+            into.append(np.abs(lost - expected).max())
+    for found in (errors, kept):
+        rates = np.log2(np.divide(found[:-1], found[1:]))
+        assert (rates > order - 0.1).all()
+        assert found[-1] < 0.03 * law(area(), 0.1, np.pi)
+
+
+def test_linear_blending_loses_more_volume_the_more_it_bends() -> None:
+    volumes = Limb(TUBE, "joint").volumes(Z, EVERY_DEGREE[::10])
+    assert (np.diff(volumes) < 0).all()
+    assert volumes[0] == pytest.approx(area() * 0.6, rel=1e-12)
+
+
+@pytest.mark.parametrize("angle", BENDS)
+def test_edges_at_the_joint_stretch_as_the_derivative_says(angle: float) -> None:
+    errors = {wb.linear_blend: [], wb.dual_quaternion_blend: []}
+    for rings in (121, 241):
+        for skinning, law in (
+            (wb.linear_blend, linear_stretch),
+            (wb.dual_quaternion_blend, dual_quaternion_stretch),
+        ):
+            body = replace(tube(rings=rings), skinning=skinning)
+            middle = rings // 2 * 32 + np.arange(32)
+            pairs = np.column_stack([middle - 32, middle + 32])
+            (posed,) = Limb(body, "joint").posed(Z, [angle])
+            found = lengths(posed, pairs) / lengths(body.template, pairs)
+            expected = law(body.template[middle, 1], 0.1, angle)
+            errors[skinning].append(np.abs(found - expected).max())
+    assert max(errors[wb.linear_blend]) < 1e-12  # its second derivative vanishes at the joint
+    coarse, fine = errors[wb.dual_quaternion_blend]
+    assert fine < 0.01
+    assert np.log2(coarse / fine) == pytest.approx(2, abs=0.1)
+
+
+def test_stretches_are_those_of_the_limb() -> None:
+    least, most = Limb(TUBE, "joint").stretches(Z, [0.0, 1.0])
+    assert (least[0], most[0]) == (1, 1)
+    pairs = edges(TUBE.faces)
+    (posed,) = Limb(TUBE, "joint").posed(Z, [1.0])
+    ratio = lengths(posed, pairs) / lengths(TUBE.template, pairs)
+    assert (least[1], most[1]) == (ratio.min(), ratio.max())
+
+
+# Signs.
+
+
+def test_signs_of_quaternions_change_nothing() -> None:
+    rng = np.random.default_rng(0)
+    body = wb.load_body("small")
+    G = body.kinematics.motion(rng.normal(scale=0.5, size=(24, 3)), np.zeros(10)).G
+    dual = dual_quaternions([cs.DM(g) for g in G])
+    weights = cs.MX(cs.sparsify(cs.DM(body.weights)))
+
+    def motion(signs: np.ndarray) -> np.ndarray:
+        found = np.asarray(
+            cs.evalf(blended(cs.MX(dual * cs.repmat(cs.DM(signs).T, 8, 1)), weights))
+        )
+        return found * np.sign(found[np.abs(found[:4]).argmax(axis=0), np.arange(369)])
+
+    same = motion(np.ones(24))
+    for seed in range(5):
+        signs = np.random.default_rng(seed).choice([-1.0, 1.0], size=24)
+        np.testing.assert_array_equal(motion(signs), same)
+
+
+def test_turning_far_round_is_turning_back() -> None:
+    pose = np.zeros((2, 3))
+    for angle in (1.0, 3.0, np.pi + 0.1, 5.0):
+        pose[1] = angle * X
+        other = pose - [[0, 0, 0], 2 * np.pi * X]
+        np.testing.assert_allclose(DUAL.vertices(pose), DUAL.vertices(other), atol=1e-14)
+
+
+def test_dual_quaternions_move_every_vertex_rigidly() -> None:
+    """Copies of one vertex's weights on a small solid: its shape is kept."""
+    body = wb.load_body("small")
+    solid = np.random.default_rng(0).normal(scale=0.05, size=(369, 3))
+    vertex = int((body.weights > 0.2).sum(axis=1).argmax())
+    alike = replace(
+        body, template=solid, weights=np.tile(body.weights[vertex], (369, 1)),
+        posedirs=0 * body.posedirs, mirror=None, skinning=wb.dual_quaternion_blend,
+    )  # fmt: skip
+    pose = np.random.default_rng(1).normal(scale=0.8, size=(24, 3))
+    posed = alike.vertices(pose)
+    pairs = edges(body.faces)
+    np.testing.assert_allclose(lengths(posed, pairs), lengths(solid, pairs), atol=1e-13)
+    linear = replace(alike, skinning=wb.linear_blend).vertices(pose)
+    assert np.abs(lengths(linear, pairs) / lengths(solid, pairs) - 1).max() > 0.05
+
+
+# Limbs of a real body.
+
+
+def test_the_wrist_of_the_body_is_as_thin_as_its_weights_say() -> None:
+    body = without_pose_blend_shapes(wb.load_body("default"))
+    limb, angles = Limb(body, "left_wrist"), np.radians([0, 60, 120, 180])
+    joint, bone = body.joints()[limb.index], limb.bone
+    away = body.template[limb.waist] - joint
+    reach = np.linalg.norm(away - (away @ bone)[:, None] * bone, axis=1)
+    w = body.weights[limb.waist, limb.index]
+    expected = [(reach * linear_radius(w, a)).mean() / reach.mean() for a in angles]
+    np.testing.assert_allclose(limb.radii(angles), expected, atol=1e-12)
+    dual = Limb(replace(body, skinning=wb.dual_quaternion_blend), "left_wrist")
+    np.testing.assert_allclose(dual.radii(angles), 1, atol=1e-12)
+
+
+def test_the_elbow_of_the_body_loses_volume_and_both_repairs_give_some_back() -> None:
+    whole = wb.load_body("default")
+    linear = without_pose_blend_shapes(whole)
+    dual = replace(linear, skinning=wb.dual_quaternion_blend)
+    angles = np.radians([0, 30, 60, 90, 120])
+    by_linear, by_dual, by_smpl = (
+        Limb(body, "left_elbow").volumes([0, -1, 0], angles) for body in (linear, dual, whole)
+    )
+    assert (np.diff(by_linear) < 0).all()
+    lost = by_linear[0] - by_linear
+    assert lost[3] / by_linear[0] > 0.1
+    for repaired in (by_dual, by_smpl):
+        assert repaired[0] == pytest.approx(by_linear[0], rel=1e-12)
+        assert repaired[0] - repaired[3] < 0.75 * lost[3]
+
+
+def test_a_piece_is_closed_by_lids_and_encloses_what_it_should() -> None:
+    straight = TUBE.faces[(TUBE.faces < 61 * 32).all(axis=1)]  # without its lids
+    assert len(lids(TUBE.faces)) == 0
+    assert sorted(len(lid) for lid in lids(straight)) == [32, 32]
+    assert piece_volume(TUBE.template, straight) == pytest.approx(area() * 0.6, rel=1e-12)
+    moved = TUBE.template @ matrix_from_vector([1.0, 2.0, 3.0]).T + 5.0
+    assert piece_volume(moved, straight) == pytest.approx(area() * 0.6, rel=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("joint", "error", "text"),
+    [
+        ("knee", UnknownName, "no joint is called 'knee'; there are joint, root"),
+        ("root", BadArgument, "root is the root: no bone"),
+    ],
+)
+def test_a_limb_needs_a_joint_with_a_bone(joint: str, error: type, text: str) -> None:
+    with pytest.raises(error, match=text):
+        Limb(TUBE, joint)
+
+
+def test_a_limb_without_a_waist_is_refused() -> None:
+    with pytest.raises(BadArgument, match="has no vertex between joint and root that both carry"):
+        _ = Limb(without_blend_weights(TUBE), "joint").waist
+
+
+@pytest.mark.parametrize("sizes", [{"rings": 4}, {"rings": 1}, {"around": 2}, {"zone": 0.7}])
+def test_a_tube_that_cannot_be_is_refused(sizes: dict[str, int]) -> None:
+    with pytest.raises(BadBody, match=r"a tube needs|does not fit"):
+        tube(**sizes)  # type: ignore[arg-type]
+
+
+# Ablations.
+
+
+def test_each_ablation_takes_one_thing_away() -> None:
+    body = wb.load_body("small")
+    rng = np.random.default_rng(0)
+    pose, betas = 0.4 * rng.normal(size=(24, 3)), rng.normal(size=10)
+    rigid, unbent, alike = (ablation(body) for ablation in ABLATIONS.values())
+    assert set(np.unique(rigid.weights)) == {0.0, 1.0}
+    np.testing.assert_array_equal(unbent.vertices(betas=betas), body.vertices(betas=betas))
+    np.testing.assert_allclose(alike.vertices(pose, betas), body.vertices(pose), atol=1e-15)
+    np.testing.assert_array_equal(alike.joints(pose, betas), body.joints(pose))
+    for other in (rigid, unbent, alike):
+        assert np.abs(other.vertices(pose, betas) - body.vertices(pose, betas)).max() > 1e-3
+        np.testing.assert_array_equal(other.faces, body.faces)
+        assert other.name.startswith("small without ")
+    parts = rigid.weights.argmax(axis=1)
+    inside = (parts[body.faces] == parts[body.faces[:, :1]]).all(axis=1)
+    flat = without_pose_blend_shapes(rigid)
+    pairs = edges(body.faces[inside])
+    np.testing.assert_allclose(
+        lengths(flat.vertices(pose), pairs), lengths(body.template, pairs), atol=1e-14
+    )
+
+
+def test_what_is_free_is_not_taken_away() -> None:
+    freed = wb.load_body("small").freed("weights", "posedirs", "shapedirs")
+    for ablation in ABLATIONS.values():
+        with pytest.raises(BadBody, match=r"are free, .* values first, with body.with_values"):
+            ablation(freed)
+
+
+def test_ablated_bodies_are_fitted_and_fit_worse() -> None:
+    body = wb.load_body("small")
+    rng = np.random.default_rng(1)
+    truth = body.vertices(0.3 * rng.normal(size=(24, 3)), rng.normal(size=10))
+    costs = {}
+    for name, student in {"nothing": body, **{n: a(body) for n, a in ABLATIONS.items()}}.items():
+        symbols = [block.symbol for block in student.blocks()]
+        residual = wb.residuals.vertices(student.points(*symbols), truth, sigma=0.01)
+        prior = wb.residuals.gaussian(symbols[1], covariance=1e4)
+        problem = wb.Problem([residual, prior], free=["pose", "betas", "trans"])
+        costs[name] = wb.solve(problem, student.start()).cost
+    assert costs["nothing"] < 0.01
+    assert min(costs[name] for name in ABLATIONS) > 10
+    assert without_shape_blend_shapes(body).n_betas == 10
+
+
+# Separate parts.
+
+
+def test_the_tree_has_no_gaps_and_parts_do_what_it_does() -> None:
+    body = wb.load_body("small")
+    parts = SeparateParts(body)
+    pose, trans = 0.6 * np.random.default_rng(0).normal(size=(24, 3)), [0.1, 0.2, 0.3]
+    values = parts.articulated(pose, trans)
+    assert parts.gaps(**values).max() < 1e-14
+    rigid = without_pose_blend_shapes(without_blend_weights(body))
+    np.testing.assert_allclose(
+        parts.vertices(**values), rigid.vertices(pose, trans=trans), atol=1e-13
+    )
+    assert sum(block.size for block in parts.blocks()) == 144
+    assert sum(block.size for block in (body.blocks()[0], body.blocks()[2])) == 75
+
+
+def test_parts_fall_apart_on_data_that_the_tree_holds_together() -> None:
+    body = wb.load_body("small")
+    parts, rng = SeparateParts(body), np.random.default_rng(2)
+    pose = 0.3 * rng.normal(size=(24, 3))
+    seen = body.vertices(pose) + rng.normal(scale=0.005, size=(369, 3))
+    turns, places = (block.symbol for block in parts.blocks())
+    residual = wb.residuals.vertices(parts.points(turns, places), seen, sigma=0.005)
+    problem = wb.Problem([residual], free=["turns", "places"])
+    start = parts.articulated(0.9 * pose)
+    solution = wb.solve(problem, start)
+    assert solution.converged
+    assert parts.gaps(**solution.values).max() > 0.003
+    x, fixed = problem.split(start)
+    found = problem.residual(x, fixed).reshape(-1, 3) * 0.005 + seen
+    np.testing.assert_allclose(found, parts.vertices(**start), atol=1e-13)

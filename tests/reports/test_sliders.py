@@ -1,0 +1,150 @@
+"""The page with sliders computes what Python computes: both are asked, one in a real browser."""
+
+import json
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+from html import unescape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import workbench as wb
+from tests.bodies_made_up import random_body
+from workbench.bodies.ablations import ABLATIONS, without_blend_weights, without_pose_blend_shapes
+from workbench.errors import BadArgument, BadFile
+from workbench.geometry.solids import volume
+from workbench.reports.sliders import sliders_page, write_sliders
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
+BROWSER = next((found for name in BROWSERS if (found := shutil.which(name))), None)
+BODY = wb.load_body("small")
+RNG = np.random.default_rng(0)
+BETAS = RNG.normal(size=10)
+POSES = {
+    "as drawn": np.zeros((24, 3)),
+    "nearly": 1e-6 * RNG.normal(size=(24, 3)),
+    "some": 0.5 * RNG.normal(size=(24, 3)),
+    "far": 2.0 * RNG.normal(size=(24, 3)),
+}
+KEPT = {
+    "whole": ({}, BODY),
+    "rigid": ({"weights": False}, without_blend_weights(BODY)),
+    "unbent": ({"pose_shapes": False}, without_pose_blend_shapes(BODY)),
+    "alike": ({"shape_shapes": False}, ABLATIONS["shape blend shapes"](BODY)),
+    "dual": ({"dual": True}, replace(BODY, skinning=wb.dual_quaternion_blend)),
+}
+
+ASKED = """
+<pre id="answers"></pre>
+<script>
+const answers = {};
+for (const [name, [pose, betas, keep]] of Object.entries(%s))
+  answers[name] = [...body.vertices(pose, betas, keep)];
+take({ pose: { left_elbow: [0, -90, 0] }, pose_shapes: false });
+const joint_slider = document.querySelectorAll("#angles input")[1];
+joint_slider.value = -120;
+joint_slider.dispatchEvent(new Event("input"));
+answers.elbow = state.pose[3 * body.joint_names.indexOf("left_elbow") + 1];
+const beta_slider = document.querySelectorAll("#betas input")[1];
+beta_slider.value = 2;
+beta_slider.dispatchEvent(new Event("input"));
+answers.measured = document.getElementById("measured").textContent;
+answers.address = decodeURIComponent(location.hash.slice(1));
+document.getElementById("answers").textContent = JSON.stringify(answers);
+</script>
+"""
+
+
+@pytest.fixture(scope="module")
+def answers(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """What the page says when it is asked in the browser."""
+    if BROWSER is None:
+        pytest.skip(f"no browser is called {', '.join(BROWSERS)}")
+    folder = tmp_path_factory.mktemp("page")
+    page = write_sliders(BODY, folder / "sliders.html")
+    questions = {
+        f"{where}, {which}": [pose.ravel().tolist(), BETAS.tolist(), keep]
+        for where, pose in POSES.items()
+        for which, (keep, _) in KEPT.items()
+    }
+    text = page.read_text(encoding="utf-8")
+    asking = text.replace("</main>", ASKED % json.dumps(questions) + "</main>")
+    page.write_text(asking, encoding="utf-8")
+    options = (
+        "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run",
+        f"--user-data-dir={folder / 'profile'}", "--virtual-time-budget=5000", "--dump-dom",
+    )  # fmt: skip
+    ran = subprocess.run([BROWSER, *options, page.as_uri()], capture_output=True, timeout=120)
+    found = re.search(r'<pre id="answers">(.*?)</pre>', ran.stdout.decode(), re.DOTALL)
+    assert found, ran.stderr.decode()[-1000:]
+    assert found[1], "the page's script stopped"
+    return json.loads(unescape(found[1]))
+
+
+@pytest.mark.parametrize("which", KEPT)
+@pytest.mark.parametrize("where", POSES)
+def test_vertices_in_the_browser_are_those_of_python(answers: Any, where: str, which: str) -> None:
+    found = np.array(answers[f"{where}, {which}"]).reshape(-1, 3)
+    body = KEPT[which][1]
+    np.testing.assert_allclose(found, body.vertices(POSES[where], BETAS), rtol=0, atol=1e-8)
+
+
+def test_without_what_is_stored_in_single_precision_they_agree_to_rounding(answers: Any) -> None:
+    found = np.array(answers["far, unbent"]).reshape(-1, 3)
+    expected = without_pose_blend_shapes(BODY).vertices(POSES["far"], BETAS)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-14)
+
+
+def test_sliders_move_the_body_and_the_numbers_beside_it(answers: Any) -> None:
+    assert answers["elbow"] == pytest.approx(np.radians(-120))
+    pose = np.zeros((24, 3))
+    pose[BODY.joint_names.index("left_elbow"), 1] = np.radians(-120)
+    whole, chosen = (
+        body.vertices(pose, [0, 2.0]) for body in (BODY, without_pose_blend_shapes(BODY))
+    )
+    away = 1e3 * np.linalg.norm(chosen - whole, axis=1)
+    litres = [1e3 * volume(v, BODY.faces) for v in (chosen, whole)]
+    assert answers["measured"] == (
+        f"mean {away.mean():.2f} mm, largest {away.max():.1f} mm; "
+        f"volume {litres[0]:.2f} l here, {litres[1]:.2f} l of SMPL"
+    )
+    said = json.loads(answers["address"])
+    assert said["pose"] == {"left_elbow": [0, -120, 0]}
+    assert said["betas"][:3] == [0, 2, 0]
+    assert said["pose_shapes"] is False
+
+
+def test_the_page_fetches_nothing_and_holds_its_sentence() -> None:
+    text = sliders_page(BODY)
+    assert not re.search(r"(src|href)=\"(?!data:|#)", text)
+    assert "https://" not in text
+    assert "as it is" not in text
+    assert text.count("<script") == 3
+
+
+@pytest.mark.parametrize(
+    ("body", "text"),
+    [
+        (replace(BODY, skinning=wb.dual_quaternion_blend), "is not blended linearly"),
+        (random_body(bound=True), "drawn in a pose that is not zero"),
+        (BODY.freed("template"), "has free arrays"),
+        (replace(random_body(), weights=np.full((30, 5), 0.2)), "has 5 weights in a vertex"),
+    ],
+)
+def test_what_the_page_cannot_show_is_refused(
+    body: wb.SkinnedBody, text: str, tmp_path: Path
+) -> None:
+    with pytest.raises(BadArgument, match=text):
+        write_sliders(body, tmp_path / "page.html")
+    assert not list(tmp_path.iterdir())
+
+
+def test_bodies_of_few_joints_and_no_betas_have_a_page(tmp_path: Path) -> None:
+    for body in (random_body(n_joints=1), random_body(n_betas=0, n_joints=2)):
+        assert write_sliders(body, tmp_path / "page.html").stat().st_size > 10_000
+    with pytest.raises(BadFile, match="choose an existing folder"):
+        write_sliders(BODY, tmp_path / "nowhere" / "page.html")

@@ -1,0 +1,349 @@
+"""Predictors of blend shapes: their laws, and the one table that ranks them."""
+
+import os
+from dataclasses import replace
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import workbench as wb
+from tests.bodies_made_up import random_body
+from workbench.bodies.ablations import without_pose_blend_shapes
+from workbench.bodies.features import count_features, rotation_elements, rotation_vectors
+from workbench.bodies.polynomials import Powers, products, unskinned
+from workbench.bodies.scattered import Examples, Gaussians, Shares, shapes_as_directions
+from workbench.bodies.tubes import tube
+from workbench.errors import BadArgument, BadFile
+from workbench.geometry.geodesics import along_edges
+from workbench.training.blend_shapes import studies
+from workbench.training.blend_shapes.comparison import Plan, compare_blend_shapes, shipped_prior
+from workbench.training.blend_shapes.contest import (
+    LINEAR,
+    School,
+    contenders,
+    measured,
+    ranked,
+    repaired,
+)
+from workbench.training.blend_shapes.evaluation import Evaluation
+from workbench.training.blend_shapes.lesson import Lesson, bulges, feature_matrix, taught
+from workbench.training.blend_shapes.locality import far_share, joint_distances, local_ridge_at
+from workbench.training.blend_shapes.regression import left_over, local_ridge, ridge
+from workbench.training.blend_shapes.sparsity import acting_share, group_lasso, refitted
+from workbench.training.embedded.fine_weights import teacher_of
+from workbench.training.embedded.pose_blends import draw_poses, unposed_error
+
+BODY = wb.load_body("small")
+LBS = without_pose_blend_shapes(BODY)
+
+
+@pytest.fixture(scope="module")
+def school() -> School:
+    rng, teacher = np.random.default_rng(0), teacher_of(BODY)
+    lesson, trial = (draw_poses(shipped_prior(), n, rng) for n in (160, 40))
+    return School(BODY, Lesson.by(teacher, lesson), Lesson.by(teacher, trial))
+
+
+@pytest.fixture(scope="module")
+def shapes(school: School):  # type: ignore[no-untyped-def]
+    return school.bulges(LBS)
+
+
+# The lesson.
+
+
+def test_the_teacher_is_the_one_that_the_shipped_blend_shapes_were_learned_from() -> None:
+    said = BODY.card["pose_blend_shapes"]["held_out_draws"]
+    poses = draw_poses(shipped_prior(), 200, np.random.default_rng(1))
+    lesson = Lesson.by(teacher_of(BODY), poses)
+    for body, key in ((LBS, "rms_before"), (BODY, "rms_after")):
+        away = 1e3 * np.linalg.norm(body.vertices(poses) - lesson.posed, axis=2)
+        assert np.sqrt((away**2).mean()) == pytest.approx(said[key], abs=0.01)
+
+
+def test_there_is_no_teacher_for_other_bodies() -> None:
+    with pytest.raises(BadFile, match=r"no teacher for body 'made-up'; .* default and small"):
+        teacher_of(random_body())
+
+
+def test_adding_the_bulges_gives_the_teachers_surface(school: School) -> None:
+    few, dual = school.trial.some(slice(4)), replace(LBS, skinning=wb.dual_quaternion_blend)
+    for student in (LBS, dual):
+        for pose, truth, bulge in zip(few.poses, few.posed, bulges(student, few), strict=True):
+            bent = replace(student, template=BODY.template + bulge)
+            joints = BODY.J_regressor @ BODY.template
+            held = replace(bent, J_regressor=_same_joints(bent, joints))
+            np.testing.assert_allclose(held.vertices(pose), truth, atol=1e-10)
+
+
+def _same_joints(body: wb.SkinnedBody, joints: np.ndarray):  # type: ignore[no-untyped-def]
+    """Rows of sum one that regress these joints from the body's template."""
+    from scipy.sparse import csr_array
+
+    points = np.hstack([body.template, np.ones((len(body.template), 1))])
+    wanted = np.hstack([joints, np.ones((len(joints), 1))])
+    return csr_array(np.linalg.lstsq(points.T, wanted.T, rcond=None)[0].T)
+
+
+def test_two_ways_of_un_posing_agree(school: School) -> None:
+    teacher, few = teacher_of(BODY), school.trial.some(slice(3))
+    for pose, bulge in zip(few.poses, bulges(LBS, few), strict=True):
+        expected = unposed_error(teacher, BODY.weights, pose)
+        np.testing.assert_allclose(bulge, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("skinning", [wb.linear_blend, wb.dual_quaternion_blend])
+def test_three_steps_are_the_body(skinning, school: School) -> None:  # type: ignore[no-untyped-def]
+    body = replace(BODY, skinning=skinning)
+    for pose in school.trial.poses[:3]:
+        np.testing.assert_allclose(Evaluation(body)(pose), body.vertices(pose), atol=1e-14)
+
+
+# Scattered data.
+
+
+def examples(school: School, n: int, width: float) -> Examples:
+    return Examples(school.features(rotation_vectors)[0][:n], width)
+
+
+@pytest.mark.parametrize("width", [0.5, 1.5, 3.0])
+def test_exact_interpolation_gives_every_example_back(school: School, shapes, width: float) -> None:  # type: ignore[no-untyped-def]
+    kernels = Gaussians(examples(school, 60, width))
+    student = taught(LBS, kernels, kernels.exactly(shapes.lesson[:60]))
+    A = feature_matrix(BODY, kernels, school.lesson.poses[:60])
+    found = np.einsum("nf,icf->nic", A, student.posedirs)
+    np.testing.assert_allclose(found, shapes.lesson[:60], rtol=0, atol=1e-12)
+    posed = student.vertices(school.lesson.poses[:5])
+    np.testing.assert_allclose(posed, school.lesson.posed[:5], rtol=0, atol=1e-11)
+
+
+def test_shares_are_a_partition_of_unity_and_find_the_example_as_they_narrow(
+    school: School,
+) -> None:
+    poses = school.lesson.poses[:30]
+    for width in (0.01, 0.5, 5.0):
+        shares = feature_matrix(BODY, Shares(examples(school, 30, width)), school.trial.poses)
+        np.testing.assert_allclose(shares.sum(axis=1), 1, atol=1e-12)
+        assert (shares >= 0).all()
+    off = [
+        np.abs(feature_matrix(BODY, Shares(examples(school, 30, w)), poses) - np.eye(30)).max()
+        for w in (2.0, 1.0, 0.5, 0.1)
+    ]
+    assert (np.diff(off) < 0).all()
+    assert off[-1] < 1e-12
+
+
+def test_far_from_all_examples_one_forgets_and_the_other_repeats(school: School, shapes) -> None:  # type: ignore[no-untyped-def]
+    known = examples(school, 30, 1.5)
+    directions = shapes_as_directions(shapes.lesson[:30])
+    far = 1000 * school.trial.poses[:1]
+    nothing = feature_matrix(BODY, Gaussians(known), far) @ directions.reshape(-1, 30).T
+    assert not nothing.any()
+    nearest = np.linalg.norm(known.places - far[0, 1:].ravel(), axis=1).argmin()
+    found = feature_matrix(BODY, Shares(known), far) @ directions.reshape(-1, 30).T
+    np.testing.assert_array_equal(found.reshape(-1, 3), shapes.lesson[nearest])
+
+
+def test_examples_that_cannot_be_told_apart_are_refused(school: School, shapes) -> None:  # type: ignore[no-untyped-def]
+    twice = Examples(np.zeros((2, 69)), 1.0)
+    with pytest.raises(BadArgument, match="2 examples cannot be told apart by kernels of width 1"):
+        Gaussians(twice).exactly(shapes.lesson[:2])
+    with pytest.raises(BadArgument, match="must be positive, not 0"):
+        Examples(np.zeros((2, 69)), 0)
+
+
+def test_predictors_are_fitted_like_smpl(school: School, shapes) -> None:  # type: ignore[no-untyped-def]
+    kernels = Gaussians(examples(school, 12, 3.0))
+    body = taught(LBS, kernels, kernels.exactly(shapes.lesson[:12]))
+    truth = body.start() | {"pose": 0.8 * school.trial.poses[0], "trans": np.array([0.1, 0, 0.2])}
+    points = body.points(*(block.symbol for block in body.blocks()))
+    problem = wb.Problem(
+        [wb.residuals.vertices(points, body.vertices(**truth), sigma=0.001)],
+        free=["pose", "trans"],
+    )
+    solution = wb.solve(problem, body.start())
+    assert solution.converged
+    np.testing.assert_allclose(solution.values["pose"], truth["pose"], atol=1e-7)
+
+
+# Functions of theta.
+
+
+def test_without_bones_a_polynomial_is_found_again() -> None:
+    body, rng = random_body(n_joints=3), np.random.default_rng(0)
+    for features in (rotation_vectors, Powers(3), products):
+        F = count_features(features, 3)
+        truth = replace(
+            body, features=features, posedirs=rng.normal(size=(30, 3, F)), skinning=unskinned
+        )
+        poses = rng.normal(size=(80, 3, 3))
+        A = feature_matrix(truth, features, poses)
+        found = ridge(A, truth.vertices(poses) - truth.template, 1e-14)
+        np.testing.assert_allclose(found, truth.posedirs, atol=1e-7)
+    assert [count_features(f, 24) for f in (Powers(3), products)] == [207, 69 + 69 * 70 // 2]
+
+
+def test_small_and_large_normal_equations_agree() -> None:
+    rng = np.random.default_rng(0)
+    D = rng.normal(size=(20, 7, 3))
+    for F in (5, 60):
+        A = rng.normal(size=(20, F))
+        found = ridge(A, D, 0.1)
+        assert np.abs(A.T @ (D.reshape(20, -1) - A @ found.reshape(21, F).T) - 2 * found.reshape(
+            21, F).T).max() < 1e-12  # fmt: skip
+        np.testing.assert_allclose(local_ridge(A, D, np.full((7, F), 0.1)), found, atol=1e-12)
+
+
+def test_the_error_in_the_lesson_grows_with_the_price(school: School, shapes) -> None:  # type: ignore[no-untyped-def]
+    A = school.features(rotation_elements)[0]
+    fits = [ridge(A, shapes.lesson, price) for price in (1e-4, 1e-3, 1e-2, 1e-1, 1)]
+    assert (np.diff([left_over(A, shapes.lesson, P) for P in fits]) > 0).all()
+    assert (np.diff([np.linalg.norm(P) for P in fits]) < 0).all()
+
+
+# Near, and few.
+
+
+def test_distances_along_a_tube_are_lengths() -> None:
+    body = tube(rings=21)
+    ring = 10 * 32 + np.arange(32)
+    (found,) = along_edges(body.template, body.faces, [ring])
+    along = np.abs(body.template[: 21 * 32, 0])
+    np.testing.assert_allclose(found[: 21 * 32], along, atol=1e-12)
+    np.testing.assert_allclose(found[21 * 32 :], 0.3 + 0.05, atol=1e-12)
+    apart, _ = along_edges(np.vstack([body.template, [[9, 9, 9]]]), body.faces, [ring, ring])
+    assert apart[-1] == np.inf
+    assert joint_distances(body).shape == (1, len(body.template))
+
+
+def test_joints_are_near_their_own_skin() -> None:
+    body = wb.load_body("default")
+    distances = joint_distances(body)
+    assert np.isfinite(distances).all()
+    joint = {name: k for k, name in enumerate(body.joint_names[1:])}
+    wrist, knee = body.template[:, 0].argmax(), body.template[:, 1].argmin()
+    assert distances[joint["left_wrist"], wrist] < 0.25 < distances[joint["left_knee"], wrist]
+    assert distances[joint["left_wrist"], knee] > 1
+    straight = np.linalg.norm(body.template - body.joints()[1:, None], axis=2)
+    assert (distances > straight - 0.25).all()  # a joint is a ring around a point inside
+
+
+def test_locality_and_error_follow_the_price_strictly(school: School, shapes) -> None:  # type: ignore[no-untyped-def]
+    rows = studies.by_distance(school, shapes, school.trial, lambda text: None)
+    assert [row.price for row in rows] == list(studies.DISTANCE_PRICES)
+    assert len(rows) == 5
+    assert (np.diff([row.left for row in rows]) < 0).all()
+    assert (np.diff([row.lesson for row in rows]) > 0).all()
+    assert rows[0].left > 4 * rows[-1].left
+
+
+def test_no_price_on_distance_is_plain_ridge(school: School, shapes) -> None:  # type: ignore[no-untyped-def]
+    A, distances = school.features(rotation_elements)[0], joint_distances(BODY)
+    local = local_ridge_at(A, shapes.lesson, distances, 0.0, 1e-3)
+    np.testing.assert_allclose(local, ridge(A, shapes.lesson, 1e-3), atol=1e-12)
+    assert 0 < far_share(local, distances) < 1
+
+
+def test_fewer_numbers_act_and_more_error_is_left_as_groups_cost_more(school: School, shapes):  # type: ignore[no-untyped-def]
+    rows = studies.by_sparsity(school, shapes, school.trial, lambda text: None)
+    assert (np.diff([row.left for row in rows]) < 0).all()
+    assert (np.diff([row.lesson for row in rows]) > 0).all()
+
+
+def test_the_group_lasso_meets_its_conditions_of_optimality() -> None:
+    """The gradient of a group that acts has the price's length and its direction; of others less.
+
+    Checked on a made-up problem whose planted groups are found.
+    """
+    rng = np.random.default_rng(0)
+    A = rng.normal(size=(200, 12))
+    truth = np.zeros((5, 3, 12))
+    truth[0, :, 4:8], truth[3, :, :4] = rng.normal(size=(3, 4)), rng.normal(size=(3, 4))
+    D = np.einsum("nf,icf->nic", A, truth) + 0.01 * rng.normal(size=(200, 5, 3))
+    price = 0.05
+    found = group_lasso(A, D, 4, price)
+    acts = np.linalg.norm(found.reshape(5, 3, 3, 4), axis=(1, 3)) > 0
+    assert acts.tolist() == (np.abs(truth.reshape(5, 3, 3, 4)).max(axis=(1, 3)) > 0).tolist()
+    left = D - np.einsum("nf,icf->nic", A, found)
+    pull = np.einsum("nf,nic->icf", A, left).reshape(5, 3, 3, 4) / 200
+    sizes = np.linalg.norm(pull, axis=(1, 3))
+    np.testing.assert_allclose(sizes[acts], price, rtol=1e-6)
+    assert (sizes[~acts] < price).all()
+    again = refitted(A, D, found, 4)
+    assert acting_share(again) == acting_share(found) == 2 / 15
+    np.testing.assert_allclose(again, truth, atol=0.01)
+
+
+# The table.
+
+
+def small_plan() -> Plan:
+    return Plan("small", lesson=120, trial=20, test=24, examples=40, seed=3)
+
+
+@pytest.fixture(scope="module")
+def comparison():  # type: ignore[no-untyped-def]
+    return compare_blend_shapes(small_plan(), None, lambda text: None)
+
+
+def test_it_comes_from_its_seeds(comparison) -> None:  # type: ignore[no-untyped-def]
+    rng = np.random.default_rng(3)
+    lesson, trial, test = (draw_poses(shipped_prior(), n, rng) for n in (120, 20, 24))
+    teacher = teacher_of(BODY)
+    again = School(BODY, Lesson.by(teacher, lesson), Lesson.by(teacher, trial))
+    seen = Lesson.by(teacher, test)
+    by_name = {result.name: result for result in comparison.results}
+    assert len(by_name) == 15
+    for contender in islice(contenders(again, 40, lambda text: None), 10):
+        found, before = measured(contender, seen), by_name[contender.name]
+        assert (found.mean, found.largest) == pytest.approx((before.mean, before.largest), rel=1e-9)
+        assert found.learned == before.learned
+        away = np.linalg.norm(contender.body.vertices(test) - seen.posed, axis=2)
+        assert 1e3 * away.mean() == pytest.approx(found.mean, rel=1e-9)
+    assert comparison.n_test == 24
+    assert "shipped pose prior" in comparison.test
+
+
+def test_the_order_is_that_of_the_lectures(comparison) -> None:  # type: ignore[no-untyped-def]
+    mean = {result.name: result.mean for result in comparison.results}
+    assert [r.mean for r in comparison.results] == sorted(mean.values())
+    assert comparison.results == tuple(ranked(comparison.results))
+    smpl = mean["LBS + rotation elements (SMPL)"]
+    assert smpl < mean["LBS + theta"] < mean[LINEAR] < mean["rigid parts"]
+    assert mean["rigid parts"] < mean["quadratic in theta, no bones"]
+    assert mean["quadratic in theta, no bones"] < mean["linear in theta, no bones"]
+    assert mean["dual quaternions (DQB)"] < mean[LINEAR]
+    linear = next(r for r in comparison.results if r.name == LINEAR)
+    assert repaired(linear, comparison.results) == 0
+
+
+@pytest.mark.parametrize(
+    ("wrong", "text"),
+    [
+        ({"examples": 300, "lesson": 200}, "300 examples cannot be taken from a lesson of 200"),
+        ({"examples": 5}, "at least 10"),
+        ({"test": 3}, "need at least 20 poses"),
+    ],
+)
+def test_a_plan_that_cannot_be_carried_out_is_refused(wrong: dict[str, int], text: str) -> None:
+    with pytest.raises(BadArgument, match=text):
+        Plan(**wrong)  # type: ignore[arg-type]
+
+
+@pytest.mark.long
+@pytest.mark.skipif(
+    "WORKBENCH_MOCAP" not in os.environ,
+    reason="set WORKBENCH_MOCAP to the recording cmu_smpl_10fps.npz",
+)
+def test_on_real_poses_the_order_is_the_same() -> None:
+    found = compare_blend_shapes(Plan(), Path(os.environ["WORKBENCH_MOCAP"]), lambda text: None)
+    assert found.n_test >= 300
+    mean = {result.name: result.mean for result in found.results}
+    smpl, linear = mean["LBS + rotation elements (SMPL)"], mean[LINEAR]
+    assert smpl < mean["LBS + theta"] < linear
+    assert linear == pytest.approx(1.84, abs=0.01)  # as data/bodies/PROVENANCE.md has it
+    assert smpl < linear / 4
+    curves = [mean[f"{kind} in theta, no bones"] for kind in ("cubic", "linear")]
+    assert linear < curves[0] < curves[1]

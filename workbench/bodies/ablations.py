@@ -1,0 +1,51 @@
+"""A body with one thing taken away, to see what it was good for.
+
+Each is a function from a body to a body that takes the same pose, betas and trans, so that it can
+be drawn beside the whole one, fitted, diagnosed and sampled like it.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from workbench.bodies.skinned import SkinnedBody
+from workbench.errors import BadBody
+
+Ablation = Callable[[SkinnedBody], SkinnedBody]
+
+
+def without_blend_weights(body: SkinnedBody) -> SkinnedBody:
+    """Every vertex rides on the one joint that weighs most in it: rigid parts, torn at joints."""
+    _refuse_free(body, "weights")
+    parts = np.eye(body.n_joints)[body.weights.argmax(axis=1)]
+    return replace(body, weights=parts, name=f"{body.name} without blend weights")
+
+
+def without_pose_blend_shapes(body: SkinnedBody) -> SkinnedBody:
+    """Skinning alone: the rest surface does not notice the pose."""
+    _refuse_free(body, "posedirs")
+    none = np.zeros_like(body.posedirs)
+    return replace(body, posedirs=none, name=f"{body.name} without pose blend shapes")
+
+
+def without_shape_blend_shapes(body: SkinnedBody) -> SkinnedBody:
+    """Everybody is the mean person, joints included; betas are taken and change nothing."""
+    _refuse_free(body, "shapedirs")
+    none = np.zeros_like(body.shapedirs)
+    return replace(body, shapedirs=none, name=f"{body.name} without shape blend shapes")
+
+
+ABLATIONS: Mapping[str, Ablation] = {
+    "blend weights": without_blend_weights,
+    "pose blend shapes": without_pose_blend_shapes,
+    "shape blend shapes": without_shape_blend_shapes,
+}
+
+
+def _refuse_free(body: SkinnedBody, name: str) -> None:
+    if name in body.free:
+        raise BadBody(
+            f"the {name} of body {body.name!r} are free, so they cannot be taken away; give them "
+            "values first, with body.with_values(values)"
+        )

@@ -1,0 +1,25 @@
+"""Distances along a surface."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
+
+from workbench.geometry.solids import edges, lengths
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+
+def along_edges(vertices: Array, triangles: Index, sources: list[Index]) -> Array:
+    """From each set of vertices to every vertex along the mesh's edges, (len(sources), N) m.
+
+    Dijkstra's shortest paths: never shorter than the surface's own, and longer where edges zigzag.
+    Infinite where there is no way.
+    """
+    pairs = edges(triangles)
+    N, weights = len(vertices), lengths(vertices, pairs)
+    graph = csr_array((weights, (pairs[:, 0], pairs[:, 1])), shape=(N, N))
+    return np.array(
+        [dijkstra(graph, directed=False, indices=some, min_only=True) for some in sources]
+    ).reshape(len(sources), N)

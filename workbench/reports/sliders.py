@@ -1,0 +1,91 @@
+"""A body as one page in which theta and beta can be moved: SMPL in the browser, nothing fetched."""
+
+from base64 import b64encode
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.bodies import SkinnedBody
+from workbench.errors import BadArgument
+from workbench.reports.page import page
+from workbench.reports.summary import versions
+from workbench.writing import replacing
+
+MOST_WEIGHTS = 4  # per vertex, as in SMPL
+NOTE = (
+    "The page computes in double precision what the workbench computes; only the pose blend shapes "
+    "are stored in single precision. A test holds its vertices in a browser against Python's: they "
+    "differ by less than 0.00001 mm. The address keeps what was set, to be passed on."
+)
+
+
+def write_sliders(body: SkinnedBody, path: str | Path) -> Path:
+    """Write the page of a body. Raises BadArgument for one that it cannot show, and BadFile."""
+    text, path = sliders_page(body), Path(path)
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    return path
+
+
+def sliders_page(body: SkinnedBody) -> str:
+    """The page."""
+    return page(
+        "sliders.html",
+        title=f"Moving theta and beta: {body.name}",
+        data=body_data(body),
+        note=NOTE,
+        versions=versions(),
+    )
+
+
+def body_data(body: SkinnedBody) -> dict[str, Any]:
+    """The arrays for smpl.js, in base64: little-endian, row by row.
+
+    Raises BadArgument for a body that is not SMPL's, is not bound in the pose zero, has free arrays
+    or more than four weights in a vertex, or more than 65,536 vertices.
+    """
+    most = int(np.count_nonzero(body.weights, axis=1).max())
+    for wrong, why in (
+        (not body.is_smpl, "is not blended linearly with features of rotation elements"),
+        (body.bind_pose.any(), "is drawn in a pose that is not zero"),
+        (body.free, "has free arrays; give them values first"),
+        (most > MOST_WEIGHTS, f"has {most} weights in a vertex, and the page knows four"),
+        (body.n_vertices > 2**16, f"has {body.n_vertices:,} vertices, and the page knows 65,536"),
+    ):
+        if wrong:
+            raise BadArgument(f"body {body.name!r} {why}; the page cannot show it")
+    carriers = np.argsort(-body.weights, axis=1, kind="stable")[:, :MOST_WEIGHTS]
+    carriers = np.pad(carriers, ((0, 0), (0, MOST_WEIGHTS - carriers.shape[1])))
+    shares = np.take_along_axis(body.weights, carriers, axis=1)
+    shares[:, body.n_joints :] = 0  # where there are fewer joints than weights
+    flat = body.J_regressor @ body.shapedirs.reshape(body.n_vertices, -1)
+    moves = flat.reshape(body.n_joints, 3, body.n_betas)
+    return {
+        "joint_names": list(body.joint_names),
+        "parents": list(body.parents),
+        "template": _text(body.template, "<f8"),
+        "shapedirs": _text(body.shapedirs.transpose(2, 0, 1), "<f8"),
+        "joints_mean": _text(body.J_regressor @ body.template, "<f8"),
+        "joints_move": _text(moves.transpose(2, 0, 1), "<f8"),
+        "weights": _text(shares, "<f8"),
+        "carriers": _text(carriers, "<u2"),
+        "faces": _text(body.faces, "<u4"),
+        "bulges": [_bulge(body, k) for k in range(1, body.n_joints)],
+    }
+
+
+def _bulge(body: SkinnedBody, joint: int) -> dict[str, Any]:
+    """A joint's blend shapes, of the vertices that notice it."""
+    shapes = body.posedirs[:, :, 9 * (joint - 1) : 9 * joint]
+    vertices = np.flatnonzero(shapes.any(axis=(1, 2)))
+    return {
+        "joint": joint,
+        "vertices": _text(vertices, "<u2"),
+        "shapes": _text(shapes[vertices], "<f4"),
+    }
+
+
+def _text(array: NDArray[Any], kind: str) -> str:
+    return b64encode(np.ascontiguousarray(array, dtype=kind).tobytes()).decode("ascii")
