@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from workbench.blocks import Block, Layout, Points, Tree
+from workbench.blocks.many import Evaluator, interpreted
 from workbench.blocks.reals import reals
+from workbench.bodies.batched import batched
 from workbench.errors import (
     BadBounds,
     BadResidual,
@@ -18,6 +20,7 @@ from workbench.errors import (
     TwoSymbolsOneName,
     UnknownName,
 )
+from workbench.problem.batch import BatchedCost
 from workbench.problem.chain import FORWARD, Chain, Graph
 from workbench.problem.linearization import EPS, Linearization
 from workbench.residuals import Residual
@@ -167,6 +170,18 @@ class Problem:
     def residual(self, x: Array, fixed: Array) -> Array:
         """r (m,), whitened."""
         return self._chain.residual(x, fixed)
+
+    def costs(self, by: Evaluator = interpreted) -> BatchedCost:
+        """A function (X (M, n), fixed) -> the costs of M points (M,), several at a time.
+
+        `by` evaluates its graphs: `interpreted`, or `compiled`, which takes seconds once.
+        """
+        quick = {p.symbol.__hash__(): batched(p.source, by) for p in self._points}
+        by_graph = [p for p in self._points if quick[p.symbol.__hash__()] is None]
+        placeholders = [p.symbol for p in self._points if p not in by_graph]
+        graph = self._on_vectors(self._substituted(by_graph), placeholders)
+        sources = [source for source in quick.values() if source is not None]
+        return BatchedCost(graph, sources, self.free, self.fixed, by)
 
     def cost_and_gradient(self, x: Array, fixed: Array) -> tuple[float, Array]:
         """The cost and its gradient (n,), without a Jacobian of the points."""
