@@ -9,52 +9,46 @@ import casadi as cs
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.blocks.many import Many, count, interpreted, scalar
+from workbench.blocks.many import Many, Mapped, count
 from workbench.compiling import NoLibrary, library
 from workbench.errors import NotSupported
 
 Array = NDArray[np.float64]
 LOG = logging.getLogger(__name__)
+LINES = 500  # instructions in a piece
 TRIED = 11  # calls: all lanes full at least once, and some that are left over
+ONE = ("sqrt", "sin", "cos", "tan", "exp", "log", "asin", "acos", "atan", "fabs", "sinh", "cosh",
+       "tanh", "floor", "ceil", "log1p", "expm1", "erf", "sign")  # fmt: skip
+TWO = ("pow", "atan2", "fmin", "fmax", "hypot", "copysign", "fmod")
 C_OF: Mapping[int, str] = {
     cs.OP_ASSIGN: "{0}", cs.OP_ADD: "{0} + {1}", cs.OP_SUB: "{0} - {1}", cs.OP_MUL: "{0} * {1}",
     cs.OP_DIV: "{0} / {1}", cs.OP_NEG: "-{0}", cs.OP_SQ: "{0} * {0}", cs.OP_TWICE: "{0} + {0}",
-    cs.OP_INV: "all(1.0) / {0}", cs.OP_LT: "TRUE_WHERE({0} < {1})",
-    cs.OP_LE: "TRUE_WHERE({0} <= {1})", cs.OP_EQ: "TRUE_WHERE({0} == {1})",
-    cs.OP_NE: "TRUE_WHERE({0} != {1})", cs.OP_NOT: "TRUE_WHERE({0} == all(0.0))",
-    cs.OP_AND: "TRUE_WHERE(({0} != all(0.0)) & ({1} != all(0.0)))",
-    cs.OP_OR: "TRUE_WHERE(({0} != all(0.0)) | ({1} != all(0.0)))",
-    cs.OP_IF_ELSE_ZERO: "IF({0}, {1})",
-    **{
-        getattr(cs, f"OP_{name.upper()}"): f"each_{name}({{0}})"
-        for name in (
-            "sqrt", "sin", "cos", "tan", "exp", "log", "asin", "acos", "atan", "fabs", "sinh",
-            "cosh", "tanh", "floor", "ceil", "log1p", "expm1", "erf", "sign",
-        )
-    },
-    **{
-        getattr(cs, f"OP_{name.upper()}"): f"each_{name}({{0}}, {{1}})"
-        for name in ("pow", "atan2", "fmin", "fmax", "hypot", "copysign", "fmod")
-    },
+    cs.OP_INV: "all(1.0) / {0}", cs.OP_LT: "TRUTH({0} < {1})", cs.OP_LE: "TRUTH({0} <= {1})",
+    cs.OP_EQ: "TRUTH({0} == {1})", cs.OP_NE: "TRUTH({0} != {1})",
+    cs.OP_NOT: "TRUTH({0} == all(0.0))", cs.OP_AND: "TRUTH(({0} != all(0.0)) & ({1} != all(0.0)))",
+    cs.OP_OR: "TRUTH(({0} != all(0.0)) | ({1} != all(0.0)))", cs.OP_IF_ELSE_ZERO: "IF({0}, {1})",
     cs.OP_CONSTPOW: "each_pow({0}, {1})",
+    **{getattr(cs, f"OP_{name.upper()}"): f"each_{name}({{0}})" for name in ONE},
+    **{getattr(cs, f"OP_{name.upper()}"): f"each_{name}({{0}}, {{1}})" for name in TWO},
 }  # fmt: skip
 
 
-def compiled(function: cs.Function, shared: Sequence[bool]) -> Many:
-    """By a library that is compiled once, where there is a compiler; else interpreted."""
-    usual = interpreted(function, shared)
-    scalars = scalar(function)
-    if scalars is None:
-        return usual
+def lanes(function: cs.Function, shared: Sequence[bool]) -> Many:
+    """A function of scalar instructions by a library that is compiled once and kept on disk.
+
+    Raises NoLibrary without a compiler, NotSupported for an instruction that has no C here.
+    """
+    source = lanes_code(function, shared)
+    usual = Mapped(function, shared)
+
+    def agrees(loaded: ctypes.CDLL) -> bool:
+        return _agree(Lanes(loaded, function, shared), usual, function, shared)
+
     try:
-        source = lanes_code(scalars, shared)
-        loaded = library(
-            "lanes", source, lambda found: _agrees(Lanes(found, scalars, shared), usual, scalars)
-        )
-        return Lanes(loaded, scalars, shared)
-    except (NoLibrary, NotSupported) as error:
+        return Lanes(library("lanes", source, agrees), function, shared)
+    except NoLibrary as error:
         LOG.info("%s is interpreted: %s", function.name(), error)
-        return usual
+        raise
 
 
 class Lanes:
@@ -65,7 +59,6 @@ class Lanes:
         self._wide = [function.nnz_in(i) for i in range(function.n_in())]
         self._outputs = [function.nnz_out(i) for i in range(function.n_out())]
         self._run = loaded.run
-        self._run.restype = None
 
     def __call__(self, *arguments: Array) -> list[Array]:
         """See Many."""
@@ -79,87 +72,94 @@ class Lanes:
 
 
 def lanes_code(function: cs.Function, shared: Sequence[bool]) -> str:
-    """The whole source, for a function of scalar instructions.
-
-    Raises NotSupported for an instruction that has no C here.
-    """
+    """The whole source; raises NotSupported for an instruction that has no C here."""
     head = files(__package__).joinpath("lanes.h").read_text(encoding="utf-8")
-    lines = [_line(function, i) for i in range(function.n_instructions())]
-    inputs = [f"const v *restrict i{k}" for k in range(function.n_in())]
-    outputs = [f"v *restrict o{k}" for k in range(function.n_out())]
-    variables = ", ".join(f"w{i}" for i in range(max(1, function.sz_w())))
-    arguments = [f"const double *x{k}" for k in range(function.n_in())]
-    arguments += [f"double *y{k}" for k in range(function.n_out())]
-    widths = [function.nnz_in(k) for k in range(function.n_in())]
-    read = [
-        f"v i{k}[{max(1, n)}]; {'' if same else 'if (0) '}"
-        f"for (integer j = 0; j < {n}; ++j) i{k}[j] = all(x{k}[j]);"
-        for k, (n, same) in enumerate(zip(widths, shared, strict=True))
-    ]
-    gather = [
-        f"for (int l = 0; l < LANES; ++l) {{ const double *row = x{k} + {n} * "
-        f"(first + l < M ? first + l : M - 1); for (integer j = 0; j < {n}; ++j) "
-        f"i{k}[j][l] = row[j]; }}"
-        for k, (n, same) in enumerate(zip(widths, shared, strict=True))
-        if not same
-    ]
-    made = [f"v o{k}[{max(1, function.nnz_out(k))}];" for k in range(function.n_out())]
-    scatter = [
-        f"for (int l = 0; l < LANES && first + l < M; ++l) for (integer j = 0; j < {n}; ++j) "
-        f"y{k}[{n} * (first + l) + j] = o{k}[j][l];"
-        for k in range(function.n_out())
-        if (n := function.nnz_out(k))
-    ]
-    zeros = [
-        f"for (integer j = 0; j < {function.nnz_out(k)}; ++j) o{k}[j] = all(0.0);"
-        for k in range(function.n_out())
-    ]
-    names = [f"i{k}" for k in range(function.n_in())] + [f"o{k}" for k in range(function.n_out())]
+    inputs = [(k, function.nnz_in(k), same) for k, same in enumerate(shared)]
+    outputs = [(k, function.nnz_out(k)) for k in range(function.n_out())]
+    parts, between = _parts(function, shared)
+    of_part = [f"const {'double' if same else 'v'} *i{k}" for k, _, same in inputs]
+    of_part += [*(f"v *o{k}" for k, _ in outputs), "v *t"]
+    of_run = ["integer M", *(f"const double *x{k}" for k, _, _ in inputs)]
+    of_run += [f"double *y{k}" for k, _ in outputs]
+    given = [f"x{k}" if same else f"i{k}" for k, _, same in inputs]
+    given += [*(f"o{k}" for k, _ in outputs), "t"]
     return "\n".join(
         [
             head,
-            f"static void kernel({', '.join([*inputs, *outputs])})",
-            "{", f"v {variables};", *lines, "}",
-            f"EXPORT void run(integer M, {', '.join(arguments)})",
-            "{", *read, *made, *zeros,
+            *(
+                "\n".join([f"static PART void part{n}({', '.join(of_part)})", "{", *lines, "}"])
+                for n, lines in enumerate(parts)
+            ),
+            f"EXPORT void run({', '.join(of_run)})",
+            "{",
+            f"v t[{max(1, between)}];",
+            *(f"v i{k}[{max(1, n)}];" for k, n, same in inputs if not same),
+            *(f"v o{k}[{max(1, n)}];" for k, n in outputs),
+            *(f"for (integer j = 0; j < {n}; ++j) o{k}[j] = all(0.0);" for k, n in outputs),
             "for (integer first = 0; first < M; first += LANES) {",
-            *gather, f"kernel({', '.join(names)});", *scatter, "}", "}", "",
+            *(f"GATHER(i{k}, x{k}, {n})" for k, n, same in inputs if not same),
+            *(f"part{n}({', '.join(given)});" for n in range(len(parts))),
+            *(f"SCATTER(o{k}, y{k}, {n})" for k, n in outputs),
+            "}", "}", "",
         ]
     )  # fmt: skip
 
 
-def _line(function: cs.Function, i: int) -> str:
-    operation = function.instruction_id(i)
-    to, of = function.instruction_output(i), function.instruction_input(i)
-    if operation == cs.OP_INPUT:
-        return f"w{to[0]} = i{of[0]}[{of[1]}];"
-    if operation == cs.OP_OUTPUT:
-        return f"o{to[0]}[{to[1]}] = w{of[0]};"
-    if operation == cs.OP_CONST:
-        return f"w{to[0]} = all({_number(float(function.instruction_constant(i)))});"
-    if operation in C_OF:
-        return f"w{to[0]} = {C_OF[operation].format(*(f'w{k}' for k in of))};"
-    raise NotSupported(f"CasADi's operation {operation} in {function.name()!r} has no C here")
+def _parts(function: cs.Function, shared: Sequence[bool]) -> tuple[list[list[str]], int]:
+    """The instructions in pieces, for the compiler's time grows faster than a piece's length.
+
+    Also how many results a later piece takes from an earlier one: they go through memory, `t`.
+    """
+    said: list[tuple[str, tuple[str, ...], str]] = []  # name or output, operands, what is done
+    holds: dict[int, str] = {}  # what a place of CasADi's work vector holds now
+    for i in range(function.n_instructions()):
+        operation = function.instruction_id(i)
+        to, of = function.instruction_output(i), function.instruction_input(i)
+        if operation == cs.OP_CONST:
+            holds[to[0]] = f"all({_number(float(function.instruction_constant(i)))})"
+        elif operation == cs.OP_INPUT:
+            entry = f"i{of[0]}[{of[1]}]"
+            holds[to[0]] = f"all({entry})" if shared[of[0]] else entry
+        elif operation == cs.OP_OUTPUT:
+            said.append((f"o{to[0]}[{to[1]}]", (holds[of[0]],), "{0}"))
+        elif operation in C_OF:
+            said.append((f"s{i}", tuple(holds[k] for k in of), C_OF[operation]))
+            holds[to[0]] = f"s{i}"
+        else:
+            raise NotSupported(f"CasADi's operation {operation} has no C here")
+    part_of = {name: n // LINES for n, (name, _, _) in enumerate(said)}
+    kept: dict[str, int] = {}
+    for n, (_, operands, _) in enumerate(said):
+        for name in operands:
+            if name in part_of and part_of[name] != n // LINES:
+                kept.setdefault(name, len(kept))
+    parts: list[list[str]] = []
+    for n, (name, operands, text) in enumerate(said):
+        if n % LINES == 0:
+            parts.append([])
+        read = (f"t[{kept[o]}]" if o in kept and part_of[o] != n // LINES else o for o in operands)
+        typed = "" if name.startswith("o") else "const v "
+        parts[-1].append(f"{typed}{name} = {text.format(*read)};")
+        if name in kept:
+            parts[-1].append(f"t[{kept[name]}] = {name};")
+    return parts, len(kept)
 
 
 def _number(x: float) -> str:
     if np.isnan(x):
         return "NAN"
     if np.isinf(x):
-        return "INFINITY" if x > 0 else "-INFINITY"
-    return repr(x)
+        return "INFINITY" if x > 0 else "(-INFINITY)"
+    return f"({x!r})"
 
 
-def _agrees(found: Lanes, usual: Many, function: cs.Function) -> bool:
-    """Whether the library says what the interpreter says, about a few random numbers.
-
-    Of random numbers some functions make NaN or infinity; then both must.
-    """
+def _agree(found: Many, usual: Many, function: cs.Function, shared: Sequence[bool]) -> bool:
+    """Whether two say the same about a few random numbers, NaN and infinity included."""
     rng = np.random.default_rng(0)
     sizes = [function.nnz_in(i) for i in range(function.n_in())]
     arguments = [
         rng.uniform(0.1, 1.1, size if same else (TRIED, size))
-        for size, same in zip(sizes, found._shared, strict=True)
+        for size, same in zip(sizes, shared, strict=True)
     ]
     return all(
         np.allclose(got, right, rtol=1e-9, atol=1e-11, equal_nan=True)

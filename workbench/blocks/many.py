@@ -1,6 +1,6 @@
 """One CasADi function of many columns of numbers at once."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Protocol
 
 import casadi as cs
@@ -24,30 +24,19 @@ class Many(Protocol):
         """
 
 
-Evaluator = Callable[[cs.Function, Sequence[bool]], Many]  # which inputs are shared
-
-
-def interpreted(function: cs.Function, shared: Sequence[bool]) -> Many:
-    """By CasADi's virtual machine: scalar by scalar if that is short, else matrix by matrix."""
-    scalars = scalar(function)
-    if scalars is None:
-        return OneByOne(Buffered(function), tuple(shared))
-    return Mapped(scalars, shared)
-
-
-def scalar(function: cs.Function) -> cs.Function | None:
-    """The same in scalar instructions, if they are few; None otherwise.
+def scalar(function: cs.Function, longest: int = LONGEST) -> cs.Function | None:
+    """The same in scalar instructions, if they are at most so many; None otherwise.
 
     A function that calls another that is not CasADi's own has none.
     """
     rows = sum(function.nnz_out(i) for i in range(function.n_out()))
-    if max(rows, *(function.nnz_in(i) for i in range(function.n_in()))) > LONGEST:
+    if max(rows, *(function.nnz_in(i) for i in range(function.n_in()))) > longest:
         return None
     try:
         expanded = function if function.is_a("SXFunction") else function.expand()
     except RuntimeError:
         return None
-    return expanded if expanded.n_instructions() <= LONGEST else None
+    return expanded if expanded.n_instructions() <= longest else None
 
 
 class OneByOne:

@@ -11,16 +11,19 @@ number of vertices. This is exact.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import singledispatch
+from itertools import pairwise
 
+import casadi as cs
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from workbench.blocks import PointSource
-from workbench.blocks.many import Evaluator, Many
+from workbench.blocks.many import Many, Mapped
+from workbench.bodies import surface
 from workbench.bodies.motion import Motion
 from workbench.bodies.numeric import SurfaceArrays, chunks_of, many_points
 from workbench.bodies.skinned import SkinnedBody
@@ -32,20 +35,20 @@ TOGETHER = 32  # bodies in one matrix product: measured, more would leave the ca
 
 
 @singledispatch
-def batched(source: PointSource, by: Evaluator) -> ManyPoints | None:
+def batched(source: PointSource) -> ManyPoints | None:
     """A source's points for many values at once; None if the graph is as good, as for joints."""
     return None
 
 
 @batched.register
-def _(source: SurfacePoints, by: Evaluator) -> ManyPoints | None:
+def _(source: SurfacePoints) -> ManyPoints | None:
     if source.numeric is None:
         return None
     body, names = source.at.body, source.numeric.reads
     whole = isinstance(source.vertices, slice) and source.vertices == slice(None)
     vertices = source.vertices if isinstance(source.vertices, slice) else list(source.vertices)
     chunks = body.chunks if whole else chunks_of(body, vertices)
-    motions = ManyMotions.of(body, by)
+    motions = ManyMotions.of(body)
 
     def points(values: Mapping[str, Array]) -> Array:
         pose, betas, trans = (values[name] for name in names)
@@ -61,18 +64,33 @@ def _(source: SurfacePoints, by: Evaluator) -> ManyPoints | None:
 
 
 @batched.register
-def _(source: LandmarkPoints, by: Evaluator) -> ManyPoints | None:
+def _(source: LandmarkPoints) -> ManyPoints | None:
     if source.numeric is None:
         return None
     body, names = source.at.body, source.numeric.reads
     pairs = Pairs.of(body, source.landmarks.regressor)
-    motions = ManyMotions.of(body, by)
+    motions = ManyMotions.of(body)
 
     def points(values: Mapping[str, Array]) -> Array:
         pose, betas, trans = (values[name] for name in names)
         return pairs.points(*motions(pose, betas), betas) + trans[:, None]
 
     return points
+
+
+def in_full(source: PointSource) -> cs.MX:
+    """A source's expression (3, N) as it is."""
+    return source.expression
+
+
+def lean(source: PointSource) -> cs.MX:
+    """A source's expression (3, N) in as few numbers as it takes: landmarks by pairs."""
+    if not isinstance(source, LandmarkPoints) or source.numeric is None:
+        return source.expression
+    pose, betas, trans = source.at.symbols
+    features, G, _ = surface.motions(source.at.body, pose, betas)
+    pairs = Pairs.of(source.at.body, source.landmarks.regressor)
+    return pairs.expression(G, features, betas) + cs.repmat(trans, 1, source.count)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,9 +101,10 @@ class ManyMotions:
     joints: int
 
     @staticmethod
-    def of(body: SkinnedBody, by: Evaluator) -> ManyMotions:
+    def of(body: SkinnedBody) -> ManyMotions:
         """The kinematics' own function, evaluated another way."""
-        return ManyMotions(by(body.kinematics._motion.function, (False, False)), body.n_joints)
+        function = body.kinematics._motion.function
+        return ManyMotions(Mapped(function, (False, False)), body.n_joints)
 
     def __call__(self, pose: Array, betas: Array) -> tuple[Array, Array]:
         """G (M, K, 3, 4) and features (M, 9 (K - 1))."""
@@ -141,3 +160,16 @@ class Pairs:
         turns = G.transpose(0, 2, 3, 1)[..., self.joint]  # (M, 3, 4, P)
         moved = np.einsum("mdcp,mcp->mdp", turns[:, :, :3], rest) + turns[:, :, 3] * self.mass
         return np.asarray(np.add.reduceat(moved, self.first, axis=2).transpose(0, 2, 1))
+
+    def expression(self, G: Sequence[cs.MX], features: cs.MX, betas: cs.MX) -> cs.MX:
+        """(3, L) m in symbols, before translation."""
+        P = len(self.joint)
+        shaped = cs.sparsify(cs.DM(self.shapedirs.T)) @ betas
+        bent = cs.sparsify(cs.DM(self.posedirs.T)) @ features[self.used.tolist()]
+        rest = cs.reshape(cs.DM(self.template) + shaped + bent, P, 3).T  # (3, P)
+        moved = [
+            G[joint][:, :3] @ rest[:, p] + G[joint][:, 3] * self.mass[p]
+            for p, joint in enumerate(self.joint.tolist())
+        ]
+        edges = [*self.first.tolist(), P]
+        return cs.horzcat(*[sum(moved[i:j][1:], moved[i]) for i, j in pairwise(edges)])

@@ -1,6 +1,6 @@
 """Residuals over named blocks, some of them free."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise
 
@@ -8,10 +8,9 @@ import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from workbench.blocks import Block, Layout, Points, Tree
-from workbench.blocks.many import Evaluator, interpreted
+from workbench.blocks import Block, Layout, Points, PointSource, Tree
 from workbench.blocks.reals import reals
-from workbench.bodies.batched import batched
+from workbench.bodies.batched import batched, in_full, lean
 from workbench.errors import (
     BadBounds,
     BadResidual,
@@ -20,7 +19,7 @@ from workbench.errors import (
     TwoSymbolsOneName,
     UnknownName,
 )
-from workbench.problem.batch import BatchedCost
+from workbench.problem.batch import Batch, Costs, Places, Way, interpreted
 from workbench.problem.chain import FORWARD, Chain, Graph
 from workbench.problem.linearization import EPS, Linearization
 from workbench.residuals import Residual
@@ -171,17 +170,22 @@ class Problem:
         """r (m,), whitened."""
         return self._chain.residual(x, fixed)
 
-    def costs(self, by: Evaluator = interpreted) -> BatchedCost:
-        """A function (X (M, n), fixed) -> the costs of M points (M,), several at a time.
+    def costs(
+        self, x: Array, fixed: Array, entries: Places | None = None, by: Way = interpreted
+    ) -> Costs:
+        """A function of numbers z (M, k) to the costs (M,) of points that are x but for them.
 
-        `by` evaluates its graphs: `interpreted`, or `compiled`, which takes seconds once.
+        z stand in the places `entries` of x, or are all of it. `by` is `interpreted`, or
+        `compiled`, which takes seconds once and is many times as fast.
         """
-        quick = {p.symbol.__hash__(): batched(p.source, by) for p in self._points}
-        by_graph = [p for p in self._points if quick[p.symbol.__hash__()] is None]
+        lean_graph = self._on_vectors(self._substituted(self._points, lean), ())
+        sources = {p.symbol.__hash__(): batched(p.source) for p in self._points}
+        by_graph = [p for p in self._points if sources[p.symbol.__hash__()] is None]
         placeholders = [p.symbol for p in self._points if p not in by_graph]
-        graph = self._on_vectors(self._substituted(by_graph), placeholders)
-        sources = [source for source in quick.values() if source is not None]
-        return BatchedCost(graph, sources, self.free, self.fixed, by)
+        split = self._on_vectors(self._substituted(by_graph), placeholders)
+        found = [source for source in sources.values() if source is not None]
+        places = np.arange(self.free.size) if entries is None else entries.astype(np.int64)
+        return by(Batch(lean_graph, split, tuple(found), self.free, self.fixed), x, fixed, places)
 
     def cost_and_gradient(self, x: Array, fixed: Array) -> tuple[float, Array]:
         """The cost and its gradient (n,), without a Jacobian of the points."""
@@ -238,12 +242,14 @@ class Problem:
         """The stacked residual, its points being placeholders."""
         return cs.vertcat(*[residual.whitened for residual in self.residuals])
 
-    def _substituted(self, points: Iterable[Points]) -> cs.MX:
+    def _substituted(
+        self, points: Iterable[Points], said: Callable[[PointSource], cs.MX] = in_full
+    ) -> cs.MX:
         """The stacked residual with these placeholders replaced by their sources' expressions."""
         chosen = tuple(points)
         if not chosen:
             return self._whitened
-        expressions = [p.source.expression for p in chosen]
+        expressions = [said(p.source) for p in chosen]
         return cs.graph_substitute(self._whitened, [p.symbol for p in chosen], expressions)
 
     @cached_property

@@ -21,7 +21,7 @@ def arviz() -> ModuleType:
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", r"\s*ArviZ is undergoing", FutureWarning)
         import arviz as found
-    return found  # type: ignore[no-any-return]
+    return found
 
 
 def psis(log_weights: Array) -> tuple[Array, float]:

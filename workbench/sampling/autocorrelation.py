@@ -19,7 +19,7 @@ def integrated_time(draws: Array) -> float:
     Deviations are from the mean of everything, not of each walker: a walker that stays where it
     began has then an endless memory, as it should. Of constant draws it is infinite.
     """
-    E, S, W = draws.shape
+    S = draws.shape[1]
     deviations = (draws - draws.mean()).transpose(0, 2, 1).reshape(-1, S)
     n = scipy.fft.next_fast_len(2 * S)
     power = np.zeros(n // 2 + 1)

@@ -15,7 +15,7 @@ Names = str | Iterable[str] | Choice | None
 
 
 def directions(count: int, priors: Iterable[str]) -> Choice:
-    """The `count` directions that the data know best, compared with these priors; see `informed`."""
+    """The `count` directions that the data know best, compared with the priors; see `informed`."""
     told = tuple(priors)
 
     def choice(problem: Problem, x: Array, given: Array) -> Subspace:

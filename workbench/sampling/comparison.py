@@ -1,6 +1,7 @@
 """Laplace's approximation beside the draws: where they agree, and where the posterior is curved."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import scipy.stats
@@ -79,7 +80,7 @@ def peaks(draws: Array) -> int:
         if density[i - 1] < density[i] >= density[i + 1] and density[i] > SEEN * density.max()
     ]  # fmt: skip
     count = min(1, len(tops))
-    for i, j in zip(tops[:-1], tops[1:], strict=True):
+    for i, j in pairwise(tops):
         if density[i:j].min() < VALLEY * min(density[i], density[j]):
             count += 1
     return max(1, count)

@@ -198,7 +198,7 @@ class _Team:
 
 def burnt(chain: Array, thin: int, acceptance: float, labels: tuple[str, ...]) -> Mixing:
     """The mixing of what is left of chains (E, S, W, k) without their beginning."""
-    E, S, W, k = chain.shape
+    _, S, _, k = chain.shape
     labels = labels or tuple(map(str, range(k)))
     first = int(np.ceil(BURNT * S))
     before = Mixing(labels, chain[:, first:], acceptance, first * thin, thin)
@@ -228,7 +228,8 @@ def _sampler(target: Target, plan: Plan, backend: Any) -> Any:
     sampler = emcee.EnsembleSampler(
         plan.walkers, k, target, moves=list(plan.moves), backend=backend, vectorize=True
     )
-    sampler.log_prob_fn = target  # emcee's wrapper prints a traceback of every interrupt
+    # emcee's own way takes each number apart, and prints a traceback of every interrupt
+    sampler.compute_log_prob = lambda z: (target(z), None)
     return sampler
 
 

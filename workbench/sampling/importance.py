@@ -1,7 +1,7 @@
 """Whether the Gaussian conditional of what was integrated out holds: importance weights.
 
-Draws come from q(z, w) = p(x(z, 0)) N(w; 0, 1) / Z, and should come from p(x(z, w)). The tail of the
-weights p / q is fitted by a generalised Pareto distribution, whose shape k-hat says how many
+Draws come from q(z, w) = p(x(z, 0)) N(w; 0, 1) / Z, and should come from p(x(z, w)). The tail of
+the weights p / q is fitted by a generalised Pareto distribution, whose shape k-hat says how many
 moments they have: below 0.5 few draws are lost, above 0.7 none of it can be trusted (Vehtari et
 al. 2024, Pareto smoothed importance sampling).
 """

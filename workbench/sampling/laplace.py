@@ -35,7 +35,7 @@ def laplace(
     x, given = problem.split(at)
     with limited_threads():
         subspace = chosen(problem, x, given, names, rest)
-        target = Target.of(problem, given, subspace)
+        target = Target(problem, given, subspace)
         rng = np.random.default_rng(seed)
         mode = modes(target, rng, searches=0)[0]
         noise = rng.standard_normal((CHAINS * (draws // CHAINS), subspace.size))

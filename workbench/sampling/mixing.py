@@ -43,7 +43,7 @@ class Mixing:
     @property
     def steps(self) -> int:
         """Of each walker, after what was discarded."""
-        return self.draws.shape[1] * self.thin
+        return int(self.draws.shape[1]) * self.thin
 
     @cached_property
     def times(self) -> Array:

@@ -91,22 +91,26 @@ def _descended(target: Target, start: Array) -> Mode:
     problem, space = target.problem, target.subspace
 
     def x_at(z: Array) -> Array:
-        return space.points(z[None])[0]
+        return np.asarray(space.points(z[None])[0])
 
-    limits = (-np.inf, np.inf)
+    def residual(z: Array) -> Array:
+        return problem.residual(x_at(z), target.fixed)
+
+    def jacobian(z: Array) -> Array:
+        return problem.linearize_at(x_at(z), target.fixed).jacobian @ space.along
+
+    low, high = np.full(space.size, -np.inf), np.full(space.size, np.inf)
     if space.entries is not None:
         low, high = problem.lower[space.entries], problem.upper[space.entries]
         gap = 1e-10 * np.maximum(1.0, abs(start))
         thin = high - low <= 4 * gap  # trf wants room
-        limits = (np.where(thin, -np.inf, low), np.where(thin, np.inf, high))
         start = np.where(thin, start, np.clip(start, low + gap, high - gap))
+        low, high = np.where(thin, -np.inf, low), np.where(thin, np.inf, high)
     ended = scipy.optimize.least_squares(
-        lambda z: problem.residual(x_at(z), target.fixed), start,
-        lambda z: problem.linearize_at(x_at(z), target.fixed).jacobian @ space.along,
-        bounds=limits, x_scale="jac", max_nfev=200,
-    )  # fmt: skip
-    half = _half(target, ended.jac)
-    sign, log_det = np.linalg.slogdet(half)
+        residual, start, jacobian, bounds=(low, high), x_scale="jac", max_nfev=200
+    )
+    half = _half(target, jacobian(ended.x))
+    log_det = np.linalg.slogdet(half)[1]
     return Mode(ended.x, float(ended.cost), half, float(log_det - ended.cost))
 
 

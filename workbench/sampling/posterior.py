@@ -65,12 +65,12 @@ class Posterior:
     @property
     def mean(self) -> Array:
         """(k,)."""
-        return self.flat.mean(axis=0)
+        return np.asarray(self.flat.mean(axis=0))
 
     @property
     def sd(self) -> Array:
         """(k,)."""
-        return self.flat.std(axis=0)
+        return np.asarray(self.flat.std(axis=0))
 
     @property
     def covariance(self) -> Array:

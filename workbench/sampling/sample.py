@@ -6,10 +6,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.blocks.lanes import compiled
-from workbench.blocks.many import interpreted
 from workbench.errors import BadArgument
 from workbench.problem import Problem
+from workbench.problem.batch import compiled, interpreted
 from workbench.sampling.choice import Names, chosen
 from workbench.sampling.ensembles import Callback, Plan, burnt, run, thinning
 from workbench.sampling.importance import importance
@@ -62,11 +61,13 @@ def sample(
         k = subspace.size
         walkers = max(64, 2 * (k + 11)) if walkers is None else walkers
         moves = differential_evolution() if moves is None else moves
+        _check(walkers, steps, ensembles, k)
         thin = thinning(walkers, ensembles, steps, k) if thin is None else thin
-        _check(walkers, steps, ensembles, thin, k)
+        if not 1 <= thin <= steps:
+            raise BadArgument(f"every {thin}th of {steps} steps cannot be kept; give 1 to {steps}")
         plan = Plan(walkers, ensembles, steps, thin, seed, moves, whole=not stop_when_usable)
         worth = walkers * ensembles * steps >= WORTH_COMPILING
-        target = Target.of(problem, given, subspace, compiled if worth else interpreted)
+        target = Target(problem, given, subspace, compiled if worth else interpreted)
         if not np.isfinite(target(subspace.centre[None])).all():
             raise BadArgument(
                 "the posterior has no density where it is to begin: the residual is not finite "
@@ -87,14 +88,12 @@ def sample(
         )  # fmt: skip
 
 
-def _check(walkers: int, steps: int, ensembles: int, thin: int, k: int) -> None:
+def _check(walkers: int, steps: int, ensembles: int, k: int) -> None:
     if walkers < 2 * k or walkers < 4 or walkers % 2:
         raise BadArgument(
             f"{walkers} walkers cannot move in {k} dimensions; give an even number, "
             f"{max(4, 2 * k)} or more"
         )
-    for name, value in (("steps", steps), ("ensembles", ensembles), ("thin", thin)):
+    for name, value in (("steps", steps), ("ensembles", ensembles)):
         if value < 1:
             raise BadArgument(f"{name} must be 1 or more, not {value}")
-    if steps < thin:
-        raise BadArgument(f"of {steps} steps, none is kept if only every {thin}th is")

@@ -44,6 +44,11 @@ class Subspace:
         """k."""
         return len(self.centre)
 
+    @property
+    def still(self) -> bool:
+        """Whether z are entries and all else stays where it is."""
+        return self.entries is not None and not self.rest.shape[1]
+
     def points(self, z: Array, w: Array | None = None) -> Array:
         """x (M, n) for z (M, k), and w (M, c) if it is not to be zero."""
         x = self.origin + (z - self.centre) @ self.along.T

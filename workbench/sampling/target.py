@@ -1,13 +1,13 @@
 """The logarithm of a posterior, up to a constant, for many points at once."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.blocks.many import Evaluator, interpreted
 from workbench.problem import Problem
-from workbench.problem.batch import BatchedCost
+from workbench.problem.batch import Costs, Way, interpreted
 from workbench.sampling.subspace import Subspace
 
 Array = NDArray[np.float64]
@@ -24,24 +24,32 @@ class Target:
     problem: Problem
     fixed: Array  # the fixed numbers, flat
     subspace: Subspace
-    costs: BatchedCost
-
-    @staticmethod
-    def of(
-        problem: Problem, fixed: Array, subspace: Subspace, by: Evaluator = interpreted
-    ) -> "Target":
-        """`by` evaluates the graphs."""
-        return Target(problem, fixed, subspace, problem.costs(by))
+    way: Way = interpreted  # how costs are evaluated
 
     def __call__(self, z: Array) -> Array:
         """(M,) for z (M, k)."""
-        return self.at(self.subspace.points(z))
+        x = self.subspace.points(z)
+        plain = self.subspace.still
+        return self._density(x, z if plain else x, self._of_entries if plain else self._of_all)
 
     def at(self, x: Array) -> Array:
         """(M,) for all free numbers, x (M, n)."""
+        return self._density(x, x, self._of_all)
+
+    def _density(self, x: Array, given: Array, costs: Costs) -> Array:
         inside = ((x >= self.problem.lower) & (x <= self.problem.upper)).all(axis=1)
         found = np.full(len(x), -np.inf)
-        with np.errstate(all="ignore"):
-            cost = self.costs(x[inside], self.fixed)
-        found[inside] = np.where(np.isfinite(cost), -cost, -np.inf)
+        if inside.any():
+            with np.errstate(all="ignore"):
+                cost = costs(given[inside])
+            found[inside] = np.where(np.isfinite(cost), -cost, -np.inf)
         return found
+
+    @cached_property
+    def _of_entries(self) -> Costs:
+        space = self.subspace
+        return self.problem.costs(space.origin, self.fixed, space.entries, self.way)
+
+    @cached_property
+    def _of_all(self) -> Costs:
+        return self.problem.costs(self.subspace.origin, self.fixed, None, self.way)
