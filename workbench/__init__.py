@@ -1,4 +1,4 @@
-"""A symbolic workbench for parametric body models: build, fit, diagnose.
+"""A symbolic workbench for parametric body models: build, fit, diagnose, sample.
 
 `values -> blocks -> symbolic points -> residuals -> problem -> solver, diagnosis -> report`
 """
@@ -13,6 +13,7 @@ from workbench.errors import WorkbenchError
 from workbench.geometry.camera import Camera
 from workbench.problem import Linearization, Problem
 from workbench.residuals import Residual
+from workbench.sampling import Posterior, laplace, sample
 from workbench.solvers import (
     SOLVERS,
     GaussNewton,
@@ -37,6 +38,7 @@ __all__ = [
     "Linearization",
     "Nlopt",
     "Points",
+    "Posterior",
     "Problem",
     "Residual",
     "SkinnedBody",
@@ -45,9 +47,11 @@ __all__ = [
     "Values",
     "WorkbenchError",
     "diagnose",
+    "laplace",
     "linear_blend",
     "load_body",
     "residuals",
+    "sample",
     "save_body",
     "solve",
 ]

@@ -55,7 +55,7 @@ def test_rosenbrock_is_believed_only_when_it_is_right() -> None:
     for hard in (10.0, 1.0):
         short = sample(rosenbrock(hard), at, steps=300, seed=3)
         assert not short.usable
-    posterior = sample(rosenbrock(), at, steps=16_000, seed=3)
+    posterior = sample(rosenbrock(), at, steps=16_000, walkers=32, seed=3)
     assert posterior.usable, posterior.verdict
     error = np.abs(posterior.mean - [1.0, 2.0]) / np.sqrt([1.0, 6.1])
     assert error.max() < 4 / np.sqrt(posterior.mixing.effective.min())

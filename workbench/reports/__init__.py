@@ -3,6 +3,14 @@
 from workbench.reports.card import card_text, write_card
 from workbench.reports.diagnosis_page import write_diagnosis
 from workbench.reports.folder import refuse_foreign
+from workbench.reports.posterior_page import write_posterior
 from workbench.reports.report import write_report
 
-__all__ = ["card_text", "refuse_foreign", "write_card", "write_diagnosis", "write_report"]
+__all__ = [
+    "card_text",
+    "refuse_foreign",
+    "write_card",
+    "write_diagnosis",
+    "write_posterior",
+    "write_report",
+]

@@ -1,6 +1,6 @@
 """A problem's posterior: sampled by emcee, or approximated by Laplace; and what draws are worth."""
 
-from workbench.sampling.choice import directions
+from workbench.sampling.choice import Names, directions
 from workbench.sampling.comparison import Compared, beside_laplace
 from workbench.sampling.ensembles import Progress
 from workbench.sampling.entries import blocks_of
@@ -17,6 +17,7 @@ __all__ = [
     "Compared",
     "Improper",
     "Mixing",
+    "Names",
     "NotConverged",
     "Posterior",
     "Progress",

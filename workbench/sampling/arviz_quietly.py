@@ -7,6 +7,7 @@ workbench can do nothing about.
 """
 
 import warnings
+from collections.abc import Sequence
 from types import ModuleType
 from typing import Any
 
@@ -36,10 +37,18 @@ def psis(log_weights: Array) -> tuple[Array, float]:
     return np.asarray(smoothed), float(k_hat)
 
 
-def inference_data(
-    groups: dict[str, Any], labels: tuple[str, ...], attributes: dict[str, Any]
-) -> Any:
-    """arviz.InferenceData of groups of arrays (chain, draw, ...) by variable."""
-    return arviz().from_dict(
-        **groups, coords={"entry": list(labels)}, dims={"z": ["entry"]}, attrs=attributes
+def inference_data(draws: Array, log_prob: Array, labels: Sequence[str], said: str) -> Any:
+    """arviz.InferenceData of draws (E, S, W, k): a chain is an ensemble, its draws S times W.
+
+    The variable is `z` with the coordinate `entry`; `lp` is the log density; the verdict is an
+    attribute of the posterior.
+    """
+    E, S, W, k = draws.shape
+    found = arviz().from_dict(
+        posterior={"z": draws.reshape(E, S * W, k)},
+        sample_stats={"lp": log_prob.reshape(E, S * W)},
+        coords={"entry": list(labels)},
+        dims={"z": ["entry"]},
     )
+    found.posterior.attrs["verdict"] = said
+    return found

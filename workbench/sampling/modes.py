@@ -10,7 +10,7 @@ from workbench.sampling.subspace import Improper
 from workbench.sampling.target import Target
 
 Array = NDArray[np.float64]
-SPREAD = 3.0  # standard deviations of Laplace's approximation that searches begin away
+SPREAD = (3.0, 30.0)  # standard deviations of Laplace's approximation that searches begin away
 APART = 1.0  # of them: minima that are nearer to each other are one
 NEGLIGIBLE = 1e-4  # of the largest mass
 
@@ -31,28 +31,34 @@ class Mode:
         return float(np.linalg.norm(np.linalg.solve(self.half, z - self.z)) / np.sqrt(len(z)))
 
 
-def modes(target: Target, rng: np.random.Generator, searches: int = 8) -> tuple[Mode, ...]:
+def modes(target: Target, rng: np.random.Generator, searches: int = 12) -> tuple[Mode, ...]:
     """The modes that least squares finds from the centre and from places around it, best first.
 
-    That there are no others is not known. Raises Improper where a direction is held by nothing.
+    The places come in pairs, on both sides of the first mode, some near and some far away. That
+    there are no other modes is not known. Raises Improper where a direction is held by nothing.
     """
     first = _descended(target, target.subspace.centre)
     found = [first]
-    for _ in range(searches):
-        away = first.half @ rng.standard_normal(target.subspace.size)
-        start = _into_bounds(target, first.z, first.z + SPREAD * away)
+    away = np.zeros(target.subspace.size)
+    for i in range(searches):
+        if i % 2:
+            away = -away
+        else:
+            far = SPREAD[0] * (SPREAD[1] / SPREAD[0]) ** rng.uniform()
+            away = far * (first.half @ rng.standard_normal(len(away)))
+        start = _into_bounds(target, first.z, first.z + away)
         try:
             mode = _descended(target, start)
         except (Improper, np.linalg.LinAlgError, ValueError):
             continue
         same = [
-            i for i, known in enumerate(found)
+            j for j, known in enumerate(found)
             if abs(known.cost - mode.cost) < 0.1 and known.away(mode.z) < APART
         ]  # fmt: skip
         if same:
-            i = same[0]
-            best = min(found[i], mode, key=lambda m: m.cost)
-            found[i] = _counted(best, found[i].found + 1, best.share)
+            j = same[0]
+            best = min(found[j], mode, key=lambda m: m.cost)
+            found[j] = _counted(best, found[j].found + 1, best.share)
         else:
             found.append(mode)
     masses = np.array([mode.log_mass for mode in found])

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from workbench.blocks import Values
 from workbench.errors import UnknownName, WorkbenchError
 from workbench.problem import Problem
+from workbench.sampling.arviz_quietly import inference_data
 from workbench.sampling.importance import Importance
 from workbench.sampling.mixing import Mixing
 from workbench.sampling.modes import Mode
@@ -111,6 +113,10 @@ class Posterior:
         """The same by block, with the fixed blocks: what a body takes."""
         fixed = {name: np.asarray(self.at[name], dtype=float) for name in self.problem.fixed.names}
         return [fixed | self.problem.free.unpack(x) for x in self.points(count, seed)]
+
+    def inference_data(self) -> Any:
+        """As arviz.InferenceData; a chain is an ensemble, not a walker. See `arviz_quietly`."""
+        return inference_data(self.draws, self.log_prob, self.labels, self.verdict)
 
     def __str__(self) -> str:
         from workbench.sampling.text import summary
