@@ -1,4 +1,4 @@
-"""A symbolic workbench for parametric body models: build, fit, diagnose.
+"""A symbolic workbench for parametric body models: build, fit, diagnose, sample.
 
 `values -> blocks -> symbolic points -> residuals -> problem -> solver, diagnosis -> report`
 """
@@ -14,6 +14,7 @@ from workbench.errors import WorkbenchError
 from workbench.geometry.camera import Camera
 from workbench.problem import Constraint, Linearization, Problem
 from workbench.residuals import Residual
+from workbench.sampling import Posterior, laplace, sample
 from workbench.solvers import (
     SOLVERS,
     Dogleg,
@@ -49,6 +50,7 @@ __all__ = [
     "Newton",
     "Nlopt",
     "Points",
+    "Posterior",
     "Problem",
     "Residual",
     "Scipy",
@@ -63,9 +65,11 @@ __all__ = [
     "compare",
     "diagnose",
     "dual_quaternion_blend",
+    "laplace",
     "linear_blend",
     "load_body",
     "residuals",
+    "sample",
     "save_body",
     "solve",
 ]

@@ -14,6 +14,7 @@ from workbench.cli.fit import fit
 from workbench.cli.info import info
 from workbench.cli.leaving import Interrupted, Terminated
 from workbench.cli.run import run
+from workbench.cli.sample import sample
 from workbench.cli.sliders import sliders
 from workbench.cli.solvers import solvers
 from workbench.experiments.blame import caused_by
@@ -46,6 +47,6 @@ def interruptible(command: Callable[P, None]) -> Callable[P, None]:
 
 
 for command in (
-    run, fit, diagnose, compare, body, sliders, blendshapes, solvers, info
+    run, fit, diagnose, sample, compare, body, sliders, blendshapes, solvers, info
 ):  # fmt: skip
     app.command()(interruptible(command))

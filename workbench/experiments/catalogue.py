@@ -11,6 +11,7 @@ from workbench.experiments.balance import balance, balance_monocular
 from workbench.experiments.blame import blaming
 from workbench.experiments.correspondences import known_correspondences
 from workbench.experiments.experiment import Experiment, Setup
+from workbench.experiments.landmarks import shape_from_landmarks
 from workbench.experiments.own_file import loaded
 from workbench.experiments.registration import registration
 from workbench.experiments.suites import SUITES
@@ -23,6 +24,7 @@ EXPERIMENTS: Mapping[str, Experiment] = {
         Experiment(
             "known-correspondences", known_correspondences, "vertices of the model, each known"
         ),
+        Experiment("landmarks", shape_from_landmarks, "shape from 3D joints alone"),
         Experiment("registration", registration, "a person whom the shape space does not hold"),
     )
 }

@@ -24,6 +24,18 @@ from workbench.plots.knowledge import (
     plot_sigmas,
 )
 from workbench.plots.overlay import caption_overlay, plot_overlay
+from workbench.plots.posterior import (
+    caption_beside_laplace,
+    caption_corner,
+    caption_spray,
+    caption_traces,
+    plot_beside_laplace,
+    plot_corner,
+    plot_spray,
+    plot_spray_in_view,
+    plot_traces,
+    widest,
+)
 from workbench.plots.singular_values import caption_singular_values, plot_singular_values
 from workbench.plots.sparsity import caption_sparsity, plot_sparsity
 from workbench.plots.taylor import caption_taylor, plot_taylor
@@ -32,8 +44,10 @@ __all__ = [
     "ITERATIONS",
     "SECONDS",
     "Figure",
+    "caption_beside_laplace",
     "caption_body",
     "caption_convergence",
+    "caption_corner",
     "caption_data_share",
     "caption_direction",
     "caption_distances",
@@ -42,10 +56,14 @@ __all__ = [
     "caption_sigmas",
     "caption_singular_values",
     "caption_sparsity",
+    "caption_spray",
     "caption_taylor",
+    "caption_traces",
     "house_style",
+    "plot_beside_laplace",
     "plot_body",
     "plot_convergence",
+    "plot_corner",
     "plot_data_share",
     "plot_direction",
     "plot_distances",
@@ -54,9 +72,13 @@ __all__ = [
     "plot_sigmas",
     "plot_singular_values",
     "plot_sparsity",
+    "plot_spray",
+    "plot_spray_in_view",
     "plot_taylor",
+    "plot_traces",
     "png",
     "sheet",
     "smallest",
     "svg",
+    "widest",
 ]

@@ -1,6 +1,6 @@
 """Each plot on a sheet of its own, in the size and style in which reports show it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import islice
 
 import numpy as np
@@ -16,10 +16,19 @@ from workbench.plots.direction import plot_direction
 from workbench.plots.distances import plot_distances
 from workbench.plots.figure import house_style, sheet
 from workbench.plots.knowledge import plot_data_share, plot_sigmas
+from workbench.plots.lettering import plain
 from workbench.plots.overlay import plot_overlay
+from workbench.plots.posterior import (
+    plot_beside_laplace,
+    plot_corner,
+    plot_spray,
+    plot_spray_in_view,
+    plot_traces,
+)
 from workbench.plots.singular_values import plot_singular_values, unseen
 from workbench.plots.sparsity import plot_sparsity
 from workbench.plots.taylor import plot_taylor
+from workbench.sampling import Posterior
 from workbench.solvers import Solution
 
 Array = NDArray[np.float64]
@@ -133,6 +142,52 @@ def distances_sheet(vertices: Array, distances: Array, faces: NDArray[np.int64])
         figure, (ax,) = sheet(8.0, 4.8)
         plot_distances(vertices, distances, faces, ax=ax)
         figure.set_figheight(_height(ax, 6.2))
+    return figure
+
+
+def corner_sheet(posterior: Posterior, entries: Sequence[int]) -> Figure:
+    """Entries in pairs."""
+    with house_style():
+        size = max(3.2, 1.15 * len(entries) + 0.6)
+        figure = Figure(figsize=(size, size))
+        plot_corner(posterior, entries, figure)
+    return figure
+
+
+def traces_sheet(posterior: Posterior, entries: Sequence[int]) -> Figure:
+    """Entries along the chain, one above the other."""
+    with house_style():
+        figure = Figure(figsize=(8.0, 0.5 + 1.1 * len(entries)), layout="constrained")
+        axes = list(figure.subplots(len(entries), 1, squeeze=False, sharex=True)[:, 0])
+        plot_traces(posterior, entries, axes)
+    return figure
+
+
+def beside_laplace_sheet(posterior: Posterior, approximation: Posterior) -> Figure:
+    """Every entry against Laplace's approximation."""
+    with house_style():
+        figure, (ax,) = sheet(8.0, 1.6 + 0.2 * posterior.size)
+        plot_beside_laplace(posterior, approximation, ax=ax)
+    return figure
+
+
+def spray_sheet(bodies: Array, faces: NDArray[np.int64]) -> Figure:
+    """Bodies over each other from the front and from the side."""
+    with house_style():
+        figure, (ax,) = sheet(8.0, 5.6)
+        plot_spray(bodies, faces, ax=ax)
+        figure.set_figheight(_height(ax, 7.2))
+    return figure
+
+
+def spray_in_view_sheet(
+    pixels: Array, faces: NDArray[np.int64], observed: Array, confidence: Array, title: str
+) -> Figure:
+    """The same as a camera sees them."""
+    with house_style():
+        figure, (ax,) = sheet(4.8, 6.2)
+        plot_spray_in_view(pixels, faces, observed, confidence, ax=ax)
+        ax.set_title(plain(title), loc="left")
     return figure
 
 

@@ -1,6 +1,6 @@
 """Residuals over named blocks, some of them free."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise
 
@@ -8,8 +8,10 @@ import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from workbench.blocks import Block, Layout, Points, Tree
+from workbench.blocks import Block, Layout, Points, PointSource, Tree
+from workbench.bodies.batched import batched, in_full, lean
 from workbench.errors import BadResidual, DuplicateResidual, TwoSymbolsOneName, UnknownName
+from workbench.problem.batch import Batch, Costs, Places, Way, interpreted
 from workbench.problem.bounds import Bounds, flat_bounds
 from workbench.problem.chain import FORWARD, Chain, Graph
 from workbench.problem.constraint import Constraint
@@ -162,6 +164,23 @@ class Problem:
     def residual(self, x: Array, fixed: Array) -> Array:
         """r (m,), whitened."""
         return self._chain.residual(x, fixed)
+
+    def costs(
+        self, x: Array, fixed: Array, entries: Places | None = None, by: Way = interpreted
+    ) -> Costs:
+        """A function of numbers z (M, k) to the costs (M,) of points that are x but for them.
+
+        z stand in the places `entries` of x, or are all of it. `by` is `interpreted`, or
+        `compiled`, which takes seconds once and is many times as fast.
+        """
+        lean_graph = self._on_vectors(self._substituted(self._points, lean), ())
+        sources = {p.symbol.__hash__(): batched(p.source) for p in self._points}
+        by_graph = [p for p in self._points if sources[p.symbol.__hash__()] is None]
+        placeholders = [p.symbol for p in self._points if p not in by_graph]
+        split = self._on_vectors(self._substituted(by_graph), placeholders)
+        found = [source for source in sources.values() if source is not None]
+        places = np.arange(self.free.size) if entries is None else entries.astype(np.int64)
+        return by(Batch(lean_graph, split, tuple(found), self.free, self.fixed), x, fixed, places)
 
     def cost_and_gradient(self, x: Array, fixed: Array) -> tuple[float, Array]:
         """The cost and its gradient (n,), without a Jacobian of the points."""

@@ -4,6 +4,7 @@ from workbench.reports.card import card_text, write_card
 from workbench.reports.comparison_page import write_comparison
 from workbench.reports.diagnosis_page import write_diagnosis
 from workbench.reports.folder import refuse_foreign
+from workbench.reports.posterior_page import write_posterior
 from workbench.reports.report import write_report
 
 __all__ = [
@@ -12,5 +13,6 @@ __all__ = [
     "write_card",
     "write_comparison",
     "write_diagnosis",
+    "write_posterior",
     "write_report",
 ]

@@ -13,7 +13,7 @@ from workbench.experiments.experiment import Outcome
 from workbench.reports.folder import MAKER
 from workbench.solvers import Solution
 
-PACKAGES = ("workbench", "casadi", "numpy", "scipy", "nlopt", "matplotlib")
+PACKAGES = ("workbench", "casadi", "numpy", "scipy", "nlopt", "emcee", "matplotlib")
 
 
 def run_summary(outcome: Outcome, files: Iterable[str]) -> dict[str, Any]:

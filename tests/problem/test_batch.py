@@ -1,0 +1,142 @@
+"""Costs of many points at once are the costs of each."""
+
+import casadi as cs
+import numpy as np
+import pytest
+
+import workbench as wb
+from workbench.blocks.lanes import C_OF, lanes
+from workbench.blocks.many import Mapped
+from workbench.compiling import NoLibrary, find_compiler
+from workbench.problem.batch import Way, compiled, interpreted
+from workbench.residuals import geman_mcclure, huber
+
+
+def compiler() -> bool:
+    try:
+        find_compiler()
+    except NoLibrary:
+        return False
+    return True
+
+
+WAYS = [interpreted, pytest.param(compiled, marks=pytest.mark.skipif(not compiler(), reason="cc"))]
+
+
+def problems() -> dict[str, tuple[wb.Problem, wb.Values]]:
+    body = wb.load_body("small")
+    pose, betas, trans = (block.symbol for block in body.blocks())
+    start = body.start()
+    joints = body.joint_points(pose, betas, trans)
+    coco = body.landmark_points("coco", pose, betas, trans)
+    some = body.points(pose, betas, trans)
+    prior = wb.residuals.gaussian(betas, name="prior")
+    camera = wb.Camera("camera/")
+    seen = wb.Block("seen", (23, 2), "px")
+    K = [[900.0, 0, 320], [0, 900, 240], [0, 0, 1]]
+    photo = camera.values(K=K, R=np.diag([1.0, -1, -1]), t=[0, 0, 3], distortion=[0.1, -0.2])
+    mixed = start | photo | {"seen": np.full((23, 2), 300.0)}
+    return {
+        "joints": (
+            wb.Problem(
+                [wb.residuals.landmarks(joints, body.joints() + 0.01, sigma=0.02), prior],
+                ("pose", "betas", "trans"),
+            ),
+            start,
+        ),
+        "keypoints": (
+            wb.Problem(
+                [
+                    wb.residuals.keypoints(
+                        coco, camera, seen.symbol, np.linspace(0, 1, 23), sigma=4.0,
+                        kernel=geman_mcclure,
+                    ),
+                    prior,
+                ],
+                ("pose", "betas", "trans", "camera/focal"), blocks=[seen, *camera.blocks],
+            ),
+            mixed,
+        ),
+        "vertices": (
+            wb.Problem(
+                [wb.residuals.vertices(some, body.vertices(), sigma=0.01, kernel=huber()), prior],
+                ("pose", "betas", "trans"),
+            ),
+            start,
+        ),
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("name", ["joints", "keypoints", "vertices"])
+@pytest.mark.parametrize("only", [None, "betas"])
+def test_costs_are_those_of_each(name: str, only: str | None, way: Way) -> None:
+    problem, start = problems()[name]
+    x, fixed = problem.split(start)
+    at = problem.free.slices[only] if only else slice(None)
+    places = np.arange(problem.free.size)[at]
+    costs = problem.costs(x, fixed, places, way)
+    rng = np.random.default_rng(0)
+    for count in (1, 33, 70):
+        X = np.repeat(x[None], count, axis=0)
+        X[:, places] += 0.1 * rng.standard_normal((count, places.size))
+        each = [0.5 * np.sum(problem.residual(row, fixed) ** 2) for row in X]
+        np.testing.assert_allclose(costs(X[:, places]), each, rtol=1e-10)
+
+
+def test_a_body_whose_points_are_a_graph_alone() -> None:
+    """Dual quaternions and free arrays know no arithmetic."""
+    body = wb.load_body("small").freed("J_regressor")
+    pose, betas, trans = (block.symbol for block in body.blocks())
+    joints = body.joint_points(pose, betas, trans)
+    problem = wb.Problem([wb.residuals.landmarks(joints, body.joints(), sigma=0.1)], "pose")
+    x, fixed = problem.split(body.start())
+    X = x + 0.1 * np.random.default_rng(0).standard_normal((5, x.size))
+    each = [0.5 * np.sum(problem.residual(row, fixed) ** 2) for row in X]
+    np.testing.assert_allclose(problem.costs(x, fixed)(X), each, rtol=1e-10)
+
+
+@pytest.mark.skipif(not compiler(), reason="cc")
+def test_every_instruction_is_casadis() -> None:
+    """Each operation that has C, on numbers of both signs, shared and not."""
+    x, y = cs.SX.sym("x", 3), cs.SX.sym("y", 2)
+    a, b, c = x[0], x[1], y[0]
+    p = cs.fabs(a) + 0.1
+    made = [
+        a + b, a - c, a * c, a / p, -a, a**2, a + a, 1 / p, a < b, a <= c, a == a * 1, cs.ne(a, b),
+        cs.logic_not(a < 0), cs.logic_and(a > 0, b > 0), cs.logic_or(a > 0, b > 0),
+        cs.if_else(a > 0, b, c), p**b, p**2.7, cs.sqrt(p), cs.sin(a), cs.cos(a), cs.tan(a),
+        cs.exp(a), cs.log(p), cs.asin(cs.tanh(a)), cs.acos(cs.tanh(a)), cs.atan(a), cs.fabs(a),
+        cs.sinh(a), cs.cosh(a), cs.floor(a), cs.ceil(a), cs.log1p(p), cs.expm1(a), cs.erf(a),
+        cs.sign(a), cs.atan2(a, b), cs.fmin(a, b), cs.fmax(a, c), cs.hypot(a, b),
+        cs.copysign(p, b), cs.fmod(a, p + 1), 0 * a + y[1], cs.SX(np.inf) * p, cs.SX(0.25),
+    ]  # fmt: skip
+    f = cs.Function("all", [x, y], [cs.densify(cs.vertcat(*made)), cs.densify(a * y)])
+    used = {f.instruction_id(i) for i in range(f.n_instructions())}
+    assert len(used & set(C_OF)) >= 38
+    rng = np.random.default_rng(1)
+    X, Y = rng.standard_normal((21, 3)), rng.standard_normal(2)
+    for fast, slow in zip(
+        lanes(f, (False, True))(X, Y), Mapped(f, (False, True))(X, Y), strict=True
+    ):
+        np.testing.assert_allclose(fast, slow, rtol=1e-13, atol=1e-15)
+
+
+@pytest.mark.skipif(not compiler(), reason="cc")
+def test_long_functions_are_cut_into_pieces() -> None:
+    x = cs.SX.sym("x", 4)
+    value, early = x[0], x[1] * 1.5
+    for i in range(3000):
+        value = cs.sin(value) * x[i % 4] + 1e-3 * i
+    f = cs.Function("long", [x], [value + early])
+    X = np.random.default_rng(0).standard_normal((9, 4))
+    (fast,), (slow,) = lanes(f, (False,))(X), Mapped(f, (False,))(X)
+    np.testing.assert_allclose(fast, slow, rtol=1e-9)
+
+
+def test_without_a_compiler_it_is_interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("WORKBENCH_COMPILE", "0")
+    problem, start = problems()["joints"]
+    x, fixed = problem.split(start)
+    costs = problem.costs(x, fixed, None, compiled)
+    assert costs(x[None])[0] == pytest.approx(0.5 * np.sum(problem.residual(x, fixed) ** 2))

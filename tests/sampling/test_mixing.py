@@ -1,0 +1,78 @@
+"""What is said of chains, against chains of which all is known."""
+
+import numpy as np
+import pytest
+import scipy.signal
+
+from workbench.sampling.autocorrelation import disagreement, integrated_time, potential_scale
+from workbench.sampling.mixing import Mixing, Verdict
+
+
+def autoregressive(rho: float, shape: tuple[int, int, int], seed: int = 0) -> np.ndarray:
+    """x_t = rho x_{t-1} + sqrt(1 - rho^2) e_t, in equilibrium: tau = (1 + rho) / (1 - rho)."""
+    rng = np.random.default_rng(seed)
+    E, S, W = shape
+    noise = rng.standard_normal((E, S + 2000, W)) * np.sqrt(1 - rho**2)
+    return np.asarray(scipy.signal.lfilter([1.0], [1.0, -rho], noise, axis=1))[:, 2000:]
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.5, 0.9, 0.98])
+def test_the_time_of_an_autoregressive_chain(rho: float) -> None:
+    draws = autoregressive(rho, (4, 8000, 16))
+    assert integrated_time(draws) == pytest.approx((1 + rho) / (1 - rho), rel=0.05)
+
+
+def test_the_scale_is_arvizs() -> None:
+    from workbench.sampling.arviz_quietly import arviz
+
+    draws = autoregressive(0.9, (4, 500, 1))
+    draws[0] *= 1.3  # wider
+    draws[1] += 0.2  # elsewhere
+    assert potential_scale(draws) == pytest.approx(float(arviz().rhat(draws[..., 0])), rel=1e-6)
+
+
+def test_chances_are_uniform_where_all_is_well() -> None:
+    chances = [disagreement(autoregressive(0.5, (4, 400, 8), s), 3.0) for s in range(200)]
+    assert 0.4 < np.mean(chances) < 0.6
+    assert np.mean(np.array(chances) < 0.1) == pytest.approx(0.1, abs=0.07)
+
+
+def mixing(draws: np.ndarray, acceptance: float = 0.3) -> Mixing:
+    return Mixing(("a",), draws[..., None], acceptance, 0)
+
+
+def test_a_long_chain_is_usable_and_a_short_one_is_not() -> None:
+    assert mixing(autoregressive(0.9, (4, 4000, 8))).verdict is Verdict.USABLE
+    assert mixing(autoregressive(0.9, (4, 500, 8))).verdict is Verdict.TOO_SHORT
+    assert mixing(autoregressive(0.9999, (4, 2000, 8))).verdict is Verdict.NOT_MIXING
+
+
+def test_walkers_that_stay_where_they_began_have_an_endless_memory() -> None:
+    draws = autoregressive(0.5, (4, 3000, 8))
+    draws[:, :, ::2] += 8.0  # half of them in another mode, for ever
+    judged = mixing(draws)
+    assert judged.verdict is not Verdict.USABLE
+    assert judged.times.max() > 500
+
+
+def test_ensembles_that_disagree_are_not_mixed() -> None:
+    draws = autoregressive(0.5, (4, 3000, 8))
+    draws[0] += 1.0
+    assert mixing(draws).verdict is Verdict.NOT_MIXING
+    assert "different places" in str(mixing(draws))
+    slightly = autoregressive(0.5, (4, 3000, 8))
+    slightly[0] += 0.08  # far less than R-hat notices
+    assert mixing(slightly).scales.max() < 1.01
+    assert mixing(slightly).verdict is Verdict.NOT_MIXING
+
+
+def test_stuck_walkers_and_rejected_proposals_are_seen() -> None:
+    draws = autoregressive(0.5, (4, 3000, 8))
+    draws[2, 1000:, 3] = 0.1
+    assert mixing(draws).stuck == 1
+    assert "did not move" in str(mixing(draws))
+    assert "accepted" in str(mixing(autoregressive(0.5, (4, 3000, 8)), acceptance=0.003))
+
+
+def test_one_step_is_no_chain() -> None:
+    assert mixing(autoregressive(0.5, (4, 1, 8))).verdict is Verdict.TOO_SHORT

@@ -1,0 +1,180 @@
+"""Draws of a posterior: in pairs, along the chain, and as a spray of bodies."""
+
+import warnings
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from workbench.plots.body import Look, front, side
+from workbench.plots.lettering import plain
+from workbench.plots.palette import BLUE, FAINT, INK, LINES, VERMILLION
+from workbench.sampling import Posterior
+
+Array = NDArray[np.float64]
+MOST = 7  # entries in a corner: more cannot be read
+SHOWN = 5000  # draws
+
+
+def widest(posterior: Posterior, approximation: Posterior | None, most: int = MOST) -> list[int]:
+    """The entries to show where there are too many: slow or unlike Laplace's approximation."""
+    if posterior.size <= most:
+        return list(range(posterior.size))
+    interest = posterior.mixing.times / posterior.mixing.times.max()
+    if approximation is not None:
+        interest = interest + np.abs(np.log(posterior.sd / approximation.sd))
+        interest = interest + np.abs(posterior.mean - approximation.mean) / approximation.sd
+    return sorted(int(i) for i in np.argsort(-interest)[:most])
+
+
+def plot_corner(
+    posterior: Posterior, entries: Sequence[int], figure: Figure, truth: Array | None = None
+) -> Figure:
+    """Each pair of entries as a cloud with contours, each entry as a histogram (corner.py).
+
+    Contours hold 12, 39, 68 and 86 %: 1/2, 1, 3/2 and 2 sigma of a Gaussian in two dimensions.
+    """
+    chosen = list(entries)
+    flat = posterior.flat[:: max(1, len(posterior.flat) // SHOWN)][:, chosen]
+    labels = [
+        plain(f"{posterior.labels[i]}\n({posterior.units[i]})".replace("[", "\n[", 1))
+        for i in chosen
+    ]
+    _corner()(
+        flat, fig=figure, labels=labels, color=BLUE, truth_color=VERMILLION,
+        truths=None if truth is None else list(truth[chosen]), max_n_ticks=3, labelpad=0.12,
+        label_kwargs={"fontsize": 8}, plot_datapoints=True, hist_kwargs={"linewidth": 1.2},
+    )  # fmt: skip
+    for ax in figure.axes:
+        ax.tick_params(labelsize=7)
+    return figure
+
+
+def _corner() -> Any:
+    """corner.py; it imports ArviZ, which announces its next version at every import."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", r"\s*ArviZ is undergoing", FutureWarning)
+        import corner
+    return corner.corner
+
+
+def plot_traces(posterior: Posterior, entries: Sequence[int], axes: Sequence[Axes]) -> None:
+    """Each entry along the chain: the middle of each ensemble, and the span of its walkers."""
+    first, thin = posterior.mixing.discarded, posterior.mixing.thin
+    for i, ax in zip(entries, axes, strict=True):
+        for e, draws in enumerate(posterior.draws[..., i]):
+            step = first + thin * np.arange(1, len(draws) + 1)
+            colour = LINES[e % len(LINES)]
+            low, high = np.quantile(draws, [0.05, 0.95], axis=1)
+            ax.fill_between(step, low, high, color=colour, alpha=0.12, linewidth=0)
+            ax.plot(step, np.median(draws, axis=1), color=colour, linewidth=0.9)
+        ax.set_ylabel(plain(f"{posterior.labels[i]} ({posterior.units[i]})"), fontsize=8)
+        ax.grid(axis="y", color=FAINT, alpha=0.25, linewidth=0.6)
+    axes[-1].set_xlabel("step of each walker")
+
+
+def plot_beside_laplace(posterior: Posterior, approximation: Posterior, *, ax: Axes) -> Axes:
+    """Every entry's 90 % range of draws, in Laplace's standard deviations from its mean."""
+    z = (posterior.flat - approximation.mean) / approximation.sd
+    low, middle, high = np.quantile(z, [0.05, 0.5, 0.95], axis=0)
+    place = np.arange(posterior.size)
+    ax.axvspan(-1.645, 1.645, color=FAINT, alpha=0.2, linewidth=0, label="Laplace, 90 %")
+    ax.hlines(place, low, high, color=BLUE, linewidth=2.0, label="draws, 90 %")
+    ax.plot(middle, place, "o", color=INK, markersize=3.5, label="draws, median")
+    ax.set_yticks(place, [plain(label) for label in posterior.labels], fontsize=8)
+    ax.invert_yaxis()
+    ax.set_xlabel("distance from Laplace's mean (its standard deviations)")
+    ax.legend(loc="upper left", bbox_to_anchor=(0, -0.1), ncols=3)
+    return ax
+
+
+def plot_spray(
+    bodies: Array, faces: NDArray[np.int64], *, ax: Axes, looks: Sequence[Look] = (front, side)
+) -> Axes:
+    """Bodies (M, N, 3) m of as many draws over each other, as outlines of thin paint, per look."""
+    at = 0.0
+    for look in looks:
+        seen = np.stack([look(one) for one in bodies])
+        left, right = float(seen[..., 0].min()), float(seen[..., 0].max())
+        for one in seen:
+            _silhouette(ax, one[:, :2] + [at - left, 0.0], faces, len(bodies))
+        at += right - left + 0.15
+    ax.set_aspect("equal")
+    ax.set_xlim(-0.1, at)
+    ax.set_ylim(float(bodies[..., 1].min()) - 0.05, float(bodies[..., 1].max()) + 0.05)
+    ax.set_ylabel("y (m)")
+    ax.set_xlabel("front, and the right side (the same scale across as up)")
+    ax.grid(axis="y", color=FAINT, alpha=0.25, linewidth=0.6)
+    return ax
+
+
+def plot_spray_in_view(
+    pixels: Array, faces: NDArray[np.int64], observed: Array, confidence: Array, *, ax: Axes
+) -> Axes:
+    """Draws (M, N, 2) px as one camera sees them, and the keypoints that it saw."""
+    for one in pixels:
+        _silhouette(ax, one, faces, len(pixels))
+    seen = observed[confidence > 0]
+    ax.plot(seen[:, 0], seen[:, 1], "o", color=VERMILLION, markersize=5, markerfacecolor="none",
+            linestyle="none", label="observed")  # fmt: skip
+    shown = np.vstack([pixels.reshape(-1, 2), seen])
+    low, high = np.quantile(shown[np.isfinite(shown).all(axis=1)], [0.001, 0.999], axis=0)
+    pad = 0.08 * (high - low)
+    ax.set_xlim(low[0] - pad[0], high[0] + pad[0])
+    ax.set_ylim(high[1] + pad[1], low[1] - pad[1])  # v down
+    ax.set_aspect("equal")
+    ax.set_xlabel("u (px)")
+    ax.set_ylabel("v (px)")
+    ax.legend(loc="upper left", bbox_to_anchor=(0, -0.11))
+    return ax
+
+
+def _silhouette(ax: Axes, flat: Array, faces: NDArray[np.int64], count: int) -> None:
+    from matplotlib.collections import PolyCollection
+
+    finite = np.isfinite(flat[faces]).all(axis=(1, 2))
+    paint = PolyCollection(
+        flat[faces[finite]],  # type: ignore[arg-type]  # an array is a sequence of arrays
+        facecolors=BLUE, edgecolors="none", alpha=min(1.0, 0.9 / count), rasterized=True,
+    )  # fmt: skip
+    ax.add_collection(paint)
+
+
+def caption_corner(posterior: Posterior, shown: int) -> str:
+    """What `plot_corner` shows."""
+    some = f"{shown} of {posterior.size} entries" if shown < posterior.size else "every entry"
+    return (
+        f"The draws of {some}, in pairs: a round cloud says that two entries are known "
+        "independently, a long one that only a combination of them is. Contours hold 12, 39, 68 "
+        "and 86 % of the draws."
+    )
+
+
+def caption_traces(posterior: Posterior) -> str:
+    """What `plot_traces` shows."""
+    return (
+        f"Each ensemble's median and the span of nine tenths of its walkers, after "
+        f"{posterior.mixing.discarded} steps that were discarded. Mixed chains look like noise "
+        "about one level, the same for all ensembles."
+    )
+
+
+def caption_beside_laplace(said: Sequence[str]) -> str:
+    """What `plot_beside_laplace` shows."""
+    agree = sum(one == "agrees" for one in said)
+    return (
+        f"Laplace's approximation agrees with the draws in {agree} of {len(said)} entries. Where a "
+        "bar sticks out of the grey band, or is not in its middle, the posterior is curved or has "
+        "several modes."
+    )
+
+
+def caption_spray(count: int, where: str) -> str:
+    """What `plot_spray` and `plot_spray_in_view` show."""
+    return (
+        f"{count} bodies drawn from the posterior over each other, {where}. Where they blur, the "
+        "data leave the body open; what was not sampled is the same in all of them."
+    )

@@ -1,0 +1,54 @@
+"""What is taken from ArviZ 0.x, in one place.
+
+ArviZ 1 drops InferenceData for xarray's DataTree and changes `from_dict`; 0.x runs on every Python
+that the workbench does, so `arviz>=0.20,<1` is asked for. It takes two seconds to import, hence
+only when it is needed, and it says at each import that 1.0 will be different, which a user of the
+workbench can do nothing about.
+"""
+
+import warnings
+from collections.abc import Sequence
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def arviz() -> ModuleType:
+    """The module."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", r"\s*ArviZ is undergoing", FutureWarning)
+        import arviz as found
+    return found
+
+
+def psis(log_weights: Array) -> tuple[Array, float]:
+    """Pareto-smoothed log weights (N,), and k-hat; infinite where no weight is finite."""
+    finite = np.isfinite(log_weights)
+    if finite.sum() < 20:
+        return np.full_like(log_weights, -np.inf), np.inf
+    kept = np.where(finite, log_weights, log_weights[finite].min() - 1e3)
+    if np.ptp(kept) < 1e-9:
+        return kept, -np.inf
+    smoothed, k_hat = arviz().psislw(kept)
+    return np.asarray(smoothed), float(k_hat)
+
+
+def inference_data(draws: Array, log_prob: Array, labels: Sequence[str], said: str) -> Any:
+    """arviz.InferenceData of draws (E, S, W, k): a chain is an ensemble, its draws S times W.
+
+    The variable is `z` with the coordinate `entry`; `lp` is the log density; the verdict is an
+    attribute of the posterior.
+    """
+    E, S, W, k = draws.shape
+    found = arviz().from_dict(
+        posterior={"z": draws.reshape(E, S * W, k)},
+        sample_stats={"lp": log_prob.reshape(E, S * W)},
+        coords={"entry": list(labels)},
+        dims={"z": ["entry"]},
+    )
+    found.posterior.attrs["verdict"] = said
+    return found

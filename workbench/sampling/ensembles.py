@@ -1,0 +1,252 @@
+"""Several independent ensembles of emcee's, side by side, that can be stopped and taken up."""
+
+import hashlib
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import emcee
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.sampling.checkpoint import Saved, load, memory, refuse_other, save
+from workbench.sampling.mixing import Mixing
+from workbench.sampling.modes import Mode, modes, walkers_at
+from workbench.sampling.moves import Moves, refuse_biased
+from workbench.sampling.target import Target
+from workbench.threads import limited_threads
+
+Array = NDArray[np.float64]
+KEPT = 2e7  # numbers in memory: 160 MB
+CHECKED = (1 / 16, 1 / 8, 1 / 4, 1 / 2)  # of the steps: when usable then, that is enough
+BURNT = 0.1  # of the steps are discarded, or
+BURNT_TIMES = 5.0  # so many autocorrelation times, but no more than half
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a run is."""
+
+    step: int  # of each walker
+    steps: int  # at most
+    acceptance: float
+    seconds: float
+
+
+Callback = Callable[[Progress], object]  # called now and then; stops the run if it says True
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How to sample: `ensembles` independent ones of `walkers`, at most `steps` each.
+
+    A run ends early, after 1/16, 1/8, 1/4 or 1/2 of the steps, once it is usable, unless `whole`.
+    Every `thin`-th step is kept.
+    """
+
+    walkers: int
+    ensembles: int
+    steps: int
+    thin: int
+    seed: int
+    moves: Moves = field(repr=False)
+    whole: bool = False
+
+    @property
+    def kept(self) -> int:
+        """Of each walker."""
+        return self.steps // self.thin
+
+    @property
+    def checks(self) -> list[int]:
+        """Numbers of kept steps after which it is asked whether that is enough; and all."""
+        early = [] if self.whole else [int(self.kept * share) for share in CHECKED]
+        return [*(n for n in early if n >= 20), self.kept]
+
+
+def thinning(walkers: int, ensembles: int, steps: int, size: int) -> int:
+    """Every how manieth step to keep, so that all that is kept fits into memory."""
+    kept = np.clip(KEPT / (walkers * ensembles * size), 200, 4000)
+    return max(1, int(np.ceil(steps / kept)))
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """What a run has drawn."""
+
+    chain: Array  # (E, S, W, k)
+    log_prob: Array  # (E, S, W)
+    acceptance: float
+    modes: tuple[Mode, ...]
+    seconds: float
+    interrupted: bool
+
+
+def run(
+    target: Target,
+    plan: Plan,
+    *,
+    checkpoint: Path | None = None,
+    every: float = 30.0,
+    callback: Callback | None = None,
+    settings: dict[str, Any] | None = None,
+) -> Drawn:
+    """Sample, or go on with what the checkpoint holds; every so many seconds it is replaced.
+
+    A run that was killed and is taken up ends bit for bit as one that was not. An interrupt from
+    the keyboard ends the run; what was drawn is kept. Raises BiasedMove, Improper, or BadFile for
+    a checkpoint of another run.
+    """
+    refuse_biased(plan.moves)
+    began = time.perf_counter()
+    *seeds, search = np.random.SeedSequence(plan.seed).spawn(plan.ensembles + 1)
+    with limited_threads():
+        found = modes(target, np.random.default_rng(search))
+        told = _settings(target, plan) | (settings or {})
+        if checkpoint is not None and checkpoint.exists():
+            before, said = load(checkpoint)
+            refuse_other(checkpoint, said, told)
+            samplers = [_taken_up(target, plan, saved) for saved in before]
+        else:
+            samplers = [_fresh(target, plan, found, seed) for seed in seeds]
+        team = _Team(samplers, plan)
+        interrupted, written = False, time.perf_counter()
+        took = 0.0
+        try:
+            for progress in team.advance(began):
+                now = time.perf_counter()
+                if checkpoint is not None and now - written > max(every, 20 * took):
+                    team.save(checkpoint, told)
+                    written = time.perf_counter()
+                    took = written - now
+                if callback is not None and _true(callback(progress)):
+                    interrupted = progress.step < plan.steps
+                    break
+        except KeyboardInterrupt:
+            interrupted = True
+        if checkpoint is not None:
+            team.save(checkpoint, told)
+    return team.drawn(found, time.perf_counter() - began, interrupted)
+
+
+class _Team:
+    """The samplers, and the last complete step of each."""
+
+    def __init__(self, samplers: list[tuple[emcee.EnsembleSampler, Any]], plan: Plan) -> None:
+        self._plan = plan
+        self._backends = [sampler.backend for sampler, _ in samplers]
+        self._done = [self._mark(backend) for backend in self._backends]
+        self._ahead: list[Iterator[Any]] = [
+            sampler.sample(
+                state, iterations=plan.kept - sampler.backend.iteration, thin_by=plan.thin,
+                skip_initial_state_check=True,
+            )
+            if sampler.backend.iteration < plan.kept
+            else iter(())
+            for sampler, state in samplers
+        ]  # fmt: skip
+
+    @staticmethod
+    def _mark(backend: Any) -> tuple[int, Array, Any]:
+        return backend.iteration, backend.accepted.copy(), backend.random_state
+
+    def advance(self, began: float) -> Iterator[Progress]:
+        """Step by step, the ensembles in turn, until a check says that it is enough."""
+        for goal in self._plan.checks:
+            while min(done[0] for done in self._done) < goal:
+                for e, backend in enumerate(self._backends):
+                    if self._done[e][0] < goal:
+                        next(self._ahead[e])
+                        self._done[e] = self._mark(backend)
+                yield self._progress(began)
+            if goal < self._plan.kept and self._enough(goal):
+                return
+
+    def _progress(self, began: float) -> Progress:
+        step = min(done[0] for done in self._done) * self._plan.thin
+        return Progress(step, self._plan.steps, self.acceptance, time.perf_counter() - began)
+
+    @property
+    def acceptance(self) -> float:
+        """Of all that was proposed; emcee counts it in steps that are kept."""
+        steps = sum(done[0] for done in self._done)
+        taken = sum(float(done[1].mean()) for done in self._done)
+        return taken / steps if steps else 0.0
+
+    def _enough(self, goal: int) -> bool:
+        draws = np.stack([backend.chain[:goal] for backend in self._backends])
+        return burnt(draws, self._plan.thin, self.acceptance, ()).usable
+
+    def save(self, path: Path, settings: dict[str, Any]) -> None:
+        """Each ensemble after its last complete step, once each has one."""
+        if min(done[0] for done in self._done):
+            pairs = zip(self._backends, self._done, strict=True)
+            each = [Saved(b.chain[:n], b.log_prob[:n], *rest) for b, (n, *rest) in pairs]
+            save(path, each, settings)
+
+    def drawn(self, found: tuple[Mode, ...], seconds: float, interrupted: bool) -> Drawn:
+        """All that all ensembles have."""
+        n = min(done[0] for done in self._done)
+        chain, log_prob = (
+            np.stack([getattr(backend, name)[:n] for backend in self._backends])
+            for name in ("chain", "log_prob")
+        )
+        return Drawn(chain, log_prob, self.acceptance, found, seconds, interrupted)
+
+
+def burnt(chain: Array, thin: int, acceptance: float, labels: tuple[str, ...]) -> Mixing:
+    """The mixing of what is left of chains (E, S, W, k) without their beginning."""
+    _, S, _, k = chain.shape
+    labels = labels or tuple(map(str, range(k)))
+    first = int(np.ceil(BURNT * S))
+    before = Mixing(labels, chain[:, first:], acceptance, first * thin, thin)
+    longest = before.times.max() / thin if S - first > 1 else 0.0
+    wanted = min(BURNT_TIMES * longest, S / 2)
+    if wanted <= first:
+        return before
+    first = int(np.ceil(wanted))
+    return Mixing(labels, chain[:, first:], acceptance, first * thin, thin)
+
+
+def _fresh(target: Target, plan: Plan, found: tuple[Mode, ...], seed: Any) -> tuple[Any, Any]:
+    rng = np.random.default_rng(seed)
+    start = walkers_at(target, found, plan.walkers, rng)
+    random = np.random.RandomState(rng.integers(2**32, size=8, dtype=np.uint32))
+    sampler = _sampler(target, plan, emcee.backends.Backend())
+    return sampler, emcee.State(start, log_prob=target(start), random_state=random.get_state())
+
+
+def _taken_up(target: Target, plan: Plan, saved: Saved) -> tuple[Any, Any]:
+    sampler = _sampler(target, plan, memory(saved))
+    return sampler, sampler.get_last_sample()
+
+
+def _sampler(target: Target, plan: Plan, backend: Any) -> Any:
+    k = target.subspace.size
+    sampler = emcee.EnsembleSampler(
+        plan.walkers, k, target, moves=list(plan.moves), backend=backend, vectorize=True
+    )
+    # emcee's own way takes each number apart, and prints a traceback of every interrupt
+    sampler.compute_log_prob = lambda z: (target(z), None)
+    return sampler
+
+
+def _settings(target: Target, plan: Plan) -> dict[str, Any]:
+    """By which a checkpoint is known to be of the same run."""
+    space = target.subspace
+    digest = hashlib.sha256()
+    for part in (space.origin, space.along, space.centre, target.fixed):
+        digest.update(np.ascontiguousarray(part).tobytes())
+    return {
+        "walkers": plan.walkers, "ensembles": plan.ensembles, "steps": plan.steps,
+        "thin": plan.thin, "seed": plan.seed, "entries": list(space.labels),
+        "moves": [f"{type(m).__name__} {weight:.4g}" for m, weight in plan.moves],
+        "log density at the start": float(target(space.centre[None])[0]).hex(),
+        "numbers": digest.hexdigest()[:24],
+    }  # fmt: skip
+
+
+def _true(said: object) -> bool:
+    return isinstance(said, bool | np.bool_) and bool(said)

@@ -1,0 +1,176 @@
+"""Whether draws may be believed: the verdict on a set of chains, and what to do about it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.sampling.autocorrelation import disagreement, integrated_time, potential_scale
+
+Array = NDArray[np.float64]
+TIMES = 50.0  # autocorrelation times that a chain must be long before its time is believed
+SCALE = 1.01  # of R-hat (Vehtari et al. 2021)
+APART = 1.05  # R-hat from which on ensembles are in different places
+DRAWS = 400.0  # effective ones
+ENSEMBLES = 4  # independent ones
+UNLIKELY = 1e-3  # over all entries together: ensembles do not agree by chance
+GROWTH = 1.4  # of the time with twice the length: it does not settle
+SLOW = 0.01  # of the proposals accepted
+
+
+class Verdict(Enum):
+    """Whether intervals from draws mean something."""
+
+    USABLE = "usable"
+    TOO_SHORT = "NOT CONVERGED: too short"
+    NOT_MIXING = "NOT CONVERGED: not mixing"
+
+
+@dataclass(frozen=True, eq=False)
+class Mixing:
+    """What is known of chains (E, S, W, k) after `discarded` steps each; times are in steps."""
+
+    labels: tuple[str, ...]
+    draws: Array = field(repr=False)
+    acceptance: float  # of all proposals
+    discarded: int  # steps
+    thin: int = 1  # steps from a draw that was kept to the next
+    exact: bool = False  # draws that are independent by their making
+
+    @property
+    def steps(self) -> int:
+        """Of each walker, after what was discarded."""
+        return int(self.draws.shape[1]) * self.thin
+
+    @cached_property
+    def times(self) -> Array:
+        """The integrated autocorrelation time of each entry (k,)."""
+        if self.exact:
+            return np.ones(self.draws.shape[3])
+        return self.thin * np.array([integrated_time(one) for one in self._each])
+
+    @cached_property
+    def growth(self) -> float:
+        """The largest time of all, over the largest in the first half alone."""
+        half = self.draws.shape[1] // 2
+        if self.exact or half < 2:
+            return 1.0
+        before = self.thin * max(integrated_time(one[:, :half]) for one in self._each)
+        return float(self.times.max() / before) if np.isfinite(before) else np.inf
+
+    @property
+    def length(self) -> float:
+        """How many autocorrelation times the chains are long, by the slowest entry."""
+        return float(self.steps / self.times.max())
+
+    @property
+    def effective(self) -> Array:
+        """Effective number of draws of each entry (k,)."""
+        E, S, W, _ = self.draws.shape
+        return np.asarray(E * S * W * self.thin / self.times)
+
+    @cached_property
+    def scales(self) -> Array:
+        """R-hat of each entry (k,)."""
+        return np.array([potential_scale(one) for one in self._each])
+
+    @cached_property
+    def chances(self) -> Array:
+        """That ensembles are as far apart as these by chance, for each entry (k,)."""
+        times = self.times / self.thin
+        return np.array([disagreement(o, t) for o, t in zip(self._each, times, strict=True)])
+
+    @cached_property
+    def stuck(self) -> int:
+        """Walkers that did not move in the second half."""
+        late = self.draws[:, self.draws.shape[1] // 2 :]
+        if self.exact or late.shape[1] < 2:
+            return 0
+        return int(np.sum((late == late[:, :1]).all(axis=(1, 3))))
+
+    @property
+    def slowest(self) -> str:
+        """The entry with the longest memory."""
+        return self.labels[int(np.argmax(self.times))]
+
+    @cached_property
+    def _each(self) -> Sequence[Array]:
+        return [np.ascontiguousarray(self.draws[..., i]) for i in range(self.draws.shape[3])]
+
+    @cached_property
+    def judged(self) -> tuple[Verdict, str]:
+        """The verdict, and its reason with what to do."""
+        E, S, W, k = self.draws.shape
+        if S < 2 and not self.exact:
+            return Verdict.TOO_SHORT, "there is nothing to judge by; take more steps"
+        if not self.exact and self.acceptance < SLOW:
+            return Verdict.NOT_MIXING, (
+                f"only {self.acceptance:.1%} of the proposals are accepted; sample fewer entries"
+            )
+        if self.stuck:
+            return Verdict.NOT_MIXING, (
+                f"{self.stuck} of {E * W} walkers did not move at all in the second half; start "
+                "nearer to the mode, or sample fewer entries"
+            )
+        worst, scale = int(np.argmax(self.scales)), float(self.scales.max())
+        if scale > APART:
+            return Verdict.NOT_MIXING, (
+                f"independent ensembles are in different places (R-hat {scale:.2f} of "
+                f"{self.labels[worst]}): several modes, or far too few steps. Look at the traces, "
+                "and sample a block that holds the modes together"
+            )
+        if E < ENSEMBLES:
+            return Verdict.TOO_SHORT, (
+                f"{E} ensembles cannot vouch for each other; run at least {ENSEMBLES}"
+            )
+        if self.length < TIMES:
+            return self._short()
+        chance = np.nan_to_num(self.chances, nan=1.0)
+        if chance.min() < UNLIKELY / k:
+            return Verdict.NOT_MIXING, (
+                f"ensembles differ by more than their memory explains in "
+                f"{self.labels[int(np.argmin(chance))]} (a chance of {chance.min():.0e}): they "
+                "remember longer than it looks. Sample fewer entries"
+            )
+        if scale > SCALE or self.effective.min() < DRAWS:
+            return Verdict.TOO_SHORT, (
+                f"R-hat is {scale:.3f} and the least effective number of draws "
+                f"{self.effective.min():.0f}, where {SCALE} and {DRAWS:.0f} are asked; take more "
+                "steps"
+            )
+        return Verdict.USABLE, (
+            f"{self.length:.0f} autocorrelation times, R-hat {scale:.3f}, at least "
+            f"{self.effective.min():.0f} effective draws"
+        )
+
+    def _short(self) -> tuple[Verdict, str]:
+        said = (
+            f"{self.steps} steps are {self.length:.0f} autocorrelation times of {self.slowest} "
+            f"({self.times.max():.0f} steps), and below {TIMES:.0f} not even that time can be "
+            "believed"
+        )
+        if self.growth > GROWTH:
+            return Verdict.NOT_MIXING, (
+                f"{said}: it grew by {self.growth:.1f} when the chains became twice as long. "
+                "More steps alone will not do; sample fewer entries (about 20), or the directions "
+                "that the data know"
+            )
+        wanted = int(np.ceil(1.3 * TIMES * self.times.max() / 1000) * 1000)
+        return Verdict.TOO_SHORT, f"{said}; take {wanted} steps or more"
+
+    @property
+    def verdict(self) -> Verdict:
+        """Usable, too short, or not mixing."""
+        return self.judged[0]
+
+    @property
+    def usable(self) -> bool:
+        """Whether intervals mean something."""
+        return self.verdict is Verdict.USABLE
+
+    def __str__(self) -> str:
+        verdict, why = self.judged
+        return f"{verdict.value}: {why}"

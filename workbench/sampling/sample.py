@@ -1,0 +1,99 @@
+"""`sample`: a posterior from a problem, a point and the names of what is to be sampled."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.errors import BadArgument
+from workbench.problem import Problem
+from workbench.problem.batch import compiled, interpreted
+from workbench.sampling.choice import Names, chosen
+from workbench.sampling.ensembles import Callback, Plan, burnt, run, thinning
+from workbench.sampling.importance import importance
+from workbench.sampling.moves import Moves, differential_evolution
+from workbench.sampling.posterior import Posterior, as_values
+from workbench.sampling.subspace import Rest, fixed
+from workbench.sampling.target import Target
+from workbench.threads import limited_threads
+
+WORTH_COMPILING = 300_000  # evaluations: compiling takes seconds, once
+
+
+def sample(
+    problem: Problem,
+    at: Mapping[str, ArrayLike],
+    names: Names = None,
+    *,
+    rest: Rest = fixed,
+    walkers: int | None = None,
+    steps: int = 20_000,
+    ensembles: int = 4,
+    seed: int = 0,
+    moves: Moves | None = None,
+    stop_when_usable: bool = True,
+    thin: int | None = None,
+    checkpoint: str | Path | None = None,
+    every: float = 30.0,
+    callback: Callback | None = None,
+) -> Posterior:
+    """Draw from exp(-cost) in what is named (all that is free), from around `at`.
+
+    `names` are blocks and entries (`betas`, `pose[left_elbow]`, `pose[left_elbow, x]`), or a
+    choice such as `directions(20, priors)`. All else stays where it is (`rest=fixed`), or is
+    integrated out by its Gaussian conditional (`rest=conditional`). Up to about 20 entries can be
+    sampled; more are allowed, and the verdict will say what came of it.
+
+    `ensembles` independent ones of `walkers` (64, or twice the entries and more) take at most
+    `steps` steps each, fewer if a check finds them usable. Of every `thin` steps one is kept.
+    The same seed gives the same draws. With a `checkpoint`, a file in emcee's HDF5 format that is
+    replaced every so many seconds, a run goes on where it was stopped or killed, and ends as if
+    nothing had been. An interrupt from the keyboard, or a callback that returns True, ends a run;
+    what was drawn is kept.
+
+    Raises UnknownName, BadArgument, Improper for a direction that nothing holds, BiasedMove, or
+    BadFile for the checkpoint of another run.
+    """
+    x, given = problem.split(at)
+    with limited_threads():
+        subspace = chosen(problem, x, given, names, rest)
+        k = subspace.size
+        walkers = max(64, 2 * (k + 11)) if walkers is None else walkers
+        moves = differential_evolution() if moves is None else moves
+        _check(walkers, steps, ensembles, k)
+        thin = thinning(walkers, ensembles, steps, k) if thin is None else thin
+        if not 1 <= thin <= steps:
+            raise BadArgument(f"every {thin}th of {steps} steps cannot be kept; give 1 to {steps}")
+        plan = Plan(walkers, ensembles, steps, thin, seed, moves, whole=not stop_when_usable)
+        worth = walkers * ensembles * steps >= WORTH_COMPILING
+        target = Target(problem, given, subspace, compiled if worth else interpreted)
+        if not np.isfinite(target(subspace.centre[None])).all():
+            raise BadArgument(
+                "the posterior has no density where it is to begin: the residual is not finite "
+                "there, or bounds are violated; solve the problem first"
+            )
+        path = None if checkpoint is None else Path(checkpoint)
+        drawn = run(target, plan, checkpoint=path, every=every, callback=callback)
+        if not drawn.chain.shape[1]:
+            raise KeyboardInterrupt  # before there was anything to keep
+        mixing = burnt(drawn.chain, thin, drawn.acceptance, subspace.labels)
+        kept = mixing.draws
+        log_prob = drawn.log_prob[:, -kept.shape[1] :]
+        search = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(ensembles + 1,)))
+        return Posterior(
+            problem, as_values(problem, at), subspace, kept, log_prob, mixing, "emcee",
+            drawn.modes, importance(target, kept.reshape(-1, k), search), drawn.seconds,
+            drawn.interrupted,
+        )  # fmt: skip
+
+
+def _check(walkers: int, steps: int, ensembles: int, k: int) -> None:
+    if walkers < 2 * k or walkers < 4 or walkers % 2:
+        raise BadArgument(
+            f"{walkers} walkers cannot move in {k} dimensions; give an even number, "
+            f"{max(4, 2 * k)} or more"
+        )
+    for name, value in (("steps", steps), ("ensembles", ensembles)):
+        if value < 1:
+            raise BadArgument(f"{name} must be 1 or more, not {value}")

@@ -1,0 +1,55 @@
+"""The logarithm of a posterior, up to a constant, for many points at once."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.problem import Problem
+from workbench.problem.batch import Costs, Way, interpreted
+from workbench.sampling.subspace import Subspace
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """log p(z) = -cost(x(z)); -infinity outside of the bounds and where the cost is no number.
+
+    Every residual has a sigma, so the cost is minus a log posterior: least squares are Gaussian,
+    and a robust term with rho is the likelihood exp(-rho / 2).
+    """
+
+    problem: Problem
+    fixed: Array  # the fixed numbers, flat
+    subspace: Subspace
+    way: Way = interpreted  # how costs are evaluated
+
+    def __call__(self, z: Array) -> Array:
+        """(M,) for z (M, k)."""
+        x = self.subspace.points(z)
+        plain = self.subspace.still
+        return self._density(x, z if plain else x, self._of_entries if plain else self._of_all)
+
+    def at(self, x: Array) -> Array:
+        """(M,) for all free numbers, x (M, n)."""
+        return self._density(x, x, self._of_all)
+
+    def _density(self, x: Array, given: Array, costs: Costs) -> Array:
+        inside = ((x >= self.problem.lower) & (x <= self.problem.upper)).all(axis=1)
+        found = np.full(len(x), -np.inf)
+        if inside.any():
+            with np.errstate(all="ignore"):
+                cost = costs(given[inside])
+            found[inside] = np.where(np.isfinite(cost), -cost, -np.inf)
+        return found
+
+    @cached_property
+    def _of_entries(self) -> Costs:
+        space = self.subspace
+        return self.problem.costs(space.origin, self.fixed, space.entries, self.way)
+
+    @cached_property
+    def _of_all(self) -> Costs:
+        return self.problem.costs(self.subspace.origin, self.fixed, None, self.way)
