@@ -56,6 +56,9 @@ class NumericPoints(Protocol):
     def at(self, values: Mapping[str, Array]) -> PointsAt:
         """The points where the blocks that are read have these values."""
 
+    def many(self, values: Mapping[str, Array]) -> Array:
+        """(M, N, 3) m, for M values of each block that is read: (M, *shape)."""
+
 
 class PointSource(Protocol):
     """Where points come from: an expression in the symbols of some blocks.
@@ -70,6 +73,10 @@ class PointSource(Protocol):
     @property
     def expression(self) -> cs.MX:
         """The points, (3, N) in metres, in terms of the blocks' symbols."""
+
+    @property
+    def lean(self) -> cs.MX:
+        """The same in as few operations as it takes to evaluate; the expression, as a rule."""
 
     @property
     def blocks(self) -> tuple[Block, ...]:

@@ -18,9 +18,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-TOGETHER = 16  # bodies in one matrix product: more would leave the cache
-
-
 def vertices(
     body: SkinnedBody,
     pose: ArrayLike | None,
@@ -29,17 +26,12 @@ def vertices(
 ) -> Array:
     """The posed surface over a broadcast batch, (..., N, 3) m."""
     batch, theta, beta, move = arguments(body, pose, betas, trans)
-    found = np.empty((len(theta), body.n_vertices, 3))
-    for first in range(0, len(theta), TOGETHER):
-        some = slice(first, first + TOGETHER)
-        if body.is_smpl:
-            pairs = zip(theta[some], beta[some], strict=True)
-            motions = [body.kinematics.motion(*pair) for pair in pairs]
-            found[some] = many_points(body.chunks, motions, beta[some])
-        else:
-            graph = body.skinned_rest
-            for i in range(*some.indices(len(theta))):
-                found[i] = np.asarray(graph(theta[i].T, beta[i])).T
+    if body.is_smpl:
+        found = many_points(body.chunks, *body.kinematics.motions(theta, beta), beta)
+    else:
+        graph = body.skinned_rest
+        each = [np.asarray(graph(t.T, b)).T for t, b in zip(theta, beta, strict=True)]
+        found = np.array(each).reshape(len(theta), body.n_vertices, 3)
     return (found + move[:, None]).reshape(*batch, body.n_vertices, 3)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import casadi as cs
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.blocks.buffered import Buffered
+from workbench.blocks.many import Many, Mapped
 from workbench.bodies.kinematics import binding_motions, bones_of, pose_features, world_motions
 from workbench.geometry.rotation import rodrigues
 
@@ -83,6 +85,16 @@ class Kinematics:
         K, _ = self._sizes
         G, features, joints = self._motion(pose, betas)
         return Motion(G.reshape(K, 3, 4), features, joints.reshape(K, 3))
+
+    def motions(self, pose: Array, betas: Array) -> tuple[Array, Array]:
+        """G (M, K, 3, 4) and features (M, F), at poses (M, K, 3) rad and betas (M, B)."""
+        K, _ = self._sizes
+        G, features, _joints = self._motions(pose.reshape(len(pose), 3 * K), betas)
+        return G.reshape(len(pose), K, 3, 4), features
+
+    @cached_property
+    def _motions(self) -> Many:
+        return Mapped(self._motion.function, (False, False))
 
     def slopes(self, pose: Array, betas: Array) -> Slopes:
         """Of the motion at pose (K, 3) rad and betas (B,)."""

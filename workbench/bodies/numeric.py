@@ -27,6 +27,7 @@ from workbench.bodies.motion import Motion, Slopes
 
 Array = NDArray[np.float64]
 CHUNK = 512  # vertices: measured, and flat from 256 on
+TOGETHER = 16  # bodies in one matrix product: more would leave the cache
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,16 +169,20 @@ class ChunkedSurface:
         return self._rest[first]
 
 
-def many_points(chunks: list[Chunk], motions: list[Motion], betas: Array) -> Array:
-    """(M, N, 3) m for M motions and betas (M, B), before translation: a few matrix products."""
-    features = np.stack([motion.features for motion in motions])
-    G = np.stack([motion.G for motion in motions]).transpose(0, 2, 3, 1)  # (M, 3, 4, K)
-    found = np.empty((len(motions), chunks[-1].rows.stop if chunks else 0, 3))
-    for chunk in chunks:
-        M = G @ chunk.weights  # (M, 3, 4, n)
-        rest = chunk.rest(betas, features)
-        moved = np.einsum("mdcn,mcn->mdn", M[:, :, :3], rest) + M[:, :, 3]
-        found[:, chunk.rows] = moved.transpose(0, 2, 1)
+def many_points(chunks: list[Chunk], G: Array, features: Array, betas: Array) -> Array:
+    """(M, N, 3) m for M motions (M, K, 3, 4), features (M, F) and betas (M, B).
+
+    Before translation, by matrix products over some of them at a time.
+    """
+    found = np.empty((len(G), chunks[-1].rows.stop if chunks else 0, 3))
+    for first in range(0, len(G), TOGETHER):
+        some = slice(first, first + TOGETHER)
+        turned = G[some].transpose(0, 2, 3, 1)  # (m, 3, 4, K)
+        for chunk in chunks:
+            M = turned @ chunk.weights  # (m, 3, 4, n)
+            rest = chunk.rest(betas[some], features[some])
+            moved = np.einsum("mdcn,mcn->mdn", M[:, :, :3], rest) + M[:, :, 3]
+            found[some, chunk.rows] = moved.transpose(0, 2, 1)
     return found
 
 

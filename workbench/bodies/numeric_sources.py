@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array, kron
 
 from workbench.bodies.arithmetic import Arithmetic, Surface
+from workbench.bodies.numeric import Chunk, chunks_of, many_points
+from workbench.bodies.pairs import Pairs
 
 if TYPE_CHECKING:
     from workbench.bodies.skinned import SkinnedBody
@@ -24,6 +26,7 @@ class NumericSurface:
     """Vertices of a linearly blended body whose arrays are all numbers; see NumericPoints."""
 
     body: SkinnedBody
+    vertices: slice | list[int]
     arithmetic: Arithmetic
     pose: str
     betas: str
@@ -37,6 +40,17 @@ class NumericSurface:
     def at(self, values: Mapping[str, Array]) -> SurfaceAt:
         """Where pose, betas and trans have these values."""
         return SurfaceAt(self, values[self.pose], values[self.betas], values[self.trans])
+
+    def many(self, values: Mapping[str, Array]) -> Array:
+        """(M, N, 3) m, by matrix products."""
+        pose, betas, trans = (values[name] for name in self.reads)
+        G, features = self.body.kinematics.motions(pose, betas)
+        return many_points(self._chunks, G, features, betas) + trans[:, None]
+
+    @cached_property
+    def _chunks(self) -> list[Chunk]:
+        whole = self.vertices == slice(None)
+        return self.body.chunks if whole else chunks_of(self.body, self.vertices)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +114,18 @@ class NumericLandmarks:
     def at(self, values: Mapping[str, Array]) -> LandmarksAt:
         """Where pose, betas and trans have these values."""
         return LandmarksAt(self, self.surface.at(values))
+
+    def many(self, values: Mapping[str, Array]) -> Array:
+        """(M, L, 3) m, without the vertices."""
+        pose, betas, trans = (values[name] for name in self.reads)
+        motions = self.surface.body.kinematics.motions(pose, betas)
+        return self.pairs.points(*motions, betas) + trans[:, None]
+
+    @cached_property
+    def pairs(self) -> Pairs:
+        """What the means come to for each joint that moves them."""
+        body, vertices = self.surface.body, self.surface.vertices
+        return Pairs.of(body, np.arange(body.n_vertices)[vertices].tolist(), self.regressor)
 
 
 @dataclass(frozen=True, eq=False)

@@ -107,6 +107,11 @@ class PartPoints:
         return linear_blend(cs.MX(cs.DM(body.template.T)), motions, weights)
 
     @property
+    def lean(self) -> cs.MX:
+        """The expression."""
+        return self.expression
+
+    @property
     def blocks(self) -> tuple[Block, ...]:
         """Those of the arguments."""
         known = {b.symbol.__hash__(): b for made in self.parts._made.values() for b in made}

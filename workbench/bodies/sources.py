@@ -99,6 +99,11 @@ class SurfacePoints:
         return surface.posed(self.at.body, *self.at.symbols, self.vertices)
 
     @property
+    def lean(self) -> cs.MX:
+        """The expression."""
+        return self.expression
+
+    @property
     def blocks(self) -> tuple[Block, ...]:
         """Those of the arguments, and every free array."""
         return self.at.blocks()
@@ -121,7 +126,8 @@ class SurfacePoints:
         body, names = self.at.body, self.at.names
         if names is None or body.free or not body.is_smpl:
             return None
-        return NumericSurface(body, arithmetic_of(body, self.vertices), *names)
+        some = self.vertices if isinstance(self.vertices, slice) else list(self.vertices)
+        return NumericSurface(body, some, arithmetic_of(body, self.vertices), *names)
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,6 +147,11 @@ class JointPoints:
         posture = surface.posture(self.at.body, self.at.pose)
         _, joints = surface.motions(self.at.body, posture, self.at.betas)
         return joints + cs.repmat(self.at.trans, 1, self.count)
+
+    @property
+    def lean(self) -> cs.MX:
+        """The expression."""
+        return self.expression
 
     @property
     def blocks(self) -> tuple[Block, ...]:
@@ -180,6 +191,17 @@ class LandmarkPoints:
         """(3, M) m."""
         regressor = self.landmarks.regressor.tocsc()[:, self._used]
         return self._surface.expression @ cs.MX(cs.DM(regressor.T.tocsc()))
+
+    @property
+    def lean(self) -> cs.MX:
+        """One rest point for each joint that moves a landmark, instead of its vertices."""
+        numeric = self.numeric
+        if numeric is None:
+            return self.expression
+        body, at = self.at.body, surface.posture(self.at.body, self.at.pose)
+        G, _ = surface.motions(body, at, self.at.betas)
+        means = numeric.pairs.expression(G, body.features(at), self.at.betas)
+        return means + cs.repmat(self.at.trans, 1, self.count)
 
     @property
     def blocks(self) -> tuple[Block, ...]:

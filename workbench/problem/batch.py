@@ -13,14 +13,13 @@ import casadi as cs
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.blocks import Layout
+from workbench.blocks import Layout, NumericPoints
 from workbench.blocks.buffered import Buffered
 from workbench.blocks.lanes import lanes
 from workbench.blocks.many import LONGEST, Many, Mapped, OneByOne, scalar
-from workbench.bodies.batched import ManyPoints
 from workbench.compiling import NoLibrary
 from workbench.errors import NotSupported
-from workbench.problem.chain import Graph
+from workbench.problem.graph import Graph
 
 Array = NDArray[np.float64]
 Places = NDArray[np.int64]
@@ -36,7 +35,7 @@ class Batch:
 
     whole: Graph
     split: Graph
-    sources: Sequence[ManyPoints]  # of the split graph's points
+    sources: Sequence[NumericPoints]  # of the split graph's points
     free: Layout
     fixed: Layout
 
@@ -107,7 +106,7 @@ def _arithmetic(batch: Batch, x: Array, fixed: Array, places: Places) -> Costs:
         X = np.repeat(x[None], len(z), axis=0)
         X[:, places] = z
         values = _values(batch, X, fixed)
-        points = (source(values).reshape(len(z), -1) for source in batch.sources)
+        points = (source.many(values).reshape(len(z), -1) for source in batch.sources)
         return run(X, fixed, *points)[0][:, 0]
 
     return costs

@@ -10,7 +10,6 @@ Points of sources without such knowledge are part of the graph, so one way serve
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import casadi as cs
 import numpy as np
@@ -19,21 +18,12 @@ from scipy.sparse import csc_array
 
 from workbench.blocks import Layout, NumericPoints, PointsAt
 from workbench.blocks.buffered import Buffered
+from workbench.problem.graph import Graph
 
 Array = NDArray[np.float64]
 # CasADi 3.8 loses the derivative of `row + scalar` by the scalar when it takes a Jacobian of more
 # columns than rows backwards: all but the first entry come out zero
 FORWARD = {"helper_options": {"ad_weight": 0.0}}
-
-
-@dataclass(frozen=True, eq=False)
-class Graph:
-    """The residual in symbols: flat free and fixed numbers, and the points left as they are."""
-
-    x: cs.MX  # (n, 1)
-    fixed: cs.MX
-    points: tuple[cs.MX, ...]  # (3, N) each
-    residual: cs.MX  # (m, 1), whitened
 
 
 class Chain:

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.blocks.buffered import Buffered
-from workbench.problem.chain import FORWARD, Graph
+from workbench.problem.chain import FORWARD
 from workbench.problem.constraint import Constraint
+from workbench.problem.graph import Graph
 
 Array = NDArray[np.float64]
 

@@ -1,6 +1,6 @@
 """Residuals over named blocks, some of them free."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from functools import cached_property
 from itertools import pairwise
 
@@ -8,14 +8,14 @@ import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from workbench.blocks import Block, Layout, Points, PointSource, Tree
-from workbench.bodies.batched import batched, in_full, lean
+from workbench.blocks import Block, Layout, NumericPoints, Points, Tree
 from workbench.errors import BadResidual, DuplicateResidual, TwoSymbolsOneName, UnknownName
 from workbench.problem.batch import Batch, Costs, Places, Way, interpreted
 from workbench.problem.bounds import Bounds, flat_bounds
-from workbench.problem.chain import FORWARD, Chain, Graph
+from workbench.problem.chain import FORWARD, Chain
 from workbench.problem.constraint import Constraint
 from workbench.problem.constraint_set import ConstraintSet
+from workbench.problem.graph import Graph, lean, substituted
 from workbench.problem.linearization import Linearization
 from workbench.problem.optimality import optimality
 from workbench.problem.steps import EPS
@@ -173,14 +173,9 @@ class Problem:
         z stand in the places `entries` of x, or are all of it. `by` is `interpreted`, or
         `compiled`, which takes seconds once and is many times as fast.
         """
-        lean_graph = self._on_vectors(self._substituted(self._points, lean), ())
-        sources = {p.symbol.__hash__(): batched(p.source) for p in self._points}
-        by_graph = [p for p in self._points if sources[p.symbol.__hash__()] is None]
-        placeholders = [p.symbol for p in self._points if p not in by_graph]
-        split = self._on_vectors(self._substituted(by_graph), placeholders)
-        found = [source for source in sources.values() if source is not None]
+        whole = Graph.of(substituted(self._whitened, self._points, lean), self.free, self.fixed)
         places = np.arange(self.free.size) if entries is None else entries.astype(np.int64)
-        return by(Batch(lean_graph, split, tuple(found), self.free, self.fixed), x, fixed, places)
+        return by(Batch(whole, *self._split, self.free, self.fixed), x, fixed, places)
 
     def cost_and_gradient(self, x: Array, fixed: Array) -> tuple[float, Array]:
         """The cost and its gradient (n,), without a Jacobian of the points."""
@@ -236,7 +231,7 @@ class Problem:
 
     def _constraint_graph(self, stacked: cs.MX) -> Graph:
         read = {p.symbol.__hash__(): p for c in self.constraints for p in c.points}
-        return self._on_vectors(substituted(stacked, tuple(read.values())), ())
+        return Graph.of(substituted(stacked, tuple(read.values())), self.free, self.fixed)
 
     @cached_property
     def _blocks(self) -> dict[str, Block]:
@@ -256,34 +251,21 @@ class Problem:
             blocks[symbol.name()] = described.get(symbol.__hash__()) or Block.of(symbol)
         return blocks
 
-    def _on_vectors(self, residual: cs.MX, points: Sequence[cs.MX]) -> Graph:
-        """A residual in blocks, as one in flat vectors of free and fixed numbers."""
-        blocks = (*self.free.blocks, *self.fixed.blocks)
-        symbols = [*(block.symbol for block in blocks), *points]
-        named = cs.Function("named", symbols, [residual])
-        x, fixed = cs.MX.sym("x", self.free.size), cs.MX.sym("fixed", self.fixed.size)
-        pieces = self.free.pieces(x) + self.fixed.pieces(fixed)
-        (r,) = named.call([*pieces, *points], True, False)  # inlined: seeds stay sparse
-        return Graph(x, fixed, tuple(points), r)
-
     @cached_property
     def _graph(self) -> tuple[cs.MX, cs.MX, cs.MX]:
-        whole = self._on_vectors(substituted(self._whitened, self._points), ())
+        whole = Graph.of(substituted(self._whitened, self._points), self.free, self.fixed)
         return whole.x, whole.fixed, whole.residual
 
     @cached_property
-    def _chain(self) -> Chain:
+    def _split(self) -> tuple[Graph, tuple[NumericPoints, ...]]:
+        """The residual as a graph of the points that come from arithmetic, and these."""
         quick = [(p, p.source.numeric) for p in self._points]
         by_graph = [p for p, numeric in quick if numeric is None]
         placeholders = [p.symbol for p, numeric in quick if numeric is not None]
-        sources = [numeric for _, numeric in quick if numeric is not None]
-        graph = self._on_vectors(substituted(self._whitened, by_graph), placeholders)
-        return Chain(graph, sources, self.free, self.fixed)
+        sources = tuple(numeric for _, numeric in quick if numeric is not None)
+        expression = substituted(self._whitened, by_graph)
+        return Graph.of(expression, self.free, self.fixed, placeholders), sources
 
-
-def substituted(expression: cs.MX, points: Sequence[Points]) -> cs.MX:
-    """An expression with these placeholders replaced by their sources' expressions."""
-    if not points:
-        return expression
-    sources = [p.source.expression for p in points]
-    return cs.graph_substitute(expression, [p.symbol for p in points], sources)
+    @cached_property
+    def _chain(self) -> Chain:
+        return Chain(*self._split, self.free, self.fixed)
