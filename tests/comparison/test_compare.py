@@ -266,6 +266,16 @@ def test_mistakes_are_said_before_anything_runs(tmp_path: Path) -> None:
         compare(held, GOOD)
 
 
+def test_solvers_that_draw_draw_the_same_again_and_other_numbers_from_other_starts() -> None:
+    ends = [
+        [r.end.tolist() for r in compare(LINE, problems.Drawer(), seeds=2, budget=SHORT)
+         .records.values()]
+        for _ in range(2)
+    ]  # fmt: skip
+    assert ends[0] == ends[1]
+    assert ends[0][0] != ends[0][1]
+
+
 def test_if_nothing_can_be_built_that_is_an_error() -> None:
     with pytest.raises(WorkbenchError, match=r"no experiment can be built; slide: .*start=7"):
         compare(replace(SLIDE, arguments={"start": 7}), GOOD, budget=SHORT)

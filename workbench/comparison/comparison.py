@@ -15,6 +15,7 @@ from workbench.comparison.plan import Instance, Plan
 from workbench.comparison.record import Record
 from workbench.comparison.targets import TAUS, Verdict, Yardstick, verdict
 from workbench.comparison.watch import KINDS
+from workbench.experiments.comparison import way_left
 from workbench.solvers import Evaluations
 
 Array = NDArray[np.float64]
@@ -177,8 +178,7 @@ class Comparison:
         counts = [getattr(record.evaluations, kind) for kind in KINDS]
         last = np.array([*counts, max(record.seen.seconds, rows[-1, 4]), rows[-1, 5]])
         rows = np.vstack([rows, last])
-        whole = yardstick.start - yardstick.best
-        gap = (rows[:, 5] - yardstick.best) / (whole if whole > 0 else 1.0)
+        gap = way_left(rows[:, 5], yardstick.best, yardstick.start)
         units = self.units(instance.problem, rows[:, :4])
         return np.column_stack([units, rows[:, 4], np.maximum(gap, 0.0)])
 
