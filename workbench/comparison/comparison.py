@@ -222,6 +222,12 @@ class Comparison:
         needed, names = self.needed(tau), self.solvers
         return statistics.duel(needed[:, names.index(a)], needed[:, names.index(b)])
 
+    def surer(self, a: str, b: str, tau: float = MAIN) -> statistics.Duel:
+        """The same by success alone: a win is a target that only one of them met."""
+        met = np.where(np.isfinite(self.needed(tau)), 1.0, np.inf)
+        names = self.solvers
+        return statistics.duel(met[:, names.index(a)], met[:, names.index(b)])
+
 
 def ended(
     group: tuple[str, ...], solvers: tuple[str, ...], records: dict[tuple[str, str], Record]
