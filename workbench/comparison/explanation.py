@@ -62,9 +62,10 @@ class Explanation:
                 for p in self.parts
             )
             said += (
-                f"{self.share:.0%} of the way goes along directions that the data hardly "
-                f"notice at the lost end, so that little held the solver back from sliding there; "
-                f"most of all {named}. "
+                f"{self.share:.0%} of the way goes along directions that are weak at the lost "
+                "end (the data notice them less than a tenth as much as an ordinary one, or by "
+                "less than a sigma for a whole unit), so that little held the solver back from "
+                f"sliding there; most of all {named}. "
             )
         else:
             said += (
@@ -85,7 +86,7 @@ class Explanation:
 def explain(
     problem: Problem, fixed: Array, lost: Basin, best: Basin, priors: tuple[str, ...] = ()
 ) -> Explanation:
-    """Decompose the way on the named directions that the data hardly notice at the lost end, those
+    """Decompose the way on the named directions that are weak at the lost end, those
     residuals being left out that are priors.
 
     Weak is a singular value below a tenth of the median one, or below one sigma for a whole unit

@@ -8,7 +8,7 @@ from workbench.comparison import Comparison
 from workbench.comparison.comparison import MAIN
 from workbench.comparison.identity import code_version, identity
 from workbench.comparison.store import MARK, RUNS
-from workbench.comparison.targets import Verdict, named
+from workbench.comparison.targets import Verdict, ended_by_clock, named
 from workbench.comparison.tidy import write_csv
 from workbench.comparison.words import advice, basin_sentence
 from workbench.plots import comparison_sheets as sheets
@@ -129,6 +129,8 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
         budget=budget,
         taus=", ".join(named(tau) for tau in comparison.taus),
         machines=machines(comparison),
+        by_clock=sum(ended_by_clock(r) for r in comparison.records.values()),
+        runs=len(comparison.records),
         versions=versions(),
         files=files,
     )  # fmt: skip
