@@ -53,34 +53,29 @@ class Explanation:
     def __str__(self) -> str:
         said = (
             f"It costs {self.cost - self.best:.4g} more than the best end ({self.cost:.6g} against "
-            f"{self.best:.6g}), which lies {self.length:.3g} units away. "
+            f"{self.best:.6g}). "
         )
+        way = f"{self.share:.0%} of the way from here to there ({self.length:.3g} units)"
         if self.share >= ENOUGH and self.parts:
             named = "; ".join(
-                f"{p.name} ({p.length:.2g}, where one unit changes the data by "
-                f"{p.change:.2g} sigma)"
+                f"{p.name.partition(': ')[0]} ({p.length:.2g} units, {p.change:.2g} sigma for one)"
                 for p in self.parts
             )
             said += (
-                f"{self.share:.0%} of the way goes along directions that are weak at the lost "
-                "end (the data notice them less than a tenth as much as an ordinary one, or by "
-                "less than a sigma for a whole unit), so that little held the solver back from "
-                f"sliding there; most of all {named}. "
+                f"{way} goes along weak directions, so the data did little to keep a solver from "
+                f"sliding here; most of all {named}. "
             )
         else:
             said += (
-                f"Only {self.share:.0%} of the way goes along directions that are weak at the lost "
-                f"end; it is mostly {self.rest}, which the data do notice: not a slide, but "
-                "another minimum. "
+                f"Only {way} goes along weak directions; it is mostly {self.rest}, which the data "
+                "do notice: not a slide, but another minimum. "
             )
         if self.ridge > 0:
-            said += (
-                f"On the straight line between them the cost rises by {self.ridge:.3g}: no method "
-                "that only goes down comes back that way."
+            return said + (
+                f"On the straight line between them the cost rises by {self.ridge:.3g}: whoever "
+                "only goes down does not come back that way."
             )
-        else:
-            said += "On the straight line between them the cost only falls."
-        return said
+        return said + "On the straight line between them the cost only falls."
 
 
 def explain(

@@ -19,13 +19,14 @@ def surest(comparison: Comparison, tau: float = MAIN) -> tuple[str, ...]:
 
 def as_sure(comparison: Comparison, tau: float = MAIN) -> tuple[str, ...]:
     """Those that cannot be told from the surest: of the starts from which only one of the two met
-    the target, its share may be one half by chance.
+    the target, its share may be one half by chance. Whoever never met it is not among them.
     """
     first = surest(comparison, tau)
     return tuple(
         s
         for s in comparison.solvers
-        if first and (s in first or not comparison.surer(first[0], s, tau).decided)
+        if first and comparison.success(s, tau).value > 0
+        if s in first or not comparison.surer(first[0], s, tau).decided
     )
 
 

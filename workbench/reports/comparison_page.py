@@ -146,8 +146,9 @@ def _of(comparison: Comparison, problem: str) -> dict[str, Any]:
     """What the page says of one problem."""
     instances = comparison.of(problem)
     several = any(len(comparison.judgement(i.name).costs) > 1 for i in instances)
+    own = len({id(comparison.judgement(i.name)) for i in instances}) > 1  # data for each start
     explained = {
-        f"{group[0] if len(group) == 1 else problem}, basin {k + 1}": str(e)
+        (f"{group[0]}, basin {k + 1}" if own else f"basin {k + 1}"): str(e)
         for group, judgement in zip(comparison.groups, comparison.judgements, strict=True)
         if group[0] in {i.name for i in instances}
         for k, e in judgement.explanations.items()
