@@ -1,5 +1,7 @@
 """What a comparison says, in sentences; each of them is a statement about its numbers."""
 
+import math
+
 from workbench.comparison.comparison import MAIN, Comparison
 from workbench.comparison.statistics import Interval
 from workbench.comparison.targets import Verdict, named
@@ -70,6 +72,8 @@ def _quickest(comparison: Comparison, among: tuple[str, ...], tau: float) -> lis
             ]
     median = {s: comparison.effort(s, tau).value for s in among}
     least = min(median, key=lambda s: median[s])
+    if median[least] == math.inf:
+        return ["None of these met it from more than half of the starts, so none is the quickest."]
     unbeaten = [s for s in among if s != least and not comparison.duel(least, s, tau).decided]
     if not unbeaten:
         return []

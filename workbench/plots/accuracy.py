@@ -37,7 +37,7 @@ def plot_accuracy(comparison: Comparison, *, ax: Axes) -> Axes:
 def caption_accuracy(comparison: Comparison) -> str:
     """What `plot_accuracy` shows."""
     return (
-        "Attained accuracy where the answer is known beforehand: a mark per run, the number of digits of "
-        f"the worst parameter, {CERTIFIED_DIGITS} at most; a run without an answer has 0. The bar "
+        "Attained accuracy where the answer is known beforehand: a mark per run, the number of "
+        f"digits of the worst parameter, {CERTIFIED_DIGITS} at most; a run without an answer has 0. The bar "
         f"is the mean. Right of the dashed line, at {ENOUGH} digits, a fit counts as right."
     )
