@@ -38,6 +38,7 @@ def caption_accuracy(comparison: Comparison) -> str:
     """What `plot_accuracy` shows."""
     return (
         "Attained accuracy where the answer is known beforehand: a mark per run, the number of "
-        f"digits of the worst parameter, {CERTIFIED_DIGITS} at most; a run without an answer has 0. The bar "
-        f"is the mean. Right of the dashed line, at {ENOUGH} digits, a fit counts as right."
+        f"digits of the worst parameter, {CERTIFIED_DIGITS} at most; a run without an answer has "
+        f"0. The bar is the mean. Right of the dashed line, at {ENOUGH} digits, a fit counts as "
+        "right."
     )
