@@ -1,19 +1,23 @@
-"""Every algorithm of NLopt on objectives that misbehave, in a process of its own.
+"""Every solver and every algorithm of NLopt on objectives that misbehave, in a process of its own.
 
 Prints a line per call: algorithm, misbehaviour, seconds, status. What hangs, hangs here.
 """
 
 import sys
 import time
+from dataclasses import replace
 
 import casadi as cs
 import numpy as np
 
-from workbench import Block, Nlopt, Problem, Residual
+from workbench import SOLVERS, Block, Nlopt, Problem, Residual
 from workbench.solvers.nlopt_algorithms import ALGORITHMS
 
 KINDS = ("nan", "infinite", "now and then", "raises", "slow")
-SECONDS = 0.2  # of every call
+SECONDS = 0.15  # of every call
+
+EVERYBODY = {name: Nlopt(name) for name in ALGORITHMS}
+EVERYBODY |= {name: s for name, s in SOLVERS.items() if not name.startswith("nlopt-")}
 
 
 class Misbehaving(cs.Callback):
@@ -46,16 +50,16 @@ class Misbehaving(cs.Callback):
 
 
 def main() -> None:
-    for name, abilities in ALGORITHMS.items():
+    for name, chosen in EVERYBODY.items():
         for kind in KINDS:
             misbehaving = Misbehaving(12, kind)
             y = misbehaving(Block("x", (2,)).symbol)
             valley = Residual("valley", cs.vertcat(10 * (y[1] - y[0] ** 2), 1 - y[0]), 1.0)
-            bounds = {"x": (-3.0, 3.0)} if abilities.bounds else None
+            bounds = {"x": (-3.0, 3.0)} if chosen.abilities.bounds else None
             case = Problem((valley,), ("x",), bounds)
             case.prepare()
             began = time.perf_counter()
-            solver = Nlopt(name, max_seconds=SECONDS, max_evaluations=10**6)
+            solver = replace(chosen, max_seconds=SECONDS, max_evaluations=10**6)
             solution = solver.solve(case, {"x": np.array([-1.2, 1.0])})
             seconds = time.perf_counter() - began
             print(f"{name}\t{kind}\t{seconds:.3f}\t{solution.status.name}", flush=True)

@@ -1,7 +1,15 @@
 """The judge of every run: what a solver says of itself does not count."""
 
-from tests.solvers.problems import decay
-from workbench import GaussNewton, Status
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.solvers.problems import decay, rosenbrock
+from workbench import SOLVERS, GaussNewton, LevenbergMarquardt, Problem, Status
+from workbench.errors import NotSupported
+from workbench.solvers import Boxes, Derivative
+from workbench.solvers.best import Best
 from workbench.solvers.limits import Stop
 from workbench.solvers.run import Run
 
@@ -34,3 +42,79 @@ def test_nothing_evaluated_leaves_the_start() -> None:
     assert solution.status is Status.MAX_EVALUATIONS
     assert solution.cost == float("inf")
     assert (solution.values["x"] == start["x"]).all()
+
+
+# The best point.
+
+
+def test_the_best_point_is_a_copy_of_the_cheapest() -> None:
+    x = np.array([1.0])
+    best = Best(x)
+    for value, cost in ((2.0, 5.0), (3.0, 4.0), (4.0, 4.5)):
+        x[0] = value
+        best.offer(x, cost, 0.0)
+    assert best.cost == 4.0
+    assert best.x[0] == 3.0
+
+
+def test_costs_that_rounding_cannot_tell_apart_are_told_apart_by_the_gradient() -> None:
+    best = Best(np.zeros(1))
+    best.offer(np.array([1.0]), 4.0, 0.0)
+    best.offer(np.array([2.0]), 4.0 + 1e-15, 0.0)
+    best.settle(np.array([2.0]), 4.0 + 1e-15, 0.0, optimality=1e-12, noise=1e-14)
+    assert best.decide(1e-7) == 1e-12
+    assert best.x[0] == 2.0
+    best.settle(np.array([3.0]), 4.1, 0.0, optimality=0.0, noise=1e-14)  # costs more
+    assert best.decide(1e-12) == 1e-12
+    best.offer(np.array([5.0]), 3.0, 0.0)  # a better point makes all of that forgotten
+    assert best.decide(0.5) == 0.5
+    assert best.x[0] == 5.0
+
+
+def test_what_is_feasible_is_better_than_what_is_cheap() -> None:
+    best = Best(np.zeros(1))
+    best.offer(np.array([1.0]), 1.0, 30.0)
+    best.offer(np.array([2.0]), 9.0, 20.0)
+    assert best.x[0] == 2.0  # misses less
+    best.offer(np.array([3.0]), 10.0, 0.5)
+    best.offer(np.array([4.0]), 8.0, 0.9)
+    best.offer(np.array([5.0]), 0.0, 1.1)
+    assert best.x[0] == 4.0
+    best.settle(np.array([5.0]), 0.0, 1.1, optimality=0.0, noise=100.0)
+    assert best.decide(0.1) == 0.1
+
+
+# Gains that rounding hides.
+
+
+def test_the_last_digits_are_polished_by_the_gradient() -> None:
+    """With no tolerance to stop at, Levenberg-Marquardt goes on where costs are all the same."""
+    problem, start = decay()
+    solution = LevenbergMarquardt(gradient_tolerance=0.0).solve(problem, start)
+    assert solution.status is Status.CONVERGED
+    same = [i for i in solution.trace if abs(i.cost - solution.cost) < 1e-14 * solution.cost]
+    assert len(same) >= 2
+    assert solution.optimality == 0 < same[0].optimality
+
+
+# What they can.
+
+
+@pytest.mark.parametrize("name", SOLVERS)
+def test_abilities_are_what_they_do(name: str) -> None:
+    abilities = SOLVERS[name].abilities
+    assert abilities.source
+    bounds = {"x": (-3.0, 3.0)}
+    problem = Problem(rosenbrock()[0].residuals, ("x",), bounds)
+    start = {"x": np.array([-1.2, 1.0])}
+    if abilities.bounds is Boxes.UNKNOWN:
+        with pytest.raises(NotSupported, match="knows no bounds, but the problem bounds x"):
+            SOLVERS[name].solve(problem, start)
+        problem = Problem(problem.residuals, ("x",))
+    counts = replace(SOLVERS[name], max_evaluations=500).solve(problem, start).evaluations
+    asked = (counts.residual, counts.gradient, counts.jacobian, counts.hessian)
+    assert (asked[3] > 0) is (abilities.derivative is Derivative.HESSIAN)
+    assert (asked[1] > 0) is (abilities.derivative is Derivative.GRADIENT)
+    if abilities.derivative is Derivative.COST:
+        assert asked[2] <= 2  # the scaling at the start, and the judge at the end
+    assert not (abilities.is_global and abilities.bounds is not Boxes.NEEDED)

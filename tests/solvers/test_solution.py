@@ -18,7 +18,7 @@ def some_solution() -> Solution:
 
 
 def assert_same(a: Solution, b: Solution) -> None:
-    for field in ("cost", "optimality", "seconds"):
+    for field in ("cost", "optimality", "seconds", "missed"):
         np.testing.assert_equal(getattr(a, field), getattr(b, field))
     for field in ("status", "message", "solver", "evaluations", "converged", "iterations"):
         assert getattr(a, field) == getattr(b, field)
@@ -29,6 +29,7 @@ def assert_same(a: Solution, b: Solution) -> None:
     assert len(a.trace) == len(b.trace)
     for i, j in zip(a.trace, b.trace, strict=True):
         assert i.evaluations == j.evaluations
+        assert i.linear_algebra == j.linear_algebra
         for field in ("cost", "optimality", "step_norm", "damping", "seconds"):
             np.testing.assert_equal(getattr(i, field), getattr(j, field))
         assert i.values.keys() == j.values.keys()
@@ -38,6 +39,8 @@ def assert_same(a: Solution, b: Solution) -> None:
 
 def test_what_was_saved_is_loaded(tmp_path: Path) -> None:
     solution = some_solution()
+    solution = replace(solution, missed=0.25)
+    assert set(solution.linear_algebra) <= {"cholesky", "qr", "svd"}
     solution.save(tmp_path / "run.npz")
     assert_same(Solution.load(tmp_path / "run.npz"), solution)
     assert [path.name for path in tmp_path.iterdir()] == ["run.npz"]
@@ -130,3 +133,20 @@ def test_other_files_are_no_solutions(write, tmp_path: Path) -> None:
 def test_a_missing_file_is_said(tmp_path: Path) -> None:
     with pytest.raises(BadFile, match="No such file"):
         Solution.load(tmp_path / "run.npz")
+
+
+def test_files_from_before_there_were_constraints_are_read(tmp_path: Path) -> None:
+    solution = some_solution()
+    solution.save(tmp_path / "run.npz")
+    with np.load(tmp_path / "run.npz") as file:
+        arrays = dict(file)
+    facts = json.loads(str(arrays["solution"]))
+    del facts["missed"]
+    del facts["evaluations"]["constraint"]
+    facts["trace"] = [row[:6] for row in facts["trace"]]
+    arrays["solution"] = np.array(json.dumps(facts))
+    np.savez(tmp_path / "old.npz", **arrays)
+    old = Solution.load(tmp_path / "old.npz")
+    assert old.cost == solution.cost
+    assert old.missed == 0
+    assert old.trace[-1].linear_algebra == ""

@@ -77,6 +77,7 @@ class Dogleg:
             Derivative.JACOBIAN,
             Boxes.UNKNOWN,
             source="Powell 1970; Madsen, Nielsen and Tingleff 2004",
+            note="by the rules of the course's optimizer" if self.rule is chumpy else "",
         )
 
     def solve(

@@ -50,7 +50,7 @@ class Sqp:
         """See Solver. Bounds and constraints are honoured; the start is moved inside the bounds."""
         with Run("sqp", self, problem, start, callback) as run:
             x0 = np.clip(run.x, problem.lower, problem.upper)
-            run.linearize(x0)
+            run.unless_solved(x0)
             answer = self._ask(run, x0)
             run.stall(f"{Status.STALLED.value} (sqpmethod: {answer})")
         return run.solution()

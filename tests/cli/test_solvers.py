@@ -1,0 +1,33 @@
+"""`workbench solvers`, as a user types it."""
+
+import os
+import subprocess
+import sys
+
+from workbench import SOLVERS
+from workbench.solvers.nlopt_algorithms import ALGORITHMS
+
+
+def said(*arguments: str) -> list[list[str]]:
+    done = subprocess.run(
+        [sys.executable, "-c", "from workbench.cli import main; main()", "solvers", *arguments],
+        env=os.environ | {"COLUMNS": "200"},
+        capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return [line.split() for line in done.stdout.splitlines()]
+
+
+def test_every_solver_is_listed_with_what_it_can() -> None:
+    rows = {words[0]: words for words in said() if words}
+    assert list(SOLVERS) == [name for name in rows if name in SOLVERS]
+    assert rows["ipopt-exact"][1:5] == ["Hessian", "yes", "=", "<"]
+    assert rows["gauss-newton"][1:5] == ["Jacobian", "no", "-", "downhill"]
+    assert rows["nlopt-mlsl"][2] == "needed"
+    assert "teach" in rows["steepest-descent"]
+
+
+def test_nlopts_own_are_listed_by_their_names() -> None:
+    rows = {words[0]: words for words in said("--nlopt") if words}
+    assert rows.keys() >= ALGORITHMS.keys()
+    assert rows["GN_ISRES"][1:8] == ["cost", "needed", "=", "<", "everywhere,", "with", "dice"]

@@ -1,0 +1,100 @@
+"""The table of NLopt's algorithms, held against what they do."""
+
+import nlopt
+import numpy as np
+import pytest
+
+from tests.solvers.problems import rosenbrock
+from workbench import Nlopt, Problem, Status
+from workbench.errors import NotSupported
+from workbench.solvers import Boxes, Derivative
+from workbench.solvers.nlopt_algorithms import ALGORITHMS
+
+EACH = pytest.mark.parametrize("name", ALGORITHMS)
+BOX = {"x": (np.array([-2.0, -1.0]), np.array([0.7, 3.0]))}  # the minimum of the valley is outside
+START = {"x": np.array([-1.2, 1.0])}
+COST = 0.5 * 0.3**2  # at (0.7, 0.49)
+
+
+def boxed() -> Problem:
+    return Problem(rosenbrock()[0].residuals, ("x",), BOX)
+
+
+def test_the_table_holds_what_nlopt_has() -> None:
+    """But for what is no algorithm of its own (AUGLAG) and what is not implemented."""
+    there = {name for name in dir(nlopt) if name.startswith(("GN_", "GD_", "LN_", "LD_", "G_"))}
+    left_out = {name for name in there if "AUGLAG" in name or name == "LD_LBFGS_NOCEDAL"}
+    aliases = {"GN_MLSL", "GN_MLSL_LDS", "GD_MLSL", "GD_MLSL_LDS"}  # G_MLSL with a fixed `local`
+    assert set(ALGORITHMS) == there - left_out - aliases
+
+
+@EACH
+def test_what_it_is_called_agrees_with_what_it_needs(name: str) -> None:
+    abilities = ALGORITHMS[name]
+    kind, _, _ = name.partition("_")
+    assert abilities.is_global is kind.startswith("G")
+    if len(kind) == 2:
+        wanted = Derivative.GRADIENT if kind[1] == "D" else Derivative.COST
+        assert abilities.derivative is wanted
+    assert (abilities.bounds is Boxes.NEEDED) is abilities.is_global
+    assert abilities.source
+
+
+@EACH
+def test_derivatives_are_asked_for_by_those_who_need_them(name: str) -> None:
+    problem = rosenbrock()[0] if ALGORITHMS[name].bounds is Boxes.UNKNOWN else boxed()
+    counts = Nlopt(name, max_evaluations=150).solve(problem, START).evaluations
+    assert (counts.gradient > 0) is (ALGORITHMS[name].derivative is Derivative.GRADIENT)
+    assert counts.hessian == 0
+    assert counts.total <= 150
+
+
+@EACH
+def test_bounds_are_taken_or_refused(name: str) -> None:
+    abilities = ALGORITHMS[name]
+    if abilities.bounds is Boxes.UNKNOWN:
+        with pytest.raises(NotSupported, match="knows no bounds"):
+            Nlopt(name).solve(boxed(), START)
+        return
+    solution = Nlopt(name, max_evaluations=3000, max_seconds=5.0).solve(boxed(), START)
+    for iterate in (*solution.trace, solution):
+        assert (iterate.values["x"] >= BOX["x"][0]).all()
+        assert (iterate.values["x"] <= BOX["x"][1]).all()
+    assert solution.cost <= solution.trace[0].cost
+    if name == "LN_PRAXIS":  # takes bounds, and does badly with them, as its manual says
+        return
+    assert solution.cost < COST + (0.1 if abilities.is_global else 1e-4)
+
+
+@EACH
+def test_bounds_are_asked_for_by_those_who_need_them(name: str) -> None:
+    if ALGORITHMS[name].bounds is not Boxes.NEEDED:
+        return
+    half = Problem(boxed().residuals, ("x",), {"x": ([-2.0, -1.0], [0.7, np.inf])})
+    with pytest.raises(NotSupported, match=r"searches between bounds, but x\[1\] has not two"):
+        Nlopt(name).solve(half, START)
+
+
+@pytest.mark.parametrize("name", [n for n, a in ALGORITHMS.items() if a.stochastic])
+def test_dice_are_seeded(name: str) -> None:
+    found = [
+        Nlopt(name, seed=seed, max_evaluations=200).solve(boxed(), START).values["x"]
+        for seed in (1, 1)
+    ]
+    np.testing.assert_array_equal(*found)
+
+
+def test_many_valleys_are_searched_by_mlsl() -> None:
+    """1/2 (x^2 - 1)^2 and a slope: the start is in the wrong valley."""
+    import casadi as cs
+
+    from workbench import Block, Residual
+
+    x = Block("x").symbol
+    tilted = Residual("tilted", cs.vertcat(x**2 - 1, 0.3 * (x - 1)), 1.0)
+    problem = Problem((tilted,), ("x",), {"x": (-2.0, 2.0)})
+    start = {"x": np.array(-1.0)}
+    assert Nlopt("LD_LBFGS").solve(problem, start).values["x"] < 0
+    solution = Nlopt("G_MLSL_LDS", max_evaluations=500).solve(problem, start)
+    assert solution.values["x"] == pytest.approx(1.0, abs=1e-3)
+    assert solution.status in (Status.MAX_EVALUATIONS, Status.CONVERGED)

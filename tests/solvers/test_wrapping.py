@@ -1,0 +1,104 @@
+"""Rotation vectors beyond half a turn."""
+
+import numpy as np
+import pytest
+
+from tests.bodies_made_up import random_body
+from workbench import SOLVERS, Block, LevenbergMarquardt, Problem, residuals
+from workbench.geometry.rotation import matrix_from_vector
+from workbench.solvers.wrapping import rewrapped, shortest
+
+RNG = np.random.default_rng(0)
+BODY = random_body(3, n_vertices=15, n_joints=3, n_betas=2)
+SYMBOLS = [block.symbol for block in BODY.blocks()]
+OBSERVED = Block("observed", (15, 3), "m").symbol
+DATA = residuals.vertices(BODY.points(*SYMBOLS), OBSERVED, sigma=0.02)
+LONG = np.array([[0.1, 0.2, 0.3], [4.0, 0.0, 0.5], [0.0, -7.0, 0.2]])
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 1.0, 3.1, 3.2, 6.0, 6.2831, 6.3, 10.0, 40.0])
+def test_the_shortest_vector_is_the_same_rotation(angle: float) -> None:
+    axes = RNG.normal(size=(5, 3))
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    short = shortest(angle * axes)
+    assert (np.linalg.norm(short, axis=1) <= np.pi * (1 + 1e-12)).all()
+    for before, after in zip(angle * axes, short, strict=True):
+        np.testing.assert_allclose(
+            matrix_from_vector(after), matrix_from_vector(before), atol=1e-13 * max(1, angle)
+        )
+    if angle <= np.pi:
+        np.testing.assert_array_equal(short, angle * axes)
+
+
+def problem(*priors, bounds=None) -> Problem:
+    return Problem((DATA, *priors), ("pose", "trans"), bounds)
+
+
+def at(pose: np.ndarray) -> dict:
+    return BODY.start() | {"pose": pose, "observed": BODY.vertices(pose=LONG)}
+
+
+def test_only_joints_that_are_turned_too_far_are_rewrapped() -> None:
+    case = problem()
+    x, _ = case.split(at(LONG))
+    first, *one_by_one = rewrapped(case, x)
+    pose = case.free.unpack(first)["pose"]
+    np.testing.assert_array_equal(pose[0], LONG[0])
+    np.testing.assert_allclose(np.linalg.norm(pose[1:], axis=1) < np.pi, True)
+    assert len(one_by_one) == 2
+    assert not list(rewrapped(case, case.split(BODY.start() | at(np.zeros((3, 3))))[0]))
+
+
+def test_bounds_forbid_what_they_forbid() -> None:
+    lower, upper = np.full((3, 3), -10.0), np.full((3, 3), 10.0)
+    lower[1, 0] = 3.5  # where the shorter vector is not
+    case = problem(bounds={"pose": (lower, upper)})
+    x, _ = case.split(at(LONG))
+    (turned,) = rewrapped(case, x)
+    pose = case.free.unpack(turned)["pose"]
+    np.testing.assert_array_equal(pose[1], LONG[1])
+    assert np.linalg.norm(pose[2]) < np.pi
+
+
+@pytest.mark.parametrize(
+    "name", ["levenberg-marquardt", "gauss-newton", "dogleg", "newton", "ipopt", "nlopt-lbfgs"]
+)
+def test_nobody_ends_beyond_half_a_turn(name: str) -> None:
+    """From near the answer in its long form: the same cost, in the short form."""
+    solution = SOLVERS[name].solve(problem(), at(LONG + 0.01))
+    assert solution.cost < 1e-9
+    pose = solution.values["pose"]
+    assert (np.linalg.norm(pose, axis=1) <= np.pi * 1.001).all()
+    np.testing.assert_allclose(
+        BODY.vertices(pose=pose, trans=solution.values["trans"]),
+        BODY.vertices(pose=LONG),
+        atol=1e-5,
+    )
+
+
+def test_the_cost_never_rises_for_it() -> None:
+    solution = LevenbergMarquardt().solve(problem(), at(LONG + 0.2))
+    costs = np.array([i.cost for i in solution.trace])
+    assert (np.diff(costs) <= 1e-12 * costs[:-1] + 1e-20).all()
+    norms = [np.linalg.norm(i.values["pose"], axis=1).max() for i in solution.trace]
+    assert norms[0] > np.pi
+    assert max(norms[1:]) <= np.pi * 1.001
+
+
+def test_a_prior_that_would_rise_keeps_its_pose() -> None:
+    """A prior around the long form makes the short one dearer: it stays long."""
+    prior = residuals.gaussian(SYMBOLS[0], mean=LONG, covariance=1e-4)
+    solution = LevenbergMarquardt().solve(problem(prior), at(LONG + 0.01))
+    np.testing.assert_allclose(solution.values["pose"], LONG, atol=1e-3)
+    costs = np.array([i.cost for i in solution.trace])
+    assert (np.diff(costs) < 0).all()
+
+
+def test_a_start_near_a_full_turn_is_not_a_trap() -> None:
+    """At 2 pi the exponential map has rank 1; one step later it is a small rotation."""
+    pose = np.zeros((3, 3))
+    pose[0] = [0.0, 2 * np.pi - 0.05, 0.0]
+    start = BODY.start() | {"pose": pose, "observed": BODY.vertices(pose=np.full((3, 3), 0.3))}
+    solution = LevenbergMarquardt().solve(problem(), start)
+    assert solution.cost < 1e-9
+    assert solution.iterations < 30
