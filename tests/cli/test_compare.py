@@ -1,5 +1,9 @@
 """`workbench compare`, as a user types it."""
 
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -30,9 +34,6 @@ def test_own_problem_and_own_solver_from_the_command_to_the_page(tmp_path: Path)
     page = (tmp_path / "found" / "index.html").read_text(encoding="utf-8")
     assert "A line through three points." in page
     assert "mine" in page
-    again = workbench(*command, cwd=tmp_path)
-    assert "solving: 6 of 6" in again.stdout
-    assert "solving: 0 of 6" not in again.stdout
 
 
 @pytest.mark.parametrize(
@@ -50,3 +51,37 @@ def test_mistakes_get_a_sentence(tmp_path: Path, arguments: tuple[str, ...], sai
     assert done.returncode == 2
     assert said in " ".join(done.stderr.split())
     assert "Traceback" not in done.stderr
+
+
+SLOW = (
+    POLYNOMIAL
+    + """
+from workbench.experiments import Setup
+def setup(seed: int = 0):
+    return Setup(problem, start, "A line")
+"""
+)
+NAPPER = SOLVER.replace("return", "import time; time.sleep(0.3); return")
+
+
+def test_an_interrupt_keeps_what_was_finished(tmp_path: Path) -> None:
+    (tmp_path / "line.py").write_text(SLOW)
+    (tmp_path / "mine.py").write_text(NAPPER)
+    program = subprocess.Popen(
+        [
+            sys.executable, "-c", "from workbench.cli import main; main()", "compare", "line.py",
+            "--solver", "mine.py", "--seeds", "40", "--workers", "2", "--out", "found",
+        ],
+        cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    while len(list(tmp_path.glob("found/runs/run-*.npz"))) < 2:
+        assert program.poll() is None
+        time.sleep(0.05)
+    program.send_signal(signal.SIGINT)
+    _, said = program.communicate(timeout=60)
+    assert program.returncode == 130
+    assert "interrupted while solving" in said
+    assert "the same command goes on from there" in " ".join(said.split())
+    assert "Traceback" not in said
+    assert 2 <= len(list(tmp_path.glob("found/runs/run-*.npz"))) < 40
+    assert not (tmp_path / "found" / "index.html").exists()

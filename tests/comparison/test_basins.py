@@ -48,7 +48,7 @@ def test_a_slide_is_explained_by_the_direction_along_which_it_went() -> None:
     assert part.change == pytest.approx(0.2, rel=0.05)  # |d(hardly seen)/db|
     top = 0.5 * (0.1**2 + 0.02**2)  # near b = 0
     assert told.ridge == pytest.approx(top - found[1].cost, rel=0.05)
-    assert "100% of the way goes along directions that the data hardly notice" in str(told)
+    assert "100% of the way from here to there (1.98 units) goes along weak" in str(told)
     assert "x[b]" in str(told)
 
 

@@ -12,7 +12,7 @@ from workbench.comparison.entrants import entrants
 from workbench.comparison.identity import digest, identity
 from workbench.comparison.plan import chosen, plan
 from workbench.errors import BadFile, UnknownName
-from workbench.solvers.gauss_newton import full_step
+from workbench.solvers import full_step
 
 SOLVER = """
 from dataclasses import dataclass
@@ -83,7 +83,7 @@ def test_seeds_number_what_the_experiment_numbers() -> None:
 
 
 def test_arguments_go_to_those_who_have_them() -> None:
-    found = chosen(["known-correspondences", "nist-misra1a"], {"body": "small", "start": "2"})
+    found = chosen(["registration", "nist-misra1a"], {"body": "small", "start": "2"})
     assert found[0].arguments == {"body": "small"}
     assert found[1].arguments == {"problem": "Misra1a", "start": 2}
     with pytest.raises(UnknownName, match="'bodi'"):

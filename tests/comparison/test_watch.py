@@ -1,5 +1,6 @@
 """The problem's own counters, whoever asks and however."""
 
+import time
 from pathlib import Path
 
 import casadi as cs
@@ -67,15 +68,31 @@ def test_points_outside_the_bounds_are_no_progress(tmp_path: Path) -> None:
     assert len(Log.read(tmp_path / "log").trace) == 1
 
 
-def test_who_asks_too_often_is_stopped(tmp_path: Path) -> None:
+def test_what_comes_after_the_limit_is_no_progress_and_then_it_ends(tmp_path: Path) -> None:
     watch, log = watched(tmp_path, most=2)
     problem = watch.watched()
-    for _ in range(2):
-        problem.residual(np.ones(2), np.zeros(0))
+    for a in (3.0, 2.0, 1.0, 1.0, 1.0):  # three more to close the books
+        problem.residual(np.array([a, 1.0]), np.zeros(0))
     with pytest.raises(Stop) as stop:
         problem.residual(np.ones(2), np.zeros(0))
     assert stop.value.status is Status.MAX_EVALUATIONS
-    assert Log.read(log).evaluations.residual == 2
+    seen = Log.read(log)
+    assert seen.evaluations.residual == 5
+    assert seen.best[0] == 2.0
+
+
+def test_time_is_a_limit_too(tmp_path: Path) -> None:
+    problem = slide().problem
+    watch = Watch(problem, NOTHING, 99, 0.05, Log(tmp_path / "log", 2), closing=0.05)
+    asked = watch.watched()
+    asked.residual(np.full(2, 2.0), NOTHING)
+    time.sleep(0.06)
+    asked.residual(np.ones(2), NOTHING)
+    time.sleep(0.05)
+    with pytest.raises(Stop) as stop:
+        asked.residual(np.ones(2), NOTHING)
+    assert stop.value.status is Status.MAX_SECONDS
+    assert len(Log.read(tmp_path / "log").trace) == 1
 
 
 def test_stages_are_seen_and_other_costs_make_no_progress(tmp_path: Path) -> None:

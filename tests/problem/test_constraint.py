@@ -79,7 +79,7 @@ def test_a_miss_is_counted_in_tolerances_and_said() -> None:
     assert there.missed(np.array([0.5, 0.0])) == 0
     assert there.missed(np.array([np.nan, 0.0])) == np.inf
     assert there.worst(np.array([1.25, 1e-6])) == "a is 1.25 m, above its limit 1"
-    assert there.worst(np.array([1.0, -3.0])) == "b is -3 1, below its limit 0"
+    assert there.worst(np.array([1.0, -3.0])) == "b is -3, below its limit 0"
     np.testing.assert_array_equal(there.equal, [False, True])
 
 

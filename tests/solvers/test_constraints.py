@@ -19,6 +19,7 @@ from workbench import (
     residuals,
 )
 from workbench.errors import NotSupported
+from workbench.solvers.ipopt import ADVICE, MEANING
 from workbench.solvers.nlopt_algorithms import ALGORITHMS
 
 X = Block("x", (2,)).symbol
@@ -160,3 +161,34 @@ def test_nlopts_own_come_near(name: str) -> None:
     solution = Nlopt(name, max_evaluations=3000, max_seconds=5.0).solve(near(INSIDE), START)
     assert solution.missed <= 1
     np.testing.assert_allclose(solution.values["x"], SOLUTION, atol=0.1)
+
+
+# What IPOPT says.
+
+
+def test_more_equations_than_unknowns_are_said() -> None:
+    three = Constraint("three", cs.vertcat(X[0] + X[1], X[0] - X[1], X[0] * X[1]), 1.0, 1.0)
+    solution = LOCAL["ipopt"].solve(near(three), START)
+    assert solution.status is Status.INFEASIBLE
+    assert "more equations than unknowns; free more blocks" in solution.message
+
+
+@pytest.mark.parametrize("name", ["ipopt", "ipopt-lbfgs", "sqp", "nlopt-slsqp"])
+def test_constraints_that_contradict_each_other_are_said(name: str) -> None:
+    problem = near(Constraint("a", X[0], upper=0.0), Constraint("b", X[0], lower=1.0, unit="m"))
+    solution = LOCAL[name].solve(problem, START)
+    assert solution.status is Status.INFEASIBLE
+    assert "relax them" in solution.message
+
+
+def test_every_word_of_ipopts_has_a_meaning() -> None:
+    """The return codes of IPOPT 3.14, IpReturnCodes_inc.h."""
+    codes = """Solve_Succeeded Solved_To_Acceptable_Level Infeasible_Problem_Detected
+    Search_Direction_Becomes_Too_Small Diverging_Iterates User_Requested_Stop
+    Feasible_Point_Found Maximum_Iterations_Exceeded Restoration_Failed
+    Error_In_Step_Computation Maximum_CpuTime_Exceeded Maximum_WallTime_Exceeded
+    Not_Enough_Degrees_Of_Freedom Invalid_Problem_Definition Invalid_Option
+    Invalid_Number_Detected Unrecoverable_Exception NonIpopt_Exception_Thrown
+    Insufficient_Memory Internal_Error"""
+    assert MEANING.keys() == set(codes.split())
+    assert ADVICE.keys() <= MEANING.keys()

@@ -1,10 +1,13 @@
 """Levenberg-Marquardt's descent, and what its scaling means."""
 
+import casadi as cs
 import numpy as np
 import pytest
+import scipy.optimize
 
 from tests.solvers.problems import body_fit, decay, line, rosenbrock
-from workbench import LevenbergMarquardt, Linearization
+from workbench import Block, LevenbergMarquardt, Linearization, Problem, Residual
+from workbench.problem import steps
 from workbench.solvers import columns, identity
 
 FAR = [{"x": np.array(x)} for x in ([-1.2, 1.0], [5.0, -7.0], [-30.0, 20.0])]
@@ -62,3 +65,44 @@ def test_scalings_are_what_they_say() -> None:
     here = Linearization(np.ones(2), np.array([[3.0, 0.0, 1.0], [4.0, 0.0, 0.0]]))
     np.testing.assert_array_equal(identity(here), [1, 1, 1])
     np.testing.assert_array_equal(columns(here), [5, 1, 1])  # what nothing sees stays put
+
+
+def bdqrtic(n: int) -> tuple[Problem, dict[str, np.ndarray]]:
+    """Of Moré and Wild (SIAM J. Optim. 20, 2009): columns that vanish where x does."""
+    x = Block("x", (n,)).symbol
+    rows = [3 - 4 * x[i] for i in range(n - 4)]
+    rows += [
+        x[i] ** 2 + 2 * x[i + 1] ** 2 + 3 * x[i + 2] ** 2 + 4 * x[i + 3] ** 2 + 5 * x[n - 1] ** 2
+        for i in range(n - 4)
+    ]
+    return Problem((Residual("bdqrtic", cs.vertcat(*rows), 1.0),), ("x",)), {"x": np.ones(n)}
+
+
+@pytest.mark.parametrize("n", [8, 10, 11, 12])
+def test_a_column_that_vanishes_gives_no_licence(n: int) -> None:
+    """With D = |J_i| of each iterate alone it runs aground at several times the least cost."""
+    problem, start = bdqrtic(n)
+    x, fixed = problem.split(start)
+    expected = scipy.optimize.least_squares(
+        lambda x: problem.residual(x, fixed),
+        x,
+        jac=lambda x: problem.linearize_at(x, fixed).jacobian,
+        xtol=1e-14,
+        ftol=1e-14,
+    )
+    solution = LevenbergMarquardt(scaling=columns).solve(problem, start)
+    assert solution.cost == pytest.approx(expected.cost, rel=1e-8)
+
+
+@pytest.mark.parametrize("by", [steps.qr, steps.svd, steps.cholesky])
+def test_the_linear_algebra_is_a_value(by) -> None:
+    """Whoever it is, the way is the same; what Cholesky declines is damped until it does not."""
+    problem, start = decay()
+    solution = LevenbergMarquardt(linear_algebra=by).solve(problem, start)
+    assert solution.converged
+    assert set(solution.linear_algebra) == {by.__name__}
+    x = Block("x", (2,)).symbol
+    blind = Problem((Residual("sum", x[0] + x[1] - 1.0, 1.0),), ("x",))
+    solution = LevenbergMarquardt(linear_algebra=by).solve(blind, {"x": np.zeros(2)})
+    assert solution.converged
+    np.testing.assert_allclose(solution.values["x"], [0.5, 0.5], atol=1e-6)

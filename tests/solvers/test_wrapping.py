@@ -90,6 +90,8 @@ def test_a_prior_that_would_rise_keeps_its_pose() -> None:
     prior = residuals.gaussian(SYMBOLS[0], mean=LONG, covariance=1e-4)
     solution = LevenbergMarquardt().solve(problem(prior), at(LONG + 0.01))
     np.testing.assert_allclose(solution.values["pose"], LONG, atol=1e-3)
+    costs = np.array([i.cost for i in solution.trace])
+    assert (np.diff(costs) < 0).all()
 
 
 def test_a_start_near_a_full_turn_is_not_a_trap() -> None:

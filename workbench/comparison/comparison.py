@@ -15,6 +15,7 @@ from workbench.comparison.plan import Instance, Plan
 from workbench.comparison.record import Record
 from workbench.comparison.targets import TAUS, Verdict, Yardstick, verdict
 from workbench.comparison.watch import KINDS
+from workbench.experiments.comparison import way_left
 from workbench.solvers import Evaluations
 
 Array = NDArray[np.float64]
@@ -177,8 +178,7 @@ class Comparison:
         counts = [getattr(record.evaluations, kind) for kind in KINDS]
         last = np.array([*counts, max(record.seen.seconds, rows[-1, 4]), rows[-1, 5]])
         rows = np.vstack([rows, last])
-        whole = yardstick.start - yardstick.best
-        gap = (rows[:, 5] - yardstick.best) / (whole if whole > 0 else 1.0)
+        gap = way_left(rows[:, 5], yardstick.best, yardstick.start)
         units = self.units(instance.problem, rows[:, :4])
         return np.column_stack([units, rows[:, 4], np.maximum(gap, 0.0)])
 
@@ -221,6 +221,12 @@ class Comparison:
         """Two solvers on the same starts."""
         needed, names = self.needed(tau), self.solvers
         return statistics.duel(needed[:, names.index(a)], needed[:, names.index(b)])
+
+    def surer(self, a: str, b: str, tau: float = MAIN) -> statistics.Duel:
+        """The same by success alone: a win is a target that only one of them met."""
+        met = np.where(np.isfinite(self.needed(tau)), 1.0, np.inf)
+        names = self.solvers
+        return statistics.duel(met[:, names.index(a)], met[:, names.index(b)])
 
 
 def ended(

@@ -1,15 +1,9 @@
-"""Worker processes that can be killed, and the pool that lends them out.
+"""Worker processes that can be killed, and the pool that lends them out."""
 
-They are started as plain subprocesses, so this works in daemonic processes as well, which may not
-have children by `multiprocessing`: those of Dask's nannies, or of joblib.
-"""
-
-import os
+import atexit
 import pickle
 import queue
 import signal
-import subprocess
-import sys
 import tempfile
 import threading
 from contextlib import suppress
@@ -20,26 +14,18 @@ from typing import Any
 
 from workbench.comparison.jobs import Answer, Failed, Job, Lost, Solve
 from workbench.comparison.machine import machine
+from workbench.comparison.processes import FORKING, Nursery, Plain, Process
 from workbench.comparison.record import Ending, ended_early
 from workbench.comparison.watch import Log
-from workbench.threads import thread_count
 
 STARTING = 120.0  # s, for Python to start and import the workbench
-COMMAND = "from workbench.comparison.worker import main; main()"
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 class Worker:
     """One process; it lives until it is killed, or its input is closed."""
 
-    def __init__(self) -> None:
-        paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
-        environment = os.environ | {"PYTHONPATH": paths}
-        environment |= dict.fromkeys(THREADS, str(thread_count()))
-        self._process = subprocess.Popen(
-            [sys.executable, "-c", COMMAND], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL, env=environment, start_new_session=True,
-        )  # fmt: skip
+    def __init__(self, process: Process) -> None:
+        self._process = process
         self._said: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._listener = threading.Thread(target=self._listen, daemon=True)
         self._listener.start()
@@ -48,9 +34,8 @@ class Worker:
         """The answer, or why there is none; a worker that was lost cannot be asked again."""
         phase, limit = "starting", STARTING
         try:
-            assert self._process.stdin is not None
-            pickle.dump(job, self._process.stdin)
-            self._process.stdin.flush()
+            pickle.dump(job, self._process.writing)
+            self._process.writing.flush()
         except OSError:
             return self._lost(phase, killed=False)
         while True:
@@ -64,23 +49,17 @@ class Worker:
                 return said  # type: ignore[no-any-return]  # what the worker sends
             phase, limit = said
 
-    def kill(self) -> None:
-        """At once, with whatever it has started itself."""
-        with suppress(OSError):
-            if hasattr(os, "killpg"):
-                os.killpg(self._process.pid, signal.SIGKILL)
-            else:
-                self._process.kill()
-        self._process.wait()
+    def kill(self) -> int:
+        """At once, with whatever it has started itself; the code that it ended with."""
+        code = self._process.end()
         self._listener.join(timeout=10)
-        for pipe in (self._process.stdin, self._process.stdout):
+        for end in (self._process.reading, self._process.writing):
             with suppress(OSError):
-                if pipe is not None:
-                    pipe.close()
+                end.close()
+        return code
 
     def _lost(self, phase: str, killed: bool) -> Lost:
-        self.kill()
-        code = self._process.returncode
+        code = self.kill()
         said = f"in the phase of {phase}, "
         if killed:
             return Lost(phase, True, said + "it took too long")
@@ -88,10 +67,9 @@ class Worker:
         return Lost(phase, False, said + f"its process died ({by})")
 
     def _listen(self) -> None:
-        assert self._process.stdout is not None
-        with suppress(Exception):  # whatever happens to the pipe is its end
+        with suppress(Exception):  # whatever happens to the channel is its end
             while True:
-                self._said.put(pickle.load(self._process.stdout))
+                self._said.put(pickle.load(self._process.reading))
         self._said.put(None)
 
 
@@ -103,12 +81,13 @@ class Pool:
         self._idle: dict[str, list[Worker]] = {}
         self.unrehearsed: set[str] = set()  # solvers that do not survive a rehearsal
         self._busy: set[Worker] = set()
+        self._nursery: Nursery | None = None
 
     def ask(self, job: Job) -> Answer | Failed | Lost:
         """Ask an idle worker, or a new one."""
         with self._lock:
             idle = self._idle.setdefault(job.own, [])
-            worker = idle.pop() if idle else Worker()
+            worker = idle.pop() if idle else Worker(self._process())
             self._busy.add(worker)
         answer: Answer | Failed | Lost | None = None
         try:
@@ -123,19 +102,38 @@ class Pool:
                 if well:
                     self._idle.setdefault(job.own, []).append(worker)
 
+    def _process(self) -> Process:
+        if not FORKING:
+            return Plain()
+        try:
+            if self._nursery is not None:
+                return self._nursery.new()
+        except OSError:  # it is gone: another one
+            pass
+        self._nursery = Nursery()
+        return self._nursery.new()
+
     def close(self) -> None:
-        """End every worker, busy or not."""
+        """End every worker, busy or not; what they are forked from stays for the next ones."""
         with self._lock:
             every = [*self._busy, *(w for idle in self._idle.values() for w in idle)]
             self._idle.clear()
         for worker in every:
             worker.kill()
 
+    def end(self) -> None:
+        """End everything."""
+        self.close()
+        if self._nursery is not None:
+            self._nursery.close()
+
 
 @cache
 def pool() -> Pool:
     """The one of this process: threads share it, and a Dask worker keeps it between tasks."""
-    return Pool()
+    made = Pool()
+    atexit.register(made.end)
+    return made
 
 
 def answered(job: Job) -> Answer | Failed:

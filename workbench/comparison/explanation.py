@@ -53,39 +53,35 @@ class Explanation:
     def __str__(self) -> str:
         said = (
             f"It costs {self.cost - self.best:.4g} more than the best end ({self.cost:.6g} against "
-            f"{self.best:.6g}), which lies {self.length:.3g} units away. "
+            f"{self.best:.6g}). "
         )
+        way = f"{self.share:.0%} of the way from here to there ({self.length:.3g} units)"
         if self.share >= ENOUGH and self.parts:
             named = "; ".join(
-                f"{p.name} ({p.length:.2g}, where one unit changes the data by "
-                f"{p.change:.2g} sigma)"
+                f"{p.name.partition(': ')[0]} ({p.length:.2g} units, {p.change:.2g} sigma for one)"
                 for p in self.parts
             )
             said += (
-                f"{self.share:.0%} of the way goes along directions that the data hardly "
-                f"notice at the lost end, so that little held the solver back from sliding there; "
-                f"most of all {named}. "
+                f"{way} goes along weak directions, so the data did little to keep a solver from "
+                f"sliding here; most of all {named}. "
             )
         else:
             said += (
-                f"Only {self.share:.0%} of the way goes along directions that are weak at the lost "
-                f"end; it is mostly {self.rest}, which the data do notice: not a slide, but "
-                "another minimum. "
+                f"Only {way} goes along weak directions; it is mostly {self.rest}, which the data "
+                "do notice: not a slide, but another minimum. "
             )
         if self.ridge > 0:
-            said += (
-                f"On the straight line between them the cost rises by {self.ridge:.3g}: no method "
-                "that only goes down comes back that way."
+            return said + (
+                f"On the straight line between them the cost rises by {self.ridge:.3g}: whoever "
+                "only goes down does not come back that way."
             )
-        else:
-            said += "On the straight line between them the cost only falls."
-        return said
+        return said + "On the straight line between them the cost only falls."
 
 
 def explain(
     problem: Problem, fixed: Array, lost: Basin, best: Basin, priors: tuple[str, ...] = ()
 ) -> Explanation:
-    """Decompose the way on the named directions that the data hardly notice at the lost end, those
+    """Decompose the way on the named directions that are weak at the lost end, those
     residuals being left out that are priors.
 
     Weak is a singular value below a tenth of the median one, or below one sigma for a whole unit

@@ -16,7 +16,8 @@ import numpy as np
 import workbench
 
 DEEP = 8  # levels that are looked into
-NOT_COUNTED = {"plots", "reports", "cli"}  # rooms that no result depends on
+NOT_COUNTED = {"plots", "reports", "cli"}  # rooms that no stored result depends on
+DERIVED = {"comparison", "profiles", "statistics", "store", "targets", "tidy", "words"}  # of ours
 COMPUTE = ("casadi", "numpy", "scipy", "nlopt")
 
 
@@ -85,7 +86,9 @@ def code_version() -> str:
     root = Path(workbench.__file__).parent
     found = hashlib.sha256()
     for path in sorted(root.rglob("*.py")):
-        if path.relative_to(root).parts[0] not in NOT_COUNTED:
+        room = path.relative_to(root).parts[0]
+        derived = room == "comparison" and path.stem in DERIVED
+        if room not in NOT_COUNTED and not derived:
             found.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
     for package in COMPUTE:
         try:

@@ -45,7 +45,9 @@ def carry_out(job: Solve, setup: Setup, say: Say) -> Record:
     random.seed(job.repetition)
     np.random.seed(job.repetition)  # for solvers that draw from the common generator
     say("solving", longest)
-    watch = Watch(problem, fixed, budget.max_evaluations, budget.max_seconds, log)
+    watch = Watch(
+        problem, fixed, budget.max_evaluations, budget.max_seconds, log, closing=job.grace / 2
+    )
     ending, message, found = _ask(solver, watch.watched(), setup.start, job)
     seconds = watch.seconds
     say("looking at its end", budget.build_seconds)

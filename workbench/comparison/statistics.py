@@ -18,10 +18,6 @@ class Interval:
     low: float
     high: float
 
-    def overlaps(self, other: "Interval") -> bool:
-        """Whether the two intervals meet."""
-        return self.low <= other.high and other.low <= self.high
-
 
 def rate(successes: int, trials: int) -> Interval:
     """A proportion with Wilson's score interval (1927), which is right for 0 and for all, too."""

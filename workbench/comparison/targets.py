@@ -34,8 +34,8 @@ class Verdict(Enum):
     FALSE_CLAIM = "claims convergence where the cost still slopes"
     STALLED = "gave up where the cost still slopes"
     OUT_OF_BUDGET = "ran out of evaluations, iterations or time"
-    NOT_STOPPING = "did not stop in time; its process was ended"
-    CRASHED = "its process died"
+    NOT_STOPPING = "did not stop in time, and was ended with its process"
+    CRASHED = "died, and its process with it"
     RAISED = "raised an exception"
     NO_SOLUTION = "returned no solution, or one that is not finite"
     NOT_ALLOWED = "returned a point that bounds or constraints forbid"
@@ -88,6 +88,13 @@ def stationary(record: Record, tolerance: float) -> bool:
 def claims(record: Record) -> bool:
     """Whether it said that it converged."""
     return record.claim == Status.CONVERGED.name
+
+
+def ended_by_clock(record: Record) -> bool:
+    """Whether more time might have led it further: a quicker machine may tell another story."""
+    out_of_time = record.claim == Status.MAX_SECONDS.name
+    cut = record.ending is Ending.CUT and record.message == Status.MAX_SECONDS.value
+    return out_of_time or cut or record.ending is Ending.KILLED
 
 
 def verdict(record: Record, yardstick: Yardstick, lowest: bool | None, tolerance: float) -> Verdict:

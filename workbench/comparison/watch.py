@@ -23,6 +23,7 @@ Evaluate = Callable[[Array, Array], T]
 KINDS = ("residual", "gradient", "jacobian", "hessian")
 HEAD = 12  # n, rows, 4 counts, 4 times, not finite, seconds
 ROW = 6  # 4 counts, seconds, cost
+CLOSING = 3  # evaluations after the last one that counts
 ROWS = 20_000  # improvements that are kept
 
 
@@ -76,13 +77,22 @@ class Log:
 class Watch:
     """Counts, clock and limits of one run. The clock starts when the watch is made, and stands
     still while a graph is built, or while we look at whether a point is allowed.
+
+    What comes after the limits is no progress. A solver that ends by itself has a few evaluations,
+    and `closing` seconds, to look at its answer; whoever asks on is stopped by a Stop.
     """
 
     def __init__(
-        self, problem: Problem, fixed: Array, max_evaluations: int, max_seconds: float, log: Log
+        self,
+        problem: Problem,
+        fixed: Array,
+        max_evaluations: int,
+        max_seconds: float,
+        log: Log,
+        closing: float = 0.0,
     ) -> None:
         self._problem, self._fixed, self._log = problem, fixed, log
-        self._most, self._longest = max_evaluations, max_seconds
+        self._most, self._longest, self._closing = max_evaluations, max_seconds, closing
         self._counts, self._spent = dict.fromkeys(KINDS, 0), dict.fromkeys(KINDS, 0.0)
         self._not_finite, self._best, self._paused = 0, np.inf, 0.0
         self._began = time.perf_counter()
@@ -138,10 +148,10 @@ class Watch:
 
     def _asked(self, kind: str, compute: Callable[[], T]) -> tuple[T, float]:
         """The answer, and the time on the clock when it came."""
-        if sum(self._counts.values()) >= self._most:
+        if sum(self._counts.values()) >= self._most + CLOSING:
             raise Stop(Status.MAX_EVALUATIONS)
         before = self.seconds
-        if before > self._longest:
+        if before > self._longest + self._closing:
             raise Stop(Status.MAX_SECONDS)
         self._counts[kind] += 1
         answer = compute()
@@ -152,13 +162,16 @@ class Watch:
     def _heard(self, at: Callable[[], Array], cost: float, seconds: float) -> None:
         if not np.isfinite(cost):
             self._not_finite += 1
-        elif cost < self._best:
+        elif cost < self._best and self._within(seconds):
             with self._standing_still():
                 x = at()
                 allowed = feasible(self._problem, x, self._fixed)
             if allowed:
                 self._best = cost
                 self._log.better(x, (*self._counts.values(), seconds, cost))
+
+    def _within(self, seconds: float) -> bool:
+        return sum(self._counts.values()) <= self._most and seconds <= self._longest
 
     def _note(self, seconds: float) -> None:
         self._log.numbers[2:HEAD] = (

@@ -1,5 +1,7 @@
 """What a comparison says, in sentences; each of them is a statement about its numbers."""
 
+import math
+
 from workbench.comparison.comparison import MAIN, Comparison
 from workbench.comparison.statistics import Interval
 from workbench.comparison.targets import Verdict, named
@@ -18,12 +20,16 @@ def surest(comparison: Comparison, tau: float = MAIN) -> tuple[str, ...]:
 
 
 def as_sure(comparison: Comparison, tau: float = MAIN) -> tuple[str, ...]:
-    """Those whose rate cannot be told from the highest: the intervals meet."""
+    """Those that cannot be told from the surest: of the starts from which only one of the two met
+    the target, its share may be one half by chance. Whoever never met it is not among them.
+    """
     first = surest(comparison, tau)
-    if not first:
-        return ()
-    highest = comparison.success(first[0], tau)
-    return tuple(s for s in comparison.solvers if comparison.success(s, tau).overlaps(highest))
+    return tuple(
+        s
+        for s in comparison.solvers
+        if first and comparison.success(s, tau).value > 0
+        if s in first or not comparison.surer(first[0], s, tau).decided
+    )
 
 
 def advice(comparison: Comparison, tau: float = MAIN) -> tuple[str, ...]:
@@ -43,8 +49,8 @@ def advice(comparison: Comparison, tau: float = MAIN) -> tuple[str, ...]:
     if len(alike) > len(first):
         others = _and(tuple(s for s in alike if s not in first))
         said.append(
-            f"From so few starts {others} cannot be told from that: the 95 % intervals of the "
-            "rates meet."
+            f"From so few starts {others} cannot be told from that: too few were met by only one "
+            "of a pair."
         )
     said += _quickest(comparison, alike, tau)
     said += _lost(comparison)
@@ -60,11 +66,14 @@ def _quickest(comparison: Comparison, among: tuple[str, ...], tau: float) -> lis
         duels = {s: comparison.duel(one, s, tau) for s in others}
         if all(d.share.low > 0.5 for d in duels.values()):
             return [
-                f"Among these take {one} when effort counts: compared in pairs from the same "
-                f"starts it needed less than each of {_and(tuple(others))}, beyond chance."
+                f"Among these take {one} when effort counts: in pairs from the same starts it "
+                f"was ahead of each of {_and(tuple(others))} beyond chance (it needed less, or met "
+                "the target alone)."
             ]
     median = {s: comparison.effort(s, tau).value for s in among}
     least = min(median, key=lambda s: median[s])
+    if median[least] == math.inf:
+        return ["None of these met it from more than half of the starts, so none is the quickest."]
     unbeaten = [s for s in among if s != least and not comparison.duel(least, s, tau).decided]
     if not unbeaten:
         return []

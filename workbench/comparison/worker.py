@@ -1,4 +1,4 @@
-"""A worker process: it reads jobs from its standard input and answers on its standard output.
+"""A worker process: it reads jobs from a channel and answers there.
 
 Whatever a solver or a problem prints goes nowhere, so that it cannot mix with the answers. An
 alarm of the system ends the process should it hang after whoever started it has gone.
@@ -7,21 +7,24 @@ alarm of the system ends the process should it hang after whoever started it has
 import os
 import pickle
 import signal
+import socket
+import sys
 from collections import OrderedDict
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NoReturn
 
 from workbench.comparison.description import describe
 from workbench.comparison.identity import identity
 from workbench.comparison.jobs import Answer, Describe, Failed, Job, Judge, Solve
 from workbench.comparison.judgement import judge
 from workbench.comparison.plan import SentExperiment
+from workbench.comparison.processes import FORK, NUMBER, WAIT
 from workbench.comparison.running import carry_out
 from workbench.errors import UnknownName, WorkbenchError
 from workbench.experiments.experiment import Setup
 from workbench.threads import limited_threads
 
 KEPT = 4  # problems that stay built
-ORPHAN = 30.0  # s after a limit, at which the system ends a process that nobody ended
+ORPHAN = 5.0  # s after a limit, at which the system ends a process that nobody ended
 
 
 class Builder:
@@ -41,9 +44,48 @@ class Builder:
         return self._built[key]
 
 
-def main() -> None:
-    """Serve until the input ends."""
-    incoming, outgoing = _own_pipes()
+def plain() -> None:
+    """In a process of its own: jobs come on the standard input."""
+    incoming, outgoing = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    _silence()
+    serve(incoming, outgoing)
+
+
+def nursery(control: int) -> None:
+    """In a process that forks whenever it is asked to on a socket, until that is closed."""
+    with socket.socket(fileno=control) as asked:
+        while True:
+            what, handles, _, _ = socket.recv_fds(asked, 1, 1)
+            if what == FORK:
+                pid = os.fork()
+                if pid == 0:
+                    asked.close()
+                    _child(handles[0])
+                os.close(handles[0])
+                asked.sendall(NUMBER.pack(pid))
+            elif what == WAIT:
+                _, status = os.waitpid(NUMBER.unpack(asked.recv(NUMBER.size))[0], 0)
+                asked.sendall(NUMBER.pack(os.waitstatus_to_exitcode(status)))
+            else:
+                return
+
+
+def _child(handle: int) -> NoReturn:
+    """What was forked; it leaves without the clean-up that is its parent's."""
+    try:
+        os.setsid()
+        _silence()
+        with socket.socket(fileno=handle) as channel:
+            incoming, outgoing = channel.makefile("rb"), channel.makefile("wb")
+            sys.path[:], folder = pickle.load(incoming)
+            os.chdir(folder)
+            serve(incoming, outgoing)
+    finally:
+        os._exit(0)
+
+
+def serve(incoming: BinaryIO, outgoing: BinaryIO) -> None:
+    """Answer until the input ends."""
     builder = Builder()
 
     def send(message: Any) -> None:
@@ -89,10 +131,8 @@ def _reason(error: BaseException) -> str:
     return f"{type(error).__name__}: {error}"
 
 
-def _own_pipes() -> tuple[BinaryIO, BinaryIO]:
-    """Input and output for jobs alone; what others read and write is nothing."""
-    incoming, outgoing = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+def _silence() -> None:
+    """What others read and write is nothing, so that it cannot mix with jobs and answers."""
     nothing = os.open(os.devnull, os.O_RDWR)
     for standard in (0, 1, 2):
         os.dup2(nothing, standard)
-    return incoming, outgoing

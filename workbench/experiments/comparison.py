@@ -3,12 +3,16 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
 from workbench.blocks import Values
 from workbench.errors import WorkbenchError
 from workbench.experiments.blame import caused_by
 from workbench.problem import Problem
 from workbench.solvers import SOLVERS, Solution, Solver, Status
 
+Array = NDArray[np.float64]
 AS_GOOD = 1e-6  # of the best cost: ends that differ by less are the same end
 SMALLEST = 1e-16  # of the cost at the start: below it a difference of costs is rounding
 
@@ -32,6 +36,14 @@ def share_above(cost: float, best: float, start: float) -> float:
     if above <= SMALLEST * start:
         return 0.0
     return above / abs(best) if best else math.inf * above
+
+
+def way_left(costs: ArrayLike, best: float, start: float) -> Array:
+    """(cost - best) / (start - best): 1 at the start, 0 at the best; differences where the start
+    is no higher than the best.
+    """
+    whole = start - best
+    return (np.asarray(costs, dtype=float) - best) / (whole if whole > 0 else 1.0)
 
 
 def start_cost(among: Mapping[str, Solution]) -> float:

@@ -1,4 +1,4 @@
-"""How many digits of a certified answer each solver attained."""
+"""How many digits of a known answer each solver attained."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,7 +13,7 @@ ENOUGH = 4  # digits, for a fit to count as right
 
 
 def plot_accuracy(comparison: Comparison, *, ax: Axes) -> Axes:
-    """A mark per run with a certified answer: digits that agree, of the worst parameter."""
+    """A mark per run with a known answer: digits that agree, of the worst parameter."""
     rng = np.random.default_rng(0)
     y = np.arange(len(comparison.solvers))[::-1]
     for k, solver in enumerate(comparison.solvers):
@@ -29,7 +29,7 @@ def plot_accuracy(comparison: Comparison, *, ax: Axes) -> Axes:
     ax.set_yticks(y, [plain(s) for s in comparison.solvers])
     ax.set_xlim(-0.3, CERTIFIED_DIGITS + 0.3)
     ax.set_ylim(-0.6, len(comparison.solvers) - 0.4)
-    ax.set_xlabel("digits that agree with the certified answer (log relative error)")
+    ax.set_xlabel("digits that agree with the known answer (log relative error)")
     ax.grid(axis="x", color=FAINT, alpha=0.25, linewidth=0.6)
     return ax
 
@@ -37,7 +37,8 @@ def plot_accuracy(comparison: Comparison, *, ax: Axes) -> Axes:
 def caption_accuracy(comparison: Comparison) -> str:
     """What `plot_accuracy` shows."""
     return (
-        "Attained accuracy where the answer is certified: a mark per run, the number of digits of "
-        f"the worst parameter, {CERTIFIED_DIGITS} at most; a run without an answer has 0. The bar "
-        f"is the mean. Right of the dashed line, at {ENOUGH} digits, a fit counts as right."
+        "Attained accuracy where the answer is known beforehand: a mark per run, the number of "
+        f"digits of the worst parameter, {CERTIFIED_DIGITS} at most; a run without an answer has "
+        f"0. The bar is the mean. Right of the dashed line, at {ENOUGH} digits, a fit counts as "
+        "right."
     )

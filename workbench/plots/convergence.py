@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
-from workbench.experiments.comparison import SMALLEST, as_good, best_cost, start_cost
+from workbench.experiments.comparison import SMALLEST, as_good, best_cost, start_cost, way_left
 from workbench.plots.lettering import plain
 from workbench.plots.palette import DASHES, FAINT, LINES, MARKERS
 from workbench.solvers import Iterate, Solution, Status
@@ -112,10 +112,7 @@ def caption_convergence(solutions: Mapping[str, Solution]) -> str:
 
 def gap(solution: Solution, among: Mapping[str, Solution]) -> Array:
     """What is drawn: (cost - best) / (start - best) of each iterate; 0 where nothing was lost."""
-    best = best_cost(among)
-    whole = start_cost(among) - best
-    costs = np.array([i.cost for i in solution.trace], dtype=float)
-    return (costs - best) / (whole if whole > 0 else 1.0)
+    return way_left([i.cost for i in solution.trace], best_cost(among), start_cost(among))
 
 
 def _floor(gaps: Mapping[str, Array]) -> float:

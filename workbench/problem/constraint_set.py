@@ -99,7 +99,8 @@ class ConstraintSet:
         below = self.lower[row] - values[row] > values[row] - self.upper[row]
         unit = next(c.unit for i, c in enumerate(self.constraints) if self._edges[i + 1] > row)
         side, limit = ("below", self.lower[row]) if below else ("above", self.upper[row])
-        return f"{self.label(row)} is {values[row]:.6g} {unit}, {side} its limit {limit:.6g}"
+        unit = "" if unit == "1" else f" {unit}"
+        return f"{self.label(row)} is {values[row]:.6g}{unit}, {side} its limit {limit:.6g}"
 
     @cached_property
     def _edges(self) -> list[int]:

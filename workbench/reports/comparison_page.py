@@ -8,7 +8,7 @@ from workbench.comparison import Comparison
 from workbench.comparison.comparison import MAIN
 from workbench.comparison.identity import code_version, identity
 from workbench.comparison.store import MARK, RUNS
-from workbench.comparison.targets import Verdict, named
+from workbench.comparison.targets import Verdict, ended_by_clock, named
 from workbench.comparison.tidy import write_csv
 from workbench.comparison.words import advice, basin_sentence
 from workbench.plots import comparison_sheets as sheets
@@ -129,6 +129,8 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
         budget=budget,
         taus=", ".join(named(tau) for tau in comparison.taus),
         machines=machines(comparison),
+        by_clock=sum(ended_by_clock(r) for r in comparison.records.values()),
+        runs=len(comparison.records),
         versions=versions(),
         files=files,
     )  # fmt: skip
@@ -144,8 +146,9 @@ def _of(comparison: Comparison, problem: str) -> dict[str, Any]:
     """What the page says of one problem."""
     instances = comparison.of(problem)
     several = any(len(comparison.judgement(i.name).costs) > 1 for i in instances)
+    own = len({id(comparison.judgement(i.name)) for i in instances}) > 1  # data for each start
     explained = {
-        f"{group[0] if len(group) == 1 else problem}, basin {k + 1}": str(e)
+        (f"{group[0]}, basin {k + 1}" if own else f"basin {k + 1}"): str(e)
         for group, judgement in zip(comparison.groups, comparison.judgements, strict=True)
         if group[0] in {i.name for i in instances}
         for k, e in judgement.explanations.items()

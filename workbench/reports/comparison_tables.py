@@ -158,7 +158,9 @@ def basins_table(comparison: Comparison, problem: str) -> Table:
                     number(judgement.optimality[k], 2), str(len(who)), each,
                 )
             )  # fmt: skip
-    head = ("problem", "basin", "cost", "above f*", "optimality", "ends", "whose")
+    head = ("start", "basin", "cost", "above f*", "optimality", "ends", "whose")
+    if len(seen) == 1:  # of the problem as a whole
+        return Table(head[1:], tuple(row[1:] for row in rows), (0, 1, 2, 3, 4))
     return Table(head, tuple(rows), (1, 2, 3, 4, 5))
 
 

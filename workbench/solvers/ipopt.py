@@ -31,6 +31,17 @@ MEANING = {  # of the return codes; `Run.solution` decides about convergence its
     "Maximum_WallTime_Exceeded": Status.MAX_SECONDS,
     "Invalid_Number_Detected": Status.NOT_FINITE,
     "User_Requested_Stop": Status.STOPPED,
+    **dict.fromkeys(
+        (
+            "Invalid_Problem_Definition",
+            "Invalid_Option",
+            "Unrecoverable_Exception",
+            "NonIpopt_Exception_Thrown",
+            "Insufficient_Memory",
+            "Internal_Error",
+        ),
+        Status.STALLED,
+    ),
 }
 ADVICE = {  # where the status alone does not say it
     "Restoration_Failed": "the way back to the constraints was lost; start nearer to them",
@@ -38,6 +49,10 @@ ADVICE = {  # where the status alone does not say it
     "Diverging_Iterates": "the unknowns run away; bound the blocks or give them a prior",
     "Not_Enough_Degrees_Of_Freedom": "more equations than unknowns; free more blocks",
     "Infeasible_Problem_Detected": "no point near here meets the constraints; relax them",
+    "Invalid_Problem_Definition": "it does not take this problem; try another solver",
+    "Unrecoverable_Exception": "it broke down inside; try another solver",
+    "NonIpopt_Exception_Thrown": "it broke down inside; try another solver",
+    "Internal_Error": "it broke down inside; try another solver",
     "Insufficient_Memory": "out of memory; use the Gauss-Newton or the limited-memory Hessian",
 }
 

@@ -1,8 +1,11 @@
 """How far a run may go, and the end of one."""
 
-from typing import Protocol
+from collections.abc import Callable
+from typing import Protocol, TypeVar
 
 from workbench.solvers.solution import Status
+
+T = TypeVar("T")
 
 
 class Limits(Protocol):
@@ -31,3 +34,13 @@ class Stop(Exception):
     def __init__(self, status: Status, message: str = "") -> None:
         super().__init__(message or status.value)
         self.status, self.message = status, message or status.value
+
+
+def guarded(function: Callable[[], T]) -> T:
+    """What a function of the user's gives; what it raises is a Stop that quotes it."""
+    try:
+        return function()
+    except (Stop, KeyboardInterrupt):
+        raise
+    except Exception as error:
+        raise Stop(Status.RAISED, f"the residual raised {type(error).__name__}: {error}") from error

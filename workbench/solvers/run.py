@@ -14,7 +14,7 @@ from workbench.blocks import Values
 from workbench.problem import Linearization, Problem
 from workbench.problem.constraint_set import Constrained
 from workbench.solvers.best import Best
-from workbench.solvers.limits import Limits, Stop
+from workbench.solvers.limits import Limits, Stop, guarded
 from workbench.solvers.solution import Callback, Evaluations, Iterate, Solution, Status
 from workbench.solvers.wrapping import rewrapped
 from workbench.threads import limited_threads
@@ -23,7 +23,8 @@ Array = NDArray[np.float64]
 T = TypeVar("T")
 NOT_FINITE_IN_A_ROW = 100  # a line search that halves has long met rounding by then
 BOUGHT = 1e-5  # of the cost: points that are cheaper by less, and no more, may owe it to a miss
-POLISHED = 0.9  # of the optimality before, at least, where costs no longer tell points apart
+TRIES = 6  # at a point that is more stationary, each step more cautious than the last
+POLISHED = 0.99  # of the optimality before, at most, where costs no longer tell points apart
 
 
 class Trial(NamedTuple):
@@ -54,6 +55,7 @@ class Run:
         self.not_finite = 0  # points in a row at which the residual was NaN or infinite
         self.met_not_finite = -2  # how long the trace was when the last of them was met
         self.rounding = 0.0
+        self._unpolished = 0  # tries in a row that did not lead to a more stationary point
         self._linearized: tuple[Array, Linearization] | None = None  # the last one
         self._recorded: Array | None = None  # the last one
         self._threads = ExitStack()
@@ -103,7 +105,7 @@ class Run:
             raise Stop(Status.NOT_FINITE)
         self._linearized = x.copy(), here
         if not self.rounding:
-            self.rounding = _guarded(lambda: self.problem.rounding(x, self.fixed))
+            self.rounding = guarded(lambda: self.problem.rounding(x, self.fixed))
         return here
 
     def hessian(self, x: Array) -> Array:
@@ -137,7 +139,7 @@ class Run:
     def _evaluate(self, kind: str, function: Callable[[], T]) -> T:
         self.check()
         self.counts[kind] += 1
-        return _guarded(function)
+        return guarded(function)
 
     def _kept(self, x: Array, cost: float, here: Linearization | None = None) -> float:
         there, missed = self.problem.stacked_constraints, 0.0
@@ -163,8 +165,8 @@ class Run:
     def gain(self, x: Array, here: Linearization, to: Array, promised: float) -> Trial:
         """The fall of the cost from x to another point, as a share of what was promised.
 
-        A promise that rounding would hide is kept by a point that is more stationary; if it is
-        not, there is nothing more to gain and the run ends.
+        A promise that rounding would hide is kept by a point that is more stationary; if
+        several in a row are not, there is nothing more to gain and the run ends.
         """
         if not promised > 0:
             return Trial(-np.inf)
@@ -172,9 +174,13 @@ class Run:
         if promised > self.noise(here.cost) or not np.isfinite(cost):
             return Trial((here.cost - cost) / promised)
         there = self.linearize(to)
-        if not self.optimality(to, there) <= POLISHED * self.optimality(x, here):
+        if self.optimality(to, there) <= POLISHED * self.optimality(x, here):
+            self._unpolished = 0
+            return Trial(1.0, there)
+        self._unpolished += 1
+        if self._unpolished > TRIES:
             self.stall()
-        return Trial(1.0, there)
+        return Trial(-np.inf)
 
     def unless_solved(self, x: Array) -> None:
         """End the run at a start that needs no solver: a warm one."""
@@ -289,13 +295,3 @@ class Run:
         if self._linearized is not None and np.array_equal(self._linearized[0], self.best.x):
             return self._linearized[1]
         return self.problem.linearize_at(self.best.x, self.fixed)
-
-
-def _guarded(function: Callable[[], T]) -> T:
-    """What a function of the user's gives; what it raises is a Stop that quotes it."""
-    try:
-        return function()
-    except (Stop, KeyboardInterrupt):
-        raise
-    except Exception as error:
-        raise Stop(Status.RAISED, f"the residual raised {type(error).__name__}: {error}") from error
