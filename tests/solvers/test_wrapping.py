@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.bodies_made_up import random_body
-from workbench import SOLVERS, Block, LevenbergMarquardt, Problem, residuals
+from workbench import SOLVERS, Block, Constraint, LevenbergMarquardt, Problem, residuals
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.solvers.wrapping import rewrapped, shortest
 
@@ -102,3 +102,13 @@ def test_a_start_near_a_full_turn_is_not_a_trap() -> None:
     solution = LevenbergMarquardt().solve(problem(), start)
     assert solution.cost < 1e-9
     assert solution.iterations < 30
+
+
+def test_a_constraint_on_the_pose_itself_keeps_it_long() -> None:
+    """The turned pose is the same body, but not what was asked for."""
+    long = Constraint("long", SYMBOLS[0][0, 1], lower=3.6)
+    case = Problem((DATA,), ("pose", "trans"), constraints=(long,))
+    solution = SOLVERS["ipopt"].solve(case, at(LONG + 0.01))
+    assert solution.missed <= 1
+    assert solution.values["pose"][1, 0] >= 3.6 - 1e-6
+    assert np.linalg.norm(solution.values["pose"][2]) <= np.pi * 1.001

@@ -95,7 +95,6 @@ class Dogleg:
                 newton = self.linear_algebra(here, 0.0, np.ones_like(D))
                 if newton is None:
                     run.stall("the columns of the Jacobian are dependent; use automatic")
-                    continue
                 if not np.isfinite(radius):
                     radius = float(np.linalg.norm(D * newton.p))
                 cauchy = cauchy_point(here, D)

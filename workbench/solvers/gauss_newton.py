@@ -47,7 +47,6 @@ class GaussNewton:
                 step = self.linear_algebra(here, 0.0, np.ones(len(x)))
                 if step is None:
                     run.stall("the columns of the Jacobian are dependent; damp, or use automatic")
-                    continue
                 length = self.line_search(run, x, here, step.p)
                 to = x + length * step.p
                 if np.array_equal(to, x):

@@ -120,12 +120,12 @@ def _constrain(optimizer: nlopt.opt, objective: Objective, there: ConstraintSet)
     """NLopt's form: h(x) = 0 and g(x) <= 0."""
     equal, above, below = there.equal, np.isfinite(there.upper), np.isfinite(there.lower)
     if equal.any():
-        rows = objective.rows(equal, 1.0, there.lower)
+        rows = objective.rows(there, equal, 1.0, there.lower)
         optimizer.add_equality_mconstraint(rows, there.tolerance[equal])
     for wanted, sign, limit in (
         (above & ~equal, 1.0, there.upper),
         (below & ~equal, -1.0, there.lower),
     ):
         if wanted.any():
-            rows = objective.rows(wanted, sign, limit)
+            rows = objective.rows(there, wanted, sign, limit)
             optimizer.add_inequality_mconstraint(rows, there.tolerance[wanted])

@@ -7,6 +7,7 @@ import nlopt
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.problem.constraint_set import ConstraintSet
 from workbench.solvers.abilities import Abilities, Derivative
 from workbench.solvers.run import BOUGHT, Run
 
@@ -42,7 +43,7 @@ class Objective:
         return float(self._last[1])
 
     def rows(
-        self, wanted: NDArray[np.bool_], sign: float, limit: Array
+        self, there: ConstraintSet, wanted: NDArray[np.bool_], sign: float, limit: Array
     ) -> Callable[[Array, Array, Array], None]:
         """sign (c - limit) of some rows of the constraints, as NLopt asks for them."""
 
@@ -55,9 +56,10 @@ class Objective:
             try:
                 x = self._x(y)
                 if gradient.size:
-                    there = self.run.constraints_linearized(x)
-                    values = there.values
-                    slopes = sign * there.jacobian[wanted] / self.scale
+                    at = (x, self.run.fixed)
+                    here = self.run.evaluate("constraint", lambda: there.linearize(*at))
+                    values = here.values
+                    slopes = sign * here.jacobian[wanted] / self.scale
                     gradient[:] = np.where(np.isfinite(slopes), slopes, 0.0)
                 else:
                     values = self.run.constraints(x)

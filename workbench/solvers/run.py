@@ -5,14 +5,13 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import asdict
 from types import TracebackType
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple, NoReturn, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from workbench.blocks import Values
 from workbench.problem import Linearization, Problem
-from workbench.problem.constraint_set import Constrained
 from workbench.solvers.best import Best
 from workbench.solvers.limits import Limits, Stop, guarded
 from workbench.solvers.solution import Callback, Evaluations, Iterate, Solution, Status
@@ -85,13 +84,13 @@ class Run:
 
     def cost_and_residual(self, x: Array) -> tuple[float, Array]:
         """The same, and the residual (m,) that it is the cost of."""
-        r = self._evaluate("residual", lambda: self.problem.residual(x, self.fixed))
+        r = self.evaluate("residual", lambda: self.problem.residual(x, self.fixed))
         with np.errstate(over="ignore"):  # too large is as good as infinite
             return self._kept(x, 0.5 * float(r @ r)), r
 
     def cost_and_gradient(self, x: Array) -> tuple[float, Array]:
         """The cost and its gradient at x, by one reverse sweep."""
-        cost, g = self._evaluate("gradient", lambda: self.problem.cost_and_gradient(x, self.fixed))
+        cost, g = self.evaluate("gradient", lambda: self.problem.cost_and_gradient(x, self.fixed))
         if not np.isfinite(g).all():
             cost = np.inf
         return self._kept(x, cost), g
@@ -100,7 +99,7 @@ class Run:
         """Residual and Jacobian at x; stops the run where they are not finite."""
         if self._linearized is not None and np.array_equal(self._linearized[0], x):
             return self._linearized[1]  # it was asked for just now
-        here = self._evaluate("jacobian", lambda: self.problem.linearize_at(x, self.fixed))
+        here = self.evaluate("jacobian", lambda: self.problem.linearize_at(x, self.fixed))
         if not np.isfinite(self._kept(x, here.cost if here.finite else np.inf, here)):
             raise Stop(Status.NOT_FINITE)
         self._linearized = x.copy(), here
@@ -110,7 +109,7 @@ class Run:
 
     def hessian(self, x: Array) -> Array:
         """The exact Hessian of the cost at x; stops the run where it is not finite."""
-        H = self._evaluate("hessian", lambda: self.problem.hessian_at(x, self.fixed))
+        H = self.evaluate("hessian", lambda: self.problem.hessian_at(x, self.fixed))
         if not np.isfinite(H).all():
             raise Stop(Status.NOT_FINITE)
         return H
@@ -120,14 +119,7 @@ class Run:
         there = self.problem.stacked_constraints
         if there is None:
             return np.zeros(0)
-        return self._evaluate("constraint", lambda: there.values(x, self.fixed))
-
-    def constraints_linearized(self, x: Array) -> Constrained:
-        """The same with their Jacobian; only for a problem that has constraints."""
-        there = self.problem.stacked_constraints
-        if there is None:
-            raise Stop(Status.RAISED, "there are no constraints")
-        return self._evaluate("constraint", lambda: there.linearize(x, self.fixed))
+        return self.evaluate("constraint", lambda: there.values(x, self.fixed))
 
     def check(self) -> None:
         """Stop the run if its evaluations or its time are used up."""
@@ -136,7 +128,8 @@ class Run:
         if time.perf_counter() - self.began > self.limits.max_seconds:
             raise Stop(Status.MAX_SECONDS)
 
-    def _evaluate(self, kind: str, function: Callable[[], T]) -> T:
+    def evaluate(self, kind: str, function: Callable[[], T]) -> T:
+        """What a function of the user's gives, counted, within the limits."""
         self.check()
         self.counts[kind] += 1
         return guarded(function)
@@ -243,7 +236,7 @@ class Run:
             missed = there.missed(here[1].constraints.values)
             self.best.settle(x, cost, missed, optimality, BOUGHT * cost + self.noise(cost))
 
-    def stall(self, message: str = "") -> None:
+    def stall(self, message: str = "") -> NoReturn:
         """End the run for want of a better point, or for what stood in the way of one."""
         if len(self.trace) - self.met_not_finite <= 1:  # in the last step or the one before
             raise Stop(Status.NOT_FINITE)
@@ -255,11 +248,10 @@ class Run:
         status, message, optimality = stop.status, stop.message, np.nan
         best = self.best
         if np.isfinite(best.cost):
-            self._wrap_best()
             try:
                 here = self._at_best()
                 self.rounding = self.rounding or self.problem.rounding(best.x, self.fixed)
-                optimality = best.decide(self.optimality(best.x, here))
+                optimality = self._wrap_best(best.decide(self.optimality(best.x, here)))
             except Exception as error:  # the residual is the user's; the best point is still ours
                 message += f" (no gradient at the best point: {error})"
             if optimality <= self.limits.gradient_tolerance and best.missed <= 1:
@@ -274,14 +266,21 @@ class Run:
             tuple(self.trace), max(best.missed, 0.0) if np.isfinite(best.cost) else 0.0,
         )  # fmt: skip
 
-    def _wrap_best(self) -> None:
-        """Turn the best point's rotation vectors to at most half a turn, where that is free."""
-        for turned in rewrapped(self.problem, self.best.x):
-            r = self.problem.residual(turned, self.fixed)
-            cost = 0.5 * float(r @ r)
-            if cost <= self.best.cost + self.noise(self.best.cost):
-                self.best.x, self.best.cost = turned, cost
-                return
+    def _wrap_best(self, optimality: float) -> float:
+        """Turn the best point's rotation vectors to at most half a turn, where that is free.
+
+        Given how stationary that point is, answers how stationary it then is.
+        """
+        best, there = self.best, self.problem.stacked_constraints
+        enough = max(optimality, self.limits.gradient_tolerance)
+        for turned in rewrapped(self.problem, best.x):
+            here = self.problem.linearize_at(turned, self.fixed)
+            found = self.optimality(turned, here)
+            kept = there is None or there.missed(there.values(turned, self.fixed)) <= best.missed
+            if here.cost <= best.cost + self.noise(best.cost) and kept and found <= enough:
+                best.x, best.cost = turned, here.cost
+                return found
+        return optimality
 
     def _what_is_missed(self) -> str:
         there = self.problem.stacked_constraints
