@@ -10,12 +10,13 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from workbench.plots.body import Look, front, side
+from workbench.plots.coverage import draw_coverage
 from workbench.plots.lettering import plain
 from workbench.plots.palette import BLUE, FAINT, INK, LINES, VERMILLION
 from workbench.sampling import Posterior
 
 Array = NDArray[np.float64]
-MOST = 7  # entries in a corner: more cannot be read
+MOST = 6  # entries in a corner: more cannot be read
 SHOWN = 5000  # draws
 
 
@@ -40,16 +41,23 @@ def plot_corner(
     chosen = list(entries)
     flat = posterior.flat[:: max(1, len(posterior.flat) // SHOWN)][:, chosen]
     labels = [
-        plain(f"{posterior.labels[i]}\n({posterior.units[i]})".replace("[", "\n[", 1))
+        "\n".join(
+            plain(part)
+            for part in (
+                *posterior.labels[i].replace("[", "\n[").split("\n"),
+                f"({posterior.units[i]})",
+            )
+        )
         for i in chosen
     ]
     _corner()(
         flat, fig=figure, labels=labels, color=BLUE, truth_color=VERMILLION,
-        truths=None if truth is None else list(truth[chosen]), max_n_ticks=3, labelpad=0.12,
+        truths=None if truth is None else list(truth[chosen]), max_n_ticks=3, labelpad=0.1,
         label_kwargs={"fontsize": 8}, plot_datapoints=True, hist_kwargs={"linewidth": 1.2},
     )  # fmt: skip
     for ax in figure.axes:
         ax.tick_params(labelsize=7)
+    figure.subplots_adjust(left=0.13, bottom=0.15, right=0.99, top=0.99)
     return figure
 
 
@@ -87,27 +95,31 @@ def plot_beside_laplace(posterior: Posterior, approximation: Posterior, *, ax: A
     ax.set_yticks(place, [plain(label) for label in posterior.labels], fontsize=8)
     ax.invert_yaxis()
     ax.set_xlabel("distance from Laplace's mean (its standard deviations)")
-    ax.legend(loc="upper left", bbox_to_anchor=(0, -0.1), ncols=3)
+    ax.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=3, borderaxespad=0)
     return ax
 
 
 def plot_spray(
     bodies: Array, faces: NDArray[np.int64], *, ax: Axes, looks: Sequence[Look] = (front, side)
 ) -> Axes:
-    """Bodies (M, N, 3) m of as many draws over each other, as outlines of thin paint, per look."""
-    at = 0.0
+    """How many of the bodies (M, N, 3) m of as many draws cover each place, from each side."""
+    at, placed = 0.0, []
     for look in looks:
-        seen = np.stack([look(one) for one in bodies])
+        seen = np.stack([look(one) for one in bodies])[..., :2]
         left, right = float(seen[..., 0].min()), float(seen[..., 0].max())
-        for one in seen:
-            _silhouette(ax, one[:, :2] + [at - left, 0.0], faces, len(bodies))
+        placed.append(seen + [at - left, 0.0])
         at += right - left + 0.15
+    everything = np.concatenate(placed)
+    low = everything.min(axis=(0, 1)) - 0.05
+    high = everything.max(axis=(0, 1)) + 0.05
+    for seen in placed:
+        own = [seen.min(axis=(0, 1)) - 0.05, seen.max(axis=(0, 1)) + 0.05]
+        draw_coverage(seen, faces, *own, ax=ax)
     ax.set_aspect("equal")
-    ax.set_xlim(-0.1, at)
-    ax.set_ylim(float(bodies[..., 1].min()) - 0.05, float(bodies[..., 1].max()) + 0.05)
+    ax.set_xlim(low[0], high[0])
+    ax.set_ylim(low[1], high[1])
     ax.set_ylabel("y (m)")
-    ax.set_xlabel("front, and the right side (the same scale across as up)")
-    ax.grid(axis="y", color=FAINT, alpha=0.25, linewidth=0.6)
+    ax.set_xlabel("from the front, and from the right: the same scale across as up")
     return ax
 
 
@@ -115,32 +127,20 @@ def plot_spray_in_view(
     pixels: Array, faces: NDArray[np.int64], observed: Array, confidence: Array, *, ax: Axes
 ) -> Axes:
     """Draws (M, N, 2) px as one camera sees them, and the keypoints that it saw."""
-    for one in pixels:
-        _silhouette(ax, one, faces, len(pixels))
     seen = observed[confidence > 0]
-    ax.plot(seen[:, 0], seen[:, 1], "o", color=VERMILLION, markersize=5, markerfacecolor="none",
-            linestyle="none", label="observed")  # fmt: skip
     shown = np.vstack([pixels.reshape(-1, 2), seen])
     low, high = np.quantile(shown[np.isfinite(shown).all(axis=1)], [0.001, 0.999], axis=0)
-    pad = 0.08 * (high - low)
-    ax.set_xlim(low[0] - pad[0], high[0] + pad[0])
-    ax.set_ylim(high[1] + pad[1], low[1] - pad[1])  # v down
+    low, high = low - 0.08 * (high - low), high + 0.08 * (high - low)
+    draw_coverage(pixels, faces, low, high, ax=ax)
+    ax.plot(seen[:, 0], seen[:, 1], "o", color=VERMILLION, markersize=5, markerfacecolor="none",
+            linestyle="none", label="observed")  # fmt: skip
+    ax.set_xlim(low[0], high[0])
+    ax.set_ylim(high[1], low[1])  # v down
     ax.set_aspect("equal")
     ax.set_xlabel("u (px)")
     ax.set_ylabel("v (px)")
-    ax.legend(loc="upper left", bbox_to_anchor=(0, -0.11))
+    ax.legend(loc="lower right", bbox_to_anchor=(1, 1))
     return ax
-
-
-def _silhouette(ax: Axes, flat: Array, faces: NDArray[np.int64], count: int) -> None:
-    from matplotlib.collections import PolyCollection
-
-    finite = np.isfinite(flat[faces]).all(axis=(1, 2))
-    paint = PolyCollection(
-        flat[faces[finite]],  # type: ignore[arg-type]  # an array is a sequence of arrays
-        facecolors=BLUE, edgecolors="none", alpha=min(1.0, 0.9 / count), rasterized=True,
-    )  # fmt: skip
-    ax.add_collection(paint)
 
 
 def caption_corner(posterior: Posterior, shown: int) -> str:
@@ -175,6 +175,7 @@ def caption_beside_laplace(said: Sequence[str]) -> str:
 def caption_spray(count: int, where: str) -> str:
     """What `plot_spray` and `plot_spray_in_view` show."""
     return (
-        f"{count} bodies drawn from the posterior over each other, {where}. Where they blur, the "
-        "data leave the body open; what was not sampled is the same in all of them."
+        f"{count} bodies drawn from the posterior, {where}: white is in none of them, full blue in "
+        "all. Where the outline blurs, the data leave the body open; what was not sampled is the "
+        "same in all of them."
     )

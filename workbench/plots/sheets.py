@@ -148,7 +148,7 @@ def distances_sheet(vertices: Array, distances: Array, faces: NDArray[np.int64])
 def corner_sheet(posterior: Posterior, entries: Sequence[int]) -> Figure:
     """Entries in pairs."""
     with house_style():
-        size = max(3.2, 1.15 * len(entries) + 0.6)
+        size = max(3.6, 1.25 * len(entries) + 0.6)
         figure = Figure(figsize=(size, size))
         plot_corner(posterior, entries, figure)
     return figure
@@ -166,7 +166,7 @@ def traces_sheet(posterior: Posterior, entries: Sequence[int]) -> Figure:
 def beside_laplace_sheet(posterior: Posterior, approximation: Posterior) -> Figure:
     """Every entry against Laplace's approximation."""
     with house_style():
-        figure, (ax,) = sheet(8.0, 1.6 + 0.2 * posterior.size)
+        figure, (ax,) = sheet(8.0, 1.3 + 0.2 * posterior.size)
         plot_beside_laplace(posterior, approximation, ax=ax)
     return figure
 

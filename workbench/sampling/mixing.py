@@ -18,6 +18,8 @@ DRAWS = 400.0  # effective ones
 ENSEMBLES = 4  # independent ones
 UNLIKELY = 1e-3  # over all entries together: ensembles do not agree by chance
 GROWTH = 1.4  # of the time with twice the length: it does not settle
+GAUSSIAN = 3.5  # steps per dimension that differential evolution takes to forget a Gaussian
+FAR = 2.0  # times as long: no Gaussian's, and growing
 SLOW = 0.01  # of the proposals accepted
 
 
@@ -152,13 +154,15 @@ class Mixing:
             f"({self.times.max():.0f} steps), and below {TIMES:.0f} not even that time can be "
             "believed"
         )
-        if self.growth > GROWTH:
+        k = len(self.labels)
+        if self.growth > GROWTH and self.times.max() > FAR * GAUSSIAN * k:
             return Verdict.NOT_MIXING, (
                 f"{said}: it grew by {self.growth:.1f} when the chains became twice as long. "
                 "More steps alone will not do; sample fewer entries (about 20), or the directions "
                 "that the data know"
             )
-        wanted = int(np.ceil(1.3 * TIMES * self.times.max() / 1000) * 1000)
+        least = max(self.times.max(), GAUSSIAN * k)  # of a short chain, times come out too short
+        wanted = int(np.ceil(1.3 * TIMES * least / 1000) * 1000)
         return Verdict.TOO_SHORT, f"{said}; take {wanted} steps or more"
 
     @property

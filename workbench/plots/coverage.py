@@ -1,0 +1,51 @@
+"""How often each place of a picture is covered by one of several bodies."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
+from numpy.typing import NDArray
+from scipy.ndimage import binary_closing
+
+from workbench.plots.palette import BLUE
+
+Array = NDArray[np.float64]
+FINE = 420  # dots along the longer side
+DENSEST = 24  # points along a face's side
+SHADES = LinearSegmentedColormap.from_list("covered", ["#ffffff", BLUE])
+
+
+def silhouette(
+    flat: Array, faces: NDArray[np.int64], low: Array, dot: float, shape: tuple[int, int]
+) -> NDArray[np.bool_]:
+    """Which dots of a picture (rows, columns) a drawn mesh covers; flat (N, 2), low its corner.
+
+    Every face is strewn with points as near to each other as dots are; gaps of a dot are closed.
+    """
+    corners = ((flat - low) / dot)[faces]  # (F, 3, 2): column, row
+    corners = corners[np.isfinite(corners).all(axis=(1, 2))]
+    longest = np.ptp(corners, axis=1).max(initial=0.0)
+    n = int(np.clip(np.ceil(longest), 2, DENSEST))
+    i, j = np.divmod(np.arange((n + 1) ** 2), n + 1)
+    weights = np.column_stack([i, j, n - i - j])[i + j <= n] / n
+    places = np.floor(np.einsum("pc,fcd->fpd", weights, corners)).reshape(-1, 2)
+    inside = ((places >= 0) & (places < [shape[1], shape[0]])).all(axis=1)
+    column, row = places[inside].astype(np.int64).T
+    covered = np.zeros(shape, dtype=bool)
+    covered[row, column] = True
+    return np.asarray(binary_closing(np.pad(covered, 2), np.ones((3, 3), dtype=bool))[2:-2, 2:-2])
+
+
+def draw_coverage(
+    flats: Array, faces: NDArray[np.int64], low: Array, high: Array, *, ax: Axes
+) -> None:
+    """The share of drawn meshes (M, N, 2) that cover each place, white for none, blue for all."""
+    dot = float((high - low).max()) / FINE
+    columns, rows = (int(n) for n in np.ceil((high - low) / dot))
+    share = np.zeros((rows, columns))
+    for flat in flats:
+        share += silhouette(flat, faces, low, dot, (rows, columns))
+    ends = low + dot * np.array([columns, rows])
+    ax.imshow(
+        share / len(flats), cmap=SHADES, vmin=0, vmax=1, origin="lower", interpolation="nearest",
+        extent=(low[0], ends[0], low[1], ends[1]), zorder=0.5,
+    )  # fmt: skip
