@@ -14,6 +14,7 @@ from workbench.plots.convergence import (
     caption_convergence,
     plot_convergence,
 )
+from workbench.plots.differences import caption_differences, plot_differences
 from workbench.plots.direction import caption_direction, plot_direction
 from workbench.plots.distances import caption_distances, plot_distances
 from workbench.plots.figure import house_style, png, sheet, smallest, svg
@@ -23,38 +24,53 @@ from workbench.plots.knowledge import (
     plot_data_share,
     plot_sigmas,
 )
+from workbench.plots.limbs import caption_by_angle, plot_by_angle
 from workbench.plots.overlay import caption_overlay, plot_overlay
 from workbench.plots.singular_values import caption_singular_values, plot_singular_values
 from workbench.plots.sparsity import caption_sparsity, plot_sparsity
 from workbench.plots.taylor import caption_taylor, plot_taylor
+from workbench.plots.variance import (
+    caption_left_over,
+    caption_variances,
+    plot_left_over,
+    plot_variances,
+)
 
 __all__ = [
     "ITERATIONS",
     "SECONDS",
     "Figure",
     "caption_body",
+    "caption_by_angle",
     "caption_convergence",
     "caption_data_share",
+    "caption_differences",
     "caption_direction",
     "caption_distances",
+    "caption_left_over",
     "caption_overlay",
     "caption_shape_gallery",
     "caption_sigmas",
     "caption_singular_values",
     "caption_sparsity",
     "caption_taylor",
+    "caption_variances",
     "house_style",
     "plot_body",
+    "plot_by_angle",
     "plot_convergence",
     "plot_data_share",
+    "plot_differences",
     "plot_direction",
     "plot_distances",
+    "plot_left_over",
     "plot_overlay",
     "plot_shape_gallery",
     "plot_sigmas",
     "plot_singular_values",
     "plot_sparsity",
     "plot_taylor",
+    "plot_variances",
     "png",
     "sheet",
     "smallest",
