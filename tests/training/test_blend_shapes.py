@@ -269,7 +269,7 @@ def test_the_group_lasso_meets_its_conditions_of_optimality() -> None:
     left = D - np.einsum("nf,icf->nic", A, found)
     pull = np.einsum("nf,nic->icf", A, left).reshape(5, 3, 3, 4) / 200
     sizes = np.linalg.norm(pull, axis=(1, 3))
-    np.testing.assert_allclose(sizes[acts], price, rtol=1e-6)
+    np.testing.assert_allclose(sizes[acts], price, rtol=3e-4)
     assert (sizes[~acts] < price).all()
     again = refitted(A, D, found, 4)
     assert acting_share(again) == acting_share(found) == 2 / 15

@@ -14,6 +14,7 @@ from workbench.plots.convergence import (
     caption_convergence,
     plot_convergence,
 )
+from workbench.plots.differences import caption_differences, plot_differences
 from workbench.plots.direction import caption_direction, plot_direction
 from workbench.plots.distances import caption_distances, plot_distances
 from workbench.plots.figure import house_style, png, sheet, smallest, svg
@@ -23,6 +24,7 @@ from workbench.plots.knowledge import (
     plot_data_share,
     plot_sigmas,
 )
+from workbench.plots.limbs import caption_by_angle, plot_by_angle
 from workbench.plots.overlay import caption_overlay, plot_overlay
 from workbench.plots.posterior import (
     caption_beside_laplace,
@@ -39,6 +41,12 @@ from workbench.plots.posterior import (
 from workbench.plots.singular_values import caption_singular_values, plot_singular_values
 from workbench.plots.sparsity import caption_sparsity, plot_sparsity
 from workbench.plots.taylor import caption_taylor, plot_taylor
+from workbench.plots.variance import (
+    caption_left_over,
+    caption_variances,
+    plot_left_over,
+    plot_variances,
+)
 
 __all__ = [
     "ITERATIONS",
@@ -46,11 +54,14 @@ __all__ = [
     "Figure",
     "caption_beside_laplace",
     "caption_body",
+    "caption_by_angle",
     "caption_convergence",
     "caption_corner",
     "caption_data_share",
+    "caption_differences",
     "caption_direction",
     "caption_distances",
+    "caption_left_over",
     "caption_overlay",
     "caption_shape_gallery",
     "caption_sigmas",
@@ -59,14 +70,18 @@ __all__ = [
     "caption_spray",
     "caption_taylor",
     "caption_traces",
+    "caption_variances",
     "house_style",
     "plot_beside_laplace",
     "plot_body",
+    "plot_by_angle",
     "plot_convergence",
     "plot_corner",
     "plot_data_share",
+    "plot_differences",
     "plot_direction",
     "plot_distances",
+    "plot_left_over",
     "plot_overlay",
     "plot_shape_gallery",
     "plot_sigmas",
@@ -76,6 +91,7 @@ __all__ = [
     "plot_spray_in_view",
     "plot_taylor",
     "plot_traces",
+    "plot_variances",
     "png",
     "sheet",
     "smallest",

@@ -112,7 +112,7 @@ def plot_by_turn(found: Mapping[str, Array], *, ax: Axes) -> Axes:
         ax.axvline(turn, color=FAINT, linewidth=0.8)
     ax.set_xticks(range(0, 721, 90))
     ax.set_xlim(0, 720)
-    ax.set_ylim(bottom=0)
+    ax.set_ylim(0, 1.3 * max(float(sizes.max()) for sizes in found.values()))
     ax.set_xlabel("turn of the neck about the vertical (degrees)")
     ax.set_ylabel("rms length of the blend shapes (mm)")
     ax.legend(loc="upper left")

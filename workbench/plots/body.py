@@ -63,12 +63,12 @@ def plot_shape_gallery(shapes: Mapping[str, Array], faces: NDArray[np.int64], *,
     return line_up([Figurine(name, v) for name, v in shapes.items()], faces, ax=ax)
 
 
-def caption_shape_gallery(shapes: Mapping[str, Array]) -> str:
-    """What `plot_shape_gallery` shows."""
+def caption_shape_gallery(shapes: Mapping[str, Array], ends: str = "two") -> str:
+    """What `plot_shape_gallery` shows: shapes at `ends` standard deviations."""
     heights = {name: float(np.ptp(v[:, 1])) for name, v in shapes.items()}
     low, high = min(heights, key=heights.__getitem__), max(heights, key=heights.__getitem__)
     return (
-        f"Each shape direction alone at plus and minus two standard deviations. The tallest, "
+        f"Each shape direction alone at plus and minus {ends} standard deviations. The tallest, "
         f"{high}, has {heights[high]:.2f} m; the shortest, {low}, {heights[low]:.2f} m."
     )
 

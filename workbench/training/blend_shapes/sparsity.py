@@ -13,14 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-STEPS = 400  # measured: the objective is then within a thousandth of that after 1,600
+STEPS = 400  # of the accelerated proximal gradient, at most
+SETTLED = 1e-5  # of |P|, what one step still changes: within a thousandth of the least, as measured
 REFIT_RIDGE = 1e-4  # per pose
 
 
 def group_lasso(features: Array, shapes: Array, per_joint: int, price: float) -> Array:
     """Posedirs (N, 3, F), many of them zero: A (n, F), D (n, N, 3) m, price in m.
 
-    Beck and Teboulle's FISTA (SIAM J. Imaging Sciences 2(1), 2009).
+    Beck and Teboulle's FISTA (SIAM J. Imaging Sciences 2(1), 2009), restarted where it overshoots
+    (O'Donoghue and Candes, Foundations of Computational Mathematics 15, 2015).
     """
     n, N = len(shapes), shapes.shape[1]
     gram = features.T @ features / n
@@ -30,9 +32,14 @@ def group_lasso(features: Array, shapes: Array, per_joint: int, price: float) ->
     t = 1.0
     for _ in range(STEPS):
         new = _shrunk(ahead - step * (gram @ ahead - products), N, per_joint, step * price)
+        change = new - P
+        if np.vdot(ahead - new, change) > 0:
+            t = 1.0  # it overshoots: start the acceleration again
         t_new = (1 + np.sqrt(1 + 4 * t**2)) / 2
-        ahead = new + (t - 1) / t_new * (new - P)
+        ahead = new + (t - 1) / t_new * change
         P, t = new, t_new
+        if np.linalg.norm(change) <= SETTLED * np.linalg.norm(P):
+            break
     return np.ascontiguousarray(P.reshape(-1, N, 3).transpose(1, 2, 0))
 
 

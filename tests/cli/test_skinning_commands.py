@@ -1,0 +1,67 @@
+"""`workbench sliders` and `workbench blendshapes`, as typed."""
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from tests.plots.test_skinning_figures import COMPARISON
+from workbench.cli.app import app
+from workbench.errors import BadArgument, BadFile
+from workbench.training.blend_shapes.comparison import Comparison, Plan
+from workbench.training.blend_shapes.lesson import Report
+
+blendshapes = sys.modules["workbench.cli.blendshapes"]
+SMALL = ("--body", "small", "--lesson", "40", "--trial", "20", "--test", "20", "--examples", "10")
+
+
+def test_sliders_writes_a_page(tmp_path: Path) -> None:
+    result = CliRunner().invoke(app, ["sliders", "small", "--out", str(tmp_path)])
+    assert result.exit_code == 0, result.output
+    assert (tmp_path / "sliders-small.html").stat().st_size > 100_000
+    assert "sliders-small.html" in result.output
+
+
+def test_blendshapes_prints_the_table_and_writes_the_page(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is compared is tested with the training; here, that it is asked for and written."""
+    asked = []
+
+    def compare(plan: Plan, mocap: Path | None, report: Report) -> Comparison:
+        asked.append((plan, mocap))
+        report("LBS + [theta]")
+        return COMPARISON
+
+    monkeypatch.setattr(blendshapes, "compare_blend_shapes", compare)
+    result = CliRunner().invoke(app, ["blendshapes", *SMALL, "--out", str(tmp_path)])
+    assert result.exit_code == 0, result.output
+    assert asked == [(Plan("small", 40, 20, 20, 10, 0), None)]
+    assert "LBS + [theta]" in result.output
+    assert "linear blending (LBS)" in result.output
+    assert "tested on 519 real poses" in result.output
+    folder = tmp_path / "blendshapes"
+    found = json.loads((folder / "summary.json").read_text())
+    assert found["n_test"] == 519
+    assert [r["mean"] for r in found["results"]] == [0.14, 0.78, 1.84, 68.4]
+    assert (folder / "table.txt").read_text().count("\n") == 5
+    assert (folder / "index.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "text"),
+    [
+        (("--examples", "99999"), BadArgument, "99999 examples cannot be taken from a lesson"),
+        (("--body", "full"), BadFile, "there is no teacher for body 'full'"),
+        (("--mocap", "nowhere.npz", *SMALL), BadFile, "nowhere.npz is no recording"),
+    ],
+)
+def test_mistakes_are_said_in_a_sentence(
+    arguments: tuple[str, ...], error: type[Exception], text: str, tmp_path: Path
+) -> None:
+    result = CliRunner().invoke(app, ["blendshapes", *arguments, "--out", str(tmp_path)])
+    assert isinstance(result.exception, error)
+    assert text in str(result.exception)
+    assert not list(tmp_path.iterdir())

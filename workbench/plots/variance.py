@@ -1,0 +1,54 @@
+"""How much of shape the first directions hold."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from workbench.plots.palette import BLUE, FAINT, VERMILLION
+
+Array = NDArray[np.float64]
+
+
+def plot_left_over(left: Array, *, ax: Axes) -> Axes:
+    """`left` (B + 1, P) m: what the first 0 ... B directions leave of each of P people."""
+    b = np.arange(len(left))
+    ax.plot(b, 1e3 * left, color=FAINT, linewidth=0.9)
+    ax.plot(b, 1e3 * left.mean(axis=1), color=VERMILLION, marker="o", label="mean of these people")
+    ax.set_xlabel("shape directions used")
+    ax.set_ylabel("rms distance left (mm)")
+    ax.set_xlim(0, b[-1])
+    ax.set_ylim(bottom=0)
+    ax.legend()
+    return ax
+
+
+def caption_left_over(left: Array) -> str:
+    """What `plot_left_over` shows."""
+    mean = 1e3 * left.mean(axis=1)
+    return (
+        f"{left.shape[1]} people whom the shape space was not learned from, at rest: the mean "
+        f"person is {mean[0]:.1f} mm off, one direction leaves {mean[1]:.1f} mm, "
+        f"{len(mean) - 1} leave {mean[-1]:.1f} mm. Thin lines are single people."
+    )
+
+
+def plot_variances(shares: Array, *, ax: Axes) -> Axes:
+    """Bars of each direction's share of the variance of all, and their running sum, (B,)."""
+    k = np.arange(1, len(shares) + 1)
+    ax.bar(k, 100 * shares, color=BLUE, width=0.7, label="of one direction")
+    ax.plot(k, 100 * np.cumsum(shares), color=VERMILLION, marker="o", label="of all up to it")
+    ax.set_xticks(k)
+    ax.set_xlabel("shape direction")
+    ax.set_ylabel("share of the population's variance (%)")
+    ax.set_ylim(0, 103)
+    ax.legend(loc="center right")
+    return ax
+
+
+def caption_variances(shares: Array) -> str:
+    """What `plot_variances` shows."""
+    return (
+        f"Variance explained: the first direction {shares[0]:.0%}, the first two "
+        f"{shares[:2].sum():.0%}, all {len(shares)} {shares.sum():.1%}. The population was made by "
+        "a program; people vary in more ways."
+    )
