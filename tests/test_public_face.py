@@ -33,6 +33,7 @@ WORKBENCH = [
 RESIDUALS = [
     "Kernel",
     "Residual",
+    "edges",
     "gaussian",
     "geman_mcclure",
     "huber",

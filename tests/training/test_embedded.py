@@ -28,7 +28,7 @@ from workbench.training.embedded.population import volume
 from workbench.training.embedded.pose_blends import Lesson, solve_ridge, unposed_error
 from workbench.training.embedded.regressors import regress, regression_errors
 from workbench.training.embedded.rig import HALF_OF, at_most_four, carrier
-from workbench.training.embedded.shape_space import learn_shape_space
+from workbench.training.shape_space import learn_shape_space
 from workbench.training.embedded.shape_targets import Person, ShapeTargets
 from workbench.training.embedded.skeleton import JOINT, JOINT_NAMES, MIRRORED_JOINTS, PARENTS
 from workbench.training.embedded.t_pose import smallest_rotation, to_t_pose
