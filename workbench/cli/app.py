@@ -12,6 +12,7 @@ from workbench.cli.fit import fit
 from workbench.cli.info import info
 from workbench.cli.leaving import Interrupted, Terminated
 from workbench.cli.run import run
+from workbench.cli.train import train
 from workbench.experiments.blame import caused_by
 
 P = ParamSpec("P")
@@ -41,5 +42,5 @@ def interruptible(command: Callable[P, None]) -> Callable[P, None]:
     return run_it
 
 
-for command in (run, fit, diagnose, body, info):
+for command in (run, fit, diagnose, train, body, info):
     app.command()(interruptible(command))

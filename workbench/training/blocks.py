@@ -72,7 +72,10 @@ def fit_surfaces(objective: Objective, estimate: Estimate, faces: Index, effort:
         most=effort.products,
     )
     facts = {"products": float(step.iterations), "predicted": step.predicted}
-    return Found(estimate.moved(step.change), facts)
+    moved = estimate.moved(step.change)
+    if objective.cost(moved) > objective.cost(estimate):  # the slope was rounding
+        return Found(estimate, facts)
+    return Found(moved, facts)
 
 
 def fit_weights(objective: Objective, estimate: Estimate, faces: Index, effort: Effort) -> Found:

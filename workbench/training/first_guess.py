@@ -1,15 +1,19 @@
 """What training starts from: a template cut into segments, and what follows from that alone."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from workbench.bodies import SkinnedBody
-from workbench.errors import BadBody
+from workbench.bodies.catalogue import load_body
+from workbench.bodies.npz_files import read_npz
+from workbench.errors import BadBody, BadFile, listed
 from workbench.training.mesh_graph import edges_of, find_mirror, heat
 from workbench.training.mirror import Mirror, opposites
+from workbench.writing import replacing
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -104,3 +108,43 @@ def at_most(weights: Array, most: int) -> Array:
     np.put_along_axis(kept, order, np.take_along_axis(weights, order, axis=1), axis=1)
     kept[kept < 1e-4 * kept.max(axis=1, keepdims=True)] = 0
     return np.asarray(kept / kept.sum(axis=1, keepdims=True))
+
+
+def read_start(name: str | Path) -> Start:
+    """The start in an .npz of yours, or that of a body by its name or file.
+
+    The .npz holds template (N, 3) m, faces (F, 3), parents (K,), joint_names (K,) and
+    segmentation (N,). Raises BadFile or BadBody.
+    """
+    path = Path(name).expanduser()
+    if not path.is_file() or path.suffix != ".npz":
+        return Start.of(load_body(name))
+    arrays = read_npz(path)
+    if "segmentation" not in arrays:
+        return Start.of(load_body(path))
+    missing = {"template", "faces", "parents", "joint_names"} - arrays.keys()
+    if missing:
+        raise BadFile(f"{path} is no start for training: {listed(missing)} missing")
+    try:
+        return Start(
+            np.asarray(arrays["template"], dtype=np.float64),
+            np.asarray(arrays["faces"], dtype=np.int64),
+            tuple(map(int, np.asarray(arrays["parents"]))),
+            tuple(map(str, np.asarray(arrays["joint_names"]))),
+            np.asarray(arrays["segmentation"], dtype=np.int64),
+        )
+    except (TypeError, ValueError) as error:
+        raise BadFile(f"{path} is no start for training: {error}") from error
+
+
+def write_start(start: Start, path: Path) -> None:
+    """As `read_start` reads it."""
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        np.savez_compressed(
+            file,
+            template=start.template,
+            faces=start.faces,
+            parents=np.array(start.parents),
+            joint_names=np.array(start.joint_names),
+            segmentation=start.segmentation,
+        )

@@ -21,17 +21,20 @@ class JointRegressor:
     kkt: float
 
 
-def fit_joint_regressor(templates: Array, joints: Array, reach: float = 0.2) -> JointRegressor:
+def fit_joint_regressor(
+    templates: Array, joints: Array, rings: csr_array, reach: float = 0.2
+) -> JointRegressor:
     """The shares (K, N) that give joints (S, K, 3) from templates (S, N, 3), row by row.
 
     min |T_s R' - J_s|^2 with R >= 0 and rows that sum to one, over the vertices within `reach` m
     of the joint. Few shapes do not decide a row: many give the same joints on all shapes in the
-    affine span of these. What is found has at most 3 S entries above zero.
+    affine span of these. What is found has at most 3 S entries above zero. The root's row is that
+    of `rings` (K, N).
     """
     S, N, _ = templates.shape
     rows, rms, worst = np.zeros((joints.shape[1], N)), np.zeros(joints.shape[1]), 0.0
-    means = templates.mean(axis=0)
-    for k in range(joints.shape[1]):
+    rows[0], means = rings[[0]].toarray()[0], templates.mean(axis=0)
+    for k in range(1, joints.shape[1]):
         distance = np.linalg.norm(means - joints[:, k].mean(axis=0), axis=1)
         order = np.argsort(distance, kind="stable")
         near = order[: max(FEWEST, int(np.count_nonzero(distance < reach)))]

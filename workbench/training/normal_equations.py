@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from workbench.training.estimate import Change, Estimate
 from workbench.training.objective import Objective, centred
-from workbench.training.posing import ancestors, crossed
+from workbench.training.posing import crossed
 from workbench.training.registrations import Batch, batches
 from workbench.training.skinning_pass import SkinningPass
 

@@ -33,6 +33,11 @@ class Objective:
         """The same terms, held otherwise."""
         return replace(self, sigmas=sigmas)
 
+    @property
+    def held_even(self) -> Mirror | None:
+        """The mirror, if templates are held to it at all."""
+        return self.mirror if self.sigmas.symmetry < inf else None
+
     def cost(self, estimate: Estimate) -> float:
         """The sum of all terms."""
         return sum(self.costs(estimate).values())

@@ -37,7 +37,7 @@ class Shapes:
 def body_of(model: PoseModel, start: Start, space: ShapeSpace, regressor: csr_array) -> SkinnedBody:
     """The arrays together."""
     estimate = model.estimate
-    mirror = model.objective.mirror
+    mirror = model.objective.held_even
     return SkinnedBody(
         template=space.template,
         shapedirs=space.shapedirs,
@@ -53,8 +53,13 @@ def body_of(model: PoseModel, start: Start, space: ShapeSpace, regressor: csr_ar
 
 
 def regressor_of(model: PoseModel) -> JointRegressor:
-    """J from the subjects' templates and joints. Raises NotLowered if it is not a minimum."""
-    found = fit_joint_regressor(model.estimate.templates, model.estimate.joints)
+    """J from the subjects' templates and joints. Raises NotLowered if it is not a minimum.
+
+    Where the root joint is, no registration shows: turning about another point is a translation
+    more. So its row is that of its ring.
+    """
+    templates, joints = model.estimate.templates, model.estimate.joints
+    found = fit_joint_regressor(templates, joints, model.objective.rings)
     if found.kkt > KKT:
         raise NotLowered(f"the joint regressor has a KKT residual of {found.kkt:.1e}")
     return found
@@ -128,5 +133,5 @@ def learn_shapes(
 def start_shape(model: PoseModel, start: Start, n_betas: int) -> tuple[SkinnedBody, JointRegressor]:
     """The body with the shapes of the multi-pose subjects alone."""
     regressor = regressor_of(model)
-    space = subjects_space(model, regressor.matrix, start.faces, n_betas, model.objective.mirror)
+    space = subjects_space(model, regressor.matrix, start.faces, n_betas, model.objective.held_even)
     return body_of(model, start, space, regressor.matrix), regressor

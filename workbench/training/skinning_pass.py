@@ -162,7 +162,7 @@ def _blend(weights: Array, matrices: Array) -> Array:
 
 
 def _apply(matrices: Array, points: Array) -> Array:
-    return np.einsum("jnab,jnb->jna", matrices, points, optimize=False)
+    return np.asarray(np.einsum("jnab,jnb->jna", matrices, points))
 
 
 def _summed(left: Array, right: Array) -> Array:

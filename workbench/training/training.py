@@ -54,7 +54,7 @@ def train(
         body, regressor = start_shape(model, start, n_betas)
         shapes = None
         if multi_shape is not None:
-            mirror = model.objective.mirror
+            mirror = model.objective.held_even
             shapes = learn_shapes(
                 body, multi_shape, n_betas=n_betas, mirror=mirror, rounds=shape_rounds
             )
