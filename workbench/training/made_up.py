@@ -90,13 +90,19 @@ class Truth:
 
 
 def draw_registrations(
-    body: SkinnedBody, subjects: int, poses_each: int, seed: int, *, turn: float = 0.5
+    body: SkinnedBody, subjects: int, poses_each: int, seed: int, *, turn: float = 1.5
 ) -> tuple[InMemory, Truth]:
-    """Exact registrations of made-up subjects, every joint turned about `turn` rad per axis."""
+    """Exact registrations of made-up subjects, every joint turned by up to `turn` rad.
+
+    Axes point anywhere, and angles are at least a fifth of the largest, so every joint is seen to
+    move; beyond two radians blending squeezes a surface until little can be learned there.
+    """
     rng = np.random.default_rng(seed)
     subject = np.repeat(np.arange(subjects), poses_each)
     betas = rng.standard_normal((subjects, body.n_betas))
-    poses = turn * rng.standard_normal((len(subject), body.n_joints, 3))
+    axes = rng.standard_normal((len(subject), body.n_joints, 3))
+    angles = turn * rng.uniform(0.2, 1.0, (*axes.shape[:2], 1))
+    poses = angles * axes / np.linalg.norm(axes, axis=2, keepdims=True)
     trans = rng.standard_normal((len(subject), 3))
     vertices = body.vertices(poses, betas[subject], trans)
     return InMemory(vertices, subject), Truth(betas, poses, trans)
