@@ -1,5 +1,6 @@
 """`workbench train`: a body model from registrations."""
 
+import time
 from pathlib import Path
 from typing import Annotated
 
@@ -22,6 +23,7 @@ from workbench.training.training import train as train_body
 
 START = "start.npz"
 MADE_UP_NOISE = 0.001  # m
+EVERY = 5.0  # s
 
 
 def train(
@@ -63,7 +65,7 @@ def train(
     try:
         trained = train_body(
             poses, guess, multi_shape=shapes, plan=plan, n_betas=betas, folder=place,
-            report=lambda said: _say(console, said),
+            report=Lines(console),
         )  # fmt: skip
     except KeyboardInterrupt:
         raise Interrupted(
@@ -102,13 +104,28 @@ def _data(
     return folder.resolve().name, guess, poses, shapes if shapes.rows else None
 
 
-def _say(console: Console, said: Progress) -> None:
-    entry = said.entry
-    before, after = sum(entry.before.values()), sum(entry.after.values())
-    terms = ", ".join(f"{name} {cost:.4g}" for name, cost in entry.after.items())
-    console.print(
-        f"{said.number:>3}/{said.of} {entry.block:<9} cost {before:.6g} -> {after:.6g}  ({terms})  "
-        f"{entry.seconds:.1f} s, about {said.seconds_left:.0f} s left",
-        highlight=False,
-        soft_wrap=True,
-    )
+class Lines:
+    """A line per block, and one now and then within what takes long."""
+
+    def __init__(self, console: Console) -> None:
+        self._console, self._told = console, time.monotonic()
+
+    def block(self, progress: Progress) -> None:
+        """What it cost before and after, by term."""
+        entry = progress.entry
+        before, after = sum(entry.before.values()), sum(entry.after.values())
+        terms = ", ".join(f"{name} {cost:.4g}" for name, cost in entry.after.items())
+        self._print(
+            f"{progress.number:>3}/{progress.of} {entry.block:<9} cost {before:.6g} -> "
+            f"{after:.6g}  ({terms})  {entry.seconds:.1f} s, about "
+            f"{progress.seconds_left:.0f} s left"
+        )
+
+    def part(self, doing: str, done: int, of: int) -> None:
+        """How far it is, every few seconds."""
+        if time.monotonic() - self._told > EVERY:
+            self._print(f"        {doing}: {done} of {of}")
+
+    def _print(self, line: str) -> None:
+        self._told = time.monotonic()
+        self._console.print(line, highlight=False, soft_wrap=True)

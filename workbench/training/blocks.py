@@ -19,7 +19,7 @@ from workbench.training.estimate import NAMES, Estimate
 from workbench.training.first_guess import MOST_WEIGHTS, at_most
 from workbench.training.normal_equations import NormalEquations, weight_grams
 from workbench.training.objective import Objective
-from workbench.training.poses import OnVertices, fitted_poses
+from workbench.training.poses import OnVertices, Say, fitted_poses, untold
 from workbench.training.simplex import few_shares
 
 Array = NDArray[np.float64]
@@ -51,17 +51,27 @@ class Effort:
     most_weights: int = MOST_WEIGHTS  # above zero, per vertex
 
 
-def fit_poses(objective: Objective, estimate: Estimate, faces: Index, _: Effort) -> Found:
+def fit_poses(
+    objective: Objective, estimate: Estimate, faces: Index, _: Effort, say: Say = untold
+) -> Found:
     """Each registration's pose; where rounding made one worse, it is kept as it was."""
     found = fitted_poses(
-        estimate, objective.registrations, faces, OnVertices(), objective.sigmas.data, POSE_STEPS
+        estimate,
+        objective.registrations,
+        faces,
+        OnVertices(),
+        objective.sigmas.data,
+        POSE_STEPS,
+        say,
     )
     better = objective.by_registration(found) < objective.by_registration(estimate)
     poses = np.where(better[:, None, None], found.poses, estimate.poses)
     return Found(replace(estimate, poses=poses), {"poses changed": float(better.mean())})
 
 
-def fit_surfaces(objective: Objective, estimate: Estimate, faces: Index, effort: Effort) -> Found:
+def fit_surfaces(
+    objective: Objective, estimate: Estimate, faces: Index, effort: Effort, say: Say = untold
+) -> Found:
     """Templates, pose blend shapes and joints: the cost is a parabola in them."""
     equations = NormalEquations(objective, estimate, SURFACES)
     step = solve(
@@ -78,7 +88,9 @@ def fit_surfaces(objective: Objective, estimate: Estimate, faces: Index, effort:
     return Found(moved, facts)
 
 
-def fit_weights(objective: Objective, estimate: Estimate, faces: Index, effort: Effort) -> Found:
+def fit_weights(
+    objective: Objective, estimate: Estimate, faces: Index, effort: Effort, say: Say = untold
+) -> Found:
     """Each vertex's weights, exactly, as many above zero as the effort allows.
 
     `kkt` is the worst residual of the conditions.
@@ -94,7 +106,9 @@ def fit_weights(objective: Objective, estimate: Estimate, faces: Index, effort: 
     return Found(replace(estimate, weights=weights), {"kkt": worst})
 
 
-def cut_weights(objective: Objective, estimate: Estimate, faces: Index, effort: Effort) -> Found:
+def cut_weights(
+    objective: Objective, estimate: Estimate, faces: Index, effort: Effort, say: Say = untold
+) -> Found:
     """The largest weights of each vertex alone: the one block that may let the cost rise.
 
     From here on fewer weights are allowed than before. On noiseless data the others are zero by
@@ -105,7 +119,9 @@ def cut_weights(objective: Objective, estimate: Estimate, faces: Index, effort: 
     return Found(replace(estimate, weights=weights), {"largest change": change})
 
 
-def fit_together(objective: Objective, estimate: Estimate, faces: Index, effort: Effort) -> Found:
+def fit_together(
+    objective: Objective, estimate: Estimate, faces: Index, effort: Effort, say: Say = untold
+) -> Found:
     """All names at once, a few steps, each within a region where the linear model can be trusted.
 
     What alternation takes thousands of rounds for, a twist of all poses that the pose blend
@@ -144,6 +160,7 @@ def fit_together(objective: Objective, estimate: Estimate, faces: Index, effort:
                 return Found(estimate, facts)
         estimate, cost = moved, cost - fall
         facts["steps"] += 1
+        say(int(facts["steps"]), effort.together_steps)
         if fall < effort.together_stop * cost:
             break
     return Found(estimate, facts)
@@ -154,7 +171,7 @@ def _as_shares(weights: Array) -> Array:
     return np.asarray(kept / kept.sum(axis=1, keepdims=True))
 
 
-Block = Callable[[Objective, Estimate, Index, Effort], Found]
+Block = Callable[[Objective, Estimate, Index, Effort, Say], Found]
 BLOCKS: dict[str, Block] = {
     "poses": fit_poses,
     "surfaces": fit_surfaces,

@@ -8,6 +8,8 @@ from workbench.training.estimate import Sigmas
 from workbench.training.first_guess import MOST_WEIGHTS
 
 NO_LIMIT = 10**6
+# Of registrations with noise: digits beyond the next block's doing are not worth their passes.
+QUICK = Effort(linear_tolerance=1e-4, together_tolerance=0.1, together_steps=4, products=100)
 ROUND = ("surfaces", "weights", "poses")
 
 
@@ -42,7 +44,7 @@ def alternation(sigmas: Sigmas | None = None, rounds: int = 4, together: bool = 
     """The lectures' alternation, rounds of poses, surfaces and weights; then all names at once."""
     held = Sigmas() if sigmas is None else sigmas
     last = ("surfaces", "together", "weights", "surfaces") if together else ("surfaces",)
-    return Plan((Stage(held, ROUND, rounds), Stage(held, last)))
+    return Plan((Stage(held, ROUND, rounds, QUICK), Stage(held, last, 1, QUICK)))
 
 
 def annealed(sigmas: Sigmas, factors: tuple[float, ...] = (1.0, 10.0, 1e2, 1e3, inf)) -> Plan:

@@ -5,10 +5,11 @@ Body Models II). What was published were the equations; the code was not.
 """
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from math import isfinite
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +28,7 @@ from workbench.training.registrations import Batch, Registrations, batches
 Array = NDArray[np.float64]
 ROUNDING = 1e-9  # of the cost: what a block may add by rounding
 KKT = 1e-8  # the conditions of the weights hold to this
-FIRST_STEPS = 15  # of the first fit of a pose
+FIRST_STEPS = 8  # of the first fit of a pose
 FIRST_SIGMA = 0.005  # m, of an edge on a template of somebody else
 
 
@@ -54,8 +55,27 @@ class PoseModel:
     log: tuple[Entry, ...]
 
 
-def silent(_: Progress) -> None:
-    """Say nothing."""
+class Report(Protocol):
+    """Who is told how a run goes."""
+
+    def block(self, progress: Progress) -> None:
+        """A block has ended."""
+
+    def part(self, doing: str, done: int, of: int) -> None:
+        """One more of many small things, within something long."""
+
+
+class Silent:
+    """Tells nobody."""
+
+    def block(self, progress: Progress) -> None:
+        """Nothing."""
+
+    def part(self, doing: str, done: int, of: int) -> None:
+        """Nothing."""
+
+
+SILENT = Silent()
 
 
 def train_poses(
@@ -64,7 +84,7 @@ def train_poses(
     plan: Plan,
     *,
     folder: Path | None = None,
-    report: Callable[[Progress], None] = silent,
+    report: Report = SILENT,
     compared: Compared | None = None,
 ) -> PoseModel:
     """Run a plan, from a start that knows a template, a tree and segments only.
@@ -90,7 +110,7 @@ def train_poses(
     steps = plan.steps
     with limited_threads():
         if known is None:
-            poses = first_poses(first, registrations, start, compared)
+            poses = first_poses(first, registrations, start, compared, report)
             known = Checkpoint(poses, (), mark)
             if folder:
                 known.save(folder)
@@ -99,21 +119,27 @@ def train_poses(
         for number in range(already, len(steps)):
             stage, block = steps[number]
             objective = objective.with_sigmas(stage.sigmas)
-            known = _carried_out(objective, known, block, start, stage.effort)
+            known = _carried_out(objective, known, block, start, stage.effort, report)
             if folder:
                 known.save(folder)
             each = (time.perf_counter() - began) / (number + 1 - already)
             left = each * (len(steps) - number - 1)
-            report(Progress(number + 1, len(steps), known.log[-1], left))
+            report.block(Progress(number + 1, len(steps), known.log[-1], left))
     return PoseModel(known.estimate, objective.with_sigmas(steps[-1][0].sigmas), known.log)
 
 
 def _carried_out(
-    objective: Objective, known: Checkpoint, block: str, start: Start, effort: Effort
+    objective: Objective,
+    known: Checkpoint,
+    block: str,
+    start: Start,
+    effort: Effort,
+    report: Report,
 ) -> Checkpoint:
     began = time.perf_counter()
     before = objective.costs(known.estimate)
-    found = BLOCKS[block](objective, known.estimate, start.faces, effort)
+    say = partial(report.part, block)
+    found = BLOCKS[block](objective, known.estimate, start.faces, effort, say)
     after = objective.costs(found.estimate)
     total, was = sum(after.values()), sum(before.values())
     lowered = total <= was + ROUNDING * (1 + was) or block in MAY_RISE
@@ -129,7 +155,11 @@ def _carried_out(
 
 
 def first_poses(
-    first: Estimate, registrations: Registrations, start: Start, compared: Compared | None = None
+    first: Estimate,
+    registrations: Registrations,
+    start: Start,
+    compared: Compared | None = None,
+    report: Report = SILENT,
 ) -> Estimate:
     """Poses by turning each segment onto its vertices, then on edges, the template being alike.
 
@@ -150,7 +180,8 @@ def first_poses(
     data = OnEdges(start.faces) if compared is None else compared
     one = replace(turned, templates=first.templates[:1], joints=first.joints[:1])
     alike = AsOneSubject(registrations)
-    found = fitted_poses(one, alike, start.faces, data, FIRST_SIGMA, FIRST_STEPS)
+    say = partial(report.part, "first poses")
+    found = fitted_poses(one, alike, start.faces, data, FIRST_SIGMA, FIRST_STEPS, say)
     return replace(turned, poses=found.poses)
 
 

@@ -26,6 +26,7 @@ from workbench.training.registrations import Registrations, batches
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
+TOLERANCE = 1e-10  # of the solver: poses of noiseless meshes are exact
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +69,11 @@ class OnEdges:
 
 
 Compared = OnVertices | OnEdges
+Say = Callable[[int, int], None]  # how many are done, of how many
+
+
+def untold(done: int, of: int) -> None:
+    """Nobody is told."""
 
 
 def subject_body(estimate: Estimate, subject: int, faces: Index) -> SkinnedBody:
@@ -149,10 +155,10 @@ def fitted_poses(
     compared: Compared,
     sigma: float,
     steps: int,
-    report: Callable[[int], None] = lambda done: None,
+    say: Say = untold,
 ) -> Estimate:
     """Every registration's pose fitted anew, the estimate's as the start; `steps` at most each."""
-    solver = LevenbergMarquardt(max_iterations=steps, gradient_tolerance=1e-12)
+    solver = LevenbergMarquardt(max_iterations=steps, gradient_tolerance=TOLERANCE)
     fits: dict[int, PoseFit] = {}
     poses = estimate.poses.copy()
     for batch in batches(registrations):
@@ -162,7 +168,7 @@ def fitted_poses(
                 fits[s] = PoseFit(body, registrations.n_vertices, compared, sigma, solver)
             j = batch.some.start + at
             poses[j] = fits[s].values(poses[j], batch.vertices[at], batch.seen[at])["pose"]
-            report(j + 1)
+            say(j + 1, len(poses))
     return replace(estimate, poses=poses)
 
 

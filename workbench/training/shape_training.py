@@ -1,6 +1,5 @@
 """Training of shape: registrations of many people, un-posed, and their principal directions."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,14 +13,23 @@ from workbench.training.first_guess import Start
 from workbench.training.joint_regressor import JointRegressor, fit_joint_regressor
 from workbench.training.mirror import Mirror
 from workbench.training.pose_training import FIRST_SIGMA, NotLowered, PoseModel
-from workbench.training.poses import Compared, OnEdges, PoseFit, ShapePrior, segments_turned
+from workbench.training.poses import (
+    TOLERANCE,
+    Compared,
+    OnEdges,
+    PoseFit,
+    Say,
+    ShapePrior,
+    segments_turned,
+    untold,
+)
 from workbench.training.registrations import Registrations, batches
 from workbench.training.shape_space import ShapeSpace, learn_shape_space
 from workbench.training.unposing import unpose
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
-STEPS = 20  # of the fit of one pose
+STEPS = 8  # of the fit of one pose in a round
 KKT = 1e-8
 
 
@@ -93,7 +101,7 @@ def learn_shapes(
     rounds: int = 2,
     compared: Compared | None = None,
     prior: float = 1.0,
-    report: Callable[[int], None] = lambda done: None,
+    say: Say = untold,
 ) -> Shapes:
     """Pose-normalise, un-pose and find the principal directions; then with those once more.
 
@@ -103,7 +111,7 @@ def learn_shapes(
     data = OnEdges(body.faces) if compared is None else compared
     J, N, K = len(registrations.subject), body.n_vertices, body.n_joints
     poses, people = np.zeros((J, K, 3)), np.zeros((J, N, 3))
-    solver = LevenbergMarquardt(max_iterations=STEPS, gradient_tolerance=1e-12)
+    solver = LevenbergMarquardt(max_iterations=STEPS, gradient_tolerance=TOLERANCE)
     space: ShapeSpace | None = None
     for round_number in range(rounds):
         shaped = body if space is None else replace(
@@ -123,7 +131,7 @@ def learn_shapes(
                     filled = shaped.vertices(found["pose"], found["betas"], found["trans"])
                     V = np.where(seen[:, None] > 0, V, filled)
                 people[j] = unpose(shaped, poses[j], V).vertices
-                report(round_number * J + j + 1)
+                say(round_number * J + j + 1, rounds * J)
         people = about_root(people, body.J_regressor)
         space = learn_shape_space(people, body.faces, mirror, min(n_betas, J - 1))
     assert space is not None  # there is a first round

@@ -1,7 +1,7 @@
 """Registrations in, a body out."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from workbench.threads import limited_threads
 from workbench.training.first_guess import Start
 from workbench.training.joint_regressor import JointRegressor
 from workbench.training.plan import Plan, alternation
-from workbench.training.pose_training import PoseModel, Progress, silent, train_poses
+from workbench.training.pose_training import SILENT, PoseModel, Report, train_poses
 from workbench.training.registrations import Registrations
 from workbench.training.shape_training import Shapes, learn_shapes, start_shape
 
@@ -39,7 +39,7 @@ def train(
     n_betas: int = 10,
     shape_rounds: int = 2,
     folder: Path | None = None,
-    report: Callable[[Progress], None] = silent,
+    report: Report = SILENT,
     card: dict[str, Any] | None = None,
 ) -> Trained:
     """A body from some people in many poses and, if there are, many people in one.
@@ -56,7 +56,12 @@ def train(
         if multi_shape is not None:
             mirror = model.objective.held_even
             shapes = learn_shapes(
-                body, multi_shape, n_betas=n_betas, mirror=mirror, rounds=shape_rounds
+                body,
+                multi_shape,
+                n_betas=n_betas,
+                mirror=mirror,
+                rounds=shape_rounds,
+                say=partial(report.part, "shapes"),
             )
             body = replace(body, template=shapes.space.template, shapedirs=shapes.space.shapedirs)
     facts = card_of(model, regressor, shapes, chosen) | (card or {})
