@@ -56,6 +56,11 @@ class Objective:
         found["E_W"] = half(estimate.weights - self.first_weights, s.weights)
         return found
 
+    def rms(self, estimate: Estimate) -> float:
+        """Of the residuals behind E_D, per coordinate, m."""
+        count = 3 * len(self.registrations.subject) * self.registrations.n_vertices
+        return self.sigmas.data * float(np.sqrt(2 * self.by_registration(estimate).sum() / count))
+
     def by_registration(self, estimate: Estimate) -> Array:
         """E_D of each registration, (J,)."""
         found = np.empty(len(self.registrations.subject))

@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 
 FILE_NAME = "cmu_mixture.npz"
 COMPONENTS = 8
+CLUSTER_ROUNDS = 30  # of k-means, to begin with
 ROUNDS, ENOUGH = 200, 1e-5  # of expectation and maximisation; gain per frame that ends them
 SHRUNK = 0.02  # towards the covariance of all frames: a component may see few of them
 
@@ -70,14 +71,16 @@ def learn_pose_mixture(mocap: Mocap, components: int = COMPONENTS, seed: int = 0
     rng = np.random.default_rng(seed)
     whole = np.cov(flat.T) + least
     held_out = set(mocap.clip_names) - {mocap.clip_names[c] for c in np.unique(mocap.clip)}
-    found = PoseMixture(
-        np.full(components, 1 / components),
-        _spread_out(flat, components, rng),
-        np.repeat(whole[None], components, axis=0),
+    owned = _clusters(flat, _spread_out(flat, components, rng))
+    nothing = PoseMixture(
+        np.zeros(components),
+        np.zeros((components, flat.shape[1])),
+        np.zeros((components, *whole.shape)),
         tuple(mocap.joint_names[1:]),
         len(mocap.poses),
         tuple(sorted(held_out)),
     )
+    found = _maximised(nothing, flat, owned, whole, least)
     before = -np.inf
     for _ in range(ROUNDS):
         densities = found.log_density(flat)
@@ -102,6 +105,16 @@ def _maximised(
     return PoseMixture(
         counts / len(flat), means, covariances, old.joint_names, old.n_frames, old.held_out
     )
+
+
+def _clusters(flat: Array, means: Array) -> Array:
+    """To which mean each frame is closest, (n, C) of zeros and ones, the means being theirs."""
+    owned = np.zeros((len(flat), len(means)))
+    for _ in range(CLUSTER_ROUNDS):
+        distances = ((flat[:, None] - means) ** 2).sum(axis=2)
+        owned = np.eye(len(means))[distances.argmin(axis=1)]
+        means = owned.T @ flat / owned.sum(axis=0).clip(1)[:, None]
+    return owned
 
 
 def _spread_out(flat: Array, components: int, rng: np.random.Generator) -> Array:

@@ -74,15 +74,13 @@ def card_of(
     """What a trained body says about itself, from the run's own numbers."""
     registrations = model.objective.registrations
     estimate, sigmas = model.estimate, model.objective.sigmas
-    count = 3 * len(registrations.subject) * registrations.n_vertices
-    rms = sigmas.data * np.sqrt(2 * model.log[-1].after["E_D"] / count) if model.log else np.nan
     said: dict[str, Any] = {
         "trained_on": {
             "registrations": len(registrations.subject),
             "subjects": len(estimate.templates),
             "people_for_shape": 0 if shapes is None else len(shapes.people),
         },
-        "training_rms_mm_per_coordinate": round(1e3 * float(rms), 4),
+        "training_rms_mm_per_coordinate": round(1e3 * model.objective.rms(estimate), 4),
         "final_costs": {k: float(f"{v:.6g}") for k, v in model.log[-1].after.items()},
         "lambdas": {k: float(f"{v:.6g}") for k, v in sigmas.lambdas.items()},
         "weights_per_vertex": int((estimate.weights > 0).sum(axis=1).max()),
