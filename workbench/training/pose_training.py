@@ -13,6 +13,7 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from workbench.errors import WorkbenchError
 from workbench.threads import limited_threads
@@ -95,16 +96,7 @@ def train_poses(
     """
     weights, rings = start.weights(), start.rings()
     sides = start.mirror()
-    S = int(registrations.subject.max()) + 1
-    K, N = len(start.parents), len(start.template)
-    first = Estimate(
-        templates=np.repeat(start.template[None], S, axis=0),
-        joints=np.repeat((rings @ start.template)[None], S, axis=0),
-        posedirs=np.zeros((N, 3, 9 * (K - 1))),
-        weights=weights,
-        poses=np.zeros((len(registrations.subject), K, 3)),
-        parents=start.parents,
-    )
+    first = first_estimate(registrations, start, weights=weights, rings=rings)
     mark = fingerprint(registrations, first, plan)
     known = read_checkpoint(folder, mark) if folder else None
     steps = plan.steps
@@ -152,6 +144,22 @@ def _carried_out(
         )
     entry = Entry(block, before, after, found.facts, time.perf_counter() - began)
     return replace(known, estimate=found.estimate, log=(*known.log, entry))
+
+
+def first_estimate(
+    registrations: Registrations, start: Start, *, weights: Array, rings: csr_array
+) -> Estimate:
+    """Everybody is the template, unbent."""
+    S = int(registrations.subject.max()) + 1
+    K, N = len(start.parents), len(start.template)
+    return Estimate(
+        templates=np.repeat(start.template[None], S, axis=0),
+        joints=np.repeat((rings @ start.template)[None], S, axis=0),
+        posedirs=np.zeros((N, 3, 9 * (K - 1))),
+        weights=weights,
+        poses=np.zeros((len(registrations.subject), K, 3)),
+        parents=start.parents,
+    )
 
 
 def first_poses(
