@@ -29,6 +29,7 @@ WORKBENCH = [
     "residuals",
     "save_body",
     "solve",
+    "train",
 ]
 RESIDUALS = [
     "Kernel",

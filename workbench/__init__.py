@@ -23,6 +23,7 @@ from workbench.solvers import (
     Status,
     solve,
 )
+from workbench.training.training import train
 
 __all__ = [
     "SOLVERS",
@@ -50,4 +51,5 @@ __all__ = [
     "residuals",
     "save_body",
     "solve",
+    "train",
 ]
