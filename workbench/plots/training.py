@@ -12,15 +12,17 @@ from workbench.training.checkpoint import Entry
 
 Array = NDArray[np.float64]
 TERMS = ("E_D", "E_Y", "E_J", "E_P", "E_W")
+NOTHING = 1e-6  # of the last cost: a term below is rounding, and not drawn
 
 
 def plot_costs(log: Sequence[Entry], *, ax: Axes) -> Axes:
     """The cost after every block, in all and by term."""
     at = np.arange(len(log) + 1)
+    least = NOTHING * sum(log[-1].after.values())
     for i, term in enumerate(TERMS):
         costs = [log[0].before[term], *(entry.after[term] for entry in log)]
-        if max(costs) > 0:
-            shown = np.where(np.array(costs) > 0, costs, np.nan)
+        if max(costs) > least:
+            shown = np.where(np.array(costs) > least, costs, np.nan)
             ax.plot(at, shown, color=LINES[i + 1], marker=MARKERS[i + 1], markersize=4, label=term)
     total = [sum(log[0].before.values()), *(sum(entry.after.values()) for entry in log)]
     ax.plot(at, total, color=LINES[0], marker=MARKERS[0], markersize=5, linewidth=2, label="all")
