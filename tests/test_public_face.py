@@ -43,10 +43,12 @@ WORKBENCH = [
     "sample",
     "save_body",
     "solve",
+    "train",
 ]
 RESIDUALS = [
     "Kernel",
     "Residual",
+    "edges",
     "gaussian",
     "geman_mcclure",
     "huber",

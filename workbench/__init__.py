@@ -31,6 +31,7 @@ from workbench.solvers import (
     SteepestDescent,
     solve,
 )
+from workbench.training.training import train
 
 __all__ = [
     "SOLVERS",
@@ -72,4 +73,5 @@ __all__ = [
     "sample",
     "save_body",
     "solve",
+    "train",
 ]

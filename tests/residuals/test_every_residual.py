@@ -44,6 +44,15 @@ def vertices() -> Case:
     return Case(residual, ARGUMENTS | {"observed": BODY.vertices(*ARGUMENTS.values())})
 
 
+def edges() -> Case:
+    observed, trust = Block("observed", (6, 3), "m").symbol, Block("trust", (3,)).symbol
+    residual = residuals.edges(
+        BODY.points(*SYMBOLS), observed, [[0, 1], [4, 2], [3, 5]], sigma=0.2, confidence=trust
+    )
+    seen = {"observed": BODY.vertices(*ARGUMENTS.values()) + 7.0, "trust": np.array([1, 0.5, 0.2])}
+    return Case(residual, ARGUMENTS | seen)
+
+
 def landmarks() -> Case:
     observed = Block("observed", (3, 3), "m").symbol
     residual = residuals.landmarks(BODY.joint_points(*SYMBOLS), observed, sigma=0.2)
@@ -87,7 +96,7 @@ def gaussian_matrix() -> Case:
 
 
 CASES: list[Callable[[], Case]] = [
-    vertices, landmarks, keypoints, gaussian_scalar, gaussian_vector, gaussian_matrix,
+    vertices, edges, landmarks, keypoints, gaussian_scalar, gaussian_vector, gaussian_matrix,
 ]  # fmt: skip
 EACH_CASE = pytest.mark.parametrize("build", CASES, ids=lambda build: build.__name__)
 EACH_KERNEL = pytest.mark.parametrize("kernel", KERNELS.values(), ids=list(KERNELS))

@@ -28,7 +28,6 @@ from workbench.training.embedded.packing import (
 from workbench.training.embedded.pose_blends import Lesson, solve_ridge, unposed_error
 from workbench.training.embedded.regressors import regress, regression_errors
 from workbench.training.embedded.rig import HALF_OF, at_most_four, carrier
-from workbench.training.embedded.shape_space import learn_shape_space
 from workbench.training.embedded.shape_targets import Person, ShapeTargets
 from workbench.training.embedded.skeleton import JOINT, JOINT_NAMES, MIRRORED_JOINTS, PARENTS
 from workbench.training.embedded.t_pose import smallest_rotation, to_t_pose
@@ -38,6 +37,7 @@ from workbench.training.embedded.torch_file import read_tensors
 from workbench.training.embedded.wheel import Wheel, WheelUnreadable, parse_obj
 from workbench.training.mirror import REFLECTION, Mirror, mirrored_pose
 from workbench.training.pose_prior import FILE_NAME, read_pose_prior
+from workbench.training.shape_space import learn_shape_space
 
 Array = NDArray[np.float64]
 DATA = Path(workbench.__file__).parent / "data"

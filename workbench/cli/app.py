@@ -17,6 +17,7 @@ from workbench.cli.run import run
 from workbench.cli.sample import sample
 from workbench.cli.sliders import sliders
 from workbench.cli.solvers import solvers
+from workbench.cli.train import train
 from workbench.experiments.blame import caused_by
 
 P = ParamSpec("P")
@@ -47,6 +48,6 @@ def interruptible(command: Callable[P, None]) -> Callable[P, None]:
 
 
 for command in (
-    run, fit, diagnose, sample, compare, body, sliders, blendshapes, solvers, info
+    run, fit, diagnose, sample, compare, train, body, sliders, blendshapes, solvers, info
 ):  # fmt: skip
     app.command()(interruptible(command))

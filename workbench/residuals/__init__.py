@@ -1,5 +1,6 @@
 """Residuals: short functions from points and numbers to named columns that should be zero."""
 
+from workbench.residuals.edges import edges
 from workbench.residuals.gaussian import gaussian
 from workbench.residuals.kernels import Kernel, geman_mcclure, huber, quadratic
 from workbench.residuals.keypoints import keypoints
@@ -9,6 +10,7 @@ from workbench.residuals.residual import Residual
 __all__ = [
     "Kernel",
     "Residual",
+    "edges",
     "gaussian",
     "geman_mcclure",
     "huber",

@@ -16,7 +16,6 @@ from workbench.training.embedded.population import Population, draw_population
 from workbench.training.embedded.pose_blends import draw_poses, learn_pose_blends, measure
 from workbench.training.embedded.regressors import regress, regression_errors
 from workbench.training.embedded.rig import at_most_four, read_rig
-from workbench.training.embedded.shape_space import learn_shape_space
 from workbench.training.embedded.shape_targets import read_shape_targets
 from workbench.training.embedded.skeleton import JOINT_NAMES, MIRRORED_JOINTS
 from workbench.training.embedded.teacher import Teacher
@@ -24,6 +23,7 @@ from workbench.training.embedded.topology import read_topology
 from workbench.training.embedded.wheel import Wheel
 from workbench.training.mirror import Mirror
 from workbench.training.pose_prior import PosePrior
+from workbench.training.shape_space import learn_shape_space
 
 Array = NDArray[np.float64]
 Report = Callable[[str], None]

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,6 @@ from workbench.training.embedded.skeleton import (
 )
 from workbench.training.embedded.teacher import Teacher
 from workbench.training.mirror import Mirror
-from workbench.training.pose_prior import PosePrior
 
 Array = NDArray[np.float64]
 Report = Callable[[str], None]
@@ -29,7 +29,14 @@ TOLERATED = 0.01  # of the energy: what a stronger ridge may leave more than the
 LARGEST_ANGLE = np.radians(150)  # blending two rotations 180 degrees apart has no inverse
 
 
-def draw_poses(prior: PosePrior, n: int, rng: np.random.Generator) -> Array:
+class Poses(Protocol):
+    """What can draw `n` poses (n, 24, 3) rad."""
+
+    def draw(self, n: int, rng: np.random.Generator) -> Array:
+        """The pelvis unturned."""
+
+
+def draw_poses(prior: Poses, n: int, rng: np.random.Generator) -> Array:
     """`n` poses (n, 24, 3) rad of the prior, those with a joint turned too far left out."""
     poses = prior.draw(2 * n, rng)
     possible = (np.linalg.norm(poses, axis=2) < LARGEST_ANGLE).all(axis=1)

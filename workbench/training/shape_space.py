@@ -29,22 +29,23 @@ class ShapeSpace:
 
 
 def learn_shape_space(
-    people: Array, faces: NDArray[np.int64], mirror: Mirror, n_betas: int = 10
+    people: Array, faces: NDArray[np.int64], mirror: Mirror | None, n_betas: int = 10
 ) -> ShapeSpace:
-    """Principal components of un-posed people (P, N, 3) in m.
+    """Principal components of un-posed people (P, N, 3) in m, alike on both sides if mirrored.
 
     The first is turned so that a positive beta is taller, the others so that it is heavier.
     """
     P, N, _ = people.shape
     mean = people.mean(axis=0)
-    template = (mean + mirror.points(mean)) / 2
+    template = mean if mirror is None else (mean + mirror.points(mean)) / 2
     deviations = (people - template).reshape(P, -1)
     gram = deviations @ deviations.T
     last = [P - n_betas, P - 1]
     variances, coordinates = scipy.linalg.eigh(gram, subset_by_index=last)
     order = np.argsort(-variances)
     directions = (deviations.T @ coordinates[:, order]).reshape(N, 3, -1) / np.sqrt(P - 1)
-    directions = (directions + mirror.directions(directions)) / 2
+    if mirror is not None:
+        directions = (directions + mirror.directions(directions)) / 2
     return ShapeSpace(
         template=template,
         shapedirs=directions * _signs(template, directions, faces),

@@ -1,0 +1,101 @@
+"""`workbench train`, as a user types it."""
+
+import csv
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import workbench as wb
+from tests.cli.test_cli import workbench
+from workbench.cli.train import train
+from workbench.errors import BadArgument, BadFile
+from workbench.training.first_guess import write_start
+from workbench.training.made_up import Spoiled, draw_registrations, random_smpl, worm
+
+START = worm(7, 5)
+BODY = random_smpl(START, 2, seed=3)
+
+
+def made_folder(folder: Path) -> Path:
+    """Three people in six poses, eight people in about one."""
+    folder.mkdir()
+    poses, _ = draw_registrations(BODY, 3, 6, seed=4)
+    shapes, _ = draw_registrations(BODY, 8, 1, seed=5, turn=0.1)
+    write_start(START, folder / "start.npz")
+    np.save(folder / "poses.npy", Spoiled(poses, seed=6, noise=0.001).read(slice(0, 18)).vertices)
+    np.save(folder / "shapes.npy", shapes.vertices)
+    with (folder / "registrations.csv").open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["file", "subject", "gender", "set"])
+        for j, s in enumerate(poses.subject):
+            writer.writerow([f"poses.npy#{j}", f"p{s}", ("female", "male")[s % 2], "poses"])
+        writer.writerows([f"shapes.npy#{j}", f"s{j}", "female", "shapes"] for j in range(8))
+    return folder
+
+
+def test_a_folder_becomes_a_body_with_a_card(tmp_path: Path) -> None:
+    made_folder(tmp_path / "mine")
+    done = workbench("train", "mine", "--rounds", "1", "--betas", "2", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "18 registrations of 3 subjects in poses, 8 people for shape" in done.stdout
+    assert "7/7 surfaces" in done.stdout
+    place = tmp_path / "runs" / "train-mine"
+    body = wb.load_body(place / "body.npz")
+    assert body.n_betas == 2
+    assert body.card["trained_on"]["people_for_shape"] == 8
+    assert "worst kkt" in (place / "card" / "index.html").read_text()
+    again = workbench("train", "mine", "--rounds", "1", "--betas", "2", cwd=tmp_path)
+    assert again.returncode == 0, again.stderr
+    assert "surfaces" not in again.stdout  # every block had run
+    one = workbench("train", "mine", "--gender", "male", "--rounds", "1", cwd=tmp_path)
+    assert one.returncode == 2
+    assert "one subject" in one.stderr
+
+
+def test_what_is_wrong_is_said_before_anything_is_done(tmp_path: Path) -> None:
+    folder = made_folder(tmp_path / "mine")
+    stack = np.load(folder / "poses.npy")
+    stack[3] *= 1000
+    stack[5, 2, 1] = np.nan
+    stack[7] *= [-1, 1, 1]
+    np.save(folder / "poses.npy", stack)
+    done = workbench("train", "mine", cwd=tmp_path)
+    assert done.returncode == 2
+    for said in ("3 of 26", "poses.npy#3", "millimetres", "poses.npy#5", "poses.npy#7 is mirrored"):
+        assert said in done.stderr, done.stderr
+    assert not (tmp_path / "runs").exists()
+
+
+def test_options_that_make_no_sense(tmp_path: Path) -> None:
+    folder, out = made_folder(tmp_path / "mine"), tmp_path / "runs"
+    with pytest.raises(BadFile, match=r"\(35, 3\), but the topology has \(369, 3\)"):
+        train(folder, start="small", out=out)
+    with pytest.raises(BadArgument, match="female, male, neutral"):
+        train(folder, gender="cat", out=out)
+    with pytest.raises(BadArgument, match="1 or more"):
+        train(folder, betas=0, out=out)
+    with pytest.raises(BadFile, match="subject table"):
+        train(tmp_path / "nowhere", out=out)
+    with pytest.raises(BadArgument, match="neutral"):
+        train(folder, gender="neutral", out=out)
+    assert not out.exists()
+
+
+def test_an_interrupt_says_that_it_goes_on_later(tmp_path: Path) -> None:
+    made_folder(tmp_path / "mine")
+    run = subprocess.Popen(
+        [sys.executable, "-c", "from workbench.cli import main; main()", "train", "mine"],
+        cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert run.stdout is not None
+    while "surfaces" not in run.stdout.readline():
+        time.sleep(0.01)
+    run.send_signal(signal.SIGINT)
+    _, error = run.communicate(timeout=60)
+    assert run.returncode == 130
+    assert "goes on from there" in error

@@ -1,0 +1,383 @@
+"""The pieces of training, each against what is known of it."""
+
+from dataclasses import replace
+from math import inf
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.spatial.transform import Rotation
+
+from workbench import SkinnedBody
+from workbench.training.blocks import BLOCKS, Effort
+from workbench.training.conjugate_gradients import dot, solve
+from workbench.training.estimate import NAMES, Estimate, Sigmas
+from workbench.training.first_guess import Start
+from workbench.training.joint_regressor import fit_joint_regressor
+from workbench.training.made_up import Spoiled, draw_registrations, random_smpl, worm
+from workbench.training.mesh_graph import NoMirror, find_mirror, signed_volume
+from workbench.training.normal_equations import NormalEquations, within
+from workbench.training.objective import Objective
+from workbench.training.poses import subject_body
+from workbench.training.posing import Posing
+from workbench.training.registrations import InMemory
+from workbench.training.simplex import few_shares, kkt_residual, shares, shares_to_zero
+from workbench.training.skinning_pass import SkinningPass
+from workbench.training.unposing import unpose
+
+Array = NDArray[np.float64]
+START = worm(7, 5)
+BODY = random_smpl(START, 2, seed=3)
+DATA, TRUTH = draw_registrations(BODY, 3, 4, seed=4)
+OFF = dict.fromkeys(("symmetry", "joint_symmetry", "rings", "posedirs", "weights"), inf)
+
+
+def true_estimate() -> Estimate:
+    people = BODY.vertices(betas=TRUTH.betas)
+    joints = np.stack([BODY.J_regressor @ person for person in people])
+    return Estimate(people, joints, BODY.posedirs, BODY.weights, TRUTH.poses, BODY.parents)
+
+
+def objective(sigmas: Sigmas, *, mirror: bool = False) -> Objective:
+    sides = START.mirror() if mirror else None
+    return Objective(DATA, START.rings(), START.weights(), sides, sigmas)
+
+
+def a_change(estimate: Estimate, size: float = 0.01) -> dict[str, Array]:
+    rng = np.random.default_rng(5)
+    change = {n: size * rng.standard_normal(getattr(estimate, n).shape) for n in NAMES}
+    return change | {"weights": within(change["weights"], estimate.weights > 0)}
+
+
+# The arithmetic.
+
+
+def test_posing_is_the_body_s_own() -> None:
+    passed = SkinningPass(true_estimate(), slice(0, 12), DATA.subject)
+    points = passed.points + TRUTH.trans[:, None]
+    np.testing.assert_allclose(points, DATA.vertices, atol=1e-13)
+
+
+def bend(*names: str) -> float:
+    """How far the points are from a straight line between two estimates that differ in these."""
+    here = true_estimate()
+    change = {n: d for n, d in a_change(here, 0.1).items() if n in names}
+
+    def points(share: float) -> Array:
+        return SkinningPass(here.moved(change, share), slice(0, 12), DATA.subject).points
+
+    return float(np.abs(points(0) - 2 * points(1) + points(2)).max())
+
+
+def test_skinning_is_linear_in_all_but_rotations() -> None:
+    """Facts to know first, 1: jointly in templates, joints and posedirs; in weights apart."""
+    assert bend("templates", "joints", "posedirs") < 1e-13
+    assert bend("weights") < 1e-13
+    assert bend("weights", "posedirs") > 1e-3
+    assert bend("poses") > 1e-3
+
+
+def test_cost_is_zero_at_the_truth_and_is_a_sum_of_squares() -> None:
+    off = replace(Sigmas(), **OFF)
+    assert objective(off).cost(true_estimate()) < 1e-20
+    here = true_estimate()
+    moved = replace(here, templates=here.templates + 0.01, joints=here.joints + 0.01)
+    assert objective(off).cost(moved) < 1e-20  # translation is always at its best
+    P = replace(true_estimate(), posedirs=2 * BODY.posedirs)
+    costs = objective(replace(Sigmas(), posedirs=0.5)).costs(P)
+    assert costs["E_P"] == pytest.approx(0.5 * np.sum((2 * BODY.posedirs / 0.5) ** 2), rel=1e-12)
+
+
+def test_tangent_against_differences_and_its_adjoint() -> None:
+    estimate = true_estimate()
+    change = a_change(estimate)
+
+    def points(share: float) -> Array:
+        return SkinningPass(estimate.moved(change, share), slice(0, 12), DATA.subject).points
+
+    passed = SkinningPass(estimate, slice(0, 12), DATA.subject)
+    moved = passed.tangent(change)
+    h = 1e-5
+    np.testing.assert_allclose(moved, (points(h) - points(-h)) / (2 * h), atol=1e-9)
+    pull = np.random.default_rng(6).standard_normal(moved.shape)
+    gradient = estimate.zero_change(NAMES)
+    passed.adjoint(pull, gradient)
+    assert dot(gradient, change) == pytest.approx(float(np.vdot(pull, moved)), rel=1e-12)
+
+
+@pytest.mark.parametrize("mirror", [False, True])
+def test_slope_is_the_cost_s_and_the_curvature_symmetric(mirror: bool) -> None:
+    estimate = true_estimate().moved(a_change(true_estimate()))
+    held = objective(Sigmas(), mirror=mirror)
+    equations = NormalEquations(held, estimate, NAMES)
+    change = a_change(estimate, 1e-3)
+    h = 1e-3
+    ahead, behind = (held.cost(estimate.moved(change, s)) for s in (h, -h))
+    assert -dot(equations.slope, change) == pytest.approx((ahead - behind) / (2 * h), rel=1e-5)
+    other = {n: np.roll(c, 1, axis=0) for n, c in change.items()}
+    other["weights"] = within(other["weights"], estimate.weights > 0)
+    left, right = dot(equations.product(change), other), dot(change, equations.product(other))
+    assert left == pytest.approx(right, rel=1e-9)
+    left = dot(equations.preconditioned(change), other)
+    assert left == pytest.approx(dot(change, equations.preconditioned(other)), rel=1e-9)
+    assert dot(equations.preconditioned(change), change) > 0
+
+
+def test_batches_do_not_matter(monkeypatch: pytest.MonkeyPatch) -> None:
+    equations = NormalEquations(objective(Sigmas()), true_estimate(), NAMES)
+    change = a_change(true_estimate())
+    whole = equations.product(change)
+    monkeypatch.setattr("workbench.training.registrations.PIECE_BYTES", 1)
+    monkeypatch.setattr("workbench.training.normal_equations.KEPT_BYTES", 0)
+    single = NormalEquations(objective(Sigmas()), true_estimate(), NAMES).product(change)
+    for name in NAMES:
+        np.testing.assert_allclose(single[name], whole[name], rtol=1e-9, atol=1e-6)
+
+
+def test_conjugate_gradients_solve_and_stay_inside() -> None:
+    rng = np.random.default_rng(0)
+    A = rng.standard_normal((8, 6))
+    H, b = A.T @ A, rng.standard_normal(6)
+
+    def product(x: dict[str, Array]) -> dict[str, Array]:
+        return {"x": H @ x["x"]}
+
+    free = solve(product, lambda r: r, {"x": b}, tolerance=1e-12)
+    np.testing.assert_allclose(free.change["x"], np.linalg.solve(H, b), rtol=1e-8)
+    cost = 0.5 * free.change["x"] @ H @ free.change["x"] - b @ free.change["x"]
+    assert free.predicted == pytest.approx(-cost, rel=1e-9)
+    near = solve(product, lambda r: r, {"x": b}, radius=0.3 * free.length)
+    assert np.linalg.norm(near.change["x"]) == pytest.approx(0.3 * free.length, rel=1e-9)
+    assert not near.inside
+    assert 0 < near.predicted < free.predicted
+
+
+# Shares.
+
+
+def test_shares_fulfil_the_conditions_and_beat_every_corner() -> None:
+    rng = np.random.default_rng(1)
+    for n, rows in ((3, 9), (6, 20), (24, 10), (12, 300)):
+        B, v = rng.standard_normal((rows, n)), rng.standard_normal(rows)
+        G, c = B.T @ B, B.T @ v
+        w = shares(G, c, np.eye(n)[0])
+        assert kkt_residual(G, c, w, np.ones(n, dtype=bool)) < 1e-12
+        costs = [0.5 * e @ G @ e - c @ e for e in np.eye(n)]
+        assert 0.5 * w @ G @ w - c @ w <= min(costs) + 1e-12
+    # known: the nearest point of a segment
+    near = shares(np.eye(2), np.array([0.9, 0.3]), np.array([0.0, 1.0]))
+    np.testing.assert_allclose(near, [0.8, 0.2], atol=1e-14)
+    corner = shares(np.eye(2), np.array([3.0, 0.3]), np.array([0.5, 0.5]))
+    np.testing.assert_array_equal(corner, [1.0, 0.0])
+
+
+def test_few_shares_are_few_and_never_worse_than_the_start() -> None:
+    rng = np.random.default_rng(2)
+    for _ in range(20):
+        B, v = rng.standard_normal((60, 10)), rng.standard_normal(60) * 0.1
+        G, c = B.T @ B, B.T @ v
+        start = np.zeros(10)
+        start[:4] = 0.25
+        w, kkt = few_shares(G, c, start, 4)
+        assert np.count_nonzero(w) <= 4
+        assert kkt < 1e-10
+        assert 0.5 * w @ G @ w - c @ w <= 0.5 * start @ G @ start - c @ start
+
+
+def test_kkt_residual_notices() -> None:
+    G, c = np.eye(2), np.array([0.9, 0.3])
+    every = np.ones(2, dtype=bool)
+    assert kkt_residual(G, c, np.array([0.7, 0.3]), every) > 0.05
+    assert kkt_residual(G, c, np.array([0.8, 0.3]), every) > 0.05
+    assert kkt_residual(G, c, np.array([1.0, 0.0]), every) > 0.05
+
+
+def test_joint_regressor_gives_the_joints_of_other_bodies_of_the_same_shapes() -> None:
+    betas = np.random.default_rng(8).standard_normal((5, 2))
+    people = BODY.vertices(betas=betas)
+    joints = np.stack([BODY.J_regressor @ person for person in people])
+    found = fit_joint_regressor(people[:3], joints[:3], START.rings())
+    assert found.kkt < 1e-8
+    rows = found.matrix.toarray()
+    assert rows.min() >= 0
+    np.testing.assert_allclose(rows.sum(axis=1), 1, atol=1e-14)
+    away = np.stack([found.matrix @ person for person in people]) - joints
+    assert np.abs(away[:, 1:]).max() < 1e-9  # also of the two that it has not seen
+    assert np.abs(rows - BODY.J_regressor.toarray())[1:].max() > 0.01  # a row is not determined
+    hull = people.min(axis=1)[:, None] - 1e-12, people.max(axis=1)[:, None] + 1e-12
+    regressed = np.stack([found.matrix @ person for person in people])
+    assert ((hull[0] <= regressed) & (regressed <= hull[1])).all()
+
+
+def test_shares_to_zero_are_the_least() -> None:
+    A = np.random.default_rng(3).standard_normal((30, 6))
+    w = shares_to_zero(A)
+    assert kkt_residual(A.T @ A, np.zeros(6), w, np.ones(6, dtype=bool)) < 1e-12
+
+
+# The blocks.
+
+
+@pytest.mark.parametrize("block", ["poses", "surfaces", "weights", "together"])
+def test_a_block_lowers_the_cost_and_stays_at_the_truth(block: str) -> None:
+    held = objective(replace(Sigmas(data=0.001), **OFF))
+    away = true_estimate().moved(a_change(true_estimate(), 0.005))
+    kept = away.weights.clip(0)
+    away = replace(away, weights=kept / kept.sum(axis=1, keepdims=True))
+    found = BLOCKS[block](held, away, START.faces, Effort()).estimate
+    assert held.cost(found) < 0.999 * held.cost(away)
+    np.testing.assert_allclose(found.weights.sum(axis=1), 1, atol=1e-13)
+    assert found.weights.min() >= 0
+    at = BLOCKS[block](held, true_estimate(), START.faces, Effort()).estimate
+    assert held.cost(at) < 1e-15
+
+
+def test_surfaces_are_one_linear_problem() -> None:
+    """From anywhere, one block ends where the slope of the cost is zero."""
+    held = objective(Sigmas(), mirror=True)
+    away = true_estimate().moved(a_change(true_estimate(), 0.02))
+    found = BLOCKS["surfaces"](held, away, START.faces, Effort(linear_tolerance=1e-11)).estimate
+    names = ("templates", "posedirs", "joints")
+    before, after = (NormalEquations(held, e, names).slope for e in (away, found))
+    for name in names:
+        assert np.abs(after[name]).max() < 1e-7 * np.abs(before[name]).max()
+
+
+def test_posedirs_shrink_as_their_sigma_does() -> None:
+    sizes = []
+    for sigma in (1.0, 0.1, 0.01, 0.001):
+        held = objective(replace(Sigmas(), posedirs=sigma))
+        found = BLOCKS["surfaces"](held, true_estimate(), START.faces, Effort()).estimate
+        sizes.append(float(np.linalg.norm(found.posedirs)))
+    assert sizes == sorted(sizes, reverse=True)
+    assert sizes[-1] < 0.5 * sizes[0]
+
+
+def test_weights_follow_their_prior_where_it_is_tight() -> None:
+    held = objective(replace(Sigmas(), weights=1e-7))
+    found = BLOCKS["weights"](held, true_estimate(), START.faces, Effort())
+    np.testing.assert_allclose(found.estimate.weights, held.first_weights, atol=1e-6)
+    assert found.facts["kkt"] < 1e-8
+
+
+def test_a_subject_s_body_is_the_estimate() -> None:
+    estimate = true_estimate()
+    body = subject_body(estimate, 1, START.faces)
+    j = int(np.flatnonzero(DATA.subject == 1)[0])
+    N = len(START.template)
+    np.testing.assert_allclose(
+        body.vertices(estimate.poses[j])[:N],
+        DATA.vertices[j] - TRUTH.trans[j],
+        atol=1e-12,
+    )
+
+
+# Starting.
+
+
+def test_mirror_is_found_in_spite_of_noise() -> None:
+    noisy = START.template + 0.005 * np.random.default_rng(0).standard_normal((35, 3))
+    mirror = find_mirror(noisy, START.faces)
+    np.testing.assert_allclose(START.template[mirror] * [-1, 1, 1], START.template, atol=1e-12)
+
+
+def test_a_mesh_without_sides_is_refused() -> None:
+    flipped = START.faces.copy()
+    a, b, c = flipped[0]
+    other = next(f for f in range(1, len(flipped)) if {a, b} <= set(flipped[f].tolist()))
+    d = next(v for v in flipped[other].tolist() if v not in (a, b))
+    flipped[0], flipped[other] = (a, d, c), (d, b, c)
+    with pytest.raises(NoMirror, match="without symmetry"):
+        find_mirror(START.template, flipped)
+
+
+def test_weights_start_near_the_segments_and_rings_between_them() -> None:
+    weights = START.weights()
+    np.testing.assert_allclose(weights.sum(axis=1), 1, atol=1e-12)
+    assert (weights > 0).sum(axis=1).max() <= 4
+    assert (weights.argmax(axis=1) == START.segmentation).mean() > 0.9
+    rings = START.rings()
+    np.testing.assert_allclose(np.asarray(rings.sum(axis=1)), 1, atol=1e-12)
+    left, right = (rings @ START.template)[[1, 2]]
+    np.testing.assert_allclose(left, right * [-1, 1, 1], atol=1e-12)
+    assert signed_volume(START.template, START.faces) > 0
+
+
+# Un-posing.
+
+
+def test_unposing_recovers_an_exactly_posed_body() -> None:
+    for j, pose in enumerate(TRUTH.poses):
+        found = unpose(BODY, pose, DATA.vertices[j] - TRUTH.trans[j])
+        person = BODY.vertices(betas=TRUTH.betas[DATA.subject[j]])
+        np.testing.assert_allclose(found.vertices, person, atol=1e-10)
+        assert found.rank_deficiency == 0
+
+
+def test_unposing_poses_back_whatever_the_mesh_is() -> None:
+    strange = DATA.vertices[0] + 0.02 * np.random.default_rng(0).standard_normal((35, 3))
+    found = unpose(BODY, TRUTH.poses[0], strange)
+    person = replace(BODY, template=found.vertices)
+    np.testing.assert_allclose(person.vertices(TRUTH.poses[0]), strange, atol=1e-10)
+
+
+def test_unposing_says_what_a_half_turn_hides() -> None:
+    pose = np.zeros((6, 3))
+    pose[1] = [np.pi, 0, 0]
+    even = replace(BODY, weights=np.where(np.arange(6) < 2, 0.5, 0.0) * np.ones((35, 1)))
+    assert unpose_is_blind(even, pose)
+
+
+def unpose_is_blind(body: SkinnedBody, pose: Array) -> bool:
+    try:
+        return unpose(body, pose, body.vertices(pose)).rank_deficiency > 0
+    except np.linalg.LinAlgError:
+        return True
+
+
+# Spoiling.
+
+
+def test_spoiling_is_the_same_for_the_same_seed_however_it_is_read() -> None:
+    spoiled = Spoiled(DATA, seed=7, noise=0.002, missing=0.2, outliers=0.1)
+    whole = spoiled.read(slice(0, 12))
+    np.testing.assert_array_equal(spoiled.read(slice(5, 8)).vertices, whole.vertices[5:8])
+    assert (whole.seen == 0).mean() == pytest.approx(0.2, abs=0.01)
+    away = np.linalg.norm(whole.vertices - DATA.vertices, axis=2)[whole.seen > 0]
+    assert 0.05 < (away > 0.05).mean() < 0.2
+    assert np.median(away) < 0.006
+    assert not np.array_equal(
+        Spoiled(DATA, 8, noise=0.002).read(slice(0, 12)).vertices, whole.vertices
+    )
+
+
+def test_missing_patches_change_nothing_where_the_data_are_exact() -> None:
+    hidden = Spoiled(DATA, seed=7, missing=0.2)
+    held = Objective(hidden, START.rings(), START.weights(), None, replace(Sigmas(), **OFF))
+    assert held.cost(true_estimate()) < 1e-18
+
+
+def test_rotations_turn_as_they_should() -> None:
+    posing = Posing.of(TRUTH.poses, BODY.parents)
+    by = 0.3 * np.random.default_rng(0).standard_normal(TRUTH.poses.shape)
+    found = posing.turned(by).local[3, 2]
+    expected = Rotation.from_rotvec(by[3, 2]).as_matrix() @ posing.local[3, 2]
+    np.testing.assert_allclose(found, expected, atol=1e-13)
+    np.testing.assert_allclose(
+        Posing.of(posing.poses, BODY.parents).world, posing.world, atol=1e-12
+    )
+
+
+def test_a_start_says_what_is_wrong() -> None:
+    segments = np.where(START.segmentation == 5, 0, START.segmentation)
+    with pytest.raises(Exception, match="no vertex belongs to head"):
+        Start(START.template, START.faces, START.parents, START.joint_names, segments)
+
+
+def test_in_memory_registrations_are_views() -> None:
+    data = InMemory(DATA.vertices, DATA.subject, np.full((12, 35), 0.5))
+    batch = data.read(slice(2, 4))
+    assert batch.seen.shape == (2, 35)
+    assert data.n_vertices == 35
+    assert csr_array(START.rings()).shape == (6, 35)

@@ -1,0 +1,160 @@
+"""A folder of registrations: what is read, and what is refused before any work is lost."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from workbench.errors import BadBody, BadFile
+from workbench.geometry.meshes import write_mesh
+from workbench.training.first_guess import Start, read_start, write_start
+from workbench.training.folder import FolderRegistrations, open_folder
+from workbench.training.made_up import draw_registrations, random_smpl, worm
+
+START = worm(7, 5)
+DATA, _ = draw_registrations(random_smpl(START, 2, seed=3), 3, 3, seed=4)
+N = len(START.template)
+
+
+def made_folder(folder: Path) -> list[str]:
+    """Nine registrations in every format; the lines of their table."""
+    lines = ["file,subject,gender,set"]
+    for j, vertices in enumerate(DATA.vertices[:6]):
+        name = f"mesh {j}.{('ply', 'obj', 'off')[j % 3]}"
+        write_mesh(folder / name, vertices, START.faces)
+        lines.append(f"{name},person {DATA.subject[j]},{('female', 'male')[j % 2]},poses")
+    np.savez(folder / "six.npz", vertices=DATA.vertices[6], seen=np.ones(N))
+    np.save(folder / "two.npy", DATA.vertices[7:9].astype(np.float32))
+    lines += ["six.npz,person 2,,", "two.npy#0,person 2,,shapes", "two.npy#1,person 9,,shapes"]
+    (folder / "registrations.csv").write_text("\n".join(lines) + "\n")
+    return lines
+
+
+def opened(folder: Path) -> FolderRegistrations:
+    return open_folder(folder, N, START.faces)
+
+
+def test_every_format_is_read_in_the_table_s_order(tmp_path: Path) -> None:
+    made_folder(tmp_path)
+    found = opened(tmp_path)
+    assert found.subjects == ("person 0", "person 1", "person 2", "person 9")
+    assert found.subject.tolist() == [0, 0, 0, 1, 1, 1, 2, 2, 3]
+    batch = found.read(slice(0, 9))
+    np.testing.assert_allclose(batch.vertices, DATA.vertices, atol=1e-6)
+    poses, shapes = found.only("poses"), found.only("shapes")
+    assert (len(poses.rows), len(shapes.rows)) == (7, 2)
+    assert shapes.subject.tolist() == [0, 1]  # numbered anew
+    assert len(found.only("poses", "female").rows) == 3
+    np.testing.assert_allclose(shapes.read(slice(1, 2)).vertices[0], DATA.vertices[8], atol=1e-6)
+
+
+def spoil_topology(folder: Path) -> None:
+    other = START.faces.copy()
+    other[0, 0] = 17
+    write_mesh(folder / "mesh 1.obj", DATA.vertices[1], other)
+
+
+def spoil_order(folder: Path) -> None:
+    order = np.random.default_rng(0).permutation(N)
+    write_mesh(folder / "mesh 1.obj", DATA.vertices[1][order], np.argsort(order)[START.faces])
+
+
+def spoil_count(folder: Path) -> None:
+    write_mesh(folder / "mesh 1.obj", np.tile(DATA.vertices[1], (2, 1)), START.faces)
+
+
+def spoil_nan(folder: Path) -> None:
+    text = (folder / "mesh 1.obj").read_text().splitlines()
+    text[3] = "v nan 0.0 0.0"
+    (folder / "mesh 1.obj").write_text("\n".join(text))
+
+
+def spoil_mirror(folder: Path) -> None:
+    write_mesh(folder / "mesh 1.obj", DATA.vertices[1] * [-1, 1, 1], START.faces)
+
+
+def spoil_unit(folder: Path) -> None:
+    write_mesh(folder / "mesh 1.obj", 1000 * DATA.vertices[1], START.faces)
+
+
+def spoil_missing(folder: Path) -> None:
+    (folder / "mesh 1.obj").unlink()
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (spoil_topology, "connects its vertices otherwise"),
+        (spoil_order, "connects its vertices otherwise"),
+        (spoil_count, r"\(70, 3\), but the topology has \(35, 3\)"),
+        (spoil_nan, "nan"),
+        (spoil_mirror, "mirrored"),
+        (spoil_unit, "millimetres"),
+        (spoil_missing, ""),
+    ],
+)
+def test_what_cannot_be_used_is_named(tmp_path: Path, spoil: object, said: str) -> None:
+    made_folder(tmp_path)
+    assert callable(spoil)
+    spoil(tmp_path)
+    with pytest.raises(BadFile, match=f"(?s)1 of 9 registrations.*mesh 1.obj.*{said}"):
+        opened(tmp_path)
+
+
+def test_faces_may_be_listed_in_another_order(tmp_path: Path) -> None:
+    made_folder(tmp_path)
+    shuffled = np.roll(START.faces, 1, axis=1)[::-1]
+    write_mesh(tmp_path / "mesh 1.obj", DATA.vertices[1], shuffled)
+    assert len(opened(tmp_path).rows) == 9
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("mesh 0.ply,,female,poses", "line 11: file and subject"),
+        ("mesh 0.ply,x,unknown,poses", "no gender is called 'unknown'"),
+        ("mesh 0.ply,x,female,walks", "no set is called 'walks'"),
+        ("mesh 0.txt,x,female,poses", "is none of"),
+        ("mesh 0.ply,x,female,poses", "2 times"),
+    ],
+)
+def test_the_table_is_checked_line_by_line(tmp_path: Path, line: str, said: str) -> None:
+    lines = made_folder(tmp_path)
+    (tmp_path / "registrations.csv").write_text("\n".join([*lines, line]))
+    with pytest.raises(BadFile, match=said):
+        opened(tmp_path)
+
+
+def test_no_table_no_rows_no_column(tmp_path: Path) -> None:
+    with pytest.raises(BadFile, match="cannot read the subject table"):
+        opened(tmp_path)
+    (tmp_path / "registrations.csv").write_text("file,subject\n")
+    with pytest.raises(BadFile, match="names no registrations"):
+        opened(tmp_path)
+    (tmp_path / "registrations.csv").write_text("mesh,subject\na.ply,b\n")
+    with pytest.raises(BadFile, match="no column 'file'"):
+        opened(tmp_path)
+
+
+def test_a_row_beyond_the_stack_is_refused(tmp_path: Path) -> None:
+    lines = made_folder(tmp_path)
+    (tmp_path / "registrations.csv").write_text("\n".join([*lines, "two.npy#2,x,,"]))
+    with pytest.raises(BadFile, match="name one of its rows"):
+        opened(tmp_path)
+
+
+def test_a_start_comes_back(tmp_path: Path) -> None:
+    write_start(START, tmp_path / "start.npz")
+    found = read_start(tmp_path / "start.npz")
+    np.testing.assert_array_equal(found.template, START.template)
+    np.testing.assert_array_equal(found.segmentation, START.segmentation)
+    assert (found.parents, found.joint_names) == (START.parents, START.joint_names)
+    small = read_start("small")
+    assert isinstance(small, Start)
+    assert len(small.template) == 369
+    with np.load(tmp_path / "start.npz") as file:
+        np.savez(tmp_path / "bad.npz", **{n: file[n] for n in file.files if n != "parents"})
+    with pytest.raises(BadFile, match="parents missing"):
+        read_start(tmp_path / "bad.npz")
+    with pytest.raises(BadBody, match="segmentation"):
+        Start(START.template, START.faces, START.parents, START.joint_names, np.zeros(3, int))

@@ -1,0 +1,172 @@
+"""Training finds the body that its registrations were made with.
+
+What cannot be found, and is not asked for: the root joint (turning about another point is a
+translation more), the frame that all rest shapes are drawn in (a rotation of all of them, with
+posedirs turned along, changes no mesh), and a row of the joint regressor by itself (many rows give
+the same joints on all bodies of a shape space; a held-out body of that space decides nothing).
+"""
+
+from dataclasses import dataclass, replace
+from math import inf
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from workbench import SkinnedBody, load_body
+from workbench.geometry.rigid import procrustes
+from workbench.training.blocks import BLOCKS, Effort
+from workbench.training.estimate import Estimate, Sigmas
+from workbench.training.first_guess import Start
+from workbench.training.held_out import generalization
+from workbench.training.made_up import (
+    Spoiled,
+    Truth,
+    draw_registrations,
+    random_smpl,
+    worm,
+)
+from workbench.training.objective import Objective
+from workbench.training.plan import annealed
+from workbench.training.registrations import InMemory
+from workbench.training.training import Trained, train
+
+Array = NDArray[np.float64]
+FACTORS = (1.0, 10.0, inf)
+TURN = 1.6  # rad, the largest
+SIGMAS = Sigmas(
+    data=0.001, symmetry=inf, joint_symmetry=inf, rings=0.02, posedirs=0.005, weights=0.3
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Recovery:
+    """A truth, what it made, and what training made of that."""
+
+    body: SkinnedBody
+    truth: Truth
+    trained: Trained
+
+    def held_out(self) -> float:
+        """The largest distance of other people in other poses, m."""
+        others, _ = draw_registrations(self.body, 4, 2, seed=99, turn=TURN)
+        return generalization(self.trained.body, others).largest
+
+    def joints(self) -> float:
+        """How far joints of held-out bodies of the same shape space are off, but the root, m."""
+        betas = np.random.default_rng(5).standard_normal((10, self.body.n_betas))
+        gap = (self.trained.body.J_regressor - self.body.J_regressor).toarray()
+        away = np.einsum("kn,sna->ska", gap, self.body.vertices(betas=betas))
+        return float(np.linalg.norm(away, axis=2)[:, 1:].max())
+
+    def weights(self) -> float:
+        """The largest error."""
+        return float(np.abs(self.trained.body.weights - self.body.weights).max())
+
+    def posedirs(self) -> float:
+        """The largest error, m, after the rest frames are turned onto each other."""
+        found = self.trained.poses.estimate
+        people = self.body.vertices(betas=self.truth.betas)
+        R = procrustes(
+            np.concatenate(found.templates - found.templates.mean(axis=1, keepdims=True)),
+            np.concatenate(people - people.mean(axis=1, keepdims=True)),
+        ).R
+        P = found.posedirs.reshape(len(people[0]), 3, -1, 3, 3)
+        turned = np.einsum("ab,nbkcd,ec,fd->nakef", R, P, R, R, optimize=True)
+        return float(np.abs(turned.reshape(found.posedirs.shape) - self.body.posedirs).max())
+
+
+def recover(start: Start, n_betas: int, subjects: int, poses: int, seed: int) -> Recovery:
+    body = random_smpl(start, n_betas, seed)
+    data, truth = draw_registrations(body, subjects, poses, seed + 1, turn=TURN)
+    plan = annealed(SIGMAS, FACTORS)
+    return Recovery(body, truth, train(data, start, plan=plan, n_betas=n_betas))
+
+
+def near(body: SkinnedBody, data: InMemory, truth: Truth) -> Estimate:
+    """The truth, disturbed: 1 mm, 0.01 rad, weights by a fiftieth, blend shapes by half a mm."""
+    rng = np.random.default_rng(7)
+    people = body.vertices(betas=truth.betas)
+    joints = np.stack([body.J_regressor @ person for person in people])
+    weights = np.where(body.weights > 0, body.weights + 0.02 * rng.random(body.weights.shape), 0)
+    return Estimate(
+        people + 0.001 * rng.standard_normal(people.shape),
+        joints + 0.003 * rng.standard_normal(joints.shape),
+        body.posedirs + 0.0005 * rng.standard_normal(body.posedirs.shape),
+        weights / weights.sum(axis=1, keepdims=True),
+        truth.poses + 0.01 * rng.standard_normal(truth.poses.shape),
+        body.parents,
+    )
+
+
+def test_all_names_together_converge_as_gauss_and_newton_do() -> None:
+    """Near the truth, off in every name, the residual falls faster and faster."""
+    start = worm(9, 6)
+    body = random_smpl(start, 1, seed=0)
+    data, truth = draw_registrations(body, 4, 20, seed=1, turn=TURN)
+    free = replace(SIGMAS, rings=inf, posedirs=inf, weights=inf)
+    objective = Objective(data, start.rings(), start.weights(), None, free)
+    estimate = near(body, data, truth)
+    effort = Effort(together_tolerance=1e-4, together_steps=1, products=250)
+    rms = [objective.rms(estimate)]
+    for _ in range(4):
+        estimate = BLOCKS["together"](objective, estimate, start.faces, effort).estimate
+        rms.append(objective.rms(estimate))
+    assert rms[-1] < 1e-6
+    falls = np.array(rms[1:]) / rms[:-1]
+    assert falls[1] < 0.1
+    np.testing.assert_allclose(estimate.weights.sum(axis=1), 1, atol=1e-12)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("start", "n_betas", "subjects", "poses", "seed", "tolerance"),
+    [
+        (worm(9, 6), 2, 5, 16, 0, 1e-6),
+        (worm(25, 8), 4, 8, 12, 0, 1e-6),
+        (Start.of(load_body("small")), 4, 6, 60, 0, 1e-4),
+    ],
+    ids=["54 vertices, 6 joints", "200 vertices, 6 joints", "369 vertices, 24 joints"],
+)
+def test_the_generator_is_recovered_from_segments_alone(
+    start: Start, n_betas: int, subjects: int, poses: int, seed: int, tolerance: float
+) -> None:
+    found = recover(start, n_betas, subjects, poses, seed)
+    assert found.held_out() < tolerance
+    if tolerance <= 1e-6:
+        assert found.joints() < 1e-6
+        assert found.weights() < 1e-5
+        assert found.posedirs() < 1e-5
+
+
+def template_error(start: Start, body: SkinnedBody, poses: int, noise: float = 0.001) -> float:
+    """Rms of E_D's surplus over the noise: how far the fitted points are from the exact ones."""
+    data, truth = draw_registrations(body, 4, poses, seed=3, turn=TURN)
+    noisy = Spoiled(data, seed=4, noise=noise)
+    free = replace(SIGMAS, rings=inf, posedirs=inf, weights=inf)
+    exact = Objective(data, start.rings(), start.weights(), None, free)
+    fitted = Objective(noisy, start.rings(), start.weights(), None, free)
+    people = body.vertices(betas=truth.betas)
+    joints = np.stack([body.J_regressor @ person for person in people])
+    at = Estimate(people, joints, body.posedirs, body.weights, truth.poses, body.parents)
+    found = BLOCKS["surfaces"](fitted, at, start.faces, Effort(products=400)).estimate
+    return exact.rms(found)
+
+
+def test_with_noise_the_error_falls_as_the_count_of_unknowns_predicts() -> None:
+    """Linear least squares: rms error / noise = sqrt(unknowns / equations).
+
+    The unknowns stay the same, so with four times the registrations it is half as large.
+    """
+    start = worm(7, 5)
+    body = random_smpl(start, 2, seed=0)
+    S, K, N = 4, 6, 35
+    errors = []
+    for poses in (20, 80):
+        error = template_error(start, body, poses)
+        errors.append(error)
+        unknowns = S * 3 * (N + K) - 3 * S - 3 * S + N * 3 * 9 * (K - 1)
+        equations = 3 * (N - 1) * S * poses
+        predicted = 0.001 * np.sqrt(unknowns / equations * (N - 1) / N)
+        assert error == pytest.approx(predicted, rel=0.1)
+    assert errors[1] / errors[0] == pytest.approx(0.5, abs=0.05)

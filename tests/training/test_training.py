@@ -1,0 +1,159 @@
+"""Training as a whole: it resumes, it refuses, and what it returns is a body."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from workbench import SkinnedBody, load_body, save_body
+from workbench.errors import BadArgument, BadFile
+from workbench.training import blocks
+from workbench.training.blocks import Effort, Found
+from workbench.training.checkpoint import FILE
+from workbench.training.estimate import Estimate
+from workbench.training.held_out import generalization
+from workbench.training.made_up import Spoiled, draw_registrations, random_smpl, worm
+from workbench.training.objective import Objective
+from workbench.training.plan import Plan, alternation
+from workbench.training.pose_training import NotLowered, Progress
+from workbench.training.training import train
+
+START = worm(7, 5)
+BODY = random_smpl(START, 2, seed=3)
+EXACT, TRUTH = draw_registrations(BODY, 3, 8, seed=4)
+DATA = Spoiled(EXACT, seed=5, noise=0.001, missing=0.1)
+SHAPES, _ = draw_registrations(BODY, 12, 1, seed=6, turn=0.1)
+
+
+def short_plan() -> Plan:
+    plan = alternation(rounds=1)
+    effort = Effort(linear_tolerance=1e-3, products=20, together_steps=2)
+    return Plan(tuple(replace(stage, effort=effort) for stage in plan.stages))
+
+
+@dataclass
+class Told:
+    """Remembers what it is told."""
+
+    blocks: list[Progress]
+    parts: list[str]
+
+    def block(self, progress: Progress) -> None:
+        self.blocks.append(progress)
+
+    def part(self, doing: str, done: int, of: int) -> None:
+        assert 0 < done <= of
+        self.parts.append(doing)
+
+
+def test_a_body_comes_out_with_a_card_of_its_own_numbers(tmp_path: Path) -> None:
+    told = Told([], [])
+    found = train(DATA, START, multi_shape=SHAPES, plan=short_plan(), n_betas=2, report=told)
+    body = found.body
+    assert isinstance(body, SkinnedBody)
+    said = told.blocks
+    assert {"first poses", "poses", "together", "shapes"} <= set(told.parts)
+    assert [p.entry.block for p in said] == list(body.card["blocks"])
+    assert said[-1].number == said[-1].of == len(short_plan().steps)
+    for entry in found.poses.log:
+        assert sum(entry.after.values()) <= sum(entry.before.values()) * (1 + 1e-9)
+    assert body.card["worst_kkt"] < 1e-8
+    assert body.card["weights_per_vertex"] <= 4
+    assert body.card["explained_variance_cumulative"][-1] > 0.8
+    np.testing.assert_allclose(body.J_regressor[[0]] @ body.template, 0, atol=1e-12)
+    save_body(body, tmp_path / "body.npz")
+    again = load_body(tmp_path / "body.npz")
+    np.testing.assert_allclose(again.vertices(betas=[1, 0]), body.vertices(betas=[1, 0]))
+
+
+def test_it_explains_others_better_than_its_start_does() -> None:
+    found = train(DATA, START, plan=short_plan(), n_betas=2).body
+    others, _ = draw_registrations(BODY, 3, 2, seed=9)
+    plain = replace(found, posedirs=0 * found.posedirs)
+    trained, without = (generalization(b, others).rms for b in (found, plain))
+    assert trained < 0.9 * without
+
+
+def test_one_subject_teaches_no_shape() -> None:
+    one, _ = draw_registrations(BODY, 1, 8, seed=4)
+    with pytest.raises(BadArgument, match="one subject"):
+        train(one, START, plan=short_plan())
+
+
+def test_a_block_that_raises_the_cost_stops_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    def worse(
+        objective: Objective, estimate: Estimate, faces: object, effort: Effort, say: object
+    ) -> Found:
+        return Found(replace(estimate, templates=1.01 * estimate.templates), {})
+
+    monkeypatch.setitem(blocks.BLOCKS, "weights", worse)
+    with pytest.raises(NotLowered, match="'weights' raised the cost"):
+        train(DATA, START, plan=short_plan())
+
+
+def test_a_checkpoint_of_another_training_is_refused(tmp_path: Path) -> None:
+    train(DATA, START, plan=short_plan(), n_betas=2, folder=tmp_path)
+    other = Spoiled(EXACT, seed=6, noise=0.001)
+    with pytest.raises(BadFile, match="other registrations"):
+        train(other, START, plan=short_plan(), folder=tmp_path)
+    with pytest.raises(BadFile, match="another plan"):
+        train(DATA, START, plan=alternation(rounds=2), folder=tmp_path)
+    (tmp_path / FILE).write_bytes(b"PK nothing")
+    with pytest.raises(BadFile, match="is no checkpoint"):
+        train(DATA, START, plan=short_plan(), folder=tmp_path)
+
+
+RUN = """
+import sys
+from pathlib import Path
+from tests.training.test_training import DATA, START, short_plan
+from workbench.training.training import train
+from workbench.bodies.saving import save_body
+class Say:
+    def block(self, p):
+        print(p.number, p.entry.block, flush=True)
+    def part(self, doing, done, of):
+        pass
+body = train(DATA, START, plan=short_plan(), n_betas=2, folder=Path(sys.argv[1]), report=Say()).body
+save_body(body, Path(sys.argv[1]) / "body.npz")
+"""
+
+
+def started(folder: Path) -> "subprocess.Popen[str]":
+    folder.mkdir(exist_ok=True)
+    return subprocess.Popen(
+        [sys.executable, "-c", RUN, str(folder)],
+        stdout=subprocess.PIPE,
+        text=True,
+        cwd=Path(__file__).parents[2],
+        env=os.environ | {"OMP_NUM_THREADS": "1"},
+    )
+
+
+def test_killed_at_any_time_it_ends_with_the_same_body(tmp_path: Path) -> None:
+    whole = started(tmp_path / "whole")
+    lines = whole.communicate(timeout=120)[0].splitlines()
+    assert len(lines) == len(short_plan().steps)
+    for blocks_done in (1, 1, 2):  # then it is killed while the next block is at work
+        run = started(tmp_path / "killed")
+        assert run.stdout is not None
+        told = [run.stdout.readline() for _ in range(blocks_done)]
+        assert all(told)
+        time.sleep(0.05 * blocks_done)
+        run.send_signal(signal.SIGKILL)
+        run.communicate(timeout=60)
+        assert run.returncode == -signal.SIGKILL
+    run = started(tmp_path / "killed")
+    left = run.communicate(timeout=120)[0].splitlines()
+    assert run.returncode == 0
+    assert 0 < len(left) < len(lines)
+    bodies = [load_body(tmp_path / name / "body.npz") for name in ("whole", "killed")]
+    for name in ("template", "shapedirs", "posedirs", "weights"):
+        np.testing.assert_array_equal(getattr(bodies[0], name), getattr(bodies[1], name))
+    np.testing.assert_array_equal(bodies[0].J_regressor.toarray(), bodies[1].J_regressor.toarray())

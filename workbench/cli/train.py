@@ -1,0 +1,131 @@
+"""`workbench train`: a body model from registrations."""
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+
+from workbench.bodies.saving import save_body
+from workbench.cli.leaving import Interrupted
+from workbench.cli.run import Out, make_folder
+from workbench.errors import BadArgument
+from workbench.reports import write_card
+from workbench.training.first_guess import Start, read_start
+from workbench.training.folder import GENDERS, open_folder
+from workbench.training.made_up import Spoiled, draw_registrations, random_smpl, worm
+from workbench.training.plan import alternation
+from workbench.training.pose_training import Progress
+from workbench.training.registrations import Registrations
+from workbench.training.training import train as train_body
+
+START = "start.npz"
+MADE_UP_NOISE = 0.001  # m
+EVERY = 5.0  # s
+
+
+def train(
+    folder: Annotated[
+        Path | None,
+        typer.Argument(
+            help="Folder with registrations.csv (file, subject, gender, set) and meshes in metres; "
+            "without one, a made-up worm is trained from made-up registrations."
+        ),
+    ] = None,
+    start: Annotated[
+        str | None,
+        typer.Option(
+            help="Template, tree and segments: default, small, full, a body's file, or an .npz; "
+            f"{START} in the folder if there is one, else default."
+        ),
+    ] = None,
+    gender: Annotated[
+        str | None, typer.Option(help=f"Only those of one gender ({', '.join(GENDERS)}).")
+    ] = None,
+    betas: Annotated[int, typer.Option(help="Shape directions.")] = 10,
+    rounds: Annotated[int, typer.Option(help="Of the alternation.")] = 4,
+    out: Out = Path("runs"),
+) -> None:
+    """Train a body model from registrations; killed, it goes on where it was.
+
+    Writes runs/NAME/: checkpoint.npz after every block, body.npz and its model card at the end.
+    """
+    console = Console()
+    if betas < 1 or rounds < 1:
+        raise BadArgument("--betas and --rounds take 1 or more")
+    if gender is not None and gender not in GENDERS:
+        raise BadArgument(f"--gender takes {', '.join(GENDERS)}, not {gender!r}")
+    name, guess, poses, shapes = _data(console, folder, start, gender)
+    plan = alternation(rounds=rounds)
+    make_folder(out)
+    place = out / f"train-{name}{f'-{gender}' if gender else ''}"
+    make_folder(place)
+    try:
+        trained = train_body(
+            poses, guess, multi_shape=shapes, plan=plan, n_betas=betas, folder=place,
+            report=Lines(console),
+        )  # fmt: skip
+    except KeyboardInterrupt:
+        raise Interrupted(
+            f"interrupted; what was found until the last block is in {place}, and the same "
+            "command goes on from there"
+        ) from None
+    save_body(trained.body, place / "body.npz")
+    page = write_card(trained.body, place / "card", str((place / "body.npz").resolve()))
+    console.print(f"body: [bold]{escape(str(place / 'body.npz'))}[/]", soft_wrap=True)
+    console.print(f"card: [bold]{escape(str(page))}[/]", soft_wrap=True)
+
+
+def _data(
+    console: Console, folder: Path | None, start: str | None, gender: str | None
+) -> tuple[str, Start, Registrations, Registrations | None]:
+    """The run's name, its start, and the two sets."""
+    if folder is None:
+        console.print("no folder: a made-up worm with 1 mm of noise; nothing here was measured")
+        guess = worm(11, 6)
+        exact, _ = draw_registrations(random_smpl(guess, 3, seed=0), 6, 12, seed=1)
+        return "made-up", guess, Spoiled(exact, seed=2, noise=MADE_UP_NOISE), None
+    own = folder / START
+    guess = read_start(start or (own if own.is_file() else "default"))
+    console.print("[dim]looking at every registration[/]")
+    every = open_folder(folder, len(guess.template), guess.faces)
+    poses, shapes = every.only("poses", gender), every.only("shapes", gender)
+    if not poses.rows:
+        raise BadArgument(
+            f"{folder} has no registrations of the set 'poses'"
+            f"{f' and gender {gender!r}' if gender else ''}; they teach how pose bends a body"
+        )
+    console.print(
+        f"{len(poses.rows)} registrations of {len(poses.subjects)} subjects in poses, "
+        f"{len(shapes.rows)} people for shape"
+    )
+    return folder.resolve().name, guess, poses, shapes if shapes.rows else None
+
+
+class Lines:
+    """A line per block, and one now and then within what takes long."""
+
+    def __init__(self, console: Console) -> None:
+        self._console, self._told = console, time.monotonic()
+
+    def block(self, progress: Progress) -> None:
+        """What it cost before and after, by term."""
+        entry = progress.entry
+        before, after = sum(entry.before.values()), sum(entry.after.values())
+        terms = ", ".join(f"{name} {cost:.4g}" for name, cost in entry.after.items())
+        self._print(
+            f"{progress.number:>3}/{progress.of} {entry.block:<9} cost {before:.6g} -> "
+            f"{after:.6g}  ({terms})  {entry.seconds:.1f} s, about "
+            f"{progress.seconds_left:.0f} s left"
+        )
+
+    def part(self, doing: str, done: int, of: int) -> None:
+        """How far it is, every few seconds."""
+        if time.monotonic() - self._told > EVERY:
+            self._print(f"        {doing}: {done} of {of}")
+
+    def _print(self, line: str) -> None:
+        self._told = time.monotonic()
+        self._console.print(line, highlight=False, soft_wrap=True)

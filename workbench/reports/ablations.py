@@ -1,0 +1,93 @@
+"""What each term of training does, as figures and numbers.
+
+    python -m workbench.reports.ablations FOLDER --out PLACE [--rounds 2]
+
+`FOLDER` holds `train` and `held_out` as `workbench.training.sets` writes them.
+"""
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+
+from workbench.bodies.catalogue import load_body
+from workbench.plots.figure import house_style, png, sheet
+from workbench.plots.training import (
+    caption_pose_in_shape,
+    caption_turn_errors,
+    plot_pose_in_shape,
+    plot_turn_errors,
+)
+from workbench.reports.summary import as_json
+from workbench.training.ablations import Ablated, Sets, ablate, turn_errors
+from workbench.training.embedded.pose_blends import draw_poses
+from workbench.training.estimate import Sigmas
+from workbench.training.first_guess import read_start
+from workbench.training.folder import open_folder
+from workbench.training.pose_mixture import read_pose_mixture
+from workbench.training.sets import MIXTURE
+from workbench.writing import replacing
+
+PEOPLE = 60  # whose poses are fitted by edges and by vertices
+
+
+def told(result: Ablated) -> str:
+    """One training in a line."""
+    shares = ", ".join(f"{100 * share:.1f}" for share in result.pose_in_shape)
+    return (
+        f"{result.name:20} training {1e3 * result.training_rms:.3f} mm per coordinate, held out "
+        f"{1e3 * result.held_out_rms:.3f} mm per vertex, asymmetry {1e3 * result.asymmetry:.3f} "
+        f"mm, posedirs {1e3 * result.posedirs_rms:.3f} mm, pose in shape {shares} %"
+    )
+
+
+def write_ablations(results: Sequence[Ablated], place: Path, body: str) -> None:
+    """`ablations.json` and two pictures with their captions."""
+    model = load_body(body)
+    poses = draw_poses(read_pose_mixture(MIXTURE), PEOPLE, np.random.default_rng(0))
+    errors = turn_errors(model, poses, seed=1)
+    place.mkdir(parents=True, exist_ok=True)
+    with house_style():
+        shape, (ax,) = sheet(6.4, 3.6)
+        plot_pose_in_shape(results, ax=ax)
+        turns, (ax,) = sheet(6.4, 3.6)
+        plot_turn_errors(errors, ax=ax)
+    for name, figure in (("pose_in_shape", shape), ("edges_or_vertices", turns)):
+        with replacing(place / f"{name}.png") as temporary:
+            temporary.write_bytes(png(figure))
+    said = {
+        "results": [asdict(result) for result in results],
+        "mean_error_degrees": {n: float(np.degrees(e[:, 1:].mean())) for n, e in errors.items()},
+        "captions": {
+            "pose_in_shape": caption_pose_in_shape(results),
+            "edges_or_vertices": caption_turn_errors(errors),
+        },
+    }
+    with replacing(place / "ablations.json") as temporary:
+        temporary.write_text(as_json(said), encoding="utf-8")
+
+
+def main() -> None:
+    """Parse, train, print, write."""
+    parser = argparse.ArgumentParser(prog="python -m workbench.reports.ablations")
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--rounds", type=int, default=2)
+    parser.add_argument("--body", default="small", help="whose pose is fitted by edges or vertices")
+    arguments = parser.parse_args()
+    start = read_start(arguments.folder / "train" / "start.npz")
+    train, held_out = (
+        open_folder(arguments.folder / name, len(start.template), start.faces)
+        for name in ("train", "held_out")
+    )
+    sets = Sets(train.only("poses"), train.only("shapes"), held_out.only("poses"), start)
+    results = ablate(
+        sets, Sigmas(), rounds=arguments.rounds, done=lambda result: print(told(result), flush=True)
+    )
+    write_ablations(results, arguments.out, arguments.body)
+
+
+if __name__ == "__main__":
+    main()

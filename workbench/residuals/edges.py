@@ -1,0 +1,47 @@
+"""The edges of a mesh against those of another: blind to where it stands."""
+
+import casadi as cs
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.blocks import Points
+from workbench.blocks.reals import numbers
+from workbench.errors import BadResidual
+from workbench.residuals.kernels import Kernel, quadratic
+from workbench.residuals.residual import Residual, expressed, given, named_after, same_shape
+
+
+def edges(
+    points: Points | cs.MX,
+    observed: cs.MX | ArrayLike,
+    pairs: ArrayLike,
+    *,
+    sigma: float,
+    confidence: cs.MX | ArrayLike | None = None,
+    kernel: Kernel = quadratic,
+    name: str | None = None,
+) -> Residual:
+    """(v_a - v_b) - (v^_a - v^_b) in metres for pairs (E, 2) of vertices: the E_C of edges.
+
+    A translation of either changes nothing, so shape can be compared before it is known where
+    the body stands (SMPL, section 4.1: the pose of a registration). `observed` is the symbol of
+    a block (N, 3), or an array; a pair of confidence c is ordinary at sigma / c.
+    Raises BadResidual for pairs of vertices that do not exist.
+    """
+    predicted, reads = expressed(points)
+    name = name or named_after("edges", observed, points)
+    target = given(name, "what was observed", observed, predicted.shape[::-1])
+    same_shape(name, predicted, target)
+    N, found = predicted.shape[1], numbers(f"residual {name!r}: pairs", pairs)
+    if found.ndim != 2 or found.shape[1] != 2 or found.dtype.kind not in "iu":
+        raise BadResidual(f"residual {name!r} needs pairs (E, 2) of whole numbers")
+    if found.size and not 0 <= found.min() <= found.max() < N:
+        raise BadResidual(f"residual {name!r} needs vertices from 0 to {N - 1} in its pairs")
+    E = len(found)
+    rows, entries = np.repeat(np.arange(E), 2).tolist(), np.tile([1.0, -1.0], E)
+    ends = cs.DM.triplet(rows, found.ravel().tolist(), cs.DM(entries), E, N)
+    difference = (predicted - target) @ ends.T  # (3, E) m
+    if confidence is not None:
+        trust = given(name, "the confidence", confidence, (E,))
+        difference = difference * cs.repmat(cs.vec(trust).T, 3, 1)
+    return Residual(name, cs.vec(difference), sigma, "m", kernel, reads)

@@ -1,0 +1,48 @@
+"""Joints from vertices: shares of few of them, by least squares."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from workbench.training.simplex import kkt_residual, shares_to_zero
+
+Array = NDArray[np.float64]
+FEWEST = 60  # vertices that a joint may be the mean of
+
+
+@dataclass(frozen=True, eq=False)
+class JointRegressor:
+    """Rows (K, N) of shares; how far the regressed joints are from those asked for; and KKT."""
+
+    matrix: csr_array
+    rms: Array  # (K,) m
+    kkt: float
+
+
+def fit_joint_regressor(
+    templates: Array, joints: Array, rings: csr_array, reach: float = 0.2
+) -> JointRegressor:
+    """The shares (K, N) that give joints (S, K, 3) from templates (S, N, 3), row by row.
+
+    min |T_s R' - J_s|^2 with R >= 0 and rows that sum to one, over the vertices within `reach` m
+    of the joint. Few shapes do not decide a row: many give the same joints on all shapes in the
+    affine span of these. What is found has at most 3 S entries above zero. The root's row is that
+    of `rings` (K, N).
+    """
+    S, N, _ = templates.shape
+    rows, rms, worst = np.zeros((joints.shape[1], N)), np.zeros(joints.shape[1]), 0.0
+    rows[0], means = rings[[0]].toarray()[0], templates.mean(axis=0)
+    for k in range(1, joints.shape[1]):
+        distance = np.linalg.norm(means - joints[:, k].mean(axis=0), axis=1)
+        order = np.argsort(distance, kind="stable")
+        near = order[: max(FEWEST, int(np.count_nonzero(distance < reach)))]
+        away = (templates[:, near] - joints[:, None, k]).transpose(0, 2, 1).reshape(3 * S, -1)
+        found = shares_to_zero(away)
+        every = np.ones(len(near), dtype=bool)
+        kkt = kkt_residual(away.T @ away, np.zeros(len(near)), found, every)
+        worst = max(worst, kkt)
+        rows[k, near] = found
+        rms[k] = np.sqrt(np.mean((away @ found) ** 2) * 3)
+    return JointRegressor(csr_array(rows), rms, worst)

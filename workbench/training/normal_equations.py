@@ -1,0 +1,223 @@
+"""Gauss and Newton's equations of training, never formed: products and a preconditioner."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from workbench.training.estimate import Change, Estimate
+from workbench.training.objective import Objective, centred
+from workbench.training.posing import crossed
+from workbench.training.registrations import Batch, batches
+from workbench.training.skinning_pass import SkinningPass
+
+Array = NDArray[np.float64]
+KEPT_BYTES = 2**29  # of what is kept between products: it is computed anew where there is more
+BYTES_EACH = 160  # of a vertex in a pose: its blended rotation, place at rest, target
+RIDGE = 1e-10  # of the mean diagonal, so that a block that nothing is known of has an inverse
+
+
+@dataclass(frozen=True, eq=False)
+class NormalEquations:
+    """(J'J) step = slope for the named parts of an estimate, one pass over the data a product.
+
+    Weights move within their support, their sum kept.
+    """
+
+    objective: Objective
+    estimate: Estimate
+    names: tuple[str, ...]
+
+    @cached_property
+    def support(self) -> NDArray[np.bool_]:
+        """Where weights may change, (N, K)."""
+        return self.estimate.weights > 0
+
+    @cached_property
+    def slope(self) -> Change:
+        """Minus the gradient of the cost."""
+        found = self.objective.prior_slope(self.estimate, self.names)
+        data = self.estimate.zero_change(self.names)
+        for passed, pull, _ in self.objective.residuals(self.estimate):
+            passed.adjoint(pull, data)
+        return self._sum(found, data)
+
+    def product(self, change: Change) -> Change:
+        """J'J times a change."""
+        data = self.estimate.zero_change(self.names)
+        for batch, passed in self._kept or self._passes():
+            moved, _ = centred(batch, passed.tangent(change))
+            passed.adjoint(batch.seen[..., None] * moved, data)
+        return self._sum(self.objective.prior_curvature(change), data)
+
+    def _passes(self) -> Iterator[tuple[Batch, SkinningPass]]:
+        for batch in batches(self.objective.registrations):
+            yield batch, SkinningPass(self.estimate, batch.some, batch.subject)
+
+    @cached_property
+    def _kept(self) -> list[tuple[Batch, SkinningPass]]:
+        """The passes with what they computed, if they are few enough to keep; else none."""
+        source = self.objective.registrations
+        small = len(source.subject) * source.n_vertices * BYTES_EACH < KEPT_BYTES
+        return list(self._passes()) if small else []
+
+    def _sum(self, prior: Change, data: Change) -> Change:
+        scale = self.objective.sigmas.data**-2
+        found = {name: prior[name] + scale * data[name] for name in self.names}
+        if "weights" in found:
+            found["weights"] = within(found["weights"], self.support)
+        return found
+
+    def preconditioned(self, change: Change) -> Change:
+        """About the inverse of J'J: exact where blending keeps lengths and parts are apart."""
+        found: Change = {}
+        if {"templates", "posedirs"} & set(self.names):
+            found |= self._surfaces(change)
+        if "joints" in self.names:
+            found["joints"] = _solved(self._joint_blocks, change["joints"])
+        if "poses" in self.names:
+            found["poses"] = _solved(self._pose_blocks, change["poses"])
+        if "weights" in self.names:
+            pulled = within(change["weights"], self.support)
+            solved = np.stack([L @ g for L, g in zip(self._weight_blocks, pulled, strict=True)])
+            found["weights"] = solved
+        return {name: found[name] for name in self.names}
+
+    def _surfaces(self, change: Change) -> Change:
+        """Templates and posedirs: one matrix for all coordinates of all vertices.
+
+        A vertex and its mirror image are taken apart into what they agree in and what not.
+        """
+        both = []
+        if "templates" in self.names:
+            both.append(change["templates"].transpose(1, 2, 0))
+        if "posedirs" in self.names:
+            both.append(change["posedirs"])
+        x = np.concatenate(both, axis=2)
+        mirror = self.objective.mirror
+        if mirror is None or "templates" not in self.names:
+            found = _by_cholesky(self._gram_factors[0], x)
+        else:
+            other = mirror.directions(x)
+            even, odd = self._gram_factors
+            found = _by_cholesky(even, (x + other) / 2) + _by_cholesky(odd, (x - other) / 2)
+        if "templates" not in self.names:
+            return {"posedirs": found}
+        S = len(self.estimate.templates)
+        rest: Change = {"templates": found[:, :, :S].transpose(2, 0, 1)}
+        if "posedirs" in self.names:
+            rest["posedirs"] = found[:, :, S:]
+        return rest
+
+    @cached_property
+    def _gram_factors(self) -> tuple[Array, Array]:
+        """Of the sums over registrations of [subject, features], without and with E_Y."""
+        S, s = len(self.estimate.templates), self.objective.sigmas
+        columns = []
+        if "templates" in self.names:
+            columns.append(np.eye(S)[self.objective.registrations.subject])
+        if "posedirs" in self.names:
+            columns.append(self.estimate.posing.features)
+        A = np.concatenate(columns, axis=1)
+        gram = A.T @ A / s.data**2
+        surfaces = np.zeros(len(gram))
+        surfaces[: S if "templates" in self.names else 0] = 1
+        gram += np.diag((1 - surfaces) / s.posedirs**2)
+        odd = gram + np.diag(4 * surfaces / s.symmetry**2)
+        factors = [
+            scipy.linalg.cholesky(g + RIDGE * np.trace(g) / len(g) * np.eye(len(g)), lower=True)
+            for g in (gram, odd)
+        ]
+        return factors[0], factors[1]
+
+    @cached_property
+    def _joint_blocks(self) -> Array:
+        """(S, 3 K, 3 K), inverted."""
+        S, K = self.estimate.joints.shape[:2]
+        s = self.objective.sigmas
+        carried = SkinningPass(self.estimate, slice(0), np.zeros(0, np.int64)).carried
+        away = carried - carried.mean(axis=0)
+        D = self.estimate.posing.levers  # (J, K, 3, 3)
+        blocks = np.zeros((S, 3 * K, 3 * K))
+        for j, subject in enumerate(self.objective.registrations.subject):
+            flat = D[j].transpose(1, 0, 2).reshape(3, 3 * K)
+            blocks[subject] += flat.T @ flat
+        blocks *= np.kron(away.T @ away, np.ones((3, 3))) / s.data**2
+        blocks += np.eye(3 * K) / s.rings**2
+        if self.objective.mirror is not None:
+            blocks += 2 * np.eye(3 * K) / s.joint_symmetry**2
+        return _inverses(blocks)
+
+    @cached_property
+    def _pose_blocks(self) -> Array:
+        """(J, 3 K, 3 K), inverted: what small turns do, the pose blend shapes apart."""
+        J, K, _ = self.estimate.poses.shape
+        blocks = np.empty((J, 3 * K, 3 * K))
+        for batch in batches(self.objective.registrations):
+            for j in range(len(batch.subject)):
+                at = batch.some.start + j
+                one = SkinningPass(self.estimate, slice(at, at + 1), batch.subject[j : j + 1])
+                turns = -crossed(one.arms()[0]) @ one.posing.above[0]  # (N, K, 3, 3)
+                turns -= np.average(turns, axis=0, weights=batch.seen[j])
+                rows = turns.transpose(0, 2, 1, 3).reshape(-1, 3 * K)
+                blocks[at] = rows.T @ (np.repeat(batch.seen[j], 3)[:, None] * rows)
+        return _inverses(blocks / self.objective.sigmas.data**2)
+
+    @cached_property
+    def _weight_blocks(self) -> Array:
+        """(N, K, K), inverted within the support and the sum."""
+        grams = weight_grams(self.objective, self.estimate)[0]
+        grams += np.eye(grams.shape[1]) / self.objective.sigmas.weights**2
+        inverses = np.zeros_like(grams)
+        for i, gram in enumerate(grams):
+            own = np.flatnonzero(self.support[i])
+            Z = np.eye(len(own)) - 1 / len(own)
+            inner = Z @ gram[np.ix_(own, own)] @ Z
+            inverses[i][np.ix_(own, own)] = np.linalg.pinv(inner, rcond=1e-10, hermitian=True)
+        return inverses
+
+
+def weight_grams(objective: Objective, estimate: Estimate) -> tuple[Array, Array]:
+    """Of each vertex, sum over registrations of B'B (N, K, K) and B'(v - trans) (N, K), in sigmas.
+
+    Column k of B (3, K) is where joint k alone would take the vertex: posed_i = B w_i.
+    """
+    N, K = estimate.weights.shape
+    grams, rights = np.zeros((N, K, K)), np.zeros((N, K))
+    for batch in batches(objective.registrations):
+        passed = SkinningPass(estimate, batch.some, batch.subject)
+        _, trans = centred(batch, batch.vertices - passed.points)
+        B = passed.by_each()  # (c, N, K, 3)
+        trusted = batch.seen[..., None, None] * B
+        flat = B.transpose(1, 2, 0, 3).reshape(N, K, -1)
+        flat_trusted = trusted.transpose(1, 2, 0, 3).reshape(N, K, -1)
+        grams += flat_trusted @ flat.swapaxes(1, 2)
+        rights += np.einsum("jnka,jna->nk", trusted, batch.vertices - trans[:, None])
+    scale = objective.sigmas.data**-2
+    return scale * grams, scale * rights
+
+
+def within(weights: Array, support: NDArray[np.bool_]) -> Array:
+    """A change of weights (N, K) within its support, keeping the sum."""
+    kept = np.where(support, weights, 0.0)
+    return np.where(
+        support, kept - kept.sum(axis=1, keepdims=True) / support.sum(axis=1, keepdims=True), 0.0
+    )
+
+
+def _inverses(blocks: Array) -> Array:
+    n = blocks.shape[-1]
+    ridge = 1e-9 * np.trace(blocks, axis1=1, axis2=2)[:, None, None] / n * np.eye(n)
+    return np.linalg.inv(blocks + ridge)
+
+
+def _solved(inverses: Array, right: Array) -> Array:
+    return (inverses @ right.reshape(len(right), -1, 1)).reshape(right.shape)
+
+
+def _by_cholesky(L: Array, right: Array) -> Array:
+    flat = right.reshape(-1, right.shape[2]).T
+    return scipy.linalg.cho_solve((L, True), flat).T.reshape(right.shape)

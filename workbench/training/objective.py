@@ -1,0 +1,139 @@
+"""E = E_D + E_Y + E_J + E_P + E_W as half a sum of whitened squares, every term with its sigma.
+
+The translation of a registration is always at its best: E_D is least over it.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from math import inf
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from workbench.training.estimate import Change, Estimate, Sigmas
+from workbench.training.mirror import REFLECTION, Mirror
+from workbench.training.registrations import Batch, Registrations, batches
+from workbench.training.skinning_pass import SkinningPass
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Objective:
+    """What training minimises over an `Estimate`."""
+
+    registrations: Registrations
+    rings: csr_array  # (K, N), rows sum to one: the first guess of the joints, for E_J
+    first_weights: Array  # (N, K): for E_W
+    mirror: Mirror | None  # for E_Y; None: the mesh has no sides
+    sigmas: Sigmas
+
+    def with_sigmas(self, sigmas: Sigmas) -> "Objective":
+        """The same terms, held otherwise."""
+        return replace(self, sigmas=sigmas)
+
+    @property
+    def held_even(self) -> Mirror | None:
+        """The mirror, if templates are held to it at all."""
+        return self.mirror if self.sigmas.symmetry < inf else None
+
+    def cost(self, estimate: Estimate) -> float:
+        """The sum of all terms."""
+        return sum(self.costs(estimate).values())
+
+    def costs(self, estimate: Estimate) -> dict[str, float]:
+        """Half a sum of whitened squares by term: E_D, E_Y, E_J, E_P, E_W."""
+        s = self.sigmas
+        found = {"E_D": float(self.by_registration(estimate).sum())}
+        found["E_Y"] = 0.0
+        if self.mirror is not None:
+            uneven = estimate.templates - self.mirror.points(estimate.templates)
+            joints = estimate.joints - reflected_joints(estimate.joints, self.mirror)
+            found["E_Y"] = half(uneven, s.symmetry) + half(joints, s.joint_symmetry)
+        found["E_J"] = half(self.regressed(estimate.templates) - estimate.joints, s.rings)
+        found["E_P"] = half(estimate.posedirs, s.posedirs)
+        found["E_W"] = half(estimate.weights - self.first_weights, s.weights)
+        return found
+
+    def rms(self, estimate: Estimate) -> float:
+        """Of the residuals behind E_D, per coordinate, m."""
+        count = 3 * len(self.registrations.subject) * self.registrations.n_vertices
+        return self.sigmas.data * float(np.sqrt(2 * self.by_registration(estimate).sum() / count))
+
+    def by_registration(self, estimate: Estimate) -> Array:
+        """E_D of each registration, (J,)."""
+        found = np.empty(len(self.registrations.subject))
+        for passed, pull, residual in self.residuals(estimate):
+            found[passed.some] = np.einsum("jna,jna->j", pull, residual)
+        return 0.5 * found / self.sigmas.data**2
+
+    def residuals(self, estimate: Estimate) -> Iterator[tuple[SkinningPass, Array, Array]]:
+        """Per batch: how it is posed, the trust in each residual times it, and the residual."""
+        for batch in batches(self.registrations):
+            passed = SkinningPass(estimate, batch.some, batch.subject)
+            residual, _ = centred(batch, batch.vertices - passed.points)
+            yield passed, batch.seen[..., None] * residual, residual
+
+    def regressed(self, templates: Array) -> Array:
+        """The middles of the rings, (S, K, 3) m, of templates (S, N, 3)."""
+        return regressed(self.rings, templates)
+
+    def prior_slope(self, estimate: Estimate, names: tuple[str, ...]) -> Change:
+        """Minus the gradient of all terms but E_D by each name."""
+        away = {name: getattr(estimate, name) for name in names if name != "poses"}
+        if "weights" in away:
+            away["weights"] = away["weights"] - self.first_weights
+        whole = {"templates": estimate.templates, "joints": estimate.joints} | away
+        curved = self.prior_curvature(whole)
+        zero = estimate.zero_change(names)
+        return {name: -curved[name] if name in away else zero[name] for name in names}
+
+    def prior_curvature(self, change: Change) -> Change:
+        """The Hessian of all terms but E_D times a change."""
+        s = self.sigmas
+        found = {name: np.zeros_like(d) for name, d in change.items()}
+        if self.mirror is not None:
+            if "templates" in change:
+                T = change["templates"]
+                found["templates"] += 2 * (T - self.mirror.points(T)) / s.symmetry**2
+            if "joints" in change:
+                J = change["joints"]
+                found["joints"] += 2 * (J - reflected_joints(J, self.mirror)) / s.joint_symmetry**2
+        if s.rings < inf and change.keys() & {"templates", "joints"}:
+            gap = -change.get("joints", np.zeros(1))
+            if "templates" in change:
+                gap = self.regressed(change["templates"]) + gap
+            if "joints" in change:
+                found["joints"] -= gap / s.rings**2
+            if "templates" in change:
+                found["templates"] += regressed(csr_array(self.rings.T), gap) / s.rings**2
+        if "posedirs" in change:
+            found["posedirs"] += change["posedirs"] / s.posedirs**2
+        if "weights" in change:
+            found["weights"] += change["weights"] / s.weights**2
+        return found
+
+
+def half(residual: Array, sigma: float) -> float:
+    """Half the sum of squares in sigmas."""
+    return 0.5 * float(np.vdot(residual, residual)) / sigma**2
+
+
+def regressed(regressor: csr_array, templates: Array) -> Array:
+    """Weighted means of vertices (S, N, 3) by a matrix (K, N): (S, K, 3)."""
+    S, N, _ = templates.shape
+    flat = regressor @ templates.transpose(1, 0, 2).reshape(N, -1)
+    return flat.reshape(-1, S, 3).transpose(1, 0, 2)
+
+
+def reflected_joints(joints: Array, mirror: Mirror) -> Array:
+    """Joints (..., K, 3) as seen in a mirror."""
+    reflected: Array = joints[..., mirror.joints, :] * REFLECTION
+    return reflected
+
+
+def centred(batch: Batch, points: Array) -> tuple[Array, Array]:
+    """Points (c, N, 3) less their mean over what is seen; and that mean (c, 3)."""
+    mean = np.einsum("jn,jna->ja", batch.seen, points) / batch.seen.sum(axis=1)[:, None]
+    return points - mean[:, None], mean

@@ -1,0 +1,66 @@
+"""What training does in which order, and how tightly it holds each term meanwhile."""
+
+from dataclasses import dataclass, field, replace
+from math import inf
+
+from workbench.training.blocks import Effort
+from workbench.training.estimate import Sigmas
+from workbench.training.first_guess import MOST_WEIGHTS
+
+NO_LIMIT = 10**6
+# Of registrations with noise: digits beyond the next block's doing are not worth their passes.
+QUICK = Effort(linear_tolerance=1e-4, together_tolerance=0.1, together_steps=4, products=100)
+ROUND = ("surfaces", "weights", "poses")
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Blocks in order, so many times, under these sigmas and with this effort."""
+
+    sigmas: Sigmas
+    blocks: tuple[str, ...]
+    rounds: int = 1
+    effort: Effort = field(default_factory=Effort)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Stages in order."""
+
+    stages: tuple[Stage, ...]
+
+    @property
+    def steps(self) -> list[tuple[Stage, str]]:
+        """Every block that will run, in order, with the stage that it is in."""
+        return [
+            (stage, block)
+            for stage in self.stages
+            for _ in range(stage.rounds)
+            for block in stage.blocks
+        ]
+
+
+def alternation(sigmas: Sigmas | None = None, rounds: int = 4, together: bool = True) -> Plan:
+    """The lectures' alternation, rounds of poses, surfaces and weights; then all names at once."""
+    held = Sigmas() if sigmas is None else sigmas
+    last = ("surfaces", "together", "weights", "surfaces") if together else ("surfaces",)
+    return Plan((Stage(held, ROUND, rounds, QUICK), Stage(held, last, 1, QUICK)))
+
+
+def annealed(sigmas: Sigmas, factors: tuple[float, ...] = (1.0, 10.0, 1e2, 1e3, inf)) -> Plan:
+    """Every term but E_D loosened to nothing, for registrations without noise.
+
+    Each lambda falls with the square of its factor; the end is a fit of the data alone. How
+    many weights a vertex has is limited at the end only: which of them are zero shows by then.
+    """
+    free = Effort(together_tolerance=1e-3, together_steps=12, most_weights=NO_LIMIT)
+    first = Stage(sigmas, ROUND, 3, free)
+    rest = [Stage(sigmas.loosened(f), ("weights", "together"), effort=free) for f in factors]
+    limited = replace(free, most_weights=MOST_WEIGHTS)
+    last = Stage(sigmas.loosened(inf), ("cut", "weights", "together"), effort=limited)
+    return Plan((first, *rest, last))
+
+
+def without(sigmas: Sigmas, *terms: str) -> Sigmas:
+    """The same with some terms switched off, by the names of their sigmas."""
+    return replace(sigmas, **dict.fromkeys(terms, inf))

@@ -1,0 +1,215 @@
+"""Training of all that has to do with pose: {templates, joints, posedirs, weights, poses}.
+
+From registrations of some people in many poses, by an alternation of blocks (SMPL, section 4.1;
+Body Models II). What was published were the equations; the code was not.
+"""
+
+import time
+from dataclasses import dataclass, replace
+from functools import partial
+from math import isfinite
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from workbench.errors import WorkbenchError
+from workbench.threads import limited_threads
+from workbench.training.blocks import BLOCKS, MAY_RISE, Effort
+from workbench.training.checkpoint import Checkpoint, Entry, fingerprint, read_checkpoint
+from workbench.training.estimate import Estimate
+from workbench.training.first_guess import Start
+from workbench.training.objective import Objective
+from workbench.training.plan import Plan
+from workbench.training.poses import Compared, OnEdges, fitted_poses, segments_turned
+from workbench.training.registrations import Batch, Registrations, batches
+
+Array = NDArray[np.float64]
+ROUNDING = 1e-9  # of the cost: what a block may add by rounding
+KKT = 1e-8  # the conditions of the weights hold to this
+FIRST_STEPS = 8  # of the first fit of a pose
+FIRST_SIGMA = 0.005  # m, of an edge on a template of somebody else
+
+
+class NotLowered(WorkbenchError):
+    """A block of training raised the cost, or did not solve what it claims to solve."""
+
+
+@dataclass(frozen=True, eq=False)
+class Progress:
+    """What a run says after a block."""
+
+    number: int  # of this block, from 1
+    of: int
+    entry: Entry
+    seconds_left: float
+
+
+@dataclass(frozen=True, eq=False)
+class PoseModel:
+    """What was found, the objective it was found under, and how."""
+
+    estimate: Estimate
+    objective: Objective
+    log: tuple[Entry, ...]
+
+
+class Report(Protocol):
+    """Who is told how a run goes."""
+
+    def block(self, progress: Progress) -> None:
+        """A block has ended."""
+
+    def part(self, doing: str, done: int, of: int) -> None:
+        """One more of many small things, within something long."""
+
+
+class Silent:
+    """Tells nobody."""
+
+    def block(self, progress: Progress) -> None:
+        """Nothing."""
+
+    def part(self, doing: str, done: int, of: int) -> None:
+        """Nothing."""
+
+
+SILENT = Silent()
+
+
+def train_poses(
+    registrations: Registrations,
+    start: Start,
+    plan: Plan,
+    *,
+    folder: Path | None = None,
+    report: Report = SILENT,
+    compared: Compared | None = None,
+) -> PoseModel:
+    """Run a plan, from a start that knows a template, a tree and segments only.
+
+    With a `folder` the run is on disk after every block and goes on from there when called
+    again; the end is the same to the last bit. First poses are fitted to edges, or as `compared`
+    says. Raises NotLowered if a block raises the cost: every block is checked as it ends.
+    """
+    weights, rings = start.weights(), start.rings()
+    sides = start.mirror()
+    first = first_estimate(registrations, start, weights=weights, rings=rings)
+    mark = fingerprint(registrations, first, plan)
+    known = read_checkpoint(folder, mark) if folder else None
+    steps = plan.steps
+    with limited_threads():
+        if known is None:
+            poses = first_poses(first, registrations, start, compared, report)
+            known = Checkpoint(poses, (), mark)
+            if folder:
+                known.save(folder)
+        objective = Objective(registrations, rings, weights, sides, steps[0][0].sigmas)
+        began, already = time.perf_counter(), len(known.log)
+        for number in range(already, len(steps)):
+            stage, block = steps[number]
+            objective = objective.with_sigmas(stage.sigmas)
+            known = _carried_out(objective, known, block, start, stage.effort, report)
+            if folder:
+                known.save(folder)
+            each = (time.perf_counter() - began) / (number + 1 - already)
+            left = each * (len(steps) - number - 1)
+            report.block(Progress(number + 1, len(steps), known.log[-1], left))
+    return PoseModel(known.estimate, objective.with_sigmas(steps[-1][0].sigmas), known.log)
+
+
+def _carried_out(
+    objective: Objective,
+    known: Checkpoint,
+    block: str,
+    start: Start,
+    effort: Effort,
+    report: Report,
+) -> Checkpoint:
+    began = time.perf_counter()
+    before = objective.costs(known.estimate)
+    say = partial(report.part, block)
+    found = BLOCKS[block](objective, known.estimate, start.faces, effort, say)
+    after = objective.costs(found.estimate)
+    total, was = sum(after.values()), sum(before.values())
+    lowered = total <= was + ROUNDING * (1 + was) or block in MAY_RISE
+    if not (isfinite(total) and lowered):
+        raise NotLowered(f"block {block!r} raised the cost from {was:.9g} to {total:.9g}")
+    if found.facts.get("kkt", 0.0) > KKT:
+        raise NotLowered(
+            f"block {block!r} left weights with a KKT residual of {found.facts['kkt']:.1e}, "
+            f"above {KKT:g}"
+        )
+    entry = Entry(block, before, after, found.facts, time.perf_counter() - began)
+    return replace(known, estimate=found.estimate, log=(*known.log, entry))
+
+
+def first_estimate(
+    registrations: Registrations, start: Start, *, weights: Array, rings: csr_array
+) -> Estimate:
+    """Everybody is the template, unbent."""
+    S = int(registrations.subject.max()) + 1
+    K, N = len(start.parents), len(start.template)
+    return Estimate(
+        templates=np.repeat(start.template[None], S, axis=0),
+        joints=np.repeat((rings @ start.template)[None], S, axis=0),
+        posedirs=np.zeros((N, 3, 9 * (K - 1))),
+        weights=weights,
+        poses=np.zeros((len(registrations.subject), K, 3)),
+        parents=start.parents,
+    )
+
+
+def first_poses(
+    first: Estimate,
+    registrations: Registrations,
+    start: Start,
+    compared: Compared | None = None,
+    report: Report = SILENT,
+) -> Estimate:
+    """Poses by turning each segment onto its vertices, then on edges, the template being alike.
+
+    Edges do not say where the body stands, and tell a bent knee from a long shin better than
+    vertices do.
+    """
+    poses = first.poses.copy()
+    for batch in batches(registrations):
+        for at in range(len(batch.subject)):
+            poses[batch.some.start + at] = segments_turned(
+                start.template,
+                first.weights,
+                start.parents,
+                batch.vertices[at],
+                batch.seen[at],
+            )
+    turned = replace(first, poses=poses)
+    data = OnEdges(start.faces) if compared is None else compared
+    one = replace(turned, templates=first.templates[:1], joints=first.joints[:1])
+    alike = AsOneSubject(registrations)
+    say = partial(report.part, "first poses")
+    found = fitted_poses(one, alike, start.faces, data, FIRST_SIGMA, FIRST_STEPS, say)
+    return replace(turned, poses=found.poses)
+
+
+@dataclass(frozen=True, eq=False)
+class AsOneSubject:
+    """Registrations as if all were of one person."""
+
+    of: Registrations
+
+    @property
+    def subject(self) -> NDArray[np.int64]:
+        """Zeros."""
+        return np.zeros(len(self.of.subject), dtype=np.int64)
+
+    @property
+    def n_vertices(self) -> int:
+        """N."""
+        return self.of.n_vertices
+
+    def read(self, some: slice) -> Batch:
+        """The same meshes."""
+        batch = self.of.read(some)
+        return replace(batch, subject=np.zeros_like(batch.subject))

