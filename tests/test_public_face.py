@@ -39,6 +39,7 @@ RESIDUALS = [
     "keypoints",
     "landmarks",
     "quadratic",
+    "stitching",
     "vertices",
 ]
 SOLVERS = [
