@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array, kron
 
+from workbench.blocks import NumericPoints, PointsAt
 from workbench.bodies.arithmetic import Arithmetic, Surface
 
 if TYPE_CHECKING:
@@ -84,7 +85,7 @@ class SurfaceAt:
 class NumericLandmarks:
     """Weighted means of the points of a surface: `regressor` (M, N)."""
 
-    surface: NumericSurface
+    surface: NumericPoints
     regressor: csr_array
 
     @property
@@ -107,7 +108,7 @@ class LandmarksAt:
     """The means at one pose, betas and trans; see PointsAt."""
 
     of: NumericLandmarks
-    surface: SurfaceAt
+    surface: PointsAt
 
     @cached_property
     def points(self) -> Array:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 import casadi as cs
 import numpy as np
@@ -13,6 +12,7 @@ import numpy as np
 from workbench.blocks import Block, NumericPoints, Tree
 from workbench.bodies import surface
 from workbench.bodies.arithmetic import arithmetic_of
+from workbench.bodies.body import Body
 from workbench.bodies.numeric_sources import NumericLandmarks, NumericSurface
 from workbench.bodies.skinning import linear_blend
 from workbench.errors import BadBody
@@ -20,17 +20,18 @@ from workbench.errors import BadBody
 if TYPE_CHECKING:
     from workbench.bodies.skinned import Landmarks, SkinnedBody
 
+SomeBody = TypeVar("SomeBody", bound=Body)
 MOVE_JOINTS = ("template", "shapedirs", "J_regressor")  # the arrays that joints are made from
 
 
 @dataclass(frozen=True, eq=False)
-class Arguments:
+class Arguments(Generic[SomeBody]):
     """A body, and what stands for its pose (3, K) rad, betas (B, 1) and trans (3, 1) m.
 
     Raises BadBody for what has another shape, or is no symbol or expression of symbols.
     """
 
-    body: SkinnedBody
+    body: SomeBody
     pose: cs.MX
     betas: cs.MX
     trans: cs.MX
@@ -54,15 +55,11 @@ class Arguments:
         """In the order that a body takes them."""
         return self.pose, self.betas, self.trans
 
-    def blocks(self, arrays: Sequence[str] | None = None) -> tuple[Block, ...]:
-        """The block behind each symbol, the body's own (with unit and labels) where it is one.
-
-        Then the body's free arrays, of those named.
-        """
+    def blocks(self) -> tuple[Block, ...]:
+        """The block behind each symbol, the body's own (with unit and labels) where it is one."""
         known = {b.symbol.__hash__(): b for b in self.body.known_blocks}
         read = cs.symvar(cs.veccat(*self.symbols))
-        free = (b for name, b in self.body.free.items() if arrays is None or name in arrays)
-        return (*(known.get(s.__hash__()) or Block.of(s) for s in read), *free)
+        return tuple(known.get(s.__hash__()) or Block.of(s) for s in read)
 
     @property
     def tree(self) -> Tree | None:
@@ -85,7 +82,7 @@ class Arguments:
 class SurfacePoints:
     """Vertices of the posed surface, all or some."""
 
-    at: Arguments
+    at: Arguments[SkinnedBody]
     vertices: surface.Vertices
 
     @property
@@ -102,7 +99,7 @@ class SurfacePoints:
     @property
     def blocks(self) -> tuple[Block, ...]:
         """Those of the arguments, and every free array."""
-        return self.at.blocks()
+        return (*self.at.blocks(), *self.at.body.free.values())
 
     @property
     def tree(self) -> Tree | None:
@@ -129,7 +126,7 @@ class SurfacePoints:
 class JointPoints:
     """The posed joints: J'_k is where G_k puts joint k, not the regressor on posed vertices."""
 
-    at: Arguments
+    at: Arguments[SkinnedBody]
 
     @property
     def count(self) -> int:
@@ -145,7 +142,8 @@ class JointPoints:
     @property
     def blocks(self) -> tuple[Block, ...]:
         """Those of the arguments, and the free arrays that joints are made from."""
-        return self.at.blocks(MOVE_JOINTS)
+        free = (b for name, b in self.at.body.free.items() if name in MOVE_JOINTS)
+        return (*self.at.blocks(), *free)
 
     @property
     def tree(self) -> Tree | None:
@@ -167,7 +165,7 @@ class JointPoints:
 class LandmarkPoints:
     """Weighted means of posed vertices; only the vertices that carry weight are posed."""
 
-    at: Arguments
+    at: Arguments[SkinnedBody]
     landmarks: Landmarks
 
     @property
@@ -184,7 +182,7 @@ class LandmarkPoints:
     @property
     def blocks(self) -> tuple[Block, ...]:
         """Those of the arguments, and every free array."""
-        return self.at.blocks()
+        return (*self.at.blocks(), *self.at.body.free.values())
 
     @property
     def tree(self) -> Tree | None:
