@@ -46,6 +46,7 @@ class Arithmetic:
     def __init__(self, body: TriangleBody) -> None:
         self.stitching, self.weights = body.stitching, body.weights
         self.shapedirs, self.posedirs, self.near = body.shapedirs, body.posedirs, body.near
+        self.shape_columns = body.shapedirs.reshape(9 * body.n_faces, body.n_betas)
         self.turning = Turning(body.parents)
         self.root_row = body.J_regressor[[0]]
         self.root = np.asarray(self.root_row @ body.template).ravel()  # (3,) m
@@ -102,7 +103,7 @@ class SurfaceNumbers:
     @cached_property
     def D(self) -> Array:
         """Who it is, (F, 3, 3)."""
-        moved = self.of.shapedirs.reshape(-1, len(self.betas)) @ self.betas
+        moved = self.of.shape_columns @ self.betas
         return np.eye(3) + np.asarray(moved).reshape(-1, 3, 3)
 
     @cached_property
@@ -166,8 +167,7 @@ class SurfaceNumbers:
         on_R = np.asarray(of.weights.T @ on_B.reshape(-1, 9)).reshape(-1, 3, 3)
         on_pose = of.turning.adjoint(self.pose, on_R)
         np.add.at(on_pose, of.near, on_twists.reshape(*of.near.shape, 3))
-        B = of.shapedirs.shape[3]
-        return on_pose, on_D.ravel() @ of.shapedirs.reshape(-1, B)
+        return on_pose, on_D.ravel() @ of.shape_columns
 
     def _by_joint(self, k: int) -> list[Array]:
         """What each of pose[k]'s three numbers pulls at the vertices, (N, 3)."""
@@ -179,7 +179,7 @@ class SurfaceNumbers:
         pulls = [G @ turn.T for turn in turns]
         if len(limb.bent):
             BD = (self.B[limb.bent] @ self.D[limb.bent])[:, None]  # (n, 1, 3, 3)
-            bends = self.of.bends.reshape(*self.of.edges.shape, -1, 3)
+            bends = self.of.bends.reshape(*self.of.edges.shape, self.of.near.shape[1], 3)
             by_twist = BD @ bends[limb.bent, :, :, limb.slot]  # (n, 2, 3, axis)
             for axis in range(3):
                 pulls[axis] += limb.bent_onto_vertices @ by_twist[..., axis].reshape(-1, 3)
