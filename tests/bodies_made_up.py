@@ -67,3 +67,42 @@ def _rows(rng: np.random.Generator, rows: int, columns: int, nonzeros: int) -> n
         where = rng.choice(columns, size=nonzeros, replace=False)
         row[where] = rng.dirichlet(np.ones(nonzeros))
     return array
+
+
+@cache
+def tube_body(rings: int = 5, n_betas: int = 2, seed: int = 0) -> SkinnedBody:
+    """A closed crooked tube of rings of four vertices and two caps, along a chain of three joints.
+
+    22 vertices and 40 faces by default; small enough for everything to be checked.
+    """
+    rng = np.random.default_rng(seed)
+    heights = np.linspace(0.0, 1.0, rings)
+    corners = 0.15 * np.array([[1.0, 0, 0], [0, 0, -1], [-1, 0, 0], [0, 0, 1]])
+    body = (corners + heights[:, None, None] * [0, 1, 0]).reshape(-1, 3)
+    template = np.vstack([body, [[0.0, -0.1, 0], [0, 1.1, 0]]])
+    template += rng.normal(scale=0.02, size=template.shape)
+    N, faces = len(template), []
+    for ring in range(rings - 1):
+        for side in range(4):
+            a, b = 4 * ring + side, 4 * ring + (side + 1) % 4
+            faces += [[a, b, a + 4], [b, b + 4, a + 4]]
+    for side in range(4):
+        a, b = side, (side + 1) % 4
+        faces += [[N - 2, b, a], [N - 1, a + N - 6, b + N - 6]]
+    at = np.array([0.0, 0.35, 0.7])
+    nearness = np.exp(-(((template[:, 1:2] - at - 0.15) / 0.2) ** 2))
+    ring_of = [np.flatnonzero(abs(heights - y) == abs(heights - y).min())[0] for y in at]
+    J = np.zeros((3, N))
+    for k, ring in enumerate(ring_of):
+        J[k, 4 * ring : 4 * ring + 4] = 0.25
+    return SkinnedBody(
+        template=template,
+        shapedirs=rng.normal(scale=0.02, size=(N, 3, n_betas)),
+        posedirs=np.zeros((N, 3, 18)),
+        J_regressor=csr_array(J),
+        weights=nearness / nearness.sum(axis=1, keepdims=True),
+        parents=(-1, 0, 1),
+        faces=np.array(faces),
+        joint_names=("root", "middle", "end"),
+        name="tube",
+    )

@@ -55,6 +55,7 @@ RESIDUALS = [
     "keypoints",
     "landmarks",
     "quadratic",
+    "stitching",
     "vertices",
 ]
 SOLVERS = [

@@ -95,8 +95,17 @@ def gaussian_matrix() -> Case:
     return Case(residual, {"pose": mean.reshape(3, 3)})
 
 
+def stitching() -> Case:
+    faces, placed = np.array([[0, 1, 2], [3, 2, 4]]), Block("placed", (5, 3), "m")
+    V = np.random.default_rng(2).normal(size=(5, 3))
+    edges = Block("edges", (4, 3), "m").symbol
+    residual = residuals.stitching(placed.symbol, edges, faces, sigma=0.2)
+    return Case(residual, {"placed": V, "edges": V[[2, 1, 4, 2]] - V[[0, 0, 3, 3]]})
+
+
 CASES: list[Callable[[], Case]] = [
-    vertices, edges, landmarks, keypoints, gaussian_scalar, gaussian_vector, gaussian_matrix,
+    vertices, edges, stitching, landmarks, keypoints,
+    gaussian_scalar, gaussian_vector, gaussian_matrix,
 ]  # fmt: skip
 EACH_CASE = pytest.mark.parametrize("build", CASES, ids=lambda build: build.__name__)
 EACH_KERNEL = pytest.mark.parametrize("kernel", KERNELS.values(), ids=list(KERNELS))

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from workbench.blocks.reals import reals
+from workbench.bodies.body import Body
 from workbench.bodies.numeric import many_points
 from workbench.errors import BadBody
 
@@ -50,7 +51,7 @@ def joints(
 
 
 def arguments(
-    body: SkinnedBody,
+    body: Body,
     pose: ArrayLike | None,
     betas: ArrayLike | None,
     trans: ArrayLike | None,
@@ -78,7 +79,7 @@ def arguments(
     return batch, theta, beta, move
 
 
-def _pose(body: SkinnedBody, pose: ArrayLike) -> Array:
+def _pose(body: Body, pose: ArrayLike) -> Array:
     theta, K = reals("pose", pose), body.n_joints
     if theta.shape[-2:] == (K, 3):
         return theta
@@ -90,7 +91,7 @@ def _pose(body: SkinnedBody, pose: ArrayLike) -> Array:
     )
 
 
-def _betas(body: SkinnedBody, betas: ArrayLike) -> Array:
+def _betas(body: Body, betas: ArrayLike) -> Array:
     beta, B = reals("betas", betas), body.n_betas
     if beta.ndim == 0 or beta.shape[-1] > B:
         raise BadBody(f"body {body.name!r} takes up to {B} betas, not an array {beta.shape}")

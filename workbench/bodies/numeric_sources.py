@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array, kron
 
+from workbench.blocks import NumericPoints, PointsAt
 from workbench.bodies.arithmetic import Arithmetic, Surface
 from workbench.bodies.numeric import Chunk, chunks_of, many_points
-from workbench.bodies.pairs import Pairs
 
 if TYPE_CHECKING:
     from workbench.bodies.skinned import SkinnedBody
@@ -98,8 +98,9 @@ class SurfaceAt:
 class NumericLandmarks:
     """Weighted means of the points of a surface: `regressor` (M, N)."""
 
-    surface: NumericSurface
+    surface: NumericPoints
     regressor: csr_array
+    shortcut: Callable[[Mapping[str, Array]], Array] | None = None  # to many, past the surface
 
     @property
     def reads(self) -> tuple[str, ...]:
@@ -116,16 +117,10 @@ class NumericLandmarks:
         return LandmarksAt(self, self.surface.at(values))
 
     def many(self, values: Mapping[str, Array]) -> Array:
-        """(M, L, 3) m, without the vertices."""
-        pose, betas, trans = (values[name] for name in self.reads)
-        motions = self.surface.body.kinematics.motions(pose, betas)
-        return self.pairs.points(*motions, betas) + trans[:, None]
-
-    @cached_property
-    def pairs(self) -> Pairs:
-        """What the means come to for each joint that moves them."""
-        body, vertices = self.surface.body, self.surface.vertices
-        return Pairs.of(body, np.arange(body.n_vertices)[vertices].tolist(), self.regressor)
+        """(M, L, 3) m."""
+        if self.shortcut is not None:
+            return self.shortcut(values)
+        return np.array([self.regressor @ points for points in self.surface.many(values)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +128,7 @@ class LandmarksAt:
     """The means at one pose, betas and trans; see PointsAt."""
 
     of: NumericLandmarks
-    surface: SurfaceAt
+    surface: PointsAt
 
     @cached_property
     def points(self) -> Array:

@@ -13,6 +13,7 @@ from scipy.sparse import csr_array
 
 from workbench.blocks import Block, Layout, Points, Values
 from workbench.bodies import evaluation, surface
+from workbench.bodies.body import blocks_of
 from workbench.bodies.features import Features, rotation_elements
 from workbench.bodies.motion import Kinematics
 from workbench.bodies.numeric import Chunk, chunks_of
@@ -131,11 +132,7 @@ class SkinnedBody:
     def blocks(self, prefix: str = "") -> tuple[Block, Block, Block]:
         """`pose` (K, 3) rad, `betas` (B,), `trans` (3,) m: the same objects for the same prefix."""
         if prefix not in self._made:
-            self._made[prefix] = (
-                Block(prefix + "pose", (self.n_joints, 3), "rad", self.joint_names),
-                Block(prefix + "betas", (self.n_betas,), "sd"),
-                Block(prefix + "trans", (3,), "m", ("x", "y", "z")),
-            )
+            self._made[prefix] = blocks_of(prefix, self.joint_names, self.n_betas)
         return self._made[prefix]
 
     @property

@@ -2,34 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 import casadi as cs
 import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from workbench.blocks import Block, NumericPoints, Tree
 from workbench.bodies import surface
 from workbench.bodies.arithmetic import arithmetic_of
+from workbench.bodies.body import Body
 from workbench.bodies.numeric_sources import NumericLandmarks, NumericSurface
+from workbench.bodies.pairs import Pairs
 from workbench.errors import BadBody
 
 if TYPE_CHECKING:
     from workbench.bodies.skinned import Landmarks, SkinnedBody
 
+Array = NDArray[np.float64]
+SomeBody = TypeVar("SomeBody", bound=Body)
 MOVE_JOINTS = ("template", "shapedirs", "J_regressor")  # the arrays that joints are made from
 
 
 @dataclass(frozen=True, eq=False)
-class Arguments:
+class Arguments(Generic[SomeBody]):
     """A body, and what stands for its pose (3, K) rad, betas (B, 1) and trans (3, 1) m.
 
     Raises BadBody for what has another shape, or is no symbol or expression of symbols.
     """
 
-    body: SkinnedBody
+    body: SomeBody
     pose: cs.MX
     betas: cs.MX
     trans: cs.MX
@@ -53,15 +59,11 @@ class Arguments:
         """In the order that a body takes them."""
         return self.pose, self.betas, self.trans
 
-    def blocks(self, arrays: Sequence[str] | None = None) -> tuple[Block, ...]:
-        """The block behind each symbol, the body's own (with unit and labels) where it is one.
-
-        Then the body's free arrays, of those named.
-        """
+    def blocks(self) -> tuple[Block, ...]:
+        """The block behind each symbol, the body's own (with unit and labels) where it is one."""
         known = {b.symbol.__hash__(): b for b in self.body.known_blocks}
         read = cs.symvar(cs.veccat(*self.symbols))
-        free = (b for name, b in self.body.free.items() if arrays is None or name in arrays)
-        return (*(known.get(s.__hash__()) or Block.of(s) for s in read), *free)
+        return tuple(known.get(s.__hash__()) or Block.of(s) for s in read)
 
     @property
     def tree(self) -> Tree | None:
@@ -84,7 +86,7 @@ class Arguments:
 class SurfacePoints:
     """Vertices of the posed surface, all or some."""
 
-    at: Arguments
+    at: Arguments[SkinnedBody]
     vertices: surface.Vertices
 
     @property
@@ -106,7 +108,7 @@ class SurfacePoints:
     @property
     def blocks(self) -> tuple[Block, ...]:
         """Those of the arguments, and every free array."""
-        return self.at.blocks()
+        return (*self.at.blocks(), *self.at.body.free.values())
 
     @property
     def tree(self) -> Tree | None:
@@ -134,7 +136,7 @@ class SurfacePoints:
 class JointPoints:
     """The posed joints: J'_k is where G_k puts joint k, not the regressor on posed vertices."""
 
-    at: Arguments
+    at: Arguments[SkinnedBody]
 
     @property
     def count(self) -> int:
@@ -156,7 +158,8 @@ class JointPoints:
     @property
     def blocks(self) -> tuple[Block, ...]:
         """Those of the arguments, and the free arrays that joints are made from."""
-        return self.at.blocks(MOVE_JOINTS)
+        free = (b for name, b in self.at.body.free.items() if name in MOVE_JOINTS)
+        return (*self.at.blocks(), *free)
 
     @property
     def tree(self) -> Tree | None:
@@ -178,7 +181,7 @@ class JointPoints:
 class LandmarkPoints:
     """Weighted means of posed vertices; only the vertices that carry weight are posed."""
 
-    at: Arguments
+    at: Arguments[SkinnedBody]
     landmarks: Landmarks
 
     @property
@@ -195,18 +198,17 @@ class LandmarkPoints:
     @property
     def lean(self) -> cs.MX:
         """One rest point for each joint that moves a landmark, instead of its vertices."""
-        numeric = self.numeric
-        if numeric is None:
+        if self._surface.numeric is None:
             return self.expression
         body, at = self.at.body, surface.posture(self.at.body, self.at.pose)
         G, _ = surface.motions(body, at, self.at.betas)
-        means = numeric.pairs.expression(G, body.features(at), self.at.betas)
+        means = self._pairs.expression(G, body.features(at), self.at.betas)
         return means + cs.repmat(self.at.trans, 1, self.count)
 
     @property
     def blocks(self) -> tuple[Block, ...]:
         """Those of the arguments, and every free array."""
-        return self.at.blocks()
+        return (*self.at.blocks(), *self.at.body.free.values())
 
     @property
     def tree(self) -> Tree | None:
@@ -224,7 +226,21 @@ class LandmarkPoints:
         carrying = self._surface.numeric
         if carrying is None:
             return None
-        return NumericLandmarks(carrying, self.landmarks.regressor.tocsc()[:, self._used].tocsr())
+        return NumericLandmarks(carrying, self._regressor, self._many)
+
+    def _many(self, values: Mapping[str, Array]) -> Array:
+        pose, betas, trans = (values[name] for name in self.at.names or ())
+        motions = self.at.body.kinematics.motions(pose, betas)
+        return self._pairs.points(*motions, betas) + trans[:, None]
+
+    @cached_property
+    def _pairs(self) -> Pairs:
+        return Pairs.of(self.at.body, self._used, self._regressor)
+
+    @cached_property
+    def _regressor(self) -> csr_array:
+        """(M, those used)."""
+        return self.landmarks.regressor.tocsc()[:, self._used].tocsr()
 
     @cached_property
     def _used(self) -> list[int]:

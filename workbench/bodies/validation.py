@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.blocks.reals import numbers
+from workbench.bodies.body import Body
 from workbench.bodies.features import count_features, rotation_elements
 from workbench.errors import BadBody, NotNumbers
 
@@ -29,7 +30,7 @@ def check(body: SkinnedBody) -> None:
         if not fits:
             refuse(f"{name} has shape {getattr(body, name).shape}, but must be {expected}")
 
-    _check_tree(refuse, body.parents)
+    check_tree(refuse, body.parents)
     shape("template", "(N, 3)", body.template.ndim == 2 and body.template.shape[1] == 3)
     if not len(body.template):
         refuse("template has no vertices")
@@ -55,11 +56,11 @@ def check(body: SkinnedBody) -> None:
             refuse(f"{name}[{', '.join(map(str, bad[0]))}] is not finite ({len(bad)} such entries)")
     if not np.isfinite(body.J_regressor.data).all():
         refuse("J_regressor holds entries that are not finite")
-    _check_rows(refuse, "weights", body.weights.sum(axis=1), "vertex")
+    check_rows(refuse, "weights", body.weights.sum(axis=1), "vertex")
     if body.weights.min(initial=0) < -ROW_SUM_TOLERANCE:
         vertex, joint = np.unravel_index(int(body.weights.argmin()), body.weights.shape)
         refuse(f"weights[{vertex}, {joint}] is negative ({body.weights[vertex, joint]:.3g})")
-    _check_rows(refuse, "J_regressor", np.asarray(body.J_regressor.sum(axis=1)), "joint")
+    check_rows(refuse, "J_regressor", np.asarray(body.J_regressor.sum(axis=1)), "joint")
     if body.faces.size and not 0 <= body.faces.min() <= body.faces.max() < N:
         face = int(np.argmax(((body.faces < 0) | (body.faces >= N)).any(axis=1)))
         refuse(f"face {face} is {body.faces[face].tolist()}, but there are vertices 0 to {N - 1}")
@@ -77,7 +78,7 @@ def check(body: SkinnedBody) -> None:
             )
 
 
-def chosen_vertices(body: SkinnedBody, vertices: object) -> list[int]:
+def chosen_vertices(body: Body, vertices: object) -> list[int]:
     """The vertices that a mask (N,) or a list of their numbers chooses; raises BadBody."""
     N, there = body.n_vertices, f"body {body.name!r} has vertices 0 to {body.n_vertices - 1}"
     try:
@@ -102,13 +103,15 @@ def _swaps_pairs(mirror: NDArray[np.int64], N: int) -> bool:
     return fits and np.array_equal(mirror[mirror], np.arange(N))
 
 
-def _check_rows(refuse: Refuse, name: str, sums: NDArray[np.float64], row: str) -> None:
+def check_rows(refuse: Refuse, name: str, sums: NDArray[np.float64], row: str) -> None:
+    """Refuse an array whose rows do not sum to one; `row` is what each belongs to."""
     worst = int(np.argmax(abs(sums - 1)))
     if abs(sums[worst] - 1) > ROW_SUM_TOLERANCE:
         refuse(f"{name} of {row} {worst} sum to {sums[worst]:.6g}, but must sum to 1")
 
 
-def _check_tree(refuse: Refuse, parents: tuple[int, ...]) -> None:
+def check_tree(refuse: Refuse, parents: tuple[int, ...]) -> None:
+    """Refuse parents that do not come before their children."""
     if not parents or parents[0] != -1:
         refuse(f"joint 0 must be the root, with parent -1, but parents are {parents[:4]}...")
     for k, parent in enumerate(parents[1:], start=1):

@@ -6,6 +6,7 @@ from workbench.residuals.kernels import Kernel, geman_mcclure, huber, quadratic
 from workbench.residuals.keypoints import keypoints
 from workbench.residuals.points import landmarks, vertices
 from workbench.residuals.residual import Residual
+from workbench.residuals.stitching import stitching
 
 __all__ = [
     "Kernel",
@@ -17,5 +18,6 @@ __all__ = [
     "keypoints",
     "landmarks",
     "quadratic",
+    "stitching",
     "vertices",
 ]

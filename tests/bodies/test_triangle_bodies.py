@@ -1,0 +1,423 @@
+"""SCAPE and BlendSCAPE: against their formula face by face, and the laws of every body."""
+
+import copy
+import pickle
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import casadi as cs
+import numpy as np
+import pytest
+from scipy.sparse import csr_array
+
+import workbench as wb
+from tests.bodies_made_up import random_body, tube_body
+from tests.differences import assert_hessian, assert_jacobian
+from workbench.bodies.body import Body
+from workbench.bodies.triangles import TriangleBody, blend_scape, scape
+from workbench.bodies.triangles.recipes import nearest_joints, one_part
+from workbench.errors import BadBody, UnknownName
+from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
+from workbench.geometry.triangles import edges, gradients
+
+SMALL = wb.load_body("small")
+
+
+def bent(body: TriangleBody, seed: int = 0) -> TriangleBody:
+    """The same with random posedirs."""
+    posedirs = np.random.default_rng(seed).normal(scale=0.1, size=body.posedirs.shape)
+    return replace(body, posedirs=posedirs)
+
+
+def with_nose(body: TriangleBody) -> TriangleBody:
+    nose = wb.Landmarks(("nose", "chin"), csr_array(np.eye(2, body.n_vertices)))
+    return replace(body, landmarks={"face": nose})
+
+
+BODIES = {
+    "tube, SCAPE": with_nose(bent(scape(tube_body()))),
+    "tube, BlendSCAPE": with_nose(bent(blend_scape(tube_body()))),
+    "tube, no betas": with_nose(bent(scape(tube_body(n_betas=0)))),
+    "tube, no twists": with_nose(blend_scape(tube_body(), n_near=0)),
+    "small, SCAPE": bent(scape(SMALL)),
+    "small, BlendSCAPE": bent(blend_scape(SMALL)),
+}
+EACH_BODY = pytest.mark.parametrize("body", BODIES.values(), ids=list(BODIES))
+EACH_TUBE = pytest.mark.parametrize(
+    "body", [b for n, b in BODIES.items() if "tube" in n], ids=[n for n in BODIES if "tube" in n]
+)
+
+
+def some_arguments(body: Body, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    pose = rng.normal(scale=0.5, size=(body.n_joints, 3))
+    return pose, rng.normal(size=body.n_betas), rng.normal(size=3)
+
+
+def world_rotations(body: TriangleBody, pose: np.ndarray) -> list[np.ndarray]:
+    found: list[np.ndarray] = []
+    for w, parent in zip(pose, body.parents, strict=True):
+        R = matrix_from_vector(w)
+        found.append(R if parent < 0 else found[parent] @ R)
+    return found
+
+
+# Against the formula.
+
+
+@EACH_BODY
+def test_triangles_deform_as_the_formula_says(body: TriangleBody) -> None:
+    pose, betas, _ = some_arguments(body)
+    R, W = world_rotations(body, pose), body.weights.toarray()
+    X = body.deformations(pose, betas)
+    for f in range(0, body.n_faces, 7):
+        B = sum(W[f, k] * R[k] for k in range(body.n_joints))
+        twists = np.concatenate([np.zeros(0), *(pose[k] for k in body.near[f])])
+        D = np.eye(3) + body.shapedirs[f] @ betas
+        Q = np.eye(3) + body.posedirs[f] @ twists
+        np.testing.assert_allclose(X[f], B @ D @ Q, atol=1e-13)
+
+
+@EACH_BODY
+def test_vertices_are_stitched_from_them(body: TriangleBody) -> None:
+    pose, betas, trans = some_arguments(body)
+    X, e = body.deformations(pose, betas), edges(body.template, body.faces)
+    wanted = np.einsum("fab,fib->fia", X, e).reshape(-1, 3)
+    V = np.linalg.lstsq(body.stitching.A.toarray(), wanted)[0]
+    root = body.J_regressor[[0]]
+    V = V - root @ V + root @ body.template + trans
+    np.testing.assert_allclose(body.vertices(pose, betas, trans), V, atol=1e-12)
+
+
+@EACH_BODY
+def test_identity_pose_and_shape_give_the_template(body: TriangleBody) -> None:
+    np.testing.assert_allclose(body.vertices(), body.template, atol=1e-12)
+    np.testing.assert_allclose(body.vertices(*body.start().values()), body.template, atol=1e-12)
+    np.testing.assert_allclose(body.joints(), body.J_regressor @ body.template, atol=1e-12)
+
+
+@pytest.mark.parametrize("skinned", [tube_body(), SMALL], ids=["tube", "small"])
+def test_unposed_people_are_those_of_the_skinned_body(skinned: wb.SkinnedBody) -> None:
+    betas = some_arguments(skinned)[1]
+    expected = skinned.vertices(betas=betas)
+    expected += skinned.joints()[0] - skinned.joints(betas=betas)[0]  # the pelvis stays
+    for body in (scape(skinned), blend_scape(skinned)):
+        np.testing.assert_allclose(body.vertices(betas=betas), expected, atol=1e-12)
+
+
+@EACH_BODY
+def test_turning_the_root_turns_everything_about_the_pelvis(body: TriangleBody) -> None:
+    pose, betas, trans = some_arguments(body)
+    before, turn = body.vertices(pose, betas), matrix_from_vector([0.5, -1.0, 2.0])
+    turned = pose.copy()
+    turned[0] = vector_from_matrix(turn @ matrix_from_vector(pose[0]))
+    pelvis = body.joints()[0]
+    np.testing.assert_allclose(body.joints(pose, betas)[0], pelvis, atol=1e-12)
+    expected = (before - pelvis) @ turn.T + pelvis + trans
+    np.testing.assert_allclose(body.vertices(turned, betas, trans), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("skinned", [tube_body(), SMALL], ids=["tube", "small"])
+def test_one_hot_weights_make_blend_scape_scape(skinned: wb.SkinnedBody) -> None:
+    blended = bent(blend_scape(skinned))
+    pose, betas, _ = some_arguments(blended)
+    part = blended.weights.toarray().argmax(axis=1)
+    R = np.stack(world_rotations(blended, pose))
+    hot = one_part(blended, "hot")
+    Q_and_D = blended.deformations(0 * pose, betas)  # Q = I where nothing bends
+    np.testing.assert_allclose(
+        replace(hot, posedirs=0 * hot.posedirs).deformations(pose, betas),
+        R[part] @ Q_and_D,
+        atol=1e-13,
+    )
+    same = bent(scape(skinned))
+    np.testing.assert_allclose(hot.vertices(pose, betas), same.vertices(pose, betas), atol=1e-14)
+    assert abs(hot.vertices(pose, betas) - blended.vertices(pose, betas)).max() > 1e-3
+
+
+# What the two differ in.
+
+
+def test_blended_rotations_shrink_where_parts_bend_and_crease_less() -> None:
+    bend = np.zeros((24, 3))
+    bend[SMALL.joint_names.index("left_knee")] = [2.0, 0, 0]
+    rigid, soft = scape(SMALL), blend_scape(SMALL)
+    np.testing.assert_allclose(np.linalg.det(rigid.deformations(bend, [])), 1, atol=1e-12)
+    shrunk = np.linalg.det(soft.deformations(bend, []))
+    assert shrunk.max() <= 1 + 1e-12
+    assert shrunk.min() < 0.6
+    crease = [_largest_jump(body, bend) for body in (rigid, soft)]
+    assert crease[1] < 0.8 * crease[0]
+
+
+def _largest_jump(body: TriangleBody, pose: np.ndarray) -> float:
+    """Between the deformations of two faces that share an edge."""
+    X = body.deformations(pose, [])
+    edge_faces: dict[frozenset[int], list[int]] = {}
+    for f, corners in enumerate(body.faces.tolist()):
+        for a, b in ((0, 1), (1, 2), (2, 0)):
+            edge_faces.setdefault(frozenset((corners[a], corners[b])), []).append(f)
+    return max(float(np.linalg.norm(X[f] - X[g])) for f, g in edge_faces.values())
+
+
+def test_rigid_parts_keep_their_shape_away_from_the_seams() -> None:
+    body, bend = scape(SMALL), np.zeros((24, 3))
+    bend[SMALL.joint_names.index("left_knee")] = [2.0, 0, 0]
+    X = gradients(body.template, body.vertices(bend), body.faces)
+    head = body.weights.toarray()[:, SMALL.joint_names.index("head")] == 1
+    stretched = np.linalg.svd(X[head], compute_uv=False)
+    np.testing.assert_allclose(stretched, 1, atol=0.01)
+    assert head.sum() > 50
+
+
+def test_twists_are_taken_as_they_stand_and_do_not_come_back_at_2_pi() -> None:
+    body = BODIES["tube, SCAPE"]
+    pose = np.zeros((3, 3))
+    pose[1] = [0.5, 0, 0]
+    around = pose.copy()
+    around[1] = [0.5 - 2 * np.pi, 0, 0]  # the same rotation
+    plain = replace(body, posedirs=0 * body.posedirs)
+    np.testing.assert_allclose(plain.vertices(pose), plain.vertices(around), atol=1e-13)
+    assert abs(body.vertices(pose) - body.vertices(around)).max() > 0.01
+
+
+def test_faces_feel_the_joints_where_their_part_meets_others() -> None:
+    # a chain 0 - 1 - 2 - 3 along x
+    joints = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0], [3, 0, 0]])
+    parents, middles = (-1, 0, 1, 2), np.array([[1.1, 0, 0], [1.9, 0, 0], [3.5, 0, 0], [0.1, 0, 0]])
+    part = np.array([1, 1, 3, 0])
+    found = nearest_joints(middles, joints, part, parents, 2)
+    # the third: its own, then the nearest other; the root's part: its child, then the nearest
+    assert found.tolist() == [[1, 2], [2, 1], [3, 2], [1, 2]]
+    assert nearest_joints(middles, joints, part, parents, 9).shape == (4, 3)
+
+
+# Derivatives, and the two ways to the same numbers.
+
+
+def symbols(body: Body) -> tuple[cs.MX, cs.MX, cs.MX]:
+    pose, betas, trans = (block.symbol for block in body.blocks())
+    return pose, betas, trans
+
+
+def read_by(body: Body) -> list[str]:
+    return [block.name for block in body.blocks() if block.size]
+
+
+@cache
+def whole_problem(body: TriangleBody) -> wb.Problem:
+    rng, at = np.random.default_rng(1), symbols(body)
+    return wb.Problem(
+        [
+            wb.residuals.vertices(
+                body.points(*at), rng.normal(size=(body.n_vertices, 3)), sigma=2.0
+            ),
+            wb.residuals.vertices(
+                body.points(*at, vertices=[4, 2]), rng.normal(size=(2, 3)), sigma=2.0, name="some"
+            ),
+            wb.residuals.landmarks(
+                body.joint_points(*at), rng.normal(size=(body.n_joints, 3)), sigma=2.0
+            ),
+        ],
+        read_by(body),
+    )
+
+
+PLACES = {"at zero": 0.0, "near zero": 1e-9, "somewhere": 1.0, "at pi": np.pi}
+
+
+def place(body: TriangleBody, size: float) -> np.ndarray:
+    pose, betas, trans = some_arguments(body, 3)
+    pose /= np.linalg.norm(pose, axis=1, keepdims=True)
+    return np.concatenate([size * pose.ravel(), np.sign(size) * betas, trans])
+
+
+@EACH_TUBE
+@pytest.mark.parametrize("size", PLACES.values(), ids=list(PLACES))
+def test_derivatives_are_those_of_differences(body: TriangleBody, size: float) -> None:
+    problem, x = whole_problem(body), place(body, size)
+    assert_jacobian(problem, x, np.zeros(0), 1e-8)
+    assert_hessian(problem, x, np.zeros(0), 1e-8)
+
+
+@EACH_TUBE
+@pytest.mark.parametrize("size", PLACES.values(), ids=list(PLACES))
+def test_arithmetic_and_graph_agree(body: TriangleBody, size: float) -> None:
+    problem, x, none = whole_problem(body), place(body, size), np.zeros(0)
+    sources = [p.source for residual in problem.residuals for p in residual.points]
+    assert all((source.numeric is not None) == (body.n_betas > 0) for source in sources)
+    r, J = (np.asarray(part) for part in problem.derivative(x, none))
+    here = problem.linearize_at(x, none)
+    np.testing.assert_allclose(here.residual, r.ravel(), atol=1e-11)
+    np.testing.assert_allclose(here.jacobian, J, atol=1e-11)
+    cost, gradient = problem.cost_and_gradient(x, none)
+    np.testing.assert_allclose(gradient, here.gradient, atol=1e-10)
+    np.testing.assert_allclose(cost, here.cost)
+
+
+def test_arithmetic_and_graph_agree_on_a_whole_person() -> None:
+    test_arithmetic_and_graph_agree(BODIES["small, BlendSCAPE"], 1.0)
+
+
+def test_a_pose_made_of_pieces_goes_by_the_graph() -> None:
+    body = BODIES["tube, SCAPE"]
+    whole = wb.Block("both", (2, 3), "rad")
+    points = body.points(cs.horzcat(whole.symbol, cs.MX.zeros(3, 1)), *symbols(body)[1:])
+    assert points.source.numeric is None
+    problem = wb.Problem([wb.residuals.vertices(points, body.template, sigma=1.0)], "both")
+    values = {"both": np.full((2, 3), 0.3), "betas": np.zeros(2), "trans": np.zeros(3)}
+    r = problem.linearize(values).residual.reshape(-1, 3)
+    pose = np.vstack([values["both"], np.zeros((1, 3))])
+    np.testing.assert_allclose(r, body.vertices(pose) - body.template, atol=1e-13)
+
+
+# Points.
+
+
+@EACH_TUBE
+def test_points_are_those_of_the_numbers(body: TriangleBody) -> None:
+    at, (pose, betas, trans) = symbols(body), some_arguments(body)
+    sources = {
+        "vertices": (body.points(*at), body.vertices(pose, betas, trans)),
+        "some": (body.points(*at, vertices=[4, 2]), body.vertices(pose, betas, trans)[[4, 2]]),
+        "joints": (body.joint_points(*at), body.joints(pose, betas, trans)),
+        "face": (body.landmark_points("face", *at), body.landmark("face", pose, betas, trans)),
+        "all": (body.landmark_points("joints", *at), body.landmark("joints", pose, betas, trans)),
+    }
+    for points, expected in sources.values():
+        f = cs.Function("f", list(at), [points.source.expression])
+        np.testing.assert_allclose(np.asarray(f(pose.T, betas, trans)).T, expected, atol=1e-12)
+        assert points.count == len(expected)
+        assert [b.name for b in points.source.blocks] == read_by(body)
+        assert points.source.tree is not None
+
+
+def test_batches() -> None:
+    body = BODIES["tube, SCAPE"]
+    pose, betas, trans = (np.stack(a) for a in zip(*(some_arguments(body, s) for s in range(4)),
+                                                   strict=True))  # fmt: skip
+    together = body.vertices(pose.reshape(2, 2, 9), betas.reshape(2, 2, 2), trans.reshape(2, 2, 3))
+    one_by_one = [body.vertices(*a) for a in zip(pose, betas, trans, strict=True)]
+    np.testing.assert_array_equal(together.reshape(4, -1, 3), one_by_one)
+    joints = body.joints(pose.reshape(2, 2, 9), betas.reshape(2, 2, 2), trans.reshape(2, 2, 3))
+    assert joints.shape == (2, 2, 3, 3)
+    assert body.joints(pose[:0]).shape == (0, 3, 3)
+
+
+@pytest.mark.parametrize(
+    "copied", [copy.copy, copy.deepcopy, lambda b: pickle.loads(pickle.dumps(b))]
+)
+def test_a_body_copies_and_pickles(copied: Any) -> None:
+    body = BODIES["tube, SCAPE"]
+    arguments = some_arguments(body)
+    np.testing.assert_array_equal(copied(body).vertices(*arguments), body.vertices(*arguments))
+    assert body.blocks() is body.blocks()
+    with pytest.raises(ValueError, match="read-only"):
+        copied(body).posedirs[0] = 1
+
+
+def test_what_is_not_there_is_refused() -> None:
+    body = BODIES["tube, SCAPE"]
+    with pytest.raises(UnknownName, match="'nose'; there are face, joints"):
+        body.landmark("nose")
+    with pytest.raises(BadBody, match="there is no vertex 22"):
+        body.points(*symbols(body), vertices=[22])
+    with pytest.raises(BadBody, match="takes a symbol for pose"):
+        body.points(np.zeros((3, 3)), *symbols(body)[1:])  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "text"),
+    [
+        ({"shapedirs": np.zeros((40, 3, 2))}, r"shapedirs has shape .*must be \(40, 3, 3, B\)"),
+        ({"posedirs": np.zeros((40, 3, 3, 3))}, r"posedirs has shape .*must be \(40, 3, 3, 6\)"),
+        ({"near": np.zeros((40, 2), dtype=int)}, r"face 0 is near the joints \[0, 0\]"),
+        ({"near": np.ones((40, 2), dtype=int)}, "one of them twice"),
+        ({"weights": np.ones((40, 3))}, "weights of face 0 sum to 3, but must sum to 1"),
+        ({"template": np.full((22, 3), np.nan)}, r"template\[0, 0\] is not finite"),
+        ({"template": np.ones((22, 3))}, "face 0 of the template has no area"),
+        ({"template": np.ones((22, 2))}, r"template has shape \(22, 2\)"),
+        ({"faces": np.full((40, 3), 22)}, "there are 22 vertices from 0"),
+        ({"parents": (-1, 2, 1)}, "joint 1 has parent 2"),
+        ({"joint_names": ("a", "b")}, "2 names for 3 joints"),
+        ({"shapedirs": "wide"}, "shapedirs must be an array of real numbers, not text"),
+    ],
+)
+def test_arrays_that_do_not_fit_are_refused(wrong: dict[str, Any], text: str) -> None:
+    with pytest.raises(BadBody, match=text):
+        replace(BODIES["tube, SCAPE"], **wrong)
+
+
+def test_a_surface_in_pieces_is_refused() -> None:
+    tube = tube_body()
+    both = replace(tube, faces=tube.faces[~(tube.faces == 0).any(axis=1)])
+    with pytest.raises(BadBody, match="22 vertices in 2 pieces"):
+        scape(both)
+    with pytest.raises(BadBody, match="drawn in a bent pose"):
+        scape(random_body(bound=True))
+
+
+# Fitting and diagnosis.
+
+
+def fit_problem(body: TriangleBody, seed: int, scale: float) -> tuple[wb.Problem, wb.Values]:
+    rng = np.random.default_rng(seed)
+    known = {
+        "pose": rng.normal(scale=scale, size=(body.n_joints, 3)),
+        "betas": rng.normal(size=body.n_betas),
+        "trans": rng.normal(size=3),
+    }
+    target = body.vertices(*known.values())
+    residual = wb.residuals.vertices(body.points(*symbols(body)), target, sigma=0.002)
+    return wb.Problem([residual], ("pose", "betas", "trans")), known
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_levenberg_marquardt_finds_a_posed_and_shaped_person_from_zero(seed: int) -> None:
+    body = BODIES["small, SCAPE"]
+    problem, known = fit_problem(body, seed, 0.25)
+    solution = wb.solve(problem, body.start())
+    assert solution.status is wb.Status.CONVERGED
+    for name, value in known.items():
+        np.testing.assert_allclose(solution.values[name], value, atol=1e-6)
+
+
+QUICK = ("gauss-newton", "levenberg-marquardt", "ipopt", "ipopt-exact", "nlopt-lbfgs")
+
+
+@pytest.mark.parametrize("solver", QUICK)
+def test_solvers_of_every_kind_take_a_triangle_body(solver: str) -> None:
+    body = BODIES["tube, BlendSCAPE"]
+    problem, known = fit_problem(body, 0, 0.2)
+    start = {n: v + 0.01 * np.sign(v) for n, v in known.items()}
+    before = problem.linearize(start).cost
+    solution = wb.solve(problem, start, wb.SOLVERS[solver])
+    assert solution.cost < 1e-3 * before
+
+
+def test_the_jacobian_is_dense_where_smpl_s_is_not_and_sees_every_direction() -> None:
+    triangles, skinned = BODIES["small, SCAPE"], SMALL
+    seen = []
+    for body in (triangles, skinned):
+        target = np.zeros((body.n_vertices, 3))
+        residual = wb.residuals.vertices(body.points(*symbols(body)), target, sigma=0.01)
+        problem = wb.Problem([residual], ("pose", "betas", "trans"))
+        seen.append(wb.diagnose(problem, body.start() | {"pose": some_arguments(body)[0]}))
+    dense, sparse = seen
+    columns = dense.pattern[:, : 72 + 10]
+    assert columns[:, 3:].all()  # one joint moves every vertex: stitching, and the pelvis held
+    assert sparse.density < 0.6 < 0.95 < dense.density
+    assert dense.rank == 85
+    assert dense.null_directions == ()
+
+
+def test_the_rank_law_of_bones_is_not_claimed_for_joints_of_a_surface() -> None:
+    body = BODIES["small, SCAPE"]
+    target = body.joints()
+    residual = wb.residuals.landmarks(body.joint_points(*symbols(body)), target, sigma=0.01)
+    problem = wb.Problem([residual], ("pose", "trans"))
+    seen = wb.diagnose(problem, body.start() | {"pose": some_arguments(body)[0]})
+    assert seen.rank_law is None
+    assert seen.rank > 43  # twists move the joints of a surface
+    assert problem.row_label(0).endswith("[pelvis of the surface, x]")

@@ -1,0 +1,262 @@
+"""Learning SCAPE and BlendSCAPE back from what they generated, and SMPL's way beside theirs."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+import workbench as wb
+from tests.bodies_made_up import tube_body
+from workbench.bodies.triangles import TriangleBody, blend_scape, scape
+from workbench.errors import BadArgument
+from workbench.geometry.stitching import Stitching
+from workbench.geometry.triangles import edges, gradients
+from workbench.training.triangles.comparison import (
+    additivity_gap,
+    explained_by_triangles,
+    explained_by_vertices,
+    n_parameters,
+    unposed,
+)
+from workbench.training.triangles.learning import PosedMeshes, learn, learn_bends, learn_person
+from workbench.training.triangles.shape_space import learn_shapes, stitched_directions
+from workbench.training.triangles.stitched_fit import (
+    NotConverged,
+    StitchedFit,
+    closed,
+    neighbour_differences,
+)
+
+SMALL = wb.load_body("small")
+TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
+P, B = 6, 2
+
+
+@cache
+def generator(blended: bool = False) -> TriangleBody:
+    body = (blend_scape if blended else scape)(tube_body(rings=3))
+    posedirs = np.random.default_rng(0).normal(scale=0.05, size=body.posedirs.shape)
+    return replace(body, posedirs=posedirs)
+
+
+def drawn(true: TriangleBody, meshes: int, seed: int) -> tuple[np.ndarray, PosedMeshes]:
+    """Betas (P, 2) of people whose mean is the template, and meshes of them."""
+    rng = np.random.default_rng(seed)
+    betas = rng.normal(size=(P, B))
+    betas -= betas.mean(axis=0)
+    person, poses = rng.integers(P, size=meshes), rng.normal(scale=0.7, size=(meshes, 3, 3))
+    return betas, PosedMeshes(true.vertices(poses, betas[person]), poses, person)
+
+
+def untrained(true: TriangleBody) -> TriangleBody:
+    shapes = np.zeros((true.n_faces, 3, 3, 0))
+    return replace(true, posedirs=0 * true.posedirs, shapedirs=shapes)
+
+
+# Recovery.
+
+
+@pytest.mark.parametrize(
+    ("blended", "tolerance", "error"),
+    [(False, 1e-10, 1e-8), (True, 1e-6, 2e-5)],  # blended, LSQR needs many times as long for 1e-10
+    ids=["SCAPE", "BlendSCAPE"],
+)
+def test_what_a_model_generated_it_is_learned_back_from(
+    blended: bool, tolerance: float, error: float
+) -> None:
+    true = generator(blended)
+    betas, posed = drawn(true, 50, 1)
+    people = true.vertices(betas=betas)
+    trained = learn(untrained(true), people, posed, n_betas=B, ridge=0.0, tolerance=tolerance)
+    # the learned betas are the true ones in another basis
+    found = learn_shapes(people, true.faces, B).betas
+    change = np.linalg.lstsq(betas, found)[0]
+    rng = np.random.default_rng(2)
+    new, poses = rng.normal(size=(20, B)), rng.normal(scale=0.5, size=(20, 3, 3))
+    apart = trained.vertices(poses, new @ change) - true.vertices(poses, new)
+    before = replace(trained, posedirs=0 * trained.posedirs).vertices(poses, new @ change)
+    assert np.linalg.norm(apart, axis=-1).max() < error
+    assert np.linalg.norm(before - true.vertices(poses, new), axis=-1).max() > 0.01
+
+
+def test_fitting_each_triangle_alone_would_not_do() -> None:
+    # Q straight from each mesh's own gradients: what SCAPE's triangles ask for does not close
+    true = generator()
+    betas, posed = drawn(true, 50, 1)
+    at = [true.arithmetic.at(p, betas[i]) for p, i in zip(posed.poses, posed.person, strict=True)]
+    X = gradients(true.template, posed.vertices, true.faces)
+    Q = np.linalg.solve(np.stack([a.B @ a.D for a in at]), X) - np.eye(3)
+    twists = np.stack([a.twists for a in at])
+    posedirs = np.stack([
+        np.linalg.lstsq(twists[:, f], Q[:, f].reshape(len(Q), 9))[0].T.reshape(3, 3, -1)
+        for f in range(true.n_faces)
+    ])  # fmt: skip
+    alone = replace(true, posedirs=posedirs)
+    poses = np.random.default_rng(3).normal(scale=0.5, size=(10, 3, 3))
+    assert abs(alone.vertices(poses) - true.vertices(poses)).max() > 1e-3
+
+
+def test_one_person_is_learned_from_posed_meshes_alone() -> None:
+    true = generator()
+    beta = np.array([1.5, -1.0])
+    rng = np.random.default_rng(4)
+    poses = rng.normal(scale=0.7, size=(12, 3, 3))
+    posed = PosedMeshes(true.vertices(poses, beta), poses, np.zeros(12, dtype=np.int64))
+    D = learn_person(true, posed, smoothness=1e-12, tolerance=1e-9)
+    one = replace(true, shapedirs=(D - np.eye(3))[..., None])
+    new = rng.normal(scale=0.5, size=(10, 3, 3))
+    apart = one.vertices(new, [1.0]) - true.vertices(new, beta)
+    assert abs(apart).max() < 1e-4
+    # and the smoother, the more alike are neighbours, at the cost of the fit
+    roughness = []
+    for smoothness in (1e-6, 1e-3, 1.0):
+        D = learn_person(true, posed, smoothness=smoothness, tolerance=1e-8)
+        roughness.append(np.linalg.norm(neighbour_differences(true.faces) @ D.reshape(len(D), -1)))
+    assert roughness[0] > roughness[1] > roughness[2]
+
+
+def test_a_stronger_ridge_keeps_q_nearer_to_the_identity() -> None:
+    true = generator()
+    betas, posed = drawn(true, 20, 5)
+    sizes = [
+        np.linalg.norm(learn_bends(true, posed, betas, ridge=ridge, tolerance=1e-7).posedirs)
+        for ridge in (1e-4, 1e-2, 1.0, 100.0)
+    ]
+    assert (np.diff(sizes) < 0).all()
+    assert sizes[-1] < 0.02 * sizes[0]
+
+
+# Its parts.
+
+
+def test_the_fit_is_the_dense_least_squares_solution() -> None:
+    rng = np.random.default_rng(6)
+    stitching, M, q = Stitching(TETRAHEDRON, 4), 3, 2
+    left, features = rng.normal(size=(4, M, 3, 3)), rng.normal(size=(4, 2, M, q))
+    wanted = closed(stitching, rng.normal(size=(4, 2, M, 3)))
+    ridge, smoothness = 0.3, 0.2
+    C = StitchedFit(stitching, left, features, wanted).solve(ridge, smoothness, 1e-14)
+    A = stitching.A.toarray()
+    Pi = A @ np.linalg.pinv(A)
+    columns = []
+    for unit in np.eye(4 * 3 * q):
+        e = np.einsum("fmac,fcq,fimq->fima", left, unit.reshape(4, 3, q), features)
+        tied = neighbour_differences(TETRAHEDRON).toarray() @ unit.reshape(4, -1)
+        parts = Pi @ e.reshape(8, -1), np.sqrt(smoothness) * tied, np.sqrt(ridge) * unit
+        columns.append(np.concatenate([part.ravel() for part in parts]))
+    J = np.array(columns).T
+    right = np.concatenate([wanted.ravel(), np.zeros(len(J) - wanted.size)])
+    np.testing.assert_allclose(C.ravel(), np.linalg.lstsq(J, right)[0], atol=1e-9)
+    with pytest.raises(NotConverged, match="stopped after 2 iterations"):
+        StitchedFit(stitching, left, features, wanted).solve(most=2)
+
+
+def test_closing_edges_is_an_orthogonal_projection() -> None:
+    stitching, rng = Stitching(SMALL.faces, SMALL.n_vertices), np.random.default_rng(7)
+    a, b = rng.normal(size=(2, len(SMALL.faces), 2, 1, 3))
+    once = closed(stitching, a)
+    np.testing.assert_allclose(closed(stitching, once), once, atol=1e-12)
+    np.testing.assert_allclose((once * b).sum(), (a * closed(stitching, b)).sum(), atol=1e-9)
+    mesh = edges(SMALL.template, SMALL.faces)[:, :, None]
+    np.testing.assert_allclose(closed(stitching, mesh), mesh, atol=1e-13)
+
+
+def test_neighbours_of_a_tetrahedron_are_all_pairs() -> None:
+    pairs = neighbour_differences(TETRAHEDRON).toarray()
+    assert pairs.shape == (6, 4)
+    assert {tuple(np.flatnonzero(row)) for row in pairs} == {
+        (i, j) for i in range(4) for j in range(i + 1, 4)
+    }
+    np.testing.assert_array_equal(pairs.sum(axis=1), 0)
+
+
+def test_people_of_k_dimensions_have_k_components_and_are_met() -> None:
+    rng = np.random.default_rng(8)
+    betas = rng.normal(size=(12, 10))
+    people = SMALL.vertices(betas=betas)
+    shapes = learn_shapes(people, SMALL.faces, 11)
+    assert (shapes.explained[:10] > 1e-5).all()
+    assert abs(shapes.explained[10]) < 1e-12
+    np.testing.assert_allclose(shapes.explained.sum(), 1)
+    np.testing.assert_allclose(shapes.betas[:, :10].std(axis=0, ddof=1), 1)
+    directions = stitched_directions(shapes, SMALL.faces)
+    rebuilt = shapes.template + np.einsum("nab,pb->pna", directions, shapes.betas)
+    rebuilt -= rebuilt.mean(axis=1, keepdims=True)
+    np.testing.assert_allclose(rebuilt, people - people.mean(axis=1, keepdims=True), atol=1e-10)
+
+
+def test_what_does_not_fit_together_is_refused() -> None:
+    true = generator()
+    betas, posed = drawn(true, 3, 9)
+    with pytest.raises(BadArgument, match="6 people tell up to 5 shape directions apart, not 6"):
+        learn_shapes(true.vertices(betas=betas), true.faces, 6)
+    with pytest.raises(BadArgument, match="must be as many"):
+        PosedMeshes(posed.vertices, posed.poses[:1], posed.person)
+    with pytest.raises(BadArgument, match="persons 0 to 2, no others"):
+        learn(true, true.vertices(betas=betas[:3]), PosedMeshes(
+            posed.vertices, posed.poses, np.full(3, 3)), n_betas=1, ridge=0.0)  # fmt: skip
+
+
+# SMPL's way beside SCAPE's.
+
+
+def many_people(seed: int) -> np.ndarray:
+    """The small body's shapes, and bumps that no shape direction has: full rank."""
+    rng = np.random.default_rng(seed)
+    people = SMALL.vertices(betas=rng.normal(size=(24, 10)))
+    middles = SMALL.template[rng.integers(SMALL.n_vertices, size=(24, 5))]
+    apart = np.linalg.norm(SMALL.template[None, :, None] - middles[:, None], axis=-1)
+    bumps = np.einsum("pnc,pca->pna", np.exp(-((apart / 0.1) ** 2)), rng.normal(size=(24, 5, 3)))
+    return np.asarray(people + 0.01 * bumps)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_vertex_components_explain_at_least_as_much_for_every_k(seed: int) -> None:
+    people = many_people(seed)
+    vertices = explained_by_vertices(people, 23)
+    triangles = explained_by_triangles(people, SMALL.faces, 23)
+    assert (vertices.share >= triangles.share - 1e-12).all()
+    assert (vertices.rms <= triangles.rms + 1e-12).all()
+    assert (vertices.share - triangles.share)[1:10].max() > 1e-4
+    for found in (vertices, triangles):
+        assert found.share[0] == 0
+        assert (np.diff(found.share) >= -1e-12).all()
+        np.testing.assert_allclose(found.share[23], 1, atol=1e-9)  # 24 people span 23 dimensions
+        left = found.rms[:20] ** 2 / found.rms[0] ** 2
+        np.testing.assert_allclose(left, 1 - found.share[:20], atol=1e-12)
+
+
+def test_strangers_are_measured_about_the_same_mean() -> None:
+    people, others = many_people(0), many_people(1)
+    for found in (
+        explained_by_vertices(people, 23, others),
+        explained_by_triangles(people, SMALL.faces, 23, others),
+    ):
+        assert 0.5 < found.share[23] < 1
+        assert found.rms[23] < found.rms[0]
+
+
+def test_shape_and_pose_are_added_by_smpl_and_multiplied_by_scape() -> None:
+    rng = np.random.default_rng(10)
+    pose, betas = rng.normal(scale=0.4, size=(24, 3)), rng.normal(size=10)
+    np.testing.assert_allclose(additivity_gap(SMALL, pose, betas), 0, atol=1e-15)
+    plain = scape(SMALL)
+    np.testing.assert_allclose(additivity_gap(plain, pose, betas), 0, atol=1e-13)  # Q = I
+    bent = replace(plain, posedirs=rng.normal(scale=0.1, size=plain.posedirs.shape))
+    gap = additivity_gap(bent, pose, betas)
+    assert np.linalg.norm(gap, axis=1).max() > 1e-3
+    # (D - I)(Q - I), stitched: so it is bilinear for small shapes and poses
+    half = additivity_gap(bent, pose / 2, betas / 2)
+    np.testing.assert_allclose(half, gap / 4, atol=1e-12)
+    np.testing.assert_allclose(unposed(bent, 0 * pose, 0 * betas), SMALL.template, atol=1e-13)
+
+
+def test_parameters_are_counted() -> None:
+    body = scape(SMALL)
+    F, N = len(SMALL.faces), SMALL.n_vertices
+    assert n_parameters(body) == 3 * N + 9 * F * (10 + 6) + F
+    assert (
+        n_parameters(SMALL)
+        == 3 * N * (1 + 10 + 207) + np.count_nonzero(SMALL.weights) + SMALL.J_regressor.nnz
+    )

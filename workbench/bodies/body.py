@@ -1,0 +1,95 @@
+"""What every body is: named blocks in, points out."""
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import casadi as cs
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from workbench.blocks import Block, Points, Values
+
+Array = NDArray[np.float64]
+Blocks = tuple[Block, Block, Block]
+
+
+class Body(Protocol):
+    """A surface of N vertices that a pose of K joints, B betas and a translation move.
+
+    Written in `blocks()`, problems take the points of any body; `vertices` and `joints` are the
+    same in numbers, for batches.
+    """
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+
+    @property
+    def n_vertices(self) -> int:
+        """N."""
+
+    @property
+    def n_joints(self) -> int:
+        """K, the root included."""
+
+    @property
+    def n_betas(self) -> int:
+        """B."""
+
+    @property
+    def parents(self) -> tuple[int, ...]:
+        """parents[0] == -1, and parents[k] < k."""
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """(K,)."""
+
+    @property
+    def bind_pose(self) -> Array:
+        """The pose (K, 3) rad that leaves the template as it is."""
+
+    def blocks(self, prefix: str = "") -> Blocks:
+        """`pose` (K, 3) rad, `betas` (B,), `trans` (3,) m: the same objects for the same prefix."""
+
+    @property
+    def known_blocks(self) -> tuple[Block, ...]:
+        """Every block that this body has made so far."""
+
+    def start(self, prefix: str = "") -> Values:
+        """The template as values: bind pose, mean shape, at the origin."""
+
+    def points(
+        self, pose: cs.MX, betas: cs.MX, trans: cs.MX, *, vertices: ArrayLike | None = None
+    ) -> Points:
+        """The posed surface, (3, N) m, or some of it: a list of vertices, or a mask (N,)."""
+
+    def joint_points(self, pose: cs.MX, betas: cs.MX, trans: cs.MX) -> Points:
+        """The posed joints, (3, K) m."""
+
+    def landmark_points(self, name: str, pose: cs.MX, betas: cs.MX, trans: cs.MX) -> Points:
+        """A named set of landmarks on the posed surface, (3, M) m."""
+
+    def vertices(
+        self,
+        pose: ArrayLike | None = None,
+        betas: ArrayLike | None = None,
+        trans: ArrayLike | None = None,
+    ) -> Array:
+        """The posed surface (..., N, 3) m of poses (..., K, 3) or (..., 3 K) rad."""
+
+    def joints(
+        self,
+        pose: ArrayLike | None = None,
+        betas: ArrayLike | None = None,
+        trans: ArrayLike | None = None,
+    ) -> Array:
+        """The posed joints (..., K, 3) m."""
+
+
+def blocks_of(prefix: str, joint_names: Sequence[str], n_betas: int) -> Blocks:
+    """The three blocks that a body is written in, made anew."""
+    return (
+        Block(prefix + "pose", (len(joint_names), 3), "rad", tuple(joint_names)),
+        Block(prefix + "betas", (n_betas,), "sd"),
+        Block(prefix + "trans", (3,), "m", ("x", "y", "z")),
+    )

@@ -1,0 +1,111 @@
+"""Learning the three factors of X_f = B_f D_f Q_f from meshes in known poses."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from workbench.bodies.triangles import TriangleBody
+from workbench.errors import BadArgument
+from workbench.geometry.triangles import edges
+from workbench.training.triangles.shape_space import learn_shapes
+from workbench.training.triangles.stitched_fit import StitchedFit, closed
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class PosedMeshes:
+    """M meshes of one topology in known poses; raises BadArgument if they do not fit together."""
+
+    vertices: Array  # (M, N, 3) m
+    poses: Array  # (M, K, 3) rad
+    person: Index  # (M,): whose each is, from 0
+
+    def __post_init__(self) -> None:
+        M = len(self.vertices)
+        if self.poses.shape[:1] != (M,) or self.person.shape != (M,) or not M:
+            raise BadArgument(
+                f"meshes {self.vertices.shape}, poses {self.poses.shape} and persons "
+                f"{self.person.shape} must be as many, and at least one"
+            )
+
+
+def learn(
+    start: TriangleBody,
+    people: ArrayLike,
+    posed: PosedMeshes,
+    *,
+    n_betas: int,
+    ridge: float,
+    tolerance: float = 1e-10,
+) -> TriangleBody:
+    """SCAPE or BlendSCAPE, as the weights of `start` have it, from two sets of meshes.
+
+    `people` (P, N, 3) m at rest give the template and D; `posed` meshes of them give Q, with each
+    person's betas as found at rest. As in SCAPE, which has one set of people and one of poses.
+    """
+    shapes = learn_shapes(people, start.faces, n_betas)
+    shaped = replace(start, template=shapes.template, shapedirs=shapes.shapedirs)
+    if posed.person.min() < 0 or posed.person.max() >= len(shapes.betas):
+        raise BadArgument(f"posed meshes are of persons 0 to {len(shapes.betas) - 1}, no others")
+    return learn_bends(shaped, posed, shapes.betas, ridge=ridge, tolerance=tolerance)
+
+
+def learn_bends(
+    body: TriangleBody,
+    posed: PosedMeshes,
+    betas: Array,
+    *,
+    ridge: float,
+    tolerance: float = 1e-10,
+) -> TriangleBody:
+    """The body with the posedirs that fit the meshes best, everything else as it is.
+
+    `betas` (P, B) of each person. E_Q, how far Q_f is from the identity, is `ridge` (m^2) times
+    the sum of squares of posedirs per rad. `tolerance` is that of StitchedFit.
+    """
+    here = [body.arithmetic.at(p, betas[i]) for p, i in zip(posed.poses, posed.person, strict=True)]
+    left = np.stack([at.B @ at.D for at in here], axis=1)
+    in_plane, flat = _plane(body.arithmetic.edges)  # (F, 3, 2), (F, 2, 2): edges in the plane
+    twists = np.stack([at.twists for at in here], axis=1)  # (F, M, 3 J)
+    F, M, T = twists.shape
+    features = np.einsum("fiu,fmt->fimut", flat, twists).reshape(F, 2, M, 2 * T)
+    known = np.einsum("fmac,fic->fima", left, body.arithmetic.edges)
+    fit = StitchedFit(body.stitching, left, features, _missing(body, posed, known))
+    C = fit.solve(ridge, tolerance=tolerance).reshape(F, 3, 2, T)
+    return replace(body, posedirs=np.einsum("faut,fcu->fact", C, in_plane))
+
+
+def learn_person(
+    body: TriangleBody,
+    posed: PosedMeshes,
+    *,
+    smoothness: float,
+    ridge: float = 0.0,
+    tolerance: float = 1e-10,
+) -> Array:
+    """D_f (F, 3, 3) of one person from posed meshes alone, Q being the body's.
+
+    E_D, `smoothness` (m^2) times the sum of |D_f - D_g|^2 over neighbours, decides what the
+    meshes leave open (Hirshberg et al. 2012).
+    """
+    here = [body.arithmetic.at(pose, np.zeros(body.n_betas)) for pose in posed.poses]
+    left = np.stack([at.B for at in here], axis=1)
+    bent = np.stack([at.bent for at in here], axis=2)  # (F, 2, M, 3)
+    known = np.einsum("fmac,fimc->fima", left, bent)
+    fit = StitchedFit(body.stitching, left, bent, _missing(body, posed, known))
+    return np.eye(3) + fit.solve(ridge, smoothness, tolerance)
+
+
+def _missing(body: TriangleBody, posed: PosedMeshes, known: Array) -> Array:
+    """Edges of the meshes less what is known of them, stitched: (F, 2, M, 3) m."""
+    seen = edges(posed.vertices, body.faces).transpose(1, 2, 0, 3)
+    return seen - closed(body.stitching, known)
+
+
+def _plane(e: Array) -> tuple[Array, Array]:
+    """An orthonormal basis (F, 3, 2) of each face's plane, and its edges (F, 2, 2) there."""
+    basis, _ = np.linalg.qr(e.transpose(0, 2, 1))
+    return basis, np.asarray(e @ basis)
