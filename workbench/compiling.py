@@ -15,6 +15,7 @@ import subprocess
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
 
 from workbench.errors import BadFile, WorkbenchError
@@ -73,6 +74,11 @@ def cache_folder() -> Path:
         return Path(named)
     base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     return Path(base) / "workbench"
+
+
+def vectors() -> str:
+    """The head of a source whose numbers stand side by side in the processor's registers."""
+    return files(__package__).joinpath("vectors.h").read_text(encoding="utf-8")
 
 
 def library(name: str, source: str, trusted: Callable[[ctypes.CDLL], bool]) -> ctypes.CDLL:

@@ -1,28 +1,13 @@
-/* LANES numbers at a time, one for each of as many calls of the same function. */
+/* LANES calls of the same function at a time. */
 
 #if defined(__GNUC__) && !defined(__clang__)
 #pragma GCC optimize("O1") /* straight code: more costs the compiler time and gains nothing */
 #endif
 
 #include <math.h>
-#include <stddef.h>
-
-#if defined(__AVX512F__)
-#define LANES 8
-#define all(x) ((v){x, x, x, x, x, x, x, x})
-#elif defined(__AVX__)
-#define LANES 4
-#define all(x) ((v){x, x, x, x})
-#else
-#define LANES 2
-#define all(x) ((v){x, x})
-#endif
-
-typedef double v __attribute__((vector_size(8 * LANES)));
 typedef long long bits __attribute__((vector_size(8 * LANES)));
-typedef ptrdiff_t integer;
 
-#define EXPORT __attribute__((visibility("default")))
+#define all BROADCAST
 #define PART __attribute__((noinline))
 
 /* the truth is 1.0, as in CasADi */

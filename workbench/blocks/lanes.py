@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.blocks.many import Many, Mapped, count
-from workbench.compiling import NoLibrary, library
+from workbench.compiling import NoLibrary, library, vectors
 from workbench.errors import NotSupported
 
 Array = NDArray[np.float64]
@@ -85,6 +85,7 @@ def lanes_code(function: cs.Function, shared: Sequence[bool]) -> str:
     given += [*(f"o{k}" for k, _ in outputs), "t"]
     return "\n".join(
         [
+            vectors(),
             head,
             *(
                 "\n".join([f"static PART void part{n}({', '.join(of_part)})", "{", *lines, "}"])

@@ -5,6 +5,7 @@ from importlib.resources import files
 import casadi as cs
 
 from workbench.bodies.vertex import OF_JOINT, VertexFunctions
+from workbench.compiling import vectors
 from workbench.errors import NotSupported
 
 BINARY = {cs.OP_ADD: "+", cs.OP_SUB: "-", cs.OP_MUL: "*"}
@@ -18,14 +19,11 @@ def vertex_code(functions: VertexFunctions, K: int, B: int) -> str:
         "CENTRES": B + 9 * (K - 1) + 12 * K, "OF_JOINTS": B + 9 * (K - 1) + 15 * K,
         "OF_JOINT": OF_JOINT, "OF_BETAS": B + 9 * (K - 1) + (15 + OF_JOINT) * K,
     }  # fmt: skip
-    types, loops = (
-        files(__package__).joinpath(name).read_text(encoding="utf-8")
-        for name in ("vertex_types.h", "vertex_loops.c")
-    )
+    loops = files(__package__).joinpath("vertex_loops.c").read_text(encoding="utf-8")
     defines = [f"#define {name} {size}" for name, size in sizes.items()]
     added = {f.name() for f in functions.added}
     kernels = [kernel(f, "+=" if f.name() in added else "=") for f in functions.all]
-    return "\n".join([types, *defines, *kernels, loops])
+    return "\n".join([vectors(), *defines, *kernels, loops])
 
 
 def kernel(function: cs.Function, put: str = "=") -> str:

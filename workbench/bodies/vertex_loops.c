@@ -6,8 +6,6 @@ The many rows that a derivative is written to make the processor's own guess at 
 fail: memory is asked for ahead of use there.
 */
 
-typedef ptrdiff_t integer;
-
 static inline void look_ahead(const double *vertices, integer first, integer rows)
 {
     const double *next = vertices + LANES * (ROWS + first);

@@ -1,5 +1,5 @@
-/* LANES numbers at a time, one for each of as many vertices: as many as a vector register of the
-processor holds. Wider vectors than that are taken apart through memory, at several times the cost. */
+/* LANES numbers at a time, as many as a vector register of the processor holds. Wider vectors than
+that are taken apart through memory, at several times the cost. */
 
 #include <stddef.h>
 #include <string.h>
@@ -18,6 +18,8 @@ processor holds. Wider vectors than that are taken apart through memory, at seve
 typedef double v __attribute__((vector_size(8 * LANES), may_alias));
 typedef double anywhere __attribute__((vector_size(8 * LANES), aligned(8), may_alias)); /* in memory */
 typedef long long places __attribute__((vector_size(8 * LANES)));
+
+typedef ptrdiff_t integer;
 
 #define EXPORT __attribute__((visibility("default")))
 #define ALWAYS_INLINE inline __attribute__((always_inline))
