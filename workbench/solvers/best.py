@@ -29,7 +29,7 @@ class Best:
 
     def settle(self, x: Array, cost: float, missed: float, optimality: float, noise: float) -> None:
         """A point of which it is known how stationary it is, and how rough its cost."""
-        if missed > 1 or self.missed > 1 or not cost <= self.cost + noise or np.isnan(optimality):
+        if missed > 1 or self.missed > 1 or not cost <= self.cost + noise:
             return
         if self._settled is None or optimality < self._settled[2] or self._settled_is_worse():
             self._settled, self._noise = (x.copy(), cost, optimality, missed), noise

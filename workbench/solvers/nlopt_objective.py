@@ -28,6 +28,7 @@ class Objective:
         self.error: BaseException | None = None
         self._descends = abilities.derivative is Derivative.GRADIENT and not abilities.is_global
         self._lowest = run.best.cost
+        self._bounded, self._look = run.problem.bounded, LOOK
         self._last = run.x * scale, run.best.cost  # the last good point
         self._worst = run.best.cost
         self._norms = np.where(scale > 0, scale, np.inf)
@@ -75,8 +76,10 @@ class Objective:
         self.optimizer.force_stop()
 
     def _x(self, y: Array) -> Array:
-        problem = self.run.problem  # y / scale may leave the bounds by a rounding
-        return np.clip(y / self.scale, problem.lower, problem.upper)
+        x, problem = y / self.scale, self.run.problem
+        if not self._bounded:
+            return x
+        return np.clip(x, problem.lower, problem.upper)  # which rounding may have left
 
     def _evaluate(self, y: Array, gradient: Array) -> float:
         run, x = self.run, self._x(y)
@@ -120,13 +123,16 @@ class Objective:
             return np.nan
         if problem.stacked_constraints is None:
             way = -g / self._norms
-            if problem.bounded:
+            if self._bounded:
                 way = np.clip(
                     way, (problem.lower - x) * self._norms, (problem.upper - x) * self._norms
                 )
-            enough = run.rounding + LOOK * run.limits.gradient_tolerance * sqrt(2 * run.best.cost)
+            enough = run.rounding + self._look * run.limits.gradient_tolerance * sqrt(
+                2 * run.best.cost
+            )
             if np.abs(way).max(initial=0.0) > enough:
                 return np.nan
         here = run.linearize(x)
+        self._look = 1.0  # from here on the norms are good
         self._norms = np.where(here.column_norms > 0, here.column_norms, np.inf)
         return run.optimality(x, here)

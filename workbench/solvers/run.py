@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import asdict
+from math import isnan
 from types import TracebackType
 from typing import NamedTuple, NoReturn, TypeVar
 
@@ -213,7 +214,8 @@ class Run:
             Evaluations(**self.counts), time.perf_counter() - self.began, linear_algebra,
         )  # fmt: skip
         self.trace.append(iterate)
-        self._settle(x, cost, optimality)
+        if not isnan(optimality):
+            self._settle(x, cost, optimality)
         says = self.callback(iterate) if self.callback is not None else None
         stop = isinstance(says, bool | np.bool_) and bool(says)
         if optimality <= self.limits.gradient_tolerance:
