@@ -59,7 +59,7 @@ def test_a_body_comes_out_with_a_card_of_its_own_numbers(tmp_path: Path) -> None
     assert isinstance(body, SkinnedBody)
     said = told.blocks
     assert {"first poses", "poses", "together", "shapes"} <= set(told.parts)
-    assert [p.entry.block for p in said] == list(body.card["blocks"])
+    assert [p.entry.block for p in said] == body.card["blocks"].split(", ")
     assert said[-1].number == said[-1].of == len(short_plan().steps)
     for entry in found.poses.log:
         assert sum(entry.after.values()) <= sum(entry.before.values()) * (1 + 1e-9)

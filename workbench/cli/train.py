@@ -1,8 +1,9 @@
 """`workbench train`: a body model from registrations."""
 
+import json
 import time
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
@@ -11,7 +12,7 @@ from rich.markup import escape
 from workbench.bodies.saving import save_body
 from workbench.cli.leaving import Interrupted
 from workbench.cli.run import Out, make_folder
-from workbench.errors import BadArgument
+from workbench.errors import BadArgument, BadFile
 from workbench.reports import write_card
 from workbench.training.first_guess import Start, read_start
 from workbench.training.folder import GENDERS, open_folder
@@ -19,6 +20,7 @@ from workbench.training.made_up import Spoiled, draw_registrations, random_smpl,
 from workbench.training.plan import alternation
 from workbench.training.pose_training import Progress
 from workbench.training.registrations import Registrations
+from workbench.training.sets import CARD
 from workbench.training.training import train as train_body
 
 START = "start.npz"
@@ -65,7 +67,7 @@ def train(
     try:
         trained = train_body(
             poses, guess, multi_shape=shapes, plan=plan, n_betas=betas, folder=place,
-            report=Lines(console),
+            report=Lines(console), card=_origin(folder),
         )  # fmt: skip
     except KeyboardInterrupt:
         raise Interrupted(
@@ -102,6 +104,20 @@ def _data(
         f"{len(shapes.rows)} people for shape"
     )
     return folder.resolve().name, guess, poses, shapes if shapes.rows else None
+
+
+def _origin(folder: Path | None) -> dict[str, Any]:
+    """Where the registrations come from, as far as it is known."""
+    if folder is None:
+        return {"provenance": ["Made up: random arrays on a worm. Nothing was measured."]}
+    made = folder / CARD
+    if not made.is_file():
+        return {"provenance": [f"Trained on the registrations in {folder.name}."]}
+    try:
+        told = json.loads(made.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise BadFile(f"{made} is no JSON ({error}); remove it, or mend it") from error
+    return {"provenance": ["Synthetic: see registrations."], "registrations": told}
 
 
 class Lines:

@@ -7,6 +7,7 @@ body of thousands of vertices, whose Jacobian nobody could store.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import isfinite
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,12 +53,12 @@ def general_form(
     *,
     freed: Sequence[str] = ("template",),
     sigma: float = 0.002,
-    shape_prior: bool = True,
+    shape_sigma: float = 1.0,
 ) -> GeneralForm:
     """Meshes (N, 3) m, each of somebody else in another pose, and a body whose arrays are freed.
 
     Blocks are called `scan 0/pose`, `scan 0/betas`, `scan 0/trans` and so on; betas are ordinary
-    at one standard deviation, unless there is no `shape_prior`. Raises UnknownName for an array
+    at `shape_sigma` standard deviations, infinite for no prior. Raises UnknownName for an array
     that cannot be freed.
     """
     learning = body.freed(*freed)
@@ -71,8 +72,9 @@ def general_form(
         symbols = [block.symbol for block in blocks]
         points = learning.points(*symbols)
         residuals.append(vertices(points, mesh, sigma=sigma, name=f"scan {j}"))
-        if shape_prior and body.n_betas:
-            residuals.append(gaussian(symbols[1], name=f"shape {j}"))
+        if isfinite(shape_sigma) and body.n_betas:
+            prior = gaussian(symbols[1], covariance=shape_sigma**2, name=f"shape {j}")
+            residuals.append(prior)
         of_scan = learning.start(prefix)
         start |= {block.name: of_scan[block.name] for block in blocks}
         start[f"{prefix}trans"] = mesh.mean(axis=0) - body.template.mean(axis=0)

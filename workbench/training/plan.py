@@ -40,10 +40,10 @@ class Plan:
         ]
 
 
-def alternation(sigmas: Sigmas | None = None, rounds: int = 4, together: bool = True) -> Plan:
+def alternation(sigmas: Sigmas | None = None, rounds: int = 4) -> Plan:
     """The lectures' alternation, rounds of poses, surfaces and weights; then all names at once."""
     held = Sigmas() if sigmas is None else sigmas
-    last = ("surfaces", "together", "weights", "surfaces") if together else ("surfaces",)
+    last = ("surfaces", "together", "weights", "surfaces")
     return Plan((Stage(held, ROUND, rounds, QUICK), Stage(held, last, 1, QUICK)))
 
 

@@ -74,6 +74,7 @@ def card_of(
     """What a trained body says about itself, from the run's own numbers."""
     registrations = model.objective.registrations
     estimate, sigmas = model.estimate, model.objective.sigmas
+    worst = max([regressor.kkt, *(e.facts["kkt"] for e in model.log if "kkt" in e.facts)])
     said: dict[str, Any] = {
         "trained_on": {
             "registrations": len(registrations.subject),
@@ -84,9 +85,9 @@ def card_of(
         "final_costs": {k: float(f"{v:.6g}") for k, v in model.log[-1].after.items()},
         "lambdas": {k: float(f"{v:.6g}") for k, v in sigmas.lambdas.items()},
         "weights_per_vertex": int((estimate.weights > 0).sum(axis=1).max()),
-        "worst_kkt": max([regressor.kkt, *(e.facts["kkt"] for e in model.log if "kkt" in e.facts)]),
+        "worst_kkt": float(f"{worst:.2g}"),
         "J_regressor_rms_mm": [round(1e3 * float(r), 4) for r in regressor.rms],
-        "blocks": [entry.block for entry in model.log],
+        "blocks": ", ".join(entry.block for entry in model.log),
     }
     if shapes is not None:
         cumulative = np.cumsum(shapes.space.explained)
