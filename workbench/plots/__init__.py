@@ -26,6 +26,7 @@ from workbench.plots.knowledge import (
 from workbench.plots.overlay import caption_overlay, plot_overlay
 from workbench.plots.singular_values import caption_singular_values, plot_singular_values
 from workbench.plots.sparsity import caption_sparsity, plot_sparsity
+from workbench.plots.stitching import caption_stitching, plot_stitching
 from workbench.plots.taylor import caption_taylor, plot_taylor
 
 __all__ = [
@@ -42,6 +43,7 @@ __all__ = [
     "caption_sigmas",
     "caption_singular_values",
     "caption_sparsity",
+    "caption_stitching",
     "caption_taylor",
     "house_style",
     "plot_body",
@@ -54,6 +56,7 @@ __all__ = [
     "plot_sigmas",
     "plot_singular_values",
     "plot_sparsity",
+    "plot_stitching",
     "plot_taylor",
     "png",
     "sheet",
