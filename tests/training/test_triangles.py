@@ -287,14 +287,16 @@ def test_models_are_compared_on_the_same_poses() -> None:
         assert by_name[better].rms_learned < 0.7 * by_name[worse].rms_learned
     for one in found:
         assert one.mean <= one.rms <= one.largest
-    assert by_name["SCAPE"].parameters == n_parameters(scape(SMALL))
+    assert by_name["SCAPE, Q = I"].parameters == n_parameters(scape(SMALL))
     assert any("SCAPE" in line for line in said)
 
 
 def test_parameters_are_counted() -> None:
-    body = scape(SMALL)
+    body, J = scape(SMALL), SMALL.J_regressor.nnz
     F, N = len(SMALL.faces), SMALL.n_vertices
-    assert n_parameters(body) == 3 * N + 9 * F * (10 + 6) + F
+    assert n_parameters(body) == 3 * N + 9 * F * 10 + F + J
+    bent = replace(body, posedirs=np.ones_like(body.posedirs))
+    assert n_parameters(bent) == 3 * N + 9 * F * (10 + 6) + F + J
     assert (
         n_parameters(SMALL)
         == 3 * N * (1 + 10 + 207) + np.count_nonzero(SMALL.weights) + SMALL.J_regressor.nnz
