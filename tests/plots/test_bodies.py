@@ -8,9 +8,11 @@ from workbench.plots import (
     caption_body,
     caption_distances,
     caption_shape_gallery,
+    caption_stitching,
     plot_body,
     plot_distances,
     plot_shape_gallery,
+    plot_stitching,
     png,
     sheet,
 )
@@ -90,3 +92,17 @@ def test_no_distance_at_all_can_be_drawn() -> None:
     figure, (ax,) = sheet(6, 4)
     plot_distances(CUBE, np.zeros(len(CUBE)), FACES, ax=ax)
     assert png(figure).startswith(b"\x89PNG")
+
+
+def test_torn_triangles_are_drawn_where_they_are() -> None:
+    whole = CUBE[FACES]
+    middle = whole.mean(axis=1, keepdims=True)
+    torn = middle + 0.5 * (whole - middle)
+    _, (ax,) = sheet(6, 4)
+    plot_stitching({"template": whole, "torn": torn}, ax=ax)
+    first, second = painted(ax)
+    assert len(first) == len(second) == len(FACES)
+    np.testing.assert_allclose(np.ptp(first, axis=1), 2 * np.ptp(second, axis=1), atol=1e-12)
+    said = caption_stitching(torn, whole)
+    # edges of 1, 2, 3 m and the diagonals of the sides are halved
+    assert "1803 mm at most" in said

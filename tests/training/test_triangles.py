@@ -1,10 +1,12 @@
 """Learning SCAPE and BlendSCAPE back from what they generated, and SMPL's way beside theirs."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
+from scipy.sparse import csr_array
 
 import workbench as wb
 from tests.bodies_made_up import tube_body
@@ -12,6 +14,9 @@ from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.errors import BadArgument
 from workbench.geometry.stitching import Stitching
 from workbench.geometry.triangles import edges, gradients
+from workbench.training.embedded.skeleton import MIRRORED_JOINTS
+from workbench.training.embedded.teacher import Teacher
+from workbench.training.mirror import Mirror
 from workbench.training.triangles.comparison import (
     additivity_gap,
     explained_by_triangles,
@@ -22,11 +27,14 @@ from workbench.training.triangles.comparison import (
 from workbench.training.triangles.learning import PosedMeshes, learn, learn_bends, learn_person
 from workbench.training.triangles.shape_space import learn_shapes, stitched_directions
 from workbench.training.triangles.stitched_fit import (
+    CentredVertices,
+    ClosedEdges,
+    Measure,
     NotConverged,
     StitchedFit,
-    closed,
     neighbour_differences,
 )
+from workbench.training.triangles.study import compare_on_poses
 
 SMALL = wb.load_body("small")
 TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
@@ -130,36 +138,43 @@ def test_a_stronger_ridge_keeps_q_nearer_to_the_identity() -> None:
 # Its parts.
 
 
-def test_the_fit_is_the_dense_least_squares_solution() -> None:
+@pytest.mark.parametrize("measure", [ClosedEdges, CentredVertices])
+def test_the_fit_is_the_dense_least_squares_solution(
+    measure: Callable[[Stitching], Measure],
+) -> None:
     rng = np.random.default_rng(6)
     stitching, M, q = Stitching(TETRAHEDRON, 4), 3, 2
     left, features = rng.normal(size=(4, M, 3, 3)), rng.normal(size=(4, 2, M, q))
-    wanted = closed(stitching, rng.normal(size=(4, 2, M, 3)))
+    wanted = rng.normal(size=(4, 2, M, 3))
     ridge, smoothness = 0.3, 0.2
-    C = StitchedFit(stitching, left, features, wanted).solve(ridge, smoothness, 1e-14)
+    fit = StitchedFit(stitching, left, features, wanted, measure)
+    C = fit.solve(ridge, smoothness, 1e-14)
     A = stitching.A.toarray()
-    Pi = A @ np.linalg.pinv(A)
+    S = A @ np.linalg.pinv(A) if measure is ClosedEdges else np.linalg.pinv(A)  # means at 0
     columns = []
     for unit in np.eye(4 * 3 * q):
         e = np.einsum("fmac,fcq,fimq->fima", left, unit.reshape(4, 3, q), features)
         tied = neighbour_differences(TETRAHEDRON).toarray() @ unit.reshape(4, -1)
-        parts = Pi @ e.reshape(8, -1), np.sqrt(smoothness) * tied, np.sqrt(ridge) * unit
+        parts = S @ e.reshape(8, -1), np.sqrt(smoothness) * tied, np.sqrt(ridge) * unit
         columns.append(np.concatenate([part.ravel() for part in parts]))
     J = np.array(columns).T
-    right = np.concatenate([wanted.ravel(), np.zeros(len(J) - wanted.size)])
+    target = (S @ wanted.reshape(8, -1)).ravel()
+    right = np.concatenate([target, np.zeros(len(J) - target.size)])
     np.testing.assert_allclose(C.ravel(), np.linalg.lstsq(J, right)[0], atol=1e-9)
     with pytest.raises(NotConverged, match="stopped after 2 iterations"):
-        StitchedFit(stitching, left, features, wanted).solve(most=2)
+        fit.solve(most=2)
 
 
 def test_closing_edges_is_an_orthogonal_projection() -> None:
     stitching, rng = Stitching(SMALL.faces, SMALL.n_vertices), np.random.default_rng(7)
-    a, b = rng.normal(size=(2, len(SMALL.faces), 2, 1, 3))
-    once = closed(stitching, a)
-    np.testing.assert_allclose(closed(stitching, once), once, atol=1e-12)
-    np.testing.assert_allclose((once * b).sum(), (a * closed(stitching, b)).sum(), atol=1e-9)
-    mesh = edges(SMALL.template, SMALL.faces)[:, :, None]
-    np.testing.assert_allclose(closed(stitching, mesh), mesh, atol=1e-13)
+    a, b = rng.normal(size=(2, 2 * len(SMALL.faces), 3))
+    closed = ClosedEdges(stitching).seen
+    np.testing.assert_allclose(closed(closed(a)), closed(a), atol=1e-12)
+    np.testing.assert_allclose((closed(a) * b).sum(), (a * closed(b)).sum(), atol=1e-9)
+    mesh = edges(SMALL.template, SMALL.faces).reshape(-1, 3)
+    np.testing.assert_allclose(closed(mesh), mesh, atol=1e-13)
+    centred = SMALL.template - SMALL.template.mean(axis=0)
+    np.testing.assert_allclose(CentredVertices(stitching).seen(mesh), centred, atol=1e-12)
 
 
 def test_neighbours_of_a_tetrahedron_are_all_pairs() -> None:
@@ -252,10 +267,36 @@ def test_shape_and_pose_are_added_by_smpl_and_multiplied_by_scape() -> None:
     np.testing.assert_allclose(unposed(bent, 0 * pose, 0 * betas), SMALL.template, atol=1e-13)
 
 
+def test_models_are_compared_on_the_same_poses() -> None:
+    weights = np.hstack([SMALL.weights, np.zeros((SMALL.n_vertices, 8))])  # no far halves of limbs
+    teacher = Teacher(SMALL.template, SMALL.J_regressor @ SMALL.template, csr_array(weights))
+    rng = np.random.default_rng(11)
+    poses = rng.normal(scale=0.2, size=(2, 8, 24, 3))
+    poses[:, :, 0] = 0
+    assert SMALL.mirror is not None
+    mirror, said = Mirror(SMALL.mirror, MIRRORED_JOINTS), list[str]()
+    found = compare_on_poses(SMALL, teacher, (poses[0], poses[1]), mirror, said.append)
+    by_name = {one.model: one for one in found}
+    assert list(by_name) == [
+        "linear blend skinning", "SMPL", "SCAPE, Q = I", "SCAPE", "BlendSCAPE, Q = I", "BlendSCAPE",
+    ]  # fmt: skip
+    for better, worse in (
+        ("SMPL", "linear blend skinning"), ("SCAPE", "SCAPE, Q = I"),
+        ("BlendSCAPE", "BlendSCAPE, Q = I"),
+    ):  # fmt: skip
+        assert by_name[better].rms_learned < 0.7 * by_name[worse].rms_learned
+    for one in found:
+        assert one.mean <= one.rms <= one.largest
+    assert by_name["SCAPE, Q = I"].parameters == n_parameters(scape(SMALL))
+    assert any("SCAPE" in line for line in said)
+
+
 def test_parameters_are_counted() -> None:
-    body = scape(SMALL)
+    body, J = scape(SMALL), SMALL.J_regressor.nnz
     F, N = len(SMALL.faces), SMALL.n_vertices
-    assert n_parameters(body) == 3 * N + 9 * F * (10 + 6) + F
+    assert n_parameters(body) == 3 * N + 9 * F * 10 + F + J
+    bent = replace(body, posedirs=np.ones_like(body.posedirs))
+    assert n_parameters(bent) == 3 * N + 9 * F * (10 + 6) + F + J
     assert (
         n_parameters(SMALL)
         == 3 * N * (1 + 10 + 207) + np.count_nonzero(SMALL.weights) + SMALL.J_regressor.nnz

@@ -40,6 +40,7 @@ from workbench.plots.posterior import (
 )
 from workbench.plots.singular_values import caption_singular_values, plot_singular_values
 from workbench.plots.sparsity import caption_sparsity, plot_sparsity
+from workbench.plots.stitching import caption_stitching, plot_stitching
 from workbench.plots.taylor import caption_taylor, plot_taylor
 from workbench.plots.variance import (
     caption_left_over,
@@ -68,6 +69,7 @@ __all__ = [
     "caption_singular_values",
     "caption_sparsity",
     "caption_spray",
+    "caption_stitching",
     "caption_taylor",
     "caption_traces",
     "caption_variances",
@@ -89,6 +91,7 @@ __all__ = [
     "plot_sparsity",
     "plot_spray",
     "plot_spray_in_view",
+    "plot_stitching",
     "plot_taylor",
     "plot_traces",
     "plot_variances",

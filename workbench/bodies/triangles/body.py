@@ -109,12 +109,6 @@ class TriangleBody:
         """The pose (K, 3) rad that leaves the template as it is: zero."""
         return np.zeros((self.n_joints, 3))
 
-    @property
-    def n_parameters(self) -> int:
-        """The numbers that training decides: template, shapedirs, posedirs and weights."""
-        directions = self.shapedirs.size + self.posedirs.size
-        return int(self.template.size + directions + self.weights.nnz)
-
     # What a problem is written with.
 
     def blocks(self, prefix: str = "") -> Blocks:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import csr_array
 
 from workbench.bodies import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
@@ -77,11 +78,10 @@ def unposed(body: SkinnedBody | TriangleBody, pose: Array, betas: Array) -> Arra
 
 
 def n_parameters(body: SkinnedBody | TriangleBody) -> int:
-    """The numbers that training decides."""
-    if isinstance(body, TriangleBody):
-        return body.n_parameters
-    dense = body.template.size + body.shapedirs.size + body.posedirs.size
-    return int(dense + np.count_nonzero(body.weights) + body.J_regressor.nnz)
+    """The numbers that training decides; posedirs that are all zero are not counted."""
+    shared = body.template.size + body.shapedirs.size + body.J_regressor.nnz
+    weights = csr_array(body.weights).nnz
+    return int(shared + weights + (body.posedirs.size if body.posedirs.any() else 0))
 
 
 def _centred(people: ArrayLike) -> tuple[Array, Array]:

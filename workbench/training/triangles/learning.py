@@ -1,5 +1,6 @@
 """Learning the three factors of X_f = B_f D_f Q_f from meshes in known poses."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -7,9 +8,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadArgument
+from workbench.geometry.stitching import Stitching
 from workbench.geometry.triangles import edges
 from workbench.training.triangles.shape_space import learn_shapes
-from workbench.training.triangles.stitched_fit import StitchedFit, closed
+from workbench.training.triangles.stitched_fit import ClosedEdges, Measure, StitchedFit
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -40,6 +42,7 @@ def learn(
     n_betas: int,
     ridge: float,
     tolerance: float = 1e-10,
+    measure: Callable[[Stitching], Measure] = ClosedEdges,
 ) -> TriangleBody:
     """SCAPE or BlendSCAPE, as the weights of `start` have it, from two sets of meshes.
 
@@ -50,7 +53,9 @@ def learn(
     shaped = replace(start, template=shapes.template, shapedirs=shapes.shapedirs)
     if posed.person.min() < 0 or posed.person.max() >= len(shapes.betas):
         raise BadArgument(f"posed meshes are of persons 0 to {len(shapes.betas) - 1}, no others")
-    return learn_bends(shaped, posed, shapes.betas, ridge=ridge, tolerance=tolerance)
+    return learn_bends(
+        shaped, posed, shapes.betas, ridge=ridge, tolerance=tolerance, measure=measure
+    )
 
 
 def learn_bends(
@@ -60,6 +65,7 @@ def learn_bends(
     *,
     ridge: float,
     tolerance: float = 1e-10,
+    measure: Callable[[Stitching], Measure] = ClosedEdges,
 ) -> TriangleBody:
     """The body with the posedirs that fit the meshes best, everything else as it is.
 
@@ -73,7 +79,7 @@ def learn_bends(
     F, M, T = twists.shape
     features = np.einsum("fiu,fmt->fimut", flat, twists).reshape(F, 2, M, 2 * T)
     known = np.einsum("fmac,fic->fima", left, body.arithmetic.edges)
-    fit = StitchedFit(body.stitching, left, features, _missing(body, posed, known))
+    fit = StitchedFit(body.stitching, left, features, _missing(body, posed, known), measure)
     C = fit.solve(ridge, tolerance=tolerance).reshape(F, 3, 2, T)
     return replace(body, posedirs=np.einsum("faut,fcu->fact", C, in_plane))
 
@@ -85,6 +91,7 @@ def learn_person(
     smoothness: float,
     ridge: float = 0.0,
     tolerance: float = 1e-10,
+    measure: Callable[[Stitching], Measure] = ClosedEdges,
 ) -> Array:
     """D_f (F, 3, 3) of one person from posed meshes alone, Q being the body's.
 
@@ -95,14 +102,13 @@ def learn_person(
     left = np.stack([at.B for at in here], axis=1)
     bent = np.stack([at.bent for at in here], axis=2)  # (F, 2, M, 3)
     known = np.einsum("fmac,fimc->fima", left, bent)
-    fit = StitchedFit(body.stitching, left, bent, _missing(body, posed, known))
+    fit = StitchedFit(body.stitching, left, bent, _missing(body, posed, known), measure)
     return np.eye(3) + fit.solve(ridge, smoothness, tolerance)
 
 
 def _missing(body: TriangleBody, posed: PosedMeshes, known: Array) -> Array:
-    """Edges of the meshes less what is known of them, stitched: (F, 2, M, 3) m."""
-    seen = edges(posed.vertices, body.faces).transpose(1, 2, 0, 3)
-    return seen - closed(body.stitching, known)
+    """Edges of the meshes Edges of the meshes less what is known of them (F, 2, M, 3) m."""
+    return np.asarray(edges(posed.vertices, body.faces).transpose(1, 2, 0, 3) - known)
 
 
 def _plane(e: Array) -> tuple[Array, Array]:

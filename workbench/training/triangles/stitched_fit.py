@@ -1,16 +1,20 @@
 """Per-triangle matrices by ridge least squares, seen through the stitching.
 
-The edges of a stitched mesh are Pi (X e), where Pi = A (A'A)^-1 A' is the orthogonal projection on
-edges that close. Fitting X_f to each triangle of a mesh alone would take Pi for the identity, which
-it is not: what a model's triangles ask for never quite closes. So the unknown C_f (3, q) of
+Fitting X_f to each triangle of a mesh alone would be wrong: what a model's triangles ask for never
+quite closes, and the mesh shows only what is left of it after stitching. So the unknown C_f (3, q)
+of
 
-    minimise  sum over meshes |Pi (L_f C_f h_fi) - r_fi|^2
+    minimise  sum over meshes |S(L_f C_f h_fi) - S(r_fi)|^2
               + smoothness sum over neighbours |C_f - C_g|^2 + ridge sum |C_f|^2
 
 are found for all triangles at once, by LSQR (Paige and Saunders 1982), which never forms a matrix.
+S is linear, and either the edges of the stitched mesh (ClosedEdges, SCAPE's own measure, which
+hardly notices a limb that drifts) or its vertices about their mean (CentredVertices).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +32,47 @@ class NotConverged(WorkbenchError):
     """The least squares were stopped before they met their tolerance."""
 
 
+class Measure(Protocol):
+    """What of a stitched mesh is compared: linear in the edges (2 F, k) that were asked for."""
+
+    def seen(self, edges: Array) -> Array:
+        """(rows, k) m."""
+
+    def adjoint(self, pull: Array) -> Array:
+        """The gradient (2 F, k) of sum(pull * seen(edges))."""
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedEdges:
+    """The edges of the stitched mesh: Pi = A (A'A)^-1 A', an orthogonal projection."""
+
+    stitching: Stitching
+
+    def seen(self, edges: Array) -> Array:
+        """(2 F, k) m."""
+        return np.asarray(self.stitching.A @ self.stitching.solve(self.stitching.A.T @ edges))
+
+    def adjoint(self, pull: Array) -> Array:
+        """Pi is its own."""
+        return self.seen(pull)
+
+
+@dataclass(frozen=True, eq=False)
+class CentredVertices:
+    """The vertices of the stitched mesh about their mean."""
+
+    stitching: Stitching
+
+    def seen(self, edges: Array) -> Array:
+        """(N, k) m."""
+        V = self.stitching.solve(self.stitching.A.T @ edges)
+        return np.asarray(V - V.mean(axis=0))
+
+    def adjoint(self, pull: Array) -> Array:
+        """(2 F, k)."""
+        return np.asarray(self.stitching.A @ self.stitching.solve(pull - pull.mean(axis=0)))
+
+
 @dataclass(frozen=True, eq=False)
 class StitchedFit:
     """M meshes whose edges before stitching are L_f C_f h_fi + what is known."""
@@ -35,7 +80,8 @@ class StitchedFit:
     stitching: Stitching
     left: Array  # L (F, M, 3, 3)
     features: Array  # h (F, 2, M, q)
-    wanted: Array  # r (F, 2, M, 3) m: edges of the meshes less those of what is known, stitched
+    wanted: Array  # r (F, 2, M, 3) m: edges of the meshes less what is known of them
+    measure: Callable[[Stitching], Measure] = ClosedEdges
 
     def solve(
         self,
@@ -58,13 +104,15 @@ class StitchedFit:
         U = np.linalg.inv(np.linalg.cholesky(gram + tiny * np.where(size > 0, size, 1.0)))
         white = h @ U.transpose(0, 2, 1)
         tied = neighbour_differences(self.stitching.faces)[: None if smoothness else 0]
-        seen, held = self.wanted.size, 3 * q * F if ridge else 0
+        measure = self.measure(self.stitching)
+        target = measure.seen(self.wanted.reshape(2 * F, 3 * M))
+        seen, held = target.size, 3 * q * F if ridge else 0
         rows = seen + held + 3 * q * tied.shape[0]
 
         def forth(x: Array) -> Array:
             X = x.reshape(F, 3, q)
             C = (X @ U).reshape(F, 3 * q)
-            parts = [self._edges(X, white), np.sqrt(ridge) * C[: F if ridge else 0],
+            parts = [measure.seen(self._edges(X, white)), np.sqrt(ridge) * C[: F if ridge else 0],
                      np.sqrt(smoothness) * (tied @ C)]  # fmt: skip
             return np.concatenate([part.ravel() for part in parts])
 
@@ -74,10 +122,11 @@ class StitchedFit:
             if ridge:
                 by_C += np.sqrt(ridge) * on_C.reshape(F, 3 * q)
             by_C = by_C.reshape(F, 3, q) @ U.transpose(0, 2, 1)
+            on_edges = measure.adjoint(on_edges.reshape(target.shape))
             return np.asarray(self._back(on_edges, white) + by_C).ravel()
 
         operator = LinearOperator((rows, 3 * q * F), matvec=forth, rmatvec=back, dtype=np.float64)
-        right = np.concatenate([self.wanted.ravel(), np.zeros(rows - seen)])
+        right = np.concatenate([target.ravel(), np.zeros(rows - seen)])
         x, stopped, count = lsqr(
             operator, right, atol=tolerance, btol=tolerance, iter_lim=most, conlim=0
         )[:3]
@@ -90,19 +139,14 @@ class StitchedFit:
 
     def _edges(self, X: Array, white: Array) -> Array:
         moved = (white @ X.transpose(0, 2, 1)).reshape(self.wanted.shape)
-        return closed(self.stitching, np.einsum("fmac,fimc->fima", self.left, moved))
+        asked: Array = np.einsum("fmac,fimc->fima", self.left, moved)
+        return asked.reshape(2 * len(asked), -1)
 
-    def _back(self, pull: Array, white: Array) -> Array:
-        on_edges = closed(self.stitching, pull.reshape(self.wanted.shape))
-        on_moved = np.einsum("fmac,fima->fimc", self.left, on_edges)
+    def _back(self, on_edges: Array, white: Array) -> Array:
+        pull = on_edges.reshape(self.wanted.shape)
+        on_moved = np.einsum("fmac,fima->fimc", self.left, pull)
         F, _, M, _ = on_moved.shape
         return np.asarray(on_moved.reshape(F, 2 * M, 3).transpose(0, 2, 1) @ white)
-
-
-def closed(stitching: Stitching, edges: Array) -> Array:
-    """Pi e: the edges of the meshes that edges (F, 2, M, 3) are stitched into."""
-    flat = edges.reshape(2 * len(edges), -1)
-    return np.asarray(stitching.A @ stitching.solve(stitching.A.T @ flat)).reshape(edges.shape)
 
 
 def neighbour_differences(faces: Index) -> csr_array:

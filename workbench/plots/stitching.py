@@ -1,0 +1,30 @@
+"""Triangles before they are stitched, and the surface that they become."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from workbench.plots.body import Figurine, line_up
+
+Array = NDArray[np.float64]
+
+
+def plot_stitching(stages: Mapping[str, Array], *, ax: Axes) -> Axes:
+    """Triangles (F, 3, 3) m, corner by corner, by the name of the stage, side by side."""
+    triangles = np.arange(3 * len(next(iter(stages.values())))).reshape(-1, 3)
+    shown = [Figurine(name, corners.reshape(-1, 3)) for name, corners in stages.items()]
+    return line_up(shown, triangles, ax=ax, contrast=0.7)
+
+
+def caption_stitching(torn: Array, stitched: Array) -> str:
+    """What `plot_stitching` shows, of the last two stages (F, 3, 3) m."""
+    wanted, got = (corners[:, 1:] - corners[:, :1] for corners in (torn, stitched))
+    apart = 1e3 * np.linalg.norm(wanted - got, axis=-1)
+    return (
+        "Every triangle is deformed by itself, about its own centre, and does not meet its "
+        "neighbours; stitching finds the vertices whose edges are nearest to those of the torn "
+        f"triangles. Edges differ by {apart.mean():.1f} mm in the mean, {apart.max():.0f} mm at "
+        "most, where one part meets another."
+    )
