@@ -98,8 +98,8 @@ def caption_by_reach(found: Mapping[str, Array]) -> str:
         f"Scattered data, the second problem: beyond the examples. Poses are multiplied; grey is "
         f"where there were examples. Shapes linear in theta go on in a straight line, to "
         f"{theta[-1]:.0f} mm; rotation elements stay bounded, here at {elements[-1]:.0f} mm; the "
-        "normalised kernel repeats its nearest example; the exact RBF overshoots, to "
-        f"{exact.max():.0f} mm, and falls: far from all examples it has nothing to say."
+        "normalised kernel repeats its nearest example; the exact RBF rises "
+        f"to {exact.max():.0f} mm and falls: far from all examples it has nothing to say."
     )
 
 
@@ -155,8 +155,8 @@ def caption_by_distance(rows: Sequence[OfPrice]) -> str:
         f"The price on distance from {first.price:g} to {last.price:g} per square metre, right to "
         f"left: the share of blend shapes far from their joint falls from {first.left:.0%} to "
         f"{last.left:.1%} and the error in the lesson rises from {first.lesson:.2f} to "
-        f"{last.lesson:.2f} mm. In unseen poses the best is in between: {least.test:.2f} mm at "
-        f"{least.left:.0%}."
+        f"{last.lesson:.2f} mm. In unseen poses the least error is "
+        f"{least.test:.2f} mm, at a share of {least.left:.0%}."
     )
 
 
@@ -167,5 +167,5 @@ def caption_by_sparsity(rows: Sequence[OfPrice]) -> str:
         f"Quaternion features with fewer and fewer numbers that are not zero, {first.left:.0%} "
         f"down to {last.left:.1%}: in the lesson the error rises from {first.lesson:.2f} to "
         f"{last.lesson:.2f} mm, in unseen poses from {first.test:.2f} to {last.test:.2f} mm. Most "
-        "of a dense model does nothing."
+        "numbers of a dense model do little."
     )
