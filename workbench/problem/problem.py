@@ -9,24 +9,22 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from workbench.blocks import Block, Layout, Points, PointSource, Tree
-from workbench.blocks.reals import reals
 from workbench.bodies.batched import batched, in_full, lean
 from workbench.errors import (
     BadBounds,
     BadResidual,
     DuplicateResidual,
-    ShapeMismatch,
     TwoSymbolsOneName,
     UnknownName,
 )
 from workbench.problem.batch import Batch, Costs, Places, Way, interpreted
+from workbench.problem.bounds import Bounds, flat_bounds
 from workbench.problem.chain import FORWARD, Chain, Graph
 from workbench.problem.linearization import EPS, Linearization
 from workbench.residuals import Residual
 from workbench.threads import limited_threads
 
 Array = NDArray[np.float64]
-Bounds = Mapping[str, tuple[ArrayLike, ArrayLike]]
 
 
 class Problem:
@@ -67,7 +65,7 @@ class Problem:
         for name in self.bounds:
             if name in self.fixed.names:
                 raise BadBounds(f"block {name!r} has bounds but is fixed; free it or drop them")
-        self.lower, self.upper = self._flat_bounds(0), self._flat_bounds(1)
+        self.lower, self.upper = (flat_bounds(self.bounds, self.free, side) for side in (0, 1))
         wrong = ~(self.lower <= self.upper)  # also where one is NaN
         if wrong.any():
             i = int(np.argmax(wrong))
@@ -178,14 +176,8 @@ class Problem:
         z stand in the places `entries` of x, or are all of it. `by` is `interpreted`, or
         `compiled`, which takes seconds once and is many times as fast.
         """
-        lean_graph = self._on_vectors(self._substituted(self._points, lean), ())
-        sources = {p.symbol.__hash__(): batched(p.source) for p in self._points}
-        by_graph = [p for p in self._points if sources[p.symbol.__hash__()] is None]
-        placeholders = [p.symbol for p in self._points if p not in by_graph]
-        split = self._on_vectors(self._substituted(by_graph), placeholders)
-        found = [source for source in sources.values() if source is not None]
         places = np.arange(self.free.size) if entries is None else entries.astype(np.int64)
-        return by(Batch(lean_graph, split, tuple(found), self.free, self.fixed), x, fixed, places)
+        return by(self._batch, x, fixed, places)
 
     def cost_and_gradient(self, x: Array, fixed: Array) -> tuple[float, Array]:
         """The cost and its gradient (n,), without a Jacobian of the points."""
@@ -293,17 +285,12 @@ class Problem:
         graph = self._on_vectors(self._substituted(by_graph), placeholders)
         return Chain(graph, sources, self.free, self.fixed)
 
-    def _flat_bounds(self, side: int) -> Array:
-        flat = np.full(self.free.size, (-np.inf, np.inf)[side])
-        for name, pair in self.bounds.items():
-            block = self.free[name]
-            if not isinstance(pair, (tuple, list, np.ndarray)) or len(pair) != 2:
-                raise BadBounds(f"bounds of {name!r} are a pair (lower, upper), not {pair!r}")
-            limit = reals(f"a bound of {name!r}", pair[side])
-            try:
-                flat[self.free.slices[name]] = np.broadcast_to(limit, block.shape).ravel()
-            except ValueError:
-                raise ShapeMismatch(
-                    f"bounds of {name}", expected=block.shape, got=limit.shape
-                ) from None
-        return flat
+    @cached_property
+    def _batch(self) -> Batch:
+        whole = self._on_vectors(self._substituted(self._points, lean), ())
+        sources = {p.symbol.__hash__(): batched(p.source) for p in self._points}
+        by_graph = [p for p in self._points if sources[p.symbol.__hash__()] is None]
+        placeholders = [p.symbol for p in self._points if p not in by_graph]
+        split = self._on_vectors(self._substituted(by_graph), placeholders)
+        found = tuple(source for source in sources.values() if source is not None)
+        return Batch(whole, split, found, self.free, self.fixed)
