@@ -20,6 +20,7 @@ import casadi as cs
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
+from scipy.spatial.transform import Rotation
 
 from workbench.blocks import PointSource
 from workbench.blocks.many import Many, Mapped
@@ -27,7 +28,8 @@ from workbench.bodies import surface
 from workbench.bodies.motion import Motion
 from workbench.bodies.numeric import SurfaceArrays, chunks_of, many_points
 from workbench.bodies.skinned import SkinnedBody
-from workbench.bodies.sources import LandmarkPoints, SurfacePoints
+from workbench.bodies.sources import JointPoints, LandmarkPoints, SurfacePoints
+from workbench.geometry.rotation import matrix_from_vector
 
 Array = NDArray[np.float64]
 ManyPoints = Callable[[Mapping[str, Array]], Array]  # values (M, *shape) by block -> (M, N, 3) m
@@ -36,7 +38,7 @@ TOGETHER = 32  # bodies in one matrix product: measured, more would leave the ca
 
 @singledispatch
 def batched(source: PointSource) -> ManyPoints | None:
-    """A source's points for many values at once; None if the graph is as good, as for joints."""
+    """A source's points for many values at once; None if it has only its graph."""
     return None
 
 
@@ -78,6 +80,20 @@ def _(source: LandmarkPoints) -> ManyPoints | None:
     return points
 
 
+@batched.register
+def _(source: JointPoints) -> ManyPoints | None:
+    body, names = source.at.body, source.at.names
+    if names is None or body.free:
+        return None
+    joints = ManyJoints.of(body)
+
+    def points(values: Mapping[str, Array]) -> Array:
+        pose, betas, trans = (values[name] for name in names)
+        return joints(pose, betas) + trans[:, None]
+
+    return points
+
+
 def in_full(source: PointSource) -> cs.MX:
     """A source's expression (3, N) as it is."""
     return source.expression
@@ -91,6 +107,53 @@ def lean(source: PointSource) -> cs.MX:
     features, G, _ = surface.motions(source.at.body, pose, betas)
     pairs = Pairs.of(source.at.body, source.landmarks.regressor)
     return pairs.expression(G, features, betas) + cs.repmat(trans, 1, source.count)
+
+
+@dataclass(frozen=True, eq=False)
+class ManyJoints:
+    """A body's posed joints alone: `world_motions` of kinematics, all of a generation at once."""
+
+    mean: Array  # (K - 1, 3) m, each bone in its parent's frame
+    moves: Array  # (B, 3 (K - 1)) m
+    root: tuple[Array, Array]  # (3,) and (B, 3) m
+    generations: list[tuple[NDArray[np.int64], NDArray[np.int64]]]  # joints, and their parents
+
+    @staticmethod
+    def of(body: SkinnedBody) -> ManyJoints:
+        """The bones, linear in betas: J(betas) is."""
+        K, B = body.n_joints, body.n_betas
+        at = body.J_regressor @ body.template  # (K, 3)
+        flat = body.J_regressor @ body.shapedirs.reshape(body.n_vertices, -1)
+        by_betas = np.asarray(flat).reshape(K, 3, B)
+        local, parents = matrix_from_vector(body.bind_pose), np.array(body.parents)
+        bound = [local[0]]
+        for k in range(1, K):
+            bound.append(bound[parents[k]] @ local[k])
+        up = parents[1:]
+        turned = np.array(bound)[up].reshape(-1, 3, 3)
+        mean = np.einsum("kdc,kd->kc", turned, at[1:] - at[up])
+        moves = np.einsum("kdc,kdb->bkc", turned, by_betas[1:] - by_betas[up])
+        depth = np.zeros(K, dtype=int)
+        for k in range(1, K):
+            depth[k] = depth[parents[k]] + 1
+        each = (np.flatnonzero(depth == d) for d in range(1, int(depth.max(initial=0)) + 1))
+        return ManyJoints(
+            mean, moves.reshape(B, -1), (at[0], by_betas[0].T), [(k, parents[k]) for k in each]
+        )
+
+    def __call__(self, pose: Array, betas: Array) -> Array:
+        """(M, K, 3) m for pose (M, K, 3) rad and betas (M, B), before translation."""
+        M, K = pose.shape[:2]
+        # SciPy's, for many: CasADi's own takes most of the time to convert its arguments
+        R = Rotation.from_rotvec(pose.reshape(-1, 3)).as_matrix().reshape(M, K, 3, 3)
+        bones = self.mean + (betas @ self.moves).reshape(M, K - 1, 3)
+        joints = np.empty((M, K, 3))
+        joints[:, 0] = self.root[0] + betas @ self.root[1]
+        for k, up in self.generations:
+            above = R[:, up]  # in the world by now
+            joints[:, k] = joints[:, up] + np.einsum("mkdc,mkc->mkd", above, bones[:, k - 1])
+            R[:, k] = above @ R[:, k]
+        return joints
 
 
 @dataclass(frozen=True, eq=False)

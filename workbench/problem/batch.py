@@ -28,7 +28,7 @@ Places = NDArray[np.int64]
 Costs = Callable[[Array], Array]  # z (M, k) -> (M,)
 EXPANDED_UP_TO = 100_000  # instructions
 COMPILED_UP_TO = 60_000  # of those that vary: half a minute of the compiler's
-INTERPRETED_UP_TO = 10_000  # of them: above, matrix products are faster
+INTERPRETED_UP_TO = 2_000  # of them: above, matrix products are faster
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +52,8 @@ Way = Callable[[Batch, Array, Array, Places], Costs]
 def interpreted(batch: Batch, x: Array, fixed: Array, places: Places) -> Costs:
     """Without a compiler."""
     graph = _varying(batch, places)
-    if graph is None or graph[0].n_instructions() > INTERPRETED_UP_TO:
+    long = graph is None or (batch.sources and graph[0].n_instructions() > INTERPRETED_UP_TO)
+    if graph is None or long:
         return _arithmetic(batch, x, fixed, places)
     return _called(Mapped(graph[0], (False, True)), graph[1], x, fixed)
 
