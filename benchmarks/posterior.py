@@ -2,6 +2,7 @@
 
     python -m benchmarks.posterior nuts          # minutes to half an hour; needs nutpie
     python -m benchmarks.posterior throughput    # a minute
+    python -m benchmarks.posterior coverage      # an hour; the person on the beam, 40 frames
 
 NUTS (Hoffman and Gelman 2014, as in nutpie) shares nothing with the ensembles but the problem: it
 takes the cost and gradient of `Problem.cost_and_gradient`, in coordinates whitened by Laplace's
@@ -23,9 +24,10 @@ from benchmarks.bodies_made_up import random_body
 from benchmarks.machine import description
 from workbench.experiments import find
 from workbench.problem.batch import Way, compiled, interpreted
-from workbench.sampling import sample
+from workbench.sampling import conditional, sample
 from workbench.sampling.arviz_quietly import arviz
 from workbench.sampling.choice import chosen
+from workbench.sampling.entries import entries
 from workbench.sampling.subspace import Subspace, fixed
 from workbench.threads import limited_threads
 
@@ -42,6 +44,7 @@ BLOCKS = {
     "both arms, trans": (*_arm("left"), *_arm("right"), "trans"),
 }
 ALLOWED_SD, ALLOWED_MEAN = 0.05, 0.1
+ENOUGH = 2000  # effective draws: a standard deviation is then known to 1.6 %
 
 
 def nuts(
@@ -71,7 +74,14 @@ def nuts(
         make_initial_point_fn=lambda s: np.random.default_rng(s).standard_normal(k),
     )  # fmt: skip
     trace = nutpie.sample(
-        model, draws=draws, tune=600, chains=4, cores=1, seed=seed, progress_bar=False
+        model,
+        draws=draws,
+        tune=800,
+        chains=4,
+        cores=1,
+        seed=seed,
+        progress_bar=False,
+        target_accept=0.95,
     )
     az = arviz()
     divergent = int(np.asarray(trace.sample_stats["diverging"]).sum())
@@ -104,12 +114,56 @@ def beside_nuts(names: Sequence[str], draws: int, seed: int = 1) -> None:
         flat = theirs.reshape(-1, space.size)
         ratio = ours.sd / flat.std(axis=0)
         shift = np.abs(ours.mean - flat.mean(axis=0)) / flat.std(axis=0)
-        good = abs(ratio - 1).max() <= ALLOWED_SD and shift.max() <= ALLOWED_MEAN
+        alike = abs(ratio - 1).max() <= ALLOWED_SD and shift.max() <= ALLOWED_MEAN
+        said = "agree" if alike else "DIFFER"
+        if r_hat > 1.01 or effective < ENOUGH:
+            said += " (NUTS itself has not converged)"
         print(f"{name:26} {space.size:>3} {ours.mixing.length:>9.0f} {took:>6.0f}  {r_hat:>10.3f} "
               f"{divergent:>4} {effective:>6.0f} {other:>6.0f}  "
               f"{ratio.min():>5.2f}..{ratio.max():<5.2f} {shift.max():>9.3f}"
-              f"  {'agree' if good else 'DIFFER'}",
+              f"  {said}",
               flush=True)  # fmt: skip
+
+
+def coverage(count: int, steps: int, level: float = 0.9, seed: int = 0) -> None:
+    """How often an interval from one camera holds the estimate of four cameras.
+
+    Of orientation, betas and place; the pose is integrated out by its Gaussian conditional. By
+    draws where they are usable, and by Laplace's approximation to all 85 numbers.
+    """
+    from workbench.experiments.balance import balance, balance_monocular, published
+
+    with published() as data:
+        frames = np.linspace(0, len(data["keypoints"]) - 1, count).astype(int)
+    names = ("pose[pelvis]", "betas", "trans")
+    held: dict[str, list[Any]] = {"draws": [], "Laplace": []}
+    holds = 0
+    labels: tuple[str, ...] = ()
+    for frame in frames:
+        four, one = balance(frame=int(frame), compared=()), balance_monocular(frame=int(frame))
+        truth = wb.solve(four.problem, four.start).values
+        # from the answer, so that a wrong local minimum is not counted as a wrong interval
+        at = one.start | wb.solve(one.problem, one.start | truth).values
+        approximation = wb.laplace(one.problem, at, names, rest=conditional, seed=seed)
+        places = entries(one.problem.free, names)
+        right = one.problem.free.pack(at | truth)[places]
+        labels = approximation.labels
+        tail = (1 - level) / 2
+        ends = np.quantile(approximation.flat, [tail, 1 - tail], axis=0)
+        held["Laplace"].append((ends[0] < right) & (right < ends[1]))
+        drawn = sample(one.problem, at, names, rest=conditional, walkers=32, steps=steps, seed=seed)
+        holds += bool(drawn.importance is not None and drawn.importance.holds)
+        ends = np.quantile(drawn.flat, [tail, 1 - tail], axis=0)
+        if drawn.mixing.usable:
+            held["draws"].append((ends[0] < right) & (right < ends[1]))
+        print(f"frame {frame:>4}  {drawn.verdict}", flush=True)
+    for how, rows in held.items():
+        if not rows:
+            continue
+        rate = np.mean(rows, axis=0)
+        said = ", ".join(f"{label} {r:.0%}" for label, r in zip(labels, rate, strict=True))
+        print(f"{how}: {np.mean(rows):.1%} of {len(rows)} frames x {len(labels)} ({said})")
+    print(f"the Gaussian conditional of the pose holds (k-hat) in {holds} of {len(frames)} frames")
 
 
 def throughput(walkers: int = 192, seconds: float = 3.0, rounds: int = 3) -> None:
@@ -170,14 +224,19 @@ def _posteriors() -> dict[str, tuple[wb.Problem, wb.Values]]:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.posterior", description=__doc__)
-    parser.add_argument("what", choices=("nuts", "throughput"))
+    parser.add_argument("what", choices=("nuts", "throughput", "coverage"))
     parser.add_argument("--blocks", nargs="+", default=list(BLOCKS), choices=list(BLOCKS))
     parser.add_argument("--draws", type=int, default=1500, help="of NUTS, for each of 4 chains")
+    parser.add_argument("--frames", type=int, default=40, help="of the coverage")
+    parser.add_argument("--steps", type=int, default=8000, help="of the coverage, at most")
     asked = parser.parse_args(arguments)
     facts = description()
     print(f"{facts['processor']}, load {facts['load'][0]:.1f} of {facts['cores']} cores")
     if asked.what == "throughput":
         throughput()
+        return
+    if asked.what == "coverage":
+        coverage(asked.frames, asked.steps)
         return
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", r"\s*ArviZ is undergoing", FutureWarning)

@@ -2,11 +2,12 @@
 
 from workbench.blocks.block import Block
 from workbench.blocks.layout import Layout, Values
-from workbench.blocks.points import NumericPoints, Points, PointsAt, PointSource, Tree
+from workbench.blocks.points import ManyPoints, NumericPoints, Points, PointsAt, PointSource, Tree
 
 __all__ = [
     "Block",
     "Layout",
+    "ManyPoints",
     "NumericPoints",
     "PointSource",
     "Points",

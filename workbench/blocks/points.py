@@ -1,6 +1,6 @@
 """Points on a body as residuals see them: a placeholder, and where it comes from."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -29,6 +29,9 @@ class Tree:
         return tuple(k for k, parent in enumerate(self.parents) if parent == joint)
 
 
+ManyPoints = Callable[[Mapping[str, Array]], Array]  # (M, *shape) by block -> (M, N, 3) m
+
+
 class PointsAt(Protocol):
     """Points at one set of values; what is found on the way to one answer is kept for the next."""
 
@@ -55,9 +58,6 @@ class NumericPoints(Protocol):
 
     def at(self, values: Mapping[str, Array]) -> PointsAt:
         """The points where the blocks that are read have these values."""
-
-    def many(self, values: Mapping[str, Array]) -> Array:
-        """(M, N, 3) m, for M values of each block that is read: (M, *shape)."""
 
 
 class PointSource(Protocol):
@@ -89,6 +89,10 @@ class PointSource(Protocol):
     @property
     def labels(self) -> tuple[str, ...] | None:
         """A name for each point, where they have names."""
+
+    @property
+    def many(self) -> ManyPoints | None:
+        """The same points for many values at once, if the source has more than its graph."""
 
     @property
     def numeric(self) -> NumericPoints | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -100,7 +100,6 @@ class NumericLandmarks:
 
     surface: NumericPoints
     regressor: csr_array
-    shortcut: Callable[[Mapping[str, Array]], Array] | None = None  # to many, past the surface
 
     @property
     def reads(self) -> tuple[str, ...]:
@@ -115,12 +114,6 @@ class NumericLandmarks:
     def at(self, values: Mapping[str, Array]) -> LandmarksAt:
         """Where pose, betas and trans have these values."""
         return LandmarksAt(self, self.surface.at(values))
-
-    def many(self, values: Mapping[str, Array]) -> Array:
-        """(M, L, 3) m."""
-        if self.shortcut is not None:
-            return self.shortcut(values)
-        return np.array([self.regressor @ points for points in self.surface.many(values)])
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from workbench.blocks import Block, NumericPoints, Tree
+from workbench.blocks import Block, ManyPoints, NumericPoints, Tree
 from workbench.bodies import surface
 from workbench.bodies.arithmetic import arithmetic_of
 from workbench.bodies.body import Body
+from workbench.bodies.many_joints import ManyJoints
 from workbench.bodies.numeric_sources import NumericLandmarks, NumericSurface
 from workbench.bodies.pairs import Pairs
 from workbench.errors import BadBody
@@ -106,6 +107,11 @@ class SurfacePoints:
         return self.expression
 
     @property
+    def many(self) -> ManyPoints | None:
+        """By matrix products, where the surface is arithmetic."""
+        return None if self.numeric is None else self.numeric.many
+
+    @property
     def blocks(self) -> tuple[Block, ...]:
         """Those of the arguments, and every free array."""
         return (*self.at.blocks(), *self.at.body.free.values())
@@ -154,6 +160,20 @@ class JointPoints:
     def lean(self) -> cs.MX:
         """The expression."""
         return self.expression
+
+    @property
+    def many(self) -> ManyPoints | None:
+        """Generation by generation; None if arrays are free, or an argument is no plain block."""
+        names = self.at.names
+        if names is None or self.at.body.free:
+            return None
+        joints = ManyJoints.of(self.at.body)
+
+        def points(values: Mapping[str, Array]) -> Array:
+            pose, betas, trans = (values[name] for name in names)
+            return joints(pose, betas) + trans[:, None]
+
+        return points
 
     @property
     def blocks(self) -> tuple[Block, ...]:
@@ -206,6 +226,11 @@ class LandmarkPoints:
         return means + cs.repmat(self.at.trans, 1, self.count)
 
     @property
+    def many(self) -> ManyPoints | None:
+        """Without the vertices, where the surface is arithmetic."""
+        return None if self.numeric is None else self._many
+
+    @property
     def blocks(self) -> tuple[Block, ...]:
         """Those of the arguments, and every free array."""
         return (*self.at.blocks(), *self.at.body.free.values())
@@ -226,7 +251,7 @@ class LandmarkPoints:
         carrying = self._surface.numeric
         if carrying is None:
             return None
-        return NumericLandmarks(carrying, self._regressor, self._many)
+        return NumericLandmarks(carrying, self._regressor)
 
     def _many(self, values: Mapping[str, Array]) -> Array:
         pose, betas, trans = (values[name] for name in self.at.names or ())

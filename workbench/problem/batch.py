@@ -7,13 +7,14 @@ bodies come from matrix products over all the values at once and only the residu
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import casadi as cs
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.blocks import Layout, NumericPoints
+from workbench.blocks import Layout, ManyPoints
 from workbench.blocks.buffered import Buffered
 from workbench.blocks.lanes import lanes
 from workbench.blocks.many import LONGEST, Many, Mapped, OneByOne, scalar
@@ -26,18 +27,22 @@ Places = NDArray[np.int64]
 Costs = Callable[[Array], Array]  # z (M, k) -> (M,)
 EXPANDED_UP_TO = 100_000  # instructions
 COMPILED_UP_TO = 60_000  # of those that vary: half a minute of the compiler's
-INTERPRETED_UP_TO = 10_000  # of them: above, matrix products are faster
+INTERPRETED_UP_TO = 2_000  # of them: above, matrix products are faster
 
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """A residual as one graph, and as a graph of points that come from arithmetic."""
+    """A residual as one graph, and as a graph of points that come from arithmetic.
+
+    `made` keeps what was derived or compiled, by the places that vary.
+    """
 
     whole: Graph
     split: Graph
-    sources: Sequence[NumericPoints]  # of the split graph's points
+    sources: Sequence[ManyPoints]  # of the split graph's points
     free: Layout
     fixed: Layout
+    made: dict[tuple[str, bytes], Any] = field(default_factory=dict, repr=False)
 
 
 Way = Callable[[Batch, Array, Array, Places], Costs]
@@ -45,52 +50,60 @@ Way = Callable[[Batch, Array, Array, Places], Costs]
 
 def interpreted(batch: Batch, x: Array, fixed: Array, places: Places) -> Costs:
     """Without a compiler."""
-    varying = _varying(batch, x, fixed, places)
-    if varying is None or varying[0].n_instructions() > INTERPRETED_UP_TO:
+    graph = _varying(batch, places)
+    long = graph is None or (batch.sources and graph[0].n_instructions() > INTERPRETED_UP_TO)
+    if graph is None or long:
         return _arithmetic(batch, x, fixed, places)
-    return _called(Mapped(varying[0], (False, True)), varying[1])
+    return _called(Mapped(graph[0], (False, True)), graph[1], x, fixed)
 
 
 def compiled(batch: Batch, x: Array, fixed: Array, places: Places) -> Costs:
     """With one, where there is one and the graph is short enough; else without."""
-    varying = _varying(batch, x, fixed, places)
-    if varying is None or varying[0].n_instructions() > COMPILED_UP_TO:
+    graph = _varying(batch, places)
+    if graph is None or graph[0].n_instructions() > COMPILED_UP_TO:
         return interpreted(batch, x, fixed, places)
-    try:
-        return _called(lanes(varying[0], (False, True)), varying[1])
-    except (NoLibrary, NotSupported):
-        return interpreted(batch, x, fixed, places)
+    key = "compiled", places.tobytes()
+    if key not in batch.made:
+        try:
+            batch.made[key] = lanes(graph[0], (False, True))
+        except (NoLibrary, NotSupported):
+            return interpreted(batch, x, fixed, places)
+    return _called(batch.made[key], graph[1], x, fixed)
 
 
-def _called(run: Many, still: Array) -> Costs:
-    return lambda z: run(z, still)[0][:, 0]
+def _called(run: Many, still: cs.Function, x: Array, fixed: Array) -> Costs:
+    numbers = np.asarray(still(np.concatenate([x, fixed]))).ravel()
+    return lambda z: run(z, numbers)[0][:, 0]
 
 
-def _varying(
-    batch: Batch, x: Array, fixed: Array, places: Places
-) -> tuple[cs.Function, Array] | None:
-    """(z, still) -> cost in scalar instructions, and what in it does not change with z.
+def _varying(batch: Batch, places: Places) -> tuple[cs.Function, cs.Function] | None:
+    """(z, still) -> cost in scalar instructions, and (x, fixed) -> still, which z does not change.
 
     None if there are too many instructions.
     """
+    key = "varying", places.tobytes()
+    if key not in batch.made:
+        batch.made[key] = _parted(batch, places)
+    found: tuple[cs.Function, cs.Function] | None = batch.made[key]
+    return found
+
+
+def _parted(batch: Batch, places: Places) -> tuple[cs.Function, cs.Function] | None:
     graph = batch.whole
     r = cs.densify(graph.residual)
-    scalars = scalar(
-        cs.Function("cost", [graph.x, graph.fixed], [0.5 * cs.sumsqr(r)]), EXPANDED_UP_TO
-    )
+    cost = cs.Function("cost", [graph.x, graph.fixed], [0.5 * cs.sumsqr(r)])
+    scalars = scalar(cost, EXPANDED_UP_TO)
     if scalars is None:
         return None
-    z, there = cs.SX.sym("z", len(places)), cs.SX.sym("x", batch.free.size)
-    given = cs.SX.sym("fixed", batch.fixed.size)
-    put = cs.SX(there)
+    z, x = cs.SX.sym("z", len(places)), cs.SX.sym("x", batch.free.size)
+    fixed, put = cs.SX.sym("fixed", batch.fixed.size), cs.SX(x)
     put[places.tolist()] = z
-    known = cs.vertcat(there, given)
-    cost, symbols, parts = cs.extract_parametric(
-        scalars(put, given), known, {"extract_trivial": True}
+    known = cs.vertcat(x, fixed)
+    left, symbols, parts = cs.extract_parametric(
+        scalars(put, fixed), known, {"extract_trivial": True}
     )
     still = cs.Function("still", [known], [cs.densify(cs.vertcat(*parts))])
-    function = cs.Function("cost", [z, cs.vertcat(*symbols)], [cs.densify(cost)])
-    return function, np.asarray(still(np.concatenate([x, fixed]))).ravel()
+    return cs.Function("cost", [z, cs.vertcat(*symbols)], [cs.densify(left)]), still
 
 
 def _arithmetic(batch: Batch, x: Array, fixed: Array, places: Places) -> Costs:
@@ -106,7 +119,7 @@ def _arithmetic(batch: Batch, x: Array, fixed: Array, places: Places) -> Costs:
         X = np.repeat(x[None], len(z), axis=0)
         X[:, places] = z
         values = _values(batch, X, fixed)
-        points = (source.many(values).reshape(len(z), -1) for source in batch.sources)
+        points = (source(values).reshape(len(z), -1) for source in batch.sources)
         return run(X, fixed, *points)[0][:, 0]
 
     return costs

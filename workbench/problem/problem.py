@@ -1,14 +1,15 @@
 """Residuals over named blocks, some of them free."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import cached_property
 from itertools import pairwise
+from typing import TypeVar
 
 import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from workbench.blocks import Block, Layout, NumericPoints, Points, Tree
+from workbench.blocks import Block, Layout, Points, PointSource, Tree
 from workbench.errors import BadResidual, DuplicateResidual, TwoSymbolsOneName, UnknownName
 from workbench.problem.batch import Batch, Costs, Places, Way, interpreted
 from workbench.problem.bounds import Bounds, flat_bounds
@@ -23,6 +24,7 @@ from workbench.residuals import Residual
 from workbench.threads import limited_threads
 
 Array = NDArray[np.float64]
+T = TypeVar("T")
 
 
 class Problem:
@@ -173,9 +175,8 @@ class Problem:
         z stand in the places `entries` of x, or are all of it. `by` is `interpreted`, or
         `compiled`, which takes seconds once and is many times as fast.
         """
-        whole = Graph.of(substituted(self._whitened, self._points, lean), self.free, self.fixed)
         places = np.arange(self.free.size) if entries is None else entries.astype(np.int64)
-        return by(Batch(whole, *self._split, self.free, self.fixed), x, fixed, places)
+        return by(self._batch, x, fixed, places)
 
     def cost_and_gradient(self, x: Array, fixed: Array) -> tuple[float, Array]:
         """The cost and its gradient (n,), without a Jacobian of the points."""
@@ -257,15 +258,19 @@ class Problem:
         return whole.x, whole.fixed, whole.residual
 
     @cached_property
-    def _split(self) -> tuple[Graph, tuple[NumericPoints, ...]]:
-        """The residual as a graph of the points that come from arithmetic, and these."""
-        quick = [(p, p.source.numeric) for p in self._points]
-        by_graph = [p for p, numeric in quick if numeric is None]
-        placeholders = [p.symbol for p, numeric in quick if numeric is not None]
-        sources = tuple(numeric for _, numeric in quick if numeric is not None)
-        expression = substituted(self._whitened, by_graph)
-        return Graph.of(expression, self.free, self.fixed, placeholders), sources
+    def _chain(self) -> Chain:
+        return Chain(*self._split(lambda source: source.numeric), self.free, self.fixed)
 
     @cached_property
-    def _chain(self) -> Chain:
-        return Chain(*self._split, self.free, self.fixed)
+    def _batch(self) -> Batch:
+        whole = Graph.of(substituted(self._whitened, self._points, lean), self.free, self.fixed)
+        return Batch(whole, *self._split(lambda source: source.many), self.free, self.fixed)
+
+    def _split(self, arithmetic: Callable[[PointSource], T | None]) -> tuple[Graph, tuple[T, ...]]:
+        """The residual as a graph of those points for which there is arithmetic, and that."""
+        quick = [(p, arithmetic(p.source)) for p in self._points]
+        by_graph = [p for p, found in quick if found is None]
+        placeholders = [p.symbol for p, found in quick if found is not None]
+        expression = substituted(self._whitened, by_graph)
+        graph = Graph.of(expression, self.free, self.fixed, placeholders)
+        return graph, tuple(found for _, found in quick if found is not None)

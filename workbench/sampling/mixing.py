@@ -87,9 +87,11 @@ class Mixing:
 
     @cached_property
     def stuck(self) -> int:
-        """Walkers that did not move in the second half."""
+        """Walkers that did not move in the second half, where by their acceptance all should."""
+        E, _, W, _ = self.draws.shape
         late = self.draws[:, self.draws.shape[1] // 2 :]
-        if self.exact or late.shape[1] < 2:
+        by_chance = E * W * np.exp(-self.acceptance * late.shape[1] * self.thin)
+        if self.exact or late.shape[1] < 2 or by_chance > UNLIKELY:
             return 0
         return int(np.sum((late == late[:, :1]).all(axis=(1, 3))))
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from workbench.blocks import Block, Tree
+from workbench.blocks import Block, ManyPoints, Tree
 from workbench.bodies.numeric_sources import NumericLandmarks
 from workbench.bodies.sources import Arguments
 from workbench.bodies.triangles import surface
@@ -44,6 +44,11 @@ class TriangleSurface:
     def lean(self) -> cs.MX:
         """The expression."""
         return self.expression
+
+    @property
+    def many(self) -> ManyPoints | None:
+        """One after the other, where there is arithmetic."""
+        return None if self.numeric is None else self.numeric.many
 
     @property
     def blocks(self) -> tuple[Block, ...]:
@@ -89,6 +94,14 @@ class SurfaceMeans:
     def lean(self) -> cs.MX:
         """The expression."""
         return self.expression
+
+    @property
+    def many(self) -> ManyPoints | None:
+        """Where the surface has it."""
+        whole = self.surface.many
+        if whole is None:
+            return None
+        return lambda values: np.array([self.regressor @ points for points in whole(values)])
 
     @property
     def blocks(self) -> tuple[Block, ...]:
