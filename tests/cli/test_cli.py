@@ -65,7 +65,7 @@ def test_a_problem_of_a_suite_is_run_and_reported(tmp_path: Path) -> None:
     ("arguments", "said"),
     [
         (("run", "balanse"), "no experiment is called 'balanse'; there are balance"),
-        (("run", "--solver", "newton"), "no solver is called 'newton'; there are gauss-newton"),
+        (("run", "--solver", "newtons"), "no solver is called 'newtons'; there are dogleg"),
         (("run", "--set", "frames=1"), "no argument of balance is called 'frames'"),
         (("run", "missing.py"), "there is no file missing.py"),
         (("fit", "missing.json"), "cannot be read as JSON"),

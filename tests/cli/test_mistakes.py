@@ -71,7 +71,7 @@ compared = ("gauss-newton", "nlopt-lbfgs")
         ("fit kp.json --cameras 3.json", "3.json holds no cameras"),
         ("run --set frame=abc", "frame of balance must be a whole number, not 'abc'"),
         ("run --set frame=true", "frame of balance must be a whole number"),
-        ("run --set compared=foo", "no solver is called 'foo'; there are gauss-newton"),
+        ("run --set compared=foo", "no solver is called 'foo'; there are dogleg"),
         ('run --set compared=["foo"]', "no solver is called 'foo'"),
         ("run --set held_out=cam09", "no camera is called 'cam09'; there are cam01, cam02"),
         ("run --set frame=100", "no frame is called '100'; there are 0 to 99"),
