@@ -6,7 +6,7 @@ from each other and are no independent chains; ensembles are.
 
 import numpy as np
 import scipy.fft
-import scipy.stats
+import scipy.special
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -51,8 +51,10 @@ def potential_scale(draws: Array) -> float:
 
 
 def _normal_scores(chains: Array) -> Array:
-    ranks = scipy.stats.rankdata(chains, axis=None).reshape(chains.shape)
-    return np.asarray(scipy.stats.norm.ppf((ranks - 0.375) / (chains.size + 0.25)))
+    from scipy.stats import rankdata  # a second to import: not before it is needed
+
+    ranks = rankdata(chains, axis=None).reshape(chains.shape)
+    return np.asarray(scipy.special.ndtri((ranks - 0.375) / (chains.size + 0.25)))
 
 
 def _plain_scale(chains: Array) -> float:
@@ -73,4 +75,4 @@ def disagreement(draws: Array, time: float) -> float:
     if E < 2 or not np.isfinite(predicted) or predicted == 0:
         return np.nan
     found = draws.reshape(E, -1).mean(axis=1).var(ddof=1)
-    return float(scipy.stats.chi2.sf((E - 1) * found / predicted, E - 1))
+    return float(scipy.special.chdtrc(E - 1, (E - 1) * found / predicted))

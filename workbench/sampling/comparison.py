@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import scipy.stats
 from numpy.typing import NDArray
 
 from workbench.errors import BadArgument
@@ -56,7 +55,9 @@ def beside_laplace(posterior: Posterior, approximation: Posterior) -> tuple[Comp
         )
     shift = (posterior.mean - approximation.mean) / approximation.sd
     ratio = posterior.sd / approximation.sd
-    skewness = np.asarray(scipy.stats.skew(posterior.flat, axis=0))
+    from scipy.stats import skew  # a second to import: not before it is needed
+
+    skewness = np.asarray(skew(posterior.flat, axis=0))
     return tuple(
         Compared(
             posterior.labels[i], posterior.units[i], float(posterior.mean[i]),
@@ -69,12 +70,14 @@ def beside_laplace(posterior: Posterior, approximation: Posterior) -> tuple[Comp
 
 def peaks(draws: Array) -> int:
     """How many modes a smooth density of the draws (N,) has, valleys between them deep enough."""
+    from scipy.stats import gaussian_kde
+
     some = draws[:: max(1, len(draws) // 4000)]
     if np.ptp(some) == 0:
         return 1
     low, high = np.quantile(some, [0.001, 0.999])
     grid = np.linspace(low, high, 200)
-    density = scipy.stats.gaussian_kde(some, bw_method=1.3 * len(some) ** -0.2)(grid)
+    density = gaussian_kde(some, bw_method=1.3 * len(some) ** -0.2)(grid)
     tops = [
         i for i in range(1, 199)
         if density[i - 1] < density[i] >= density[i + 1] and density[i] > SEEN * density.max()
