@@ -104,20 +104,3 @@ def test_the_whole_body_is_not_called_converged() -> None:
         assert posterior.mixing.verdict is not Verdict.USABLE
         assert str(posterior).startswith("NOT CONVERGED")
         print(posterior.verdict)
-
-
-def test_the_whole_body_for_a_moment_is_not_called_converged() -> None:
-    body = wb.load_body("small")
-    pose, betas, trans = (block.symbol for block in body.blocks())
-    joints = body.joint_points(pose, betas, trans)
-    problem = wb.Problem(
-        [
-            wb.residuals.landmarks(joints, body.joints(), sigma=0.01),
-            wb.residuals.gaussian(betas, name="shape"),
-            wb.residuals.gaussian(pose, covariance=0.25, unit="rad", name="pose"),
-        ],
-        ("pose", "betas", "trans"),
-    )
-    posterior = sample(problem, body.start(), steps=60, ensembles=2, seed=0)
-    assert posterior.size == 85
-    assert str(posterior).startswith("NOT CONVERGED")

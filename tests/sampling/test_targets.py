@@ -24,7 +24,10 @@ def within_bands(posterior: Posterior, mean: np.ndarray, covariance: np.ndarray)
     assert np.abs(error - np.diag(np.diag(error))).max() < limit / np.sqrt(n)
 
 
-@pytest.mark.parametrize(("k", "condition"), [(3, 1.0), (3, 1e6), (10, 1e3), (20, 1e6)])
+@pytest.mark.parametrize(
+    ("k", "condition"),
+    [(3, 1.0), (3, 1e6), (10, 1e6), pytest.param(20, 1e6, marks=pytest.mark.long)],
+)
 def test_gaussians(k: int, condition: float) -> None:
     C, mean = conditioned(k, condition), np.arange(k) - 2.0
     problem = gaussian(C, mean)
@@ -55,9 +58,9 @@ def test_rosenbrock_is_believed_only_when_it_is_right() -> None:
     for hard in (10.0, 1.0):
         short = sample(rosenbrock(hard), at, steps=300, seed=3)
         assert not short.usable
-    posterior = sample(rosenbrock(), at, steps=16_000, walkers=32, seed=3)
+    posterior = sample(rosenbrock(0.3), at, steps=16_000, walkers=16, seed=3)
     assert posterior.usable, posterior.verdict
-    error = np.abs(posterior.mean - [1.0, 2.0]) / np.sqrt([1.0, 6.1])
+    error = np.abs(posterior.mean - [1.0, 1.3]) / np.sqrt([0.3, 1.48])
     assert error.max() < 4 / np.sqrt(posterior.mixing.effective.min())
 
 
@@ -84,7 +87,15 @@ def test_too_short_is_said_with_what_would_do() -> None:
     assert "take" in posterior.verdict or "fewer" in posterior.verdict
 
 
+def test_85_dimensions_are_not_called_converged() -> None:
+    posterior = sample(gaussian(np.eye(85)), {"x": np.zeros(85)}, steps=100, seed=5)
+    assert not posterior.usable
+    assert str(posterior).startswith("NOT CONVERGED")
+
+
 def test_three_ensembles_vouch_for_nothing() -> None:
-    posterior = sample(gaussian(np.eye(2)), {"x": np.zeros(2)}, steps=2000, ensembles=3, seed=5)
+    posterior = sample(
+        gaussian(np.eye(2)), {"x": np.zeros(2)}, steps=1000, walkers=16, ensembles=3, seed=5
+    )
     assert posterior.mixing.verdict is Verdict.TOO_SHORT
     assert "at least 4" in posterior.verdict

@@ -51,7 +51,7 @@ def potential_scale(draws: Array) -> float:
 
 
 def _normal_scores(chains: Array) -> Array:
-    from scipy.stats import rankdata  # here, for it takes as long to load as all the workbench
+    from scipy.stats import rankdata  # a second to import: not before it is needed
 
     ranks = rankdata(chains, axis=None).reshape(chains.shape)
     return np.asarray(scipy.special.ndtri((ranks - 0.375) / (chains.size + 0.25)))

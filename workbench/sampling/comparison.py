@@ -49,14 +49,14 @@ class Compared:
 
 def beside_laplace(posterior: Posterior, approximation: Posterior) -> tuple[Compared, ...]:
     """Entry by entry. Raises BadArgument if the two are not of the same entries."""
-    from scipy.stats import skew  # here, for it takes as long to load as all the workbench
-
     if posterior.labels != approximation.labels:
         raise BadArgument(
             "the two posteriors are of different entries; give `laplace` the same names and rest"
         )
     shift = (posterior.mean - approximation.mean) / approximation.sd
     ratio = posterior.sd / approximation.sd
+    from scipy.stats import skew  # a second to import: not before it is needed
+
     skewness = np.asarray(skew(posterior.flat, axis=0))
     return tuple(
         Compared(
@@ -70,7 +70,7 @@ def beside_laplace(posterior: Posterior, approximation: Posterior) -> tuple[Comp
 
 def peaks(draws: Array) -> int:
     """How many modes a smooth density of the draws (N,) has, valleys between them deep enough."""
-    from scipy.stats import gaussian_kde  # here: see above
+    from scipy.stats import gaussian_kde
 
     some = draws[:: max(1, len(draws) // 4000)]
     if np.ptp(some) == 0:
