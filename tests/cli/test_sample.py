@@ -49,7 +49,7 @@ def test_a_usable_block_exits_with_zero_and_goes_on(here: Path) -> None:
     np.testing.assert_array_equal(np.load(folder / "all.npz")["draws"], draws)
     other = invoke("--steps", "1600", "--walkers", "16", "--seed", "1")
     assert "draws of another run" in str(other.exception)  # type: ignore[attr-defined]
-    assert invoke("--steps", "1600", "--walkers", "16", "--seed", "1", "--fresh").exit_code == 0  # type: ignore[attr-defined]
+    assert invoke("--steps", "40", "--walkers", "16", "--fresh").exit_code == 1  # type: ignore[attr-defined]
 
 
 def test_a_short_run_exits_with_one_and_gives_no_intervals(here: Path) -> None:

@@ -13,6 +13,7 @@ Array = NDArray[np.float64]
 SPREAD = (3.0, 30.0)  # standard deviations of Laplace's approximation that searches begin away
 APART = 1.0  # of them: minima that are nearer to each other are one
 NEGLIGIBLE = 1e-4  # of the largest mass
+SETTLED = 0.01  # of the mass of all: in smaller modes no walker begins, for it would never leave
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +77,7 @@ def walkers_at(
 ) -> Array:
     """Draws (count, k) of the modes' Laplace approximations, each mode by its share, in bounds."""
     shares = np.array([mode.share for mode in found])
+    shares[shares < SETTLED * shares.sum()] = 0.0
     which = rng.choice(len(found), size=count, p=shares / shares.sum())
     z = np.empty((count, target.subspace.size))
     for i, k in enumerate(which):
