@@ -140,19 +140,18 @@ def test_killed_at_any_time_it_ends_with_the_same_body(tmp_path: Path) -> None:
     whole = started(tmp_path / "whole")
     lines = whole.communicate(timeout=120)[0].splitlines()
     assert len(lines) == len(short_plan().steps)
-    for blocks_done in (1, 1, 2):  # then it is killed while the next block is at work
+    for pause in (0.0, 0.03):  # s after a block is told: it is killed while the next one is at work
         run = started(tmp_path / "killed")
         assert run.stdout is not None
-        told = [run.stdout.readline() for _ in range(blocks_done)]
-        assert all(told)
-        time.sleep(0.05 * blocks_done)
+        assert run.stdout.readline()
+        time.sleep(pause)
         run.send_signal(signal.SIGKILL)
         run.communicate(timeout=60)
         assert run.returncode == -signal.SIGKILL
     run = started(tmp_path / "killed")
     left = run.communicate(timeout=120)[0].splitlines()
     assert run.returncode == 0
-    assert 0 < len(left) < len(lines)
+    assert len(left) <= len(lines) - 2  # what was told is not done again
     bodies = [load_body(tmp_path / name / "body.npz") for name in ("whole", "killed")]
     for name in ("template", "shapedirs", "posedirs", "weights"):
         np.testing.assert_array_equal(getattr(bodies[0], name), getattr(bodies[1], name))
