@@ -29,20 +29,21 @@ def basins_sheet(comparison: Comparison, problem: str) -> Figure:
 
 def performance_profile_sheet(comparison: Comparison, taus: Sequence[float]) -> Figure:
     """One axes for each target."""
-    with house_style():
-        figure, axes = sheet(WIDE, 3.6 + _rows(comparison), len(taus))
-        for ax, tau in zip(axes, taus, strict=True):
-            plot_performance_profile(comparison, tau, ax=ax)
-        _legend(figure, axes)
-    return figure
+    return _for_targets(comparison, taus, plot_performance_profile)
 
 
 def data_profile_sheet(comparison: Comparison, taus: Sequence[float]) -> Figure:
     """One axes for each target."""
+    return _for_targets(comparison, taus, plot_data_profile)
+
+
+def _for_targets(
+    comparison: Comparison, taus: Sequence[float], plot: Callable[..., Axes]
+) -> Figure:
     with house_style():
         figure, axes = sheet(WIDE, 3.6 + _rows(comparison), len(taus))
         for ax, tau in zip(axes, taus, strict=True):
-            plot_data_profile(comparison, tau, ax=ax)
+            plot(comparison, tau, ax=ax)
         _legend(figure, axes)
     return figure
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from workbench.blocks import Values
-from workbench.errors import UnknownName, WorkbenchError
+from workbench.errors import WorkbenchError
 from workbench.problem import Problem
 from workbench.sampling.arviz_quietly import inference_data
 from workbench.sampling.importance import Importance
@@ -96,12 +96,6 @@ class Posterior:
             raise NotConverged(f"there is no interval: {self.verdict}")
         tail = (1 - level) / 2
         return np.quantile(self.flat, [tail, 1 - tail], axis=0).T
-
-    def draws_of(self, label: str) -> Array:
-        """One entry's draws (E, S, W). Raises UnknownName."""
-        if label not in self.labels:
-            raise UnknownName("sampled entry", label, self.labels)
-        return self.draws[..., self.labels.index(label)]
 
     def points(self, count: int, seed: int = 0) -> Array:
         """`count` random draws of all free numbers (count, n), what was integrated out included."""

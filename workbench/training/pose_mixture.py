@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from workbench.errors import BadFile
-from workbench.training.mirror import mirrored_pose, opposites
 from workbench.training.pose_prior import LEAST_STD, UNMEASURED_STD, Mocap, read_mocap
 from workbench.writing import replacing
 
@@ -64,13 +63,11 @@ def learn_pose_mixture(mocap: Mocap, components: int = COMPONENTS, seed: int = 0
 
     Joints that the recording does not move get a spread of their own, as in `pose_prior`.
     """
-    both = np.concatenate([mocap.poses, mirrored_pose(mocap.poses, opposites(mocap.joint_names))])
-    still = np.repeat((np.ptp(both, axis=0) < 1e-6).all(axis=1)[1:], 3)
-    flat = both[:, 1:].reshape(len(both), -1)
-    least = LEAST_STD**2 * np.eye(flat.shape[1]) + np.diag(UNMEASURED_STD**2 * still)
+    flat, still = mocap.both_ways()
+    unmeasured = np.repeat(UNMEASURED_STD**2 * still, 3)
+    least = LEAST_STD**2 * np.eye(flat.shape[1]) + np.diag(unmeasured)
     rng = np.random.default_rng(seed)
     whole = np.cov(flat.T) + least
-    held_out = set(mocap.clip_names) - {mocap.clip_names[c] for c in np.unique(mocap.clip)}
     owned = _clusters(flat, _spread_out(flat, components, rng))
     nothing = PoseMixture(
         np.zeros(components),
@@ -78,7 +75,7 @@ def learn_pose_mixture(mocap: Mocap, components: int = COMPONENTS, seed: int = 0
         np.zeros((components, *whole.shape)),
         tuple(mocap.joint_names[1:]),
         len(mocap.poses),
-        tuple(sorted(held_out)),
+        mocap.absent,
     )
     found = _maximised(nothing, flat, owned, whole, least)
     before = -np.inf

@@ -57,6 +57,22 @@ class Mocap:
         held_out = self.clip % HELD_OUT_EVERY == HELD_OUT_EVERY - 1
         return self._where(~held_out), self._where(held_out)
 
+    def both_ways(self) -> tuple[Array, NDArray[np.bool_]]:
+        """The frames and their mirror images without the root, (2 F, 3 (K - 1)) rad.
+
+        And which joints are still in all of them, (K - 1,).
+        """
+        turned = mirrored_pose(self.poses, opposites(self.joint_names))
+        both = np.concatenate([self.poses, turned])[:, 1:]
+        still: NDArray[np.bool_] = (np.ptp(both, axis=0) < 1e-6).all(axis=1)
+        return both.reshape(len(both), -1), still
+
+    @property
+    def absent(self) -> tuple[str, ...]:
+        """The clips that no frame is from."""
+        present = {self.clip_names[c] for c in np.unique(self.clip)}
+        return tuple(sorted(set(self.clip_names) - present))
+
     def _where(self, chosen: NDArray[np.bool_]) -> "Mocap":
         return Mocap(self.poses[chosen], self.clip[chosen], self.clip_names, self.joint_names)
 
@@ -83,20 +99,17 @@ def _elbows_bend_forwards(poses: Array, names: tuple[str, ...]) -> NDArray[np.bo
 
 def learn_pose_prior(mocap: Mocap) -> PosePrior:
     """The Gaussian of the frames and their mirror images."""
-    both = np.concatenate([mocap.poses, mirrored_pose(mocap.poses, opposites(mocap.joint_names))])
-    still = (np.ptp(both, axis=0) < 1e-6).all(axis=1)[1:]
-    flat = both[:, 1:].reshape(len(both), -1)
+    flat, still = mocap.both_ways()
     covariance = np.cov(flat.T) + LEAST_STD**2 * np.eye(flat.shape[1])
     covariance[np.diag_indices_from(covariance)] += np.repeat(UNMEASURED_STD**2 * still, 3)
     names = np.array(mocap.joint_names[1:])
-    held_out = set(mocap.clip_names) - {mocap.clip_names[c] for c in np.unique(mocap.clip)}
     return PosePrior(
         mean=flat.mean(axis=0),
         covariance=covariance,
         joint_names=tuple(names),
         n_frames=len(mocap.poses),
         unmeasured=tuple(names[still]),
-        held_out=tuple(sorted(held_out)),
+        held_out=mocap.absent,
     )
 
 
