@@ -1,16 +1,18 @@
 """What every body is: named blocks in, points out."""
 
-from collections.abc import Sequence
-from typing import Protocol
+from collections.abc import Mapping, Sequence
+from typing import Protocol, TypeVar
 
 import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from workbench.blocks import Block, Points, Values
+from workbench.errors import UnknownName
 
 Array = NDArray[np.float64]
 Blocks = tuple[Block, Block, Block]
+T = TypeVar("T")
 
 
 class Body(Protocol):
@@ -93,3 +95,10 @@ def blocks_of(prefix: str, joint_names: Sequence[str], n_betas: int) -> Blocks:
         Block(prefix + "betas", (n_betas,), "sd"),
         Block(prefix + "trans", (3,), "m", ("x", "y", "z")),
     )
+
+
+def landmark_set(sets: Mapping[str, T], name: str) -> T:
+    """One of a body's sets of landmarks. Raises UnknownName."""
+    if name not in sets:
+        raise UnknownName("landmark set", name, ("joints", *sets))
+    return sets[name]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import csr_array
 
 from workbench.blocks.reals import reals
 from workbench.bodies.body import Body
@@ -34,6 +35,13 @@ def vertices(
         each = [np.asarray(graph(t.T, b)).T for t, b in zip(theta, beta, strict=True)]
         found = np.array(each).reshape(len(theta), body.n_vertices, 3)
     return (found + move[:, None]).reshape(*batch, body.n_vertices, 3)
+
+
+def regressed(regressor: csr_array, points: Array) -> Array:
+    """Weighted means (..., M, 3) of points (..., N, 3), for a regressor (M, N)."""
+    flat = np.moveaxis(points, -2, 0).reshape(points.shape[-2], -1)
+    found = (regressor @ flat).reshape(regressor.shape[0], *points.shape[:-2], 3)
+    return np.moveaxis(found, 0, -2)
 
 
 def joints(

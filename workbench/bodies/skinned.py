@@ -13,7 +13,7 @@ from scipy.sparse import csr_array
 
 from workbench.blocks import Block, Layout, Points, Values
 from workbench.bodies import evaluation, surface
-from workbench.bodies.body import blocks_of
+from workbench.bodies.body import blocks_of, landmark_set
 from workbench.bodies.features import Features, rotation_elements
 from workbench.bodies.motion import Kinematics
 from workbench.bodies.numeric import Chunk, chunks_of
@@ -194,7 +194,7 @@ class SkinnedBody:
         if name == "joints":
             return self.joint_points(pose, betas, trans)
         at = Arguments(self, pose, betas, trans)
-        return Points.of(LandmarkPoints(at, self._landmarks(name)), name)
+        return Points.of(LandmarkPoints(at, landmark_set(self.landmarks, name)), name)
 
     # Numbers, for those who want no symbols. Any argument may have a batch in front.
 
@@ -226,15 +226,12 @@ class SkinnedBody:
         """A named set of landmarks (..., M, 3) m; `joints` are always there."""
         if name == "joints":
             return self.joints(pose, betas, trans)
-        regressor = self._landmarks(name).regressor
-        v = self.vertices(pose, betas, trans)
-        flat = np.moveaxis(v, -2, 0).reshape(self.n_vertices, -1)
-        found = (regressor @ flat).reshape(regressor.shape[0], *v.shape[:-2], 3)
-        return np.moveaxis(found, 0, -2)
+        found = landmark_set(self.landmarks, name)
+        return evaluation.regressed(found.regressor, self.vertices(pose, betas, trans))
 
     def landmark_names(self, name: str) -> tuple[str, ...]:
         """The names of the points of a landmark set."""
-        return self.joint_names if name == "joints" else self._landmarks(name).names
+        return self.joint_names if name == "joints" else landmark_set(self.landmarks, name).names
 
     def array(self, name: str) -> Array:
         """One of the arrays that can be freed, dense."""
@@ -250,11 +247,6 @@ class SkinnedBody:
     def chunks(self) -> list[Chunk]:
         """The arrays packed for arithmetic."""
         return chunks_of(self, surface.ALL)
-
-    def _landmarks(self, name: str) -> Landmarks:
-        if name not in self.landmarks:
-            raise UnknownName("landmark set", name, ("joints", *self.landmarks))
-        return self.landmarks[name]
 
     @cached_property
     def skinned_rest(self) -> cs.Function:

@@ -13,7 +13,7 @@ from scipy.sparse import csr_array
 
 from workbench.blocks import Block, Points, Values
 from workbench.bodies import evaluation
-from workbench.bodies.body import Blocks, blocks_of
+from workbench.bodies.body import Blocks, blocks_of, landmark_set
 from workbench.bodies.owned import given_up, owned, owned_index, owned_matrix
 from workbench.bodies.skinned import Landmarks
 from workbench.bodies.sources import Arguments
@@ -21,7 +21,7 @@ from workbench.bodies.triangles.arithmetic import Arithmetic
 from workbench.bodies.triangles.sources import SurfaceMeans, TriangleSurface
 from workbench.bodies.triangles.validation import check
 from workbench.bodies.validation import chosen_vertices
-from workbench.errors import BadBody, NotNumbers, UnknownName
+from workbench.errors import BadBody, NotNumbers
 from workbench.geometry.stitching import Stitching
 
 Array = NDArray[np.float64]
@@ -150,7 +150,7 @@ class TriangleBody:
         """A named set of landmarks on the posed surface, (3, M) m; `joints` are always there."""
         if name == "joints":
             return self.joint_points(pose, betas, trans)
-        found = self._landmarks(name)
+        found = landmark_set(self.landmarks, name)
         surface = TriangleSurface(Arguments(self, pose, betas, trans))
         return Points.of(SurfaceMeans(surface, found.regressor, found.names), name)
 
@@ -176,7 +176,7 @@ class TriangleBody:
         trans: ArrayLike | None = None,
     ) -> Array:
         """The joints of the posed surface (..., K, 3) m."""
-        return self._regressed(self.J_regressor, self.vertices(pose, betas, trans))
+        return evaluation.regressed(self.J_regressor, self.vertices(pose, betas, trans))
 
     def landmark(
         self,
@@ -188,7 +188,8 @@ class TriangleBody:
         """A named set of landmarks (..., M, 3) m; `joints` are always there."""
         if name == "joints":
             return self.joints(pose, betas, trans)
-        return self._regressed(self._landmarks(name).regressor, self.vertices(pose, betas, trans))
+        found = landmark_set(self.landmarks, name)
+        return evaluation.regressed(found.regressor, self.vertices(pose, betas, trans))
 
     def deformations(self, pose: ArrayLike, betas: ArrayLike) -> Array:
         """X_f (F, 3, 3) at pose (K, 3) rad and betas (B,), before stitching."""
@@ -204,16 +205,6 @@ class TriangleBody:
     def arithmetic(self) -> Arithmetic:
         """The arrays packed for arithmetic."""
         return Arithmetic(self)
-
-    def _regressed(self, regressor: csr_array, v: Array) -> Array:
-        flat = v.reshape(-1, self.n_vertices, 3)
-        found = np.stack([regressor @ one for one in flat]) if len(flat) else flat[:, :0]
-        return found.reshape(*v.shape[:-2], regressor.shape[0], 3)
-
-    def _landmarks(self, name: str) -> Landmarks:
-        if name not in self.landmarks:
-            raise UnknownName("landmark set", name, ("joints", *self.landmarks))
-        return self.landmarks[name]
 
 
 def _made_of(parts: dict[str, Any]) -> TriangleBody:
