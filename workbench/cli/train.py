@@ -16,7 +16,7 @@ from workbench.errors import BadArgument, BadFile
 from workbench.reports import write_card
 from workbench.training.first_guess import Start, read_start
 from workbench.training.folder import GENDERS, open_folder
-from workbench.training.made_up import Spoiled, draw_registrations, random_smpl, worm
+from workbench.training.made_up import noisy_worms
 from workbench.training.plan import alternation
 from workbench.training.pose_training import Progress
 from workbench.training.registrations import Registrations
@@ -24,7 +24,6 @@ from workbench.training.sets import CARD
 from workbench.training.training import train as train_body
 
 START = "start.npz"
-MADE_UP_NOISE = 0.001  # m
 EVERY = 5.0  # s
 
 
@@ -86,9 +85,7 @@ def _data(
     """The run's name, its start, and the two sets."""
     if folder is None:
         console.print("no folder: a made-up worm with 1 mm of noise; nothing here was measured")
-        guess = worm(11, 6)
-        exact, _ = draw_registrations(random_smpl(guess, 3, seed=0), 6, 12, seed=1)
-        return "made-up", guess, Spoiled(exact, seed=2, noise=MADE_UP_NOISE), None
+        return "made-up", *noisy_worms(noise=0.001), None
     own = folder / START
     guess = read_start(start or (own if own.is_file() else "default"))
     console.print("[dim]looking at every registration[/]")

@@ -152,3 +152,10 @@ class Spoiled:
             vertices[at][gone] = middle
             seen[at][gone] = 0
         return Batch(batch.some, batch.subject, vertices, seen)
+
+
+def noisy_worms(noise: float) -> tuple[Start, Registrations]:
+    """A small set to try things on: six people in twelve poses each, noise in m."""
+    guess = worm(11, 6)
+    exact, _ = draw_registrations(random_smpl(guess, 3, seed=0), 6, 12, seed=1)
+    return guess, Spoiled(exact, seed=2, noise=noise)
