@@ -18,6 +18,7 @@ from workbench.blocks import Layout, ManyPoints
 from workbench.blocks.buffered import Buffered
 from workbench.blocks.lanes import lanes
 from workbench.blocks.many import LONGEST, Many, Mapped, OneByOne, scalar
+from workbench.blocks.spread import Spread
 from workbench.compiling import NoLibrary
 from workbench.errors import NotSupported
 from workbench.problem.graph import Graph
@@ -55,7 +56,8 @@ def interpreted(batch: Batch, x: Array, fixed: Array, places: Places) -> Costs:
     long = graph is None or (batch.sources and graph[0].n_instructions() > INTERPRETED_UP_TO)
     if graph is None or long:
         return _arithmetic(batch, x, fixed, places)
-    return _called(Mapped(graph[0], (False, True)), graph[1], x, fixed)
+    shared = False, True
+    return _called(Spread(lambda: Mapped(graph[0], shared), shared), graph[1], x, fixed)
 
 
 def compiled(batch: Batch, x: Array, fixed: Array, places: Places) -> Costs:
@@ -158,7 +160,11 @@ def _arithmetic(batch: Batch, x: Array, fixed: Array, places: Places) -> Costs:
     cost = cs.Function("cost", [graph.x, graph.fixed, *graph.points], [0.5 * cs.sumsqr(r)])
     shared = (False, True, *(False for _ in graph.points))
     scalars = scalar(cost, LONGEST)
-    run = OneByOne(Buffered(cost), shared) if scalars is None else Mapped(scalars, shared)
+
+    def make() -> Many:
+        return OneByOne(Buffered(cost), shared) if scalars is None else Mapped(scalars, shared)
+
+    run = Spread(make, shared)
 
     def costs(z: Array) -> Array:
         X = np.repeat(x[None], len(z), axis=0)
