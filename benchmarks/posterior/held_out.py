@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 import workbench as wb
 from benchmarks.posterior.nuts import Plan, nuts
 from workbench.experiments.balance import balance, balance_monocular, published
+from workbench.experiments.experiment import View
 from workbench.experiments.keypoint_fit import learned_poses
 from workbench.sampling import sample
 from workbench.sampling.entries import entries
@@ -60,6 +61,16 @@ def frames(count: int) -> list[int]:
     """So many, over the whole recording."""
     with published() as data:
         return [int(f) for f in np.linspace(0, len(data["keypoints"]) - 1, count)]
+
+
+def photographed(
+    view: View, points: Array, truth: wb.Values, rng: np.random.Generator
+) -> wb.Values:
+    """The truth with what a camera sees of its points (M, 3), give or take the very sigma."""
+    pixels = view.camera.pixels(points, truth)
+    confidence = truth[f"{view.name}/confidence"]
+    spread = SIGMA / np.where(confidence > 0, confidence, 1.0)[:, None]
+    return truth | {f"{view.name}/observed": pixels + spread * rng.standard_normal(pixels.shape)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,11 +135,7 @@ def simulated(chosen: Sequence[int], seed: int = 0) -> Iterator[Case]:
             "trans": place + PLACE * rng.standard_normal(3),
         }
         found = body.landmark(view.landmarks, *(truth[b.name] for b in body.blocks()))
-        pixels = view.camera.pixels(found, truth)
-        confidence = start[f"{view.name}/confidence"]
-        spread = SIGMA / np.where(confidence > 0, confidence, 1.0)[:, None]
-        noise = spread * rng.standard_normal(pixels.shape)
-        yield Case(f"simulated {frame}", problem, truth | {f"{view.name}/observed": pixels + noise})
+        yield Case(f"simulated {frame}", problem, photographed(view, found, truth, rng))
 
 
 def by_emcee(case: Case) -> Interval:
