@@ -21,15 +21,19 @@ def test_the_band_holds_all_entries_together() -> None:
 
 def test_made_up_truths_are_the_models() -> None:
     """At the truth, all that is whitened is standard normal: data and priors."""
-    squares, count = 0.0, 0
+    squares: dict[str, float] = {}
+    count: dict[str, int] = {}
     for case in simulated(frames(6)):
         x, given = case.problem.split(case.truth)
         here = case.problem.linearize_at(x, given)
         some = abs(here.jacobian).any(axis=1)  # a keypoint of no confidence says nothing
-        squares += float(np.sum(here.residual[some] ** 2))
-        count += int(some.sum())
-    assert count > 6 * 100
-    assert abs(squares - count) < 4 * np.sqrt(2 * count)
+        for name, rows in case.problem.rows.items():
+            r = here.residual[rows][some[rows]]
+            squares[name] = squares.get(name, 0.0) + float(r @ r)
+            count[name] = count.get(name, 0) + r.size
+    assert len(count) == 5
+    for name, n in count.items():
+        assert abs(squares[name] - n) < 4 * np.sqrt(2 * n), name
 
 
 def test_laplaces_interval_is_about_the_answer() -> None:
