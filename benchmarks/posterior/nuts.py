@@ -42,11 +42,23 @@ class Plan:
     accepted: float = 0.97  # small steps
 
 
+USUAL = Plan(draws=3000, warm=1500, accepted=0.8)  # nutpie's own acceptance
+
+
 def compared(names: Sequence[str], plan: Plan, steps: int, seed: int = 1) -> dict[str, Any]:
-    """Each block by both, and where they differ."""
+    """Each block by both, and where they differ; the first arm again with NUTS' usual steps."""
     fitted = monocular()
-    return {name: beside(fitted.problem, fitted.at, BLOCKS[name], plan, steps, seed)
-            for name in names}  # fmt: skip
+
+    def one(name: str, plan: Plan) -> dict[str, Any]:
+        found = beside(fitted.problem, fitted.at, BLOCKS[name], plan, steps, seed)
+        print(f"{name}: agree {found['agree']}, {found['nuts']}", flush=True)
+        return found
+
+    arms = [name for name in names if "arm" in name][:1]
+    return {
+        "blocks": {name: one(name, plan) for name in names},
+        "usual steps": {name: one(name, USUAL) for name in arms},
+    }
 
 
 def beside(

@@ -49,7 +49,7 @@ def _nuts(found: Found, _: Mapping[str, Found]) -> str:
         "sd over Laplace's | narrower than at the mode | |",
         "| --- |" + " --: |" * 11 + " --- |",
     ]
-    for name, one in found.items():
+    for name, one in found["blocks"].items():
         ours, theirs = one["emcee"], one["nuts"]
         said = "agree" if one["agree"] else "DIFFER"
         if not one["reference"]:
@@ -60,7 +60,7 @@ def _nuts(found: Found, _: Mapping[str, Found]) -> str:
             f"{theirs['draws']:,} | {theirs['seconds']:.0f} | {_span(one['sd ratio'])} | "
             f"{max(one['mean apart']):.3f} | {_span(one[OVER])} | {one['bent']:.1f} × | {said} |"
         )
-    arms = [one for name, one in found.items() if "arm" in name]
+    arms = [one for name, one in found["blocks"].items() if "arm" in name]
     lines.append(
         f"\nAsked: standard deviations within {ALLOWED_SD:.0%}, means within {ALLOWED_MEAN} of "
         f"one, {TIMES:.0f} autocorrelation times. All other entries stay at the answer of the fit."
@@ -70,13 +70,21 @@ def _nuts(found: Found, _: Mapping[str, Found]) -> str:
         lines.append(
             "The arms are the hard ones. Least squares finds one mode with all of the mass; but "
             f"the ridge is bent, and in its narrowest hundredth {most:.0f} times narrower than at "
-            "the mode. That wants small steps of NUTS: with nutpie's usual acceptance of 0.8 the "
-            "left arm ended with R-hat 1.03, 689 divergences of 12,000 draws and standard "
-            "deviations 9 % off; with 0.95 there were 8. Ensembles need twice the steps of the "
-            "other blocks, and Laplace's approximation is off by up to "
+            f"the mode, which wants small steps of NUTS. {_usual(found['usual steps'])}Laplace's "
+            "approximation of the arms is off by up to "
             f"{max(abs(np.array(one[OVER]) - 1).max() for one in arms):.0%}.\n"
         )
     return "\n".join(lines)
+
+
+def _usual(found: Found) -> str:
+    return "".join(
+        f"With nutpie's usual ones (an acceptance of 0.8) the {name} has R-hat "
+        f"{one['nuts']['R-hat']:.2f}, {one['nuts']['divergences']} divergences in "
+        f"{one['nuts']['draws']:,} draws, {one['nuts']['effective']:.0f} effective ones, and its "
+        f"standard deviations are {abs(1 / np.array(one['sd ratio']) - 1).max():.0%} off. "
+        for name, one in found.items()
+    )
 
 
 OVER = "sd over Laplace's"
