@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import machine
+from benchmarks.__main__ import _one_line_lists as one_line_lists
 from benchmarks.machine import description
 from benchmarks.posterior import page
 from benchmarks.posterior.fitted import BLOCKS
@@ -73,6 +74,11 @@ PARTS: dict[str, Callable[[argparse.Namespace], dict[str, Any]]] = {
 }  # fmt: skip
 
 
+def _rounded(found: Any) -> Any:
+    """Six digits: nothing here is known to more."""
+    return json.loads(json.dumps(found), parse_float=lambda said: float(f"{float(said):.6g}"))
+
+
 def _version(package: str) -> str | None:
     try:
         return version(package)
@@ -99,8 +105,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
             found = PARTS[asked.part](asked)
         facts["load after"] = machine.load()
         (asked.out / "results").mkdir(parents=True, exist_ok=True)
-        text = json.dumps({"machine": facts, "found": found}, indent=1)
-        (asked.out / "results" / f"posterior-{asked.part}.json").write_text(text + "\n")
+        text = json.dumps(_rounded({"machine": facts, "found": found}), indent=1)
+        (asked.out / "results" / f"posterior-{asked.part}.json").write_text(
+            one_line_lists(text) + "\n"
+        )
     kept = {part: asked.out / "results" / f"posterior-{part}.json" for part in PARTS}
     found = {part: json.loads(file.read_text()) for part, file in kept.items() if file.exists()}
     (asked.out / "POSTERIOR.md").write_text(page.text(found))

@@ -80,6 +80,7 @@ class Seen:
     residuals: Array  # (4, 2 M) px, confidences included
     known: int  # rows that have a say
     spent: float  # of them, on the unknowns: trace of J_d (J'J)^-1 J_d'
+    sd: Array  # (n,) of the unknowns, by Laplace
 
 
 def recorded(chosen: Sequence[int], sigma: float) -> Iterator[tuple[Case, Seen]]:
@@ -98,6 +99,7 @@ def recorded(chosen: Sequence[int], sigma: float) -> Iterator[tuple[Case, Seen]]
                 sigma * np.array([here.residual[some] for some in rows]),
                 int(np.count_nonzero(abs(data).any(axis=1))),
                 float(np.trace(data @ here.covariance @ data.T)),
+                np.sqrt(np.diag(here.covariance)),
             ),
         )
 
@@ -201,9 +203,11 @@ def of_recorded(count: int, sigma: float, ways: Sequence[str]) -> dict[str, Any]
         cases.append(asked(case, place, ways))
         seen.append(left)
     residuals = np.array([one.residuals for one in seen])
+    places = entries(case.problem.free, NAMES)
     return {
         "labels": labels(case.problem), "sigma": sigma, "cases": cases,
         "sigma of the residuals": implied(seen),
+        "sd of four cameras": np.mean([one.sd[places] for one in seen], axis=0).tolist(),
         "share of each camera's residuals that stays":
             (np.mean(residuals.mean(axis=0) ** 2, axis=1)
              / np.mean(residuals**2, axis=(0, 2))).tolist(),

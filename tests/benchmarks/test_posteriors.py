@@ -51,7 +51,7 @@ def test_the_sigma_that_residuals_ask_for() -> None:
     rng = np.random.default_rng(0)
     J = rng.standard_normal((40, 10))
     left = np.eye(40) - J @ np.linalg.pinv(J)
-    seen = [Seen(3.0 * left @ rng.standard_normal(40), 40, 10.0) for _ in range(400)]
+    seen = [Seen(3.0 * left @ rng.standard_normal(40), 40, 10.0, np.ones(10)) for _ in range(400)]
     assert held_out.implied(seen) == pytest.approx(3.0, rel=0.03)
 
 
