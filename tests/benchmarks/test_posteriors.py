@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from benchmarks.posterior import held_out, page
+from benchmarks.posterior import counted, held_out, page
 from benchmarks.posterior.held_out import Seen, by_laplace, frames, simulated
 
 
 def test_the_band_holds_all_entries_together() -> None:
     for count, entries in ((40, 16), (200, 16), (40, 1)):
-        low, high = page.band(count, entries)
+        low, high = counted.band(count, entries)
         chance = scipy.stats.binom(count, held_out.LEVEL)
         outside = chance.cdf(low - 1) + chance.sf(high)
-        assert outside * entries <= page.UNLIKELY
-        assert (chance.cdf(low) + chance.sf(high)) * entries > page.UNLIKELY / 2  # not too wide
+        assert outside * entries <= counted.UNLIKELY
+        assert (chance.cdf(low) + chance.sf(high)) * entries > counted.UNLIKELY / 2  # not too wide
 
 
 def test_made_up_truths_are_the_models() -> None:
@@ -68,10 +68,10 @@ def case_of(truth: float, usable: bool = True) -> dict[str, Any]:
 def test_what_is_covered_is_counted() -> None:
     cases = [case_of(0.0), case_of(2.0), case_of(-0.5), case_of(0.0, usable=False)]
     found = {"labels": ["x"], "sigma": 4.0, "cases": cases}
-    assert page.held(found, "emcee").tolist() == [2]
-    assert page.number(found, "emcee") == 3
-    assert page.held(found, "Laplace").tolist() == [3]
-    assert page.scores(found, "Laplace").ravel().tolist() == [0.0, 4.0, -1.0, 0.0]
+    assert counted.held(found, "emcee").tolist() == [2]
+    assert counted.number(found, "emcee") == 3
+    assert counted.held(found, "Laplace").tolist() == [3]
+    assert counted.scores(found, "Laplace").ravel().tolist() == [0.0, 4.0, -1.0, 0.0]
     said = page.text({"simulated": {"found": found, "machine": MACHINE}})
     assert "| x | 67% | 75% |" in said
     assert "not counted: at 0.0" in said
@@ -88,7 +88,7 @@ def test_made_up_truths_are_covered() -> None:
     """Nine tenths of the intervals hold them, in each entry within its binomial band."""
     cases = list(simulated(frames(40)))
     found = {"cases": [held_out.asked(case, 1, ("emcee",)) for case in cases]}
-    low, high = page.band(page.number(found, "emcee"), 16)
-    covered = page.held(found, "emcee")
-    assert page.number(found, "emcee") >= 38
+    low, high = counted.band(counted.number(found, "emcee"), 16)
+    covered = counted.held(found, "emcee")
+    assert counted.number(found, "emcee") >= 38
     assert ((covered >= low) & (covered <= high)).all(), covered
