@@ -15,6 +15,7 @@ from workbench.course.words import cut, in_words, kind
 from workbench.errors import Unsolved
 
 Function = Callable[..., Any]
+Call = tuple[tuple[Any, ...], Any]  # arguments, and what came
 
 
 @dataclass
@@ -27,7 +28,7 @@ class Witness:
 
     answer: Function
     solution: Function
-    heard: list[tuple[tuple[Any, ...], Any]] = field(default_factory=list)
+    heard: list[Call] = field(default_factory=list)
 
     def __call__(self, *arguments: Any) -> Any:
         """Raises Unsolved or Missed."""
@@ -87,17 +88,18 @@ def _failed(check: Check, missed: Missed) -> Mark:
     )  # fmt: skip
 
 
-def _likeliest(
-    mistakes: list[Mistake],
-    heard: list[tuple[tuple[Any, ...], Any]],
-    part: list[tuple[tuple[Any, ...], Any]],
-) -> str:
-    """The hint of the first mistake that answers alike throughout, or else in this check."""
-    for calls in (heard, part):
-        for one in mistakes:
-            if calls and all(same(came, outcome(one.answer, given)) for given, came in calls):
-                return one.hint
-    return ""
+def _likeliest(mistakes: list[Mistake], heard: list[Call], part: list[Call]) -> str:
+    """The hint of the first mistake that answers alike throughout, or else of the only one that
+    does in this check.
+    """
+    throughout = [one for one in mistakes if _explains(one, heard)]
+    here = [one for one in mistakes if _explains(one, part)]
+    found = throughout or (here if len(here) == 1 else [])
+    return found[0].hint if found else ""
+
+
+def _explains(one: Mistake, calls: list[Call]) -> bool:
+    return bool(calls) and all(same(came, outcome(one.answer, given)) for given, came in calls)
 
 
 def _not_it(exercise: str, answer: Any, solution: Function) -> Missed | None:
