@@ -98,4 +98,3 @@ def test_the_site_is_whole(tmp_path: Path) -> None:
             assert (site / there).exists(), f"{name} points to {target}"
             if parts.fragment and there in pages:
                 assert unquote(parts.fragment) in pages[there].names, f"{name}: {target}"
-    assert write_site(site).is_file()  # once more, in its own place
