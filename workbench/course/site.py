@@ -13,6 +13,7 @@ from workbench.errors import BadFile
 
 STYLE = Path(__file__).with_name("site.css")
 NEEDED = ("sphinx", "myst_nb", "sphinx-mathjax-offline")  # beside those of notebooks
+PAGES = ("GUIDE", "AUTHORS")  # beside the lectures
 LIGHT, DARK = "default", "github-dark"  # of code, by Pygments' names
 MADE_BY_US = "searchindex.js"  # a folder with it is a site, which may be made anew
 
@@ -43,8 +44,8 @@ def write_site(folder: str | Path, tell: Tell = lambda said: None) -> Path:
             tell(f"running lecture {one.number}, {one.title}")
             _add(one, pages, files, Path(scratch))
         (pages / "index.md").write_text(_index(there), encoding="utf-8")
-        for name, page in (("GUIDE.md", "guide.md"), ("AUTHORS.md", "authors.md")):
-            shutil.copy(root() / name, pages / page)
+        for page in PAGES:
+            shutil.copy(root() / f"{page}.md", pages)
         (static / "course.css").write_text(_style(), encoding="utf-8")
         tell("writing pages")
         _build(pages, files, static, out, Path(scratch) / "doctrees")
@@ -77,13 +78,13 @@ def _index(there: list[Lecture]) -> str:
         else f"| {one.number} | {one.title} (to come) | | |"
         for one in course()
     ]
-    names = "\n".join(one.folder_name for one in there)
+    names = [one.folder_name for one in there]
     return (
         "# Body models, from a function to a posterior\n\n"
         "A course on the workbench: every figure and number on these pages was computed when they "
         "were made, by code that stands beside it.\n\n"
         "| | lecture | minutes | points |\n| --- | --- | --- | --- |\n" + "\n".join(rows) + "\n\n"
-        "```{toctree}\n:hidden:\n\n" + names + "\nguide\nauthors\n```\n"
+        "```{toctree}\n:hidden:\n\n" + "\n".join((*names, *PAGES)) + "\n```\n"
     )
 
 
@@ -117,7 +118,7 @@ def _build(pages: Path, files: Path, static: Path, out: Path, doctrees: Path) ->
         "html_use_index": False,
         "html_domain_indices": False,
         "pygments_style": LIGHT,
-        "suppress_warnings": ["myst.xref_missing", "myst.header"],
+        "suppress_warnings": ["myst.header"],  # lectures need not go down level by level
     }
     sphinx, namespaces = tool("sphinx.application"), tool("sphinx.util.docutils")
     try:
