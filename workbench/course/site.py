@@ -1,8 +1,10 @@
 """The course as a static site: the executed notebooks, by Sphinx and MyST-NB, with no network."""
 
 import shutil
+import warnings
 from collections.abc import Callable
 from importlib.util import find_spec
+from io import StringIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -98,8 +100,6 @@ def _style() -> str:
 
 
 def _build(pages: Path, files: Path, static: Path, out: Path, doctrees: Path) -> None:
-    from io import StringIO
-
     said = StringIO()
     settings: dict[str, Any] = {
         "project": "Body models",
@@ -122,7 +122,14 @@ def _build(pages: Path, files: Path, static: Path, out: Path, doctrees: Path) ->
     }
     sphinx, namespaces = tool("sphinx.application"), tool("sphinx.util.docutils")
     try:
-        with namespaces.patch_docutils(), namespaces.docutils_namespace():
+        with (
+            warnings.catch_warnings(),
+            namespaces.patch_docutils(),
+            namespaces.docutils_namespace(),
+        ):
+            # what the libraries have to say to each other about their next versions
+            warnings.simplefilter("ignore", DeprecationWarning)
+            warnings.simplefilter("ignore", PendingDeprecationWarning)
             app = sphinx.Sphinx(
                 pages, None, out, doctrees, "html", settings, status=None, warning=said
             )
