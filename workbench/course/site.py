@@ -16,6 +16,7 @@ from workbench.errors import BadFile
 STYLE = Path(__file__).with_name("site.css")
 NEEDED = ("sphinx", "myst_nb", "sphinx-mathjax-offline")  # beside those of notebooks
 PAGES = ("GUIDE", "AUTHORS")  # beside the lectures
+TABLE = "<!-- the outline -->"  # where a page has it
 LIGHT, DARK = "default", "github-dark"  # of code, by Pygments' names
 MADE_BY_US = "searchindex.js"  # a folder with it is a site, which may be made anew
 
@@ -47,7 +48,8 @@ def write_site(folder: str | Path, tell: Tell = lambda said: None) -> Path:
             _add(one, pages, files, Path(scratch))
         (pages / "index.md").write_text(_index(there), encoding="utf-8")
         for page in PAGES:
-            shutil.copy(root() / f"{page}.md", pages)
+            text = (root() / f"{page}.md").read_text(encoding="utf-8")
+            (pages / f"{page}.md").write_text(text.replace(TABLE, _table()), encoding="utf-8")
         (static / "course.css").write_text(_style(), encoding="utf-8")
         tell("writing pages")
         _build(pages, files, static, out, Path(scratch) / "doctrees")
@@ -88,6 +90,17 @@ def _index(there: list[Lecture]) -> str:
         "| | lecture | minutes | points |\n| --- | --- | --- | --- |\n" + "\n".join(rows) + "\n\n"
         "```{toctree}\n:hidden:\n\n" + "\n".join((*names, *PAGES)) + "\n```\n"
     )
+
+
+def _table() -> str:
+    """What each lecture assumes and teaches, and how long it takes."""
+    rows = [
+        f"| {one.number} | {one.title}{'' if one.there else ' (to come)'} | {one.minutes} "
+        f"| {one.assumes} | {one.teaches} |"
+        for one in course()
+    ]
+    head = "| | lecture | minutes | assumes | teaches |\n| --- | --- | --- | --- | --- |"
+    return "\n".join((head, *rows))
 
 
 def _style() -> str:
