@@ -90,6 +90,14 @@ def columns_swapped(x):
     return solutions.jacobian(x)[:, ::-1]
 
 
+TRANSPOSED = "this is the transpose: a row belongs to a residual, a column to an unknown"
+
+
+@mistake("jacobian", TRANSPOSED)
+def jacobian_transposed(x):
+    return solutions.jacobian(x).T
+
+
 # gradient
 
 
@@ -148,20 +156,62 @@ def has_its_shape_and_sign(numeric_jacobian):
         equal(numeric_jacobian(wavy, x), wavy_jacobian(x), f"the Jacobian at x = {x}", 1e-4)
 
 
+def bent(x):
+    """Near its lowest point: differences from both sides are exact there, from one they are not."""
+    return np.array([x[0] ** 2 + x[0] * x[1], x[1] ** 2, x[2] ** 2 - x[0] * x[2], x[1] * x[2]])
+
+
+def bent_jacobian(x):
+    return np.array([
+        [2 * x[0] + x[1], x[0], 0], [0, 2 * x[1], 0], [-x[2], 0, 2 * x[2] - x[0]],
+        [0, x[2], x[1]],
+    ])  # fmt: skip
+
+
 @check("numeric_jacobian", points=1)
 def is_good_to_eight_digits(numeric_jacobian):
     """it is right to 1e-8"""
+    x = np.array([0.004, -0.003, 0.002])
+    equal(numeric_jacobian(bent, x), bent_jacobian(x), f"the Jacobian of a parabola at {x}", 1e-8)
     for x in (np.array([0.4, -1.1, 0.9]), np.array([1.0, 0.5, -0.3])):
         equal(numeric_jacobian(wavy, x), wavy_jacobian(x), f"the Jacobian at x = {x}", 1e-8)
 
 
-@mistake(
+def from_one_side(h):
+    def answer(f, x):
+        return np.column_stack([(f(x + h * one) - f(x)) / h for one in np.eye(len(x))])
+
+    return answer
+
+
+def from_both_sides(h):
+    def answer(f, x):
+        ways = [(f(x + h * one) - f(x - h * one)) / (2 * h) for one in np.eye(len(x))]
+        return np.column_stack(ways)
+
+    return answer
+
+
+one_sided = mistake(
     "numeric_jacobian",
     "one-sided differences are off by h times the curvature: take f(x + h) - f(x - h), over 2 h",
 )
-def one_sided(f, x):
-    h = 1e-6
-    return np.column_stack([(f(x + h * one) - f(x)) / h for one in np.eye(len(x))])
+one_sided_by_1e4, one_sided_by_1e5 = one_sided(from_one_side(1e-4)), one_sided(from_one_side(1e-5))
+one_sided_by_1e6, one_sided_by_1e7 = one_sided(from_one_side(1e-6)), one_sided(from_one_side(1e-7))
+one_sided_by_1e8, one_sided_by_root = (
+    one_sided(from_one_side(1e-8)), one_sided(from_one_side(np.sqrt(np.finfo(float).eps)))
+)  # fmt: skip
+
+too_long = mistake(
+    "numeric_jacobian",
+    "this h is too long: the error of differences from both sides grows with h^2. Try 1e-5",
+)
+too_long_by_1e2, too_long_by_1e3 = too_long(from_both_sides(1e-2)), too_long(from_both_sides(1e-3))
+
+
+@mistake("numeric_jacobian", TRANSPOSED)
+def numeric_jacobian_transposed(f, x):
+    return solutions.numeric_jacobian(f, x).T
 
 
 @mistake("numeric_jacobian", "the two points are 2 h apart: divide by 2 h")
@@ -174,8 +224,7 @@ def over_h(f, x):
     "this h is too short: f(x + h) and f(x - h) agree in most digits, and rounding is divided by h",
 )
 def with_too_short_a_step(f, x):
-    h = 1e-11
-    return np.column_stack([(f(x + h * one) - f(x - h * one)) / (2 * h) for one in np.eye(len(x))])
+    return from_both_sides(1e-11)(f, x)
 
 
 @mistake("numeric_jacobian", "the step went backwards: f(x - h) - f(x + h) has the other sign")
@@ -235,10 +284,12 @@ def by_the_normal_equations(e, J):
 
 @check("left_out", points=1)
 def is_the_law_at_the_best_angle(left_out):
-    """at the best angle it is rho / l - 1"""
+    """at the best angle it is rho / UPPER - 1"""
     for share in (0.5, 1.0, 1.5, 2.5):
         seen = share * UPPER * np.array([np.cos(0.7), np.sin(0.7)])
-        equal(left_out(np.array([0.7]), seen), share - 1, f"what is left out, for rho = {share} l")
+        equal(
+            left_out(np.array([0.7]), seen), share - 1, f"what is left out, for rho = {share} UPPER"
+        )
 
 
 @check("left_out", points=1)
@@ -257,6 +308,14 @@ def with_the_other_curvature(x, seen):
 @mistake("left_out", "J'J is the square of the bone's length; this is divided by its length")
 def over_the_length(x, seen):
     return solutions.left_out(x, seen) * UPPER
+
+
+@mistake(
+    "left_out",
+    "rho / UPPER - 1 holds at the best angle only; elsewhere the angle between bone and point counts",
+)
+def the_law_everywhere(x, seen):
+    return np.linalg.norm(seen) / UPPER - 1
 
 
 @mistake("left_out", "this is the whole Hessian over J'J; the part that was kept is 1 of it")
@@ -299,7 +358,9 @@ NOISE = np.array([0.02, -0.01, 0.03, -0.02, 0.01, 0.0, -0.02, 0.01])
 def ends(fit, f, J, start, what):
     x = fit(f, J, np.array(start))
     slope = np.abs(2 * J(x).T @ f(x)).max()
-    holds(slope < 1e-6, f"the gradient at the end, {what}", "below 1e-6", f"{slope:.1e}")
+    holds(slope < 1e-6, f"the gradient at the end, {what}",
+          "below 1e-6, where steepest descent takes too long to come: linearize and solve, and "
+          "halve what does not help", f"{slope:.1e}")  # fmt: skip
     at_start, at_end = np.sum(f(np.array(start)) ** 2), np.sum(f(x) ** 2)
     holds(at_end <= at_start, f"the sum of squares, {what}", f"below the start's {at_start:.4g}",
           f"{at_end:.4g}")  # fmt: skip
@@ -327,15 +388,24 @@ def one_step(f, J, x):
     return x + solutions.gauss_newton_step(f(x), J(x))
 
 
-@mistake(
+def descended(s, n):
+    def answer(f, J, x):
+        for _ in range(n):
+            x = x - s * 2 * J(x).T @ f(x)
+        return x
+
+    return answer
+
+
+descent = mistake(
     "fit",
-    "this is a fixed number of steps of steepest descent: it creeps along valleys. Take the "
-    "Gauss-Newton step",
+    "these are steps of steepest descent of a fixed length: short ones creep along valleys, long "
+    "ones leap out of them to NaN. Take the Gauss-Newton step",
 )
-def steepest_descent(f, J, x):
-    for _ in range(100):
-        x = x - 1e-3 * 2 * J(x).T @ f(x)
-    return x
+descent_short, descent_longer = descent(descended(1e-3, 100)), descent(descended(1e-2, 100))
+descent_long, descent_creeping = descent(descended(0.1, 100)), descent(descended(1e-3, 1000))
+descent_on_and_on, descent_off = descent(descended(1e-2, 1000)), descent(descended(0.1, 1000))
+descent_half, descent_half_on = descent(descended(5e-3, 1000)), descent(descended(0.05, 1000))
 
 
 @mistake(

@@ -105,6 +105,21 @@ def of_the_thin_svd(J):
     return Vt[solutions.rank(J) :].T
 
 
+@mistake(
+    "null_space",
+    "svd gives min(m, n) values, but V has n rows: a mask of the values is too short for a wide J. "
+    "Take the rows from the rank on",
+)
+def by_a_mask_of_the_values(J):
+    _, s, Vt = np.linalg.svd(J, full_matrices=True)
+    return Vt[s < 1e-10 * s.max()].T
+
+
+@mistake("null_space", "these are rows: the transpose has a direction in every column")
+def as_rows(J):
+    return solutions.null_space(J).T
+
+
 @mistake("null_space", "every column but its length: they have to have length 1")
 def not_of_length_one(J):
     return 2 * solutions.null_space(J)
@@ -144,6 +159,17 @@ def of_the_parent_alone(parents):
     for i, parent in enumerate(parents):
         if parent >= 0:
             pattern[i, parent] = 1
+    return pattern
+
+
+@mistake(
+    "depends",
+    "all ancestors, not the parent alone; and the root's parent, -1, indexes the last joint",
+)
+def of_the_parent_and_the_last(parents):
+    pattern = np.zeros((len(parents), len(parents)), dtype=int)
+    for i, parent in enumerate(parents):
+        pattern[i, parent] = 1
     return pattern
 
 
@@ -226,6 +252,15 @@ def by_the_pseudo_inverse(J):
     return np.sqrt(np.diag(P @ P.T))
 
 
+@mistake(
+    "sigmas",
+    "J'J has no inverse where a direction is not seen, and that is the point: look at the singular "
+    "values first, and answer infinity there",
+)
+def by_the_inverse(J):
+    return np.sqrt(np.diag(np.linalg.inv(J.T @ J)))
+
+
 @mistake("sigmas", "not all are infinite: an unknown that no null direction touches is known")
 def all_of_them(J):
     return solutions.sigmas(J) if solutions.rank(J) == J.shape[1] else np.full(J.shape[1], np.inf)
@@ -266,7 +301,9 @@ def none():
 
 
 @mistake(
-    "markers", "those are too many: a marker off the bone tells a twist, so one a bone goes far"
+    "markers",
+    "those are too many: 32 directions are left and a vertex tells at most 3, so 11 may do, if each is "
+    "chosen for what the others do not tell; 24 leave room",
 )
 def all_vertices():
     return list(range(369))

@@ -92,3 +92,18 @@ def test_a_wrong_answer_is_told_why(workbench: Run) -> None:
     code, _, err = workbench("lecture", "check", "6")
     assert code == 2
     assert "there is no file" in err
+
+
+def test_every_failed_line_has_a_reason_and_no_line_is_blank(workbench: Run) -> None:
+    Path("lec06_least_squares.py").write_text(
+        "import numpy as np\n"
+        "def jacobian(x):\n    return np.zeros((2, 4))\n"
+        "def gradient(e, J):\n    return e @ J\n"
+    )
+    code, out, _ = workbench("lecture", "check", "6")
+    assert code == 1
+    assert "not reached: see above" in out
+    lines = out.rstrip().splitlines()
+    assert all(line.strip() for line in lines)
+    failed = [i for i, line in enumerate(lines) if line.startswith("  failed")]
+    assert all(lines[i + 1].startswith("      ") for i in failed)

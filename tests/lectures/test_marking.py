@@ -3,10 +3,15 @@
 import os
 import time
 from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any, cast
 
+import numpy as np
 import pytest
 
-from workbench.course.marks import Marked, State
+from workbench.course.checks import Missed, equal
+from workbench.course.marking import mark
+from workbench.course.marks import Mark, Marked, State
 from workbench.course.outline import lecture
 from workbench.course.starting import start
 from workbench.course.supervision import marked
@@ -43,6 +48,61 @@ def mean_rotation(rotations):
 
 def said(found: Marked, exercise: str) -> str:
     return " ".join(f"{m.what} {m.expected} {m.came}" for m in found.exercises[exercise])
+
+
+def marks_of(number: int, **answer: Any) -> list[Mark]:
+    (name,) = answer
+    return mark(lecture(number), name, cast(ModuleType, SimpleNamespace(**answer)))
+
+
+def test_what_prints_alike_is_told_by_how_far_it_is_off() -> None:
+    off = np.eye(3)
+    off[1, 2] = 5e-9
+    with pytest.raises(Missed) as small:
+        equal(off, np.eye(3), "it", 1e-12)
+    assert "off by up to 5e-09 at entry [1, 2], allowed 1e-12" in small.value.came
+    with pytest.raises(Missed) as large:
+        equal(off + 1, np.eye(3), "it", 1e-12)
+    assert "off by" not in large.value.came
+    with pytest.raises(Missed) as number:
+        equal(1 + 1e-8, 1, "it")
+    assert "off by up to 1e-08, allowed 1e-09" in number.value.came
+
+
+def test_what_is_no_rotation_is_not_compared_with_rotations() -> None:
+    near = [m for m in marks_of(2, nearest_rotation=lambda M: M) if "nearer" in m.check]
+    mean = [m for m in marks_of(2, mean_rotation=lambda rotations: rotations.mean(0))]
+    for one in (*near, mean[1]):
+        assert one.state is State.FAILED
+        assert "not a rotation" in one.what
+        assert "det R = " in one.came
+
+
+def test_nan_has_its_own_hint_also_beside_another_mistake() -> None:
+    def misprinted(w):
+        t = np.linalg.norm(w)
+        n = np.cross(np.eye(3), w / t)
+        return np.eye(3) + np.sin(t) * n + np.cos(t) * n @ n
+
+    lengths, turns, zero = marks_of(2, rodrigues=misprinted)
+    assert "1 - cos t" in lengths.hint
+    assert "1 - cos t" in turns.hint
+    assert "nan" in zero.came
+    assert "divides 0 by 0" in zero.hint
+
+
+@pytest.mark.parametrize(
+    ("h", "sides", "told"),
+    [(1e-3, 2, "too long"), (7e-4, 2, "too long"), (1e-6, 1, "one-sided"), (1e-7, 1, "one-sided")],
+)
+def test_a_step_that_is_too_long_is_told_from_a_one_sided_one(h, sides, told) -> None:
+    def quotient(f, x):
+        back = h if sides == 2 else 0
+        return np.transpose([(f(x + h * d) - f(x - back * d)) / (h + back) for d in np.eye(3)])
+
+    _, good = marks_of(6, numeric_jacobian=quotient)
+    assert good.state is State.FAILED
+    assert told in good.hint
 
 
 def test_whatever_one_answer_does_the_others_are_marked(tmp_path: Path) -> None:

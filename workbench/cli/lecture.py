@@ -175,8 +175,11 @@ def _print(console: Console, found: Marked) -> None:
         told: list[str] = []
         for mark in [] if found.trouble else marks:
             table.add_row(_state(mark), escape(mark.check), f"[dim]{mark.points}/{mark.of}[/]")
-            if told != (told := _lines(mark)):  # once, if all checks meet with the same
-                table.add_row("", "\n".join(told))
+            lines = _lines(mark)
+            if lines:  # once, if all checks meet with the same
+                again = "[dim]not reached: see above[/]"
+                table.add_row("", again if lines == told else "\n".join(lines))
+            told = lines
         if printed := found.printed.get(name):
             table.add_row("[dim]  printed[/]", f"[dim]{escape(printed)}[/]")
     console.print(table, highlight=False)

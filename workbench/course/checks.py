@@ -75,11 +75,15 @@ def equal(came: ArrayLike, expected: ArrayLike, what: str, within: float = 1e-9)
     off = np.abs(a - b) / np.maximum(1, np.abs(b))
     if (off <= within).all():
         return
+    worst = np.unravel_index(np.argmax(np.where(np.isnan(off), np.inf, off)), b.shape)
+    entry = f" at entry [{', '.join(map(str, worst))}]" if b.ndim else ""
     if b.size > 16:
-        worst = np.unravel_index(np.argmax(np.where(np.isnan(off), np.inf, off)), b.shape)
-        what += f", at [{', '.join(map(str, worst))}]"
-        a, b = a[worst], b[worst]
-    raise Missed(what, in_words(b), in_words(a))
+        what += f",{entry}"
+        a, b, entry = a[worst], b[worst], ""
+    told, wanted = in_words(a), in_words(b)
+    if told == wanted:  # as printed: then the digits that are not are what matters
+        told += f"\noff by up to {off[worst]:.1g}{entry}, allowed {within:.1g}"
+    raise Missed(what, wanted, told)
 
 
 def holds(condition: object, what: str, expected: str = "", came: object = "") -> None:
