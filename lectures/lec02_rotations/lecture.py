@@ -309,9 +309,9 @@ Picture(
 # %% [markdown]
 # At $t = 2\pi$ every axis gives the same rotation, the identity, so no change of the axis is felt.
 # A fit that has wandered there sees a Jacobian of rank 1 and gets stuck, and nothing in its data is
-# to blame. The way out: $w$ and $w\,(1 - 2\pi/t)$ are the same rotation, and one of them is at most
-# half a turn long. The workbench's solvers replace the longer by the shorter between two
-# iterations.
+# to blame. The way out: $w$ and $w\,(1 - 2\pi/t)$ are the same rotation, and for $t$ up to $3\pi$ one
+# of them is at most half a turn long; from a longer $w$ as many whole turns as needed are taken off.
+# The workbench's solvers replace the longer by the shorter between two iterations.
 #
 # ## How far apart are two rotations?
 #

@@ -20,8 +20,9 @@ from workbench.problem.steps import cholesky
 # %% [markdown]
 # ## How wrong is a guess?
 #
-# The unknowns are $x = (a, b)$, the angle of the shoulder and that of the elbow. The model says
-# where the joints are; the **residual** is what it says minus what was seen:
+# The unknowns are $x = (a, b)$, the angle of the shoulder and that of the elbow. The upper bone is
+# $u = 0.30$ m long, the forearm $l = 0.25$ m. The model $m(x)$ says where elbow and wrist are, $y$ is
+# where they were seen; the **residual** is the one minus the other:
 #
 # $$
 # m(x) = \begin{pmatrix} u \cos a \\ u \sin a \\ u \cos a + l \cos(a + b) \\ u \sin a + l \sin(a + b)
@@ -95,8 +96,9 @@ print("J'e as printed, over it", printed / slope)
 # %% [markdown]
 # Half of the gradient still points downhill, so a method that only asks for a direction notices
 # nothing. The lie comes out as soon as a second term is added, whose derivative is right. Say that
-# we also believe that the elbow is bent by about 0.2 rad, and add $w\,(b - 0.2)^2$. At the minimum
-# the whole gradient is zero; with one half of it halved, something else is zero:
+# we also believe that the elbow is bent by about 0.2 rad, and add $w\,(b - 0.2)^2$ with
+# $w = 0.02$ m²/rad². At the minimum the whole gradient is zero; with only one of its two terms
+# halved, something else is zero:
 
 # %%
 w = 0.02  # m^2/rad^2
@@ -113,9 +115,7 @@ for factor in (2, 1):
         return factor * jacobian(x).T @ residual(x) + 2 * w * np.array([0, x[1] - 0.2])
 
     x = scipy.optimize.root(whole, truth).x
-    print(
-        f"{factor} J'e: elbow at {x[1]:.3f} rad, F and belief together {1e3 * both(x):.3f} 10^-3 m^2"
-    )
+    print(f"{factor} J'e: elbow at {x[1]:.3f} rad, F and belief together {both(x):.6f} m^2")
 
 # %% [markdown]
 # The lost factor has doubled the weight of the belief, without a word, and the answer is off by
@@ -149,18 +149,26 @@ for s, costs in fallen.items():
 with house_style():
     figure, (ax,) = sheet(7.5, 3.8)
     for (s, costs), dash in zip(fallen.items(), ("-", "--", "-.", ":"), strict=True):
-        ax.semilogy(np.maximum(costs, 1e-32), dash, label=f"s = {s}")
+        ax.semilogy(np.maximum(costs, 1e-32), dash, label=f"s = {s} rad²/m²")
     ax.set(xlabel="step", ylabel="F (m²)")
     ax.legend()
 Picture(
     figure,
-    "The sum of squares along steepest descent. Too short a step creeps, too long a one jumps about "
-    "for ever, and nothing in the gradient says which is which.",
+    "The sum of squares along steepest descent. Too short a step (0.2) creeps; one that is a little too "
+    "long (2.8) never settles, a longer one (4.5) leaps about; and nothing in the gradient says "
+    "which is which.",
 )
 
 # %% [markdown]
-# (The border is at 2 over the largest eigenvalue of the second derivatives of $F$, here 2.50. But to
-# know that, one has to have been at the minimum.)
+# The border is at 2 over the largest eigenvalue of the second derivatives of $F$. At the truth, where
+# the residual is zero, they are $2 J^\top J$ (we shall see why):
+
+# %%
+largest = np.linalg.eigvalsh(2 * jacobian(truth).T @ jacobian(truth)).max()
+print(f"the longest step that settles at the truth: s = {2 / largest:.2f} rad^2/m^2")
+
+# %% [markdown]
+# But to know that, one has to have been at the minimum.
 #
 # A gradient is a direction and not a step. Its unit gives it away: $\nabla F$ is in m²/rad, and we
 # add it to angles in rad, so $s$ has to be in rad²/m². Had we counted the elbow in degrees, the same
@@ -196,10 +204,11 @@ for k, x in enumerate(way):
     print(f"step {k}: x = {x}, off by {np.abs(x - truth).max():.0e}")
 
 # %% [markdown]
-# Eight steps for what sixty of the others did not do, and the last ones double the number of right
+# Five steps for what sixty of the others did not do, and the last ones double the number of right
 # digits each time. In the workbench this step is a method of a `Linearization`, a residual and a
-# Jacobian at a point; `damping` belongs to the next lecture. Below it is the normal equations, as
-# the library solves them where they keep enough digits: made free of units first, by Cholesky.
+# Jacobian at a point; `damping` belongs to the next lecture. `steps.automatic` solves for it in one of two ways.
+# The one below it is the normal equations, made free of units first, by Cholesky: they are taken where
+# the condition of the scaled $J$ is below `CHOLESKY_UP_TO`, so that enough digits are left.
 
 # %%
 source(wb.Linearization.step)
@@ -237,10 +246,11 @@ for name, found in (("normal equations", np.linalg.solve(J.T @ J, J.T @ (J @ p))
 # $$ \tfrac12 \nabla^2 F = J^\top J + \sum_i e_i \nabla^2 e_i , $$
 #
 # and Gauss and Newton left out the sum. At the truth all $e_i$ are zero and nothing is missing:
-# hence the doubling of digits. What if the data do not fit? Take one bone of length $l$ and one
-# point that was seen at a distance $\rho$ from the shoulder. If $\rho \neq l$, no angle makes the
-# residual zero; the best one points at what was seen. CasADi has exact second derivatives, so we can
-# look at both parts:
+# hence the doubling of digits. What if the data do not fit? Take the upper bone alone, its
+# length $u = 0.30$ m, and one point that was seen at a distance $\rho$ from the shoulder. If
+# $\rho \neq u$, no angle makes the residual zero; the best one points at what was seen. CasADi, the
+# library that the workbench writes its formulas in, has exact second derivatives (of a function of
+# several variables they are a matrix, its **Hessian**), so we can look at both parts:
 
 # %%
 a = wb.Block("a", (), "rad")
@@ -249,20 +259,22 @@ bone = cs.vertcat(cs.cos(a.symbol), cs.sin(a.symbol)) * UPPER
 one_bone = wb.Problem(
     [wb.Residual("tip", bone - target.symbol, sigma=1.0, unit="m")], ["a"], blocks=[a, target]
 )
-for share in (1.0, 1.5, 2.5):
+for share in (0.5, 1.0, 1.5, 2.5):
     at = {"a": 0.0, "target": [share * UPPER, 0.0]}  # the best angle is 0
     normal = one_bone.linearize(at).normal
     H = one_bone.hessian_at(*one_bone.split(at))
-    print(f"rho = {share} l: J'J = {normal.item():.3f}, left out {(H - normal).item():+.3f} m^2")
+    print(f"rho = {share} u: J'J = {normal.item():.3f}, left out {(H - normal).item():+.3f} m^2")
 
 # %% [markdown]
 # With $\delta$ the error of the angle, the Gauss-Newton step of this bone is
-# $p = -(\rho / l) \sin \delta$, so the error after it is
+# $p = -(\rho / u) \sin \delta$, so the error after it is
 #
-# $$ \delta' = \delta - \frac{\rho}{l} \sin \delta \approx \left(1 - \frac{\rho}{l}\right) \delta . $$
+# $$ \delta' = \delta - \frac{\rho}{u} \sin \delta \approx \left(1 - \frac{\rho}{u}\right) \delta . $$
 #
-# Each step multiplies the error by $|1 - \rho/l|$: the part that was left out over the part that was
-# kept. At $\rho = l$ that is zero. And at $\rho > 2 l$ it is more than one.
+# Each step multiplies the error by $|1 - \rho/u|$: the part that was left out (negative where the
+# point is nearer than the bone is long) over the part that was kept. At $\rho = u$ that is zero, and
+# what remains, $\delta - \sin \delta \approx \delta^3 / 6$, **triples** the digits. And at
+# $\rho > 2 u$ it is more than one.
 
 
 # %%
@@ -282,40 +294,51 @@ shares = (1.0, 1.2, 0.5, 1.9, 2.2)
 found = {share: errors(share) for share in shares} | {2.2: errors(2.2, angle=0.01)}
 for share in shares[1:4]:
     off = found[share]
-    print(f"rho = {share} l: factor {off[-1] / off[-2]:.3f}, the law says {abs(1 - share):.3f}")
+    print(f"rho = {share} u: factor {off[-1] / off[-2]:.3f}, the law says {abs(1 - share):.3f}"
+          f" (the error by then: {off[-1]:.0e} rad)")  # fmt: skip
 
 with house_style():
     figure, (ax,) = sheet(7.5, 3.8)
     for (share, off), mark in zip(found.items(), "osD^v", strict=True):
-        ax.semilogy(np.maximum(off, 1e-18), f"{mark}-", ms=4, label=f"ρ = {share} l")
+        ax.semilogy(np.maximum(off, 1e-17), f"{mark}-", ms=4, label=f"ρ = {share} u")
     ax.set(xlabel="step", ylabel="error of the angle (rad)", ylim=(1e-18, 10))
     ax.legend(loc="center right", bbox_to_anchor=(1, 0.25))
 Picture(
     figure,
-    "Gauss-Newton on one bone. Where the point can be met (ρ = l) digits multiply; where it cannot, "
-    "each step multiplies the error by |1 - ρ/l|; beyond 2 l the steps lead away, however near they "
-    "began. Below 1e-18 is drawn at 1e-18.",
+    "Gauss-Newton on one bone. Where the point can be met (ρ = u) each step triples the right digits; "
+    "where it cannot, it multiplies the error by |1 - ρ/u|; beyond 2 u the steps lead away, however "
+    "near they began (that line starts at 0.01 rad, the others at 0.5 rad). Below 1e-17 is drawn at "
+    "1e-17.",
 )
 
 # %% [markdown]
-# So full steps can lead away, and from a point as near as you like. The direction is still downhill;
-# only the length is wrong, and this time we can tell, since $J^\top J$ promises how far the cost
-# will fall. The library's `GaussNewton` halves the step until a fair share of the promise is kept;
-# lecture 7 has a better answer.
+# (At 1.9 u the law is not yet met: it is one of small errors, and after 12 steps the error is not
+# small.) So full steps can lead away, and from a point as near as you like. The direction is still
+# downhill; only the length is wrong, and this time we can tell. If the residual were linear, the step
+# would lower $F$ from $\|e\|^2$ to $\|e + J p\|^2$: that is a promise, and $\|e\|^2 - \|e(x + p)\|^2$ is
+# what was kept of it. The library's `GaussNewton` halves the step until a fair share is kept; lecture 7
+# has a better answer. Here is the bone with $\rho = 2.2\, u$, from $a = 0.5$ rad; the best angle is 0.
 
 # %%
 far = {"a": np.array(0.5), "target": np.array([2.2 * UPPER, 0.0])}
 for name in ("gauss-newton-full", "gauss-newton"):
     solution = wb.solve(one_bone, far, wb.SOLVERS[name])
     print(f"{name:17}: {solution.status.name:14} after {solution.iterations:3} iterations, "
-          f"a = {float(solution.values['a']):+.6f} rad")  # fmt: skip
+          f"the last at a = {float(solution.trace[-1].values['a']):+.3f} rad, "
+          f"handed back a = {float(solution.values['a']):+.3f} rad")  # fmt: skip
+
+# %% [markdown]
+# Full steps go to and fro, and none of them was better than the start. A solver of the workbench
+# hands back the best point that it saw, so here that is the start itself; the status says that it did
+# not converge.
 
 # %% [markdown]
 # ## The same on a body
 #
 # Nothing above knew of arms. Here is a whole body: 72 numbers of the pose and 3 of its place, fitted
 # to 369 vertices that we made up, so that the answer is known. `Problem` builds $e$ and $J$; the
-# steps are those of above.
+# steps are those of above. In the second line the cost has fallen twentyfold, and yet one number of
+# the pose is further off than at the start: an optimizer sees the residual and not the truth.
 
 # %%
 body = wb.load_body("small")
@@ -332,7 +355,8 @@ solution = wb.solve(problem, given, wb.GaussNewton())
 for iterate in solution.trace:
     off = np.abs(iterate.values["pose"] - bent["pose"]).max()
     print(
-        f"cost {iterate.cost:10.3e}, pose off by {off:.0e} rad, by {iterate.linear_algebra or '-'}"
+        f"cost {iterate.cost:10.3e}, pose off by up to {off:.0e} rad, "
+        + (f"step by {iterate.linear_algebra}" if iterate.linear_algebra else "the start")
     )
 J = problem.linearize(given).jacobian
 print("the Jacobian is", J.shape)
@@ -343,5 +367,5 @@ print("the Jacobian is", J.shape)
 # - Write residuals, not costs: each knows how it changes, and that is the Jacobian.
 # - $\nabla(e^\top e) = 2 J^\top e$. With the cost $\tfrac12 e^\top e$ the factor is gone.
 # - A gradient has no length. $J^\top J\, p = -J^\top e$ has, in the unit of the unknowns.
-# - Gauss-Newton is quick where the data can be met. Where they cannot, the error falls by the ratio
-#   of what was left out of the Hessian to what was kept; if that is above one, full steps diverge.
+# - Gauss-Newton is quick where the data can be met. Where they cannot, each step multiplies the error
+#   by the ratio of what was left out of the Hessian to what was kept; above one, full steps diverge.

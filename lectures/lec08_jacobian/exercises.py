@@ -67,7 +67,12 @@ def markers() -> list[int]:
 
     That is: joints and these vertices, as functions of the 72 numbers of the pose, have rank 72 at
     random poses. Which vertices, and how you find them, is up to you: look where the twists are,
-    or let the computer try.
+    or let the computer try. (32 directions are left and a vertex tells at most 3, so 11 at least.)
+
+    `import workbench as wb` and `body = wb.load_body("small")` have what you need: body.joints(pose)
+    (24, 3) m and body.vertices(pose) (369, 3) m for a pose (24, 3) rad, vertices numbered 0 to 368;
+    body.weights (369, 24) says on which joints each of them hangs. For derivatives, the numeric
+    Jacobian of lecture 6 will do: answer with flat arrays, so 72 numbers to 72 + 1107.
 
     -> a list of whole numbers
     """
