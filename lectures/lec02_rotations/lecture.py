@@ -44,7 +44,8 @@ print("lengths of the columns of M:", np.linalg.norm(M, axis=0).round(3))
 print(f"det M = {np.linalg.det(M):.3f}")
 
 # %% [markdown]
-# The markers are met well. But the columns of a rotation have length 1, and its determinant is 1:
+# The noise is 5 mm in each coordinate, so the markers are met well: to less than the noise. (That is
+# no merit. Nine numbers have fitted a part of it.) But the columns of a rotation have length 1, and its determinant is 1:
 # this matrix stretches. Along the forearm, where the markers are far apart, that hardly shows. Look
 # at what it makes of the hand, which is at the end of the same forearm and carries no marker:
 
@@ -63,13 +64,21 @@ def stretch(M):
 
 print("distances in the hand, times: {:.2f} to {:.2f}".format(*stretch(M)[::-1]))
 sigmas = np.array([0.5, 1, 2, 5, 10, 20]) * 1e-3  # m
-spread = []
-for sigma in sigmas:
-    found = [
-        nine_numbers(markers, markers @ truth.T + sigma * rng.standard_normal(markers.shape))
-        for _ in range(200)
-    ]
-    spread.append(np.mean([stretch(one) for one in found], axis=0))
+
+
+def mean_stretch(sigma, n=8, draws=200):
+    """The longest and the shortest, in the mean over draws of n markers and their noise."""
+    found = []
+    for _ in range(draws):
+        x = rng.uniform([-0.02, -0.03, -0.03], [0.24, 0.03, 0.03], size=(n, 3))
+        found.append(nine_numbers(x, x @ truth.T + sigma * rng.standard_normal(x.shape)))
+    return np.mean([stretch(one) for one in found], axis=0)
+
+
+spread = [mean_stretch(sigma) for sigma in sigmas]
+for n in (8, 16, 32):
+    print("{:2} markers, 5 mm of noise: the hand by {:.2f} to {:.2f} in the mean".format(
+        n, *mean_stretch(0.005, n)[::-1]))  # fmt: skip
 
 with house_style():
     figure, (left, right) = sheet(10, 3.8, columns=2)
@@ -80,14 +89,16 @@ with house_style():
     left.set(xlabel="along the forearm (cm)", ylabel="across it (cm)", aspect="equal")
     left.set_ylim(-12, 22)
     left.legend(loc="upper left")
-    right.semilogx(1e3 * sigmas, np.array(spread), "o-")
+    for shown, name, mark in zip(np.transpose(spread), ("longest", "shortest"), "^v", strict=True):
+        right.semilogx(1e3 * sigmas, shown, f"k{mark}-", label=f"{name} of its distances")
     right.axhline(1, color="0.5", lw=0.8)
+    right.legend(loc="upper left")
     right.set(xlabel="noise of the markers (mm)", ylabel="stretch of the hand (share)")
 Picture(
     figure,
-    "Left: the hand as it is, and as nine free numbers have it, both turned back. Right: the longest "
-    "and the shortest that distances in the hand become (means of 200 draws). More noise, more "
-    "stretch.",
+    "Left: the hand as it is, and as nine free numbers have it with 5 mm of noise, both turned back. "
+    "Right: the longest and the shortest that distances in the hand become (means of 200 draws of "
+    "eight markers and their noise). More noise, more stretch.",
 )
 
 # %% [markdown]
@@ -95,8 +106,9 @@ Picture(
 #
 # $$R^\top R = I, \qquad \det R = 1,$$
 #
-# and since $R^\top R$ is symmetric these are **six equations**. Nine minus six leaves three. A
-# rotation is three numbers.
+# and since $R^\top R$ is symmetric the first of these is **six equations**. The second only chooses a
+# sign: from $R^\top R = I$ follows $\det R = \pm 1$. Nine minus six leaves three. A rotation is three
+# numbers.
 #
 # ## Back to a rotation
 #
@@ -118,9 +130,10 @@ print(f"of a mirror, without the sign: det = {np.linalg.det(U @ Vt):+.0f};"
       f" with it: {np.linalg.det(nearest_rotation(mirrored)):+.0f}")  # fmt: skip
 
 # %% [markdown]
-# As a repair this is right, and we shall use it (it is what Procrustes' problem needs). But an
-# optimizer that walks in nine dimensions and is thrown back to a surface of three after every step
-# does not know where it is going. We want three numbers, all of which may be changed freely.
+# As a repair this is right, and we shall use it (the rotation that best carries one set of points to
+# another, Procrustes' problem, is found so). But an optimizer that walks in nine dimensions and is
+# thrown back to a three-dimensional surface after every step does not know where it is going. We want
+# three numbers, all of which may be changed freely.
 #
 # ## Three numbers
 #
@@ -128,19 +141,21 @@ print(f"of a mirror, without the sign: det = {np.linalg.det(U @ Vt):+.0f};"
 # linear in $v$, so it is a matrix times $v$:
 #
 # $$
-# \dot v = w \times v = \hat w v, \qquad
-# \hat w = \begin{pmatrix} 0 & -w_z & w_y \\ w_z & 0 & -w_x \\ -w_y & w_x & 0 \end{pmatrix}.
+# \dot v = w \times v = [w]_\times v, \qquad
+# [w]_\times = \begin{pmatrix} 0 & -w_z & w_y \\ w_z & 0 & -w_x \\ -w_y & w_x & 0 \end{pmatrix}.
 # $$
 #
 # This is a linear differential equation, and after one unit of time its solution is the **matrix
-# exponential**: $v(1) = \exp(\hat w)\, v(0)$ with $\exp(A) = I + A + A^2/2 + A^3/6 + \dots$ So any
+# exponential**: $v(1) = \exp([w]_\times)\, v(0)$ with $\exp(A) = I + A + A^2/2 + A^3/6 + \dots$ So any
 # three numbers $w$ give a rotation, by the angle $t = \|w\|$ about the axis $w / t$. In the pose of
 # SMPL there are 24 of these **rotation vectors**.
 #
-# Nobody sums the series. With $n = w/t$ one finds $\hat n^3 = -\hat n$: powers repeat, and the
-# terms gather to a sine and a cosine. This is **Rodrigues' formula**:
+# Nobody sums the series. With the unit axis $n = w/t$ one finds $[n]_\times^3 = -[n]_\times$: powers
+# repeat, and the terms gather to a sine and a cosine. This is **Rodrigues' formula**:
 #
-# $$ R = I + \sin t\; \hat n + (1 - \cos t)\; \hat n^2 . $$
+# $$ R = I + \sin t\; [n]_\times + (1 - \cos t)\; [n]_\times^2 . $$
+#
+# In the code below, `hat(w)` is $[w]_\times$.
 
 
 # %%
@@ -157,15 +172,17 @@ def textbook(w):
 
 
 w = np.array([0.2, -0.4, 1.1])
-print(f"off the matrix exponential by {np.abs(textbook(w) - scipy.linalg.expm(hat(w))).max():.0e}")
-print(f"w is its own axis: R w - w = {np.abs(textbook(w) @ w - w).max():.0e}")
+print(
+    f"Rodrigues' formula is off the matrix exponential by {np.abs(textbook(w) - scipy.linalg.expm(hat(w))).max():.0e}"
+)
+print(f"w is its own axis: R w - w is at most {np.abs(textbook(w) @ w - w).max():.0e}")
 
 # %% [markdown]
 # ## Two misprints
 #
 # The formula goes wrong easily. Of the sources of this course, a summary of SMPL prints
-# $+\,\hat n^2 \cos t$ where $1 - \cos t$ belongs. A lecture has the cosine right, but writes
-# $\hat w$ where the *unit* axis $\hat n$ belongs. Both look plausible. A test that knows nothing of
+# $+\,[n]_\times^2 \cos t$ where $1 - \cos t$ belongs. A lecture has the cosine right, but writes
+# $[w]_\times$ where the *unit* axis belongs, $[n]_\times$. Both look plausible. A test that knows nothing of
 # the right answer tells: a rotation has $R^\top R = I$.
 
 
@@ -184,7 +201,7 @@ def misprinted_axis(w):
 
 
 axis = np.array([0.6, 0.0, 0.8])
-angles = np.linspace(0.01, 2 * np.pi, 300)
+angles = np.sort([*np.linspace(0.01, 2 * np.pi, 300), 1, np.pi / 3, 5 * np.pi / 3])  # rad
 formulas = {
     "1 - cos t, unit axis": textbook,
     "cos t": misprinted_cosine,
@@ -204,23 +221,29 @@ with house_style():
     figure, (ax,) = sheet(7, 3.6)
     for (name, found), dash in zip(failure.items(), ("-", "--", ":"), strict=True):
         ax.semilogy(angles, np.maximum(found, 1e-17), dash, label=name)
-    ax.set(xlabel="angle t (rad)", ylabel="|R'R - I|", ylim=(1e-17, 1e3))
-    ax.legend(loc="center right")
+    for at in (1, np.pi / 3, 5 * np.pi / 3):
+        ax.axvline(at, color="0.7", lw=0.8, zorder=0)
+    ax.set(xlabel="angle t (rad)", ylabel="|R'R - I|", ylim=(1e-17, 1e4))
+    ax.set_xticks([0, 1, np.pi / 3, np.pi, 5 * np.pi / 3, 2 * np.pi],
+                  ["0", "1   ", "   π/3", "π", "5π/3", "2π"])  # fmt: skip
+    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 0.25))
 Picture(
     figure,
     "How far from a rotation three formulas are. The right one is at rounding. The one with cos t "
-    "is right at 60 and 300 degrees alone; the one without a unit axis at 1 rad, at full turns, and "
-    "nearly so for small angles.",
+    "is right at π/3 and 5π/3 (60 and 300 degrees) alone; the one without a unit axis at 1 rad, at "
+    "full turns, and nearly so for small angles. Grey lines mark these angles.",
 )
 
 # %% [markdown]
-# Note where the wrong ones are right. A test at 60 degrees lets the first pass, a test at 1 rad or
+# Note where the wrong ones are right. A test at 60 degrees ($\pi/3$) lets the first pass, a test at 1 rad or
 # at small angles the second. One number is no test; a property, tried at many angles, is.
 #
 # ## At zero
 #
 # The textbook formula divides by $t$. A body at rest has $t = 0$ in every joint, and that is where
-# every fit begins. In CasADi we see what an optimizer would see: the value, and the derivative.
+# every fit begins. The workbench writes its formulas in CasADi, a library that keeps them as
+# expressions and differentiates them exactly. So we see what an optimizer would see: the value, and
+# the derivatives.
 
 # %%
 v = cs.SX.sym("w", 3)
@@ -258,9 +281,11 @@ for name, R in ways.items():
     )
 
 # %% [markdown]
-# The textbook's form has no derivative at rest: NaN. The usual cure, a small number added before
+# The textbook's form has no derivative at rest: NaN. Near rest it has one that is finite and wrong: at
+# $t = 10^{-8}$ the number $\cos t$ is rounded to 1, so $1 - \cos t$ and all that follows from it is
+# lost, and second derivatives are off by 1, their own size. The usual cure, a small number added before
 # the norm is taken (a well-known implementation of SMPL adds $10^{-8}$), makes the NaN go away, and
-# leaves a matrix that is orthogonal to nine digits only and whose second derivative near zero is
+# leaves a matrix that is orthogonal to 5e-9 only and whose second derivative near zero is
 # wrong. The right cure costs nothing: near zero, take the functions
 #
 # $$
@@ -268,41 +293,61 @@ for name, R in ways.items():
 # b = \frac{1 - \cos t}{t^2} = \frac12 - \frac{t^2}{24} + \dots
 # $$
 #
-# as series in $t^2$. They are smooth; only the way of writing them was not.
+# as series in $t^2$. They are smooth; only the way of writing them was not. In the library's own
+# lines, `_series(t2, k)` sums eight or nine terms of these series (cosine, $a$, $b$ for $k = 0, 1, 2$),
+# and `SERIES_BELOW = 0.25` rad² is where it changes over to the closed forms.
 
 # %%
 source(rodrigues)
 
 # %% [markdown]
+# ## How far apart are two rotations?
+#
+# One law is worth keeping: if an angle $t$ leads from one rotation to another, their matrices differ,
+# as the root of the sum of all nine squared differences, by
+#
+# $$ \| R_1 - R_2 \|_F = 2 \sqrt 2 \left| \sin \tfrac t2 \right| . $$
+#
+# For a small angle $t$ that is $\sqrt 2\, t$.
+
+# %%
+turns = np.linspace(0, 2.2 * np.pi, 200)
+distance = [np.linalg.norm(matrix_from_vector(t * axis) - np.eye(3)) for t in turns]
+off = np.abs(distance - 2 * np.sqrt(2) * np.abs(np.sin(turns / 2))).max()
+print(f"distances |R(t) - I| of 200 angles are off this law by up to {off:.0e}")
+
+# %% [markdown]
 # ## At a full turn
 #
 # Three numbers for a rotation have a price. How fast does $R$ change with $w$? The singular values
-# of the $9 \times 3$ derivative of $R$ say it: along the axis always $\sqrt 2$, across it
+# of the $9 \times 3$ derivative of $R$ say it: along the axis always $\sqrt 2$, and in the two
+# directions across it
 #
-# $$ \sqrt 2\; \frac{2 \sin(t/2)}{t}, $$
+# $$ \sqrt 2\; \left| \frac{2 \sin(t/2)}{t} \right| , $$
 #
-# because two rotations by the same angle $t$ about axes that differ by a little $\delta$ are
-# $2 \sin(t/2)\, \delta$ apart, and to turn the axis by $\delta$ takes a change of $t\,\delta$ in $w$.
+# because two rotations by the same angle $t$ about axes that differ by a little $\delta$ are an angle
+# of $|2 \sin(t/2)|\, \delta$ apart, and to turn the axis by $\delta$ takes a change of $t\,\delta$ in
+# $w$. The $\sqrt 2$ is that of the law above.
 
 # %%
 _, jacobian, _ = derivatives(rodrigues(v))
-turns = np.linspace(0, 2.2 * np.pi, 200)
 values = np.array([np.linalg.svd(np.asarray(jacobian(t * axis)), compute_uv=False) for t in turns])
 law = np.sqrt(2) * np.abs(np.sinc(turns / (2 * np.pi)))
-print(f"off the law by {np.abs(np.sort(values[:, 1]) - np.sort(law)).max():.0e}")
+print(f"the second singular value is off its law by up to {np.abs(values[:, 1] - law).max():.0e}")
 at_full = np.linalg.svd(np.asarray(jacobian(2 * np.pi * axis)), compute_uv=False)
-print("at 2 pi:", at_full.round(9))
+print("singular values of dR/dw at t = 2 pi:", at_full.round(9))
 
 with house_style():
     figure, (ax,) = sheet(7, 3.4)
-    ax.plot(turns / np.pi, values[:, 0], label="along the axis")
-    ax.plot(turns / np.pi, values[:, 1], label="across it, twice")
-    ax.plot(turns[::12] / np.pi, law[::12], "k.", label="the law")
-    ax.set(xlabel="angle t (half turns)", ylabel="singular value of dR/dw")
+    ax.plot(turns, values[:, 0], label="along the axis")
+    ax.plot(turns, values[:, 1], label="across it (two equal values)")
+    ax.plot(turns[::12], law[::12], "k.", label="the law")
+    ax.set(xlabel="angle t (rad)", ylabel="singular value of dR/dw (1/rad)")
+    ax.set_xticks([0, np.pi, 2 * np.pi], ["0", "π", "2π"])
     ax.legend()
 Picture(
     figure,
-    "What a change of w does to R. At a full turn it does nothing but along the axis: two of three "
+    "What a change of w does to R. At a full turn, 2π, it does nothing but along the axis: two of three "
     "directions are lost, and an optimizer that gets there cannot turn the axis.",
 )
 
@@ -313,23 +358,10 @@ Picture(
 # of them is at most half a turn long; from a longer $w$ as many whole turns as needed are taken off.
 # The workbench's solvers replace the longer by the shorter between two iterations.
 #
-# ## How far apart are two rotations?
-#
-# All of this uses one law, which is worth keeping: the matrices of two rotations that are an angle
-# $t$ apart are
-#
-# $$ \| R_1 - R_2 \|_F = 2 \sqrt 2 \left| \sin \tfrac t2 \right| $$
-#
-# apart, entries taken together.
-
-# %%
-distance = [np.linalg.norm(matrix_from_vector(t * axis) - np.eye(3)) for t in turns]
-print(f"off by {np.abs(distance - 2 * np.sqrt(2) * np.abs(np.sin(turns / 2))).max():.0e}")
-
-# %% [markdown]
 # ## What to remember
 #
-# - A rotation is three numbers. Nine free ones stretch bones, and the more so the fewer data.
+# - A rotation is three numbers. Nine free ones stretch bones, and the more so the noisier and the
+#   fewer the data.
 # - The nearest rotation to a matrix: singular values all set to one, with the sign of det.
 # - The exponential map takes any $w$ to a rotation; Rodrigues' formula has $1 - \cos t$ and the
 #   **unit** axis. $R^\top R = I$ finds both misprints.
