@@ -283,7 +283,7 @@ def is_a_rotation(nearest_rotation):
         equal(np.linalg.det(R), 1, f"det R, for a matrix with determinant {np.linalg.det(M):.2f}")
 
 
-@check("nearest_rotation", points=2)
+@check("nearest_rotation", points=1)
 def none_is_nearer(nearest_rotation):
     """no other rotation is nearer"""
     others = Rotation.random(500, rng=np.random.default_rng(0)).as_matrix()

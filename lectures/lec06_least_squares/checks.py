@@ -326,27 +326,36 @@ def of_the_whole(x, seen):
 # fit
 
 
+def named(name, f, J):
+    """A problem whose name is told when an answer to it is not one: `fit(the_arm, ...)`."""
+    f.__name__, J.__name__ = name, "its_derivatives"
+    return f, J
+
+
 def decay(y):
     t = np.arange(8) / 2.0
-    return (
+    return named(
+        "the_decay",
         lambda x: x[0] * np.exp(-x[1] * t) - y,
         lambda x: np.column_stack([np.exp(-x[1] * t), -x[0] * t * np.exp(-x[1] * t)]),
     )
 
 
 def valley():
-    return (
+    return named(
+        "rosenbrocks_valley",
         lambda x: np.array([10 * (x[1] - x[0] ** 2), 1 - x[0]]),
         lambda x: np.array([[-20 * x[0], 10.0], [-1.0, 0.0]]),
     )
 
 
 def arm():
-    return (lambda x: solutions.residual(x, SEEN), solutions.jacobian)
+    return named("the_arm", lambda x: solutions.residual(x, SEEN), lambda x: solutions.jacobian(x))
 
 
 def bone(share):
-    return (
+    return named(
+        "one_bone",
         lambda x: np.array([np.cos(x[0]) - share, np.sin(x[0])]),
         lambda x: np.array([[-np.sin(x[0])], [np.cos(x[0])]]),
     )

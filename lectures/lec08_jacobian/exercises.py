@@ -55,7 +55,8 @@ def rank_of_tree(parents: list[int]) -> int:
 def sigmas(J: Array) -> Array:
     """How well each unknown is known, to first order, from whitened residuals (one sigma each).
 
-    Infinite for an unknown that takes part in a direction that no residual notices.
+    Infinite for an unknown that takes part in a direction that no residual notices: whose entry in
+    an orthonormal basis of the null space is above 1e-8 in size.
 
     J (m, n) -> (n,), standard deviations
     """

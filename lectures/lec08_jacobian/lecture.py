@@ -36,8 +36,9 @@ given = body.start() | {"observed": body.joints(truth)}
 # %% [markdown]
 # ## Solve, and look
 #
-# The residual is what the body says of its joints minus what was seen, over 1 cm. We solve twice,
-# from two starts.
+# The residual is what the body says of its joints minus what was seen, over 1 cm. (A residual divided
+# by its sigma, the size that it ordinarily has, is called **whitened**: a number without a unit.) We
+# solve twice, from two starts.
 
 # %%
 answers = {}
@@ -66,7 +67,8 @@ with house_style():
 Picture(
     figure,
     "The answer from rest, front and back, coloured by how far each vertex is from where it truly is. "
-    "Every joint is met; hands, head and limbs are turned about their bones.",
+    "Every joint is met, and the skin is not: brightest is the back of the head, then one upper arm "
+    "and one thigh, which are turned about their bones.",
 )
 
 # %% [markdown]
@@ -83,24 +85,26 @@ Picture(
 # %%
 there = given | {"pose": truth}
 here = problem.linearize(there)
-s = np.linalg.svd(here.jacobian, compute_uv=False)
+diagnosis = wb.diagnose(problem, there)
+s = diagnosis.singular_values
 print("the Jacobian:", here.jacobian.shape)
 print("singular values 39 to 42:", *(f"{one:.1e}" for one in s[38:42]))
 print("rank:", here.rank, "of", len(s))
 
 # %%
-diagnosis = wb.diagnose(problem, there)
 with house_style():
     figure, (ax,) = sheet(8, 4.2)
     plot_singular_values(diagnosis, ax=ax)
 Picture(
     figure,
-    f"The {len(s)} singular values, largest first. Hollow ones are zero but for rounding: along these "
-    "directions, named beside them, the pose can change and no joint moves.",
+    f"The {len(s)} singular values, largest first: how much the whitened residuals change for a step of "
+    "one radian in that direction. Those below the dashed line, the tolerance, are drawn hollow: they "
+    "are zero but for rounding, and come out as one and the same small number. Along these directions, named on the right, the pose can change and no "
+    "joint moves.",
 )
 
 # %% [markdown]
-# Forty, and then a cliff of thirteen decades. Where is the border, in numbers with rounding? The
+# Forty, and then a cliff of nearly fourteen decades. Where is the border, in numbers with rounding? The
 # library asks how large a singular value can be that is zero but for rounding: about the largest one
 # times the machine's precision times the size of the matrix.
 
@@ -118,7 +122,8 @@ source(wb.Linearization.tolerance)
 # - A joint with **one child** can turn about the bone to it, for $\omega \times e = 0$ where
 #   $\omega \parallel e$. That turns the rest of the limb too; but the child can turn back. So $2$ are
 #   seen.
-# - A joint with **several children** has no axis that leaves all of them alone: $3$.
+# - A joint with **several children** has no axis that leaves all of them alone, unless the bones to
+#   them lie on one line: $3$.
 #
 # If the body may move as a whole, $3$ more.
 
@@ -126,13 +131,14 @@ source(wb.Linearization.tolerance)
 print(law_in_words(body.parents, translation=False))
 K = len(body.parents)
 predicted = rank_of_observed_joints(body.parents, body.joints(truth), range(K), translation=False)
-print("by the law for any subset of joints:", predicted)
-for some in ([15, 20, 21], [0, 4, 5, 7, 8, 18, 19, 20, 21]):
-    rank = rank_of_observed_joints(body.parents, body.joints(truth), some, translation=False)
-    print(f"only {', '.join(body.joint_names[k] for k in some)}: {rank} of 72")
+print("by walking the tree with the bones of this pose:", predicted)
+ends = [15, 20, 21]
+rank = rank_of_observed_joints(body.parents, body.joints(truth), ends, translation=False)
+print(f"if only {', '.join(body.joint_names[k] for k in ends)} are seen: {rank} of 72")
 
 # %% [markdown]
-# The workbench does not stop at the number: it says which directions these are. A basis of the null
+# (In the last line three points are seen, and each can be moved alone in all three directions by the
+# joints above it: three times three.) The workbench does not stop at the number: it says which directions these are. A basis of the null
 # space from the singular vectors mixes all of them; looked for in small named subspaces, the smallest
 # first, a twist is a twist.
 
@@ -163,18 +169,30 @@ for angle in (1e-3, 1e-2, 1e-1):
 with house_style():
     figure, (ax,) = sheet(7.5, 5.2)
     plot_sparsity(diagnosis, ax=ax)
-Picture(figure, caption_sparsity(diagnosis))
+Picture(
+    figure,
+    caption_sparsity(diagnosis)
+    + " Rows are the joints that move, three each, in the order of the columns. The five empty groups of "
+    "columns are the leaves; the top three rows, the pelvis, move with nothing.",
+)
 
 # %%
 print(f"{diagnosis.nonzeros} of {72 * 72} entries: {diagnosis.density:.1%}")
 print("rank that the pattern alone allows:", diagnosis.structural_rank)
 print("rank of these numbers:", diagnosis.rank)
-print(f"a fit of SMPL to 6,890 vertices, with 72 + 10 unknowns: {6890 * 3 * (72 + 10):,} entries")
+largest = 6890 * 3 * (72 + 10)
+print(f"a fit of SMPL to 6,890 vertices, with 72 + 10 unknowns: {largest:,} entries, "
+      f"{8e-6 * largest:.0f} MB if all are kept")  # fmt: skip
 
 # %% [markdown]
 # The pattern knows of the leaves: 15 columns are empty, so the rank is at most 57. It does not know
 # of the twists, which are a matter of numbers. That is why both are looked at. And it is why columns
 # of zeros are a warning worth having before any solver is started.
+#
+# So, dense or sparse? The Jacobian of joints is sparse by nature. That of SMPL's vertices is not: its
+# pose blend shapes let every vertex depend on 23 rotations. But it has 82 columns, and 14 MB are kept
+# whole without a thought. With so few unknowns the pattern is worth more for what it tells than for
+# the zeros that it saves; with thousands of them it is the other way round.
 #
 # ## Hardly seen
 #
@@ -196,11 +214,15 @@ skin = on_skin.linearize(there | {"seen": body.vertices(truth)})
 sigma = np.sqrt(np.diag(skin.covariance)).reshape(24, 3).max(axis=1)
 print("rank:", skin.rank, f"  condition: {skin.svd[1][0] / skin.svd[1][-1]:.0f}")
 for k in (*np.argsort(sigma)[:3], *np.argsort(sigma)[-3:]):
-    print(f"  {body.joint_names[k]:15} known to {np.degrees(sigma[k]):.2f} degrees (1 sigma)")
+    hang = int((body.weights.argmax(axis=1) == k).sum())
+    print(f"  {body.joint_names[k]:15} known to {np.degrees(sigma[k]):5.2f} degrees (1 sigma), "
+          f"{hang:2} vertices hang on it most of all")  # fmt: skip
 
 # %% [markdown]
-# The same centimetre tells the pelvis to a degree and a shoulder to ten: few of the 369 vertices hang on
-# a shoulder alone, and what they do not see of its turn the collar or the elbow may undo. The inverse
+# (Of the three numbers of a joint, the worst known.) The same centimetre tells the pelvis to a degree:
+# a turn of it moves the whole body. It tells a shoulder to ten: few of the 369 vertices hang on a
+# shoulder, and what they do not see of its turn the collar or the elbow may undo. And a left foot too:
+# its few vertices are all near to it, and a short lever moves them little. The inverse
 # must not be believed where the rank is not full. Somebody who takes a pseudo-inverse there gets a
 # number for everything, and for what is not seen at all it is the smallest of all. Of the 24 joints:
 
@@ -215,7 +237,7 @@ for name in ("left_hand", "left_elbow", "left_hip"):
 # %% [markdown]
 # ## What to do about it
 #
-# Three things help, and the diagnosis says which: see more (a marker off the bone's axis ends a
+# Three things help. The diagnosis says where help is needed, and the choice is ours: see more (a marker off the bone's axis ends a
 # twist), free less (leave the leaves fixed), or believe something. A prior is more residuals, here
 # that each number of the pose is about 0.3 rad from zero:
 
@@ -225,7 +247,8 @@ with_prior = wb.Problem([*problem.residuals, prior], ["pose"], blocks=[observed]
 regular = wb.diagnose(with_prior, there, priors=[prior.name])
 print("rank with a prior:", regular.rank)
 known = regular.identifiability
-print(f"directions that the data decide: {known.effective:.1f}")
+print(f"directions that the data decide: {known.effective:.1f}, by the formula below: "
+      f"{np.sum(s**2 / (s**2 + 0.3**-2)):.1f}")  # fmt: skip
 for name in ("left_hand", "left_elbow", "pelvis"):
     left = known.shrinkage.reshape(24, 3)[body.joint_names.index(name)]
     print(f"{name:11} sigma with the data over sigma of the prior alone: {left.round(2)}")
@@ -233,10 +256,15 @@ solution = wb.solve(with_prior, given | {"pose": np.zeros((24, 3))})
 print(f"pose off by up to {np.abs(solution.values['pose'] - truth).max():.2f} rad")
 
 # %% [markdown]
-# Now every solver is content, the rank is full, and the answer is unique. Of the 40 directions that
-# are seen, some are seen so hardly that the prior has its share in them: the data decide 35. And the
-# answer is not right: the prior
-# has put zero where nothing was known. That may be just what one wants, provided that one knows which
+# Now every solver is content, the rank is full, and the answer is unique. A direction with singular value
+# $s$ is known from the data to $1/s$ and from the prior to $\sigma = 0.3$ rad, and information, one over
+# the variance, adds up. So the data's share in what is known of it is $s^2 / (s^2 + \sigma^{-2})$,
+# between 0 and 1. The sum of all shares counts the directions that the data decide. It is 35 and not 40,
+# since some are seen so hardly that the prior has its share in them.
+#
+# And the answer is not right: the prior has put zero where nothing was known. (It is off by as much as
+# the answer from rest was, for the same reason: the number that is furthest off is one that no joint
+# tells, and both leave it at zero.) That may be just what one wants, provided that one knows which
 # numbers came from the data and which from the prior.
 #
 # ## What to remember

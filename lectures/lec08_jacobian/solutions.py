@@ -38,7 +38,7 @@ def sigmas(J: Array) -> Array:
     _, s, Vt = np.linalg.svd(J, full_matrices=True)
     r = rank(J)
     variance = np.sum((Vt[:r].T / s[:r]) ** 2, axis=1)
-    unseen = np.sum(Vt[r:] ** 2, axis=0) > 1e-9
+    unseen = np.sum(Vt[r:] ** 2, axis=0) > 1e-16
     return np.where(unseen, np.inf, np.sqrt(variance))
 
 

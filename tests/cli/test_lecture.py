@@ -50,15 +50,27 @@ def test_list_and_show(workbench: Run) -> None:
     code, _, err = workbench("lecture", "show", "77")
     assert code == 2
     assert "no lecture is called '77'; there are" in err
+    code, _, err = workbench("lecture", "show", "16")
+    assert code == 2
+    assert "lecture 16, Fitting images, is still to come" in err
 
 
 def test_run_writes_its_figures(workbench: Run) -> None:
     code, out, _ = workbench("lecture", "run", "6", "--out", "here")
     assert code == 0
     assert "difference quotient" in out
-    assert r"J^\top J\, p = - J^\top e" in out  # formulas as they were typed
+    assert "\n$$ J^\\top J\\, p = - J^\\top e . $$\n" in out  # formulas as they were typed
+    assert "UPPER, LOWER = 0.30" not in out
+    assert "the code: " in out
+    assert out.rstrip().endswith("lecture.py")
     pictures = sorted(path.name for path in Path("here/lec06_least_squares").iterdir())
     assert pictures == ["figure-1.png", "figure-2.png"]
+
+
+def test_run_shows_the_code_before_what_it_prints(workbench: Run) -> None:
+    code, out, _ = workbench("lecture", "run", "6", "--code")
+    assert code == 0
+    assert out.index("F at the start: {residual") < out.index("F at the start: 0.")
 
 
 def test_a_student_starts_checks_and_is_done(workbench: Run) -> None:

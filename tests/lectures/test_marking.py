@@ -193,8 +193,23 @@ def test_bad_questions(tmp_path: Path) -> None:
         marked(ROTATIONS, tmp_path / "nothing.py")
     with pytest.raises(BadArgument, match="above 0"):
         marked(ROTATIONS, tmp_path, seconds=float("nan"))
-    with pytest.raises(UnknownName, match=r"no lecture is called '99'; there are .*2 rotations"):
+    with pytest.raises(
+        UnknownName, match=r"no lecture is called '99'; there are 1, 2, .*`workbench lec"
+    ):
         lecture(99)
+    with pytest.raises(BadArgument, match="lecture 16, Fitting images, is still to come"):
+        lecture(16)
+
+
+def test_a_file_that_ends_the_program_after_its_answers_is_marked(tmp_path: Path) -> None:
+    path = tmp_path / "answers.py"
+    path.write_text(
+        HEAD + "import os, sys\ndef hat(w):\n    return np.cross(np.eye(3), w)\n"
+        "def shorter(w):\n    os._exit(0)\nsys.exit(0)\n"
+    )
+    found = marked(ROTATIONS, path)
+    assert [m.state for m in found.exercises["hat"]] == [State.PASSED]
+    assert "it ended the program, with exit code 0" in said(found, "shorter")
 
 
 @pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="everything may be written")

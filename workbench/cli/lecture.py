@@ -10,11 +10,12 @@ import typer
 from rich.console import Console
 from rich.markdown import Markdown
 from rich.markup import escape
+from rich.syntax import Syntax
 from rich.table import Table
 
 from workbench import course
 from workbench.cli.run import make_folder
-from workbench.course.cells import carried_out
+from workbench.course.cells import Cell, carried_out
 from workbench.course.marks import Mark, Marked, State
 from workbench.course.notebooks import executed, notebook, write_notebook
 from workbench.course.outline import course as outline
@@ -67,14 +68,15 @@ def show(number: Number) -> None:
 def run(
     number: Number,
     out: Annotated[Path, typer.Option(help="Folder that figures are written into.")] = Path("runs"),
+    code: Annotated[bool, typer.Option("--code", help="Show the code of each cell too.")] = False,
 ) -> None:
     """Run a lecture from top to bottom: its text and results here, its figures as files."""
     one, console = lecture(number), Console()
     make_folder(out / one.folder_name)
     pictures = 0
-    for cell, value in carried_out(one.folder / "lecture.py"):
+    for cell, value in carried_out(one.folder / "lecture.py", _show_code if code else _nothing):
         if cell.prose:
-            console.print(Markdown(_literal(cell.text)), "")
+            _show_prose(console, cell.text)
         elif isinstance(value, course.Picture):
             pictures += 1
             path = out / one.folder_name / f"figure-{pictures}.png"
@@ -82,6 +84,27 @@ def run(
             console.print(f"[bold]{escape(str(path))}[/]: {escape(value.caption)}\n")
         elif value is not None:
             console.print(escape(repr(value)) + "\n", highlight=False, soft_wrap=True)
+    console.print(f"the code: {escape(str(one.folder / 'lecture.py'))}", soft_wrap=True)
+
+
+def _nothing(cell: Cell) -> None:
+    pass
+
+
+def _show_code(cell: Cell) -> None:
+    """Before the cell is run, so that what it prints stands below."""
+    if not cell.prose:
+        Console().print(Syntax(cell.text, "python", background_color="default"))
+
+
+def _show_prose(console: Console, text: str) -> None:
+    """Formulas that stand alone keep their lines; Markdown would fill them up."""
+    for k, part in enumerate(re.split(r"^(\$\$.+?\$\$)[ ]*$", text, flags=re.S | re.M)):
+        if k % 2:
+            console.print(escape(part), highlight=False, soft_wrap=True)
+        elif part.strip():
+            console.print(Markdown(_literal(part)))
+        console.print()
 
 
 def _literal(prose: str) -> str:
@@ -108,7 +131,7 @@ def check(
     files: Annotated[
         list[Path] | None,
         typer.Argument(
-            metavar="[FILE]...",
+            metavar="FILE",
             help="Files with answers, or their folders; else the lecture's file in this folder.",
         ),
     ] = None,
@@ -129,7 +152,8 @@ def check(
     ]
     every: list[Marked] = []
     for path in paths:
-        found = marked(one, path, seconds)
+        with Console(stderr=True).status(f"checking {escape(str(path))}, some seconds"):
+            found = marked(one, path, seconds)
         every.append(found)
         if not as_json:
             _print(console, found)
@@ -163,7 +187,8 @@ def _print(console: Console, found: Marked) -> None:
     console.print(f"[bold]{found.lecture.number} {escape(found.lecture.title)}[/] "
                   f"[dim]{escape(found.file)}[/]", soft_wrap=True)  # fmt: skip
     if found.trouble:
-        console.print(f"[bold red]the file could not be loaded:[/] {escape(found.trouble)}",
+        console.print(f"[bold red]the file could not be loaded:[/] {escape(found.trouble)}\n"
+                      "nothing was marked",
                       highlight=False, soft_wrap=True)  # fmt: skip
     table = Table(box=None, padding=(0, 2, 0, 0), show_header=False)
     table.add_column()

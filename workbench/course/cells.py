@@ -2,7 +2,7 @@
 
 import ast
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -37,10 +37,16 @@ def cells(path: Path) -> list[Cell]:
     return found
 
 
-def carried_out(path: Path) -> Iterator[tuple[Cell, Any]]:
-    """Each cell, and the value of its last line once it has been run; prose has None."""
+def carried_out(
+    path: Path, before: Callable[[Cell], None] = lambda cell: None
+) -> Iterator[tuple[Cell, Any]]:
+    """Each cell, and the value of its last line once it has been run; prose has None.
+
+    `before` is called with each cell before that is run.
+    """
     names: dict[str, Any] = {"__name__": "lecture", "__file__": str(path)}
     for cell in cells(path):
+        before(cell)
         yield cell, None if cell.prose else _value(cell, names, path)
 
 

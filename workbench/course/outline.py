@@ -10,7 +10,7 @@ from types import ModuleType
 from typing import Any
 
 from workbench.course.checks import Check, Mistake, checks_in, mistakes_in
-from workbench.errors import BadFile, UnknownName
+from workbench.errors import BadArgument, BadFile, UnknownName
 
 FILES = ("lecture.py", "exercises.py", "solutions.py", "checks.py")
 
@@ -83,10 +83,15 @@ def course() -> tuple[Lecture, ...]:
 
 
 def lecture(number: int) -> Lecture:
-    """The lecture of that number. Raises UnknownName, also if it is still to come."""
+    """The lecture of that number. Raises UnknownName, or BadArgument if it is still to come."""
     lectures = course()
     for one in lectures:
         if one.number == number and one.there:
             return one
-    there = ", ".join(f"{one.number} {one.name}" for one in lectures if one.there)
-    raise UnknownName("lecture", str(number), hint=there)
+        if one.number == number:
+            raise BadArgument(
+                f"lecture {number}, {one.title}, is still to come; `workbench lecture list` says "
+                "which are there"
+            )
+    there = ", ".join(str(one.number) for one in lectures if one.there)
+    raise UnknownName("lecture", str(number), hint=f"{there}; `workbench lecture list` names them")

@@ -113,7 +113,7 @@ class _Run:
                 self.at = None
                 return False
             case _:
-                self._died(f"its process ended {self._by()}")
+                self._died(self._by())
                 return False
         return True
 
@@ -129,8 +129,10 @@ class _Run:
         try:
             code = self._process.wait(timeout=10)
         except subprocess.TimeoutExpired:
-            return "its output and went on"
-        return f"by {signal.Signals(-code).name}" if code < 0 else f"with exit code {code}"
+            return "its process ended its output and went on"
+        if code < 0:
+            return f"its process was ended by {signal.Signals(-code).name}"
+        return f"it ended the program, with exit code {code}"
 
     def _end(self) -> None:
         with suppress(OSError):
