@@ -3,11 +3,13 @@
 import numpy as np
 
 from lectures.lec06_least_squares import solutions
-from lectures.lec06_least_squares.solutions import LOWER, UPPER
+from lectures.lec06_least_squares.solutions import HAND, LOWER, UPPER
 from workbench.course import check, equal, holds, mistake
 
-ANGLES = [np.array(x) for x in ([0.0, 0.0], [0.9, 0.7], [-0.4, 1.3], [2.0, -0.6])]
-SEEN = np.array([0.11, 0.29, -0.05, 0.43])
+ANGLES = [
+    np.array(x) for x in ([0.0, 0.0, 0.0], [0.9, 0.7, 0.3], [-0.4, 1.3, -0.5], [2.0, -0.6, 0.8])
+]
+SEEN = np.array([0.11, 0.29, -0.05, 0.43, -0.2, 0.5])
 
 
 # residual
@@ -17,15 +19,15 @@ SEEN = np.array([0.11, 0.29, -0.05, 0.43])
 def is_zero_at_the_truth(residual):
     """it is zero where the model says what was seen"""
     for x in ANGLES:
-        seen = solutions.residual(x, np.zeros(4))
-        equal(residual(x, seen), np.zeros(4), f"the residual at the truth, x = {x}", 1e-12)
+        seen = solutions.residual(x, np.zeros(6))
+        equal(residual(x, seen), np.zeros(6), f"the residual at the truth, x = {x}", 1e-12)
 
 
 @check("residual", points=1)
 def is_model_minus_seen(residual):
     """it is the model minus what was seen"""
-    equal(residual(np.zeros(2), np.zeros(4)), [UPPER, 0, UPPER + LOWER, 0],
-          "the stretched arm, nothing seen")  # fmt: skip
+    stretched = [UPPER, 0, UPPER + LOWER, 0, UPPER + LOWER + HAND, 0]
+    equal(residual(np.zeros(3), np.zeros(6)), stretched, "the stretched arm, nothing seen")
     for x in ANGLES:
         equal(residual(x, SEEN), solutions.residual(x, SEEN), f"the residual for x = {x}")
 
@@ -35,20 +37,30 @@ def seen_minus_model(x, seen):
     return -solutions.residual(x, seen)
 
 
+def placed(angles, start_over=False):
+    """Elbow, wrist and tip of bones that point along these angles, (6,) m."""
+    bones = np.array([UPPER, LOWER, HAND]) * [np.cos(angles), np.sin(angles)]
+    return (bones if start_over else np.cumsum(bones, axis=1)).T.ravel()
+
+
 @mistake("residual", "b is the angle at the elbow: the forearm points along a + b, not along b")
 def without_the_upper_arms_angle(x, seen):
-    a, b = x
-    elbow = UPPER * np.array([np.cos(a), np.sin(a)])
-    wrist = elbow + LOWER * np.array([np.cos(b), np.sin(b)])
-    return np.concatenate([elbow, wrist]) - seen
+    return placed(x) - seen
 
 
-@mistake("residual", "the wrist starts from the elbow, not from the shoulder")
+@mistake("residual", "the hand points along a + b + c: the elbow's angle turns it too")
+def with_a_hand_along_c_alone(x, seen):
+    return placed([x[0], x[0] + x[1], x[2]]) - seen
+
+
+@mistake("residual", "the hand points along a + b + c: the shoulder's angle turns it too")
+def with_a_hand_along_b_and_c(x, seen):
+    return placed([x[0], x[0] + x[1], x[1] + x[2]]) - seen
+
+
+@mistake("residual", "each bone starts where the one before ends, not from the shoulder")
 def without_the_elbow(x, seen):
-    a, b = x
-    elbow = UPPER * np.array([np.cos(a), np.sin(a)])
-    wrist = LOWER * np.array([np.cos(a + b), np.sin(a + b)])
-    return np.concatenate([elbow, wrist]) - seen
+    return placed(np.cumsum(x), start_over=True) - seen
 
 
 # jacobian
@@ -56,10 +68,11 @@ def without_the_elbow(x, seen):
 
 @check("jacobian", points=1)
 def leaves_the_elbow_to_the_shoulder(jacobian):
-    """the elbow's angle does not move the elbow"""
+    """an angle moves only what comes after it"""
     for x in ANGLES:
         J = jacobian(x)
-        equal(J[:2, 1], [0, 0], f"the elbow by b, for x = {x}")
+        equal(J[:2, 1:], np.zeros((2, 2)), f"the elbow by b and c, for x = {x}")
+        equal(J[2:4, 2], [0, 0], f"the wrist by c, for x = {x}")
         equal(J[:2, 0], solutions.jacobian(x)[:2, 0], f"the elbow by a, for x = {x}")
 
 
@@ -74,7 +87,15 @@ def is_what_differences_say(jacobian):
 @mistake("jacobian", "a turns the forearm too: the wrist's derivative by a has both bones in it")
 def forearm_left_behind(x):
     J = solutions.jacobian(x)
-    J[2:, 0] = J[:2, 0]
+    J[2:4, 0] = J[4:, 0] = J[:2, 0]
+    J[4:, 1] = J[2:4, 1]
+    return J
+
+
+@mistake("jacobian", "the hand moves with every angle: all three bones are in the tip's rows")
+def hand_left_behind(x):
+    J = solutions.jacobian(x)
+    J[4:, :2] = J[2:4, :2]
     return J
 
 
@@ -378,7 +399,7 @@ def ends(fit, f, J, start, what):
 @check("fit", points=1)
 def ends_where_it_is_easy(fit):
     """it finds the arm's angles, and a decay through noisy points"""
-    ends(fit, *arm(), [0.5, 0.5], "for the arm")
+    ends(fit, *arm(), [0.5, 0.5, 0.5], "for the arm")
     times = np.arange(8) / 2.0
     ends(fit, *decay(2 * np.exp(-0.8 * times) + NOISE), [1.0, 0.3], "for the decay")
 

@@ -12,13 +12,16 @@ from workbench.course import Unsolved
 
 Array = np.ndarray
 
-UPPER, LOWER = 0.30, 0.25  # m, the two bones of the lecture's arm
+UPPER, LOWER, HAND = 0.30, 0.25, 0.18  # m, the lecture's arm, and a hand at the end of it
 
 
 def residual(x: Array, seen: Array) -> Array:
-    """What the arm of the lecture says, minus what was seen.
+    """What an arm with a hand says, minus what was seen.
 
-    x (2,) rad, the angles a and b; seen (4,) m: elbow x, elbow y, wrist x, wrist y -> (4,) m
+    It is the arm of the lecture, and a third bone of length HAND from the wrist to the finger tip,
+    which points along a + b + c.
+
+    x (3,) rad, the angles a, b, c; seen (6,) m: x and y of elbow, wrist and tip -> (6,) m
     """
     raise Unsolved("residual")
 
@@ -26,7 +29,7 @@ def residual(x: Array, seen: Array) -> Array:
 def jacobian(x: Array) -> Array:
     """The derivatives of that residual, worked out by hand: a row for each entry of the residual.
 
-    x (2,) rad -> (4, 2) m/rad
+    x (3,) rad -> (6, 3) m/rad
     """
     raise Unsolved("jacobian")
 

@@ -4,21 +4,23 @@ import numpy as np
 
 Array = np.ndarray
 
-UPPER, LOWER = 0.30, 0.25  # m
+UPPER, LOWER, HAND = 0.30, 0.25, 0.18  # m
 
 
 def residual(x: Array, seen: Array) -> Array:
-    a, b = x
-    elbow = UPPER * np.array([np.cos(a), np.sin(a)])
-    wrist = elbow + LOWER * np.array([np.cos(a + b), np.sin(a + b)])
-    return np.concatenate([elbow, wrist]) - seen
+    along = np.cumsum(x)  # a, a + b, a + b + c: where each bone points
+    bones = np.array([UPPER, LOWER, HAND]) * [np.cos(along), np.sin(along)]  # (2, 3)
+    return np.cumsum(bones, axis=1).T.ravel() - seen
 
 
 def jacobian(x: Array) -> Array:
-    a, b = x
-    by_a = UPPER * np.array([-np.sin(a), np.cos(a)])
-    by_b = LOWER * np.array([-np.sin(a + b), np.cos(a + b)])
-    return np.column_stack([np.concatenate([by_a, by_a + by_b]), np.concatenate([[0, 0], by_b])])
+    along = np.cumsum(x)
+    turned = (np.array([UPPER, LOWER, HAND]) * [-np.sin(along), np.cos(along)]).T  # (3, 2)
+    J = np.zeros((6, 3))
+    for k in range(3):  # the k-th angle turns the k-th bone and all after it
+        for i in range(k, 3):
+            J[2 * i : 2 * i + 2, k] = turned[k : i + 1].sum(axis=0)
+    return J
 
 
 def gradient(e: Array, J: Array) -> Array:
