@@ -110,7 +110,7 @@ for name, poses in (("one Gaussian", own), ("eight of them", flat)):
     bent_back = np.mean(poses.reshape(-1, 23, 3)[:, knee - 1, 0] < -0.1)
     likely = logsumexp(mixture.log_density(poses[:1000]), axis=1).mean()
     print(f"drawn from {name}: left knee bent backwards by 0.1 rad and more in {100 * bent_back:.1f} %, "
-          f"mean log density {likely:.0f}")  # fmt: skip
+          f"mean log density by the eight {likely:.0f}")  # fmt: skip
 
 with house_style():
     figure, axes = sheet(9.5, 4.0, columns=2)
@@ -124,11 +124,14 @@ with house_style():
                xlim=(-2.5, 1.2), ylim=(-1.2, 3))  # fmt: skip
 Picture(
     figure,
-    "1500 poses each. Below the line a knee is bent the wrong way. Eight Gaussians follow what was "
-    "recorded more closely than one can, though they too know no hard stop.",
+    "1500 poses each. Below the line a knee is bent the wrong way. Eight Gaussians keep most people in a "
+    "tighter band and have deep bends apart; but they too know no hard stop.",
 )
 
 # %% [markdown]
+# (The densities are those of the eight, which prefer their own; but a difference of 30 is a factor of
+# $e^{30}$.)
+#
 # A **mixture** has $k$ Gaussians with shares $c_j$; its cost is $-\log \sum_j c_j N_j(x)$. That is no
 # sum of squares. SMPLify takes the *least* cost of one component instead of the sum:
 #
@@ -292,7 +295,7 @@ for name, start in (
           f"iterations, skin off by {error:.1f} mm")  # fmt: skip
 
 # %% [markdown]
-# The first has converged, truly: it is a minimum. Most of the body can be an outlier to such a loss, and
+# The first has converged, truly: its gradient is zero. Most of the body can be an outlier to such a loss, and
 # it is content with meeting the rest. The second has not even ended.
 # Hence stages: first a loss that listens to all, or a large $\sigma$, then the one that is wanted.
 #
