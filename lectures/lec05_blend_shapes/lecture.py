@@ -276,7 +276,10 @@ Picture(figure, caption_shape_gallery(gallery, "three"))
 # $$ J(\beta) = \mathcal J\, (\bar T + S \beta), \qquad \mathcal J \ge 0, \text{ rows of sum one.} $$
 #
 # Why these conditions? With a sum of one a joint moves along with a person who stands elsewhere; with
-# weights that are not negative it lies among its vertices. What if the joints of the mean person are kept?
+# weights that are not negative it lies among its vertices, and few of them are not zero. Least squares
+# with weights that are not negative is solved by `scipy.optimize.nnls`; that they sum to one can be
+# said by one more equation, multiplied by a large number. What if the joints of the mean person are
+# kept instead?
 
 # %%
 tall = along(body, 0, 3)
