@@ -120,6 +120,14 @@ def divides_by_zero(w):
 
 @mistake(
     "rodrigues",
+    "small is not zero: for |w| = 1e-9 the answer is I + hat(w), and with I its derivative is lost",
+)
+def identity_when_small(w):
+    return np.eye(3) if np.linalg.norm(w) < 1e-6 else solutions.rodrigues(w)
+
+
+@mistake(
+    "rodrigues",
     "a small number added to the angle keeps the division alive, but R is then no rotation: take a "
     "series at 0, or np.sinc",
 )

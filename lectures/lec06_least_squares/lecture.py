@@ -214,6 +214,22 @@ print("by hand    ", by_hand)
 print("the library", here.step())
 
 # %% [markdown]
+# What does "enough digits" mean? The condition of a matrix says how many digits solving with it can
+# cost, and that of $J^\top J$ is the *square* of that of $J$. Two columns that are nearly alike, such as
+# those of two joints that nearly do the same, make it a large number. The least-squares problem can be
+# solved without forming $J^\top J$, by an orthogonal factorisation; the library changes over to that:
+
+# %%
+J = np.random.default_rng(0).standard_normal((6, 2))
+J[:, 1] = J[:, 0] + 1e-6 * J[:, 1]  # two columns that are nearly alike
+p = np.array([1.0, -2.0])
+print(f"condition of J: {np.linalg.cond(J):.0e}, of J'J: {np.linalg.cond(J.T @ J):.0e}")
+for name, found in (("normal equations", np.linalg.solve(J.T @ J, J.T @ (J @ p))),
+                    ("np.linalg.lstsq", np.linalg.lstsq(J, J @ p, rcond=None)[0]),
+                    ("the library", wb.Linearization(-J @ p, J).step())):  # fmt: skip
+    print(f"{name:17} off by {np.abs(found - p).max():.0e}")
+
+# %% [markdown]
 # ## What was left out
 #
 # Newton's own method would use the second derivatives of $F$. They are

@@ -119,7 +119,7 @@ def deformation_transposed(T, V):
 def gives_the_edges(edge_matrix):
     """A V are the edges of every face"""
     for faces, N in ((TETRAHEDRON, 4), (STRIP, 5)):
-        V = RNG.standard_normal((N, 3))
+        V = np.random.default_rng(N).standard_normal((N, 3))
         found = edge_matrix(faces, N) @ V
         for f, (a, b, c) in enumerate(faces):
             equal(found[2 * f], V[c] - V[a], f"row {2 * f} of A V, e_0 of face {f}")

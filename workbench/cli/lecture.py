@@ -16,8 +16,10 @@ from workbench import course
 from workbench.cli.run import make_folder
 from workbench.course.cells import carried_out
 from workbench.course.marks import Mark, Marked, State
+from workbench.course.notebooks import executed, notebook, write_notebook
 from workbench.course.outline import course as outline
 from workbench.course.outline import lecture
+from workbench.course.site import write_site
 from workbench.course.starting import start
 from workbench.course.supervision import SECONDS, marked
 from workbench.errors import BadArgument
@@ -25,6 +27,7 @@ from workbench.errors import BadArgument
 NOT_ALL_PASSED = 1  # the exit code of `check`
 COLOUR = {State.PASSED: "green", State.FAILED: "bold red", State.NOT_ATTEMPTED: "dim"}
 
+Folder = Annotated[Path, typer.Argument(help="Where to write; it is made.")]
 Number = Annotated[int, typer.Argument(help="The number of a lecture; `list` names them.")]
 
 
@@ -137,6 +140,25 @@ def check(
         raise typer.Exit(NOT_ALL_PASSED)
 
 
+def notebooks(folder: Folder) -> None:
+    """Write all lectures as notebooks, with the results of every cell. Needs the extra `course`."""
+    console = Console()
+    make_folder(folder)
+    for one in outline():
+        if one.there:
+            console.print(f"[dim]running lecture {one.number}, {escape(one.title)}[/]")
+            path = folder / f"{one.folder_name}.ipynb"
+            write_notebook(executed(notebook(one), one, folder), path)
+    console.print(f"notebooks: [bold]{escape(str(folder))}[/]", soft_wrap=True)
+
+
+def site(folder: Folder) -> None:
+    """Write the course as a static site, with every lecture run. Needs the extra `course`."""
+    console = Console()
+    page = write_site(folder, lambda said: console.print(f"[dim]{escape(said)}[/]"))
+    console.print(f"site: [bold]{escape(str(page))}[/]", soft_wrap=True)
+
+
 def _print(console: Console, found: Marked) -> None:
     console.print(f"[bold]{found.lecture.number} {escape(found.lecture.title)}[/] "
                   f"[dim]{escape(found.file)}[/]", soft_wrap=True)  # fmt: skip
@@ -185,5 +207,7 @@ COMMANDS: dict[str, Callable[..., None]] = {
     "run": run,
     "start": begin,
     "check": check,
+    "notebooks": notebooks,
+    "site": site,
 }
 HELP = "The course: lectures that run, and exercises that are checked."

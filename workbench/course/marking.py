@@ -15,6 +15,7 @@ from workbench.course.words import cut, in_words, kind
 from workbench.errors import Unsolved
 
 Function = Callable[..., Any]
+TO_ALL_DIGITS, TO_SIX = 1e-10, 1e-6
 Call = tuple[tuple[Any, ...], Any]  # arguments, and what came
 
 
@@ -89,17 +90,21 @@ def _failed(check: Check, missed: Missed) -> Mark:
 
 
 def _likeliest(mistakes: list[Mistake], heard: list[Call], part: list[Call]) -> str:
-    """The hint of the first mistake that answers alike throughout, or else of the only one that
-    does in this check.
+    """The hint of the first mistake that answers alike throughout, to all digits or else to six;
+    or of the only one that does in this check.
     """
-    throughout = [one for one in mistakes if _explains(one, heard)]
-    here = [one for one in mistakes if _explains(one, part)]
-    found = throughout or (here if len(here) == 1 else [])
-    return found[0].hint if found else ""
+    for within in (TO_ALL_DIGITS, TO_SIX):
+        for one in mistakes:
+            if _explains(one, heard, within):
+                return one.hint
+    here = [one for one in mistakes if _explains(one, part, TO_SIX)]
+    return here[0].hint if len(here) == 1 else ""
 
 
-def _explains(one: Mistake, calls: list[Call]) -> bool:
-    return bool(calls) and all(same(came, outcome(one.answer, given)) for given, came in calls)
+def _explains(one: Mistake, calls: list[Call], within: float) -> bool:
+    return bool(calls) and all(
+        same(came, outcome(one.answer, given), within) for given, came in calls
+    )
 
 
 def _not_it(exercise: str, answer: Any, solution: Function) -> Missed | None:

@@ -140,8 +140,8 @@ class _Run:
                 self._process.kill()
         self._process.wait()
         self._listener.join(timeout=10)
-        if self._process.stdout is not None:
-            self._process.stdout.close()
+        if self._process.stdout is not None and not self._listener.is_alive():
+            self._process.stdout.close()  # else something that it started still holds it
 
     def _listen(self) -> None:
         with suppress(Exception):  # whatever happens to the channel is its end
