@@ -1,15 +1,16 @@
 """Notebooks and the site: from the same scripts, whole, with no page that needs the network."""
 
 import html.parser
-import importlib
+import importlib.util
 from pathlib import Path
 from urllib.parse import unquote, urlparse
 
 import pytest
 
 from lectures.outline import COURSE
-from workbench.course import notebooks
+from workbench.course import notebooks, site
 from workbench.course.notebooks import exercises, notebook, tool
+from workbench.course.outline import Lecture
 from workbench.course.site import NEEDED, write_site
 from workbench.errors import BadFile
 
@@ -49,9 +50,7 @@ def test_a_missing_tool_is_named_with_its_cure(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_nothing_of_somebody_elses_is_replaced(tmp_path: Path) -> None:
-    for name in (*notebooks.NEEDED, *NEEDED):
-        if importlib.util.find_spec(name) is None:
-            pytest.skip(f"{name} is not installed")
+    have(*notebooks.NEEDED, *NEEDED)
     (tmp_path / "thesis.tex").write_text("years of work")
     with pytest.raises(BadFile, match="no site of ours"):
         write_site(tmp_path)
@@ -77,17 +76,22 @@ class Links(html.parser.HTMLParser):
             self.loaded.append(at)
 
 
-@pytest.mark.long
-def test_the_site_is_whole(tmp_path: Path) -> None:
-    """Every notebook executes, every link leads somewhere, and nothing is loaded from elsewhere."""
-    for name in (*notebooks.NEEDED, *NEEDED):
-        pytest.importorskip(name)
-    site = tmp_path / "site"
-    assert write_site(site) == site / "index.html"
-    pages = {path.name: Links() for path in site.glob("*.html")}
-    assert {f"{one.folder_name}.html" for one in THERE} <= pages.keys()
+def have(*names: str) -> None:
+    for name in names:
+        if importlib.util.find_spec(name) is None:
+            pytest.skip(f"{name} is not installed")
+
+
+def test_the_site_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every link leads somewhere, and nothing is loaded from elsewhere. No cell is run here."""
+    have(*notebooks.NEEDED, *NEEDED)
+    monkeypatch.setattr(site, "executed", lambda made, lecture, folder: made)
+    out = tmp_path / "new" / "site"
+    assert write_site(out) == out / "index.html"
+    pages = {path.name: Links() for path in out.glob("*.html")}
+    assert {f"{one.folder_name}.html" for one in THERE} | {"GUIDE.html"} <= pages.keys()
     for name, links in pages.items():
-        links.feed((site / name).read_text(encoding="utf-8"))
+        links.feed((out / name).read_text(encoding="utf-8"))
     for name, links in pages.items():
         for target in links.to + links.loaded:
             parts = urlparse(target)
@@ -95,6 +99,19 @@ def test_the_site_is_whole(tmp_path: Path) -> None:
                 continue
             assert not parts.netloc, f"{name} needs the network for {target}"
             there = unquote(parts.path) or name
-            assert (site / there).exists(), f"{name} points to {target}"
+            assert (out / there).exists(), f"{name} points to {target}"
             if parts.fragment and there in pages:
                 assert unquote(parts.fragment) in pages[there].names, f"{name}: {target}"
+    (out / "left-over.html").touch()
+    write_site(out)  # once more, in its own place
+    assert not (out / "left-over.html").exists()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("lecture", THERE, ids=lambda one: one.folder_name)
+def test_every_notebook_executes(lecture: Lecture, tmp_path: Path) -> None:
+    have(*notebooks.NEEDED)
+    done = notebooks.executed(notebook(lecture), lecture, tmp_path)
+    shown = [output for cell in done.cells for output in cell.get("outputs", [])]
+    assert any("<figure" in output.get("data", {}).get("text/html", "") for output in shown)
+    assert not any(output.get("name") == "stderr" for output in shown)

@@ -1,8 +1,10 @@
 """The course as a static site: the executed notebooks, by Sphinx and MyST-NB, with no network."""
 
 import shutil
+import warnings
 from collections.abc import Callable
 from importlib.util import find_spec
+from io import StringIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -14,6 +16,7 @@ from workbench.errors import BadFile
 STYLE = Path(__file__).with_name("site.css")
 NEEDED = ("sphinx", "myst_nb", "sphinx-mathjax-offline")  # beside those of notebooks
 PAGES = ("GUIDE", "AUTHORS")  # beside the lectures
+TABLE = "<!-- the outline -->"  # where a page has it
 LIGHT, DARK = "default", "github-dark"  # of code, by Pygments' names
 MADE_BY_US = "searchindex.js"  # a folder with it is a site, which may be made anew
 
@@ -45,7 +48,8 @@ def write_site(folder: str | Path, tell: Tell = lambda said: None) -> Path:
             _add(one, pages, files, Path(scratch))
         (pages / "index.md").write_text(_index(there), encoding="utf-8")
         for page in PAGES:
-            shutil.copy(root() / f"{page}.md", pages)
+            text = (root() / f"{page}.md").read_text(encoding="utf-8")
+            (pages / f"{page}.md").write_text(text.replace(TABLE, _table()), encoding="utf-8")
         (static / "course.css").write_text(_style(), encoding="utf-8")
         tell("writing pages")
         _build(pages, files, static, out, Path(scratch) / "doctrees")
@@ -88,6 +92,17 @@ def _index(there: list[Lecture]) -> str:
     )
 
 
+def _table() -> str:
+    """What each lecture assumes and teaches, and how long it takes."""
+    rows = [
+        f"| {one.number} | {one.title}{'' if one.there else ' (to come)'} | {one.minutes} "
+        f"| {one.assumes} | {one.teaches} |"
+        for one in course()
+    ]
+    head = "| | lecture | minutes | assumes | teaches |\n| --- | --- | --- | --- | --- |"
+    return "\n".join((head, *rows))
+
+
 def _style() -> str:
     """Ours, and colours of code for either kind of screen."""
     formatter = tool("pygments.formatters").HtmlFormatter(style=DARK)
@@ -98,8 +113,6 @@ def _style() -> str:
 
 
 def _build(pages: Path, files: Path, static: Path, out: Path, doctrees: Path) -> None:
-    from io import StringIO
-
     said = StringIO()
     settings: dict[str, Any] = {
         "project": "Body models",
@@ -122,7 +135,14 @@ def _build(pages: Path, files: Path, static: Path, out: Path, doctrees: Path) ->
     }
     sphinx, namespaces = tool("sphinx.application"), tool("sphinx.util.docutils")
     try:
-        with namespaces.patch_docutils(), namespaces.docutils_namespace():
+        with (
+            warnings.catch_warnings(),
+            namespaces.patch_docutils(),
+            namespaces.docutils_namespace(),
+        ):
+            # what the libraries have to say to each other about their next versions
+            warnings.simplefilter("ignore", DeprecationWarning)
+            warnings.simplefilter("ignore", PendingDeprecationWarning)
             app = sphinx.Sphinx(
                 pages, None, out, doctrees, "html", settings, status=None, warning=said
             )
