@@ -29,6 +29,9 @@ from workbench.training.triangles.shape_space import learn_shapes, stitched_dire
 from workbench.training.triangles.stitched_fit import (
     CentredVertices,
     ClosedEdges,
+    Direct,
+    LeastSquares,
+    Lsqr,
     Measure,
     NotConverged,
     StitchedFit,
@@ -66,17 +69,20 @@ def untrained(true: TriangleBody) -> TriangleBody:
 
 
 @pytest.mark.parametrize(
-    ("blended", "tolerance", "error"),
-    [(False, 1e-10, 1e-8), (True, 1e-6, 2e-5)],  # blended, LSQR needs many times as long for 1e-10
+    ("blended", "by", "measure"),
+    [
+        (False, Lsqr(1e-10), ClosedEdges),
+        (True, Direct(), CentredVertices),  # LSQR would need minutes for 1e-8 m
+    ],
     ids=["SCAPE", "BlendSCAPE"],
 )
 def test_what_a_model_generated_it_is_learned_back_from(
-    blended: bool, tolerance: float, error: float
+    blended: bool, by: LeastSquares, measure: Callable[[Stitching], Measure]
 ) -> None:
     true = generator(blended)
     betas, posed = drawn(true, 50, 1)
     people = true.vertices(betas=betas)
-    trained = learn(untrained(true), people, posed, n_betas=B, ridge=0.0, tolerance=tolerance)
+    trained = learn(untrained(true), people, posed, n_betas=B, ridge=0.0, by=by, measure=measure)
     # the learned betas are the true ones in another basis
     found = learn_shapes(people, true.faces, B).betas
     change = np.linalg.lstsq(betas, found)[0]
@@ -84,7 +90,7 @@ def test_what_a_model_generated_it_is_learned_back_from(
     new, poses = rng.normal(size=(20, B)), rng.normal(scale=0.5, size=(20, 3, 3))
     apart = trained.vertices(poses, new @ change) - true.vertices(poses, new)
     before = replace(trained, posedirs=0 * trained.posedirs).vertices(poses, new @ change)
-    assert np.linalg.norm(apart, axis=-1).max() < error
+    assert np.linalg.norm(apart, axis=-1).max() < 1e-8
     assert np.linalg.norm(before - true.vertices(poses, new), axis=-1).max() > 0.01
 
 
@@ -111,7 +117,7 @@ def test_one_person_is_learned_from_posed_meshes_alone() -> None:
     rng = np.random.default_rng(4)
     poses = rng.normal(scale=0.7, size=(12, 3, 3))
     posed = PosedMeshes(true.vertices(poses, beta), poses, np.zeros(12, dtype=np.int64))
-    D = learn_person(true, posed, smoothness=1e-12, tolerance=1e-9)
+    D = learn_person(true, posed, smoothness=1e-12, by=Lsqr(1e-9))
     one = replace(true, shapedirs=(D - np.eye(3))[..., None])
     new = rng.normal(scale=0.5, size=(10, 3, 3))
     apart = one.vertices(new, [1.0]) - true.vertices(new, beta)
@@ -119,7 +125,7 @@ def test_one_person_is_learned_from_posed_meshes_alone() -> None:
     # and the smoother, the more alike are neighbours, at the cost of the fit
     roughness = []
     for smoothness in (1e-6, 1e-3, 1.0):
-        D = learn_person(true, posed, smoothness=smoothness, tolerance=1e-8)
+        D = learn_person(true, posed, smoothness=smoothness, by=Lsqr(1e-8))
         roughness.append(np.linalg.norm(neighbour_differences(true.faces) @ D.reshape(len(D), -1)))
     assert roughness[0] > roughness[1] > roughness[2]
 
@@ -128,7 +134,7 @@ def test_a_stronger_ridge_keeps_q_nearer_to_the_identity() -> None:
     true = generator()
     betas, posed = drawn(true, 20, 5)
     sizes = [
-        np.linalg.norm(learn_bends(true, posed, betas, ridge=ridge, tolerance=1e-7).posedirs)
+        np.linalg.norm(learn_bends(true, posed, betas, ridge=ridge, by=Lsqr(1e-7)).posedirs)
         for ridge in (1e-4, 1e-2, 1.0, 100.0)
     ]
     assert (np.diff(sizes) < 0).all()
@@ -148,7 +154,7 @@ def test_the_fit_is_the_dense_least_squares_solution(
     wanted = rng.normal(size=(4, 2, M, 3))
     ridge, smoothness = 0.3, 0.2
     fit = StitchedFit(stitching, left, features, wanted, measure)
-    C = fit.solve(ridge, smoothness, 1e-14)
+    C = fit.solve(ridge, smoothness, Lsqr(1e-14))
     A = stitching.A.toarray()
     S = A @ np.linalg.pinv(A) if measure is ClosedEdges else np.linalg.pinv(A)  # means at 0
     columns = []
@@ -161,8 +167,11 @@ def test_the_fit_is_the_dense_least_squares_solution(
     target = (S @ wanted.reshape(8, -1)).ravel()
     right = np.concatenate([target, np.zeros(len(J) - target.size)])
     np.testing.assert_allclose(C.ravel(), np.linalg.lstsq(J, right)[0], atol=1e-9)
-    with pytest.raises(NotConverged, match="stopped after 2 iterations"):
-        fit.solve(most=2)
+    np.testing.assert_allclose(fit.solve(ridge, smoothness, Direct()), C, atol=1e-9)
+    with pytest.raises(NotConverged, match="24 unknowns were stopped after 2 iterations"):
+        fit.solve(by=Lsqr(most=2))
+    with pytest.raises(BadArgument, match=r"24 unknowns are too many .* up to 20; take Lsqr"):
+        fit.solve(by=Direct(most=20))
 
 
 def test_closing_edges_is_an_orthogonal_projection() -> None:

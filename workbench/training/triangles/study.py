@@ -14,14 +14,14 @@ from workbench.training.embedded.teacher import Teacher
 from workbench.training.mirror import Mirror
 from workbench.training.triangles.comparison import n_parameters
 from workbench.training.triangles.learning import PosedMeshes, learn_bends
-from workbench.training.triangles.stitched_fit import CentredVertices
+from workbench.training.triangles.stitched_fit import CentredVertices, Lsqr
 
 Array = NDArray[np.float64]
 Report = Callable[[str], None]
 # m^2 per squared unit of posedirs. Learned from 100 poses on `small`, held-out rms in mm for 1e-1,
 # 1e-3, 1e-4, 1e-5: SCAPE 12.0, 5.2, 4.9, 4.9; BlendSCAPE 14.2, 6.1, 5.5, 5.5
 RIDGE = 1e-4
-TOLERANCE = 1e-3
+LSQR = Lsqr(1e-3)
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ def compare_on_poses(
         report(f"  {name}")
         models[f"{name}, Q = I"] = untrained
         models[name] = learn_bends(
-            untrained, one, np.zeros((1, body.n_betas)), ridge=RIDGE, tolerance=TOLERANCE,
+            untrained, one, np.zeros((1, body.n_betas)), ridge=RIDGE, by=LSQR,
             measure=CentredVertices,
         )  # fmt: skip
     return tuple(
