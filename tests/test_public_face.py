@@ -31,6 +31,7 @@ WORKBENCH = [
     "Staged",
     "Status",
     "SteepestDescent",
+    "TriangleBody",
     "Values",
     "WorkbenchError",
     "compare",

@@ -6,7 +6,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from scipy.sparse import csr_array
 
 import workbench as wb
 from tests.bodies_made_up import tube_body
@@ -14,9 +13,6 @@ from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.errors import BadArgument
 from workbench.geometry.stitching import Stitching
 from workbench.geometry.triangles import edges, gradients
-from workbench.training.embedded.skeleton import MIRRORED_JOINTS
-from workbench.training.embedded.teacher import Teacher
-from workbench.training.mirror import Mirror
 from workbench.training.triangles.comparison import (
     additivity_gap,
     explained_by_triangles,
@@ -37,7 +33,6 @@ from workbench.training.triangles.stitched_fit import (
     StitchedFit,
     neighbour_differences,
 )
-from workbench.training.triangles.study import compare_on_poses
 
 SMALL = wb.load_body("small")
 TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
@@ -274,30 +269,6 @@ def test_shape_and_pose_are_added_by_smpl_and_multiplied_by_scape() -> None:
     half = additivity_gap(bent, pose / 2, betas / 2)
     np.testing.assert_allclose(half, gap / 4, atol=1e-12)
     np.testing.assert_allclose(unposed(bent, 0 * pose, 0 * betas), SMALL.template, atol=1e-13)
-
-
-def test_models_are_compared_on_the_same_poses() -> None:
-    weights = np.hstack([SMALL.weights, np.zeros((SMALL.n_vertices, 8))])  # no far halves of limbs
-    teacher = Teacher(SMALL.template, SMALL.J_regressor @ SMALL.template, csr_array(weights))
-    rng = np.random.default_rng(11)
-    poses = rng.normal(scale=0.2, size=(2, 8, 24, 3))
-    poses[:, :, 0] = 0
-    assert SMALL.mirror is not None
-    mirror, said = Mirror(SMALL.mirror, MIRRORED_JOINTS), list[str]()
-    found = compare_on_poses(SMALL, teacher, (poses[0], poses[1]), mirror, said.append)
-    by_name = {one.model: one for one in found}
-    assert list(by_name) == [
-        "linear blend skinning", "SMPL", "SCAPE, Q = I", "SCAPE", "BlendSCAPE, Q = I", "BlendSCAPE",
-    ]  # fmt: skip
-    for better, worse in (
-        ("SMPL", "linear blend skinning"), ("SCAPE", "SCAPE, Q = I"),
-        ("BlendSCAPE", "BlendSCAPE, Q = I"),
-    ):  # fmt: skip
-        assert by_name[better].rms_learned < 0.7 * by_name[worse].rms_learned
-    for one in found:
-        assert one.mean <= one.rms <= one.largest
-    assert by_name["SCAPE, Q = I"].parameters == n_parameters(scape(SMALL))
-    assert any("SCAPE" in line for line in said)
 
 
 def test_parameters_are_counted() -> None:
