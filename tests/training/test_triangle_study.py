@@ -160,6 +160,7 @@ def test_the_page_says_what_was_measured(tmp_path: Path) -> None:
         assert f"{found().outcome(name).rms:.2f}" in triangles_text(found())
     assert (found().shapes.leads > -1e-12).all()
     assert not re.search(r"\bnan\b|None", page)
+    assert (tmp_path / "triangles" / "smpl.glb").read_bytes()[:4] == b"glTF"
     assert (tmp_path / "triangles" / "summary.json").stat().st_size > 1000
     assert np.isfinite([found().true_crease, *found().shapes.gradients]).all()
 

@@ -4,6 +4,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from workbench.bodies.gltf import write_gltf
 from workbench.plots import Figure, caption_stitching, house_style, plot_stitching, sheet
 from workbench.plots import triangles as drawn
 from workbench.reports.figures import shown
@@ -15,6 +16,7 @@ from workbench.training.triangles.comparison import Explained
 from workbench.training.triangles.models import BLEND_SCAPE, SCAPE, SMPL
 from workbench.training.triangles.study import SHOWN, Study
 
+SKINNED = "smpl.glb"
 KNOWN = (
     "Everybody here is synthetic: people are drawn from artists' shape targets, and what pose does "
     "to them is a finer rig under dual quaternions. Poses are learned from draws of a Gaussian of "
@@ -23,6 +25,9 @@ KNOWN = (
     "meshes in known poses; distances are in the true pose, with the betas that fit that person "
     "best at rest, centroids laid together. SMPL's ridge was chosen on further meshes, that of Q "
     "is fixed; neither saw the test.",
+    f"{SKINNED}, beside this page, is SMPL's mean person in the hard poses below, with a skeleton "
+    "that any viewer moves. A glTF blends motions of bones and adds shapes to the rest surface; a "
+    "body whose surface is the solution of a linear system can only be written mesh by mesh.",
     "Times are those of one core of the machine that made this page, the least of several, after "
     "everything that is made once. The bodies on the full mesh are not trained, which changes no "
     "time.",
@@ -58,6 +63,7 @@ def lecture_table(s: Study) -> Table:
         ("together less each alone (mm)", *(f"{o.gap:.2g}" for o in outcomes)),
         ("skeleton", "joints that move with shape", "rotations of parts, no bones",
          "rotations of parts, no bones"),
+        ("as a skinned glTF, to be moved elsewhere", SKINNED, "no", "no"),
         ("linear system for a surface", "none", *(2 * ["one, factorised once"])),
         ("numbers learned", *(f"{o.parameters:,}" for o in outcomes)),
         *((f"directions for {level:.0%} of the vertices' variance",
@@ -160,8 +166,9 @@ def write_triangles(study: Study, folder: str | Path) -> Path:
     with replacing_folder(target, "") as fresh:
         (fresh / "index.html").write_text(triangles_page(study), encoding="utf-8")
         (fresh / "tables.txt").write_text(triangles_text(study) + "\n", encoding="utf-8")
-        summary = triangles_data(study) | {"files": ["index.html", "tables.txt", SUMMARY]}
+        summary = triangles_data(study) | {"files": ["index.html", "tables.txt", SKINNED, SUMMARY]}
         (fresh / SUMMARY).write_text(as_json(summary), encoding="utf-8")
+        write_gltf(fresh / SKINNED, study.smpl, study.poses)
     return target / "index.html"
 
 

@@ -85,7 +85,8 @@ class Study:
     true_crease: float  # of the test meshes themselves
     n_seams: int
     costs: tuple[Cost, ...]
-    truth: Array  # (H, N, 3) m: test meshes in hard poses
+    smpl: SkinnedBody
+    poses: Array  # (H, K, 3) rad: hard ones
     hard: Mapping[str, Held]  # by model, in those
     torn: Mapping[str, Array]  # stage -> corners (F, 3, 3) m
 
@@ -117,8 +118,10 @@ def study(plan: Plan, given: Registrations, report: Report) -> Study:
     for name in SHOWN:
         held = Held.of(models[name], given.people.strangers, given.test)
         shown[name] = Held(held.surfaces[chosen], held.distances[chosen])
-    part, torn = _parts(models), models[SCAPE]
+    smpl, torn = models[SMPL], models[SCAPE]
+    assert isinstance(smpl, SkinnedBody)
     assert isinstance(torn, TriangleBody)
+    part = torn.weights.toarray().argmax(axis=1)
     report("time")
     body = given.people.body
     return Study(
@@ -130,7 +133,8 @@ def study(plan: Plan, given: Registrations, report: Report) -> Study:
         crease(body.template, body.faces, part, given.test.vertices),
         n_seams(body.faces, part),
         tuple(costs(plan.body, models)),
-        given.test.vertices[chosen],
+        smpl,
+        given.test.poses[chosen],
         shown,
         stages(torn, given.test.poses[chosen[0]]),
     )
@@ -200,9 +204,3 @@ def costs(mesh: str, models: Mapping[str, AnyBody]) -> list[Cost]:
     full: SkinnedBody = load_body("full")
     made: dict[str, AnyBody] = {SMPL: full, SCAPE: scape(full), BLEND_SCAPE: blend_scape(full)}
     return found + [cost("full", name, made[name]) for name in SHOWN]
-
-
-def _parts(models: Mapping[str, AnyBody]) -> NDArray[np.int64]:
-    rigid = models[SCAPE]
-    assert isinstance(rigid, TriangleBody)
-    return np.asarray(rigid.weights.toarray().argmax(axis=1), dtype=np.int64)
