@@ -118,7 +118,7 @@ def study(plan: Plan, given: Registrations, report: Report) -> Study:
     for name in SHOWN:
         held = Held.of(models[name], given.people.strangers, given.test)
         shown[name] = Held(held.surfaces[chosen], held.distances[chosen])
-    smpl, torn = models[SMPL], models[SCAPE]
+    smpl, torn = models[SMPL], models[f"{SCAPE}, Q = I"]
     assert isinstance(smpl, SkinnedBody)
     assert isinstance(torn, TriangleBody)
     part = torn.weights.toarray().argmax(axis=1)
@@ -193,7 +193,7 @@ def stages(body: TriangleBody, pose: Array) -> dict[str, Array]:
     X = body.deformations(pose, np.zeros(body.n_betas))
     return {
         "template": body.template[body.faces],
-        "deformed one by one": soup(body.template, body.faces, X),
+        "rigid parts, torn": soup(body.template, body.faces, X),
         "stitched": body.vertices(pose)[body.faces],
     }
 
