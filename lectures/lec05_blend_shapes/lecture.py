@@ -297,7 +297,7 @@ print(f"largest displacement {1e3 * np.linalg.norm(body.posedirs @ f, axis=1).ma
       f"{1e3 * np.linalg.norm(body.posedirs @ (f - wrong), axis=1).max():.0f} mm, and no complaint")  # fmt: skip
 R = cs.MX.sym("R", 3, 72)
 print("linear in R:", cs.is_linear(pose_features(R, cs.repmat(cs.MX.eye(3), 1, 24)), R),
-      "; the body's f(theta) is", body.features.__name__)  # fmt: skip
+      "- and the f(theta) of this body is", body.features.__name__)  # fmt: skip
 
 # %%
 pose[joint["right_knee"], 0] = 1.8
