@@ -28,6 +28,7 @@ from workbench.training.mirror import Mirror
 from workbench.training.plan import alternation
 from workbench.training.pose_training import first_estimate, train_poses
 from workbench.training.shape_space import learn_shape_space
+from workbench.training.simplex import shares_to_zero
 from workbench.training.skinning_pass import SkinningPass
 from workbench.training.unposing import unpose
 
@@ -45,7 +46,7 @@ from workbench.training.unposing import unpose
 #
 # (Notes that this course follows say it the other way round once, and contradict themselves elsewhere.
 # Think of it: a person in one pose cannot tell how their elbow bulges, and three people cannot tell how
-# four thousand differ.)
+# thousands differ.)
 #
 # Our people are worms: a tube of six bones, with a random model of SMPL's form behind it.
 
@@ -80,7 +81,7 @@ print("of the first coordinates a linear function of pose explains:",
       ", ".join(f"{share:.0%}" for share in shares))  # fmt: skip
 
 # %% [markdown]
-# The first directions are not shape: they are how people happened to bend. A model with
+# The first two directions are not shape: they are how people happened to bend. A model with
 # these would make a person thinner by bending them. The meshes have to be brought to one pose first:
 # **un-posed**.
 #
@@ -113,7 +114,7 @@ with house_style():
 Picture(
     figure,
     "200 worms with three directions of shape. Un-posed, three directions explain all; as they stand, "
-    "pose takes up most of the first ones, and there is no end of them.",
+    "the first two are pose, and there is no end of them.",
 )
 
 # %% [markdown]
@@ -143,13 +144,13 @@ print("variance of the people's betas:", betas.var(axis=0, ddof=1).round(6))
 # unknowns only, and look at the middle.
 
 # %%
-few, _ = draw_registrations(true, 2, 12, seed=1)  # multi-pose: two people in twelve poses each
+few, _ = draw_registrations(true, 2, 8, seed=1)  # multi-pose: two people in eight poses each
 noise = 0.001 * np.random.default_rng(2).standard_normal(few.vertices.shape)  # m
 few = replace(few, vertices=few.vertices + noise)
 first = first_estimate(few, start, weights=start.weights(), rings=start.rings())
 rng = np.random.default_rng(0)
 here = replace(
-    first, poses=0.5 * rng.standard_normal((24, 6, 3)), posedirs=true.posedirs, weights=true.weights
+    first, poses=0.5 * rng.standard_normal((16, 6, 3)), posedirs=true.posedirs, weights=true.weights
 )
 other = {name: 0.1 * rng.standard_normal(array.shape) for name, array in here.arrays().items()}
 
@@ -158,7 +159,7 @@ def off_the_middle(*names):
     """How far points are from the middle, in mm, if these unknowns alone change."""
     change = {name: other[name] for name in names}
     begin, middle, end = (
-        SkinningPass(here.moved(change, share), slice(0, 24), few.subject).points
+        SkinningPass(here.moved(change, share), slice(0, 16), few.subject).points
         for share in (0, 0.5, 1)
     )
     return 1e3 * np.abs(middle - (begin + end) / 2).max()
@@ -242,9 +243,9 @@ with house_style():
     plot_costs(model.log, ax=ax)
 Picture(
     figure,
-    "The cost of training, block by block. It never rises, but taking turns becomes slow; the block "
-    "`together`, a few Gauss-Newton steps in all unknowns, goes on where it creeps. E_Y stays: these "
-    "people were drawn uneven.",
+    "The cost of training, block by block. The first block does most; then taking turns creeps, and the "
+    "block `together`, a few Gauss-Newton steps in all unknowns, goes on. The sum never rises, though "
+    "single terms may.",
 )
 
 # %% [markdown]
@@ -252,7 +253,7 @@ Picture(
 # alone makes the fit worse, both together hardly change it. Alternation cannot move along such a valley;
 # a Gauss-Newton step in all names can.
 #
-# The fit is *better* than the noise. That is no success. Each coordinate of each vertex has 24 meshes to
+# The fit is *better* than the noise. That is no success. Each coordinate of each vertex has 16 meshes to
 # explain, and 45 pose blend shapes and two people's templates to do it with: noise has been learned.
 #
 # ## How large may blend shapes be?
@@ -311,8 +312,8 @@ Picture(
 )
 
 # %% [markdown]
-# The lesson's own error says: no $\lambda$ at all. One needs poses that were not in the lesson. (The
-# weights that SMPL's authors used are not in their released code; we do not quote them.)
+# The lesson's own error says: no $\lambda$ at all. One needs poses that were not in the lesson. (What
+# SMPL's authors used we could not verify, and do not quote.)
 #
 # ## Joints from vertices
 #
@@ -355,6 +356,9 @@ for name, R in (("least squares", free), ("shares", as_shares)):
 
 # %%
 source(fit_joint_regressor)
+
+# %%
+source(shares_to_zero)
 
 # %% [markdown]
 # ## The whole of it in a sentence
