@@ -1,8 +1,7 @@
 """Exercises of lecture 5, blend shapes.
 
 Write each answer in place of the line that raises. Names, arguments and shapes stay as they are.
-Lengths are in metres, angles in radians; D is the number of a pose's numbers, m that of a shape's.
-Then
+Angles are in radians, lengths in metres. Then
 
     workbench lecture check 5 lec05_blend_shapes.py
 """
@@ -14,61 +13,59 @@ from workbench.course import Unsolved
 Array = np.ndarray
 
 
-def features(R: Array) -> Array:
-    """SMPL's pose features: R_k - I of every joint but the root (k = 0), row by row, joint by joint.
+def shares(x: Array, examples: Array, width: float) -> Array:
+    """The share of each example: exp(-|x - x_i|^2 / width^2), divided by the sum of all.
 
-    R (K, 3, 3), the rotations of all joints -> (9 (K - 1),)
-    """
-    raise Unsolved("features")
-
-
-def shares(theta: Array, places: Array, width: float) -> Array:
-    """The share of each example: K_i = exp(-|theta - place_i|^2 / width^2), over the sum of all K.
-
-    They have to be numbers also where every K_i is zero in the computer, 100 widths away; the
-    largest exponent may be subtracted from all of them, above and below.
-
-    theta (D,) rad, places (n, D) rad, width in rad -> (n,), of sum one
+    x (D,) rad; examples (n, D) rad; width rad -> (n,)
     """
     raise Unsolved("shares")
 
 
-def solved_shapes(places: Array, shapes: Array, width: float) -> Array:
-    """The Q_j with sum over j of K_j(place_i) Q_j = P_i: kernels, not divided, that meet all examples.
+def exact(x: Array, examples: Array, width: float) -> Array:
+    """Coefficients that bring each example's own shape back exactly where the example is.
 
-    places (n, D) rad, shapes (n, m) m, the P_i; width in rad -> (n, m) m
+    Sums of the kernels exp(-|x - x_i|^2 / width^2), not divided by anything, that are 1 at their
+    own example and 0 at all others.
+
+    x (D,) rad; examples (n, D) rad; width rad -> (n,)
     """
-    raise Unsolved("solved_shapes")
+    raise Unsolved("exact")
 
 
-def displacement(weights: Array, R: Array, rest: Array, posed: Array) -> Array:
-    """What has to be added to the rest surface, so that linear blending takes it to the posed one.
+def features(R: Array) -> Array:
+    """SMPL's features of a pose: elements of R_k - I, row by row, of every joint but the root.
 
-    The bones turn about the origin and do not move otherwise: M_i = sum over k of w_ik R_k.
-
-    weights (N, K), R (K, 3, 3), rest (N, 3) m, posed (N, 3) m -> (N, 3) m
+    R (K, 3, 3), the root first -> (9 (K - 1),)
     """
-    raise Unsolved("displacement")
+    raise Unsolved("features")
 
 
-def person(template: Array, shapedirs: Array, regressor: Array, lengths: Array, c: Array):
-    """A person at rest, and their joints, as SMPL has them, from coordinates c in metres.
+def learn(F: Array, D: Array, price: float) -> Array:
+    """Pose blend shapes from examples: least in |F P - D|^2 + price |P|^2, all squares summed.
 
-    The columns of shapedirs are for betas in standard deviations; c is along columns of length one
-    (c_m = |S_m| beta_m), whose lengths before are given: lengths_m = |S_m|.
-
-    template (N, 3) m, shapedirs (N, 3, B) m, regressor (K, N), lengths (B,) m, c (B,) m
-    -> a tuple of vertices (N, 3) m and joints (K, 3) m
+    F (n, f), the features of n poses; D (n, m) m, the displacements in these poses; price above 0
+    -> P (f, m) m
     """
-    raise Unsolved("person")
+    raise Unsolved("learn")
 
 
-def predict(poses: Array, shapes: Array, asked: Array) -> Array:
-    """Blend shapes of one joint for poses that nobody has seen, learned from examples. Any method.
+def directions(people: Array, k: int) -> tuple[Array, Array]:
+    """Mean and k shape directions of people, scaled so that betas are in standard deviations.
 
-    It is held to three things: zero at rest; the same for all vectors of one rotation (also those
-    longer than pi); and in poses like the examples, off by at most a tenth of the shapes' own rms.
+    Principal components; over the n people each of the k betas has mean 0 and variance 1, taken
+    with n - 1.
 
-    poses (n, 3) rad, rotation vectors; shapes (n, m) m; asked (q, 3) rad -> (q, m) m
+    people (n, m) m, a person's coordinates in each row -> (mean (m,) m, S (m, k) m)
     """
-    raise Unsolved("predict")
+    raise Unsolved("directions")
+
+
+def regressor(people: Array, joints: Array) -> Array:
+    """Weights of vertices, not negative and of sum one, whose mean is a joint of these people.
+
+    For people who were not among them it must be right to 3 mm. There are more vertices than
+    equations, the joints have noise of 1 mm, and the true weights are few.
+
+    people (n, N, 3) m; joints (n, 3) m -> (N,)
+    """
+    raise Unsolved("regressor")

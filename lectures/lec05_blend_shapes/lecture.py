@@ -3,407 +3,316 @@
 #
 # **How does a surface learn from examples what skinning gets wrong?**
 #
-# Linear blend skinning thins a twisted wrist and flattens a bent elbow (lecture 4). Suppose that we
-# have examples: poses in which we know the right surface. We store them and interpolate, watch that
-# fail far from the examples, and come to the blend shapes of SMPL: of pose, then of shape, and to the
-# joints that go with them. Lengths are in metres, angles in radians.
+# Lecture 4 ends with skin that collapses at an elbow. An artist would take the bad poses, one by one,
+# and push vertices to where they belong. We begin with such examples, find out how to use them in other
+# poses, and arrive at the two kinds of blend shapes of SMPL: for poses, and for people. Lengths are in
+# metres, angles in radians.
 
 # %%
 from dataclasses import replace
 
-import casadi as cs
 import numpy as np
 
 import workbench as wb
-from workbench.bodies import shapes, surface
+from workbench.bodies import surface
+from workbench.bodies.features import rotation_elements, rotation_vectors
 from workbench.bodies.kinematics import pose_features
-from workbench.bodies.scattered import Gaussians, Shares
+from workbench.bodies.scattered import Examples, Gaussians, Shares, shapes_as_directions
+from workbench.bodies.shapes import along, joint_moves, with_joints_of_the_mean
 from workbench.bodies.tubes import tube
 from workbench.course import Picture, source
 from workbench.geometry.rotation import matrix_from_vector
-from workbench.plots import house_style, plot_differences, plot_shape_gallery, sheet
+from workbench.plots import caption_shape_gallery, house_style, plot_shape_gallery, sheet
+from workbench.plots.body import Figurine, line_up, side
 
 # %% [markdown]
-# ## What is to be added, and where
+# ## What an artist would do
 #
-# Lecture 4's tube with one joint in its middle shall be an elbow. As the truth we take the same tube
-# skinned by dual quaternions: not real skin, but a surface that keeps its thickness. The joint sits at
-# the origin, and the first bone does not move. So linear blending takes the vertex $t_i$ to $M_i t_i$
-# with
+# The arm is the tube of lecture 4, blended linearly. The truth, so that there is one, is what dual
+# quaternions make of it. In pose $\theta$ linear blending takes vertex $i$ by a matrix and an offset,
+# $v \mapsto M_i v + m_i$. For it to end where it should, at $v_i^*$, it has to start at rest not from
+# $t_i$ but from
 #
-# $$ M_i = (1 - w_i)\, I + w_i R . $$
-
+# $$ t_i + P_i, \qquad P_i = M_i^{-1} (v_i^* - m_i) - t_i . $$
+#
+# All $P_i$ together are a **blend shape**: a displacement of the *rest* surface, $3 N$ numbers. Here is
+# one for an elbow bent by 90 degrees:
 
 # %%
-pipe = tube(rings=31, around=16)  # 60 cm long, 10 cm thick
-truth = replace(pipe, skinning=wb.dual_quaternion_blend)
-T, w = pipe.template, pipe.weights[:, 1]
+arm = tube(rings=31)
+truth = replace(arm, skinning=wb.dual_quaternion_blend)
+zone = np.abs(arm.template[:, 0]) < 0.05  # m: the skin around the joint
 
 
-def posed(body, theta):
-    """Surfaces (n, N, 3) m for rotation vectors (n, 3) rad of the joint."""
-    return body.vertices(np.stack([np.zeros_like(theta), theta], axis=1))
+def bent(angle):
+    """The pose (2, 3) rad of the arm with its elbow bent by `angle`."""
+    pose = np.zeros((2, 3))
+    pose[1, 2] = angle
+    return pose
 
 
-def blends(theta):
-    """M_i for each pose and vertex, (n, N, 3, 3)."""
-    R = matrix_from_vector(theta)[:, None]
-    return (1 - w)[:, None, None] * np.eye(3) + w[:, None, None] * R
+def needed(angle):
+    """The blend shape (N, 3) m that makes linear blending right at this angle."""
+    G = arm.kinematics.motion(bent(angle), np.zeros(1)).G  # (2, 3, 4)
+    M = np.einsum("nk,kij->nij", arm.weights, G)
+    away = truth.vertices(bent(angle)) - M[:, :, 3]
+    return np.linalg.solve(M[:, :, :3], away[:, :, None])[:, :, 0] - arm.template
 
 
-def skinned(theta, bulge):
-    """The posed surface when the displacements `bulge` (n, N, 3) are added at rest."""
-    return np.einsum("niab,nib->nia", blends(theta), T + bulge)
+def errors(body, angles):
+    """How far the skin around the joint is from the truth, root mean square, (A,) mm."""
+    poses = np.array([bent(angle) for angle in angles])
+    off = (body.vertices(poses) - truth.vertices(poses))[:, zone]
+    return 1e3 * np.sqrt(np.mean(np.sum(off**2, axis=2), axis=1))
 
 
-def rms(a):
-    """Root mean square length of displacements (..., N, 3), in mm."""
-    return 1e3 * np.sqrt(np.mean(np.sum(a**2, axis=-1), axis=-1))
+def error(body, angle):
+    """The same at one angle, mm."""
+    return errors(body, [angle])[0]
 
 
-bend = np.array([[0, 0, 2.0]])  # 115 degrees
-missing = posed(truth, bend) - posed(pipe, bend)
-print(f"linear blending is off by {rms(missing)[0]:.1f} mm at this bend")
-
-# %% [markdown]
-# A **blend shape** is a displacement for every vertex, $P \in \mathbb R^{3N}$. The naive thing is to
-# store what is missing and to add it to the template before skinning. But skinning then turns it, too.
-# What has to be added at rest is what skinning takes to the right place:
-#
-# $$ M_i\, (t_i + P_i) = v_i \qquad\Rightarrow\qquad P_i = M_i^{-1} v_i - t_i . $$
-
-
-# %%
-def at_rest(theta, v):
-    """The displacements (n, N, 3) m that skinning takes to the surfaces v."""
-    return np.linalg.solve(blends(theta), v[..., None])[..., 0] - T
-
-
-for name, bulge in (("as seen in the pose", missing),
-                    ("turned back by R'", missing @ matrix_from_vector(bend)[0]),
-                    ("by the inverse of M", at_rest(bend, posed(truth, bend)))):  # fmt: skip
-    print(
-        f"added at rest, {name:20}: off by {rms(skinned(bend, bulge) - posed(truth, bend))[0]:.1f} mm"
-    )
+shape = needed(np.pi / 2)
+repaired = replace(arm, template=arm.template + shape)
+print(f"bent by 90 degrees: off by {error(arm, np.pi / 2):.1f} mm; with the blend shape "
+      f"{error(repaired, np.pi / 2):.0e} mm")  # fmt: skip
+print(
+    f"the same at rest: off by {error(arm, 0):.1f} mm; with the blend shape {error(repaired, 0):.1f} mm"
+)
 
 # %% [markdown]
-# A transpose does not do: $M_i$ is a mean of rotations, and no rotation. The inverse meets the example
-# exactly. So a pose has its blend shape. Now for poses between examples.
+# In its own pose it is perfect, and at rest it does harm. A blend shape has to come and go with the
+# pose.
 #
-# ## Scattered data
+# ## Between the examples
 #
-# Lewis, Cordner and Fong (2000) let each example $i$ have a share that falls with the distance between
-# its pose $\theta^i$ and the one asked for:
+# Make some examples $\theta^i, P_i$, and in a pose $\theta$ take each according to how near it is
+# (*scattered data interpolation*; Lewis and others, 2000):
 #
 # $$
-# K_i = e^{-\|\theta - \theta^i\|^2 / \tau^2}, \qquad
-# B_P(\theta) = \sum_i \lambda_i P_i, \qquad \lambda_i = \frac{K_i}{\sum_j K_j} .
+# B_P(\theta) = \sum_i \lambda_i(\theta)\, P_i, \qquad
+# \lambda_i = \frac{K_i}{\sum_j K_j}, \qquad K_i = \exp\left( - \|\theta - \theta^i\|^2 / \tau^2 \right) .
 # $$
 #
-# A slide that this course follows only says that $\lambda_i$ is proportional to $K_i$. Divide, or do
-# not? A third way divides by nothing, and solves for other shapes $Q_j$ with
-# $\sum_j K_j(\theta^i)\, Q_j = P_i$ so that all examples come out exactly. We take five examples, the
-# elbow bent by 0 to 120 degrees.
+# The slides that this course follows have $\lambda_i \propto K_i$ without the sum. We run both. A third
+# way keeps the kernels undivided, but solves for coefficients with which the examples come out exactly.
 
 # %%
-width = np.radians(30)  # tau
-degrees = np.arange(0, 121, 30)
-places = np.radians(degrees)[:, None] * [0, 0, 1]
-examples = at_rest(places, posed(truth, places))
-
-
-def kernels(theta):
-    """K_i, (n, examples)."""
-    away = theta[:, None] - places
-    return np.exp(-np.sum(away**2, axis=2) / width**2)
-
-
-exact = np.linalg.solve(kernels(places), examples.reshape(len(places), -1)).reshape(examples.shape)
-
-
-def interpolated(theta):
-    """Three ways to blend the examples, each (n, N, 3) m."""
-    K = kernels(theta)
-    shares = K / K.sum(axis=1, keepdims=True)
-    return {
-        "not normalised": np.tensordot(K, examples, 1),
-        "normalised": np.tensordot(shares, examples, 1),
-        "solved for": np.tensordot(K, exact, 1),
-    }
-
-
-asked = {"at the examples": degrees, "half-way between": degrees[:-1] + 15, "bent backwards": [-60]}
-for where, angle in asked.items():
-    theta = np.radians(angle)[:, None] * [0, 0, 1]
-    off = {"no blend shapes": rms(posed(pipe, theta) - posed(truth, theta))}
-    off |= {n: rms(skinned(theta, b) - posed(truth, theta)) for n, b in interpolated(theta).items()}
-    print(f"{where:17}", ", ".join(f"{n} {o.mean():.2f} mm" for n, o in off.items()))
+at = np.radians([-120, -80, -40, 0, 40, 80, 120])
+shapes = np.array([needed(angle) for angle in at])
+examples = Examples(places=np.array([[0, 0, angle] for angle in at]), width=0.7)
+ways = {
+    "none": arm,
+    "divided by the sum": replace(
+        arm, features=Shares(examples), posedirs=shapes_as_directions(shapes)
+    ),
+    "not divided": replace(
+        arm, features=Gaussians(examples), posedirs=shapes_as_directions(shapes)
+    ),
+    "exact": replace(
+        arm, features=Gaussians(examples), posedirs=Gaussians(examples).exactly(shapes)
+    ),
+}
+for name, body in ways.items():
+    print(f"{name:19}: at an example (80 degrees) {error(body, at[5]):5.2f} mm, between two (60) "
+          f"{error(body, np.radians(60)):5.2f} mm, beyond (150) {error(body, np.radians(150)):5.2f} mm")  # fmt: skip
 
 # %%
-sweep = np.radians(np.arange(-170, 171, 5))
-theta = sweep[:, None] * [0, 0, 1]
-right = posed(truth, theta)
+turns = np.radians(np.arange(-170, 171, 5))
 with house_style():
     figure, (ax,) = sheet(8, 3.8)
-    ax.plot(np.degrees(sweep), rms(posed(pipe, theta) - right), color="0.6", lw=4,
-            label="no blend shapes")  # fmt: skip
-    for (name, bulge), dash in zip(interpolated(theta).items(), ("--", "-.", "-"), strict=True):
-        ax.plot(np.degrees(sweep), rms(skinned(theta, bulge) - right), dash, label=name)
-    ax.plot(degrees, 0 * degrees, "k^", clip_on=False, label="examples")
-    ax.set(xlabel="bend of the elbow (degrees)", ylabel="off the truth (mm, rms)", ylim=(0, 12))
+    for (name, body), dash in zip(ways.items(), (":", "-", "--", "-."), strict=True):
+        ax.plot(np.degrees(turns), errors(body, turns), dash, label=name)
+    for angle in np.degrees(at):
+        ax.axvline(angle, color="0.85", lw=0.8, zorder=0)
+    ax.set(xlabel="elbow (degrees)", ylabel="skin off by (mm)", ylim=(0, 12))
     ax.legend(loc="upper center", ncols=2)
 Picture(
     figure,
-    "Five examples, interpolated. Among the examples the lower two curves are good, and the one solved "
-    "for meets every example; bent backwards, all three leave the error of skinning as it is.",
+    "The error by angle. Grey lines are the examples. Shares hit no example, because its neighbours have "
+    "a say as well; kernels that are not divided add up to too much; solved for, they are exact at the "
+    "examples and good between.",
 )
 
 # %% [markdown]
-# Not normalised is hardly better than nothing: at an example its neighbours add their own shapes to it.
-# Divided by the sum, it comes near; solved for, it is exact at the examples, and wavers a little between
-# them. The library has the plain kernels (for solving) and the divided ones. `Shares` takes the
-# logarithm of the sum, because far away all $K_i$ are zero in the computer, and $0/0$ is no share.
+# Far from all examples the kernels fade and nothing is repaired; shares stay with the nearest example
+# whatever is there. And there is a worse trouble. Seven examples will do for one angle. Here are three
+# angles for each of 23 joints, and each example is a whole body, $3 N$ numbers, to be kept and to be
+# summed. Examples cannot fill 69 dimensions.
+#
+# ## The idea: a function of the pose that is linear in what is learned
+#
+# Do not keep the examples; learn from them once. Choose some **features** $f_n(\theta)$ of the pose, few
+# and cheap, and let there be a blend shape for each:
+#
+# $$ B_P(\theta) = \sum_n f_n(\theta)\, P_n . $$
+#
+# That is linear in the $P_n$, so they are found by linear least squares (lecture 6): with the features of
+# all example poses as rows of $F$ and the needed displacements as rows of $D$,
+#
+# $$ \min_P \; \|F P - D\|^2 + \lambda \|P\|^2, \qquad (F^\top F + \lambda I)\, P = F^\top D . $$
+#
+# The second term is the *price*: it keeps $P$ small where examples say little.
+#
+# Which features? The obvious ones are the angles themselves, $f(\theta) = \theta$. SMPL takes the
+# elements of the rotation matrices, less those at rest, $\operatorname{vec}(R_k - I)$.
+
 
 # %%
-source(Gaussians.__call__)
-
-# %%
-source(Shares.__call__)
-
-# %% [markdown]
-# There are two problems. **Far from all examples** the plain kernels fall to nothing, and shares go to
-# the nearest example, however far that is. And **how many** must there be? Five for a bend of one joint
-# along one axis. A joint has three numbers, and a body 23 such joints:
-
-# %%
-far = np.array([[0, 2.0, 0]])  # the same bend about another axis
-K = kernels(far)[0]
-print("a bend about y instead of z: kernels sum to", f"{K.sum():.0e};",
-      "shares", (K / K.sum()).round(3))  # fmt: skip
-print(f"five each way: {5**3} examples for one joint, 10^{69 * np.log10(5):.0f} for the body")
-
-# %% [markdown]
-# ## The idea: a shape for each number of the pose
-#
-# Do not store examples; store what can be *learned* from them. Make $B_P$ linear in some features
-# $f(\theta)$ of the pose,
-#
-# $$ B_P(\theta) = \sum_n f_n(\theta)\, P_n , $$
-#
-# so that the $P_n$ are found by linear least squares from as many examples as there are, and cost the
-# same for ever after. Which $f$? The first that comes to mind is $f(\theta) = \theta$. SMPL has the
-# nine elements of each joint's rotation, less those at rest:
-#
-# $$ f(\theta) = \mathrm{vec}(R_k(\theta) - I), \quad k = 1, \dots, 23 . $$
-#
-# Learn both from 60 poses: the elbow bends up to 2 rad one way, and twists by up to 1 rad both ways.
-
-# %%
-rng = np.random.default_rng(0)
+def learned(features, poses, price=1e-4):
+    """The arm with blend shapes for these features, learned from poses (n,) rad."""
+    joint = np.array([bent(angle)[1] for angle in poses])  # (n, 3) rad
+    elements = (matrix_from_vector(joint) - np.eye(3)).reshape(-1, 9)
+    F = joint if features is rotation_vectors else elements
+    D = np.array([needed(angle).ravel() for angle in poses])
+    P = np.linalg.solve(F.T @ F + price * np.eye(F.shape[1]), F.T @ D)
+    posedirs = P.T.reshape(arm.n_vertices, 3, F.shape[1])
+    return replace(arm, features=features, posedirs=posedirs)
 
 
-def draw(n):
-    """Rotation vectors (n, 3) rad of an elbow."""
-    return np.column_stack(
-        [rng.uniform(-1, 1, n), 0.2 * rng.standard_normal(n), rng.uniform(0, 2, n)]
+taught_in = np.radians(np.arange(-120, 121, 10))
+students = {
+    "f = the angles": learned(rotation_vectors, taught_in),
+    "f = rotation elements": learned(rotation_elements, taught_in),
+}
+for name, body in {"none": arm, **students}.items():
+    inside = np.sqrt(np.mean(errors(body, taught_in) ** 2))
+    print(
+        f"{name:22}: off by {inside:.1f} mm where it was taught, {error(body, np.radians(150)):.1f} mm at 150 degrees"
     )
 
-
-features = {
-    "theta": lambda theta: theta,
-    "rotation elements": lambda theta: (matrix_from_vector(theta) - np.eye(3)).reshape(-1, 9),
-}
-lesson, test = draw(60), draw(200)
-target = at_rest(lesson, posed(truth, lesson)).reshape(60, -1)
-learned = {
-    n: np.linalg.lstsq(f(lesson), target, rcond=1e-6)[0].reshape(-1, *T.shape)
-    for n, f in features.items()
-}
-
-
-def predicted(name, theta):
-    """B_P(theta), (n, N, 3) m."""
-    return np.tensordot(features[name](theta), learned[name], 1)
-
-
-right = posed(truth, test)
-print(f"unseen poses, skinning alone: {rms(posed(pipe, test) - right).mean():.2f} mm")
-for name in features:
-    off = rms(skinned(test, predicted(name, test)) - right).mean()
-    print(f"f = {name:18}: {off:.2f} mm, with {len(learned[name])} shapes")
-
 # %% [markdown]
-# Now do what a slide does with a neck: turn the joint right round, twice. After a full turn it is where
-# it was, the same rotation. So the surface should be what it was.
+# Angles are little use. What an elbow needs is the same to either side, and a linear function of the
+# angle has the opposite sign there. $R$ has $\cos \alpha - 1$ among its elements, which is even.
+#
+# There is a worse failure. Turn once all the way round, and the joint is where it was. Is its skin?
 
 # %%
-around = np.radians(np.arange(0, 721, 5))
-turning = around[:, None] * [0, 0, 1]
-sizes = {name: rms(predicted(name, turning)) for name in features}
-for name, size in sizes.items():
-    print(f"f = {name:18}: rms of B_P at 0, 360, 720 degrees:", size[[0, 72, 144]].round(2), "mm")
-t, axis = 1.3, np.array([0.6, 0, 0.8])
-one, other = t * axis[None], (t - 2 * np.pi) * axis[None]
-for name in features:
-    gap = rms(predicted(name, one) - predicted(name, other))[0]
-    print(f"f = {name:18}: two vectors of one rotation, B_P differs by {gap:.2f} mm")
-
+for name, body in students.items():
+    moved = body.vertices(bent(0.6)) - body.vertices(bent(0.6 - 2 * np.pi))
+    print(f"{name:22}: 0.6 rad, and the same rotation a full turn further: vertices differ by up to "
+          f"{1e3 * np.linalg.norm(moved, axis=1).max():.0e} mm")  # fmt: skip
+around = np.linspace(-2 * np.pi, 2 * np.pi, 161)
 with house_style():
     figure, (ax,) = sheet(8, 3.6)
-    for (name, size), dash in zip(sizes.items(), ("--", "-"), strict=True):
-        ax.plot(np.degrees(around), size, dash, label=f"f = {name}")
-    ax.axvspan(0, 115, color="0.9", label="bends of the lesson")
-    ax.set(xlabel="turn (degrees)", ylabel="size of B_P (mm, rms)", xticks=range(0, 721, 90))
-    ax.legend(loc="upper left", bbox_to_anchor=(0.21, 1))
+    for (name, body), dash in zip(students.items(), ("--", "-"), strict=True):
+        still = replace(
+            body, weights=np.eye(2)[[0] * arm.n_vertices]
+        )  # the skin does not ride along
+        B = still.vertices(np.array([bent(angle) for angle in around])) - arm.template
+        ax.plot(np.degrees(around), 1e3 * np.linalg.norm(B, axis=2).max(axis=1), dash, label=name)
+    ax.set(xlabel="the joint, turned by (degrees)", ylabel="largest displacement (mm)")
+    ax.legend()
 Picture(
     figure,
-    "The size of the blend shapes while the joint turns twice about the axis of its bend. Those of theta "
-    "grow for ever; those of the rotation's elements come back to zero at each full turn.",
+    "How far the blend shapes move the rest surface, while the joint turns twice round. By rotation "
+    "elements it is the same after each turn, and bounded, for no element of R - I leaves [-2, 2]. By "
+    "angles it grows and grows.",
 )
 
 # %% [markdown]
-# Elements of a rotation are between $-1$ and $1$, so $|f_n| \le 2$; they are the same for every vector
-# of one rotation; and at rest they are zero, hence $B_P$ is. They still are a guess: skin is not
-# linear in $R$. But a good one, and it cannot run away.
-#
 # ## In SMPL
 #
-# The joint at the root is left out: turning the whole body changes no skin. So there are
-# $9 \cdot 23 = 207$ features. Their order matters: entry $9 (k - 1) + 3 r + c$ is row $r$, column $c$ of
-# joint $k$. CasADi (like Fortran) counts down columns, NumPy along rows; hence the transpose:
+# $B_P(\theta) = \sum_{n=1}^{9K} \left( R_n(\theta) - R_n(\theta^*) \right) P_n$, with $K = 23$: the root is
+# left out, for who turns as a whole keeps their form. That is 207 features. Their order is part of the
+# file: entry $9 (k - 1) + 3 r + c$ is row $r$, column $c$ of joint $k$.
 
 # %%
 source(pose_features)
 
 # %%
 body = wb.load_body("default")
-joint = {name: k for k, name in enumerate(body.joint_names)}
-pose = np.zeros((24, 3))
-pose[joint["left_elbow"]] = [0.3, -1.6, 0.2]
-
-
-def elements(pose):
-    """vec(R_k - I), row by row, of all joints but the root, (207,)."""
-    return (matrix_from_vector(pose)[1:] - np.eye(3)).ravel()
-
-
-f = elements(pose)
-k = joint["left_elbow"]
-print(f"posedirs are {body.posedirs.shape}; the elbow, joint {k}, touches columns",
-      np.flatnonzero(f)[[0, -1]], f"= 9 ({k} - 1) and on")  # fmt: skip
-wrong = (matrix_from_vector(pose)[1:] - np.eye(3)).transpose(0, 2, 1).ravel()
-print(f"largest displacement {1e3 * np.linalg.norm(body.posedirs @ f, axis=1).max():.0f} mm; "
-      f"columns for rows: off by up to "
-      f"{1e3 * np.linalg.norm(body.posedirs @ (f - wrong), axis=1).max():.0f} mm, and no complaint")  # fmt: skip
-R = cs.MX.sym("R", 3, 72)
-print("linear in R:", cs.is_linear(pose_features(R, cs.repmat(cs.MX.eye(3), 1, 24)), R),
-      "- and the f(theta) of this body is", body.features.__name__)  # fmt: skip
-
-# %%
-pose[joint["right_knee"], 0] = 1.8
-pose[joint["right_wrist"], 0] = 1.6
-
-
-def aslant(v):
-    """Seen from half left."""
-    return v @ matrix_from_vector([0, -0.7, 0]).T
-
-
-bulged = body.template + body.posedirs @ elements(pose)
-with house_style():
-    figure, (ax,) = sheet(10, 4.8)
-    plot_differences(body.template, {"with B_P, at rest": bulged}, body.faces, ax=ax, look=aslant,
-                     name="the template")  # fmt: skip
-Picture(
-    figure,
-    "What the left elbow, right wrist and right knee of a posed body add to the template, before "
-    "anything is skinned. It looks wrong at rest, and is there to be right after skinning.",
-)
+one = np.zeros((24, 3))
+elbow = body.joint_names.index("left_elbow")
+one[elbow] = [0, -1.2, 0]
+R = matrix_from_vector(one)
+f = (R[1:] - np.eye(3)).ravel()
+print("features that are not zero when the left elbow turns:", np.flatnonzero(f),
+      f"; 9 (k - 1) = {9 * (elbow - 1)}")  # fmt: skip
+N = 6890
+print(f"numbers in P for {N} vertices: 3 x {N} x 207 = {3 * N * 207}")
 
 # %% [markdown]
-# (A slide counts the numbers of $P$ as $9 \cdot 23 \cdot 6890$, and gives the value 4,278,690. That is
-# $3 \cdot 9 \cdot 23 \cdot 6890$: each shape has three coordinates for each vertex. The value is right.)
+# (The slides print $9 \cdot 23 \cdot 6890$ and give the right number, which has a factor 3 for the
+# coordinates.)
 #
-# ## Shape
+# ## People
 #
-# People differ as well, and that is linear from the start:
+# The same idea for shapes. People at rest are points with $3N$ coordinates; their mean is the template
+# $\bar T$, and the directions in which they differ most are the principal components (a singular value
+# decomposition, once the mean is taken away):
 #
-# $$ T(\beta) = \bar T + \sum_m \beta_m S_m . $$
+# $$ B_S(\beta) = S \beta, \qquad S = V_k \operatorname{diag}(s) / \sqrt{n - 1} . $$
 #
-# The $S_m$ are principal components of people at rest: each explains as much variance as can be
-# explained after those before it. In SMPL's files they are *scaled*: $\beta_m = 1$ is one standard
-# deviation. So the length of $S_m$ says how much people differ along it, and directions of length one
-# would be another convention: then the same $\beta$ means another person.
+# The scale is a convention that must be told: with it, $\beta$ is in standard deviations, and one person
+# in twenty is beyond $\pm 2$. Learned from 60 people that we draw from the body's own shape space:
 
 # %%
-variance = shapes.variances(body)  # m^2, the squared lengths of the S_m
-S = body.shapedirs.reshape(-1, body.n_betas)
-unit = S / np.linalg.norm(S, axis=0)
-print("rms of one standard deviation:",
-      (1e3 * np.sqrt(variance[:5] / body.n_vertices)).round(1), "mm")  # fmt: skip
-print(f"columns at right angles: cosines below {np.abs(unit.T @ unit - np.eye(10)).max():.0e}")
+rng = np.random.default_rng(0)
+people = body.vertices(betas=rng.standard_normal((60, body.n_betas))).reshape(60, -1)
+mean = people.mean(axis=0)
+_, s, Vt = np.linalg.svd(people - mean, full_matrices=False)
+share = np.cumsum(s**2) / np.sum(s**2)
+print("variance explained by 1, 2, 5 and 10 directions:", share[[0, 1, 4, 9]].round(3))
+S = Vt[:3].T * s[:3] / np.sqrt(len(people) - 1)
+betas = np.linalg.lstsq(S, (people - mean).T, rcond=None)[0]
+print("standard deviations of their first three betas:", betas.std(axis=1, ddof=1).round(3))
+
 gallery = {
-    f"S{m + 1}, {amount:+d} sd": body.vertices(betas=shapes.along(body, m, amount))
-    for m in (0, 1)
-    for amount in (-3, 3)
+    f"{k + 1}, {amount:+d} sd": body.vertices(betas=along(body, k, amount))
+    for k in range(2)
+    for amount in (-3, 0, 3)
 }
-gallery = {"the mean": body.template} | gallery
 with house_style():
-    figure, (ax,) = sheet(10, 3)
+    figure, (ax,) = sheet(11, 3.8)
     plot_shape_gallery(gallery, body.faces, ax=ax)
-Picture(
-    figure,
-    "The mean person, and three standard deviations along the first two directions of shape. The first "
-    "makes them larger as a whole, the second broader at the shoulders.",
-)
+Picture(figure, caption_shape_gallery(gallery, "three"))
 
 # %% [markdown]
-# ## Joints
+# ## Joints move with the person
 #
-# A tall person's elbow is elsewhere than the mean person's. Where? Joints are inside, and nobody sees
-# them. SMPL takes each as a fixed weighted mean of rest vertices,
+# A longer thigh has its knee further down. So the joints are no constants; they are found from the
+# *shaped* surface, before the pose, by a matrix of weights:
 #
-# $$ J(\beta) = \mathcal J\, (\bar T + S \beta), \qquad \mathcal J \ge 0, \text{ rows sum to one} . $$
+# $$ J(\beta) = \mathcal J\, (\bar T + S \beta), \qquad \mathcal J \ge 0, \text{ rows of sum one.} $$
 #
-# Such a mean goes along when everybody is moved or scaled, and stays inside the surface's hull. What
-# if we save ourselves the trouble, and give everybody the joints of the mean person?
+# Why these conditions? With a sum of one a joint moves along with a person who stands elsewhere; with
+# weights that are not negative it lies among its vertices. What if the joints of the mean person are kept?
 
 # %%
-tall = shapes.along(body, 0, 3)
-lazy = shapes.with_joints_of_the_mean(body, tall)
-moves = shapes.joint_moves(body, tall)
+tall = along(body, 0, 3)
 print(
-    f"joints of a person at +3 sd: {1e3 * moves.min():.0f} to {1e3 * moves.max():.0f} mm from the mean's"
+    f"this person's joints are up to {1e3 * joint_moves(body, tall).max():.0f} mm from the mean person's"
 )
-rows = body.J_regressor.toarray()
-print(f"rows sum to 1 within {np.abs(rows.sum(axis=1) - 1).max():.0e}, least entry {rows.min():.0e}, "
-      f"{np.mean((rows > 0).sum(axis=1)):.0f} vertices for a joint")  # fmt: skip
-bent = np.zeros((24, 3))
-bent[joint["left_knee"], 0] = bent[joint["right_knee"], 0] = 1.6
-bent[joint["left_elbow"], 1] = -1.9
-right, found = body.vertices(bent, tall), lazy.vertices(bent)
-print(
-    f"bent, with the mean's joints: off by up to {1e3 * np.linalg.norm(found - right, axis=1).max():.0f} mm"
-)
-
+kept = with_joints_of_the_mean(body, tall)
+bend = np.zeros((24, 3))
+for k, angle in (("left_knee", 1.6), ("right_knee", 1.6), ("left_shoulder", -0.9)):
+    bend[body.joint_names.index(k), 0 if "knee" in k else 2] = angle
+right, wrong = body.vertices(bend, tall), kept.vertices(bend)
+print(f"posed on the mean person's joints the skin is off by up to "
+      f"{1e3 * np.linalg.norm(right - wrong, axis=1).max():.0f} mm")  # fmt: skip
 with house_style():
-    figure, (ax,) = sheet(10, 4.8)
-    plot_differences(right, {"on the mean's joints": found}, body.faces, ax=ax, look=aslant,
-                     name="their own joints")  # fmt: skip
+    figure, (ax,) = sheet(8, 4.4)
+    shown = [
+        Figurine("own joints", right, side),
+        Figurine("the mean's joints", wrong, side),
+    ]
+    line_up(shown, body.faces, ax=ax)
 Picture(
     figure,
-    "A tall person with bent knees and a bent elbow, on their own joints and on those of the mean "
-    "person: shins and forearm turn about the wrong place.",
+    "This person from the side, posed on the joints that the regressor finds, and on the mean person's. "
+    "The mean's knee is further up: there the leg folds within the thigh, and the shin sits about 10 cm "
+    "too high.",
 )
 
 # %% [markdown]
-# ## All of it
+# ## All together
 #
-# That was the last piece. The rest surface is $\bar T + B_S(\beta) + B_P(\theta)$, the joints come from
-# $\bar T + B_S(\beta)$ *without* the pose's part (or bending would move the joints), and skinning moves
-# it all:
+# That is SMPL: the mean person, changed to somebody else, given what skinning is going to lose, and
+# skinned by the joints of that person:
 #
-# $$ M(\beta, \theta) = W\big(\bar T + B_S(\beta) + B_P(\theta),\; J(\beta),\; \theta,\; \mathcal W\big) . $$
+# $$ M(\theta, \beta) = W\left( \bar T + B_S(\beta) + B_P(\theta),\; J(\beta),\; \theta,\; \mathcal W \right) . $$
+#
+# (A summary of SMPL prints $\beta$ for the third argument. It is the pose.) In the library:
 
 # %%
 source(surface.rest)
@@ -414,8 +323,10 @@ source(surface.posed)
 # %% [markdown]
 # ## What to remember
 #
-# - A blend shape is added at rest; from a posed example it is $M^{-1} v - t$. $M$ is no rotation.
-# - Scattered data: divide by the sum. It costs a shape for each example, and knows nothing far away.
-# - $f(\theta) = \theta$ tells one rotation from itself, and grows for ever. Elements of $R - I$ do not;
-#   their order is row by row, without the root.
-# - Shape is linear, with $\beta$ in standard deviations. Joints are weighted means of rest vertices.
+# - A blend shape is a displacement of the rest surface: find it by taking skinning back.
+# - Interpolating examples works near them; shares have to be divided by their sum, and hit no example;
+#   what it costs grows with the examples.
+# - Blend shapes that are linear in features are learned by least squares. Features should be the same
+#   for the same rotation: elements of $R - I$, row by row, without the root.
+# - Shape directions are principal components, scaled so that betas are standard deviations; joints are
+#   regressed from the shaped surface.

@@ -1,40 +1,42 @@
 """Solutions of lecture 5."""
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+from scipy.optimize import nnls
 
 Array = np.ndarray
+
+
+def kernels(x: Array, examples: Array, width: float) -> Array:
+    """exp(-|x - x_i|^2 / width^2), for x (..., D): (..., n)."""
+    away = x[..., None, :] - examples
+    return np.exp(-np.sum(away**2, axis=-1) / width**2)
+
+
+def shares(x: Array, examples: Array, width: float) -> Array:
+    k = kernels(x, examples, width)
+    return k / k.sum()
+
+
+def exact(x: Array, examples: Array, width: float) -> Array:
+    return np.linalg.solve(kernels(examples, examples, width), kernels(x, examples, width))
 
 
 def features(R: Array) -> Array:
     return (R[1:] - np.eye(3)).ravel()
 
 
-def shares(theta: Array, places: Array, width: float) -> Array:
-    exponents = -np.sum((theta - places) ** 2, axis=1) / width**2
-    K = np.exp(exponents - exponents.max())  # the largest is 1, so the sum is not zero
-    return K / K.sum()
+def learn(F: Array, D: Array, price: float) -> Array:
+    return np.linalg.solve(F.T @ F + price * np.eye(F.shape[1]), F.T @ D)
 
 
-def solved_shapes(places: Array, shapes: Array, width: float) -> Array:
-    away = places[:, None] - places
-    K = np.exp(-np.sum(away**2, axis=2) / width**2)
-    return np.linalg.solve(K, shapes)
+def directions(people: Array, k: int) -> tuple[Array, Array]:
+    mean = people.mean(axis=0)
+    _, s, Vt = np.linalg.svd(people - mean, full_matrices=False)
+    return mean, Vt[:k].T * s[:k] / np.sqrt(len(people) - 1)
 
 
-def displacement(weights: Array, R: Array, rest: Array, posed: Array) -> Array:
-    M = np.einsum("ik,kab->iab", weights, R)
-    return np.linalg.solve(M, posed[..., None])[..., 0] - rest
-
-
-def person(template: Array, shapedirs: Array, regressor: Array, lengths: Array, c: Array):
-    vertices = template + shapedirs @ (c / lengths)
-    return vertices, regressor @ vertices
-
-
-def predict(poses: Array, shapes: Array, asked: Array) -> Array:
-    def elements(vectors: Array) -> Array:
-        return (Rotation.from_rotvec(vectors).as_matrix() - np.eye(3)).reshape(-1, 9)
-
-    P = np.linalg.lstsq(elements(poses), shapes, rcond=1e-10)[0]  # a shape for each element
-    return elements(asked) @ P
+def regressor(people: Array, joints: Array) -> Array:
+    A = people.transpose(0, 2, 1).reshape(-1, people.shape[1])  # (3 n, N)
+    strong = 1e3 * np.ones((1, A.shape[1]))  # the sum, as one more equation
+    w, _ = nnls(np.vstack([A, strong]), np.r_[joints.ravel(), 1e3])
+    return w / w.sum()

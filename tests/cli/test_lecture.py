@@ -92,3 +92,13 @@ def test_a_wrong_answer_is_told_why(workbench: Run) -> None:
     code, _, err = workbench("lecture", "check", "6")
     assert code == 2
     assert "there is no file" in err
+
+
+def test_notebooks_are_not_written_over(workbench: Run) -> None:
+    Path("books").mkdir()
+    Path("books/lec06_least_squares.ipynb").write_text("a student's evening")
+    code, _, err = workbench("lecture", "notebooks", "books")
+    assert code == 2
+    assert "somebody's work" in err
+    assert Path("books/lec06_least_squares.ipynb").read_text() == "a student's evening"
+    assert len(list(Path("books").iterdir())) == 1

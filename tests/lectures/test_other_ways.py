@@ -14,6 +14,7 @@ import workbench as wb
 from workbench.course.marking import mark
 from workbench.course.marks import State
 from workbench.course.outline import lecture
+from workbench.training.simplex import shares_to_zero
 
 Array = np.ndarray
 U, L = 0.30, 0.25  # m, the arm of lecture 6
@@ -110,45 +111,34 @@ def tried_out() -> list[int]:
     return chosen
 
 
-def by_slsqp(reached: Array, seen: Array) -> Array:
-    K = reached.shape[1]
-
-    def left(w: Array) -> float:
-        return np.sum((np.einsum("jka,k->ja", reached, w) - seen) ** 2)
-
-    one = {"type": "eq", "fun": lambda w: w.sum() - 1}
-    return scipy.optimize.minimize(left, np.full(K, 1 / K), bounds=[(0, 1)] * K, constraints=one).x
+def by_softmax(x: Array, examples: Array, width: float) -> Array:
+    return scipy.special.softmax(-(np.linalg.norm(x - examples, axis=1) ** 2) / width**2)
 
 
-def from_the_mean(meshes: Array) -> Array:
-    T = meshes[-1] - meshes[-1].mean(axis=0)
-    for _ in range(100):
-        around = [V - V.mean(axis=0) for V in meshes]
-        T = np.mean([V @ Rotation.align_vectors(V, T)[0].as_matrix() for V in around], axis=0)
-    return T
+def by_the_small_side(F: Array, D: Array, price: float) -> Array:
+    return F.T @ np.linalg.solve(F @ F.T + price * np.eye(len(F)), D)
 
 
-def by_eigenvectors(people: Array, B: int) -> tuple[Array, Array]:
+def by_rows_below(F: Array, D: Array, price: float) -> Array:
+    n = F.shape[1]
+    below = np.vstack([F, np.sqrt(price) * np.eye(n)])
+    return np.linalg.lstsq(below, np.vstack([D, np.zeros((n, D.shape[1]))]), rcond=None)[0]
+
+
+def by_eigenvectors(people: Array, k: int) -> tuple[Array, Array]:
     variances, V = np.linalg.eigh(np.cov(people.T))
-    return people.mean(axis=0), V[:, ::-1][:, :B] * np.sqrt(variances[::-1][:B])
+    return people.mean(axis=0), V[:, ::-1][:, :k] * np.sqrt(variances[::-1][:k])
 
 
-def by_kernel_ridge(F: Array, D: Array, penalty: float) -> Array:
-    return D.T @ np.linalg.solve(F @ F.T + penalty * np.eye(len(F)), F)
+def by_active_sets(V: Array, joints: Array) -> Array:
+    return shares_to_zero((V - joints[:, None]).transpose(0, 2, 1).reshape(-1, V.shape[1]))
 
 
-def by_softmax(theta: Array, places: Array, width: float) -> Array:
-    return scipy.special.softmax(-(np.linalg.norm(theta - places, axis=1) ** 2) / width**2)
-
-
-def by_ridge(poses: Array, shapes: Array, asked: Array) -> Array:
-    def f(w: Array) -> Array:
-        return np.array(
-            [np.ravel(scipy.linalg.expm(np.cross(np.eye(3), one)) - np.eye(3)) for one in w]
-        )
-
-    F = f(poses)
-    return f(asked) @ np.linalg.solve(F.T @ F + 1e-6 * np.eye(9), F.T @ shapes)
+def from_the_last(scans: Array) -> Array:
+    T = scans[-1]
+    for _ in range(200):
+        T = np.mean([Rotation.align_vectors(T, V)[0].apply(V) for V in scans], axis=0)
+    return T
 
 
 WAYS = {
@@ -162,8 +152,9 @@ WAYS = {
          "mean_rotation": lambda rotations: Rotation.from_matrix(rotations).mean().as_matrix()},
     ],
     5: [
-        {"features": lambda R: np.concatenate([np.ravel(one - np.eye(3)) for one in R[1:]]),
-         "shares": by_softmax, "predict": by_ridge},
+        {"shares": by_softmax, "learn": by_the_small_side, "directions": by_eigenvectors,
+         "features": lambda R: np.concatenate([np.ravel(one - np.eye(3)) for one in R[1:]])},
+        {"learn": by_rows_below},
     ],
     6: [
         {"gradient": lambda e, J: 2 * e @ J, "numeric_jacobian": five_points,
@@ -175,8 +166,11 @@ WAYS = {
          "depends": handed_down, "sigmas": with_null_space, "markers": tried_out},
     ],
     13: [
-        {"ridge": by_kernel_ridge, "shape_space": by_eigenvectors, "weights_of": by_slsqp,
-         "rest_shape": from_the_mean},
+        {"unposed": lambda M, m, V: np.einsum("iab,ib->ia", np.linalg.inv(M), V - m),
+         "pose_blend_shapes": by_the_small_side, "joint_shares": by_active_sets,
+         "shape_directions": lambda people, k: by_eigenvectors(people, k)[1].T,
+         "shape_of": from_the_last},
+        {"pose_blend_shapes": by_rows_below},
     ],
 }  # fmt: skip
 
