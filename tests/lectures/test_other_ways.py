@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 import scipy.linalg
 import scipy.optimize
+import scipy.special
 from scipy.spatial.transform import Rotation
 
 import workbench as wb
 from workbench.course.marking import mark
 from workbench.course.marks import State
 from workbench.course.outline import lecture
+from workbench.training.simplex import shares_to_zero
 
 Array = np.ndarray
 U, L = 0.30, 0.25  # m, the arm of lecture 6
@@ -109,6 +111,36 @@ def tried_out() -> list[int]:
     return chosen
 
 
+def by_softmax(x: Array, examples: Array, width: float) -> Array:
+    return scipy.special.softmax(-(np.linalg.norm(x - examples, axis=1) ** 2) / width**2)
+
+
+def by_the_small_side(F: Array, D: Array, price: float) -> Array:
+    return F.T @ np.linalg.solve(F @ F.T + price * np.eye(len(F)), D)
+
+
+def by_rows_below(F: Array, D: Array, price: float) -> Array:
+    n = F.shape[1]
+    below = np.vstack([F, np.sqrt(price) * np.eye(n)])
+    return np.linalg.lstsq(below, np.vstack([D, np.zeros((n, D.shape[1]))]), rcond=None)[0]
+
+
+def by_eigenvectors(people: Array, k: int) -> tuple[Array, Array]:
+    variances, V = np.linalg.eigh(np.cov(people.T))
+    return people.mean(axis=0), V[:, ::-1][:, :k] * np.sqrt(variances[::-1][:k])
+
+
+def by_active_sets(V: Array, joints: Array) -> Array:
+    return shares_to_zero((V - joints[:, None]).transpose(0, 2, 1).reshape(-1, V.shape[1]))
+
+
+def from_the_last(scans: Array) -> Array:
+    T = scans[-1]
+    for _ in range(200):
+        T = np.mean([Rotation.align_vectors(T, V)[0].apply(V) for V in scans], axis=0)
+    return T
+
+
 WAYS = {
     2: [
         {"hat": lambda w: np.cross(np.eye(3), w), "rodrigues": series,
@@ -119,6 +151,11 @@ WAYS = {
          "shorter": lambda w: Rotation.from_rotvec(w).as_rotvec(),
          "mean_rotation": lambda rotations: Rotation.from_matrix(rotations).mean().as_matrix()},
     ],
+    5: [
+        {"shares": by_softmax, "learn": by_the_small_side, "directions": by_eigenvectors,
+         "features": lambda R: np.concatenate([np.ravel(one - np.eye(3)) for one in R[1:]])},
+        {"learn": by_rows_below},
+    ],
     6: [
         {"gradient": lambda e, J: 2 * e @ J, "numeric_jacobian": five_points,
          "gauss_newton_step": by_qr, "fit": by_scipy},
@@ -127,6 +164,13 @@ WAYS = {
     8: [
         {"rank": np.linalg.matrix_rank, "null_space": scipy.linalg.null_space,
          "depends": handed_down, "sigmas": with_null_space, "markers": tried_out},
+    ],
+    13: [
+        {"unposed": lambda M, m, V: np.einsum("iab,ib->ia", np.linalg.inv(M), V - m),
+         "pose_blend_shapes": by_the_small_side, "joint_shares": by_active_sets,
+         "shape_directions": lambda people, k: by_eigenvectors(people, k)[1].T,
+         "shape_of": from_the_last},
+        {"pose_blend_shapes": by_rows_below},
     ],
 }  # fmt: skip
 
