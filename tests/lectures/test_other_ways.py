@@ -14,7 +14,6 @@ import workbench as wb
 from workbench.course.marking import mark
 from workbench.course.marks import State
 from workbench.course.outline import lecture
-from workbench.training.simplex import shares_to_zero
 
 Array = np.ndarray
 U, L = 0.30, 0.25  # m, the arm of lecture 6
@@ -130,15 +129,26 @@ def by_eigenvectors(people: Array, k: int) -> tuple[Array, Array]:
     return people.mean(axis=0), V[:, ::-1][:, :k] * np.sqrt(variances[::-1][:k])
 
 
-def by_active_sets(V: Array, joints: Array) -> Array:
-    return shares_to_zero((V - joints[:, None]).transpose(0, 2, 1).reshape(-1, V.shape[1]))
+def by_slsqp(reached: Array, seen: Array) -> Array:
+    K = reached.shape[1]
+
+    def left(w: Array) -> float:
+        return np.sum((np.einsum("jka,k->ja", reached, w) - seen) ** 2)
+
+    one = {"type": "eq", "fun": lambda w: w.sum() - 1}
+    return scipy.optimize.minimize(left, np.full(K, 1 / K), bounds=[(0, 1)] * K, constraints=one).x
 
 
-def from_the_last(scans: Array) -> Array:
-    T = scans[-1]
-    for _ in range(200):
-        T = np.mean([Rotation.align_vectors(T, V)[0].apply(V) for V in scans], axis=0)
+def from_the_mean(meshes: Array) -> Array:
+    T = meshes[-1] - meshes[-1].mean(axis=0)
+    for _ in range(100):
+        around = [V - V.mean(axis=0) for V in meshes]
+        T = np.mean([V @ Rotation.align_vectors(V, T)[0].as_matrix() for V in around], axis=0)
     return T
+
+
+def by_kernel_ridge(F: Array, D: Array, penalty: float) -> Array:
+    return D.T @ np.linalg.solve(F @ F.T + penalty * np.eye(len(F)), F)
 
 
 WAYS = {
@@ -166,11 +176,8 @@ WAYS = {
          "depends": handed_down, "sigmas": with_null_space, "markers": tried_out},
     ],
     13: [
-        {"unposed": lambda M, m, V: np.einsum("iab,ib->ia", np.linalg.inv(M), V - m),
-         "pose_blend_shapes": by_the_small_side, "joint_shares": by_active_sets,
-         "shape_directions": lambda people, k: by_eigenvectors(people, k)[1].T,
-         "shape_of": from_the_last},
-        {"pose_blend_shapes": by_rows_below},
+        {"ridge": by_kernel_ridge, "shape_space": by_eigenvectors, "weights_of": by_slsqp,
+         "rest_shape": from_the_mean},
     ],
 }  # fmt: skip
 
