@@ -14,6 +14,7 @@ from workbench.cli.leaving import Interrupted
 from workbench.cli.run import Out, make_folder
 from workbench.errors import BadArgument, BadFile
 from workbench.reports import write_card
+from workbench.training.crew import Processes
 from workbench.training.first_guess import Start, read_start
 from workbench.training.folder import GENDERS, open_folder
 from workbench.training.made_up import noisy_worms
@@ -46,7 +47,10 @@ def train(
         str | None, typer.Option(help=f"Only those of one gender ({', '.join(GENDERS)}).")
     ] = None,
     betas: Annotated[int, typer.Option(help="Shape directions.")] = 10,
-    rounds: Annotated[int, typer.Option(help="Of the alternation.")] = 4,
+    rounds: Annotated[int, typer.Option(help="Of the alternation.")] = 2,
+    jobs: Annotated[
+        int, typer.Option(help="Processes that find poses; none changes a number.")
+    ] = 2,
     out: Out = Path("runs"),
 ) -> None:
     """Train a body model from registrations; killed, it goes on where it was.
@@ -66,7 +70,7 @@ def train(
     try:
         trained = train_body(
             poses, guess, multi_shape=shapes, plan=plan, n_betas=betas, folder=place,
-            report=Lines(console), card=_origin(folder),
+            report=Lines(console), card=_origin(folder), crew=Processes(jobs),
         )  # fmt: skip
     except KeyboardInterrupt:
         raise Interrupted(

@@ -61,7 +61,7 @@ class Sigmas:
     data: float = 0.002  # m, E_D: a registration from the model
     symmetry: float = 0.01  # m, E_Y: a template from its mirror image
     joint_symmetry: float = 0.01  # m, E_Y: joints from theirs
-    rings: float = 0.02  # m, E_J: joints from the middle of their ring of vertices, later regressed
+    rings: float = 0.01  # m, E_J: joints from the middle of their ring of vertices, later regressed
     posedirs: float = 0.01  # m per unit of feature, E_P: about zero
     weights: float = 0.3  # E_W: about the initial ones
     subjects: float = 0.03  # m, E_T: a template from the first one

@@ -31,7 +31,7 @@ from workbench.training.rotation_centres import joint_guess
 Array = NDArray[np.float64]
 ROUNDING = 1e-9  # of the cost: what a block may add by rounding
 KKT = 1e-8  # the conditions of the weights hold to this
-FIRST_STEPS = 8  # of the first fit of a pose
+FIRST_STEPS = 5  # of the first fit of a pose
 FIRST_SIGMA = 0.005  # m, of an edge on a template of somebody else
 
 

@@ -30,7 +30,7 @@ from workbench.training.unposing import unpose
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
-STEPS = 8  # of the fit of one pose in a round
+STEPS = 6  # of the fit of one pose in a round
 KKT = 1e-8
 
 
