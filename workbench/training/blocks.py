@@ -6,6 +6,7 @@ surfaces   templates, pose blend shapes and joints: one linear least-squares pro
 weights    one vertex at a time: least squares over shares, at most four above zero
 regressor  joints from templates: shares again, one joint at a time
 cut        the largest four weights alone, where more were allowed before
+people     templates, joints and poses at once: steps of Gauss and Newton in a trust region
 together   all names: a step of Gauss and Newton within a trust region
 """
 
@@ -29,6 +30,7 @@ from workbench.training.simplex import few_shares
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 REST = ("templates", "joints")
+PEOPLE = ("templates", "joints", "poses")
 SURFACES = ("templates", "posedirs", "joints")
 POSE_STEPS = 2  # of Levenberg and Marquardt in a round: the next round changes the model anyway
 LARGEST_TURN = 0.3  # rad, of the first step: beyond, rotations are not nearly linear
@@ -160,10 +162,27 @@ def fit_together(
     What alternation takes thousands of rounds for, a twist of all poses that the pose blend
     shapes make up for, this takes in a few steps. Weights stay shares.
     """
+    return _trusted(objective, estimate, effort, NAMES, hands)
+
+
+def fit_people(
+    objective: Objective, estimate: Estimate, faces: Index, effort: Effort, hands: Hands = ONE
+) -> Found:
+    """Templates, joints and poses at once, as in `together`; blend shapes and weights are held."""
+    return _trusted(objective, estimate, effort, PEOPLE, hands)
+
+
+def _trusted(
+    objective: Objective,
+    estimate: Estimate,
+    effort: Effort,
+    names: tuple[str, ...],
+    hands: Hands,
+) -> Found:
     cost, radius, longest = objective.cost(estimate), inf, 0.0
     facts = {"steps": 0.0, "products": 0.0}
     while facts["steps"] < effort.together_steps:
-        equations = NormalEquations(objective, estimate, NAMES)
+        equations = NormalEquations(objective, estimate, names)
         slope = equations.slope
         while True:
             step = solve(
@@ -181,7 +200,8 @@ def fit_together(
                 radius = step.length * LARGEST_TURN / turned
                 continue
             moved = estimate.moved(step.change)
-            moved = replace(moved, weights=_as_shares(moved.weights))
+            if "weights" in names:
+                moved = replace(moved, weights=_as_shares(moved.weights))
             fall = cost - objective.cost(moved)
             if fall > GOOD * step.predicted and not step.inside:
                 radius *= 2
@@ -212,6 +232,7 @@ BLOCKS: dict[str, Block] = {
     "regressor": fit_regressor,
     "weights": fit_weights,
     "cut": cut_weights,
+    "people": fit_people,
     "together": fit_together,
 }
 MAY_RISE = ("cut",)  # what is allowed shrinks there

@@ -9,7 +9,7 @@ from workbench.training.first_guess import MOST_WEIGHTS
 
 NO_LIMIT = 10**6
 # Of registrations with noise: digits beyond the next block's doing are not worth their passes.
-QUICK = Effort(linear_tolerance=1e-4, together_tolerance=0.1, together_steps=2, products=40)
+QUICK = Effort(linear_tolerance=1e-4, together_tolerance=0.1, together_steps=3, products=40)
 ROUND = ("regressor", "surfaces", "poses")
 FREE_ROUND = ("surfaces", "weights", "poses")
 ROUGH, TIED = 2.5, 0.2  # of what is ordinary in E_D at first, and in E_J later

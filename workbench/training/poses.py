@@ -28,6 +28,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 SITTING = 64  # registrations of one sitting: what a process is given at a time
 TOLERANCE = 1e-10  # of the solver: poses of noiseless meshes are exact
+FIRST_DAMPING = 1e-7  # of the stiffest turn, the root's: a wrist moves a thousandth as much
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,7 +176,9 @@ class Sitting:
 def poses_of(sitting: Sitting) -> Array:
     """(c, K, 3) rad."""
     body = body_of_subjects(sitting)
-    solver = LevenbergMarquardt(max_iterations=sitting.steps, gradient_tolerance=TOLERANCE)
+    solver = LevenbergMarquardt(
+        max_iterations=sitting.steps, gradient_tolerance=TOLERANCE, first_damping=FIRST_DAMPING
+    )
     fit = PoseFit(body, sitting.vertices.shape[1], sitting.compared, sitting.sigma, solver)
     who = np.eye(len(sitting.templates))[sitting.subject]
     each = zip(sitting.poses, sitting.vertices, sitting.seen, who, strict=True)

@@ -16,6 +16,7 @@ from workbench.training.joint_regressor import JointRegressor, fit_joint_regress
 from workbench.training.mirror import Mirror
 from workbench.training.pose_training import FIRST_SIGMA, NotLowered, PoseModel
 from workbench.training.poses import (
+    FIRST_DAMPING,
     SITTING,
     TOLERANCE,
     Compared,
@@ -108,7 +109,9 @@ class Visit:
 def unposed_people(visit: Visit) -> tuple[Array, Array]:
     """Their poses (c, K, 3) rad, and them at rest (c, N, 3) m."""
     body = visit.body
-    solver = LevenbergMarquardt(max_iterations=STEPS, gradient_tolerance=TOLERANCE)
+    solver = LevenbergMarquardt(
+        max_iterations=STEPS, gradient_tolerance=TOLERANCE, first_damping=FIRST_DAMPING
+    )
     fit = PoseFit(body, body.n_vertices, visit.compared, FIRST_SIGMA, solver, visit.shapes)
     poses, people = [], []
     for i, (V, seen) in enumerate(zip(visit.vertices, visit.seen, strict=True)):

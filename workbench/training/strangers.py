@@ -28,7 +28,8 @@ from workbench.training.truth import Truth
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
-ROUNDS = 5  # of a stranger's rest shape and poses
+STEPS = 4  # of Gauss and Newton for a stranger's rest shape and poses
+ROUNDS = 4  # of the poses that are asked about
 REGRESSED = 0.0005  # m: joints are the regressor's
 RIDGES = (1e-3, 3e-3, 1e-2, 3e-2)  # per pose
 
@@ -92,10 +93,10 @@ def meet(body: SkinnedBody, registrations: Registrations, hands: Hands = ONE) ->
         R, W = body.J_regressor, body.weights
         return Objective(some, R, W, mirror, sigmas, body.template)
 
-    known, effort = begun(shown), Effort(linear_tolerance=1e-3, products=60)
-    for _ in range(ROUNDS):
-        for name in ("rest", "poses"):
-            known = BLOCKS[name](objective(shown), known, body.faces, effort, hands).estimate
+    known = begun(shown)
+    effort = Effort(linear_tolerance=1e-3, products=60, together_steps=STEPS)
+    for name in ("rest", "poses", "people"):
+        known = BLOCKS[name](objective(shown), known, body.faces, effort, hands).estimate
     joints = np.stack([body.J_regressor @ T for T in known.templates])
     found = replace(begun(asked), templates=known.templates, joints=joints)
     for _ in range(ROUNDS):
