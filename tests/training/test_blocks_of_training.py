@@ -24,7 +24,7 @@ from workbench.training.normal_equations import NormalEquations, within
 from workbench.training.objective import Objective
 from workbench.training.poses import OnVertices, Sitting, body_of_subjects, fitted_poses
 from workbench.training.posing import Posing, ancestors
-from workbench.training.registrations import InMemory
+from workbench.training.registrations import InMemory, held
 from workbench.training.rotation_centres import (
     SegmentMotions,
     joint_guess,
@@ -461,8 +461,8 @@ def test_spoiling_is_the_same_for_the_same_seed_however_it_is_read() -> None:
 
 def test_missing_patches_change_nothing_where_the_data_are_exact() -> None:
     hidden = Spoiled(DATA, seed=7, missing=0.2)
-    held = Objective(hidden, START.rings(), START.weights(), None, replace(Sigmas(), **OFF))
-    assert held.cost(true_estimate()) < 1e-18
+    exact = Objective(hidden, START.rings(), START.weights(), None, replace(Sigmas(), **OFF))
+    assert exact.cost(true_estimate()) < 1e-18
 
 
 def test_rotations_turn_as_they_should() -> None:
@@ -480,6 +480,19 @@ def test_a_start_says_what_is_wrong() -> None:
     segments = np.where(START.segmentation == 5, 0, START.segmentation)
     with pytest.raises(Exception, match="no vertex belongs to head"):
         Start(START.template, START.faces, START.parents, START.joint_names, segments)
+
+
+def test_held_registrations_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    hidden = Spoiled(DATA, seed=7, missing=0.2)
+    kept = held(hidden)
+    assert isinstance(kept, InMemory)
+    some = slice(3, 9)
+    for name in ("vertices", "seen", "subject"):
+        np.testing.assert_array_equal(
+            getattr(kept.read(some), name), getattr(hidden.read(some), name)
+        )
+    monkeypatch.setattr("workbench.training.registrations.HELD_BYTES", 1000)
+    assert held(hidden) is hidden
 
 
 def test_in_memory_registrations_are_views() -> None:

@@ -25,7 +25,7 @@ from workbench.training.first_guess import Start
 from workbench.training.objective import Objective
 from workbench.training.plan import Plan
 from workbench.training.poses import Compared, OnEdges, fitted_poses, segments_turned
-from workbench.training.registrations import Batch, Registrations, batches
+from workbench.training.registrations import Batch, Registrations, batches, held
 from workbench.training.rotation_centres import joint_guess
 
 Array = NDArray[np.float64]
@@ -97,6 +97,7 @@ def train_poses(
     again; the end is the same to the last bit. First poses are fitted to edges, or as `compared`
     says. Raises NotLowered if a block raises the cost: every block is checked as it ends.
     """
+    registrations = held(registrations)
     weights = start.weights()
     rings = joint_guess(start, weights, registrations)
     sides = start.mirror()

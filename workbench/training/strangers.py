@@ -22,7 +22,7 @@ from workbench.training.held_out import Generalization
 from workbench.training.mirror import Mirror, opposites
 from workbench.training.objective import Objective
 from workbench.training.pose_training import first_estimate, first_poses
-from workbench.training.registrations import Batch, Registrations, batches
+from workbench.training.registrations import Batch, Registrations, batches, held
 from workbench.training.skinning_pass import SkinningPass
 from workbench.training.truth import Truth
 
@@ -80,7 +80,7 @@ def meet(body: SkinnedBody, registrations: Registrations, hands: Hands = ONE) ->
         mirror = Mirror(body.mirror, opposites(body.joint_names))
     rows = np.arange(len(registrations.subject))
     place = np.concatenate([np.arange(n) for n in np.bincount(registrations.subject)])
-    shown, asked = (Picked(registrations, rows[place % 2 == half]) for half in (0, 1))
+    shown, asked = (held(Picked(registrations, rows[place % 2 == half])) for half in (0, 1))
     start = Start.of(body)
     sigmas = Sigmas(rings=REGRESSED)
 
