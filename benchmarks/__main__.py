@@ -10,7 +10,7 @@ from typing import Any
 from benchmarks.timing import alone_on_one_core
 
 HERE = Path(__file__).parent
-PARTS = ("derivatives", "fits", "scaling")
+PARTS = ("derivatives", "fits", "scaling", "overhead")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -40,7 +40,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def _measure(part: str, asked: argparse.Namespace) -> None:
     """One part, to `results/<part>.json`."""
-    from benchmarks import bodies_made_up, derivatives, fits, machine, scaling, table
+    from benchmarks import bodies_made_up, derivatives, fits, machine, overhead, scaling, table
 
     names = asked.bodies or [*map(str, bodies_made_up.SIZES), *bodies_made_up.EMBEDDED]
     peers, rounds, facts = not asked.no_peers, asked.rounds, machine.description()
@@ -49,7 +49,11 @@ def _measure(part: str, asked: argparse.Namespace) -> None:
         sizes = tuple(asked.sizes or scaling.UP_TO_100_000)
         found = scaling.measure(sizes, max(3, rounds // 2))
         print(table.scaling(found), flush=True)
-    for name in names if part != "scaling" else ():
+    if part == "overhead":
+        names = [asked.bodies[0]] if asked.bodies else [overhead.BODY]
+        found = overhead.measure(max(3, rounds // 2), body=names[0])
+        print(table.overhead(found), flush=True)
+    for name in names if part in ("derivatives", "fits") else ():
         if part == "derivatives":
             found[name] = derivatives.measure(name, rounds, peers)
             print(table.derivatives({name: found[name]}), flush=True)

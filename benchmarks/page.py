@@ -33,6 +33,8 @@ def text(results: Mapping[str, Any]) -> str:
     if "scaling" in found:
         parts += ["## Cost and memory against the number of vertices\n"]
         parts += [table.scaling(found["scaling"])]
+    if "overhead" in found:
+        parts += ["## What stands around NLopt and IPOPT\n", table.overhead(found["overhead"])]
     return "\n".join(parts)
 
 

@@ -5,6 +5,7 @@ from typing import Any
 
 from benchmarks import fits as whole_fits
 from benchmarks import ours
+from benchmarks import overhead as whole_overhead
 from benchmarks.targets import Target
 from benchmarks.timing import best, median
 
@@ -68,6 +69,17 @@ def scaling(found: Mapping[str, Any]) -> str:
         for what, title in MEMORY.items():
             cells = [_three(by_size[N][what] / 1e6) if N in by_size else "" for N in sizes]
             lines.append(f"| {way}: {title} | {' | '.join(cells)} |")
+    return "\n".join([*lines, ""])
+
+
+def overhead(found: Mapping[str, Any]) -> str:
+    """Per way and solver: least / median milliseconds, and how often the time by hand."""
+    seconds, size = found["seconds"], f"{found['body']}, N = {found['vertices']:,}"
+    lines = [f"| {size} | fit, ms | by hand, ms | × by hand |", "| --- | --: | --: | --: |"]
+    for label in whole_overhead.pairs(seconds):
+        hand = label + whole_overhead.HAND
+        cells = spent(seconds[label]), spent(seconds[hand]), ratio(seconds, label, hand)
+        lines.append(f"| {label} | {' | '.join(cells)} |")
     return "\n".join([*lines, ""])
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from benchmarks import fits, ours, peers
+from benchmarks import fits, ours, overhead, peers
 from benchmarks.derivatives import KINDS
 from benchmarks.timing import best
 
@@ -30,7 +30,7 @@ class Target:
 def all_of(results: Mapping[str, Any]) -> list[Target]:
     """Those that can be judged from the parts that were run."""
     judges: tuple[Callable[[Mapping[str, Any]], Iterator[Target]], ...]
-    judges = (_of_derivatives, _of_fits, _of_scaling)
+    judges = (_of_derivatives, _of_fits, _of_scaling, _of_overhead)
     return [target for judge in judges for target in judge(results)]
 
 
@@ -82,6 +82,13 @@ def _of_scaling(results: Mapping[str, Any]) -> Iterator[Target]:
                 each = {N: best(by_size[N]) / int(N) for N in (SIZE, LARGE)}
                 name = f"{way}: {kind} per vertex, {int(LARGE):,} / {int(SIZE):,}"
                 yield Target(name, each[LARGE] / each[SIZE], limit, True)
+
+
+def _of_overhead(results: Mapping[str, Any]) -> Iterator[Target]:
+    seconds = _part(results, "overhead").get("seconds", {})
+    for label in overhead.pairs(seconds):
+        ratio = best(seconds[label]) / best(seconds[label + overhead.HAND])
+        yield Target(f"{label} / by hand", ratio, 1.1, True)
 
 
 def _part(results: Mapping[str, Any], name: str) -> Mapping[str, Any]:

@@ -21,6 +21,7 @@ FLOORS = (  # from the ground up; a room imports from lower floors and from itse
     ("comparison",),
     ("plots",),
     ("reports",),
+    ("course",),
     ("cli",),
 )
 FLOOR = {room: height for height, rooms in enumerate(FLOORS) for room in rooms}

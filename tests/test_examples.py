@@ -34,3 +34,54 @@ def test_joints_leave_thirty_two_directions_unseen() -> None:
     assert len(example.twists) == 17
     assert example.joints_moved < 1e-6  # m: second order in a turn of 1 mrad
     assert example.skin_moved > 1e-5
+
+
+def test_one_camera_sees_across_and_not_along() -> None:
+    example = import_module("examples.05_one_camera")
+    one, two = example.errors["one camera"].mean(axis=0), example.errors["two cameras"].mean(axis=0)
+    assert one[2] > 4 * one[0]
+    assert two.max() < 10  # mm
+    assert example.sigmas["one camera"][2] > 5 * example.sigmas["two cameras"][2]
+
+
+def test_robust_kernels_leave_outliers_alone() -> None:
+    example = import_module("examples.06_outliers")
+    squares, huber, geman = (example.errors[name].mean() for name in example.KERNELS)
+    assert squares > 100  # mm
+    assert squares > 5 * huber > 10 * geman
+    np.testing.assert_allclose(abs(example.strongest), 1 / np.sqrt(3), atol=0.02)
+    assert example.rho["Geman-McClure"].max() < 1
+
+
+def test_every_solver_ends_in_the_same_place() -> None:
+    example = import_module("examples.07_many_solvers")
+    for name, end in example.ends.items():
+        np.testing.assert_allclose(end, [1, 1], atol=1e-5, err_msg=name)
+    assert example.calls["gauss-newton"] < example.calls["steepest-descent"] / 3
+
+
+def test_the_posterior_leans_and_laplace_does_not() -> None:
+    example = import_module("examples.08_posterior")
+    assert example.posterior.usable
+    a, k, c = example.lean
+    assert a > 1.2
+    assert k > 1
+    assert c < 0.8
+    inside = (example.by_draws[:, 0] < example.truth) & (example.truth < example.by_draws[:, 1])
+    assert inside.all()
+
+
+def test_training_is_fitting_with_the_template_free() -> None:
+    example = import_module("examples.09_training_in_a_sentence")
+    assert example.solution.converged
+    assert example.before > 0.009  # m
+    assert example.after < 0.001
+    assert example.unseen == len(example.noticed) == 3
+    assert max(example.noticed.values()) < 1e-9
+
+
+def test_a_cloud_without_names_is_fitted_round_by_round() -> None:
+    example = import_module("examples.10_depth_map")
+    assert example.errors[-1] < example.errors[0] / 4
+    assert example.gaps[-1] < 10  # mm, between points that are as far apart
+    assert example.front.mean() < 25

@@ -1,5 +1,10 @@
 """What users may rely on; a change here is a line in the changelog."""
 
+import subprocess
+import sys
+
+import pytest
+
 import workbench
 from workbench import residuals
 
@@ -95,3 +100,15 @@ def test_every_name_is_there() -> None:
     for module, names in ((workbench, WORKBENCH), (residuals, RESIDUALS)):
         missing = [name for name in names if not hasattr(module, name)]
         assert not missing
+    with pytest.raises(AttributeError, match="no attribute 'smaple'"):
+        _ = workbench.smaple  # type: ignore[attr-defined]  # a wrong name stays one
+
+
+def test_importing_does_not_load_the_sampler() -> None:
+    said = (
+        "import sys, workbench as wb; early = {'emcee', 'scipy.stats'} & {*sys.modules}; "
+        "print(early, wb.sampling.sample is wb.sample, 'emcee' in sys.modules, "
+        "'laplace' in dir(wb))"
+    )
+    found = subprocess.run([sys.executable, "-c", said], capture_output=True, text=True, check=True)
+    assert found.stdout.split() == ["set()", "True", "True", "True"]

@@ -3,6 +3,9 @@
 `values -> blocks -> symbolic points -> residuals -> problem -> solver, diagnosis -> report`
 """
 
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from workbench import residuals
 from workbench.blocks import Block, Layout, Points, Values
 from workbench.bodies import Landmarks, SkinnedBody, dual_quaternion_blend, linear_blend
@@ -14,7 +17,6 @@ from workbench.errors import WorkbenchError
 from workbench.geometry.camera import Camera
 from workbench.problem import Constraint, Linearization, Problem
 from workbench.residuals import Residual
-from workbench.sampling import Posterior, laplace, sample
 from workbench.solvers import (
     SOLVERS,
     Dogleg,
@@ -32,6 +34,10 @@ from workbench.solvers import (
     solve,
 )
 from workbench.training.training import train
+
+if TYPE_CHECKING:
+    from workbench import sampling as sampling
+    from workbench.sampling import Posterior, laplace, sample
 
 __all__ = [
     "SOLVERS",
@@ -75,3 +81,17 @@ __all__ = [
     "solve",
     "train",
 ]
+
+SAMPLING = "Posterior", "laplace", "sample"
+
+
+def __getattr__(name: str) -> Any:
+    """What belongs to sampling is loaded when it is asked for: emcee takes a second, with SciPy."""
+    if name not in (*SAMPLING, "sampling"):
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    room = import_module("workbench.sampling")
+    return room if name == "sampling" else getattr(room, name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *SAMPLING, "sampling"})

@@ -121,3 +121,12 @@ class NotSupported(WorkbenchError):
 
 class BadBounds(WorkbenchError):
     """Bounds that no point satisfies."""
+
+
+class Unsolved(WorkbenchError):
+    """An exercise that still stands as it was handed out."""
+
+    def __init__(self, exercise: str) -> None:
+        super().__init__(
+            f"exercise {exercise!r} is not solved yet: write your answer in place of this line"
+        )

@@ -8,10 +8,10 @@ from workbench import SOLVERS
 from workbench.solvers.nlopt_algorithms import ALGORITHMS
 
 
-def said(*arguments: str) -> list[list[str]]:
+def said(*arguments: str, columns: int = 200) -> list[list[str]]:
     done = subprocess.run(
         [sys.executable, "-c", "from workbench.cli import main; main()", "solvers", *arguments],
-        env=os.environ | {"COLUMNS": "200"},
+        env=os.environ | {"COLUMNS": str(columns)},
         capture_output=True, text=True, timeout=120, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
@@ -31,3 +31,10 @@ def test_nlopts_own_are_listed_by_their_names() -> None:
     rows = {words[0]: words for words in said("--nlopt") if words}
     assert rows.keys() >= ALGORITHMS.keys()
     assert rows["GN_ISRES"][1:8] == ["cost", "needed", "=", "<", "everywhere,", "with", "dice"]
+
+
+def test_a_narrow_terminal_breaks_no_words() -> None:
+    lines = said(columns=80)
+    assert ["newton", "Hessian", "no", "-", "downhill"] in lines
+    assert sum(words[:1] == ["newton"] for words in lines) == 2
+    assert any("Marquardt" in words for words in lines)

@@ -108,12 +108,6 @@ def solved(setup: Setup, seed: int, pose_sigma: float) -> bool:
 
 
 @pytest.mark.parametrize("pose_sigma", BENT)
-def test_every_person_is_recovered_from_it(setup: Setup, pose_sigma: float) -> None:
-    assert all(solved(setup, seed, pose_sigma) for seed in range(12))
-
-
-@pytest.mark.long
-@pytest.mark.parametrize("pose_sigma", BENT)
 def test_sixty_persons_of_sixty_are_recovered_from_it(setup: Setup, pose_sigma: float) -> None:
     assert [seed for seed in range(60) if not solved(setup, seed, pose_sigma)] == []
 
@@ -144,3 +138,19 @@ def test_another_mesh_is_refused() -> None:
     mesh[3, 1] = np.nan
     with pytest.raises(NonFiniteValue, match=r"observed.*\[3, y\]"):
         from_correspondences(body, mesh)
+
+
+@pytest.mark.parametrize(("pose_sigma", "at_least"), [(0.3, 60), (0.6, 58), (1.0, 55)])
+def test_of_sixty_persons_so_many_are_recovered_from_zero(
+    setup: Setup, pose_sigma: float, at_least: int
+) -> None:
+    body = setup.body
+    assert body is not None
+    found = 0
+    for seed in range(60):
+        mesh = person(body, seed, pose_sigma)
+        solution = SOLVERS["levenberg-marquardt"].solve(
+            setup.problem, setup.start | {"observed": mesh}
+        )
+        found += bool(np.abs(body.vertices(**solution.values) - mesh).max() < 1e-6)
+    assert found >= at_least

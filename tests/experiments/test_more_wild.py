@@ -1,6 +1,8 @@
 """Moré and Wild's problems: our formulas against the published starts and another edition."""
 
+import copy
 import pickle
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +12,7 @@ from workbench.errors import BadArgument, UnknownName
 from workbench.experiments import SUITES, Setup, find
 from workbench.experiments.more_wild import BY_SEARCH, FAMILIES, LEAST, MORE_WILD
 from workbench.solvers import LevenbergMarquardt
+from workbench.solvers.scipy import Scipy
 
 NAMES = [experiment.name for experiment in MORE_WILD]
 EACH = pytest.mark.parametrize("name", NAMES)
@@ -148,3 +151,46 @@ def test_what_is_not_in_the_set_is_refused() -> None:
         built("more-wild-watson-6", n=7)
     with pytest.raises(BadArgument, match="start must be from 0 on, not -1"):
         built("more-wild-meyer", start=-1)
+
+
+BOTH_STARTS_LEAD_TO = {"freudenstein-roth": 48.98425367924 / 2}  # its other published minimum
+
+
+def jacobians_until(setup: Setup, solver: Any, enough: float) -> int | None:
+    """How many Jacobians a solver has asked for when first a cost is low enough."""
+    problem, count, reached = copy.copy(setup.problem), [0], []
+
+    def residual(x: np.ndarray, fixed: np.ndarray) -> np.ndarray:
+        r = setup.problem.residual(x, fixed)
+        if 0.5 * r @ r <= enough:
+            reached.append(count[0])
+        return r
+
+    def linearize_at(x: np.ndarray, fixed: np.ndarray) -> Any:
+        count[0] += 1
+        return setup.problem.linearize_at(x, fixed)
+
+    vars(problem).update(residual=residual, linearize_at=linearize_at)  # of this copy
+    replace(solver, max_iterations=1000).solve(problem, setup.start)
+    return reached[0] if reached else None
+
+
+@pytest.mark.parametrize("tau", [1e-5, 1e-8])
+def test_as_many_minima_as_minpack_and_at_its_price(tau: float) -> None:
+    """From the published starts: f - f* at most tau (f0 - f*), and the Jacobians until there."""
+    ours, theirs = {}, {}
+    for name in NAMES:
+        setup = built(name)
+        assert setup.known is not None
+        assert setup.known.cost is not None
+        function = find(name).arguments["function"]
+        least = BOTH_STARTS_LEAD_TO.get(function, setup.known.cost)
+        enough = least + tau * (setup.problem.linearize(setup.start).cost - least)
+        ours[name] = jacobians_until(setup, LevenbergMarquardt(), enough)
+        theirs[name] = jacobians_until(setup, Scipy("lm"), enough)
+    reached = [name for name in NAMES if ours[name] is not None]
+    by_both = [name for name in reached if theirs[name] is not None]
+    assert len(reached) >= 51
+    assert len(by_both) >= 49  # a peer worth the name
+    ratios = [(ours[name] or 0) / (theirs[name] or 1) for name in by_both]
+    assert np.median(ratios) <= 1.5

@@ -84,6 +84,21 @@ def test_costs_are_those_of_each(name: str, only: str | None, way: Way) -> None:
         np.testing.assert_allclose(costs(X[:, places]), each, rtol=1e-10)
 
 
+@pytest.mark.parametrize(("name", "only"), [("joints", None), ("keypoints", "betas"),
+                                            ("vertices", "betas")])  # fmt: skip
+def test_slopes_are_those_of_each(name: str, only: str | None) -> None:
+    problem, start = problems()[name]
+    x, fixed = problem.split(start)
+    places = np.arange(problem.free.size)[problem.free.slices[only] if only else slice(None)]
+    X = np.repeat(x[None], 5, axis=0)
+    X[:, places] += 0.1 * np.random.default_rng(0).standard_normal((5, places.size))
+    costs, gradients = problem.slopes(x, fixed, places)(X[:, places])
+    for row, cost, gradient in zip(X, costs, gradients, strict=True):
+        right, slope = problem.cost_and_gradient(row, fixed)
+        assert cost == pytest.approx(right, rel=1e-10)
+        np.testing.assert_allclose(gradient, slope[places], rtol=1e-8, atol=1e-8 * abs(slope).max())
+
+
 def test_a_body_whose_points_are_a_graph_alone() -> None:
     """Dual quaternions and free arrays know no arithmetic."""
     body = wb.load_body("small").freed("J_regressor")

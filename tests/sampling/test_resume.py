@@ -13,6 +13,7 @@ import pytest
 from tests.sampling.densities import gaussian
 from tests.sampling.interrupted_run import run
 from workbench import WorkbenchError
+from workbench.blocks import spread
 from workbench.sampling import Progress, sample
 from workbench.sampling.checkpoint import load
 
@@ -109,3 +110,15 @@ def test_seeds_reproduce() -> None:
     np.testing.assert_array_equal(one, same)
     assert not np.array_equal(one, other)
     assert len(np.unique(one[:, -1, 0, 0])) == 4  # ensembles are independent
+
+
+def test_draws_are_the_same_on_any_number_of_cores(monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn = []
+    monkeypatch.setattr(spread, "WORTH", 0.0)  # so that short rows are shared out too
+    for count in (1, 2, 3):
+        monkeypatch.setattr(spread, "cores", lambda count=count: count)
+        drawn.append(
+            sample(gaussian(np.eye(2)), {"x": np.zeros(2)}, steps=60, walkers=20, seed=3).draws
+        )
+    np.testing.assert_array_equal(drawn[0], drawn[1])
+    np.testing.assert_array_equal(drawn[0], drawn[2])

@@ -26,8 +26,9 @@ from numpy.typing import NDArray
 from workbench.bodies.motion import Motion, Slopes
 
 Array = NDArray[np.float64]
-CHUNK = 512  # vertices: measured, and flat from 256 on
-TOGETHER = 16  # bodies in one matrix product: more would leave the cache
+CHUNK = 256  # vertices: measured, and flat from there on
+TOGETHER = 96  # bodies in one matrix product, half of 192 walkers: measured, flat from 32 on
+WIDE = 12, 3, 3  # numbers a vertex: blended motion, rest, moved
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +40,7 @@ class Chunk:
     shapedirs: Array  # (B, 3 n)
     posedirs: Array  # (9 (K - 1), 3 n)
     weights: Array  # (K, n)
+    directions: Array  # (1 + B + 9 (K - 1), 3 n): these three in one, of which they are parts
 
     @property
     def columns(self) -> slice:
@@ -82,16 +84,19 @@ def chunks_of(arrays: SurfaceArrays, vertices: slice | list[int]) -> list[Chunk]
     packed = []
     for first in range(0, len(chosen), CHUNK):
         rows = chosen[first : first + CHUNK]
-        packed.append(
-            Chunk(
-                slice(first, first + len(rows)),
-                np.ascontiguousarray(arrays.template[rows].T).reshape(-1),
-                _planar(arrays.shapedirs[rows]),
-                _planar(arrays.posedirs[rows]),
-                np.ascontiguousarray(arrays.weights[rows].T),
-            )
-        )
+        packed.append(_chunk(arrays, rows, first))
     return packed
+
+
+def _chunk(arrays: SurfaceArrays, rows: NDArray[np.int64], first: int) -> Chunk:
+    template = arrays.template[rows].T.reshape(1, -1)
+    shapedirs, posedirs = _planar(arrays.shapedirs[rows]), _planar(arrays.posedirs[rows])
+    whole = np.concatenate([template, shapedirs, posedirs])
+    edge = 1 + len(shapedirs)
+    return Chunk(
+        slice(first, first + len(rows)), whole[0], whole[1:edge], whole[edge:],
+        np.ascontiguousarray(arrays.weights[rows].T), whole,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,16 +177,26 @@ class ChunkedSurface:
 def many_points(chunks: list[Chunk], G: Array, features: Array, betas: Array) -> Array:
     """(M, N, 3) m for M motions (M, K, 3, 4), features (M, F) and betas (M, B).
 
-    Before translation, by matrix products over some of them at a time.
+    Before translation, by matrix products over many of them at a time.
     """
     found = np.empty((len(G), chunks[-1].rows.stop if chunks else 0, 3))
+    widest = max((chunk.weights.shape[1] for chunk in chunks), default=0)
+    # memory that is used again: new pages for every product would cost half as much as it
+    rooms = [np.empty(min(TOGETHER, len(G)) * wide * widest) for wide in WIDE]
+    along = np.concatenate([np.ones((len(G), 1)), betas, features], axis=1)
     for first in range(0, len(G), TOGETHER):
         some = slice(first, first + TOGETHER)
-        turned = G[some].transpose(0, 2, 3, 1)  # (m, 3, 4, K)
+        turned = G[some].transpose(0, 2, 3, 1).reshape(-1, G.shape[1])  # (12 m, K)
+        m = len(turned) // 12
         for chunk in chunks:
-            M = turned @ chunk.weights  # (m, 3, 4, n)
-            rest = chunk.rest(betas[some], features[some])
-            moved = np.einsum("mdcn,mcn->mdn", M[:, :, :3], rest) + M[:, :, 3]
+            n = chunk.weights.shape[1]
+            parts = (room[: m * wide * n] for room, wide in zip(rooms, WIDE, strict=True))
+            M, rest, moved = (part.reshape(m, -1, n) for part in parts)
+            np.matmul(turned, chunk.weights, out=M.reshape(12 * m, n))
+            np.matmul(along[some], chunk.directions, out=rest.reshape(m, 3 * n))
+            blended = M.reshape(m, 3, 4, n)
+            np.einsum("mdcn,mcn->mdn", blended[:, :, :3], rest, out=moved)
+            moved += blended[:, :, 3]
             found[some, chunk.rows] = moved.transpose(0, 2, 1)
     return found
 

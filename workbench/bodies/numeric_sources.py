@@ -45,7 +45,9 @@ class NumericSurface:
         """(M, N, 3) m, by matrix products."""
         pose, betas, trans = (values[name] for name in self.reads)
         G, features = self.body.kinematics.motions(pose, betas)
-        return many_points(self._chunks, G, features, betas) + trans[:, None]
+        found = many_points(self._chunks, G, features, betas)
+        found += trans[:, None]
+        return found
 
     @cached_property
     def _chunks(self) -> list[Chunk]:

@@ -6,6 +6,7 @@ from typing import ParamSpec
 
 import typer
 
+from workbench.cli import lecture
 from workbench.cli.blendshapes import blendshapes
 from workbench.cli.body import body
 from workbench.cli.compare import compare
@@ -51,3 +52,8 @@ for command in (
     run, fit, diagnose, sample, compare, train, body, sliders, blendshapes, solvers, info
 ):  # fmt: skip
     app.command()(interruptible(command))
+
+lectures = typer.Typer(help=lecture.HELP, no_args_is_help=True)
+for name, verb in lecture.COMMANDS.items():
+    lectures.command(name)(interruptible(verb))
+app.add_typer(lectures, name="lecture")

@@ -15,6 +15,7 @@ ASKED = {
     Derivative.JACOBIAN: "Jacobian",
     Derivative.HESSIAN: "Hessian",
 }
+WIDE = 120  # columns of a terminal, for everything in one table
 BOUNDS = {Boxes.UNKNOWN: "no", Boxes.TAKEN: "yes", Boxes.NEEDED: "needed"}
 
 
@@ -24,21 +25,39 @@ def solvers(
     """List the solvers: derivatives asked for, bounds, constraints, where they look, sources."""
     listed = ALGORITHMS if nlopt else {name: s.abilities for name, s in SOLVERS.items()}
     console = Console()
-    console.print(_table(listed), highlight=False, markup=False)
+    wide = console.width >= WIDE
+    console.print(_abilities(listed, with_sources=wide), highlight=False, markup=False)
+    if not wide:
+        console.print()
+        console.print(_sources(listed), highlight=False, markup=False)
     if nlopt:
         console.print('In Python: Nlopt("LD_LBFGS").', highlight=False)
 
 
-def _table(listed: Mapping[str, Abilities]) -> Table:
+def _abilities(listed: Mapping[str, Abilities], *, with_sources: bool) -> Table:
+    table = _table("asks for", "bounds", "constraints", "looks")
+    if with_sources:
+        table.add_column("described in")
+    for name, a in listed.items():
+        cells = ASKED[a.derivative], BOUNDS[a.bounds], _constraints(a), _looks(a), _described(a)
+        table.add_row(name, *cells[: None if with_sources else -1])
+    return table
+
+
+def _sources(listed: Mapping[str, Abilities]) -> Table:
+    """A table of its own where a terminal is narrow."""
+    table = _table()
+    table.add_column("described in")
+    for name, a in listed.items():
+        table.add_row(name, _described(a))
+    return table
+
+
+def _table(*titles: str) -> Table:
     table = Table(box=None, padding=(0, 2, 0, 0))
     table.add_column("solver", style="bold", no_wrap=True)
-    for title in ("asks for", "bounds", "constraints", "looks"):
+    for title in titles:
         table.add_column(title, no_wrap=True)
-    table.add_column("described in", overflow="fold")
-    for name, a in listed.items():
-        table.add_row(
-            name, ASKED[a.derivative], BOUNDS[a.bounds], _constraints(a), _looks(a), _described(a)
-        )
     return table
 
 

@@ -18,7 +18,7 @@ class Budget:
 
     max_evaluations: int = 5_000  # of residual, gradient, Jacobian and Hessian together
     max_seconds: float = 60.0
-    gradient_tolerance: float = 1e-10
+    gradient_tolerance: float = 1e-12
     stationary: float = 1e-6
     grace: float = 2.0  # s after max_seconds, or three Jacobians; then the process is killed
     build_seconds: float = 300.0  # for building a problem, before the clock starts

@@ -4,11 +4,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from io import BytesIO
 
+from cycler import cycler
 from matplotlib import style
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from workbench.plots.palette import FAINT, INK
+from workbench.plots.palette import FAINT, INK, LINES
 
 DPI = 150  # of PNG, and of what is rasterized inside an SVG
 STYLE = {
@@ -28,6 +29,7 @@ STYLE = {
     "xtick.color": INK,
     "ytick.color": INK,
     "axes.axisbelow": True,
+    "axes.prop_cycle": cycler(color=LINES),
     "svg.hashsalt": "workbench",  # the same figure is the same bytes
 }
 

@@ -1,4 +1,4 @@
-"""A problem's cost at many points at once; nothing is derived.
+"""A problem's cost at many points at once, and its gradient where the graph is short.
 
 Two ways to the same numbers. Where the whole graph is short, it is evaluated in scalar
 instructions, by CasADi's machine with all that does not vary folded into constants, or compiled,
@@ -18,6 +18,7 @@ from workbench.blocks import Layout, ManyPoints
 from workbench.blocks.buffered import Buffered
 from workbench.blocks.lanes import lanes
 from workbench.blocks.many import LONGEST, Many, Mapped, OneByOne, scalar
+from workbench.blocks.spread import Spread
 from workbench.compiling import NoLibrary
 from workbench.errors import NotSupported
 from workbench.problem.graph import Graph
@@ -25,6 +26,7 @@ from workbench.problem.graph import Graph
 Array = NDArray[np.float64]
 Places = NDArray[np.int64]
 Costs = Callable[[Array], Array]  # z (M, k) -> (M,)
+Slopes = Callable[[Array], tuple[Array, Array]]  # z (M, k) -> (M,), (M, k)
 EXPANDED_UP_TO = 100_000  # instructions
 COMPILED_UP_TO = 60_000  # of those that vary: half a minute of the compiler's
 INTERPRETED_UP_TO = 2_000  # of them: above, matrix products are faster
@@ -54,7 +56,8 @@ def interpreted(batch: Batch, x: Array, fixed: Array, places: Places) -> Costs:
     long = graph is None or (batch.sources and graph[0].n_instructions() > INTERPRETED_UP_TO)
     if graph is None or long:
         return _arithmetic(batch, x, fixed, places)
-    return _called(Mapped(graph[0], (False, True)), graph[1], x, fixed)
+    shared = False, True
+    return _called(Spread(lambda: Mapped(graph[0], shared), shared), graph[1], x, fixed)
 
 
 def compiled(batch: Batch, x: Array, fixed: Array, places: Places) -> Costs:
@@ -71,9 +74,53 @@ def compiled(batch: Batch, x: Array, fixed: Array, places: Places) -> Costs:
     return _called(batch.made[key], graph[1], x, fixed)
 
 
+def slopes(batch: Batch, x: Array, fixed: Array, places: Places) -> Slopes | None:
+    """Costs and their gradients by z, compiled where that works; None where the graph is long."""
+    graph = _varying(batch, places)
+    if graph is None or graph[0].n_instructions() > COMPILED_UP_TO:
+        return None
+    key = "slopes", places.tobytes()
+    if key not in batch.made:
+        batch.made[key] = _derived(graph[0])
+    run: Many = batch.made[key]
+    numbers = _numbers(graph[1], x, fixed)
+
+    def found(z: Array) -> tuple[Array, Array]:
+        cost, gradient = run(z, numbers)
+        return cost[:, 0], gradient
+
+    return found
+
+
+def one_by_one(slope: Callable[[Array], tuple[float, Array]], x: Array, places: Places) -> Slopes:
+    """The same for points that are x but for z in these places, a call for each."""
+
+    def found(z: Array) -> tuple[Array, Array]:
+        X = np.repeat(x[None], len(z), axis=0)
+        X[:, places] = z
+        each = [slope(one) for one in X]
+        return np.array([cost for cost, _ in each]), np.array([g[places] for _, g in each])
+
+    return found
+
+
+def _derived(cost: cs.Function) -> Many:
+    z, still = (cs.SX.sym(name, cost.nnz_in(i)) for i, name in enumerate(("z", "still")))
+    c = cost(z, still)
+    both = cs.Function("slope", [z, still], [c, cs.densify(cs.gradient(c, z))])
+    try:
+        return lanes(both, (False, True))
+    except (NoLibrary, NotSupported):
+        return Mapped(both, (False, True))
+
+
 def _called(run: Many, still: cs.Function, x: Array, fixed: Array) -> Costs:
-    numbers = np.asarray(still(np.concatenate([x, fixed]))).ravel()
+    numbers = _numbers(still, x, fixed)
     return lambda z: run(z, numbers)[0][:, 0]
+
+
+def _numbers(still: cs.Function, x: Array, fixed: Array) -> Array:
+    return np.asarray(still(np.concatenate([x, fixed]))).ravel()
 
 
 def _varying(batch: Batch, places: Places) -> tuple[cs.Function, cs.Function] | None:
@@ -113,7 +160,11 @@ def _arithmetic(batch: Batch, x: Array, fixed: Array, places: Places) -> Costs:
     cost = cs.Function("cost", [graph.x, graph.fixed, *graph.points], [0.5 * cs.sumsqr(r)])
     shared = (False, True, *(False for _ in graph.points))
     scalars = scalar(cost, LONGEST)
-    run = OneByOne(Buffered(cost), shared) if scalars is None else Mapped(scalars, shared)
+
+    def make() -> Many:
+        return OneByOne(Buffered(cost), shared) if scalars is None else Mapped(scalars, shared)
+
+    run = Spread(make, shared)
 
     def costs(z: Array) -> Array:
         X = np.repeat(x[None], len(z), axis=0)

@@ -40,16 +40,19 @@ class Linearization:
     def column_norms(self) -> Array:
         """|J_i|, (n,): what one unit of each entry does to the residual."""
         columns = self.jacobian.T  # as it is stored
-        return np.asarray(np.sqrt(np.einsum("ij,ij->i", columns, columns)))
+        return np.asarray(np.sqrt(np.vecdot(columns, columns)))
 
     @property
     def finite(self) -> bool:
-        """Whether every number of the residual and the Jacobian is."""
+        """Whether every number of the residual and the Jacobian is.
+
+        One of the Jacobian that is not would be seen in J' r, even beside a residual of zero.
+        """
         if not np.isfinite(self.residual).all():
             return False
         if self.constraints is not None and not self.constraints.finite:
             return False
-        return bool(np.isfinite(self.column_norms).all() or np.isfinite(self.jacobian).all())
+        return bool(np.isfinite(self.gradient).all() or np.isfinite(self.jacobian).all())
 
     @cached_property
     def svd(self) -> tuple[Array, Array, Array]:

@@ -11,7 +11,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from workbench.blocks import Block, Layout, Points, PointSource, Tree
 from workbench.errors import BadResidual, DuplicateResidual, TwoSymbolsOneName, UnknownName
-from workbench.problem.batch import Batch, Costs, Places, Way, interpreted
+from workbench.problem.batch import (
+    Batch,
+    Costs,
+    Places,
+    Slopes,
+    Way,
+    interpreted,
+    one_by_one,
+    slopes,
+)
 from workbench.problem.bounds import Bounds, flat_bounds
 from workbench.problem.chain import FORWARD, Chain
 from workbench.problem.constraint import Constraint
@@ -177,6 +186,12 @@ class Problem:
         """
         places = np.arange(self.free.size) if entries is None else entries.astype(np.int64)
         return by(self._batch, x, fixed, places)
+
+    def slopes(self, x: Array, fixed: Array, entries: Places | None = None) -> Slopes:
+        """The same for costs (M,) and their gradients (M, k) by z: what NUTS wants of a problem."""
+        places = np.arange(self.free.size) if entries is None else entries.astype(np.int64)
+        slope = lambda one: self.cost_and_gradient(one, fixed)  # noqa: E731
+        return slopes(self._batch, x, fixed, places) or one_by_one(slope, x, places)
 
     def cost_and_gradient(self, x: Array, fixed: Array) -> tuple[float, Array]:
         """The cost and its gradient (n,), without a Jacobian of the points."""

@@ -10,7 +10,7 @@ from workbench.blocks import Values
 from workbench.errors import UnknownName
 from workbench.problem import Problem
 from workbench.problem.constraint_set import ConstraintSet
-from workbench.solvers.abilities import Abilities, refuse
+from workbench.solvers.abilities import Abilities, Derivative, refuse
 from workbench.solvers.limits import Stop
 from workbench.solvers.nlopt_algorithms import ALGORITHMS
 from workbench.solvers.nlopt_objective import Objective
@@ -26,6 +26,7 @@ MEANING = {  # of the result codes that end a run by themselves
     nlopt.MAXEVAL_REACHED: (Status.MAX_EVALUATIONS, Status.MAX_EVALUATIONS.value),
     nlopt.MAXTIME_REACHED: (Status.MAX_SECONDS, Status.MAX_SECONDS.value),
 }
+GAVE_UP = (nlopt.SUCCESS, nlopt.FTOL_REACHED, nlopt.XTOL_REACHED)  # nothing more to be gained
 
 SMALLEST_STEP = 1e-14  # of a trust region: COBYLA halves one for ever, asking for nothing
 
@@ -86,9 +87,7 @@ class Nlopt:
                 optimizer.set_xtol_rel(SMALLEST_STEP)
             nlopt.srand(self.seed)
             try:
-                optimizer.optimize(
-                    np.clip(x0 * scale, problem.lower * scale, problem.upper * scale)
-                )
+                self._optimize(run, optimizer, x0, scale)
             except (SystemError, ValueError, RuntimeError, MemoryError) as error:
                 # an interrupt while NLopt was at its own work, or what it says of its arguments
                 if objective.error is None and isinstance(error, SystemError):
@@ -106,6 +105,22 @@ class Nlopt:
                 run.stall(message)
             raise Stop(status, message)
         return run.solution()
+
+    def _optimize(self, run: Run, optimizer: nlopt.opt, x0: Array, scale: Array) -> None:
+        """Run it; one that descends by gradients again from the best point while that gains.
+
+        Whether a single step gains nothing in the last bit is a matter of luck, and MMA and CCSA
+        end on it far from a minimum.
+        """
+        problem, x, cost = run.problem, x0, run.best.cost
+        descends = self.abilities.derivative is Derivative.GRADIENT and not self.abilities.is_global
+        while True:
+            optimizer.optimize(np.clip(x * scale, problem.lower * scale, problem.upper * scale))
+            gave_up = optimizer.last_optimize_result() in GAVE_UP
+            gained = run.best.missed <= 1 and run.best.cost < cost - run.noise(cost)
+            if not (descends and gave_up and gained):
+                return
+            x, cost = run.best.x, run.best.cost
 
     def _optimizer(self, algorithm: str, n: int) -> nlopt.opt:
         optimizer = nlopt.opt(getattr(nlopt, algorithm), n)

@@ -14,6 +14,7 @@ from workbench.solvers.run import Run
 
 Array = NDArray[np.float64]
 Hessian = Callable[[Run, Array, Linearization], Array]
+Compute = Callable[[bytes, Array], float | Array]  # of x and the multipliers
 
 
 def gauss_newton_hessian(run: Run, x: Array, here: Linearization) -> Array:
@@ -26,30 +27,29 @@ def exact_hessian(run: Run, x: Array, here: Linearization) -> Array:
     return run.hessian(x)
 
 
+class Kept:
+    """What was raised inside: it would lose its type on the way through C++."""
+
+    error: BaseException | None = None
+
+
 class Oracle:
     """Cost, constraints and their derivatives, one linearization per point for all of them.
 
-    What is raised inside is kept in `error`, as it would lose its type on the way through C++.
+    Nothing that it makes points back at it, so that large Jacobians go with the last of a run.
     """
 
     def __init__(self, run: Run, hessian: Hessian | None) -> None:
-        self.run = run
-        self.error: BaseException | None = None
+        kept = self._kept = Kept()
         n = run.problem.free.size
         there = run.problem.stacked_constraints
         k = 0 if there is None else there.size
-        self._linearize = lru_cache(maxsize=2)(lambda key: run.linearize(np.frombuffer(key)))
-        at = self._linearize
+
+        def at(x: bytes) -> Linearization:
+            return run.linearize(np.frombuffer(x))  # which keeps the last one
+
         costs = lru_cache(maxsize=2)(lambda key: run.cost(np.frombuffer(key)))
         of_constraints = lru_cache(maxsize=2)(lambda key: run.constraints(np.frombuffer(key)))
-        self.cost = External("cost", n, 0, (1, 1), lambda x, _: costs(x), self)
-        self.gradient = External("gradient", n, 0, (n, 1), lambda x, _: at(x).gradient, self)
-        self.constraints = External(
-            "constraints", n, 0, (k, 1), lambda x, _: of_constraints(x), self
-        )
-        self.constraint_jacobian = External(
-            "jacobian", n, 0, (k, n), lambda x, _: _constraint_jacobian(at(x)), self
-        )
 
         def of_cost(x: bytes, _: Array) -> Array:
             return (hessian or gauss_newton_hessian)(run, np.frombuffer(x), at(x))
@@ -62,14 +62,24 @@ class Oracle:
         def convex(x: bytes, multipliers: Array) -> Array:
             return reflected(of_cost(x, multipliers) + bend(x, multipliers)).matrix
 
-        self.hessian = External("hessian", n, 0, (n, n), of_cost, self)
-        self.constraint_hessian = External("bend", n, k, (n, n), bend, self)
-        self.convex_hessian = External("convex", n, k, (n, n), convex, self)
-        self.recorder = Recorder(run, self, n, k)
+        def external(name: str, k: int, shape: tuple[int, int], compute: Compute) -> External:
+            return External(name, (n, k), shape, compute, run, kept)
 
-    def linearization(self, x: Array) -> Linearization:
-        """At a point that the solver has accepted, as a rule already known."""
-        return self._linearize(x.tobytes())
+        self.cost = external("cost", 0, (1, 1), lambda x, _: costs(x))
+        self.gradient = external("gradient", 0, (n, 1), lambda x, _: at(x).gradient)
+        self.constraints = external("constraints", 0, (k, 1), lambda x, _: of_constraints(x))
+        self.constraint_jacobian = external(
+            "jacobian", 0, (k, n), lambda x, _: _constraint_jacobian(at(x))
+        )
+        self.hessian = external("hessian", 0, (n, n), of_cost)
+        self.constraint_hessian = external("bend", k, (n, n), bend)
+        self.convex_hessian = external("convex", k, (n, n), convex)
+        self.recorder = Recorder(run, kept, at, (n, k))
+
+    @property
+    def error(self) -> BaseException | None:
+        """What was raised inside, if anything was."""
+        return self._kept.error
 
 
 def _constraint_jacobian(here: Linearization) -> Array:
@@ -87,12 +97,12 @@ class External(cs.Callback):  # type: ignore[misc]  # casadi's way of calling ba
     """
 
     def __init__(
-        self, name: str, n: int, k: int, shape: tuple[int, int],
-        compute: Callable[[bytes, Array], float | Array], oracle: Oracle,
+        self, name: str, sizes: tuple[int, int], shape: tuple[int, int], compute: Compute,
+        run: Run, kept: Kept,
     ) -> None:  # fmt: skip
         super().__init__()
-        self._n, self._k, self._shape = n, k, shape
-        self._compute, self._oracle = compute, oracle
+        self._sizes, self._shape = sizes, shape
+        self._compute, self._run, self._kept = compute, run, kept
         self.construct(name, {})
 
     def get_n_in(self) -> int:
@@ -101,7 +111,7 @@ class External(cs.Callback):  # type: ignore[misc]  # casadi's way of calling ba
 
     def get_sparsity_in(self, i: int) -> cs.Sparsity:
         """Dense columns."""
-        return cs.Sparsity.dense((self._n, self._k)[i], 1)
+        return cs.Sparsity.dense(self._sizes[i], 1)
 
     def get_sparsity_out(self, i: int) -> cs.Sparsity:
         """A dense matrix."""
@@ -113,16 +123,18 @@ class External(cs.Callback):  # type: ignore[misc]  # casadi's way of calling ba
 
     def eval_buffer(self, arguments: list[Any], results: list[Any]) -> int:
         """Called by CasADi."""
-        multipliers = _column(arguments[1], self._k)
         out = np.frombuffer(results[0]) if results[0] is not None else np.empty(0)
-        if self._oracle.error is None:
+        if self._kept.error is None:
             try:
-                x = _inside(arguments[0], self._oracle.run)
+                x, multipliers = (
+                    _inside(arguments[0], self._run),
+                    _column(arguments[1], self._sizes[1]),
+                )
                 value = self._compute(x.tobytes(), multipliers)
                 out[:] = np.ravel(value, order="F")[: out.size]  # column by column
                 return 0
             except BaseException as error:
-                self._oracle.error = error
+                self._kept.error = error
         out[:] = np.nan
         return 0
 
@@ -130,9 +142,12 @@ class External(cs.Callback):  # type: ignore[misc]  # casadi's way of calling ba
 class Recorder(cs.Callback):  # type: ignore[misc]
     """Adds a solver's iterates to the trace, and stops it when the run says so."""
 
-    def __init__(self, run: Run, oracle: Oracle, n: int, k: int) -> None:
+    def __init__(
+        self, run: Run, kept: Kept, at: Callable[[bytes], Linearization], sizes: tuple[int, int]
+    ) -> None:
         super().__init__()
-        self._run, self._oracle = run, oracle
+        self._run, self._kept, self._at = run, kept, at
+        n, k = sizes
         self._sizes = {"x": n, "lam_x": n, "f": 1, "g": k, "lam_g": k}
         self.construct("recorder", {})
 
@@ -151,14 +166,14 @@ class Recorder(cs.Callback):  # type: ignore[misc]
     def eval_buffer(self, arguments: list[Any], results: list[Any]) -> int:
         """Called by CasADi; 1 stops the solver."""
         stop = 1.0
-        if self._oracle.error is None:
+        if self._kept.error is None:
             try:
                 x = _inside(arguments[0], self._run)
-                here = self._oracle.linearization(x)
+                here = self._at(x.tobytes())
                 self._run.record(x, here.cost, self._run.optimality(x, here))
                 stop = 0.0
             except BaseException as error:
-                self._oracle.error = error
+                self._kept.error = error
         if results[0] is not None:
             np.frombuffer(results[0])[:] = stop
         return 0

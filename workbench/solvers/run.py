@@ -70,7 +70,7 @@ class Run:
     ) -> bool:
         self._threads.close()
         if isinstance(error, Stop):
-            self.stopped = error
+            self.stopped = error.with_traceback(None)  # whose frames would keep the run alive
         elif isinstance(error, KeyboardInterrupt):
             self.stopped = Stop(Status.STOPPED, "interrupted from the keyboard")
         else:
@@ -100,6 +100,8 @@ class Run:
         """Residual and Jacobian at x; stops the run where they are not finite."""
         if self._linearized is not None and np.array_equal(self._linearized[0], x):
             return self._linearized[1]  # it was asked for just now
+        self.check()
+        self._linearized = None  # first: memory that is used again is already there, and near
         here = self.evaluate("jacobian", lambda: self.problem.linearize_at(x, self.fixed))
         if not np.isfinite(self._kept(x, here.cost if here.finite else np.inf, here)):
             raise Stop(Status.NOT_FINITE)

@@ -1,0 +1,186 @@
+"""What counting, keeping the best and deciding about convergence cost: NLopt and IPOPT by hand.
+
+The same noisy vertices, the same derivatives, the same variables, and by hand as many evaluations
+as our own run took: what differs is what stands around them.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import casadi as cs
+import nlopt
+import numpy as np
+from numpy.typing import NDArray
+
+import workbench as wb
+from benchmarks import ours
+from benchmarks.bodies_made_up import SIGMA, Case, body_called
+from benchmarks.candidates import Disagreement
+from benchmarks.timing import side_by_side
+
+Array = NDArray[np.float64]
+BODY = "default"
+SOLVERS = {"NLopt's L-BFGS": wb.Nlopt("LD_LBFGS"), "IPOPT": wb.Ipopt()}
+SAME = 1e-6  # of the cost
+HAND = " by hand"
+
+
+class ByHand:
+    """A count and the best point, and nothing else."""
+
+    def __init__(self, case: Case) -> None:
+        self.case, self.evaluations = case, 0
+        self.x, self.cost = np.zeros(case.problem.free.size), np.inf
+
+    def seen(self, x: Array, cost: float) -> float:
+        """Count an evaluation, and keep its point if it is the best."""
+        self.evaluations += 1
+        if cost < self.cost:
+            self.x, self.cost = x.copy(), cost
+        return cost
+
+
+def measure(rounds: int, people: int = 3, body: str = BODY) -> dict[str, Any]:
+    """Seconds per fit of some people, ours and by hand; raises Disagreement if they end apart."""
+    methods: dict[str, Callable[[Any], Any]] = {}
+    vertices = 0
+    for way, case in ours.cases(body, body_called(body)).items():
+        rng = np.random.default_rng(0)
+        seen = [case.seeing(x) for x in case.people(people)]
+        seen = [
+            replace(one, observed=one.observed + rng.normal(0, SIGMA, one.observed.shape))
+            for one in seen
+        ]
+        vertices = case.body.n_vertices
+        for name, by_hand in BY_HAND.items():
+            solver = SOLVERS[name]
+            found = [_solved(one, solver) for one in seen]
+            limits = [_steps(name, one) for one in found]
+            for one, solution, limit in zip(seen, found, limits, strict=True):
+                apart = by_hand(one, limit).cost / solution.cost - 1
+                if not abs(apart) <= SAME:
+                    raise Disagreement(f"{name} by hand ends with a cost {apart:.1e} higher")
+            each = list(zip(seen, limits, strict=True))
+            methods[f"{way}: {name}"] = partial(_ours, solver, seen)
+            methods[f"{way}: {name}{HAND}"] = partial(_by_hand, by_hand, each)
+    timings = side_by_side(methods, [None], rounds)
+    seconds = {label: [t / people for t in taken] for label, taken in timings.items()}
+    return {"body": body, "vertices": vertices, "seconds": seconds}
+
+
+def pairs(seconds: Mapping[str, Any]) -> list[str]:
+    """The labels of ours that have a companion by hand."""
+    return [label for label in seconds if label + HAND in seconds]
+
+
+def by_nlopt(case: Case, evaluations: int) -> ByHand:
+    """L-BFGS in variables scaled by the columns of the Jacobian at the start, like ours."""
+    problem, fixed, kept = case.problem, case.fixed, ByHand(case)
+    scale = problem.linearize_at(kept.x, fixed).column_norms
+
+    def cost(y: Array, gradient: Array) -> float:
+        x = y / scale
+        found, slope = problem.cost_and_gradient(x, fixed)
+        gradient[:] = slope / scale
+        return kept.seen(x, found)
+
+    optimizer = nlopt.opt(nlopt.LD_LBFGS, scale.size)
+    optimizer.set_min_objective(cost)
+    optimizer.set_maxeval(evaluations)
+    optimizer.optimize(kept.x * scale)
+    return kept
+
+
+def by_ipopt(case: Case, iterations: int) -> ByHand:
+    """Cost, gradient and J'J as three callbacks with one linearization for each point."""
+    problem, fixed, kept = case.problem, case.fixed, ByHand(case)
+    n = problem.free.size
+    last: dict[bytes, wb.Linearization] = {}
+    costs: dict[bytes, float] = {}
+
+    def at(x: Array) -> wb.Linearization:
+        key = x.tobytes()
+        if key not in last:
+            last.clear()
+            last[key] = problem.linearize_at(x, fixed)
+        return last[key]
+
+    def cost(x: Array) -> float:
+        key = x.tobytes()
+        if key not in costs:  # IPOPT asks again beside the gradient
+            costs.clear()
+            r = problem.residual(x, fixed)
+            costs[key] = kept.seen(x, 0.5 * float(r @ r))
+        return costs[key]
+
+    x, none, weight = cs.MX.sym("x", n), cs.MX(0, 1), cs.MX.sym("f")
+    f = Callback("cost", n, (1, 1), cost)
+    g = Callback("gradient", n, (n, 1), lambda x: at(x).gradient)
+    h = Callback("hessian", n, (n, n), lambda x: at(x).normal)
+    derivatives = {
+        "grad_f": cs.Function("g", [x, none], [f(x), g(x)], ["x", "p"], ["f", "grad_f_x"]),
+        "hess_lag": cs.Function(
+            "h", [x, none, weight, none], [cs.triu(weight * h(x))],
+            ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"],
+        ),
+    }  # fmt: skip
+    quiet = {"print_level": 0, "sb": "yes", "max_iter": iterations, "tol": 1e-12}
+    quiet |= {"nlp_scaling_method": "none", "acceptable_iter": 0}
+    options = {"print_time": False, "no_nlp_grad": True, "error_on_fail": False, "ipopt": quiet}
+    cs.nlpsol("s", "ipopt", {"x": x, "f": f(x)}, derivatives | options)(x0=kept.x)
+    return kept
+
+
+class Callback(cs.Callback):  # type: ignore[misc]
+    """A function of x in Python, its numbers handed over by memory."""
+
+    def __init__(
+        self, name: str, n: int, shape: tuple[int, int], compute: Callable[[Array], float | Array]
+    ) -> None:
+        super().__init__()
+        self._n, self._shape, self._compute = n, shape, compute
+        self.construct(name, {})
+
+    def get_n_in(self) -> int:
+        return 1
+
+    def get_sparsity_in(self, i: int) -> cs.Sparsity:
+        return cs.Sparsity.dense(self._n, 1)
+
+    def get_sparsity_out(self, i: int) -> cs.Sparsity:
+        return cs.Sparsity.dense(*self._shape)
+
+    def has_eval_buffer(self) -> bool:
+        return True
+
+    def eval_buffer(self, arguments: list[Any], results: list[Any]) -> int:
+        x = np.array(np.frombuffer(arguments[0]))
+        np.frombuffer(results[0])[:] = np.ravel(self._compute(x))
+        return 0
+
+
+BY_HAND = dict(zip(SOLVERS, (by_nlopt, by_ipopt), strict=True))
+
+
+def _solved(case: Case, solver: wb.solvers.Solver) -> wb.Solution:
+    solution = wb.solve(case.problem, case.body.start() | {"observed": case.observed}, solver)
+    if not solution.converged:
+        raise Disagreement(f"{solution.solver} did not converge: {solution.message}")
+    return solution
+
+
+def _steps(name: str, solution: wb.Solution) -> int:
+    """Evaluations for NLopt, iterations for IPOPT."""
+    return len(solution.trace) - 1 if name == "IPOPT" else solution.evaluations.gradient
+
+
+def _ours(solver: wb.solvers.Solver, seen: list[Case], _: object) -> None:
+    for case in seen:
+        _solved(case, solver)
+
+
+def _by_hand(fit: Callable[[Case, int], ByHand], each: list[tuple[Case, int]], _: object) -> None:
+    for case, limit in each:
+        fit(case, limit)

@@ -1,0 +1,1 @@
+"""Posteriors measured: beside NUTS, held-out truth, simulated truth, and how many a second."""

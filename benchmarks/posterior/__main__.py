@@ -1,0 +1,118 @@
+"""The command `python -m benchmarks.posterior`: what is claimed of posteriors, measured.
+
+    python -m benchmarks.posterior nuts          # ten minutes; needs nutpie
+    python -m benchmarks.posterior recorded      # twenty minutes; needs nutpie
+    python -m benchmarks.posterior widened       # ten minutes, after `recorded`
+    python -m benchmarks.posterior simulated     # twenty minutes; needs nutpie
+    python -m benchmarks.posterior one-person    # five minutes
+    python -m benchmarks.posterior throughput    # two minutes
+    python -m benchmarks.posterior page          # the page from the numbers that there are
+
+Each writes its numbers to results/posterior-PART.json, and POSTERIOR.md from all of them.
+"""
+
+import argparse
+import json
+import warnings
+from collections.abc import Callable, Sequence
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from benchmarks import machine
+from benchmarks.__main__ import _one_line_lists as one_line_lists
+from benchmarks.machine import description
+from benchmarks.posterior import page
+from benchmarks.posterior.fitted import BLOCKS
+
+PACKAGES = ("workbench", "casadi", "numpy", "scipy", "emcee", "nutpie", "arviz")
+HERE = Path(__file__).parents[1]
+
+
+def _nuts(asked: argparse.Namespace) -> dict[str, Any]:
+    from benchmarks.posterior import nuts
+
+    return nuts.compared(asked.blocks, nuts.Plan(asked.draws), asked.steps)
+
+
+def _recorded(asked: argparse.Namespace) -> dict[str, Any]:
+    from benchmarks.posterior import held_out
+
+    return held_out.of_recorded(asked.frames, held_out.SIGMA, tuple(held_out.WAYS))
+
+
+def _widened(asked: argparse.Namespace) -> dict[str, Any]:
+    from benchmarks.posterior import held_out
+
+    kept = json.loads((asked.out / "results" / "posterior-recorded.json").read_text())
+    sigma = kept["found"]["sigma of the residuals"]
+    return held_out.of_recorded(asked.frames, sigma, ("emcee", "Laplace"))
+
+
+def _simulated(asked: argparse.Namespace) -> dict[str, Any]:
+    from benchmarks.posterior import held_out
+
+    return held_out.of_simulated(asked.frames, tuple(held_out.WAYS))
+
+
+def _one_person(asked: argparse.Namespace) -> dict[str, Any]:
+    from benchmarks.posterior import one_person
+
+    return one_person.of_people(asked.people, asked.frames)
+
+
+def _throughput(asked: argparse.Namespace) -> dict[str, Any]:
+    from benchmarks.posterior import throughput
+
+    return throughput.measured()
+
+
+PARTS: dict[str, Callable[[argparse.Namespace], dict[str, Any]]] = {
+    "nuts": _nuts, "recorded": _recorded, "widened": _widened, "simulated": _simulated,
+    "one-person": _one_person,
+    "throughput": _throughput,
+}  # fmt: skip
+
+
+def _rounded(found: Any) -> Any:
+    """Six digits: nothing here is known to more."""
+    return json.loads(json.dumps(found), parse_float=lambda said: float(f"{float(said):.6g}"))
+
+
+def _version(package: str) -> str | None:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Measure a part, keep its numbers, and write the page."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.posterior", description=__doc__)
+    parser.add_argument("part", choices=(*PARTS, "page"))
+    parser.add_argument("--blocks", nargs="+", default=list(BLOCKS), choices=list(BLOCKS))
+    parser.add_argument("--draws", type=int, default=6000, help="of NUTS, for each of 4 chains")
+    parser.add_argument("--steps", type=int, default=40_000, help="of emcee's walkers, at most")
+    parser.add_argument("--frames", type=int, default=40, help="of the recording")
+    parser.add_argument("--people", type=int, default=10, help="made up, for one-person")
+    parser.add_argument("--out", type=Path, default=HERE, help="where results/ is written")
+    asked = parser.parse_args(arguments)
+    if asked.part != "page":
+        facts = description()
+        facts["versions"] = {name: _version(name) for name in PACKAGES}
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", r"\s*ArviZ is undergoing", FutureWarning)
+            found = PARTS[asked.part](asked)
+        facts["load after"] = machine.load()
+        (asked.out / "results").mkdir(parents=True, exist_ok=True)
+        text = json.dumps(_rounded({"machine": facts, "found": found}), indent=1)
+        (asked.out / "results" / f"posterior-{asked.part}.json").write_text(
+            one_line_lists(text) + "\n"
+        )
+    kept = {part: asked.out / "results" / f"posterior-{part}.json" for part in PARTS}
+    found = {part: json.loads(file.read_text()) for part, file in kept.items() if file.exists()}
+    (asked.out / "POSTERIOR.md").write_text(page.text(found))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,119 @@
+"""POSTERIOR.md: the tables, and what they say, written from the numbers that there are."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from benchmarks.page import machine
+from benchmarks.posterior import held_out_tables as tables
+from benchmarks.posterior.counted import Found
+from benchmarks.posterior.nuts import ALLOWED_MEAN, ALLOWED_SD, TIMES
+
+HEAD = """# Posteriors, measured
+
+Written by `python -m benchmarks.posterior PART` from the numbers in `results/`; `--help` names the
+parts. All of it is about one person on a beam (`workbench run balance-monocular`): 85 unknowns, 23
+keypoints in one camera, sigma 4 px, a Gaussian prior on pose and on shape.
+"""
+
+
+def text(results: Mapping[str, Found]) -> str:
+    """The whole page."""
+    writers = {
+        "nuts": _nuts, "recorded": tables.recorded, "widened": tables.widened,
+        "simulated": tables.simulated,
+        "one-person": tables.one_person, "throughput": _throughput,
+    }  # fmt: skip
+    parts = [HEAD]
+    for name, write in writers.items():
+        if name in results:
+            parts.append(write(results[name]["found"], results))
+            parts.append(_where(results[name]["machine"]))
+    return "\n".join(parts)
+
+
+def _where(facts: Found) -> str:
+    said = "/".join(f"{one:.1f}" for one in facts["load"][:1] + facts["load after"][:1])
+    return f"*Measured on {machine(facts)}; load before/after {said}.*\n"
+
+
+def _nuts(found: Found, _: Mapping[str, Found]) -> str:
+    lines = [
+        "## Beside NUTS\n",
+        "| block | entries | emcee: steps / autocorrelation time | emcee, s | NUTS: R-hat | "
+        "divergences | effective draws | NUTS, s | emcee's sd over NUTS' | means apart, sd | "
+        "sd over Laplace's | narrower than at the mode | |",
+        "| --- |" + " --: |" * 11 + " --- |",
+    ]
+    for name, one in found["blocks"].items():
+        ours, theirs = one["emcee"], one["nuts"]
+        said = "agree" if one["agree"] else "DIFFER"
+        if not one["reference"]:
+            said += " (NUTS itself has not converged)"
+        lines.append(
+            f"| {name} | {len(one['entries'])} | {ours['times']:.0f} | {ours['seconds']:.0f} | "
+            f"{theirs['R-hat']:.3f} | {theirs['divergences']} | {theirs['effective']:,.0f} of "
+            f"{theirs['draws']:,} | {theirs['seconds']:.0f} | {_span(one['sd ratio'])} | "
+            f"{max(one['mean apart']):.3f} | {_span(one[OVER])} | {one['bent']:.1f} × | {said} |"
+        )
+    arms = [one for name, one in found["blocks"].items() if "arm" in name]
+    lines.append(
+        f"\nAsked: standard deviations within {ALLOWED_SD:.0%}, means within {ALLOWED_MEAN} of "
+        f"one, {TIMES:.0f} autocorrelation times. All other entries stay at the answer of the fit."
+    )
+    if arms:
+        most = max(one["bent"] for one in arms)
+        lines.append(
+            "The arms are the hard ones. Least squares finds one mode with all of the mass; but "
+            f"the ridge is bent, and in its narrowest hundredth {most:.0f} times narrower than at "
+            f"the mode, which wants small steps of NUTS. {_usual(found['usual steps'])}Laplace's "
+            "approximation of the arms is off by up to "
+            f"{max(abs(np.array(one[OVER]) - 1).max() for one in arms):.0%}.\n"
+        )
+    return "\n".join(lines)
+
+
+def _usual(found: Found) -> str:
+    return "".join(
+        f"With nutpie's usual ones (an acceptance of 0.8) the {name} has R-hat "
+        f"{one['nuts']['R-hat']:.2f}, {one['nuts']['divergences']} divergences in "
+        f"{one['nuts']['draws']:,} draws, {one['nuts']['effective']:.0f} effective ones, and its "
+        f"standard deviations are {abs(1 / np.array(one['sd ratio']) - 1).max():.0%} off. "
+        for name, one in found.items()
+    )
+
+
+OVER = "sd over Laplace's"
+
+
+def _throughput(found: Found, _: Mapping[str, Found]) -> str:
+    lines = [
+        "## Posteriors a second\n",
+        f"One core, {found['walkers']} walkers, all 85 entries free, inside of emcee with its own "
+        "moves and loops; the share is of emcee alone with nothing to compute.\n",
+        "| posterior | emcee alone | without a compiler | share | compiled | share |",
+        "| --- |" + " --: |" * 5,
+    ]
+    for name, one in found["posteriors"].items():
+        rates = one["a second"]
+        ceiling = rates["emcee alone"]
+        cells = [
+            f"{rates[way]:,.0f} | {rates[way] / ceiling:.1%}" for way in ("interpreted", "compiled")
+        ]
+        lines.append(f"| {name} | {ceiling:,.0f} | {' | '.join(cells)} |")
+    alone = found["not batched"]
+    said = ", ".join(f"{rate:,.0f} on {use}" for use, rate in alone["costs a second"].items())
+    lines += [
+        "\nMeshes come from matrix products either way; their residual is too long to compile.",
+        f"\nA cost that cannot be batched (a made-up pendulum, integrated by CVODES): {said} a "
+        "second; the numbers are "
+        + ("the same to the last bit." if alone["same bits"] else "NOT THE SAME.")
+        + " Threads share the rows, not processes: CasADi lets others run while it works, and a "
+        "problem's symbols would have to be built anew in each process. They are used only where "
+        "the clock finds them faster.\n",
+    ]
+    return "\n".join(lines)
+
+
+def _span(numbers: Sequence[float]) -> str:
+    return f"{min(numbers):.2f} to {max(numbers):.2f}"

@@ -1,0 +1,239 @@
+# %% [markdown]
+# # A body model is a function
+#
+# **What kind of function turns pose and shape into a surface?**
+#
+# Numbers go in, some for the pose and some for the shape of a person, and the places of some thousand
+# points of the skin come out. That is a function. Is it linear? A polynomial? We try both, from
+# examples, watch them fail, and see what kind of function SMPL is. Angles are in radians, lengths in
+# metres.
+
+# %%
+import casadi as cs
+import numpy as np
+
+import workbench as wb
+from workbench.bodies import surface
+from workbench.bodies.ablations import without_pose_blend_shapes
+from workbench.course import Picture, source
+from workbench.plots import house_style, plot_differences, sheet
+from workbench.training.blend_shapes.comparison import shipped_prior
+from workbench.training.embedded.fine_weights import teacher_of
+from workbench.training.embedded.pose_blends import draw_poses
+
+# %% [markdown]
+# ## Input and output, in small
+#
+# First with one number in and one out: an elbow bends by the angle $x$, and we look at how far the tip
+# of the middle finger is along the body's left, $v$. Ten examples are given. A polynomial of degree
+# three is
+#
+# $$ f(x; w) = w_3 x^3 + w_2 x^2 + w_1 x + w_0 . $$
+#
+# The $x$ are the **input**. The $w$ are the **hyper-parameters**: they say *which* function of this
+# kind it is, and are found once, from examples; here by least squares, for $f$ is linear in $w$.
+
+# %%
+body = wb.load_body("small")
+elbow = body.joint_names.index("left_elbow")
+finger = int(body.template[:, 0].argmax())  # the vertex furthest to the left
+
+
+def tip(angle):
+    """How far left the fingertip is when the left elbow bends forwards, (n,) m."""
+    pose = np.zeros((np.size(angle), 24, 3))
+    pose[:, elbow, 1] = -np.ravel(angle)
+    return body.vertices(pose)[:, finger, 0]
+
+
+given = np.linspace(0, 2.2, 10)
+far = np.linspace(-1.5, 2 * np.pi + 1, 300)
+fits = {degree: np.polyfit(given, tip(given), degree) for degree in (1, 3)}
+for degree, w in fits.items():
+    inside = np.abs(np.polyval(w, given) - tip(given)).max()
+    once_more = np.abs(np.polyval(w, given + 2 * np.pi) - tip(given + 2 * np.pi)).max()
+    print(f"degree {degree}: off by up to {1e3 * inside:.0f} mm where examples are, "
+          f"{1e3 * once_more:,.0f} mm one turn further")  # fmt: skip
+
+with house_style():
+    figure, (ax,) = sheet(7.5, 3.8)
+    ax.plot(far, tip(far), color="0.3", lw=2, label="the body")
+    ax.plot(given, tip(given), "ko", label="examples")
+    for (degree, w), dash in zip(fits.items(), ("--", "-."), strict=True):
+        ax.plot(far, np.polyval(w, far), dash, label=f"polynomial of degree {degree}")
+    ax.set(xlabel="angle of the elbow (rad)", ylabel="fingertip, to the left (m)", ylim=(-0.2, 1.4))
+    ax.legend()
+Picture(
+    figure,
+    "A fingertip as a function of the elbow's angle. The cubic follows the examples and leaves at "
+    "their end; the body comes back after a full turn (2 pi = 6.28), a polynomial never does.",
+)
+
+# %% [markdown]
+# A polynomial does not know that an angle and the same angle plus a full turn are one. A slide that
+# this course follows prints the cubic as $w_1 x^3 + w_2 x^2 + w_1 x + w_0$, with $w_1$ twice. It
+# looks like a detail; but then one number has to do for two, and the fit cannot be had:
+
+# %%
+for name, columns in (("w3, w2, w1, w0", [given**3, given**2, given, given**0]),
+                      ("w1, w2, w1, w0", [given**3 + given, given**2, given**0])):  # fmt: skip
+    A = np.column_stack(columns)
+    w = np.linalg.lstsq(A, tip(given), rcond=None)[0]
+    print(f"{name}: off by up to {1e3 * np.abs(A @ w - tip(given)).max():.1f} mm at the examples")
+
+# %% [markdown]
+# ## The whole body
+#
+# Now all of it: 72 numbers in, 369 vertices out. As examples we take poses drawn from a model of motion
+# capture, and what a synthetic teacher's skin does in them (it twists limbs gradually and is no SMPL,
+# so that SMPL has something to get wrong). The root is left at rest: the contestants without bones
+# would be lost with it. We learn, by ridge regression,
+#
+# - the linear function of the 72 numbers,
+# - one with the squares and cubes of each as well,
+#
+# and set beside them bones with skin that follows them: SMPL without its pose blend shapes, which
+# learns nothing at all from any pose, and SMPL, whose blend shapes were learned before, from other
+# poses of such a teacher.
+
+# %%
+rng = np.random.default_rng(0)
+teacher = teacher_of(body)
+
+
+def examples(n):
+    """Poses (n, 24, 3) rad, and the teacher's surfaces in them, (n, 369, 3) m."""
+    poses = draw_poses(shipped_prior(), n, rng)
+    poses[:, 0] = 0
+    return poses, np.stack([teacher.vertices(pose) for pose in poses])
+
+
+def powers(poses, degree):
+    """1, x, x^2, ... of every number of the pose, (n, 1 + 72 degree)."""
+    x = poses.reshape(len(poses), -1)
+    return np.column_stack([np.ones(len(x)), *(x**k for k in range(1, degree + 1))])
+
+
+poses, surfaces = examples(400)
+test_poses, test_surfaces = examples(60)
+
+
+def learned(degree, ridge=1.0):
+    """Predictions for the test poses, (60, 369, 3) m."""
+    A, V = powers(poses, degree), surfaces.reshape(len(poses), -1)
+    w = np.linalg.solve(A.T @ A + ridge * np.eye(A.shape[1]), A.T @ V)
+    return (powers(test_poses, degree) @ w).reshape(-1, body.n_vertices, 3)
+
+
+predictions = {
+    "linear in theta": learned(1),
+    "cubes of theta": learned(3),
+    "bones and skin": without_pose_blend_shapes(body).vertices(test_poses),
+    "SMPL": body.vertices(test_poses),
+}
+for name, found in predictions.items():
+    off = np.linalg.norm(found - test_surfaces, axis=2)
+    print(f"{name:16} mean {1e3 * off.mean():5.1f} mm, largest {1e3 * off.max():4.0f} mm")
+
+# %%
+worst = np.linalg.norm(predictions["linear in theta"] - test_surfaces, axis=2).mean(axis=1).argmax()
+shown = {name: predictions[name][worst] for name in ("linear in theta", "cubes of theta", "SMPL")}
+with house_style():
+    figure, (ax,) = sheet(9, 4.6)
+    plot_differences(test_surfaces[worst], shown, body.faces, ax=ax, name="the teacher")
+Picture(
+    figure,
+    "One unseen pose, as three functions predict it, coloured by the distance to the teacher's "
+    "surface. Without bones limbs shrink and bend where there is no joint.",
+)
+
+# %% [markdown]
+# Four hundred examples do not teach a polynomial what an arm is. More examples do not help much: a full
+# cubic in 72 numbers has $\binom{75}{3} = 67{,}525$ coefficients for every coordinate, and none
+# of them knows that **bones keep their length**. Take the mean of two poses of a forearm that are an
+# angle $\alpha$ apart, as a linear function does for the pose between them. The forearm gets shorter:
+#
+# $$ \left\| \tfrac12 (v_1 + v_2) \right\| = \|v\| \cos \tfrac{\alpha}{2}. $$
+
+# %%
+for alpha in (0.5, 1.0, 2.0, 3.0):
+    ends = np.array([[np.cos(a), np.sin(a)] for a in (0, alpha)])
+    print(f"{alpha} rad apart: {np.linalg.norm(ends.mean(axis=0)):.3f} of the length, "
+          f"cos(alpha / 2) = {np.cos(alpha / 2):.3f}")  # fmt: skip
+
+# %% [markdown]
+# ## The idea: put in what is known
+#
+# SMPL is a function
+#
+# $$ M(\theta, \beta; w), \qquad w = \{ \bar T, S, P, W, \mathcal J \} $$
+#
+# of two inputs, pose $\theta$ (24 rotation vectors) and shape $\beta$ (a few numbers). That bones turn
+# and keep their length is written into it. What is not known, and has to be learned once from
+# scans, are its hyper-parameters: the template $\bar T$, the directions $S$ in which people differ,
+# the directions $P$ in which pose deforms them, weights $W$ that say which bones a vertex follows, and
+# the regressor $\mathcal J$ that finds joints in a surface. A person at rest, in the library's words:
+
+# %%
+source(surface.rest)
+
+# %%
+source(surface.posed)
+
+# %% [markdown]
+# How many numbers is that? Of the released model, with 6,890 vertices, 23 joints and a root, and 10
+# shape directions:
+
+# %%
+N, K, B = 6890, 24, 10
+counts = {
+    "template": 3 * N, "shapedirs": 3 * N * B, "posedirs": 3 * N * 9 * (K - 1),
+    "weights": N * K, "J_regressor": N * K,
+}  # fmt: skip
+for name, n in counts.items():
+    print(f"{name:12}{n:>10,}")
+print(f"{'together':12}{sum(counts.values()):>10,}")
+
+# %% [markdown]
+# (The slides sum up to 6,014,970, with three rows that are not what a model file holds: they count the
+# regressor as a free map from all coordinates to all joints, and three numbers for each weight.)
+#
+# ## What is linear in it?
+#
+# So SMPL is neither linear nor a polynomial. But look closer, one argument at a time: which is it
+# linear in, the others held? CasADi knows the graph of the function, so it can be asked.
+
+
+# %%
+def linear_in(*names):
+    """Whether vertices are linear in these blocks together."""
+    freed = body.freed(*(name for name in names if name not in ("pose", "betas", "trans")))
+    arguments = [block.symbol for block in freed.blocks()]
+    some = freed.points(*arguments, vertices=[10, 200, finger]).source.expression
+    symbols = {s.name(): s for s in cs.symvar(some)}
+    f = cs.Function("f", [symbols[name] for name in names]
+                    + [s for name, s in symbols.items() if name not in names], [cs.vec(some)])  # fmt: skip
+    f = f.expand()
+    x = cs.SX.sym("x", sum(symbols[name].numel() for name in names))
+    parts = cs.vertsplit(x, np.cumsum([0, *(symbols[name].numel() for name in names)]).tolist())
+    inputs = [cs.reshape(p, symbols[n].shape) for p, n in zip(parts, names, strict=True)]
+    others = [cs.SX.sym("o", *s.shape) for name, s in symbols.items() if name not in names]
+    return cs.is_linear(f(*inputs, *others), x)
+
+
+for names in (("template",), ("shapedirs",), ("posedirs",), ("weights",), ("betas",), ("trans",),
+              ("template", "posedirs"), ("weights", "posedirs"), ("shapedirs", "betas"), ("pose",)):  # fmt: skip
+    print(f"{' and '.join(names):24}{'linear' if linear_in(*names) else 'not linear'}")
+
+# %% [markdown]
+# Only the pose is not, and products of two that are. This is worth more than it looks. Whoever knows
+# the pose finds template and pose directions by *one* linear least-squares problem, and whoever has
+# them finds weights by another: that is how such models are trained (lecture 13). And whoever has the
+# model needs a nonlinear solver for one thing alone, the pose. That is most of what this course is
+# about.
+#
+# ## What to remember
+#
+# - A body model is a function of pose and shape; its hyper-parameters were learned before.
+# - Polynomials of angles do not come back after a turn, and shrink bones by $\cos(\alpha/2)$.
+# - SMPL is linear in everything but the pose, one argument at a time.

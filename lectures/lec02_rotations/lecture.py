@@ -1,0 +1,337 @@
+# %% [markdown]
+# # Rotations
+#
+# **Which numbers do we hand to an optimizer that has to turn a joint?**
+#
+# A body model has a rotation in every joint. An optimizer changes numbers, one step after the
+# other, and knows nothing of rotations. So somebody has to say which numbers a rotation is. We
+# begin with the nine numbers of a matrix, watch them fail, and end with the three that SMPL uses.
+# Angles are in radians, lengths in metres.
+
+# %%
+import casadi as cs
+import numpy as np
+import scipy.linalg
+
+from workbench.course import Picture, source
+from workbench.geometry.rotation import matrix_from_vector, nearest_rotation, rodrigues
+from workbench.plots import house_style, sheet
+
+# %% [markdown]
+# ## Nine numbers
+#
+# A forearm carries markers at places $x_n$ that we know, and after it has turned we see them at
+# $y_n = R x_n$, with some noise. Which $R$? If its nine entries may be anything, this is a linear
+# least-squares problem, and NumPy solves it in a line:
+#
+# $$\min_M \sum_n \|M x_n - y_n\|^2 .$$
+
+# %%
+rng = np.random.default_rng(0)
+markers = rng.uniform([-0.02, -0.03, -0.03], [0.24, 0.03, 0.03], size=(8, 3))  # m, in the forearm
+truth = matrix_from_vector([0.2, -0.4, 1.1])
+seen = markers @ truth.T + 0.005 * rng.standard_normal(markers.shape)  # 5 mm of noise
+
+
+def nine_numbers(x, y):
+    """The matrix M that is least in the sum of |M x_n - y_n|^2."""
+    return np.linalg.lstsq(x, y, rcond=None)[0].T
+
+
+M = nine_numbers(markers, seen)
+print(f"markers are met to {1e3 * np.sqrt(np.mean((markers @ M.T - seen) ** 2)):.1f} mm")
+print("lengths of the columns of M:", np.linalg.norm(M, axis=0).round(3))
+print(f"det M = {np.linalg.det(M):.3f}")
+
+# %% [markdown]
+# The markers are met well. But the columns of a rotation have length 1, and its determinant is 1:
+# this matrix stretches. Along the forearm, where the markers are far apart, that hardly shows. Look
+# at what it makes of the hand, which is at the end of the same forearm and carries no marker:
+
+# %%
+outline = np.array([[0, -1], [1, -1], [2, 0], [1, 1], [0, 1], [0, -1]])  # of a hand, roughly
+hand = np.array([0.26, 0, 0]) + 0.09 * outline[:, [0, 0, 1]] * [1, 0, 0.5]  # m
+pairs = [(i, j) for i in range(5) for j in range(i)]
+
+
+def stretch(M):
+    """The longest and the shortest that M makes a distance in the hand, as a share."""
+    ratio = [np.linalg.norm(M @ (hand[i] - hand[j])) / np.linalg.norm(hand[i] - hand[j])
+             for i, j in pairs]  # fmt: skip
+    return max(ratio), min(ratio)
+
+
+print("distances in the hand, times: {:.2f} to {:.2f}".format(*stretch(M)[::-1]))
+sigmas = np.array([0.5, 1, 2, 5, 10, 20]) * 1e-3  # m
+spread = []
+for sigma in sigmas:
+    found = [
+        nine_numbers(markers, markers @ truth.T + sigma * rng.standard_normal(markers.shape))
+        for _ in range(200)
+    ]
+    spread.append(np.mean([stretch(one) for one in found], axis=0))
+
+with house_style():
+    figure, (left, right) = sheet(10, 3.8, columns=2)
+    for shape, name in ((hand, "the hand"), (hand @ M.T @ truth, "by nine numbers")):
+        left.plot(1e2 * shape[:, 0], 1e2 * shape[:, 2], label=name)
+    back = seen @ truth  # turned back
+    left.plot(1e2 * back[:, 0], 1e2 * back[:, 2], "k.", label="markers seen")
+    left.set(xlabel="along the forearm (cm)", ylabel="across it (cm)", aspect="equal")
+    left.set_ylim(-12, 22)
+    left.legend(loc="upper left")
+    right.semilogx(1e3 * sigmas, np.array(spread), "o-")
+    right.axhline(1, color="0.5", lw=0.8)
+    right.set(xlabel="noise of the markers (mm)", ylabel="stretch of the hand (share)")
+Picture(
+    figure,
+    "Left: the hand as it is, and as nine free numbers have it, both turned back. Right: the longest "
+    "and the shortest that distances in the hand become (means of 200 draws). More noise, more "
+    "stretch.",
+)
+
+# %% [markdown]
+# A bone does not stretch. Nine numbers are too many: a matrix is a rotation if
+#
+# $$R^\top R = I, \qquad \det R = 1,$$
+#
+# and since $R^\top R$ is symmetric these are **six equations**. Nine minus six leaves three. A
+# rotation is three numbers.
+#
+# ## Back to a rotation
+#
+# One way out is to let the nine numbers run, and to replace $M$ by the nearest rotation afterwards:
+# the $R$ that is least in $\|R - M\|_F$. With the singular values $M = U \Sigma V^\top$ that is
+# $U V^\top$, and if this happens to be a reflection, the direction of the smallest singular value
+# is turned around. This is the library's own line:
+
+# %%
+source(nearest_rotation)
+
+# %%
+R = nearest_rotation(M)
+print("distances in the hand, times: {:.2f} to {:.2f}".format(*stretch(R)[::-1]))
+print(f"R'R = I to {np.abs(R.T @ R - np.eye(3)).max():.0e}, det R = {np.linalg.det(R):.6f}")
+mirrored = np.diag([1.0, 1.0, -1.0])
+U, _, Vt = np.linalg.svd(mirrored)
+print(f"of a mirror, without the sign: det = {np.linalg.det(U @ Vt):+.0f};"
+      f" with it: {np.linalg.det(nearest_rotation(mirrored)):+.0f}")  # fmt: skip
+
+# %% [markdown]
+# As a repair this is right, and we shall use it (it is what Procrustes' problem needs). But an
+# optimizer that walks in nine dimensions and is thrown back to a surface of three after every step
+# does not know where it is going. We want three numbers, all of which may be changed freely.
+#
+# ## Three numbers
+#
+# Turn a point $v$ about an axis, with angular velocity $w$. Its velocity is $w \times v$, which is
+# linear in $v$, so it is a matrix times $v$:
+#
+# $$
+# \dot v = w \times v = \hat w v, \qquad
+# \hat w = \begin{pmatrix} 0 & -w_z & w_y \\ w_z & 0 & -w_x \\ -w_y & w_x & 0 \end{pmatrix}.
+# $$
+#
+# This is a linear differential equation, and after one unit of time its solution is the **matrix
+# exponential**: $v(1) = \exp(\hat w)\, v(0)$ with $\exp(A) = I + A + A^2/2 + A^3/6 + \dots$ So any
+# three numbers $w$ give a rotation, by the angle $t = \|w\|$ about the axis $w / t$. In the pose of
+# SMPL there are 24 of these **rotation vectors**.
+#
+# Nobody sums the series. With $n = w/t$ one finds $\hat n^3 = -\hat n$: powers repeat, and the
+# terms gather to a sine and a cosine. This is **Rodrigues' formula**:
+#
+# $$ R = I + \sin t\; \hat n + (1 - \cos t)\; \hat n^2 . $$
+
+
+# %%
+def hat(w):
+    """The matrix of v -> w x v."""
+    return np.array([[0, -w[2], w[1]], [w[2], 0, -w[0]], [-w[1], w[0], 0]])
+
+
+def textbook(w):
+    """Rodrigues' formula as it is written above."""
+    t = np.linalg.norm(w)
+    n = hat(w / t)
+    return np.eye(3) + np.sin(t) * n + (1 - np.cos(t)) * n @ n
+
+
+w = np.array([0.2, -0.4, 1.1])
+print(f"off the matrix exponential by {np.abs(textbook(w) - scipy.linalg.expm(hat(w))).max():.0e}")
+print(f"w is its own axis: R w - w = {np.abs(textbook(w) @ w - w).max():.0e}")
+
+# %% [markdown]
+# ## Two misprints
+#
+# The formula goes wrong easily. Of the sources of this course, a summary of SMPL prints
+# $+\,\hat n^2 \cos t$ where $1 - \cos t$ belongs. A lecture has the cosine right, but writes
+# $\hat w$ where the *unit* axis $\hat n$ belongs. Both look plausible. A test that knows nothing of
+# the right answer tells: a rotation has $R^\top R = I$.
+
+
+# %%
+def misprinted_cosine(w):
+    """With cos t in the place of 1 - cos t."""
+    t = np.linalg.norm(w)
+    n = hat(w / t)
+    return np.eye(3) + np.sin(t) * n + np.cos(t) * n @ n
+
+
+def misprinted_axis(w):
+    """With w in the place of the unit axis."""
+    t = np.linalg.norm(w)
+    return np.eye(3) + np.sin(t) * hat(w) + (1 - np.cos(t)) * hat(w) @ hat(w)
+
+
+axis = np.array([0.6, 0.0, 0.8])
+angles = np.linspace(0.01, 2 * np.pi, 300)
+formulas = {
+    "1 - cos t, unit axis": textbook,
+    "cos t": misprinted_cosine,
+    "no unit axis": misprinted_axis,
+}
+failure = {
+    name: [np.linalg.norm(f(t * axis).T @ f(t * axis) - np.eye(3)) for t in angles]
+    for name, f in formulas.items()
+}
+for name, f in formulas.items():
+    at = [
+        np.linalg.norm(f(t * axis).T @ f(t * axis) - np.eye(3)) for t in (0.1, 1.0, np.pi / 3, 3.0)
+    ]
+    print(f"{name:22} |R'R - I| at t = 0.1, 1, pi/3, 3: ", *(f"{one:.0e}" for one in at))
+
+with house_style():
+    figure, (ax,) = sheet(7, 3.6)
+    for (name, found), dash in zip(failure.items(), ("-", "--", ":"), strict=True):
+        ax.semilogy(angles, np.maximum(found, 1e-17), dash, label=name)
+    ax.set(xlabel="angle t (rad)", ylabel="|R'R - I|", ylim=(1e-17, 1e3))
+    ax.legend(loc="center right")
+Picture(
+    figure,
+    "How far from a rotation three formulas are. The right one is at rounding. The one with cos t "
+    "is right at 60 and 300 degrees alone; the one without a unit axis at 1 rad, at full turns, and "
+    "nearly so for small angles.",
+)
+
+# %% [markdown]
+# Note where the wrong ones are right. A test at 60 degrees lets the first pass, a test at 1 rad or
+# at small angles the second. One number is no test; a property, tried at many angles, is.
+#
+# ## At zero
+#
+# The textbook formula divides by $t$. A body at rest has $t = 0$ in every joint, and that is where
+# every fit begins. In CasADi we see what an optimizer would see: the value, and the derivative.
+
+# %%
+v = cs.SX.sym("w", 3)
+
+
+def in_casadi(t):
+    """Rodrigues' formula with this expression for the angle."""
+    n = cs.skew(v / t)
+    return cs.SX.eye(3) + cs.sin(t) * n + (1 - cs.cos(t)) * n @ n
+
+
+def derivatives(R):
+    """Functions of w: R, its first derivatives (9, 3), and its second ones (27, 3)."""
+    J = cs.jacobian(cs.vec(R), v)
+    return [cs.Function("f", [v], [one]) for one in (R, J, cs.jacobian(cs.vec(J), v))]
+
+
+ways = {
+    "as in the textbook": in_casadi(cs.norm_2(v)),
+    "1e-8 added to w in |w|": in_casadi(cs.norm_2(v + 1e-8)),
+    "the library's": rodrigues(v),
+}
+tiny = 1e-8 * axis  # rad
+beginning = cs.SX.eye(3) + cs.skew(v) + cs.skew(v) @ cs.skew(v) / 2  # of the series: right at 0
+hessian = np.asarray(derivatives(beginning)[2](0))
+for name, R in ways.items():
+    value, jacobian, second = derivatives(R)
+    print(f"{name}:")
+    print("  R'R - I at a random w   ",
+          f"{np.abs(np.asarray(value(w)).T @ np.asarray(value(w)) - np.eye(3)).max():.0e}")  # fmt: skip
+    print("  Jacobian at 0 is finite ", bool(np.isfinite(np.asarray(jacobian(0))).all()))
+    print(
+        "  Hessian at 1e-8 rad, off by up to",
+        f"{np.abs(np.asarray(second(tiny)) - hessian).max():.2g}",
+    )
+
+# %% [markdown]
+# The textbook's form has no derivative at rest: NaN. The usual cure, a small number added before
+# the norm is taken (a well-known implementation of SMPL adds $10^{-8}$), makes the NaN go away, and
+# leaves a matrix that is orthogonal to nine digits only and whose second derivative near zero is
+# wrong. The right cure costs nothing: near zero, take the functions
+#
+# $$
+# a = \frac{\sin t}{t} = 1 - \frac{t^2}{6} + \dots, \qquad
+# b = \frac{1 - \cos t}{t^2} = \frac12 - \frac{t^2}{24} + \dots
+# $$
+#
+# as series in $t^2$. They are smooth; only the way of writing them was not.
+
+# %%
+source(rodrigues)
+
+# %% [markdown]
+# ## At a full turn
+#
+# Three numbers for a rotation have a price. How fast does $R$ change with $w$? The singular values
+# of the $9 \times 3$ derivative of $R$ say it: along the axis always $\sqrt 2$, across it
+#
+# $$ \sqrt 2\; \frac{2 \sin(t/2)}{t}, $$
+#
+# because two rotations by the same angle $t$ about axes that differ by a little $\delta$ are
+# $2 \sin(t/2)\, \delta$ apart, and to turn the axis by $\delta$ takes a change of $t\,\delta$ in $w$.
+
+# %%
+_, jacobian, _ = derivatives(rodrigues(v))
+turns = np.linspace(0, 2.2 * np.pi, 200)
+values = np.array([np.linalg.svd(np.asarray(jacobian(t * axis)), compute_uv=False) for t in turns])
+law = np.sqrt(2) * np.abs(np.sinc(turns / (2 * np.pi)))
+print(f"off the law by {np.abs(np.sort(values[:, 1]) - np.sort(law)).max():.0e}")
+at_full = np.linalg.svd(np.asarray(jacobian(2 * np.pi * axis)), compute_uv=False)
+print("at 2 pi:", at_full.round(9))
+
+with house_style():
+    figure, (ax,) = sheet(7, 3.4)
+    ax.plot(turns / np.pi, values[:, 0], label="along the axis")
+    ax.plot(turns / np.pi, values[:, 1], label="across it, twice")
+    ax.plot(turns[::12] / np.pi, law[::12], "k.", label="the law")
+    ax.set(xlabel="angle t (half turns)", ylabel="singular value of dR/dw")
+    ax.legend()
+Picture(
+    figure,
+    "What a change of w does to R. At a full turn it does nothing but along the axis: two of three "
+    "directions are lost, and an optimizer that gets there cannot turn the axis.",
+)
+
+# %% [markdown]
+# At $t = 2\pi$ every axis gives the same rotation, the identity, so no change of the axis is felt.
+# A fit that has wandered there sees a Jacobian of rank 1 and gets stuck, and nothing in its data is
+# to blame. The way out: $w$ and $w\,(1 - 2\pi/t)$ are the same rotation, and one of them is at most
+# half a turn long. The workbench's solvers replace the longer by the shorter between two
+# iterations.
+#
+# ## How far apart are two rotations?
+#
+# All of this uses one law, which is worth keeping: the matrices of two rotations that are an angle
+# $t$ apart are
+#
+# $$ \| R_1 - R_2 \|_F = 2 \sqrt 2 \left| \sin \tfrac t2 \right| $$
+#
+# apart, entries taken together.
+
+# %%
+distance = [np.linalg.norm(matrix_from_vector(t * axis) - np.eye(3)) for t in turns]
+print(f"off by {np.abs(distance - 2 * np.sqrt(2) * np.abs(np.sin(turns / 2))).max():.0e}")
+
+# %% [markdown]
+# ## What to remember
+#
+# - A rotation is three numbers. Nine free ones stretch bones, and the more so the fewer data.
+# - The nearest rotation to a matrix: singular values all set to one, with the sign of det.
+# - The exponential map takes any $w$ to a rotation; Rodrigues' formula has $1 - \cos t$ and the
+#   **unit** axis. $R^\top R = I$ finds both misprints.
+# - At zero the formula needs a series, or derivatives are NaN or wrong. At a full turn the map
+#   itself loses two directions; keep $w$ within half a turn.

@@ -1,0 +1,42 @@
+"""Solutions of lecture 2."""
+
+import numpy as np
+
+Array = np.ndarray
+
+
+def hat(w: Array) -> Array:
+    x, y, z = w
+    return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+
+
+def rodrigues(w: Array) -> Array:
+    t = np.linalg.norm(w)
+    W = hat(w)
+    a = np.sinc(t / np.pi)  # NumPy's sinc(x) is sin(pi x) / (pi x), and 1 at 0
+    b = np.sinc(t / (2 * np.pi)) ** 2 / 2  # 2 (sin(t/2) / t)^2 = (1 - cos t) / t^2
+    return np.eye(3) + a * W + b * W @ W
+
+
+def angle_between(A: Array, B: Array) -> float:
+    # ||A - B|| = 2 sqrt(2) sin(angle / 2); an arccos of the trace would lose half of the digits
+    half = np.linalg.norm(A - B) / np.sqrt(8)
+    return 2 * np.arcsin(min(1.0, half))
+
+
+def shorter(w: Array) -> Array:
+    t = np.linalg.norm(w)
+    if t <= np.pi:
+        return w
+    turns = np.round(t / (2 * np.pi))
+    return w * (1 - 2 * np.pi * turns / t)
+
+
+def nearest_rotation(M: Array) -> Array:
+    U, _, Vt = np.linalg.svd(M)
+    return U @ np.diag([1, 1, np.linalg.det(U @ Vt)]) @ Vt
+
+
+def mean_rotation(rotations: Array) -> Array:
+    # sum ||R - R_n||^2 = n ||R - mean||^2 + what does not depend on R
+    return nearest_rotation(np.mean(rotations, axis=0))

@@ -1,0 +1,320 @@
+# %% [markdown]
+# # Skinning and its failures
+#
+# **What does the skin do between two bones?**
+#
+# Lecture 3 ends with a matrix $G'_k$ for each bone, which takes points from where they are at rest to
+# where that bone carries them. Between two bones a vertex has to listen to both. We begin with one
+# bone for each vertex, see the skin torn, blend, and find out what blending costs. Most of this
+# happens on a tube, where all can be computed by hand. Lengths are in metres.
+
+# %%
+from dataclasses import replace
+
+import casadi as cs
+import numpy as np
+
+import workbench as wb
+from workbench.bodies.ablations import without_blend_weights, without_pose_blend_shapes
+from workbench.bodies.limbs import Limb
+from workbench.bodies.skinning import blended, dual_quaternion_blend, linear_blend
+from workbench.bodies.tubes import linear_radius, tube, volume_lost_bent, volume_lost_twisted
+from workbench.course import Picture, source
+from workbench.geometry.solids import volume
+from workbench.plots import house_style, plot_by_angle, sheet
+
+# %% [markdown]
+# ## One bone for each vertex
+#
+# A tube of 60 cm lies along $x$, with a bone in each half and a joint in the middle. Each vertex
+# follows the bone that is nearer. We bend it by 90 degrees.
+
+# %%
+pipe = tube()  # radius 5 cm; weights blend over a zone of 10 cm around the joint
+rigid = without_blend_weights(pipe)  # here: one bone for each vertex
+BEND, TWIST = [0, 0, 1], [1, 0, 0]  # axes
+right_angle = np.radians([90])
+longest = Limb(rigid, "joint").stretches(BEND, right_angle)[1][0]
+print(f"the longest edge is {longest:.1f} times as long as at rest")
+
+
+def profile(body, angle, axis=BEND):
+    """Upper and lower line of the tube in its plane, (2, rings, 2) m; turned by `angle` rad."""
+    (posed,) = Limb(body, "joint").posed(axis, [angle])
+    rings = posed[:-2].reshape(-1, 32, 3)
+    return np.array([rings[:, 0, :2], rings[:, 16, :2]])
+
+
+with house_style():
+    figure, axes = sheet(9.5, 3.8, columns=2)
+    for ax, (name, body) in zip(
+        axes, {"one bone for each vertex": rigid, "blended": pipe}.items(), strict=True
+    ):
+        for line in profile(body, np.pi / 2):
+            ax.plot(*(1e2 * line).T, ".-", color="C0", ms=4, lw=1)
+        ax.set(title=name, xlabel="x (cm)", ylabel="y (cm)", aspect="equal")
+Picture(
+    figure,
+    "The tube, bent by 90 degrees, cut along its middle; dots are vertices. Left: outside the skin is "
+    "torn open (one edge spans the gap), inside it runs into itself. Right: what blending makes "
+    "of it.",
+)
+
+# %% [markdown]
+# Every part has its form, and the one edge between them pays for all.
+#
+# ## Linear blend skinning
+#
+# The picture on the right is made so: each vertex $i$ has **weights** $w_{ik}$, one for each bone, and
+# goes to the weighted mean of where the bones would take it:
+#
+# $$ t'_i = \sum_k w_{ik}\, G'_k\, t_i, \qquad w_{ik} \ge 0, \quad \sum_k w_{ik} = 1 . $$
+#
+# This is **linear blend skinning**; SMPL does it, with at most four weights for each vertex. One can
+# as well blend the matrices first, since $t_i$ is the same in all terms, and that is how the library
+# does it:
+
+# %%
+source(linear_blend)
+
+# %% [markdown]
+# Why must weights sum to one? If all bones move by the same $d$, the vertex moves by
+# $d \sum_k w_{ik}$. With a sum of 0.98 it lags behind, and is drawn to the origin even at rest:
+
+# %%
+short = 0.98 * pipe.weights
+for d in (0.0, 1.0, 10.0):
+    expected = pipe.template + [d, 0, 0]
+    M = np.einsum("nk,kij->nij", short, np.tile(np.column_stack([np.eye(3), [d, 0, 0]]), (2, 1, 1)))
+    came = np.einsum("nij,nj->ni", M[:, :, :3], pipe.template) + M[:, :, 3]
+    print(f"all bones moved by {d:4.0f} m: vertices off by up to "
+          f"{1e3 * np.linalg.norm(came - expected, axis=1).max():.0f} mm")  # fmt: skip
+try:
+    replace(pipe, weights=short)
+except wb.WorkbenchError as error:
+    print("the library:", error)
+
+# %% [markdown]
+# ## Twist it
+#
+# Now turn the second bone about the tube, as a hand turns at the wrist. A ring with weight $w$ of the
+# second bone: its points are, as complex numbers across the tube, $z$ from the first bone and
+# $z e^{i \alpha}$ from the second, and blended
+#
+# $$ c\, z, \qquad c = 1 - w + w e^{i\alpha}, \qquad |c|^2 = 1 - 4 w (1 - w) \sin^2 \tfrac\alpha2 . $$
+#
+# The mean of two points of a circle lies *inside* the circle. In the middle, $w = \tfrac12$, the share
+# $|\cos \tfrac\alpha2|$ of the radius is left, and at half a turn nothing:
+
+# %%
+angles = np.radians(np.arange(0, 181, 10))
+middle = pipe.weights[:, 1] == 0.5
+
+
+def radius(body):
+    """The radius of the middle ring by angle of the twist, a share."""
+    posed = Limb(body, "joint").posed(TWIST, angles)
+    return np.linalg.norm(posed[:, middle, 1:], axis=2).mean(axis=1) / 0.05
+
+
+thin = radius(pipe)
+print(f"off |cos(angle / 2)| by {np.abs(thin - np.abs(np.cos(angles / 2))).max():.0e}")
+for degrees in (45, 90, 135, 180):
+    print(
+        f"twisted by {degrees:3} degrees: {linear_radius(0.5, np.radians(degrees)):.2f} of the radius"
+    )
+
+with house_style():
+    figure, (left, right) = sheet(10, 3.8, columns=2)
+    for angle, dash in ((0, ":"), (90, "--"), (180, "-")):
+        (posed,) = Limb(pipe, "joint").posed(TWIST, [np.radians(angle)])
+        rings = posed[:-2].reshape(-1, 32, 3)
+        reach = np.linalg.norm(rings[:, :, 1:], axis=2).mean(axis=1)
+        for sign in (1, -1):
+            left.plot(1e2 * rings[:, 0, 0], sign * 1e2 * reach, dash, color="C0",
+                      label=f"{angle}°" if sign > 0 else None)  # fmt: skip
+    left.set(xlabel="x (cm)", ylabel="outline (cm)", xlim=(-12, 12), ylim=(-6, 9))
+    left.legend(loc="upper center", ncols=3, title="twisted by")
+    for w in (0.1, 0.25, 0.5):
+        right.plot(np.degrees(angles), linear_radius(w, angles), label=f"w = {w}")
+    right.plot(np.degrees(angles), thin, "k.", label="the middle ring")
+    right.set(xlabel="twist (degrees)", ylabel="radius (share)")
+    right.legend()
+Picture(
+    figure,
+    "The candy wrapper. Left: the tube's outline around the joint, twisted by 0, 90 and 180 degrees. "
+    "Right: the radius that is left, by weight; dots are measured on the tube.",
+)
+
+# %% [markdown]
+# ## Bend it
+#
+# The same $c$, now with the plane of the bend as the complex plane, pulls the middle of the elbow
+# towards the inside. Over a zone of length $l$ in which the weight goes from 0 to 1, a tube of
+# cross-section $A$ loses
+#
+# $$
+# \text{bent: } \tfrac13 A\, l \sin^2 \tfrac\alpha2, \qquad
+# \text{twisted: } \int A\, (1 - |c|^2) .
+# $$
+#
+# Along the zone, $w (1 - w)$ integrates to $l/6$. (What that makes of the second is an exercise.)
+
+# %%
+area = 16 * 0.05**2 * np.sin(2 * np.pi / 32)  # m^2, of the tube's 32-gon
+full = volume(pipe.template, pipe.faces)
+finer = tube(rings=121)
+for name, axis, law in (("bent", BEND, volume_lost_bent), ("twisted", TWIST, volume_lost_twisted)):
+    posed = Limb(finer, "joint").posed(axis, np.radians([90, 180]))
+    lost = 1e6 * (
+        volume(finer.template, finer.faces) - np.array([volume(v, finer.faces) for v in posed])
+    )
+    said = 1e6 * law(area, 0.1, np.radians([90, 180]))
+    print(f"{name:8} by 90 and 180 degrees: {lost[0]:.0f} and {lost[1]:.0f} cm^3 lost; "
+          f"the laws say {said[0]:.0f} and {said[1]:.0f}")  # fmt: skip
+print(f"(the zone itself holds {1e6 * area * 0.1:.0f} cm^3)")
+
+# %% [markdown]
+# ## The idea: blend motions, and not places
+#
+# The mean of two rotation matrices is no rotation; it shrinks. Lecture 2 would take the nearest
+# rotation. There is a cheaper way. A rotation by $\alpha$ about the unit axis $n$ is also the unit
+# **quaternion** $q = (\cos \tfrac\alpha2,\, n \sin \tfrac\alpha2)$. Average four numbers, divide by the
+# length, and it is a rotation again:
+#
+# $$ q = \frac{\sum_k w_k\, s_k\, q_k}{\left\| \sum_k w_k\, s_k\, q_k \right\|} . $$
+#
+# What are the signs $s_k$? $q$ and $-q$ are the same rotation, and their mean would be zero; so before
+# they are added each is brought to the side of the one that weighs most. A rigid motion has an offset,
+# too. With four more numbers for it, a **dual quaternion**, the same average gives a rigid motion for
+# every vertex. The library:
+
+# %%
+source(dual_quaternion_blend)
+
+# %%
+source(blended)
+
+# %%
+dual = replace(pipe, skinning=wb.dual_quaternion_blend)
+print(f"twisted by 180 degrees, the middle ring keeps {radius(dual)[-1]:.6f} of its radius")
+hard = replace(rigid, skinning=wb.dual_quaternion_blend)
+gap = np.abs(
+    Limb(hard, "joint").posed(BEND, angles[:-1]) - Limb(rigid, "joint").posed(BEND, angles[:-1])
+)
+print(f"with one bone for each vertex it is linear blending: off by {gap.max():.0e} m")
+
+# %% [markdown]
+# ## What it costs
+#
+# **The angle is not in proportion.** One would wish a vertex with weight $w$ to turn by $w \alpha$. The
+# mean quaternion turns it by
+#
+# $$ 2 \arctan \frac{w \sin (\alpha/2)}{1 - w + w \cos (\alpha/2)} , $$
+#
+# which is right at $w = 0, \tfrac12, 1$, and elsewhere nearly:
+
+# %%
+w = np.linspace(0, 1, 100001)
+turn = 2 * np.arctan2(w, 1 - w)  # for half a turn
+off = np.degrees(np.abs(turn - np.pi * w))
+print(
+    f"at half a turn it is off by at most {off.max():.3f} degrees, at w = {w[np.argmax(off)]:.3f}"
+)
+
+# %% [markdown]
+# (Kavan and others, who proposed the method, give 8.15 degrees.)
+#
+# **The outside bulges.** A ring at the joint is turned rigidly about the joint, so on the outside of a
+# bend it stays at its full distance, and the skin there must become longer. **At half a turn it
+# jumps.** Both ways round are as long then, and the sign $s_k$ decides. Just before and just after, the
+# vertex is on opposite sides:
+
+# %%
+pose = np.zeros((2, 2, 3))
+pose[:, 1, 0] = np.radians([179.9, 180.1])
+before, after = dual.vertices(pose)
+jump = np.linalg.norm(after - before, axis=1)
+print(
+    f"from 179.9 to 180.1 degrees a vertex moves by up to {1e2 * jump.max():.1f} cm (the tube is 10 cm thick)"
+)
+before, after = pipe.vertices(pose)
+print(f"with linear blending by {1e2 * np.linalg.norm(after - before, axis=1).max():.3f} cm")
+
+ways = {"linear blending": pipe, "dual quaternions": dual}
+lost = {
+    name: 1e6
+    * np.array([volume(v, body.faces) - full for v in Limb(body, "joint").posed(BEND, angles)])
+    for name, body in ways.items()
+}
+stretch = {name: Limb(body, "joint").stretches(BEND, angles)[1] for name, body in ways.items()}
+with house_style():
+    figure, axes = sheet(13, 3.8, columns=3)
+    plot_by_angle(
+        angles, {n: radius(b) for n, b in ways.items()}, "radius, twisted (share)", ax=axes[0]
+    )
+    plot_by_angle(angles, lost, "volume gained, bent (cm³)", ax=axes[1], at_rest=0)
+    plot_by_angle(angles, stretch, "longest edge, bent (share)", ax=axes[2])
+Picture(
+    figure,
+    "The tube, by angle. Left: the twisted middle ring. Centre: the bent tube's volume. Right: the "
+    "longest edge of the bent tube over its length at rest; beyond 110 degrees dual quaternions "
+    "stretch the outside more.",
+)
+
+# %% [markdown]
+# **It is not linear.** With linear blending, the posed vertices are linear in the weights: so weights
+# can be learned by linear least squares (lecture 13). CasADi can prove such a thing:
+
+# %%
+for name, body in ways.items():
+    free = body.freed("weights")
+    p, betas, trans = (block.symbol for block in free.blocks())
+    posed = free.points(p, betas, trans).source.expression
+    print(f"{name:17} linear in the weights: {cs.is_linear(posed, free.free['weights'].symbol)}")
+
+# %% [markdown]
+# ## On the body
+#
+# A wrist and an elbow of a real template are no tubes, but do the same. SMPL keeps linear blending,
+# and repairs it in another way, with the *pose blend shapes* of the next lecture, which add to the
+# rest surface what blending is going to lose.
+
+# %%
+whole = wb.load_body("default")
+linear = without_pose_blend_shapes(whole)
+on_body = {
+    "linear blending": linear,
+    "dual quaternions": replace(linear, skinning=wb.dual_quaternion_blend),
+    "SMPL (linear, and blend shapes)": whole,
+}
+some = angles[::3]
+wrist = {name: Limb(body, "left_wrist").radii(some) for name, body in on_body.items()}
+bends = np.radians(np.arange(0, 151, 30))
+elbow = {
+    name: Limb(body, "left_elbow").volumes([0, -1, 0], bends) for name, body in on_body.items()
+}
+elbow = {name: 1e6 * (v - v[0]) for name, v in elbow.items()}  # cm^3
+for name in on_body:
+    print(f"{name:32} wrist at 90 degrees {wrist[name][3]:.2f} of its radius; "
+          f"arm bent by 90 degrees {elbow[name][3]:+.0f} cm^3")  # fmt: skip
+with house_style():
+    figure, axes = sheet(10, 3.8, columns=2)
+    plot_by_angle(some, wrist, "radius of the twisted wrist (share)", ax=axes[0])
+    plot_by_angle(bends, elbow, "volume of the bent arm (cm³ gained)", ax=axes[1], at_rest=0)
+Picture(
+    figure,
+    "The same on a body. Left: the wrist. Right: the skin of upper arm and forearm. Blend shapes give "
+    "back a part; a little bent, the arm has even less than blending leaves it. They were taught on "
+    "poses that people take, and nobody's wrist turns by 180 degrees.",
+)
+
+# %% [markdown]
+# ## What to remember
+#
+# - One bone for each vertex tears the skin; weights blend. They sum to one, or the body lags behind.
+# - Linear blending shrinks: $|c|^2 = 1 - 4 w (1 - w) \sin^2 \tfrac\alpha2$. Candy wrapper, collapsed
+#   elbow.
+# - Blended quaternions, brought to length one, keep every ring rigid; mind the signs. They bulge, jump
+#   at half a turn, and are not linear in the weights.
+# - SMPL blends linearly and repairs the rest surface.

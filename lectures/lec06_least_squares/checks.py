@@ -1,0 +1,354 @@
+"""Checks of lecture 6, and the mistakes that they tell apart."""
+
+import numpy as np
+
+from lectures.lec06_least_squares import solutions
+from lectures.lec06_least_squares.solutions import LOWER, UPPER
+from workbench.course import check, equal, holds, mistake
+
+ANGLES = [np.array(x) for x in ([0.0, 0.0], [0.9, 0.7], [-0.4, 1.3], [2.0, -0.6])]
+SEEN = np.array([0.11, 0.29, -0.05, 0.43])
+
+
+# residual
+
+
+@check("residual", points=1)
+def is_zero_at_the_truth(residual):
+    """it is zero where the model says what was seen"""
+    for x in ANGLES:
+        seen = solutions.residual(x, np.zeros(4))
+        equal(residual(x, seen), np.zeros(4), f"the residual at the truth, x = {x}", 1e-12)
+
+
+@check("residual", points=1)
+def is_model_minus_seen(residual):
+    """it is the model minus what was seen"""
+    equal(residual(np.zeros(2), np.zeros(4)), [UPPER, 0, UPPER + LOWER, 0],
+          "the stretched arm, nothing seen")  # fmt: skip
+    for x in ANGLES:
+        equal(residual(x, SEEN), solutions.residual(x, SEEN), f"the residual for x = {x}")
+
+
+@mistake("residual", "this is what was seen minus the model: the sign of all that follows changes")
+def seen_minus_model(x, seen):
+    return -solutions.residual(x, seen)
+
+
+@mistake("residual", "b is the angle at the elbow: the forearm points along a + b, not along b")
+def without_the_upper_arms_angle(x, seen):
+    a, b = x
+    elbow = UPPER * np.array([np.cos(a), np.sin(a)])
+    wrist = elbow + LOWER * np.array([np.cos(b), np.sin(b)])
+    return np.concatenate([elbow, wrist]) - seen
+
+
+@mistake("residual", "the wrist starts from the elbow, not from the shoulder")
+def without_the_elbow(x, seen):
+    a, b = x
+    elbow = UPPER * np.array([np.cos(a), np.sin(a)])
+    wrist = LOWER * np.array([np.cos(a + b), np.sin(a + b)])
+    return np.concatenate([elbow, wrist]) - seen
+
+
+# jacobian
+
+
+@check("jacobian", points=1)
+def leaves_the_elbow_to_the_shoulder(jacobian):
+    """the elbow's angle does not move the elbow"""
+    for x in ANGLES:
+        J = jacobian(x)
+        equal(J[:2, 1], [0, 0], f"the elbow by b, for x = {x}")
+        equal(J[:2, 0], solutions.jacobian(x)[:2, 0], f"the elbow by a, for x = {x}")
+
+
+@check("jacobian", points=2)
+def is_what_differences_say(jacobian):
+    """it agrees with difference quotients"""
+    for x in ANGLES:
+        expected = solutions.numeric_jacobian(lambda y: solutions.residual(y, SEEN), x)
+        equal(jacobian(x), expected, f"the Jacobian for x = {x}", 1e-8)
+
+
+@mistake("jacobian", "a turns the forearm too: the wrist's derivative by a has both bones in it")
+def forearm_left_behind(x):
+    J = solutions.jacobian(x)
+    J[2:, 0] = J[:2, 0]
+    return J
+
+
+@mistake("jacobian", "the derivative of cos is minus sin")
+def with_the_sign_of_sin(x):
+    J = solutions.jacobian(x)
+    J[::2] *= -1
+    return J
+
+
+@mistake("jacobian", "the columns have changed places: the first is the derivative by a")
+def columns_swapped(x):
+    return solutions.jacobian(x)[:, ::-1]
+
+
+# gradient
+
+
+@check("gradient", points=1)
+def is_the_slope_of_f(gradient):
+    """it is what a difference quotient of F says"""
+    for x in ANGLES[1:]:
+        e, J = solutions.residual(x, SEEN), solutions.jacobian(x)
+
+        def F(y):
+            return np.atleast_1d(np.sum(solutions.residual(y, SEEN) ** 2))
+
+        equal(
+            gradient(e, J), solutions.numeric_jacobian(F, x)[0], f"the gradient for x = {x}", 1e-8
+        )
+
+
+@mistake(
+    "gradient",
+    "the factor 2 is missing: the derivative of e^2 is 2 e e'. The slides have lost it too; it is "
+    "right for F / 2",
+)
+def without_the_two(e, J):
+    return J.T @ e
+
+
+@mistake("gradient", "this points downhill; the gradient points uphill")
+def downhill(e, J):
+    return -2 * J.T @ e
+
+
+@mistake("gradient", "the mean is not the sum: F is not divided by the number of residuals")
+def of_the_mean(e, J):
+    return 2 * J.T @ e / len(e)
+
+
+# numeric_jacobian
+
+
+def wavy(x):
+    return np.array([np.sin(x[0] * x[1]), x[0] ** 2 - x[2], np.exp(0.3 * x[2]), x[1] ** 3])
+
+
+def wavy_jacobian(x):
+    c = np.cos(x[0] * x[1])
+    return np.array([
+        [c * x[1], c * x[0], 0], [2 * x[0], 0, -1], [0, 0, 0.3 * np.exp(0.3 * x[2])],
+        [0, 3 * x[1] ** 2, 0],
+    ])  # fmt: skip
+
+
+@check("numeric_jacobian", points=1)
+def has_its_shape_and_sign(numeric_jacobian):
+    """it is right to 1e-4, and a row belongs to a residual"""
+    for x in (np.array([0.4, -1.1, 0.9]), np.array([1.0, 0.5, -0.3])):
+        equal(numeric_jacobian(wavy, x), wavy_jacobian(x), f"the Jacobian at x = {x}", 1e-4)
+
+
+@check("numeric_jacobian", points=1)
+def is_good_to_eight_digits(numeric_jacobian):
+    """it is right to 1e-8"""
+    for x in (np.array([0.4, -1.1, 0.9]), np.array([1.0, 0.5, -0.3])):
+        equal(numeric_jacobian(wavy, x), wavy_jacobian(x), f"the Jacobian at x = {x}", 1e-8)
+
+
+@mistake(
+    "numeric_jacobian",
+    "one-sided differences are off by h times the curvature: take f(x + h) - f(x - h), over 2 h",
+)
+def one_sided(f, x):
+    h = 1e-6
+    return np.column_stack([(f(x + h * one) - f(x)) / h for one in np.eye(len(x))])
+
+
+@mistake("numeric_jacobian", "the two points are 2 h apart: divide by 2 h")
+def over_h(f, x):
+    return 2 * solutions.numeric_jacobian(f, x)
+
+
+@mistake(
+    "numeric_jacobian",
+    "this h is too short: f(x + h) and f(x - h) agree in most digits, and rounding is divided by h",
+)
+def with_too_short_a_step(f, x):
+    h = 1e-11
+    return np.column_stack([(f(x + h * one) - f(x - h * one)) / (2 * h) for one in np.eye(len(x))])
+
+
+@mistake("numeric_jacobian", "the step went backwards: f(x - h) - f(x + h) has the other sign")
+def with_the_other_sign(f, x):
+    return -solutions.numeric_jacobian(f, x)
+
+
+# gauss_newton_step
+
+RNG = np.random.default_rng(6)
+LINEAR = [(RNG.standard_normal(7), RNG.standard_normal((7, 3))) for _ in range(3)]
+
+
+@check("gauss_newton_step", points=1)
+def is_least(gauss_newton_step):
+    """no other step has a smaller |e + J p|"""
+    for e, J in LINEAR:
+        p = gauss_newton_step(e, J)
+        equal(J.T @ (e + J @ p), np.zeros(3), "J'(e + J p), the gradient of the linear model")
+
+
+@check("gauss_newton_step", points=1)
+def does_not_square_the_condition(gauss_newton_step):
+    """it meets what can be met, also where columns are nearly dependent"""
+    J = LINEAR[0][1].copy()
+    J[:, 2] = J[:, 0] + 1e-6 * J[:, 2]
+    p = np.array([1.0, -2.0, 0.5])
+    equal(gauss_newton_step(-J @ p, J), p, "p, of a residual that is -J p exactly", 1e-7)
+
+
+@mistake("gauss_newton_step", "this goes uphill: the normal equations have -J'e on the right")
+def uphill(e, J):
+    return -solutions.gauss_newton_step(e, J)
+
+
+@mistake("gauss_newton_step", "this is a step of steepest descent: J'J is missing")
+def steepest(e, J):
+    return -J.T @ e
+
+
+@mistake("gauss_newton_step", "the factor 2 belongs to both sides of the equations, or to none")
+def twice_as_long(e, J):
+    return 2 * solutions.gauss_newton_step(e, J)
+
+
+@mistake(
+    "gauss_newton_step",
+    "J'J has the square of the condition of J, and loses twice the digits: solve the least-squares "
+    "problem itself (np.linalg.lstsq, or QR)",
+)
+def by_the_normal_equations(e, J):
+    return np.linalg.solve(J.T @ J, -J.T @ e)
+
+
+# left_out
+
+
+@check("left_out", points=1)
+def is_the_law_at_the_best_angle(left_out):
+    """at the best angle it is rho / l - 1"""
+    for share in (0.5, 1.0, 1.5, 2.5):
+        seen = share * UPPER * np.array([np.cos(0.7), np.sin(0.7)])
+        equal(left_out(np.array([0.7]), seen), share - 1, f"what is left out, for rho = {share} l")
+
+
+@check("left_out", points=1)
+def is_right_elsewhere(left_out):
+    """it is right at other angles too"""
+    for x in (0.0, 1.0, 2.5):
+        x = np.array([x])
+        equal(left_out(x, SEEN[:2]), solutions.left_out(x, SEEN[:2]), f"what is left out at {x}")
+
+
+@mistake("left_out", "the sign: the second derivative of (cos, sin) is minus (cos, sin)")
+def with_the_other_curvature(x, seen):
+    return -solutions.left_out(x, seen)
+
+
+@mistake("left_out", "J'J is the square of the bone's length; this is divided by its length")
+def over_the_length(x, seen):
+    return solutions.left_out(x, seen) * UPPER
+
+
+@mistake("left_out", "this is the whole Hessian over J'J; the part that was kept is 1 of it")
+def of_the_whole(x, seen):
+    return 1 + solutions.left_out(x, seen)
+
+
+# fit
+
+
+def decay(y):
+    t = np.arange(8) / 2.0
+    return (
+        lambda x: x[0] * np.exp(-x[1] * t) - y,
+        lambda x: np.column_stack([np.exp(-x[1] * t), -x[0] * t * np.exp(-x[1] * t)]),
+    )
+
+
+def valley():
+    return (
+        lambda x: np.array([10 * (x[1] - x[0] ** 2), 1 - x[0]]),
+        lambda x: np.array([[-20 * x[0], 10.0], [-1.0, 0.0]]),
+    )
+
+
+def arm():
+    return (lambda x: solutions.residual(x, SEEN), solutions.jacobian)
+
+
+def bone(share):
+    return (
+        lambda x: np.array([np.cos(x[0]) - share, np.sin(x[0])]),
+        lambda x: np.array([[-np.sin(x[0])], [np.cos(x[0])]]),
+    )
+
+
+NOISE = np.array([0.02, -0.01, 0.03, -0.02, 0.01, 0.0, -0.02, 0.01])
+
+
+def ends(fit, f, J, start, what):
+    x = fit(f, J, np.array(start))
+    slope = np.abs(2 * J(x).T @ f(x)).max()
+    holds(slope < 1e-6, f"the gradient at the end, {what}", "below 1e-6", f"{slope:.1e}")
+    at_start, at_end = np.sum(f(np.array(start)) ** 2), np.sum(f(x) ** 2)
+    holds(at_end <= at_start, f"the sum of squares, {what}", f"below the start's {at_start:.4g}",
+          f"{at_end:.4g}")  # fmt: skip
+
+
+@check("fit", points=1)
+def ends_where_it_is_easy(fit):
+    """it finds the arm's angles, and a decay through noisy points"""
+    ends(fit, *arm(), [0.5, 0.5], "for the arm")
+    times = np.arange(8) / 2.0
+    ends(fit, *decay(2 * np.exp(-0.8 * times) + NOISE), [1.0, 0.3], "for the decay")
+
+
+@check("fit", points=2)
+def ends_where_full_steps_do_not(fit):
+    """it ends in Rosenbrock's valley, and where full steps lead away"""
+    ends(fit, *valley(), [-1.2, 1.0], "in Rosenbrock's valley")
+    ends(fit, *bone(2.6), [0.6], "for a bone and a point at 2.6 times its length")
+
+
+@mistake(
+    "fit", "one step is not the end of it: linearize again where it led to, until J'e is small"
+)
+def one_step(f, J, x):
+    return x + solutions.gauss_newton_step(f(x), J(x))
+
+
+@mistake(
+    "fit",
+    "this is a fixed number of steps of steepest descent: it creeps along valleys. Take the "
+    "Gauss-Newton step",
+)
+def steepest_descent(f, J, x):
+    for _ in range(100):
+        x = x - 1e-3 * 2 * J(x).T @ f(x)
+    return x
+
+
+@mistake(
+    "fit",
+    "full steps lead away where the residual is large: halve the step until the sum of squares "
+    "falls",
+)
+def full_steps(f, J, x):
+    for _ in range(100):
+        x = x + solutions.gauss_newton_step(f(x), J(x))
+    return x
+
+
+@mistake("fit", "that is the start: nothing was done")
+def nothing(f, J, x):
+    return x

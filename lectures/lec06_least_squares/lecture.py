@@ -1,0 +1,347 @@
+# %% [markdown]
+# # Least squares
+#
+# **How does an optimizer know where to go, and how far?**
+#
+# An arm of two bones moves in the plane. Somebody has seen its elbow and its wrist. Which angles do
+# the joints have? We write down how wrong a guess is, go downhill the obvious way, watch that fail,
+# and find the step that all of this course rests on. Angles are in radians, lengths in metres.
+
+# %%
+import casadi as cs
+import numpy as np
+import scipy.optimize
+
+import workbench as wb
+from workbench.course import Picture, source
+from workbench.plots import house_style, sheet
+from workbench.problem.steps import cholesky
+
+# %% [markdown]
+# ## How wrong is a guess?
+#
+# The unknowns are $x = (a, b)$, the angle of the shoulder and that of the elbow. The model says
+# where the joints are; the **residual** is what it says minus what was seen:
+#
+# $$
+# m(x) = \begin{pmatrix} u \cos a \\ u \sin a \\ u \cos a + l \cos(a + b) \\ u \sin a + l \sin(a + b)
+# \end{pmatrix}, \qquad e(x) = m(x) - y .
+# $$
+#
+# Four numbers, to be made small all at once: least in the sum of squares
+# $F(x) = e^\top e = \sum_i e_i^2$.
+
+# %%
+UPPER, LOWER = 0.30, 0.25  # m
+
+
+def points(x):
+    """Elbow and wrist, (4,) m."""
+    a, b = x
+    elbow = UPPER * np.array([np.cos(a), np.sin(a)])
+    return np.concatenate([elbow, elbow + LOWER * np.array([np.cos(a + b), np.sin(a + b)])])
+
+
+truth = np.array([0.9, 0.7])
+seen = points(truth)
+start = np.array([-0.2, 0.2])
+
+
+def residual(x):
+    """What the model says minus what was seen, (4,) m."""
+    return points(x) - seen
+
+
+print(f"F at the start: {residual(start) @ residual(start):.4f} m^2")
+
+# %% [markdown]
+# ## Downhill
+#
+# The derivatives of the residual are its **Jacobian** $J$, a row for each residual and a column for
+# each unknown: here $4 \times 2$. A small change $p$ of $x$ changes $e$ by $J p$. With it the
+# gradient of $F$ is, by the product rule,
+#
+# $$ \nabla F = \nabla (e^\top e) = 2 J^\top e . $$
+#
+# The two is easily lost. The slides that this course follows have $J^\top e$. Does it matter? A
+# derivative can always be asked: compare with a difference quotient.
+
+
+# %%
+def jacobian(x):
+    """The derivatives of the residual, (4, 2) m/rad."""
+    a, b = x
+    by_b = LOWER * np.array([-np.sin(a + b), np.cos(a + b)])
+    by_a = UPPER * np.array([-np.sin(a), np.cos(a)])
+    return np.column_stack([np.concatenate([by_a, by_a + by_b]), np.concatenate([[0, 0], by_b])])
+
+
+def F(x):
+    """The sum of squares, m^2."""
+    return residual(x) @ residual(x)
+
+
+def quotient(f, x, h=1e-6):
+    """Central differences of a function that answers one number."""
+    return np.array([(f(x + h * one) - f(x - h * one)) / (2 * h) for one in np.eye(len(x))])
+
+
+slope = quotient(F, start)
+right, printed = 2 * jacobian(start).T @ residual(start), jacobian(start).T @ residual(start)
+print("difference quotient    ", slope)
+print("2 J'e, over it         ", right / slope)
+print("J'e as printed, over it", printed / slope)
+
+# %% [markdown]
+# Half of the gradient still points downhill, so a method that only asks for a direction notices
+# nothing. The lie comes out as soon as a second term is added, whose derivative is right. Say that
+# we also believe that the elbow is bent by about 0.2 rad, and add $w\,(b - 0.2)^2$. At the minimum
+# the whole gradient is zero; with one half of it halved, something else is zero:
+
+# %%
+w = 0.02  # m^2/rad^2
+
+
+def both(x):
+    """The sum of squares, and what we believe of the elbow, m^2."""
+    return F(x) + w * (x[1] - 0.2) ** 2
+
+
+for factor in (2, 1):
+
+    def whole(x, factor=factor):
+        return factor * jacobian(x).T @ residual(x) + 2 * w * np.array([0, x[1] - 0.2])
+
+    x = scipy.optimize.root(whole, truth).x
+    print(
+        f"{factor} J'e: elbow at {x[1]:.3f} rad, F and belief together {1e3 * both(x):.3f} 10^-3 m^2"
+    )
+
+# %% [markdown]
+# The lost factor has doubled the weight of the belief, without a word, and the answer is off by
+# 0.09 rad.
+#
+# The workbench avoids the question: its **cost** is $\tfrac12 \sum r^2$, and the gradient of that is
+# $J^\top r$ with no factor at all.
+
+# %%
+source(wb.Linearization.gradient)
+
+# %% [markdown]
+# Now go: $x \leftarrow x - s\, \nabla F$, again and again. How long should $s$ be?
+
+
+# %%
+def descent(s, n=60):
+    """Costs along n steps of steepest descent with the fixed length s."""
+    x, costs = start, [F(start)]
+    for _ in range(n):
+        x = x - s * 2 * jacobian(x).T @ residual(x)
+        costs.append(F(x))
+    return np.array(costs)
+
+
+lengths = (0.2, 2.0, 2.8, 4.5)
+fallen = {s: descent(s) for s in lengths}
+for s, costs in fallen.items():
+    print(f"s = {s:3} rad^2/m^2: F after 60 steps {costs[-1]:.1e}")
+
+with house_style():
+    figure, (ax,) = sheet(7.5, 3.8)
+    for (s, costs), dash in zip(fallen.items(), ("-", "--", "-.", ":"), strict=True):
+        ax.semilogy(np.maximum(costs, 1e-32), dash, label=f"s = {s}")
+    ax.set(xlabel="step", ylabel="F (m²)")
+    ax.legend()
+Picture(
+    figure,
+    "The sum of squares along steepest descent. Too short a step creeps, too long a one jumps about "
+    "for ever, and nothing in the gradient says which is which.",
+)
+
+# %% [markdown]
+# (The border is at 2 over the largest eigenvalue of the second derivatives of $F$, here 2.50. But to
+# know that, one has to have been at the minimum.)
+#
+# A gradient is a direction and not a step. Its unit gives it away: $\nabla F$ is in m²/rad, and we
+# add it to angles in rad, so $s$ has to be in rad²/m². Had we counted the elbow in degrees, the same
+# method would walk another way. It is the *problem* that has to say how long a step is.
+#
+# ## The idea: the residual is nearly linear
+#
+# We know more than the slope of $F$: we know how each residual changes. Near $x$
+#
+# $$ e(x + p) \approx e + J p , $$
+#
+# and for that the best $p$ is no search but a linear least-squares problem. Setting the gradient of
+# $\|e + J p\|^2$ to zero gives the **normal equations** of Gauss and Newton,
+#
+# $$ J^\top J\, p = - J^\top e . $$
+#
+# The unit of $p$ is rad, whatever the units of $e$; and nobody was asked for a length.
+
+
+# %%
+def gauss_newton(residual, jacobian, x, n=8):
+    """The points that n full steps lead to, the start among them."""
+    way = [x]
+    for _ in range(n):
+        e, J = residual(x), jacobian(x)
+        x = x + np.linalg.solve(J.T @ J, -J.T @ e)
+        way.append(x)
+    return np.array(way)
+
+
+way = gauss_newton(residual, jacobian, start)
+for k, x in enumerate(way):
+    print(f"step {k}: x = {x}, off by {np.abs(x - truth).max():.0e}")
+
+# %% [markdown]
+# Eight steps for what sixty of the others did not do, and the last ones double the number of right
+# digits each time. In the workbench this step is a method of a `Linearization`, a residual and a
+# Jacobian at a point; `damping` belongs to the next lecture. Below it is the normal equations, as
+# the library solves them where they keep enough digits: made free of units first, by Cholesky.
+
+# %%
+source(wb.Linearization.step)
+
+# %%
+source(cholesky)
+
+# %%
+here = wb.Linearization(residual(start), jacobian(start))
+by_hand = np.linalg.solve(jacobian(start).T @ jacobian(start), -jacobian(start).T @ residual(start))
+print("by hand    ", by_hand)
+print("the library", here.step())
+
+# %% [markdown]
+# What does "enough digits" mean? The condition of a matrix says how many digits solving with it can
+# cost, and that of $J^\top J$ is the *square* of that of $J$. Two columns that are nearly alike, such as
+# those of two joints that nearly do the same, make it a large number. The least-squares problem can be
+# solved without forming $J^\top J$, by an orthogonal factorisation; the library changes over to that:
+
+# %%
+J = np.random.default_rng(0).standard_normal((6, 2))
+J[:, 1] = J[:, 0] + 1e-6 * J[:, 1]  # two columns that are nearly alike
+p = np.array([1.0, -2.0])
+print(f"condition of J: {np.linalg.cond(J):.0e}, of J'J: {np.linalg.cond(J.T @ J):.0e}")
+for name, found in (("normal equations", np.linalg.solve(J.T @ J, J.T @ (J @ p))),
+                    ("np.linalg.lstsq", np.linalg.lstsq(J, J @ p, rcond=None)[0]),
+                    ("the library", wb.Linearization(-J @ p, J).step())):  # fmt: skip
+    print(f"{name:17} off by {np.abs(found - p).max():.0e}")
+
+# %% [markdown]
+# ## What was left out
+#
+# Newton's own method would use the second derivatives of $F$. They are
+#
+# $$ \tfrac12 \nabla^2 F = J^\top J + \sum_i e_i \nabla^2 e_i , $$
+#
+# and Gauss and Newton left out the sum. At the truth all $e_i$ are zero and nothing is missing:
+# hence the doubling of digits. What if the data do not fit? Take one bone of length $l$ and one
+# point that was seen at a distance $\rho$ from the shoulder. If $\rho \neq l$, no angle makes the
+# residual zero; the best one points at what was seen. CasADi has exact second derivatives, so we can
+# look at both parts:
+
+# %%
+a = wb.Block("a", (), "rad")
+target = wb.Block("target", (2,), "m")
+bone = cs.vertcat(cs.cos(a.symbol), cs.sin(a.symbol)) * UPPER
+one_bone = wb.Problem(
+    [wb.Residual("tip", bone - target.symbol, sigma=1.0, unit="m")], ["a"], blocks=[a, target]
+)
+for share in (1.0, 1.5, 2.5):
+    at = {"a": 0.0, "target": [share * UPPER, 0.0]}  # the best angle is 0
+    normal = one_bone.linearize(at).normal
+    H = one_bone.hessian_at(*one_bone.split(at))
+    print(f"rho = {share} l: J'J = {normal.item():.3f}, left out {(H - normal).item():+.3f} m^2")
+
+# %% [markdown]
+# With $\delta$ the error of the angle, the Gauss-Newton step of this bone is
+# $p = -(\rho / l) \sin \delta$, so the error after it is
+#
+# $$ \delta' = \delta - \frac{\rho}{l} \sin \delta \approx \left(1 - \frac{\rho}{l}\right) \delta . $$
+#
+# Each step multiplies the error by $|1 - \rho/l|$: the part that was left out over the part that was
+# kept. At $\rho = l$ that is zero. And at $\rho > 2 l$ it is more than one.
+
+
+# %%
+def errors(share, n=12, angle=0.5):
+    """The error of the angle along n full steps on one bone."""
+
+    def e(x):
+        return UPPER * np.array([np.cos(x[0]) - share, np.sin(x[0])])
+
+    def J(x):
+        return UPPER * np.array([[-np.sin(x[0])], [np.cos(x[0])]])
+
+    return np.abs(gauss_newton(e, J, np.array([angle]), n)[:, 0])
+
+
+shares = (1.0, 1.2, 0.5, 1.9, 2.2)
+found = {share: errors(share) for share in shares} | {2.2: errors(2.2, angle=0.01)}
+for share in shares[1:4]:
+    off = found[share]
+    print(f"rho = {share} l: factor {off[-1] / off[-2]:.3f}, the law says {abs(1 - share):.3f}")
+
+with house_style():
+    figure, (ax,) = sheet(7.5, 3.8)
+    for (share, off), mark in zip(found.items(), "osD^v", strict=True):
+        ax.semilogy(np.maximum(off, 1e-18), f"{mark}-", ms=4, label=f"ρ = {share} l")
+    ax.set(xlabel="step", ylabel="error of the angle (rad)", ylim=(1e-18, 10))
+    ax.legend(loc="center right", bbox_to_anchor=(1, 0.25))
+Picture(
+    figure,
+    "Gauss-Newton on one bone. Where the point can be met (ρ = l) digits multiply; where it cannot, "
+    "each step multiplies the error by |1 - ρ/l|; beyond 2 l the steps lead away, however near they "
+    "began. Below 1e-18 is drawn at 1e-18.",
+)
+
+# %% [markdown]
+# So full steps can lead away, and from a point as near as you like. The direction is still downhill;
+# only the length is wrong, and this time we can tell, since $J^\top J$ promises how far the cost
+# will fall. The library's `GaussNewton` halves the step until a fair share of the promise is kept;
+# lecture 7 has a better answer.
+
+# %%
+far = {"a": np.array(0.5), "target": np.array([2.2 * UPPER, 0.0])}
+for name in ("gauss-newton-full", "gauss-newton"):
+    solution = wb.solve(one_bone, far, wb.SOLVERS[name])
+    print(f"{name:17}: {solution.status.name:14} after {solution.iterations:3} iterations, "
+          f"a = {float(solution.values['a']):+.6f} rad")  # fmt: skip
+
+# %% [markdown]
+# ## The same on a body
+#
+# Nothing above knew of arms. Here is a whole body: 72 numbers of the pose and 3 of its place, fitted
+# to 369 vertices that we made up, so that the answer is known. `Problem` builds $e$ and $J$; the
+# steps are those of above.
+
+# %%
+body = wb.load_body("small")
+pose, betas, trans = (block.symbol for block in body.blocks())
+observed = wb.Block("observed", (body.n_vertices, 3), "m")
+problem = wb.Problem(
+    [wb.residuals.vertices(body.points(pose, betas, trans), observed.symbol, sigma=0.002)],
+    ["pose", "trans"],
+    blocks=[observed],
+)
+bent = body.start() | {"pose": 0.25 * np.random.default_rng(1).standard_normal((24, 3))}
+given = body.start() | {"observed": body.vertices(**bent)}
+solution = wb.solve(problem, given, wb.GaussNewton())
+for iterate in solution.trace:
+    off = np.abs(iterate.values["pose"] - bent["pose"]).max()
+    print(
+        f"cost {iterate.cost:10.3e}, pose off by {off:.0e} rad, by {iterate.linear_algebra or '-'}"
+    )
+J = problem.linearize(given).jacobian
+print("the Jacobian is", J.shape)
+
+# %% [markdown]
+# ## What to remember
+#
+# - Write residuals, not costs: each knows how it changes, and that is the Jacobian.
+# - $\nabla(e^\top e) = 2 J^\top e$. With the cost $\tfrac12 e^\top e$ the factor is gone.
+# - A gradient has no length. $J^\top J\, p = -J^\top e$ has, in the unit of the unknowns.
+# - Gauss-Newton is quick where the data can be met. Where they cannot, the error falls by the ratio
+#   of what was left out of the Hessian to what was kept; if that is above one, full steps diverge.

@@ -1,0 +1,74 @@
+"""Exercises of lecture 8, the Jacobian.
+
+Write each answer in place of the line that raises. Names, arguments and shapes stay as they are.
+Then
+
+    workbench lecture check 8 lec08_jacobian.py
+"""
+
+import numpy as np
+
+from workbench.course import Unsolved
+
+Array = np.ndarray
+
+
+def rank(J: Array) -> int:
+    """How many directions of x the residual notices, given its Jacobian.
+
+    Rounding must not count, whatever the units are: J may be in millimetres or in light years.
+
+    J (m, n) -> a whole number
+    """
+    raise Unsolved("rank")
+
+
+def null_space(J: Array) -> Array:
+    """Directions that no residual notices: orthonormal columns, as many as there are.
+
+    J (m, n), of rank r -> (n, n - r)
+    """
+    raise Unsolved("null_space")
+
+
+def depends(parents: list[int]) -> Array:
+    """The pattern of a chain: entry [i, k] says whether joint i moves when joint k turns.
+
+    parents[k] is the joint that k hangs on, before k in the list; -1 for the root. Joint k turns
+    about its own place.
+
+    parents (K,) -> (K, K) of 0 and 1
+    """
+    raise Unsolved("depends")
+
+
+def rank_of_tree(parents: list[int]) -> int:
+    """The rank of all joints by all rotations, from the tree alone; the root stays in its place.
+
+    No bone has length 0, and bones that meet in a joint do not lie on one line.
+
+    parents (K,) -> a whole number
+    """
+    raise Unsolved("rank_of_tree")
+
+
+def sigmas(J: Array) -> Array:
+    """How well each unknown is known, to first order, from whitened residuals (one sigma each).
+
+    Infinite for an unknown that takes part in a direction that no residual notices.
+
+    J (m, n) -> (n,), standard deviations
+    """
+    raise Unsolved("sigmas")
+
+
+def markers() -> list[int]:
+    """Vertices of the body `small`, at most 24 of 369, that together with its 24 joints tell all.
+
+    That is: joints and these vertices, as functions of the 72 numbers of the pose, have rank 72 at
+    random poses. Which vertices, and how you find them, is up to you: look where the twists are,
+    or let the computer try.
+
+    -> a list of whole numbers
+    """
+    raise Unsolved("markers")

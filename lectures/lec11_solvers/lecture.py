@@ -1,0 +1,276 @@
+# %% [markdown]
+# # One problem, many solvers
+#
+# **Which solver should we take, and how would we know?**
+#
+# The workbench has two dozen solvers, and each is the best one in some paper. We let four of them run
+# on sixteen classical problems, fall for all the usual ways of comparing them, and end with the ones
+# that hold: targets common to all, effort in one currency, failures counted, and intervals around what
+# was counted. Costs here are pure numbers, and so is effort: it is counted in residuals.
+
+# %%
+import numpy as np
+
+import workbench as wb
+from workbench.comparison.profiles import performance_profile, ratios
+from workbench.comparison.statistics import rate
+from workbench.comparison.targets import TAUS, Yardstick
+from workbench.course import Picture, source
+from workbench.experiments.more_wild import MORE_WILD
+from workbench.plots import house_style, sheet
+
+# %% [markdown]
+# ## One problem, one start
+#
+# Rosenbrock's valley is the least-squares problem of $10\,(x_2 - x_1^2)$ and $1 - x_1$, from
+# $(-1.2, 1)$. The helical valley is another of that age. Who is better?
+
+# %%
+NAMES = ("gauss-newton", "levenberg-marquardt", "dogleg", "nlopt-lbfgs")
+every = {one.name.removeprefix("more-wild-"): one for one in MORE_WILD}
+PROBLEMS = [
+    "rosenbrock", "rosenbrock-far", "helical-valley", "helical-valley-far", "powell-singular",
+    "powell-singular-far", "freudenstein-roth", "freudenstein-roth-far", "bard", "bard-far",
+    "kowalik-osborne", "box", "jennrich-sampson", "brown-dennis", "brown-dennis-far", "osborne-1",
+]  # fmt: skip
+setups = {name: every[name].setup() for name in PROBLEMS}
+solutions = {
+    (name, solver): wb.solve(setup.problem, setup.start, wb.SOLVERS[solver])
+    for name, setup in setups.items()
+    for solver in NAMES
+}
+
+
+def table(name):
+    """What the solvers say of themselves."""
+    for solver in NAMES:
+        one = solutions[name, solver]
+        print(
+            f"  {solver:20} {one.iterations:4} iterations, cost {one.cost:8.2e}, says {one.status.name}"
+        )
+
+
+for name in ("rosenbrock", "helical-valley"):
+    print(name)
+    table(name)
+
+# %% [markdown]
+# On the first the dogleg has the fewest iterations, on the second Levenberg-Marquardt. And an iteration is
+# not the same thing for everybody: one of Gauss-Newton may try many steps, one of L-BFGS (a method that
+# knows gradients only, and builds a picture of the second derivatives from them) takes no Jacobian at all.
+# Nor is what they say of themselves: L-BFGS has come down to a cost of $10^{-17}$, and says that it
+# stalled. The other way round is worse:
+
+# %%
+for name in ("bard-far", "freudenstein-roth"):
+    print(f"{name}, least cost known {setups[name].known.cost:.2e}")
+    table(name)
+
+# %% [markdown]
+# Two thousand times the least cost, and `CONVERGED`. It is no lie: the gradient does vanish there. A
+# *stationary point* is all that these methods can see. But whoever counts "converged" counts this, and
+# whoever compares times lets a solver win by stopping early.
+#
+# ## Counting what was spent
+#
+# A fair comparison needs a common currency. The workbench counts what each solver asked for, whatever it
+# says. We say that a residual costs 1, a gradient 4 (going backwards through a program costs a few times
+# the program, whatever the number of unknowns), and a Jacobian as much as residuals for $n$ differences.
+# These prices are a choice, and one that is easily made in somebody's favour; so it has to be said.
+
+
+# %%
+def course_of(name, solver):
+    """Effort (k,) in residuals and cost (k,) along a run."""
+    n = setups[name].start["x"].size
+    effort = [
+        i.evaluations.residual + 4 * i.evaluations.gradient + n * i.evaluations.jacobian
+        for i in solutions[name, solver].trace
+    ]
+    return np.array(effort), np.array([i.cost for i in solutions[name, solver].trace])
+
+
+runs = {(name, solver): course_of(name, solver) for name in PROBLEMS for solver in NAMES}
+least = {
+    name: min([setups[name].known.cost, *(runs[name, solver][1].min() for solver in NAMES)])
+    for name in PROBLEMS
+}
+with house_style():
+    figure, axes = sheet(10, 3.8, columns=2)
+    for ax, name in zip(axes, ("rosenbrock", "bard-far"), strict=True):
+        for solver, dash in zip(NAMES, ("-", "--", "-.", ":"), strict=True):
+            effort, cost = runs[name, solver]
+            left = (cost - least[name]) / (cost[0] - least[name])
+            ax.loglog(np.maximum(effort, 1), np.maximum(left, 1e-16), dash, label=solver)
+        ax.axhline(1e-5, color="0.6", lw=0.8)
+        ax.set(title=name, xlabel="effort (residuals)", ylabel="share of the way that is left")
+    axes[0].legend(fontsize=8)
+Picture(
+    figure,
+    "Cost above the least one known, as a share of that at the start. Left: all arrive, and who is "
+    "ahead changes on the way. Right: two arrive; the others stay at another stationary point. The "
+    "grey line is a target, the same for all. Below 1e-16 is drawn at 1e-16.",
+)
+
+# %% [markdown]
+# ## Targets
+#
+# So nobody is asked whether he has arrived. Moré and Wild (2009) take the lowest cost $f^*$ that is known
+# for the problem, from anybody, and the cost $f_0$ at the start. A run meets the **target** $\tau$ when it
+# visits a point with
+#
+# $$ f - f^* \le \tau\, (f_0 - f^*) , $$
+#
+# and its effort is what it had spent by then: infinite, if it never does. The workbench has the same, with
+# room for rounding:
+
+# %%
+source(Yardstick.target)
+
+
+# %%
+def needed(tau):
+    """(P, S) residuals until the target; infinite if it was never met."""
+    found = np.full((len(PROBLEMS), len(NAMES)), np.inf)
+    for p, name in enumerate(PROBLEMS):
+        for s, solver in enumerate(NAMES):
+            effort, cost = runs[name, solver]
+            below = np.flatnonzero(cost - least[name] <= tau * (cost[0] - least[name]))
+            if len(below):
+                found[p, s] = effort[below[0]]
+    return found
+
+
+times = needed(1e-5)
+print(f"{'':24}" + "".join(f"{solver:>21}" for solver in NAMES))
+for name, row in zip(PROBLEMS, times, strict=True):
+    print(f"{name:24}" + "".join(f"{t:21.0f}" if np.isfinite(t) else f"{'-':>21}" for t in row))
+met = np.isfinite(times)
+print(f"{'met':24}" + "".join(f"{count:21}" for count in met.sum(axis=0)))
+print(
+    f"{'mean where it was met':24}"
+    + "".join(f"{times[m, s].mean():21.0f}" for s, m in enumerate(met.T))
+)
+print(f"{'median, - as infinite':24}" + "".join(f"{t:21.0f}" for t in np.median(times, axis=0)))
+
+# %% [markdown]
+# Look at the last lines. By the **mean over the problems that were solved** Gauss-Newton is as quick as the
+# dogleg, though it fails on two more: it was let off the hard ones. And one problem, brown-dennis, makes up
+# 43 % of the dogleg's mean. The median with failures as infinite has neither fault, but is one number.
+#
+# One target is not enough either. The far start of freudenstein-roth costs so much that $10^{-5}$ of the way
+# is met at the wrong stationary point. Closer targets tell:
+
+# %%
+for tau in TAUS:
+    count = np.isfinite(needed(tau)).sum(axis=0)
+    print(f"tau = {tau:5g}: met by "
+          + ", ".join(f"{s} {k}" for s, k in zip(NAMES, count, strict=True)) + " of 16")  # fmt: skip
+
+# %% [markdown]
+# ## Performance profiles
+#
+# Problems differ in size, so Dolan and Moré (2002) divide by the best on each: $r_{ps} = t_{ps} / \min_s
+# t_{ps}$. Then
+#
+# $$ \rho_s(\alpha) = \text{share of all problems on which } r_{ps} \le \alpha $$
+#
+# says how often $s$ is within a factor $\alpha$ of the best. At $\alpha = 1$: how often it *is* the best. Far
+# to the right: how often it arrives at all.
+
+# %%
+source(ratios)
+
+# %%
+source(performance_profile)
+
+# %%
+alphas = np.geomspace(1, 30, 300)
+shares = performance_profile(times, alphas)
+with house_style():
+    figure, (ax,) = sheet(7.5, 4)
+    for s, (solver, dash) in enumerate(zip(NAMES, ("-", "--", "-.", ":"), strict=True)):
+        ax.step(alphas, 100 * shares[:, s], dash, where="post", label=solver)
+    ax.set(xscale="log", xlabel="effort over the least of all (ratio α)",
+           ylabel="share of the problems (%)", ylim=(0, 103))  # fmt: skip
+    ax.set_xticks([1, 2, 5, 10, 20], ["1", "2", "5", "10", "20"])
+    ax.minorticks_off()
+    ax.legend()
+Picture(
+    figure,
+    "Performance profiles for the target 1e-5. At the left edge: how often a solver is the quickest "
+    "of all. At the right edge: how often it arrives at all. L-BFGS is "
+    "never the quickest, and as sure as the dogleg; Gauss-Newton is often the quickest, and least sure.",
+)
+
+# %% [markdown]
+# ## What a profile does not say
+#
+# The ratio is taken to the best *of those present*. Take one solver out, and for each problem on which it was the
+# best another one moves up, not the same for all. So the order of two solvers can turn because a third one
+# has left (Gould and Scott, 2016): a profile of many is no ranking. Who of two is better is asked of two.
+
+# %%
+for kept in (NAMES, NAMES[:2] + NAMES[3:], NAMES[1:]):
+    at = [NAMES.index(solver) for solver in kept]
+    first = performance_profile(times[:, at], [1.0])[0]
+    told = ", ".join(
+        f"{solver} {100 * share:.0f} %" for solver, share in zip(kept, first, strict=True)
+    )
+    print(f"quickest among {len(kept)}: {told}")
+
+# %% [markdown]
+# And prices matter. Were a Jacobian as cheap as one residual, as it may be where both share their work, or
+# as dear as ten, because somebody else's code takes ten for it:
+
+# %%
+for price, said in ((1, "1 residual"), (10, "10 residuals")):
+    changed = np.full_like(times, np.inf)
+    for p, name in enumerate(PROBLEMS):
+        for s, solver in enumerate(NAMES):
+            cost = runs[name, solver][1]
+            below = np.flatnonzero(cost - least[name] <= 1e-5 * (cost[0] - least[name]))
+            if len(below):
+                e = solutions[name, solver].trace[below[0]].evaluations
+                changed[p, s] = e.residual + 4 * e.gradient + price * e.jacobian
+    first = performance_profile(changed, [1.0])[0]
+    print(f"a Jacobian for {said:12}: quickest "
+          + ", ".join(f"{s} {100 * share:.0f} %" for s, share in zip(NAMES, first, strict=True)))  # fmt: skip
+
+# %% [markdown]
+# (Shares may add up to more than 100 %: two can be the quickest at once.)
+#
+# ## Chance
+#
+# Sixteen problems are a sample. Had we drawn others, the counts would be others. For $k$ successes in $n$
+# trials, with $\hat p = k / n$ and $z = 1.96$, Wilson's interval (1927) is
+#
+# $$ \frac{\hat p + \frac{z^2}{2n} \pm z \sqrt{\frac{\hat p (1 - \hat p)}{n} + \frac{z^2}{4 n^2}}}
+#         {1 + \frac{z^2}{n}} , $$
+#
+# and it stays honest where the usual $\hat p \pm z \sqrt{\hat p (1 - \hat p) / n}$ shrinks to a point: at 0
+# and at $n$ successes.
+
+# %%
+source(rate)
+
+# %%
+for s, solver in enumerate(NAMES):
+    found = rate(int(met[:, s].sum()), len(PROBLEMS))
+    print(f"{solver:20} meets the target on {100 * found.value:3.0f} % of such problems, "
+          f"between {100 * found.low:.0f} and {100 * found.high:.0f} %")  # fmt: skip
+
+# %% [markdown]
+# The intervals overlap: sixteen problems do not tell these four apart by how sure they are. That is a result,
+# too. More starts are cheap. And since all four had the same starts, one may look at pairs only, and there at
+# the problems on which exactly one of the two arrived.
+#
+# `workbench compare` does all of this on suites, each run in a process of its own that can be stopped, with
+# prices as measured, and writes it as a page.
+#
+# ## What to remember
+#
+# - A solver's own word is not asked: not its status, not its tolerance, not its count.
+# - Targets from the best known cost; effort in one currency, prices said; a failure is infinite.
+# - No mean over successes. A profile: quick at the left, sure at the right, and no ranking of many.
+# - A share of a few problems has an interval. Say it.

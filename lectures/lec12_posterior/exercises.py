@@ -1,0 +1,70 @@
+"""Exercises of lecture 12, the posterior.
+
+Write each answer in place of the line that raises. Names, arguments and shapes stay as they are.
+Angles are in radians, lengths in metres, images in pixels. Then
+
+    workbench lecture check 12 lec12_posterior.py
+"""
+
+import numpy as np
+
+from workbench.course import Unsolved
+
+Array = np.ndarray
+
+F, D, LENGTH = 1000.0, 5.0, 0.25  # px, m, m: the camera and the forearm of the lecture
+SIGMA, TAU = 3.0, 0.6  # px, rad: the detector's error, and what is known of the angle beforehand
+
+
+def log_posterior(phi: float, seen: float) -> float:
+    """The logarithm of the posterior of the lecture's forearm, without its constant: 0 for no residual.
+
+    phi rad, out of the image plane; seen px, from the elbow -> a number
+    """
+    raise Unsolved("log_posterior")
+
+
+def deviations(J: Array) -> Array:
+    """Laplace's standard deviation of each unknown, with all others unknown as well.
+
+    J (m, n), of the whitened residuals, with independent columns -> (n,)
+    """
+    raise Unsolved("deviations")
+
+
+def interval(draws: Array, level: float) -> Array:
+    """The central interval of each entry: as many draws are below it as above.
+
+    draws (S, k), level a share such as 0.9 -> (k, 2), low and high; np.quantile is allowed
+    """
+    raise Unsolved("interval")
+
+
+def next_point(log_p, x: Array, y: Array, u: float) -> Array:
+    """Where Metropolis goes on, from x, if y is proposed and u was drawn uniformly from 0 to 1.
+
+    log_p takes (n,) and answers the logarithm of the density; x (n,), y (n,), u above 0 -> (n,)
+    """
+    raise Unsolved("next_point")
+
+
+def stretch(x: Array, other: Array, z: float) -> tuple[Array, float]:
+    """Goodman and Weare's stretch move of walker x about another one.
+
+    The proposal, and the logarithm of the factor beside p(y) / p(x) with which it is accepted.
+
+    x (k,), other (k,), z above 0 -> (k,) and a number
+    """
+    raise Unsolved("stretch")
+
+
+def draw(log_p, start: Array, count: int) -> Array:
+    """Draws from a density in two dimensions that may be narrow, slanted, bent, or in two pieces.
+
+    By any method of yours (not by emcee), with random numbers of a fixed seed. Means and deviations
+    of your draws must be right to a fifth of a deviation. Scales are of order one, from 0.3 to 2; pieces
+    are at most 4 apart; count is 2000, and you may ask log_p ten times as often.
+
+    log_p takes (2,) and answers the logarithm of the density; start (2,); count -> (count, 2)
+    """
+    raise Unsolved("draw")

@@ -1,0 +1,307 @@
+# %% [markdown]
+# # The posterior
+#
+# **How well do we know what we found?**
+#
+# A fit answers with one pose. It also answers if the data say next to nothing. This lecture asks for
+# everything that the data leave possible. One camera looks at a forearm; we find the angle, give it an
+# error bar in the usual way, find that the bar is wrong, and learn the way that is right: draws. Angles are
+# in radians, lengths in metres, image coordinates in pixels.
+
+# %%
+import casadi as cs
+import numpy as np
+
+import workbench as wb
+from workbench.course import Picture, source
+from workbench.plots import house_style, sheet
+from workbench.sampling import laplace, sample
+from workbench.sampling.moves import propose_together
+from workbench.sampling.target import Target
+
+# %% [markdown]
+# ## A bone in one image
+#
+# A forearm of 0.25 m hangs on an elbow whose place is known, $D = 5$ m in front of a camera with a focal
+# length of $F = 1000$ px. It is turned out of the image plane by $\varphi$, away from the camera for
+# $\varphi > 0$. The wrist is then seen
+#
+# $$ u(\varphi) = \frac{F\, l \cos \varphi}{D + l \sin \varphi} $$
+#
+# to the right of the elbow. A detector finds it with an error of $\sigma = 3$ px. Beforehand we know that
+# $\varphi$ is about 0, give or take $\tau = 0.6$ rad.
+
+# %%
+F, D, LENGTH = 1000.0, 5.0, 0.25  # px, m, m
+SIGMA, TAU = 3.0, 0.6  # px, rad
+
+
+def pixel(phi):
+    """Where the wrist is seen, px from the elbow."""
+    return F * LENGTH * np.cos(phi) / (D + LENGTH * np.sin(phi))
+
+
+def cost(phi, seen):
+    """Half the sum of squares of the whitened residuals: detection, and what we knew beforehand."""
+    return 0.5 * ((pixel(phi) - seen) / SIGMA) ** 2 + 0.5 * (phi / TAU) ** 2
+
+
+rng = np.random.default_rng(12)
+truth = 0.5
+seen = pixel(truth) + SIGMA * rng.standard_normal()
+grid = np.linspace(-3, 3, 1001)
+best = grid[np.argmin(cost(grid, seen))]
+print(f"seen at {seen:.1f} px; least squares: {best:.2f} rad; the truth: {truth} rad")
+
+# %% [markdown]
+# ## What a cost means
+#
+# Say that the error of the detector is Gaussian, and so is what we knew. Then Bayes' rule says how probable
+# each angle is, given what was seen:
+#
+# $$ p(\varphi \mid u) \propto e^{-(u(\varphi) - u)^2 / 2 \sigma^2}\; e^{-\varphi^2 / 2 \tau^2} = e^{-\text{cost}} . $$
+#
+# That is why the workbench divides each residual by its sigma: the cost *is* minus the logarithm of the
+# **posterior**, up to a constant. Least squares finds its highest point.
+
+# %%
+source(Target._density)
+
+# %% [markdown]
+# ## An error bar, the usual way
+#
+# Near the minimum the residual is nearly linear, so the cost is nearly a parabola, so the posterior is nearly
+# Gaussian, with the covariance
+#
+# $$ C = (J^\top J)^{-1}, $$
+#
+# $J$ being the Jacobian of the whitened residuals. This is **Laplace's approximation**; it costs nothing,
+# for the solver has $J$ already.
+
+# %%
+source(wb.Linearization.covariance)
+
+
+# %%
+def slope(phi):
+    """The derivative of `pixel`, px/rad."""
+    depth = D + LENGTH * np.sin(phi)
+    return -F * LENGTH * (np.sin(phi) * depth + LENGTH * np.cos(phi) ** 2) / depth**2
+
+
+def bar(phi):
+    """Laplace's standard deviation at the angle that was found, rad."""
+    J = np.array([slope(phi) / SIGMA, 1 / TAU])
+    return 1 / np.sqrt(J @ J)
+
+
+print(f"{best:.2f} +- {bar(best):.2f} rad")
+
+# %% [markdown]
+# Is it true? A 90 % interval should hold the truth nine times out of ten. We can try: draw an angle from what
+# was known beforehand, let it be seen, fit, and look. A thousand times.
+
+# %%
+angles = TAU * rng.standard_normal(1000)
+images = pixel(angles) + SIGMA * rng.standard_normal(1000)
+costs = cost(grid[:, None], images)  # (1001, 1000)
+fits = grid[np.argmin(costs, axis=0)]
+bars = np.array([bar(phi) for phi in fits])
+inside = np.abs(fits - angles) <= 1.645 * bars
+print(f"90 % intervals by Laplace hold the truth {100 * inside.mean():.0f} times out of 100")
+wrong = np.sign(fits) != np.sign(angles)
+print(
+    f"the fit has the forearm on the wrong side of the image plane {100 * wrong.mean():.0f} times out of 100"
+)
+
+with house_style():
+    figure, axes = sheet(11, 3.6, columns=3)
+    for ax, at in zip(axes, (0.1, 0.6, 1.1), strict=True):
+        values = np.exp(-cost(grid, pixel(at)))
+        density = values / (values.sum() * (grid[1] - grid[0]))
+        found = grid[np.argmax(density)]
+        gauss = np.exp(-0.5 * ((grid - found) / bar(found)) ** 2) / np.sqrt(2 * np.pi) / bar(found)
+        ax.plot(grid, density, label="posterior")
+        ax.plot(grid, gauss, "--", label="Laplace")
+        ax.axvline(at, color="k", lw=0.8, ls=":", label="truth")
+        ax.set(xlabel="angle φ (rad)", ylabel="density (1/rad)", xlim=(-2, 2), ylim=(0, 4.5))
+    axes[0].legend(loc="upper left", fontsize=8)
+Picture(
+    figure,
+    "The posterior of the angle, and Laplace's approximation, for three true angles (data without "
+    "noise). Left, near the image plane: one broad answer, and Laplace too wide. Middle and right, "
+    "further out: two answers, and Laplace knows the higher one only.",
+)
+
+# %% [markdown]
+# One camera hardly tells whether a bone points towards it or away: the images differ by perspective alone,
+# less than the detector's error. There are two **modes**. Least squares takes one of them, and Laplace's bar
+# is the width of that one. Nothing in the Jacobian warns: it sees one point.
+#
+# ## The truth, for two unknowns
+#
+# In one dimension we could draw the posterior on a grid. In two it still goes: an arm, whose upper arm of
+# 0.30 m and forearm of 0.25 m are each turned out of the image plane. Elbow and wrist are seen by one camera
+# from the front; later also by one from the side, which sees depth.
+
+# %%
+arm = wb.Block("angles", (2,), "rad", ("upper arm", "forearm"))
+a, b = arm.symbol[0], arm.symbol[1]
+elbow = 0.30 * cs.vertcat(cs.cos(a), cs.sin(a))  # to the right, and away from the camera
+wrist = elbow + 0.25 * cs.vertcat(cs.cos(b), cs.sin(b))
+views = {
+    "front": cs.vertcat(F * elbow[0] / (D + elbow[1]), F * wrist[0] / (D + wrist[1])),
+    "side": cs.vertcat(F * elbow[1] / (D - elbow[0]), F * wrist[1] / (D - wrist[0])),
+}
+prior = wb.residuals.gaussian(arm.symbol, covariance=TAU**2, unit="rad", name="prior")
+true_angles = np.array([0.5, -0.7])
+
+
+def arm_problem(*names):
+    """What these cameras see of the arm, with errors, and the prior."""
+    rng = np.random.default_rng(12)
+    residuals = []
+    for name, view in views.items():
+        exact = np.asarray(cs.Function("view", [arm.symbol], [view])(true_angles)).ravel()
+        noisy = exact + SIGMA * rng.standard_normal(2)
+        residuals.append(wb.Residual(name, view - cs.DM(noisy), sigma=SIGMA, unit="px"))
+    kept = [one for one in residuals if one.name in names]
+    return wb.Problem([*kept, prior], ["angles"], blocks=[arm])
+
+
+one = arm_problem("front")
+found = wb.solve(one, {"angles": np.array([0.3, 0.3])})
+approximation = laplace(one, found.values)
+axis = np.linspace(-1.8, 1.8, 121)
+places = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
+density = np.exp(-one.costs(np.zeros(2), np.zeros(0), None)(places)).reshape(121, 121)
+density /= density.sum()
+exact_mean = np.array([density.sum(axis=1) @ axis, density.sum(axis=0) @ axis])
+exact_sd = np.sqrt([density.sum(axis=1) @ axis**2, density.sum(axis=0) @ axis**2] - exact_mean**2)
+print("the truth            ", true_angles, "rad")
+print("least squares        ", found.values["angles"].round(2), "rad, cost", round(found.cost, 2))
+other = wb.solve(one, {"angles": true_angles})
+print("another minimum      ", other.values["angles"].round(2), "rad, cost", round(other.cost, 2))
+print("Laplace's deviations ", approximation.sd.round(2), "rad")
+print("those of the grid    ", exact_sd.round(2), "rad")
+
+# %% [markdown]
+# Least squares has found a forearm that points away where it points towards the camera, *at a lower cost than
+# the right one*: no better solver would have helped. And it claims to know both angles several times better
+# than they are known.
+#
+# ## Draws
+#
+# A grid of 120 points to an axis has 120 to the 82nd points for pose and shape of a body. What is feasible
+# is to *draw* from the posterior: a list of poses, each of them possible, the more probable ones more often.
+# Every question is then a count. Metropolis (1953) needs nothing but the density up to a constant: propose
+# a step; take it if it goes up; if it goes down, take it with the probability $p(\text{new}) / p(\text{old})$;
+# if it is not taken, *count the old point again*.
+
+
+# %%
+def metropolis(log_p, x, steps, size, rng):
+    """A chain of draws (steps, n)."""
+    chain, here = [], log_p(x)
+    for _ in range(steps):
+        y = x + size * rng.standard_normal(len(x))
+        there = log_p(y)
+        if np.log(rng.uniform()) < there - here:
+            x, here = y, there
+        chain.append(x)
+    return np.array(chain)
+
+
+def log_p(x):
+    """Of the one forearm in one image."""
+    return -cost(x[0], pixel(0.9))
+
+
+for size in (0.05, 1.5):
+    chain = metropolis(log_p, np.array([0.9]), 4000, size, np.random.default_rng(0))[:, 0]
+    values = np.exp(-cost(grid, pixel(0.9)))
+    right = values[grid > 0].sum() / values.sum()
+    print(f"steps of {size:4} rad: {100 * (chain > 0).mean():3.0f} % of draws point away from the camera; "
+          f"by the grid {100 * right:.0f} %")  # fmt: skip
+
+# %% [markdown]
+# With short steps the chain has hardly left its mode: 4000 draws, and they are worth as much as a few.
+# How large should a step be, and in which direction, in 82 dimensions?
+#
+# ## Walkers that learn from each other
+#
+# emcee (Foreman-Mackey and others, 2013) lets many walkers go at once, and takes the size of steps from the
+# distances between them. In Goodman and Weare's **stretch move** a walker $x$ picks another one, $x_j$, and
+# proposes
+#
+# $$ y = x_j + z\,(x - x_j), \qquad \text{taken with } \min\left(1,\; z^{k-1}\, \frac{p(y)}{p(x)}\right) $$
+#
+# in $k$ dimensions, with $z$ between $\tfrac12$ and $2$. (The factor $z^{k-1}$ is there because stretching
+# about a point spreads out volume.) Nothing in it knows a unit: scale or shear the space, and walkers scale along.
+# The workbench's default takes the difference of two other walkers as the step (differential evolution), which
+# also jumps from mode to mode. Half of the walkers move while the other half stands still:
+
+# %%
+source(propose_together)
+
+# %%
+draws = sample(one, found.values, walkers=16, steps=2600, seed=1)
+print(draws.verdict)
+print("mean      ", draws.mean.round(2), "by the grid", exact_mean.round(2), "rad")
+print("deviations", draws.sd.round(2), "by the grid", exact_sd.round(2), "by Laplace",
+      approximation.sd.round(2), "rad")  # fmt: skip
+both = arm_problem("front", "side")
+better = sample(
+    both, wb.solve(both, {"angles": np.zeros(2)}).values, walkers=16, steps=2600, seed=1
+)
+print("with a second camera: mean", better.mean.round(2), "deviations", better.sd.round(2), "rad")
+
+with house_style():
+    figure, (left, right) = sheet(10.5, 4.6, columns=2)
+    for ax, some, name in ((left, draws, "front"), (right, better, "front and side")):
+        ax.plot(
+            *some.flat[:: max(1, len(some.flat) // 4000)].T, ".", ms=2, alpha=0.3, label="draws"
+        )
+        ax.plot(*true_angles, "k*", ms=12, label="truth")
+        ax.set(title=f"cameras: {name}", xlabel="upper arm out of the image (rad)",
+               ylabel="forearm (rad)", xlim=(-1.6, 1.6), ylim=(-1.6, 1.6), aspect="equal")  # fmt: skip
+    left.plot(*found.values["angles"], "C1o", ms=6, label="least squares")
+    for scale in (1, 2):
+        turn = np.linspace(0, 2 * np.pi, 100)
+        half = np.linalg.cholesky(approximation.covariance)
+        ring = found.values["angles"] + scale * (half @ [np.cos(turn), np.sin(turn)]).T
+        left.plot(*ring.T, "C1--", lw=1, label="Laplace" if scale == 1 else None)
+    left.legend(loc="upper left", fontsize=8)
+Picture(
+    figure,
+    "Left, one camera: each bone may point towards it or away, and what least squares and Laplace "
+    "(one and two deviations) know of that. Right, with a second camera from the side: one way.",
+)
+
+# %% [markdown]
+# ## What draws are worth
+#
+# Draws of a chain resemble the ones before. If it takes $\tau$ steps to forget (the **autocorrelation
+# time**), $N$ draws are worth $N / \tau$. To *know* $\tau$ takes a chain of some 50 of them; several
+# ensembles that began apart must agree; and before any of this is seen, nothing may be read off. The
+# workbench puts the verdict before the numbers, and refuses an interval if it is bad:
+
+# %%
+short = sample(one, found.values, walkers=16, steps=200, seed=1)
+try:
+    print(short.interval(0.9))
+except wb.WorkbenchError as error:
+    print("refused:", error)
+print("long enough:", draws.interval(0.9).round(2).tolist() if draws.usable else draws.verdict)
+
+# %% [markdown]
+# And an interval of two modes is a poor summary: it spans the middle, where there is nearly nothing. Look at
+# the draws.
+#
+# ## What to remember
+#
+# - With residuals over their sigmas the cost is minus the log posterior.
+# - Laplace: $(J^\top J)^{-1}$, from one point. Cheap, right if the posterior has one mode and the model bends
+#   little over its width. It cannot say that it is wrong.
+# - One camera leaves towards and away open, for each bone. The lowest cost may be the wrong one.
+# - Draws answer every question, once they have mixed. Ask what they are worth first.

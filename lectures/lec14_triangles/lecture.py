@@ -1,0 +1,286 @@
+# %% [markdown]
+# # Triangles: SCAPE and BlendSCAPE
+#
+# **What if we deform triangles, and not vertices?**
+#
+# SMPL moves vertices. Before it, models moved triangles: SCAPE (Anguelov and others, 2005) says for
+# every triangle of the mesh how it is turned and stretched. That is the more natural language for
+# skin, which stretches; but triangles that move one by one do not meet. This lecture takes a mesh
+# apart, puts it together again, and then compares the two ways. Lengths are in metres, angles in
+# radians.
+
+# %%
+from dataclasses import replace
+
+import numpy as np
+
+import workbench as wb
+from workbench.bodies.triangles import TriangleBody, blend_scape, scape
+from workbench.course import Picture, source
+from workbench.geometry.rotation import matrix_from_vector
+from workbench.geometry.stitching import Stitching
+from workbench.geometry.triangles import edges, frames, gradients, soup
+from workbench.plots import house_style, plot_stitching, sheet
+from workbench.training.triangles.comparison import (
+    additivity_gap,
+    explained_by_triangles,
+    explained_by_vertices,
+)
+
+body = wb.load_body("small")
+faces, template = body.faces, body.template
+elbow = body.joint_names.index("left_elbow")
+
+# %% [markdown]
+# ## Every triangle by itself
+#
+# Each of the 734 triangles belongs to a part of the body. Bend the left elbow, and turn every triangle
+# by the rotation of its part, about its own middle. That needs no blending at all:
+
+# %%
+pose = np.zeros((24, 3))
+pose[elbow, 2] = 1.6  # rad, upwards
+rigid = scape(body)
+X = rigid.deformations(pose, np.zeros(body.n_betas))  # (F, 3, 3)
+torn = soup(template, faces, X)  # (F, 3, 3): the corners of each triangle
+
+
+def gaps(corners):
+    """How far apart the corners are that should be one vertex, (N,) mm."""
+    middle = np.zeros((body.n_vertices, 3))
+    count = np.bincount(faces.ravel(), minlength=body.n_vertices)
+    np.add.at(middle, faces.ravel(), corners.reshape(-1, 3))
+    middle /= count[:, None]
+    away = np.zeros(body.n_vertices)
+    np.maximum.at(
+        away, faces.ravel(), np.linalg.norm(corners.reshape(-1, 3) - middle[faces.ravel()], axis=1)
+    )
+    return 1e3 * away
+
+
+print(f"rotations alone: R'R = I to {np.abs(X.transpose(0, 2, 1) @ X - np.eye(3)).max():.0e}")
+print(f"corners that were one vertex are up to {gaps(torn).max():.0f} mm from their mean; at rest "
+      f"{gaps(template[faces]).max():.0f} mm")  # fmt: skip
+
+# %% [markdown]
+# Every triangle is perfect and the surface is gone: the forearm has not even moved away from where it
+# was, its triangles have only turned on the spot. What we want is a surface whose *edges* are like
+# these triangles'.
+#
+# ## What a triangle knows
+#
+# With corners $T_0, T_1, T_2$ a triangle's edges are $e_0 = T_2 - T_0$ and $e_1 = T_1 - T_0$. Its
+# deformation is a $3 \times 3$ matrix $X$ with $X e_i = e_i'$. A lecture says that the two edges
+# determine it. They do not: two edges span a plane, and what $X$ does to the normal of that plane is
+# open.
+
+# %%
+T = template[faces[100]]
+true = matrix_from_vector([0.3, -0.5, 0.2]) @ np.diag([1.1, 0.9, 1.0])
+moved = T @ true.T
+two = edges(T, np.array([[0, 1, 2]]))[0].T  # the edges as columns, (3, 2)
+two_moved = edges(moved, np.array([[0, 1, 2]]))[0].T
+by_edges = two_moved @ np.linalg.pinv(two)
+print(f"from two edges: edges are met to {np.abs(by_edges @ two - two_moved).max():.0e} m, "
+      f"but det X = {np.linalg.det(by_edges):.3f} and the true one is {np.linalg.det(true):.3f}")  # fmt: skip
+print("rank of that X:", np.linalg.matrix_rank(by_edges))
+
+# %% [markdown]
+# The shortest answer flattens space. A third axis has to go with them. The usual one is
+# $n / \sqrt{\|n\|}$ with $n = e_1 \times e_0$: normal to the triangle, and as long as the root of twice
+# its area, so that it grows with the triangle and has the unit of an edge.
+
+# %%
+source(frames)
+
+# %%
+turn = 1.2 * matrix_from_vector([0.3, -0.5, 0.2])
+found = gradients(template, template @ turn.T, faces)
+print(f"the whole mesh turned and scaled: every X is that, to {np.abs(found - turn).max():.0e}")
+
+# %% [markdown]
+# ## Stitching
+#
+# Find the vertices $V$ whose edges are nearest to those that the triangles ask for:
+#
+# $$ \min_V \sum_f \sum_{i} \| X_f e_{f,i} - (A V)_{f,i} \|^2 . $$
+#
+# $A$ is a sparse matrix of $+1$ and $-1$ that takes vertices to edges, the same for $x$, $y$ and $z$. So
+# this is linear least squares, with a matrix that does not depend on the pose: factorised once, a
+# stitching is two triangular solves. A sees differences only. Where the mesh as a whole is stays
+# open, one direction for each coordinate (and each connected piece), and has to be said.
+
+# %%
+source(Stitching.vertices)
+
+# %%
+stitching = Stitching(faces, body.n_vertices)
+A = stitching.A.toarray()
+s = np.linalg.svd(A, compute_uv=False)
+print(
+    f"A is {A.shape}, smallest singular values {s[-2]:.2g} and {s[-1]:.0e}: rank {np.sum(s > 1e-9)}"
+)
+R = matrix_from_vector([0.2, 0.4, -0.9])
+turned = stitching.vertices(edges(template, faces) @ R.T)
+centred = (template - template.mean(axis=0)) @ R.T
+print(f"all triangles turned alike: the mesh turned, to {np.abs(turned - centred).max():.0e} m")
+asked = edges(template, faces) @ X.transpose(0, 2, 1)
+stitched = stitching.vertices(asked, [template.mean(axis=0)])
+left = 1e3 * np.linalg.norm(edges(stitched, faces) - asked, axis=2)
+print(
+    f"bent elbow: edges differ from what was asked by {left.mean():.1f} mm, at most {left.max():.0f} mm"
+)
+
+with house_style():
+    figure, (ax,) = sheet(10, 3.8)
+    stages = {"at rest": template[faces], "each by itself": torn, "stitched": stitched[faces]}
+    plot_stitching(stages, ax=ax)
+Picture(
+    figure,
+    "Left: the mesh. Middle: every triangle turned with its part, about its own middle; the arm has "
+    "turned and has not moved. Right: the vertices whose edges are nearest to those.",
+)
+
+# %% [markdown]
+# The forearm has moved to where it belongs, and nobody gave a place of the elbow: edges add up. One
+# sometimes reads that these models have no skeleton. They have no *joints*; but there is a rotation for
+# each part, and so a choice of parts.
+#
+# ## SCAPE
+#
+# SCAPE's deformation is a product of three,
+#
+# $$ X_f = R_{\ell(f)}\; D_f(\beta)\; Q_f(\theta) : $$
+#
+# what bending does to the skin first ($Q_f$, linear in the twists of the joints nearby), then who it is
+# ($D_f$), then the rotation of the part. All of it is learned by least squares on triangles.
+#
+# Our elbow had neither $D$ nor $Q$, and it has a crease: on one side of the elbow all triangles turn by
+# 1.6 rad, on the other none. **BlendSCAPE** (Hirshberg and others, 2012) blends the rotations as skinning
+# does:
+#
+# $$ X_f = B_f D_f Q_f, \qquad B_f = \sum_k w_{fk} R_k . $$
+
+# %%
+source(TriangleBody.deformations)
+
+# %%
+blended = blend_scape(body)
+Y = blended.deformations(pose, np.zeros(body.n_betas))
+
+
+def crease(X):
+    """How much neighbouring triangles differ in how they are deformed: largest |X_f - X_g|."""
+    sides = {}
+    for f, (a, b, c) in enumerate(faces):
+        for pair in ((a, b), (b, c), (c, a)):
+            sides.setdefault(tuple(sorted(pair)), []).append(f)
+    return max(np.linalg.norm(X[f] - X[g]) for f, g in sides.values())
+
+
+for name, deformed in (("SCAPE", X), ("BlendSCAPE", Y)):
+    asked = edges(template, faces) @ deformed.transpose(0, 2, 1)
+    left = 1e3 * np.linalg.norm(edges(stitching.vertices(asked), faces) - asked, axis=2)
+    print(f"{name:11} largest step between neighbours {crease(deformed):.2f}, stitching leaves up to "
+          f"{left.max():.0f} mm, least det {np.linalg.det(deformed).min():.2f}")  # fmt: skip
+
+# %% [markdown]
+# The crease is smaller, and something else has gone wrong, which lecture 4 knows already: a mean of
+# rotations is no rotation. Half of one and half of another, $\alpha$ apart, has
+#
+# $$ \det \tfrac12 (I + R_\alpha) = \cos^2 \tfrac{\alpha}{2}, $$
+#
+# so triangles at the bend shrink. In linear blend skinning the same factor is the candy wrapper. It is
+# what $Q$ has to repair here, and pose blend shapes there.
+
+# %%
+angles = np.linspace(0, np.pi, 60)
+mean_det = [np.linalg.det((np.eye(3) + matrix_from_vector([0, 0, a])) / 2) for a in angles]
+least = []
+for a in angles[::6]:
+    bent = pose.copy()
+    bent[elbow, 2] = a
+    least.append(np.linalg.det(blended.deformations(bent, np.zeros(body.n_betas))).min())
+with house_style():
+    figure, (ax,) = sheet(7.5, 3.6)
+    ax.plot(np.degrees(angles), np.cos(angles / 2) ** 2, color="0.6", lw=4, label="cos²(α / 2)")
+    ax.plot(np.degrees(angles), mean_det, "--", label="half of each of two rotations")
+    ax.plot(np.degrees(angles[::6]), least, "o", label="smallest on the bent elbow")
+    ax.set(xlabel="angle of the elbow α (degrees)", ylabel="det B (share of the volume)")
+    ax.legend()
+Picture(
+    figure,
+    "What blending rotations does to volume. The triangles that follow upper arm and forearm alike "
+    "follow the law; at half a turn they would vanish.",
+)
+
+# %% [markdown]
+# ## Added or multiplied?
+#
+# In SMPL shape and pose are *added* to the template, before the joints turn it. In SCAPE they are
+# *multiplied*. So in SMPL what shape and pose do together is what they do one by one; in SCAPE a
+# stout person's skin bends in proportion. To see it, we give the triangles some bending $Q$, made up:
+
+# %%
+rng = np.random.default_rng(0)
+bending = replace(blended, posedirs=0.05 * rng.standard_normal(blended.posedirs.shape))
+some_pose = 0.3 * rng.standard_normal((24, 3))
+some_betas = 2 * rng.standard_normal(body.n_betas)
+for name, model in (("SMPL", body), ("BlendSCAPE", bending)):
+    gap = np.linalg.norm(additivity_gap(model, some_pose, some_betas), axis=1)
+    print(f"{name:11} together less one by one: up to {1e3 * gap.max():.2g} mm")
+
+# %% [markdown]
+# ## How many directions do people need?
+#
+# One reads that ten principal components of vertices explain what takes SCAPE 300. Numbers like these
+# depend on the data, and we could not verify that one. But one thing is a theorem. Among all spaces of
+# $k$ directions the principal components of the vertices explain the most variance *of the vertices*
+# (Eckart and Young, 1936); and $k$ directions of deformations, stitched, are $k$ directions of
+# vertices. So for every $k$, SMPL's way explains at least as much. How much more, on 80 people drawn
+# from our shape space, each posed a little besides, as no registration is free of?
+
+# %%
+people = body.vertices(
+    0.03 * rng.standard_normal((80, 24, 3)), rng.standard_normal((80, body.n_betas))
+)
+by_vertices = explained_by_vertices(people, 20)
+by_triangles = explained_by_triangles(people, faces, 20)
+for k in (1, 2, 5, 10, 20):
+    print(f"k = {k:2}: vertices {by_vertices.share[k]:.3f}, triangles {by_triangles.share[k]:.3f}")
+print("never less:", bool((by_vertices.share >= by_triangles.share - 1e-12).all()))
+
+with house_style():
+    figure, (ax,) = sheet(7.5, 3.6)
+    ax.plot(100 * by_vertices.share, "o-", ms=4, label="of vertices (SMPL)")
+    ax.plot(100 * by_triangles.share, "s--", ms=4, label="of deformations, stitched (SCAPE)")
+    ax.set(
+        xlabel="directions k",
+        ylabel="variance of the vertices explained (%)",
+        xticks=range(0, 21, 5),
+    )
+    ax.legend()
+Picture(
+    figure,
+    "Variance of the vertices of 80 made-up people, explained by the first k directions of either "
+    "kind. Vertices are never behind: that is a theorem; by how much is a matter of the data.",
+)
+
+# %% [markdown]
+# ## Side by side
+#
+# | | SMPL | SCAPE, BlendSCAPE |
+# | --- | --- | --- |
+# | what moves | vertices | triangles, then stitched |
+# | shape and pose | added at rest | multiplied |
+# | joints | a chain; regressed from the rest surface | none: rotations of parts, edges add up |
+# | to pose it | matrix products | the same, and a sparse solve |
+# | bones keep their length | by construction | nearly |
+# | in a game engine | as it is | no |
+#
+# ## What to remember
+#
+# - A triangle's deformation needs a third axis; two edges leave it open.
+# - Stitching is linear least squares with one sparse matrix. It sees edges only, and not where the body is.
+# - Blended rotations lose volume, $\cos^2(\alpha/2)$, with triangles as with vertices.
+# - SMPL adds, SCAPE multiplies. Principal components of vertices are never behind, on vertices.

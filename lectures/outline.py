@@ -1,0 +1,118 @@
+"""The course, a line for each lecture; one without a folder is still to come."""
+
+from workbench.course.outline import Lecture
+
+COURSE = (
+    Lecture(
+        1, "function", "A body model is a function",
+        question="What kind of function turns pose and shape into a surface?",
+        minutes=45,
+        assumes="vectors and matrices; Python with NumPy",
+        teaches="inputs and hyper-parameters of SMPL; what is linear in it; why polynomials lose",
+    ),
+    Lecture(
+        2, "rotations", "Rotations",
+        question="Which numbers do we hand to an optimizer that has to turn a joint?",
+        minutes=60,
+        assumes="matrices, derivatives of functions of several variables",
+        teaches="rotation matrices, projection, the exponential map, Rodrigues at 0 and at 2 pi",
+    ),
+    Lecture(
+        3, "chains", "Kinematic chains",
+        question="How do 24 rotations place 24 bones?",
+        minutes=45,
+        assumes="lecture 2",
+        teaches="rigid motions, the kinematic tree, binding matrices, posed joints",
+    ),
+    Lecture(
+        4, "skinning", "Skinning and its failures",
+        question="What does the skin do between two bones?",
+        minutes=60,
+        assumes="lecture 3",
+        teaches="linear blend skinning, the candy wrapper, dual quaternions, what each costs",
+    ),
+    Lecture(
+        5, "blend_shapes", "Blend shapes",
+        question="How does a surface learn from examples what skinning gets wrong?",
+        minutes=60,
+        assumes="lecture 4",
+        teaches="scattered data, features of a pose, pose and shape blend shapes, joints",
+    ),
+    Lecture(
+        6, "least_squares", "Least squares",
+        question="How does an optimizer know where to go, and how far?",
+        minutes=60,
+        assumes="derivatives of functions of several variables, linear equations",
+        teaches="residuals, Jacobian, gradient and its factor 2, Gauss-Newton and when it is quick",
+    ),
+    Lecture(
+        7, "trust_region", "Levenberg-Marquardt, dogleg and the trust region",
+        question="What if the linear model promises too much?",
+        minutes=60,
+        assumes="lecture 6",
+        teaches="damping, the gain ratio, trust regions, the dogleg",
+    ),
+    Lecture(
+        8, "jacobian", "The Jacobian: what cannot be seen",
+        question="All 24 joints are known exactly. Is the pose?",
+        minutes=60,
+        assumes="lectures 3 and 6; singular values",
+        teaches="dimension, sparsity, rank, null directions with names, what to do about them",
+    ),
+    Lecture(
+        9, "fitting", "Fitting to points, landmarks and cameras",
+        question="Which pose and shape explain what we saw?",
+        minutes=60,
+        assumes="lectures 6 and 8",
+        teaches="known correspondences, landmarks, one camera and four, initialising a camera",
+    ),
+    Lecture(
+        10, "priors", "Priors and robust losses",
+        question="What if the data are few, or wrong?",
+        minutes=60,
+        assumes="lecture 9",
+        teaches="Gaussian and mixture priors, Geman-McClure, outliers, units of weights",
+    ),
+    Lecture(
+        11, "solvers", "One problem, many solvers",
+        question="Which solver should we take, and how would we know?",
+        minutes=45,
+        assumes="lectures 6 and 7",
+        teaches="directions and steps, fair comparison, performance profiles",
+    ),
+    Lecture(
+        12, "posterior", "The posterior",
+        question="How well do we know what we found?",
+        minutes=60,
+        assumes="lectures 8 to 10; Gaussian distributions",
+        teaches="truth, least squares, Laplace's approximation, emcee, and what one camera hides",
+    ),
+    Lecture(
+        13, "training", "Training a body model",
+        question="Where do the model's own numbers come from?",
+        minutes=60,
+        assumes="lectures 5 and 6",
+        teaches="registrations, what is linear, alternation, regressor, weights, shape directions",
+    ),
+    Lecture(
+        14, "triangles", "Triangles: SCAPE and BlendSCAPE",
+        question="What if we deform triangles, and not vertices?",
+        minutes=45,
+        assumes="lectures 4 and 5",
+        teaches="deformation gradients, stitching, SCAPE and BlendSCAPE beside SMPL",
+    ),
+    Lecture(
+        15, "registration", "Registering scans",
+        question="How does a template get onto a scan that nobody labelled?",
+        minutes=60,
+        assumes="lectures 9 and 10",
+        teaches="closest points, ICP, coupling, stages, coregistration",
+    ),
+    Lecture(
+        16, "images", "Fitting images",
+        question="What can one photograph tell?",
+        minutes=60,
+        assumes="lectures 9, 10 and 12",
+        teaches="detected joints, interpenetration, staged fits, regressors in the loop",
+    ),
+)  # fmt: skip

@@ -1,0 +1,94 @@
+"""`workbench lecture`: list, show, run, start, check."""
+
+import json
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from workbench.cli import main
+from workbench.course.outline import lecture
+
+Ran = tuple[int, str, str]  # exit code, stdout, stderr
+Run = Callable[..., Ran]
+
+
+@pytest.fixture
+def workbench(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Iterator[Run]:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+    asked = [getattr(signal, name) for name in ("SIGTERM", "SIGALRM") if hasattr(signal, name)]
+    before = {number: signal.getsignal(number) for number in asked}
+
+    def run(*arguments: str) -> Ran:
+        monkeypatch.setattr(sys, "argv", ["workbench", *arguments])
+        with pytest.raises(SystemExit) as left:
+            main()
+        said = capsys.readouterr()
+        code = left.value.code or 0
+        assert isinstance(code, int)
+        return code, said.out, said.err
+
+    yield run
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+def test_list_and_show(workbench: Run) -> None:
+    code, out, _ = workbench("lecture", "list")
+    assert code == 0
+    assert "Rotations" in out
+    assert "Registering scans (to come)" in out
+    code, out, _ = workbench("lecture", "show", "2")
+    assert code == 0
+    for name in lecture(2).exercises:
+        assert name in out
+    code, _, err = workbench("lecture", "show", "77")
+    assert code == 2
+    assert "no lecture is called '77'; there are" in err
+
+
+def test_run_writes_its_figures(workbench: Run) -> None:
+    code, out, _ = workbench("lecture", "run", "6", "--out", "here")
+    assert code == 0
+    assert "difference quotient" in out
+    assert r"J^\top J\, p = - J^\top e" in out  # formulas as they were typed
+    pictures = sorted(path.name for path in Path("here/lec06_least_squares").iterdir())
+    assert pictures == ["figure-1.png", "figure-2.png"]
+
+
+def test_a_student_starts_checks_and_is_done(workbench: Run) -> None:
+    code, out, _ = workbench("lecture", "start", "2", "mine")
+    assert code == 0
+    assert "lecture check 2 mine/lec02_rotations.py" in out
+    code, out, _ = workbench("lecture", "check", "2", "mine")
+    assert code == 1
+    assert "not attempted" in out
+    assert "0 of" in out
+    code, _, err = workbench("lecture", "start", "2", "mine")
+    assert code == 2
+    assert "left as it is" in err
+    Path("mine/lec02_rotations.py").write_text((lecture(2).folder / "solutions.py").read_text())
+    code, out, _ = workbench("lecture", "check", "2", "mine/lec02_rotations.py", "--json")
+    assert code == 0
+    data = json.loads(out)
+    assert data["passed"]
+    assert data["points"] == data["of"] == sum(check.points for check in lecture(2).checks)
+    assert [one["number"] for one in data["exercises"]][:2] == ["2.1", "2.2"]
+
+
+def test_a_wrong_answer_is_told_why(workbench: Run) -> None:
+    Path("lec02_rotations.py").write_text(
+        "import numpy as np\ndef hat(w):\n    return np.cross(np.eye(3), -w)\n"
+    )
+    code, out, _ = workbench("lecture", "check", "2")
+    assert code == 1
+    for told in ("failed", "expected", "came", "perhaps", "v x w", "no such name in the file"):
+        assert told in out
+    code, _, err = workbench("lecture", "check", "6")
+    assert code == 2
+    assert "there is no file" in err

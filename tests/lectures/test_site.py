@@ -1,0 +1,117 @@
+"""Notebooks and the site: from the same scripts, whole, with no page that needs the network."""
+
+import html.parser
+import importlib.util
+from pathlib import Path
+from urllib.parse import unquote, urlparse
+
+import pytest
+
+from lectures.outline import COURSE
+from workbench.course import notebooks, site
+from workbench.course.notebooks import exercises, notebook, tool
+from workbench.course.outline import Lecture
+from workbench.course.site import NEEDED, write_site
+from workbench.errors import BadFile
+
+THERE = [one for one in COURSE if one.there]
+
+
+@pytest.mark.parametrize("lecture", THERE, ids=lambda one: one.folder_name)
+def test_notebooks_hold_the_lecture_and_no_solution(lecture) -> None:
+    pytest.importorskip("jupytext")
+    nbformat = pytest.importorskip("nbformat")
+    made = notebook(lecture)
+    nbformat.validate(made)
+    text = "\n".join(cell.source for cell in made.cells)
+    assert made.cells[0].source.startswith(f"# {lecture.title}")
+    for name in lecture.exercises:
+        assert f"`{name}(" in text
+    assert not any(cell.get("outputs") for cell in made.cells)
+    assert [c.source for c in notebook(lecture).cells] == [c.source for c in made.cells]
+
+
+def test_exercises_are_listed_with_their_points() -> None:
+    rotations = next(one for one in COURSE if one.number == 2)
+    head, first, *rest = exercises(rotations)
+    assert "workbench lecture check 2" in head
+    assert "### 2.1 `hat(w)`" in first
+    assert "1 point\n" in first
+    assert len(rest) == len(rotations.exercises) - 1
+
+
+def test_a_missing_tool_is_named_with_its_cure(monkeypatch: pytest.MonkeyPatch) -> None:
+    def absent(name: str) -> None:
+        raise ImportError(name)
+
+    monkeypatch.setattr(notebooks, "import_module", absent)
+    with pytest.raises(BadFile, match=r"pip install 'workbench\[course\]'"):
+        tool("nbclient")
+
+
+def test_nothing_of_somebody_elses_is_replaced(tmp_path: Path) -> None:
+    have(*notebooks.NEEDED, *NEEDED)
+    (tmp_path / "thesis.tex").write_text("years of work")
+    with pytest.raises(BadFile, match="no site of ours"):
+        write_site(tmp_path)
+    assert (tmp_path / "thesis.tex").read_text() == "years of work"
+
+
+class Links(html.parser.HTMLParser):
+    """All that a page points to, and what it loads."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.to: list[str] = []
+        self.loaded: list[str] = []
+        self.names: set[str] = set()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        found = dict(attrs)
+        if found.get("id"):
+            self.names.add(str(found["id"]))
+        if tag == "a" and found.get("href"):
+            self.to.append(str(found["href"]))
+        if tag in ("script", "img", "link") and (at := found.get("src") or found.get("href")):
+            self.loaded.append(at)
+
+
+def have(*names: str) -> None:
+    for name in names:
+        if importlib.util.find_spec(name) is None:
+            pytest.skip(f"{name} is not installed")
+
+
+def test_the_site_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every link leads somewhere, and nothing is loaded from elsewhere. No cell is run here."""
+    have(*notebooks.NEEDED, *NEEDED)
+    monkeypatch.setattr(site, "executed", lambda made, lecture, folder: made)
+    out = tmp_path / "new" / "site"
+    assert write_site(out) == out / "index.html"
+    pages = {path.name: Links() for path in out.glob("*.html")}
+    assert {f"{one.folder_name}.html" for one in THERE} | {"GUIDE.html"} <= pages.keys()
+    for name, links in pages.items():
+        links.feed((out / name).read_text(encoding="utf-8"))
+    for name, links in pages.items():
+        for target in links.to + links.loaded:
+            parts = urlparse(target)
+            if parts.scheme == "data":
+                continue
+            assert not parts.netloc, f"{name} needs the network for {target}"
+            there = unquote(parts.path) or name
+            assert (out / there).exists(), f"{name} points to {target}"
+            if parts.fragment and there in pages:
+                assert unquote(parts.fragment) in pages[there].names, f"{name}: {target}"
+    (out / "left-over.html").touch()
+    write_site(out)  # once more, in its own place
+    assert not (out / "left-over.html").exists()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("lecture", THERE, ids=lambda one: one.folder_name)
+def test_every_notebook_executes(lecture: Lecture, tmp_path: Path) -> None:
+    have(*notebooks.NEEDED)
+    done = notebooks.executed(notebook(lecture), lecture, tmp_path)
+    shown = [output for cell in done.cells for output in cell.get("outputs", [])]
+    assert any("<figure" in output.get("data", {}).get("text/html", "") for output in shown)
+    assert not any(output.get("name") == "stderr" for output in shown)

@@ -1,0 +1,213 @@
+"""`workbench lecture`: the course, its exercises and their marks."""
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.markdown import Markdown
+from rich.markup import escape
+from rich.table import Table
+
+from workbench import course
+from workbench.cli.run import make_folder
+from workbench.course.cells import carried_out
+from workbench.course.marks import Mark, Marked, State
+from workbench.course.notebooks import executed, notebook, write_notebook
+from workbench.course.outline import course as outline
+from workbench.course.outline import lecture
+from workbench.course.site import write_site
+from workbench.course.starting import start
+from workbench.course.supervision import SECONDS, marked
+from workbench.errors import BadArgument
+
+NOT_ALL_PASSED = 1  # the exit code of `check`
+COLOUR = {State.PASSED: "green", State.FAILED: "bold red", State.NOT_ATTEMPTED: "dim"}
+
+Folder = Annotated[Path, typer.Argument(help="Where to write; it is made.")]
+Number = Annotated[int, typer.Argument(help="The number of a lecture; `list` names them.")]
+
+
+def list_() -> None:
+    """List the lectures: what each asks, how long it takes, and the points of its exercises."""
+    table = Table(box=None, padding=(0, 2, 0, 0))
+    for title in ("", "lecture", "minutes", "points"):
+        table.add_column(title, justify="left" if title == "lecture" else "right")
+    for one in outline():
+        if one.there:
+            points = str(sum(check.points for check in one.checks))
+            said = f"[bold]{escape(one.title)}[/]\n[dim]{escape(one.question)}[/]"
+            table.add_row(str(one.number), said, str(one.minutes), points)
+        else:
+            table.add_row(str(one.number), f"{escape(one.title)} [dim](to come)[/]", "", "")
+    Console().print(table, highlight=False)
+
+
+def show(number: Number) -> None:
+    """Show what a lecture asks, assumes and teaches, its exercises, and where its text is."""
+    one, console = lecture(number), Console()
+    console.print(f"[bold]{number} {escape(one.title)}[/]\n{escape(one.question)}\n")
+    for title, text in (
+        ("assumes", one.assumes), ("teaches", one.teaches), ("minutes", str(one.minutes)),
+        ("text", str(one.folder / "lecture.py")),
+    ):  # fmt: skip
+        console.print(f"[dim]{title:8}[/] {escape(text)}", highlight=False, soft_wrap=True)
+    exercises = one.module("exercises")
+    for k, name in enumerate(one.exercises, 1):
+        points = sum(check.points for check in one.checks if check.exercise == name)
+        task = (getattr(exercises, name).__doc__ or "").splitlines()[0]
+        head = f"[bold]{number}.{k} {name}[/]  {escape(task)} [dim]({_points(points)})[/]"
+        console.print(head, highlight=False, soft_wrap=True)
+    console.print(f"\nworkbench lecture run {number}, workbench lecture start {number} FOLDER")
+
+
+def run(
+    number: Number,
+    out: Annotated[Path, typer.Option(help="Folder that figures are written into.")] = Path("runs"),
+) -> None:
+    """Run a lecture from top to bottom: its text and results here, its figures as files."""
+    one, console = lecture(number), Console()
+    make_folder(out / one.folder_name)
+    pictures = 0
+    for cell, value in carried_out(one.folder / "lecture.py"):
+        if cell.prose:
+            console.print(Markdown(_literal(cell.text)), "")
+        elif isinstance(value, course.Picture):
+            pictures += 1
+            path = out / one.folder_name / f"figure-{pictures}.png"
+            path.write_bytes(value.png)
+            console.print(f"[bold]{escape(str(path))}[/]: {escape(value.caption)}\n")
+        elif value is not None:
+            console.print(escape(repr(value)) + "\n", highlight=False, soft_wrap=True)
+
+
+def _literal(prose: str) -> str:
+    """Formulas as they were typed: Markdown would take their backslashes and stars."""
+    formula = r"\$\$.+?\$\$|\$.+?\$"
+    return re.sub(formula, lambda m: re.sub(r"([!-/:-@\[-`{-~])", r"\\\1", m[0]), prose, flags=re.S)
+
+
+def begin(
+    number: Number,
+    folder: Annotated[Path, typer.Argument(help="Where to put the file; it is made.")],
+) -> None:
+    """Copy the exercises of a lecture into a folder of yours. Nothing there is written over."""
+    path = start(lecture(number), folder)
+    console = Console()
+    console.print(f"exercises: [bold]{escape(str(path))}[/]", soft_wrap=True)
+    console.print(
+        f"check them: workbench lecture check {number} {escape(str(path))}", soft_wrap=True
+    )
+
+
+def check(
+    number: Number,
+    files: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            metavar="[FILE]...",
+            help="Files with answers, or their folders; else the lecture's file in this folder.",
+        ),
+    ] = None,
+    seconds: Annotated[
+        float, typer.Option(help="That each exercise, and loading the file, may take.")
+    ] = SECONDS,
+    as_json: Annotated[bool, typer.Option("--json", help="For a grade book.")] = False,
+) -> None:
+    """Check answers, each file in a process of its own; print points, and hints where they fail.
+
+    Exits with 1 unless every check of every file passed.
+    """
+    if not seconds > 0:
+        raise BadArgument(f"--seconds takes a number above 0, not {seconds}")
+    one, console = lecture(number), Console()
+    paths = [
+        path / f"{one.folder_name}.py" if path.is_dir() else path for path in files or [Path()]
+    ]
+    every: list[Marked] = []
+    for path in paths:
+        found = marked(one, path, seconds)
+        every.append(found)
+        if not as_json:
+            _print(console, found)
+    if as_json:
+        data = [found.data() for found in every]
+        typer.echo(json.dumps(data if len(paths) > 1 else data[0], indent=2))
+    if not all(found.passed for found in every):
+        raise typer.Exit(NOT_ALL_PASSED)
+
+
+def notebooks(folder: Folder) -> None:
+    """Write all lectures as notebooks, with the results of every cell. Needs the extra `course`."""
+    console = Console()
+    make_folder(folder)
+    for one in outline():
+        if one.there:
+            console.print(f"[dim]running lecture {one.number}, {escape(one.title)}[/]")
+            path = folder / f"{one.folder_name}.ipynb"
+            write_notebook(executed(notebook(one), one, folder), path)
+    console.print(f"notebooks: [bold]{escape(str(folder))}[/]", soft_wrap=True)
+
+
+def site(folder: Folder) -> None:
+    """Write the course as a static site, with every lecture run. Needs the extra `course`."""
+    console = Console()
+    page = write_site(folder, lambda said: console.print(f"[dim]{escape(said)}[/]"))
+    console.print(f"site: [bold]{escape(str(page))}[/]", soft_wrap=True)
+
+
+def _print(console: Console, found: Marked) -> None:
+    console.print(f"[bold]{found.lecture.number} {escape(found.lecture.title)}[/] "
+                  f"[dim]{escape(found.file)}[/]", soft_wrap=True)  # fmt: skip
+    if found.trouble:
+        console.print(f"[bold red]the file could not be loaded:[/] {escape(found.trouble)}",
+                      highlight=False, soft_wrap=True)  # fmt: skip
+    table = Table(box=None, padding=(0, 2, 0, 0), show_header=False)
+    table.add_column()
+    table.add_column()
+    table.add_column(justify="right")
+    for k, (name, marks) in enumerate(found.exercises.items(), 1):
+        reached, of = sum(m.points for m in marks), sum(m.of for m in marks)
+        table.add_row(f"[bold]{found.lecture.number}.{k} {name}[/]", "", f"[bold]{reached}/{of}[/]")
+        told: list[str] = []
+        for mark in [] if found.trouble else marks:
+            table.add_row(_state(mark), escape(mark.check), f"[dim]{mark.points}/{mark.of}[/]")
+            if told != (told := _lines(mark)):  # once, if all checks meet with the same
+                table.add_row("", "\n".join(told))
+        if printed := found.printed.get(name):
+            table.add_row("[dim]  printed[/]", f"[dim]{escape(printed)}[/]")
+    console.print(table, highlight=False)
+    console.print(f"[bold]{found.points} of {_points(found.of)}[/]\n", highlight=False)
+
+
+def _state(mark: Mark) -> str:
+    return f"  [{COLOUR[mark.state]}]{mark.state.value}[/]"
+
+
+def _lines(mark: Mark) -> list[str]:
+    told = (("", mark.what), ("expected  ", mark.expected), ("came      ", mark.came))
+    lines = [
+        f"[dim]{title}[/]" + escape(text).replace("\n", "\n" + " " * len(title))
+        for title, text in told
+        if text
+    ]
+    return lines + ([f"[yellow]perhaps[/]   {escape(mark.hint)}"] if mark.hint else [])
+
+
+def _points(n: int) -> str:
+    return f"{n} point" + ("" if n == 1 else "s")
+
+
+COMMANDS: dict[str, Callable[..., None]] = {
+    "list": list_,
+    "show": show,
+    "run": run,
+    "start": begin,
+    "check": check,
+    "notebooks": notebooks,
+    "site": site,
+}
+HELP = "The course: lectures that run, and exercises that are checked."

@@ -1,0 +1,139 @@
+"""Answers: called with copies, put into the form that the solution's have, and compared."""
+
+import copy
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as cs
+import numpy as np
+
+from workbench.course.checks import Missed
+from workbench.course.words import in_words, kind
+
+SYMBOLIC = (cs.MX, cs.SX)
+NUMERIC = (bool, int, float, np.ndarray, np.number, np.bool_, cs.DM)
+
+
+@dataclass(frozen=True)
+class Raised:
+    """What came instead of an answer."""
+
+    error: BaseException
+
+
+def outcome(answer: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
+    """What a function answers, or Raised; it is given copies, and its warnings are not heard."""
+    try:
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            return answer(*copied(arguments))
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # also of those who leave by sys.exit
+        return Raised(error)
+
+
+def copied(value: Any) -> Any:
+    """Arrays anew, inside of tuples, lists and dicts too; anything else as it is."""
+    if isinstance(value, np.ndarray):
+        return value.copy()
+    if isinstance(value, tuple | list):
+        return type(value)(copied(part) for part in value)
+    if isinstance(value, dict):
+        return {key: copied(part) for key, part in value.items()}
+    return copy.copy(value) if isinstance(value, set) else value
+
+
+def formed(came: Any, model: Any, what: str) -> Any:
+    """An answer in the form of the solution's: arrays of that shape, finite where that is.
+
+    A list of the right numbers does for an array. The length of a list is free, that of a tuple
+    is not. Raises Missed with what was expected and what came.
+    """
+    if came is None and model is not None:
+        raise Missed(what, kind(model), "None: is a `return` missing?")
+    if isinstance(model, NUMERIC):
+        return _numbers(came, model, what)
+    if isinstance(model, tuple | list):
+        fits = isinstance(came, tuple | list | np.ndarray)
+        if not fits or (isinstance(model, tuple) and len(came) != len(model)):
+            raise Missed(what, kind(model), kind(came))
+        models = (
+            model if isinstance(model, tuple) else [model[0] if model else part for part in came]
+        )
+        return type(model)(
+            formed(part, like, f"{what}[{i}]")
+            for i, (part, like) in enumerate(zip(came, models, strict=True))
+        )
+    if isinstance(model, dict):
+        if not isinstance(came, dict) or came.keys() != model.keys():
+            names = sorted(map(str, came)) if isinstance(came, dict) else kind(came)
+            raise Missed(what, f"a dict of {', '.join(sorted(map(str, model)))}", str(names))
+        return {key: formed(came[key], model[key], f"{what}[{key!r}]") for key in model}
+    if isinstance(model, SYMBOLIC):
+        if not isinstance(came, SYMBOLIC) or came.shape != model.shape:
+            raise Missed(what, kind(model), kind(came))
+        return came
+    fits = callable(came) if callable(model) else isinstance(came, type(model))
+    if not fits:
+        raise Missed(what, kind(model), kind(came))
+    return came
+
+
+def _numbers(came: Any, model: Any, what: str) -> Any:
+    wanted = np.asarray(model)
+    try:
+        if isinstance(came, str | dict) or callable(came):
+            raise TypeError
+        found = np.asarray(came, dtype=float)
+    except Exception as error:  # whatever a type of the student's own does when it is asked
+        said = "a function: call it" if callable(came) else f"{kind(came)}: {in_words(came)}"
+        raise Missed(what, kind(wanted), said) from error
+    if wanted.ndim == 0 and found.size == 1:
+        found = found.reshape(())
+    if found.shape != wanted.shape:
+        raise Missed(what, kind(wanted), kind(found))
+    bad = ~np.isfinite(found) & np.isfinite(wanted.astype(float))
+    if bad.any():
+        where = "" if wanted.ndim == 0 else f" at {list(map(int, np.argwhere(bad)[0]))}"
+        raise Missed(what, "finite numbers", f"{found[bad][0]}{where}")
+    if wanted.ndim:
+        return found
+    if isinstance(model, bool | int | np.integer) and float(found).is_integer():
+        return type(model)(found)
+    return float(found)
+
+
+def same(a: Any, b: Any, within: float) -> bool:
+    """Whether two answers are one: to a relative error, NaN like NaN, alike in what was raised."""
+    if isinstance(a, Raised) or isinstance(b, Raised):
+        both = isinstance(a, Raised) and isinstance(b, Raised)
+        return both and type(a.error) is type(b.error)
+    if isinstance(a, SYMBOLIC) and isinstance(b, SYMBOLIC):
+        return a.shape == b.shape and same(_evaluated(a), _evaluated(b), within)
+    if isinstance(a, dict) and isinstance(b, dict):
+        return a.keys() == b.keys() and all(same(a[key], b[key], within) for key in a)
+    try:
+        x, y = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
+    except Exception:  # no numbers: see above
+        if isinstance(a, tuple | list) and isinstance(b, tuple | list):
+            return len(a) == len(b) and all(
+                same(one, other, within) for one, other in zip(a, b, strict=True)
+            )
+        return isinstance(a, str) and isinstance(b, str) and a == b
+    if x.shape != y.shape:
+        return False
+    scale = np.abs(y[np.isfinite(y)]).max(initial=1e-3)
+    return np.allclose(x, y, rtol=within, atol=within * scale, equal_nan=True)
+
+
+def _evaluated(expression: Any) -> Any:
+    """At a point that is no special one."""
+    symbols = sorted(cs.symvar(expression), key=lambda symbol: str(symbol.name()))
+    inputs = [
+        np.sin(np.arange(1.0, s.numel() + 1) * (k + 1)).reshape(s.shape)
+        for k, s in enumerate(symbols)
+    ]
+    return np.asarray(cs.Function("answer", symbols, [expression])(*inputs))

@@ -1,0 +1,55 @@
+"""A lecture's script as cells: prose between `# %% [markdown]` and `# %%`, code after that."""
+
+import ast
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from workbench.errors import BadFile
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Prose or code, and the line of the script at which it begins."""
+
+    prose: bool
+    text: str
+    line: int
+
+
+def cells(path: Path) -> list[Cell]:
+    """The cells of a percent script. Raises BadFile if it has none."""
+    found: list[Cell] = []
+    lines = path.read_text(encoding="utf-8").splitlines()
+    marks = [i for i, line in enumerate(lines) if re.match(r"# %%", line)]
+    for begin, end in zip(marks, [*marks[1:], len(lines)], strict=True):
+        prose = "[markdown]" in lines[begin]
+        body = lines[begin + 1 : end]
+        if prose:
+            body = [re.sub(r"^# ?", "", line) for line in body]
+        text = "\n".join(body).strip("\n")
+        if text:
+            found.append(Cell(prose, text, begin + 2))
+    if not found:
+        raise BadFile(f"{path} has no cells; begin them with `# %%` or `# %% [markdown]`")
+    return found
+
+
+def carried_out(path: Path) -> Iterator[tuple[Cell, Any]]:
+    """Each cell, and the value of its last line once it has been run; prose has None."""
+    names: dict[str, Any] = {"__name__": "lecture", "__file__": str(path)}
+    for cell in cells(path):
+        yield cell, None if cell.prose else _value(cell, names, path)
+
+
+def _value(cell: Cell, names: dict[str, Any], path: Path) -> Any:
+    """What a notebook would show: the value of the last line, if that is an expression."""
+    tree = ast.parse("\n" * (cell.line - 1) + cell.text, str(path))
+    last = tree.body[-1] if tree.body else None
+    if not isinstance(last, ast.Expr):
+        exec(compile(tree, str(path), "exec"), names)
+        return None
+    exec(compile(ast.Module(tree.body[:-1], []), str(path), "exec"), names)
+    return eval(compile(ast.Expression(last.value), str(path), "eval"), names)

@@ -1,0 +1,88 @@
+"""Checks of exercises, known mistakes, and the two ways in which a check says what it expects."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.course.words import in_words
+
+Answer = Callable[..., Any]  # a student's function, or one of ours in its place
+
+
+@dataclass(frozen=True)
+class Check:
+    """What an answer is tried by; `run` takes the function and raises Missed."""
+
+    exercise: str  # the function's name in exercises.py
+    points: int
+    name: str  # what it holds the answer to, in a line
+    run: Callable[[Answer], None]
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """A wrong answer that somebody will give, and what to say to them."""
+
+    exercise: str
+    hint: str
+    answer: Answer
+
+
+class Missed(Exception):
+    """An answer is not what a check expects."""
+
+    def __init__(self, what: str, expected: str = "", came: str = "") -> None:
+        super().__init__(what)
+        self.what, self.expected, self.came = what, expected, came
+
+
+def check(exercise: str, points: int = 1) -> Callable[[Callable[[Answer], None]], Check]:
+    """Make a function from an answer to nothing a check; its docstring's first line is its name."""
+
+    def made(run: Callable[[Answer], None]) -> Check:
+        return Check(exercise, points, (run.__doc__ or run.__name__).splitlines()[0], run)
+
+    return made
+
+
+def mistake(exercise: str, hint: str) -> Callable[[Answer], Mistake]:
+    """Make a wrong answer a known mistake: whoever answers alike is told the hint."""
+    return lambda answer: Mistake(exercise, hint, answer)
+
+
+def checks_in(module: ModuleType) -> tuple[Check, ...]:
+    """In the order in which they are written."""
+    return tuple(found for found in vars(module).values() if isinstance(found, Check))
+
+
+def mistakes_in(module: ModuleType) -> tuple[Mistake, ...]:
+    """In the order in which they are written."""
+    return tuple(found for found in vars(module).values() if isinstance(found, Mistake))
+
+
+def equal(came: ArrayLike, expected: ArrayLike, what: str, within: float = 1e-9) -> None:
+    """Numbers agree: |came - expected| <= within max(1, |expected|), entry by entry.
+
+    `what` is the quantity: `R'R for w = (0, 0, 1)`. Raises Missed.
+    """
+    a, b = np.asarray(came, dtype=float), np.asarray(expected, dtype=float)
+    if a.shape != b.shape:
+        raise Missed(what, f"an array of shape {b.shape}", f"an array of shape {a.shape}")
+    off = np.abs(a - b) / np.maximum(1, np.abs(b))
+    if (off <= within).all():
+        return
+    if b.size > 16:
+        worst = np.unravel_index(np.argmax(np.where(np.isnan(off), np.inf, off)), b.shape)
+        what += f", at [{', '.join(map(str, worst))}]"
+        a, b = a[worst], b[worst]
+    raise Missed(what, in_words(b), in_words(a))
+
+
+def holds(condition: object, what: str, expected: str = "", came: object = "") -> None:
+    """A property holds. `what` says which, `expected` and `came` what the failure is about."""
+    if not condition:
+        raise Missed(what, expected, came if isinstance(came, str) else in_words(came))
