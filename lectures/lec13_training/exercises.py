@@ -1,4 +1,4 @@
-"""Exercises of lecture 13, training.
+"""Exercises of lecture 13, training a body model.
 
 Write each answer in place of the line that raises. Names, arguments and shapes stay as they are.
 Lengths are in metres. Then
@@ -13,57 +13,57 @@ from workbench.course import Unsolved
 Array = np.ndarray
 
 
-def unposed(M: Array, m: Array, V: Array) -> Array:
-    """The rest vertices t_i that v_i = M_i t_i + m_i takes to V. M_i is a blend of rotations.
-
-    M (N, 3, 3), m (N, 3) m, V (N, 3) m -> (N, 3) m
-    """
-    raise Unsolved("unposed")
-
-
-def pose_blend_shapes(X: Array, D: Array, price: float) -> Array:
-    """The P that is least in |X P - D|^2 + price |P|^2, both the sum of squares of all entries.
-
-    X (n, F), a pose's features in each row; D (n, d) m; price > 0 -> (F, d) m
-    """
-    raise Unsolved("pose_blend_shapes")
-
-
 def taught_by() -> dict[str, str]:
-    """Which set teaches which part of SMPL: "multi-pose" (few people, many poses) or "multi-shape".
+    """Which set of registrations teaches what: "multi-pose" or "multi-shape" for each name.
 
-    -> a dict with the keys "P" (pose blend shapes), "W" (weights), "J" (joint regressor),
-    "T" (the template), "S" (shape directions)
+    -> a dict with the keys "template", "shapedirs", "posedirs", "weights", "J_regressor"
     """
     raise Unsolved("taught_by")
 
 
-def shape_directions(people: Array, k: int) -> Array:
-    """The first k shape directions of un-posed people: as long as one standard deviation along each.
+def unevenness(T: Array, opposite: Array) -> float:
+    """|T - U(T)|^2, where U is the mirror at x = 0: zero for a body that is alike on both sides.
 
-    Standard deviations divide by P - 1. Either sign will do.
-
-    people (P, n) m, a person in each row, k < P -> (k, n) m, a direction in each row
+    T (N, 3) m; opposite (N,) whole numbers, the vertex on the other side of each -> a number, m^2
     """
-    raise Unsolved("shape_directions")
+    raise Unsolved("unevenness")
 
 
-def joint_shares(V: Array, joints: Array) -> Array:
-    """The shares w, none below 0 and 1 in sum, least in the sum over people of |w V_s - j_s|^2.
+def ridge(F: Array, D: Array, penalty: float) -> Array:
+    """The P that is least in sum over j of |D_j - P F_j|^2 + penalty times the sum of squares of P.
 
-    To six digits of that sum. scipy.optimize may help.
-
-    V (S, N, 3) m, joints (S, 3) m, one joint of each person -> (N,)
+    F (J, f), the features of each mesh; D (J, m) m, its displacements -> (m, f) m
     """
-    raise Unsolved("joint_shares")
+    raise Unsolved("ridge")
 
 
-def shape_of(scans: Array) -> Array:
-    """The shape T of a stiff thing, from scans V_j = T R_j' with noise and rotations R_j unknown.
+def shape_space(people: Array, B: int):
+    """The mean and the first B principal directions, scaled so that betas have variance one.
 
-    Least in the sum of |T R_j' - V_j|^2; the sum at your answer, each R_j being its best one, must not
-    be above 1.0001 times the least. T is known but for a rotation: any will do. Scans are centred.
+    That is the variance with n - 1 below. Signs are up to you.
 
-    scans (S, N, 3) m -> (N, 3) m
+    people (n, m) m, a person in each row -> a tuple of mean (m,) m and directions (m, B) m
     """
-    raise Unsolved("shape_of")
+    raise Unsolved("shape_space")
+
+
+def weights_of(reached: Array, seen: Array) -> Array:
+    """The weights of one vertex: least in sum over j of |sum over k of w_k reached_jk - seen_j|^2,
+    with no weight below zero and their sum one.
+
+    reached (J, K, 3) m: where bone k alone would take the vertex in pose j; seen (J, 3) m -> (K,)
+    """
+    raise Unsolved("weights_of")
+
+
+def rest_shape(meshes: Array) -> Array:
+    """Training in small: one rigid thing was seen in many places. The shape of it.
+
+    That is the T that is least in min over R_j, t_j of sum over j of |R_j T_i + t_j - V_ji|^2, R_j
+    rotations. Where T stands, and how it is turned, is up to you; take turns until nothing changes.
+    (The best R, t for two sets of points: mean on mean; then with A the sum over i of
+    V_i T_i', both less their means, and A = U S V', the R = U diag(1, 1, det(U V')) V'.)
+
+    meshes (J, N, 3) m -> (N, 3) m
+    """
+    raise Unsolved("rest_shape")

@@ -1,4 +1,4 @@
-"""Right answers by other ways than ours pass, in lectures 7 and 11 to 13."""
+"""Right answers by other ways than ours pass, in lectures 7, 11 and 12."""
 
 from types import ModuleType, SimpleNamespace
 from typing import cast
@@ -97,30 +97,6 @@ def on_a_grid(log_p, start: Array, count: int) -> Array:
     return chosen + rng.uniform(-0.05, 0.05, (count, 2))
 
 
-def with_prices_below(X: Array, D: Array, price: float) -> Array:
-    F = X.shape[1]
-    tall = np.vstack([X, np.sqrt(price) * np.eye(F)])
-    return np.linalg.lstsq(tall, np.vstack([D, np.zeros((F, D.shape[1]))]), rcond=None)[0]
-
-
-def by_eigenvectors(people: Array, k: int) -> Array:
-    values, vectors = np.linalg.eigh(np.cov(people.T))
-    return (np.sqrt(values[-k:].clip(0)) * vectors[:, -k:]).T[::-1]
-
-
-def with_a_heavy_sum(V: Array, joints: Array) -> Array:
-    A = V.transpose(0, 2, 1).reshape(-1, V.shape[1])
-    tall = np.vstack([A, np.full((1, V.shape[1]), 1e5)])
-    return scipy.optimize.nnls(tall, np.append(joints.ravel(), 1e5), maxiter=5000)[0]
-
-
-def turned_by_scipy(scans: Array) -> Array:
-    T = scans[-1]
-    for _ in range(60):
-        T = np.mean([Rotation.align_vectors(T, scan)[0].apply(scan) for scan in scans], axis=0)
-    return T
-
-
 WAYS = {
     7: [
         {"damped_step": by_normal_equations, "gain": over_the_promise,
@@ -136,11 +112,6 @@ WAYS = {
         {"deviations": by_inverse, "interval": sorted_out, "next_point": by_ratio,
          "draw": on_a_grid},
         {"deviations": lambda J: np.linalg.norm(np.linalg.pinv(J), axis=1)},
-    ],
-    13: [
-        {"unposed": lambda M, m, V: np.einsum("nab,nb->na", np.linalg.inv(M), V - m),
-         "pose_blend_shapes": with_prices_below, "shape_directions": by_eigenvectors,
-         "joint_shares": with_a_heavy_sum, "shape_of": turned_by_scipy},
     ],
 }  # fmt: skip
 
