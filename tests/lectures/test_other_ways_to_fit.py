@@ -8,7 +8,6 @@ import pytest
 import scipy.linalg
 import scipy.optimize
 import scipy.stats
-from scipy.spatial.transform import Rotation
 
 from workbench.course.marking import mark
 from workbench.course.marks import State
