@@ -89,7 +89,7 @@ def test_smpl_is_learned_back_from_what_it_generated() -> None:
     np.testing.assert_allclose(learned.template, SMALL.template, atol=1e-12)
 
 
-@pytest.mark.parametrize("body", [SMALL, scape(SMALL), blend_scape(SMALL)], ids=str)
+@pytest.mark.parametrize("body", [SMALL, scape(SMALL), blend_scape(SMALL)], ids=lambda body: body.name)
 def test_betas_are_those_of_the_people(body: wb.SkinnedBody | TriangleBody) -> None:
     betas = np.random.default_rng(1).normal(size=(4, 10))
     people = body.vertices(betas=betas) + [1.0, 2.0, 3.0]
