@@ -1,1 +1,1 @@
-"""The course. Each lecture is a folder of four files; they come with the parts they teach."""
+"""The course: a folder of four files for each lecture, and its line in `outline`. See AUTHORS.md."""

@@ -36,6 +36,7 @@ WORKBENCH = [
     "Staged",
     "Status",
     "SteepestDescent",
+    "TriangleBody",
     "Values",
     "WorkbenchError",
     "compare",

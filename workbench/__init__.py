@@ -11,6 +11,7 @@ from workbench.blocks import Block, Layout, Points, Values
 from workbench.bodies import Landmarks, SkinnedBody, dual_quaternion_blend, linear_blend
 from workbench.bodies.catalogue import load_body
 from workbench.bodies.saving import save_body
+from workbench.bodies.triangles import TriangleBody
 from workbench.comparison import Budget, Comparison, compare
 from workbench.diagnostics import Diagnosis, diagnose
 from workbench.errors import WorkbenchError
@@ -67,6 +68,7 @@ __all__ = [
     "Staged",
     "Status",
     "SteepestDescent",
+    "TriangleBody",
     "Values",
     "WorkbenchError",
     "compare",

@@ -156,10 +156,11 @@ def _left_over(results: Results, people: Found, shape: Sequence[int]) -> str:
             f"Laplace, {rate('widened', 'emcee')} by emcee"
         )
     return (
-        f"\n{people['labels'][i]} is the lowest of the others. {'; '.join(said)}. What is missing "
-        "where everything is made up is Laplace's doing and that of poses which are all alike; "
-        "what is missing beyond that, with emcee too, is the model's: keypoints that are off in "
-        "the same direction in all frames."
+        f"\n{people['labels'][i]} is the lowest of the others. {'; '.join(said)}. With the rest at "
+        "the truth it is the sigma that makes the difference. With all free it is not: some is "
+        "missing where everything is made up (Laplace's doing), more where the poses are the "
+        "recorded ones, all alike and none of the prior's, and the rest is what made-up keypoints "
+        "do not have: being off in the same direction in all frames, which no sigma describes."
     )
 
 

@@ -90,7 +90,8 @@ def _throughput(found: Found, _: Mapping[str, Found]) -> str:
     lines = [
         "## Posteriors a second\n",
         f"One core, {found['walkers']} walkers, all 85 entries free, inside of emcee with its own "
-        "moves and loops; the share is of emcee alone with nothing to compute.\n",
+        "moves and loops; the processor's seconds, best of four rounds in turn; the share is of "
+        "emcee alone with nothing to compute.\n",
         "| posterior | emcee alone | without a compiler | share | compiled | share |",
         "| --- |" + " --: |" * 5,
     ]

@@ -195,8 +195,8 @@ for name, n in counts.items():
 print(f"{'together':12}{sum(counts.values()):>10,}")
 
 # %% [markdown]
-# (The slides sum up to 6,014,970, with three rows that are not what a model file holds: they count the
-# regressor as a free map from all coordinates to all joints, and three numbers for each weight.)
+# (The slides sum up to 6,014,970. Two of their rows are not what a model file holds: they count the
+# regressor as a free map from all coordinates to all joints, and four weights to a vertex as twelve.)
 #
 # ## What is linear in it?
 #

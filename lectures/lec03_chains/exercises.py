@@ -64,6 +64,7 @@ def reach(bones: Array, target: Array) -> Array:
     for each joint, relative to the joint before. Any pose will do that brings the tip to within
     1e-4 m of the target, or of the least distance that there is. Every target is further away
     than the longest bone, so nothing has to be folded up.
+    `scipy.optimize.least_squares` looks for numbers that make a function's entries small.
 
     bones (n, 3) m; target (3,) m -> (n, 3) rad
     """

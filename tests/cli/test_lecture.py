@@ -119,3 +119,13 @@ def test_every_failed_line_has_a_reason_and_no_line_is_blank(workbench: Run) -> 
     assert all(line.strip() for line in lines)
     failed = [i for i, line in enumerate(lines) if line.startswith("  failed")]
     assert all(lines[i + 1].startswith("      ") for i in failed)
+
+
+def test_notebooks_are_not_written_over(workbench: Run) -> None:
+    Path("books").mkdir()
+    Path("books/lec06_least_squares.ipynb").write_text("a student's evening")
+    code, _, err = workbench("lecture", "notebooks", "books")
+    assert code == 2
+    assert "somebody's work" in err
+    assert Path("books/lec06_least_squares.ipynb").read_text() == "a student's evening"
+    assert len(list(Path("books").iterdir())) == 1

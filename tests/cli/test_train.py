@@ -21,10 +21,10 @@ START = worm(7, 5)
 BODY = random_smpl(START, 2, seed=3)
 
 
-def made_folder(folder: Path) -> Path:
+def made_folder(folder: Path, seed: int = 4) -> Path:
     """Three people in six poses, eight people in about one."""
     folder.mkdir()
-    poses, _ = draw_registrations(BODY, 3, 6, seed=4)
+    poses, _ = draw_registrations(BODY, 3, 6, seed=seed)
     shapes, _ = draw_registrations(BODY, 8, 1, seed=5, turn=0.1)
     write_start(START, folder / "start.npz")
     np.save(folder / "poses.npy", Spoiled(poses, seed=6, noise=0.001).read(slice(0, 18)).vertices)
@@ -40,19 +40,28 @@ def made_folder(folder: Path) -> Path:
 
 def test_a_folder_becomes_a_body_with_a_card(tmp_path: Path) -> None:
     made_folder(tmp_path / "mine")
-    done = workbench("train", "mine", "--rounds", "1", "--betas", "2", cwd=tmp_path)
+    others = made_folder(tmp_path / "others", seed=14)
+    options = ("--rounds", "1", "--betas", "2", "--held-out", "others", "--jobs", "1")
+    done = workbench("train", "mine", *options, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "18 registrations of 3 subjects in poses, 8 people for shape" in done.stdout
-    assert "7/7 surfaces" in done.stdout
+    assert "14/14 surfaces" in done.stdout
     place = tmp_path / "runs" / "train-mine"
     body = wb.load_body(place / "body.npz")
     assert body.n_betas == 2
     assert body.card["trained_on"]["people_for_shape"] == 8
+    met = body.card["held_out"]
+    assert (met["strangers"], met["registrations"]) == (3, 9)
+    assert 0 < met["mean_mm"] < met["mean_without_posedirs_mm"]
+    assert "told_skinning_mean_mm" not in met  # nobody said how these were made
+    assert others.is_dir()
     assert "worst kkt" in (place / "card" / "index.html").read_text()
-    again = workbench("train", "mine", "--rounds", "1", "--betas", "2", cwd=tmp_path)
+    again = workbench("train", "mine", *options, cwd=tmp_path)
     assert again.returncode == 0, again.stderr
     assert "surfaces" not in again.stdout  # every block had run
-    one = workbench("train", "mine", "--gender", "male", "--rounds", "1", cwd=tmp_path)
+    one = workbench(
+        "train", "mine", "--gender", "male", "--rounds", "1", "--jobs", "1", cwd=tmp_path
+    )
     assert one.returncode == 2
     assert "one subject" in one.stderr
 
@@ -77,6 +86,8 @@ def test_options_that_make_no_sense(tmp_path: Path) -> None:
         train(folder, start="small", out=out)
     with pytest.raises(BadArgument, match="female, male, neutral"):
         train(folder, gender="cat", out=out)
+    with pytest.raises(BadFile, match="subject table"):
+        train(folder, held_out=tmp_path / "nowhere", out=out)
     with pytest.raises(BadArgument, match="1 or more"):
         train(folder, betas=0, out=out)
     with pytest.raises(BadFile, match="subject table"):

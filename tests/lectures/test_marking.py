@@ -1,6 +1,7 @@
 """Files that students hand in: what each gets is fair, and nothing else is harmed."""
 
 import os
+import sys
 import time
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -9,6 +10,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from workbench.course import marker, marking
 from workbench.course.checks import Missed, equal
 from workbench.course.marking import mark
 from workbench.course.marks import Mark, Marked, State
@@ -131,15 +133,27 @@ def test_whatever_one_answer_does_the_others_are_marked(tmp_path: Path) -> None:
         ("import numpy as np\ndef hat(w:\n    return w\n", "line 2: SyntaxError"),
         ("import nothing_of_that_name\n", "line 1: ModuleNotFoundError: No module named"),
         ("import sys\nsys.exit('enough')\n", "line 2: it ends the program (sys.exit(enough))"),
-        ("while True:\n    pass\n", "stopped after 2 s"),
         ("\x00", "SyntaxError"),
+        ("def f():\n    return f()\nf()\n", "line 2: RecursionError"),
     ],
 )
-def test_a_file_that_cannot_be_loaded(text: str, told: str, tmp_path: Path) -> None:
+def test_why_a_file_cannot_be_loaded(
+    text: str, told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = tmp_path / "answers.py"
     path.write_text(text)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    monkeypatch.setitem(sys.modules, "answers", sys)  # what loading puts there is taken out again
+    with pytest.raises(BaseException) as raised:  # noqa: PT011  # also SystemExit
+        marker.load(str(path))
+    assert told in marking.said(raised.value, file=str(path))
+
+
+def test_a_file_that_never_ends_being_loaded(tmp_path: Path) -> None:
+    path = tmp_path / "answers.py"
+    path.write_text("while True:\n    print('still here')\n")
     found = marked(ROTATIONS, path, seconds=2)
-    assert told in found.trouble
+    assert "stopped after 2 s" in found.trouble
     assert found.points == 0
     assert found.of == sum(check.points for check in ROTATIONS.checks)
     assert {m.state for m in found.marks} == {State.FAILED}

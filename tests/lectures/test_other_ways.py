@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 import scipy.optimize
+import scipy.special
 from scipy.spatial.transform import Rotation
 
 import workbench as wb
@@ -109,6 +110,47 @@ def tried_out() -> list[int]:
     return chosen
 
 
+def by_softmax(x: Array, examples: Array, width: float) -> Array:
+    return scipy.special.softmax(-(np.linalg.norm(x - examples, axis=1) ** 2) / width**2)
+
+
+def by_the_small_side(F: Array, D: Array, price: float) -> Array:
+    return F.T @ np.linalg.solve(F @ F.T + price * np.eye(len(F)), D)
+
+
+def by_rows_below(F: Array, D: Array, price: float) -> Array:
+    n = F.shape[1]
+    below = np.vstack([F, np.sqrt(price) * np.eye(n)])
+    return np.linalg.lstsq(below, np.vstack([D, np.zeros((n, D.shape[1]))]), rcond=None)[0]
+
+
+def by_eigenvectors(people: Array, k: int) -> tuple[Array, Array]:
+    variances, V = np.linalg.eigh(np.cov(people.T))
+    return people.mean(axis=0), V[:, ::-1][:, :k] * np.sqrt(variances[::-1][:k])
+
+
+def by_slsqp(reached: Array, seen: Array) -> Array:
+    K = reached.shape[1]
+
+    def left(w: Array) -> float:
+        return np.sum((np.einsum("jka,k->ja", reached, w) - seen) ** 2)
+
+    one = {"type": "eq", "fun": lambda w: w.sum() - 1}
+    return scipy.optimize.minimize(left, np.full(K, 1 / K), bounds=[(0, 1)] * K, constraints=one).x
+
+
+def from_the_mean(meshes: Array) -> Array:
+    T = meshes[-1] - meshes[-1].mean(axis=0)
+    for _ in range(100):
+        around = [V - V.mean(axis=0) for V in meshes]
+        T = np.mean([V @ Rotation.align_vectors(V, T)[0].as_matrix() for V in around], axis=0)
+    return T
+
+
+def by_kernel_ridge(F: Array, D: Array, penalty: float) -> Array:
+    return D.T @ np.linalg.solve(F @ F.T + penalty * np.eye(len(F)), F)
+
+
 WAYS = {
     2: [
         {"hat": lambda w: np.cross(np.eye(3), w), "rodrigues": series,
@@ -119,6 +161,11 @@ WAYS = {
          "shorter": lambda w: Rotation.from_rotvec(w).as_rotvec(),
          "mean_rotation": lambda rotations: Rotation.from_matrix(rotations).mean().as_matrix()},
     ],
+    5: [
+        {"shares": by_softmax, "learn": by_the_small_side, "directions": by_eigenvectors,
+         "features": lambda R: np.concatenate([np.ravel(one - np.eye(3)) for one in R[1:]])},
+        {"learn": by_rows_below},
+    ],
     6: [
         {"gradient": lambda e, J: 2 * e @ J, "numeric_jacobian": five_points,
          "gauss_newton_step": by_qr, "fit": by_scipy},
@@ -127,6 +174,10 @@ WAYS = {
     8: [
         {"rank": np.linalg.matrix_rank, "null_space": scipy.linalg.null_space,
          "depends": handed_down, "sigmas": with_null_space, "markers": tried_out},
+    ],
+    13: [
+        {"ridge": by_kernel_ridge, "shape_space": by_eigenvectors, "weights_of": by_slsqp,
+         "rest_shape": from_the_mean},
     ],
 }  # fmt: skip
 

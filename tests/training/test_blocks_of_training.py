@@ -1,6 +1,7 @@
 """The pieces of training, each against what is known of it."""
 
 from dataclasses import replace
+from functools import partial
 from math import inf
 
 import numpy as np
@@ -9,19 +10,27 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.spatial.transform import Rotation
 
-from workbench import SkinnedBody
+from workbench import SkinnedBody, load_body
+from workbench.errors import BadArgument
 from workbench.training.blocks import BLOCKS, Effort
 from workbench.training.conjugate_gradients import dot, solve
-from workbench.training.estimate import NAMES, Estimate, Sigmas
+from workbench.training.crew import Hands, Processes, alone
+from workbench.training.estimate import NAMES, TERMS, Estimate, Sigmas
 from workbench.training.first_guess import Start
 from workbench.training.joint_regressor import fit_joint_regressor
 from workbench.training.made_up import Spoiled, draw_registrations, random_smpl, worm
 from workbench.training.mesh_graph import NoMirror, find_mirror, signed_volume
 from workbench.training.normal_equations import NormalEquations, within
 from workbench.training.objective import Objective
-from workbench.training.poses import subject_body
-from workbench.training.posing import Posing
-from workbench.training.registrations import InMemory
+from workbench.training.poses import OnVertices, Sitting, body_of_subjects, fitted_poses
+from workbench.training.posing import Posing, ancestors
+from workbench.training.registrations import InMemory, held
+from workbench.training.rotation_centres import (
+    SegmentMotions,
+    joint_guess,
+    means_at,
+    rotation_centres,
+)
 from workbench.training.simplex import few_shares, kkt_residual, shares, shares_to_zero
 from workbench.training.skinning_pass import SkinningPass
 from workbench.training.unposing import unpose
@@ -30,7 +39,7 @@ Array = NDArray[np.float64]
 START = worm(7, 5)
 BODY = random_smpl(START, 2, seed=3)
 DATA, TRUTH = draw_registrations(BODY, 3, 4, seed=4)
-OFF = dict.fromkeys(("symmetry", "joint_symmetry", "rings", "posedirs", "weights"), inf)
+OFF = dict.fromkeys(TERMS, inf)
 
 
 def true_estimate() -> Estimate:
@@ -41,7 +50,8 @@ def true_estimate() -> Estimate:
 
 def objective(sigmas: Sigmas, *, mirror: bool = False) -> Objective:
     sides = START.mirror() if mirror else None
-    return Objective(DATA, START.rings(), START.weights(), sides, sigmas)
+    template = START.template if mirror else None
+    return Objective(DATA, START.rings(), START.weights(), sides, sigmas, template)
 
 
 def a_change(estimate: Estimate, size: float = 0.01) -> dict[str, Array]:
@@ -261,16 +271,113 @@ def test_weights_follow_their_prior_where_it_is_tight() -> None:
     assert found.facts["kkt"] < 1e-8
 
 
-def test_a_subject_s_body_is_the_estimate() -> None:
+def sitting(estimate: Estimate) -> Sitting:
+    return Sitting(
+        estimate.templates, estimate.joints, estimate.posedirs, estimate.weights,
+        estimate.parents, START.faces, OnVertices(), 0.002, 4,
+        DATA.subject, estimate.poses, DATA.vertices, np.ones((12, 35)),
+    )  # fmt: skip
+
+
+def test_the_body_of_all_subjects_is_the_estimate() -> None:
     estimate = true_estimate()
-    body = subject_body(estimate, 1, START.faces)
-    j = int(np.flatnonzero(DATA.subject == 1)[0])
-    N = len(START.template)
-    np.testing.assert_allclose(
-        body.vertices(estimate.poses[j])[:N],
-        DATA.vertices[j] - TRUTH.trans[j],
-        atol=1e-12,
+    body = body_of_subjects(sitting(estimate))
+    for j, s in enumerate(DATA.subject):
+        np.testing.assert_allclose(
+            body.vertices(estimate.poses[j], np.eye(3)[s])[:35],
+            DATA.vertices[j] - TRUTH.trans[j],
+            atol=1e-12,
+        )
+
+
+@pytest.mark.parametrize("rows", [5, 100])
+def test_poses_are_the_same_whoever_finds_them(monkeypatch: pytest.MonkeyPatch, rows: int) -> None:
+    estimate = replace(true_estimate(), poses=TRUTH.poses + 0.05)
+    fit = partial(fitted_poses, estimate, DATA, START.faces, OnVertices(), 0.002, 3)
+    whole = fit().poses
+    assert np.abs(whole - TRUTH.poses).max() < 0.02
+    monkeypatch.setattr("workbench.training.poses.SITTING", rows)
+    told: list[int] = []
+    crowd = Hands(Processes(2), lambda done, of: told.append(done))
+    np.testing.assert_allclose(fit(crowd).poses, whole, atol=1e-12)
+    assert told[-1] == 12
+
+
+def test_a_crew_is_in_order_and_has_somebody() -> None:
+    numbers = range(7)
+    assert list(alone(abs, numbers)) == list(Processes(1)(abs, numbers)) == list(numbers)
+    assert list(Processes(2)(abs, (-n for n in numbers))) == list(numbers)
+    with pytest.raises(BadArgument, match="1 process or more"):
+        Processes(0)
+
+
+# Joints.
+
+
+def test_joints_are_where_two_rigid_segments_turn_about_each_other() -> None:
+    """Each segment rigid, ball joints: the centres are near wherever the rings are."""
+    rng = np.random.default_rng(0)
+    joints = START.rings() @ START.template
+    poses = rng.uniform(-1, 1, (12, 6, 3))
+    posing = Posing.of(poses, START.parents)
+    shifts = np.einsum("km,jma->jka", ancestors(START.parents), np.einsum(
+        "jmab,mb->jma", posing.levers, joints
+    ))  # fmt: skip
+    motions = SegmentMotions(posing.world, shifts + rng.standard_normal((12, 1, 3)))
+    wrong = joints + 0.01 * rng.standard_normal(joints.shape)
+    found = rotation_centres(motions, DATA.subject, START.parents, wrong)
+    np.testing.assert_allclose(found[1:], joints[1:], atol=0.003)  # hold on a little to the rings
+    np.testing.assert_array_equal(found[0], wrong[0])
+
+
+def test_joints_are_found_better_than_rings_say() -> None:
+    """The rings of the embedded body's segments lie up to ten centimetres from its joints."""
+    body = load_body("small")
+    start = Start.of(body)
+    data, _ = draw_registrations(body, 3, 12, seed=0, turn=1.0)
+    guess = joint_guess(start, start.weights(), data)
+    np.testing.assert_allclose(np.asarray(guess.sum(axis=1)), 1, atol=1e-12)
+    assert guess.toarray().min() >= 0
+    away, before = (
+        np.linalg.norm((rows - body.J_regressor) @ start.template, axis=1)[1:]
+        for rows in (guess, start.rings())
     )
+    assert before.max() > 0.08
+    assert away.mean() < 0.6 * before.mean()
+
+
+def test_means_at_points_inside_are_exact_and_even() -> None:
+    inside = START.template.mean(axis=0) + np.array([[0.1, 0, 0], [-0.1, 0.01, 0]])
+    rows = means_at(START.template, inside)
+    np.testing.assert_allclose(rows @ START.template, inside, atol=1e-5)
+    assert ((rows.toarray() > 0).sum(axis=1) > 10).all()
+
+
+def test_a_regressor_is_learned_and_lowers_the_cost() -> None:
+    estimate, held = true_estimate(), objective(Sigmas())
+    found = BLOCKS["regressor"](held, estimate, START.faces, Effort())
+    assert held.cost(found.estimate) < held.cost(estimate)
+    regressor = found.estimate.regressor
+    assert regressor is not None
+    np.testing.assert_allclose(
+        np.stack([regressor @ T for T in estimate.templates])[:, 1:],
+        estimate.joints[:, 1:],
+        atol=1e-6,
+    )
+    assert found.facts["kkt"] < 1e-8
+
+
+def test_templates_stay_about_the_first_one_where_they_are_held() -> None:
+    first = START.template
+    loose, tight = (
+        replace(objective(replace(Sigmas(), subjects=sigma)), template=first)
+        for sigma in (0.03, 1e-6)
+    )
+    estimate = true_estimate()
+    away = float(np.sum((estimate.templates - first) ** 2))
+    assert loose.costs(estimate)["E_T"] == pytest.approx(0.5 * away / 0.03**2)
+    found = BLOCKS["rest"](tight, estimate, START.faces, Effort()).estimate
+    np.testing.assert_allclose(found.templates, first[None].repeat(3, axis=0), atol=1e-4)
 
 
 # Starting.
@@ -354,8 +461,8 @@ def test_spoiling_is_the_same_for_the_same_seed_however_it_is_read() -> None:
 
 def test_missing_patches_change_nothing_where_the_data_are_exact() -> None:
     hidden = Spoiled(DATA, seed=7, missing=0.2)
-    held = Objective(hidden, START.rings(), START.weights(), None, replace(Sigmas(), **OFF))
-    assert held.cost(true_estimate()) < 1e-18
+    exact = Objective(hidden, START.rings(), START.weights(), None, replace(Sigmas(), **OFF))
+    assert exact.cost(true_estimate()) < 1e-18
 
 
 def test_rotations_turn_as_they_should() -> None:
@@ -373,6 +480,19 @@ def test_a_start_says_what_is_wrong() -> None:
     segments = np.where(START.segmentation == 5, 0, START.segmentation)
     with pytest.raises(Exception, match="no vertex belongs to head"):
         Start(START.template, START.faces, START.parents, START.joint_names, segments)
+
+
+def test_held_registrations_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    hidden = Spoiled(DATA, seed=7, missing=0.2)
+    kept = held(hidden)
+    assert isinstance(kept, InMemory)
+    some = slice(3, 9)
+    for name in ("vertices", "seen", "subject"):
+        np.testing.assert_array_equal(
+            getattr(kept.read(some), name), getattr(hidden.read(some), name)
+        )
+    monkeypatch.setattr("workbench.training.registrations.HELD_BYTES", 1000)
+    assert held(hidden) is hidden
 
 
 def test_in_memory_registrations_are_views() -> None:

@@ -3,12 +3,15 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 from scipy.sparse import csr_array
 
 from workbench import load_body
+from workbench.errors import BadFile
 from workbench.training.first_guess import Start
 from workbench.training.folder import open_folder
 from workbench.training.sets import Cast, _stack, _table
+from workbench.training.truth import FILE, read_truth
 
 BODY = load_body("small")
 
@@ -18,14 +21,16 @@ def cast() -> Cast:
     people = BODY.vertices(betas=np.random.default_rng(0).standard_normal((4, 10)))
     joints = np.stack([BODY.J_regressor @ person for person in people])
     fine = csr_array(np.hstack([BODY.weights, np.zeros((369, 8))]))
-    return Cast(people, joints, np.array([True, False, True, False]), fine)
+    return Cast(people, joints, np.array([True, False, True, False]), BODY.weights, fine)
 
 
 def test_nobody_moves_without_a_pose() -> None:
     everyone, away = cast(), np.array([0.1, 0.2, 0.3])
-    posed = everyone.posed(1, np.zeros((24, 3)), 0.0, away)
+    posed = everyone.posed(1, np.zeros((24, 3)), away)
     np.testing.assert_allclose(posed, everyone.rest[1] + away, atol=1e-12)
-    turned = everyone.posed(1, np.zeros((24, 3)), np.pi / 2, np.zeros(3))
+    quarter = np.zeros((24, 3))
+    quarter[0, 1] = np.pi / 2
+    turned = everyone.posed(1, quarter, np.zeros(3))
     pelvis = everyone.joints[1, 0]
     expected = (everyone.rest[1] - pelvis)[:, [2, 1, 0]] * [1, 1, -1] + pelvis
     np.testing.assert_allclose(turned, expected, atol=1e-12)
@@ -34,11 +39,29 @@ def test_nobody_moves_without_a_pose() -> None:
 def test_what_is_written_is_a_folder_of_registrations(tmp_path: Path) -> None:
     everyone, rng = cast(), np.random.default_rng(1)
     poses = 0.1 * rng.standard_normal((2, 3, 24, 3))
-    rows = _stack(everyone, 2, poses, rng, tmp_path / "poses.npy")
-    assert rows == [2, 2, 2, 3, 3, 3]
-    _table(tmp_path, [("poses", rows)], everyone)
+    truth = _stack(everyone, 2, poses, rng, tmp_path / "poses.npy")
+    assert truth.subject.tolist() == [0, 0, 0, 1, 1, 1]
+    _table(tmp_path, [("poses", [2, 2, 2, 3, 3, 3])], everyone)
     start = Start.of(BODY)
     found = open_folder(tmp_path, 369, start.faces)
     assert found.subjects == ("person 2", "person 3")
     assert [row.gender for row in found.rows] == ["female"] * 3 + ["male"] * 3
     assert found.read(slice(0, 6)).vertices.shape == (6, 369, 3)
+
+
+def test_what_was_made_is_kept_beside_it(tmp_path: Path) -> None:
+    everyone, rng = cast(), np.random.default_rng(1)
+    poses = 0.1 * rng.standard_normal((2, 3, 24, 3))
+    _stack(everyone, 2, poses, rng, tmp_path / "poses.npy").save(tmp_path)
+    truth, meshes = read_truth(tmp_path), np.load(tmp_path / "poses.npy")
+    again = everyone.posed(3, truth.poses[4], truth.trans[4])
+    np.testing.assert_allclose(again, meshes[4], atol=1e-6)
+    np.testing.assert_array_equal(truth.rest, everyone.rest[2:])
+
+
+def test_registrations_of_unknown_making_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(BadFile, match="does not exist"):
+        read_truth(tmp_path)
+    np.savez(tmp_path / FILE, rest=np.zeros(3))
+    with pytest.raises(BadFile, match="joints"):
+        read_truth(tmp_path)

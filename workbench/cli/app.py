@@ -19,6 +19,7 @@ from workbench.cli.sample import sample
 from workbench.cli.sliders import sliders
 from workbench.cli.solvers import solvers
 from workbench.cli.train import train
+from workbench.cli.triangles import triangles
 from workbench.experiments.blame import caused_by
 
 P = ParamSpec("P")
@@ -49,7 +50,8 @@ def interruptible(command: Callable[P, None]) -> Callable[P, None]:
 
 
 for command in (
-    run, fit, diagnose, sample, compare, train, body, sliders, blendshapes, solvers, info
+    run, fit, diagnose, sample, compare, train, body, sliders, blendshapes, triangles, solvers,
+    info,
 ):  # fmt: skip
     app.command()(interruptible(command))
 

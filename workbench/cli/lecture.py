@@ -23,7 +23,7 @@ from workbench.course.outline import lecture
 from workbench.course.site import write_site
 from workbench.course.starting import start
 from workbench.course.supervision import SECONDS, marked
-from workbench.errors import BadArgument
+from workbench.errors import BadArgument, BadFile
 
 NOT_ALL_PASSED = 1  # the exit code of `check`
 COLOUR = {State.PASSED: "green", State.FAILED: "bold red", State.NOT_ATTEMPTED: "dim"}
@@ -165,14 +165,19 @@ def check(
 
 
 def notebooks(folder: Folder) -> None:
-    """Write all lectures as notebooks, with the results of every cell. Needs the extra `course`."""
+    """Write all lectures as notebooks, with the results of every cell. Needs the extra `course`.
+
+    Nothing there is written over.
+    """
     console = Console()
     make_folder(folder)
-    for one in outline():
-        if one.there:
-            console.print(f"[dim]running lecture {one.number}, {escape(one.title)}[/]")
-            path = folder / f"{one.folder_name}.ipynb"
-            write_notebook(executed(notebook(one), one, folder), path)
+    paths = {folder / f"{one.folder_name}.ipynb": one for one in outline() if one.there}
+    for path in paths:
+        if path.exists():
+            raise BadFile(f"{path} is there already, maybe with somebody's work; give a new folder")
+    for path, one in paths.items():
+        console.print(f"[dim]running lecture {one.number}, {escape(one.title)}[/]")
+        write_notebook(executed(notebook(one), one, folder), path)
     console.print(f"notebooks: [bold]{escape(str(folder))}[/]", soft_wrap=True)
 
 

@@ -2,6 +2,7 @@
 
 import json
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,6 +15,7 @@ from workbench.cli.leaving import Interrupted
 from workbench.cli.run import Out, make_folder
 from workbench.errors import BadArgument, BadFile
 from workbench.reports import write_card
+from workbench.training.crew import Hands, Processes
 from workbench.training.first_guess import Start, read_start
 from workbench.training.folder import GENDERS, open_folder
 from workbench.training.made_up import noisy_worms
@@ -21,7 +23,10 @@ from workbench.training.plan import alternation
 from workbench.training.pose_training import Progress
 from workbench.training.registrations import Registrations
 from workbench.training.sets import CARD
+from workbench.training.strangers import best_linear, standing, standing_when_told
 from workbench.training.training import train as train_body
+from workbench.training.truth import FILE as TRUTH
+from workbench.training.truth import read_truth
 
 START = "start.npz"
 EVERY = 5.0  # s
@@ -45,8 +50,18 @@ def train(
     gender: Annotated[
         str | None, typer.Option(help=f"Only those of one gender ({', '.join(GENDERS)}).")
     ] = None,
+    held_out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder with registrations of other people: how well the body explains them "
+            "comes on its card."
+        ),
+    ] = None,
     betas: Annotated[int, typer.Option(help="Shape directions.")] = 10,
-    rounds: Annotated[int, typer.Option(help="Of the alternation.")] = 4,
+    rounds: Annotated[int, typer.Option(help="Of the alternation.")] = 2,
+    jobs: Annotated[
+        int, typer.Option(help="Processes that find poses; none changes a number.")
+    ] = 2,
     out: Out = Path("runs"),
 ) -> None:
     """Train a body model from registrations; killed, it goes on where it was.
@@ -59,6 +74,11 @@ def train(
     if gender is not None and gender not in GENDERS:
         raise BadArgument(f"--gender takes {', '.join(GENDERS)}, not {gender!r}")
     name, guess, poses, shapes = _data(console, folder, start, gender)
+    strangers = None
+    if held_out is not None:
+        strangers = open_folder(held_out, len(guess.template), guess.faces).only("poses")
+        if not strangers.rows:
+            raise BadArgument(f"{held_out} has no registrations of the set 'poses'")
     plan = alternation(rounds=rounds)
     make_folder(out)
     place = out / f"train-{name}{f'-{gender}' if gender else ''}"
@@ -66,15 +86,23 @@ def train(
     try:
         trained = train_body(
             poses, guess, multi_shape=shapes, plan=plan, n_betas=betas, folder=place,
-            report=Lines(console), card=_origin(folder),
+            report=Lines(console), card=_origin(folder), crew=Processes(jobs),
         )  # fmt: skip
     except KeyboardInterrupt:
         raise Interrupted(
             f"interrupted; what was found until the last block is in {place}, and the same "
             "command goes on from there"
         ) from None
-    save_body(trained.body, place / "body.npz")
-    page = write_card(trained.body, place / "card", str((place / "body.npz").resolve()))
+    body = trained.body
+    if strangers is not None and held_out is not None:
+        console.print("[dim]meeting strangers[/]")
+        met = standing(body, strangers, Hands(Processes(jobs)))
+        met |= _when_told(folder, held_out, guess, poses, strangers)
+        body = replace(body, card={**body.card, "held_out": met})
+        for said, number in met.items():
+            console.print(f"  {said}: {number:g}")
+    save_body(body, place / "body.npz")
+    page = write_card(body, place / "card", str((place / "body.npz").resolve()))
     console.print(f"body: [bold]{escape(str(place / 'body.npz'))}[/]", soft_wrap=True)
     console.print(f"card: [bold]{escape(str(page))}[/]", soft_wrap=True)
 
@@ -101,6 +129,22 @@ def _data(
         f"{len(shapes.rows)} people for shape"
     )
     return folder.resolve().name, guess, poses, shapes if shapes.rows else None
+
+
+def _when_told(
+    folder: Path | None,
+    held_out: Path,
+    guess: Start,
+    poses: Registrations,
+    strangers: Registrations,
+) -> dict[str, float]:
+    """What skinning comes to that knows how the strangers were made, if that is known."""
+    if not (held_out / TRUTH).is_file():
+        return {}
+    linear = None
+    if folder is not None and (folder / TRUTH).is_file():
+        linear = best_linear(read_truth(folder), poses, guess)
+    return standing_when_told(read_truth(held_out), strangers, guess, linear)
 
 
 def _origin(folder: Path | None) -> dict[str, Any]:

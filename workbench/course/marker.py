@@ -56,7 +56,7 @@ def main() -> None:
         with _kept(page):
             _tell(out, begun="")
             try:
-                module = _loaded(file)
+                module = load(file)
             except BaseException as error:
                 found = sys.modules.get("answers")
                 late = isinstance(error, SystemExit) and any(
@@ -78,7 +78,8 @@ def main() -> None:
         os._exit(0)  # threads of the student's may still run, and exit handlers of theirs wait
 
 
-def _loaded(file: str) -> ModuleType:
+def load(file: str) -> ModuleType:
+    """Run a student's file. Raises whatever it raises, SystemExit among it."""
     spec = importlib.util.spec_from_file_location("answers", file)
     if spec is None or spec.loader is None:
         raise ImportError(f"{Path(file).name} is no Python file")

@@ -118,6 +118,8 @@ def _build(pages: Path, files: Path, static: Path, out: Path, doctrees: Path) ->
         "project": "Body models",
         "extensions": ["myst_nb", "sphinx-mathjax-offline"],
         "myst_enable_extensions": ["dollarmath", "amsmath"],
+        # the bar of a transpose is thinner than a pixel on many screens
+        "mathjax3_config": {"tex": {"macros": {"top": r"\mathsf{T}"}}},
         "nb_execution_mode": "off",  # they were run above, where an error can be told
         "html_theme": "basic",
         "html_title": "Body models",

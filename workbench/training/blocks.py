@@ -1,9 +1,12 @@
 """The blocks of the alternation: each frees other names, and none lets the cost rise.
 
+rest       templates and joints, the pose blend shapes held: a linear least-squares problem
 poses      theta_j, one registration at a time (Levenberg and Marquardt on a Problem)
 surfaces   templates, pose blend shapes and joints: one linear least-squares problem
 weights    one vertex at a time: least squares over shares, at most four above zero
+regressor  joints from templates: shares again, one joint at a time
 cut        the largest four weights alone, where more were allowed before
+people     templates, joints and poses at once: steps of Gauss and Newton in a trust region
 together   all names: a step of Gauss and Newton within a trust region
 """
 
@@ -15,17 +18,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.training.conjugate_gradients import solve
+from workbench.training.crew import ONE, Hands
 from workbench.training.estimate import NAMES, Estimate
 from workbench.training.first_guess import MOST_WEIGHTS, at_most
+from workbench.training.joint_regressor import fit_joint_regressor
 from workbench.training.normal_equations import NormalEquations, weight_grams
 from workbench.training.objective import Objective
-from workbench.training.poses import OnVertices, Say, fitted_poses, untold
+from workbench.training.poses import OnVertices, fitted_poses
 from workbench.training.simplex import few_shares
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
+REST = ("templates", "joints")
+PEOPLE = ("templates", "joints", "poses")
 SURFACES = ("templates", "posedirs", "joints")
-POSE_STEPS = 4  # of Levenberg and Marquardt in a round: the next round changes the model anyway
+POSE_STEPS = 2  # of Levenberg and Marquardt in a round: the next round changes the model anyway
 LARGEST_TURN = 0.3  # rad, of the first step: beyond, rotations are not nearly linear
 GOOD, POOR = 0.75, 0.25  # shares of the predicted fall that let the region grow, and shrink
 SMALLEST_RADIUS = 1e-8  # of the longest step: nothing more is to be had
@@ -52,7 +59,7 @@ class Effort:
 
 
 def fit_poses(
-    objective: Objective, estimate: Estimate, faces: Index, _: Effort, say: Say = untold
+    objective: Objective, estimate: Estimate, faces: Index, _: Effort, hands: Hands = ONE
 ) -> Found:
     """Each registration's pose; where rounding made one worse, it is kept as it was."""
     found = fitted_poses(
@@ -62,7 +69,7 @@ def fit_poses(
         OnVertices(),
         objective.sigmas.data,
         POSE_STEPS,
-        say,
+        hands,
     )
     better = objective.by_registration(found) < objective.by_registration(estimate)
     poses = np.where(better[:, None, None], found.poses, estimate.poses)
@@ -70,10 +77,27 @@ def fit_poses(
 
 
 def fit_surfaces(
-    objective: Objective, estimate: Estimate, faces: Index, effort: Effort, say: Say = untold
+    objective: Objective, estimate: Estimate, faces: Index, effort: Effort, hands: Hands = ONE
 ) -> Found:
     """Templates, pose blend shapes and joints: the cost is a parabola in them."""
-    equations = NormalEquations(objective, estimate, SURFACES)
+    return _linear(objective, estimate, effort, SURFACES)
+
+
+def fit_rest(
+    objective: Objective, estimate: Estimate, faces: Index, effort: Effort, hands: Hands = ONE
+) -> Found:
+    """Templates and joints alone.
+
+    While poses are rough, blend shapes would learn what the poses have wrong, and then hold them
+    to it for many rounds.
+    """
+    return _linear(objective, estimate, effort, REST)
+
+
+def _linear(
+    objective: Objective, estimate: Estimate, effort: Effort, names: tuple[str, ...]
+) -> Found:
+    equations = NormalEquations(objective, estimate, names)
     step = solve(
         equations.product,
         equations.preconditioned,
@@ -88,8 +112,19 @@ def fit_surfaces(
     return Found(moved, facts)
 
 
+def fit_regressor(
+    objective: Objective, estimate: Estimate, faces: Index, effort: Effort, hands: Hands = ONE
+) -> Found:
+    """The joint regressor; from here on E_J holds joints to it instead of to their rings."""
+    found = fit_joint_regressor(estimate.templates, estimate.joints, objective.rings)
+    kept = replace(estimate, regressor=found.matrix)
+    if objective.cost(kept) > objective.cost(estimate):  # rings may reach farther than it does
+        return Found(estimate, {"kkt": found.kkt})
+    return Found(kept, {"kkt": found.kkt})
+
+
 def fit_weights(
-    objective: Objective, estimate: Estimate, faces: Index, effort: Effort, say: Say = untold
+    objective: Objective, estimate: Estimate, faces: Index, effort: Effort, hands: Hands = ONE
 ) -> Found:
     """Each vertex's weights, exactly, as many above zero as the effort allows.
 
@@ -107,7 +142,7 @@ def fit_weights(
 
 
 def cut_weights(
-    objective: Objective, estimate: Estimate, faces: Index, effort: Effort, say: Say = untold
+    objective: Objective, estimate: Estimate, faces: Index, effort: Effort, hands: Hands = ONE
 ) -> Found:
     """The largest weights of each vertex alone: the one block that may let the cost rise.
 
@@ -120,17 +155,34 @@ def cut_weights(
 
 
 def fit_together(
-    objective: Objective, estimate: Estimate, faces: Index, effort: Effort, say: Say = untold
+    objective: Objective, estimate: Estimate, faces: Index, effort: Effort, hands: Hands = ONE
 ) -> Found:
     """All names at once, a few steps, each within a region where the linear model can be trusted.
 
     What alternation takes thousands of rounds for, a twist of all poses that the pose blend
     shapes make up for, this takes in a few steps. Weights stay shares.
     """
+    return _trusted(objective, estimate, effort, NAMES, hands)
+
+
+def fit_people(
+    objective: Objective, estimate: Estimate, faces: Index, effort: Effort, hands: Hands = ONE
+) -> Found:
+    """Templates, joints and poses at once, as in `together`; blend shapes and weights are held."""
+    return _trusted(objective, estimate, effort, PEOPLE, hands)
+
+
+def _trusted(
+    objective: Objective,
+    estimate: Estimate,
+    effort: Effort,
+    names: tuple[str, ...],
+    hands: Hands,
+) -> Found:
     cost, radius, longest = objective.cost(estimate), inf, 0.0
     facts = {"steps": 0.0, "products": 0.0}
     while facts["steps"] < effort.together_steps:
-        equations = NormalEquations(objective, estimate, NAMES)
+        equations = NormalEquations(objective, estimate, names)
         slope = equations.slope
         while True:
             step = solve(
@@ -148,7 +200,8 @@ def fit_together(
                 radius = step.length * LARGEST_TURN / turned
                 continue
             moved = estimate.moved(step.change)
-            moved = replace(moved, weights=_as_shares(moved.weights))
+            if "weights" in names:
+                moved = replace(moved, weights=_as_shares(moved.weights))
             fall = cost - objective.cost(moved)
             if fall > GOOD * step.predicted and not step.inside:
                 radius *= 2
@@ -160,7 +213,7 @@ def fit_together(
                 return Found(estimate, facts)
         estimate, cost = moved, cost - fall
         facts["steps"] += 1
-        say(int(facts["steps"]), effort.together_steps)
+        hands.say(int(facts["steps"]), effort.together_steps)
         if fall < effort.together_stop * cost:
             break
     return Found(estimate, facts)
@@ -171,12 +224,15 @@ def _as_shares(weights: Array) -> Array:
     return np.asarray(kept / kept.sum(axis=1, keepdims=True))
 
 
-Block = Callable[[Objective, Estimate, Index, Effort, Say], Found]
+Block = Callable[[Objective, Estimate, Index, Effort, Hands], Found]
 BLOCKS: dict[str, Block] = {
     "poses": fit_poses,
+    "rest": fit_rest,
     "surfaces": fit_surfaces,
+    "regressor": fit_regressor,
     "weights": fit_weights,
     "cut": cut_weights,
+    "people": fit_people,
     "together": fit_together,
 }
 MAY_RISE = ("cut",)  # what is allowed shrinks there

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from workbench.errors import BadFile
 from workbench.training.estimate import Estimate
@@ -56,7 +57,8 @@ def read_checkpoint(folder: Path, fingerprint: str) -> Checkpoint | None:
         with np.load(path, allow_pickle=False) as file:
             said = json.loads(str(file["said"]))
             arrays = {name: file[name] for name in file.files if name != "said"}
-            estimate = Estimate(**arrays, parents=tuple(said["parents"]))
+            regressor = csr_array(arrays.pop("regressor")) if "regressor" in arrays else None
+            estimate = Estimate(**arrays, parents=tuple(said["parents"]), regressor=regressor)
             log = tuple(Entry(**entry) for entry in said["log"])
     except (OSError, KeyError, ValueError, TypeError) as error:
         raise BadFile(f"{path} is no checkpoint ({error}); remove it to start anew") from error

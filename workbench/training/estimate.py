@@ -6,6 +6,7 @@ from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from workbench.training.posing import Posing
 
@@ -24,6 +25,7 @@ class Estimate:
     weights: Array  # (N, K), rows sum to one
     poses: Array  # (J, K, 3) rad
     parents: tuple[int, ...]
+    regressor: csr_array | None = None  # (K, N): joints from templates, once it is learned
 
     @cached_property
     def posing(self) -> Posing:
@@ -43,7 +45,8 @@ class Estimate:
 
     def arrays(self) -> dict[str, Array]:
         """By name, as a checkpoint stores them."""
-        return {name: getattr(self, name) for name in NAMES}
+        found = {name: getattr(self, name) for name in NAMES}
+        return found if self.regressor is None else found | {"regressor": self.regressor.toarray()}
 
 
 @dataclass(frozen=True)
@@ -58,9 +61,10 @@ class Sigmas:
     data: float = 0.002  # m, E_D: a registration from the model
     symmetry: float = 0.01  # m, E_Y: a template from its mirror image
     joint_symmetry: float = 0.01  # m, E_Y: joints from theirs
-    rings: float = 0.02  # m, E_J: joints from the middle of their ring of vertices
+    rings: float = 0.01  # m, E_J: joints from the middle of their ring of vertices, later regressed
     posedirs: float = 0.01  # m per unit of feature, E_P: about zero
     weights: float = 0.3  # E_W: about the initial ones
+    subjects: float = 0.03  # m, E_T: a template from the first one
 
     @property
     def lambdas(self) -> dict[str, float]:
@@ -74,4 +78,5 @@ class Sigmas:
         return replace(self, **{name: factor * getattr(self, name) for name in names})
 
 
-NO_TERMS = dict.fromkeys(("symmetry", "joint_symmetry", "rings", "posedirs", "weights"), inf)
+TERMS = tuple(f.name for f in fields(Sigmas) if f.name != "data")
+NO_TERMS = dict.fromkeys(TERMS, inf)

@@ -51,7 +51,7 @@ class NormalEquations:
         for batch, passed in self._kept or self._passes():
             moved, _ = centred(batch, passed.tangent(change))
             passed.adjoint(batch.seen[..., None] * moved, data)
-        return self._sum(self.objective.prior_curvature(change), data)
+        return self._sum(self.objective.prior_curvature(self.estimate, change), data)
 
     def _passes(self) -> Iterator[tuple[Batch, SkinningPass]]:
         for batch in batches(self.objective.registrations):
@@ -77,7 +77,14 @@ class NormalEquations:
         if {"templates", "posedirs"} & set(self.names):
             found |= self._surfaces(change)
         if "joints" in self.names:
-            found["joints"] = _solved(self._joint_blocks, change["joints"])
+            pull, X = change["joints"], self._answers
+            if X is not None:
+                at_rest = change["templates"].reshape(len(X), -1, 1)
+                pull = pull - (X.swapaxes(1, 2) @ at_rest).reshape(pull.shape)
+            found["joints"] = _solved(self._joint_blocks, pull)
+            if X is not None:
+                answer = X @ found["joints"].reshape(len(X), -1, 1)
+                found["templates"] = found["templates"] - answer.reshape(change["templates"].shape)
         if "poses" in self.names:
             found["poses"] = _solved(self._pose_blocks, change["poses"])
         if "weights" in self.names:
@@ -126,6 +133,8 @@ class NormalEquations:
         surfaces = np.zeros(len(gram))
         surfaces[: S if "templates" in self.names else 0] = 1
         gram += np.diag((1 - surfaces) / s.posedirs**2)
+        if self.objective.template is not None:
+            gram += np.diag(surfaces / s.subjects**2)
         odd = gram + np.diag(4 * surfaces / s.symmetry**2)
         factors = [
             scipy.linalg.cholesky(g + RIDGE * np.trace(g) / len(g) * np.eye(len(g)), lower=True)
@@ -141,15 +150,42 @@ class NormalEquations:
         carried = SkinningPass(self.estimate, slice(0), np.zeros(0, np.int64)).carried
         away = carried - carried.mean(axis=0)
         D = self.estimate.posing.levers  # (J, K, 3, 3)
+        counts = np.bincount(self.objective.registrations.subject)
         blocks = np.zeros((S, 3 * K, 3 * K))
         for j, subject in enumerate(self.objective.registrations.subject):
             flat = D[j].transpose(1, 0, 2).reshape(3, 3 * K)
             blocks[subject] += flat.T @ flat
-        blocks *= np.kron(away.T @ away, np.ones((3, 3))) / s.data**2
+        blocks *= np.kron(away.T @ away, np.ones((3, 3)))
+        if self._answers is not None:
+            for n, block, X in zip(counts, blocks, self._answers, strict=True):
+                block -= n * (X.T @ X)
+        blocks /= s.data**2
         blocks += np.eye(3 * K) / s.rings**2
         if self.objective.mirror is not None:
             blocks += 2 * np.eye(3 * K) / s.joint_symmetry**2
         return _inverses(blocks)
+
+    @cached_property
+    def _answers(self) -> Array | None:
+        """What a template does (S, 3 N, 3 K), less its sign, where its joints move: the least.
+
+        Skinning shifts vertex i by sum_m c_im D_m j_m, and M_i t_i can make up for it; the best t
+        over a subject's n registrations is the mean of M_i' sum_m c_im D_m j_m, M being nearly a
+        rotation. Without this joints and templates would have to be found in turn.
+        """
+        if not {"templates", "joints"} <= set(self.names):
+            return None
+        W, subject = self.estimate.weights, self.objective.registrations.subject
+        carried = SkinningPass(self.estimate, slice(0), np.zeros(0, np.int64)).carried
+        away = carried - carried.mean(axis=0)
+        (N, K), S = W.shape, len(self.estimate.templates)
+        found = np.empty((S, N, 3, K, 3))
+        D, R = self.estimate.posing.levers, self.estimate.posing.world
+        for s in range(S):
+            own = np.flatnonzero(subject == s)
+            both = np.einsum("jkca,jmcb->kamb", R[own], D[own], optimize=True) / len(own)
+            found[s] = (W @ both.reshape(K, -1)).reshape(N, 3, K, 3) * away[:, None, :, None]
+        return found.reshape(S, 3 * N, 3 * K)
 
     @cached_property
     def _pose_blocks(self) -> Array:

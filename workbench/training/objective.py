@@ -1,4 +1,7 @@
-"""E = E_D + E_Y + E_J + E_P + E_W as half a sum of whitened squares, every term with its sigma.
+"""E = E_D + E_Y + E_J + E_P + E_W + E_T as half a sum of whitened squares, each with its sigma.
+
+E_T is not in the lectures: templates stay about the first one. Without it nothing says which pose
+is zero, and each subject finds one of its own that is bent towards what it was seen in.
 
 The translation of a registration is always at its best: E_D is least over it.
 """
@@ -28,6 +31,7 @@ class Objective:
     first_weights: Array  # (N, K): for E_W
     mirror: Mirror | None  # for E_Y; None: the mesh has no sides
     sigmas: Sigmas
+    template: Array | None = None  # (N, 3) m: for E_T; None: whatever the rest pose is
 
     def with_sigmas(self, sigmas: Sigmas) -> "Objective":
         """The same terms, held otherwise."""
@@ -43,7 +47,7 @@ class Objective:
         return sum(self.costs(estimate).values())
 
     def costs(self, estimate: Estimate) -> dict[str, float]:
-        """Half a sum of whitened squares by term: E_D, E_Y, E_J, E_P, E_W."""
+        """Half a sum of whitened squares by term: E_D, E_Y, E_J, E_P, E_W, E_T."""
         s = self.sigmas
         found = {"E_D": float(self.by_registration(estimate).sum())}
         found["E_Y"] = 0.0
@@ -51,9 +55,12 @@ class Objective:
             uneven = estimate.templates - self.mirror.points(estimate.templates)
             joints = estimate.joints - reflected_joints(estimate.joints, self.mirror)
             found["E_Y"] = half(uneven, s.symmetry) + half(joints, s.joint_symmetry)
-        found["E_J"] = half(self.regressed(estimate.templates) - estimate.joints, s.rings)
+        wanted = regressed(self.regressor(estimate), estimate.templates)
+        found["E_J"] = half(wanted - estimate.joints, s.rings)
         found["E_P"] = half(estimate.posedirs, s.posedirs)
         found["E_W"] = half(estimate.weights - self.first_weights, s.weights)
+        if self.template is not None:
+            found["E_T"] = half(estimate.templates - self.template, s.subjects)
         return found
 
     def rms(self, estimate: Estimate) -> float:
@@ -75,9 +82,9 @@ class Objective:
             residual, _ = centred(batch, batch.vertices - passed.points)
             yield passed, batch.seen[..., None] * residual, residual
 
-    def regressed(self, templates: Array) -> Array:
-        """The middles of the rings, (S, K, 3) m, of templates (S, N, 3)."""
-        return regressed(self.rings, templates)
+    def regressor(self, estimate: Estimate) -> csr_array:
+        """What E_J holds joints to, (K, N): what was learned, and the rings until then."""
+        return self.rings if estimate.regressor is None else estimate.regressor
 
     def prior_slope(self, estimate: Estimate, names: tuple[str, ...]) -> Change:
         """Minus the gradient of all terms but E_D by each name."""
@@ -85,13 +92,15 @@ class Objective:
         if "weights" in away:
             away["weights"] = away["weights"] - self.first_weights
         whole = {"templates": estimate.templates, "joints": estimate.joints} | away
-        curved = self.prior_curvature(whole)
+        curved = self.prior_curvature(estimate, whole)
+        if self.template is not None:
+            curved["templates"] = curved["templates"] - self.template / self.sigmas.subjects**2
         zero = estimate.zero_change(names)
         return {name: -curved[name] if name in away else zero[name] for name in names}
 
-    def prior_curvature(self, change: Change) -> Change:
+    def prior_curvature(self, estimate: Estimate, change: Change) -> Change:
         """The Hessian of all terms but E_D times a change."""
-        s = self.sigmas
+        s, R = self.sigmas, self.regressor(estimate)
         found = {name: np.zeros_like(d) for name, d in change.items()}
         if self.mirror is not None:
             if "templates" in change:
@@ -103,11 +112,13 @@ class Objective:
         if s.rings < inf and change.keys() & {"templates", "joints"}:
             gap = -change.get("joints", np.zeros(1))
             if "templates" in change:
-                gap = self.regressed(change["templates"]) + gap
+                gap = regressed(R, change["templates"]) + gap
             if "joints" in change:
                 found["joints"] -= gap / s.rings**2
             if "templates" in change:
-                found["templates"] += regressed(csr_array(self.rings.T), gap) / s.rings**2
+                found["templates"] += regressed(csr_array(R.T), gap) / s.rings**2
+        if self.template is not None and "templates" in change:
+            found["templates"] += change["templates"] / s.subjects**2
         if "posedirs" in change:
             found["posedirs"] += change["posedirs"] / s.posedirs**2
         if "weights" in change:

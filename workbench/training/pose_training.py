@@ -19,17 +19,19 @@ from workbench.errors import WorkbenchError
 from workbench.threads import limited_threads
 from workbench.training.blocks import BLOCKS, MAY_RISE, Effort
 from workbench.training.checkpoint import Checkpoint, Entry, fingerprint, read_checkpoint
+from workbench.training.crew import Crew, Hands, alone
 from workbench.training.estimate import Estimate
 from workbench.training.first_guess import Start
 from workbench.training.objective import Objective
 from workbench.training.plan import Plan
 from workbench.training.poses import Compared, OnEdges, fitted_poses, segments_turned
-from workbench.training.registrations import Batch, Registrations, batches
+from workbench.training.registrations import Batch, Registrations, batches, held
+from workbench.training.rotation_centres import joint_guess
 
 Array = NDArray[np.float64]
 ROUNDING = 1e-9  # of the cost: what a block may add by rounding
 KKT = 1e-8  # the conditions of the weights hold to this
-FIRST_STEPS = 8  # of the first fit of a pose
+FIRST_STEPS = 5  # of the first fit of a pose
 FIRST_SIGMA = 0.005  # m, of an edge on a template of somebody else
 
 
@@ -87,6 +89,7 @@ def train_poses(
     folder: Path | None = None,
     report: Report = SILENT,
     compared: Compared | None = None,
+    crew: Crew = alone,
 ) -> PoseModel:
     """Run a plan, from a start that knows a template, a tree and segments only.
 
@@ -94,7 +97,9 @@ def train_poses(
     again; the end is the same to the last bit. First poses are fitted to edges, or as `compared`
     says. Raises NotLowered if a block raises the cost: every block is checked as it ends.
     """
-    weights, rings = start.weights(), start.rings()
+    registrations = held(registrations)
+    weights = start.weights()
+    rings = joint_guess(start, weights, registrations)
     sides = start.mirror()
     first = first_estimate(registrations, start, weights=weights, rings=rings)
     mark = fingerprint(registrations, first, plan)
@@ -102,16 +107,17 @@ def train_poses(
     steps = plan.steps
     with limited_threads():
         if known is None:
-            poses = first_poses(first, registrations, start, compared, report)
+            poses = first_poses(first, registrations, start, compared, report, crew)
             known = Checkpoint(poses, (), mark)
             if folder:
                 known.save(folder)
-        objective = Objective(registrations, rings, weights, sides, steps[0][0].sigmas)
+        sigmas = steps[0][0].sigmas
+        objective = Objective(registrations, rings, weights, sides, sigmas, start.template)
         began, already = time.perf_counter(), len(known.log)
         for number in range(already, len(steps)):
             stage, block = steps[number]
             objective = objective.with_sigmas(stage.sigmas)
-            known = _carried_out(objective, known, block, start, stage.effort, report)
+            known = _carried_out(objective, known, block, start, stage.effort, report, crew)
             if folder:
                 known.save(folder)
             each = (time.perf_counter() - began) / (number + 1 - already)
@@ -127,11 +133,12 @@ def _carried_out(
     start: Start,
     effort: Effort,
     report: Report,
+    crew: Crew,
 ) -> Checkpoint:
     began = time.perf_counter()
     before = objective.costs(known.estimate)
-    say = partial(report.part, block)
-    found = BLOCKS[block](objective, known.estimate, start.faces, effort, say)
+    hands = Hands(crew, partial(report.part, block))
+    found = BLOCKS[block](objective, known.estimate, start.faces, effort, hands)
     after = objective.costs(found.estimate)
     total, was = sum(after.values()), sum(before.values())
     lowered = total <= was + ROUNDING * (1 + was) or block in MAY_RISE
@@ -168,6 +175,7 @@ def first_poses(
     start: Start,
     compared: Compared | None = None,
     report: Report = SILENT,
+    crew: Crew = alone,
 ) -> Estimate:
     """Poses by turning each segment onto its vertices, then on edges, the template being alike.
 
@@ -188,8 +196,8 @@ def first_poses(
     data = OnEdges(start.faces) if compared is None else compared
     one = replace(turned, templates=first.templates[:1], joints=first.joints[:1])
     alike = AsOneSubject(registrations)
-    say = partial(report.part, "first poses")
-    found = fitted_poses(one, alike, start.faces, data, FIRST_SIGMA, FIRST_STEPS, say)
+    hands = Hands(crew, partial(report.part, "first poses"))
+    found = fitted_poses(one, alike, start.faces, data, FIRST_SIGMA, FIRST_STEPS, hands)
     return replace(turned, poses=found.poses)
 
 

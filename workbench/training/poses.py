@@ -4,7 +4,6 @@ What is free here are the names `pose` and `trans`; templates, blend shapes, joi
 are fixed at the estimate's.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -20,13 +19,16 @@ from workbench.geometry.rotation import vector_from_matrix
 from workbench.problem import Problem
 from workbench.residuals import Residual, edges, gaussian
 from workbench.solvers import LevenbergMarquardt, Solver
+from workbench.training.crew import ONE, Hands
 from workbench.training.estimate import Estimate
 from workbench.training.mesh_graph import edges_of
-from workbench.training.registrations import Registrations, batches
+from workbench.training.registrations import Registrations
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
+SITTING = 64  # registrations of one sitting: what a process is given at a time
 TOLERANCE = 1e-10  # of the solver: poses of noiseless meshes are exact
+FIRST_DAMPING = 1e-7  # of the stiffest turn, the root's: a wrist moves a thousandth as much
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,30 +71,27 @@ class OnEdges:
 
 
 Compared = OnVertices | OnEdges
-Say = Callable[[int, int], None]  # how many are done, of how many
 
 
-def untold(done: int, of: int) -> None:
-    """Nobody is told."""
+def body_of_subjects(sitting: "Sitting") -> SkinnedBody:
+    """Some subjects as one body: the betas of subject s are one at s, and zero elsewhere.
 
-
-def subject_body(estimate: Estimate, subject: int, faces: Index) -> SkinnedBody:
-    """One subject as a body whose joints are where the estimate has them.
-
-    They are vertices of their own, after the N of the surface, and the regressor reads them off.
+    Joints are vertices of their own, after the N of the surface, and the regressor reads them
+    off, so that they are where the estimate has them.
     """
-    N, K = estimate.weights.shape
-    joints = estimate.joints[subject]
+    N, K = sitting.weights.shape
+    P = sitting.posedirs
+    everybody = np.concatenate([sitting.templates, sitting.joints], axis=1)
     return SkinnedBody(
-        template=np.concatenate([estimate.templates[subject], joints]),
-        shapedirs=np.zeros((N + K, 3, 1)),
-        posedirs=np.concatenate([estimate.posedirs, np.zeros((K, *estimate.posedirs.shape[1:]))]),
+        template=np.zeros((N + K, 3)),
+        shapedirs=np.ascontiguousarray(np.moveaxis(everybody, 0, 2)),
+        posedirs=np.concatenate([P, np.zeros((K, *P.shape[1:]))]),
         J_regressor=csr_array(hstack([csr_array((K, N)), eye_array(K)])),
-        weights=np.concatenate([estimate.weights, np.eye(K)]),
-        parents=estimate.parents,
-        faces=faces,
+        weights=np.concatenate([sitting.weights, np.eye(K)]),
+        parents=sitting.parents,
+        faces=sitting.faces,
         joint_names=tuple(f"joint {k}" for k in range(K)),
-        name=f"subject {subject}",
+        name="subjects",
     )
 
 
@@ -133,9 +132,16 @@ class PoseFit:
             free = (*free, "betas")
         return Problem(residuals, free, blocks=self._blocks)
 
-    def values(self, start: Array, vertices: Array, seen: Array) -> Values:
-        """Pose (K, 3) rad, betas and trans from a first guess of the pose; not worse than it."""
+    def values(
+        self, start: Array, vertices: Array, seen: Array, betas: Array | None = None
+    ) -> Values:
+        """Pose (K, 3) rad, betas and trans from a first guess of the pose; not worse than it.
+
+        Betas are those given, or zero, where they are not free.
+        """
         values: Values = self.body.start() | {"pose": start, "observed": vertices}
+        if betas is not None:
+            values["betas"] = betas
         values["trust"] = self.compared.trust(seen)
         values["trans"] = self._trans(values, vertices, seen)
         solution = self.solver.solve(self.problem, values)
@@ -148,6 +154,37 @@ class PoseFit:
         return np.average(vertices - posed, axis=0, weights=seen)
 
 
+@dataclass(frozen=True, eq=False)
+class Sitting:
+    """Some registrations whose poses are to be found, and their S subjects."""
+
+    templates: Array  # (S, N, 3) m
+    joints: Array  # (S, K, 3) m
+    posedirs: Array
+    weights: Array
+    parents: tuple[int, ...]
+    faces: Index
+    compared: Compared
+    sigma: float  # m
+    steps: int  # of Levenberg and Marquardt, at most, each
+    subject: Index  # (c,), from 0 to S - 1
+    poses: Array  # (c, K, 3) rad: where to start
+    vertices: Array  # (c, N, 3) m
+    seen: Array  # (c, N)
+
+
+def poses_of(sitting: Sitting) -> Array:
+    """(c, K, 3) rad."""
+    body = body_of_subjects(sitting)
+    solver = LevenbergMarquardt(
+        max_iterations=sitting.steps, gradient_tolerance=TOLERANCE, first_damping=FIRST_DAMPING
+    )
+    fit = PoseFit(body, sitting.vertices.shape[1], sitting.compared, sitting.sigma, solver)
+    who = np.eye(len(sitting.templates))[sitting.subject]
+    each = zip(sitting.poses, sitting.vertices, sitting.seen, who, strict=True)
+    return np.stack([fit.values(*one)["pose"] for one in each])
+
+
 def fitted_poses(
     estimate: Estimate,
     registrations: Registrations,
@@ -155,20 +192,25 @@ def fitted_poses(
     compared: Compared,
     sigma: float,
     steps: int,
-    say: Say = untold,
+    hands: Hands = ONE,
 ) -> Estimate:
     """Every registration's pose fitted anew, the estimate's as the start; `steps` at most each."""
-    solver = LevenbergMarquardt(max_iterations=steps, gradient_tolerance=TOLERANCE)
-    fits: dict[int, PoseFit] = {}
+    J = len(registrations.subject)
+    some = [slice(at, min(at + SITTING, J)) for at in range(0, J, SITTING)]
+
+    def task(rows: slice) -> Sitting:
+        batch = registrations.read(rows)
+        own, subject = np.unique(registrations.subject[rows], return_inverse=True)
+        return Sitting(
+            estimate.templates[own], estimate.joints[own], estimate.posedirs, estimate.weights,
+            estimate.parents, faces, compared, sigma, steps,
+            subject, estimate.poses[rows], batch.vertices, batch.seen,
+        )  # fmt: skip
+
     poses = estimate.poses.copy()
-    for batch in batches(registrations):
-        for at, s in enumerate(batch.subject.tolist()):
-            if s not in fits:
-                body = subject_body(estimate, s, faces)
-                fits[s] = PoseFit(body, registrations.n_vertices, compared, sigma, solver)
-            j = batch.some.start + at
-            poses[j] = fits[s].values(poses[j], batch.vertices[at], batch.seen[at])["pose"]
-            say(j + 1, len(poses))
+    for rows, found in zip(some, hands.crew(poses_of, map(task, some)), strict=True):
+        poses[rows] = found
+        hands.say(rows.stop, len(poses))
     return replace(estimate, poses=poses)
 
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
+HELD_BYTES, HELD_EACH = 2**29, 32  # of registrations in memory; of a vertex, and its trust
 PIECE_BYTES = 2**23  # of a piece's largest array, (c, N, 3, 3): what a pass keeps in memory
 
 
@@ -55,6 +56,18 @@ class InMemory:
         vertices = np.asarray(self.vertices[some], dtype=np.float64)
         seen = np.ones(vertices.shape[:2]) if self.seen is None else self.seen[some].astype(float)
         return Batch(some, self.subject[some], vertices, seen)
+
+
+def held(registrations: Registrations) -> Registrations:
+    """In memory where they are few enough: files take longer to read than a pass to compute."""
+    J, N = len(registrations.subject), registrations.n_vertices
+    if J * N * HELD_EACH > HELD_BYTES:
+        return registrations
+    read = list(batches(registrations))
+    vertices, seen = (
+        np.concatenate([getattr(batch, name) for batch in read]) for name in ("vertices", "seen")
+    )
+    return InMemory(vertices, registrations.subject, seen)
 
 
 def batches(registrations: Registrations) -> Iterator[Batch]:

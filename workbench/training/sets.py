@@ -20,8 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from workbench.training.embedded.build import Recipe, Sources, gather_sources
+from workbench.training.embedded.build import SEARCH_RADIUS, Recipe, Sources, gather_sources
 from workbench.training.embedded.pose_blends import draw_poses
+from workbench.training.embedded.regressors import regress
 from workbench.training.embedded.rig import at_most_four
 from workbench.training.embedded.skeleton import JOINT_NAMES, PARENTS
 from workbench.training.embedded.teacher import Teacher
@@ -31,6 +32,7 @@ from workbench.training.first_guess import Start, write_start
 from workbench.training.folder import TABLE
 from workbench.training.pose_mixture import FILE_NAME, read_pose_mixture
 from workbench.training.pose_prior import read_mocap
+from workbench.training.truth import Truth
 from workbench.writing import replacing
 
 Array = NDArray[np.float64]
@@ -59,14 +61,13 @@ class Cast:
     rest: Array  # (P, N, 3) m
     joints: Array  # (P, 24, 3) m
     female: NDArray[np.bool_]
-    fine_weights: csr_array  # (N, 32)
+    weights: Array  # (N, 24), of the rig
+    fine_weights: csr_array  # (N, 32), of the teacher
 
-    def posed(self, person: int, pose: Array, heading: float, trans: Array) -> Array:
-        """The teacher's surface (N, 3) m of one person, turned about the vertical."""
+    def posed(self, person: int, pose: Array, trans: Array) -> Array:
+        """The teacher's surface (N, 3) m of one person."""
         teacher = Teacher(self.rest[person], self.joints[person], self.fine_weights)
-        turned = pose.copy()
-        turned[0] = [0, heading, 0]
-        return teacher.vertices(turned) + trans
+        return teacher.vertices(pose) + trans
 
 
 def make_sets(
@@ -76,7 +77,7 @@ def make_sets(
     everyone = recipe.people + recipe.subjects + recipe.strangers
     sources = gather_sources(wheel, Recipe(people=everyone, seed=recipe.seed), report)
     topology = read_topology(wheel, recipe.body, sources.mesh)
-    cast = _cast(sources, topology)
+    cast = _cast(sources, topology, recipe)
     rng = np.random.default_rng(recipe.seed)
     mixture = read_pose_mixture(MIXTURE)
     drawn = draw_poses(mixture, (recipe.subjects + recipe.strangers) * recipe.poses, rng)
@@ -87,14 +88,18 @@ def make_sets(
     still = recipe.jitter * rng.standard_normal((recipe.people, 1, len(PARENTS), 3))
     first = recipe.people, recipe.people + recipe.subjects
     report("posing the multi-shape set")
-    shapes = _stack(cast, 0, still, rng, folder / "train" / "shapes.npy")
+    shapes = _stack(cast, 0, still, rng, folder / "train" / "shapes.npy").subject
     report("posing the multi-pose set")
     poses = _stack(cast, first[0], used, rng, folder / "train" / "poses.npy")
-    _table(folder / "train", [("shapes", shapes), ("poses", poses)], cast)
+    names = [person + first[0] for person in poses.subject]
+    _table(folder / "train", [("shapes", list(shapes)), ("poses", names)], cast)
+    poses.save(folder / "train")
     report("posing those held out")
     strangers = _stack(cast, first[1], held, rng, folder / "held_out" / "poses.npy")
-    _table(folder / "held_out", [("poses", strangers)], cast)
-    start = _start(cast.rest[: recipe.people], topology, sources)
+    names = [person + first[1] for person in strangers.subject]
+    _table(folder / "held_out", [("poses", names)], cast)
+    strangers.save(folder / "held_out")
+    start = _start(cast, recipe.people, topology)
     for name in ("train", "held_out"):
         write_start(start, folder / name / "start.npz")
         said = {
@@ -105,31 +110,43 @@ def make_sets(
         (folder / name / CARD).write_text(json.dumps(said, indent=2) + "\n", encoding="utf-8")
 
 
-def _cast(sources: Sources, topology: Topology) -> Cast:
+def _cast(sources: Sources, topology: Topology, recipe: SetRecipe) -> Cast:
+    """Joints are a linear function of the vertices, as SMPL defines them.
+
+    Those of the rig are not quite: it moves one of the spine with gender, by centimetres.
+    """
     people = sources.population
     rest = np.stack([topology.follows @ person for person in people.vertices])
-    fine = csr_array(topology.follows @ sources.fine_weights)
-    return Cast(rest, people.joints, people.female, fine)
-
-
-def _start(people: Array, topology: Topology, sources: Sources) -> Start:
-    """The mean person, cut where the artists' weights change hands."""
+    own = rest[: recipe.people], people.joints[: recipe.people]
+    radius = SEARCH_RADIUS["joints"]
+    regressor = regress(*own, JOINT_NAMES, topology.mirror, radius)
     weights = at_most_four(topology.follows @ sources.weights, topology.mirror)
-    return Start(people.mean(axis=0), topology.faces, PARENTS, JOINT_NAMES, weights.argmax(axis=1))
+    fine = csr_array(topology.follows @ sources.fine_weights)
+    return Cast(rest, regressor @ rest, people.female, weights, fine)
 
 
-def _stack(cast: Cast, first: int, poses: Array, rng: np.random.Generator, path: Path) -> list[int]:
-    """Write poses (P, n, 24, 3) of the people from `first` on; whose each row is."""
+def _start(cast: Cast, people: int, topology: Topology) -> Start:
+    """The mean person, cut where the artists' weights change hands."""
+    mean = cast.rest[:people].mean(axis=0)
+    return Start(mean, topology.faces, PARENTS, JOINT_NAMES, cast.weights.argmax(axis=1))
+
+
+def _stack(cast: Cast, first: int, poses: Array, rng: np.random.Generator, path: Path) -> Truth:
+    """Write poses (P, n, 24, 3) of the people from `first` on, each turned and moved at random."""
     path.parent.mkdir(parents=True, exist_ok=True)
     P, n = poses.shape[:2]
+    turned = poses.reshape(P * n, -1, 3).copy()
+    trans = np.empty((P * n, 3))
     rows = np.empty((P * n, cast.rest.shape[1], 3), dtype=np.float32)
-    for i in range(P):
-        for j in range(n):
-            heading, trans = rng.uniform(-np.pi, np.pi), 0.5 * rng.standard_normal(3)
-            rows[i * n + j] = cast.posed(first + i, poses[i, j], heading, trans)
+    subject = np.repeat(np.arange(P), n)
+    for j, person in enumerate(subject):
+        turned[j, 0] = [0, rng.uniform(-np.pi, np.pi), 0]
+        trans[j] = 0.5 * rng.standard_normal(3)
+        rows[j] = cast.posed(first + int(person), turned[j], trans[j])
     with replacing(path) as temporary, temporary.open("wb") as file:
         np.save(file, rows)
-    return [first + i for i in range(P) for _ in range(n)]
+    own = slice(first, first + P)
+    return Truth(cast.rest[own], cast.joints[own], subject, turned, trans, cast.weights)
 
 
 def _table(folder: Path, sets: list[tuple[str, list[int]]], cast: Cast) -> None:

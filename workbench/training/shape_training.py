@@ -1,6 +1,7 @@
 """Training of shape: registrations of many people, un-posed, and their principal directions."""
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,27 +10,28 @@ from scipy.sparse import csr_array
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadArgument
 from workbench.solvers import LevenbergMarquardt
+from workbench.training.crew import ONE, Hands
 from workbench.training.first_guess import Start
 from workbench.training.joint_regressor import JointRegressor, fit_joint_regressor
 from workbench.training.mirror import Mirror
 from workbench.training.pose_training import FIRST_SIGMA, NotLowered, PoseModel
 from workbench.training.poses import (
+    FIRST_DAMPING,
+    SITTING,
     TOLERANCE,
     Compared,
     OnEdges,
     PoseFit,
-    Say,
     ShapePrior,
     segments_turned,
-    untold,
 )
-from workbench.training.registrations import Registrations, batches
+from workbench.training.registrations import Registrations
 from workbench.training.shape_space import ShapeSpace, learn_shape_space
 from workbench.training.unposing import unpose
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
-STEPS = 8  # of the fit of one pose in a round
+STEPS = 6  # of the fit of one pose in a round
 KKT = 1e-8
 
 
@@ -92,6 +94,41 @@ def about_root(people: Array, regressor: csr_array) -> Array:
     return np.asarray(people - (root @ people)[:, None])
 
 
+@dataclass(frozen=True, eq=False)
+class Visit:
+    """Some people, each to be un-posed."""
+
+    body: SkinnedBody
+    compared: Compared
+    shapes: ShapePrior | None
+    poses: Array | None  # (c, K, 3) rad: where to start; None: segments are turned
+    vertices: Array  # (c, N, 3) m
+    seen: Array  # (c, N)
+
+
+def unposed_people(visit: Visit) -> tuple[Array, Array]:
+    """Their poses (c, K, 3) rad, and them at rest (c, N, 3) m."""
+    body = visit.body
+    solver = LevenbergMarquardt(
+        max_iterations=STEPS, gradient_tolerance=TOLERANCE, first_damping=FIRST_DAMPING
+    )
+    fit = PoseFit(body, body.n_vertices, visit.compared, FIRST_SIGMA, solver, visit.shapes)
+    poses, people = [], []
+    for i, (V, seen) in enumerate(zip(visit.vertices, visit.seen, strict=True)):
+        start = (
+            segments_turned(body.template, body.weights, body.parents, V, seen)
+            if visit.poses is None
+            else visit.poses[i]
+        )
+        found = fit.values(start, V, seen)
+        if not seen.all():  # what was not scanned is taken from the model
+            filled = body.vertices(found["pose"], found["betas"], found["trans"])
+            V = np.where(seen[:, None] > 0, V, filled)
+        poses.append(found["pose"])
+        people.append(unpose(body, found["pose"], V).vertices)
+    return np.stack(poses), np.stack(people)
+
+
 def learn_shapes(
     body: SkinnedBody,
     registrations: Registrations,
@@ -101,7 +138,7 @@ def learn_shapes(
     rounds: int = 2,
     compared: Compared | None = None,
     prior: float = 1.0,
-    say: Say = untold,
+    hands: Hands = ONE,
 ) -> Shapes:
     """Pose-normalise, un-pose and find the principal directions; then with those once more.
 
@@ -111,31 +148,35 @@ def learn_shapes(
     data = OnEdges(body.faces) if compared is None else compared
     J, N, K = len(registrations.subject), body.n_vertices, body.n_joints
     poses, people = np.zeros((J, K, 3)), np.zeros((J, N, 3))
-    solver = LevenbergMarquardt(max_iterations=STEPS, gradient_tolerance=TOLERANCE)
+    runs = [slice(at, min(at + SITTING, J)) for at in range(0, J, SITTING)]
     space: ShapeSpace | None = None
-    for round_number in range(rounds):
-        shaped = body if space is None else replace(
-            body, template=space.template, shapedirs=space.shapedirs
-        )  # fmt: skip
-        shapes = None if space is None else ShapePrior(prior)
-        fit = PoseFit(shaped, N, data, FIRST_SIGMA, solver, shapes)
-        for batch in batches(registrations):
-            for at in range(len(batch.subject)):
-                j = batch.some.start + at
-                V, seen = batch.vertices[at], batch.seen[at]
-                if round_number == 0:
-                    poses[j] = segments_turned(body.template, body.weights, body.parents, V, seen)
-                found = fit.values(poses[j], V, seen)
-                poses[j] = found["pose"]
-                if not seen.all():  # what was not scanned is taken from the model
-                    filled = shaped.vertices(found["pose"], found["betas"], found["trans"])
-                    V = np.where(seen[:, None] > 0, V, filled)
-                people[j] = unpose(shaped, poses[j], V).vertices
-                say(round_number * J + j + 1, rounds * J)
+    for number in range(rounds):
+        shaped, shapes = body, None
+        if space is not None:
+            shaped = replace(body, template=space.template, shapedirs=space.shapedirs)
+            shapes = ShapePrior(prior)
+        visit = partial(_visit, shaped, registrations, data, shapes, poses if number else None)
+        found = hands.crew(unposed_people, map(visit, runs))
+        for some, (own_poses, own_people) in zip(runs, found, strict=True):
+            poses[some], people[some] = own_poses, own_people
+            hands.say(number * J + some.stop, rounds * J)
         people = about_root(people, body.J_regressor)
         space = learn_shape_space(people, body.faces, mirror, min(n_betas, J - 1))
     assert space is not None  # there is a first round
     return Shapes(space, people, poses)
+
+
+def _visit(
+    body: SkinnedBody,
+    registrations: Registrations,
+    compared: Compared,
+    shapes: ShapePrior | None,
+    poses: Array | None,
+    some: slice,
+) -> Visit:
+    batch = registrations.read(some)
+    own = None if poses is None else poses[some]
+    return Visit(body, compared, shapes, own, batch.vertices, batch.seen)
 
 
 def start_shape(model: PoseModel, start: Start, n_betas: int) -> tuple[SkinnedBody, JointRegressor]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from workbench.bodies import SkinnedBody
 from workbench.threads import limited_threads
+from workbench.training.crew import Crew, Hands, alone
 from workbench.training.first_guess import Start
 from workbench.training.joint_regressor import JointRegressor
 from workbench.training.plan import Plan, alternation
@@ -41,6 +42,7 @@ def train(
     folder: Path | None = None,
     report: Report = SILENT,
     card: dict[str, Any] | None = None,
+    crew: Crew = alone,
 ) -> Trained:
     """A body from some people in many poses and, if there are, many people in one.
 
@@ -49,7 +51,7 @@ def train(
     killed at any time and goes on from there. Raises NotLowered, NoMirror or BadFile.
     """
     chosen = alternation() if plan is None else plan
-    model = train_poses(multi_pose, start, chosen, folder=folder, report=report)
+    model = train_poses(multi_pose, start, chosen, folder=folder, report=report, crew=crew)
     with limited_threads():
         body, regressor = start_shape(model, start, n_betas)
         shapes = None
@@ -61,7 +63,7 @@ def train(
                 n_betas=n_betas,
                 mirror=mirror,
                 rounds=shape_rounds,
-                say=partial(report.part, "shapes"),
+                hands=Hands(crew, partial(report.part, "shapes")),
             )
             body = replace(body, template=shapes.space.template, shapedirs=shapes.space.shapedirs)
     facts = card_of(model, regressor, shapes, chosen) | (card or {})

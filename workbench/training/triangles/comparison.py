@@ -27,6 +27,11 @@ class Explained:
     share: Array  # (k + 1,): of the variance of the vertices
     rms: Array  # (k + 1,) m: per vertex
 
+    def count_for(self, share: float) -> int | None:
+        """How many directions explain that share; None if all there are do not."""
+        enough = self.share >= share
+        return int(np.argmax(enough)) if enough.any() else None
+
 
 def explained_by_vertices(
     people: ArrayLike, most: int, others: ArrayLike | None = None
@@ -52,6 +57,15 @@ def explained_by_triangles(
     directions = stitched_directions(shapes, faces).reshape(-1, most).T  # centroids at 0
     _, mean = _centred(people)
     return _explained(_about(mean, people if others is None else others), directions)
+
+
+def explained_gradients(people: ArrayLike, faces: Index, most: int) -> Array:
+    """Shares (most + 1,) of the variance of the gradients themselves, before any stitching.
+
+    What SCAPE's own principal components are chosen for: 9 numbers per face, small faces and
+    large ones alike.
+    """
+    return np.append(0.0, np.cumsum(learn_shapes(people, faces, most).explained))
 
 
 def additivity_gap(body: SkinnedBody | TriangleBody, pose: Array, betas: Array) -> Array:

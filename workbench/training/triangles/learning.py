@@ -11,7 +11,13 @@ from workbench.errors import BadArgument
 from workbench.geometry.stitching import Stitching
 from workbench.geometry.triangles import edges
 from workbench.training.triangles.shape_space import learn_shapes
-from workbench.training.triangles.stitched_fit import ClosedEdges, Measure, StitchedFit
+from workbench.training.triangles.stitched_fit import (
+    LSQR,
+    ClosedEdges,
+    LeastSquares,
+    Measure,
+    StitchedFit,
+)
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -41,7 +47,7 @@ def learn(
     *,
     n_betas: int,
     ridge: float,
-    tolerance: float = 1e-10,
+    by: LeastSquares = LSQR,
     measure: Callable[[Stitching], Measure] = ClosedEdges,
 ) -> TriangleBody:
     """SCAPE or BlendSCAPE, as the weights of `start` have it, from two sets of meshes.
@@ -53,9 +59,7 @@ def learn(
     shaped = replace(start, template=shapes.template, shapedirs=shapes.shapedirs)
     if posed.person.min() < 0 or posed.person.max() >= len(shapes.betas):
         raise BadArgument(f"posed meshes are of persons 0 to {len(shapes.betas) - 1}, no others")
-    return learn_bends(
-        shaped, posed, shapes.betas, ridge=ridge, tolerance=tolerance, measure=measure
-    )
+    return learn_bends(shaped, posed, shapes.betas, ridge=ridge, by=by, measure=measure)
 
 
 def learn_bends(
@@ -64,13 +68,13 @@ def learn_bends(
     betas: Array,
     *,
     ridge: float,
-    tolerance: float = 1e-10,
+    by: LeastSquares = LSQR,
     measure: Callable[[Stitching], Measure] = ClosedEdges,
 ) -> TriangleBody:
     """The body with the posedirs that fit the meshes best, everything else as it is.
 
     `betas` (P, B) of each person. E_Q, how far Q_f is from the identity, is `ridge` (m^2) times
-    the sum of squares of posedirs per rad. `tolerance` is that of StitchedFit.
+    the sum of squares of posedirs per rad.
     """
     here = [body.arithmetic.at(p, betas[i]) for p, i in zip(posed.poses, posed.person, strict=True)]
     left = np.stack([at.B @ at.D for at in here], axis=1)
@@ -80,7 +84,7 @@ def learn_bends(
     features = np.einsum("fiu,fmt->fimut", flat, twists).reshape(F, 2, M, 2 * T)
     known = np.einsum("fmac,fic->fima", left, body.arithmetic.edges)
     fit = StitchedFit(body.stitching, left, features, _missing(body, posed, known), measure)
-    C = fit.solve(ridge, tolerance=tolerance).reshape(F, 3, 2, T)
+    C = fit.solve(ridge, by=by).reshape(F, 3, 2, T)
     return replace(body, posedirs=np.einsum("faut,fcu->fact", C, in_plane))
 
 
@@ -90,7 +94,7 @@ def learn_person(
     *,
     smoothness: float,
     ridge: float = 0.0,
-    tolerance: float = 1e-10,
+    by: LeastSquares = LSQR,
     measure: Callable[[Stitching], Measure] = ClosedEdges,
 ) -> Array:
     """D_f (F, 3, 3) of one person from posed meshes alone, Q being the body's.
@@ -103,11 +107,11 @@ def learn_person(
     bent = np.stack([at.bent for at in here], axis=2)  # (F, 2, M, 3)
     known = np.einsum("fmac,fimc->fima", left, bent)
     fit = StitchedFit(body.stitching, left, bent, _missing(body, posed, known), measure)
-    return np.eye(3) + fit.solve(ridge, smoothness, tolerance)
+    return np.eye(3) + fit.solve(ridge, smoothness, by)
 
 
 def _missing(body: TriangleBody, posed: PosedMeshes, known: Array) -> Array:
-    """Edges of the meshes Edges of the meshes less what is known of them (F, 2, M, 3) m."""
+    """Edges of the meshes less what is known of them (F, 2, M, 3) m."""
     return np.asarray(edges(posed.vertices, body.faces).transpose(1, 2, 0, 3) - known)
 
 

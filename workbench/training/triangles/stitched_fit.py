@@ -7,7 +7,9 @@ of
     minimise  sum over meshes |S(L_f C_f h_fi) - S(r_fi)|^2
               + smoothness sum over neighbours |C_f - C_g|^2 + ridge sum |C_f|^2
 
-are found for all triangles at once, by LSQR (Paige and Saunders 1982), which never forms a matrix.
+are found for all triangles at once: stitching ties every one to every other. LSQR (Paige and
+Saunders 1982) never forms a matrix and takes whole people; Direct forms it and takes some hundred
+triangles, but to the last digit, also what blended rotations show a millionth as well as the rest.
 S is linear, and either the edges of the stitched mesh (ClosedEdges, SCAPE's own measure, which
 hardly notices a limb that drifts) or its vertices about their mean (CentredVertices).
 """
@@ -18,10 +20,11 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import lstsq
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import LinearOperator, lsqr
 
-from workbench.errors import WorkbenchError
+from workbench.errors import BadArgument, WorkbenchError
 from workbench.geometry.stitching import Stitching
 
 Array = NDArray[np.float64]
@@ -30,6 +33,55 @@ Index = NDArray[np.int64]
 
 class NotConverged(WorkbenchError):
     """The least squares were stopped before they met their tolerance."""
+
+
+class LeastSquares(Protocol):
+    """A way to minimise |A x - b|^2; where that leaves x open, the shortest."""
+
+    def solve(self, A: LinearOperator, b: Array) -> Array:
+        """x."""
+
+
+@dataclass(frozen=True)
+class Lsqr:
+    """By LSQR, which asks for products only. Raises NotConverged after `most` iterations."""
+
+    tolerance: float = 1e-10  # on what is left of b, or its part that could be explained, per |b|
+    most: int = 4000
+
+    def solve(self, A: LinearOperator, b: Array) -> Array:
+        """x."""
+        x, stopped, count = lsqr(
+            A, b, atol=self.tolerance, btol=self.tolerance, conlim=0, iter_lim=self.most
+        )[:3]
+        if stopped == 7:
+            raise NotConverged(
+                f"least squares in {A.shape[1]} unknowns were stopped after {count} iterations; "
+                "allow more of them, or raise the ridge or the tolerance"
+            )
+        return np.asarray(x)
+
+
+@dataclass(frozen=True)
+class Direct:
+    """By QR with pivots of the matrix itself. Raises BadArgument for more than `most` unknowns."""
+
+    cutoff: float = 1e-13  # of the largest singular value: what counts as not seen at all
+    most: int = 3000
+
+    def solve(self, A: LinearOperator, b: Array) -> Array:
+        """x."""
+        n = A.shape[1]
+        if n > self.most:
+            raise BadArgument(
+                f"{n} unknowns are too many for a direct solution, which takes up to {self.most}; "
+                "take Lsqr"
+            )
+        matrix = A @ np.eye(n)
+        return np.asarray(lstsq(matrix, b, cond=self.cutoff, lapack_driver="gelsy")[0])
+
+
+LSQR = Lsqr()
 
 
 class Measure(Protocol):
@@ -83,18 +135,8 @@ class StitchedFit:
     wanted: Array  # r (F, 2, M, 3) m: edges of the meshes less what is known of them
     measure: Callable[[Stitching], Measure] = ClosedEdges
 
-    def solve(
-        self,
-        ridge: float = 0.0,
-        smoothness: float = 0.0,
-        tolerance: float = 1e-10,
-        most: int = 4000,
-    ) -> Array:
-        """C (F, 3, q); `ridge` and `smoothness` are in m^2 per squared unit of C.
-
-        `tolerance` is on what is left of r, or on its part that could still be explained, relative
-        to r. Raises NotConverged after `most` iterations.
-        """
+    def solve(self, ridge: float = 0.0, smoothness: float = 0.0, by: LeastSquares = LSQR) -> Array:
+        """C (F, 3, q); `ridge` and `smoothness` are in m^2 per squared unit of C."""
         F, _, M, q = self.features.shape
         h = self.features.reshape(F, 2 * M, q)
         # unknowns whose units are what they do to the edges of their own face
@@ -127,15 +169,7 @@ class StitchedFit:
 
         operator = LinearOperator((rows, 3 * q * F), matvec=forth, rmatvec=back, dtype=np.float64)
         right = np.concatenate([target.ravel(), np.zeros(rows - seen)])
-        x, stopped, count = lsqr(
-            operator, right, atol=tolerance, btol=tolerance, iter_lim=most, conlim=0
-        )[:3]
-        if stopped == 7:
-            raise NotConverged(
-                f"least squares over {F} triangles were stopped after {count} iterations; allow "
-                "more of them, or raise the ridge or the tolerance"
-            )
-        return np.asarray(x).reshape(F, 3, q) @ U
+        return by.solve(operator, right).reshape(F, 3, q) @ U
 
     def _edges(self, X: Array, white: Array) -> Array:
         moved = (white @ X.transpose(0, 2, 1)).reshape(self.wanted.shape)

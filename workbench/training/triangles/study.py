@@ -1,73 +1,206 @@
-"""SMPL, SCAPE and BlendSCAPE on the same synthetic people and poses."""
+"""SMPL, SCAPE and BlendSCAPE on the same synthetic people, from seeds to numbers."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from workbench.bodies import SkinnedBody
-from workbench.bodies.body import Body
+from workbench.bodies.catalogue import load_body
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
-from workbench.training.embedded.pose_blends import learn_pose_blends
-from workbench.training.embedded.teacher import Teacher
-from workbench.training.mirror import Mirror
-from workbench.training.triangles.comparison import n_parameters
-from workbench.training.triangles.learning import PosedMeshes, learn_bends
-from workbench.training.triangles.stitched_fit import CentredVertices
+from workbench.geometry.triangles import soup
+from workbench.training.triangles.comparison import (
+    Explained,
+    additivity_gap,
+    explained_by_triangles,
+    explained_by_vertices,
+    explained_gradients,
+    n_parameters,
+)
+from workbench.training.triangles.measures import (
+    AnyBody,
+    Cost,
+    Held,
+    betas_at_rest,
+    cost,
+    crease,
+    n_seams,
+)
+from workbench.training.triangles.models import BLEND_SCAPE, SCAPE, SMPL, learn_models
+from workbench.training.triangles.people import (
+    People,
+    Plan,
+    Registrations,
+    Report,
+    draw_people,
+    register,
+)
 
 Array = NDArray[np.float64]
-Report = Callable[[str], None]
-# m^2 per squared unit of posedirs. Learned from 100 poses on `small`, held-out rms in mm for 1e-1,
-# 1e-3, 1e-4, 1e-5: SCAPE 12.0, 5.2, 4.9, 4.9; BlendSCAPE 14.2, 6.1, 5.5, 5.5
-RIDGE = 1e-4
-TOLERANCE = 1e-3
+SHOWN = (SMPL, SCAPE, BLEND_SCAPE)
+HARD, APART = 5, 0.25  # poses that are drawn, and their least rms distance in rad per joint
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """Distances in mm from the teacher's posed surface, centroids laid together."""
+    """One model in numbers; distances in mm, centroids laid together, in the true pose."""
 
     model: str
     parameters: int
-    rms_learned: float  # on the poses that it was learned from
-    rms: float  # on others
+    rest: float  # rms, of strangers at rest
+    learned: float  # rms, of the meshes that it was learned from
+    rms: float  # of strangers in poses that nobody has seen
     mean: float
     largest: float
+    crease: float  # rms jump of the deformation where parts meet, in those poses
+    gap: float  # mm, rms: shape and pose together less each alone, unposed
 
 
-def compare_on_poses(
-    body: SkinnedBody, teacher: Teacher, poses: tuple[Array, Array], mirror: Mirror, report: Report
-) -> tuple[Outcome, ...]:
-    """One person's pose-dependent part, learned from the first poses, measured on the second.
+@dataclass(frozen=True, eq=False)
+class Shapes:
+    """What the first k shape directions explain, k = 0, 1, ..."""
 
-    The teacher is the synthetic one of the embedded bodies: a finer rig under dual quaternions.
-    SMPL's blend shapes also see every pose in a mirror; all models have the same joints and
-    skinning weights. Q is fitted to vertices, as the blend shapes are.
+    learned: Mapping[str, Explained]  # "vertices" and "triangles"; of the people learned from
+    strangers: Mapping[str, Explained]
+    gradients: Array  # shares of the variance of gradients, people learned from
+
+    @property
+    def leads(self) -> Array:
+        """How much more of those learned from vertices explain than triangles: (k,), k = 1 ..."""
+        v, t = (self.learned[name].share for name in ("vertices", "triangles"))
+        return np.asarray((v - t)[1:])
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """All that was measured."""
+
+    plan: Plan
+    said: str  # which poses were tested on
+    faces: NDArray[np.int64]
+    shapes: Shapes
+    outcomes: tuple[Outcome, ...]
+    true_crease: float  # of the test meshes themselves
+    n_seams: int
+    costs: tuple[Cost, ...]
+    smpl: SkinnedBody
+    poses: Array  # (H, K, 3) rad: hard ones
+    hard: Mapping[str, Held]  # by model, in those
+    torn: Mapping[str, Array]  # stage -> corners (F, 3, 3) m
+
+    def outcome(self, model: str) -> Outcome:
+        """Of that name."""
+        return next(one for one in self.outcomes if one.model == model)
+
+
+def compare_triangles(plan: Plan, wheel: Path, mocap: Path | None, report: Report) -> Study:
+    """Draw people, learn the models, measure them.
+
+    Without a recording they are tested on further draws of the pose prior.
     """
-    seen, others = (np.stack([teacher.vertices(pose) for pose in some]) for some in poses)
-    posedirs, _ = learn_pose_blends(teacher, body.weights, mirror, poses, report)
-    models: dict[str, SkinnedBody | TriangleBody] = {
-        "linear blend skinning": replace(body, posedirs=0 * body.posedirs),
-        "SMPL": replace(body, posedirs=posedirs),
+    body = load_body(plan.body)
+    people = draw_people(plan, wheel, body, report)
+    given = register(plan, people, mocap)
+    return study(plan, given, report)
+
+
+def study(plan: Plan, given: Registrations, report: Report) -> Study:
+    """Learn and measure on what is given."""
+    models = learn_models(given, plan.betas, report)
+    report("shape directions")
+    shapes = explain(given.people)
+    report("people and poses that nobody has seen")
+    outcomes = tuple(outcome(name, model, given) for name, model in models.items())
+    chosen = hard_poses(given.test.poses)
+    shown = {}
+    for name in SHOWN:
+        held = Held.of(models[name], given.people.strangers, given.test)
+        shown[name] = Held(held.surfaces[chosen], held.distances[chosen])
+    smpl, torn = models[SMPL], models[f"{SCAPE}, Q = I"]
+    assert isinstance(smpl, SkinnedBody)
+    assert isinstance(torn, TriangleBody)
+    part = torn.weights.toarray().argmax(axis=1)
+    report("time")
+    body = given.people.body
+    return Study(
+        plan,
+        given.said,
+        body.faces,
+        shapes,
+        outcomes,
+        crease(body.template, body.faces, part, given.test.vertices),
+        n_seams(body.faces, part),
+        tuple(costs(plan.body, models)),
+        smpl,
+        given.test.poses[chosen],
+        shown,
+        stages(torn, given.test.poses[chosen[0]]),
+    )
+
+
+def explain(people: People) -> Shapes:
+    """Both bases on those they were learned from, and on strangers about the same mean."""
+    learned, others, faces = people.learned, people.strangers, people.body.faces
+    most = len(learned) - 1
+    by = [
+        {"vertices": explained_by_vertices(learned, most, whom),
+         "triangles": explained_by_triangles(learned, faces, most, whom)}
+        for whom in (None, others)
+    ]  # fmt: skip
+    return Shapes(by[0], by[1], explained_gradients(learned, faces, most))
+
+
+def outcome(name: str, model: AnyBody, given: Registrations) -> Outcome:
+    """One model, measured."""
+    learned, strangers, test = given.people.learned, given.people.strangers, given.test
+    body, betas = given.people.body, betas_at_rest(model, strangers)
+    still = np.zeros((len(strangers), body.n_joints, 3))
+    people = np.arange(len(strangers), dtype=np.int64)
+    at_rest = type(test)(strangers, still, people)
+    held = Held.of(model, strangers, test)
+    gaps = [
+        additivity_gap(model, pose, betas[i])
+        for pose, i in zip(test.poses, test.person, strict=True)
+    ]
+    part = scape(body).weights.toarray().argmax(axis=1)
+    return Outcome(
+        name,
+        n_parameters(model),
+        Held.of(model, strangers, at_rest).rms,
+        Held.of(model, learned, given.posed).rms,
+        held.rms,
+        held.mean,
+        held.largest,
+        crease(body.template, body.faces, part, held.surfaces),
+        1e3 * float(np.sqrt(np.mean(np.sum(np.square(gaps), axis=-1)))),
+    )
+
+
+def hard_poses(poses: Array) -> list[int]:
+    """Those of (M, K, 3) rad that turn joints most, no two of them alike; at most five."""
+    chosen: list[int] = []
+    for i in np.argsort(-np.linalg.norm(poses, axis=2).sum(axis=1)):
+        away = [np.sqrt(np.mean(np.sum((poses[i] - poses[j]) ** 2, axis=1))) for j in chosen]
+        if min(away, default=np.inf) > APART:
+            chosen.append(int(i))
+    return chosen[:HARD]
+
+
+def stages(body: TriangleBody, pose: Array) -> dict[str, Array]:
+    """The template's triangles, deformed one by one, and stitched: (F, 3, 3) m each."""
+    X = body.deformations(pose, np.zeros(body.n_betas))
+    return {
+        "template": body.template[body.faces],
+        "rigid parts, torn": soup(body.template, body.faces, X),
+        "stitched": body.vertices(pose)[body.faces],
     }
-    one = PosedMeshes(seen, poses[0], np.zeros(len(seen), dtype=np.int64))
-    for name, untrained in (("SCAPE", scape(body)), ("BlendSCAPE", blend_scape(body))):
-        report(f"  {name}")
-        models[f"{name}, Q = I"] = untrained
-        models[name] = learn_bends(
-            untrained, one, np.zeros((1, body.n_betas)), ridge=RIDGE, tolerance=TOLERANCE,
-            measure=CentredVertices,
-        )  # fmt: skip
-    return tuple(
-        Outcome(name, n_parameters(model), distances(model, poses[0], seen)[0],
-                *distances(model, poses[1], others))
-        for name, model in models.items()
-    )  # fmt: skip
 
 
-def distances(model: Body, poses: Array, surfaces: Array) -> tuple[float, float, float]:
-    """Root mean square, mean and largest distance in mm, centroids laid together."""
-    apart = model.vertices(poses) - surfaces
-    away = 1e3 * np.linalg.norm(apart - apart.mean(axis=1, keepdims=True), axis=-1)
-    return float(np.sqrt((away**2).mean())), float(away.mean()), float(away.max())
+def costs(mesh: str, models: Mapping[str, AnyBody]) -> list[Cost]:
+    """Of the models that are shown, and of untrained ones on the full mesh."""
+    found = [cost(mesh, name, models[name]) for name in SHOWN]
+    full: SkinnedBody = load_body("full")
+    made: dict[str, AnyBody] = {SMPL: full, SCAPE: scape(full), BLEND_SCAPE: blend_scape(full)}
+    return found + [cost("full", name, made[name]) for name in SHOWN]

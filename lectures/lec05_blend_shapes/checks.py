@@ -1,0 +1,314 @@
+"""Checks of lecture 5, and the mistakes that they tell apart."""
+
+import numpy as np
+from scipy.optimize import nnls
+from scipy.spatial.transform import Rotation
+
+from lectures.lec05_blend_shapes import solutions
+from workbench.course import check, equal, holds, mistake
+
+RNG = np.random.default_rng(5)
+EXAMPLES = RNG.uniform(-1, 1, size=(5, 3))
+PLACES = RNG.uniform(-1, 1, size=(4, 3))
+
+
+# shares
+
+
+@check("shares", points=1)
+def sum_to_one(shares):
+    """they sum to one, and far from all the nearest example has it all"""
+    for x in PLACES:
+        equal(np.sum(shares(x, EXAMPLES, 0.7)), 1, "the sum of the shares")
+    far = EXAMPLES[2] * 8 / np.linalg.norm(EXAMPLES[2])
+    nearest = np.argmin(np.linalg.norm(EXAMPLES - far, axis=1))
+    equal(
+        shares(far, EXAMPLES, 0.7)[nearest], 1, "the share of the nearest example, 8 rad off", 0.05
+    )
+
+
+@check("shares", points=1)
+def fall_as_they_should(shares):
+    """they fall with the square of the distance over that of the width"""
+    line = np.array([[0.0], [1.0]])
+    for x, width in ((0.3, 0.5), (0.3, 2.0), (-1.0, 0.8)):
+        s = shares(np.array([x]), line, width)
+        equal(np.log(s[0] / s[1]), ((x - 1) ** 2 - x**2) / width**2,
+              f"the logarithm of the ratio of two shares, at {x} between 0 and 1, width {width}")  # fmt: skip
+
+
+@mistake("shares", "these do not sum to one: a source forgets to divide by the sum. Far from all examples they fade away")  # fmt: skip
+def not_divided(x, examples, width):
+    return solutions.kernels(x, examples, width)
+
+
+@mistake("shares", "the width is squared, like the distance")
+def width_not_squared(x, examples, width):
+    return solutions.shares(x, examples, np.sqrt(width))
+
+
+@mistake("shares", "the distance is squared: this has a kink at every example")
+def distance_not_squared(x, examples, width):
+    k = np.exp(-np.linalg.norm(x - examples, axis=1) / width)
+    return k / k.sum()
+
+
+@mistake("shares", "this is divided by the largest and not by the sum")
+def over_the_largest(x, examples, width):
+    k = solutions.kernels(x, examples, width)
+    return k / k.max()
+
+
+# exact
+
+
+@check("exact", points=2)
+def is_exact(exact):
+    """at example i it is one for i and zero for all others"""
+    for width in (0.5, 1.0):
+        for x, expected in zip(EXAMPLES, np.eye(5), strict=True):
+            equal(exact(x, EXAMPLES, width), expected, f"the coefficients at an example, width {width}", 1e-7)  # fmt: skip
+
+
+@check("exact", points=1)
+def is_made_of_kernels(exact):
+    """elsewhere it is a sum of kernels"""
+    for x in PLACES:
+        expected = solutions.exact(x, EXAMPLES, 0.8)
+        equal(exact(x, EXAMPLES, 0.8), expected, "the coefficients between examples", 1e-7)
+
+
+@mistake("exact", "these are the kernels themselves: at one example those of its neighbours are not zero. Solve for the matrix of kernels between examples")  # fmt: skip
+def the_kernels(x, examples, width):
+    return solutions.kernels(x, examples, width)
+
+
+@mistake("exact", "shares sum to one, but at an example its neighbours have a share as well")
+def the_shares(x, examples, width):
+    return solutions.shares(x, examples, width)
+
+
+@mistake("exact", "this multiplies with the matrix of kernels; it has to be solved")
+def multiplied(x, examples, width):
+    return solutions.kernels(examples, examples, width) @ solutions.kernels(x, examples, width)
+
+
+# features
+
+TURNS = Rotation.from_rotvec(RNG.standard_normal((4, 3))).as_matrix()
+
+
+@check("features", points=1)
+def are_nothing_at_rest(features):
+    """nothing at rest, and nothing if the root turns alone"""
+    R = np.tile(np.eye(3), (4, 1, 1))
+    equal(features(R), np.zeros(27), "the features at rest")
+    R[0] = TURNS[0]
+    equal(features(R), np.zeros(27), "the features when the root turns")
+
+
+@check("features", points=1)
+def are_in_order(features):
+    """entry 9 (k - 1) + 3 r + c is row r, column c of joint k"""
+    for k in (1, 2, 3):
+        R = np.tile(np.eye(3), (4, 1, 1))
+        R[k] = TURNS[k]
+        f = features(R)
+        for r in range(3):
+            for c in range(3):
+                equal(f[9 * (k - 1) + 3 * r + c], TURNS[k][r, c] - (r == c),
+                      f"entry {9 * (k - 1) + 3 * r + c}, when joint {k} turns")  # fmt: skip
+
+
+@mistake(
+    "features", "column by column: row by row was asked. Trained shapes go with one order alone"
+)
+def column_by_column(R):
+    return (R[1:] - np.eye(3)).transpose(0, 2, 1).ravel()
+
+
+@mistake("features", "the identity has to be taken away, or there are blend shapes at rest")
+def with_the_identity(R):
+    return R[1:].ravel()
+
+
+@mistake(
+    "features", "the root is joint 0, the first; turning the whole body must not change its skin"
+)
+def without_the_last(R):
+    return (R[:-1] - np.eye(3)).ravel()
+
+
+@mistake(
+    "features",
+    "this is one joint less the joint before it; each joint is compared with the identity, its rotation at rest",
+)
+def from_joint_to_joint(R):
+    return (R[1:] - R[:-1]).ravel()
+
+
+# learn
+
+F = RNG.standard_normal((12, 4))
+D = RNG.standard_normal((12, 6))
+
+
+@check("learn", points=1)
+def has_no_slope(learn):
+    """no other P is cheaper: the slope is zero there"""
+    for price in (1e-3, 0.5, 20.0):
+        P = learn(F, D, price)
+        equal(
+            F.T @ (F @ P - D) + price * P, np.zeros((4, 6)), f"half of the gradient, price {price}"
+        )
+
+
+@check("learn", points=1)
+def is_bounded_where_examples_are_few(learn):
+    """it has an answer with fewer poses than features, and a higher price makes it smaller"""
+    sizes = [np.linalg.norm(learn(F[:2], D[:2], price)) for price in (1e-2, 1.0, 100.0)]
+    equal(sizes, [np.linalg.norm(solutions.learn(F[:2], D[:2], p)) for p in (1e-2, 1.0, 100.0)],
+          "the size of P, from two poses, for the prices 0.01, 1 and 100", 1e-7)  # fmt: skip
+
+
+@mistake("learn", "the price is missing: where poses are few, P follows every noise")
+def without_the_price(F, D, price):
+    return np.linalg.lstsq(F, D, rcond=None)[0]
+
+
+@mistake("learn", "the price stands before |P|^2 as it is; this has squared it")
+def with_the_price_squared(F, D, price):
+    return solutions.learn(F, D, price**2)
+
+
+@mistake("learn", "squares are summed and not averaged: the price does not grow with the number of poses")  # fmt: skip
+def of_the_mean(F, D, price):
+    return solutions.learn(F, D, price * len(F))
+
+
+@mistake("learn", "the sign of the price: a price rewards small P, so it is added to F'F")
+def with_the_other_sign(F, D, price):
+    return np.linalg.solve(F.T @ F - price * np.eye(F.shape[1]), F.T @ D)
+
+
+# directions
+
+BASIS = np.linalg.qr(RNG.standard_normal((9, 4)))[0]
+PEOPLE = RNG.standard_normal((15, 4)) * [3, 2, 1, 0.2] @ BASIS.T + RNG.standard_normal(9)
+
+
+def betas_of(people, mean, S):
+    return np.linalg.lstsq(S, (people - mean).T, rcond=None)[0].T
+
+
+@check("directions", points=1)
+def explain_most(directions):
+    """the mean is the mean, and no k directions leave less"""
+    for k in (1, 2, 3):
+        mean, S = directions(PEOPLE, k)
+        equal(mean, PEOPLE.mean(axis=0), "the mean person")
+        left = np.linalg.norm(PEOPLE - mean - betas_of(PEOPLE, mean, S) @ S.T)
+        least = np.sqrt(
+            np.sum(np.linalg.svd(PEOPLE - PEOPLE.mean(axis=0), compute_uv=False)[k:] ** 2)
+        )
+        equal(left, least, f"what {k} directions leave of all people", 1e-7)
+
+
+@check("directions", points=1)
+def are_in_standard_deviations(directions):
+    """betas of the people have variance 1, and hang together with nothing"""
+    mean, S = directions(PEOPLE, 3)
+    covariance = np.cov(betas_of(PEOPLE, mean, S).T)
+    equal(covariance, np.eye(3), "the covariance of the betas", 1e-7)
+
+
+@mistake("directions", "these columns have length one, so betas would be in metres: scale them by the standard deviation")  # fmt: skip
+def of_length_one(people, k):
+    mean = people.mean(axis=0)
+    return mean, np.linalg.svd(people - mean, full_matrices=False)[2][:k].T
+
+
+@mistake(
+    "directions", "take the mean away before the decomposition, or the first direction points at it"
+)
+def not_centred(people, k):
+    _, s, Vt = np.linalg.svd(people, full_matrices=False)
+    return people.mean(axis=0), Vt[:k].T * s[:k] / np.sqrt(len(people) - 1)
+
+
+@mistake("directions", "singular values are root sums of squares over all people: divide by the root of n - 1")  # fmt: skip
+def by_the_singular_values(people, k):
+    mean, S = solutions.directions(people, k)
+    return mean, S * np.sqrt(len(people) - 1)
+
+
+@mistake("directions", "these are the last directions, in which people differ least")
+def the_last_ones(people, k):
+    mean = people.mean(axis=0)
+    _, s, Vt = np.linalg.svd(people - mean, full_matrices=False)
+    return mean, Vt[::-1][:k].T * s[::-1][:k] / np.sqrt(len(people) - 1)
+
+
+# regressor
+
+
+def crowd(n, seed):
+    """People of 40 vertices around a joint, and the joint itself: a mean of five of them."""
+    shared = np.random.default_rng(50)
+    template = shared.uniform(-0.1, 0.1, size=(40, 3))
+    modes = 0.03 * shared.standard_normal((6, 40, 3))
+    true = np.zeros(40)
+    true[shared.choice(40, 5, replace=False)] = shared.dirichlet(3 * np.ones(5))
+    rng = np.random.default_rng(seed)
+    people = template + np.einsum("nb,bvi->nvi", rng.standard_normal((n, 6)), modes)
+    people = people + rng.uniform(-1, 1, size=(n, 1, 3)) + 0.005 * rng.standard_normal((n, 40, 3))
+    return people, np.einsum("v,nvi->ni", true, people)
+
+
+KNOWN, JOINTS = crowd(10, 1)
+JOINTS = JOINTS + 0.001 * np.random.default_rng(2).standard_normal(JOINTS.shape)
+STRANGERS, THEIRS = crowd(20, 3)
+
+
+@check("regressor", points=1)
+def is_a_mean(regressor):
+    """weights are not negative, and sum to one"""
+    w = regressor(KNOWN, JOINTS)
+    holds(w.min() >= -1e-9, "the smallest weight", "not negative", w.min())
+    equal(w.sum(), 1, "the sum of the weights")
+
+
+@check("regressor", points=2)
+def finds_joints_of_strangers(regressor):
+    """joints of people who were not among them are right to 3 mm"""
+    w = regressor(KNOWN, JOINTS)
+    off = 1e3 * np.linalg.norm(np.einsum("v,nvi->ni", w, STRANGERS) - THEIRS, axis=1).mean()
+    holds(
+        off <= 3, "the mean distance from the joints of 20 others", "at most 3 mm", f"{off:.1f} mm"
+    )
+
+
+@mistake("regressor", "least squares alone: with more vertices than equations the noise is met, by weights of both signs")  # fmt: skip
+def of_least_squares(people, joints):
+    A = people.transpose(0, 2, 1).reshape(-1, people.shape[1])
+    return np.linalg.lstsq(A, joints.ravel(), rcond=None)[0]
+
+
+@mistake("regressor", "the sum is not exactly one: then a joint lags behind when a person moves")
+def without_the_sum(people, joints):
+    A = people.transpose(0, 2, 1).reshape(-1, people.shape[1])
+    return nnls(A, joints.ravel())[0]
+
+
+@mistake(
+    "regressor",
+    "the mean of all vertices is near the joint for nobody in particular: fit the weights",
+)
+def the_mean_of_all(people, joints):
+    return np.full(people.shape[1], 1 / people.shape[1])
+
+
+@mistake("regressor", "one vertex is no joint: it lies on the skin")
+def the_nearest_vertex(people, joints):
+    off = np.linalg.norm(people - joints[:, None], axis=2).mean(axis=0)
+    return np.eye(len(off))[off.argmin()]

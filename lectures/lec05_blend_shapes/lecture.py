@@ -1,0 +1,335 @@
+# %% [markdown]
+# # Blend shapes
+#
+# **How does a surface learn from examples what skinning gets wrong?**
+#
+# Lecture 4 ends with skin that collapses at an elbow. An artist would take the bad poses, one by one,
+# and push vertices to where they belong. We begin with such examples, find out how to use them in other
+# poses, and arrive at the two kinds of blend shapes of SMPL: for poses, and for people. Lengths are in
+# metres, angles in radians.
+
+# %%
+from dataclasses import replace
+
+import numpy as np
+
+import workbench as wb
+from workbench.bodies import surface
+from workbench.bodies.features import rotation_elements, rotation_vectors
+from workbench.bodies.kinematics import pose_features
+from workbench.bodies.scattered import Examples, Gaussians, Shares, shapes_as_directions
+from workbench.bodies.shapes import along, joint_moves, with_joints_of_the_mean
+from workbench.bodies.tubes import tube
+from workbench.course import Picture, source
+from workbench.geometry.rotation import matrix_from_vector
+from workbench.plots import caption_shape_gallery, house_style, plot_shape_gallery, sheet
+from workbench.plots.body import Figurine, line_up, side
+
+# %% [markdown]
+# ## What an artist would do
+#
+# The arm is the tube of lecture 4, blended linearly. The truth, so that there is one, is what dual
+# quaternions make of it. In pose $\theta$ linear blending takes vertex $i$ by a matrix and an offset,
+# $v \mapsto M_i v + m_i$. For it to end where it should, at $v_i^*$, it has to start at rest not from
+# $t_i$ but from
+#
+# $$ t_i + P_i, \qquad P_i = M_i^{-1} (v_i^* - m_i) - t_i . $$
+#
+# All $P_i$ together are a **blend shape**: a displacement of the *rest* surface, $3 N$ numbers. Here is
+# one for an elbow bent by 90 degrees:
+
+# %%
+arm = tube(rings=31)
+truth = replace(arm, skinning=wb.dual_quaternion_blend)
+zone = np.abs(arm.template[:, 0]) < 0.05  # m: the skin around the joint
+
+
+def bent(angle):
+    """The pose (2, 3) rad of the arm with its elbow bent by `angle`."""
+    pose = np.zeros((2, 3))
+    pose[1, 2] = angle
+    return pose
+
+
+def needed(angle):
+    """The blend shape (N, 3) m that makes linear blending right at this angle."""
+    G = arm.kinematics.motion(bent(angle), np.zeros(1)).G  # (2, 3, 4)
+    M = np.einsum("nk,kij->nij", arm.weights, G)
+    away = truth.vertices(bent(angle)) - M[:, :, 3]
+    return np.linalg.solve(M[:, :, :3], away[:, :, None])[:, :, 0] - arm.template
+
+
+def errors(body, angles):
+    """How far the skin around the joint is from the truth, root mean square, (A,) mm."""
+    poses = np.array([bent(angle) for angle in angles])
+    off = (body.vertices(poses) - truth.vertices(poses))[:, zone]
+    return 1e3 * np.sqrt(np.mean(np.sum(off**2, axis=2), axis=1))
+
+
+def error(body, angle):
+    """The same at one angle, mm."""
+    return errors(body, [angle])[0]
+
+
+shape = needed(np.pi / 2)
+repaired = replace(arm, template=arm.template + shape)
+print(f"bent by 90 degrees: off by {error(arm, np.pi / 2):.1f} mm; with the blend shape "
+      f"{error(repaired, np.pi / 2):.0e} mm")  # fmt: skip
+print(
+    f"the same at rest: off by {error(arm, 0):.1f} mm; with the blend shape {error(repaired, 0):.1f} mm"
+)
+
+# %% [markdown]
+# In its own pose it is perfect, and at rest it does harm. A blend shape has to come and go with the
+# pose.
+#
+# ## Between the examples
+#
+# Make some examples $\theta^i, P_i$, and in a pose $\theta$ take each according to how near it is
+# (*scattered data interpolation*; Lewis and others, 2000):
+#
+# $$
+# B_P(\theta) = \sum_i \lambda_i(\theta)\, P_i, \qquad
+# \lambda_i = \frac{K_i}{\sum_j K_j}, \qquad K_i = \exp\left( - \|\theta - \theta^i\|^2 / \tau^2 \right) .
+# $$
+#
+# The slides that this course follows have $\lambda_i \propto K_i$ without the sum. We run both. A third
+# way keeps the kernels undivided, but solves for coefficients with which the examples come out exactly.
+
+# %%
+at = np.radians([-120, -80, -40, 0, 40, 80, 120])
+shapes = np.array([needed(angle) for angle in at])
+examples = Examples(places=np.array([[0, 0, angle] for angle in at]), width=0.7)
+ways = {
+    "none": arm,
+    "divided by the sum": replace(
+        arm, features=Shares(examples), posedirs=shapes_as_directions(shapes)
+    ),
+    "not divided": replace(
+        arm, features=Gaussians(examples), posedirs=shapes_as_directions(shapes)
+    ),
+    "exact": replace(
+        arm, features=Gaussians(examples), posedirs=Gaussians(examples).exactly(shapes)
+    ),
+}
+for name, body in ways.items():
+    print(f"{name:19}: at an example (80 degrees) {error(body, at[5]):5.2f} mm, between two (60) "
+          f"{error(body, np.radians(60)):5.2f} mm, beyond (150) {error(body, np.radians(150)):5.2f} mm")  # fmt: skip
+
+# %%
+turns = np.radians(np.arange(-170, 171, 5))
+with house_style():
+    figure, (ax,) = sheet(8, 3.8)
+    for (name, body), dash in zip(ways.items(), (":", "-", "--", "-."), strict=True):
+        ax.plot(np.degrees(turns), errors(body, turns), dash, label=name)
+    for angle in np.degrees(at):
+        ax.axvline(angle, color="0.85", lw=0.8, zorder=0)
+    ax.set(xlabel="elbow (degrees)", ylabel="skin off by (mm)", ylim=(0, 12))
+    ax.legend(loc="upper center", ncols=2)
+Picture(
+    figure,
+    "The error by angle. Grey lines are the examples. Shares hit no example, because its neighbours have "
+    "a say as well; kernels that are not divided add up to too much; solved for, they are exact at the "
+    "examples and good between.",
+)
+
+# %% [markdown]
+# Far from all examples the kernels fade and nothing is repaired; shares stay with the nearest example
+# whatever is there. And there is a worse trouble. Seven examples will do for one angle. Here are three
+# angles for each of 23 joints, and each example is a whole body, $3 N$ numbers, to be kept and to be
+# summed. Examples cannot fill 69 dimensions.
+#
+# ## The idea: a function of the pose that is linear in what is learned
+#
+# Do not keep the examples; learn from them once. Choose some **features** $f_n(\theta)$ of the pose, few
+# and cheap, and let there be a blend shape for each:
+#
+# $$ B_P(\theta) = \sum_n f_n(\theta)\, P_n . $$
+#
+# That is linear in the $P_n$, so they are found by linear least squares (lecture 6): with the features of
+# all example poses as rows of $F$ and the needed displacements as rows of $D$,
+#
+# $$ \min_P \; \|F P - D\|^2 + \lambda \|P\|^2, \qquad (F^\top F + \lambda I)\, P = F^\top D . $$
+#
+# The second term is the *price*: it keeps $P$ small where examples say little.
+#
+# Which features? The obvious ones are the angles themselves, $f(\theta) = \theta$. SMPL takes the
+# elements of the rotation matrices, less those at rest, $\operatorname{vec}(R_k - I)$.
+
+
+# %%
+def learned(features, poses, price=1e-4):
+    """The arm with blend shapes for these features, learned from poses (n,) rad."""
+    joint = np.array([bent(angle)[1] for angle in poses])  # (n, 3) rad
+    elements = (matrix_from_vector(joint) - np.eye(3)).reshape(-1, 9)
+    F = joint if features is rotation_vectors else elements
+    D = np.array([needed(angle).ravel() for angle in poses])
+    P = np.linalg.solve(F.T @ F + price * np.eye(F.shape[1]), F.T @ D)
+    posedirs = P.T.reshape(arm.n_vertices, 3, F.shape[1])
+    return replace(arm, features=features, posedirs=posedirs)
+
+
+taught_in = np.radians(np.arange(-120, 121, 10))
+students = {
+    "f = the angles": learned(rotation_vectors, taught_in),
+    "f = rotation elements": learned(rotation_elements, taught_in),
+}
+for name, body in {"none": arm, **students}.items():
+    inside = np.sqrt(np.mean(errors(body, taught_in) ** 2))
+    print(
+        f"{name:22}: off by {inside:.1f} mm where it was taught, {error(body, np.radians(150)):.1f} mm at 150 degrees"
+    )
+
+# %% [markdown]
+# Angles are little use. What an elbow needs is the same to either side, and a linear function of the
+# angle has the opposite sign there. $R$ has $\cos \alpha - 1$ among its elements, which is even.
+#
+# There is a worse failure. Turn once all the way round, and the joint is where it was. Is its skin?
+
+# %%
+for name, body in students.items():
+    moved = body.vertices(bent(0.6)) - body.vertices(bent(0.6 - 2 * np.pi))
+    print(f"{name:22}: 0.6 rad, and the same rotation a full turn further: vertices differ by up to "
+          f"{1e3 * np.linalg.norm(moved, axis=1).max():.0e} mm")  # fmt: skip
+around = np.linspace(-2 * np.pi, 2 * np.pi, 161)
+with house_style():
+    figure, (ax,) = sheet(8, 3.6)
+    for (name, body), dash in zip(students.items(), ("--", "-"), strict=True):
+        still = replace(
+            body, weights=np.eye(2)[[0] * arm.n_vertices]
+        )  # the skin does not ride along
+        B = still.vertices(np.array([bent(angle) for angle in around])) - arm.template
+        ax.plot(np.degrees(around), 1e3 * np.linalg.norm(B, axis=2).max(axis=1), dash, label=name)
+    ax.set(xlabel="the joint, turned by (degrees)", ylabel="largest displacement (mm)")
+    ax.legend()
+Picture(
+    figure,
+    "How far the blend shapes move the rest surface, while the joint turns twice round. By rotation "
+    "elements it is the same after each turn, and bounded, for no element of R - I leaves [-2, 2]. By "
+    "angles it grows and grows.",
+)
+
+# %% [markdown]
+# ## In SMPL
+#
+# $B_P(\theta) = \sum_{n=1}^{9K} \left( R_n(\theta) - R_n(\theta^*) \right) P_n$, with $K = 23$: the root is
+# left out, for who turns as a whole keeps their form. That is 207 features. Their order is part of the
+# file: entry $9 (k - 1) + 3 r + c$ is row $r$, column $c$ of joint $k$.
+
+# %%
+source(pose_features)
+
+# %%
+body = wb.load_body("default")
+one = np.zeros((24, 3))
+elbow = body.joint_names.index("left_elbow")
+one[elbow] = [0, -1.2, 0]
+R = matrix_from_vector(one)
+f = (R[1:] - np.eye(3)).ravel()
+print("features that are not zero when the left elbow turns:", np.flatnonzero(f),
+      f"; 9 (k - 1) = {9 * (elbow - 1)}")  # fmt: skip
+N = 6890
+print(f"numbers in P for {N} vertices: 3 x {N} x 207 = {3 * N * 207}")
+
+# %% [markdown]
+# (The slides print $9 \cdot 23 \cdot 6890$ and give the right number, which has a factor 3 for the
+# coordinates.)
+#
+# ## People
+#
+# The same idea for shapes. People at rest are points with $3N$ coordinates; their mean is the template
+# $\bar T$, and the directions in which they differ most are the principal components (a singular value
+# decomposition, once the mean is taken away):
+#
+# $$ B_S(\beta) = S \beta, \qquad S = V_k \operatorname{diag}(s) / \sqrt{n - 1} . $$
+#
+# The scale is a convention that must be told: with it, $\beta$ is in standard deviations, and one person
+# in twenty is beyond $\pm 2$. Learned from 60 people that we draw from the body's own shape space:
+
+# %%
+rng = np.random.default_rng(0)
+people = body.vertices(betas=rng.standard_normal((60, body.n_betas))).reshape(60, -1)
+mean = people.mean(axis=0)
+_, s, Vt = np.linalg.svd(people - mean, full_matrices=False)
+share = np.cumsum(s**2) / np.sum(s**2)
+print("variance explained by 1, 2, 5 and 10 directions:", share[[0, 1, 4, 9]].round(3))
+S = Vt[:3].T * s[:3] / np.sqrt(len(people) - 1)
+betas = np.linalg.lstsq(S, (people - mean).T, rcond=None)[0]
+print("standard deviations of their first three betas:", betas.std(axis=1, ddof=1).round(3))
+
+gallery = {
+    f"{k + 1}, {amount:+d} sd": body.vertices(betas=along(body, k, amount))
+    for k in range(2)
+    for amount in (-3, 0, 3)
+}
+with house_style():
+    figure, (ax,) = sheet(11, 3.8)
+    plot_shape_gallery(gallery, body.faces, ax=ax)
+Picture(figure, caption_shape_gallery(gallery, "three"))
+
+# %% [markdown]
+# ## Joints move with the person
+#
+# A longer thigh has its knee further down. So the joints are no constants; they are found from the
+# *shaped* surface, before the pose, by a matrix of weights:
+#
+# $$ J(\beta) = \mathcal J\, (\bar T + S \beta), \qquad \mathcal J \ge 0, \text{ rows of sum one.} $$
+#
+# Why these conditions? With a sum of one a joint moves along with a person who stands elsewhere; with
+# weights that are not negative it lies among its vertices, and few of them are not zero. Least squares
+# with weights that are not negative is solved by `scipy.optimize.nnls`; that they sum to one can be
+# said by one more equation, multiplied by a large number. What if the joints of the mean person are
+# kept instead?
+
+# %%
+tall = along(body, 0, 3)
+print(
+    f"this person's joints are up to {1e3 * joint_moves(body, tall).max():.0f} mm from the mean person's"
+)
+kept = with_joints_of_the_mean(body, tall)
+bend = np.zeros((24, 3))
+for k, angle in (("left_knee", 1.6), ("right_knee", 1.6), ("left_shoulder", -0.9)):
+    bend[body.joint_names.index(k), 0 if "knee" in k else 2] = angle
+right, wrong = body.vertices(bend, tall), kept.vertices(bend)
+print(f"posed on the mean person's joints the skin is off by up to "
+      f"{1e3 * np.linalg.norm(right - wrong, axis=1).max():.0f} mm")  # fmt: skip
+with house_style():
+    figure, (ax,) = sheet(8, 4.4)
+    shown = [
+        Figurine("own joints", right, side),
+        Figurine("the mean's joints", wrong, side),
+    ]
+    line_up(shown, body.faces, ax=ax)
+Picture(
+    figure,
+    "This person from the side, posed on the joints that the regressor finds, and on the mean person's. "
+    "The mean's knee is further up: there the leg folds within the thigh, and the shin sits about 10 cm "
+    "too high.",
+)
+
+# %% [markdown]
+# ## All together
+#
+# That is SMPL: the mean person, changed to somebody else, given what skinning is going to lose, and
+# skinned by the joints of that person:
+#
+# $$ M(\theta, \beta) = W\left( \bar T + B_S(\beta) + B_P(\theta),\; J(\beta),\; \theta,\; \mathcal W \right) . $$
+#
+# (A summary of SMPL prints $\beta$ for the third argument. It is the pose.) In the library:
+
+# %%
+source(surface.rest)
+
+# %%
+source(surface.posed)
+
+# %% [markdown]
+# ## What to remember
+#
+# - A blend shape is a displacement of the rest surface: find it by taking skinning back.
+# - Interpolating examples works near them; shares have to be divided by their sum, and hit no example;
+#   what it costs grows with the examples.
+# - Blend shapes that are linear in features are learned by least squares. Features should be the same
+#   for the same rotation: elements of $R - I$, row by row, without the root.
+# - Shape directions are principal components, scaled so that betas are standard deviations; joints are
+#   regressed from the shaped surface.

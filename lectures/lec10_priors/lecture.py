@@ -1,0 +1,335 @@
+# %% [markdown]
+# # Priors and robust losses
+#
+# **What if the data are few, or wrong?**
+#
+# Few data leave directions of the pose open, and something else has to say what people do. Wrong data
+# (a marker taken for another, a detector's confusion) must not be believed. Both are a matter of what
+# a residual costs. Lengths are in metres, angles in radians. People and data are made up; the priors
+# of poses were learned from motion capture.
+
+# %%
+from importlib.resources import files
+
+import numpy as np
+from scipy.special import logsumexp
+from scipy.stats import chi2
+
+import workbench as wb
+from workbench.course import Picture, source
+from workbench.experiments.keypoint_fit import learned_poses
+from workbench.plots import house_style, sheet
+from workbench.training.pose_mixture import read_pose_mixture
+
+body = wb.load_body("small")
+names = body.joint_names
+pose, betas, trans = (block.symbol for block in body.blocks())
+
+# %% [markdown]
+# ## Few data
+#
+# We see wrists, ankles, the head and the pelvis, to 1 cm: 18 numbers for a pose of 72. Lecture 9 added
+# a naive prior, that each angle is about zero, to 0.25 rad, whatever the others are. Beside it we put one
+# that was learned from recorded poses: their mean and their covariance. Five people with a bent knee
+# are to be found, drawn from a model of such recordings (which one, we shall see).
+
+# %%
+seen_names = ("pelvis", "head", "left_wrist", "right_wrist", "left_ankle", "right_ankle")
+which = [names.index(name) for name in seen_names]
+rng = np.random.default_rng(0)
+mean, C = learned_poses()  # (69,) rad and (69, 69) rad^2, the pelvis left out
+mixture = read_pose_mixture(files("workbench") / "data" / "poses" / "cmu_mixture.npz")
+drawn = mixture.draw(4000, rng)
+knee, hip = names.index("left_knee"), names.index("left_hip")
+people = drawn[np.argsort(-drawn[:, knee, 0])[10:400:80]]  # five with a bent knee
+
+seen = wb.Block("seen", (len(which), 3), "m")
+all_joints = body.joint_points(pose, betas, trans)
+missed = (all_joints.symbol[:, which] - seen.symbol).reshape((-1, 1))  # (18, 1) m
+data = wb.Residual("six joints", missed, 0.01, "m", points=(all_joints,))
+shape = wb.residuals.gaussian(betas)
+
+below = pose[:, 1:].reshape((-1, 1))  # the 69 numbers of the joints below the pelvis
+priors = {
+    "each angle alone": wb.residuals.gaussian(below, covariance=0.25**2, unit="rad", name="poses"),
+    "a learned Gaussian": wb.residuals.gaussian(below, mean=mean, covariance=C, name="poses"),
+}
+off = {name: [] for name in priors}
+for name, prior in priors.items():
+    problem = wb.Problem([data, shape, prior], ["pose", "betas", "trans"], blocks=[seen])
+    for person in people:
+        joints = body.joints(person)
+        given = body.start() | {"seen": joints[which] + 0.01 * rng.standard_normal((6, 3))}
+        found = wb.solve(problem, given).values
+        off[name].append(1e3 * np.linalg.norm(body.joints(**found) - joints, axis=1))
+for name, distances in off.items():
+    unseen = np.delete(np.array(distances), which, axis=1)
+    print(f"{name:19}: joints that were seen off by {np.array(distances)[:, which].mean():.0f} mm, "
+          f"others by {unseen.mean():.0f} mm")  # fmt: skip
+
+# %% [markdown]
+# Both meet what was seen to about its noise (1 cm a coordinate is 16 mm of distance). The difference
+# is in what was not seen.
+#
+# ## What a prior is
+#
+# That $x$ is about $\mu$ with covariance $C$ costs half of **Mahalanobis' distance** squared,
+#
+# $$ (x - \mu)^\top C^{-1} (x - \mu) . $$
+#
+# (A source writes it for rows and leaves the reader to guess.) Solvers want a residual whose square
+# this is. With $C = L L^\top$ (Cholesky) it is $L^{-1} (x - \mu)$, which is called *whitening*: entries
+# that hang together become 69 that do not, each about one.
+#
+# Is the prior fit for its poses? Then distances squared follow a $\chi^2$ law with 69 degrees of
+# freedom, of mean 69.
+
+# %%
+flat = drawn[:, 1:].reshape(len(drawn), -1)
+own = rng.multivariate_normal(mean, C, size=4000)
+L = np.linalg.cholesky(C)
+low, high = chi2.ppf([0.05, 0.95], 69)
+for name, poses in (("drawn from it", own), ("drawn from eight Gaussians", flat)):
+    d2 = np.sum(np.linalg.solve(L, (poses - mean).T) ** 2, axis=0)
+    inside = np.mean((low < d2) & (d2 < high))
+    print(f"{name:27} mean {d2.mean():5.1f}, between {low:.0f} and {high:.0f}: {100 * inside:.0f} %, "
+          f"expected 90")  # fmt: skip
+
+# %%
+source(wb.residuals.gaussian)
+
+# %% [markdown]
+# ## One Gaussian is not enough
+#
+# The second line says that poses are not Gaussian. People walk, sit, reach; what lies half-way between
+# is done by nobody, but a single Gaussian has its mean there. And it does not know that knees stop
+# when they are straight.
+
+# %%
+for name, poses in (("one Gaussian", own), ("eight of them", flat)):
+    bent_back = np.mean(poses.reshape(-1, 23, 3)[:, knee - 1, 0] < -0.1)
+    likely = logsumexp(mixture.log_density(poses[:1000]), axis=1).mean()
+    print(f"drawn from {name}: left knee bent backwards by 0.1 rad and more in {100 * bent_back:.1f} %, "
+          f"mean log density by the eight {likely:.0f}")  # fmt: skip
+
+with house_style():
+    figure, axes = sheet(9.5, 4.0, columns=2)
+    for ax, (name, poses) in zip(
+        axes, (("one Gaussian", own), ("eight Gaussians", flat)), strict=True
+    ):
+        angle = poses[:1500].reshape(-1, 23, 3)[:, :, 0]
+        ax.plot(angle[:, hip - 1], angle[:, knee - 1], ".", ms=2)
+        ax.axhline(0, color="0.4", lw=0.8)
+        ax.set(title=name, xlabel="left hip, about x (rad)", ylabel="left knee, about x (rad)",
+               xlim=(-2.5, 1.2), ylim=(-1.2, 3))  # fmt: skip
+Picture(
+    figure,
+    "1500 poses each. Below the line a knee is bent the wrong way. Eight Gaussians keep most people in a "
+    "tighter band and have deep bends apart; but they too know no hard stop.",
+)
+
+# %% [markdown]
+# (The densities are those of the eight, which prefer their own; but a difference of 30 is a factor of
+# $e^{30}$.)
+#
+# A **mixture** has $k$ Gaussians with shares $c_j$; its cost is $-\log \sum_j c_j N_j(x)$. That is no
+# sum of squares. SMPLify takes the *least* cost of one component instead of the sum:
+#
+# $$ \min_j \left( \tfrac12 \|L_j^{-1} (x - \mu_j)\|^2 + \tfrac12 \log \det C_j - \log c_j \right) + \text{const} , $$
+#
+# (the constant is $\tfrac n2 \log 2 \pi$). Which component it is changes with $x$, but for each it is a
+# sum of squares and a number. And little is lost. The largest of $k$ terms is no more than their sum,
+# and no less than a $k$-th of it, so
+#
+# $$ 0 \;\le\; \min_j(-\log c_j N_j) + \log \sum_j c_j N_j \;\le\; \log k . $$
+
+# %%
+dense = mixture.log_density(flat)
+loss = logsumexp(dense, axis=1) - dense.max(axis=1)
+print(f"on 4000 poses: from {loss.min():.1e} to {loss.max():.3f}; log 8 = {np.log(8):.3f}")
+
+# %% [markdown]
+# The numbers $\tfrac12 \log \det C_j$ and $-\log c_j$ move no minimum of one component, and are often
+# forgotten. But they decide *which* component it is:
+
+# %%
+heights = np.array([0.5 * np.linalg.slogdet(c)[1] for c in mixture.covariances]) - np.log(
+    mixture.shares
+)
+without = (-dense - heights).argmin(axis=1)
+print(f"without them, {100 * np.mean(without != dense.argmax(axis=1)):.0f} % of the poses are given to "
+      f"another component; the numbers range over {np.ptp(heights):.0f}")  # fmt: skip
+
+# %% [markdown]
+# ## Wrong data
+#
+# Now all vertices are seen to 5 mm, but a fifth of them lies 30 cm off. Least squares believe them all
+# (the shape has its prior, the pose has none):
+
+# %%
+truth = {
+    "pose": 0.3 * rng.standard_normal((24, 3)),
+    "betas": rng.standard_normal(body.n_betas),
+    "trans": np.zeros(3),
+}
+surface = body.vertices(**truth)
+observed = wb.Block("observed", surface.shape, "m")
+KERNELS = {
+    "squares": (wb.residuals.quadratic, 0.005),
+    "Huber": (wb.residuals.huber(), 0.005),
+    "Geman-McClure": (wb.residuals.geman_mcclure, 0.02),
+}
+vertices = body.points(pose, betas, trans)
+fits = {
+    name: wb.Problem(
+        [wb.residuals.vertices(vertices, observed.symbol, sigma=sigma, kernel=kernel), shape],
+        ["pose", "betas", "trans"],
+        blocks=[observed],
+    )
+    for name, (kernel, sigma) in KERNELS.items()
+}
+
+
+def data_with(share, seed=1):
+    """The surface to 5 mm, a share of its vertices to 30 cm."""
+    draw = np.random.default_rng(seed)
+    wide = np.where(draw.random(len(surface)) < share, 0.3, 0.005)
+    return surface + wide[:, None] * draw.standard_normal(surface.shape)
+
+
+def fitted(name, share, start=None):
+    """How far the skin is off on average, mm, and the solution."""
+    given = body.start() | (start or {}) | {"observed": data_with(share)}
+    solution = wb.solve(fits[name], given)
+    values = {key: solution.values[key] for key in truth}
+    return 1e3 * np.linalg.norm(body.vertices(**values) - surface, axis=1).mean(), solution
+
+
+shares = (0.0, 0.1, 0.2, 0.4)
+errors = {name: [] for name in fits}
+huber_end = {}
+for share in shares:
+    for name in fits:
+        begun = huber_end[share] if name == "Geman-McClure" else None
+        error, solution = fitted(name, share, begun)
+        errors[name].append(error)
+        if name == "Huber":
+            huber_end[share] = {key: solution.values[key] for key in truth}
+for name, found in errors.items():
+    said = (f"{100 * s:.0f} %: {e:.1f} mm" for s, e in zip(shares, found, strict=True))
+    print(f"{name:14}", ", ".join(said))
+
+# %% [markdown]
+# Least squares believe all, and are off by centimetres. The other two lines change one thing: what a
+# far residual costs. (The third begins where the second ended; why, we shall see.)
+#
+# ## What a residual costs
+#
+# A square pulls the harder the farther off it is. Replace it by a **robust loss** $\rho$. Huber's goes
+# on in a straight line: everybody beyond a border pulls alike. That of Geman and McClure levels off,
+#
+# $$ \rho(x) = \frac{x^2}{\sigma^2 + x^2}, \qquad \rho(\sigma) = \tfrac12, \qquad \rho < 1, $$
+#
+# so its pull $\rho'$, the **influence**, is largest at $\sigma / \sqrt 3$, where it is
+# $3 \sqrt 3 / (8 \sigma) \approx 0.65 / \sigma$, and falls to nothing. Whoever is far off is not heard.
+
+# %%
+x = np.linspace(0, 5, 500)  # in sigmas
+losses = {
+    "squares": (x**2, 2 * x),
+    "Huber, border 1.345": (
+        np.where(x < 1.345, x**2, 2 * 1.345 * x - 1.345**2),
+        2 * np.minimum(x, 1.345),
+    ),
+    "Geman-McClure": (x**2 / (1 + x**2), 2 * x / (1 + x**2) ** 2),
+}
+peak = losses["Geman-McClure"][1]
+print(f"the influence is largest at {x[peak.argmax()]:.3f} sigma (1 / sqrt 3 = {1 / np.sqrt(3):.3f}): "
+      f"{peak.max():.4f} / sigma")  # fmt: skip
+with house_style():
+    figure, axes = sheet(12.5, 3.8, columns=3)
+    for (name, (loss, pull)), dash in zip(losses.items(), ("-", "--", "-."), strict=True):
+        axes[0].plot(x, loss, dash, label=name)
+        axes[1].plot(x, pull, dash, label=name)
+    for (name, found), mark in zip(errors.items(), ("o-", "s--", "^-."), strict=True):
+        axes[2].semilogy(100 * np.array(shares), found, mark, label=name)
+    axes[0].set(xlabel="residual (σ)", ylabel="loss", ylim=(0, 5))
+    axes[1].set(xlabel="residual (σ)", ylabel="influence (1/σ)", ylim=(0, 4))
+    axes[2].set(xlabel="wrong vertices (%)", ylabel="skin off by (mm)")
+    axes[0].legend()
+    axes[2].legend()
+Picture(
+    figure,
+    "Left and centre: what a residual costs, and how hard it pulls. Right: the fits. Squares suffer "
+    "from the first wrong vertices; Geman and McClure's loss hardly notices two fifths of them.",
+)
+
+# %% [markdown]
+# ## For Gauss-Newton
+#
+# A least-squares solver wants residuals to square. So it is given $\tilde x = x / \sqrt{\sigma^2 + x^2}$,
+# whose square is $\rho$: with the sign of $x$, and smooth at zero. The library writes a kernel as the
+# factor $g(s) = \sqrt{\rho / s}$ for $s = (x / \sigma)^2$:
+
+# %%
+source(wb.residuals.geman_mcclure)
+
+# %%
+source(wb.Residual.whitened)
+
+# %% [markdown]
+# ## The price: begin near
+#
+# Who does not listen to what is far off does not listen to anybody who stands far off. So far the
+# third fit began where Huber's had ended. Begun at rest, where most vertices are decimetres off, or
+# 1 m away, where all of them are:
+
+# %%
+for name, start in (
+    ("at rest", None),
+    ("1 m away", {"trans": np.array([1.0, 0, 0])}),
+    ("where Huber's ended", huber_end[0.2]),
+):
+    error, solution = fitted("Geman-McClure", 0.2, start)
+    print(f"Geman-McClure, begun {name:19}: {solution.status.name} after {solution.iterations} "
+          f"iterations, skin off by {error:.1f} mm")  # fmt: skip
+
+# %% [markdown]
+# The first has converged, truly: its gradient is zero. Most of the body can be an outlier to such a loss, and
+# it is content with meeting the rest. The second has not even ended.
+# Hence stages: first a loss that listens to all, or a large $\sigma$, then the one that is wanted.
+#
+# ## Weights have units
+#
+# SMPLify writes $\sigma^2 x^2 / (\sigma^2 + x^2)$, which for small $x$ is $x^2$ in pixels squared. Other
+# sources of this course, and this library, have it without the $\sigma^2$. With SMPLify's
+# $\sigma = 100$ px the two differ by $10^4$. Its prior's weight is meant for the one, and in the other
+# it rules. One more trap: in SMPLify's code, weights multiply *residuals*, so in the energy they are
+# squares: 4.78 is 22.8.
+
+
+# %%
+def angle_with(factor, weight=4.78):
+    """An angle seen as 0.8 rad through a 300 px bone, with a prior for 0 (Geman-McClure on px)."""
+    a = np.linspace(-0.2, 1.2, 140001)
+    pixels = 300 * (a - 0.8)
+    cost = factor * pixels**2 / (100**2 + pixels**2) + weight**2 * (a / 0.5) ** 2
+    return a[cost.argmin()]
+
+
+print(
+    f"with sigma^2: {angle_with(100**2):.3f} rad; without it and with the same weight: {angle_with(1):.3f} rad"
+)
+
+# %% [markdown]
+# The library avoids weights: each residual has a sigma in its own unit, so a residual of one sigma costs
+# one half whatever it is made of.
+#
+# ## What to remember
+#
+# - A prior is a residual: $L^{-1} (x - \mu)$. Correlations say much about what was not seen.
+# - People's poses are no single Gaussian. The least of a mixture's components is within $\log k$ of the
+#   mixture; keep $\log \det$ and the shares.
+# - A robust loss bounds the pull of a residual. Geman and McClure's is deaf to what is far, so begin
+#   near, or in stages.
+# - Ask for the unit of a weight before you copy it.

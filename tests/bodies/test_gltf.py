@@ -1,0 +1,109 @@
+"""Skinned glTF: read back and evaluated as a viewer would, it says what the body says."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial.transform import Rotation
+
+import workbench as wb
+from workbench.bodies.gltf import write_gltf
+from workbench.bodies.triangles import scape
+from workbench.errors import BadBody
+
+SMALL = wb.load_body("small")
+TYPES: dict[int, type[np.generic]] = {5126: np.float32, 5125: np.uint32, 5123: np.uint16}
+WIDTH = {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}
+
+
+def some() -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(0)
+    return rng.normal(scale=0.4, size=(3, 24, 3)), rng.normal(size=10)
+
+
+def read(path: Path) -> tuple[dict[str, Any], Any]:
+    raw = path.read_bytes()
+    assert raw[:4] == b"glTF"
+    assert int.from_bytes(raw[8:12], "little") == len(raw)
+    size = int.from_bytes(raw[12:16], "little")
+    document, binary = json.loads(raw[20 : 20 + size]), raw[28 + size :]
+
+    def array(i: int) -> np.ndarray:
+        a = document["accessors"][i]
+        view = document["bufferViews"][a["bufferView"]]
+        count = a["count"] * WIDTH[a["type"]]
+        flat = np.frombuffer(binary, TYPES[a["componentType"]], count, view["byteOffset"])
+        rows = flat.astype(float).reshape(a["count"], -1)
+        np.testing.assert_array_equal(rows.min(axis=0), np.array(a["min"], dtype=float))
+        return rows
+
+    return document, array
+
+
+def skinned(document: dict[str, Any], array: Any, frame: int) -> np.ndarray:
+    """What the standard says a viewer shows at a key frame."""
+    mesh, skin = document["meshes"][0]["primitives"][0], document["skins"][0]
+    turn, weights = {}, np.zeros(0)
+    for channel in document["animations"][0]["channels"]:
+        out = array(document["animations"][0]["samplers"][channel["sampler"]]["output"])
+        if channel["target"]["path"] == "weights":
+            weights = out.reshape(-1, len(mesh["targets"]))[frame]
+        else:
+            turn[channel["target"]["node"]] = Rotation.from_quat(out[frame]).as_matrix()
+    V = array(mesh["attributes"]["POSITION"])
+    for weight, target in zip(weights, mesh["targets"], strict=True):
+        V = V + weight * array(target["POSITION"])
+    world: dict[int, np.ndarray] = {}
+
+    def walk(node: int, above: np.ndarray) -> None:
+        here = np.eye(4)
+        here[:3, :3], here[:3, 3] = turn[node], document["nodes"][node]["translation"]
+        world[node] = above @ here
+        for child in document["nodes"][node].get("children", ()):
+            walk(child, world[node])
+
+    walk(skin["skeleton"], np.eye(4))
+    inverse = array(skin["inverseBindMatrices"]).reshape(-1, 4, 4).transpose(0, 2, 1)
+    M = np.stack([world[j] @ b for j, b in zip(skin["joints"], inverse, strict=True)])
+    blend, s = np.zeros((len(V), 4, 4)), 0
+    while f"JOINTS_{s}" in mesh["attributes"]:
+        joints = array(mesh["attributes"][f"JOINTS_{s}"]).astype(int)
+        blend += np.einsum("ni,niab->nab", array(mesh["attributes"][f"WEIGHTS_{s}"]), M[joints])
+        s += 1
+    moved = np.einsum("nab,nb->na", blend, np.column_stack([V, np.ones(len(V))]))
+    return np.asarray(moved[:, :3])
+
+
+def test_a_viewer_shows_the_body(tmp_path: Path) -> None:
+    poses, betas = some()
+    write_gltf(tmp_path / "a.glb", SMALL, poses, betas)
+    document, array = read(tmp_path / "a.glb")
+    for frame, pose in enumerate(poses):
+        shown = skinned(document, array, frame)
+        np.testing.assert_allclose(shown, SMALL.vertices(pose, betas), atol=1e-6)
+    bare = SMALL.vertices(0 * poses[0], betas)
+    assert abs(bare - SMALL.vertices(poses[0], betas)).max() > 0.1
+    names = [node["name"] for node in document["nodes"]]
+    assert names[:-1] == list(SMALL.joint_names)
+
+
+def test_trimesh_opens_it(tmp_path: Path) -> None:
+    poses, betas = some()
+    write_gltf(tmp_path / "a.glb", SMALL, poses, betas)
+    (mesh,) = trimesh.load_scene(tmp_path / "a.glb", process=False).geometry.values()
+    np.testing.assert_allclose(mesh.vertices, SMALL.vertices(betas=betas), atol=1e-6)
+    np.testing.assert_array_equal(mesh.faces, SMALL.faces)
+
+
+def test_what_no_gltf_can_say_is_refused_and_nothing_written(tmp_path: Path) -> None:
+    poses, _ = some()
+    with pytest.raises(BadBody, match="has no bones: its surface is the solution"):
+        write_gltf(tmp_path / "a.glb", scape(SMALL), poses)
+    twisted = replace(SMALL, skinning=wb.dual_quaternion_blend)
+    with pytest.raises(BadBody, match="is not skinned as a glTF is"):
+        write_gltf(tmp_path / "a.glb", twisted, poses)
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,125 @@
+"""Right answers by other ways than ours pass, in lectures 7, 11 and 12."""
+
+from types import ModuleType, SimpleNamespace
+from typing import cast
+
+import numpy as np
+import pytest
+import scipy.linalg
+import scipy.optimize
+import scipy.stats
+
+from workbench.course.marking import mark
+from workbench.course.marks import State
+from workbench.course.outline import lecture
+
+Array = np.ndarray
+
+
+def by_normal_equations(e: Array, J: Array, damping: float) -> Array:
+    return np.linalg.solve(J.T @ J + damping * np.eye(J.shape[1]), -J.T @ e)
+
+
+def over_the_promise(f, e: Array, J: Array, x: Array, p: Array) -> float:
+    fall = 0.5 * np.sum(f(x) ** 2) - 0.5 * np.sum(f(x + p) ** 2)
+    return fall / (-(J.T @ e) @ p - 0.5 * p @ J.T @ J @ p)
+
+
+def searched_along(e: Array, J: Array) -> Array:
+    g = -J.T @ e
+    return g * float(np.linalg.lstsq((J @ g)[:, None], -e, rcond=None)[0][0])
+
+
+def halved(newton: Array, cauchy: Array, radius: float) -> Array:
+    def at(s: float) -> Array:
+        return s * cauchy if s <= 1 else cauchy + (s - 1) * (newton - cauchy)
+
+    if np.linalg.norm(newton) <= radius:
+        return newton
+    return at(scipy.optimize.brentq(lambda s: np.linalg.norm(at(s)) - radius, 0, 2, xtol=1e-14))
+
+
+def by_bisection(e: Array, J: Array, radius: float) -> float:
+    low, high = -30.0, 30.0
+    if np.linalg.norm(np.linalg.lstsq(J, -e, rcond=None)[0]) <= radius:
+        return 0.0
+    for _ in range(100):
+        middle = (low + high) / 2
+        long = np.linalg.norm(by_normal_equations(e, J, np.exp(middle))) > radius
+        low, high = (middle, high) if long else (low, middle)
+    return float(np.exp(low))
+
+
+def by_scipy(f, J, x: Array) -> Array:
+    return scipy.optimize.least_squares(f, x, J, gtol=1e-12, xtol=1e-15, ftol=1e-15).x
+
+
+def one_by_one(costs: Array, efforts: Array, goal: float) -> float:
+    for cost, effort in zip(costs, efforts, strict=True):
+        if cost <= goal:
+            return effort
+    return np.inf
+
+
+def row_by_row(times: Array) -> list:
+    return [[t / min(row) if np.isfinite(t) else np.inf for t in row] for row in times]
+
+
+def by_counting(times: Array, alphas: Array) -> list:
+    ratio = np.array(row_by_row(times))
+    return [[sum(r <= a for r in column) / len(column) for column in ratio.T] for a in alphas]
+
+
+def by_stats(successes: int, trials: int) -> list[float]:
+    return list(scipy.stats.binomtest(successes, trials).proportion_ci(method="wilson"))
+
+
+def by_inverse(J: Array) -> Array:
+    return np.sqrt(np.diag(np.linalg.inv(J.T @ J)))
+
+
+def sorted_out(draws: Array, level: float) -> Array:
+    order, n = np.sort(draws, axis=0), len(draws)
+    cut = round(n * (1 - level) / 2)
+    return np.column_stack([order[cut], order[n - 1 - cut]])
+
+
+def by_ratio(log_p, x: Array, y: Array, u: float) -> Array:
+    return np.where(u < min(1.0, np.exp(log_p(y) - log_p(x))), y, x)
+
+
+def on_a_grid(log_p, start: Array, count: int) -> Array:
+    rng, axis = np.random.default_rng(5), np.linspace(-7, 7, 141)
+    places = np.stack(np.meshgrid(axis, axis), axis=-1).reshape(-1, 2)
+    p = np.exp([log_p(x) for x in places])
+    chosen = places[rng.choice(len(places), size=count, p=p / p.sum())]
+    return chosen + rng.uniform(-0.05, 0.05, (count, 2))
+
+
+WAYS = {
+    7: [
+        {"damped_step": by_normal_equations, "gain": over_the_promise,
+         "cauchy_point": searched_along, "dogleg_step": halved, "damping_for": by_bisection,
+         "fit": by_scipy},
+    ],
+    11: [
+        {"effort_until": one_by_one, "profile": by_counting, "wilson": by_stats},
+        {"target": lambda start, best, tau: tau * start + (1 - tau) * best,
+         "turned_round": lambda: [[2, 5, 9], [3, 4, 7], [8, 7, 1], [9, 6, 2], [5, 4, 1]]},
+    ],
+    12: [
+        {"deviations": by_inverse, "interval": sorted_out, "next_point": by_ratio,
+         "draw": on_a_grid},
+        {"deviations": lambda J: np.linalg.norm(np.linalg.pinv(J), axis=1)},
+    ],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("number", "answers"), [(n, ways) for n, every in WAYS.items() for ways in every]
+)
+def test_right_answers_pass_however_they_were_found(number: int, answers: dict) -> None:
+    module = cast(ModuleType, SimpleNamespace(**answers))
+    for exercise in answers:
+        for one in mark(lecture(number), exercise, module):
+            assert one.state is State.PASSED, one

@@ -1,0 +1,79 @@
+"""Strangers: a body that made them explains them; a body that is wrong does not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from workbench.training.made_up import draw_registrations, random_smpl, worm
+from workbench.training.strangers import (
+    Picked,
+    best_linear,
+    left_when_told,
+    meet,
+    shape_share,
+    standing,
+    standing_when_told,
+)
+from workbench.training.truth import Truth
+
+START = worm(7, 5)
+BODY = replace(random_smpl(START, 2, seed=3), mirror=START.mirror().vertices)  # type: ignore[union-attr]
+
+
+def made(seed: int, subjects: int = 3, poses: int = 30) -> tuple[Truth, Picked]:
+    data, drawn = draw_registrations(BODY, subjects, poses, seed, turn=1.0)
+    rest = BODY.vertices(betas=drawn.betas)
+    joints = np.stack([BODY.J_regressor @ person for person in rest])
+    truth = Truth(rest, joints, data.subject, drawn.poses, drawn.trans, BODY.weights)
+    return truth, Picked(data, np.arange(subjects * poses))
+
+
+def test_skinning_that_knows_all_is_exact_with_the_blend_shapes_that_made_it() -> None:
+    truth, data = made(4)
+    assert left_when_told(truth, data, START, BODY.posedirs).largest < 1e-12
+    alone = left_when_told(truth, data, START)
+    assert alone.mean > 1e-3
+    said = standing_when_told(truth, data, START, BODY.posedirs)
+    assert said["told_linear_mean_mm"] == 0
+    assert said["told_skinning_mean_mm"] == pytest.approx(1e3 * alone.mean, abs=1e-4)
+
+
+def test_the_best_linear_predictor_is_that_of_the_generator() -> None:
+    uneven = replace(START, joint_names=tuple(f"joint_{k}" for k in range(6)))  # nothing mirrored
+    truth, data = made(4, poses=80)
+    found = best_linear(truth, data, uneven)
+    left = left_when_told(truth, data, START, found).mean
+    assert left < 0.1 * left_when_told(truth, data, START).mean
+
+
+def test_a_body_explains_those_it_made_and_a_wrong_one_does_not() -> None:
+    _, data = made(5, subjects=2, poses=8)
+    uneven = replace(BODY, mirror=None)
+    told = meet(uneven, data)
+    assert told.left.distances.shape == (8, 35)
+    wrong = meet(replace(uneven, posedirs=0 * BODY.posedirs), data).left.mean
+    assert told.left.mean < 0.4 * wrong
+    assert told.shape_explained > 0.7
+    said = standing(uneven, data)
+    assert said["mean_mm"] == pytest.approx(1e3 * told.left.mean, abs=1e-4)
+    assert said["mean_without_posedirs_mm"] == pytest.approx(1e3 * wrong, abs=1e-4)
+    assert said["strangers"] == 2
+
+
+def test_shape_share_of_what_is_known() -> None:
+    inside = BODY.vertices(betas=np.array([[1.0, 2.0], [0.5, -1.0]]))
+    assert shape_share(BODY, inside) == pytest.approx(1)
+    assert shape_share(BODY, inside + [1.0, 2.0, 3.0]) == pytest.approx(1)
+    away = np.random.default_rng(0).standard_normal((40, 35, 3))
+    assert shape_share(BODY, BODY.template + away) == pytest.approx(2 / 102, rel=0.5)
+
+
+def test_picked_are_those_that_were_picked() -> None:
+    _, data = made(4, poses=5)
+    some = Picked(data, np.array([7, 2, 11]))
+    assert some.subject.tolist() == [1, 0, 2]
+    batch = some.read(slice(1, 3))
+    whole = data.read(slice(0, 15)).vertices
+    np.testing.assert_array_equal(batch.vertices, whole[[2, 11]])
+    assert some.n_vertices == 35
