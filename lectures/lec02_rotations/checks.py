@@ -1,8 +1,10 @@
 """Checks of lecture 2, and the mistakes that they tell apart."""
 
+import casadi as cs
 import numpy as np
 import scipy.linalg
 from scipy.spatial.transform import Rotation
+from scipy.special import gammaln
 
 from lectures.lec02_rotations import solutions
 from workbench.course import check, equal, holds, mistake
@@ -421,3 +423,83 @@ def of_the_vectors(rotations):
 @mistake("mean_rotation", "the product of all is where they lead one after the other, not a mean")
 def of_all_in_turn(rotations):
     return np.linalg.multi_dot(rotations)
+
+
+# third
+
+
+def in_casadi(expression):
+    """A wrong answer from its expression in s."""
+
+    def answer(s):
+        x = cs.SX.sym("s")
+        return solutions.with_derivatives(expression(x), x, s)
+
+    return answer
+
+
+def by_the_series(s):
+    """All three from the power series, which has no trouble up to s = 40."""
+    n = np.arange(40.0)
+    c = (-1) ** n * np.exp(-gammaln(2 * n + 4))
+    powers = [c * s**n, (c * n)[1:] * s ** (n[1:] - 1), (c * n * (n - 1))[2:] * s ** (n[2:] - 2)]
+    return np.array([np.sum(one) for one in powers])
+
+
+@check("third", points=1)
+def is_right_away_from_zero(third):
+    """it is (t - sin t) / t^3, for t of a radian and more"""
+    for s in (1.0, 4.0, 39.0):
+        equal(third(s), by_the_series(s), f"value and two derivatives at s = {s}", 1e-6)
+
+
+@check("third", points=1)
+def is_right_at_zero(third):
+    """value and derivatives are right at zero and near it"""
+    for s in (0.0, 1e-16, 1e-8, 1e-3):
+        equal(third(s), by_the_series(s), f"value and two derivatives at s = {s}", 1e-6)
+
+
+@mistake("third", "as it is written it divides 0 by 0: near zero take the series in s")
+@in_casadi
+def third_as_written(s):
+    t = cs.sqrt(s)
+    return (t - cs.sin(t)) / t**3
+
+
+constant_there = mistake(
+    "third",
+    "a constant at zero, or near it, has the right value there and no derivatives: take the series",
+)
+
+
+@constant_there
+@in_casadi
+def third_unguarded(s):
+    t = cs.sqrt(s)
+    return cs.if_else(s == 0, 1 / 6, (t - cs.sin(t)) / t**3)
+
+
+@mistake("third", "a few terms of the series are right near zero alone: t goes up to 2 pi here")
+@in_casadi
+def third_by_a_short_series(s):
+    return 1 / 6 - s / 120 + s**2 / 5040
+
+
+@constant_there
+@in_casadi
+def third_constant_near_zero(s):
+    t = cs.sqrt(cs.if_else(s < 0.01, 1, s))
+    return cs.if_else(s < 0.01, 1 / 6, (t - cs.sin(t)) / t**3)
+
+
+@mistake("third", "t is the root of s: this takes s for the angle")
+def third_of_the_square(s):
+    return solutions.third(s**2)
+
+
+@mistake("third", "a small number added to s keeps the division alive; digits cancel all the same")
+@in_casadi
+def third_with_a_little_added(s):
+    t = cs.sqrt(s + 1e-16)
+    return (t - cs.sin(t)) / t**3

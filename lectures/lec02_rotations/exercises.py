@@ -69,3 +69,15 @@ def mean_rotation(rotations: Array) -> Array:
     rotations (n, 3, 3), within a quarter turn of each other -> (3, 3)
     """
     raise Unsolved("mean_rotation")
+
+
+def third(s: float) -> Array:
+    """(t - sin t) / t^3 as a function of s = t^2: its value, first and second derivative by s.
+
+    It stands beside sin t / t and (1 - cos t) / t^2 when rotations are added up over time. All three
+    have to be right to 1e-6 for every s from 0 to 40, at s = 0 and near it too. CasADi can
+    differentiate for you, wherever what it is given does not divide 0 by 0, or cancel.
+
+    s, a number, rad^2 -> (3,)
+    """
+    raise Unsolved("third")

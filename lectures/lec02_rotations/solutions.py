@@ -1,5 +1,8 @@
 """Solutions of lecture 2."""
 
+from math import factorial
+
+import casadi as cs
 import numpy as np
 
 Array = np.ndarray
@@ -40,3 +43,18 @@ def nearest_rotation(M: Array) -> Array:
 def mean_rotation(rotations: Array) -> Array:
     # sum ||R - R_n||^2 = n ||R - mean||^2 + what does not depend on R
     return nearest_rotation(np.mean(rotations, axis=0))
+
+
+def third(s: float) -> Array:
+    x = cs.SX.sym("s")
+    near = x < 1
+    series = sum((-x) ** n / factorial(2 * n + 3) for n in range(9))
+    t = cs.sqrt(cs.if_else(near, 1, x))  # the closed form never sees what is near zero
+    return with_derivatives(cs.if_else(near, series, (t - cs.sin(t)) / t**3), x, s)
+
+
+def with_derivatives(f: cs.SX, x: cs.SX, at: float) -> Array:
+    """Value, first and second derivative of an expression in x, at a number."""
+    slope = cs.jacobian(f, x)
+    found = cs.Function("f", [x], [cs.vertcat(f, slope, cs.jacobian(slope, x))])
+    return np.asarray(found(at)).ravel()
