@@ -1,7 +1,7 @@
 """A run's numbers as CasADi functions, for the solvers that CasADi calls."""
 
 from collections.abc import Callable
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import casadi as cs
@@ -36,58 +36,104 @@ class Kept:
 class Oracle:
     """Cost, constraints and their derivatives, one linearization per point for all of them.
 
-    Nothing that it makes points back at it, so that large Jacobians go with the last of a run.
+    Each is made when it is asked for. Nothing that it makes points back at it, so that large
+    Jacobians go with the last of a run.
     """
 
     def __init__(self, run: Run, hessian: Hessian | None) -> None:
-        kept = self._kept = Kept()
-        n = run.problem.free.size
+        self._run, self._hessian, self._kept = run, hessian or gauss_newton_hessian, Kept()
         there = run.problem.stacked_constraints
-        k = 0 if there is None else there.size
+        self._sizes = run.problem.free.size, 0 if there is None else there.size
 
-        def at(x: bytes) -> Linearization:
-            return run.linearize(np.frombuffer(x))  # which keeps the last one
+    @cached_property
+    def cost(self) -> "External":
+        """Of x, (1, 1)."""
+        run = self._run
+        known = lru_cache(maxsize=2)(lambda x: run.cost(np.frombuffer(x)))
+        return self._external("cost", (1, 1), lambda x, _: known(x))
 
-        costs = lru_cache(maxsize=2)(lambda key: run.cost(np.frombuffer(key)))
-        of_constraints = lru_cache(maxsize=2)(lambda key: run.constraints(np.frombuffer(key)))
+    @cached_property
+    def gradient(self) -> "External":
+        """Of the cost at x, (n, 1)."""
+        at = _linearizations(self._run)
+        return self._external("gradient", (self._sizes[0], 1), lambda x, _: at(x).gradient)
 
-        def of_cost(x: bytes, _: Array) -> Array:
-            return (hessian or gauss_newton_hessian)(run, np.frombuffer(x), at(x))
+    @cached_property
+    def constraints(self) -> "External":
+        """Of x, (k, 1)."""
+        run = self._run
+        known = lru_cache(maxsize=2)(lambda x: run.constraints(np.frombuffer(x)))
+        return self._external("constraints", (self._sizes[1], 1), lambda x, _: known(x))
 
-        def bend(x: bytes, multipliers: Array) -> Array:
-            if there is None:
-                return np.zeros((n, n))
-            return there.hessian(np.frombuffer(x), run.fixed, multipliers)
+    @cached_property
+    def constraint_jacobian(self) -> "External":
+        """Of x, (k, n)."""
+        n, k = self._sizes
+        at = _linearizations(self._run)
+
+        def rows(x: bytes, _: Array) -> Array:
+            there = at(x).constraints
+            return np.zeros((0, n)) if there is None else there.jacobian
+
+        return self._external("jacobian", (k, n), rows)
+
+    @cached_property
+    def hessian(self) -> "External":
+        """Of the cost at x, (n, n)."""
+        return self._external("hessian", self._square, _of_cost(self._run, self._hessian))
+
+    @cached_property
+    def constraint_hessian(self) -> "External":
+        """Of the constraints at x, each times its multiplier, (n, n)."""
+        return self._external("bend", self._square, _of_constraints(self._run), multiplied=True)
+
+    @cached_property
+    def convex_hessian(self) -> "External":
+        """Of both, with every eigenvalue that is below zero reflected, (n, n)."""
+        of_cost, bend = _of_cost(self._run, self._hessian), _of_constraints(self._run)
 
         def convex(x: bytes, multipliers: Array) -> Array:
             return reflected(of_cost(x, multipliers) + bend(x, multipliers)).matrix
 
-        def external(name: str, k: int, shape: tuple[int, int], compute: Compute) -> External:
-            return External(name, (n, k), shape, compute, run, kept)
+        return self._external("convex", self._square, convex, multiplied=True)
 
-        self.cost = external("cost", 0, (1, 1), lambda x, _: costs(x))
-        self.gradient = external("gradient", 0, (n, 1), lambda x, _: at(x).gradient)
-        self.constraints = external("constraints", 0, (k, 1), lambda x, _: of_constraints(x))
-        self.constraint_jacobian = external(
-            "jacobian", 0, (k, n), lambda x, _: _constraint_jacobian(at(x))
-        )
-        self.hessian = external("hessian", 0, (n, n), of_cost)
-        self.constraint_hessian = external("bend", k, (n, n), bend)
-        self.convex_hessian = external("convex", k, (n, n), convex)
-        self.recorder = Recorder(run, kept, at, (n, k))
+    @cached_property
+    def recorder(self) -> "Recorder":
+        """What tells the run of iterates."""
+        return Recorder(self._run, self._kept, _linearizations(self._run), self._sizes)
 
     @property
     def error(self) -> BaseException | None:
         """What was raised inside, if anything was."""
         return self._kept.error
 
+    @property
+    def _square(self) -> tuple[int, int]:
+        return self._sizes[0], self._sizes[0]
 
-def _constraint_jacobian(here: Linearization) -> Array:
-    return (
-        np.zeros((0, here.jacobian.shape[1]))
-        if here.constraints is None
-        else (here.constraints.jacobian)
-    )
+    def _external(
+        self, name: str, shape: tuple[int, int], compute: Compute, *, multiplied: bool = False
+    ) -> "External":
+        n, k = self._sizes
+        sizes = n, k if multiplied else 0
+        return External(name, sizes, shape, compute, self._run, self._kept)
+
+
+def _linearizations(run: Run) -> Callable[[bytes], Linearization]:
+    """By point; the run keeps the last one."""
+    return lambda x: run.linearize(np.frombuffer(x))
+
+
+def _of_cost(run: Run, hessian: Hessian) -> Callable[[bytes, Array], Array]:
+    at = _linearizations(run)
+    return lambda x, _: hessian(run, np.frombuffer(x), at(x))
+
+
+def _of_constraints(run: Run) -> Callable[[bytes, Array], Array]:
+    there, n = run.problem.stacked_constraints, run.problem.free.size
+    if there is None:
+        return lambda x, _: np.zeros((n, n))
+    return lambda x, multipliers: there.hessian(np.frombuffer(x), run.fixed, multipliers)
 
 
 class External(cs.Callback):  # type: ignore[misc]  # casadi's way of calling back
