@@ -36,11 +36,14 @@ def plot_verdicts(comparison: Comparison, *, ax: Axes) -> Axes:
 
 def caption_verdicts(comparison: Comparison) -> str:
     """What `plot_verdicts` shows."""
+    lied = any(comparison.counted(s)[Verdict.FALSE_CLAIM] for s in comparison.solvers)
+    claims = "vermillion claims" if lied else "nobody claims"
     return (
         f"What became of the {len(comparison.instances)} runs of each solver, judged by the "
         "problem's own cost and slope at the point that was returned, never by what the solver "
         "says. The longer the green bar, the better. Light blue is honest work in the wrong place "
-        "(another basin); vermillion claims convergence where the cost still slopes."
+        f"(another basin); {claims} convergence where the cost still slopes. Grey is whoever gave "
+        "no answer, or refused because the problem is not made for it."
     )
 
 
