@@ -233,4 +233,5 @@ def _column(memory: Any, size: int) -> Array:
 def _inside(memory: Any, run: Run) -> Array:
     """A point between the bounds: an infeasible quadratic program may have led out of them."""
     problem = run.problem
-    return np.clip(_column(memory, problem.free.size), problem.lower, problem.upper)
+    x = _column(memory, problem.free.size)
+    return np.clip(x, problem.lower, problem.upper) if problem.bounded else x
