@@ -1,41 +1,10 @@
 """`workbench lecture`: list, show, run, start, check."""
 
 import json
-import signal
-import sys
-from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import pytest
-
-from workbench.cli import main
+from tests.cli.conftest import Run
 from workbench.course.outline import lecture
-
-Ran = tuple[int, str, str]  # exit code, stdout, stderr
-Run = Callable[..., Ran]
-
-
-@pytest.fixture
-def workbench(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Iterator[Run]:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "200")
-    asked = [getattr(signal, name) for name in ("SIGTERM", "SIGALRM") if hasattr(signal, name)]
-    before = {number: signal.getsignal(number) for number in asked}
-
-    def run(*arguments: str) -> Ran:
-        monkeypatch.setattr(sys, "argv", ["workbench", *arguments])
-        with pytest.raises(SystemExit) as left:
-            main()
-        said = capsys.readouterr()
-        code = left.value.code or 0
-        assert isinstance(code, int)
-        return code, said.out, said.err
-
-    yield run
-    for number, handler in before.items():
-        signal.signal(number, handler)
 
 
 def test_list_and_show(workbench: Run) -> None:

@@ -2,42 +2,13 @@
 
 import json
 import signal
-import sys
-from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from workbench.cli import main
+from tests.cli.conftest import Run
 from workbench.solvers import SOLVERS
-
-Ran = tuple[int, str, str]  # exit code, stdout, stderr
-Run = Callable[..., Ran]
-
-
-@pytest.fixture
-def workbench(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Iterator[Run]:
-    """The command line in this process, at an empty folder."""
-    monkeypatch.chdir(tmp_path)
-    asked = [getattr(signal, name) for name in ("SIGTERM", "SIGALRM") if hasattr(signal, name)]
-    before = {number: signal.getsignal(number) for number in asked}
-
-    def run(*arguments: str) -> Ran:
-        monkeypatch.setattr(sys, "argv", ["workbench", *arguments])
-        with pytest.raises(SystemExit) as left:
-            main()
-        said = capsys.readouterr()
-        code = left.value.code or 0
-        assert isinstance(code, int)
-        return code, said.out, said.err
-
-    yield run
-    for number, handler in before.items():
-        signal.signal(number, handler)
-
 
 POINTS = np.column_stack([np.arange(300, 317), np.arange(200, 540, 20), np.ones(17)])
 KEYPOINTS = {
