@@ -2,14 +2,15 @@
 
 import argparse
 import json
-import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from benchmarks.keeping import keep
 from benchmarks.timing import alone_on_one_core
 
 HERE = Path(__file__).parent
+DIGITS = 5  # of times in the files
 PARTS = ("derivatives", "fits", "scaling", "overhead")
 
 
@@ -62,9 +63,8 @@ def _measure(part: str, asked: argparse.Namespace) -> None:
             print(table.fits({name: found[name]}), flush=True)
     options = {"bodies": names, "rounds": rounds, "peers": peers}
     facts["load after"] = machine.load()
-    (asked.out / "results").mkdir(parents=True, exist_ok=True)
-    text = json.dumps({"machine": facts, "options": options, "found": _rounded(found)}, indent=1)
-    (asked.out / "results" / f"{part}.json").write_text(_one_line_lists(text) + "\n")
+    data = {"machine": facts, "options": options, "found": found}
+    keep(asked.out / "results" / f"{part}.json", data, DIGITS)
 
 
 def _write_page(out: Path) -> None:
@@ -78,20 +78,6 @@ def _write_page(out: Path) -> None:
         figure.draw(results, out / "results" / "performance.svg")
     if (out / "README.md").exists():
         page.rewrite(out / "README.md", results)
-
-
-def _rounded(found: Any) -> Any:
-    """Times to a tenth of a microsecond."""
-    if isinstance(found, dict):
-        return {key: _rounded(value) for key, value in found.items()}
-    if isinstance(found, list):
-        return [_rounded(value) for value in found]
-    return float(f"{found:.5g}") if isinstance(found, float) else found
-
-
-def _one_line_lists(text: str) -> str:
-    """JSON with every list of numbers on a line of its own, so that files stay readable."""
-    return re.sub(r"\[[^][{}]*\]", lambda match: " ".join(match[0].split()), text)
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 import os
 import platform
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -12,8 +13,8 @@ import numpy as np
 PACKAGES = ("workbench", "casadi", "numpy", "scipy", "jax", "jaxlib", "torch", "smplx")
 
 
-def description() -> dict[str, Any]:
-    """Processor, cores, system, versions, BLAS, date and load."""
+def description(packages: Sequence[str] = PACKAGES) -> dict[str, Any]:
+    """Processor, cores, system, versions of packages, BLAS, date and load."""
     affinity = getattr(os, "sched_getaffinity", lambda _: set(range(os.cpu_count() or 1)))(0)
     return {
         "processor": _processor(),
@@ -21,7 +22,7 @@ def description() -> dict[str, Any]:
         "cores used": len(affinity),
         "system": f"{platform.system()} {platform.machine()}",
         "python": platform.python_version(),
-        "versions": {name: _version(name) for name in PACKAGES},
+        "versions": {name: _version(name) for name in packages},
         "blas of numpy": np.show_config(mode="dicts")["Build Dependencies"]["blas"]["name"],
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
         "load": load(),

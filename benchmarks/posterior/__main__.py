@@ -15,16 +15,15 @@ import argparse
 import json
 import warnings
 from collections.abc import Callable, Sequence
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 from benchmarks import machine
-from benchmarks.__main__ import _one_line_lists as one_line_lists
-from benchmarks.machine import description
+from benchmarks.keeping import keep
 from benchmarks.posterior import page
 from benchmarks.posterior.fitted import BLOCKS
 
+DIGITS = 6  # in the files
 PACKAGES = ("workbench", "casadi", "numpy", "scipy", "emcee", "nutpie", "arviz")
 HERE = Path(__file__).parents[1]
 
@@ -74,18 +73,6 @@ PARTS: dict[str, Callable[[argparse.Namespace], dict[str, Any]]] = {
 }  # fmt: skip
 
 
-def _rounded(found: Any) -> Any:
-    """Six digits: nothing here is known to more."""
-    return json.loads(json.dumps(found), parse_float=lambda said: float(f"{float(said):.6g}"))
-
-
-def _version(package: str) -> str | None:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return None
-
-
 def main(arguments: Sequence[str] | None = None) -> None:
     """Measure a part, keep its numbers, and write the page."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.posterior", description=__doc__)
@@ -98,17 +85,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--out", type=Path, default=HERE, help="where results/ is written")
     asked = parser.parse_args(arguments)
     if asked.part != "page":
-        facts = description()
-        facts["versions"] = {name: _version(name) for name in PACKAGES}
+        facts = machine.description(PACKAGES)
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", r"\s*ArviZ is undergoing", FutureWarning)
             found = PARTS[asked.part](asked)
         facts["load after"] = machine.load()
-        (asked.out / "results").mkdir(parents=True, exist_ok=True)
-        text = json.dumps(_rounded({"machine": facts, "found": found}), indent=1)
-        (asked.out / "results" / f"posterior-{asked.part}.json").write_text(
-            one_line_lists(text) + "\n"
-        )
+        file = asked.out / "results" / f"posterior-{asked.part}.json"
+        keep(file, {"machine": facts, "found": found}, DIGITS)
     kept = {part: asked.out / "results" / f"posterior-{part}.json" for part in PARTS}
     found = {part: json.loads(file.read_text()) for part, file in kept.items() if file.exists()}
     (asked.out / "POSTERIOR.md").write_text(page.text(found))
