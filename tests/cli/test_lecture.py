@@ -98,3 +98,23 @@ def test_notebooks_are_not_written_over(workbench: Run) -> None:
     assert "somebody's work" in err
     assert Path("books/lec06_least_squares.ipynb").read_text() == "a student's evening"
     assert len(list(Path("books").iterdir())) == 1
+
+
+def test_the_readme_shows_what_a_misprint_is_told(workbench: Run) -> None:
+    readme = (Path(__file__).parents[2] / "README.md").read_text()
+    shown = readme.partition("$ workbench lecture check 2\n")[2].partition("```")[0]
+    workbench("lecture", "start", "2", ".")
+    file = Path("lec02_rotations.py")
+    misprint = """
+    t = np.linalg.norm(w)
+    n = w / t if t > 0 else w
+    K = np.cross(np.eye(3), n)
+    return np.eye(3) + np.sin(t) * K + np.cos(t) * K @ K
+"""
+    file.write_text(
+        "import numpy as np\n"
+        + file.read_text().replace('    raise Unsolved("rodrigues")\n', misprint.lstrip("\n"))
+    )
+    code, out, _ = workbench("lecture", "check", "2")
+    assert code == 1
+    assert " ".join(shown.split()) in " ".join(out.split())
