@@ -17,23 +17,29 @@ from workbench.training.pose_training import PoseModel, Progress, train_poses
 from workbench.training.registrations import InMemory
 from workbench.training.training import train
 from workbench.training.triangles.alternation import (
-    QUICK as EFFORT,
+    QUICK as QUICK_BLOCKS,
 )
-from workbench.training.triangles.alternation import (
-    Effort,
-    State,
-    choose_ridge,
-    train_triangles,
-)
+from workbench.training.triangles.alternation import Effort, State, choose_ridge, train_triangles
 from workbench.training.triangles.choice import Choice, kept_and_held_back
 from workbench.training.triangles.fitting import AnyBody
 from workbench.training.triangles.people import Registrations
 
 Array = NDArray[np.float64]
 Report = Callable[[str], None]
-SIGMAS = (0.003, 0.006, 0.01, 0.02)  # m per unit of feature, E_P; one is chosen
 SMPL, SCAPE, BLEND_SCAPE = "SMPL", "SCAPE", "BlendSCAPE"
 LBS = "linear blend skinning"
+
+
+@dataclass(frozen=True)
+class Teaching:
+    """How SMPL is trained, and how the triangle models are."""
+
+    plan: Callable[[Sigmas], Plan] = alternation
+    sigmas: tuple[float, ...] = (0.003, 0.006, 0.01, 0.02)  # m per unit of feature, E_P; tried
+    triangles: Effort = QUICK_BLOCKS
+
+
+WHOLE = Teaching()
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +71,7 @@ def without_bends(name: str) -> str:
 
 
 def learn_models(
-    given: Registrations, n_betas: int, report: Report, effort: Effort = EFFORT
+    given: Registrations, n_betas: int, report: Report, teaching: Teaching = WHOLE
 ) -> Learned:
     """SMPL by the training pipeline; the others from where it ended, by their own blocks.
 
@@ -73,9 +79,9 @@ def learn_models(
     """
     report("choosing how freely SMPL's blend shapes follow the pose")
     start = given.start
-    choices = {SMPL: choose_sigma(given)}
+    choices = {SMPL: choose_sigma(given, teaching.sigmas)}
     report("training SMPL")
-    plan = alternation(Sigmas(posedirs=choices[SMPL].chosen))
+    plan = teaching.plan(Sigmas(posedirs=choices[SMPL].chosen))
     trained = train(
         given.posed, start, multi_shape=given.standing, plan=plan, n_betas=n_betas,
         report=_Blocks(report),
@@ -86,19 +92,19 @@ def learn_models(
     for name, untrained in ((SCAPE, scape(smpl)), (BLEND_SCAPE, blend_scape(smpl))):
         report(f"choosing {name}'s ridge")
         begun = State.begin(untrained, trained)
-        choices[name] = choose_ridge(begun, given.posed, effort)
+        choices[name] = choose_ridge(begun, given.posed, teaching.triangles)
         report(f"training {name}")
-        ridge = choices[name].chosen
         end = train_triangles(
-            begun, given.standing, given.posed, n_betas=n_betas, ridge=ridge, effort=effort
-        )
+            begun, given.standing, given.posed,
+            n_betas=n_betas, ridge=choices[name].chosen, effort=teaching.triangles,
+        )  # fmt: skip
         left[name] = 1e3 * end.fits(given.posed).rms(given.posed.vertices)
         models[without_bends(name)] = replace(end.body, posedirs=0 * end.body.posedirs)
         models[name] = end.body
     return Learned(models, left, choices)
 
 
-def choose_sigma(given: Registrations) -> Choice:
+def choose_sigma(given: Registrations, sigmas: tuple[float, ...]) -> Choice:
     """E_P's: the beginning of training, blend shapes from most subjects, judged on the others.
 
     Poses of those held back are sought anew with each; their rest shapes stay as found first.
@@ -107,14 +113,14 @@ def choose_sigma(given: Registrations) -> Choice:
     first = train_poses(posed, start, Plan(alternation().stages[:2]))
     kept, back = kept_and_held_back(posed.subject)
     left = []
-    for sigma in SIGMAS:
+    for sigma in sigmas:
         objective, estimate = _some(first, posed, kept, sigma)
         learned = BLOCKS["surfaces"](objective, estimate, start.faces, QUICK, ONE).estimate
         objective, estimate = _some(first, posed, back, sigma)
         bent = replace(estimate, posedirs=learned.posedirs)
         found = BLOCKS["poses"](objective, bent, start.faces, QUICK, ONE).estimate
         left.append(_mm(objective, found))
-    return Choice(SIGMAS, tuple(left))
+    return Choice(sigmas, tuple(left))
 
 
 def _some(

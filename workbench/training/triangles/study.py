@@ -11,7 +11,6 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.catalogue import load_body
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.geometry.triangles import soup
-from workbench.training.triangles.alternation import QUICK, Effort
 from workbench.training.triangles.choice import Choice
 from workbench.training.triangles.comparison import (
     Explained,
@@ -23,7 +22,15 @@ from workbench.training.triangles.comparison import (
 )
 from workbench.training.triangles.fitting import AnyBody
 from workbench.training.triangles.measures import Cost, Held, cost, crease, n_seams
-from workbench.training.triangles.models import BLEND_SCAPE, SCAPE, SMPL, Learned, learn_models
+from workbench.training.triangles.models import (
+    BLEND_SCAPE,
+    SCAPE,
+    SMPL,
+    WHOLE,
+    Learned,
+    Teaching,
+    learn_models,
+)
 from workbench.training.triangles.people import (
     People,
     Plan,
@@ -102,9 +109,9 @@ def compare_triangles(plan: Plan, wheel: Path, mocap: Path | None, report: Repor
     return study(plan, given, report)
 
 
-def study(plan: Plan, given: Registrations, report: Report, effort: Effort = QUICK) -> Study:
+def study(plan: Plan, given: Registrations, report: Report, teaching: Teaching = WHOLE) -> Study:
     """Learn and measure on what is given."""
-    learned = learn_models(given, plan.betas, report, effort)
+    learned = learn_models(given, plan.betas, report, teaching)
     smpl, torn, test = learned.smpl, learned.rigid, given.test
     report("shape directions")
     shapes = explain(given.people)
