@@ -107,7 +107,7 @@ class Run:
             raise Stop(Status.NOT_FINITE)
         self._linearized = x.copy(), here
         if not self.rounding:
-            self.rounding = guarded(lambda: self.problem.rounding(x, self.fixed))
+            self.rounding = guarded(lambda: self.problem.rounding(x, self.fixed, here.residual))
         return here
 
     def hessian(self, x: Array) -> Array:
@@ -254,7 +254,8 @@ class Run:
         if np.isfinite(best.cost):
             try:
                 here = self._at_best()
-                self.rounding = self.rounding or self.problem.rounding(best.x, self.fixed)
+                if not self.rounding:
+                    self.rounding = self.problem.rounding(best.x, self.fixed, here.residual)
                 optimality = self._wrap_best(best.decide(self.optimality(best.x, here)))
             except Exception as error:  # the residual is the user's; the best point is still ours
                 message += f" (no gradient at the best point: {error})"
