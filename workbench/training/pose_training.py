@@ -27,6 +27,7 @@ from workbench.training.plan import Plan
 from workbench.training.poses import Compared, OnEdges, fitted_poses, segments_turned
 from workbench.training.registrations import Batch, Registrations, batches, held
 from workbench.training.rotation_centres import joint_guess
+from workbench.training.thinning import thinned
 
 Array = NDArray[np.float64]
 ROUNDING = 1e-9  # of the cost: what a block may add by rounding
@@ -182,23 +183,24 @@ def first_poses(
     Edges do not say where the body stands, and tell a bent knee from a long shin better than
     vertices do.
     """
+    few = thinned(start.template, start.faces)
+    registrations, sparse = few.registrations(registrations), few.estimate(first)
     poses = first.poses.copy()
     for batch in batches(registrations):
         for at in range(len(batch.subject)):
             poses[batch.some.start + at] = segments_turned(
-                start.template,
-                first.weights,
+                start.template[few.vertices],
+                sparse.weights,
                 start.parents,
                 batch.vertices[at],
                 batch.seen[at],
             )
-    turned = replace(first, poses=poses)
-    data = OnEdges(start.faces) if compared is None else compared
-    one = replace(turned, templates=first.templates[:1], joints=first.joints[:1])
+    data = OnEdges(few.faces) if compared is None else compared.on(few.faces)
+    one = replace(sparse, poses=poses, templates=sparse.templates[:1], joints=first.joints[:1])
     alike = AsOneSubject(registrations)
     hands = Hands(crew, partial(report.part, "first poses"))
-    found = fitted_poses(one, alike, start.faces, data, FIRST_SIGMA, FIRST_STEPS, hands)
-    return replace(turned, poses=found.poses)
+    found = fitted_poses(one, alike, few.faces, data, FIRST_SIGMA, FIRST_STEPS, hands)
+    return replace(first, poses=found.poses)
 
 
 @dataclass(frozen=True, eq=False)

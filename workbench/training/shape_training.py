@@ -27,6 +27,7 @@ from workbench.training.poses import (
 )
 from workbench.training.registrations import Registrations
 from workbench.training.shape_space import ShapeSpace, learn_shape_space
+from workbench.training.thinning import thinned
 from workbench.training.unposing import unpose
 
 Array = NDArray[np.float64]
@@ -112,15 +113,19 @@ def unposed_people(visit: Visit) -> tuple[Array, Array]:
     solver = LevenbergMarquardt(
         max_iterations=STEPS, gradient_tolerance=TOLERANCE, first_damping=FIRST_DAMPING
     )
-    fit = PoseFit(body, body.n_vertices, visit.compared, FIRST_SIGMA, solver, visit.shapes)
+    few = thinned(body.template, body.faces)
+    sparse, n = few.body(body), len(few.vertices)
+    compared = visit.compared.on(few.faces)
+    fit = PoseFit(sparse, n, compared, FIRST_SIGMA, solver, visit.shapes)
     poses, people = [], []
     for i, (V, seen) in enumerate(zip(visit.vertices, visit.seen, strict=True)):
+        own, trust = V[few.vertices], seen[few.vertices]
         start = (
-            segments_turned(body.template, body.weights, body.parents, V, seen)
+            segments_turned(sparse.template[:n], sparse.weights[:n], body.parents, own, trust)
             if visit.poses is None
             else visit.poses[i]
         )
-        found = fit.values(start, V, seen)
+        found = fit.values(start, own, trust)
         if not seen.all():  # what was not scanned is taken from the model
             filled = body.vertices(found["pose"], found["betas"], found["trans"])
             V = np.where(seen[:, None] > 0, V, filled)
