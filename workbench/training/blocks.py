@@ -22,11 +22,12 @@ from workbench.training.crew import ONE, Hands
 from workbench.training.estimate import NAMES, Estimate
 from workbench.training.first_guess import MOST_WEIGHTS, at_most
 from workbench.training.joint_regressor import fit_joint_regressor
-from workbench.training.normal_equations import NormalEquations, weight_grams
+from workbench.training.normal_equations import NormalEquations
 from workbench.training.objective import Objective
 from workbench.training.poses import OnVertices, fitted_poses
 from workbench.training.simplex import few_shares
 from workbench.training.thinning import thinned
+from workbench.training.weight_grams import weight_grams
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

@@ -10,14 +10,16 @@ from numpy.typing import NDArray
 
 from workbench.training.estimate import Change, Estimate
 from workbench.training.lanes import in_lanes
+from workbench.training.noticing import ByPattern
 from workbench.training.objective import Objective, centred
 from workbench.training.posing import crossed
 from workbench.training.registrations import Batch, pieces
 from workbench.training.skinning_pass import SkinningPass
+from workbench.training.weight_grams import weight_grams
 
 Array = NDArray[np.float64]
 Passed = tuple[Batch, SkinningPass]
-KEPT_BYTES = 2**29  # of what is kept between products: it is computed anew where there is more
+KEPT_BYTES = 2**32  # of what is kept between products: it is computed anew where there is more
 BYTES_EACH = 160  # of a vertex in a pose: its blended rotation, place at rest, target
 RIDGE = 1e-10  # of the mean diagonal, so that a block that nothing is known of has an inverse
 
@@ -82,6 +84,8 @@ class NormalEquations:
         found = {name: prior[name] + scale * sum(d[name] for d in lanes) for name in self.names}
         if "weights" in found:
             found["weights"] = within(found["weights"], self.support)
+        if "posedirs" in found and self.objective.noticed is not None:
+            found["posedirs"] *= self.objective.noticed[:, None]
         return found
 
     def preconditioned(self, change: Change) -> Change:
@@ -118,7 +122,9 @@ class NormalEquations:
             both.append(change["posedirs"])
         x = np.concatenate(both, axis=2)
         mirror = self.objective.mirror
-        if mirror is None or "templates" not in self.names:
+        if self.objective.noticed is not None and "posedirs" in self.names:
+            found = self._by_pattern.solved(x)
+        elif mirror is None or "templates" not in self.names:
             found = _by_cholesky(self._gram_factors[0], x)
         else:
             other = mirror.directions(x)
@@ -134,7 +140,22 @@ class NormalEquations:
 
     @cached_property
     def _gram_factors(self) -> tuple[Array, Array]:
-        """Of the sums over registrations of [subject, features], without and with E_Y."""
+        """Without and with E_Y."""
+        gram, odd = self._grams
+        return scipy.linalg.cholesky(gram, lower=True), scipy.linalg.cholesky(odd, lower=True)
+
+    @cached_property
+    def _by_pattern(self) -> ByPattern:
+        """Of the few features that each vertex notices, E_Y's halves taken alike."""
+        own = self.objective.noticed
+        assert own is not None  # else nothing is by pattern
+        if "templates" in self.names:
+            own = np.concatenate([np.ones((len(own), len(self.estimate.templates)), bool), own], 1)
+        return ByPattern.of(np.mean(self._grams, axis=0), own)
+
+    @cached_property
+    def _grams(self) -> tuple[Array, Array]:
+        """The sums over registrations of [subject, features], without and with E_Y."""
         S, s = len(self.estimate.templates), self.objective.sigmas
         columns = []
         if "templates" in self.names:
@@ -149,11 +170,8 @@ class NormalEquations:
         if self.objective.template is not None:
             gram += np.diag(surfaces / s.subjects**2)
         odd = gram + np.diag(4 * surfaces / s.symmetry**2)
-        factors = [
-            scipy.linalg.cholesky(g + RIDGE * np.trace(g) / len(g) * np.eye(len(g)), lower=True)
-            for g in (gram, odd)
-        ]
-        return factors[0], factors[1]
+        even, odd = (g + RIDGE * np.trace(g) / len(g) * np.eye(len(g)) for g in (gram, odd))
+        return even, odd
 
     @cached_property
     def _joint_blocks(self) -> Array:
@@ -232,33 +250,6 @@ class NormalEquations:
             inner = Z @ gram[np.ix_(own, own)] @ Z
             inverses[i][np.ix_(own, own)] = np.linalg.pinv(inner, rcond=1e-10, hermitian=True)
         return inverses
-
-
-def weight_grams(objective: Objective, estimate: Estimate) -> tuple[Array, Array]:
-    """Of each vertex, sum over registrations of B'B (N, K, K) and B'(v - trans) (N, K), in sigmas.
-
-    Column k of B (3, K) is where joint k alone would take the vertex: posed_i = B w_i.
-    """
-    N, K = estimate.weights.shape
-
-    def lane(some_of: Sequence[slice]) -> tuple[Array, Array]:
-        grams, rights = np.zeros((N, K, K)), np.zeros((N, K))
-        for some in some_of:
-            batch = objective.registrations.read(some)
-            passed = SkinningPass(estimate, batch.some, batch.subject)
-            _, trans = centred(batch, batch.vertices - passed.points)
-            B = passed.by_each()  # (c, N, K, 3)
-            trusted = batch.seen[..., None, None] * B
-            flat = B.transpose(1, 2, 0, 3).reshape(N, K, -1)
-            flat_trusted = trusted.transpose(1, 2, 0, 3).reshape(N, K, -1)
-            grams += flat_trusted @ flat.swapaxes(1, 2)
-            rights += np.einsum("jnka,jna->nk", trusted, batch.vertices - trans[:, None])
-        return grams, rights
-
-    found = in_lanes(lane, pieces(objective.registrations))
-    grams, rights = (np.sum([one[part] for one in found], axis=0) for part in (0, 1))
-    scale = objective.sigmas.data**-2
-    return scale * grams, scale * rights
 
 
 def _given(passed: Passed) -> Passed:

@@ -33,6 +33,7 @@ class Objective:
     mirror: Mirror | None  # for E_Y; None: the mesh has no sides
     sigmas: Sigmas
     template: Array | None = None  # (N, 3) m: for E_T; None: whatever the rest pose is
+    noticed: NDArray[np.bool_] | None = None  # (N, F): what posedirs may be above zero; None: all
 
     def with_sigmas(self, sigmas: Sigmas) -> "Objective":
         """The same terms, held otherwise."""

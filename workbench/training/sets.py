@@ -76,9 +76,24 @@ def make_sets(
     wheel: Wheel, recipe: SetRecipe, folder: Path, report: Report, recorded: Array | None = None
 ) -> None:
     """Write both folders. `recorded` are held-out poses (F, 24, 3) rad of people."""
+    make_sets_of(sources_of(wheel, recipe, report), recipe, folder, report, recorded)
+
+
+def sources_of(wheel: Wheel, recipe: SetRecipe, report: Report) -> Sources:
+    """Everyone on the base mesh: the same whichever body's mesh they will be seen on."""
     everyone = recipe.people + recipe.subjects + recipe.strangers
-    sources = gather_sources(wheel, Recipe(people=everyone, seed=recipe.seed), report)
-    topology = read_topology(wheel, recipe.body, sources.mesh)
+    return gather_sources(wheel, Recipe(people=everyone, seed=recipe.seed), report)
+
+
+def make_sets_of(
+    sources: Sources,
+    recipe: SetRecipe,
+    folder: Path,
+    report: Report,
+    recorded: Array | None = None,
+) -> None:
+    """Both folders, of people that are there already."""
+    topology = read_topology(sources.wheel, recipe.body, sources.mesh)
     if recipe.vertices is not None:
         someone = topology.follows @ sources.population.vertices.mean(axis=0)
         topology = collapsed(topology, someone, recipe.vertices)

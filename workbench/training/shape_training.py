@@ -25,7 +25,7 @@ from workbench.training.poses import (
     ShapePrior,
     segments_turned,
 )
-from workbench.training.registrations import Registrations
+from workbench.training.registrations import Registrations, pieces
 from workbench.training.shape_space import ShapeSpace, learn_shape_space
 from workbench.training.thinning import thinned
 from workbench.training.unposing import unpose
@@ -182,6 +182,34 @@ def _visit(
     batch = registrations.read(some)
     own = None if poses is None else poses[some]
     return Visit(body, compared, shapes, own, batch.vertices, batch.seen)
+
+
+def unposed_at(
+    body: SkinnedBody, registrations: Registrations, poses: Array, hands: Hands = ONE
+) -> Array:
+    """People (P, N, 3) m about their root joints, from poses (P, K, 3) rad found elsewhere.
+
+    Every vertex of theirs must have been seen.
+    """
+    runs = pieces(registrations)
+    visits = (AtPoses(body, poses[some], registrations.read(some).vertices) for some in runs)
+    people = np.concatenate(list(hands.crew(unposed_visit, visits)))
+    return about_root(people, body.J_regressor)
+
+
+@dataclass(frozen=True, eq=False)
+class AtPoses:
+    """Some people, whose poses are known."""
+
+    body: SkinnedBody
+    poses: Array  # (c, K, 3) rad
+    vertices: Array  # (c, N, 3) m
+
+
+def unposed_visit(visit: AtPoses) -> Array:
+    """Them at rest, (c, N, 3) m."""
+    each = zip(visit.poses, visit.vertices, strict=True)
+    return np.stack([unpose(visit.body, pose, V).vertices for pose, V in each])
 
 
 def start_shape(model: PoseModel, start: Start, n_betas: int) -> tuple[SkinnedBody, JointRegressor]:
