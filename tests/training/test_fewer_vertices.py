@@ -1,6 +1,7 @@
 """Fewer vertices, fewer joints, two threads: what large meshes are trained with."""
 
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from scipy.sparse import csr_array, eye_array
 import workbench as wb
 from workbench.errors import BadArgument
 from workbench.training.blocks import Effort, fit_poses
-from workbench.training.carrying import carried_over, read_off
+from workbench.training.carrying import carried_over, read_off, train_coarse_first
 from workbench.training.embedded.collapsing import collapsed
 from workbench.training.embedded.topology import Topology
 from workbench.training.estimate import Estimate, Sigmas
@@ -19,6 +20,7 @@ from workbench.training.lanes import in_lanes
 from workbench.training.mesh_graph import edges_of, find_mirror
 from workbench.training.noticing import ByPattern, noticed
 from workbench.training.objective import Objective
+from workbench.training.plan import QUICK, Plan, Stage
 from workbench.training.registrations import InMemory
 from workbench.training.skinning_pass import SkinningPass
 from workbench.training.thinning import thinned
@@ -136,3 +138,29 @@ def test_what_is_linear_is_read_off_exactly_on_a_flat_mesh() -> None:
     start = Start(corners, np.array([[0, 1, 2], [0, 2, 3]]), (-1,), ("root",), np.zeros(4, int))
     points = np.array([[0.2, 0.7, 0.0], [0.9, 0.1, 0.0]])
     assert read_off(start, points) @ corners == pytest.approx(points)
+
+
+def test_a_large_mesh_is_trained_on_some_of_its_vertices_first(tmp_path: Path) -> None:
+    """Every vertex is found in the end, alike on both sides, and again from what is on disk."""
+    truth, objective = _posed()
+    data, start = objective.registrations, Start.of(BODY)
+    quick = Plan((Stage(Sigmas(), ("rest", "poses", "surfaces"), 1, QUICK),), 2)
+    train = partial(train_coarse_first, data, start, quick, folder=tmp_path, coarse=300)
+    found = train()
+    assert [entry.block for entry in found.log][:3] == ["rest", "poses", "surfaces"]
+    assert len(found.log) > 6
+    assert found.estimate.templates.shape == truth.templates.shape
+    assert found.objective.rms(found.estimate) < 0.002
+    again = train()
+    for name, array in found.estimate.arrays().items():
+        assert np.array_equal(array, again.estimate.arrays()[name])
+
+
+def test_a_thinned_mesh_keeps_its_sides() -> None:
+    mirror = Start.of(BODY).mirror()
+    assert mirror is not None
+    few = thinned(BODY.template, BODY.faces, 101, mirror.vertices)
+    own = few.mirror(mirror)
+    assert np.array_equal(own.vertices[own.vertices], np.arange(len(few.vertices)))
+    reflected = own.points(BODY.template[few.vertices])
+    assert reflected == pytest.approx(BODY.template[few.vertices], abs=1e-12)

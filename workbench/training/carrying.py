@@ -5,17 +5,23 @@ off between the coarse mesh's vertices, and are a first guess there.
 """
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from workbench.training.crew import Crew, alone
 from workbench.training.estimate import Estimate, Sigmas
 from workbench.training.first_guess import MOST_WEIGHTS, Start, at_most
 from workbench.training.plan import QUICK, REACH, TIED, Plan, Stage
+from workbench.training.pose_training import SILENT, PoseModel, Report, train_poses
+from workbench.training.registrations import Registrations, held
+from workbench.training.thinning import thinned
 
 Array = NDArray[np.float64]
+COARSE = 1500  # vertices that are enough for a body with 24 joints
 
 
 def carried_over(found: Estimate, on: Start, to: Start) -> Estimate:
@@ -35,6 +41,44 @@ def carried_over(found: Estimate, on: Start, to: Start) -> Estimate:
         weights=at_most(between @ found.weights, MOST_WEIGHTS),
         regressor=None,
     )
+
+
+def train_coarse_first(
+    registrations: Registrations,
+    start: Start,
+    plan: Plan,
+    *,
+    folder: Path | None = None,
+    report: Report = SILENT,
+    crew: Crew = alone,
+    coarse: int = COARSE,
+) -> PoseModel:
+    """`train_poses` on at most `coarse` vertices, carried over to all of them and finished there.
+
+    A mesh of so many vertices or fewer is trained at once.
+    """
+    N = len(start.template)
+    if coarse >= N:
+        return train_poses(registrations, start, plan, folder=folder, report=report, crew=crew)
+    sides = start.mirror()
+    few = thinned(start.template, start.faces, coarse, None if sides is None else sides.vertices)
+    v = few.vertices
+    less = replace(
+        start, template=start.template[v], faces=few.faces, segmentation=start.segmentation[v]
+    )
+    own = None if folder is None else folder / "coarse"
+    if own is not None:
+        own.mkdir(exist_ok=True)
+    model = train_poses(
+        few.registrations(held(registrations)), less, plan, folder=own, report=report, crew=crew,
+        sides=None if sides is None else few.mirror(sides),
+    )  # fmt: skip
+    begun = carried_over(model.estimate, less, start)
+    fine = train_poses(
+        registrations, start, finishing(), folder=folder, report=report, crew=crew, begun=begun,
+        sides=sides,
+    )  # fmt: skip
+    return replace(fine, log=(*model.log, *fine.log))
 
 
 def read_off(on: Start, points: Array) -> csr_array:

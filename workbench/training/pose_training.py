@@ -22,6 +22,7 @@ from workbench.training.checkpoint import Checkpoint, Entry, fingerprint, read_c
 from workbench.training.crew import Crew, Hands, alone
 from workbench.training.estimate import Estimate
 from workbench.training.first_guess import Start
+from workbench.training.mirror import Mirror
 from workbench.training.noticing import noticed
 from workbench.training.objective import Objective
 from workbench.training.plan import Plan
@@ -93,6 +94,7 @@ def train_poses(
     compared: Compared | None = None,
     crew: Crew = alone,
     begun: Estimate | None = None,
+    sides: Mirror | None = None,
 ) -> PoseModel:
     """Run a plan, from a start that knows a template, a tree and segments only, or as `begun`.
 
@@ -102,7 +104,7 @@ def train_poses(
     """
     registrations = held(registrations)
     weights = start.weights()
-    sides = start.mirror()
+    sides = start.mirror() if sides is None else sides
     if begun is None:
         rings = joint_guess(start, weights, registrations)
         first = first_estimate(registrations, start, weights=weights, rings=rings)

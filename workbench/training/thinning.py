@@ -14,6 +14,7 @@ from scipy.sparse.csgraph import dijkstra
 from workbench.bodies import SkinnedBody
 from workbench.training.estimate import Estimate
 from workbench.training.mesh_graph import edges_of
+from workbench.training.mirror import Mirror
 from workbench.training.registrations import Batch, Registrations
 
 Array = NDArray[np.float64]
@@ -55,6 +56,12 @@ class Thinned:
             name=body.name,
         )
 
+    def mirror(self, mirror: Mirror) -> Mirror:
+        """Of these vertices, which must have been chosen with it."""
+        place = np.full(len(mirror.vertices), -1)
+        place[self.vertices] = np.arange(len(self.vertices))
+        return Mirror(place[mirror.vertices[self.vertices]], mirror.joints)
+
     def registrations(self, registrations: Registrations) -> "OfThese":
         """These vertices of every registration."""
         return OfThese(registrations, self.vertices)
@@ -85,16 +92,19 @@ class OfThese:
         )
 
 
-def thinned(template: Array, faces: Index, most: int = ENOUGH) -> Thinned:
+def thinned(
+    template: Array, faces: Index, most: int = ENOUGH, mirror: Index | None = None
+) -> Thinned:
     """At most so many vertices, each the farthest from those before it; all, if they are fewer.
 
-    Every other vertex belongs to the one that it is nearest to along the edges. Where three
-    cells meet in a triangle of `faces`, their vertices make one.
+    With a `mirror` (N,) each comes with the one on its other side. Every other vertex belongs to
+    the one that it is nearest to along the edges. Where three cells meet in a triangle of
+    `faces`, their vertices make one.
     """
     N = len(template)
     if most >= N:
         return Thinned(np.arange(N), faces)
-    vertices = np.sort(_spread_out(template, most))
+    vertices = np.unique(_spread_out(template, most, np.arange(N) if mirror is None else mirror))
     ends = edges_of(faces)
     lengths = np.linalg.norm(np.subtract(*template[ends].transpose(1, 0, 2)), axis=1)
     graph = csr_array((np.maximum(lengths, 1e-9), (ends[:, 0], ends[:, 1])), shape=(N, N))
@@ -102,7 +112,7 @@ def thinned(template: Array, faces: Index, most: int = ENOUGH) -> Thinned:
         graph, directed=False, indices=vertices, return_predecessors=True, min_only=True
     )
     place = np.full(N + 1, -1)  # the last entry: what no cell reaches
-    place[vertices] = np.arange(most)
+    place[vertices] = np.arange(len(vertices))
     corners = place[np.where(nearest < 0, N, nearest)][faces]
     a, b, c = corners.T
     apart = (a != b) & (b != c) & (c != a) & (corners.min(axis=1) >= 0)
@@ -115,10 +125,15 @@ def _regressed(R: csr_array, directions: Array) -> Array:
     return (R @ directions.reshape(len(directions), -1)).reshape(-1, *directions.shape[1:])
 
 
-def _spread_out(points: Array, count: int) -> Index:
-    chosen = np.zeros(count, dtype=np.int64)
+def _spread_out(points: Array, count: int, mirror: Index) -> list[int]:
+    chosen: list[int] = []
     away = np.full(len(points), np.inf)
-    for at in range(1, count):
-        away = np.minimum(away, np.sum((points - points[chosen[at - 1]]) ** 2, axis=1))
-        chosen[at] = int(away.argmax())
-    return chosen
+    latest = 0
+    while True:
+        both = sorted({latest, int(mirror[latest])})
+        if len(chosen) + len(both) > count:
+            return chosen
+        chosen += both
+        for v in both:
+            away = np.minimum(away, np.sum((points - points[v]) ** 2, axis=1))
+        latest = int(away.argmax())
