@@ -15,7 +15,7 @@ from scipy.sparse import csr_array
 from workbench.training.crew import Crew, alone
 from workbench.training.estimate import Estimate, Sigmas
 from workbench.training.first_guess import MOST_WEIGHTS, Start, at_most
-from workbench.training.plan import QUICK, REACH, TIED, Plan, Stage
+from workbench.training.plan import QUICK, TIED, Plan, Stage
 from workbench.training.pose_training import SILENT, PoseModel, Report, train_poses
 from workbench.training.registrations import Registrations, held
 from workbench.training.thinning import thinned
@@ -75,8 +75,8 @@ def train_coarse_first(
     )  # fmt: skip
     begun = carried_over(model.estimate, less, start)
     fine = train_poses(
-        registrations, start, finishing(), folder=folder, report=report, crew=crew, begun=begun,
-        sides=sides,
+        registrations, start, finishing(reach=plan.reach), folder=folder, report=report,
+        crew=crew, begun=begun, sides=sides,
     )  # fmt: skip
     return replace(fine, log=(*model.log, *fine.log))
 
@@ -97,9 +97,9 @@ def read_off(on: Start, points: Array) -> csr_array:
     return csr_array((shares.ravel(), (rows, corners.ravel())), shape=shape)
 
 
-def finishing(sigmas: Sigmas | None = None) -> Plan:
+def finishing(sigmas: Sigmas | None = None, reach: int | None = None) -> Plan:
     """For an estimate that was carried over: what every vertex is needed for, and poses once."""
     held = Sigmas() if sigmas is None else sigmas
     tied = replace(held, rings=TIED * held.rings)
     blocks = ("surfaces", "weights", "surfaces", "regressor", "poses", "regressor", "surfaces")
-    return Plan((Stage(tied, blocks, 1, QUICK),), REACH)
+    return Plan((Stage(tied, blocks, 1, QUICK),), reach)

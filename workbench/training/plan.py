@@ -44,13 +44,13 @@ class Plan:
         ]
 
 
-def alternation(sigmas: Sigmas | None = None, rounds: int = 2, reach: int | None = REACH) -> Plan:
+def alternation(sigmas: Sigmas | None = None, rounds: int = 2, reach: int | None = None) -> Plan:
     """The lectures' alternation, and all names at once near its end.
 
     First templates and joints alone, the data being trusted less: skinning without blend shapes
     cannot be right to millimetres. Blend shapes come in when poses are near. Then the joints are
     held to the regressor that a body has in the end, and no longer to their rings; so many
-    rounds of that.
+    rounds of that. Blend shapes follow joints within `reach` bones; as in the paper, all.
     """
     held = Sigmas() if sigmas is None else sigmas
     rough = replace(held, data=ROUGH * held.data)

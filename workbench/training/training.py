@@ -92,6 +92,7 @@ def card_of(
         "worst_kkt": float(f"{worst:.2g}"),
         "J_regressor_rms_mm": [round(1e3 * float(r), 4) for r in regressor.rms],
         "blocks": ", ".join(entry.block for entry in model.log),
+        "blend_shapes_reach_bones": "all" if plan.reach is None else plan.reach,
     }
     if shapes is not None:
         cumulative = np.cumsum(shapes.space.explained)

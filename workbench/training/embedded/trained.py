@@ -33,7 +33,7 @@ from workbench.training.embedded.trained_card import TrainedOn, card_of_trained
 from workbench.training.embedded.wheel import Wheel
 from workbench.training.first_guess import read_start
 from workbench.training.folder import TABLE, FolderRegistrations, open_folder
-from workbench.training.plan import alternation
+from workbench.training.plan import REACH, alternation
 from workbench.training.pose_prior import read_mocap
 from workbench.training.pose_training import PoseModel, Progress, train_poses
 from workbench.training.sets import SetRecipe, make_sets_of, sources_of
@@ -87,9 +87,9 @@ class Builder:
         poses, shapes = every.only("poses"), every.only("shapes")
         run = self.work / f"run-{name}"
         run.mkdir(parents=True, exist_ok=True)
-        plan, begun = alternation(), None
+        plan, begun = alternation(reach=REACH), None
         if before is not None:
-            plan = finishing()
+            plan = finishing(reach=REACH)
             begun = carried_over(before.model.estimate, before.parts.start, start)
         self.say(f"training {name}")
         model = train_poses(
