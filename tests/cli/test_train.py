@@ -41,7 +41,18 @@ def made_folder(folder: Path, seed: int = 4) -> Path:
 def test_a_folder_becomes_a_body_with_a_card(tmp_path: Path) -> None:
     made_folder(tmp_path / "mine")
     others = made_folder(tmp_path / "others", seed=14)
-    options = ("--rounds", "1", "--betas", "2", "--held-out", "others", "--jobs", "1")
+    options = (
+        "--rounds",
+        "1",
+        "--betas",
+        "2",
+        "--held-out",
+        "others",
+        "--jobs",
+        "1",
+        "--reach",
+        "9",
+    )
     done = workbench("train", "mine", *options, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "18 registrations of 3 subjects in poses, 8 people for shape" in done.stdout

@@ -19,7 +19,7 @@ from workbench.training.crew import Hands, Processes
 from workbench.training.first_guess import Start, read_start
 from workbench.training.folder import GENDERS, open_folder
 from workbench.training.made_up import noisy_worms
-from workbench.training.plan import alternation
+from workbench.training.plan import REACH, alternation
 from workbench.training.pose_training import Progress
 from workbench.training.registrations import Registrations
 from workbench.training.sets import CARD
@@ -59,6 +59,9 @@ def train(
     ] = None,
     betas: Annotated[int, typer.Option(help="Shape directions.")] = 10,
     rounds: Annotated[int, typer.Option(help="Of the alternation.")] = 2,
+    reach: Annotated[
+        int, typer.Option(help="Bones from a vertex to the farthest joint that bends its surface.")
+    ] = REACH,
     jobs: Annotated[
         int, typer.Option(help="Processes that find poses; none changes a number.")
     ] = 2,
@@ -71,6 +74,8 @@ def train(
     console = Console()
     if betas < 1 or rounds < 1:
         raise BadArgument("--betas and --rounds take 1 or more")
+    if reach < 0:
+        raise BadArgument(f"--reach takes 0 or more bones, not {reach}")
     if gender is not None and gender not in GENDERS:
         raise BadArgument(f"--gender takes {', '.join(GENDERS)}, not {gender!r}")
     name, guess, poses, shapes = _data(console, folder, start, gender)
@@ -79,7 +84,7 @@ def train(
         strangers = open_folder(held_out, len(guess.template), guess.faces).only("poses")
         if not strangers.rows:
             raise BadArgument(f"{held_out} has no registrations of the set 'poses'")
-    plan = alternation(rounds=rounds)
+    plan = alternation(rounds=rounds, reach=None if folder is None else reach)
     make_folder(out)
     place = out / f"train-{name}{f'-{gender}' if gender else ''}"
     make_folder(place)

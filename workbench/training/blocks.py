@@ -22,10 +22,12 @@ from workbench.training.crew import ONE, Hands
 from workbench.training.estimate import NAMES, Estimate
 from workbench.training.first_guess import MOST_WEIGHTS, at_most
 from workbench.training.joint_regressor import fit_joint_regressor
-from workbench.training.normal_equations import NormalEquations, weight_grams
+from workbench.training.normal_equations import NormalEquations
 from workbench.training.objective import Objective
 from workbench.training.poses import OnVertices, fitted_poses
 from workbench.training.simplex import few_shares
+from workbench.training.thinning import thinned
+from workbench.training.weight_grams import weight_grams
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -61,18 +63,21 @@ class Effort:
 def fit_poses(
     objective: Objective, estimate: Estimate, faces: Index, _: Effort, hands: Hands = ONE
 ) -> Found:
-    """Each registration's pose; where rounding made one worse, it is kept as it was."""
+    """Each registration's pose, from vertices enough; where all of them say worse, it is kept."""
+    template = estimate.templates.mean(axis=0) if objective.template is None else objective.template
+    few = thinned(template, faces)
     found = fitted_poses(
-        estimate,
-        objective.registrations,
-        faces,
+        few.estimate(estimate),
+        few.registrations(objective.registrations),
+        few.faces,
         OnVertices(),
         objective.sigmas.data,
         POSE_STEPS,
         hands,
-    )
-    better = objective.by_registration(found) < objective.by_registration(estimate)
-    poses = np.where(better[:, None, None], found.poses, estimate.poses)
+    ).poses
+    fitted = objective.by_registration(replace(estimate, poses=found))
+    better = fitted < objective.by_registration(estimate)
+    poses = np.where(better[:, None, None], found, estimate.poses)
     return Found(replace(estimate, poses=poses), {"poses changed": float(better.mean())})
 
 

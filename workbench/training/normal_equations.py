@@ -1,21 +1,25 @@
 """Gauss and Newton's equations of training, never formed: products and a preconditioner."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
 from workbench.training.estimate import Change, Estimate
+from workbench.training.lanes import in_lanes
+from workbench.training.noticing import ByPattern
 from workbench.training.objective import Objective, centred
 from workbench.training.posing import crossed
-from workbench.training.registrations import Batch, batches
+from workbench.training.registrations import Batch, pieces
 from workbench.training.skinning_pass import SkinningPass
+from workbench.training.weight_grams import weight_grams
 
 Array = NDArray[np.float64]
-KEPT_BYTES = 2**29  # of what is kept between products: it is computed anew where there is more
+Passed = tuple[Batch, SkinningPass]
+KEPT_BYTES = 2**32  # of what is kept between products: it is computed anew where there is more
 BYTES_EACH = 160  # of a vertex in a pose: its blended rotation, place at rest, target
 RIDGE = 1e-10  # of the mean diagonal, so that a block that nothing is known of has an inverse
 
@@ -40,35 +44,48 @@ class NormalEquations:
     def slope(self) -> Change:
         """Minus the gradient of the cost."""
         found = self.objective.prior_slope(self.estimate, self.names)
-        data = self.estimate.zero_change(self.names)
-        for passed, pull, _ in self.objective.residuals(self.estimate):
-            passed.adjoint(pull, data)
-        return self._sum(found, data)
+
+        def lane(some: Sequence[slice]) -> Change:
+            data = self.estimate.zero_change(self.names)
+            for passed, pull, _ in self.objective.residuals(self.estimate, some):
+                passed.adjoint(pull, data)
+            return data
+
+        return self._sum(found, in_lanes(lane, pieces(self.objective.registrations)))
 
     def product(self, change: Change) -> Change:
         """J'J times a change."""
-        data = self.estimate.zero_change(self.names)
-        for batch, passed in self._kept or self._passes():
-            moved, _ = centred(batch, passed.tangent(change))
-            passed.adjoint(batch.seen[..., None] * moved, data)
+
+        def lane(passes: Sequence[Callable[[], Passed]]) -> Change:
+            data = self.estimate.zero_change(self.names)
+            for one in passes:
+                batch, passed = one()
+                moved, _ = centred(batch, passed.tangent(change))
+                passed.adjoint(batch.seen[..., None] * moved, data)
+            return data
+
+        data = in_lanes(lane, self._passes)
         return self._sum(self.objective.prior_curvature(self.estimate, change), data)
 
-    def _passes(self) -> Iterator[tuple[Batch, SkinningPass]]:
-        for batch in batches(self.objective.registrations):
-            yield batch, SkinningPass(self.estimate, batch.some, batch.subject)
+    def _passed(self, some: slice) -> Passed:
+        batch = self.objective.registrations.read(some)
+        return batch, SkinningPass(self.estimate, some, batch.subject)
 
     @cached_property
-    def _kept(self) -> list[tuple[Batch, SkinningPass]]:
-        """The passes with what they computed, if they are few enough to keep; else none."""
+    def _passes(self) -> list[Callable[[], Passed]]:
+        """How to come by each pass: kept with what it computed if they are few, else anew."""
         source = self.objective.registrations
+        anew = [partial(self._passed, some) for some in pieces(source)]
         small = len(source.subject) * source.n_vertices * BYTES_EACH < KEPT_BYTES
-        return list(self._passes()) if small else []
+        return [partial(_given, one()) for one in anew] if small else list(anew)
 
-    def _sum(self, prior: Change, data: Change) -> Change:
+    def _sum(self, prior: Change, lanes: list[Change]) -> Change:
         scale = self.objective.sigmas.data**-2
-        found = {name: prior[name] + scale * data[name] for name in self.names}
+        found = {name: prior[name] + scale * sum(d[name] for d in lanes) for name in self.names}
         if "weights" in found:
             found["weights"] = within(found["weights"], self.support)
+        if "posedirs" in found and self.objective.noticed is not None:
+            found["posedirs"] *= self.objective.noticed[:, None]
         return found
 
     def preconditioned(self, change: Change) -> Change:
@@ -105,7 +122,9 @@ class NormalEquations:
             both.append(change["posedirs"])
         x = np.concatenate(both, axis=2)
         mirror = self.objective.mirror
-        if mirror is None or "templates" not in self.names:
+        if self.objective.noticed is not None and "posedirs" in self.names:
+            found = self._by_pattern.solved(x)
+        elif mirror is None or "templates" not in self.names:
             found = _by_cholesky(self._gram_factors[0], x)
         else:
             other = mirror.directions(x)
@@ -121,7 +140,22 @@ class NormalEquations:
 
     @cached_property
     def _gram_factors(self) -> tuple[Array, Array]:
-        """Of the sums over registrations of [subject, features], without and with E_Y."""
+        """Without and with E_Y."""
+        gram, odd = self._grams
+        return scipy.linalg.cholesky(gram, lower=True), scipy.linalg.cholesky(odd, lower=True)
+
+    @cached_property
+    def _by_pattern(self) -> ByPattern:
+        """Of the few features that each vertex notices, E_Y's halves taken alike."""
+        own = self.objective.noticed
+        assert own is not None  # else nothing is by pattern
+        if "templates" in self.names:
+            own = np.concatenate([np.ones((len(own), len(self.estimate.templates)), bool), own], 1)
+        return ByPattern.of(np.mean(self._grams, axis=0), own)
+
+    @cached_property
+    def _grams(self) -> tuple[Array, Array]:
+        """The sums over registrations of [subject, features], without and with E_Y."""
         S, s = len(self.estimate.templates), self.objective.sigmas
         columns = []
         if "templates" in self.names:
@@ -136,11 +170,8 @@ class NormalEquations:
         if self.objective.template is not None:
             gram += np.diag(surfaces / s.subjects**2)
         odd = gram + np.diag(4 * surfaces / s.symmetry**2)
-        factors = [
-            scipy.linalg.cholesky(g + RIDGE * np.trace(g) / len(g) * np.eye(len(g)), lower=True)
-            for g in (gram, odd)
-        ]
-        return factors[0], factors[1]
+        even, odd = (g + RIDGE * np.trace(g) / len(g) * np.eye(len(g)) for g in (gram, odd))
+        return even, odd
 
     @cached_property
     def _joint_blocks(self) -> Array:
@@ -192,14 +223,19 @@ class NormalEquations:
         """(J, 3 K, 3 K), inverted: what small turns do, the pose blend shapes apart."""
         J, K, _ = self.estimate.poses.shape
         blocks = np.empty((J, 3 * K, 3 * K))
-        for batch in batches(self.objective.registrations):
-            for j in range(len(batch.subject)):
-                at = batch.some.start + j
-                one = SkinningPass(self.estimate, slice(at, at + 1), batch.subject[j : j + 1])
-                turns = -crossed(one.arms()[0]) @ one.posing.above[0]  # (N, K, 3, 3)
-                turns -= np.average(turns, axis=0, weights=batch.seen[j])
-                rows = turns.transpose(0, 2, 1, 3).reshape(-1, 3 * K)
-                blocks[at] = rows.T @ (np.repeat(batch.seen[j], 3)[:, None] * rows)
+
+        def lane(some_of: Sequence[slice]) -> None:
+            for some in some_of:
+                batch = self.objective.registrations.read(some)
+                for j in range(len(batch.subject)):
+                    at = batch.some.start + j
+                    one = SkinningPass(self.estimate, slice(at, at + 1), batch.subject[j : j + 1])
+                    turns = -crossed(one.arms()[0]) @ one.posing.above[0]  # (N, K, 3, 3)
+                    turns -= np.average(turns, axis=0, weights=batch.seen[j])
+                    rows = turns.transpose(0, 2, 1, 3).reshape(-1, 3 * K)
+                    blocks[at] = rows.T @ (np.repeat(batch.seen[j], 3)[:, None] * rows)
+
+        in_lanes(lane, pieces(self.objective.registrations))
         return _inverses(blocks / self.objective.sigmas.data**2)
 
     @cached_property
@@ -216,24 +252,8 @@ class NormalEquations:
         return inverses
 
 
-def weight_grams(objective: Objective, estimate: Estimate) -> tuple[Array, Array]:
-    """Of each vertex, sum over registrations of B'B (N, K, K) and B'(v - trans) (N, K), in sigmas.
-
-    Column k of B (3, K) is where joint k alone would take the vertex: posed_i = B w_i.
-    """
-    N, K = estimate.weights.shape
-    grams, rights = np.zeros((N, K, K)), np.zeros((N, K))
-    for batch in batches(objective.registrations):
-        passed = SkinningPass(estimate, batch.some, batch.subject)
-        _, trans = centred(batch, batch.vertices - passed.points)
-        B = passed.by_each()  # (c, N, K, 3)
-        trusted = batch.seen[..., None, None] * B
-        flat = B.transpose(1, 2, 0, 3).reshape(N, K, -1)
-        flat_trusted = trusted.transpose(1, 2, 0, 3).reshape(N, K, -1)
-        grams += flat_trusted @ flat.swapaxes(1, 2)
-        rights += np.einsum("jnka,jna->nk", trusted, batch.vertices - trans[:, None])
-    scale = objective.sigmas.data**-2
-    return scale * grams, scale * rights
+def _given(passed: Passed) -> Passed:
+    return passed
 
 
 def within(weights: Array, support: NDArray[np.bool_]) -> Array:

@@ -6,7 +6,7 @@ is zero, and each subject finds one of its own that is bent towards what it was 
 The translation of a registration is always at its best: E_D is least over it.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import inf
 
@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from workbench.training.estimate import Change, Estimate, Sigmas
+from workbench.training.lanes import in_lanes
 from workbench.training.mirror import REFLECTION, Mirror
-from workbench.training.registrations import Batch, Registrations, batches
+from workbench.training.registrations import Batch, Registrations, pieces
 from workbench.training.skinning_pass import SkinningPass
 
 Array = NDArray[np.float64]
@@ -32,6 +33,7 @@ class Objective:
     mirror: Mirror | None  # for E_Y; None: the mesh has no sides
     sigmas: Sigmas
     template: Array | None = None  # (N, 3) m: for E_T; None: whatever the rest pose is
+    noticed: NDArray[np.bool_] | None = None  # (N, F): what posedirs may be above zero; None: all
 
     def with_sigmas(self, sigmas: Sigmas) -> "Objective":
         """The same terms, held otherwise."""
@@ -71,13 +73,20 @@ class Objective:
     def by_registration(self, estimate: Estimate) -> Array:
         """E_D of each registration, (J,)."""
         found = np.empty(len(self.registrations.subject))
-        for passed, pull, residual in self.residuals(estimate):
-            found[passed.some] = np.einsum("jna,jna->j", pull, residual)
+
+        def lane(some: Sequence[slice]) -> None:
+            for passed, pull, residual in self.residuals(estimate, some):
+                found[passed.some] = np.einsum("jna,jna->j", pull, residual)
+
+        in_lanes(lane, pieces(self.registrations))
         return 0.5 * found / self.sigmas.data**2
 
-    def residuals(self, estimate: Estimate) -> Iterator[tuple[SkinningPass, Array, Array]]:
+    def residuals(
+        self, estimate: Estimate, some: Sequence[slice] | None = None
+    ) -> Iterator[tuple[SkinningPass, Array, Array]]:
         """Per batch: how it is posed, the trust in each residual times it, and the residual."""
-        for batch in batches(self.registrations):
+        for rows in pieces(self.registrations) if some is None else some:
+            batch = self.registrations.read(rows)
             passed = SkinningPass(estimate, batch.some, batch.subject)
             residual, _ = centred(batch, batch.vertices - passed.points)
             yield passed, batch.seen[..., None] * residual, residual

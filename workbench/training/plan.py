@@ -12,6 +12,7 @@ NO_LIMIT = 10**6
 QUICK = Effort(linear_tolerance=1e-4, together_tolerance=0.1, together_steps=3, products=40)
 ROUND = ("regressor", "surfaces", "poses")
 FREE_ROUND = ("surfaces", "weights", "poses")
+REACH = 2  # bones between a vertex and the farthest joint that its blend shapes follow
 ROUGH, TIED = 2.5, 0.2  # of what is ordinary in E_D at first, and in E_J later
 
 
@@ -30,6 +31,7 @@ class Plan:
     """Stages in order."""
 
     stages: tuple[Stage, ...]
+    reach: int | None = None  # bones: see noticing.noticed; None: blend shapes of all joints
 
     @property
     def steps(self) -> list[tuple[Stage, str]]:
@@ -42,13 +44,13 @@ class Plan:
         ]
 
 
-def alternation(sigmas: Sigmas | None = None, rounds: int = 2) -> Plan:
+def alternation(sigmas: Sigmas | None = None, rounds: int = 2, reach: int | None = None) -> Plan:
     """The lectures' alternation, and all names at once near its end.
 
     First templates and joints alone, the data being trusted less: skinning without blend shapes
     cannot be right to millimetres. Blend shapes come in when poses are near. Then the joints are
     held to the regressor that a body has in the end, and no longer to their rings; so many
-    rounds of that.
+    rounds of that. Blend shapes follow joints within `reach` bones; as in the paper, all.
     """
     held = Sigmas() if sigmas is None else sigmas
     rough = replace(held, data=ROUGH * held.data)
@@ -60,7 +62,8 @@ def alternation(sigmas: Sigmas | None = None, rounds: int = 2) -> Plan:
             Stage(held, ("surfaces", "poses"), 1, QUICK),
             Stage(tied, ROUND, rounds, QUICK),
             Stage(tied, last, 1, QUICK),
-        )
+        ),
+        reach,
     )
 
 

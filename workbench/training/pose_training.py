@@ -22,11 +22,14 @@ from workbench.training.checkpoint import Checkpoint, Entry, fingerprint, read_c
 from workbench.training.crew import Crew, Hands, alone
 from workbench.training.estimate import Estimate
 from workbench.training.first_guess import Start
+from workbench.training.mirror import Mirror
+from workbench.training.noticing import noticed
 from workbench.training.objective import Objective
 from workbench.training.plan import Plan
 from workbench.training.poses import Compared, OnEdges, fitted_poses, segments_turned
 from workbench.training.registrations import Batch, Registrations, batches, held
-from workbench.training.rotation_centres import joint_guess
+from workbench.training.rotation_centres import joint_guess, means_at
+from workbench.training.thinning import thinned
 
 Array = NDArray[np.float64]
 ROUNDING = 1e-9  # of the cost: what a block may add by rounding
@@ -90,8 +93,10 @@ def train_poses(
     report: Report = SILENT,
     compared: Compared | None = None,
     crew: Crew = alone,
+    begun: Estimate | None = None,
+    sides: Mirror | None = None,
 ) -> PoseModel:
-    """Run a plan, from a start that knows a template, a tree and segments only.
+    """Run a plan, from a start that knows a template, a tree and segments only, or as `begun`.
 
     With a `folder` the run is on disk after every block and goes on from there when called
     again; the end is the same to the last bit. First poses are fitted to edges, or as `compared`
@@ -99,20 +104,26 @@ def train_poses(
     """
     registrations = held(registrations)
     weights = start.weights()
-    rings = joint_guess(start, weights, registrations)
-    sides = start.mirror()
-    first = first_estimate(registrations, start, weights=weights, rings=rings)
+    sides = start.mirror() if sides is None else sides
+    if begun is None:
+        rings = joint_guess(start, weights, registrations)
+        first = first_estimate(registrations, start, weights=weights, rings=rings)
+    else:
+        rings, first = means_at(start.template, begun.joints.mean(axis=0)), begun
     mark = fingerprint(registrations, first, plan)
     known = read_checkpoint(folder, mark) if folder else None
     steps = plan.steps
     with limited_threads():
         if known is None:
-            poses = first_poses(first, registrations, start, compared, report, crew)
-            known = Checkpoint(poses, (), mark)
+            if begun is None:
+                first = first_poses(first, registrations, start, compared, report, crew)
+            known = Checkpoint(first, (), mark)
             if folder:
                 known.save(folder)
         sigmas = steps[0][0].sigmas
-        objective = Objective(registrations, rings, weights, sides, sigmas, start.template)
+        reach = plan.reach
+        near = None if reach is None else noticed(first.weights, start.parents, reach)
+        objective = Objective(registrations, rings, weights, sides, sigmas, start.template, near)
         began, already = time.perf_counter(), len(known.log)
         for number in range(already, len(steps)):
             stage, block = steps[number]
@@ -182,23 +193,24 @@ def first_poses(
     Edges do not say where the body stands, and tell a bent knee from a long shin better than
     vertices do.
     """
+    few = thinned(start.template, start.faces)
+    registrations, sparse = few.registrations(registrations), few.estimate(first)
     poses = first.poses.copy()
     for batch in batches(registrations):
         for at in range(len(batch.subject)):
             poses[batch.some.start + at] = segments_turned(
-                start.template,
-                first.weights,
+                start.template[few.vertices],
+                sparse.weights,
                 start.parents,
                 batch.vertices[at],
                 batch.seen[at],
             )
-    turned = replace(first, poses=poses)
-    data = OnEdges(start.faces) if compared is None else compared
-    one = replace(turned, templates=first.templates[:1], joints=first.joints[:1])
+    data = OnEdges(few.faces) if compared is None else compared.on(few.faces)
+    one = replace(sparse, poses=poses, templates=sparse.templates[:1], joints=first.joints[:1])
     alike = AsOneSubject(registrations)
     hands = Hands(crew, partial(report.part, "first poses"))
-    found = fitted_poses(one, alike, start.faces, data, FIRST_SIGMA, FIRST_STEPS, hands)
-    return replace(turned, poses=found.poses)
+    found = fitted_poses(one, alike, few.faces, data, FIRST_SIGMA, FIRST_STEPS, hands)
+    return replace(first, poses=found.poses)
 
 
 @dataclass(frozen=True, eq=False)

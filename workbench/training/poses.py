@@ -37,6 +37,10 @@ class OnVertices:
 
     free: tuple[str, ...] = ("pose", "trans")
 
+    def on(self, faces: Index) -> "OnVertices":
+        """The same on another mesh."""
+        return self
+
     def residual(self, points: Points, observed: Block, trust: Block, sigma: float) -> Residual:
         """trust (v - v^), in m."""
         away = (points.symbol - observed.symbol) * cs.repmat(trust.symbol.T, 3, 1)
@@ -53,6 +57,10 @@ class OnEdges:
 
     faces: Index
     free: tuple[str, ...] = ("pose",)
+
+    def on(self, faces: Index) -> "OnEdges":
+        """The same on another mesh."""
+        return OnEdges(faces, self.free)
 
     @cached_property
     def pairs(self) -> Index:

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from workbench.training.embedded.build import SEARCH_RADIUS, Recipe, Sources, gather_sources
+from workbench.training.embedded.collapsing import collapsed
 from workbench.training.embedded.pose_blends import draw_poses
 from workbench.training.embedded.regressors import regress
 from workbench.training.embedded.rig import at_most_four
@@ -50,6 +51,7 @@ class SetRecipe:
     subjects: int = 40  # of the multi-pose set
     poses: int = 25  # of each of them
     strangers: int = 10  # held out, in as many poses each
+    vertices: int | None = None  # of the body's: None for all, else short edges collapse
     jitter: float = 0.05  # rad on every axis of every joint: nobody stands twice alike
     seed: int = 2000
 
@@ -74,9 +76,27 @@ def make_sets(
     wheel: Wheel, recipe: SetRecipe, folder: Path, report: Report, recorded: Array | None = None
 ) -> None:
     """Write both folders. `recorded` are held-out poses (F, 24, 3) rad of people."""
+    make_sets_of(sources_of(wheel, recipe, report), recipe, folder, report, recorded)
+
+
+def sources_of(wheel: Wheel, recipe: SetRecipe, report: Report) -> Sources:
+    """Everyone on the base mesh: the same whichever body's mesh they will be seen on."""
     everyone = recipe.people + recipe.subjects + recipe.strangers
-    sources = gather_sources(wheel, Recipe(people=everyone, seed=recipe.seed), report)
-    topology = read_topology(wheel, recipe.body, sources.mesh)
+    return gather_sources(wheel, Recipe(people=everyone, seed=recipe.seed), report)
+
+
+def make_sets_of(
+    sources: Sources,
+    recipe: SetRecipe,
+    folder: Path,
+    report: Report,
+    recorded: Array | None = None,
+) -> None:
+    """Both folders, of people that are there already."""
+    topology = read_topology(sources.wheel, recipe.body, sources.mesh)
+    if recipe.vertices is not None:
+        someone = topology.follows @ sources.population.vertices.mean(axis=0)
+        topology = collapsed(topology, someone, recipe.vertices)
     cast = _cast(sources, topology, recipe)
     rng = np.random.default_rng(recipe.seed)
     mixture = read_pose_mixture(MIXTURE)
@@ -166,6 +186,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--body", choices=FILES, default=SetRecipe.body)
     parser.add_argument("--mocap", type=Path, help="hold out real poses, of its held-out clips")
+    parser.add_argument("--vertices", type=int, help="so many of the body's, and no more")
     for name in ("people", "subjects", "poses", "strangers", "seed"):
         parser.add_argument(f"--{name}", type=int, default=getattr(SetRecipe, name))
     arguments = parser.parse_args()

@@ -25,8 +25,9 @@ from workbench.training.poses import (
     ShapePrior,
     segments_turned,
 )
-from workbench.training.registrations import Registrations
+from workbench.training.registrations import Registrations, pieces
 from workbench.training.shape_space import ShapeSpace, learn_shape_space
+from workbench.training.thinning import thinned
 from workbench.training.unposing import unpose
 
 Array = NDArray[np.float64]
@@ -112,15 +113,19 @@ def unposed_people(visit: Visit) -> tuple[Array, Array]:
     solver = LevenbergMarquardt(
         max_iterations=STEPS, gradient_tolerance=TOLERANCE, first_damping=FIRST_DAMPING
     )
-    fit = PoseFit(body, body.n_vertices, visit.compared, FIRST_SIGMA, solver, visit.shapes)
+    few = thinned(body.template, body.faces)
+    sparse, n = few.body(body), len(few.vertices)
+    compared = visit.compared.on(few.faces)
+    fit = PoseFit(sparse, n, compared, FIRST_SIGMA, solver, visit.shapes)
     poses, people = [], []
     for i, (V, seen) in enumerate(zip(visit.vertices, visit.seen, strict=True)):
+        own, trust = V[few.vertices], seen[few.vertices]
         start = (
-            segments_turned(body.template, body.weights, body.parents, V, seen)
+            segments_turned(sparse.template[:n], sparse.weights[:n], body.parents, own, trust)
             if visit.poses is None
             else visit.poses[i]
         )
-        found = fit.values(start, V, seen)
+        found = fit.values(start, own, trust)
         if not seen.all():  # what was not scanned is taken from the model
             filled = body.vertices(found["pose"], found["betas"], found["trans"])
             V = np.where(seen[:, None] > 0, V, filled)
@@ -177,6 +182,34 @@ def _visit(
     batch = registrations.read(some)
     own = None if poses is None else poses[some]
     return Visit(body, compared, shapes, own, batch.vertices, batch.seen)
+
+
+def unposed_at(
+    body: SkinnedBody, registrations: Registrations, poses: Array, hands: Hands = ONE
+) -> Array:
+    """People (P, N, 3) m about their root joints, from poses (P, K, 3) rad found elsewhere.
+
+    Every vertex of theirs must have been seen.
+    """
+    runs = pieces(registrations)
+    visits = (AtPoses(body, poses[some], registrations.read(some).vertices) for some in runs)
+    people = np.concatenate(list(hands.crew(unposed_visit, visits)))
+    return about_root(people, body.J_regressor)
+
+
+@dataclass(frozen=True, eq=False)
+class AtPoses:
+    """Some people, whose poses are known."""
+
+    body: SkinnedBody
+    poses: Array  # (c, K, 3) rad
+    vertices: Array  # (c, N, 3) m
+
+
+def unposed_visit(visit: AtPoses) -> Array:
+    """Them at rest, (c, N, 3) m."""
+    each = zip(visit.poses, visit.vertices, strict=True)
+    return np.stack([unpose(visit.body, pose, V).vertices for pose, V in each])
 
 
 def start_shape(model: PoseModel, start: Start, n_betas: int) -> tuple[SkinnedBody, JointRegressor]:

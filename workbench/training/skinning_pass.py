@@ -1,12 +1,12 @@
 """Skinning a few registrations: their points, how those change with everything, and back."""
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from workbench.training.estimate import Change, Estimate
+from workbench.training.once import once
 from workbench.training.posing import Posing, ancestors
 
 Array = NDArray[np.float64]
@@ -21,37 +21,37 @@ class SkinningPass:
     some: slice
     subject: Index  # (c,)
 
-    @cached_property
+    @once
     def posing(self) -> Posing:
         """Theirs."""
         return self.estimate.posing.only(self.some)
 
-    @cached_property
+    @once
     def features(self) -> Array:
         """(c, F)."""
         return self.posing.features
 
-    @cached_property
+    @once
     def carried(self) -> Array:
         """The weight at or below each joint, (N, K)."""
         return self.estimate.weights @ ancestors(self.estimate.parents)
 
-    @cached_property
+    @once
     def rest(self) -> Array:
         """T_s + P f, (c, N, 3) m."""
         return self.estimate.templates[self.subject] + bent(self.estimate.posedirs, self.features)
 
-    @cached_property
+    @once
     def blended(self) -> Array:
         """sum_k w_ik R_k, (c, N, 3, 3)."""
         return _blend(self.estimate.weights, self.posing.world)
 
-    @cached_property
+    @once
     def shifts(self) -> Array:
         """D_m j_m, (c, K, 3) m."""
         return (self.posing.levers @ self.estimate.joints[self.subject][..., None])[..., 0]
 
-    @cached_property
+    @once
     def points(self) -> Array:
         """The posed vertices, (c, N, 3) m."""
         return _apply(self.blended, self.rest) + self.carried @ self.shifts

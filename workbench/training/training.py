@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from workbench.bodies import SkinnedBody
 from workbench.threads import limited_threads
+from workbench.training.carrying import train_coarse_first
 from workbench.training.crew import Crew, Hands, alone
 from workbench.training.first_guess import Start
 from workbench.training.joint_regressor import JointRegressor
 from workbench.training.plan import Plan, alternation
-from workbench.training.pose_training import SILENT, PoseModel, Report, train_poses
+from workbench.training.pose_training import SILENT, PoseModel, Report
 from workbench.training.registrations import Registrations
 from workbench.training.shape_training import Shapes, learn_shapes, start_shape
 
@@ -48,10 +49,11 @@ def train(
 
     `start` is a template cut into segments. Without `multi_shape` the shape directions are those
     of the subjects themselves, at most one less than they are. With a `folder` the run can be
-    killed at any time and goes on from there. Raises NotLowered, NoMirror or BadFile.
+    killed at any time and goes on from there. A mesh of very many vertices is trained on some of
+    them first. Raises NotLowered, NoMirror or BadFile.
     """
     chosen = alternation() if plan is None else plan
-    model = train_poses(multi_pose, start, chosen, folder=folder, report=report, crew=crew)
+    model = train_coarse_first(multi_pose, start, chosen, folder=folder, report=report, crew=crew)
     with limited_threads():
         body, regressor = start_shape(model, start, n_betas)
         shapes = None
@@ -90,6 +92,7 @@ def card_of(
         "worst_kkt": float(f"{worst:.2g}"),
         "J_regressor_rms_mm": [round(1e3 * float(r), 4) for r in regressor.rms],
         "blocks": ", ".join(entry.block for entry in model.log),
+        "blend_shapes_reach_bones": "all" if plan.reach is None else plan.reach,
     }
     if shapes is not None:
         cumulative = np.cumsum(shapes.space.explained)

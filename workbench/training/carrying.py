@@ -1,0 +1,105 @@
+"""What was found on one mesh, carried over to another mesh of the same people in the same poses.
+
+Poses and joints are the people's, not the mesh's. Templates, blend shapes and weights are read
+off between the coarse mesh's vertices, and are a first guess there.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from workbench.training.crew import Crew, alone
+from workbench.training.estimate import Estimate, Sigmas
+from workbench.training.first_guess import MOST_WEIGHTS, Start, at_most
+from workbench.training.plan import QUICK, TIED, Plan, Stage
+from workbench.training.pose_training import SILENT, PoseModel, Report, train_poses
+from workbench.training.registrations import Registrations, held
+from workbench.training.thinning import thinned
+
+Array = NDArray[np.float64]
+COARSE = 1500  # vertices that are enough for a body with 24 joints
+
+
+def carried_over(found: Estimate, on: Start, to: Start) -> Estimate:
+    """`found` on the mesh of `on`, as a first guess on the mesh of `to`; both templates agree.
+
+    What subjects differ in from the template is read off as well, so that fine detail of the new
+    template stays.
+    """
+    between = read_off(on, to.template)
+    S, N = len(found.templates), len(to.template)
+    away = (found.templates - on.template).transpose(1, 2, 0).reshape(len(on.template), -1)
+    P = found.posedirs
+    return replace(
+        found,
+        templates=to.template + (between @ away).reshape(N, 3, S).transpose(2, 0, 1),
+        posedirs=(between @ P.reshape(len(P), -1)).reshape(N, 3, -1),
+        weights=at_most(between @ found.weights, MOST_WEIGHTS),
+        regressor=None,
+    )
+
+
+def train_coarse_first(
+    registrations: Registrations,
+    start: Start,
+    plan: Plan,
+    *,
+    folder: Path | None = None,
+    report: Report = SILENT,
+    crew: Crew = alone,
+    coarse: int = COARSE,
+) -> PoseModel:
+    """`train_poses` on at most `coarse` vertices, carried over to all of them and finished there.
+
+    A mesh of so many vertices or fewer is trained at once.
+    """
+    N = len(start.template)
+    if coarse >= N:
+        return train_poses(registrations, start, plan, folder=folder, report=report, crew=crew)
+    sides = start.mirror()
+    few = thinned(start.template, start.faces, coarse, None if sides is None else sides.vertices)
+    v = few.vertices
+    less = replace(
+        start, template=start.template[v], faces=few.faces, segmentation=start.segmentation[v]
+    )
+    own = None if folder is None else folder / "coarse"
+    if own is not None:
+        own.mkdir(exist_ok=True)
+    model = train_poses(
+        few.registrations(held(registrations)), less, plan, folder=own, report=report, crew=crew,
+        sides=None if sides is None else few.mirror(sides),
+    )  # fmt: skip
+    begun = carried_over(model.estimate, less, start)
+    fine = train_poses(
+        registrations, start, finishing(reach=plan.reach), folder=folder, report=report,
+        crew=crew, begun=begun, sides=sides,
+    )  # fmt: skip
+    return replace(fine, log=(*model.log, *fine.log))
+
+
+def read_off(on: Start, points: Array) -> csr_array:
+    """Each point (M, 3) as the mean of the corners of the closest triangle: (M, N)."""
+    surface = trimesh.Trimesh(on.template, on.faces, process=False)
+    closest, _, triangle = trimesh.proximity.closest_point(  # type: ignore[no-untyped-call]
+        surface, points
+    )
+    corners = on.faces[triangle]
+    shares = trimesh.triangles.points_to_barycentric(  # type: ignore[no-untyped-call]
+        on.template[corners], closest
+    ).clip(0, 1)
+    shares /= shares.sum(axis=1, keepdims=True)
+    rows = np.repeat(np.arange(len(points)), 3)
+    shape = len(points), len(on.template)
+    return csr_array((shares.ravel(), (rows, corners.ravel())), shape=shape)
+
+
+def finishing(sigmas: Sigmas | None = None, reach: int | None = None) -> Plan:
+    """For an estimate that was carried over: what every vertex is needed for, and poses once."""
+    held = Sigmas() if sigmas is None else sigmas
+    tied = replace(held, rings=TIED * held.rings)
+    blocks = ("surfaces", "weights", "surfaces", "regressor", "poses", "regressor", "surfaces")
+    return Plan((Stage(tied, blocks, 1, QUICK),), reach)
