@@ -18,13 +18,12 @@ from workbench.geometry.triangles import gradients
 from workbench.reports.triangles import count, lecture_table, triangles_text, write_triangles
 from workbench.training.embedded.fine_weights import teacher_of
 from workbench.training.plan import Plan as TrainingPlan
-from workbench.training.plan import alternation
 from workbench.training.triangles import study as module
 from workbench.training.triangles.alternation import Effort
 from workbench.training.triangles.choice import Choice, kept_and_held_back
 from workbench.training.triangles.comparison import Explained
 from workbench.training.triangles.measures import Cost, Held, cost, crease, n_seams
-from workbench.training.triangles.models import Teaching
+from workbench.training.triangles.models import Teaching, near
 from workbench.training.triangles.people import DRAWN, People, Plan, Registrations, register
 from workbench.training.triangles.stitched_fit import Lsqr
 from workbench.training.triangles.study import HARD, SHOWN, Study, hard_poses, study
@@ -32,7 +31,7 @@ from workbench.training.triangles.study import HARD, SHOWN, Study, hard_poses, s
 SMALL = wb.load_body("small")
 PLAN = Plan(people=14, subjects=3, poses=5, strangers=5, test=5, betas=10)
 TEACHING = Teaching(
-    lambda sigmas: TrainingPlan(alternation(sigmas).stages[:2]),
+    lambda sigmas: TrainingPlan(near(sigmas).stages[:2], 2),
     (0.01, 0.1),
     Effort(1, (1e-1, 1e-2), Lsqr(1e-2), Lsqr(1e-2)),
 )

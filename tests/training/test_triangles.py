@@ -279,5 +279,8 @@ def test_parameters_are_counted() -> None:
     assert n_parameters(bent) == 3 * N + 9 * F * (10 + 6) + F + J
     assert (
         n_parameters(SMALL)
-        == 3 * N * (1 + 10 + 207) + np.count_nonzero(SMALL.weights) + SMALL.J_regressor.nnz
+        == 3 * N * (1 + 10)
+        + np.count_nonzero(SMALL.posedirs)
+        + np.count_nonzero(SMALL.weights)
+        + SMALL.J_regressor.nnz
     )

@@ -33,9 +33,8 @@ KNOWN = (
     "that any viewer moves. A glTF blends motions of bones and adds shapes to the rest surface; a "
     "body whose surface is the solution of a linear system can only be written mesh by mesh.",
     "Times are those of one core of the machine that made this page, the least of several, after "
-    "everything that is made once. The bodies on the full mesh are not trained. SMPL's blend "
-    "shapes there are near their joint; those that training finds are everywhere, and so is its "
-    "Jacobian.",
+    "everything that is made once. The bodies on the full mesh are those in the package, SCAPE and "
+    "BlendSCAPE on its skeleton without a Q that was learned: the numbers change no time.",
 )
 
 

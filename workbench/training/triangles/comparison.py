@@ -92,10 +92,10 @@ def unposed(body: SkinnedBody | TriangleBody, pose: Array, betas: Array) -> Arra
 
 
 def n_parameters(body: SkinnedBody | TriangleBody) -> int:
-    """The numbers that training decides; posedirs that are all zero are not counted."""
+    """The numbers that training decides; posedirs that are zero are not counted."""
     shared = body.template.size + body.shapedirs.size + body.J_regressor.nnz
     weights = csr_array(body.weights).nnz
-    return int(shared + weights + (body.posedirs.size if body.posedirs.any() else 0))
+    return int(shared + weights + np.count_nonzero(body.posedirs))
 
 
 def _centred(people: ArrayLike) -> tuple[Array, Array]:

@@ -12,7 +12,7 @@ from workbench.training.blocks import BLOCKS
 from workbench.training.crew import ONE
 from workbench.training.estimate import Estimate, Sigmas
 from workbench.training.objective import Objective
-from workbench.training.plan import QUICK, Plan, alternation
+from workbench.training.plan import QUICK, REACH, Plan, alternation
 from workbench.training.pose_training import PoseModel, Progress, train_poses
 from workbench.training.registrations import InMemory
 from workbench.training.training import train
@@ -30,11 +30,16 @@ SMPL, SCAPE, BLEND_SCAPE = "SMPL", "SCAPE", "BlendSCAPE"
 LBS = "linear blend skinning"
 
 
+def near(sigmas: Sigmas) -> Plan:
+    """As `workbench train` has it: blend shapes follow the joints near a vertex."""
+    return alternation(sigmas, reach=REACH)
+
+
 @dataclass(frozen=True)
 class Teaching:
     """How SMPL is trained, and how the triangle models are."""
 
-    plan: Callable[[Sigmas], Plan] = alternation
+    plan: Callable[[Sigmas], Plan] = near
     sigmas: tuple[float, ...] = (0.003, 0.006, 0.01, 0.02)  # m per unit of feature, E_P; tried
     triangles: Effort = QUICK_BLOCKS
 
@@ -79,7 +84,7 @@ def learn_models(
     """
     report("choosing how freely SMPL's blend shapes follow the pose")
     start = given.start
-    choices = {SMPL: choose_sigma(given, teaching.sigmas)}
+    choices = {SMPL: choose_sigma(given, teaching)}
     report("training SMPL")
     plan = teaching.plan(Sigmas(posedirs=choices[SMPL].chosen))
     trained = train(
@@ -104,23 +109,24 @@ def learn_models(
     return Learned(models, left, choices)
 
 
-def choose_sigma(given: Registrations, sigmas: tuple[float, ...]) -> Choice:
+def choose_sigma(given: Registrations, teaching: Teaching) -> Choice:
     """E_P's: the beginning of training, blend shapes from most subjects, judged on the others.
 
     Poses of those held back are sought anew with each; their rest shapes stay as found first.
     """
     posed, start = given.posed, given.start
-    first = train_poses(posed, start, Plan(alternation().stages[:2]))
+    plan = teaching.plan(Sigmas())
+    first = train_poses(posed, start, replace(plan, stages=plan.stages[:2]))
     kept, back = kept_and_held_back(posed.subject)
     left = []
-    for sigma in sigmas:
+    for sigma in teaching.sigmas:
         objective, estimate = _some(first, posed, kept, sigma)
         learned = BLOCKS["surfaces"](objective, estimate, start.faces, QUICK, ONE).estimate
         objective, estimate = _some(first, posed, back, sigma)
         bent = replace(estimate, posedirs=learned.posedirs)
         found = BLOCKS["poses"](objective, bent, start.faces, QUICK, ONE).estimate
         left.append(_mm(objective, found))
-    return Choice(sigmas, tuple(left))
+    return Choice(teaching.sigmas, tuple(left))
 
 
 def _some(
