@@ -38,7 +38,12 @@ from workbench.training.pose_prior import read_mocap
 from workbench.training.pose_training import PoseModel, Progress, train_poses
 from workbench.training.sets import SetRecipe, make_sets_of, sources_of
 from workbench.training.shape_training import learn_shapes, unposed_at
-from workbench.training.strangers import best_linear, standing, standing_when_told
+from workbench.training.strangers import (
+    best_linear,
+    shapes_explained,
+    standing,
+    standing_when_told,
+)
 from workbench.training.truth import read_truth
 
 Array = NDArray[np.float64]
@@ -176,6 +181,7 @@ class Builder:
         strangers = open_folder(folder / "held_out", body.n_vertices, body.faces)
         hands = Hands(self.crew)
         met: dict[str, Any] = standing(body, strangers.only("poses", own), hands)
+        met |= shapes_explained(body, strangers.only("shapes", own), hands)
         if own is None:
             poses = open_folder(folder / "train", body.n_vertices, body.faces).only("poses")
             linear = best_linear(read_truth(folder / "train"), poses, start)
