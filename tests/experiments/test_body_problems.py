@@ -42,7 +42,7 @@ def test_what_is_known_is_true(name: str) -> None:
     here = setup.problem.linearize(at)
     assert here.cost == pytest.approx(known.cost, rel=1e-12, abs=1e-15 * start)
     x, fixed = setup.problem.split(at)
-    off = setup.problem.optimality(x, here, setup.problem.rounding(x, fixed))
+    off = setup.problem.optimality(x, here, setup.problem.rounding(x, fixed, here.residual))
     assert off < 1e-7
     assert setup.measures(at)  # they can be asked for
 

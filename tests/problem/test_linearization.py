@@ -213,9 +213,11 @@ def test_rounding_explains_what_is_left_without_noise_and_nothing_more(seed: int
     }  # fmt: skip
     values = truth | {"observed": body.vertices(*truth.values())}
     x, fixed = problem.split(values)
-    rounding = problem.rounding(x, fixed)
+    rounding = problem.rounding(x, fixed, problem.residual(x, fixed))
     assert optimality(problem, values, rounding) == 0
-    start = problem.rounding(0 * x, fixed)  # what a run measures once, where it starts
+    start = problem.rounding(
+        0 * x, fixed, problem.residual(0 * x, fixed)
+    )  # what a run measures once, where it starts
     assert optimality(problem, values, start) == 0
     # a thousandth of a micrometre is no rounding error
     off = values | {"trans": truth["trans"] + [1e-9, 0, 0]}

@@ -136,6 +136,6 @@ def look(problem: Problem, x: np.ndarray, fixed: np.ndarray) -> tuple[float, flo
             here = problem.linearize_at(x, fixed)
             if not here.finite:
                 return (here.cost if np.isfinite(here.cost) else np.nan), np.nan
-            return here.cost, problem.optimality(x, here, problem.rounding(x, fixed))
+            return here.cost, problem.optimality(x, here, problem.rounding(x, fixed, here.residual))
     except Exception:
         return np.nan, np.nan

@@ -38,7 +38,11 @@ def edge_matrix(faces: Index, n_vertices: int) -> csr_array:
 
 def frames(vertices: ArrayLike, faces: Index) -> Array:
     """e_0, e_1 and the third axis as columns: vertices (..., N, 3) m -> (..., F, 3, 3) m."""
-    e = edges(vertices, faces)
+    return frames_on(edges(vertices, faces))
+
+
+def frames_on(e: Array) -> Array:
+    """The same on edges (..., F, 2, 3) m, which need not close."""
     n = np.cross(e[..., 1, :], e[..., 0, :])  # m^2
     root = np.sqrt(np.linalg.norm(n, axis=-1, keepdims=True))
     axis = np.divide(n, root, out=np.zeros_like(n), where=root > 0)

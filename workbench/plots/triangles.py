@@ -103,7 +103,7 @@ def plot_errors(held: Held, faces: NDArray[np.int64], largest: float, *, ax: Axe
     shown = [
         Figurine(f"{away.mean():.1f} mm", V - V.min(axis=0), colours=matplotlib.colormaps[AMOUNT](
             scale(away[faces].mean(axis=1)))[:, :3])
-        for V, away in zip(held.surfaces, held.distances, strict=True)
+        for V, away in zip(held.fits.surfaces, held.distances, strict=True)
     ]  # fmt: skip
     line_up(shown, faces, ax=ax, contrast=0.25)
     figure = ax.get_figure()
@@ -116,7 +116,7 @@ def plot_errors(held: Held, faces: NDArray[np.int64], largest: float, *, ax: Axe
 def caption_errors(model: str, held: Held) -> str:
     """What `plot_errors` shows."""
     return (
-        f"{model} in {len(held.surfaces)} hard poses, none of them learned from; below each its "
+        f"{model} in {len(held.distances)} hard poses, none of them learned from; below each its "
         f"mean distance. Over all of them {held.mean:.1f} mm in the mean, {held.rms:.1f} mm "
         f"rms, {held.largest:.0f} mm at most."
     )

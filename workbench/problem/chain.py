@@ -61,13 +61,14 @@ class Chain:
 
     def linearize(self, x: Array, fixed: Array) -> tuple[Array, Array]:
         """r (m,) and J (m, n), stored column by column."""
+        places = self._at(x, fixed)
         if self._slopes is None:
-            r, direct, *by_points = self._derivative(x, fixed, *self._points(x, fixed))
-            columns = self._columns(self._at(x, fixed), by_points)
+            r, direct, *by_points = self._derivative(x, fixed, *(here.points for here in places))
+            columns = self._columns(places, by_points)
         else:  # the points come last: they are met on the way to their derivative
             direct, *by_points = self._slopes(x, fixed)
-            columns = self._columns(self._at(x, fixed), by_points)
-            r = self.residual(x, fixed)
+            columns = self._columns(places, by_points)
+            r = self._residual(x, fixed, *(here.points for here in places))[0]
         columns[self._by_x.columns, self._by_x.rows] += direct
         return r, columns.T
 
@@ -102,12 +103,11 @@ class Chain:
 
     def gradient(self, x: Array, fixed: Array) -> tuple[float, Array]:
         """The cost and its gradient (n,); no Jacobian of the points is formed."""
-        r, direct, *by_points = self._derivative(x, fixed, *self._points(x, fixed))
-        g = self._by_x.matrix(direct).T @ r
-        for here, pattern, entries in zip(
-            self._at(x, fixed), self._by_points, by_points, strict=True
-        ):
-            for name, part in here.adjoint(pattern.matrix(entries).T @ r).items():
+        places = self._at(x, fixed)
+        r, direct, *by_points = self._derivative(x, fixed, *(here.points for here in places))
+        g = self._by_x.pulled(direct, r)
+        for here, pattern, entries in zip(places, self._by_points, by_points, strict=True):
+            for name, part in here.adjoint(pattern.pulled(entries, r)).items():
                 if name in self._free.slices:
                     g[self._free.slices[name]] += part
         return 0.5 * float(r @ r), g
@@ -146,6 +146,11 @@ class _Pattern:
         once = np.array_equal(self.columns, np.arange(n))
         in_order = once and np.array_equal(self.rows, first + np.arange(n))
         return slice(first, first + n) if in_order else None
+
+    def pulled(self, entries: Array, r: Array) -> Array:
+        """The matrix with these entries, transposed, times r."""
+        found = np.bincount(self.columns, entries * r[self.rows], minlength=self.shape[1])
+        return np.asarray(found, dtype=float)  # counts, where there are no entries
 
     def matrix(self, entries: Array) -> csc_array:
         """The matrix with these entries."""

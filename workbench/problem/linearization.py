@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from math import isfinite
 
 import numpy as np
 import scipy.linalg
@@ -21,7 +22,7 @@ class Linearization:
     jacobian: Array  # (m, n)
     constraints: Constrained | None = None  # of the problem, seen from the same point
 
-    @property
+    @cached_property
     def cost(self) -> float:
         """1/2 |r|^2."""
         return 0.5 * float(self.residual @ self.residual)
@@ -42,13 +43,13 @@ class Linearization:
         columns = self.jacobian.T  # as it is stored
         return np.asarray(np.sqrt(np.vecdot(columns, columns)))
 
-    @property
+    @cached_property
     def finite(self) -> bool:
         """Whether every number of the residual and the Jacobian is.
 
         One of the Jacobian that is not would be seen in J' r, even beside a residual of zero.
         """
-        if not np.isfinite(self.residual).all():
+        if not (isfinite(self.cost) or np.isfinite(self.residual).all()):
             return False
         if self.constraints is not None and not self.constraints.finite:
             return False

@@ -131,7 +131,7 @@ class Problem:
         found = {tree.pose: tree for p in self._points if (tree := p.source.tree) is not None}
         return tuple(found.values())
 
-    @property
+    @cached_property
     def bounded(self) -> bool:
         """Whether any entry has a bound."""
         return bool(np.isfinite(self.lower).any() or np.isfinite(self.upper).any())
@@ -214,13 +214,13 @@ class Problem:
 
     # What convergence means, for every solver.
 
-    def rounding(self, x: Array, fixed: Array) -> float:
+    def rounding(self, x: Array, fixed: Array, residual: Array) -> float:
         """How much of |r| may be rounding error: 10 eps times the size of what r is made from.
 
         That is the free numbers, the fixed ones and the points, each through its derivative, and
-        r itself.
+        r itself, the residual (m,) at x.
         """
-        r = float(np.linalg.norm(self._chain.residual(x, fixed)))
+        r = float(np.linalg.norm(residual))
         return 10 * EPS * (float(np.sqrt(self.size)) + r + self._chain.size(x, fixed))
 
     def optimality(self, x: Array, here: Linearization, rounding: float = 0.0) -> float:

@@ -21,10 +21,14 @@ KNOWN = (
     "Everybody here is synthetic: people are drawn from artists' shape targets, and what pose does "
     "to them is a finer rig under dual quaternions. Poses are learned from draws of a Gaussian of "
     "recorded poses.",
-    "All models have the same mesh, tree, joints and skinning weights and learn from the same "
-    "meshes in known poses; distances are in the true pose, with the betas that fit that person "
-    "best at rest, centroids laid together. SMPL's ridge was chosen on further meshes, that of Q "
-    "is fixed; neither saw the test.",
+    "Nobody is told a pose or a shape. SMPL is trained first, by the training pipeline, from the "
+    "mean person cut into parts. SCAPE and BlendSCAPE take over its weights and joint regressor "
+    "and begin at its poses and the subjects' rest shapes; then each finds its own in turn: S from "
+    "everybody who stands, Q, poses by the same pose solver on its own surface, and each "
+    "subject's D.",
+    "All models are fitted to strangers alike: the same first guess, edges and then vertices, the "
+    "same solver and steps, betas ordinary at one standard deviation. A pose of one model is not "
+    "that of another, nor that of the rig behind the meshes: each learns what zero is.",
     f"{SKINNED}, beside this page, is SMPL's mean person in the hard poses below, with a skeleton "
     "that any viewer moves. A glTF blends motions of bones and adds shapes to the rest surface; a "
     "body whose surface is the solution of a linear system can only be written mesh by mesh.",
@@ -68,7 +72,7 @@ def lecture_table(s: Study) -> Table:
         ("numbers learned", *(f"{o.parameters:,}" for o in outcomes)),
         *((f"directions for {level:.0%} of the vertices' variance",
            *(count(e, level) for e in base)) for level in drawn.LEVELS),
-        ("strangers at rest, rms (mm)", *(f"{o.rest:.2f}" for o in outcomes)),
+        ("strangers at rest, rms (mm)", *(mm(o.rest) for o in outcomes)),
         ("strangers in unseen poses, rms (mm)", *(f"{o.rms:.2f}" for o in outcomes)),
         ("jump where parts meet (truth " f"{s.true_crease:.3f})",
          *(f"{o.crease:.3f}" for o in outcomes)),
@@ -87,14 +91,30 @@ def lecture_table(s: Study) -> Table:
 
 def outcome_table(s: Study) -> Table:
     """All models, with what they learned of pose and without."""
-    head = ("model", "numbers", "at rest", "learned from", "rms", "mean", "largest", "jump",
+    head = ("model", "numbers", "learned from", "at rest", "rms", "mean", "largest", "jump",
             "together less each alone")  # fmt: skip
     rows = tuple(
-        (o.model, f"{o.parameters:,}", f"{o.rest:.2f}", f"{o.learned:.2f}", f"{o.rms:.2f}",
+        (o.model, f"{o.parameters:,}", mm(o.learned), mm(o.rest), f"{o.rms:.2f}",
          f"{o.mean:.2f}", f"{o.largest:.1f}", f"{o.crease:.3f}", f"{o.gap:.2g}")
         for o in s.outcomes
     )  # fmt: skip
     return Table(head, rows, tuple(range(1, len(head))))
+
+
+def mm(distance: float | None) -> str:
+    """To the hundredth, where it was measured."""
+    return "" if distance is None else f"{distance:.2f}"
+
+
+def choice_table(s: Study) -> Table:
+    """What held pose's part of each model, and what that left of the subjects held back."""
+    rows = tuple(
+        (name, "sigma of P, m" if name == SMPL else "ridge of Q, m²",
+         "; ".join(f"{tried:g}: {left:.2f}"
+                   for tried, left in zip(c.tried, c.left, strict=True)), f"{c.chosen:g}")
+        for name, c in s.choices.items()
+    )  # fmt: skip
+    return Table(("model", "held by", "left of subjects held back, rms mm", "chosen"), rows, (3,))
 
 
 def claim(s: Study) -> str:
@@ -126,7 +146,7 @@ def count(explained: Explained, level: float) -> str:
 def triangles_text(s: Study) -> str:
     """Both tables for a terminal."""
     parts = []
-    for table in (lecture_table(s), outcome_table(s)):
+    for table in (lecture_table(s), outcome_table(s), choice_table(s)):
         lines = [table.head, *table.rows]
         widths = [max(len(line[i]) for line in lines) for i in range(len(table.head))]
         parts.append("\n".join(
@@ -154,6 +174,7 @@ def triangles_data(s: Study) -> dict[str, Any]:
         },
         "gradients": list(shapes.gradients),
         "outcomes": [asdict(o) for o in s.outcomes],
+        "choices": {name: asdict(c) | {"chosen": c.chosen} for name, c in s.choices.items()},
         "true_jump": s.true_crease,
         "costs": [asdict(c) for c in s.costs],
         "versions": versions(),
@@ -194,6 +215,7 @@ def triangles_page(s: Study) -> str:
         known=KNOWN,
         lecture=lecture_table(s),
         outcomes=outcome_table(s),
+        choices=choice_table(s),
         claim=claim(s),
         soup=shown(soup, caption_stitching(torn[-2], torn[-1])),
         curves=[shown(*one) for one in curves],

@@ -106,8 +106,6 @@ class Run:
         if not np.isfinite(self._kept(x, here.cost if here.finite else np.inf, here)):
             raise Stop(Status.NOT_FINITE)
         self._linearized = x.copy(), here
-        if not self.rounding:
-            self.rounding = guarded(lambda: self.problem.rounding(x, self.fixed))
         return here
 
     def hessian(self, x: Array) -> Array:
@@ -155,7 +153,9 @@ class Run:
     # The way.
 
     def optimality(self, x: Array, here: Linearization) -> float:
-        """The problem's measure, less what rounding explains."""
+        """The problem's measure, less what rounding explains where it is first asked for."""
+        if not self.rounding:
+            self.rounding = guarded(lambda: self.problem.rounding(x, self.fixed, here.residual))
         return self.problem.optimality(x, here, self.rounding)
 
     def gain(self, x: Array, here: Linearization, to: Array, promised: float) -> Trial:
@@ -254,7 +254,6 @@ class Run:
         if np.isfinite(best.cost):
             try:
                 here = self._at_best()
-                self.rounding = self.rounding or self.problem.rounding(best.x, self.fixed)
                 optimality = self._wrap_best(best.decide(self.optimality(best.x, here)))
             except Exception as error:  # the residual is the user's; the best point is still ours
                 message += f" (no gradient at the best point: {error})"

@@ -34,6 +34,7 @@ class Limb:
 
     joints: Index  # k and all below it
     faces: Index
+    weights: csr_array  # of these faces on those joints
     onto_vertices: csr_array  # (N, 2 n) of these faces' edges
     bent: Index  # faces near k
     slot: Index  # which of their near joints k is
@@ -67,8 +68,9 @@ class Arithmetic:
             faces = np.unique(columns[:, sorted(below[k])].indices).astype(np.int64)
             bent, slot = np.nonzero(self.near == k)
             sides = (csr_array(A_t[:, _edges_of(some)].tocsr()) for some in (faces, bent))
-            found.append(Limb(np.array(sorted(below[k])), faces, next(sides), bent, slot,
-                              next(sides)))  # fmt: skip
+            joints = np.array(sorted(below[k]))
+            weights = csr_array(self.weights[faces][:, joints])
+            found.append(Limb(joints, faces, weights, next(sides), bent, slot, next(sides)))
         return found
 
     def at(self, pose: Array, betas: Array) -> SurfaceNumbers:
@@ -172,8 +174,7 @@ class SurfaceNumbers:
     def _by_joint(self, k: int) -> list[Array]:
         """What each of pose[k]'s three numbers pulls at the vertices, (N, 3)."""
         limb, R, turns = self.of.limbs[k], self.rotations[0], self.rotations[1][k]
-        weights = self.of.weights[limb.faces][:, limb.joints]
-        B = np.asarray(weights @ R[limb.joints].reshape(-1, 9)).reshape(-1, 3, 3)
+        B = np.asarray(limb.weights @ R[limb.joints].reshape(-1, 9)).reshape(-1, 3, 3)
         hanging = _each(B, self.shaped[limb.faces])
         G = limb.onto_vertices @ hanging.reshape(-1, 3)  # (N, 3)
         pulls = [G @ turn.T for turn in turns]

@@ -5,52 +5,36 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from workbench.bodies import SkinnedBody
-from workbench.bodies.triangles import TriangleBody
 from workbench.geometry.triangles import gradients
 from workbench.problem import Problem
 from workbench.residuals import vertices as on_vertices
-from workbench.training.triangles.learning import PosedMeshes
+from workbench.training.triangles.fitting import AnyBody, Fits, strangers_fitted
 from workbench.training.triangles.stitched_fit import neighbour_differences
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
-AnyBody = SkinnedBody | TriangleBody
-
-
-def betas_at_rest(body: AnyBody, people: ArrayLike) -> Array:
-    """The betas (P, B) that bring the body nearest to people (P, N, 3) m at rest.
-
-    At rest both kinds of body are linear in betas; centroids are laid together.
-    """
-    shown = body.vertices(betas=np.eye(body.n_betas)) - body.vertices()
-    missing = np.asarray(people, dtype=float) - body.vertices()
-    A, b = ((v - v.mean(axis=1, keepdims=True)).reshape(len(v), -1).T for v in (shown, missing))
-    return np.asarray(np.linalg.lstsq(A, b)[0].T)
-
-
-def placed(body: AnyBody, poses: Array, betas: Array, meshes: Array) -> Array:
-    """The body in those poses with its centroid on that of each mesh (M, N, 3) m."""
-    V = body.vertices(poses, betas)
-    return np.asarray(V + (meshes - V).mean(axis=1, keepdims=True))
 
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """A body beside posed meshes of people who stand before it at rest as well."""
+    """A body beside meshes of people whom it has never seen, pose and shape sought."""
 
-    surfaces: Array  # (M, N, 3) m, the body's
+    fits: Fits
     distances: Array  # (M, N) mm
 
     @classmethod
-    def of(cls, body: AnyBody, rest: Array, posed: PosedMeshes) -> "Held":
-        """In the true pose, with the betas of that person at rest."""
-        betas = betas_at_rest(body, rest)[posed.person]
-        surfaces = placed(body, posed.poses, betas, posed.vertices)
-        away = np.linalg.norm(surfaces - posed.vertices, axis=-1)
-        return cls(surfaces, np.asarray(1e3 * away))
+    def of(cls, body: AnyBody, first: SkinnedBody, meshes: Array) -> "Held":
+        """In meshes (M, N, 3) m; see strangers_fitted."""
+        fits = strangers_fitted(body, first, meshes)
+        return cls(fits, np.asarray(1e3 * np.linalg.norm(fits.surfaces - meshes, axis=-1)))
+
+    def only(self, some: list[int]) -> "Held":
+        """Some of the meshes."""
+        f = self.fits
+        return Held(Fits(f.poses[some], f.betas[some], f.surfaces[some]), self.distances[some])
 
     @property
     def rms(self) -> float:

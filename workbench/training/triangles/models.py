@@ -1,80 +1,148 @@
-"""SMPL, SCAPE and BlendSCAPE learned from the same meshes in known poses."""
+"""SMPL, SCAPE and BlendSCAPE learned from the same registrations."""
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from workbench.bodies import SkinnedBody
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
-from workbench.training.embedded.pose_blends import RIDGES, Lesson, solve_ridge, supports
-from workbench.training.embedded.skeleton import binding_motions, blended, pose_features, unskin
-from workbench.training.triangles.learning import PosedMeshes, learn
+from workbench.training.blocks import BLOCKS
+from workbench.training.crew import ONE
+from workbench.training.estimate import Estimate, Sigmas
+from workbench.training.objective import Objective
+from workbench.training.plan import QUICK, Plan, alternation
+from workbench.training.pose_training import PoseModel, Progress, train_poses
+from workbench.training.registrations import InMemory
+from workbench.training.training import train
+from workbench.training.triangles.alternation import (
+    QUICK as EFFORT,
+)
+from workbench.training.triangles.alternation import (
+    Effort,
+    State,
+    choose_ridge,
+    train_triangles,
+)
+from workbench.training.triangles.choice import Choice, kept_and_held_back
+from workbench.training.triangles.fitting import AnyBody
 from workbench.training.triangles.people import Registrations
-from workbench.training.triangles.stitched_fit import CentredVertices, LeastSquares, Lsqr
 
 Array = NDArray[np.float64]
 Report = Callable[[str], None]
-# m^2 per squared unit of posedirs. Learned from 100 poses on `small`, held-out rms in mm for 1e-1,
-# 1e-3, 1e-4, 1e-5: SCAPE 12.0, 5.2, 4.9, 4.9; BlendSCAPE 14.2, 6.1, 5.5, 5.5
-RIDGE = 1e-4
-QUICK = Lsqr(1e-3)  # what is left of the meshes no longer changes
+SIGMAS = (0.003, 0.006, 0.01, 0.02)  # m per unit of feature, E_P; one is chosen
 SMPL, SCAPE, BLEND_SCAPE = "SMPL", "SCAPE", "BlendSCAPE"
 LBS = "linear blend skinning"
 
 
+@dataclass(frozen=True, eq=False)
+class Learned:
+    """Models by name, each also without what it learned of pose."""
+
+    models: dict[str, AnyBody]
+    left: dict[str, float]  # mm, rms of the meshes learned from, each subject's shape his own
+    choices: dict[str, Choice]  # how strongly pose's part was held: E_P (m), E_Q (m^2)
+
+    @property
+    def smpl(self) -> SkinnedBody:
+        """The one that is skinned."""
+        found = self.models[SMPL]
+        assert isinstance(found, SkinnedBody)
+        return found
+
+    @property
+    def rigid(self) -> TriangleBody:
+        """SCAPE before Q."""
+        found = self.models[without_bends(SCAPE)]
+        assert isinstance(found, TriangleBody)
+        return found
+
+
+def without_bends(name: str) -> str:
+    """What a triangle model is called whose Q is the identity."""
+    return f"{name}, Q = I"
+
+
 def learn_models(
-    given: Registrations, n_betas: int, report: Report, by: LeastSquares = QUICK
-) -> dict[str, SkinnedBody | TriangleBody]:
-    """By name, each also without what it learned of pose; tree, joints and weights are given.
+    given: Registrations, n_betas: int, report: Report, effort: Effort = EFFORT
+) -> Learned:
+    """SMPL by the training pipeline; the others from where it ended, by their own blocks.
 
     SCAPE and BlendSCAPE compare vertices, as SMPL does, not edges (see CentredVertices).
     """
-    report("learning SMPL")
-    body, rest = given.people.body, given.people.learned
-    smpl = learn_smpl(body, rest, given.posed, given.trial, n_betas)
-    models: dict[str, SkinnedBody | TriangleBody] = {
-        LBS: replace(smpl, posedirs=0 * smpl.posedirs),
-        SMPL: smpl,
-    }
-    for name, untrained in ((SCAPE, scape(body)), (BLEND_SCAPE, blend_scape(body))):
-        report(f"learning {name}")
-        learned = learn(
-            untrained, rest, given.posed, n_betas=n_betas, ridge=RIDGE, by=by,
-            measure=CentredVertices,
-        )  # fmt: skip
-        models[f"{name}, Q = I"] = replace(learned, posedirs=0 * learned.posedirs)
-        models[name] = learned
-    return models
+    report("choosing how freely SMPL's blend shapes follow the pose")
+    start = given.start
+    choices = {SMPL: choose_sigma(given)}
+    report("training SMPL")
+    plan = alternation(Sigmas(posedirs=choices[SMPL].chosen))
+    trained = train(
+        given.posed, start, multi_shape=given.standing, plan=plan, n_betas=n_betas,
+        report=_Blocks(report),
+    )  # fmt: skip
+    smpl = trained.body
+    left = {SMPL: _mm(trained.poses.objective, trained.poses.estimate)}
+    models: dict[str, AnyBody] = {LBS: replace(smpl, posedirs=0 * smpl.posedirs), SMPL: smpl}
+    for name, untrained in ((SCAPE, scape(smpl)), (BLEND_SCAPE, blend_scape(smpl))):
+        report(f"choosing {name}'s ridge")
+        begun = State.begin(untrained, trained)
+        choices[name] = choose_ridge(begun, given.posed, effort)
+        report(f"training {name}")
+        ridge = choices[name].chosen
+        end = train_triangles(
+            begun, given.standing, given.posed, n_betas=n_betas, ridge=ridge, effort=effort
+        )
+        left[name] = 1e3 * end.fits(given.posed).rms(given.posed.vertices)
+        models[without_bends(name)] = replace(end.body, posedirs=0 * end.body.posedirs)
+        models[name] = end.body
+    return Learned(models, left, choices)
 
 
-def learn_smpl(
-    body: SkinnedBody, people: ArrayLike, posed: PosedMeshes, trial: PosedMeshes, n_betas: int
-) -> SkinnedBody:
-    """Shape directions are principal components of vertices, posedirs a ridge regression.
+def choose_sigma(given: Registrations) -> Choice:
+    """E_P's: the beginning of training, blend shapes from most subjects, judged on the others.
 
-    What skinning gets wrong is seen about each person's own rest surface; the ridge is that which
-    leaves least on the trial.
+    Poses of those held back are sought anew with each; their rest shapes stay as found first.
     """
-    rest = np.asarray(people, dtype=float)
-    template = rest.mean(axis=0)
-    away = rest - template
-    away = (away - away.mean(axis=1, keepdims=True)).reshape(len(rest), -1)
-    _, s, Vt = np.linalg.svd(away, full_matrices=False)
-    shapedirs = (Vt[:n_betas].T * s[:n_betas] / np.sqrt(len(rest) - 1)).reshape(-1, 3, n_betas)
-    lesson, test = (_lesson(body, rest, meshes) for meshes in (posed, trial))
-    support = supports(body.weights)
-    tried = [solve_ridge(lesson, support, ridge) for ridge in RIDGES]
-    posedirs = min(tried, key=test.error)
-    return replace(body, template=template, shapedirs=shapedirs, posedirs=posedirs)
+    posed, start = given.posed, given.start
+    first = train_poses(posed, start, Plan(alternation().stages[:2]))
+    kept, back = kept_and_held_back(posed.subject)
+    left = []
+    for sigma in SIGMAS:
+        objective, estimate = _some(first, posed, kept, sigma)
+        learned = BLOCKS["surfaces"](objective, estimate, start.faces, QUICK, ONE).estimate
+        objective, estimate = _some(first, posed, back, sigma)
+        bent = replace(estimate, posedirs=learned.posedirs)
+        found = BLOCKS["poses"](objective, bent, start.faces, QUICK, ONE).estimate
+        left.append(_mm(objective, found))
+    return Choice(SIGMAS, tuple(left))
 
 
-def _lesson(body: SkinnedBody, rest: Array, posed: PosedMeshes) -> Lesson:
-    features, errors = pose_features(posed.poses), []
-    for V, pose, i in zip(posed.vertices, posed.poses, posed.person, strict=True):
-        M, m = blended(body.weights, *binding_motions(pose, body.J_regressor @ rest[i]))
-        errors.append(unskin(V, M, m) - rest[i])
-    e = np.stack(errors)
-    products = np.tensordot(e, features, axes=(0, 0))  # (N, 3, F)
-    return Lesson(features.T @ features, products, float(np.vdot(e, e)), len(e))
+def _some(
+    model: PoseModel, posed: InMemory, rows: NDArray[np.int64], sigma: float
+) -> tuple[Objective, Estimate]:
+    """Of some registrations alone, posedirs held at sigma."""
+    who, subject = np.unique(posed.subject[rows], return_inverse=True)
+    own, found = InMemory(posed.vertices[rows], subject), model.estimate
+    estimate = replace(
+        found, poses=found.poses[rows], templates=found.templates[who], joints=found.joints[who]
+    )
+    return replace(model.objective, registrations=own, sigmas=Sigmas(posedirs=sigma)), estimate
+
+
+def _mm(objective: Objective, estimate: Estimate) -> float:
+    """rms per vertex."""
+    return 1e3 * float(np.sqrt(3)) * objective.rms(estimate)
+
+
+@dataclass(frozen=True)
+class _Blocks:
+    """Says each block of the training in a line."""
+
+    report: Report
+
+    def block(self, progress: Progress) -> None:
+        """One has ended."""
+        self.report(f"  {progress.entry.block}, block {progress.number} of {progress.of}")
+
+    def part(self, doing: str, done: int, of: int) -> None:
+        """Nothing."""

@@ -1,7 +1,7 @@
 """The same people for SMPL and SCAPE: at rest, in poses, and others in poses not seen before."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,12 +16,17 @@ from workbench.training.embedded.pose_blends import draw_poses
 from workbench.training.embedded.teacher import Teacher
 from workbench.training.embedded.topology import FILES, read_topology
 from workbench.training.embedded.wheel import Wheel
+from workbench.training.first_guess import Start
+from workbench.training.registrations import InMemory
 from workbench.training.triangles.learning import PosedMeshes
 
 Array = NDArray[np.float64]
 Report = Callable[[str], None]
 RECORDED = "real poses, of clips of motion capture that nothing was learned from"
 DRAWN = "further draws from the pose prior, which is a Gaussian: easier than real poses"
+
+JITTER = 0.05  # rad on every axis of every joint: nobody stands at rest quite alike
+MOVED = 0.5  # m, on every axis
 
 
 @dataclass(frozen=True)
@@ -32,7 +37,6 @@ class Plan:
     people: int = 200  # at rest, for shape
     subjects: int = 10  # the first of them, also in poses
     poses: int = 15  # of each subject
-    trial: int = 40  # further meshes of the subjects, to choose SMPL's ridge on
     strangers: int = 50  # whom nothing was learned from
     test: int = 100  # meshes of them
     betas: int = 10  # shape directions of the models that are posed
@@ -48,8 +52,8 @@ class Plan:
             )
         if not 1 <= self.subjects <= self.people:
             raise BadArgument(f"{self.subjects} subjects are not among {self.people} people")
-        if min(self.poses, self.trial, self.strangers) < 2 or self.test < 5:
-            raise BadArgument("there must be 2 poses, trials and strangers each, and 5 tests")
+        if min(self.subjects, self.poses, self.strangers) < 2 or self.test < 5:
+            raise BadArgument("there must be 2 subjects, poses and strangers each, and 5 tests")
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,13 +75,19 @@ class People:
 
 @dataclass(frozen=True, eq=False)
 class Registrations:
-    """What is learned from, chosen on and tested on; all of it synthetic but the test's poses."""
+    """What is learned from, in poses that nobody is told, and what is tested on; all synthetic."""
 
     people: People
-    posed: PosedMeshes
-    trial: PosedMeshes
+    standing: InMemory  # of everybody learned from, nearly at rest: the multi-shape set
+    posed: InMemory  # of the first of them: the multi-pose set
     test: PosedMeshes  # of the strangers
     said: str  # which poses they are in
+
+    @property
+    def start(self) -> Start:
+        """What training is told: the mean person, its tree, and the part that each vertex is of."""
+        body = self.people.body
+        return replace(Start.of(body), template=self.people.learned.mean(axis=0))
 
 
 def draw_people(plan: Plan, wheel: Path, body: SkinnedBody, report: Report) -> People:
@@ -91,19 +101,32 @@ def draw_people(plan: Plan, wheel: Path, body: SkinnedBody, report: Report) -> P
 
 
 def register(plan: Plan, people: People, mocap: Path | None) -> Registrations:
-    """Pose them. Raises BadFile if `mocap` is no recording."""
+    """Pose them, turned and moved at random. Raises BadFile if `mocap` is no recording."""
     rng, prior = np.random.default_rng(plan.seed), shipped_prior()
     n = plan.subjects * plan.poses
-    drawn = draw_poses(prior, n + plan.trial + plan.test, rng)
-    seen, trial, others = np.split(drawn, [n, n + plan.trial])
+    seen, others = np.split(draw_poses(prior, n + plan.test, rng), [n])
     if mocap is not None:
         recorded = held_out(mocap)
         others = recorded[rng.permutation(len(recorded))[: plan.test]]
-    subjects = people.learned[: plan.subjects]
+    still = JITTER * rng.standard_normal((plan.people, *seen.shape[1:]))
     return Registrations(
         people,
-        people.posed(subjects, seen),
-        people.posed(subjects, trial),
+        _scanned(people.posed(people.learned, _turned(still, rng)), rng),
+        _scanned(people.posed(people.learned[: plan.subjects], _turned(seen, rng)), rng),
         people.posed(people.strangers, others),
         DRAWN if mocap is None else RECORDED,
     )
+
+
+def _turned(poses: Array, rng: np.random.Generator) -> Array:
+    """About the vertical, nobody knows how far."""
+    turned = poses.copy()
+    turned[:, 0] = 0.0
+    turned[:, 0, 1] = rng.uniform(-np.pi, np.pi, len(poses))
+    return turned
+
+
+def _scanned(meshes: PosedMeshes, rng: np.random.Generator) -> InMemory:
+    """Without their poses, and standing anywhere."""
+    trans = MOVED * rng.standard_normal((len(meshes.vertices), 1, 3))
+    return InMemory(meshes.vertices + trans, meshes.person)

@@ -11,6 +11,8 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.catalogue import load_body
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.geometry.triangles import soup
+from workbench.training.triangles.alternation import QUICK, Effort
+from workbench.training.triangles.choice import Choice
 from workbench.training.triangles.comparison import (
     Explained,
     additivity_gap,
@@ -19,16 +21,9 @@ from workbench.training.triangles.comparison import (
     explained_gradients,
     n_parameters,
 )
-from workbench.training.triangles.measures import (
-    AnyBody,
-    Cost,
-    Held,
-    betas_at_rest,
-    cost,
-    crease,
-    n_seams,
-)
-from workbench.training.triangles.models import BLEND_SCAPE, SCAPE, SMPL, learn_models
+from workbench.training.triangles.fitting import AnyBody
+from workbench.training.triangles.measures import Cost, Held, cost, crease, n_seams
+from workbench.training.triangles.models import BLEND_SCAPE, SCAPE, SMPL, Learned, learn_models
 from workbench.training.triangles.people import (
     People,
     Plan,
@@ -45,12 +40,12 @@ HARD, APART = 5, 0.25  # poses that are drawn, and their least rms distance in r
 
 @dataclass(frozen=True)
 class Outcome:
-    """One model in numbers; distances in mm, centroids laid together, in the true pose."""
+    """One model in numbers; distances in mm, pose and shape sought in every mesh."""
 
     model: str
     parameters: int
-    rest: float  # rms, of strangers at rest
-    learned: float  # rms, of the meshes that it was learned from
+    learned: float | None  # rms, of the meshes learned from; None: it was not learned by itself
+    rest: float | None  # rms, of strangers at rest; None: not asked
     rms: float  # of strangers in poses that nobody has seen
     mean: float
     largest: float
@@ -84,6 +79,7 @@ class Study:
     outcomes: tuple[Outcome, ...]
     true_crease: float  # of the test meshes themselves
     n_seams: int
+    choices: Mapping[str, Choice]  # how strongly pose's part of each model was held
     costs: tuple[Cost, ...]
     smpl: SkinnedBody
     poses: Array  # (H, K, 3) rad: hard ones
@@ -106,37 +102,34 @@ def compare_triangles(plan: Plan, wheel: Path, mocap: Path | None, report: Repor
     return study(plan, given, report)
 
 
-def study(plan: Plan, given: Registrations, report: Report) -> Study:
+def study(plan: Plan, given: Registrations, report: Report, effort: Effort = QUICK) -> Study:
     """Learn and measure on what is given."""
-    models = learn_models(given, plan.betas, report)
+    learned = learn_models(given, plan.betas, report, effort)
+    smpl, torn, test = learned.smpl, learned.rigid, given.test
     report("shape directions")
     shapes = explain(given.people)
-    report("people and poses that nobody has seen")
-    outcomes = tuple(outcome(name, model, given) for name, model in models.items())
-    chosen = hard_poses(given.test.poses)
-    shown = {}
-    for name in SHOWN:
-        held = Held.of(models[name], given.people.strangers, given.test)
-        shown[name] = Held(held.surfaces[chosen], held.distances[chosen])
-    smpl, torn = models[SMPL], models[f"{SCAPE}, Q = I"]
-    assert isinstance(smpl, SkinnedBody)
-    assert isinstance(torn, TriangleBody)
+    held = {}
+    for name, model in learned.models.items():
+        report(f"{name} in people and poses that nobody has seen")
+        held[name] = Held.of(model, smpl, test.vertices)
     part = torn.weights.toarray().argmax(axis=1)
+    outcomes = tuple(outcome(name, learned, given, held[name], part) for name in held)
+    chosen = hard_poses(test.poses)
     report("time")
-    body = given.people.body
     return Study(
         plan,
         given.said,
-        body.faces,
+        smpl.faces,
         shapes,
         outcomes,
-        crease(body.template, body.faces, part, given.test.vertices),
-        n_seams(body.faces, part),
-        tuple(costs(plan.body, models)),
+        crease(smpl.template, smpl.faces, part, test.vertices),
+        n_seams(smpl.faces, part),
+        learned.choices,
+        tuple(costs(plan.body, learned.models)),
         smpl,
-        given.test.poses[chosen],
-        shown,
-        stages(torn, given.test.poses[chosen[0]]),
+        test.poses[chosen],
+        {name: held[name].only(chosen) for name in SHOWN},
+        stages(torn, test.poses[chosen[0]]),
     )
 
 
@@ -152,28 +145,21 @@ def explain(people: People) -> Shapes:
     return Shapes(by[0], by[1], explained_gradients(learned, faces, most))
 
 
-def outcome(name: str, model: AnyBody, given: Registrations) -> Outcome:
-    """One model, measured."""
-    learned, strangers, test = given.people.learned, given.people.strangers, given.test
-    body, betas = given.people.body, betas_at_rest(model, strangers)
-    still = np.zeros((len(strangers), body.n_joints, 3))
-    people = np.arange(len(strangers), dtype=np.int64)
-    at_rest = type(test)(strangers, still, people)
-    held = Held.of(model, strangers, test)
-    gaps = [
-        additivity_gap(model, pose, betas[i])
-        for pose, i in zip(test.poses, test.person, strict=True)
-    ]
-    part = scape(body).weights.toarray().argmax(axis=1)
+def outcome(
+    name: str, learned: Learned, given: Registrations, held: Held, part: NDArray[np.int64]
+) -> Outcome:
+    """One model, measured; parts (F,) are those of SCAPE."""
+    model, smpl = learned.models[name], learned.smpl
+    gaps = [additivity_gap(model, *at) for at in zip(held.fits.poses, held.fits.betas, strict=True)]
     return Outcome(
         name,
         n_parameters(model),
-        Held.of(model, strangers, at_rest).rms,
-        Held.of(model, learned, given.posed).rms,
+        learned.left.get(name),
+        Held.of(model, smpl, given.people.strangers).rms if name in SHOWN else None,
         held.rms,
         held.mean,
         held.largest,
-        crease(body.template, body.faces, part, held.surfaces),
+        crease(smpl.template, smpl.faces, part, held.fits.surfaces),
         1e3 * float(np.sqrt(np.mean(np.sum(np.square(gaps), axis=-1)))),
     )
 
