@@ -139,6 +139,7 @@ def test_batches_do_not_matter(monkeypatch: pytest.MonkeyPatch) -> None:
     change = a_change(true_estimate())
     whole = equations.product(change)
     monkeypatch.setattr("workbench.training.registrations.PIECE_BYTES", 1)
+    monkeypatch.setattr("workbench.training.registrations.FEWEST", 1)
     monkeypatch.setattr("workbench.training.normal_equations.KEPT_BYTES", 0)
     single = NormalEquations(objective(Sigmas()), true_estimate(), NAMES).product(change)
     for name in NAMES:

@@ -151,6 +151,10 @@ def test_a_large_mesh_is_trained_on_some_of_its_vertices_first(tmp_path: Path) -
     assert len(found.log) > 6
     assert found.estimate.templates.shape == truth.templates.shape
     assert found.objective.rms(found.estimate) < 0.002
+    near = found.objective.noticed
+    assert near is not None
+    assert 0.05 < near.mean() < 0.5
+    assert not found.estimate.posedirs[~near[:, None] & np.ones((1, 3, 1), bool)].any()
     again = train()
     for name, array in found.estimate.arrays().items():
         assert np.array_equal(array, again.estimate.arrays()[name])

@@ -21,7 +21,9 @@ def cast() -> Cast:
     people = BODY.vertices(betas=np.random.default_rng(0).standard_normal((4, 10)))
     joints = np.stack([BODY.J_regressor @ person for person in people])
     fine = csr_array(np.hstack([BODY.weights, np.zeros((369, 8))]))
-    return Cast(people, joints, np.array([True, False, True, False]), BODY.weights, fine)
+    regressor = BODY.J_regressor.toarray()
+    female = np.array([True, False, True, False])
+    return Cast(people, joints, female, BODY.weights, fine, regressor)
 
 
 def test_nobody_moves_without_a_pose() -> None:

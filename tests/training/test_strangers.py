@@ -12,6 +12,7 @@ from workbench.training.strangers import (
     left_when_told,
     meet,
     shape_share,
+    shapes_explained,
     standing,
     standing_when_told,
 )
@@ -59,6 +60,15 @@ def test_a_body_explains_those_it_made_and_a_wrong_one_does_not() -> None:
     assert said["mean_mm"] == pytest.approx(1e3 * told.left.mean, abs=1e-4)
     assert said["mean_without_posedirs_mm"] == pytest.approx(1e3 * wrong, abs=1e-4)
     assert said["strangers"] == 2
+
+
+def test_people_in_one_pose_are_as_the_body_makes_them() -> None:
+    data, _ = draw_registrations(BODY, 6, 1, seed=8, turn=0.1)
+    said = shapes_explained(BODY, data)
+    assert said["people_in_one_pose"] == 6
+    assert said["their_shape_variance_explained"] > 0.95
+    odd = replace(BODY, shapedirs=BODY.shapedirs[:, ::-1])
+    assert shapes_explained(odd, data)["their_shape_variance_explained"] < 0.8
 
 
 def test_shape_share_of_what_is_known() -> None:

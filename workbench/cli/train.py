@@ -23,7 +23,12 @@ from workbench.training.plan import REACH, alternation
 from workbench.training.pose_training import Progress
 from workbench.training.registrations import Registrations
 from workbench.training.sets import CARD
-from workbench.training.strangers import best_linear, standing, standing_when_told
+from workbench.training.strangers import (
+    best_linear,
+    shapes_explained,
+    standing,
+    standing_when_told,
+)
 from workbench.training.training import train as train_body
 from workbench.training.truth import FILE as TRUTH
 from workbench.training.truth import read_truth
@@ -81,7 +86,8 @@ def train(
     name, guess, poses, shapes = _data(console, folder, start, gender)
     strangers = None
     if held_out is not None:
-        strangers = open_folder(held_out, len(guess.template), guess.faces).only("poses")
+        unknown = open_folder(held_out, len(guess.template), guess.faces)
+        strangers, still = unknown.only("poses"), unknown.only("shapes")
         if not strangers.rows:
             raise BadArgument(f"{held_out} has no registrations of the set 'poses'")
     plan = alternation(rounds=rounds, reach=None if folder is None else reach)
@@ -102,6 +108,8 @@ def train(
     if strangers is not None and held_out is not None:
         console.print("[dim]meeting strangers[/]")
         met = standing(body, strangers, Hands(Processes(jobs)))
+        if still.rows:
+            met |= shapes_explained(body, still, Hands(Processes(jobs)))
         met |= _when_told(folder, held_out, guess, poses, strangers)
         body = replace(body, card={**body.card, "held_out": met})
         for said, number in met.items():

@@ -101,5 +101,5 @@ def finishing(sigmas: Sigmas | None = None, reach: int | None = None) -> Plan:
     """For an estimate that was carried over: what every vertex is needed for, and poses once."""
     held = Sigmas() if sigmas is None else sigmas
     tied = replace(held, rings=TIED * held.rings)
-    blocks = ("surfaces", "weights", "surfaces", "regressor", "poses", "regressor", "surfaces")
+    blocks = ("surfaces", "weights", "regressor", "poses", "surfaces")
     return Plan((Stage(tied, blocks, 1, QUICK),), reach)

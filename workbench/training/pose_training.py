@@ -110,6 +110,9 @@ def train_poses(
         first = first_estimate(registrations, start, weights=weights, rings=rings)
     else:
         rings, first = means_at(start.template, begun.joints.mean(axis=0)), begun
+    near = None if plan.reach is None else noticed(first.weights, start.parents, plan.reach)
+    if near is not None:
+        first = replace(first, posedirs=first.posedirs * near[:, None])
     mark = fingerprint(registrations, first, plan)
     known = read_checkpoint(folder, mark) if folder else None
     steps = plan.steps
@@ -121,8 +124,6 @@ def train_poses(
             if folder:
                 known.save(folder)
         sigmas = steps[0][0].sigmas
-        reach = plan.reach
-        near = None if reach is None else noticed(first.weights, start.parents, reach)
         objective = Objective(registrations, rings, weights, sides, sigmas, start.template, near)
         began, already = time.perf_counter(), len(known.log)
         for number in range(already, len(steps)):

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 HELD_BYTES, HELD_EACH = 2**29, 32  # of registrations in memory; of a vertex, and its trust
+FEWEST = 64  # registrations in a piece: each reads and writes all posedirs once
 PIECE_BYTES = 2**23  # of a piece's largest array, (c, N, 3, 3): what a pass keeps in memory
 
 
@@ -79,5 +80,5 @@ def batches(registrations: Registrations) -> Iterator[Batch]:
 def pieces(registrations: Registrations) -> list[slice]:
     """The rows of each batch."""
     J = len(registrations.subject)
-    step = max(1, PIECE_BYTES // (72 * registrations.n_vertices))
+    step = max(FEWEST, PIECE_BYTES // (72 * registrations.n_vertices))
     return [slice(first, min(first + step, J)) for first in range(0, J, step)]

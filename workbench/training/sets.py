@@ -51,6 +51,7 @@ class SetRecipe:
     subjects: int = 40  # of the multi-pose set
     poses: int = 25  # of each of them
     strangers: int = 10  # held out, in as many poses each
+    others: int = 100  # held out, in one pose
     vertices: int | None = None  # of the body's: None for all, else short edges collapse
     jitter: float = 0.05  # rad on every axis of every joint: nobody stands twice alike
     seed: int = 2000
@@ -65,6 +66,7 @@ class Cast:
     female: NDArray[np.bool_]
     weights: Array  # (N, 24), of the rig
     fine_weights: csr_array  # (N, 32), of the teacher
+    regressor: Array  # (24, N): the joints of every rest
 
     def posed(self, person: int, pose: Array, trans: Array) -> Array:
         """The teacher's surface (N, 3) m of one person."""
@@ -93,6 +95,8 @@ def make_sets_of(
     recorded: Array | None = None,
 ) -> None:
     """Both folders, of people that are there already."""
+    also = Recipe(people=recipe.others, seed=recipe.seed + 1)
+    further = gather_sources(sources.wheel, also, report)
     topology = read_topology(sources.wheel, recipe.body, sources.mesh)
     if recipe.vertices is not None:
         someone = topology.follows @ sources.population.vertices.mean(axis=0)
@@ -117,7 +121,12 @@ def make_sets_of(
     report("posing those held out")
     strangers = _stack(cast, first[1], held, rng, folder / "held_out" / "poses.npy")
     names = [person + first[1] for person in strangers.subject]
-    _table(folder / "held_out", [("poses", names)], cast)
+    newcomers = _others(further, cast, topology)
+    still = recipe.jitter * rng.standard_normal((recipe.others, 1, len(PARENTS), 3))
+    _stack(newcomers, 0, still, rng, folder / "held_out" / "shapes.npy")
+    everyone = replace(cast, female=np.concatenate([cast.female, newcomers.female]))
+    last = [("poses", names), ("shapes", [*range(len(cast.female), len(everyone.female))])]
+    _table(folder / "held_out", last, everyone)
     strangers.save(folder / "held_out")
     start = _start(cast, recipe.people, topology)
     for name in ("train", "held_out"):
@@ -142,7 +151,14 @@ def _cast(sources: Sources, topology: Topology, recipe: SetRecipe) -> Cast:
     regressor = regress(*own, JOINT_NAMES, topology.mirror, radius)
     weights = at_most_four(topology.follows @ sources.weights, topology.mirror)
     fine = csr_array(topology.follows @ sources.fine_weights)
-    return Cast(rest, regressor @ rest, people.female, weights, fine)
+    return Cast(rest, regressor @ rest, people.female, weights, fine, regressor)
+
+
+def _others(sources: Sources, cast: Cast, topology: Topology) -> Cast:
+    """Further people with the same mesh, joints and weights."""
+    people = sources.population
+    rest = np.stack([topology.follows @ person for person in people.vertices])
+    return replace(cast, rest=rest, joints=cast.regressor @ rest, female=people.female)
 
 
 def _start(cast: Cast, people: int, topology: Topology) -> Start:

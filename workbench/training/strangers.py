@@ -22,7 +22,9 @@ from workbench.training.held_out import Generalization
 from workbench.training.mirror import Mirror, opposites
 from workbench.training.objective import Objective
 from workbench.training.pose_training import first_estimate, first_poses
+from workbench.training.poses import SITTING, OnEdges, ShapePrior
 from workbench.training.registrations import Batch, Registrations, batches, held
+from workbench.training.shape_training import Visit, unposed_people
 from workbench.training.skinning_pass import SkinningPass
 from workbench.training.truth import Truth
 
@@ -115,6 +117,23 @@ def shape_share(body: SkinnedBody, people: Array) -> float:
     S = body.shapedirs - body.shapedirs.mean(axis=0, keepdims=True)
     Q, _ = np.linalg.qr(S.reshape(-1, body.n_betas))
     return float(np.sum((away @ Q) ** 2) / np.sum(away**2))
+
+
+def shapes_explained(
+    body: SkinnedBody, registrations: Registrations, hands: Hands = ONE
+) -> dict[str, float]:
+    """For a card: strangers in one pose, un-posed as those were that shapedirs are of."""
+    J = len(registrations.subject)
+    compared, prior = OnEdges(body.faces), ShapePrior()
+
+    def visit(some: slice) -> Visit:
+        batch = registrations.read(some)
+        return Visit(body, compared, prior, None, batch.vertices, batch.seen)
+
+    runs = [slice(at, min(at + SITTING, J)) for at in range(0, J, SITTING)]
+    people = np.concatenate([rest for _, rest in hands.crew(unposed_people, map(visit, runs))])
+    share = shape_share(body, people)
+    return {"people_in_one_pose": J, "their_shape_variance_explained": round(share, 5)}
 
 
 def standing(

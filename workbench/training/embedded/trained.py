@@ -38,8 +38,14 @@ from workbench.training.pose_prior import read_mocap
 from workbench.training.pose_training import PoseModel, Progress, train_poses
 from workbench.training.sets import SetRecipe, make_sets_of, sources_of
 from workbench.training.shape_training import learn_shapes, unposed_at
-from workbench.training.strangers import best_linear, standing, standing_when_told
+from workbench.training.strangers import (
+    best_linear,
+    shapes_explained,
+    standing,
+    standing_when_told,
+)
 from workbench.training.truth import read_truth
+from workbench.writing import replacing
 
 Array = NDArray[np.float64]
 ORDER = ("default", "small", "full")
@@ -52,7 +58,7 @@ class Known:
 
     model: PoseModel
     parts: PoseParts
-    poses_of_people: Array  # (P, K, 3) rad
+    people: Array  # (P, K, 3) rad: the poses of those in the multi-shape set
 
 
 class Builder:
@@ -112,14 +118,8 @@ class Builder:
         regressor, _ = regressor_from(parts, np.arange(len(parts.estimate.templates)))
         first, _ = even_body(parts, parts.estimate.templates, regressor)
         self.say("  un-posing people")
-        if before is None:
-            found = learn_shapes(
-                first, shapes, n_betas=10, mirror=parts.mirror, hands=Hands(self.crew)
-            )
-            people, poses = found.people, found.poses
-        else:
-            poses = before.poses_of_people
-            people = unposed_at(first, shapes, poses, Hands(self.crew))
+        poses = self._poses_of_people(first, shapes, parts) if before is None else before.people
+        people = unposed_at(first, shapes, poses, Hands(self.crew))
         table = self.work / name / "train" / TABLE
         own_shapes, own_subjects = _genders(table, "shapes"), _genders(table, "poses")
         for ending, gender in GENDERS.items():
@@ -134,6 +134,19 @@ class Builder:
             )
             self._write(name, ending, body, model, told)
         return Known(model, parts, poses)
+
+    def _poses_of_people(
+        self, body: SkinnedBody, shapes: FolderRegistrations, parts: PoseParts
+    ) -> Array:
+        """Found once, and kept beside the run."""
+        path = self.work / "poses of people.npy"
+        if path.is_file():
+            return np.asarray(np.load(path))
+        hands = Hands(self.crew)
+        found = learn_shapes(body, shapes, n_betas=10, mirror=parts.mirror, hands=hands).poses
+        with replacing(path) as temporary, temporary.open("wb") as file:
+            np.save(file, found)
+        return found
 
     def _write(
         self,
@@ -176,6 +189,7 @@ class Builder:
         strangers = open_folder(folder / "held_out", body.n_vertices, body.faces)
         hands = Hands(self.crew)
         met: dict[str, Any] = standing(body, strangers.only("poses", own), hands)
+        met |= shapes_explained(body, strangers.only("shapes", own), hands)
         if own is None:
             poses = open_folder(folder / "train", body.n_vertices, body.faces).only("poses")
             linear = best_linear(read_truth(folder / "train"), poses, start)
