@@ -1,5 +1,7 @@
 """How far a point is from stationary, free of units: one measure for every solver."""
 
+from math import sqrt
+
 import numpy as np
 import scipy.optimize
 from numpy.typing import NDArray
@@ -22,12 +24,12 @@ def optimality(x: Array, here: Linearization, lower: Array, upper: Array, roundi
     """
     if not here.finite:
         return np.nan
-    norms, size = here.column_norms, float(np.linalg.norm(here.residual))
+    norms, size = here.column_norms, sqrt(2 * here.cost)
     seen = norms > 0
     if here.constraints is None:
         pull = -here.gradient[seen] / norms[seen]
         left, right = (lower - x)[seen] * norms[seen], (upper - x)[seen] * norms[seen]
-        d = np.clip(pull, left, right)
+        d = np.minimum(np.maximum(pull, left), right)
     else:  # what no residual notices costs nothing to move, but is measured all the same
         scale = np.where(seen, norms, norms.max(initial=0.0) or 1.0)
         d = _allowed(-here.gradient / scale, (lower - x) * scale, (upper - x) * scale,

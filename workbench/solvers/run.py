@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import asdict
-from math import isnan
+from math import isfinite, isnan
 from types import TracebackType
 from typing import NamedTuple, NoReturn, TypeVar
 
@@ -103,7 +103,7 @@ class Run:
         self.check()
         self._linearized = None  # first: memory that is used again is already there, and near
         here = self.evaluate("jacobian", lambda: self.problem.linearize_at(x, self.fixed))
-        if not np.isfinite(self._kept(x, here.cost if here.finite else np.inf, here)):
+        if not isfinite(self._kept(x, here.cost if here.finite else np.inf, here)):
             raise Stop(Status.NOT_FINITE)
         self._linearized = x.copy(), here
         return here
@@ -137,11 +137,11 @@ class Run:
 
     def _kept(self, x: Array, cost: float, here: Linearization | None = None) -> float:
         there, missed = self.problem.stacked_constraints, 0.0
-        if there is not None and np.isfinite(cost):
+        if there is not None and isfinite(cost):
             known = None if here is None else here.constraints
             values = self.constraints(x) if known is None else known.values
             missed = there.missed(values)
-        if not (np.isfinite(cost) and np.isfinite(missed)):
+        if not (isfinite(cost) and isfinite(missed)):
             self.not_finite, self.met_not_finite = self.not_finite + 1, len(self.trace)
             if self.not_finite >= NOT_FINITE_IN_A_ROW:
                 raise Stop(Status.NOT_FINITE)
