@@ -483,6 +483,22 @@ def test_a_start_says_what_is_wrong() -> None:
         Start(START.template, START.faces, START.parents, START.joint_names, segments)
 
 
+def test_a_joint_that_carries_no_vertex_most_has_one_all_the_same() -> None:
+    body = load_body("small")
+    collar = body.joint_names.index("left_collar")
+    weights = body.weights.copy()
+    weights[:, collar] = np.minimum(weights[:, collar], 0.3)
+    weights[:, body.joint_names.index("spine3")] += 1 - weights.sum(axis=1)
+    start = Start.of(replace(body, weights=weights))
+    assert weights[start.segmentation == collar, collar].tolist() == [0.3]
+    others = np.flatnonzero(start.segmentation != collar)
+    assert np.array_equal(start.segmentation[others], weights[others].argmax(axis=1))
+    weights[:, body.joint_names.index("spine3")] += weights[:, collar]
+    weights[:, collar] = 0
+    with pytest.raises(Exception, match="no vertex belongs to left_collar"):
+        Start.of(replace(body, weights=weights))
+
+
 def test_held_registrations_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     hidden = Spoiled(DATA, seed=7, missing=0.2)
     kept = held(hidden)

@@ -47,10 +47,15 @@ class Start:
 
     @staticmethod
     def of(body: SkinnedBody) -> "Start":
-        """A body's template and tree; each vertex goes with the joint that carries it most."""
-        return Start(
-            body.template, body.faces, body.parents, body.joint_names, body.weights.argmax(axis=1)
-        )
+        """A body's template and tree; each vertex goes with the joint that carries it most.
+
+        A joint that carries no vertex most has the one of which it carries the largest share.
+        """
+        carrier = body.weights.argmax(axis=1)
+        for k in set(range(len(body.parents))) - set(carrier.tolist()):
+            if body.weights[:, k].any():
+                carrier[body.weights[:, k].argmax()] = k
+        return Start(body.template, body.faces, body.parents, body.joint_names, carrier)
 
     def mirror(self) -> Mirror | None:
         """Vertices and joints on the other side; None if no joint has a side.
