@@ -15,7 +15,7 @@ def test_the_table_says_what_the_kept_results_say() -> None:
     assert shown.strip() == table(kept())
 
 
-def test_the_kept_results_are_those_of_the_command_as_it_is() -> None:
+def test_the_kept_results_are_of_as_many_people_as_the_command_takes() -> None:
     found = kept()
     assert Plan(**found["plan"]) == Plan()
     assert found["test"] == RECORDED

@@ -1,5 +1,6 @@
 """Fewer vertices, fewer joints, two threads: what large meshes are trained with."""
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -11,7 +12,7 @@ from scipy.sparse import csr_array, eye_array
 import workbench as wb
 from workbench.errors import BadArgument
 from workbench.training.blocks import Effort, fit_poses
-from workbench.training.carrying import carried_over, read_off, train_coarse_first
+from workbench.training.carrying import carried_over, finishing, read_off, train_coarse_first
 from workbench.training.embedded.collapsing import collapsed
 from workbench.training.embedded.topology import Topology
 from workbench.training.estimate import Estimate, Sigmas
@@ -20,7 +21,7 @@ from workbench.training.lanes import in_lanes
 from workbench.training.mesh_graph import edges_of, find_mirror
 from workbench.training.noticing import ByPattern, noticed
 from workbench.training.objective import Objective
-from workbench.training.plan import QUICK, Plan, Stage
+from workbench.training.plan import QUICK, Plan, Stage, alternation
 from workbench.training.registrations import InMemory
 from workbench.training.skinning_pass import SkinningPass
 from workbench.training.thinning import thinned
@@ -123,6 +124,9 @@ def test_short_edges_collapse_alike_on_both_sides() -> None:
     assert np.array_equal(find_mirror(points, fewer.faces), fewer.mirror)
     with pytest.raises(BadArgument, match="does not come down to 300"):
         collapsed(every, BODY.template, 300)
+    for count in (0, 370):
+        with pytest.raises(BadArgument, match="has 369 vertices; ask for 1 to so many"):
+            collapsed(every, BODY.template, count)
 
 
 def test_an_estimate_carried_over_to_its_own_mesh_is_the_same() -> None:
@@ -158,6 +162,41 @@ def test_a_large_mesh_is_trained_on_some_of_its_vertices_first(tmp_path: Path) -
     again = train()
     for name, array in found.estimate.arrays().items():
         assert np.array_equal(array, again.estimate.arrays()[name])
+
+
+def test_a_large_mesh_is_finished_under_the_plan_s_own_sigmas() -> None:
+    last = Stage(Sigmas(posedirs=0.123), ("surfaces",), 1, Effort(products=7))
+    (stage,) = finishing(last).stages
+    assert (stage.sigmas, stage.effort) == (last.sigmas, last.effort)
+    (usual,) = finishing().stages
+    assert usual.sigmas == alternation().stages[-1].sigmas
+
+
+def test_a_segment_that_thinning_loses_is_no_reason_to_refuse() -> None:
+    _, objective = _posed()
+    start = Start.of(BODY)
+    neck, head = (start.joint_names.index(name) for name in ("neck", "head"))
+    whole = np.flatnonzero(start.segmentation == head)
+    segmentation = start.segmentation.copy()
+    segmentation[whole[:-1]] = neck
+    odd = replace(start, segmentation=segmentation)
+    sides = odd.mirror()
+    assert sides is not None
+    chosen = {n: thinned(odd.template, odd.faces, n, sides.vertices) for n in range(60, 200, 20)}
+    lost = [n for n, few in chosen.items() if whole[-1] not in few.vertices]
+    plan = Plan((Stage(Sigmas(), ("rest",), 1, QUICK),), 2)
+    found = train_coarse_first(objective.registrations, odd, plan, coarse=lost[-1])
+    assert [entry.block for entry in found.log] == ["rest"]  # at once, on all vertices
+
+
+def test_a_scan_that_shows_nothing_of_the_chosen_vertices_is_refused() -> None:
+    few = thinned(BODY.template, BODY.faces, 50)
+    seen = np.ones((2, BODY.n_vertices))
+    seen[1, few.vertices] = 0
+    data = InMemory(np.repeat(BODY.template[None], 2, axis=0), np.zeros(2, int), seen)
+    assert few.registrations(data).read(slice(0, 1)).seen.all()
+    with pytest.raises(BadArgument, match="registration 1 shows so little"):
+        few.registrations(data).read(slice(0, 2))
 
 
 def test_a_thinned_mesh_keeps_its_sides() -> None:

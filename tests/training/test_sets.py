@@ -8,9 +8,10 @@ from scipy.sparse import csr_array
 
 from workbench import load_body
 from workbench.errors import BadFile
+from workbench.training import sets
 from workbench.training.first_guess import Start
 from workbench.training.folder import open_folder
-from workbench.training.sets import Cast, _stack, _table
+from workbench.training.sets import Cast, SetRecipe, _stack, _table
 from workbench.training.truth import FILE, read_truth
 
 BODY = load_body("small")
@@ -24,6 +25,19 @@ def cast() -> Cast:
     regressor = BODY.J_regressor.toarray()
     female = np.array([True, False, True, False])
     return Cast(people, joints, female, BODY.weights, fine, regressor)
+
+
+def test_every_option_of_the_command_is_in_the_recipe(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[SetRecipe] = []
+    monkeypatch.setattr(sets, "make_sets", lambda wheel, recipe, *_: asked.append(recipe))
+    monkeypatch.setattr(sets, "Wheel", lambda path: path)
+    options = "--body full --vertices 6890 --people 5 --subjects 4 --poses 3 --strangers 2"
+    line = f"sets WHEEL --out {tmp_path} {options} --others 1 --seed 9"
+    monkeypatch.setattr("sys.argv", line.split())
+    sets.main()
+    assert asked == [SetRecipe("full", 5, 4, 3, 2, 1, 6890, seed=9)]
 
 
 def test_nobody_moves_without_a_pose() -> None:

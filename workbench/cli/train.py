@@ -15,6 +15,7 @@ from workbench.cli.leaving import Interrupted
 from workbench.cli.run import Out, make_folder
 from workbench.errors import BadArgument, BadFile
 from workbench.reports import write_card
+from workbench.threads import limited_threads
 from workbench.training.crew import Hands, Processes
 from workbench.training.first_guess import Start, read_start
 from workbench.training.folder import GENDERS, open_folder
@@ -107,9 +108,10 @@ def train(
     body = trained.body
     if strangers is not None and held_out is not None:
         console.print("[dim]meeting strangers[/]")
-        met = standing(body, strangers, Hands(Processes(jobs)))
-        if still.rows:
-            met |= shapes_explained(body, still, Hands(Processes(jobs)))
+        with limited_threads():
+            met = standing(body, strangers, Hands(Processes(jobs)))
+            if still.rows:
+                met |= shapes_explained(body, still, Hands(Processes(jobs)))
         met |= _when_told(folder, held_out, guess, poses, strangers)
         body = replace(body, card={**body.card, "held_out": met})
         for said, number in met.items():

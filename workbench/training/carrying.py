@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from workbench.training.crew import Crew, alone
-from workbench.training.estimate import Estimate, Sigmas
+from workbench.training.estimate import Estimate
 from workbench.training.first_guess import MOST_WEIGHTS, Start, at_most
-from workbench.training.plan import QUICK, TIED, Plan, Stage
+from workbench.training.plan import Plan, Stage, alternation
 from workbench.training.pose_training import SILENT, PoseModel, Report, train_poses
 from workbench.training.registrations import Registrations, held
 from workbench.training.thinning import thinned
@@ -55,7 +55,8 @@ def train_coarse_first(
 ) -> PoseModel:
     """`train_poses` on at most `coarse` vertices, carried over to all of them and finished there.
 
-    A mesh of so many vertices or fewer is trained at once.
+    The end is under the sigmas and with the effort of the plan's last stage. A mesh of so many
+    vertices or fewer is trained at once, and so is one with a segment that few vertices miss.
     """
     N = len(start.template)
     if coarse >= N:
@@ -63,6 +64,8 @@ def train_coarse_first(
     sides = start.mirror()
     few = thinned(start.template, start.faces, coarse, None if sides is None else sides.vertices)
     v = few.vertices
+    if set(start.segmentation[v].tolist()) != set(start.segmentation.tolist()):
+        return train_poses(registrations, start, plan, folder=folder, report=report, crew=crew)
     less = replace(
         start, template=start.template[v], faces=few.faces, segmentation=start.segmentation[v]
     )
@@ -75,7 +78,7 @@ def train_coarse_first(
     )  # fmt: skip
     begun = carried_over(model.estimate, less, start)
     fine = train_poses(
-        registrations, start, finishing(reach=plan.reach), folder=folder, report=report,
+        registrations, start, finishing(plan.stages[-1], plan.reach), folder=folder, report=report,
         crew=crew, begun=begun, sides=sides,
     )  # fmt: skip
     return replace(fine, log=(*model.log, *fine.log))
@@ -97,9 +100,12 @@ def read_off(on: Start, points: Array) -> csr_array:
     return csr_array((shares.ravel(), (rows, corners.ravel())), shape=shape)
 
 
-def finishing(sigmas: Sigmas | None = None, reach: int | None = None) -> Plan:
-    """For an estimate that was carried over: what every vertex is needed for, and poses once."""
-    held = Sigmas() if sigmas is None else sigmas
-    tied = replace(held, rings=TIED * held.rings)
+def finishing(last: Stage | None = None, reach: int | None = None) -> Plan:
+    """For an estimate that was carried over: what every vertex is needed for, and poses once.
+
+    Under the sigmas and with the effort of `last`, or of the end of `alternation`.
+    """
     blocks = ("surfaces", "weights", "regressor", "poses", "surfaces")
-    return Plan((Stage(tied, blocks, 1, QUICK),), reach)
+    if last is None:
+        last = alternation().stages[-1]
+    return Plan((Stage(last.sigmas, blocks, 1, last.effort),), reach)

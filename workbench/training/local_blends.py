@@ -2,8 +2,8 @@
 
 Training gives every vertex a little of every joint: what poses have in common, and what one
 pose's error passes on to another. A body that is shipped needs neither. With all else held, what
-skinning gets wrong at rest is regressed on the joints that carry a vertex and their neighbours,
-as if every registration had been seen in a mirror too.
+skinning gets wrong at rest is regressed on the joints within `REACH` bones of those that carry a
+vertex, as if every registration had been seen in a mirror too.
 """
 
 from dataclasses import replace

@@ -40,6 +40,7 @@ Array = NDArray[np.float64]
 Report = Callable[[str], None]
 MIXTURE = Path(__file__).parents[1] / "data" / "poses" / FILE_NAME
 CARD = "made.json"
+COUNTS = ("people", "subjects", "poses", "strangers", "others", "seed")  # options of the command
 
 
 @dataclass(frozen=True)
@@ -203,16 +204,14 @@ def main() -> None:
     parser.add_argument("--body", choices=FILES, default=SetRecipe.body)
     parser.add_argument("--mocap", type=Path, help="hold out real poses, of its held-out clips")
     parser.add_argument("--vertices", type=int, help="so many of the body's, and no more")
-    for name in ("people", "subjects", "poses", "strangers", "seed"):
+    for name in COUNTS:
         parser.add_argument(f"--{name}", type=int, default=getattr(SetRecipe, name))
     arguments = parser.parse_args()
     recorded = None
     if arguments.mocap:
         recorded = read_mocap(arguments.mocap).split()[1].poses
-    recipe = replace(
-        SetRecipe(), body=arguments.body, people=arguments.people, subjects=arguments.subjects,
-        poses=arguments.poses, strangers=arguments.strangers, seed=arguments.seed,
-    )  # fmt: skip
+    asked = {name: getattr(arguments, name) for name in ("body", "vertices", *COUNTS)}
+    recipe = replace(SetRecipe(), **asked)
     make_sets(Wheel(arguments.wheel), recipe, arguments.out, print, recorded)
 
 

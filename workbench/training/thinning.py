@@ -12,6 +12,7 @@ from scipy.sparse import csr_array, eye_array, hstack
 from scipy.sparse.csgraph import dijkstra
 
 from workbench.bodies import SkinnedBody
+from workbench.errors import BadArgument
 from workbench.training.estimate import Estimate
 from workbench.training.mesh_graph import edges_of
 from workbench.training.mirror import Mirror
@@ -85,11 +86,15 @@ class OfThese:
         return len(self.vertices)
 
     def read(self, some: slice) -> Batch:
-        """Copies of these."""
+        """Copies of these. Raises BadArgument if nothing of a registration is among them."""
         batch = self.of.read(some)
-        return replace(
-            batch, vertices=batch.vertices[:, self.vertices], seen=batch.seen[:, self.vertices]
-        )
+        seen = batch.seen[:, self.vertices]
+        for j in np.flatnonzero(~seen.any(axis=1)):
+            raise BadArgument(
+                f"registration {batch.some.start + j} shows so little of its mesh that none of "
+                f"{self.n_vertices} vertices spread over it is seen; leave it out"
+            )
+        return replace(batch, vertices=batch.vertices[:, self.vertices], seen=seen)
 
 
 def thinned(

@@ -21,8 +21,13 @@ def collapsed(topology: Topology, template: Array, count: int) -> Topology:
 
     The shortest edge goes first, one end into the other, with its mirror image. A closed surface
     stays one: the ends of what collapses have two neighbours in common, and no triangle turns
-    over. Vertices at the midline and beside it stay. Raises BadArgument if they are too many.
+    over. Vertices at the midline and beside it stay. Raises BadArgument if
+    they are too many, or the mesh has fewer than `count`.
     """
+    if not 0 < count <= len(template):
+        raise BadArgument(
+            f"the mesh has {len(template)} vertices; ask for 1 to so many, not {count}"
+        )
     mesh = _Mesh(template, topology.faces)
     mirror, left = topology.mirror, template[:, 0] > 0
     middle = mirror == np.arange(len(mirror))
