@@ -24,8 +24,9 @@ class Linearization:
 
     @cached_property
     def cost(self) -> float:
-        """1/2 |r|^2."""
-        return 0.5 * float(self.residual @ self.residual)
+        """1/2 |r|^2; infinite where that is too large to be a number."""
+        with np.errstate(over="ignore"):
+            return 0.5 * float(self.residual @ self.residual)
 
     @cached_property
     def gradient(self) -> Array:

@@ -15,7 +15,7 @@ class once(Generic[Owner, Value]):  # noqa: N801 (read as a decorator)
     """Of an object with a `__dict__`; two threads that ask at once may both compute it."""
 
     def __init__(self, compute: Callable[[Owner], Value]) -> None:
-        self._compute, self.__doc__ = compute, compute.__doc__
+        self.func, self.__doc__ = compute, compute.__doc__  # named as cached_property's
         self._name = compute.__name__
 
     @overload
@@ -26,5 +26,5 @@ class once(Generic[Owner, Value]):  # noqa: N801 (read as a decorator)
         """The value, computed if it is not there yet; later reads find it in the object."""
         if owner is None:
             return self
-        found = owner.__dict__[self._name] = self._compute(owner)
+        found = owner.__dict__[self._name] = self.func(owner)
         return found
