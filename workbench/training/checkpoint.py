@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from workbench.errors import BadFile
@@ -70,12 +71,13 @@ def read_checkpoint(folder: Path, fingerprint: str) -> Checkpoint | None:
     return Checkpoint(estimate, log, fingerprint)
 
 
-def fingerprint(registrations: Registrations, first: Estimate, plan: object) -> str:
-    """The same for the same training: a digest of all that goes in."""
-    digest = hashlib.sha256(repr(plan).encode())
-    for name in ("templates", "weights", "joints"):
-        digest.update(np.ascontiguousarray(getattr(first, name)).tobytes())
-    digest.update(repr(first.parents).encode())
+def fingerprint(
+    registrations: Registrations, first: Estimate, plan: object, *fixed: NDArray[Any]
+) -> str:
+    """The same for the same training: a digest of all that goes in, `fixed` being what stays."""
+    digest = hashlib.sha256(repr((plan, first.parents)).encode())
+    for array in (*first.arrays().values(), *fixed):
+        digest.update(np.ascontiguousarray(array).tobytes())
     for batch in batches(registrations):
         for array in (batch.vertices, batch.seen, batch.subject):
             digest.update(np.ascontiguousarray(array).tobytes())

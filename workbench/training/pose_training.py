@@ -113,7 +113,10 @@ def train_poses(
     near = None if plan.reach is None else noticed(first.weights, start.parents, plan.reach)
     if near is not None:
         first = replace(first, posedirs=first.posedirs * near[:, None])
-    mark = fingerprint(registrations, first, plan)
+    fixed = [start.template, start.faces, start.segmentation]
+    if sides is not None:
+        fixed += [sides.vertices, sides.joints]
+    mark = fingerprint(registrations, first, plan, *fixed)
     known = read_checkpoint(folder, mark) if folder else None
     steps = plan.steps
     with limited_threads():

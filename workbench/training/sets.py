@@ -11,6 +11,7 @@ learned from if a recording is given, else in other draws.
 
 import argparse
 import csv
+import hashlib
 import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
@@ -20,12 +21,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from workbench.training.embedded.build import SEARCH_RADIUS, Recipe, Sources, gather_sources
+from workbench.errors import BadFile
 from workbench.training.embedded.collapsing import collapsed
 from workbench.training.embedded.pose_blends import draw_poses
 from workbench.training.embedded.regressors import regress
 from workbench.training.embedded.rig import at_most_four
 from workbench.training.embedded.skeleton import JOINT_NAMES, PARENTS
+from workbench.training.embedded.sources import SEARCH_RADIUS, Sources, gather_sources
 from workbench.training.embedded.teacher import Teacher
 from workbench.training.embedded.topology import FILES, Topology, read_topology
 from workbench.training.embedded.wheel import Wheel
@@ -75,6 +77,20 @@ class Cast:
         return teacher.vertices(pose) + trans
 
 
+def already_made(folder: Path, recipe: SetRecipe, recorded: Array | None) -> bool:
+    """Whether both folders are there. Raises BadFile if they are of another recipe."""
+    cards = [folder / name / CARD for name in ("train", "held_out")]
+    if not all(card.is_file() for card in cards):
+        return False
+    for card in cards:
+        if card.read_text(encoding="utf-8") != _said(recipe, recorded):
+            raise BadFile(
+                f"{card} says that these sets were made otherwise; remove {folder} to make them "
+                "anew, or choose another folder"
+            )
+    return True
+
+
 def make_sets(
     wheel: Wheel, recipe: SetRecipe, folder: Path, report: Report, recorded: Array | None = None
 ) -> None:
@@ -85,7 +101,7 @@ def make_sets(
 def sources_of(wheel: Wheel, recipe: SetRecipe, report: Report) -> Sources:
     """Everyone on the base mesh: the same whichever body's mesh they will be seen on."""
     everyone = recipe.people + recipe.subjects + recipe.strangers
-    return gather_sources(wheel, Recipe(people=everyone, seed=recipe.seed), report)
+    return gather_sources(wheel, everyone, recipe.seed, report)
 
 
 def make_sets_of(
@@ -96,8 +112,7 @@ def make_sets_of(
     recorded: Array | None = None,
 ) -> None:
     """Both folders, of people that are there already."""
-    also = Recipe(people=recipe.others, seed=recipe.seed + 1)
-    further = gather_sources(sources.wheel, also, report)
+    further = gather_sources(sources.wheel, recipe.others, recipe.seed + 1, report)
     topology = read_topology(sources.wheel, recipe.body, sources.mesh)
     if recipe.vertices is not None:
         someone = topology.follows @ sources.population.vertices.mean(axis=0)
@@ -132,12 +147,17 @@ def make_sets_of(
     start = _start(cast, recipe.people, topology)
     for name in ("train", "held_out"):
         write_start(start, folder / name / "start.npz")
-        said = {
-            "synthetic": __doc__,
-            "recipe": asdict(recipe),
-            "held_out_poses": "draws of the mixture" if recorded is None else "held-out recording",
-        }
-        (folder / name / CARD).write_text(json.dumps(said, indent=2) + "\n", encoding="utf-8")
+        with replacing(folder / name / CARD) as temporary:
+            temporary.write_text(_said(recipe, recorded), encoding="utf-8")
+
+
+def _said(recipe: SetRecipe, recorded: Array | None) -> str:
+    poses = "draws of the mixture"
+    if recorded is not None:
+        digest = hashlib.sha256(np.ascontiguousarray(recorded).tobytes()).hexdigest()
+        poses = f"held-out recording, SHA-256 of its poses {digest}"
+    said = {"synthetic": __doc__, "recipe": asdict(recipe), "held_out_poses": poses}
+    return json.dumps(said, indent=2) + "\n"
 
 
 def _cast(sources: Sources, topology: Topology, recipe: SetRecipe) -> Cast:

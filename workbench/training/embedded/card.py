@@ -1,32 +1,24 @@
-"""What a body says about itself: sources, licences, and what was measured on it."""
-
-from __future__ import annotations
+"""What an embedded body says about itself: sources, licences, and the numbers of its own run."""
 
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from importlib.metadata import version
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.bodies import SkinnedBody
 from workbench.training.embedded import wheel
 from workbench.training.embedded.packing import BuiltBody
-from workbench.training.embedded.pose_blends import Correction
-from workbench.training.embedded.skeleton import (
-    JOINT_NAMES,
-    binding_motions,
-    blended,
-    pose_features,
-    skin,
-)
+from workbench.training.embedded.skeleton import binding_motions, blended, pose_features, skin
+from workbench.training.embedded.sources import Sources
 from workbench.training.embedded.topology import FILES
-
-if TYPE_CHECKING:
-    from workbench.training.embedded.build import Recipe, Result, Sources
+from workbench.training.plan import REACH
+from workbench.training.pose_training import PoseModel
+from workbench.training.sets import SetRecipe
 
 Array = NDArray[np.float64]
-
 LICENCE = (
     "Shape and rig: MakeHuman / MPFB2 assets, CC0 1.0. Mesh topology and keypoint regressor: "
     "Copyright (C) 2025 NAVER Corporation, Apache-2.0. Everything computed from them here: as the "
@@ -36,88 +28,111 @@ PROVENANCE = (
     "The people were made, not measured: drawn from traits and shape targets that artists modelled,"
     " with weight and girth raised until the body mass index is that of people, about 25. Read no "
     "anthropometry off this body.",
-    "The pose blend shapes were made, not measured: they repeat a synthetic teacher, a rig of 32 "
-    "bones with twist spread along the limbs and dual quaternion skinning. No scan was seen.",
-    "Only the poses they were learned in come from people: draws of a Gaussian learned from motion"
-    " capture (workbench/data/poses). Toes, fingers and collars were not recorded.",
+    "Trained from synthetic registrations: people in poses on one mesh, their poses and joints "
+    "unknown to the training. No scan was seen. What pose does to a surface is a synthetic "
+    "teacher's: a rig of 32 bones with twist spread along the limbs and dual quaternion skinning.",
+    "Only the poses come from people: draws of a mixture of Gaussians learned from motion capture "
+    "(workbench/data/poses). Toes, fingers and collars were not recorded.",
+    "Weights and pose blend shapes are of people of both genders; template, shape directions and "
+    "joint regressor of those that `trained_on` names.",
     "Un-posed from the artists' A-pose by the exact inverse of linear blend skinning, one person at"
     " a time. The mesh is alike on both sides; nipples are smoothed away; there are no eyeballs.",
 )
 
 
+@dataclass(frozen=True, eq=False)
+class TrainedOn:
+    """Who a body is of, and what was found out on the way."""
+
+    gender: str
+    subjects: int  # of the multi-pose set, for the joint regressor
+    people: int  # of the multi-shape set
+    explained: Array  # (10,): the share of these people's variance
+    joint_errors: Array  # (K,) m rms
+    keypoint_errors: Array  # (M,) m rms
+    ridge: float
+
+
 def card_of(
-    result: Result,
+    name: str,
+    built: BuiltBody,
+    stored: SkinnedBody,
+    model: PoseModel,
+    told: TrainedOn,
+    met: Mapping[str, Any],
     sources: Sources,
-    recipe: Recipe,
-    corrections: Mapping[str, Correction],
-    rounding: float,
 ) -> dict[str, Any]:
-    """The card of one body, ready for JSON."""
+    """Ready for JSON; `met` is what strangers said, of the body as stored."""
+    estimate, sigmas = model.estimate, model.objective.sigmas
+    kkt = [entry.facts["kkt"] for entry in model.log if "kkt" in entry.facts]
+    poses = estimate.poses[:: max(1, len(estimate.poses) // 20)].copy()
+    poses[:, 0] = 0
+    mesh = name.partition("-")[0]
     return {
-        "name": result.name,
-        "n_vertices": len(result.body.template),
-        "n_faces": len(result.body.faces),
+        "name": name,
+        "n_vertices": len(built.template),
+        "n_faces": len(built.faces),
         "source": {
             "wheel": f"{wheel.NAME}=={wheel.VERSION}",
             "sha256": wheel.SHA256,
-            "topology": FILES[result.name],
+            "topology": FILES[mesh],
         },
         "licence": LICENCE,
         "provenance": list(PROVENANCE),
         "builder": {
-            "command": "python -m workbench.training.embedded WHEEL --out workbench/data/bodies",
-            **asdict(recipe),
+            "command": "python -m workbench.training.embedded WHEEL --mocap MOCAP --work FOLDER "
+            "--out workbench/data/bodies",
+            **asdict(SetRecipe(body=mesh)),
             "versions": {name: version(name) for name in ("numpy", "scipy", "trimesh")},
         },
         "population": {"measured_on": "the base mesh", **sources.population.facts()},
+        "trained_on": {
+            "registrations": len(estimate.poses),
+            "subjects": len(estimate.templates),
+            "subjects_for_joints": told.subjects,
+            "people_for_shape": told.people,
+            "of": told.gender,
+        },
+        "alternation": {
+            "what": "how poses, weights and blend shapes were found; afterwards both sides were "
+            "made alike and blend shapes learned once more, each vertex from the joints near it",
+            "blocks": ", ".join(entry.block for entry in model.log),
+            "lambdas": {k: float(f"{v:.6g}") for k, v in sigmas.lambdas.items()},
+            "final_costs": {k: float(f"{v:.6g}") for k, v in model.log[-1].after.items()},
+            "training_rms_mm_per_coordinate": round(1e3 * model.objective.rms(estimate), 4),
+            "worst_kkt": float(f"{max(kkt):.2g}"),
+        },
+        "pose_blend_shapes": {"reach_bones": REACH, "ridge_per_pose": told.ridge},
+        "held_out": dict(met),
         "betas": {
-            "unit": "standard deviations of the population",
+            "unit": "standard deviations of the people it was trained on",
             "sign": "the first is taller, the others are heavier",
-            "explained_variance": _rounded(result.explained, 5),
-            "cumulative": _rounded(np.cumsum(result.explained), 5),
+            "explained_variance": _rounded(told.explained, 5),
+            "cumulative": _rounded(np.cumsum(told.explained), 5),
         },
         "J_regressor_rms_mm": dict(
-            zip(JOINT_NAMES, _rounded(1e3 * result.joint_errors, 2), strict=True)
+            zip(stored.joint_names, _rounded(1e3 * told.joint_errors, 2), strict=True)
         ),
         "coco_regressor_rms_mm": dict(
-            zip(result.body.keypoint_names, _rounded(1e3 * result.keypoint_errors, 2), strict=True)
+            zip(built.keypoint_names, _rounded(1e3 * told.keypoint_errors, 2), strict=True)
         ),
-        "pose_blend_shapes": {
-            "ridge_per_pose": result.ridge,
-            "what": "posed distance to the synthetic teacher in mm, linear blend skinning alone "
-            "and with pose blend shapes, on poses that nothing was learned from; frames of the "
-            "recording whose elbows bend backwards, being flipped, are left out",
-            **{name: _digits(correction) for name, correction in corrections.items()},
-        },
-        "largest_rounding_error_mm": round(1e3 * rounding, 4),
+        "largest_rounding_error_mm": round(1e3 * _rounding_error(built, stored, poses), 4),
     }
 
 
-def rounding_error(body: BuiltBody, stored: Mapping[str, Any], poses: Array) -> float:
+def _rounding_error(built: BuiltBody, stored: SkinnedBody, poses: Array) -> float:
     """The farthest that storing has moved a vertex, in m, over poses (P, 24, 3) of tall people."""
-    betas = np.linspace(-2, 2, body.shapedirs.shape[2])
-    exact = body.template, body.shapedirs, body.posedirs, body.J_regressor, body.weights
-    names = ("template", "shapedirs", "posedirs", "J_regressor", "weights")
-    rounded = [stored[name] for name in names]
-    return max(
-        float(
-            np.linalg.norm(_posed(exact, betas, pose) - _posed(rounded, betas, pose), axis=1).max()
-        )
-        for pose in poses
-    )
+    betas = np.linspace(-2, 2, built.shapedirs.shape[2])
+    away = (_posed(built, betas, pose) - _posed(stored, betas, pose) for pose in poses)
+    return max(float(np.linalg.norm(moved, axis=1).max()) for moved in away)
 
 
-def _posed(arrays: Any, betas: Array, pose: Array) -> Array:
-    template, shapedirs, posedirs, J_regressor, weights = arrays
-    person = template + shapedirs @ betas
-    M, m = blended(weights, *binding_motions(pose, J_regressor @ person))
-    return skin(person + posedirs @ pose_features(pose), M, m)
+def _posed(body: BuiltBody | SkinnedBody, betas: Array, pose: Array) -> Array:
+    """About the pelvis; not by the body's own method, which a built one has not."""
+    person = body.template + body.shapedirs @ betas
+    M, m = blended(body.weights, *binding_motions(pose, body.J_regressor @ person))
+    return skin(person + body.posedirs @ pose_features(pose), M, m)
 
 
 def _rounded(values: Array, digits: int) -> list[float]:
     return [round(float(value), digits) for value in values]
-
-
-def _digits(correction: Correction) -> dict[str, float]:
-    numbers = {**asdict(correction), "explained": correction.explained}
-    return {name: round(value, 3) for name, value in numbers.items()}

@@ -8,9 +8,9 @@ from scipy.sparse import csr_array
 
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadBody
-from workbench.training.embedded.build import SEARCH_RADIUS
 from workbench.training.embedded.regressors import regress, regression_errors
 from workbench.training.embedded.rig import at_most_four
+from workbench.training.embedded.sources import SEARCH_RADIUS
 from workbench.training.estimate import Estimate
 from workbench.training.first_guess import Start
 from workbench.training.local_blends import local_posedirs

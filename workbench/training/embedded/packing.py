@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from workbench.training.embedded.skeleton import JOINT_NAMES, MIRRORED_JOINTS, PARENTS
 from workbench.training.mirror import opposites
+from workbench.writing import replacing
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -62,7 +63,8 @@ def write_body(body: BuiltBody, card: Mapping[str, Any], path: Path) -> None:
         "parents": np.array(PARENTS, np.int8),
         "card": np.array(json.dumps(card)),
     }
-    np.savez_compressed(path, **arrays)
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        np.savez_compressed(file, allow_pickle=False, **arrays)
 
 
 def in_steps(values: Array, step: float) -> NDArray[np.int16]:

@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from workbench.training.embedded.build import Sources
+from workbench.training.embedded.sources import Sources
 from workbench.training.embedded.topology import read_topology
 from workbench.writing import replacing
 
 BODIES = ("default", "small")
-PEOPLE, SEED_SHIFT = 4, 1000  # how many, and how far their seed is from the population's
+PEOPLE, SEED = 4, 1000  # how many, and a seed that nobody else was drawn with
 
 
 def write_strangers(sources: Sources, folder: Path) -> Path:

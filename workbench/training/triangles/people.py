@@ -11,8 +11,8 @@ from scipy.sparse import csr_array
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadArgument
 from workbench.training.blend_shapes.comparison import held_out, shipped_prior
-from workbench.training.embedded.build import Recipe, gather_sources
 from workbench.training.embedded.pose_blends import draw_poses
+from workbench.training.embedded.sources import gather_sources
 from workbench.training.embedded.teacher import Teacher
 from workbench.training.embedded.topology import FILES, read_topology
 from workbench.training.embedded.wheel import Wheel
@@ -92,8 +92,7 @@ class Registrations:
 
 def draw_people(plan: Plan, wheel: Path, body: SkinnedBody, report: Report) -> People:
     """From the artists' shape targets in the wheel; every one of them is made up."""
-    recipe = Recipe(people=plan.people + plan.strangers, seed=plan.seed)
-    sources = gather_sources(Wheel(wheel), recipe, report)
+    sources = gather_sources(Wheel(wheel), plan.people + plan.strangers, plan.seed, report)
     topology = read_topology(sources.wheel, plan.body, sources.mesh)
     rest = np.stack([topology.follows @ person for person in sources.population.vertices])
     fine = csr_array(topology.follows @ sources.fine_weights)
