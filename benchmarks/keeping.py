@@ -1,4 +1,4 @@
-"""Numbers of a benchmark on their way to a file."""
+"""Numbers of a benchmark, and what is written from them, on their way to a file."""
 
 import json
 import re
@@ -14,3 +14,10 @@ def keep(file: Path, data: Any, digits: int) -> None:
     text = json.dumps(rounded, indent=1)
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_text(re.sub(r"\[[^][{}]*\]", lambda match: " ".join(match[0].split()), text) + "\n")
+
+
+def write_between(file: Path, begin: str, end: str, text: str) -> None:
+    """Put lines between two marks in a file that has them."""
+    before, _, rest = file.read_text(encoding="utf-8").partition(begin)
+    after = rest.partition(end)[2]
+    file.write_text(f"{before}{begin}\n{text}\n{end}{after}", encoding="utf-8")

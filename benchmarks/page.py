@@ -5,15 +5,14 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import table, targets
+from benchmarks.keeping import write_between
 
 BEGIN, END = "<!-- from here on written by `python -m benchmarks` -->", "<!-- up to here -->"
 
 
 def rewrite(readme: Path, results: Mapping[str, Any]) -> None:
     """Put the numbers between the marks."""
-    before, _, rest = readme.read_text().partition(BEGIN)
-    _, _, after = rest.partition(END)
-    readme.write_text(f"{before}{BEGIN}\n\n{text(results)}\n{END}{after}")
+    write_between(readme, BEGIN, END, f"\n{text(results)}")
 
 
 def text(results: Mapping[str, Any]) -> str:

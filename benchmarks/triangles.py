@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.keeping import keep
+from benchmarks.keeping import keep, write_between
 
 KEPT = Path(__file__).parent / "results" / "triangles.json"
 README = Path(__file__).parents[1] / "README.md"
@@ -73,10 +73,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     folder = parser.parse_args(arguments).folder
     found = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     keep(KEPT, {name: part for name, part in found.items() if name != "files"}, digits=4)
-    before, _, rest = README.read_text(encoding="utf-8").partition(BEGIN)
-    after = rest.partition(END)[2]
-    kept = json.loads(KEPT.read_text(encoding="utf-8"))
-    README.write_text(f"{before}{BEGIN}\n{table(kept)}\n{END}{after}", encoding="utf-8")
+    write_between(README, BEGIN, END, table(json.loads(KEPT.read_text(encoding="utf-8"))))
 
 
 if __name__ == "__main__":

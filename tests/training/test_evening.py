@@ -13,7 +13,7 @@ from workbench.training.first_guess import Start
 from workbench.training.mirror import Mirror, opposites
 from workbench.training.objective import Objective
 from workbench.training.pose_training import PoseModel
-from workbench.training.registrations import InMemory
+from workbench.training.registrations import InMemory, Picked
 from workbench.training.skinning_pass import SkinningPass
 
 BODY = wb.load_body("small")
@@ -46,6 +46,24 @@ def test_blend_shapes_of_few_joints_are_found_again(model: PoseModel) -> None:
     assert after < before / 10
     assert np.array_equal(parts.mirror.posedirs(parts.estimate.posedirs), parts.estimate.posedirs)
     assert parts.estimate.weights == pytest.approx(BODY.weights, abs=1e-3)
+
+
+@pytest.mark.parametrize("people", [1, 3])
+def test_few_people_are_enough_to_choose_a_ridge(model: PoseModel, people: int) -> None:
+    rows, found = np.arange(people * EACH), model.estimate
+    few = PoseModel(
+        replace(
+            found,
+            templates=found.templates[:people],
+            joints=found.joints[:people],
+            poses=found.poses[rows],
+        ),
+        replace(model.objective, registrations=Picked(model.objective.registrations, rows)),
+        (),
+    )
+    parts = pose_parts(few, START)
+    before, after = (few.objective.rms(e) for e in (few.estimate, parts.estimate))
+    assert after < before / 3
 
 
 def test_joints_and_shapes_come_from_the_people_that_are_given(model: PoseModel) -> None:

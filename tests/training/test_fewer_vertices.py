@@ -12,7 +12,7 @@ from scipy.sparse import csr_array, eye_array
 import workbench as wb
 from workbench.errors import BadArgument
 from workbench.training.blocks import Effort, fit_poses
-from workbench.training.carrying import carried_over, finishing, read_off, train_coarse_first
+from workbench.training.carrying import carried_over, finishing, train_coarse_first
 from workbench.training.embedded.collapsing import collapsed
 from workbench.training.embedded.topology import Topology
 from workbench.training.estimate import Estimate, Sigmas
@@ -135,13 +135,6 @@ def test_an_estimate_carried_over_to_its_own_mesh_is_the_same() -> None:
     again = carried_over(truth, start, start)
     for name in ("templates", "posedirs", "weights", "joints", "poses"):
         assert getattr(again, name) == pytest.approx(getattr(truth, name), abs=1e-12)
-
-
-def test_what_is_linear_is_read_off_exactly_on_a_flat_mesh() -> None:
-    corners = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
-    start = Start(corners, np.array([[0, 1, 2], [0, 2, 3]]), (-1,), ("root",), np.zeros(4, int))
-    points = np.array([[0.2, 0.7, 0.0], [0.9, 0.1, 0.0]])
-    assert read_off(start, points) @ corners == pytest.approx(points)
 
 
 def test_a_large_mesh_is_trained_on_some_of_its_vertices_first(tmp_path: Path) -> None:

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from workbench.errors import BadArgument
 from workbench.training.made_up import draw_registrations, random_smpl, worm
+from workbench.training.registrations import Picked, kept_and_held_back
 from workbench.training.strangers import (
-    Picked,
     best_linear,
     left_when_told,
     meet,
@@ -87,3 +88,16 @@ def test_picked_are_those_that_were_picked() -> None:
     whole = data.read(slice(0, 15)).vertices
     np.testing.assert_array_equal(batch.vertices, whole[[2, 11]])
     assert some.n_vertices == 35
+
+
+def test_the_last_fifth_of_the_subjects_is_held_back() -> None:
+    kept, back = kept_and_held_back(np.array([0, 1, 2, 0, 1, 2]))
+    assert (kept.tolist(), back.tolist()) == ([0, 1, 3, 4], [2, 5])
+    assert kept_and_held_back(np.arange(10))[1].tolist() == [8, 9]
+
+
+def test_of_one_subject_registrations_are_held_back() -> None:
+    kept, back = kept_and_held_back(np.full(11, 3))
+    assert (kept.tolist(), back.tolist()) == ([*range(9)], [9, 10])
+    with pytest.raises(BadArgument, match="fewer than two registrations"):
+        kept_and_held_back(np.zeros(1, int))

@@ -20,7 +20,7 @@ from workbench.training.embedded.fine_weights import teacher_of
 from workbench.training.plan import Plan as TrainingPlan
 from workbench.training.triangles import study as module
 from workbench.training.triangles.alternation import Effort
-from workbench.training.triangles.choice import Choice, kept_and_held_back
+from workbench.training.triangles.choice import Choice
 from workbench.training.triangles.comparison import Explained
 from workbench.training.triangles.measures import Cost, Held, cost, crease, n_seams
 from workbench.training.triangles.models import Teaching, near
@@ -97,10 +97,7 @@ def test_how_pose_is_held_was_chosen_among_several() -> None:
         assert max(choice.left) < 60  # mm: nothing went astray
 
 
-def test_the_last_fifth_of_the_subjects_is_held_back() -> None:
-    kept, back = kept_and_held_back(np.array([0, 1, 2, 0, 1, 2]))
-    assert (kept.tolist(), back.tolist()) == ([0, 1, 3, 4], [2, 5])
-    assert kept_and_held_back(np.arange(10))[1].tolist() == [8, 9]
+def test_what_leaves_least_is_chosen() -> None:
     assert Choice((1.0, 2.0, 3.0), (5.0, 4.0, 6.0)).chosen == 2.0
 
 

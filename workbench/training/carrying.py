@@ -8,10 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
+from workbench.geometry.closest_points import read_off
 from workbench.training.crew import Crew, alone
 from workbench.training.estimate import Estimate
 from workbench.training.first_guess import MOST_WEIGHTS, Start, at_most
@@ -30,7 +29,7 @@ def carried_over(found: Estimate, on: Start, to: Start) -> Estimate:
     What subjects differ in from the template is read off as well, so that fine detail of the new
     template stays.
     """
-    between = read_off(on, to.template)
+    between = read_off(on.template, on.faces, to.template)
     S, N = len(found.templates), len(to.template)
     away = (found.templates - on.template).transpose(1, 2, 0).reshape(len(on.template), -1)
     P = found.posedirs
@@ -82,22 +81,6 @@ def train_coarse_first(
         crew=crew, begun=begun, sides=sides,
     )  # fmt: skip
     return replace(fine, log=(*model.log, *fine.log))
-
-
-def read_off(on: Start, points: Array) -> csr_array:
-    """Each point (M, 3) as the mean of the corners of the closest triangle: (M, N)."""
-    surface = trimesh.Trimesh(on.template, on.faces, process=False)
-    closest, _, triangle = trimesh.proximity.closest_point(  # type: ignore[no-untyped-call]
-        surface, points
-    )
-    corners = on.faces[triangle]
-    shares = trimesh.triangles.points_to_barycentric(  # type: ignore[no-untyped-call]
-        on.template[corners], closest
-    ).clip(0, 1)
-    shares /= shares.sum(axis=1, keepdims=True)
-    rows = np.repeat(np.arange(len(points)), 3)
-    shape = len(points), len(on.template)
-    return csr_array((shares.ravel(), (rows, corners.ravel())), shape=shape)
 
 
 def finishing(last: Stage | None = None, reach: int | None = None) -> Plan:

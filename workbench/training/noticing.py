@@ -41,6 +41,8 @@ class ByPattern:
         patterns, group = np.unique(own, axis=0, return_inverse=True)
         found = []
         for g, pattern in enumerate(patterns):
+            if not pattern.any():
+                continue
             rows = np.flatnonzero(pattern)
             L = scipy.linalg.cholesky(gram[np.ix_(rows, rows)], lower=True)
             found.append((np.flatnonzero(group.ravel() == g), rows, L))

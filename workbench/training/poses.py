@@ -14,6 +14,7 @@ from scipy.sparse import csr_array, eye_array, hstack
 
 from workbench.blocks import Block, Points, Values
 from workbench.bodies import SkinnedBody
+from workbench.bodies.body import Body
 from workbench.geometry.rigid import procrustes
 from workbench.geometry.rotation import vector_from_matrix
 from workbench.problem import Problem
@@ -114,7 +115,7 @@ class ShapePrior:
 class PoseFit:
     """Poses of one body from meshes of its first N vertices; its shape too, given a prior."""
 
-    body: SkinnedBody
+    body: Body
     n_vertices: int
     compared: Compared
     sigma: float  # m

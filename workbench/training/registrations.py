@@ -7,10 +7,13 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.errors import BadArgument
+
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 HELD_BYTES, HELD_EACH = 2**29, 32  # of registrations in memory; of a vertex, and its trust
 FEWEST = 64  # registrations in a piece: each reads and writes all posedirs once
+HELD_BACK = 5  # one subject of so many, and at least one, where something is chosen
 PIECE_BYTES = 2**23  # of a piece's largest array, (c, N, 3, 3): what a pass keeps in memory
 
 
@@ -57,6 +60,49 @@ class InMemory:
         vertices = np.asarray(self.vertices[some], dtype=np.float64)
         seen = np.ones(vertices.shape[:2]) if self.seen is None else self.seen[some].astype(float)
         return Batch(some, self.subject[some], vertices, seen)
+
+
+@dataclass(frozen=True, eq=False)
+class Picked:
+    """Some registrations of a source, in an order of their own; subjects keep their numbers."""
+
+    of: Registrations
+    rows: Index
+
+    @property
+    def subject(self) -> Index:
+        """Whose each is."""
+        return self.of.subject[self.rows]
+
+    @property
+    def n_vertices(self) -> int:
+        """N."""
+        return self.of.n_vertices
+
+    def read(self, some: slice) -> Batch:
+        """One by one."""
+        each = [self.of.read(slice(row, row + 1)) for row in self.rows[some].tolist()]
+        vertices, seen = (
+            np.concatenate([getattr(batch, name) for batch in each])
+            for name in ("vertices", "seen")
+        )
+        return Batch(some, self.subject[some], vertices, seen)
+
+
+def kept_and_held_back(subject: Index) -> tuple[Index, Index]:
+    """Rows of registrations (J,): of most subjects, and of the last fifth of them, at least one.
+
+    Where all are of one subject, the last fifth of his registrations. Raises BadArgument if there
+    are not two.
+    """
+    if len(subject) < 2:
+        raise BadArgument("of fewer than two registrations none can be held back; add some")
+    who, apart = np.unique(subject, return_inverse=True)
+    if len(who) == 1:
+        apart = np.arange(len(subject))
+    n = int(apart.max()) + 1
+    back = apart >= n - max(1, n // HELD_BACK)
+    return np.flatnonzero(~back), np.flatnonzero(back)
 
 
 def held(registrations: Registrations) -> Registrations:

@@ -56,6 +56,10 @@ class SkinningPass:
         """The posed vertices, (c, N, 3) m."""
         return _apply(self.blended, self.rest) + self.carried @ self.shifts
 
+    def at_rest(self, away: Array) -> Array:
+        """What must be added at rest, (c, N, 3) m, to move the posed vertices by `away`."""
+        return np.asarray(np.linalg.solve(self.blended, away[..., None])[..., 0])
+
     def tangent(self, change: Change) -> Array:
         """How the points move with a small change of the estimate, (c, N, 3) m."""
         rest, shifts, blended, carried = (None,) * 4

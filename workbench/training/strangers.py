@@ -7,6 +7,7 @@ shape, joints, pose and the rig's weights), and the best linear predictor on the
 which was told the same of those trained on.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from workbench.bodies import SkinnedBody
 from workbench.training.blocks import BLOCKS, Effort
 from workbench.training.crew import ONE, Hands
-from workbench.training.embedded.pose_blends import Lesson, solve_ridge
+from workbench.training.embedded.pose_blends import Lesson, Pair, ridge_learned
 from workbench.training.estimate import Estimate, Sigmas
 from workbench.training.first_guess import Start
 from workbench.training.held_out import Generalization
@@ -23,7 +24,13 @@ from workbench.training.mirror import Mirror, opposites
 from workbench.training.objective import Objective
 from workbench.training.pose_training import first_estimate, first_poses
 from workbench.training.poses import SITTING, OnEdges, ShapePrior
-from workbench.training.registrations import Batch, Registrations, batches, held
+from workbench.training.registrations import (
+    Picked,
+    Registrations,
+    batches,
+    held,
+    kept_and_held_back,
+)
 from workbench.training.shape_training import Visit, unposed_people
 from workbench.training.skinning_pass import SkinningPass
 from workbench.training.truth import Truth
@@ -34,33 +41,6 @@ STEPS = 4  # of Gauss and Newton for a stranger's rest shape and poses
 ROUNDS = 4  # of the poses that are asked about
 REGRESSED = 0.0005  # m: joints are the regressor's
 RIDGES = (1e-3, 3e-3, 1e-2, 3e-2)  # per pose
-
-
-@dataclass(frozen=True, eq=False)
-class Picked:
-    """Some registrations of a source, in an order of their own; subjects keep their numbers."""
-
-    of: Registrations
-    rows: Index
-
-    @property
-    def subject(self) -> Index:
-        """Whose each is."""
-        return self.of.subject[self.rows]
-
-    @property
-    def n_vertices(self) -> int:
-        """N."""
-        return self.of.n_vertices
-
-    def read(self, some: slice) -> Batch:
-        """One by one."""
-        each = [self.of.read(slice(row, row + 1)) for row in self.rows[some].tolist()]
-        vertices, seen = (
-            np.concatenate([getattr(batch, name) for batch in each])
-            for name in ("vertices", "seen")
-        )
-        return Batch(some, self.subject[some], vertices, seen)
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,35 +174,22 @@ def left_when_told(
 def best_linear(truth: Truth, registrations: Registrations, start: Start) -> Array:
     """Posedirs (N, 3, F): ridge regression of true un-posed errors, its ridge chosen on a fifth.
 
-    That fifth of the subjects is left out until the ridge is chosen.
+    That fifth of the subjects is held back until the ridge is chosen.
     """
-    S = len(truth.rest)
-    every = np.arange(len(truth.subject))
-    apart = truth.subject >= S - max(1, S // 5)
-    learned, test = (_lesson(truth, registrations, start, every[of]) for of in (~apart, apart))
-    whole = np.ones((truth.rest.shape[1], len(start.parents)), dtype=bool)
-    ridge = min(RIDGES, key=lambda r: test.error(solve_ridge(learned, whole, r)))
-    both = Lesson(
-        learned.features + test.features,
-        learned.products + test.products,
-        learned.energy + test.energy,
-        learned.n_poses + test.n_poses,
+    learned, held_back = (
+        Lesson.of(_errors(truth, registrations, start, rows)).with_reflections(start.mirror())
+        for rows in kept_and_held_back(truth.subject)
     )
-    return solve_ridge(both, whole, ridge)
+    whole = np.ones_like(learned.products[:, 0], dtype=bool)
+    return ridge_learned(learned, held_back, whole, RIDGES)[0]
 
 
-def _lesson(truth: Truth, registrations: Registrations, start: Start, rows: Index) -> Lesson:
-    """Sums of features and of what must be added at rest for skinning to be right."""
+def _errors(
+    truth: Truth, registrations: Registrations, start: Start, rows: Index
+) -> Iterator[Pair]:
+    """Features, and what must be added at rest for skinning to be right."""
     estimate = replace(told(truth, start.parents), poses=truth.poses[rows])
-    F = estimate.posedirs.shape[2]
-    features, products, energy = np.zeros((F, F)), np.zeros((truth.rest.shape[1] * 3, F)), 0.0
     for batch in batches(Picked(registrations, rows)):
         passed = SkinningPass(estimate, batch.some, batch.subject)
         away = batch.vertices - truth.trans[rows[batch.some], None] - passed.points
-        errors = np.linalg.solve(passed.blended, away[..., None]).reshape(len(away), -1)
-        features += passed.features.T @ passed.features
-        products += errors.T @ passed.features
-        energy += float(np.vdot(errors, errors))
-    lesson = Lesson(features, products.reshape(-1, 3, F), energy, len(rows))
-    mirror = start.mirror()
-    return lesson if mirror is None else lesson.with_reflections(mirror)
+        yield passed.features, passed.at_rest(away)

@@ -3,11 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
-from scipy.spatial import cKDTree
 
+from workbench.geometry.closest_points import nearest, read_off
 from workbench.training.embedded.base_mesh import N_BODY, BaseMesh
 from workbench.training.embedded.wheel import ObjMesh, Wheel, WheelUnreadable
 from workbench.training.mirror import REFLECTION
@@ -34,41 +33,12 @@ class Topology:
 def read_topology(wheel: Wheel, name: str, base: BaseMesh) -> Topology:
     """The topology of one of the embedded bodies."""
     mesh = wheel.mesh(FILES[name])
-    distances, mirror = _nearest(mesh.vertices, mesh.vertices * REFLECTION)
+    distances, mirror = nearest(mesh.vertices, mesh.vertices * REFLECTION)
     if distances.max() > 1e-6 or not np.array_equal(mirror[mirror], np.arange(len(mirror))):
         raise WheelUnreadable(f"{FILES[name]} is not alike on both sides")
-    follows = _barycentric(mesh.vertices, base)
+    follows = read_off(base.vertices[:N_BODY], base.triangles, mesh.vertices)
     other_side = follows[mirror][:, base.mirror[:N_BODY]]
     return Topology(csr_array((follows + other_side) / 2), _triangulated(mesh, mirror), mirror)
-
-
-def _barycentric(points: Array, base: BaseMesh) -> csr_array:
-    """Each point (N, 3) as the mean of the three corners of the base triangle that is closest.
-
-    A point at a base vertex follows that vertex alone.
-    """
-    body = base.vertices[:N_BODY]
-    surface = trimesh.Trimesh(body, base.triangles, process=False)
-    closest, _, triangle = trimesh.proximity.closest_point(  # type: ignore[no-untyped-call]
-        surface, points
-    )
-    corners = base.triangles[triangle]
-    shares = trimesh.triangles.points_to_barycentric(  # type: ignore[no-untyped-call]
-        body[corners], closest
-    ).clip(0, 1)
-    distance, vertex = _nearest(body, points)
-    same = distance < 1e-5
-    corners[same], shares[same] = vertex[same, None], [1.0, 0.0, 0.0]
-    shares[shares < 1e-6] = 0
-    shares /= shares.sum(axis=1, keepdims=True)
-    rows = np.repeat(np.arange(len(points)), 3)
-    return csr_array((shares.ravel(), (rows, corners.ravel())), shape=(len(points), N_BODY))
-
-
-def _nearest(vertices: Array, points: Array) -> tuple[Array, Index]:
-    """Of each point the distance and the number of the nearest vertex."""
-    distances, numbers = cKDTree(vertices).query(points)
-    return np.asarray(distances, np.float64), np.asarray(numbers, np.int64)
 
 
 def _triangulated(mesh: ObjMesh, mirror: Index) -> Index:

@@ -21,9 +21,9 @@ from workbench.geometry.triangles import edges, frames_on, gradients
 from workbench.training.blocks import POSE_STEPS
 from workbench.training.pose_training import FIRST_SIGMA
 from workbench.training.poses import OnEdges, OnVertices, ShapePrior
-from workbench.training.registrations import InMemory
+from workbench.training.registrations import InMemory, kept_and_held_back
 from workbench.training.training import Trained
-from workbench.training.triangles.choice import Choice, kept_and_held_back
+from workbench.training.triangles.choice import Choice
 from workbench.training.triangles.fitting import Fits, Search
 from workbench.training.triangles.learning import PosedMeshes, learn_bends, learn_person
 from workbench.training.triangles.shape_space import learn_shapes

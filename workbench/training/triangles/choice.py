@@ -3,10 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
-
-Index = NDArray[np.int64]
-HELD_BACK = 5  # every how manieth subject, at least one
 
 
 @dataclass(frozen=True)
@@ -20,10 +16,3 @@ class Choice:
     def chosen(self) -> float:
         """That which leaves least."""
         return self.tried[int(np.argmin(self.left))]
-
-
-def kept_and_held_back(subject: Index) -> tuple[Index, Index]:
-    """Rows of registrations (J,): of most subjects, and of the last fifth of them."""
-    S = int(subject.max()) + 1
-    back = subject >= S - max(1, S // HELD_BACK)
-    return np.flatnonzero(~back), np.flatnonzero(back)

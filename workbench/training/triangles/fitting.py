@@ -53,10 +53,7 @@ class Search:
         solver = LevenbergMarquardt(
             max_iterations=self.steps, gradient_tolerance=TOLERANCE, first_damping=FIRST_DAMPING
         )
-        fit = PoseFit(
-            body,  # type: ignore[arg-type]  # it asks for nothing that not every Body has
-            body.n_vertices, self.compared, self.sigma, solver, self.shapes,
-        )  # fmt: skip
+        fit = PoseFit(body, body.n_vertices, self.compared, self.sigma, solver, self.shapes)
         seen = np.ones(body.n_vertices)
         known = np.zeros((len(meshes), body.n_betas)) if betas is None else betas
         each = zip(poses, meshes, known, strict=True)

@@ -14,13 +14,13 @@ from workbench.training.estimate import Estimate, Sigmas
 from workbench.training.objective import Objective
 from workbench.training.plan import QUICK, REACH, Plan, alternation
 from workbench.training.pose_training import PoseModel, Progress, train_poses
-from workbench.training.registrations import InMemory
+from workbench.training.registrations import InMemory, kept_and_held_back
 from workbench.training.training import train
 from workbench.training.triangles.alternation import (
     QUICK as QUICK_BLOCKS,
 )
 from workbench.training.triangles.alternation import Effort, State, choose_ridge, train_triangles
-from workbench.training.triangles.choice import Choice, kept_and_held_back
+from workbench.training.triangles.choice import Choice
 from workbench.training.triangles.fitting import AnyBody
 from workbench.training.triangles.people import Registrations
 

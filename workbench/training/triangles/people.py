@@ -18,6 +18,7 @@ from workbench.training.embedded.topology import FILES, read_topology
 from workbench.training.embedded.wheel import Wheel
 from workbench.training.first_guess import Start
 from workbench.training.registrations import InMemory
+from workbench.training.sets import SetRecipe
 from workbench.training.triangles.learning import PosedMeshes
 
 Array = NDArray[np.float64]
@@ -25,7 +26,6 @@ Report = Callable[[str], None]
 RECORDED = "real poses, of clips of motion capture that nothing was learned from"
 DRAWN = "further draws from the pose prior, which is a Gaussian: easier than real poses"
 
-JITTER = 0.05  # rad on every axis of every joint: nobody stands at rest quite alike
 MOVED = 0.5  # m, on every axis
 
 
@@ -107,7 +107,7 @@ def register(plan: Plan, people: People, mocap: Path | None) -> Registrations:
     if mocap is not None:
         recorded = held_out(mocap)
         others = recorded[rng.permutation(len(recorded))[: plan.test]]
-    still = JITTER * rng.standard_normal((plan.people, *seen.shape[1:]))
+    still = SetRecipe.jitter * rng.standard_normal((plan.people, *seen.shape[1:]))
     return Registrations(
         people,
         _scanned(people.posed(people.learned, _turned(still, rng)), rng),

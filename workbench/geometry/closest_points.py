@@ -1,0 +1,40 @@
+"""What of a mesh is closest to points: its vertices, or its surface."""
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.spatial import cKDTree
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+SAME = 1e-5  # m: a point nearer to a vertex follows it alone
+
+
+def nearest(vertices: Array, points: Array) -> tuple[Array, Index]:
+    """Of each point (M, 3) the distance and the number of the nearest vertex, (M,) both."""
+    distances, numbers = cKDTree(vertices).query(points)
+    return np.asarray(distances, np.float64), np.asarray(numbers, np.int64)
+
+
+def read_off(vertices: Array, faces: Index, points: Array) -> csr_array:
+    """Each point (M, 3) m as the mean of the corners of the closest triangle: (M, N).
+
+    Rows sum to one. A point at a vertex (N, 3) m follows that vertex alone.
+    """
+    surface = trimesh.Trimesh(vertices, faces, process=False)
+    closest, _, triangle = trimesh.proximity.closest_point(  # type: ignore[no-untyped-call]
+        surface, points
+    )
+    corners = faces[triangle]
+    shares = trimesh.triangles.points_to_barycentric(  # type: ignore[no-untyped-call]
+        vertices[corners], closest
+    ).clip(0, 1)
+    distance, vertex = nearest(vertices, points)
+    same = distance < SAME
+    corners[same], shares[same] = vertex[same, None], [1.0, 0.0, 0.0]
+    shares[shares < 1e-6] = 0
+    shares /= shares.sum(axis=1, keepdims=True)
+    rows = np.repeat(np.arange(len(points)), 3)
+    shape = len(points), len(vertices)
+    return csr_array((shares.ravel(), (rows, corners.ravel())), shape=shape)
