@@ -43,7 +43,7 @@ for name, one in ways.items():
     found = Limb(one, "left_elbow").volumes([0, -1, 0], bends)
     elbow[name] = 1e6 * (found - found[0])  # cm^3
 limb = Limb(linear, "left_wrist")
-weights = linear.weights[limb.waist, limb.index]
+weights = limb.turning[limb.waist]
 predicted = np.array([linear_radius(weights, a).mean() for a in angles])  # as if all were as thick
 stretch = {
     name: Limb(one, "left_elbow").stretches([0, -1, 0], bends)[1] for name, one in ways.items()

@@ -10,21 +10,20 @@ from pathlib import Path
 import numpy as np
 
 import workbench as wb
-from workbench.bodies.ablations import without_pose_blend_shapes
 from workbench.training.blend_shapes import studies
 from workbench.training.blend_shapes.comparison import shipped_prior
 from workbench.training.blend_shapes.contest import LINEAR, LINEAR_IN, Contender, School, measured
 from workbench.training.blend_shapes.lesson import Lesson, taught
-from workbench.training.embedded.fine_weights import teacher_of
-from workbench.training.embedded.pose_blends import draw_poses
+from workbench.training.embedded.fine_weights import pupil_of, teacher_of
+from workbench.training.pose_prior import draw_poses
 
 body = wb.load_body("small")
-bare = without_pose_blend_shapes(body)
-rng, teacher = np.random.default_rng(0), teacher_of(body)
+bare, teacher = pupil_of(body), teacher_of(body)
+rng = np.random.default_rng(0)
 lesson, trial, test = (
     Lesson.by(teacher, draw_poses(shipped_prior(), n, rng)) for n in (250, 40, 60)
 )
-school = School(body, lesson, trial)
+school = School(bare, lesson, trial)
 shapes = school.bulges(bare)  # what linear blending gets wrong, brought back to rest
 
 students = {LINEAR: Contender(LINEAR, bare, 0)}

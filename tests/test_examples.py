@@ -84,4 +84,4 @@ def test_a_cloud_without_names_is_fitted_round_by_round() -> None:
     example = import_module("examples.10_depth_map")
     assert example.errors[-1] < example.errors[0] / 4
     assert example.gaps[-1] < 10  # mm, between points that are as far apart
-    assert example.front.mean() < 25
+    assert example.front.mean() < 30

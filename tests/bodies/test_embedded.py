@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial.transform import Rotation
 
 import workbench
 from workbench.bodies.catalogue import BODIES
@@ -90,16 +91,19 @@ def test_tree_is_that_of_smpl(body: EmbeddedBody) -> None:
 
 
 def test_t_pose(body: EmbeddedBody) -> None:
-    """Pelvis at the origin, arms along x, palms down, legs down, nose to the front."""
+    """Pelvis at the origin, arms along x, palms down, legs down, nose to the front.
+
+    Joints are where training found them: a line through them is an arm's to two or three degrees.
+    """
     joints = body["J_regressor"] @ body["template"]
     at = dict(zip(body["joint_names"], joints, strict=True))
     assert abs(joints[0]).max() < 1e-15
     arm = at["left_wrist"] - at["left_shoulder"]
     assert arm[0] > 0.4
-    assert abs(arm[1:]).max() < 0.005
+    assert abs(arm[1:]).max() < 0.025
     shank = at["left_ankle"] - at["left_knee"]
     assert shank[1] < -0.3
-    assert abs(shank[[0, 2]]).max() < 0.005
+    assert abs(shank[[0, 2]]).max() < 0.01
     names, regressor = body["landmarks"]["coco"]
     keypoint = dict(zip(names, regressor @ body["template"], strict=True))
     assert keypoint["nose"][2] > keypoint["left_ear"][2] + 0.08
@@ -175,12 +179,21 @@ def test_mirror_maps_the_pose_blend_shapes_to_themselves(body: EmbeddedBody) -> 
 
 
 def test_pose_blend_shapes_are_local_and_sane(body: EmbeddedBody) -> None:
-    posedirs = body["posedirs"]
-    assert 0.01 < abs(posedirs).max() < 0.1  # m
-    assert (posedirs != 0).mean() < 0.15
+    """A vertex follows joints at most two bones from one that carries it."""
+    posedirs, parents = body["posedirs"], body["parents"]
+    assert 0.01 < abs(posedirs).max() < 0.15  # m
+    near = np.eye(24, dtype=bool)
+    for k, parent in enumerate(parents[1:], start=1):
+        near[k, parent] = near[parent, k] = True
+    followed = (body["weights"] > 0) @ near @ near
+    acting = (posedirs != 0).reshape(len(posedirs), 3, 23, 9).any(axis=(1, 3))
+    assert not (acting & ~followed[:, 1:]).any()
+    assert acting.mean() < 0.3
     knee = body["joint_names"].index("left_knee")
-    right_side = body["template"][:, 0] < -0.05
-    assert not posedirs[right_side][:, :, 9 * (knee - 1) : 9 * knee].any()
+    bent = (Rotation.from_rotvec([1.0, 0, 0]).as_matrix() - np.eye(3)).ravel()
+    moved = np.linalg.norm(posedirs[:, :, 9 * (knee - 1) : 9 * knee] @ bent, axis=1)
+    assert moved.max() > 0.01
+    assert moved[body["template"][:, 0] < -0.05].max() < 0.003  # the other leg
 
 
 def test_pose_blend_shapes_help_where_nothing_was_learned(body: EmbeddedBody) -> None:

@@ -180,7 +180,7 @@ def test_the_wrist_of_the_body_is_as_thin_as_its_weights_say() -> None:
     joint, bone = body.joints()[limb.index], limb.bone
     away = body.template[limb.waist] - joint
     reach = np.linalg.norm(away - (away @ bone)[:, None] * bone, axis=1)
-    w = body.weights[limb.waist, limb.index]
+    w = limb.turning[limb.waist]
     expected = [(reach * linear_radius(w, a)).mean() / reach.mean() for a in angles]
     np.testing.assert_allclose(limb.radii(angles), expected, atol=1e-12)
     dual = Limb(replace(body, skinning=wb.dual_quaternion_blend), "left_wrist")

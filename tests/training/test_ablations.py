@@ -39,7 +39,7 @@ def test_without_e_p_blend_shapes_grow_and_fit_noise(results: dict[str, Ablated]
 def test_without_pose_normalisation_shape_is_pose(results: dict[str, Ablated]) -> None:
     raw, normal = results["not pose-normalised"], results["all terms"]
     assert raw.pose_in_shape[0] > 0.5
-    assert raw.pose_in_shape[0] > normal.pose_in_shape[0] + 0.2
+    assert 1 - normal.pose_in_shape[0] > 5 * (1 - raw.pose_in_shape[0])  # what pose leaves open
 
 
 def test_pose_share_of_what_is_known() -> None:

@@ -26,17 +26,25 @@ from workbench.training.embedded.packing import (
     whole_shares,
     write_body,
 )
-from workbench.training.embedded.pose_blends import Lesson, solve_ridge, unposed_error
 from workbench.training.embedded.regressors import regress, regression_errors
 from workbench.training.embedded.rig import HALF_OF, at_most_four, carrier
 from workbench.training.embedded.shape_targets import Person, ShapeTargets
-from workbench.training.embedded.skeleton import JOINT, JOINT_NAMES, MIRRORED_JOINTS, PARENTS
+from workbench.training.embedded.skeleton import (
+    JOINT,
+    JOINT_NAMES,
+    MIRRORED_JOINTS,
+    PARENTS,
+    binding_motions,
+    blended,
+    unskin,
+)
 from workbench.training.embedded.t_pose import smallest_rotation, to_t_pose
 from workbench.training.embedded.teacher import DISTAL_SHARE, PROXIMAL_SHARE, Teacher, twist_about
 from workbench.training.embedded.topology import _triangulated
 from workbench.training.embedded.torch_file import read_tensors
 from workbench.training.embedded.wheel import Wheel, WheelUnreadable, parse_obj
 from workbench.training.mirror import REFLECTION, Mirror, mirrored_pose
+from workbench.training.ridge import Sums, solve_ridge
 from workbench.training.shape_space import learn_shape_space
 
 Array = NDArray[np.float64]
@@ -305,7 +313,8 @@ def test_teacher_keeps_the_radius_that_linear_blend_skinning_loses(angle: float)
     linear = skinned(teacher.rest, teacher.joints, weights, R)
     expected = 0.01 * np.cos(angle / 2)
     assert np.linalg.norm(linear[:, 1:], axis=1) == pytest.approx(expected)
-    correction = unposed_error(teacher, weights, pose)
+    M, m = blended(weights, *binding_motions(pose, teacher.joints))
+    correction = unskin(teacher.vertices(pose), M, m) - teacher.rest
     assert (
         abs(
             skinned(teacher.rest + correction, teacher.joints, weights, R) - teacher.vertices(pose)
@@ -330,7 +339,7 @@ def test_ridge_finds_pose_blend_shapes_within_their_support() -> None:
     true = rng.normal(size=(4, 3, 207)) * support[:, None]
     features = rng.normal(size=(400, 207))
     errors = np.einsum("ncf,pf->pnc", true, features)
-    lesson = Lesson.of((features[some], errors[some]) for some in (slice(0, 150), slice(150, 400)))
+    lesson = Sums.of((features[some], errors[some]) for some in (slice(0, 150), slice(150, 400)))
     assert lesson.energy == pytest.approx(np.vdot(errors, errors))
     assert lesson.n_poses == 400
     found = solve_ridge(lesson, support, ridge=1e-12)
@@ -339,7 +348,7 @@ def test_ridge_finds_pose_blend_shapes_within_their_support() -> None:
     assert abs(lesson.error(found)) < 1e-9
     assert lesson.error(np.zeros_like(found)) == pytest.approx(1)
     everywhere = solve_ridge(
-        Lesson(lesson.features, rng.normal(size=(4, 3, 207)), 1.0, 400), support, ridge=1e-3
+        Sums(lesson.features, rng.normal(size=(4, 3, 207)), 1.0, 400), support, ridge=1e-3
     )
     assert not everywhere[~support[:, None].repeat(3, axis=1)].any()
     norms = [np.linalg.norm(solve_ridge(lesson, support, r)) for r in (0.01, 0.1, 1.0)]

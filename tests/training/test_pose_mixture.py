@@ -8,7 +8,6 @@ from scipy.stats import multivariate_normal
 
 import workbench
 from workbench.errors import BadFile
-from workbench.training.embedded.pose_blends import draw_poses
 from workbench.training.embedded.skeleton import JOINT_NAMES
 from workbench.training.pose_mixture import (
     FILE_NAME,
@@ -16,7 +15,7 @@ from workbench.training.pose_mixture import (
     read_pose_mixture,
     save_pose_mixture,
 )
-from workbench.training.pose_prior import Mocap
+from workbench.training.pose_prior import Mocap, draw_poses
 
 SHIPPED = Path(workbench.__file__).parent / "data" / "poses" / FILE_NAME
 

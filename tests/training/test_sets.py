@@ -81,3 +81,29 @@ def test_registrations_of_unknown_making_are_refused(tmp_path: Path) -> None:
     np.savez(tmp_path / FILE, rest=np.zeros(3))
     with pytest.raises(BadFile, match="joints"):
         read_truth(tmp_path)
+
+
+def test_every_other_pose_moves_every_joint() -> None:
+    """Mocap hardly bends a wrist; the poses between are as they were drawn."""
+    recipe = SetRecipe(subjects=30, poses=4)
+    drawn = np.zeros((30, 4, 24, 3))
+    drawn[..., 3, :] = 2.5, 0, 0  # already far
+    stirred = sets._stirred(drawn, recipe)
+    assert np.array_equal(stirred[:, 1::2], drawn[:, 1::2])
+    spread = stirred[:, ::2, 4:].std(axis=(0, 1))
+    np.testing.assert_allclose(spread, recipe.stirred, rtol=0.4)
+    assert np.linalg.norm(stirred, axis=-1).max() <= sets.LARGEST_ANGLE + 1e-12
+    assert np.array_equal(stirred, sets._stirred(drawn, recipe))
+
+
+def test_sets_of_another_recipe_are_refused(tmp_path: Path) -> None:
+    recipe = SetRecipe()
+    assert not sets.already_made(tmp_path, recipe, None)
+    for name in ("train", "held_out"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / sets.CARD).write_text(sets._said(recipe, None))
+    assert sets.already_made(tmp_path, recipe, None)
+    with pytest.raises(BadFile, match="were made otherwise; remove"):
+        sets.already_made(tmp_path, SetRecipe(seed=7), None)
+    with pytest.raises(BadFile, match="were made otherwise"):
+        sets.already_made(tmp_path, recipe, np.zeros((5, 24, 3)))

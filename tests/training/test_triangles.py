@@ -236,7 +236,7 @@ def test_vertex_components_explain_at_least_as_much_for_every_k(seed: int) -> No
     vertices = explained_by_vertices(people, 23)
     triangles = explained_by_triangles(people, SMALL.faces, 23)
     assert (vertices.share >= triangles.share - 1e-12).all()
-    assert (vertices.rms <= triangles.rms + 1e-12).all()
+    assert (vertices.rms**2 <= triangles.rms**2 + 1e-12).all()
     assert (vertices.share - triangles.share)[1:10].max() > 1e-4
     for found in (vertices, triangles):
         assert found.share[0] == 0

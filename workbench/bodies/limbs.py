@@ -70,11 +70,17 @@ class Limb:
         return np.asarray(chosen[label[chosen[:, 0]] == sizes.argmax()])
 
     @cached_property
+    def turning(self) -> Array:
+        """The share of each vertex, (N,), that turns with the joint: its weights there and beyond."""
+        beyond = np.arange(self.body.n_joints) == self.index
+        for k in range(self.index + 1, self.body.n_joints):
+            beyond[k] = beyond[self.body.parents[k]]
+        return np.asarray(self.body.weights[:, beyond].sum(axis=1))
+
+    @cached_property
     def waist(self) -> NDArray[np.int64]:
-        """The vertices that both bones carry about evenly, and nothing else carries."""
-        own, other = self.body.weights[:, self.index], self.body.weights[:, self.parent]
-        alone = own + other > 1 - 1e-9
-        found = np.flatnonzero(alone & (np.abs(own - 0.5) <= HALFWAY))
+        """The vertices that what turns and what stays carry about evenly."""
+        found = np.flatnonzero(np.abs(self.turning - 0.5) <= HALFWAY)
         if not len(found):
             raise BadArgument(
                 f"body {self.body.name!r} has no vertex between {self.joint} and "

@@ -14,7 +14,7 @@ from workbench.reports import card_text, write_card
 
 def body(
     name: Annotated[
-        str, typer.Argument(help="An embedded body (default, small, full), or a file of your own.")
+        str, typer.Argument(help=f"An embedded body ({', '.join(BODIES)}), or a file of your own.")
     ] = "default",
     out: Annotated[Path, typer.Option(help="Folder that the card is written into.")] = Path("runs"),
 ) -> None:

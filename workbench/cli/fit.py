@@ -41,7 +41,7 @@ def fit(
     person: Annotated[
         int | None, typer.Option(help="Which person of the file, from 0; else the best seen.")
     ] = None,
-    body: Annotated[str, typer.Option(help="default, small, full, or a file.")] = "default",
+    body: Annotated[str, typer.Option(help="An embedded body, or a file.")] = "default",
     sigma: Annotated[
         float | None, typer.Option(help="What is ordinary: 4 px for keypoints, 0.002 m for a mesh.")
     ] = None,

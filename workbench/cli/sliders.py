@@ -7,14 +7,14 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
-from workbench.bodies.catalogue import load_body
+from workbench.bodies.catalogue import BODIES, load_body
 from workbench.cli.run import make_folder
 from workbench.reports.sliders import write_sliders
 
 
 def sliders(
     name: Annotated[
-        str, typer.Argument(help="An embedded body (default, small, full), or a file of your own.")
+        str, typer.Argument(help=f"An embedded body ({', '.join(BODIES)}), or a file of your own.")
     ] = "default",
     out: Annotated[Path, typer.Option(help="Folder that the page is written into.")] = Path("runs"),
 ) -> None:

@@ -49,7 +49,7 @@ def train(
     start: Annotated[
         str | None,
         typer.Option(
-            help="Template, tree and segments: default, small, full, a body's file, or an .npz; "
+            help="Template, tree and segments: an embedded body, a body's file, or an .npz; "
             f"{START} in the folder if there is one, else default."
         ),
     ] = None,

@@ -22,11 +22,11 @@ from workbench.plots.training import (
 )
 from workbench.reports.summary import as_json
 from workbench.training.ablations import Ablated, Sets, ablate, turn_errors
-from workbench.training.embedded.pose_blends import draw_poses
 from workbench.training.estimate import Sigmas
 from workbench.training.first_guess import read_start
 from workbench.training.folder import open_folder
 from workbench.training.pose_mixture import read_pose_mixture
+from workbench.training.pose_prior import draw_poses
 from workbench.training.sets import MIXTURE
 from workbench.writing import replacing
 

@@ -12,13 +12,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.training.embedded.pose_blends import Lesson, Pair, ridge_learned
 from workbench.training.estimate import Estimate
 from workbench.training.mirror import Mirror
 from workbench.training.noticing import noticed
 from workbench.training.objective import Objective, centred
 from workbench.training.plan import REACH
 from workbench.training.registrations import Picked, batches, kept_and_held_back
+from workbench.training.ridge import Pair, Sums, ridge_learned
 from workbench.training.skinning_pass import SkinningPass
 
 Array = NDArray[np.float64]
@@ -31,7 +31,7 @@ def local_posedirs(
 ) -> tuple[Array, float]:
     """Posedirs (N, 3, F) m, and the ridge, chosen on subjects that are held back meanwhile."""
     learned, held_back = (
-        Lesson.of(_errors(objective, estimate, rows)).with_reflections(mirror)
+        Sums.of(_errors(objective, estimate, rows)).with_reflections(mirror)
         for rows in kept_and_held_back(objective.registrations.subject)
     )
     support = noticed(estimate.weights, estimate.parents, REACH)

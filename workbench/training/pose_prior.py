@@ -9,6 +9,7 @@ Frames whose elbows bend backwards are left out: the recording flips them in cli
 import argparse
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,7 @@ HELD_OUT_EVERY = 5
 UNMEASURED_STD = 0.1  # rad, of joints that the recording does not move: a guess
 ELBOW_LIMIT = 0.1  # rad, how far an elbow may bend backwards
 LEAST_STD = 0.01  # rad, added to every entry, so that the covariance can be inverted
+LARGEST_ANGLE = np.radians(150)  # blending two rotations 180 degrees apart has no inverse
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +43,21 @@ class PosePrior:
         noise = rng.standard_normal((n, len(self.mean)))
         pose = self.mean + noise @ np.linalg.cholesky(self.covariance).T
         return np.concatenate([np.zeros((n, 1, 3)), pose.reshape(n, -1, 3)], axis=1)
+
+
+class Poses(Protocol):
+    """What can draw `n` poses (n, 24, 3) rad."""
+
+    def draw(self, n: int, rng: np.random.Generator) -> Array:
+        """The pelvis unturned."""
+
+
+def draw_poses(prior: Poses, n: int, rng: np.random.Generator) -> Array:
+    """`n` poses (n, 24, 3) rad of the prior, those with a joint turned too far left out."""
+    poses = prior.draw(2 * n, rng)
+    possible = (np.linalg.norm(poses, axis=2) < LARGEST_ANGLE).all(axis=1)
+    drawn: Array = poses[possible][:n]
+    return drawn
 
 
 @dataclass(frozen=True, eq=False)

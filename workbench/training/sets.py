@@ -3,10 +3,10 @@
     python -m workbench.training.sets WHEEL --body small --out FOLDER [--mocap MOCAP.npz]
 
 People are drawn from the artists' open shape targets, poses from the mixture learned from motion
-capture, and what pose does to a body is the synthetic teacher's (a finer rig, blended by dual
-quaternions). No body in it was measured. `FOLDER/train` and `FOLDER/held_out` are folders that
-`workbench train` takes; the held-out ones are other people, in poses of clips that nothing was
-learned from if a recording is given, else in other draws.
+capture, every other one with all joints stirred, and what pose does to a body is the synthetic
+teacher's (a finer rig, blended by dual quaternions). No body in it was measured. `FOLDER/train`
+and `FOLDER/held_out` are folders that `workbench train` takes; the held-out ones are other people,
+in poses of clips that nothing was learned from if a recording is given, else in other draws.
 """
 
 import argparse
@@ -23,7 +23,6 @@ from scipy.sparse import csr_array
 
 from workbench.errors import BadFile
 from workbench.training.embedded.collapsing import collapsed
-from workbench.training.embedded.pose_blends import draw_poses
 from workbench.training.embedded.regressors import regress
 from workbench.training.embedded.rig import at_most_four
 from workbench.training.embedded.skeleton import JOINT_NAMES, PARENTS
@@ -34,7 +33,7 @@ from workbench.training.embedded.wheel import Wheel
 from workbench.training.first_guess import Start, write_start
 from workbench.training.folder import TABLE
 from workbench.training.pose_mixture import FILE_NAME, read_pose_mixture
-from workbench.training.pose_prior import read_mocap
+from workbench.training.pose_prior import LARGEST_ANGLE, draw_poses, read_mocap
 from workbench.training.truth import Truth
 from workbench.writing import replacing
 
@@ -57,6 +56,7 @@ class SetRecipe:
     others: int = 100  # held out, in one pose
     vertices: int | None = None  # of the body's: None for all, else short edges collapse
     jitter: float = 0.05  # rad on every axis of every joint: nobody stands twice alike
+    stirred: float = 0.3  # rad on every axis of every joint, in every other pose: see `_stirred`
     seed: int = 2000
 
 
@@ -122,6 +122,7 @@ def make_sets_of(
     mixture = read_pose_mixture(MIXTURE)
     drawn = draw_poses(mixture, (recipe.subjects + recipe.strangers) * recipe.poses, rng)
     used = drawn[: recipe.subjects * recipe.poses].reshape(recipe.subjects, recipe.poses, -1, 3)
+    used = _stirred(used, recipe)
     others = drawn[recipe.subjects * recipe.poses :] if recorded is None else recorded
     chosen = rng.permutation(len(others))[: recipe.strangers * recipe.poses]
     held = others[chosen].reshape(recipe.strangers, -1, len(PARENTS), 3)
@@ -149,6 +150,19 @@ def make_sets_of(
         write_start(start, folder / name / "start.npz")
         with replacing(folder / name / CARD) as temporary:
             temporary.write_text(_said(recipe, recorded), encoding="utf-8")
+
+
+def _stirred(poses: Array, recipe: SetRecipe) -> Array:
+    """Poses (P, n, 24, 3) rad, every other one with further turns of all joints at once.
+
+    People who are recorded hardly bend their wrists, and bend spine and neck together: what moves
+    little, or never alone, is not learned, and where its joint lies cannot be seen.
+    """
+    rng = np.random.default_rng((recipe.seed, 1))
+    stirred = poses.copy()
+    stirred[:, ::2] += recipe.stirred * rng.standard_normal(stirred[:, ::2].shape)
+    angles = np.linalg.norm(stirred, axis=-1, keepdims=True)
+    return stirred * np.minimum(1.0, LARGEST_ANGLE / np.maximum(angles, LARGEST_ANGLE))
 
 
 def _said(recipe: SetRecipe, recorded: Array | None) -> str:

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from workbench.bodies import SkinnedBody
 from workbench.training.blocks import BLOCKS, Effort
 from workbench.training.crew import ONE, Hands
-from workbench.training.embedded.pose_blends import Lesson, Pair, ridge_learned
 from workbench.training.estimate import Estimate, Sigmas
 from workbench.training.first_guess import Start
 from workbench.training.held_out import Generalization
@@ -31,6 +30,7 @@ from workbench.training.registrations import (
     held,
     kept_and_held_back,
 )
+from workbench.training.ridge import Pair, Sums, ridge_learned
 from workbench.training.shape_training import Visit, unposed_people
 from workbench.training.skinning_pass import SkinningPass
 from workbench.training.truth import Truth
@@ -177,7 +177,7 @@ def best_linear(truth: Truth, registrations: Registrations, start: Start) -> Arr
     That fifth of the subjects is held back until the ridge is chosen.
     """
     learned, held_back = (
-        Lesson.of(_errors(truth, registrations, start, rows)).with_reflections(start.mirror())
+        Sums.of(_errors(truth, registrations, start, rows)).with_reflections(start.mirror())
         for rows in kept_and_held_back(truth.subject)
     )
     whole = np.ones_like(learned.products[:, 0], dtype=bool)

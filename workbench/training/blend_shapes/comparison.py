@@ -10,15 +10,19 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.bodies.ablations import without_pose_blend_shapes
 from workbench.bodies.catalogue import load_body
 from workbench.errors import BadArgument
 from workbench.training.blend_shapes import studies
 from workbench.training.blend_shapes.contest import Result, School, contenders, measured, ranked
 from workbench.training.blend_shapes.lesson import Lesson, Report
-from workbench.training.embedded.fine_weights import teacher_of
-from workbench.training.embedded.pose_blends import draw_poses
-from workbench.training.pose_prior import FILE_NAME, PosePrior, read_mocap, read_pose_prior
+from workbench.training.embedded.fine_weights import pupil_of, teacher_of
+from workbench.training.pose_prior import (
+    FILE_NAME,
+    PosePrior,
+    draw_poses,
+    read_mocap,
+    read_pose_prior,
+)
 
 Array = NDArray[np.float64]
 SIZES = (25, 50, 100, 200, 400, 800)
@@ -68,19 +72,19 @@ def compare_blend_shapes(plan: Plan, mocap: Path | None, report: Report) -> Comp
     Without a recording they are tested on further draws of the pose prior. Raises BadFile for a
     body without a teacher, or a file that is no recording.
     """
-    body = load_body(plan.body)
-    teacher, prior = teacher_of(body), shipped_prior()
+    body, prior = load_body(plan.body), shipped_prior()
+    teacher, pupil = teacher_of(body), pupil_of(body)
     rng = np.random.default_rng(plan.seed)
     lesson, trial, others = (
         draw_poses(prior, n, rng) for n in (plan.lesson, plan.trial, plan.test)
     )
     unseen, said = (others, DRAWN) if mocap is None else (held_out(mocap), RECORDED)
     report(f"the teacher poses {len(lesson) + len(trial) + len(unseen)} times")
-    school = School(body, Lesson.by(teacher, lesson), Lesson.by(teacher, trial))
+    school = School(pupil, Lesson.by(teacher, lesson), Lesson.by(teacher, trial))
     test = Lesson.by(teacher, unseen)
     results = [measured(c, test) for c in contenders(school, plan.examples, report)]
     report("un-posing for the studies")
-    shapes = school.bulges(without_pose_blend_shapes(body))
+    shapes = school.bulges(pupil)
     fewer = test.some(slice(None, None, EVERY))
     report("what examples cost")
     sizes = [n for n in SIZES if n < plan.examples] + [plan.examples]

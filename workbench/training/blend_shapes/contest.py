@@ -150,7 +150,6 @@ def contenders(school: School, examples: int, report: Report) -> Iterator[Conten
     yield Contender(LINEAR, linear, 0)
     yield Contender("rigid parts", without_blend_weights(linear), 0)
     yield Contender("dual quaternions (DQB)", dual, 0)
-    yield Contender("LBS + rotation elements, as shipped", body, _nonzeros(body.posedirs))
     for name, features in CURVES.items():
         report(name)
         curve = school.curve(features)

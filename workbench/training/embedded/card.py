@@ -32,7 +32,8 @@ PROVENANCE = (
     "unknown to the training. No scan was seen. What pose does to a surface is a synthetic "
     "teacher's: a rig of 32 bones with twist spread along the limbs and dual quaternion skinning.",
     "Only the poses come from people: draws of a mixture of Gaussians learned from motion capture "
-    "(workbench/data/poses). Toes, fingers and collars were not recorded.",
+    "(workbench/data/poses), to every other one of which all joints were turned further at random. "
+    "Toes, fingers and collars were not recorded.",
     "Weights and pose blend shapes are of people of both genders; template, shape directions and "
     "joint regressor of those that `trained_on` names.",
     "Un-posed from the artists' A-pose by the exact inverse of linear blend skinning, one person at"

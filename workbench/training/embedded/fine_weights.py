@@ -1,9 +1,10 @@
 """The weights of the finer rig, 24 joints and 8 half limbs: what the synthetic teacher needs.
 
-They are stored beside the bodies, so that whoever wants to train pose blend shapes has something
-to train them on, without the wheel.
+They are stored beside the bodies, so that whoever wants to learn pose blend shapes has a teacher to
+learn them from, without the wheel.
 """
 
+from dataclasses import replace
 from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any
@@ -13,10 +14,11 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from workbench.bodies import SkinnedBody
+from workbench.bodies.ablations import without_pose_blend_shapes
 from workbench.errors import BadFile
 from workbench.training.embedded.base_mesh import read_base_mesh
 from workbench.training.embedded.packing import SHARES
-from workbench.training.embedded.rig import N_FINE, read_rig
+from workbench.training.embedded.rig import N_FINE, at_most_four, coarse, read_rig
 from workbench.training.embedded.skeleton import N_JOINTS, PARENTS
 from workbench.training.embedded.teacher import Teacher
 from workbench.training.embedded.topology import read_topology
@@ -66,3 +68,15 @@ def teacher_of(body: SkinnedBody) -> Teacher:
         )
     weights = csr_array((shares / SHARES, (rows, columns)), shape=(body.n_vertices, N_FINE))
     return Teacher(body.template, body.J_regressor @ body.template, weights)
+
+
+def pupil_of(body: SkinnedBody) -> SkinnedBody:
+    """An embedded body on the teacher's rig, its half limbs together, without pose blend shapes.
+
+    A trained body's own weights count on its blend shapes, and its poses are not the teacher's.
+    Raises BadFile as `teacher_of` does.
+    """
+    weights = coarse(teacher_of(body).weights.toarray())
+    assert body.mirror is not None  # embedded bodies are alike on both sides
+    carried = replace(body, weights=at_most_four(weights, body.mirror))
+    return without_pose_blend_shapes(carried)

@@ -66,9 +66,14 @@ class Rig:
     @property
     def weights(self) -> Array:
         """Weights (13380, 24) for linear blend skinning, the halves of a limb together."""
-        weights: Array = self.fine_weights[:, :N_JOINTS].copy()
-        weights[:, HALF_OF] += self.fine_weights[:, N_JOINTS:]
-        return weights
+        return coarse(self.fine_weights)
+
+
+def coarse(fine_weights: Array) -> Array:
+    """Weights (N, 24) of the joints from those of the finer rig, (N, 32)."""
+    weights: Array = fine_weights[:, :N_JOINTS].copy()
+    weights[:, HALF_OF] += fine_weights[:, N_JOINTS:]
+    return weights
 
 
 def read_rig(wheel: Wheel, mesh: BaseMesh) -> Rig:

@@ -11,12 +11,12 @@ from scipy.sparse import csr_array
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadArgument
 from workbench.training.blend_shapes.comparison import held_out, shipped_prior
-from workbench.training.embedded.pose_blends import draw_poses
 from workbench.training.embedded.sources import gather_sources
 from workbench.training.embedded.teacher import Teacher
 from workbench.training.embedded.topology import FILES, read_topology
 from workbench.training.embedded.wheel import Wheel
 from workbench.training.first_guess import Start
+from workbench.training.pose_prior import draw_poses
 from workbench.training.registrations import InMemory
 from workbench.training.sets import SetRecipe
 from workbench.training.triangles.learning import PosedMeshes
