@@ -71,7 +71,7 @@ class Limb:
 
     @cached_property
     def turning(self) -> Array:
-        """The share of each vertex, (N,), that turns with the joint: its weights there and beyond."""
+        """The share of each vertex that turns with the joint, (N,): its weight and those beyond."""
         beyond = np.arange(self.body.n_joints) == self.index
         for k in range(self.index + 1, self.body.n_joints):
             beyond[k] = beyond[self.body.parents[k]]

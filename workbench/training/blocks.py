@@ -26,7 +26,7 @@ from workbench.training.normal_equations import NormalEquations
 from workbench.training.objective import Objective
 from workbench.training.poses import OnVertices, fitted_poses
 from workbench.training.simplex import few_shares
-from workbench.training.thinning import thinned
+from workbench.training.thinning import ENOUGH, thinned
 from workbench.training.weight_grams import weight_grams
 
 Array = NDArray[np.float64]
@@ -58,14 +58,15 @@ class Effort:
     together_stop: float = 1e-3  # of the cost: a step that gains less is the last
     products: int = 300  # passes over all registrations, at most, in one step
     most_weights: int = MOST_WEIGHTS  # above zero, per vertex
+    pose_vertices: int = ENOUGH  # spread over the mesh, that poses are found from
 
 
 def fit_poses(
-    objective: Objective, estimate: Estimate, faces: Index, _: Effort, hands: Hands = ONE
+    objective: Objective, estimate: Estimate, faces: Index, effort: Effort, hands: Hands = ONE
 ) -> Found:
     """Each registration's pose, from vertices enough; where all of them say worse, it is kept."""
     template = estimate.templates.mean(axis=0) if objective.template is None else objective.template
-    few = thinned(template, faces)
+    few = thinned(template, faces, effort.pose_vertices)
     found = fitted_poses(
         few.estimate(estimate),
         few.registrations(objective.registrations),

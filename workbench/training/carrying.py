@@ -14,7 +14,7 @@ from workbench.geometry.closest_points import read_off
 from workbench.training.crew import Crew, alone
 from workbench.training.estimate import Estimate
 from workbench.training.first_guess import MOST_WEIGHTS, Start, at_most
-from workbench.training.plan import Plan, Stage, alternation
+from workbench.training.plan import NO_LIMIT, Plan, Stage, alternation
 from workbench.training.pose_training import SILENT, PoseModel, Report, train_poses
 from workbench.training.registrations import Registrations, held
 from workbench.training.thinning import thinned
@@ -86,9 +86,11 @@ def train_coarse_first(
 def finishing(last: Stage | None = None, reach: int | None = None) -> Plan:
     """For an estimate that was carried over: what every vertex is needed for, and poses once.
 
-    Under the sigmas and with the effort of `last`, or of the end of `alternation`.
+    Under the sigmas and with the effort of `last`, or of the end of `alternation`, but poses from
+    every vertex: a finer mesh is finer in places, as at hands, which then count for more.
     """
     blocks = ("surfaces", "weights", "regressor", "poses", "surfaces")
     if last is None:
         last = alternation().stages[-1]
-    return Plan((Stage(last.sigmas, blocks, 1, last.effort),), reach)
+    effort = replace(last.effort, pose_vertices=NO_LIMIT)
+    return Plan((Stage(last.sigmas, blocks, 1, effort),), reach)

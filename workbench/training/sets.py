@@ -162,7 +162,7 @@ def _stirred(poses: Array, recipe: SetRecipe) -> Array:
     stirred = poses.copy()
     stirred[:, ::2] += recipe.stirred * rng.standard_normal(stirred[:, ::2].shape)
     angles = np.linalg.norm(stirred, axis=-1, keepdims=True)
-    return stirred * np.minimum(1.0, LARGEST_ANGLE / np.maximum(angles, LARGEST_ANGLE))
+    return np.asarray(stirred * (LARGEST_ANGLE / np.maximum(angles, LARGEST_ANGLE)))
 
 
 def _said(recipe: SetRecipe, recorded: Array | None) -> str:

@@ -76,7 +76,9 @@ def meet(body: SkinnedBody, registrations: Registrations, hands: Hands = ONE) ->
         return Objective(some, R, W, mirror, sigmas, body.template)
 
     known = begun(shown)
-    effort = Effort(linear_tolerance=1e-3, products=60, together_steps=STEPS)
+    effort = Effort(
+        linear_tolerance=1e-3, products=60, together_steps=STEPS, pose_vertices=body.n_vertices
+    )
     for name in ("rest", "poses", "people"):
         known = BLOCKS[name](objective(shown), known, body.faces, effort, hands).estimate
     joints = np.stack([body.J_regressor @ T for T in known.templates])
