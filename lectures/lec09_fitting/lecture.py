@@ -64,7 +64,7 @@ m, p = 3 * body.n_vertices, 72 + 10 + 3
 print(f"5 mm times the root of {p} / {m}: {5 * np.sqrt(p / m):.2f} mm")
 
 # %% [markdown]
-# That is as good as it gets: nine iterations, and the fit is *better* than its data. It has $m = 1107$
+# That is as good as it gets: nine or ten iterations, and the fit is *better* than its data. It has $m = 1107$
 # equations for $p = 85$ unknowns, and noise can only hide in the 85 directions in which the model can
 # move: of the noise's squared length $\sigma^2 m$, the share $p / m$ is left. So the error is
 # $\sigma \sqrt{p/m}$, to first order.
@@ -173,7 +173,7 @@ for name, angle in (("facing the camera", 0.0), ("facing away", np.pi)):
 
 # %% [markdown]
 # Both converged, and both meet the image as well as the detector is good. But the one that began on the
-# wrong side had to twist its limbs to do so: it sits in another minimum, at four times the cost. No
+# wrong side had to twist itself to do so: it sits in another minimum, at ten times the cost. No
 # solver can be blamed for going downhill. So a fit to one image needs a start; and who is not sure
 # tries several, and keeps the cheapest.
 #
@@ -227,7 +227,7 @@ Picture(
 )
 
 # %% [markdown]
-# For a start it is good enough: 11 to 17 % too far at 30 degrees. For an answer it is not.
+# For a start it is good enough: 11 to 19 % too far at 30 degrees. For an answer it is not.
 #
 # ## What one camera does not know
 #
@@ -273,7 +273,7 @@ Picture(
 
 # %% [markdown]
 # The Jacobian says the same of itself: with one camera the place is known to 7 mm across the image, and
-# to 218 mm in depth. There is a reason that no data can overcome. Make a
+# to 230 mm in depth. There is a reason that no data can overcome. Make a
 # person larger and move them away in proportion, all about the camera's centre: $X / Z$ stays, and so
 # does every pixel. With one camera, size and depth are one unknown, and only the prior of the shape
 # tells them apart.
@@ -287,7 +287,7 @@ for share in (1.05, 1.5):
     print(f"{share:.2f} times as large and as far: pixels move by {moved:.0e} px")
 
 # %% [markdown]
-# Two cameras that look along different lines end it: 169 mm become 6.
+# Two cameras that look along different lines end it: 191 mm become 6.
 #
 # ## A start for several cameras
 #

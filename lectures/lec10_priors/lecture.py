@@ -295,8 +295,8 @@ for name, start in (
           f"iterations, skin off by {error:.1f} mm")  # fmt: skip
 
 # %% [markdown]
-# The first has converged, truly: its gradient is zero. Most of the body can be an outlier to such a loss, and
-# it is content with meeting the rest. The second has not even ended.
+# The first two have converged, truly: their gradients are zero. Most of the body can be an outlier to such a
+# loss, and it is content with meeting the rest.
 # Hence stages: first a loss that listens to all, or a large $\sigma$, then the one that is wanted.
 #
 # ## Weights have units

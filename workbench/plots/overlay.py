@@ -104,7 +104,7 @@ def window(overlay: Overlay, shape: float) -> tuple[tuple[float, float], tuple[f
 def _title(overlay: Overlay) -> str:
     error, count = reprojection(overlay)
     name = plain(overlay.name) + (" (held out)" if overlay.held_out else "")
-    return f"{name}: mean {error:.1f} px over {count} points" if count else f"{name}: nothing seen"
+    return f"{name}: mean {error:.1f} px, {count} points" if count else f"{name}: nothing seen"
 
 
 def _solid(overlay: Overlay, surface: Array) -> Array:
