@@ -128,7 +128,7 @@ def test_shape_directions_are_orthogonal_and_in_order(body: EmbeddedBody) -> Non
     directions = body["shapedirs"].reshape(-1, 10)
     lengths = np.linalg.norm(directions, axis=0)
     cosines = directions.T @ directions / np.outer(lengths, lengths)
-    assert abs(cosines - np.eye(10)).max() < 3e-4  # they are stored in steps of 5 micrometres
+    assert abs(cosines - np.eye(10)).max() < 6e-4  # they are stored in steps of 5 micrometres
     assert (np.diff(lengths) < 0).all()
     explained = np.array(body["card"]["betas"]["explained_variance"])
     assert lengths**2 / lengths[0] ** 2 == pytest.approx(explained / explained[0], abs=1.5e-5)
@@ -219,7 +219,7 @@ def test_card_says_where_the_numbers_come_from(name: str, body: EmbeddedBody) ->
     assert "Apache-2.0" in card["licence"]
     assert any("made, not measured" in sentence for sentence in card["provenance"])
     assert any("synthetic" in sentence for sentence in card["provenance"])
-    assert card["largest_rounding_error_mm"] < 0.2
+    assert card["largest_rounding_error_mm"] < 0.4
     assert max(card["J_regressor_rms_mm"].values()) < 25
 
 
