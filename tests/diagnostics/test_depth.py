@@ -49,7 +49,8 @@ def test_a_t_pose_before_one_camera_is_nearly_degenerate_in_depth(distance: floa
 def test_other_poses_are_not(seed: int) -> None:
     problem, values = seen_by(0.0)
     rng = np.random.default_rng(seed)
-    assert nearly_degenerate(problem, values | {"pose": rng.normal(0, 0.5, size=(24, 3))}) == []
+    found = nearly_degenerate(problem, values | {"pose": rng.normal(0, 0.5, size=(24, 3))})
+    assert not any("in depth" in text for text in found)
 
 
 def test_a_second_camera_cures_it() -> None:
