@@ -78,11 +78,7 @@ def test_an_interrupt_keeps_what_was_finished(tmp_path: Path) -> None:
         assert program.poll() is None
         time.sleep(0.05)
     program.send_signal(signal.SIGINT)
-    try:
-        _, said = program.communicate(timeout=30)
-    except subprocess.TimeoutExpired:  # on a loaded machine one was lost, once in a few runs
-        program.send_signal(signal.SIGINT)
-        _, said = program.communicate(timeout=30)
+    _, said = program.communicate(timeout=60)
     assert program.returncode == 130
     assert "interrupted while solving" in said
     assert "the same command goes on from there" in " ".join(said.split())

@@ -134,11 +134,12 @@ class Nursery:
 
 
 def _kill(pid: int) -> None:
+    """With all that it started; one that was forked a moment ago does not lead a group yet."""
     with suppress(OSError):
         if hasattr(os, "killpg"):
             os.killpg(pid, signal.SIGKILL)
-        else:
-            os.kill(pid, signal.SIGTERM)  # on Windows: TerminateProcess
+    with suppress(OSError):
+        os.kill(pid, getattr(signal, "SIGKILL", signal.SIGTERM))  # Windows: TerminateProcess
 
 
 def _paths() -> list[str]:
