@@ -36,14 +36,14 @@ from workbench.training.embedded.skeleton import binding_motions, blended, unski
 from workbench.training.pose_prior import draw_poses
 
 EMBEDDED = wb.load_body("small")
-BODY = LBS = pupil_of(EMBEDDED)
+LBS = pupil_of(EMBEDDED)
 
 
 @pytest.fixture(scope="module")
 def school() -> School:
     rng, teacher = np.random.default_rng(0), teacher_of(EMBEDDED)
     lesson, trial = (draw_poses(shipped_prior(), n, rng) for n in (160, 40))
-    return School(BODY, Lesson.by(teacher, lesson), Lesson.by(teacher, trial))
+    return School(LBS, Lesson.by(teacher, lesson), Lesson.by(teacher, trial))
 
 
 @pytest.fixture(scope="module")
@@ -78,8 +78,8 @@ def test_adding_the_bulges_gives_the_teachers_surface(school: School) -> None:
     few, dual = school.trial.some(slice(4)), replace(LBS, skinning=wb.dual_quaternion_blend)
     for student in (LBS, dual):
         for pose, truth, bulge in zip(few.poses, few.posed, bulges(student, few), strict=True):
-            bent = replace(student, template=BODY.template + bulge)
-            joints = BODY.J_regressor @ BODY.template
+            bent = replace(student, template=LBS.template + bulge)
+            joints = LBS.J_regressor @ LBS.template
             held = replace(bent, J_regressor=_same_joints(bent, joints))
             np.testing.assert_allclose(held.vertices(pose), truth, atol=1e-10)
 
@@ -96,14 +96,14 @@ def _same_joints(body: wb.SkinnedBody, joints: np.ndarray):  # type: ignore[no-u
 def test_two_ways_of_un_posing_agree(school: School) -> None:
     teacher, few = teacher_of(EMBEDDED), school.trial.some(slice(3))
     for pose, bulge in zip(few.poses, bulges(LBS, few), strict=True):
-        M, m = blended(BODY.weights, *binding_motions(pose, teacher.joints))
+        M, m = blended(LBS.weights, *binding_motions(pose, teacher.joints))
         expected = unskin(teacher.vertices(pose), M, m) - teacher.rest
         np.testing.assert_allclose(bulge, expected, atol=1e-12)
 
 
 @pytest.mark.parametrize("skinning", [wb.linear_blend, wb.dual_quaternion_blend])
 def test_three_steps_are_the_body(skinning, school: School) -> None:  # type: ignore[no-untyped-def]
-    body = replace(BODY, skinning=skinning)
+    body = replace(LBS, skinning=skinning)
     for pose in school.trial.poses[:3]:
         np.testing.assert_allclose(Evaluation(body)(pose), body.vertices(pose), atol=1e-14)
 
@@ -119,7 +119,7 @@ def examples(school: School, n: int, width: float) -> Examples:
 def test_exact_interpolation_gives_every_example_back(school: School, shapes, width: float) -> None:  # type: ignore[no-untyped-def]
     kernels = Gaussians(examples(school, 60, width))
     student = taught(LBS, kernels, kernels.exactly(shapes.lesson[:60]))
-    A = feature_matrix(BODY, kernels, school.lesson.poses[:60])
+    A = feature_matrix(LBS, kernels, school.lesson.poses[:60])
     found = np.einsum("nf,icf->nic", A, student.posedirs)
     np.testing.assert_allclose(found, shapes.lesson[:60], rtol=0, atol=1e-12)
     posed = student.vertices(school.lesson.poses[:5])
@@ -131,11 +131,11 @@ def test_shares_are_a_partition_of_unity_and_find_the_example_as_they_narrow(
 ) -> None:
     poses = school.lesson.poses[:30]
     for width in (0.01, 0.5, 5.0):
-        shares = feature_matrix(BODY, Shares(examples(school, 30, width)), school.trial.poses)
+        shares = feature_matrix(LBS, Shares(examples(school, 30, width)), school.trial.poses)
         np.testing.assert_allclose(shares.sum(axis=1), 1, atol=1e-12)
         assert (shares >= 0).all()
     off = [
-        np.abs(feature_matrix(BODY, Shares(examples(school, 30, w)), poses) - np.eye(30)).max()
+        np.abs(feature_matrix(LBS, Shares(examples(school, 30, w)), poses) - np.eye(30)).max()
         for w in (2.0, 1.0, 0.5, 0.1)
     ]
     assert (np.diff(off) < 0).all()
@@ -146,10 +146,10 @@ def test_far_from_all_examples_one_forgets_and_the_other_repeats(school: School,
     known = examples(school, 30, 1.5)
     directions = shapes_as_directions(shapes.lesson[:30])
     far = 1000 * school.trial.poses[:1]
-    nothing = feature_matrix(BODY, Gaussians(known), far) @ directions.reshape(-1, 30).T
+    nothing = feature_matrix(LBS, Gaussians(known), far) @ directions.reshape(-1, 30).T
     assert not nothing.any()
     nearest = np.linalg.norm(known.places - far[0, 1:].ravel(), axis=1).argmin()
-    found = feature_matrix(BODY, Shares(known), far) @ directions.reshape(-1, 30).T
+    found = feature_matrix(LBS, Shares(known), far) @ directions.reshape(-1, 30).T
     np.testing.assert_array_equal(found.reshape(-1, 3), shapes.lesson[nearest])
 
 
@@ -247,7 +247,7 @@ def test_locality_and_error_follow_the_price_strictly(school: School, shapes) ->
 
 
 def test_no_price_on_distance_is_plain_ridge(school: School, shapes) -> None:  # type: ignore[no-untyped-def]
-    A, distances = school.features(rotation_elements)[0], joint_distances(BODY)
+    A, distances = school.features(rotation_elements)[0], joint_distances(LBS)
     local = local_ridge_at(A, shapes.lesson, distances, 0.0, 1e-3)
     np.testing.assert_allclose(local, ridge(A, shapes.lesson, 1e-3), atol=1e-12)
     assert 0 < far_share(local, distances) < 1
@@ -299,7 +299,7 @@ def test_it_comes_from_its_seeds(comparison) -> None:  # type: ignore[no-untyped
     rng = np.random.default_rng(3)
     lesson, trial, test = (draw_poses(shipped_prior(), n, rng) for n in (120, 20, 24))
     teacher = teacher_of(EMBEDDED)
-    again = School(BODY, Lesson.by(teacher, lesson), Lesson.by(teacher, trial))
+    again = School(LBS, Lesson.by(teacher, lesson), Lesson.by(teacher, trial))
     seen = Lesson.by(teacher, test)
     by_name = {result.name: result for result in comparison.results}
     assert len(by_name) == 14

@@ -134,6 +134,26 @@ def test_slope_is_the_cost_s_and_the_curvature_symmetric(mirror: bool) -> None:
     assert dot(equations.preconditioned(change), change) > 0
 
 
+def test_poses_alone_are_solved_in_one_step() -> None:
+    """All that turns move is in their blocks, blend shapes included: the inverse is exact."""
+    equations = NormalEquations(objective(Sigmas()), true_estimate(), ("poses",))
+    change = {"poses": a_change(true_estimate())["poses"]}
+    back = equations.preconditioned(equations.product(change))
+    np.testing.assert_allclose(back["poses"], change["poses"], rtol=1e-5, atol=1e-7)
+
+
+def test_the_root_joint_stays_where_nothing_holds_it() -> None:
+    """Turning about another point is a translation more: only E_J, or E_Y, says where it is."""
+    names = ("templates", "joints")
+    change = {name: a_change(true_estimate())[name] for name in names}
+    loose = objective(replace(Sigmas(), **OFF))
+    free = NormalEquations(loose, true_estimate(), names).preconditioned(change)
+    assert not free["joints"][:, 0].any()
+    assert free["joints"][:, 1:].all()
+    held = NormalEquations(objective(Sigmas()), true_estimate(), names).preconditioned(change)
+    assert held["joints"].all()
+
+
 def test_batches_do_not_matter(monkeypatch: pytest.MonkeyPatch) -> None:
     equations = NormalEquations(objective(Sigmas()), true_estimate(), NAMES)
     change = a_change(true_estimate())

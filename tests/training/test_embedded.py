@@ -339,19 +339,19 @@ def test_ridge_finds_pose_blend_shapes_within_their_support() -> None:
     true = rng.normal(size=(4, 3, 207)) * support[:, None]
     features = rng.normal(size=(400, 207))
     errors = np.einsum("ncf,pf->pnc", true, features)
-    lesson = Sums.of((features[some], errors[some]) for some in (slice(0, 150), slice(150, 400)))
-    assert lesson.energy == pytest.approx(np.vdot(errors, errors))
-    assert lesson.n_poses == 400
-    found = solve_ridge(lesson, support, ridge=1e-12)
+    sums = Sums.of((features[some], errors[some]) for some in (slice(0, 150), slice(150, 400)))
+    assert sums.energy == pytest.approx(np.vdot(errors, errors))
+    assert sums.n_poses == 400
+    found = solve_ridge(sums, support, ridge=1e-12)
     assert abs(found - true).max() < 1e-9
     assert not found[3].any()
-    assert abs(lesson.error(found)) < 1e-9
-    assert lesson.error(np.zeros_like(found)) == pytest.approx(1)
+    assert abs(sums.error(found)) < 1e-9
+    assert sums.error(np.zeros_like(found)) == pytest.approx(1)
     everywhere = solve_ridge(
-        Sums(lesson.features, rng.normal(size=(4, 3, 207)), 1.0, 400), support, ridge=1e-3
+        Sums(sums.features, rng.normal(size=(4, 3, 207)), 1.0, 400), support, ridge=1e-3
     )
     assert not everywhere[~support[:, None].repeat(3, axis=1)].any()
-    norms = [np.linalg.norm(solve_ridge(lesson, support, r)) for r in (0.01, 0.1, 1.0)]
+    norms = [np.linalg.norm(solve_ridge(sums, support, r)) for r in (0.01, 0.1, 1.0)]
     assert norms == sorted(norms, reverse=True)
 
 

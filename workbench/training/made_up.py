@@ -49,11 +49,13 @@ def random_smpl(
     shape: float = 0.01,
     bend: float = 0.003,
     spread: float = 0.06,
+    ring: int | None = None,
 ) -> SkinnedBody:
     """A body with random arrays on the mesh of a start, all of them smooth over the surface.
 
     `shape` and `bend` are the rms of shapedirs and posedirs in m, `spread` m is how far weights
-    reach beyond their segment. Not alike on both sides.
+    reach beyond their segment. A joint is a mean of its ring's vertices, all of them or so many
+    that are nearest to its middle. Not alike on both sides.
     """
     rng = np.random.default_rng(seed)
     N, K = len(start.template), len(start.parents)
@@ -67,6 +69,10 @@ def random_smpl(
     weights = start.weights(spread) * np.exp(0.3 * rng.standard_normal((N, K)))
     rings = start.rings().toarray()
     shares = rings * rng.random(rings.shape)
+    if ring is not None:
+        for row, middle in zip(shares, rings @ start.template, strict=True):
+            far = np.where(row > 0, np.linalg.norm(start.template - middle, axis=1), np.inf)
+            row[np.argsort(far)[ring:]] = 0
     return SkinnedBody(
         template=start.template + field(3, rms=shape),
         shapedirs=field(3, n_betas, rms=shape),

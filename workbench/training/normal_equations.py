@@ -191,10 +191,13 @@ class NormalEquations:
             for n, block, X in zip(counts, blocks, self._answers, strict=True):
                 block -= n * (X.T @ X)
         blocks /= s.data**2
-        blocks += np.eye(3 * K) / s.rings**2
+        held = 1 / s.rings**2
         if self.objective.mirror is not None:
-            blocks += 2 * np.eye(3 * K) / s.joint_symmetry**2
-        return _inverses(blocks)
+            held += 2 / s.joint_symmetry**2
+        inverses = _inverses(blocks + held * np.eye(3 * K))
+        if not held:  # about which point the root turns, no registration shows: it stays
+            inverses[:, :3] = inverses[:, :, :3] = 0
+        return inverses
 
     @cached_property
     def _answers(self) -> Array | None:
@@ -220,7 +223,7 @@ class NormalEquations:
 
     @cached_property
     def _pose_blocks(self) -> Array:
-        """(J, 3 K, 3 K), inverted: what small turns do, the pose blend shapes apart."""
+        """(J, 3 K, 3 K), inverted: what small turns do."""
         J, K, _ = self.estimate.poses.shape
         blocks = np.empty((J, 3 * K, 3 * K))
 
@@ -231,6 +234,7 @@ class NormalEquations:
                     at = batch.some.start + j
                     one = SkinningPass(self.estimate, slice(at, at + 1), batch.subject[j : j + 1])
                     turns = -crossed(one.arms()[0]) @ one.posing.above[0]  # (N, K, 3, 3)
+                    turns[:, 1:] += one.bulging()[0]
                     turns -= np.average(turns, axis=0, weights=batch.seen[j])
                     rows = turns.transpose(0, 2, 1, 3).reshape(-1, 3 * K)
                     blocks[at] = rows.T @ (np.repeat(batch.seen[j], 3)[:, None] * rows)

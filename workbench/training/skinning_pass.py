@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from workbench.training.estimate import Change, Estimate
 from workbench.training.once import once
-from workbench.training.posing import Posing, ancestors
+from workbench.training.posing import Posing, ancestors, crossed
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -151,6 +151,17 @@ class SkinningPass:
         at = (self.posing.world @ self.estimate.joints[self.subject][..., None])[..., 0] + offsets
         below = np.einsum("km,jnka->jnma", A, posed, optimize=True)
         return np.asarray(below - self.carried[..., None] * at[:, None])
+
+    def bulging(self) -> Array:
+        """How small turns of all joints but the root move vertices through their blend shapes.
+
+        (c, N, K - 1, 3, 3) m per rad, the last axis being the turn's.
+        """
+        local, P = self.posing.local[:, 1:], self.estimate.posedirs
+        (c, m), N = local.shape[:2], len(P)
+        slopes = (crossed(np.eye(3)) @ local[:, :, None]).reshape(c, m, 3, 9)  # of the features
+        at_rest = np.einsum("nbmf,cmdf->cnmbd", P.reshape(N, 3, m, 9), slopes, optimize=True)
+        return np.asarray(self.blended[:, :, None] @ at_rest)
 
 
 def bent(posedirs: Array, features: Array) -> Array:
