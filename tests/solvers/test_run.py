@@ -44,6 +44,20 @@ def test_nothing_evaluated_leaves_the_start() -> None:
     assert (solution.values["x"] == start["x"]).all()
 
 
+def test_a_cost_that_a_linearization_has_told_is_not_evaluated_again() -> None:
+    problem, start = decay()
+    with Run("repetitive", GaussNewton(max_evaluations=2), problem, start, None) as run:
+        here = run.linearize(run.x)
+        cost, residual = run.cost_and_residual(run.x.copy())
+        run.cost(2 * run.x)
+        run.cost(run.x)  # but the limits hold for it
+    assert cost == here.cost
+    np.testing.assert_array_equal(residual, problem.residual(run.x, run.fixed))
+    solution = run.solution()
+    assert solution.status is Status.MAX_EVALUATIONS
+    assert (solution.evaluations.residual, solution.evaluations.jacobian) == (1, 1)
+
+
 # The best point.
 
 
