@@ -56,7 +56,8 @@ class Run:
         self.met_not_finite = -2  # how long the trace was when the last of them was met
         self.rounding = 0.0
         self._unpolished = 0  # tries in a row that did not lead to a more stationary point
-        self._linearized: tuple[Array, Linearization] | None = None  # the last one
+        self._linearized: tuple[bytes, Linearization] | None = None  # the last one, and its point
+        self._measured: tuple[Linearization, float] | None = None  # the last one's optimality
         self._recorded: Array | None = None  # the last one
         self._threads = ExitStack()
 
@@ -85,10 +86,10 @@ class Run:
 
     def cost_and_residual(self, x: Array) -> tuple[float, Array]:
         """The same, and the residual (m,) that it is the cost of."""
-        if self._linearized is not None and np.array_equal(self._linearized[0], x):
+        known = self._known(x)
+        if known is not None:
             self.check()
-            here = self._linearized[1]  # the best point knows of it
-            return here.cost, here.residual
+            return known.cost, known.residual  # the best point knows of it
         r = self.evaluate("residual", lambda: self.problem.residual(x, self.fixed))
         with np.errstate(over="ignore"):  # too large is as good as infinite
             return self._kept(x, 0.5 * float(r @ r)), r
@@ -102,15 +103,21 @@ class Run:
 
     def linearize(self, x: Array) -> Linearization:
         """Residual and Jacobian at x; stops the run where they are not finite."""
-        if self._linearized is not None and np.array_equal(self._linearized[0], x):
-            return self._linearized[1]  # it was asked for just now
+        known = self._known(x)
+        if known is not None:
+            return known
         self.check()
-        self._linearized = None  # first: memory that is used again is already there, and near
+        self._linearized = self._measured = None  # memory that is used again is there, and near
         here = self.evaluate("jacobian", lambda: self.problem.linearize_at(x, self.fixed))
         if not isfinite(self._kept(x, here.cost if here.finite else np.inf, here)):
             raise Stop(Status.NOT_FINITE)
-        self._linearized = x.copy(), here
+        self._linearized = x.tobytes(), here
         return here
+
+    def _known(self, x: Array) -> Linearization | None:
+        """The linearization at x, if it is the last one made."""
+        last = self._linearized
+        return None if last is None or last[0] != x.tobytes() else last[1]
 
     def hessian(self, x: Array) -> Array:
         """The exact Hessian of the cost at x; stops the run where it is not finite."""
@@ -160,7 +167,9 @@ class Run:
         """The problem's measure, less what rounding explains where it is first asked for."""
         if not self.rounding:
             self.rounding = guarded(lambda: self.problem.rounding(x, self.fixed, here.residual))
-        return self.problem.optimality(x, here, self.rounding)
+        if self._measured is None or self._measured[0] is not here:
+            self._measured = here, self.problem.optimality(x, here, self.rounding)
+        return self._measured[1]
 
     def gain(self, x: Array, here: Linearization, to: Array, promised: float) -> Trial:
         """The fall of the cost from x to another point, as a share of what was promised.
@@ -236,12 +245,13 @@ class Run:
 
         The same is what rounding hides, or what the tolerances of constraints may buy.
         """
-        here = self._linearized
         there = self.problem.stacked_constraints
         if there is None:
             self.best.settle(x, cost, 0.0, optimality, self.noise(cost))
-        elif here is not None and here[1].constraints is not None and np.array_equal(here[0], x):
-            missed = there.missed(here[1].constraints.values)
+            return
+        here = self._known(x)
+        if here is not None and here.constraints is not None:
+            missed = there.missed(here.constraints.values)
             self.best.settle(x, cost, missed, optimality, BOUGHT * cost + self.noise(cost))
 
     def stall(self, message: str = "") -> NoReturn:
@@ -298,6 +308,5 @@ class Run:
 
     def _at_best(self) -> Linearization:
         """The linearization at the best point: the last one made, as a rule."""
-        if self._linearized is not None and np.array_equal(self._linearized[0], self.best.x):
-            return self._linearized[1]
-        return self.problem.linearize_at(self.best.x, self.fixed)
+        known = self._known(self.best.x)
+        return self.problem.linearize_at(self.best.x, self.fixed) if known is None else known
