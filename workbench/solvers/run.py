@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from workbench.blocks import Values
 from workbench.problem import Linearization, Problem
 from workbench.solvers.best import Best
+from workbench.solvers.latest import Latest
 from workbench.solvers.limits import Limits, Stop, guarded
 from workbench.solvers.solution import Callback, Evaluations, Iterate, Solution, Status
 from workbench.solvers.wrapping import rewrapped
@@ -56,8 +57,7 @@ class Run:
         self.met_not_finite = -2  # how long the trace was when the last of them was met
         self.rounding = 0.0
         self._unpolished = 0  # tries in a row that did not lead to a more stationary point
-        self._linearized: tuple[bytes, Linearization] | None = None  # the last one, and its point
-        self._measured: tuple[Linearization, float] | None = None  # the last one's optimality
+        self._latest = Latest()
         self._recorded: Array | None = None  # the last one
         self._threads = ExitStack()
 
@@ -86,7 +86,7 @@ class Run:
 
     def cost_and_residual(self, x: Array) -> tuple[float, Array]:
         """The same, and the residual (m,) that it is the cost of."""
-        known = self._known(x)
+        known = self._latest.at(x)
         if known is not None:
             self.check()
             return known.cost, known.residual  # the best point knows of it
@@ -103,21 +103,15 @@ class Run:
 
     def linearize(self, x: Array) -> Linearization:
         """Residual and Jacobian at x; stops the run where they are not finite."""
-        known = self._known(x)
+        known = self._latest.at(x)
         if known is not None:
             return known
         self.check()
-        self._linearized = self._measured = None  # memory that is used again is there, and near
+        self._latest.forget()  # first: memory that is used again is already there, and near
         here = self.evaluate("jacobian", lambda: self.problem.linearize_at(x, self.fixed))
         if not isfinite(self._kept(x, here.cost if here.finite else np.inf, here)):
             raise Stop(Status.NOT_FINITE)
-        self._linearized = x.tobytes(), here
-        return here
-
-    def _known(self, x: Array) -> Linearization | None:
-        """The linearization at x, if it is the last one made."""
-        last = self._linearized
-        return None if last is None or last[0] != x.tobytes() else last[1]
+        return self._latest.keep(x, here)
 
     def hessian(self, x: Array) -> Array:
         """The exact Hessian of the cost at x; stops the run where it is not finite."""
@@ -167,9 +161,9 @@ class Run:
         """The problem's measure, less what rounding explains where it is first asked for."""
         if not self.rounding:
             self.rounding = guarded(lambda: self.problem.rounding(x, self.fixed, here.residual))
-        if self._measured is None or self._measured[0] is not here:
-            self._measured = here, self.problem.optimality(x, here, self.rounding)
-        return self._measured[1]
+        return self._latest.optimality(
+            here, lambda: self.problem.optimality(x, here, self.rounding)
+        )
 
     def gain(self, x: Array, here: Linearization, to: Array, promised: float) -> Trial:
         """The fall of the cost from x to another point, as a share of what was promised.
@@ -248,9 +242,7 @@ class Run:
         there = self.problem.stacked_constraints
         if there is None:
             self.best.settle(x, cost, 0.0, optimality, self.noise(cost))
-            return
-        here = self._known(x)
-        if here is not None and here.constraints is not None:
+        elif (here := self._latest.at(x)) is not None and here.constraints is not None:
             missed = there.missed(here.constraints.values)
             self.best.settle(x, cost, missed, optimality, BOUGHT * cost + self.noise(cost))
 
@@ -267,7 +259,7 @@ class Run:
         best = self.best
         if np.isfinite(best.cost):
             try:
-                here = self._at_best()
+                here = self._latest.at(best.x) or self.problem.linearize_at(best.x, self.fixed)
                 optimality = self._wrap_best(best.decide(self.optimality(best.x, here)))
             except Exception as error:  # the residual is the user's; the best point is still ours
                 message += f" (no gradient at the best point: {error})"
@@ -305,8 +297,3 @@ class Run:
             return Status.INFEASIBLE.value
         worst = there.worst(there.values(self.best.x, self.fixed))
         return f"{worst}; {Status.INFEASIBLE.value}"
-
-    def _at_best(self) -> Linearization:
-        """The linearization at the best point: the last one made, as a rule."""
-        known = self._known(self.best.x)
-        return self.problem.linearize_at(self.best.x, self.fixed) if known is None else known

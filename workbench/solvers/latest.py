@@ -1,0 +1,43 @@
+"""The last linearization of a run: whoever asks at the same point again gets it back."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.problem import Linearization
+
+Array = NDArray[np.float64]
+
+
+class Latest:
+    """One linearization, where it was made, and how stationary the problem is there.
+
+    Only one: Jacobians are large, and memory that is free again is used for the next.
+    """
+
+    def __init__(self) -> None:
+        self._point = b""
+        self._here: Linearization | None = None
+        self._optimality: float | None = None
+
+    def at(self, x: Array) -> Linearization | None:
+        """The linearization, if it was made at x."""
+        return self._here if self._here is not None and self._point == x.tobytes() else None
+
+    def forget(self) -> None:
+        """Free its memory."""
+        self._here = self._optimality = None
+
+    def keep(self, x: Array, here: Linearization) -> Linearization:
+        """Instead of the one before."""
+        self._point, self._here, self._optimality = x.tobytes(), here, None
+        return here
+
+    def optimality(self, here: Linearization, measure: Callable[[], float]) -> float:
+        """As measured; of the one that is kept, once."""
+        if here is not self._here:
+            return measure()
+        if self._optimality is None:
+            self._optimality = measure()
+        return self._optimality
