@@ -49,6 +49,7 @@ def test_a_cost_that_a_linearization_has_told_is_not_evaluated_again() -> None:
     with Run("repetitive", GaussNewton(max_evaluations=2), problem, start, None) as run:
         here = run.linearize(run.x)
         cost, residual = run.cost_and_residual(run.x.copy())
+        assert run.counts["residual"] == 0
         run.cost(2 * run.x)
         run.cost(run.x)  # but the limits hold for it
     assert cost == here.cost

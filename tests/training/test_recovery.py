@@ -79,7 +79,9 @@ class Recovery:
 def small_start() -> Start:
     """The mesh and tree of `small`, with ten vertices for each collar.
 
-    Its own collars carry no vertex most, and what carries nothing is not seen to turn.
+    Its own collars carry no vertex most, and what carries nothing is not seen to turn. The mesh is
+    coarse: a ring reaches farther than the vertices that training takes a joint to be a mean of,
+    so the generator's joints are means of those of its vertices that are nearest to its middle.
     """
     body = load_body("small")
     start = Start.of(body)
@@ -90,7 +92,8 @@ def small_start() -> Start:
         ("left_collar", "right_collar", "spine2", "spine3", "neck", "left_shoulder"),
     )
     away = np.linalg.norm(body.template - body.joints()[left], axis=1)
-    away[~np.isin(start.segmentation, (left, *around)) | (body.template[:, 0] < 0.02)] = inf
+    beside = np.isin(start.segmentation, (left, *around)) & (body.template[:, 0] > 0.02)  # m
+    away[~beside] = inf
     segments, own = start.segmentation.copy(), np.argsort(away)[:10]
     segments[own], segments[mirror.vertices[own]] = left, right
     return replace(start, segmentation=segments)
