@@ -1,7 +1,8 @@
 """What counting, keeping the best and deciding about convergence cost: NLopt and IPOPT by hand.
 
 The same noisy vertices, the same derivatives, the same variables, and by hand as many evaluations
-as our own run took: what differs is what stands around them.
+as our own run took: what differs is what stands around them. By hand they are told how many, which
+nobody knows beforehand; IPOPT by hand also once decides for itself, by the rule that ours has.
 """
 
 from collections.abc import Callable, Mapping
@@ -22,9 +23,10 @@ from benchmarks.timing import side_by_side
 
 Array = NDArray[np.float64]
 BODY = "default"
-SOLVERS = {"NLopt's L-BFGS": wb.Nlopt("LD_LBFGS"), "IPOPT": wb.Ipopt()}
+IPOPT = wb.Ipopt()
+SOLVERS: dict[str, wb.solvers.Solver] = {"NLopt's L-BFGS": wb.Nlopt("LD_LBFGS"), "IPOPT": IPOPT}
 SAME = 1e-6  # of the cost
-HAND = " by hand"
+HAND, DECIDING = " by hand", " by hand, deciding"
 OFTEN = {"NLopt's L-BFGS": 3, "IPOPT": 20}  # times as many rounds: short fits scatter most
 
 
@@ -55,17 +57,18 @@ def measure(rounds: int, people: int = 3, body: str = BODY) -> dict[str, Any]:
             for one in seen
         ]
         vertices = case.body.n_vertices
-        for name, by_hand in BY_HAND.items():
-            solver = SOLVERS[name]
+        for name, solver in SOLVERS.items():
             found = [_solved(one, solver) for one in seen]
-            limits = [_steps(name, one) for one in found]
-            for one, solution, limit in zip(seen, found, limits, strict=True):
-                apart = by_hand(one, limit).cost / solution.cost - 1
-                if not abs(apart) <= SAME:
-                    raise Disagreement(f"{name} by hand ends with a cost {apart:.1e} higher")
-            each = list(zip(seen, limits, strict=True))
+            each = [
+                (one, _steps(name, solution)) for one, solution in zip(seen, found, strict=True)
+            ]
             fits[name][f"{way}: {name}"] = partial(_ours, solver, seen)
-            fits[name][f"{way}: {name}{HAND}"] = partial(_by_hand, by_hand, each)
+            for how, by_hand in BY_HAND[name].items():
+                for (one, limit), solution in zip(each, found, strict=True):
+                    apart = by_hand(one, limit).cost / solution.cost - 1
+                    if not abs(apart) <= SAME:
+                        raise Disagreement(f"{name}{how} ends with a cost {apart:.1e} higher")
+                fits[name][f"{way}: {name}{how}"] = partial(_by_hand, by_hand, each)
     timings: dict[str, list[float]] = {}
     for name, methods in fits.items():
         timings |= side_by_side(methods, [None], rounds * OFTEN.get(name, 1))
@@ -73,9 +76,9 @@ def measure(rounds: int, people: int = 3, body: str = BODY) -> dict[str, Any]:
     return {"body": body, "vertices": vertices, "seconds": seconds}
 
 
-def pairs(seconds: Mapping[str, Any]) -> list[str]:
-    """The labels of ours that have a companion by hand."""
-    return [label for label in seconds if label + HAND in seconds]
+def pairs(seconds: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """The labels of ours, each with how its companions by hand go about it."""
+    return [(label, how) for label in seconds for how in (HAND, DECIDING) if label + how in seconds]
 
 
 def by_nlopt(case: Case, evaluations: int) -> ByHand:
@@ -96,8 +99,11 @@ def by_nlopt(case: Case, evaluations: int) -> ByHand:
     return kept
 
 
-def by_ipopt(case: Case, iterations: int) -> ByHand:
-    """Cost, gradient and J'J as three callbacks with one linearization for each point."""
+def by_ipopt(case: Case, iterations: int, *, deciding: bool = False) -> ByHand:
+    """Cost, gradient and J'J as three callbacks with one linearization for each point.
+
+    It ends after so many iterations, or where it decides that nothing pulls any more.
+    """
     problem, fixed, kept = case.problem, case.fixed, ByHand(case)
     n = problem.free.size
     last: dict[bytes, wb.Linearization] = {}
@@ -129,9 +135,13 @@ def by_ipopt(case: Case, iterations: int) -> ByHand:
             ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"],
         ),
     }  # fmt: skip
-    quiet = {"print_level": 0, "sb": "yes", "max_iter": iterations, "tol": 1e-12}
+    quiet = {"print_level": 0, "sb": "yes", "tol": 1e-12}
     quiet |= {"nlp_scaling_method": "none", "acceptable_iter": 0}
     options = {"print_time": False, "no_nlp_grad": True, "error_on_fail": False, "ipopt": quiet}
+    if deciding:
+        options["iteration_callback"] = Rule(n, at)
+    else:
+        quiet["max_iter"] = iterations
     cs.nlpsol("s", "ipopt", {"x": x, "f": f(x)}, derivatives | options)(x0=kept.x)
     return kept
 
@@ -164,7 +174,35 @@ class Callback(cs.Callback):  # type: ignore[misc]
         return 0
 
 
-BY_HAND = dict(zip(SOLVERS, (by_nlopt, by_ipopt), strict=True))
+class Rule(cs.Callback):  # type: ignore[misc]
+    """Stops IPOPT where the gradient, in units of the residual, is as small as ours has to be."""
+
+    def __init__(self, n: int, at: Callable[[Array], wb.Linearization]) -> None:
+        super().__init__()
+        self._sizes, self._at = {"x": n, "lam_x": n, "f": 1}, at
+        self.construct("rule", {})
+
+    def get_n_in(self) -> int:
+        return int(cs.nlpsol_n_out())
+
+    def get_sparsity_in(self, i: int) -> cs.Sparsity:
+        return cs.Sparsity.dense(self._sizes.get(cs.nlpsol_out(i), 0), 1)
+
+    def has_eval_buffer(self) -> bool:
+        return True
+
+    def eval_buffer(self, arguments: list[Any], results: list[Any]) -> int:
+        here = self._at(np.array(np.frombuffer(arguments[0])))
+        pull = np.abs(here.gradient / here.column_norms).max()
+        enough = IPOPT.gradient_tolerance * np.sqrt(2 * here.cost)
+        np.frombuffer(results[0])[:] = float(pull <= enough)
+        return 0
+
+
+BY_HAND: dict[str, dict[str, Callable[[Case, int], ByHand]]] = {
+    "NLopt's L-BFGS": {HAND: by_nlopt},
+    "IPOPT": {HAND: by_ipopt, DECIDING: partial(by_ipopt, deciding=True)},
+}
 
 
 def _solved(case: Case, solver: wb.solvers.Solver) -> wb.Solution:

@@ -76,10 +76,10 @@ def overhead(found: Mapping[str, Any]) -> str:
     """Per way and solver: least / median milliseconds, and how often the time by hand."""
     seconds, size = found["seconds"], f"{found['body']}, N = {found['vertices']:,}"
     lines = [f"| {size} | fit, ms | by hand, ms | × by hand |", "| --- | --: | --: | --: |"]
-    for label in whole_overhead.pairs(seconds):
-        hand = label + whole_overhead.HAND
+    for label, how in whole_overhead.pairs(seconds):
+        hand = label + how
         cells = spent(seconds[label]), spent(seconds[hand]), ratio(seconds, label, hand)
-        lines.append(f"| {label} | {' | '.join(cells)} |")
+        lines.append(f"| {label} /{how} | {' | '.join(cells)} |")
     return "\n".join([*lines, ""])
 
 

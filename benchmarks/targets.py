@@ -86,9 +86,9 @@ def _of_scaling(results: Mapping[str, Any]) -> Iterator[Target]:
 
 def _of_overhead(results: Mapping[str, Any]) -> Iterator[Target]:
     seconds = _part(results, "overhead").get("seconds", {})
-    for label in overhead.pairs(seconds):
-        ratio = best(seconds[label]) / best(seconds[label + overhead.HAND])
-        yield Target(f"{label} / by hand", ratio, 1.1, True)
+    for label, how in overhead.pairs(seconds):
+        ratio = best(seconds[label]) / best(seconds[label + how])
+        yield Target(f"{label} /{how}", ratio, 1.1, True)
 
 
 def _part(results: Mapping[str, Any], name: str) -> Mapping[str, Any]:

@@ -27,7 +27,11 @@ def thread_count() -> int:
 @contextmanager
 def limited_threads() -> Iterator[None]:
     """BLAS keeps to `thread_count()` threads inside."""
-    with _controller().limit(limits=thread_count(), user_api="blas"):
+    wanted = thread_count()
+    if all(library.num_threads == wanted for library in _controller().lib_controllers):
+        yield  # another such context is around this one
+        return
+    with _controller().limit(limits=wanted, user_api="blas"):
         yield
 
 
@@ -47,4 +51,4 @@ def _controller() -> ThreadpoolController:
     import numpy.linalg  # noqa: F401
     import scipy.linalg  # noqa: F401
 
-    return ThreadpoolController()
+    return ThreadpoolController().select(user_api="blas")

@@ -141,24 +141,40 @@ def test_all_names_together_converge_as_gauss_and_newton_do() -> None:
     np.testing.assert_allclose(estimate.weights.sum(axis=1), 1, atol=1e-12)
 
 
+def test_steps_end_where_the_data_are_met_closely_enough() -> None:
+    """Otherwise the last ones would only move rounding errors about, each as long as the others."""
+    start = worm(9, 6)
+    body = random_smpl(start, 1, seed=0)
+    data, truth = draw_registrations(body, 4, 20, seed=1, turn=TURN)
+    free = replace(SIGMAS, rings=inf, posedirs=inf, weights=inf)
+    objective = Objective(data, start.rings(), start.weights(), None, free)
+    estimate = near(body, data, truth)
+    effort = Effort(together_tolerance=1e-2, together_steps=4, products=30)
+    whole = BLOCKS["together"](objective, estimate, start.faces, effort)
+    first = BLOCKS["together"](objective, estimate, start.faces, replace(effort, together_steps=1))
+    enough = 2 * objective.rms(first.estimate)
+    short = BLOCKS["together"](objective, estimate, start.faces, replace(effort, enough=enough))
+    assert whole.facts["steps"] > short.facts["steps"] == 1
+
+
 @pytest.mark.long
 @pytest.mark.parametrize(
-    ("start", "n_betas", "subjects", "poses", "ring", "tolerance"),
+    ("start", "n_betas", "subjects", "poses", "ring"),
     [
-        (worm(9, 6), 2, 5, 16, None, 1e-6),
-        (worm(25, 8), 4, 8, 12, None, 1e-6),
-        (small_start(), 4, 6, 60, 12, 1e-4),
+        (worm(9, 6), 2, 5, 16, None),
+        (worm(25, 8), 4, 8, 12, None),
+        (small_start(), 4, 6, 60, 12),
     ],
     ids=["54 vertices, 6 joints", "200 vertices, 6 joints", "369 vertices, 24 joints"],
 )
 def test_the_generator_is_recovered_from_segments_alone(
-    start: Start, n_betas: int, subjects: int, poses: int, ring: int | None, tolerance: float
+    start: Start, n_betas: int, subjects: int, poses: int, ring: int | None
 ) -> None:
     found = recover(start, n_betas, subjects, poses, ring)
-    assert found.held_out() < tolerance
-    assert found.joints() < tolerance
-    assert found.weights() < 10 * tolerance
-    assert found.posedirs() < 10 * tolerance
+    assert found.held_out() < 1e-6
+    assert found.joints() < 1e-6
+    assert found.weights() < 1e-5
+    assert found.posedirs() < 1e-5
 
 
 def template_error(start: Start, body: SkinnedBody, poses: int, noise: float = 0.001) -> float:

@@ -27,7 +27,7 @@ class Layout:
         """The blocks' names, in order."""
         return tuple(block.name for block in self.blocks)
 
-    @property
+    @cached_property
     def size(self) -> int:
         """The length of the vector."""
         return int(self._edges[-1])
@@ -43,6 +43,10 @@ class Layout:
             b.name: slice(int(i), int(j))
             for b, (i, j) in zip(self.blocks, pairwise(self._edges), strict=True)
         }
+
+    @cached_property
+    def _places(self) -> list[tuple[str, slice, tuple[int, ...]]]:
+        return [(b.name, self.slices[b.name], b.shape) for b in self.blocks]
 
     def __getitem__(self, name: str) -> Block:
         for block in self.blocks:
@@ -70,11 +74,9 @@ class Layout:
         return flat
 
     def unpack(self, flat: NDArray[np.float64]) -> Values:
-        """Undo `pack`; the arrays are copies."""
-        return {
-            b.name: np.array(flat[self.slices[b.name]], dtype=float).reshape(b.shape)
-            for b in self.blocks
-        }
+        """Undo `pack`; the arrays are parts of one copy."""
+        own = np.array(flat, dtype=float)
+        return {name: own[at].reshape(shape) for name, at, shape in self._places}
 
     def pieces(self, flat: cs.MX) -> list[cs.MX]:
         """A symbolic vector (size, 1) cut into one matrix per block, axes reversed."""

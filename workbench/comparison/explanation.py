@@ -11,6 +11,7 @@ from workbench.diagnostics.diagnosis import HARDLY, Diagnosis, diagnose
 from workbench.diagnostics.motions import motions
 from workbench.diagnostics.null_space import Direction, directions, dominant
 from workbench.problem import Problem
+from workbench.problem.chain import half_squared
 
 Array = NDArray[np.float64]
 THIN = 0.1  # of the median singular value: below, a direction counts as weak here
@@ -150,5 +151,4 @@ def _along(way: Array, weak: tuple[Direction, ...]) -> tuple[float, tuple[Part, 
 
 
 def _cost(problem: Problem, x: Array, fixed: Array) -> float:
-    r = problem.residual(x, fixed)
-    return 0.5 * float(r @ r)
+    return half_squared(problem.residual(x, fixed))

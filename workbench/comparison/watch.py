@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from workbench.comparison.feasible import feasible
 from workbench.problem import Problem
+from workbench.problem.chain import half_squared
 from workbench.solvers import Evaluations, Status
 from workbench.solvers.limits import Stop
 
@@ -117,8 +118,7 @@ class Watch:
                 answer, seconds = self._asked(kind, lambda: compute(x, fixed))
                 if whole is not None and kind != "hessian":
                     at = np.asarray(x, dtype=float).ravel()
-                    with np.errstate(over="ignore", invalid="ignore"):  # as good as infinite
-                        told = float(cost(answer))
+                    told = float(cost(answer))
                     self._heard(lambda: whole(at, fixed), told, seconds)
                 self._note(seconds)
                 return answer
@@ -137,7 +137,7 @@ class Watch:
 
         copied = copy.copy(problem)
         vars(copied).update(  # methods of this one copy
-            residual=asked("residual", lambda r: 0.5 * float(r @ r), problem.residual),
+            residual=asked("residual", half_squared, problem.residual),
             cost_and_gradient=asked("gradient", lambda both: both[0], problem.cost_and_gradient),
             linearize_at=asked("jacobian", lambda here: here.cost, problem.linearize_at),
             hessian_at=hessian,

@@ -26,6 +26,11 @@ Array = NDArray[np.float64]
 FORWARD = {"helper_options": {"ad_weight": 0.0}}
 
 
+def half_squared(r: Array) -> float:
+    """1/2 |r|^2 of a residual (m,); infinite, without a warning, where it is too large."""
+    return 0.5 * float(np.vdot(r, r))
+
+
 class Chain:
     """Residual, Jacobian and gradient of a graph whose points come from `sources`."""
 
@@ -110,7 +115,7 @@ class Chain:
             for name, part in here.adjoint(pattern.pulled(entries, r)).items():
                 if name in self._free.slices:
                     g[self._free.slices[name]] += part
-        return 0.5 * float(r @ r), g
+        return half_squared(r), g
 
     def size(self, x: Array, fixed: Array) -> float:
         """The size of what the residual is made of: each argument through its derivative."""

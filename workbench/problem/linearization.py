@@ -8,6 +8,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from workbench.problem.chain import half_squared
 from workbench.problem.constraint_set import Constrained
 from workbench.problem.steps import EPS, automatic
 
@@ -24,9 +25,8 @@ class Linearization:
 
     @cached_property
     def cost(self) -> float:
-        """1/2 |r|^2; infinite where that is too large to be a number."""
-        with np.errstate(over="ignore"):
-            return 0.5 * float(self.residual @ self.residual)
+        """See `half_squared`."""
+        return half_squared(self.residual)
 
     @cached_property
     def gradient(self) -> Array:
@@ -113,8 +113,7 @@ class Linearization:
 
     def predicted_cost(self, step: Array) -> float:
         """1/2 |r + J p|^2."""
-        r = self.residual + self.jacobian @ step
-        return 0.5 * float(r @ r)
+        return half_squared(self.residual + self.jacobian @ step)
 
     @property
     def covariance(self) -> Array:

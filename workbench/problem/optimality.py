@@ -10,31 +10,35 @@ from workbench.problem.constraint_set import Constrained
 from workbench.problem.linearization import Linearization
 
 Array = NDArray[np.float64]
+Box = tuple[Array, Array]
+TINY = float(np.finfo(float).tiny)
 
 
-def optimality(x: Array, here: Linearization, lower: Array, upper: Array, rounding: float) -> float:
+def optimality(x: Array, here: Linearization, box: Box | None, rounding: float) -> float:
     """0 at a stationary point; without constraints at most 1; NaN where there are no numbers.
 
     The largest |d_i| / |r|, less what rounding explains. d is the way that the gradient pulls,
     -g_i / |J_i|, in variables y_i = |J_i| x_i, whose steps have the units of the residual: there
-    d / |r| are the cosines between the residual and the columns of the Jacobian. With bounds and
-    constraints d is that pull's projection on what they allow, to first order: where the bounds
-    or the linearized constraints stop it, it is stopped, and a constraint that is missed moves it.
-    So d = 0 says that Karush, Kuhn and Tucker's conditions hold.
+    d / |r| are the cosines between the residual and the columns of the Jacobian. With bounds (a
+    box, lower and upper) and constraints d is that pull's projection on what they allow, to first
+    order: where the bounds or the linearized constraints stop it, it is stopped, and a constraint
+    that is missed moves it. So d = 0 says that Karush, Kuhn and Tucker's conditions hold.
     """
     if not here.finite:
         return np.nan
     norms, size = here.column_norms, sqrt(2 * here.cost)
-    seen = norms > 0
     if here.constraints is None:
-        pull = -here.gradient[seen] / norms[seen]
-        left, right = (lower - x)[seen] * norms[seen], (upper - x)[seen] * norms[seen]
-        d = np.minimum(np.maximum(pull, left), right)
+        scale = np.maximum(norms, TINY)  # nothing pulls at what no residual notices
+        d = -here.gradient / scale
+        if box is not None:
+            lower, upper = box
+            d = np.minimum(np.maximum(d, (lower - x) * scale), (upper - x) * scale)
     else:  # what no residual notices costs nothing to move, but is measured all the same
-        scale = np.where(seen, norms, norms.max(initial=0.0) or 1.0)
+        scale = np.where(norms > 0, norms, norms.max(initial=0.0) or 1.0)
+        lower, upper = box or (np.full_like(x, -np.inf), np.full_like(x, np.inf))
         d = _allowed(-here.gradient / scale, (lower - x) * scale, (upper - x) * scale,
                      here.constraints, scale)  # fmt: skip
-    way = float(np.max(np.abs(d), initial=0.0)) - rounding
+    way = float(np.abs(d).max(initial=0.0)) - rounding
     if way <= 0:
         return 0.0
     if here.constraints is not None and not size:

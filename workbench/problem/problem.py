@@ -125,7 +125,7 @@ class Problem:
             row -= residual.size
         raise IndexError(f"row {row} of a residual of {self.size}")
 
-    @property
+    @cached_property
     def trees(self) -> tuple[Tree, ...]:
         """The kinematic trees of the bodies whose points are read, one per pose block."""
         found = {tree.pose: tree for p in self._points if (tree := p.source.tree) is not None}
@@ -225,7 +225,8 @@ class Problem:
 
     def optimality(self, x: Array, here: Linearization, rounding: float = 0.0) -> float:
         """How far from a stationary point: 0 at one, free of units. See `optimality.optimality`."""
-        return optimality(x, here, self.lower, self.upper, rounding)
+        box = (self.lower, self.upper) if self.bounded else None
+        return optimality(x, here, box, rounding)
 
     # How all of it is put together.
 

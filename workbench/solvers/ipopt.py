@@ -109,12 +109,13 @@ class Ipopt:
         x, p, weight, y = cs.MX.sym("x", n), cs.MX(0, 1), cs.MX.sym("f"), cs.MX.sym("y", k)
         none = cs.MX(0, 1)
         cost, gradient = oracle.cost(x, none), oracle.gradient(x, none)
+        unread = cs.MX.nan()  # beside the gradient, where CasADi's interface wants a cost
         bend = weight * oracle.hessian(x, none)
         nlp = {"x": x, "f": cost}
         derivatives = {
-            "grad_f": cs.Function("g", [x, p], [cost, gradient], ["x", "p"], ["f", "grad_f_x"])
+            "grad_f": cs.Function("g", [x, p], [unread, gradient], ["x", "p"], ["f", "grad_f_x"])
         }
-        limits = {}
+        limits = {"lbx": problem.lower, "ubx": problem.upper} if problem.bounded else {}
         if there is not None:
             nlp["g"] = oracle.constraints(x, none)
             derivatives["jac_g"] = cs.Function(
@@ -122,7 +123,7 @@ class Ipopt:
                 ["x", "p"], ["g", "jac_g_x"],
             )  # fmt: skip
             bend += oracle.constraint_hessian(x, y)
-            limits = {"lbg": there.lower, "ubg": there.upper}
+            limits |= {"lbg": there.lower, "ubg": there.upper}
         if self.hessian is not None:
             derivatives["hess_lag"] = cs.Function(
                 "h", [x, p, weight, y], [cs.triu(bend)],
@@ -152,7 +153,7 @@ class Ipopt:
                 },
             },
         )
-        solver(x0=x0, lbx=problem.lower, ubx=problem.upper, **limits)
+        solver(x0=x0, **limits)
         if oracle.error is not None:
             raise oracle.error
         return str(solver.stats()["return_status"])

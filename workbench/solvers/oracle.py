@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import Any, TypeVar
 
 import casadi as cs
 import numpy as np
@@ -14,7 +14,8 @@ from workbench.solvers.run import Run
 
 Array = NDArray[np.float64]
 Hessian = Callable[[Run, Array, Linearization], Array]
-Compute = Callable[[bytes, Array], float | Array]  # of x and the multipliers
+Compute = Callable[[Array, Array], float | Array]  # of x and the multipliers
+T = TypeVar("T")
 
 
 def gauss_newton_hessian(run: Run, x: Array, here: Linearization) -> Array:
@@ -47,31 +48,29 @@ class Oracle:
 
     @cached_property
     def cost(self) -> "External":
-        """Of x, (1, 1)."""
-        run = self._run
-        known = lru_cache(maxsize=2)(lambda x: run.cost(np.frombuffer(x)))
-        return self._external("cost", (1, 1), lambda x, _: known(x))
+        """Of x."""
+        known = _asked_twice(self._run.cost)
+        return self._external("cost", (), lambda x, _: known(x))
 
     @cached_property
     def gradient(self) -> "External":
-        """Of the cost at x, (n, 1)."""
-        at = _linearizations(self._run)
-        return self._external("gradient", (self._sizes[0], 1), lambda x, _: at(x).gradient)
+        """Of the cost at x, (n,)."""
+        at = self._run.linearize
+        return self._external("gradient", self._sizes[:1], lambda x, _: at(x).gradient)
 
     @cached_property
     def constraints(self) -> "External":
-        """Of x, (k, 1)."""
-        run = self._run
-        known = lru_cache(maxsize=2)(lambda x: run.constraints(np.frombuffer(x)))
-        return self._external("constraints", (self._sizes[1], 1), lambda x, _: known(x))
+        """Of x, (k,)."""
+        known = _asked_twice(self._run.constraints)
+        return self._external("constraints", self._sizes[1:], lambda x, _: known(x))
 
     @cached_property
     def constraint_jacobian(self) -> "External":
         """Of x, (k, n)."""
         n, k = self._sizes
-        at = _linearizations(self._run)
+        at = self._run.linearize
 
-        def rows(x: bytes, _: Array) -> Array:
+        def rows(x: Array, _: Array) -> Array:
             there = at(x).constraints
             return np.zeros((0, n)) if there is None else there.jacobian
 
@@ -92,7 +91,7 @@ class Oracle:
         """Of both, with every eigenvalue that is below zero reflected, (n, n)."""
         of_cost, bend = _of_cost(self._run, self._hessian), _of_constraints(self._run)
 
-        def convex(x: bytes, multipliers: Array) -> Array:
+        def convex(x: Array, multipliers: Array) -> Array:
             return reflected(of_cost(x, multipliers) + bend(x, multipliers)).matrix
 
         return self._external("convex", self._square, convex, multiplied=True)
@@ -100,7 +99,7 @@ class Oracle:
     @cached_property
     def recorder(self) -> "Recorder":
         """What tells the run of iterates."""
-        return Recorder(self._run, self._kept, _linearizations(self._run), self._sizes)
+        return Recorder(self._run, self._kept, self._sizes)
 
     @property
     def error(self) -> BaseException | None:
@@ -112,28 +111,28 @@ class Oracle:
         return self._sizes[0], self._sizes[0]
 
     def _external(
-        self, name: str, shape: tuple[int, int], compute: Compute, *, multiplied: bool = False
+        self, name: str, shape: tuple[int, ...], compute: Compute, *, multiplied: bool = False
     ) -> "External":
         n, k = self._sizes
         sizes = n, k if multiplied else 0
         return External(name, sizes, shape, compute, self._run, self._kept)
 
 
-def _linearizations(run: Run) -> Callable[[bytes], Linearization]:
-    """By point; the run keeps the last one."""
-    return lambda x: run.linearize(np.frombuffer(x))
+def _asked_twice(function: Callable[[Array], T]) -> Callable[[Array], T]:
+    """The same, and known at the last two points: beside the gradient it is asked for again."""
+    known = lru_cache(maxsize=2)(lambda x: function(np.frombuffer(x)))
+    return lambda x: known(x.tobytes())
 
 
-def _of_cost(run: Run, hessian: Hessian) -> Callable[[bytes, Array], Array]:
-    at = _linearizations(run)
-    return lambda x, _: hessian(run, np.frombuffer(x), at(x))
+def _of_cost(run: Run, hessian: Hessian) -> Callable[[Array, Array], Array]:
+    return lambda x, _: hessian(run, x, run.linearize(x))
 
 
-def _of_constraints(run: Run) -> Callable[[bytes, Array], Array]:
+def _of_constraints(run: Run) -> Callable[[Array, Array], Array]:
     there, n = run.problem.stacked_constraints, run.problem.free.size
     if there is None:
         return lambda x, _: np.zeros((n, n))
-    return lambda x, multipliers: there.hessian(np.frombuffer(x), run.fixed, multipliers)
+    return lambda x, multipliers: there.hessian(x, run.fixed, multipliers)
 
 
 class External(cs.Callback):  # type: ignore[misc]  # casadi's way of calling back
@@ -143,7 +142,7 @@ class External(cs.Callback):  # type: ignore[misc]  # casadi's way of calling ba
     """
 
     def __init__(
-        self, name: str, sizes: tuple[int, int], shape: tuple[int, int], compute: Compute,
+        self, name: str, sizes: tuple[int, int], shape: tuple[int, ...], compute: Compute,
         run: Run, kept: Kept,
     ) -> None:  # fmt: skip
         super().__init__()
@@ -160,8 +159,8 @@ class External(cs.Callback):  # type: ignore[misc]  # casadi's way of calling ba
         return cs.Sparsity.dense(self._sizes[i], 1)
 
     def get_sparsity_out(self, i: int) -> cs.Sparsity:
-        """A dense matrix."""
-        return cs.Sparsity.dense(*self._shape)
+        """A dense number, column or matrix."""
+        return cs.Sparsity.dense(*(self._shape or (1,)))
 
     def has_eval_buffer(self) -> bool:
         """Numbers come and go by memory, not as DM."""
@@ -169,30 +168,26 @@ class External(cs.Callback):  # type: ignore[misc]  # casadi's way of calling ba
 
     def eval_buffer(self, arguments: list[Any], results: list[Any]) -> int:
         """Called by CasADi."""
-        out = np.frombuffer(results[0]) if results[0] is not None else np.empty(0)
-        if self._kept.error is None:
-            try:
-                x, multipliers = (
-                    _inside(arguments[0], self._run),
-                    _column(arguments[1], self._sizes[1]),
-                )
-                value = self._compute(x.tobytes(), multipliers)
-                out[:] = np.ravel(value, order="F")[: out.size]  # column by column
+        if results[0] is None:  # nobody wants to know
+            return 0
+        out = np.frombuffer(results[0]).reshape(self._shape, order="F")  # column by column
+        try:
+            if self._kept.error is None:
+                x = _inside(arguments[0], self._run)
+                out[...] = self._compute(x, _column(arguments[1], self._sizes[1]))
                 return 0
-            except BaseException as error:
-                self._kept.error = error
-        out[:] = np.nan
+        except BaseException as error:
+            self._kept.error = error
+        out[...] = np.nan
         return 0
 
 
 class Recorder(cs.Callback):  # type: ignore[misc]
     """Adds a solver's iterates to the trace, and stops it when the run says so."""
 
-    def __init__(
-        self, run: Run, kept: Kept, at: Callable[[bytes], Linearization], sizes: tuple[int, int]
-    ) -> None:
+    def __init__(self, run: Run, kept: Kept, sizes: tuple[int, int]) -> None:
         super().__init__()
-        self._run, self._kept, self._at = run, kept, at
+        self._run, self._kept = run, kept
         n, k = sizes
         self._sizes = {"x": n, "lam_x": n, "f": 1, "g": k, "lam_g": k}
         self.construct("recorder", {})
@@ -215,7 +210,7 @@ class Recorder(cs.Callback):  # type: ignore[misc]
         if self._kept.error is None:
             try:
                 x = _inside(arguments[0], self._run)
-                here = self._at(x.tobytes())
+                here = self._run.linearize(x)
                 self._run.record(x, here.cost, self._run.optimality(x, here))
                 stop = 0.0
             except BaseException as error:

@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import asdict
-from math import isfinite, isnan
+from math import isfinite, isnan, sqrt
 from types import TracebackType
 from typing import NamedTuple, NoReturn, TypeVar
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from workbench.blocks import Values
 from workbench.problem import Linearization, Problem
+from workbench.problem.chain import half_squared
 from workbench.solvers.best import Best
 from workbench.solvers.latest import Latest
 from workbench.solvers.limits import Limits, Stop, guarded
@@ -91,8 +92,7 @@ class Run:
             self.check()
             return known.cost, known.residual  # the best point knows of it
         r = self.evaluate("residual", lambda: self.problem.residual(x, self.fixed))
-        with np.errstate(over="ignore"):  # too large is as good as infinite
-            return self._kept(x, 0.5 * float(r @ r)), r
+        return self._kept(x, half_squared(r)), r
 
     def cost_and_gradient(self, x: Array) -> tuple[float, Array]:
         """The cost and its gradient at x, by one reverse sweep."""
@@ -204,7 +204,7 @@ class Run:
 
     def noise(self, cost: float) -> float:
         """By how much rounding may have changed a cost."""
-        return self.rounding * float(np.sqrt(2 * cost))
+        return self.rounding * sqrt(2 * cost)
 
     def record(
         self,
@@ -215,18 +215,19 @@ class Run:
         linear_algebra: str = "",
     ) -> None:
         """Add an iterate to the trace; stop if it is good enough, or limit or callback say so."""
-        values = self.problem.free.unpack(x)
         step = 0.0 if self._recorded is None else float(np.linalg.norm(x - self._recorded))
         self._recorded = x.copy()
         iterate = Iterate(
-            values, cost, optimality, step, damping,
+            self.problem.free.unpack(x), cost, optimality, step, damping,
             Evaluations(**self.counts), time.perf_counter() - self.began, linear_algebra,
         )  # fmt: skip
         self.trace.append(iterate)
         if not isnan(optimality):
             self._settle(x, cost, optimality)
-        says = self.callback(iterate) if self.callback is not None else None
-        stop = isinstance(says, bool | np.bool_) and bool(says)
+        stop = False
+        if self.callback is not None:
+            says = self.callback(iterate)
+            stop = isinstance(says, bool | np.bool_) and bool(says)
         if optimality <= self.limits.gradient_tolerance:
             raise Stop(Status.CONVERGED)
         if stop:

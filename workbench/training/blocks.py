@@ -56,6 +56,7 @@ class Effort:
     together_tolerance: float = 1e-2
     together_steps: int = 10  # of Gauss and Newton
     together_stop: float = 1e-3  # of the cost: a step that gains less is the last
+    enough: float = 0.0  # m, rms of E_D: once it is below, no step more
     products: int = 300  # passes over all registrations, at most, in one step
     most_weights: int = MOST_WEIGHTS  # above zero, per vertex
     pose_vertices: int = ENOUGH  # spread over the mesh, that poses are found from
@@ -220,7 +221,7 @@ def _trusted(
         estimate, cost = moved, cost - fall
         facts["steps"] += 1
         hands.say(int(facts["steps"]), effort.together_steps)
-        if fall < effort.together_stop * cost:
+        if fall < effort.together_stop * cost or objective.rms(estimate) < effort.enough:
             break
     return Found(estimate, facts)
 

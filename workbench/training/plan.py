@@ -14,6 +14,8 @@ ROUND = ("regressor", "surfaces", "poses")
 FREE_ROUND = ("surfaces", "weights", "poses")
 REACH = 2  # bones between a vertex and the farthest joint that its blend shapes follow
 ROUGH, TIED = 2.5, 0.2  # of what is ordinary in E_D at first, and in E_J later
+TO_THE_END = 3000  # products in a step whose weakest directions matter: millionths of a metre
+EXACT = 1e-8  # m, rms: rounding is next
 
 
 @dataclass(frozen=True)
@@ -72,11 +74,13 @@ def annealed(sigmas: Sigmas, factors: tuple[float, ...] = (1.0, 10.0, 1e2, 1e3, 
 
     Each lambda falls with the square of its factor; the end is a fit of the data alone. How
     many weights a vertex has is limited at the end only: which of them are zero shows by then.
+    Steps are cut short until then, and the last ones are not: joints that hardly any vertex
+    notices come right last.
     """
     free = Effort(together_tolerance=1e-3, together_steps=12, most_weights=NO_LIMIT)
     first = Stage(sigmas, FREE_ROUND, 3, free)
     rest = [Stage(sigmas.loosened(f), ("weights", "together"), effort=free) for f in factors]
-    limited = replace(free, most_weights=MOST_WEIGHTS)
+    limited = replace(free, most_weights=MOST_WEIGHTS, products=TO_THE_END, enough=EXACT)
     last = Stage(sigmas.loosened(inf), ("cut", "weights", "together"), effort=limited)
     return Plan((first, *rest, last))
 
