@@ -3,7 +3,7 @@
 One is stated, not guessed: the matrices of a fit are small or limited by memory, and two threads
 that wait for each other on a busy machine have been seen to be four times slower than one. The
 limit holds inside the context and is lifted after it, so that other code in the process keeps its
-own; entering costs about 25 microseconds, so it belongs around a run, not around each product.
+own; entering costs about 15 microseconds, so it belongs around a run, not around each product.
 """
 
 import os
@@ -29,19 +29,18 @@ def limited_threads() -> Iterator[None]:
     """BLAS keeps to `thread_count()` threads inside."""
     wanted = thread_count()
     if all(library.num_threads == wanted for library in _controller().lib_controllers):
-        yield  # another such context is around this one
+        yield  # nothing to change, as inside another such context
         return
-    with _controller().limit(limits=wanted, user_api="blas"):
+    with _controller().limit(limits=wanted):
         yield
 
 
 def blas_libraries() -> list[str]:
     """Each BLAS in the process: its name, version, and threads outside of the context."""
-    found = [library for library in _controller().info() if library["user_api"] == "blas"]
     return [
         f"{library['internal_api']} {library['version']}, {library['num_threads']} threads, "
         f"{library.get('architecture', 'architecture unknown')} ({library['prefix']})"
-        for library in found
+        for library in _controller().info()
     ]
 
 

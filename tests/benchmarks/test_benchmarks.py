@@ -52,9 +52,10 @@ def test_without_peers_every_part_is_written_with_its_keys(written: Path) -> Non
     assert set(fit["seconds"]) == set(fit["evaluations"])
     assert f"{ours.NUMPY}: {fits.LM}" in fit["seconds"]
     found = read(written, "overhead")["found"]
-    ways = {label for label, _ in overhead.pairs(found["seconds"])}
-    assert len(ways) >= len(overhead.SOLVERS)
-    assert len(ways) + len(overhead.pairs(found["seconds"])) == len(found["seconds"])
+    pairs = overhead.pairs(found["seconds"])
+    for solver, ways in overhead.BY_HAND.items():
+        assert {how for label, how in pairs if solver in label} == set(ways)
+    assert len({label for label, _ in pairs}) + len(pairs) == len(found["seconds"])
     found = read(written, "scaling")["found"]
     assert found["sizes"] == [int(TINY)]
     memory = found["bytes"][ours.NUMPY][TINY]

@@ -198,6 +198,14 @@ def test_an_entry_that_nothing_reads_does_not_matter() -> None:
     assert optimality(problem, {"x": [1.0, 2.0, 7.0]}) == pytest.approx(1.0)
 
 
+def test_an_entry_whose_column_is_too_short_for_its_square_does_not_matter() -> None:
+    z = Block("z", (2,)).symbol
+    noticed = 1 + cs.exp(-(z[1] ** 2))  # at 20, its slope is 1e-172: squared, that is zero
+    problem = Problem((Residual("fit", cs.vertcat(z[0] - 1, noticed), 1.0),), ("z",))
+    assert optimality(problem, {"z": [1.0, 20.0]}) < 1e-15
+    assert optimality(problem, {"z": [2.0, 20.0]}) == pytest.approx(np.sqrt(0.5))
+
+
 @pytest.mark.parametrize("seed", range(10))
 def test_rounding_explains_what_is_left_without_noise_and_nothing_more(seed: int) -> None:
     body = random_body(seed, n_vertices=50)

@@ -19,6 +19,7 @@ from workbench import (
     residuals,
 )
 from workbench.errors import NotSupported
+from workbench.solvers import Ipopt
 from workbench.solvers.ipopt import ADVICE, MEANING
 from workbench.solvers.nlopt_algorithms import ALGORITHMS
 
@@ -179,6 +180,12 @@ def test_constraints_that_contradict_each_other_are_said(name: str) -> None:
     solution = LOCAL[name].solve(problem, START)
     assert solution.status is Status.INFEASIBLE
     assert "relax them" in solution.message
+
+
+@pytest.mark.parametrize("wrong", [np.ones(2), np.ones((2, 1)), 1.0])
+def test_a_hessian_of_the_users_has_to_be_square(wrong: np.ndarray | float) -> None:
+    with pytest.raises(ValueError, match=r"hessian is \(2, 2\), not"):
+        Ipopt(hessian=lambda run, x, here: wrong).solve(near(), START)
 
 
 def test_every_word_of_ipopts_has_a_meaning() -> None:

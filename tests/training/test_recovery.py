@@ -155,6 +155,10 @@ def test_steps_end_where_the_data_are_met_closely_enough() -> None:
     enough = 2 * objective.rms(first.estimate)
     short = BLOCKS["together"](objective, estimate, start.faces, replace(effort, enough=enough))
     assert whole.facts["steps"] > short.facts["steps"] == 1
+    again = BLOCKS["together"](
+        objective, first.estimate, start.faces, replace(effort, enough=enough)
+    )
+    assert again.facts["steps"] == 0
 
 
 @pytest.mark.long

@@ -11,7 +11,6 @@ from workbench.problem.linearization import Linearization
 
 Array = NDArray[np.float64]
 Box = tuple[Array, Array]
-TINY = float(np.finfo(float).tiny)
 
 
 def optimality(x: Array, here: Linearization, box: Box | None, rounding: float) -> float:
@@ -28,7 +27,7 @@ def optimality(x: Array, here: Linearization, box: Box | None, rounding: float) 
         return np.nan
     norms, size = here.column_norms, sqrt(2 * here.cost)
     if here.constraints is None:
-        scale = np.maximum(norms, TINY)  # nothing pulls at what no residual notices
+        scale = np.where(norms > 0, norms, 1.0)  # what no residual notices pulls at nothing
         d = -here.gradient / scale
         if box is not None:
             lower, upper = box

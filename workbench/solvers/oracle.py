@@ -119,7 +119,7 @@ class Oracle:
 
 
 def _asked_twice(function: Callable[[Array], T]) -> Callable[[Array], T]:
-    """The same, and known at the last two points: beside the gradient it is asked for again."""
+    """The same, and known at the last two points: SQP asks again beside the gradient."""
     known = lru_cache(maxsize=2)(lambda x: function(np.frombuffer(x)))
     return lambda x: known(x.tobytes())
 
@@ -174,7 +174,10 @@ class External(cs.Callback):  # type: ignore[misc]  # casadi's way of calling ba
         try:
             if self._kept.error is None:
                 x = _inside(arguments[0], self._run)
-                out[...] = self._compute(x, _column(arguments[1], self._sizes[1]))
+                value = np.asarray(self._compute(x, _column(arguments[1], self._sizes[1])))
+                if value.shape != self._shape:  # a user's Hessian
+                    raise ValueError(f"{self.name()} is {self._shape}, not {value.shape}")
+                out[...] = value
                 return 0
         except BaseException as error:
             self._kept.error = error

@@ -56,7 +56,7 @@ class Effort:
     together_tolerance: float = 1e-2
     together_steps: int = 10  # of Gauss and Newton
     together_stop: float = 1e-3  # of the cost: a step that gains less is the last
-    enough: float = 0.0  # m, rms of E_D: once it is below, no step more
+    enough: float = 0.0  # m, rms of E_D: below it no step is made any more
     products: int = 300  # passes over all registrations, at most, in one step
     most_weights: int = MOST_WEIGHTS  # above zero, per vertex
     pose_vertices: int = ENOUGH  # spread over the mesh, that poses are found from
@@ -188,7 +188,7 @@ def _trusted(
 ) -> Found:
     cost, radius, longest = objective.cost(estimate), inf, 0.0
     facts = {"steps": 0.0, "products": 0.0}
-    while facts["steps"] < effort.together_steps:
+    while facts["steps"] < effort.together_steps and not _near(objective, estimate, effort):
         equations = NormalEquations(objective, estimate, names)
         slope = equations.slope
         while True:
@@ -221,9 +221,14 @@ def _trusted(
         estimate, cost = moved, cost - fall
         facts["steps"] += 1
         hands.say(int(facts["steps"]), effort.together_steps)
-        if fall < effort.together_stop * cost or objective.rms(estimate) < effort.enough:
+        if fall < effort.together_stop * cost:
             break
     return Found(estimate, facts)
+
+
+def _near(objective: Objective, estimate: Estimate, effort: Effort) -> bool:
+    """Whether the data are met as closely as was asked for, which takes a pass over them."""
+    return effort.enough > 0 and objective.rms(estimate) < effort.enough
 
 
 def _as_shares(weights: Array) -> Array:

@@ -14,8 +14,8 @@ ROUND = ("regressor", "surfaces", "poses")
 FREE_ROUND = ("surfaces", "weights", "poses")
 REACH = 2  # bones between a vertex and the farthest joint that its blend shapes follow
 ROUGH, TIED = 2.5, 0.2  # of what is ordinary in E_D at first, and in E_J later
-TO_THE_END = 3000  # products in a step whose weakest directions matter: millionths of a metre
-EXACT = 1e-8  # m, rms: rounding is next
+TO_THE_END = 3000  # products in a step: what the data hardly notice takes that many
+EXACT = 1e-8  # m, rms of E_D: a hundredth of what is asked of the model
 
 
 @dataclass(frozen=True)
