@@ -272,8 +272,8 @@ Picture(
 )
 
 # %% [markdown]
-# The Jacobian says the same of itself: with one camera the place is known to 7 mm across the image, and
-# to 230 mm in depth. There is a reason that no data can overcome. Make a
+# The Jacobian says the same of itself: with one camera the place is known to 8 mm across the image, and
+# to 233 mm in depth. There is a reason that no data can overcome. Make a
 # person larger and move them away in proportion, all about the camera's centre: $X / Z$ stays, and so
 # does every pixel. With one camera, size and depth are one unknown, and only the prior of the shape
 # tells them apart.
@@ -287,7 +287,7 @@ for share in (1.05, 1.5):
     print(f"{share:.2f} times as large and as far: pixels move by {moved:.0e} px")
 
 # %% [markdown]
-# Two cameras that look along different lines end it: 191 mm become 6.
+# Two cameras that look along different lines end it: 188 mm become 6.
 #
 # ## A start for several cameras
 #

@@ -5,6 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
 from matplotlib.patches import Rectangle
+from matplotlib.transforms import ScaledTranslation
 from numpy.typing import NDArray
 
 from workbench.experiments.experiment import Outcome, Overlay
@@ -14,6 +15,7 @@ from workbench.plots.palette import BLUE, FAINT, OUTSIDE, VERMILLION
 from workbench.plots.shading import painted
 
 Array = NDArray[np.float64]
+BELOW = 36  # points that the numbers and the label of the axis take
 
 
 def plot_overlay(outcome: Outcome, view: int, *, ax: Axes, shape: float = 1.25) -> Axes:
@@ -52,9 +54,11 @@ def plot_overlay(outcome: Outcome, view: int, *, ax: Axes, shape: float = 1.25) 
     ax.set_xlabel("u (px)")
     ax.set_ylabel("v (px)")
     ax.set_title(_title(overlay), loc="left")
+    below = ScaledTranslation(0, -BELOW / 72, ax.figure.dpi_scale_trans)
     legend = ax.legend(
-        loc="upper left", bbox_to_anchor=(0, -0.11), ncols=2, borderaxespad=0, columnspacing=1.2
-    )
+        loc="upper left", bbox_to_anchor=(0, 0), bbox_transform=ax.transAxes + below,
+        ncols=2, borderaxespad=0, columnspacing=1.2,
+    )  # fmt: skip
     for handle in legend.legend_handles[1:]:
         if handle is not None:
             handle.set_edgecolor(VERMILLION)  # type: ignore[attr-defined]  # whatever the first one's confidence
