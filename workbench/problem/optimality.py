@@ -27,7 +27,7 @@ def optimality(x: Array, here: Linearization, box: Box | None, rounding: float) 
         return np.nan
     norms, size = here.column_norms, sqrt(2 * here.cost)
     if here.constraints is None:
-        scale = np.where(norms > 0, norms, 1.0)  # what no residual notices pulls at nothing
+        scale = np.where(norms > 0, norms, 1.0)  # nothing pulls at what no residual notices
         d = -here.gradient / scale
         if box is not None:
             lower, upper = box
