@@ -15,7 +15,7 @@ FREE_ROUND = ("surfaces", "weights", "poses")
 REACH = 2  # bones between a vertex and the farthest joint that its blend shapes follow
 ROUGH, TIED = 2.5, 0.2  # of what is ordinary in E_D at first, and in E_J later
 TO_THE_END = 3000  # products in a step: what the data hardly notice takes that many
-EXACT = 1e-8  # m, rms of E_D: a hundredth of what is asked of the model
+EXACT = 1e-9  # m, rms of E_D: a thousandth of what is asked of the model
 
 
 @dataclass(frozen=True)
