@@ -3,6 +3,8 @@
 The same noisy vertices, the same derivatives, the same variables, and by hand as many evaluations
 as our own run took: what differs is what stands around them. By hand they are told when to stop,
 which nobody knows beforehand; IPOPT by hand is timed once more deciding for itself, by our rule.
+By hand nothing of our solvers runs, so the rule is written out here; that the counts of evaluations
+are equal says that it is the same.
 """
 
 from collections.abc import Callable, Mapping
@@ -97,11 +99,11 @@ def by_nlopt(case: Case, evaluations: int) -> ByHand:
     return kept
 
 
-def by_ipopt(case: Case, iterations: int, *, deciding: bool = False) -> ByHand:
+def by_ipopt(case: Case, iterations: int | None) -> ByHand:
     """Cost, gradient and J'J as three callbacks with one linearization for each point.
 
     The cost of the start is that of its linearization, and no gradient asks for a cost. It ends
-    after so many iterations, or where it decides that nothing pulls any more.
+    after so many iterations; without a number, where it finds that nothing pulls any more.
     """
     problem, fixed, kept = case.problem, case.fixed, ByHand(case)
     n = problem.free.size
@@ -140,7 +142,7 @@ def by_ipopt(case: Case, iterations: int, *, deciding: bool = False) -> ByHand:
     quiet = {"print_level": 0, "sb": "yes", "tol": 1e-12}
     quiet |= {"nlp_scaling_method": "none", "acceptable_iter": 0}
     options = {"print_time": False, "no_nlp_grad": True, "error_on_fail": False, "ipopt": quiet}
-    if deciding:
+    if iterations is None:
         options["iteration_callback"] = Rule(n, at)
     else:
         quiet["max_iter"] = iterations
@@ -203,7 +205,7 @@ class Rule(cs.Callback):  # type: ignore[misc]
 
 BY_HAND: dict[str, dict[str, Callable[[Case, int], ByHand]]] = {
     "NLopt's L-BFGS": {HAND: by_nlopt},
-    "IPOPT": {HAND: by_ipopt, DECIDING: partial(by_ipopt, deciding=True)},
+    "IPOPT": {HAND: by_ipopt, DECIDING: lambda case, _: by_ipopt(case, None)},
 }
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from workbench import SkinnedBody, load_body
 from workbench.geometry.rigid import procrustes
-from workbench.training.blocks import BLOCKS, Effort
+from workbench.training.blocks import BLOCKS, Effort, Found
 from workbench.training.estimate import Estimate, Sigmas
 from workbench.training.first_guess import Start
 from workbench.training.held_out import generalization
@@ -28,7 +28,6 @@ from workbench.training.made_up import (
 )
 from workbench.training.objective import Objective
 from workbench.training.plan import annealed
-from workbench.training.registrations import InMemory
 from workbench.training.training import Trained, train
 
 Array = NDArray[np.float64]
@@ -37,6 +36,7 @@ TURN = 1.6  # rad, the largest
 SIGMAS = Sigmas(
     data=0.001, symmetry=inf, joint_symmetry=inf, rings=0.02, posedirs=0.005, weights=0.3
 )
+FREE = replace(SIGMAS, rings=inf, posedirs=inf, weights=inf)  # of every term but E_D
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,59 +106,67 @@ def recover(start: Start, n_betas: int, subjects: int, poses: int, ring: int | N
     return Recovery(body, truth, train(data, start, plan=plan, n_betas=n_betas))
 
 
-def near(body: SkinnedBody, data: InMemory, truth: Truth) -> Estimate:
-    """The truth, disturbed: 1 mm, 0.01 rad, weights by a fiftieth, blend shapes by half a mm."""
-    rng = np.random.default_rng(7)
-    people = body.vertices(betas=truth.betas)
-    joints = np.stack([body.J_regressor @ person for person in people])
-    weights = np.where(body.weights > 0, body.weights + 0.02 * rng.random(body.weights.shape), 0)
-    return Estimate(
-        people + 0.001 * rng.standard_normal(people.shape),
-        joints + 0.003 * rng.standard_normal(joints.shape),
-        body.posedirs + 0.0005 * rng.standard_normal(body.posedirs.shape),
-        weights / weights.sum(axis=1, keepdims=True),
-        truth.poses + 0.01 * rng.standard_normal(truth.poses.shape),
-        body.parents,
-    )
+@dataclass(frozen=True, eq=False)
+class Near:
+    """Steps of all names together on a small body, from the truth disturbed in every name."""
+
+    objective: Objective
+    start: Start
+    estimate: Estimate
+
+    def together(self, estimate: Estimate, **effort: float) -> Found:
+        """As long as the effort has it."""
+        given = replace(Effort(), **effort)
+        return BLOCKS["together"](self.objective, estimate, self.start.faces, given)
 
 
-def test_all_names_together_converge_as_gauss_and_newton_do() -> None:
-    """Near the truth, off in every name, the residual falls faster and faster."""
+@pytest.fixture(scope="module")
+def near() -> Near:
+    """Off by 1 mm, 0.01 rad, weights by a fiftieth, blend shapes by half a mm."""
     start = worm(9, 6)
     body = random_smpl(start, 1, seed=0)
     data, truth = draw_registrations(body, 4, 20, seed=1, turn=TURN)
-    free = replace(SIGMAS, rings=inf, posedirs=inf, weights=inf)
-    objective = Objective(data, start.rings(), start.weights(), None, free)
-    estimate = near(body, data, truth)
-    effort = Effort(together_tolerance=1e-4, together_steps=1, products=250)
-    rms = [objective.rms(estimate)]
+    exact, rng = at_the_truth(body, truth), np.random.default_rng(7)
+    weights = np.where(body.weights > 0, body.weights + 0.02 * rng.random(body.weights.shape), 0)
+    disturbed = replace(
+        exact,
+        templates=exact.templates + 0.001 * rng.standard_normal(exact.templates.shape),
+        joints=exact.joints + 0.003 * rng.standard_normal(exact.joints.shape),
+        posedirs=exact.posedirs + 0.0005 * rng.standard_normal(exact.posedirs.shape),
+        weights=weights / weights.sum(axis=1, keepdims=True),
+        poses=exact.poses + 0.01 * rng.standard_normal(exact.poses.shape),
+    )
+    return Near(Objective(data, start.rings(), start.weights(), None, FREE), start, disturbed)
+
+
+def at_the_truth(body: SkinnedBody, truth: Truth) -> Estimate:
+    """What made the registrations."""
+    people = body.vertices(betas=truth.betas)
+    joints = np.stack([body.J_regressor @ person for person in people])
+    return Estimate(people, joints, body.posedirs, body.weights, truth.poses, body.parents)
+
+
+def test_all_names_together_converge_as_gauss_and_newton_do(near: Near) -> None:
+    """Near the truth, off in every name, the residual falls faster and faster."""
+    estimate, rms = near.estimate, [near.objective.rms(near.estimate)]
     for _ in range(4):
-        estimate = BLOCKS["together"](objective, estimate, start.faces, effort).estimate
-        rms.append(objective.rms(estimate))
+        found = near.together(estimate, together_tolerance=1e-4, together_steps=1, products=250)
+        estimate = found.estimate
+        rms.append(near.objective.rms(estimate))
     assert rms[-1] < 1e-6
     falls = np.array(rms[1:]) / rms[:-1]
     assert falls[1] < 0.1
     np.testing.assert_allclose(estimate.weights.sum(axis=1), 1, atol=1e-12)
 
 
-def test_steps_end_where_the_data_are_met_closely_enough() -> None:
+def test_steps_end_where_the_data_are_met_closely_enough(near: Near) -> None:
     """Otherwise the last ones would only move rounding errors about, each as long as the others."""
-    start = worm(9, 6)
-    body = random_smpl(start, 1, seed=0)
-    data, truth = draw_registrations(body, 4, 20, seed=1, turn=TURN)
-    free = replace(SIGMAS, rings=inf, posedirs=inf, weights=inf)
-    objective = Objective(data, start.rings(), start.weights(), None, free)
-    estimate = near(body, data, truth)
-    effort = Effort(together_tolerance=1e-2, together_steps=4, products=30)
-    whole = BLOCKS["together"](objective, estimate, start.faces, effort)
-    first = BLOCKS["together"](objective, estimate, start.faces, replace(effort, together_steps=1))
-    enough = 2 * objective.rms(first.estimate)
-    short = BLOCKS["together"](objective, estimate, start.faces, replace(effort, enough=enough))
+    whole = near.together(near.estimate, together_steps=4, products=30)
+    first = near.together(near.estimate, together_steps=1, products=30).estimate
+    enough = 2 * near.objective.rms(first)
+    short = near.together(near.estimate, together_steps=4, products=30, enough=enough)
     assert whole.facts["steps"] > short.facts["steps"] == 1
-    again = BLOCKS["together"](
-        objective, first.estimate, start.faces, replace(effort, enough=enough)
-    )
-    assert again.facts["steps"] == 0
+    assert near.together(first, together_steps=4, products=30, enough=enough).facts["steps"] == 0
 
 
 @pytest.mark.long
@@ -185,12 +193,9 @@ def template_error(start: Start, body: SkinnedBody, poses: int, noise: float = 0
     """Rms of E_D's surplus over the noise: how far the fitted points are from the exact ones."""
     data, truth = draw_registrations(body, 4, poses, seed=3, turn=TURN)
     noisy = Spoiled(data, seed=4, noise=noise)
-    free = replace(SIGMAS, rings=inf, posedirs=inf, weights=inf)
-    exact = Objective(data, start.rings(), start.weights(), None, free)
-    fitted = Objective(noisy, start.rings(), start.weights(), None, free)
-    people = body.vertices(betas=truth.betas)
-    joints = np.stack([body.J_regressor @ person for person in people])
-    at = Estimate(people, joints, body.posedirs, body.weights, truth.poses, body.parents)
+    exact = Objective(data, start.rings(), start.weights(), None, FREE)
+    fitted = Objective(noisy, start.rings(), start.weights(), None, FREE)
+    at = at_the_truth(body, truth)
     found = BLOCKS["surfaces"](fitted, at, start.faces, Effort(products=400)).estimate
     return exact.rms(found)
 

@@ -44,10 +44,6 @@ class Layout:
             for b, (i, j) in zip(self.blocks, pairwise(self._edges), strict=True)
         }
 
-    @cached_property
-    def _places(self) -> list[tuple[str, slice, tuple[int, ...]]]:
-        return [(b.name, self.slices[b.name], b.shape) for b in self.blocks]
-
     def __getitem__(self, name: str) -> Block:
         for block in self.blocks:
             if block.name == name:
@@ -76,7 +72,7 @@ class Layout:
     def unpack(self, flat: NDArray[np.float64]) -> Values:
         """Undo `pack`; the arrays are parts of one copy."""
         own = np.array(flat, dtype=float)
-        return {name: own[at].reshape(shape) for name, at, shape in self._places}
+        return {b.name: own[self.slices[b.name]].reshape(b.shape) for b in self.blocks}
 
     def pieces(self, flat: cs.MX) -> list[cs.MX]:
         """A symbolic vector (size, 1) cut into one matrix per block, axes reversed."""

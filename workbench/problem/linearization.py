@@ -25,7 +25,7 @@ class Linearization:
 
     @cached_property
     def cost(self) -> float:
-        """See `half_squared`."""
+        """1/2 |r|^2; infinite where that is too large to be a number."""
         return half_squared(self.residual)
 
     @cached_property
