@@ -131,7 +131,8 @@ def test_the_conditions_of_karush_kuhn_and_tucker_hold_at_the_solution_only() ->
     solution = np.array([2.0, 1.0]) / np.sqrt(5)
     assert optimality(problem, *solution) < 1e-12
     assert optimality(problem, *(-solution)) > 0.1  # the multiplier has the wrong sign
-    left = 0.001 * 2 / np.sqrt(5) / (np.sqrt(5) - 1)  # the way that is left, along x, over |r|
+    # the way that is left along x, over the residual in the row that x can change
+    left = 0.001 * 2 / np.sqrt(5) / (2 - 2 / np.sqrt(5))
     assert optimality(problem, *(0.999 * solution)) == pytest.approx(left, rel=0.01)
     turned = np.array([np.cos(0.5), np.sin(0.5)])
     share = np.linalg.norm((np.array([2.0, 1.0]) - turned) @ [-turned[1], turned[0]])

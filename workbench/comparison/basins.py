@@ -81,7 +81,7 @@ def _place(problem: Problem, found: list[list[Basin]], at: Basin, fixed: Array) 
     for k, members in enumerate(found):
         for member in members:
             apart = at.residual - member.residual
-            rounding = FAR_ABOVE_ROUNDING * problem.rounding(member.x, fixed, member.residual)
+            rounding = FAR_ABOVE_ROUNDING * problem.rounding(member.x, fixed, member.residual).norm
             least = AS_GOOD * max(at.cost, member.cost) + 0.5 * rounding**2
             if 0.5 * float(apart @ apart) <= least:
                 return k

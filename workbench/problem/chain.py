@@ -10,15 +10,17 @@ Points of sources without such knowledge are part of the graph, so one way serve
 """
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import casadi as cs
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_array
+from scipy.sparse import csc_array, csr_array
 
 from workbench.blocks import Layout, NumericPoints, PointsAt
 from workbench.blocks.buffered import Buffered
 from workbench.problem.graph import Graph
+from workbench.problem.rounding import Support
 
 Array = NDArray[np.float64]
 # CasADi 3.8 loses the derivative of `row + scalar` by the scalar when it takes a Jacobian of more
@@ -56,8 +58,8 @@ class Chain:
             for i, pattern in enumerate(self._by_points)
         ]
         made_from = [cs.jtimes(r, a, a) for a in arguments if a.numel()]
-        size = cs.sqrt(sum(cs.sumsqr(part) for part in made_from)) if made_from else cs.MX(0)
-        self._size = Buffered(cs.Function("size", arguments, [cs.densify(size)]))
+        size = cs.sqrt(sum(part**2 for part in made_from)) if made_from else cs.MX(*r.shape)
+        self._made_of = Buffered(cs.Function("made_of", arguments, [cs.densify(size)]))
         self._last: tuple[bytes, list[PointsAt]] = (b"", [])
 
     def residual(self, x: Array, fixed: Array) -> Array:
@@ -117,9 +119,30 @@ class Chain:
                     g[self._free.slices[name]] += part
         return half_squared(r), g
 
-    def size(self, x: Array, fixed: Array) -> float:
-        """The size of what the residual is made of: each argument through its derivative."""
-        return float(self._size(x, fixed, *self._points(x, fixed))[0][0])
+    def made_of(self, x: Array, fixed: Array) -> Array:
+        """The size of what each row is made of (m,): each argument through its derivative."""
+        return self._made_of(x, fixed, *self._points(x, fixed))[0]
+
+    @cached_property
+    def support(self) -> Support:
+        """Which rows each free number can change: directly, and through the points."""
+        n, m = self._free.size, self._by_x.shape[0]
+        through = np.zeros((n, len(self._sources)), dtype=bool)
+        for i, source in enumerate(self._sources):
+            for name, at in self._free.slices.items():
+                through[at, i] = name in source.reads
+        kinds, group_of = np.unique(through, axis=0, return_inverse=True)
+        groups = np.zeros((len(kinds), m), dtype=bool)
+        for group, kind in zip(groups, kinds, strict=True):
+            for pattern, read in zip(self._by_points, kind, strict=True):
+                if read:
+                    group[pattern.rows] = True
+        group_of = group_of.ravel()
+        columns, rows = self._by_x.columns, self._by_x.rows
+        alone = ~groups[group_of[columns], rows]  # not counted twice
+        ones = np.ones(int(alone.sum()))
+        own = csr_array((ones, (columns[alone], rows[alone])), shape=(n, m))
+        return Support(groups, group_of, own)
 
     def _points(self, x: Array, fixed: Array) -> list[Array]:
         """Each source's points, (N, 3)."""

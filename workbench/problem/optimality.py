@@ -1,48 +1,79 @@
 """How far a point is from stationary, free of units: one measure for every solver."""
 
-from math import sqrt
-
 import numpy as np
 import scipy.optimize
 from numpy.typing import NDArray
 
 from workbench.problem.constraint_set import Constrained
 from workbench.problem.linearization import Linearization
+from workbench.problem.rounding import Rounding, Support
 
 Array = NDArray[np.float64]
 Box = tuple[Array, Array]
+IMMATERIAL = 1e-6  # of a sigma, or of an unknown's own size: rounding that harms nobody
 
 
-def optimality(x: Array, here: Linearization, box: Box | None, rounding: float) -> float:
+def optimality(
+    x: Array,
+    here: Linearization,
+    support: Support,
+    box: Box | None = None,
+    rounding: Rounding | None = None,
+) -> float:
     """0 at a stationary point; without constraints at most 1; NaN where there are no numbers.
 
-    The largest |d_i| / |r|, less what rounding explains. d is the way that the gradient pulls,
-    -g_i / |J_i|, in variables y_i = |J_i| x_i, whose steps have the units of the residual: there
-    d / |r| are the cosines between the residual and the columns of the Jacobian. With bounds (a
-    box, lower and upper) and constraints d is that pull's projection on what they allow, to first
-    order: where the bounds or the linearized constraints stop it, it is stopped, and a constraint
-    that is missed moves it. So d = 0 says that Karush, Kuhn and Tucker's conditions hold.
+    The largest |d_i| / s_i, less what rounding explains. d is the way that the gradient pulls,
+    -g_i / |J_i|, in variables y_i = |J_i| x_i, whose steps have the units of the residual. s_i is
+    the length of the residual in the rows that x_i can change, so that d_i / s_i is the cosine
+    between the residual and a column of the Jacobian, whatever stands in rows that have nothing
+    to do with x_i; but s_i is not below one sigma where all rows together are above it.
+
+    With bounds (a box, lower and upper) and constraints d is that pull's projection on what they
+    allow, to first order: where the bounds or the linearized constraints stop it, it is stopped,
+    and a constraint that is missed moves it. So d = 0 says that Karush, Kuhn and Tucker's
+    conditions hold.
     """
     if not here.finite:
         return np.nan
-    norms, size = here.column_norms, sqrt(2 * here.cost)
+    norms, r = here.column_norms, np.where(support.changing, here.residual, 0.0)
     if here.constraints is None:
         scale = np.where(norms > 0, norms, 1.0)  # nothing pulls at what no residual notices
         d = -here.gradient / scale
         if box is not None:
             lower, upper = box
-            d = np.minimum(np.maximum(d, (lower - x) * scale), (upper - x) * scale)
+            d = np.clip(d, (lower - x) * scale, (upper - x) * scale)
     else:  # what no residual notices costs nothing to move, but is measured all the same
-        scale = np.where(norms > 0, norms, norms.max(initial=0.0) or 1.0)
         lower, upper = box or (np.full_like(x, -np.inf), np.full_like(x, np.inf))
+        scale = np.where(norms > 0, norms, norms.max(initial=0.0) or 1.0)
         d = _allowed(-here.gradient / scale, (lower - x) * scale, (upper - x) * scale,
                      here.constraints, scale)  # fmt: skip
-    way = float(np.abs(d).max(initial=0.0)) - rounding
-    if way <= 0:
-        return 0.0
-    if here.constraints is not None and not size:
-        return np.inf
-    return way / size if size > 0 else 0.0
+    way = np.abs(d)
+    if rounding is not None:
+        error = support.norms(rounding.rows)
+        if here.constraints is not None:  # they carry the error of one number to another
+            error = np.full_like(x, rounding.norm)
+        way = np.maximum(way - np.where(_harmless(error, x, norms), error, 0.0), 0.0)
+    sizes = np.maximum(support.norms(r), min(float(np.linalg.norm(r)), 1.0))
+    missed = (way > 0) & (sizes == 0)  # a constraint, where there is no residual
+    return (
+        np.inf if missed.any() else float((way / np.where(sizes > 0, sizes, 1.0)).max(initial=0.0))
+    )
+
+
+def _harmless(error: Array, x: Array, norms: Array) -> NDArray[np.bool_]:
+    """Whether rounding errors of so many sigma, (n,), leave each x_i known well enough (n,).
+
+    To a millionth of a sigma, or of x_i itself. Elsewhere rounding hides the minimum, and what it
+    explains is no reason to say that it was found.
+    """
+    return np.asarray((error <= IMMATERIAL) | (error <= IMMATERIAL * norms * np.abs(x)))
+
+
+def hidden(x: Array, here: Linearization, support: Support, rounding: Rounding) -> Array:
+    """By how much rounding leaves each x_i unknown, (n,), in its unit; 0 where that is harmless."""
+    error, norms = support.norms(rounding.rows), here.column_norms
+    left = error / np.where(norms > 0, norms, np.inf)
+    return np.where(_harmless(error, x, norms), 0.0, left)
 
 
 def _allowed(pull: Array, left: Array, right: Array, there: Constrained, scale: Array) -> Array:

@@ -28,7 +28,7 @@ from workbench.problem.constraint_set import ConstraintSet
 from workbench.problem.graph import Graph, lean, substituted
 from workbench.problem.linearization import Linearization
 from workbench.problem.optimality import optimality
-from workbench.problem.steps import EPS
+from workbench.problem.rounding import Rounding, Support
 from workbench.residuals import Residual
 from workbench.threads import limited_threads
 
@@ -214,19 +214,23 @@ class Problem:
 
     # What convergence means, for every solver.
 
-    def rounding(self, x: Array, fixed: Array, residual: Array) -> float:
-        """How much of |r| may be rounding error: 10 eps times the size of what r is made from.
+    def rounding(self, x: Array, fixed: Array, residual: Array) -> Rounding:
+        """How much of each row of the residual (m,) at x may be rounding error.
 
-        That is the free numbers, the fixed ones and the points, each through its derivative, and
-        r itself, the residual (m,) at x.
+        A row is made of the free numbers, the fixed ones and the points, each through its
+        derivative; that is measured at x, for far from a minimum rows are made of larger numbers.
         """
-        r = float(np.linalg.norm(residual))
-        return 10 * EPS * (float(np.sqrt(self.size)) + r + self._chain.size(x, fixed))
+        return Rounding.of(residual, self._chain.made_of(x, fixed))
 
-    def optimality(self, x: Array, here: Linearization, rounding: float = 0.0) -> float:
+    @property
+    def support(self) -> Support:
+        """Which rows each free number can change, by structure."""
+        return self._chain.support
+
+    def optimality(self, x: Array, here: Linearization, rounding: Rounding | None = None) -> float:
         """How far from a stationary point: 0 at one, free of units. See `optimality.optimality`."""
         box = (self.lower, self.upper) if self.bounded else None
-        return optimality(x, here, box, rounding)
+        return optimality(x, here, self.support, box, rounding)
 
     # How all of it is put together.
 

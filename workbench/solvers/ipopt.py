@@ -145,7 +145,7 @@ class Ipopt:
                     "sb": "yes",
                     "max_iter": self.max_iterations,
                     "max_wall_time": max(self.max_seconds, 1e-3),
-                    "tol": 1e-12,  # ours is asked for at every iterate; theirs must not come first
+                    "tol": 1e-16,  # ours is asked for at every iterate; theirs must not come first
                     "acceptable_iter": 0,
                     "bound_relax_factor": 0.0,
                     "nlp_scaling_method": "none",

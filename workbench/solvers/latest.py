@@ -6,12 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.problem import Linearization
+from workbench.problem.rounding import Rounding
 
 Array = NDArray[np.float64]
 
 
 class Latest:
-    """One linearization, where it was made, and how stationary the problem is there.
+    """One linearization, where it was made, its rounding errors, and how stationary it is there.
 
     Only one: Jacobians are large, and memory that is free again is used for the next.
     """
@@ -20,6 +21,7 @@ class Latest:
         self._point = b""
         self._here: Linearization | None = None
         self._optimality: float | None = None
+        self._rounding: Rounding | None = None
 
     def at(self, x: Array) -> Linearization | None:
         """The linearization, if it was made at x."""
@@ -27,12 +29,21 @@ class Latest:
 
     def forget(self) -> None:
         """Free its memory."""
-        self._here = self._optimality = None
+        self._here = self._optimality = self._rounding = None
 
     def keep(self, x: Array, here: Linearization) -> Linearization:
         """Instead of the one before."""
-        self._point, self._here, self._optimality = x.tobytes(), here, None
+        self._point, self._here = x.tobytes(), here
+        self._optimality = self._rounding = None
         return here
+
+    def rounding(self, here: Linearization, measure: Callable[[], Rounding]) -> Rounding:
+        """As measured; of the one that is kept, once."""
+        if here is not self._here:
+            return measure()
+        if self._rounding is None:
+            self._rounding = measure()
+        return self._rounding
 
     def optimality(self, here: Linearization, measure: Callable[[], float]) -> float:
         """As measured; of the one that is kept, once."""

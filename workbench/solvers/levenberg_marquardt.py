@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from workbench.blocks import Values
 from workbench.problem import Problem
-from workbench.problem.steps import LinearAlgebra, automatic
+from workbench.problem.steps import EPS, LinearAlgebra, automatic
 from workbench.solvers.abilities import Abilities, Boxes, Derivative, refuse
 from workbench.solvers.box import box_step
 from workbench.solvers.run import Run
@@ -26,6 +26,8 @@ class LevenbergMarquardt:
     lowers the damping smoothly, a bad one is not taken and raises it faster and faster
     (Madsen, Nielsen and Tingleff, Methods for non-linear least squares problems, 2004, 3.2). D
     never falls: a column that vanishes on the way gives no licence to go anywhere (Moré 1978).
+    A step that promises less than rounding hides is not tried before the damping is as low as it
+    may be: what holds it back may be the damping of a column that is much shorter than others.
     Between bounds the step is the best one that stays inside.
     """
 
@@ -59,13 +61,18 @@ class LevenbergMarquardt:
             D = self.scaling(here)
             stiffest = float(np.max((here.column_norms / D) ** 2, initial=1e-300))
             damping, growth = self.first_damping * stiffest, 2.0
+            least = EPS**2 * stiffest  # where columns differ by 1e16, the shortest still count
             run.record(x, here.cost, run.optimality(x, here), damping)
             while True:
                 low, high = problem.lower - x, problem.upper - x
                 step = box_step(here, damping, D, low, high, self.linear_algebra)
                 if step is not None:
                     to = np.clip(x + step.p, problem.lower, problem.upper)
-                    trial = run.gain(x, here, to, here.promise(step.p))
+                    promised = here.promise(step.p)
+                    if growth == 2.0 and damping > least and promised <= run.noise(x, here):
+                        damping *= FASTEST_FALL  # a longer step may promise what can be seen
+                        continue
+                    trial = run.gain(x, here, to, promised)
                     if trial.gain > 0:
                         x, here = run.wrapped(to, trial.there or run.linearize(to))
                         D = np.maximum(D, self.scaling(here))

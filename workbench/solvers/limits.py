@@ -21,7 +21,9 @@ class Limits(Protocol):
 
     @property
     def max_seconds(self) -> float:
-        """Wall time."""
+        """Wall time. It is looked at before every evaluation: what a solver does between two of
+        them, one step of linear algebra at most, is not interrupted.
+        """
 
     @property
     def gradient_tolerance(self) -> float:

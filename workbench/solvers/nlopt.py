@@ -22,12 +22,16 @@ MEANING = {  # of the result codes that end a run by themselves
     nlopt.FAILURE: (Status.STALLED, "it gave up; try another algorithm"),
     nlopt.INVALID_ARGS: (Status.STALLED, "it does not take this problem; try another algorithm"),
     nlopt.OUT_OF_MEMORY: (Status.STALLED, "out of memory; try an algorithm without a full matrix"),
-    nlopt.ROUNDOFF_LIMITED: (Status.STALLED, "rounding ended it; as a rule a minimum is near"),
+    nlopt.ROUNDOFF_LIMITED: (
+        Status.STALLED,
+        "rounding errors kept it from going on; diagnose the problem",
+    ),
     nlopt.MAXEVAL_REACHED: (Status.MAX_EVALUATIONS, Status.MAX_EVALUATIONS.value),
     nlopt.MAXTIME_REACHED: (Status.MAX_SECONDS, Status.MAX_SECONDS.value),
 }
 GAVE_UP = (nlopt.SUCCESS, nlopt.FTOL_REACHED, nlopt.XTOL_REACHED)  # nothing more to be gained
 
+STEP_SECONDS = {"LD_SLSQP": 1e-8}  # times n^3: a step that NLopt does not interrupt; 10 s at 1,000
 SMALLEST_STEP = 1e-14  # of a trust region: COBYLA halves one for ever, asking for nothing
 
 
@@ -72,9 +76,10 @@ class Nlopt:
             x0 = np.clip(run.x, problem.lower, problem.upper)
             here = run.linearize(x0)
             run.record(x0, here.cost, run.optimality(x0, here))
+            self._check_the_step(x0.size)
             scale = np.where(here.column_norms > 0, here.column_norms, 1.0)
             optimizer = self._optimizer(self.algorithm, x0.size)
-            objective = Objective(run, scale, optimizer, self.abilities)
+            objective = Objective(run, here, scale, optimizer, self.abilities)
             optimizer.set_min_objective(objective.cost)
             optimizer.set_lower_bounds(problem.lower * scale)
             optimizer.set_upper_bounds(problem.upper * scale)
@@ -106,6 +111,17 @@ class Nlopt:
             raise Stop(status, message)
         return run.solution()
 
+    def _check_the_step(self, n: int) -> None:
+        """Stop where a single step would take longer than the whole run may."""
+        seconds = STEP_SECONDS.get(self.algorithm, 0.0) * n**3
+        if seconds > self.max_seconds:
+            raise Stop(
+                Status.MAX_SECONDS,
+                f"one step of {self.algorithm} in {n} unknowns takes about {seconds:.0f} s and "
+                f"cannot be interrupted, more than max_seconds ({self.max_seconds:g}); raise it, "
+                "or take a solver for many unknowns",
+            )
+
     def _optimize(self, run: Run, optimizer: nlopt.opt, x0: Array, scale: Array) -> None:
         """Run it; one that descends by gradients again from the best point while that gains.
 
@@ -117,8 +133,10 @@ class Nlopt:
         while True:
             optimizer.optimize(np.clip(x * scale, problem.lower * scale, problem.upper * scale))
             gave_up = optimizer.last_optimize_result() in GAVE_UP
-            gained = run.best.missed <= 1 and run.best.cost < cost - run.noise(cost)
-            if not (descends and gave_up and gained):
+            if not (descends and gave_up and run.best.missed <= 1 and run.best.cost < cost):
+                return
+            noise = run.noise(run.best.x, run.linearize(run.best.x))
+            if run.best.cost >= cost - noise:
                 return
             x, cost = run.best.x, run.best.cost
 

@@ -7,6 +7,7 @@ import nlopt
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.problem import Linearization
 from workbench.problem.constraint_set import ConstraintSet
 from workbench.solvers.abilities import Abilities, Derivative
 from workbench.solvers.run import BOUGHT, Run
@@ -23,7 +24,14 @@ class Objective:
     the others get far with one.
     """
 
-    def __init__(self, run: Run, scale: Array, optimizer: nlopt.opt, abilities: Abilities) -> None:
+    def __init__(
+        self,
+        run: Run,
+        here: Linearization,
+        scale: Array,
+        optimizer: nlopt.opt,
+        abilities: Abilities,
+    ) -> None:
         self.run, self.scale, self.optimizer = run, scale, optimizer
         self.error: BaseException | None = None
         self._descends = abilities.derivative is Derivative.GRADIENT and not abilities.is_global
@@ -32,6 +40,7 @@ class Objective:
         self._last = run.x * scale, run.best.cost  # the last good point
         self._worst = run.best.cost
         self._norms = np.where(scale > 0, scale, np.inf)
+        self._error = run.problem.support.norms(run.rounding(run.x, here).rows)
 
     def cost(self, y: Array, gradient: Array) -> float:
         """The cost at y, its gradient written into `gradient`, if that has a length."""
@@ -127,12 +136,12 @@ class Objective:
                 way = np.clip(
                     way, (problem.lower - x) * self._norms, (problem.upper - x) * self._norms
                 )
-            enough = run.rounding + self._look * run.limits.gradient_tolerance * sqrt(
-                2 * run.best.cost
-            )
-            if np.abs(way).max(initial=0.0) > enough:
+            size = sqrt(2 * run.best.cost)
+            enough = self._error + self._look * run.limits.gradient_tolerance * size
+            if (np.abs(way) > enough).any():
                 return np.nan
         here = run.linearize(x)
         self._look = 1.0  # from here on the norms are good
         self._norms = np.where(here.column_norms > 0, here.column_norms, np.inf)
+        self._error = problem.support.norms(run.rounding(x, here).rows)
         return run.optimality(x, here)

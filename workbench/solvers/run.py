@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import asdict
-from math import isfinite, isnan, sqrt
+from math import isfinite, isnan
 from types import TracebackType
 from typing import NamedTuple, NoReturn, TypeVar
 
@@ -14,9 +14,12 @@ from numpy.typing import NDArray
 from workbench.blocks import Values
 from workbench.problem import Linearization, Problem
 from workbench.problem.chain import half_squared
+from workbench.problem.rounding import Rounding, fall
 from workbench.solvers.best import Best
+from workbench.solvers.ending import ending
 from workbench.solvers.latest import Latest
 from workbench.solvers.limits import Limits, Stop, guarded
+from workbench.solvers.sight import Sight
 from workbench.solvers.solution import Callback, Evaluations, Iterate, Solution, Status
 from workbench.solvers.wrapping import rewrapped
 from workbench.threads import limited_threads
@@ -56,7 +59,7 @@ class Run:
         self.stopped: Stop | None = None
         self.not_finite = 0  # points in a row at which the residual was NaN or infinite
         self.met_not_finite = -2  # how long the trace was when the last of them was met
-        self.rounding = 0.0
+        self.sight = Sight(self.x.size)
         self._unpolished = 0  # tries in a row that did not lead to a more stationary point
         self._latest = Latest()
         self._recorded: Array | None = None  # the last one
@@ -111,6 +114,7 @@ class Run:
         here = self.evaluate("jacobian", lambda: self.problem.linearize_at(x, self.fixed))
         if not isfinite(self._kept(x, here.cost if here.finite else np.inf, here)):
             raise Stop(Status.NOT_FINITE)
+        self.sight.see(x, here)
         return self._latest.keep(x, here)
 
     def hessian(self, x: Array) -> Array:
@@ -158,12 +162,32 @@ class Run:
     # The way.
 
     def optimality(self, x: Array, here: Linearization) -> float:
-        """The problem's measure, less what rounding explains where it is first asked for."""
-        if not self.rounding:
-            self.rounding = guarded(lambda: self.problem.rounding(x, self.fixed, here.residual))
-        return self._latest.optimality(
-            here, lambda: self.problem.optimality(x, here, self.rounding)
-        )
+        """The problem's measure, less what rounding explains there."""
+        rounding = self.rounding(x, here)
+        return self._latest.optimality(here, lambda: self.problem.optimality(x, here, rounding))
+
+    def rounding(self, x: Array, here: Linearization) -> Rounding:
+        """How much of each row of the residual may be rounding error at x.
+
+        Measured anew at every point: at a far start it may be larger than all of the residual at
+        the minimum.
+        """
+        measure = lambda: self.problem.rounding(x, self.fixed, here.residual)  # noqa: E731
+        return self._latest.rounding(here, lambda: guarded(measure))
+
+    def noise(self, x: Array, here: Linearization) -> float:
+        """By how much rounding may have changed the cost at x."""
+        return self.rounding(x, here).of_cost(here.residual)
+
+    def judged(self, x: Array) -> Linearization:
+        """Residual and Jacobian at a point, for the judgement of the run: no limit counts it."""
+        known = self._latest.at(x)
+        return self.problem.linearize_at(x, self.fixed) if known is None else known
+
+    def lost(self, x: Array, here: Linearization) -> NDArray[np.bool_]:
+        """Which unknowns the residual noticed on the way and does not notice at x; (n,)."""
+        support, rounding = self.problem.support, self.rounding(x, here)
+        return self.sight.lost(x, self.x, here, support, rounding, self.judged)
 
     def gain(self, x: Array, here: Linearization, to: Array, promised: float) -> Trial:
         """The fall of the cost from x to another point, as a share of what was promised.
@@ -173,9 +197,12 @@ class Run:
         """
         if not promised > 0:
             return Trial(-np.inf)
-        cost = self.cost(to)
-        if promised > self.noise(here.cost) or not np.isfinite(cost):
-            return Trial((here.cost - cost) / promised)
+        cost, residual = self.cost_and_residual(to)
+        if not np.isfinite(cost):
+            return Trial(-np.inf)
+        moved = residual != here.residual
+        if promised > self.rounding(x, here).of_fall(here.residual, moved):
+            return Trial(fall(here.residual, residual) / promised)
         there = self.linearize(to)
         if self.optimality(to, there) <= POLISHED * self.optimality(x, here):
             self._unpolished = 0
@@ -197,14 +224,9 @@ class Run:
 
         A prior on the pose may have it otherwise, and so may bounds.
         """
-        for turned in rewrapped(self.problem, x):
-            if self.cost(turned) <= here.cost + self.noise(here.cost):
-                return turned, self.linearize(turned)
-        return x, here
-
-    def noise(self, cost: float) -> float:
-        """By how much rounding may have changed a cost."""
-        return self.rounding * sqrt(2 * cost)
+        at_most = here.cost + self.noise(x, here)
+        turned = rewrapped(self.problem, x, lambda to: self.cost(to) <= at_most)
+        return (x, here) if turned is x else (turned, self.linearize(turned))
 
     def record(
         self,
@@ -240,12 +262,15 @@ class Run:
 
         The same is what rounding hides, or what the tolerances of constraints may buy.
         """
-        there = self.problem.stacked_constraints
+        here, there = self._latest.at(x), self.problem.stacked_constraints
+        if here is None:
+            return
+        noise = self.noise(x, here)
         if there is None:
-            self.best.settle(x, cost, 0.0, optimality, self.noise(cost))
-        elif (here := self._latest.at(x)) is not None and here.constraints is not None:
+            self.best.settle(x, cost, 0.0, optimality, noise)
+        elif here.constraints is not None:
             missed = there.missed(here.constraints.values)
-            self.best.settle(x, cost, missed, optimality, BOUGHT * cost + self.noise(cost))
+            self.best.settle(x, cost, missed, optimality, BOUGHT * cost + noise)
 
     def stall(self, message: str = "") -> NoReturn:
         """End the run for want of a better point, or for what stood in the way of one."""
@@ -255,46 +280,13 @@ class Run:
 
     def solution(self) -> Solution:
         """The best point seen. It decides whether the run converged, whoever says otherwise."""
-        stop = self.stopped or Stop(Status.STALLED)
-        status, message, optimality = stop.status, stop.message, np.nan
+        status, message, optimality, lost, unnoticed = ending(
+            self, self.stopped or Stop(Status.STALLED)
+        )
         best = self.best
-        if np.isfinite(best.cost):
-            try:
-                here = self._latest.at(best.x) or self.problem.linearize_at(best.x, self.fixed)
-                optimality = self._wrap_best(best.decide(self.optimality(best.x, here)))
-            except Exception as error:  # the residual is the user's; the best point is still ours
-                message += f" (no gradient at the best point: {error})"
-            if optimality <= self.limits.gradient_tolerance and best.missed <= 1:
-                status, message = Status.CONVERGED, Status.CONVERGED.value
-            elif best.missed > 1 and status in (Status.CONVERGED, Status.STALLED):
-                status, message = Status.INFEASIBLE, self._what_is_missed()
-            elif status is Status.CONVERGED:
-                status, message = Status.STALLED, Status.STALLED.value
         return Solution(
             self.problem.free.unpack(best.x), best.cost, optimality, status, message,
             self.name, Evaluations(**self.counts), time.perf_counter() - self.began,
             tuple(self.trace), max(best.missed, 0.0) if np.isfinite(best.cost) else 0.0,
+            lost, unnoticed,
         )  # fmt: skip
-
-    def _wrap_best(self, optimality: float) -> float:
-        """Turn the best point's rotation vectors to at most half a turn, where that is free.
-
-        Given how stationary that point is, answers how stationary it then is.
-        """
-        best, there = self.best, self.problem.stacked_constraints
-        enough = max(optimality, self.limits.gradient_tolerance)
-        for turned in rewrapped(self.problem, best.x):
-            here = self.problem.linearize_at(turned, self.fixed)
-            found = self.optimality(turned, here)
-            kept = there is None or there.missed(there.values(turned, self.fixed)) <= best.missed
-            if here.cost <= best.cost + self.noise(best.cost) and kept and found <= enough:
-                best.x, best.cost = turned, here.cost
-                return found
-        return optimality
-
-    def _what_is_missed(self) -> str:
-        there = self.problem.stacked_constraints
-        if there is None:
-            return Status.INFEASIBLE.value
-        worst = there.worst(there.values(self.best.x, self.fixed))
-        return f"{worst}; {Status.INFEASIBLE.value}"

@@ -19,8 +19,12 @@ from workbench.writing import replacing
 class Status(Enum):
     """How a solve ended; the value says what to do next."""
 
-    CONVERGED = "the gradient vanishes; nothing more to gain from here"
+    CONVERGED = "the gradient vanishes here: a minimum, or seldom a saddle point or a maximum"
     STALLED = "no step lowers the cost although the gradient does not vanish; diagnose the problem"
+    LOST = (
+        "the residual no longer notices some unknowns, although it did on the way, so that nothing "
+        "is learned about them here; start nearer, bound them, or give them a prior"
+    )
     MAX_ITERATIONS = "out of iterations; raise max_iterations or start nearer"
     MAX_EVALUATIONS = "out of evaluations; raise max_evaluations or start nearer"
     MAX_SECONDS = "out of time; raise max_seconds or start nearer"
@@ -74,6 +78,8 @@ class Solution:
     seconds: float
     trace: tuple[Iterate, ...] = field(repr=False)
     missed: float = 0.0  # by how many tolerances the worst constraint is missed; up to 1 is met
+    lost: tuple[str, ...] = ()  # unknowns that the residual noticed on the way, and here no longer
+    unnoticed: tuple[str, ...] = ()  # unknowns that no residual noticed anywhere on the way
 
     @property
     def converged(self) -> bool:
@@ -102,6 +108,8 @@ class Solution:
             "evaluations": asdict(self.evaluations),
             "seconds": self.seconds,
             "missed": self.missed,
+            "lost": self.lost,
+            "unnoticed": self.unnoticed,
             "trace": [
                 [
                     i.cost,
@@ -156,6 +164,8 @@ class Solution:
             seconds=facts["seconds"],
             trace=trace,
             missed=facts.get("missed", 0.0),
+            lost=tuple(facts.get("lost", ())),
+            unnoticed=tuple(facts.get("unnoticed", ())),
         )
 
 

@@ -1,6 +1,6 @@
 """Rotation vectors beyond half a turn, and the shorter ones that mean the same."""
 
-from collections.abc import Iterator
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,13 +21,29 @@ def shortest(rotations: Array) -> Array:
     return np.asarray(rotations * (1 - 2 * np.pi * turns / np.where(angles > 0, angles, 1.0)))
 
 
-def rewrapped(problem: Problem, x: Array) -> Iterator[Array]:
-    """Points that mean the same with shorter rotation vectors: all of them, then one by one.
+def rewrapped(problem: Problem, x: Array, is_free: Callable[[Array], bool]) -> Array:
+    """A point that means the same with shorter rotation vectors, where turning them is free.
 
-    Only those within the bounds; none if no joint is turned by more than pi.
+    All joints that are turned by more than pi at once; if that is not free, as many of them, one
+    after the other, as are. Only within the bounds. x itself if no joint changes.
     """
-    turned = x.copy()
-    joints: list[slice] = []
+    turns = _shorter(problem, x)
+    together = x.copy()
+    for at, short in turns:
+        together[at] = short
+    if len(turns) > 1 and is_free(together):
+        return together
+    for at, short in turns:
+        one = x.copy()
+        one[at] = short
+        if is_free(one):
+            x = one
+    return x
+
+
+def _shorter(problem: Problem, x: Array) -> list[tuple[slice, Array]]:
+    """Where the joints lie that are turned by more than pi, and their shorter vectors."""
+    found = []
     for name in dict.fromkeys(tree.pose for tree in problem.trees):
         if name not in problem.free.slices:
             continue
@@ -37,12 +53,5 @@ def rewrapped(problem: Problem, x: Array) -> Iterator[Array]:
             at = slice(first + 3 * int(j), first + 3 * int(j) + 3)
             short = shortest(x[at])
             if (problem.lower[at] <= short).all() and (short <= problem.upper[at]).all():
-                turned[at] = short
-                joints.append(at)
-    if joints:
-        yield turned
-    if len(joints) > 1:
-        for at in joints:
-            one = x.copy()
-            one[at] = turned[at]
-            yield one
+                found.append((at, short))
+    return found

@@ -1,0 +1,118 @@
+"""What rounding may explain, row by row, and which rows a free number can change."""
+
+import casadi as cs
+import numpy as np
+import pytest
+
+from tests.bodies_made_up import random_body
+from workbench import Block, Constraint, Problem, Residual, residuals
+from workbench.problem.rounding import Rounding, fall
+
+EPS = np.finfo(float).eps
+
+
+def rounding(problem: Problem, **values: float) -> Rounding:
+    x, fixed = problem.split(values)
+    return problem.rounding(x, fixed, problem.residual(x, fixed))
+
+
+def two(ratio: float) -> Problem:
+    """x is noticed `ratio` times as strongly as y, each in a row of its own."""
+    x, y = Block("x").symbol, Block("y").symbol
+    return Problem((Residual("both", cs.vertcat(ratio * (x - 1), y - 2), 1.0),), ("x", "y"))
+
+
+def test_it_is_measured_where_it_is_asked_for() -> None:
+    """exp(x) - 1 is made of numbers of the size e^30 at 30, and of the size 1 at 0."""
+    problem = Problem((Residual("fit", cs.exp(Block("x").symbol) - 1, 1.0),), "x")
+    far, near = rounding(problem, x=30.0), rounding(problem, x=0.0)
+    assert far.norm > 30 * np.exp(30) * EPS
+    assert near.norm < 100 * EPS
+
+
+def test_a_large_row_is_no_excuse_for_another() -> None:
+    problem = two(1e15)
+    x, fixed = problem.split({"x": 1.0, "y": 1.9})
+    rows = rounding(problem, x=1.0, y=1.9).rows
+    assert rows[0] > 1
+    assert rows[1] < 1e-13
+    here = problem.linearize_at(x, fixed)
+    # y is off by a tenth of a sigma, and the whole of its own row is its fault
+    assert problem.optimality(x, here, rounding(problem, x=1.0, y=1.9)) == pytest.approx(1.0)
+
+
+def test_rounding_that_hides_an_unknown_excuses_nothing() -> None:
+    """In one row with terms of 1e15, y is known to about a sigma, and that is not converged."""
+    x, y = Block("x").symbol, Block("y").symbol
+    rows = cs.vertcat(1e15 * (x - 1) + y - 2, 1e15 * (x - 1) - y + 2)
+    problem = Problem((Residual("both", rows, 1.0),), ("x", "y"))
+    at, fixed = problem.split({"x": 1.0, "y": 1.5})
+    here = problem.linearize_at(at, fixed)
+    assert problem.optimality(at, here, rounding(problem, x=1.0, y=1.5)) > 0.1
+    at, fixed = problem.split({"x": 1.0, "y": 2.0})
+    assert problem.optimality(at, problem.linearize_at(at, fixed)) == 0
+
+
+@pytest.mark.parametrize("constant", [1.0, 1e6, 1e12])
+def test_a_constant_row_says_nothing_about_how_near_a_minimum_is(constant: float) -> None:
+    x = Block("x").symbol
+    alone = Problem((Residual("fit", x - 1, 1.0),), "x")
+    beside = Problem((Residual("fit", x - 1, 1.0), Residual("c", cs.MX(constant), 1.0)), "x")
+    for value in (0.0, 0.5, 1.0):
+        both = [p.optimality(p.split({"x": value})[0], p.linearize({"x": value}))
+                for p in (alone, beside)]  # fmt: skip
+        assert both[0] == both[1] == (value != 1.0)
+
+
+def test_the_rows_of_others_make_nobody_converge() -> None:
+    """A large residual that y cannot get rid of does not hide how far x is from its minimum."""
+    x, y = Block("x").symbol, Block("y").symbol
+    rows = cs.vertcat(x - 1, 1e6 + y, 1e6 - y)
+    problem = Problem((Residual("fit", rows, 1.0),), ("x", "y"))
+    at = {"x": 0.0, "y": 0.0}
+    assert problem.optimality(problem.split(at)[0], problem.linearize(at)) == pytest.approx(1.0)
+
+
+def test_the_support_is_that_of_the_jacobian() -> None:
+    """Through points and beside them: no row is missing, and of direct ones none is too many."""
+    body = random_body(3, n_vertices=15, n_joints=3, n_betas=2)
+    pose, betas, trans = (block.symbol for block in body.blocks())
+    observed = Block("observed", (15, 3), "m").symbol
+    data = residuals.vertices(body.points(pose, betas, trans), observed, sigma=0.02)
+    own = Residual("own", cs.vertcat(betas[0] - 1, trans[1] * trans[2], 3.0), 1.0)
+    problem = Problem((data, own), ("pose", "betas", "trans"))
+    values = body.start() | {"observed": body.vertices()}
+    values["pose"] = np.random.default_rng(0).normal(size=(3, 3))
+    values["trans"] = np.array([0.1, 0.2, 0.3])
+    J = problem.linearize(values).jacobian
+    for k in range(problem.size):
+        row = np.zeros(problem.size)
+        row[k] = 1.0
+        can = problem.support.norms(row) > 0
+        assert can[J[k] != 0].all()
+        if k >= data.size:
+            np.testing.assert_array_equal(can, J[k] != 0)
+    np.testing.assert_array_equal(problem.support.changing, [True] * (data.size + 2) + [False])
+
+
+def test_a_fall_of_the_cost_keeps_its_digits_beside_a_constant() -> None:
+    r, s = np.array([1e8, 1e-3]), np.array([1e8, 0.5e-3])
+    exact = 0.5 * (1e-6 - 0.25e-6)
+    assert fall(r, s) == pytest.approx(exact, rel=1e-12)
+    assert 0.5 * (r @ r) - 0.5 * (s @ s) != pytest.approx(exact, rel=0.1)  # as a difference
+    explained = Rounding(1e-15 * np.abs(r))
+    moved = r != s
+    assert explained.of_fall(r, moved) < 1e-20 < explained.of_cost(r)
+
+
+def test_what_rounding_does_to_a_cost_is_not_lost_where_the_residual_vanishes() -> None:
+    """1/2 |e|^2 is left when r is zero; |r|'e alone would be zero."""
+    assert Rounding(np.array([3e-15, 4e-15])).of_cost(np.zeros(2)) == pytest.approx(12.5e-30)
+
+
+def test_a_constraint_where_nothing_is_left_of_the_residual_is_still_missed() -> None:
+    x = Block("x").symbol
+    problem = Problem((Residual("fit", x - 1, 1.0),), "x", constraints=(Constraint("c", x, 2.0),))
+    at, fixed = problem.split({"x": 1.0})
+    here = problem.linearize_at(at, fixed)
+    assert problem.optimality(at, here, rounding(problem, x=1.0)) == np.inf

@@ -1,0 +1,170 @@
+"""What a run may say of its end: no more than is true there."""
+
+from dataclasses import replace
+
+import casadi as cs
+import numpy as np
+import pytest
+
+from tests.solvers.problems import decay
+from workbench import SOLVERS, Block, Nlopt, Problem, Residual, Solution, Status, solve
+from workbench.errors import NotSupported
+from workbench.experiments.more_wild_observations import MEYER
+
+LOCAL = [name for name in SOLVERS if name != "nlopt-mlsl"]  # which needs bounds
+
+
+def of(*rows: cs.MX, free: tuple[str, ...] = ("x",)) -> Problem:
+    return Problem((Residual("fit", cs.vertcat(*rows), 1.0),), free)
+
+
+@pytest.mark.parametrize("name", LOCAL)
+def test_a_far_start_does_not_lower_what_converged_means(name: str) -> None:
+    """exp(x) - 1 from 30: e^30 is no measure of rounding where the minimum is, at 0."""
+    problem = of(cs.exp(Block("x").symbol) - 1)
+    solution = SOLVERS[name].solve(problem, {"x": 30.0})
+    if solution.converged:
+        assert abs(float(solution.values["x"])) < 1e-6
+    elif name == "ipopt-lbfgs":  # which leaps to where exp(x) is zero, to all digits
+        assert solution.status is Status.LOST
+    else:
+        assert solution.status in (Status.MAX_EVALUATIONS, Status.STALLED)
+
+
+@pytest.mark.parametrize("ratio", [1e8, 1e15])
+def test_the_default_finds_what_it_notices_faintly(ratio: float) -> None:
+    """x is noticed 1e8 or 1e15 times as strongly as y; y is found all the same."""
+    x, y = Block("x").symbol, Block("y").symbol
+    problem = of(ratio * (x - 1), y - 2, y**2 - 4, free=("x", "y"))
+    solution = solve(problem, {"x": 0.0, "y": 0.5})
+    assert solution.converged
+    assert float(solution.values["y"]) == pytest.approx(2.0, abs=1e-9)
+
+
+def test_the_default_finds_it_in_the_same_rows_too() -> None:
+    x, y = Block("x").symbol, Block("y").symbol
+    A = np.random.default_rng(0).standard_normal((5, 2))
+    problem = of(A @ cs.vertcat(1e8 * (x - 1), y - 2), free=("x", "y"))
+    solution = solve(problem, {"x": 0.0, "y": 0.5})
+    assert solution.converged
+    assert float(solution.values["y"]) == pytest.approx(2.0, abs=1e-5)
+
+
+@pytest.mark.parametrize("name", LOCAL)
+def test_what_rounding_hides_is_not_called_found(name: str) -> None:
+    """In rows with terms of 1e15, y is lost in rounding errors: found exactly, or not found."""
+    x, y = Block("x").symbol, Block("y").symbol
+    A = np.random.default_rng(0).standard_normal((5, 2))
+    problem = of(A @ cs.vertcat(1e15 * (x - 1), y - 2), free=("x", "y"))
+    solution = SOLVERS[name].solve(problem, {"x": 0.0, "y": 0.5})
+    if solution.converged:
+        assert float(solution.values["y"]) == pytest.approx(2.0, abs=1e-6)
+
+
+def test_what_rounding_hides_is_said() -> None:
+    x, y = Block("x").symbol, Block("y", unit="m").symbol
+    rows = A_HIDDEN @ cs.vertcat(1e15 * (x - 1), y - 2)
+    problem = Problem((Residual("fit", rows, 1.0),), ("x", "y"), blocks=(Block("z"),))
+    solution = solve(problem, {"x": 0.0, "y": 0.5})
+    assert solution.status is Status.STALLED
+    assert "rounding hides what is left" in solution.message
+    assert "that y is known only to about" in solution.message
+
+
+A_HIDDEN = np.random.default_rng(0).standard_normal((5, 2))
+
+
+@pytest.mark.parametrize("name", LOCAL)
+def test_a_constant_residual_is_no_reason_to_stop(name: str) -> None:
+    problem = of(Block("x").symbol - 1, cs.MX(1e6))
+    solution = SOLVERS[name].solve(problem, {"x": 0.0})
+    assert solution.iterations > 0
+    if solution.converged:
+        assert float(solution.values["x"]) == pytest.approx(1.0, abs=1e-6)
+
+
+# Unknowns that the residual loses.
+
+
+def meyer() -> Problem:
+    """MGH10 of NIST, problem 10 of Moré, Garbow and Hillstrom (1981)."""
+    b = Block("b", (3,)).symbol
+    t = 45 + 5 * np.arange(1.0, 17.0)
+    return Problem((Residual("fit", b[0] * cs.exp(b[1] / (t + b[2])) - cs.DM(MEYER), 1.0),), "b")
+
+
+@pytest.mark.parametrize("name", ["gauss-newton", "dogleg", "ipopt"])
+def test_a_leap_to_where_nothing_is_noticed_is_no_minimum(name: str) -> None:
+    """The first step ends where the exponential is zero, at 4e7 times the least cost."""
+    solution = SOLVERS[name].solve(meyer(), {"b": [2.0, 400_000.0, 25_000.0]})
+    assert solution.cost > 1e9
+    assert solution.status is Status.LOST
+    assert solution.lost == ("b[0]", "b[1]", "b[2]")
+    assert "no longer notices b[0], b[1], b[2]" in solution.message
+    assert not solution.converged
+
+
+def test_one_lost_unknown_is_named_alone() -> None:
+    x = Block("x", (2,)).symbol
+    problem = of(x[0] - 1, 1 + cs.exp(x[1]))  # x[1] falls for ever, and e^x[1] is soon zero
+    solution = SOLVERS["gauss-newton"].solve(problem, {"x": [0.0, 0.0]})
+    assert solution.status is Status.LOST
+    assert solution.lost == ("x[1]",)
+
+
+def test_a_penalty_that_is_no_longer_in_force_is_not_lost() -> None:
+    """Its rows are zero: nothing more can be gained, whoever is noticed."""
+    x = Block("x", (2,)).symbol
+    problem = of(x[0] - 1, cs.fmax(0, x[1] - 1), 0.3)
+    solution = SOLVERS["gauss-newton"].solve(problem, {"x": [0.0, 4.0]})
+    assert solution.converged
+    assert solution.lost == ()
+
+
+def test_a_far_start_does_not_make_lost_what_is_found() -> None:
+    """From 50 the column falls from e^50 to 1: much smaller, and noticed all the same."""
+    solution = solve(of(cs.exp(Block("x").symbol) - 1), {"x": 50.0})
+    assert solution.converged
+    assert solution.lost == ()
+
+
+def test_what_nobody_ever_noticed_is_listed_and_no_failure() -> None:
+    x = Block("x", (3,)).symbol
+    problem = of(x[0] - 1, x[0] + x[2] - 3)
+    solution = solve(problem, {"x": [5.0, 7.0, 0.0]})
+    assert solution.converged
+    assert solution.unnoticed == ("x[1]",)
+    assert solution.message.endswith("(no residual ever noticed x[1])")
+    decayed, start = decay()
+    assert solve(decayed, start).message == Status.CONVERGED.value
+
+
+def test_what_was_lost_is_saved(tmp_path) -> None:
+    solution = SOLVERS["gauss-newton"].solve(meyer(), {"b": [2.0, 400_000.0, 25_000.0]})
+    solution.save(tmp_path / "meyer.npz")
+    again = Solution.load(tmp_path / "meyer.npz")
+    assert (again.status, again.lost, again.unnoticed) == (Status.LOST, solution.lost, ())
+
+
+# What the words promise.
+
+
+def test_a_saddle_is_not_called_the_best_that_can_be_had() -> None:
+    """The gradient vanishes at 0, where x^2 - 1 has a maximum of the cost."""
+    solution = solve(of(Block("x").symbol ** 2 - 1), {"x": 0.0})
+    assert solution.converged
+    assert "nothing more" not in solution.message
+    assert "saddle point or a maximum" in solution.message
+
+
+def test_a_step_that_cannot_be_interrupted_is_not_begun() -> None:
+    """NLopt's SLSQP needs seconds for a step in 1,000 unknowns, and looks at no clock in it."""
+    x = Block("x", (1000,)).symbol
+    problem = of(cs.vertcat(10 * (x[1:] - x[:-1] ** 2), 1 - x[:-1]))
+    start = {"x": np.full(1000, -1.2)}
+    solution = replace(SOLVERS["nlopt-slsqp"], max_seconds=2.0).solve(problem, start)
+    assert solution.status is Status.MAX_SECONDS
+    assert "cannot be interrupted" in solution.message
+    assert solution.evaluations.gradient == 0
+    with pytest.raises(NotSupported):
+        Nlopt("GN_DIRECT_L").solve(problem, start)

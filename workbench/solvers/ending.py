@@ -1,0 +1,127 @@
+"""How a run ended: the best point it saw, and what may be said of that point."""
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.blocks import Layout
+from workbench.problem import Linearization
+from workbench.problem.chain import half_squared
+from workbench.problem.optimality import hidden
+from workbench.solvers.limits import Stop
+from workbench.solvers.solution import Status
+from workbench.solvers.wrapping import rewrapped
+
+if TYPE_CHECKING:
+    from workbench.solvers.run import Run
+
+Array = NDArray[np.float64]
+NAMED = 6  # unknowns in a message; there may be thousands
+
+
+class Ending(NamedTuple):
+    """A status with its sentence, how stationary the best point is, and what was not noticed."""
+
+    status: Status
+    message: str
+    optimality: float = np.nan
+    lost: tuple[str, ...] = ()
+    unnoticed: tuple[str, ...] = ()
+
+
+def ending(run: "Run", stop: Stop) -> Ending:
+    """Settle the best point of a run, and judge it by the problem, whoever says otherwise."""
+    status, message, best = stop.status, stop.message, run.best
+    if not np.isfinite(best.cost):
+        return Ending(status, message)
+    try:
+        cheapest = best.x
+        here = run.judged(cheapest)
+        optimality = best.decide(run.optimality(cheapest, here))
+        if best.x is not cheapest:
+            here = run.judged(best.x)
+        converged = optimality <= run.limits.gradient_tolerance
+        here, optimality = _wrapped(run, here, optimality)
+        lost = run.lost(best.x, here)
+    except Exception as error:  # the residual is the user's; the best point is still ours
+        return Ending(status, f"{message} (no gradient at the best point: {error})")
+    free = run.problem.free
+    labels = tuple(free.label(int(i)) for i in np.flatnonzero(lost))
+    never = tuple(free.label(int(i)) for i in np.flatnonzero(run.sight.never))
+    converged = converged or optimality <= run.limits.gradient_tolerance
+    if best.missed > 1:
+        if status in (Status.CONVERGED, Status.STALLED):
+            status, message = Status.INFEASIBLE, _missed(run)
+    elif lost.any() and (converged or status in (Status.CONVERGED, Status.STALLED)):
+        status, message = Status.LOST, Status.LOST.value.replace("some unknowns", _named(labels))
+    elif converged:
+        status, message = Status.CONVERGED, Status.CONVERGED.value
+        if never:
+            message += f" (no residual ever noticed {_named(never)})"
+    elif status in (Status.CONVERGED, Status.STALLED):
+        if status is Status.CONVERGED:
+            status, message = Status.STALLED, Status.STALLED.value
+        message = _hidden(run, here, free) or message
+    return Ending(status, message, optimality, labels, never)
+
+
+def _wrapped(run: "Run", here: Linearization, optimality: float) -> tuple[Linearization, float]:
+    """Turn the best point's rotation vectors to at most half a turn, where that is free.
+
+    Free is what keeps the cost, but for rounding, and the constraints. Given the point as it is
+    seen from there and how stationary it is, answers the same of the point that it then is. That
+    is the same body, but the columns of its Jacobian are others, and so are their cosines with
+    the residual: where the tolerance is no longer met, one Gauss-Newton step is tried.
+    """
+    problem, best, fixed = run.problem, run.best, run.fixed
+    there = problem.stacked_constraints
+    at_most = best.cost + run.noise(best.x, here)
+
+    def is_free(x: Array) -> bool:
+        kept = there is None or there.missed(there.values(x, fixed)) <= max(best.missed, 0.0)
+        return kept and half_squared(problem.residual(x, fixed)) <= at_most
+
+    turned = rewrapped(problem, best.x, is_free)
+    if turned is best.x:
+        return here, optimality
+    here = problem.linearize_at(turned, fixed)
+    found, tolerance = run.optimality(turned, here), run.limits.gradient_tolerance
+    if found > tolerance >= optimality:
+        nearer = np.clip(turned + here.step(), problem.lower, problem.upper)
+        if is_free(nearer):
+            closer = problem.linearize_at(nearer, fixed)
+            by_step = run.optimality(nearer, closer)
+            if by_step <= tolerance:
+                turned, here, found = nearer, closer, by_step
+    best.x, best.cost = turned, here.cost
+    return here, found
+
+
+def _missed(run: "Run") -> str:
+    there = run.problem.stacked_constraints
+    if there is None:
+        return Status.INFEASIBLE.value
+    worst = there.worst(there.values(run.best.x, run.fixed))
+    return f"{worst}; {Status.INFEASIBLE.value}"
+
+
+def _hidden(run: "Run", here: Linearization, free: Layout) -> str:
+    """What rounding errors leave unknown at a point that no step improves; empty if nothing."""
+    left = hidden(run.best.x, here, run.problem.support, run.rounding(run.best.x, here))
+    if not left.any():
+        return ""
+    i = int(np.argmax(left))
+    also = int(np.sum(left > 0)) - 1
+    others = f" and {also} more unknown{'s' if also > 1 else ''} too little" if also else ""
+    unit = "" if free.unit(i) == "1" else f" {free.unit(i)}"
+    return (
+        f"rounding hides what is left: the terms of the residual are so large that {free.label(i)} "
+        f"is known only to about {left[i]:.1g}{unit}{others}; choose units or sigmas that make "
+        "the terms smaller"
+    )
+
+
+def _named(labels: tuple[str, ...]) -> str:
+    more = f" and {len(labels) - NAMED} more" if len(labels) > NAMED else ""
+    return ", ".join(labels[:NAMED]) + more
