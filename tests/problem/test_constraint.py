@@ -135,11 +135,11 @@ def test_the_conditions_of_karush_kuhn_and_tucker_hold_at_the_solution_only() ->
     left = 0.001 * 2 / np.sqrt(5) / (2 - 2 / np.sqrt(5))
     assert optimality(problem, *(0.999 * solution)) == pytest.approx(left, rel=0.01)
     turned = np.array([np.cos(0.5), np.sin(0.5)])
-    share = np.linalg.norm((np.array([2.0, 1.0]) - turned) @ [-turned[1], turned[0]])
-    way = share * np.abs([-turned[1], turned[0]]).max()
-    assert optimality(problem, *turned) == pytest.approx(
-        way / np.linalg.norm(turned - [2.0, 1.0]), rel=1e-6
-    )
+    along = np.array([-turned[1], turned[0]])
+    rows = np.array([2.0, 1.0]) - turned  # each coordinate has a row, the shorter below a sigma
+    way = abs(rows @ along) * np.abs(along)
+    expected = (way / np.maximum(np.abs(rows), 1.0)).max()
+    assert optimality(problem, *turned) == pytest.approx(expected, rel=1e-6)
 
 
 def test_an_equation_needs_no_sign() -> None:

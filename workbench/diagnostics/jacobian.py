@@ -12,7 +12,7 @@ from scipy.sparse import csc_array, csr_array, issparse
 
 from workbench.errors import WorkbenchError
 from workbench.problem import Problem
-from workbench.problem.steps import EPS
+from workbench.problem.steps import EPS, UNEVEN
 
 Array = NDArray[np.float64]
 THIN = 1e-3  # of its column's largest entry: smaller ones hardly matter
@@ -67,15 +67,25 @@ class Jacobian:
     @cached_property
     def R(self) -> Array:
         """(min(m, n), n); raises NotFinite."""
-        if isinstance(self.matrix, csc_array):
-            s, Vt = self.svd
-            return np.asarray(s[:, None] * Vt[: s.size])
         self._check()
+        if isinstance(self.matrix, csc_array):
+            d = self._lengths
+            values, vectors = np.linalg.eigh(self.normal / np.outer(d, d))
+            half = np.sqrt(np.maximum(values[::-1], 0))[:, None] * vectors[:, ::-1].T
+            return np.asarray((half * d)[: min(self.shape)])
         return np.asarray(scipy.linalg.qr(self.matrix, mode="r")[0][: min(self.shape)])
 
     @cached_property
     def svd(self) -> tuple[Array, Array]:
-        """`s` (min(m, n),), falling, and all right singular vectors as the rows of Vt (n, n)."""
+        """`s` (min(m, n),), falling, and all right singular vectors as the rows of Vt (n, n).
+
+        Where some columns are a million times as long as others, by Jacobi's rotations, which
+        find small singular values to as many digits as large ones (Drmac and Veselic, New fast and
+        accurate Jacobi SVD algorithm, 2008); else a short column would be lost in the rounding
+        errors of the long ones.
+        """
+        if self._uneven:
+            return _by_jacobi(self.R)
         if isinstance(self.matrix, csc_array):
             self._check()
             values, vectors = np.linalg.eigh(self.normal)
@@ -83,6 +93,17 @@ class Jacobian:
             return s[: min(self.shape)], np.asarray(vectors[:, ::-1].T)
         _, s, Vt = np.linalg.svd(self.R, full_matrices=True)
         return s[: min(self.shape)], Vt
+
+    @cached_property
+    def _lengths(self) -> Array:
+        """Of the columns, 1 where one is zero, (n,)."""
+        return np.where(self.column_norms > 0, self.column_norms, 1.0)
+
+    @cached_property
+    def _uneven(self) -> bool:
+        """Whether columns differ so much that one tolerance does not serve all."""
+        read = self.column_norms[self.column_norms > 0]
+        return bool(read.size and read.max() > UNEVEN * read.min())
 
     @property
     def normal(self) -> Array:
@@ -95,14 +116,26 @@ class Jacobian:
         if not self.finite:
             raise NotFinite("the Jacobian holds NaN or infinity here; see `not_finite` for where")
 
+    @property
+    def _relative(self) -> float:
+        return 1e-7 if self.estimated else EPS * max(self.shape)
+
     @cached_property
     def tolerance(self) -> float:
         """The singular value below which a direction counts as unseen: eps max(m, n) s_1, or
         1e-7 s_1 where singular values are estimates.
+
+        Where some columns are a million times as long as others, that rule decides how many
+        singular values of J with columns of length 1 are not zero, and the tolerance lies between
+        as many of J's own and the rest: the unit of an unknown does not make it unseen.
         """
         s = self.svd[0]
-        relative = 1e-7 if self.estimated else EPS * max(self.shape)
-        return float(relative * s.max(initial=0.0))
+        if not self._uneven:
+            return float(self._relative * s.max(initial=0.0))
+        even = np.linalg.svd(self.R / self._lengths, compute_uv=False)
+        rank = int(np.sum(even > self._relative * even.max(initial=0.0)))
+        below = float(s[rank]) if rank < s.size else 0.0
+        return float(np.sqrt(s[rank - 1] * below)) if below > 0 else float(s[rank - 1]) / 2
 
     @property
     def rank(self) -> int:
@@ -176,6 +209,27 @@ class Jacobian:
     @cached_property
     def _by_rows(self) -> Array | csr_array:
         return self.matrix.tocsr() if isinstance(self.matrix, csc_array) else self.matrix
+
+
+def _by_jacobi(R: Array) -> tuple[Array, Array]:
+    """`s` (k,) and Vt (n, n) of R (k, n), small singular values as accurate as large ones."""
+    k, n = R.shape
+    square = np.zeros((n, n))
+    square[:k] = R
+    read = np.linalg.norm(square, axis=0) > 0  # LAPACK gives up a column of zeros
+    s, V = np.zeros(n), np.eye(n)
+    found, _, v, work, _, failed = scipy.linalg.lapack.dgejsv(
+        square[:, read], joba=0, jobu=0, jobv=0, jobr=0, jobt=1, jobp=1
+    )
+    if failed:
+        _, s, Vt = np.linalg.svd(R, full_matrices=True)
+        return s[:k], Vt
+    order = np.concatenate([np.flatnonzero(read), np.flatnonzero(~read)])
+    s[: found.size] = found * work[0] / work[1]
+    V = np.zeros((n, n))
+    V[np.ix_(np.flatnonzero(read), np.arange(found.size))] = v
+    V[order[found.size :], np.arange(found.size, n)] = 1.0
+    return s[:k], V.T
 
 
 def jacobian_at(problem: Problem, at: Mapping[str, ArrayLike]) -> Jacobian:

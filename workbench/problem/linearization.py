@@ -62,15 +62,14 @@ class Linearization:
         return np.linalg.svd(self.jacobian, full_matrices=False)
 
     @property
-    def tolerance(self) -> float:
-        """The singular value below which a direction counts as unseen: eps max(m, n) s_1."""
-        s = self.svd[1]
-        return float(EPS * max(self.jacobian.shape) * s.max(initial=0.0))
-
-    @property
     def rank(self) -> int:
-        """How many directions the residual notices."""
-        return int(np.sum(self.svd[1] > self.tolerance))
+        """How many directions the residual notices.
+
+        Singular values of the Jacobian with columns of length 1 that are above eps max(m, n) of
+        the largest: an unknown is not unseen for the unit that it is given in.
+        """
+        s = np.linalg.svd(self.triangle[1], compute_uv=False)
+        return int(np.sum(s > EPS * max(self.jacobian.shape) * s.max(initial=0.0)))
 
     @cached_property
     def triangle(self) -> tuple[Array, Array, Array]:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 EPS = float(np.finfo(float).eps)
 CHOLESKY_UP_TO = 1e4  # of the condition of the columns; its square is what Cholesky meets
+UNEVEN = 1e6  # times the shortest column: a longer one would hide it among its rounding errors
 LEAST_DAMPED = 1e-5  # inverse condition, with its damping, of columns that are dependent
 
 
@@ -72,15 +73,26 @@ def _inverse_condition(R: Array) -> float:
 def svd(here: "Linearization", damping: float, D: Array) -> Step:
     """By the singular values of J / D; of what no residual notices, nothing: the shortest step.
 
-    Always an answer. There damping below eps would magnify rounding errors.
+    Always an answer. There damping below eps would magnify rounding errors. Without damping, the
+    length of columns takes the place of D where some are a million times as long as others.
     """
-    if damping == 0 or (D == 1).all():
-        D, (U, s, Vt) = np.ones_like(D), here.svd
+    if damping == 0:
+        D = _even(here.column_norms)
+    if (D == 1).all():
+        U, s, Vt = here.svd
     else:
         U, s, Vt = np.linalg.svd(here.jacobian / D, full_matrices=False)
     seen = s > EPS * max(here.jacobian.shape) * s.max(initial=0.0)
     s, U, Vt = s[seen], U[:, seen], Vt[seen]
     return Step(-(Vt.T @ ((U.T @ here.residual) / (s + damping / s))) / D, "svd")
+
+
+def _even(lengths: Array) -> Array:
+    """The units (n,) in which columns of these lengths are alike; ones where they nearly are."""
+    read = lengths[lengths > 0]
+    if not read.size or read.max() < UNEVEN * read.min():
+        return np.ones_like(lengths)
+    return np.where(lengths > 0, lengths, 1.0)
 
 
 def automatic(here: "Linearization", damping: float, D: Array) -> Step:
