@@ -6,10 +6,15 @@ import platform
 import re
 import tempfile
 import time
-from collections.abc import Iterator
+import zipfile
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from glob import escape
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from workbench.errors import BadFile
 
@@ -49,6 +54,16 @@ def replacing(path: str | Path) -> Iterator[Path]:
         raise BadFile(f"cannot write {path}: {error.strerror or error}") from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def write_arrays(path: Path, named: Mapping[str, NDArray[Any]]) -> None:
+    """What `np.savez_compressed` writes, for any names: its own takes them as keyword arguments,
+    and so has no room for one that is called `file`.
+    """
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, array in named.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                np.lib.format.write_array(member, np.asanyarray(array), allow_pickle=False)
 
 
 def temporary_prefix(path: Path) -> str:

@@ -67,5 +67,8 @@ def same(a: SkinnedBody, b: SkinnedBody) -> None:
         np.testing.assert_array_equal(one.toarray(), other.toarray())
     assert a.landmarks.keys() == b.landmarks.keys()
     assert all(a.landmarks[n].names == b.landmarks[n].names for n in a.landmarks)
+    assert a.extras.keys() == b.extras.keys()
+    for key, array in a.extras.items():
+        np.testing.assert_array_equal(array, b.extras[key], err_msg=key)
     for name in ("parents", "joint_names", "name", "card"):
         assert getattr(a, name) == getattr(b, name), name

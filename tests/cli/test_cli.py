@@ -10,7 +10,7 @@ import pytest
 
 import workbench as wb
 from workbench.experiments.balance import observations
-from workbench.experiments.keypoint_files import OPENPOSE_25
+from workbench.experiments.detector_layouts import OPENPOSE_25
 from workbench.geometry.meshes import write_mesh
 
 
@@ -25,7 +25,7 @@ def test_run_writes_a_whole_report(tmp_path: Path) -> None:
     done = workbench("run", "--no-compare", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "CONVERGED" in done.stdout
-    assert "COCO reprojection, cam01" in done.stdout
+    assert "reprojection, cam01" in done.stdout
     said = done.stdout.splitlines()
     header = next(i for i, line in enumerate(said) if line.split()[:2] == ["iteration", "cost"])
     assert said[header - 1] == "solving"

@@ -1,5 +1,7 @@
 """The real person on the beam: how near the fit comes, and from how little."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,9 @@ from workbench.errors import UnknownName
 from workbench.experiments import EXPERIMENTS, Outcome, find, run
 from workbench.experiments.balance import balance
 from workbench.experiments.observations import COCO
-from workbench.plots import caption_overlay
+from workbench.plots import caption_overlay, plot_overlay, sheet
+from workbench.plots.overlay import reprojection
+from workbench.reports import write_report
 
 CAMERAS = ("cam01", "cam02", "cam03", "cam04")
 
@@ -27,7 +31,7 @@ def test_it_converges(outcome: Outcome) -> None:
 
 def test_the_body_lands_on_the_keypoints(outcome: Outcome) -> None:
     numbers = measured(outcome)
-    assert numbers["COCO reprojection, mean of the fitted"] <= 14  # px; linear triangulation: 12.5
+    assert numbers["reprojection, mean of the fitted"] <= 14  # px; linear triangulation: 12.5
     assert numbers["distance to triangulated keypoints"] <= 20  # mm
     assert numbers["distance to published keypoints"] <= 20  # mm
     assert numbers["largest |beta|"] <= 3
@@ -52,7 +56,7 @@ def test_every_overlay_is_the_projection_of_the_fitted_body(outcome: Outcome) ->
 @pytest.mark.parametrize("camera", CAMERAS)
 def test_a_camera_that_was_left_out_agrees(camera: str) -> None:
     result = run(find("balance", {"held_out": [camera]}), compare=False)
-    assert measured(result)[f"COCO reprojection, {camera} (held out)"] <= 25  # px
+    assert measured(result)[f"reprojection, {camera} (held out)"] <= 25  # px
 
 
 def test_unknown_cameras_and_frames_are_named() -> None:
@@ -65,9 +69,9 @@ def test_unknown_cameras_and_frames_are_named() -> None:
 def test_one_camera_fits_itself_and_the_others_tell() -> None:
     result = run(EXPERIMENTS["balance-monocular"], compare=False)
     numbers = measured(result)
-    assert numbers["COCO reprojection, cam01"] < 10
-    held_out = [numbers[f"COCO reprojection, {c} (held out)"] for c in CAMERAS[1:]]
-    assert max(held_out) > 2 * numbers["COCO reprojection, cam01"]
+    assert numbers["reprojection, cam01"] < 10
+    held_out = [numbers[f"reprojection, {c} (held out)"] for c in CAMERAS[1:]]
+    assert max(held_out) > 2 * numbers["reprojection, cam01"]
 
 
 def test_the_data_alone_are_looked_at_too(outcome: Outcome) -> None:
@@ -90,9 +94,43 @@ def test_a_single_name_is_a_name() -> None:
 def test_measures_say_what_they_are_over(outcome: Outcome) -> None:
     over = {measure.name: measure.over for measure in outcome.measures}
     view = outcome.setup.views[0]
+    count = int(np.sum(view.confidence > 0.2))
+    assert over["reprojection, cam01"] == f"{count} keypoints with a confidence above 0.2"
     body = outcome.setup.body
     assert body is not None
-    coco = np.isin(body.landmark_names("coco"), COCO)
-    count = int(np.sum(coco & (view.confidence > 0.2)))
-    assert over["COCO reprojection, cam01"] == f"{count} COCO keypoints with a confidence above 0.2"
-    assert "keypoints with a confidence above 0.2" in caption_overlay(outcome, 0)
+    coco = int(np.isin(body.landmark_names("coco"), COCO).sum())
+    assert over["distance to published keypoints"] == f"{coco} COCO keypoints"
+
+
+@pytest.mark.parametrize("held_out", [(), ("cam02", "cam04")])
+def test_one_camera_is_one_number_wherever_it_is_told(
+    tmp_path: Path, held_out: tuple[str, ...]
+) -> None:
+    """Among the measures, above the picture, below it, and over as many keypoints."""
+    result = run(find("balance", {"held_out": held_out}), compare=False)
+    found = {measure.name: measure for measure in result.measures}
+    text = write_report(result, tmp_path / "balance").read_text(encoding="utf-8")
+    for i, overlay in enumerate(result.overlays):
+        name = f"reprojection, {overlay.name}{' (held out)' if overlay.held_out else ''}"
+        error, count = reprojection(overlay)
+        off = np.linalg.norm(overlay.observed - overlay.projected, axis=1)
+        assert error == pytest.approx(off[overlay.confidence > 0.2].mean(), rel=1e-12)
+        assert found[name].value == pytest.approx(error, rel=1e-12)
+        assert found[name].over.startswith(f"{count} keypoints")
+        _, (ax,) = sheet(4, 5)
+        plot_overlay(result, i, ax=ax)
+        assert ax.get_title("left").endswith(f"mean {error:.1f} px, {count} points")
+        said = caption_overlay(result, i)
+        assert (
+            f"{count} keypoints with a confidence above 0.2 lie on average {error:.1f} px" in said
+        )
+        assert f"<td>{name}</td>" in text
+        assert said in text
+
+
+def test_the_question_says_which_cameras_are_fitted() -> None:
+    assert "explain the 2D keypoints, and" in find("balance").setup().question
+    alone = find("balance-monocular").setup().question
+    assert "the 2D keypoints of cam01 alone" in alone
+    two = find("balance", {"held_out": ["cam02", "cam03"]}).setup().question
+    assert "the 2D keypoints of cam01, cam04 alone" in two

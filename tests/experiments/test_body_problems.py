@@ -121,7 +121,7 @@ def test_a_robust_kernel_sees_past_the_outliers_and_squares_do_not() -> None:
         setup, known = standard(f"body-outliers{kernel}")
         assert known.values is not None
         measured = {m.name: m.value for m in setup.measures(setup.start | known.values)}
-        off[kernel] = measured["vertex to truth, rms"]
+        off[kernel] = measured["vertex to synthetic truth, rms"]
     assert max(off["-geman-mcclure"], off["-huber"]) < 10 < 30 < off[""]  # mm
 
 

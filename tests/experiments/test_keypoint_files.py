@@ -10,8 +10,8 @@ import pytest
 from workbench.bodies.catalogue import load_body
 from workbench.errors import BadArgument, BadFile, UnknownName
 from workbench.experiments.calibration_files import read_calibration
+from workbench.experiments.detector_layouts import OPENPOSE_25
 from workbench.experiments.keypoint_files import (
-    OPENPOSE_25,
     read_keypoints,
     read_observations,
 )

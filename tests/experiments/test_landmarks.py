@@ -11,7 +11,7 @@ def test_the_joints_are_met_and_the_shape_stays_open() -> None:
     setup = find("landmarks", {"body": "small"}).setup()
     found = setup.start | solve(setup.problem, setup.start).values
     measures = {measure.name: measure.value for measure in setup.measures(found)}
-    assert measures["joint to truth, rms"] < 15
+    assert measures["joint to synthetic truth, rms"] < 15
     # joints know how tall somebody is, and hardly how heavy: the prior's 1 is left of the last
     known = laplace(setup.problem, found, "betas").sd
     assert known[0] < 0.15

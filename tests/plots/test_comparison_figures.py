@@ -18,7 +18,12 @@ from workbench.plots.profiles import (
     plot_data_profile,
     plot_performance_profile,
 )
-from workbench.plots.verdicts import caption_basins, plot_basins, plot_verdicts
+from workbench.plots.verdicts import (
+    caption_basins,
+    caption_verdicts,
+    plot_basins,
+    plot_verdicts,
+)
 from workbench.plots.waterfall import caption_waterfall, plot_waterfall
 
 RUNS = {
@@ -72,6 +77,23 @@ def test_bars_are_as_long_as_there_are_runs(found: Comparison) -> None:
             length[bar.get_y()] = length.get(bar.get_y(), 0) + bar.get_width()
         assert len(set(length.values())) == 1
     assert "basin" in caption_basins(found, "p")
+
+
+@pytest.mark.parametrize("solvers", [("good",), ("$x$ 左",), ("bad",), ("good", "bad")])
+def test_the_caption_of_verdicts_explains_the_colours_that_are_there(
+    solvers: tuple[str, ...], ax: Axes
+) -> None:
+    runs = {k: v for k, v in RUNS.items() if k[1] in solvers}
+    some = comparison(runs, basins={k: 1 for k in runs if k == ("p", "$x$ 左")})
+    plot_verdicts(some, ax=ax)
+    there = set(ax.get_legend_handles_labels()[1])
+    said = caption_verdicts(some).lower()
+    for colour, label in (
+        ("green", "reached"), ("light blue", "other basin"), ("vermillion", "false claim"),
+        ("grey", "no answer"),
+    ):  # fmt: skip
+        assert (colour in said) == (label in there), colour
+    assert ("nobody claims" in said) == ("false claim" not in there)
 
 
 def test_pairs_are_read_from_rows_against_columns(found: Comparison, ax: Axes) -> None:

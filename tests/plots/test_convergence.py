@@ -82,3 +82,13 @@ def test_time_starts_above_zero_on_its_logarithmic_axis() -> None:
     plot_convergence(outcome_made_up().compared, ax=ax, against=SECONDS)
     assert ax.get_xscale() == "log"
     assert min(line.get_xdata()[0] for line in ax.get_lines()[:2]) > 0
+
+
+def test_the_caption_explains_what_is_drawn_and_nothing_else() -> None:
+    """Hollow marks where there are some; and one solver alone is first at nothing."""
+    a, b = solution([11.0, 3.0, 1.0]), solution([11.0, 6.0], Status.STALLED)
+    assert "hollow" not in caption_convergence({"a": a}).lower()
+    assert "hollow" in caption_convergence({"a": a, "b": b}).lower()
+    assert "solvers end" not in caption_convergence({"a": a})
+    assert "least time" not in caption_convergence({"a": a})
+    assert "1 of 2 solvers end" in caption_convergence({"a": a, "b": b})

@@ -104,6 +104,25 @@ def test_predictors_are_bars_in_order_with_linear_blending_marked() -> None:
     assert "leaves 1.84 mm on average; DQB + rotation elements is the best with 0.14 mm" in said
 
 
+def test_captions_say_of_a_run_what_the_run_has() -> None:
+    """No comparison that another run would make false."""
+    few = tuple(r for r in RESULTS if "bones" not in r.name)
+    assert "bones" not in drawn.caption_predictors(few, COMPARISON.test, 519)
+    said = drawn.caption_predictors(RESULTS, COMPARISON.test, 519)
+    assert "no bones leave 68.4 mm at the least and 68.4 mm at the most" in said
+    assert "rigid parts" not in said  # there are none
+    reach = drawn.caption_by_reach(REACH)  # here it rises to the end
+    assert "exact RBF 14.0 mm, at most 14.0 mm" in reach
+    assert "falls" not in reach
+    turned = drawn.caption_by_turn({"LBS + theta": 2.0 * np.ones(len(TURNS))})
+    assert "LBS + theta 2.0, 2.0 and 2.0 mm" in turned
+    assert "grown" not in turned
+    worse = (OfPrice(1e-5, 0.2, 2.8, 0.9), OfPrice(1e-3, 0.02, 2.3, 0.5))
+    for said in (drawn.caption_by_sparsity(worse), drawn.caption_by_distance(worse)):
+        assert "rises" not in said
+        assert "2.80 to 2.30 mm" in said
+
+
 def test_the_page_has_the_table_all_figures_and_their_captions() -> None:
     page = blend_shapes_page(COMPARISON)
     assert page.count("<img") == page.count("<figcaption") == 6

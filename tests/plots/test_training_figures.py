@@ -35,6 +35,9 @@ def test_costs_are_drawn_block_by_block() -> None:
     np.testing.assert_array_equal(np.asarray(total), [100, 12, 7])
     assert [line.get_label() for line in ax.get_lines()] == ["E_D", "E_P", "all"]
     assert "from 100 to 7" in caption_costs(LOG)
+    assert "falls in every block" in caption_costs(LOG)
+    rising = (LOG[0], Entry("poses", LOG[0].after, ZERO | {"E_D": 20.0}, {}, 1.0))
+    assert "falls in 1 of 2 blocks" in caption_costs(rising)
 
 
 def test_shares_and_errors_are_drawn_in_their_units() -> None:
@@ -48,4 +51,5 @@ def test_shares_and_errors_are_drawn_in_their_units() -> None:
     line = axes[1].get_lines()[0]
     np.testing.assert_allclose(np.asarray(line.get_xdata()), np.degrees(0.1))
     assert "4 made-up people" in caption_turn_errors(ERRORS)
-    assert "pose" in caption_pose_in_shape(RESULTS)
+    assert "with not pose-normalised: 90%" in caption_pose_in_shape(RESULTS)
+    assert "with all terms: 2%" in caption_pose_in_shape(RESULTS[:1])

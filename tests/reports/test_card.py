@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from tests.bodies_made_up import random_body, smpl_like_body
+from workbench.bodies.catalogue import load_body
 from workbench.errors import BadFile
 from workbench.reports import card_text, write_card
 from workbench.reports.anatomy import facts, joints, shapes
+from workbench.reports.card import card_page
 
 CARD = {
     "licence": "CC0 <1.0>",
@@ -75,6 +77,23 @@ def test_the_facts_are_the_bodys() -> None:
     np.testing.assert_allclose([j.rest for j in table], body.joints())
     assert [j.vertices for j in table] == np.count_nonzero(body.weights, axis=0).tolist()
     assert [j.regressor for j in table] == [4] * 5
+
+
+def test_a_body_of_people_who_were_made_up_is_called_synthetic() -> None:
+    """Where its numbers and its picture are shown, not only far below."""
+    body = load_body("small")
+    assert "no body was measured" in facts(body)["synthetic"]
+    text = card_page(body)
+    assert "The synthetic template from the front" in text
+    assert text.index("no body was measured") < text.index("How it looks</h2>")
+    plain = replace(body, card={})
+    assert "synthetic" not in facts(plain)
+    assert "The template from the front" in card_page(plain)
+
+
+def test_the_gallery_says_how_many_directions_it_shows() -> None:
+    assert "Each of the first 5 of 10 shape directions alone" in card_page(load_body("small"))
+    assert "Each shape direction alone" in card_page(random_body())
 
 
 def test_shapes_are_two_standard_deviations_from_the_mean() -> None:

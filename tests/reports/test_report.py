@@ -13,8 +13,8 @@ from workbench.diagnostics import diagnose
 from workbench.geometry import meshes
 from workbench.plots import plot_overlay, sheet
 from workbench.reports import report, tables, write_report
-from workbench.reports.arrays import write_arrays
 from workbench.solvers import Solution, Status
+from workbench.writing import write_arrays
 
 FILES = {
     "index.html", "values.npz", "solution.npz", "body.glb", "diagnosis.txt", "summary.json",

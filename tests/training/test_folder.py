@@ -158,3 +158,27 @@ def test_a_start_comes_back(tmp_path: Path) -> None:
         read_start(tmp_path / "bad.npz")
     with pytest.raises(BadBody, match="segmentation"):
         Start(START.template, START.faces, START.parents, START.joint_names, np.zeros(3, int))
+
+
+@pytest.mark.parametrize(
+    ("table", "says"),
+    [
+        ("file,subject,gendre\na.ply,b,female\n", "columns that are not read: gendre; there are"),
+        ("file,subject\na.ply,b,female\n", "line 2 has more cells than the table has columns"),
+    ],
+)
+def test_what_a_table_says_beside_what_is_read_is_refused(
+    tmp_path: Path, table: str, says: str
+) -> None:
+    """A misspelt `gender` would train one body of everybody."""
+    (tmp_path / "registrations.csv").write_text(table)
+    with pytest.raises(BadFile, match=says):
+        opened(tmp_path)
+
+
+def test_an_stl_is_no_registration(tmp_path: Path) -> None:
+    lines = made_folder(tmp_path)
+    write_mesh(tmp_path / "soup.stl", START.template, START.faces)
+    (tmp_path / "registrations.csv").write_text("\n".join([*lines, "soup.stl,x,,"]))
+    with pytest.raises(BadFile, match=r"soup\.stl: an \.stl holds three vertices of its own"):
+        opened(tmp_path)

@@ -38,6 +38,10 @@ def load_body(name_or_path: str | Path = "default") -> SkinnedBody:
     `save_body`); what a file is, its first bytes tell, not its name. Nothing in it is ever
     run, changed or copied. A path called like a body is meant by `Path("small")`.
 
+    Arrays that a body does not compute with, as the hands' principal components of MANO or the
+    face landmarks of SMPL-X, are the body's `extras`. Entries that cannot be kept, as objects of
+    Python, are named with the reason in the body's card under `left_out`.
+
     Raises BadFile (UnsafePickle) if there is no such body or file, or it is not a body, and
     BadBody if its arrays do not fit together.
     """

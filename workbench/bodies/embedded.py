@@ -12,6 +12,11 @@ from workbench.errors import BadFile
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
+SYNTHETIC = (
+    "the people behind this body were made by a program from shapes that artists modelled, and a "
+    "synthetic teacher says what pose does to their skin; no body was measured or scanned, only "
+    "poses were recorded from people"
+)
 
 
 class EmbeddedBody(TypedDict):
@@ -56,7 +61,7 @@ def _unpacked(arrays: dict[str, NDArray[Any]]) -> EmbeddedBody:
         joint_names=joint_names,
         mirror=arrays["mirror"].astype(np.int64),
         landmarks={"coco": (coco_names, _regressor(arrays, "coco", (len(coco_names), N)))},
-        card=json.loads(str(arrays["card"])),
+        card={"synthetic": SYNTHETIC} | json.loads(str(arrays["card"])),
     )
 
 

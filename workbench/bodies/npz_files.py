@@ -2,6 +2,7 @@
 
 import zipfile
 import zlib
+from collections import Counter
 from math import prod
 from pathlib import Path
 from typing import IO, Any
@@ -22,11 +23,14 @@ OBJECTS = (
     "this entry again as an array of numbers"
 )
 
+NO_ARRAY = "a file of another kind than .npy, which is not read"
+
 
 def read_npz(path: Path) -> Raw:
-    """The arrays of an .npz file by key; arrays of objects are `Unread`.
+    """The arrays of an .npz file by key; arrays of objects and other files in it are `Unread`.
 
-    Raises BadFile if it is cut off or damaged, unpacks to over 2 GB, or holds no arrays.
+    Raises BadFile if it is cut off or damaged, unpacks to over 2 GB, holds no arrays, or two of
+    one name.
     """
     try:
         with zipfile.ZipFile(path) as archive:
@@ -36,7 +40,11 @@ def read_npz(path: Path) -> Raw:
                 raise BadFile(f"{path} unpacks to {size / 2**30:.1f} GB; over 2 GB is not read")
             if not members:
                 raise BadFile(f"{path} is a zip archive without arrays, not an .npz file")
-            return {m.filename.removesuffix(".npy"): _read(archive, m) for m in members}
+            names = Counter(member.filename for member in members)
+            if names.most_common(1)[0][1] > 1:
+                raise BadFile(f"{path} holds two arrays called {names.most_common(1)[0][0]}")
+            others = {m.filename: Unread(NO_ARRAY) for m in archive.infolist() if m not in members}
+            return others | {m.filename.removesuffix(".npy"): _read(archive, m) for m in members}
     except DAMAGE as error:
         raise BadFile(
             f"{path} is cut off or damaged ({error}); fetch or export it again"

@@ -1,6 +1,6 @@
 """Arrays that nobody can write to, so that what a body derives from them stays true."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -45,6 +45,20 @@ def owned_matrix(what: str, given: object) -> csr_array:
         matrix.sum_duplicates()
     data, indices, indptr = (given_up(part) for part in _parts(matrix))
     return csr_array((data, indices, indptr), shape=matrix.shape)
+
+
+def owned_extras(given: Mapping[str, object]) -> dict[str, NDArray[Any]]:
+    """Arrays of numbers or texts by key, in the type that they have, read-only.
+
+    Raises NotNumbers.
+    """
+    found = {}
+    for key, value in given.items():
+        array = np.asanyarray(value)
+        if array.dtype.kind not in "biufUS":
+            raise NotNumbers(f"extras[{key!r}]", f"{array.dtype}", "numbers or texts")
+        found[key] = array if _settled(array) else given_up(np.array(array, order="C"))
+    return found
 
 
 def given_up(array: NDArray[Any]) -> NDArray[Any]:

@@ -13,7 +13,7 @@ from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.skinning import linear_blend
 from workbench.bodies.smplx_vertices import vertex_ids
 from workbench.errors import BadFile
-from workbench.writing import replacing
+from workbench.writing import replacing, write_arrays
 
 ROOT = 2**32 - 1  # the parent of the root in SMPL's files: -1, unsigned
 
@@ -22,7 +22,8 @@ def save_body(body: SkinnedBody, path: str | Path) -> None:
     """Write a body to `path`, whole or not at all: .npz, or .pkl for the package smplx.
 
     Both have SMPL's keys, float64 arrays, and the body's name, joint names, mirror, landmarks,
-    bind pose and card; `load_body` returns the same numbers. A pickle holds numpy arrays only.
+    bind pose, card and `extras`; `load_body` returns the same numbers. A pickle holds numpy
+    arrays only.
 
     The package smplx opens the .pkl of a body of 24 joints. Beside it, `<stem>_vertex_ids.json`
     says which vertices are the nose, the eyes, the finger tips and so on, which smplx appends to
@@ -42,7 +43,7 @@ def save_body(body: SkinnedBody, path: str | Path) -> None:
     arrays = _arrays(body)
     if path.suffix == ".npz":
         with replacing(path) as temporary:
-            np.savez_compressed(temporary, allow_pickle=False, **arrays)
+            write_arrays(temporary, arrays)
         return
     if body.bind_pose.any():
         raise BadFile(
@@ -68,7 +69,7 @@ def _arrays(body: SkinnedBody) -> dict[str, NDArray[Any]]:
             f"the pose blend shapes of body {body.name!r} do not go by rotation_elements, and its "
             "files say nothing else; keep it as a program that makes it"
         )
-    arrays = {
+    arrays = dict(body.extras) | {
         "v_template": body.template,
         "shapedirs": body.shapedirs,
         "posedirs": body.posedirs,

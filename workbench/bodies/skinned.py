@@ -17,7 +17,7 @@ from workbench.bodies.body import blocks_of, landmark_set
 from workbench.bodies.features import Features, rotation_elements
 from workbench.bodies.motion import Kinematics
 from workbench.bodies.numeric import Chunk, chunks_of
-from workbench.bodies.owned import given_up, owned, owned_index, owned_matrix
+from workbench.bodies.owned import given_up, owned, owned_extras, owned_index, owned_matrix
 from workbench.bodies.skinning import Skinning, linear_blend
 from workbench.bodies.sources import Arguments, JointPoints, LandmarkPoints, SurfacePoints
 from workbench.bodies.validation import check, chosen_vertices
@@ -50,6 +50,9 @@ class SkinnedBody:
     Metres, y up, facing +z. The arrays are numbers; those in `free` are symbols in every
     expression as well, so that training a body is a fit with other names free.
 
+    `extras` are arrays of its file by key that no expression reads, as the hands' principal
+    components of MANO: they go where the body goes, and `save_body` writes them back.
+
     A body never changes: it keeps read-only copies of what it is given (float64, int64; read-only
     arrays as they are), and dataclasses.replace makes another. It pickles and copies; the copy
     has the same numbers and blocks of its own. Raises BadBody if the arrays do not fit together.
@@ -70,6 +73,7 @@ class SkinnedBody:
     name: str = "body"
     card: Mapping[str, Any] = field(default_factory=dict)  # where the numbers come from
     bound_in: Array | None = None  # (K, 3) rad, the pose that the template is drawn in; None: 0
+    extras: Mapping[str, NDArray[Any]] = field(default_factory=dict)  # of its file, for others
     free: Mapping[str, Block] = field(default_factory=dict)
     _made: dict[str, tuple[Block, Block, Block]] = field(
         default_factory=dict, init=False, repr=False
@@ -92,6 +96,7 @@ class SkinnedBody:
             kept["mirror"] = owned_index("mirror", self.mirror)
         if self.bound_in is not None:
             kept["bound_in"] = owned("bound_in", self.bound_in)
+        kept["extras"] = MappingProxyType(owned_extras(self.extras))
         for name in ("landmarks", "free"):
             kept[name] = MappingProxyType(dict(getattr(self, name)))
         return kept
@@ -99,7 +104,7 @@ class SkinnedBody:
     def __reduce__(self) -> tuple[Any, ...]:
         """Its parts, without the blocks it made and what it computed with."""
         parts = {part.name: getattr(self, part.name) for part in fields(self) if part.init}
-        plain = {"landmarks": dict(self.landmarks), "free": dict(self.free)}
+        plain = {name: dict(getattr(self, name)) for name in ("landmarks", "free", "extras")}
         return _made_of, (parts | plain,)
 
     @property

@@ -1,7 +1,6 @@
 """A body from the entries of an SMPL file, whatever its size, precision and age."""
 
 import json
-import re
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -10,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.bodies.entries import Entries
+from workbench.bodies.extras import LANDMARKS, MIRROR, REQUIRED, sorted_out
 from workbench.bodies.joint_names import family, joint_names
 from workbench.bodies.owned import given_up
 from workbench.bodies.raw import Raw
 from workbench.bodies.skinned import Landmarks, SkinnedBody
 from workbench.errors import BadFile
 
-REQUIRED = ("v_template", "shapedirs", "posedirs", "J_regressor", "weights", "kintree_table", "f")
 INSTEAD = (  # keys that tell what a file is that is no body
     ({"poses", "trans"}, "a motion (AMASS), which moves a body and is none"),
     ({"eigvec"}, "the soft-tissue directions of DMPL, which go with a body and are none"),
@@ -24,15 +23,15 @@ INSTEAD = (  # keys that tell what a file is that is no body
     ({"means", "covars"}, "a pose prior"),
 )
 STAR_COLUMNS = 93  # of its posedirs: features of quaternions, where SMPL has 207 of matrices
-LANDMARKS = re.compile("landmarks/([^/]+)/names")
 
 
 def body_from(raw: Raw, name: str, where: str) -> SkinnedBody:
     """The body whose entries are `raw`; `where` is the file, for messages and the card.
 
     Arrays become float64 (N, 3), (N, 3, B), (N, 3, P), csr (K, N) and (N, K); parents are -1 at
-    the root. Nothing is normalised. Raises BadFile for entries that are missing or are not
-    what their key says, BadBody if they do not fit together.
+    the root. Nothing is normalised. Entries that a body does not compute with are its `extras`;
+    those that cannot be kept are named under `left_out` in its card. Raises BadFile for entries
+    that are missing or are not what their key says, BadBody if they do not fit together.
     """
     entries = Entries(raw, where)
     _check_keys(entries)
@@ -41,6 +40,7 @@ def body_from(raw: Raw, name: str, where: str) -> SkinnedBody:
         raise BadFile(f"{where}: v_template has shape {template.shape}, but must be (N, 3)")
     N, parents = len(template), _parents(entries)
     mirror = _mirror(entries, N)
+    extras, left_out = sorted_out(raw, mirror is not None)
     return SkinnedBody(
         template=given_up(template),
         shapedirs=given_up(entries.directions("shapedirs", N)),
@@ -62,7 +62,8 @@ def body_from(raw: Raw, name: str, where: str) -> SkinnedBody:
         },
         name=entries.text("name", name),
         bound_in=entries.reals("bind_pose") if "bind_pose" in entries else None,
-        card=_card(entries, len(parents), mirror),
+        card=_card(entries, len(parents), mirror, left_out),
+        extras=extras,
     )
 
 
@@ -105,9 +106,9 @@ def _posedirs(entries: Entries, N: int) -> NDArray[np.float64]:
 
 def _mirror(entries: Entries, N: int) -> NDArray[np.int64] | None:
     """The vertex on the other side of each, if the file has them and its pairs are pairs."""
-    if "vert_sym_idxs" not in entries:
+    if MIRROR not in entries:
         return None
-    mirror = entries.wholes("vert_sym_idxs").ravel()
+    mirror = entries.wholes(MIRROR).ravel()
     if len(mirror) != N or mirror.min() < 0 or mirror.max() >= N:
         return None
     return mirror if np.array_equal(mirror[mirror], np.arange(N)) else None
@@ -117,16 +118,22 @@ def _landmark_sets(keys: Iterable[str]) -> list[str]:
     return sorted(found[1] for key in keys if (found := LANDMARKS.fullmatch(key)))
 
 
-def _card(entries: Entries, K: int, mirror: NDArray[np.int64] | None) -> dict[str, Any]:
-    """The file's own card, or what can be said of a file without one."""
+def _card(
+    entries: Entries, K: int, mirror: NDArray[np.int64] | None, left_out: list[str]
+) -> dict[str, Any]:
+    """The file's own card, or what can be said of a file without one; and what was left out."""
     if "card" in entries:
-        return _own_card(entries)
+        own = _own_card(entries)
+        return own | ({"left_out": [*own.get("left_out", []), *left_out]} if left_out else {})
     file, notes = Path(entries.where).name, []
     guessed = next((g for g in ("female", "male", "neutral") if g in file.lower()), "unknown")
     if family(K) == "SMPL-X":
         notes.append("betas are the shape's, followed by the expression's")
-    if "vert_sym_idxs" in entries and mirror is None:
-        notes.append("vert_sym_idxs do not swap the vertices in pairs and were left out")
+    if MIRROR in entries and mirror is None:
+        notes.append(
+            f"{MIRROR} do not swap the vertices in pairs: they are kept as they are, but the body "
+            "has no mirror"
+        )
     return {
         "name": file,
         "model": family(K),
@@ -134,6 +141,7 @@ def _card(entries: Entries, K: int, mirror: NDArray[np.int64] | None) -> dict[st
         "source": file,
         "licence": "its owners'; do not pass it on without theirs",
         **({"provenance": notes} if notes else {}),
+        **({"left_out": left_out} if left_out else {}),
     }
 
 

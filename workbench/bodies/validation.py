@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from workbench.blocks.reals import numbers
 from workbench.bodies.body import Body
+from workbench.bodies.extras import clashes
 from workbench.bodies.features import count_features, rotation_elements
 from workbench.errors import BadBody, NotNumbers
 
@@ -68,6 +69,8 @@ def check(body: SkinnedBody) -> None:
         refuse("mirror must swap vertices in pairs: mirror[mirror] is not 0, 1, 2, ...")
     if body.bind_pose.shape != (K, 3) or not np.isfinite(body.bind_pose).all():
         refuse(f"bound_in must be finite angles ({K}, 3), not an array {body.bind_pose.shape}")
+    if own := clashes(body.extras):
+        refuse(f"extras must not be called like the body's own arrays in a file: {', '.join(own)}")
     for name, landmarks in body.landmarks.items():
         if not np.isfinite(landmarks.regressor.data).all():
             refuse(f"landmarks {name!r}: the regressor holds entries that are not finite")

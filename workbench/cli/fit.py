@@ -15,16 +15,15 @@ from workbench.experiments import Experiment
 from workbench.experiments.correspondences import own_mesh
 from workbench.experiments.keypoint_files import read_observations
 from workbench.experiments.keypoint_fit import keypoint_fit
-
-MESHES = (".obj", ".ply", ".glb", ".stl", ".off")
+from workbench.geometry.meshes import READERS, REGISTERED
 
 
 def fit(
     files: Annotated[
         list[Path],
         typer.Argument(
-            help="Keypoints (COCO or OpenPose JSON, one file per camera), or a mesh "
-            f"({', '.join(MESHES)}) of the body's topology, in metres."
+            help="Keypoints (COCO, COCO-WholeBody or OpenPose JSON, one file per camera), or a "
+            f"mesh ({', '.join(REGISTERED)}) of the body's topology, in metres."
         ),
     ],
     cameras: Annotated[
@@ -56,7 +55,7 @@ def fit(
         raise BadArgument(f"--focal takes a length in px above 0, not {focal:g}")
     image = _size(size)
     model = load_body(body)
-    if files[0].suffix.lower() in MESHES:
+    if files[0].suffix.lower() in READERS:
         if len(files) > 1:
             raise BadFile("give one mesh at a time")
         setup = own_mesh(files[0], model, 0.002 if sigma is None else sigma)

@@ -74,13 +74,19 @@ def print_outcome(console: Console, outcome: Outcome) -> None:
     for said in (tables.better_said(outcome), tables.interrupted_said(outcome)):
         if said:
             console.print(f"[bold yellow]{escape(_typed(said))}[/]", highlight=False)
+    if outcome.setup.synthetic:
+        console.print(f"synthetic data: {escape(outcome.setup.synthetic)}", highlight=False)
+    for note in outcome.setup.notes:
+        console.print(f"note: {escape(note)}", highlight=False)
     table = Table(box=None, show_header=False)
     table.add_column()
     table.add_column(justify="right")
     table.add_column()
+    table.add_column(style="dim")
     for measure in outcome.measures:
         value = f"{measure.value:.3g}" if np.isfinite(measure.value) else "-"
-        table.add_row(escape(measure.name), value, measure.unit)
+        over = f"over {measure.over}" if measure.over else ""
+        table.add_row(escape(measure.name), value, measure.unit, escape(over))
     console.print(table)
     _print_residuals(console, outcome)
     console.print(escape(_seen("Jacobian", outcome.diagnosis)))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.bodies.catalogue import load_body
-from workbench.errors import UnknownName
+from workbench.errors import UnknownName, listed
 from workbench.experiments.arguments import names
 from workbench.experiments.experiment import Setup
 from workbench.experiments.keypoint_fit import keypoint_fit, landmark_set
@@ -99,12 +99,12 @@ def balance(
     for i, name in enumerate(model.landmark_names(landmark_set(model))):
         if name in where:
             reference[i] = triangulated[where[name]]
-    fitted = len(known) - len(set(held_out))
+    alone = f" of {listed(set(known) - set(held_out))} alone" if held_out else ""
     return keypoint_fit(
         seen,
         model,
-        f"A real person on a beam (frame {frame}) was seen by four calibrated cameras. Which pose, "
-        f"shape and place of the body explain the 2D keypoints of {fitted} of them, and what do "
+        f"A real person on a beam (frame {frame}) was seen by {len(known)} calibrated cameras. "
+        f"Which pose, shape and place of the body explain the 2D keypoints{alone}, and what do "
         "the keypoints leave open?",
         sigma=sigma,
         held_out=held_out,

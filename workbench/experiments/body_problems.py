@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from workbench.blocks import Block, Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.catalogue import load_body
-from workbench.experiments.correspondences import mesh_fit
+from workbench.experiments.correspondences import MADE_OF_THE_MODEL, mesh_fit
 from workbench.experiments.experiment import Experiment, Measure, Setup
 from workbench.experiments.keypoint_fit import keypoint_fit, landmark_set, pose_prior
 from workbench.experiments.known import Known
@@ -60,6 +60,7 @@ def body_vertices(
         sigma=noise or 1e-3,
         start=beginning(model, seed, start, start_sigma),
         truth=surface,
+        synthetic=MADE_OF_THE_MODEL,
         compared=COMPARED,
     )
     if noise == 0:
@@ -104,6 +105,7 @@ def _with_outliers(
         priors=(gaussian(model.blocks()[1].symbol, name="shape prior"),),
         start=beginning(model, seed, start, 0.3),
         truth=surface,
+        synthetic=MADE_OF_THE_MODEL,
         compared=COMPARED,
     )
     return replace(setup, known=polished(setup.problem, setup.start, truth))
@@ -130,6 +132,7 @@ def body_bounds(body: str = "small", seed: int = 0, start: int = 0, limit: float
         bounds=bounds,
         start=inside(beginning(model, seed, start, 0.3)),
         truth=surface,
+        synthetic=MADE_OF_THE_MODEL,
         compared=WITH_BOUNDS,
     )
     return replace(setup, known=polished(setup.problem, setup.start, inside(truth)))
@@ -198,6 +201,7 @@ def _joint_fit(
         measures=measures,
         priors=tuple(prior.name for prior in priors),
         compared=COMPARED,
+        synthetic=MADE_OF_THE_MODEL,
     )
 
 
@@ -227,7 +231,8 @@ def body_cameras(
         sigma=noise,
         compared=COMPARED,
     )
-    setup = replace(setup, start=setup.start | beginning(model, seed, start, 0.3))
+    start_values = setup.start | beginning(model, seed, start, 0.3)
+    setup = replace(setup, start=start_values, synthetic=MADE_OF_THE_MODEL)
     return replace(setup, known=polished(setup.problem, setup.start, truth))
 
 

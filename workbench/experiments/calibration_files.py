@@ -11,9 +11,10 @@ from workbench.experiments.reading import json_in, numbers_in, size_in
 from workbench.geometry.camera import Camera
 from workbench.geometry.rotation import matrix_from_vector
 
-Calibration = dict[str, dict[str, Any]]  # per camera: K, R, t, distortion, size
+Calibration = dict[str, dict[str, Any]]  # per camera: K, R, t, distortion, size; keys `unread`
 
-TOML = {"K": "matrix", "R": "rotation", "t": "translation", "distortion": "distortions"}
+READ = ("K", "R", "t", "distortion", "size", "fisheye", "name")
+TOML = {"matrix": "K", "rotation": "R", "translation": "t", "distortions": "distortion"}
 
 
 def read_calibration(path: str | Path) -> Calibration:
@@ -21,19 +22,21 @@ def read_calibration(path: str | Path) -> Calibration:
 
     TOML: a table per camera with `matrix`, `rotation` (a rotation vector), `translation`,
     `distortions`, `size`. JSON: an object per camera with `K`, `R` (matrix or vector), `t`, and
-    if known `distortion`, `size`. Raises BadFile.
+    if known `distortion`, `size`. Keys that are not read are listed under `unread`. Raises
+    BadFile, for a fisheye camera too.
     """
     path = Path(path)
     toml = path.suffix.lower() == ".toml"
     found = _tables(path) if toml else json_in(path)
     listed = list(found.items()) if isinstance(found, dict) else []
     if toml:
+        for key, table in listed:
+            _refuse_without_matrix(path, key, table)
         listed = [
-            (str(table.get("name", key)), {ours: table.get(name) for ours, name in TOML.items()}
-             | {"size": table.get("size")})
+            (str(table.get("name", key)), {TOML.get(k, k): value for k, value in table.items()})
             for key, table in listed
             if isinstance(table, dict) and "matrix" in table
-        ]  # fmt: skip
+        ]
     if not listed:
         raise BadFile(f"{path} holds no cameras; see `workbench fit --help` for the formats")
     cameras = {name: _camera(path, name, given) for name, given in listed}
@@ -55,6 +58,11 @@ def _camera(path: Path, name: str, given: Any) -> dict[str, Any]:
     if missing:
         raise BadFile(f"{path}: camera {name!r} lacks {', '.join(missing)}")
     of = f"camera {name!r}"
+    if told.get("fisheye"):
+        raise BadFile(
+            f"{path}: {of} is a fisheye; cameras here are pinholes with up to five coefficients "
+            "of distortion: undistort its keypoints, and give the pinhole's matrix"
+        )
     camera: dict[str, Any] = {
         key: numbers_in(path, f"{key} of {of}", () if told.get(key) is None else told[key])
         for key in ("K", "R", "t", "distortion")
@@ -69,4 +77,13 @@ def _camera(path: Path, name: str, given: Any) -> dict[str, Any]:
     except BadCamera as error:
         raise BadFile(f"{path}: {of}: {error}") from error
     size = told.get("size")
-    return camera | {"size": None if size is None else size_in(path, of, size)}
+    unread = tuple(sorted(key for key in told if key not in READ))
+    return camera | {
+        "size": None if size is None else size_in(path, of, size), "unread": unread
+    }  # fmt: skip
+
+
+def _refuse_without_matrix(path: Path, key: str, table: Any) -> None:
+    """A table that is half a camera is no remark that can be passed over."""
+    if isinstance(table, dict) and "matrix" not in table and set(TOML) & set(table):
+        raise BadFile(f"{path}: camera table [{key}] has no matrix; add it, or remove the table")

@@ -13,7 +13,7 @@ from workbench.experiments.correspondence_start import STARTS, placed
 from workbench.experiments.experiment import Measure, Setup
 from workbench.experiments.keypoint_fit import pose_prior
 from workbench.experiments.known import Known
-from workbench.geometry.meshes import read_mesh
+from workbench.geometry.meshes import read_registered, same_faces
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 from workbench.problem import Problem
 from workbench.problem.bounds import Bounds
@@ -21,6 +21,10 @@ from workbench.residuals import Residual, gaussian, vertices
 from workbench.residuals.kernels import Kernel, quadratic
 
 Array = NDArray[np.float64]
+MADE_OF_THE_MODEL = (
+    "the observed body is the model itself, in a pose and a shape drawn at random, with noise "
+    "where the question names some; nobody was measured, and a real person is no body of the model"
+)
 COMPARED = ("gauss-newton", "levenberg-marquardt", "ipopt", "nlopt-lbfgs")
 
 
@@ -38,10 +42,13 @@ def mesh_fit(
     further: tuple[Measure, ...] = (),
     known: Known | None = None,
     compared: tuple[str, ...] = COMPARED,
+    synthetic: str = "",
+    notes: tuple[str, ...] = (),
 ) -> Setup:
     """Pose, betas and trans from the vertices (N, 3) m of a mesh of the topology; sigma in m.
 
-    min |M(theta, beta) - V|^2, the course's align_3Dpoints.
+    min |M(theta, beta) - V|^2, the course's align_3Dpoints. `synthetic` says what was made up,
+    if the vertices were not measured.
     """
     pose, betas, trans = (block.symbol for block in body.blocks())
     target = Block("observed", (body.n_vertices, 3), "m")
@@ -57,8 +64,9 @@ def mesh_fit(
         ]
         if truth is not None:
             off = 1e3 * np.linalg.norm(found - truth, axis=1)
-            shown.append(Measure("vertex to truth, rms", float(np.sqrt(np.mean(off**2))), "mm"))
-            shown.append(Measure("vertex to truth, largest", float(off.max()), "mm"))
+            of = f"vertex to {'synthetic ' if synthetic else ''}truth"
+            shown.append(Measure(f"{of}, rms", float(np.sqrt(np.mean(off**2))), "mm"))
+            shown.append(Measure(f"{of}, largest", float(off.max()), "mm"))
         return (*shown, *further)
 
     return Setup(
@@ -71,6 +79,8 @@ def mesh_fit(
         priors=tuple(prior.name for prior in priors),
         compared=compared,
         known=known,
+        synthetic=synthetic,
+        notes=notes,
     )
 
 
@@ -105,6 +115,7 @@ def known_correspondences(
         truth=truth,
         compared=compared,
         known=None if noise else recovered(model, pose, betas),
+        synthetic=MADE_OF_THE_MODEL,
     )
 
 
@@ -120,9 +131,11 @@ def recovered(body: SkinnedBody, pose: Array, betas: Array, trans: ArrayLike = (
 def own_mesh(path: str | Path, body: SkinnedBody, sigma: float) -> Setup:
     """A user's mesh of the body's topology, in metres: placed rigidly, then fitted; sigma in m.
 
-    Raises BadFile for another number of vertices, or a size that no person has.
+    Raises BadFile for another number of vertices, a file that does not keep their order (.stl), or
+    a size that no person has.
     """
-    observed = read_mesh(Path(path)).vertices
+    mesh = read_registered(Path(path))
+    observed = mesh.vertices
     if len(observed) != body.n_vertices:
         raise BadFile(
             f"{path} has {len(observed)} vertices, but body {body.name!r} has {body.n_vertices}; "
@@ -142,4 +155,10 @@ def own_mesh(path: str | Path, body: SkinnedBody, sigma: float) -> Setup:
         priors=(gaussian(body.blocks()[1].symbol, name="shape prior"), pose_prior(body)),
         start=placed(body, observed),
         compared=COMPARED,
+        notes=()
+        if same_faces(mesh.faces, body.faces)
+        else (
+            f"the faces of {Path(path).name} are not those of body {body.name!r}: that its "
+            "vertices come in the body's order is taken on trust",
+        ),
     )

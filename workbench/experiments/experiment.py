@@ -63,6 +63,8 @@ class Setup:
     priors: tuple[str, ...] = ()  # the residuals that are no data
     compared: tuple[str, ...] = ()  # names of SOLVERS to run on the same problem and start
     known: Known | None = None  # the answer, or the best cost, where there is one beforehand
+    synthetic: str = ""  # what was made up, in a sentence, where not all was measured
+    notes: tuple[str, ...] = ()  # sentences on data that were given and not used, or taken on trust
 
     def __post_init__(self) -> None:
         _expect("problem", self.problem, Problem, "a Problem")
@@ -88,6 +90,8 @@ class Setup:
             for one in several:
                 if one not in known:
                     raise UnknownName(kind, one, known)
+        object.__setattr__(self, "notes", names(self.notes))
+        _expect("synthetic", self.synthetic, str, "a text")
         self.problem.split(self.start)
         if self.known is not None:
             self.known.check(self.problem)

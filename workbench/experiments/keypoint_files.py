@@ -1,6 +1,7 @@
 """Keypoints from files that detectors write, with their cameras."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -9,25 +10,24 @@ from numpy.typing import NDArray
 
 from workbench.errors import BadArgument, BadFile, UnknownName
 from workbench.experiments.calibration_files import read_calibration
-from workbench.experiments.observations import COCO, FEET, Observations, Photograph
+from workbench.experiments.detector_layouts import COCO_FILES, OPENPOSE, Layout
+from workbench.experiments.observations import Observations, Photograph
 from workbench.experiments.reading import json_in, numbers_in, size_in
 
 Array = NDArray[np.float64]
 
-_LIMBS = ("shoulder", "elbow", "wrist")
-_ARMS = tuple(f"{side}_{part}" for side in ("right", "left") for part in _LIMBS)
-OPENPOSE_25 = (
-    "nose", "neck", *_ARMS, "mid_hip", "right_hip", "right_knee", "right_ankle", "left_hip",
-    "left_knee", "left_ankle", "right_eye", "left_eye", "right_ear", "left_ear",
-    "left_big_toe", "left_small_toe", "left_heel", "right_big_toe", "right_small_toe",
-    "right_heel",
-)  # fmt: skip
-OPENPOSE_18 = (
-    "nose", "neck", *_ARMS, "right_hip", "right_knee", "right_ankle", "left_hip", "left_knee",
-    "left_ankle", "right_eye", "left_eye", "right_ear", "left_ear",
-)  # fmt: skip
 FARTHEST = 1e7  # px: no detector means a place farther out
-BY_COUNT = {"openpose": {25: OPENPOSE_25, 18: OPENPOSE_18}, "coco": {17: COCO, 23: COCO + FEET}}
+
+
+@dataclass(frozen=True, eq=False)
+class Read:
+    """What a file says of one person."""
+
+    names: tuple[str, ...]
+    points: Array  # (M, 3): u, v in px, and a confidence
+    size: tuple[int, int] | None  # of the image, if the file tells it
+    body: tuple[str, ...]  # the names of the part without hands and face
+    notes: tuple[str, ...]  # on what else the file holds, and what became of it
 
 
 def read_keypoints(
@@ -35,14 +35,22 @@ def read_keypoints(
 ) -> tuple[tuple[str, ...], Array, tuple[int, int] | None]:
     """The names, the (M, 3) keypoints u, v, confidence, and the image's size if the file tells it.
 
-    COCO (annotations or results; 17 keypoints, or 23 with feet) or OpenPose (BODY_25 or COCO-18)
-    JSON. Of several people the one seen best is taken, or number `person`, counted from 0.
-    Raises BadFile or UnknownName.
+    COCO (annotations or results; 17 keypoints, 23 with feet, or COCO-WholeBody's 133, in one list
+    or in parts) or OpenPose (BODY_25 or COCO-18, hands and face) JSON. Of several people the one
+    seen best is taken, or number `person`, counted from 0. Raises BadFile or UnknownName.
     """
+    found = read_person(path, size=size, person=person)
+    return found.names, found.points, found.size
+
+
+def read_person(
+    path: str | Path, *, size: tuple[int, int] | None = None, person: int | None = None
+) -> Read:
+    """The same, with what became of everything else in the file. Raises BadFile or UnknownName."""
     data = json_in(path)
-    kind = "openpose" if isinstance(data, dict) and "people" in data else "coco"
-    entries = _openpose(path, data) if kind == "openpose" else _coco(path, data)
-    people = [_person(path, where, numbers) for where, numbers, _ in entries]
+    kind = OPENPOSE if isinstance(data, dict) and "people" in data else COCO_FILES
+    entries = _openpose(path, data) if kind is OPENPOSE else _coco(path, data)
+    people = [_person(path, where, one.get(kind.main, [])) for where, one in entries]
     if not any(len(one) for one in people):
         raise BadFile(
             f"{path} holds no person's keypoints; give COCO JSON (annotations with `keypoints`) "
@@ -52,12 +60,15 @@ def read_keypoints(
         raise UnknownName("person", str(person), hint=f"0 to {len(people) - 1} in {path}")
     best = max(range(len(people)), key=lambda i: people[i][:, 2].sum() if len(people[i]) else -1.0)
     number = best if person is None else person
-    chosen, (where, _, image) = people[number], entries[number]
-    known = BY_COUNT[kind]
-    if len(chosen) not in known:
-        counts = " or ".join(map(str, known))
-        raise BadFile(f"{path} has {len(chosen)} keypoints per person; {kind} JSON has {counts}")
-    names = known[len(chosen)]
+    where, given = entries[number]
+    if len(people[number]) not in kind.bodies:
+        counts = " or ".join(map(str, kind.bodies))
+        what = "openpose" if kind is OPENPOSE else "coco"
+        raise BadFile(
+            f"{path} has {len(people[number])} keypoints per person; {what} JSON has {counts}"
+        )
+    body = kind.bodies[len(people[number])]
+    names, chosen, notes = _with_parts(path, where, given, kind, (body, people[number]))
     lost = ~(np.abs(chosen[:, :2]) < FARTHEST).all(axis=1) & (chosen[:, 2] > 0)
     if lost.any():
         row = int(np.argmax(lost))
@@ -65,28 +76,60 @@ def read_keypoints(
             f"{path}: {where} has {names[row]} at {chosen[row, :2].tolist()} with confidence "
             f"{chosen[row, 2]:g}; give px, or confidence 0 if it was not seen"
         )
-    if kind == "coco" and set(np.unique(chosen[:, 2])) <= {0.0, 1.0, 2.0}:
+    if kind is COCO_FILES and set(np.unique(chosen[:, 2])) <= {0.0, 1.0, 2.0}:
         chosen = np.column_stack([chosen[:, :2], chosen[:, 2] > 0])  # a visibility flag, 0 1 2
-    return names, chosen, size or (_image_size(path, data, image) if kind == "coco" else None)
+    seen = sum(len(one) > 0 for one in people)
+    if person is None and seen > 1:
+        notes.append(
+            f"{Path(path).name} holds {seen} people; the one seen best, number {number} counted "
+            "from 0, is read, and --person takes another"
+        )
+    if size is None and kind is COCO_FILES:
+        size = _image_size(path, data, given.get("image_id"))
+    return Read(names, chosen, size, body, tuple(notes))
 
 
-Entry = tuple[str, Any, Any]  # where it is in the file, the flat list of numbers, the image's id
+Entry = tuple[str, dict[str, Any]]  # where it is in the file, and what it holds
 
 
 def _openpose(path: str | Path, data: dict[str, Any]) -> list[Entry]:
-    people = _objects(path, "people", data["people"])
-    return [(where, one.get("pose_keypoints_2d", []), None) for where, one in people]
+    return _objects(path, "people", data["people"])
 
 
 def _coco(path: str | Path, data: Any) -> list[Entry]:
     if isinstance(data, dict):
         data = data.get("annotations", [data])
-    annotations = _objects(path, "annotations", data)
-    return [
-        (where, one["keypoints"], one.get("image_id"))
-        for where, one in annotations
-        if "keypoints" in one
-    ]
+    return [entry for entry in _objects(path, "annotations", data) if "keypoints" in entry[1]]
+
+
+def _with_parts(
+    path: str | Path, where: str, given: dict[str, Any], kind: Layout,
+    main: tuple[tuple[str, ...], Array],
+) -> tuple[tuple[str, ...], Array, list[str]]:  # fmt: skip
+    """The points of the body, feet, hands and face together; a note on points that are not read."""
+    names, points, unread = list(main[0]), [main[1]], []
+    for key, counts in kind.parts.items():
+        if not given.get(key):
+            continue
+        part = _person(path, f"{where}: {key}", given[key])
+        known = counts.get(len(part), ())
+        if not known or set(known) & set(names):
+            unread.append(f"{key} ({len(part)} points)")
+            continue
+        names += known
+        points.append(part)
+    unread += [
+        key for key, value in given.items()
+        if key not in (kind.main, *kind.parts) and value and _is_of_points(key)
+    ]  # fmt: skip
+    told = f"{Path(path).name}: not read are {', '.join(unread)}"
+    return tuple(names), np.concatenate(points), [told] if unread else []
+
+
+def _is_of_points(key: str) -> bool:
+    """Whether a key is that of points, `pose_keypoints_3d`, and not what is said about them."""
+    about = key.startswith("num_") or key.endswith("_valid")
+    return ("keypoints" in key or "kpts" in key) and not about
 
 
 def _objects(path: str | Path, what: str, found: Any) -> list[tuple[str, dict[str, Any]]]:
@@ -149,23 +192,37 @@ def read_observations(
             f"{many} as many calibrated cameras, but there are "
             f"{len(cameras)}; give --cameras FILE with one camera per file, in the same order"
         )
-    photographs, all_names = [], []
+    photographs: list[Photograph] = []
+    read: list[Read] = []
     named: list[str | None] = list(cameras) if cameras else [None]
     for path, name in zip(paths, named, strict=True):
         camera = cameras.get(name, {}) if name is not None else {}
-        names, points, found = read_keypoints(path, size=size or camera.get("size"), person=person)
-        if found is None:
+        found = read_person(path, size=size or camera.get("size"), person=person)
+        if found.size is None:
             raise BadFile(f"{path} does not tell the image's size; give --size WIDTHxHEIGHT in px")
+        read.append(found)
+    if len({one.body for one in read}) > 1:
+        raise BadFile("the files list different keypoints; give files of one detector")
+    names = tuple(dict.fromkeys(name for one in read for name in one.names))
+    for found, name in zip(read, named, strict=True):
+        camera = cameras.get(name, {}) if name is not None else {}
+        assert found.size is not None
         K = camera.get("K")
         if K is None and focal is not None:
-            K = np.array([[focal, 0, found[0] / 2], [0, focal, found[1] / 2], [0, 0, 1]])
+            K = np.array([[focal, 0, found.size[0] / 2], [0, focal, found.size[1] / 2], [0, 0, 1]])
+        points = np.zeros((len(names), 3))  # hands that one file lacks are not seen there
+        points[[names.index(known) for known in found.names]] = found.points
         photographs.append(
             Photograph(
-                name or "camera", found, points[:, :2], points[:, 2],
+                name or "camera", found.size, points[:, :2], points[:, 2],
                 K, camera.get("R"), camera.get("t"), camera.get("distortion"),
             )
         )  # fmt: skip
-        all_names.append(names)
-    if len(set(all_names)) > 1:
-        raise BadFile("the files list different keypoints; give files of one detector")
-    return Observations(all_names[0], tuple(photographs))
+    unread = [
+        f"{Path(calibration).name}: of camera {name!r}, not read are {', '.join(camera['unread'])}"
+        for name, camera in cameras.items()
+        if calibration is not None and camera["unread"]
+    ]
+    return Observations(
+        names, tuple(photographs), (*(note for one in read for note in one.notes), *unread)
+    )

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from workbench.blocks import Block, Values
 from workbench.bodies import SkinnedBody
 from workbench.experiments.arguments import names
+from workbench.experiments.detector_layouts import gathered
 from workbench.experiments.experiment import Measure, Setup, View
 from workbench.experiments.keypoint_start import place_body
 from workbench.experiments.observations import COCO, BadObservation, Observations
@@ -20,6 +21,7 @@ from workbench.residuals.kernels import Kernel, quadratic
 
 Array = NDArray[np.float64]
 SEEN = 0.2  # the confidence above which a keypoint counts in a mean
+SEEN_WELL = f"keypoints with a confidence above {SEEN}"
 FOCAL_SIGMA = 0.3  # of log f, for a camera of unknown focal length
 
 
@@ -90,6 +92,21 @@ def keypoint_fit(
         measures=lambda values: measures(body, views, values, reference),
         priors=tuple(prior.name for prior in priors),
         compared=compared,
+        notes=(*observations.notes, *unused(observations, body)),
+    )
+
+
+def unused(observations: Observations, body: SkinnedBody) -> tuple[str, ...]:
+    """A sentence on the keypoints that were seen and have no landmark on the body."""
+    kind = landmark_set(body)
+    landmarks, seen = body.landmark_names(kind), observations.seen()
+    others = [name for name in seen if name not in landmarks]
+    if not others:
+        return ()
+    return (
+        f"Of {len(seen)} keypoints that were seen, {len(seen) - len(others)} are fitted; the "
+        f"landmarks {kind!r} of body {body.name!r} have no place for the others: "
+        f"{gathered(others)}",
     )
 
 
@@ -148,7 +165,9 @@ def focal_prior(camera: Camera, start: Values) -> Residual:
 def measures(
     body: SkinnedBody, views: Sequence[View], values: Values, reference: Array | None
 ) -> tuple[Measure, ...]:
-    """Mean reprojection error per view, over the 17 COCO keypoints seen there, and distances."""
+    """The mean reprojection error of every view, over the keypoints that `seen_well` counts, and
+    the distances of COCO's 17 keypoints to where others place them.
+    """
     arguments = [values[block.name] for block in body.blocks()]
     kind = landmark_set(body)
     found = body.landmark(kind, *arguments)  # (M, 3) m
@@ -156,13 +175,12 @@ def measures(
     result = []
     fitted: list[float] = []
     for view in views:
-        error = np.linalg.norm(view.camera.pixels(found, values) - view.observed, axis=1)
-        error = error[coco & (view.confidence > SEEN)]
+        error = seen_well(view.observed, view.camera.pixels(found, values), view.confidence)
         if not view.held_out:
             fitted += error.tolist()
-        what = f"COCO reprojection, {view.name}{' (held out)' if view.held_out else ''}"
-        result.append(_mean(what, error, "px"))
-    result.insert(0, _mean("COCO reprojection, mean of the fitted", fitted, "px"))
+        what = f"reprojection, {view.name}{' (held out)' if view.held_out else ''}"
+        result.append(_mean(what, error, "px", SEEN_WELL))
+    result.insert(0, _mean("reprojection, mean of the fitted", fitted, "px", SEEN_WELL))
     fitting = [view for view in views if not view.held_out]
     if len(fitting) > 1:
         places = triangulate(
@@ -170,19 +188,34 @@ def measures(
             [np.where(view.confidence > SEEN, view.confidence, 0.0) for view in fitting],
         )  # fmt: skip
         off = np.linalg.norm(found - places, axis=1)[coco]
-        result.append(_mean("distance to triangulated keypoints", 1e3 * off, "mm", " in 2 views"))
+        result.append(
+            _mean(
+                "distance to triangulated keypoints",
+                1e3 * off,
+                "mm",
+                f"COCO {SEEN_WELL} in 2 views",
+            )
+        )
     if reference is not None:
         off = np.linalg.norm(found - reference, axis=1)[coco]
-        result.append(_mean("distance to published keypoints", 1e3 * off, "mm", None))
+        result.append(_mean("distance to published keypoints", 1e3 * off, "mm", "COCO keypoints"))
     betas = values[body.blocks()[1].name]
     result.append(Measure("largest |beta|", float(np.max(np.abs(betas), initial=0.0)), "sd"))
     return tuple(result)
 
 
-def _mean(name: str, numbers: ArrayLike, unit: str, where: str | None = "") -> Measure:
-    """The mean of those that are known, which were seen well `where`, or at all."""
+def seen_well(observed: Array, projected: Array, confidence: Array) -> Array:
+    """The reprojection errors of one view, px: of every keypoint of the body, feet and hands too,
+    that was seen there with a confidence above `SEEN`. What is said of a camera, anywhere, is said
+    of these.
+    """
+    well = confidence > SEEN
+    return np.asarray(np.linalg.norm((projected - observed)[well], axis=1))
+
+
+def _mean(name: str, numbers: ArrayLike, unit: str, what: str) -> Measure:
+    """The mean of those that are known; `what` they are."""
     known = np.asarray(numbers, dtype=float)
     known = known[np.isfinite(known)]
-    well = "" if where is None else f" with a confidence above {SEEN}{where}"
     value = float(np.mean(known)) if known.size else np.nan
-    return Measure(name, value, unit, f"{known.size} COCO keypoints{well}")
+    return Measure(name, value, unit, f"{known.size} {what}")

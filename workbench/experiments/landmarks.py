@@ -5,6 +5,7 @@ import numpy as np
 from workbench.blocks import Block, Values
 from workbench.bodies.catalogue import load_body
 from workbench.errors import BadArgument
+from workbench.experiments.correspondences import MADE_OF_THE_MODEL
 from workbench.experiments.experiment import Measure, Setup
 from workbench.experiments.keypoint_fit import pose_prior
 from workbench.problem import Problem
@@ -42,9 +43,9 @@ def shape_from_landmarks(
         skin = 1e3 * np.linalg.norm(model.vertices(*given) - surface, axis=1)
         wrong = values[betas.name] - truth[betas.name]
         return (
-            Measure("joint to truth, rms", float(np.sqrt(np.mean(off**2))), "mm"),
-            Measure("vertex to truth, rms", float(np.sqrt(np.mean(skin**2))), "mm"),
-            Measure("betas to truth, rms", float(np.sqrt(np.mean(wrong**2))), "sd"),
+            Measure("joint to synthetic truth, rms", float(np.sqrt(np.mean(off**2))), "mm"),
+            Measure("vertex to synthetic truth, rms", float(np.sqrt(np.mean(skin**2))), "mm"),
+            Measure("betas to synthetic truth, rms", float(np.sqrt(np.mean(wrong**2))), "sd"),
         )
 
     return Setup(
@@ -61,4 +62,5 @@ def shape_from_landmarks(
         measures=measures,
         priors=tuple(prior.name for prior in priors),
         compared=("gauss-newton", "levenberg-marquardt", "ipopt"),
+        synthetic=MADE_OF_THE_MODEL,
     )  # fmt: skip

@@ -62,6 +62,12 @@ class Observations:
 
     names: tuple[str, ...]
     photographs: tuple[Photograph, ...]
+    notes: tuple[str, ...] = ()  # sentences on what their files hold beside them
+
+    def seen(self) -> tuple[str, ...]:
+        """The keypoints that some photograph shows."""
+        there = np.any([p.confidence > 0 for p in self.photographs], axis=0)
+        return tuple(name for name, one in zip(self.names, there, strict=True) if one)
 
     def ordered(self, names: Sequence[str]) -> "Observations":
         """The keypoints in the order of `names`; those that were not observed get confidence 0."""
@@ -83,7 +89,7 @@ class Observations:
                 photograph.K, photograph.R, photograph.t, photograph.distortion,
             )  # fmt: skip
 
-        return Observations(tuple(names), tuple(pick(p) for p in self.photographs))
+        return Observations(tuple(names), tuple(pick(p) for p in self.photographs), self.notes)
 
 
 def photograph(

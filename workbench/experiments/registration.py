@@ -48,6 +48,8 @@ def registration(
         priors=(prior,),
         start=placed(model, observed),
         compared=compared,
+        synthetic="the person is a mesh that a program made from artists' shapes, posed by the "
+        "model's own skinning; nobody was measured",
     )
     nearest = solve(setup.problem.without(prior.name), setup.start | truth).values
     floor = setup.measures(setup.start | nearest)[0]  # vertex to observation, rms

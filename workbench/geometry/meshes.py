@@ -49,8 +49,10 @@ def read_mesh(path: str | Path, *, points_alone: bool = False) -> Mesh:
     """The mesh in a .glb, .obj, .off, .ply or .stl file, with the file's vertices in its order.
 
     An .stl holds three vertices per triangle and shares none; the parts of a .glb scene come
-    one after the other, each where the scene puts it. `points_alone` lets a file without faces
-    pass, as a mesh with faces (0, 3). Raises BadFile if there is nothing to read.
+    one after the other, each where the scene puts it. Positions and triangles are all that is
+    read: normals, colours, textures, materials, skins, morphs, animations, cameras and lines are
+    left in the file. `points_alone` lets a file without faces pass, as a mesh with faces (0, 3).
+    Raises BadFile if there is nothing to read.
     """
     path = Path(path)
     read = _known(path, READERS)
@@ -73,6 +75,34 @@ def read_mesh(path: str | Path, *, points_alone: bool = False) -> Mesh:
             "read_mesh(path, points_alone=True) takes them as they are"
         )
     return mesh
+
+
+def read_registered(path: str | Path, *, points_alone: bool = False) -> Mesh:
+    """The same of a mesh whose vertices are to be taken by their numbers.
+
+    Raises BadFile for an .stl as well: it holds triangles that share no vertices, so the numbers
+    of a mesh that was written to one are lost.
+    """
+    if Path(path).suffix.lower() in SOUPS:
+        raise BadFile(
+            f"{path}: an .stl holds three vertices of its own for every triangle, so which vertex "
+            f"is which is lost; give the mesh as {listed(REGISTERED)}"
+        )
+    return read_mesh(path, points_alone=points_alone)
+
+
+def same_faces(one: NDArray[np.int64], other: NDArray[np.int64]) -> bool:
+    """Whether faces (F, 3) are the same, in any order and each from any of its corners."""
+    return _canonical(one) == _canonical(other)
+
+
+def _canonical(faces: NDArray[np.int64]) -> bytes:
+    """The same for the same faces in any order, each from any of its corners."""
+    first = faces.argmin(axis=1)
+    turned = np.stack(
+        [np.take_along_axis(faces, ((first + i) % 3)[:, None], 1)[:, 0] for i in range(3)], 1
+    )
+    return turned[np.lexsort(turned.T)].astype(np.int64).tobytes()
 
 
 def write_mesh(path: str | Path, vertices: ArrayLike, faces: ArrayLike) -> None:
@@ -171,3 +201,5 @@ WRITERS: dict[str, Callable[[Mesh], bytes]] = {
     ".glb": _write_with_trimesh("glb"),
     ".stl": _write_with_trimesh("stl"),
 }
+SOUPS = (".stl",)  # what holds triangles, and no vertices that they share
+REGISTERED = tuple(sorted(READERS.keys() - set(SOUPS)))

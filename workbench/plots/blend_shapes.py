@@ -34,13 +34,18 @@ def plot_predictors(results: Sequence[Result], *, ax: Axes) -> Axes:
 def caption_predictors(results: Sequence[Result], test: str, n_test: int) -> str:
     """What `plot_predictors` shows."""
     best, linear = results[0], next(r for r in results if r.name == LINEAR)
-    return (
+    text = (
         f"Posed distance on {n_test} {test.split(':')[0]}, logarithmic. Linear blending alone "
         f"(red) leaves {linear.mean:.2f} mm on average; {best.name} is the best with "
-        f"{best.mean:.2f} mm. "
-        "Functions of theta without bones are tens of millimetres off, and rigid parts worse than "
-        "linear blending: first a skeleton, then weights, then blend shapes."
+        f"{best.mean:.2f} mm."
     )
+    boneless = [r.mean for r in results if r.name.endswith("no bones")]
+    if boneless:
+        text += (
+            f" Functions of theta that know no bones leave {min(boneless):.1f} mm at the least and "
+            f"{max(boneless):.1f} mm at the most."
+        )
+    return text
 
 
 def plot_by_size(rows: Sequence[OfSize], *, ax: Axes) -> Axes:
@@ -73,7 +78,7 @@ def caption_by_size(rows: Sequence[OfSize]) -> str:
         f"is stored and asked at every pose. From {few.n} to {many.n} examples the exact RBF goes "
         f"from {few.gaussians:.2f} to {many.gaussians:.2f} mm and from {few.gaussians_ms:.2g} to "
         f"{many.gaussians_ms:.2g} ms a pose; the normalised kernel from {few.shares:.2f} to "
-        f"{many.shares:.2f} mm only."
+        f"{many.shares:.2f} mm."
     )
 
 
@@ -95,11 +100,12 @@ def caption_by_reach(found: Mapping[str, Array]) -> str:
     theta, elements = found["LBS + theta"], found["LBS + rotation elements (SMPL)"]
     exact = found["LBS + exact RBF of examples"]
     return (
-        f"Scattered data, the second problem: beyond the examples. Poses are multiplied; grey is "
-        f"where there were examples. Shapes linear in theta go on in a straight line, to "
-        f"{theta[-1]:.0f} mm; rotation elements stay bounded, here at {elements[-1]:.0f} mm; the "
-        "normalised kernel repeats its nearest example; the exact RBF rises "
-        f"to {exact.max():.0f} mm and falls: far from all examples it has nothing to say."
+        f"Scattered data, the second problem: beyond the examples. Poses are multiplied by up to "
+        f"{FACTORS[-1]:g}; grey is where there were examples. At the end shapes linear in theta "
+        f"are {theta[-1]:.1f} mm long, as a straight line has it; those of rotation elements, "
+        f"which are bounded, {elements[-1]:.1f} mm; those of the exact RBF {exact[-1]:.1f} mm, at "
+        f"most {exact.max():.1f} mm on the way: its kernels vanish far from all examples. The "
+        "normalised kernel repeats its nearest example."
     )
 
 
@@ -121,12 +127,15 @@ def plot_by_turn(found: Mapping[str, Array], *, ax: Axes) -> Axes:
 
 def caption_by_turn(found: Mapping[str, Array]) -> str:
     """What `plot_by_turn` shows."""
-    theta = found["LBS + theta"]
     middle = len(TURNS) // 2
+    said = "; ".join(
+        f"{name} {sizes[0]:.1f}, {sizes[middle]:.1f} and {sizes[-1]:.1f} mm"
+        for name, sizes in found.items()
+    )
     return (
-        "The neck turns twice round. After 360 degrees it is where it was, and so are the blend "
-        f"shapes of rotation elements; those of theta have grown to {theta[middle]:.1f} mm, and to "
-        f"{theta[-1]:.1f} mm after 720; quaternions come back only after two turns."
+        "The neck turns twice round, and is where it was after 360 and after 720 degrees. Blend "
+        f"shapes at 0, 360 and 720 degrees: {said}. A function of rotations has the same length "
+        "at all three, a quaternion, which changes its sign with every turn, at 0 and 720."
     )
 
 
@@ -153,8 +162,8 @@ def caption_by_distance(rows: Sequence[OfPrice]) -> str:
     least = min(rows, key=lambda row: row.test)
     return (
         f"The price on distance from {first.price:g} to {last.price:g} per square metre, right to "
-        f"left: the share of blend shapes far from their joint falls from {first.left:.0%} to "
-        f"{last.left:.1%} and the error in the lesson rises from {first.lesson:.2f} to "
+        f"left: the share of blend shapes far from their joint goes from {first.left:.0%} to "
+        f"{last.left:.1%} and the error in the lesson from {first.lesson:.2f} to "
         f"{last.lesson:.2f} mm. In unseen poses the least error is "
         f"{least.test:.2f} mm, at a share of {least.left:.0%}."
     )
@@ -165,7 +174,6 @@ def caption_by_sparsity(rows: Sequence[OfPrice]) -> str:
     first, last = rows[0], rows[-1]
     return (
         f"Quaternion features with fewer and fewer numbers that are not zero, {first.left:.0%} "
-        f"down to {last.left:.1%}: in the lesson the error rises from {first.lesson:.2f} to "
-        f"{last.lesson:.2f} mm, in unseen poses from {first.test:.2f} to {last.test:.2f} mm. Most "
-        "numbers of a dense model do little."
+        f"down to {last.left:.1%}: in the lesson the error goes from {first.lesson:.2f} to "
+        f"{last.lesson:.2f} mm, in unseen poses from {first.test:.2f} to {last.test:.2f} mm."
     )

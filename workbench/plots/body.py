@@ -2,9 +2,11 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from textwrap import fill
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.textpath import TextPath
 from matplotlib.ticker import MultipleLocator
 from numpy.typing import ArrayLike, NDArray
 
@@ -13,6 +15,11 @@ from workbench.plots.palette import FAINT
 from workbench.plots.shading import painted
 
 Array = NDArray[np.float64]
+LETTERS = 9.0  # points, of labels
+NARROW = 0.6  # of the axes' width: names that take more in all go on more lines
+WHOLE = 0.9  # of it: more than all names together get
+MOST_LINES = 4
+ROUNDS = 30
 Look = Callable[[Array], Array]  # vertices (N, 3) m -> right, up, towards the viewer (N, 3) m
 
 
@@ -49,11 +56,11 @@ def plot_body(vertices: Array, faces: NDArray[np.int64], *, ax: Axes) -> Axes:
     return line_up(shown, faces, ax=ax)
 
 
-def caption_body(vertices: Array) -> str:
-    """What `plot_body` shows."""
+def caption_body(vertices: Array, what: str = "The template") -> str:
+    """What `plot_body` shows of `what`."""
     wide, tall, deep = np.ptp(vertices, axis=0)
     return (
-        f"The template from the front and from its right side, without perspective: "
+        f"{what} from the front and from its right side, without perspective: "
         f"{tall:.2f} m tall, {wide:.2f} m from hand to hand, {deep:.2f} m deep."
     )
 
@@ -63,12 +70,14 @@ def plot_shape_gallery(shapes: Mapping[str, Array], faces: NDArray[np.int64], *,
     return line_up([Figurine(name, v) for name, v in shapes.items()], faces, ax=ax)
 
 
-def caption_shape_gallery(shapes: Mapping[str, Array], ends: str = "two") -> str:
-    """What `plot_shape_gallery` shows: shapes at `ends` standard deviations."""
+def caption_shape_gallery(
+    shapes: Mapping[str, Array], ends: str = "two", drawn: str = "Each shape direction"
+) -> str:
+    """What `plot_shape_gallery` shows: the directions `drawn`, at `ends` standard deviations."""
     heights = {name: float(np.ptp(v[:, 1])) for name, v in shapes.items()}
     low, high = min(heights, key=heights.__getitem__), max(heights, key=heights.__getitem__)
     return (
-        f"Each shape direction alone at plus and minus {ends} standard deviations. The tallest, "
+        f"{drawn} alone, at plus and minus {ends} standard deviations. The tallest, "
         f"{high}, has {heights[high]:.2f} m; the shortest, {low}, {heights[low]:.2f} m."
     )
 
@@ -80,22 +89,27 @@ def line_up(
     ax: Axes,
     contrast: float = 0.5,
 ) -> Axes:
-    """Draw bodies from left to right, named below, heights in metres on one scale."""
+    """Draw bodies from left to right, named below, heights in metres on one scale.
+
+    Each has at least the room that its name takes, so that no name runs into the next.
+    """
     solids = [f.look(f.vertices) for f in figurines]
     gap = 0.12 * max(float(np.ptp(s[:, 1])) for s in solids)
+    extents = [float(np.ptp(s[:, 0])) for s in solids]
+    inches = ax.bbox.width / ax.figure.dpi
+    labels, slots = _room([plain(f.label) for f in figurines], extents, gap, inches)
     at, places = 0.0, []
-    for figurine, solid in zip(figurines, solids, strict=True):
-        left, right = float(solid[:, 0].min()), float(solid[:, 0].max())
-        flat = solid[:, :2] + [at - left, 0.0]
+    for figurine, solid, extent, slot in zip(figurines, solids, extents, slots, strict=True):
+        flat = solid[:, :2] + [at + (slot - extent) / 2 - float(solid[:, 0].min()), 0.0]
         ax.add_collection(painted(flat, solid, faces, figurine.colours, contrast))
-        places.append(at + (right - left) / 2)
-        at += right - left + gap
+        places.append(at + slot / 2)
+        at += slot + gap
     low = min(float(s[:, 1].min()) for s in solids)
     high = max(float(s[:, 1].max()) for s in solids)
     ax.set_xlim(-gap, at)
     ax.set_ylim(low - gap / 2, high + gap / 2)
     ax.set_aspect("equal")
-    ax.set_xticks(places, [plain(f.label) for f in figurines])
+    ax.set_xticks(places, labels)
     ax.tick_params(axis="x", length=0)
     ax.yaxis.set_major_locator(MultipleLocator(_step(high - low)))
     ax.grid(axis="y", color=FAINT, alpha=0.25, linewidth=0.6)
@@ -103,6 +117,34 @@ def line_up(
     ax.set_xlabel("the same scale across as up")
     ax.spines["bottom"].set_visible(False)
     return ax
+
+
+def _room(
+    names: list[str], extents: list[float], gap: float, across: float
+) -> tuple[list[str], list[float]]:
+    """The names, long ones on several lines, and the width of each place (m) along `across` inches.
+
+    Names that do not fit on any number of lines share the width as they need it.
+    """
+    labels = names
+    for lines in range(2, MOST_LINES + 1):
+        if sum(_inches(label) for label in labels) <= NARROW * across:
+            break
+        width = [-(-len(name) // lines) + 2 for name in names]
+        labels = [fill(n, w, break_long_words=False) for n, w in zip(names, width, strict=True)]
+    wide = np.array([_inches(label) for label in labels])
+    wide *= min(1.0, WHOLE * across / max(wide.sum(), 1e-9))
+    slots = np.array(extents)
+    for _ in range(ROUNDS):  # a wider place makes the scale smaller, and labels wider on it
+        total = slots.sum() + gap * (len(slots) + 1)
+        slots = np.maximum(extents, wide / across * total - gap / 2)
+    return labels, slots.tolist()
+
+
+def _inches(label: str) -> float:
+    """How wide the longest line of a label is drawn, and the space to the next one."""
+    lines = [TextPath((0, 0), line, size=LETTERS) for line in (label + " x").split("\n")]
+    return max(float(line.get_extents().width) for line in lines) / 72
 
 
 def _step(extent: float) -> float:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 from numpy.typing import NDArray
 
 from workbench.experiments.comparison import SMALLEST, as_good, best_cost, start_cost, way_left
@@ -14,6 +14,8 @@ from workbench.plots.palette import DASHES, FAINT, LINES, MARKERS
 from workbench.solvers import Iterate, Solution, Status
 
 Array = NDArray[np.float64]
+
+TWO_DECADES = 100.0  # an axis of less has ticks at 1, 2 and 5, a longer one at powers of ten
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,11 @@ def _logarithmic(ax: Axes, longest: float) -> None:
     ax.set_xscale("log")
     if longest <= 0:  # nothing to draw: the axis cannot find limits of its own
         ax.set_xlim(0.1, 1.0)
+    low, high = ax.get_xlim()
+    ax.xaxis.set_minor_formatter(NullFormatter())  # its labels would run into each other
+    if high / low < TWO_DECADES:
+        ax.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        ax.xaxis.set_major_formatter(FuncFormatter(lambda seconds, _: f"{seconds:g}"))
 
 
 ITERATIONS = Against("iteration", lambda i, iterate: float(i), _count)
@@ -84,7 +91,7 @@ def plot_convergence(
     ax.axhline(floor, color=FAINT, linewidth=0.8, linestyle=(0, (1, 2)))
     against.scale(ax, longest)
     ax.annotate(
-        "0: the best known cost", (0.01, floor), xycoords=("axes fraction", "data"),
+        "0: the lowest cost found", (0.01, floor), xycoords=("axes fraction", "data"),
         xytext=(0, -4), textcoords="offset points", color=FAINT, fontsize=8, va="top",
     )  # fmt: skip
     ax.grid(color=FAINT, alpha=0.25, linewidth=0.6)
@@ -101,13 +108,18 @@ def caption_convergence(solutions: Mapping[str, Solution]) -> str:
         return "No solver found a point of finite cost."
     same = as_good(solutions)
     quickest = same[0]
-    above = f"{len(same)} of {len(solutions)} solvers end" if len(solutions) > 1 else "It ends"
-    return (
-        f"How far the cost still was above the best known, {best:.6g}, as a share of the whole "
-        f"way down from the start. {above} within one millionth of the best; "
-        f"{quickest} was there first, in {solutions[quickest].seconds:.2f} s. "
-        "Hollow ends did not converge."
+    text = (
+        f"How far the cost still was above the lowest that was found here, {best:.6g}, as a share "
+        "of the whole way down from the start."
     )
+    if len(solutions) > 1:
+        text += (
+            f" {len(same)} of {len(solutions)} solvers end within one millionth of it; of these "
+            f"{quickest} took the least time, {solutions[quickest].seconds:.2f} s."
+        )
+    if not all(solution.converged for solution in solutions.values()):
+        text += " Solvers whose last mark is hollow did not converge."
+    return text
 
 
 def gap(solution: Solution, among: Mapping[str, Solution]) -> Array:

@@ -9,7 +9,7 @@ from matplotlib.transforms import ScaledTranslation
 from numpy.typing import NDArray
 
 from workbench.experiments.experiment import Outcome, Overlay
-from workbench.experiments.keypoint_fit import SEEN
+from workbench.experiments.keypoint_fit import SEEN, SEEN_WELL, seen_well
 from workbench.plots.lettering import plain
 from workbench.plots.palette import BLUE, FAINT, OUTSIDE, VERMILLION
 from workbench.plots.shading import painted
@@ -78,17 +78,16 @@ def caption_overlay(outcome: Outcome, view: int) -> str:
     told = "; this view was not fitted" if overlay.held_out else ""
     missing = f" Not seen at all: {unseen}." if unseen else ""
     return (
-        f"{overlay.name}{told}. {count} keypoints with a confidence above {SEEN} lie on average "
-        f"{error:.1f} px from their fitted places; the farthest, "
+        f"{overlay.name}{told}. {count} {SEEN_WELL} lie on average {error:.1f} px "
+        f"from their fitted places; the farthest, "
         f"{overlay.landmarks[worst].replace('_', ' ')}, {off[worst]:.1f} px.{missing}"
     )
 
 
 def reprojection(overlay: Overlay) -> tuple[float, int]:
     """Mean distance (px) of the keypoints that were seen well, and how many those are."""
-    well = overlay.confidence > SEEN
-    off = np.linalg.norm((overlay.projected - overlay.observed)[well], axis=1)
-    return (float(off.mean()) if well.any() else float("nan")), int(well.sum())
+    off = seen_well(overlay.observed, overlay.projected, overlay.confidence)
+    return (float(off.mean()) if off.size else float("nan")), off.size
 
 
 def window(overlay: Overlay, shape: float) -> tuple[tuple[float, float], tuple[float, float]]:

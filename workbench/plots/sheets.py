@@ -136,11 +136,13 @@ def shape_gallery_sheet(shapes: Mapping[str, Array], faces: NDArray[np.int64]) -
     return figure
 
 
-def distances_sheet(vertices: Array, distances: Array, faces: NDArray[np.int64]) -> Figure:
+def distances_sheet(
+    vertices: Array, distances: Array, faces: NDArray[np.int64], truth: str = "truth"
+) -> Figure:
     """Front and back, with the scale in mm."""
     with house_style():
         figure, (ax,) = sheet(8.0, 4.8)
-        plot_distances(vertices, distances, faces, ax=ax)
+        plot_distances(vertices, distances, faces, ax=ax, truth=truth)
         figure.set_figheight(_height(ax, 6.2))
     return figure
 
@@ -194,4 +196,5 @@ def spray_in_view_sheet(
 def _height(ax: Axes, width: float) -> float:
     """Inches that axes of equal aspect need, `width` inches being free across, labels included."""
     (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
-    return min(7.0, width * (top - bottom) / (right - left) + 0.7)
+    lines = max((label.get_text().count("\n") for label in ax.get_xticklabels()), default=0)
+    return min(7.0, width * (top - bottom) / (right - left) + 0.7 + 0.15 * lines)

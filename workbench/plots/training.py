@@ -1,6 +1,7 @@
 """How a training went, and what each of its terms did."""
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -36,10 +37,12 @@ def plot_costs(log: Sequence[Entry], *, ax: Axes) -> Axes:
 
 def caption_costs(log: Sequence[Entry]) -> str:
     """What `plot_costs` shows."""
-    first, last = sum(log[0].before.values()), sum(log[-1].after.values())
+    totals = [sum(log[0].before.values()), *(sum(entry.after.values()) for entry in log)]
+    fell = sum(b < a for a, b in pairwise(totals))
+    where = "every block" if fell == len(log) else f"{fell} of {len(log)} blocks"
     return (
-        f"The cost falls in every block, from {first:.4g} to {last:.4g}. Single terms may rise "
-        "where others fall by more: templates leave symmetry for the data, for instance."
+        f"The cost falls in {where}, and goes from {totals[0]:.4g} to {totals[-1]:.4g}. Single "
+        "terms may rise where others fall by more: templates may leave symmetry for the data."
     )
 
 
@@ -62,10 +65,12 @@ def plot_pose_in_shape(results: Sequence[Ablated], *, ax: Axes) -> Axes:
 
 def caption_pose_in_shape(results: Sequence[Ablated]) -> str:
     """What `plot_pose_in_shape` shows."""
+    most = max(results, key=lambda result: max(result.pose_in_shape, default=0.0))
     return (
-        "Shape directions should know nothing of pose. Without pose normalisation the first ones "
-        "do: they are how people stood. (R^2 of a principal coordinate on the pose's numbers, less "
-        "what as many random numbers would explain; it can be a little below zero.)"
+        "Shape directions should know nothing of pose; without pose normalisation they can be how "
+        f"people stood. Pose explains most of one of them with {most.name}: "
+        f"{max(most.pose_in_shape, default=0.0):.0%}. (R^2 of a principal coordinate on the pose's "
+        "numbers, less what as many random numbers would explain; it can be a little below zero.)"
     )
 
 

@@ -109,7 +109,7 @@ def plot_errors(held: Held, faces: NDArray[np.int64], largest: float, *, ax: Axe
     figure = ax.get_figure()
     assert figure is not None
     bar = figure.colorbar(ScalarMappable(scale, AMOUNT), ax=ax, shrink=0.85, pad=0.02, extend="max")
-    bar.set_label("distance to the truth (mm)")
+    bar.set_label("distance to the synthetic truth (mm)")
     return ax
 
 

@@ -1,5 +1,7 @@
 """What became of the runs of every solver, and in which basins they ended."""
 
+from collections import Counter
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
@@ -35,16 +37,28 @@ def plot_verdicts(comparison: Comparison, *, ax: Axes) -> Axes:
 
 
 def caption_verdicts(comparison: Comparison) -> str:
-    """What `plot_verdicts` shows."""
-    lied = any(comparison.counted(s)[Verdict.FALSE_CLAIM] for s in comparison.solvers)
-    claims = "vermillion claims" if lied else "nobody claims"
-    return (
+    """What `plot_verdicts` shows; a colour is explained where it is there."""
+    came = Counter[Verdict]()
+    for solver in comparison.solvers:
+        came.update(comparison.counted(solver))
+    text = (
         f"What became of the {len(comparison.instances)} runs of each solver, judged by the "
         "problem's own cost and slope at the point that was returned, never by what the solver "
-        "says. The longer the green bar, the better. Light blue is honest work in the wrong place "
-        f"(another basin); {claims} convergence where the cost still slopes. Grey is whoever gave "
-        "no answer, or refused because the problem is not made for it."
+        "says."
     )
+    if came[Verdict.REACHED]:
+        text += " The longer the green bar, the better."
+    if came[Verdict.OTHER_BASIN]:
+        text += " Light blue is honest work in the wrong place (another basin)."
+    if came[Verdict.FALSE_CLAIM]:
+        text += " Vermillion claims convergence where the cost still slopes."
+    else:
+        text += " Nobody claims convergence where the cost still slopes."
+    if any(n for verdict, n in came.items() if verdict not in COLOURS):
+        text += (
+            " Grey is whoever gave no answer, or refused because the problem is not made for it."
+        )
+    return text
 
 
 def plot_basins(comparison: Comparison, problem: str, *, ax: Axes) -> Axes:

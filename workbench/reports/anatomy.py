@@ -6,11 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.bodies import SkinnedBody
+from workbench.bodies.extras import told
 from workbench.plots.body import side
 
 Array = NDArray[np.float64]
 LOWERED = 1.15  # rad that the arms hang down from a T-pose, so that shapes stand closer together
 ENDS = 2.0  # standard deviations at which shapes are drawn
+NOT_READ = "arrays of its file that nothing here computes with; save_body writes them back"
 DRAWN = 5  # shape directions in the gallery
 
 
@@ -45,6 +47,8 @@ def facts(body: SkinnedBody) -> dict[str, str]:
         "height of the template": f"{tall:.3f} m",
         "mirror": mirrored,
         "landmarks": ", ".join(["joints", *sets]),
+        **({"synthetic": str(body.card["synthetic"])} if "synthetic" in body.card else {}),
+        **({"carried along": f"{told(body.extras)}: {NOT_READ}"} if body.extras else {}),
     }
 
 
@@ -77,6 +81,13 @@ def shapes(body: SkinnedBody) -> dict[str, Array]:
             betas[b] = sign * ENDS
             found[f"betas[{b}] {word}"] = body.vertices(pose, betas)
     return found
+
+
+def directions_drawn(body: SkinnedBody) -> str:
+    """Which shape directions `shapes` shows, as the subject of a sentence."""
+    if body.n_betas <= DRAWN:
+        return "Each shape direction"
+    return f"Each of the first {DRAWN} of {body.n_betas} shape directions"
 
 
 def _arms_down(body: SkinnedBody) -> Array:

@@ -6,7 +6,7 @@ from typing import Any
 
 from workbench.bodies import SkinnedBody
 from workbench.plots import caption_body, caption_shape_gallery, sheets
-from workbench.reports.anatomy import facts, joints, shapes
+from workbench.reports.anatomy import directions_drawn, facts, joints, shapes
 from workbench.reports.figures import shown
 from workbench.reports.folder import MAKER, SUMMARY, replacing_folder
 from workbench.reports.page import page
@@ -45,9 +45,13 @@ def card_page(body: SkinnedBody) -> str:
         "card.html",
         title=f"Body: {body.name}",
         facts=facts(body),
-        portrait=shown(sheets.body_sheet(body.template, body.faces), caption_body(body.template)),
+        portrait=shown(
+            sheets.body_sheet(body.template, body.faces),
+            caption_body(body.template, f"The {template_called(body)}"),
+        ),
         gallery=shown(
-            sheets.shape_gallery_sheet(gallery, body.faces), caption_shape_gallery(gallery)
+            sheets.shape_gallery_sheet(gallery, body.faces),
+            caption_shape_gallery(gallery, drawn=directions_drawn(body)),
         ) if body.n_betas else None,
         joints=joint_table(body),
         card=dict(body.card),
@@ -70,6 +74,11 @@ def card_text(body: SkinnedBody) -> str:
         ]
         lines.append("  " + "  ".join(cells).rstrip())
     return "\n".join([*lines, "", *_nested(body.card, 1)]).rstrip()
+
+
+def template_called(body: SkinnedBody) -> str:
+    """What the template is, as a caption says it."""
+    return "synthetic template" if "synthetic" in body.card else "template"
 
 
 def joint_table(body: SkinnedBody) -> Table:

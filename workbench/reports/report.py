@@ -16,11 +16,12 @@ from workbench.plots import (
     sheets,
 )
 from workbench.reports import tables
-from workbench.reports.arrays import arrays, write_arrays
+from workbench.reports.arrays import arrays
 from workbench.reports.figures import Shown, shown
 from workbench.reports.folder import SUMMARY, replacing_folder
 from workbench.reports.page import page
 from workbench.reports.summary import as_json, run_summary, versions
+from workbench.writing import write_arrays
 
 FILES = {
     "index.html": "this page",
@@ -70,6 +71,9 @@ def run_page(outcome: Outcome, files: dict[str, str]) -> str:
         "run.html",
         title=outcome.name,
         question=outcome.setup.question,
+        synthetic=outcome.setup.synthetic,
+        notes=outcome.setup.notes,
+        truth=truth_called(outcome),
         measures=tables.measures_table(outcome.measures),
         status=solution.status.name.lower().replace("_", " "),
         converged=solution.converged,
@@ -140,5 +144,11 @@ def distance_figure(outcome: Outcome) -> Shown | None:
     if truth is None or surface is None or body is None:
         return None
     distances = 1e3 * np.linalg.norm(surface - truth, axis=1)  # mm
-    figure = sheets.distances_sheet(surface, distances, body.faces)
-    return shown(figure, caption_distances(distances))
+    called = truth_called(outcome)
+    figure = sheets.distances_sheet(surface, distances, body.faces, called)
+    return shown(figure, caption_distances(distances, called))
+
+
+def truth_called(outcome: Outcome) -> str:
+    """What the true surface is called: by what it is, where it was made up."""
+    return "synthetic truth" if outcome.setup.synthetic else "truth"

@@ -24,6 +24,8 @@ def run_summary(outcome: Outcome, files: Iterable[str]) -> dict[str, Any]:
         "kind": "run",
         "name": outcome.name,
         "source": outcome.source,
+        "synthetic": outcome.setup.synthetic,
+        "notes": list(outcome.setup.notes),
         **_ending(outcome.solution),
         "solver": outcome.solver,
         "better": outcome.better,

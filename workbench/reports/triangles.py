@@ -74,7 +74,7 @@ def lecture_table(s: Study) -> Table:
            *(count(e, level) for e in base)) for level in drawn.LEVELS),
         ("strangers at rest, rms (mm)", *(mm(o.rest) for o in outcomes)),
         ("strangers in unseen poses, rms (mm)", *(f"{o.rms:.2f}" for o in outcomes)),
-        ("jump where parts meet (truth " f"{s.true_crease:.3f})",
+        (f"jump where parts meet (synthetic truth {s.true_crease:.3f})",
          *(f"{o.crease:.3f}" for o in outcomes)),
     ]  # fmt: skip
     for name, cost in ((s.plan.body, own), ("full", full)):

@@ -6,7 +6,8 @@
     many.npy#17          row 17 of a stack (J, N, 3) m, which is read a few at a time
 
 `gender` is female, male or neutral; `set` is poses (some people, many poses each) or shapes (many
-people, about one pose). Everything is looked at before any work begins.
+people, about one pose). Other columns are refused; other arrays of an .npz are not read.
+Everything is looked at before any work begins.
 """
 
 import csv
@@ -21,7 +22,7 @@ from numpy.typing import NDArray
 
 from workbench.bodies.npz_files import read_npz
 from workbench.errors import BadFile, WorkbenchError, listed
-from workbench.geometry.meshes import READERS, read_mesh
+from workbench.geometry.meshes import READERS, REGISTERED, read_registered, same_faces
 from workbench.training.mesh_graph import signed_volume
 from workbench.training.registrations import Batch
 
@@ -31,6 +32,7 @@ TABLE = "registrations.csv"
 GENDERS, SETS = ("female", "male", "neutral"), ("poses", "shapes")
 LARGEST, SMALLEST = 10.0, 0.02  # m across: no body that registers with millimetres is as large
 UNLIKE = 3.0  # times as large as most of the others
+COLUMNS = ("file", "subject", "gender", "set")
 MOST_TOLD = 10  # bad files in one message
 
 
@@ -93,7 +95,7 @@ class FolderRegistrations:
             if "seen" in arrays:
                 seen = np.asarray(arrays["seen"], dtype=np.float64)
         else:
-            mesh = read_mesh(path, points_alone=True)
+            mesh = read_registered(path, points_alone=True)
             vertices, faces = mesh.vertices, mesh.faces if len(mesh.faces) else None
         self._refuse(row, vertices, seen, faces)
         return vertices, seen
@@ -114,7 +116,7 @@ class FolderRegistrations:
             raise BadFile(f"{row.file}: seen must be ({N},) numbers from 0 to 1, not all zero")
         if self.faces is None or faces is None:
             return
-        if _canonical(faces) != _canonical(self.faces):
+        if not same_faces(faces, self.faces):
             raise BadFile(
                 f"{row.file} connects its vertices otherwise than the topology: another mesh, or "
                 "vertices in another order"
@@ -186,6 +188,11 @@ def read_table(path: Path) -> tuple[Row, ...]:
     for name in ("file", "subject"):
         if name not in columns:
             raise BadFile(f"{path} has no column {name!r}; it has {listed(columns)}")
+    if others := [name for name in columns if name not in COLUMNS]:
+        raise BadFile(
+            f"{path} has columns that are not read: {listed(others)}; there are {listed(COLUMNS)}, "
+            "so rename them or take them out"
+        )
     rows = tuple(_row(path, number, line) for number, line in enumerate(lines, start=2))
     if not rows:
         raise BadFile(f"{path} names no registrations")
@@ -196,6 +203,8 @@ def read_table(path: Path) -> tuple[Row, ...]:
 
 
 def _row(path: Path, number: int, line: dict[str, str | None]) -> Row:
+    if None in line:
+        raise BadFile(f"{path}, line {number} has more cells than the table has columns")
     said = {k: (v or "").strip() for k, v in line.items() if k in ("file", "subject")}
     if not all(said.values()):
         raise BadFile(f"{path}, line {number}: file and subject must not be empty")
@@ -208,7 +217,7 @@ def _row(path: Path, number: int, line: dict[str, str | None]) -> Row:
     suffix = Path(row.file.partition("#")[0]).suffix.lower()
     if suffix not in (*READERS, ".npz", ".npy"):
         raise BadFile(
-            f"{path}, line {number}: {row.file} is none of {listed((*READERS, '.npz', '.npy'))}"
+            f"{path}, line {number}: {row.file} is none of {listed((*REGISTERED, '.npz', '.npy'))}"
         )
     return row
 
@@ -225,12 +234,3 @@ def _from_stack(path: Path, number: str) -> Array:
             f"{path} has the shape {stack.shape}; name one of its rows, as in {path.name}#0"
         )
     return np.array(stack[int(number)], dtype=np.float64)
-
-
-def _canonical(faces: Index) -> bytes:
-    """The same for the same faces in any order, each from any of its corners."""
-    first = faces.argmin(axis=1)
-    turned = np.stack(
-        [np.take_along_axis(faces, ((first + i) % 3)[:, None], 1)[:, 0] for i in range(3)], 1
-    )
-    return turned[np.lexsort(turned.T)].astype(np.int64).tobytes()
