@@ -4,13 +4,14 @@ import os
 import platform
 from collections.abc import Sequence
 from datetime import UTC, datetime
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-PACKAGES = ("workbench", "casadi", "numpy", "scipy", "jax", "jaxlib", "torch", "smplx")
+from workbench.installation import DISTRIBUTION, version_of
+
+PACKAGES = (DISTRIBUTION, "casadi", "numpy", "scipy", "jax", "jaxlib", "torch", "smplx")
 
 
 def description(packages: Sequence[str] = PACKAGES) -> dict[str, Any]:
@@ -22,7 +23,7 @@ def description(packages: Sequence[str] = PACKAGES) -> dict[str, Any]:
         "cores used": len(affinity),
         "system": f"{platform.system()} {platform.machine()}",
         "python": platform.python_version(),
-        "versions": {name: _version(name) for name in packages},
+        "versions": {name: version_of(name) for name in packages},
         "blas of numpy": np.show_config(mode="dicts")["Build Dependencies"]["blas"]["name"],
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
         "load": load(),
@@ -32,13 +33,6 @@ def description(packages: Sequence[str] = PACKAGES) -> dict[str, Any]:
 def load() -> list[float]:
     """Processes at work, over the last 1, 5 and 15 minutes."""
     return list(os.getloadavg()) if hasattr(os, "getloadavg") else []
-
-
-def _version(package: str) -> str | None:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return None
 
 
 def _processor() -> str:

@@ -9,7 +9,7 @@ ROOT = Path(__file__).parents[1] / "workbench"
 
 FLOORS = (  # from the ground up; a room imports from lower floors and from itself
     ("errors",),
-    ("writing",),
+    ("writing", "installation"),
     ("compiling", "threads"),
     ("blocks",),
     ("geometry",),  # half a floor up: a camera is made of blocks
@@ -22,7 +22,9 @@ FLOORS = (  # from the ground up; a room imports from lower floors and from itse
     ("plots",),
     ("reports",),
     ("course",),
+    ("lectures",),  # the package; `course` finds the lectures themselves by name
     ("cli",),
+    ("__main__",),
 )
 FLOOR = {room: height for height, rooms in enumerate(FLOORS) for room in rooms}
 FORBIDDEN = {"utils", "util", "common", "helpers", "helper", "misc", "base"}

@@ -22,9 +22,10 @@ from benchmarks import machine
 from benchmarks.keeping import keep
 from benchmarks.posterior import page
 from benchmarks.posterior.fitted import BLOCKS
+from workbench.installation import DISTRIBUTION
 
 DIGITS = 6  # in the files
-PACKAGES = ("workbench", "casadi", "numpy", "scipy", "emcee", "nutpie", "arviz")
+PACKAGES = (DISTRIBUTION, "casadi", "numpy", "scipy", "emcee", "nutpie", "arviz")
 HERE = Path(__file__).parents[1]
 
 

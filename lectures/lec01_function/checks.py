@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from lectures.lec01_function import solutions
 from workbench.course import check, equal, holds, mistake
+from workbench.lectures.lec01_function import solutions
 
 RNG = np.random.default_rng(1)
 CUBIC = np.array([2.0, -1.0, 0.5, 3.0])

@@ -6,8 +6,8 @@ import scipy.linalg
 from scipy.spatial.transform import Rotation
 from scipy.special import gammaln
 
-from lectures.lec02_rotations import solutions
 from workbench.course import check, equal, holds, mistake
+from workbench.lectures.lec02_rotations import solutions
 
 Z = np.array([0.0, 0.0, 1.0])
 V = np.array([0.3, -0.5, 0.8])

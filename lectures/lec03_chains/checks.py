@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from lectures.lec03_chains import solutions
 from workbench.course import check, equal, holds, mistake
+from workbench.lectures.lec03_chains import solutions
 
 RNG = np.random.default_rng(3)
 PARENTS = [-1, 0, 1, 2, 1, 4, 0]

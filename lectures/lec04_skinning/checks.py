@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from lectures.lec04_skinning import solutions
 from workbench.course import check, equal, holds, mistake
+from workbench.lectures.lec04_skinning import solutions
 
 RNG = np.random.default_rng(4)
 POINTS = RNG.uniform(-0.5, 0.5, size=(6, 3))

@@ -4,8 +4,8 @@ import numpy as np
 from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
 
-from lectures.lec05_blend_shapes import solutions
 from workbench.course import check, equal, holds, mistake
+from workbench.lectures.lec05_blend_shapes import solutions
 
 RNG = np.random.default_rng(5)
 EXAMPLES = RNG.uniform(-1, 1, size=(5, 3))

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from lectures.lec06_least_squares import solutions
-from lectures.lec06_least_squares.solutions import HAND, LOWER, UPPER
 from workbench.course import check, equal, holds, mistake
+from workbench.lectures.lec06_least_squares import solutions
+from workbench.lectures.lec06_least_squares.solutions import HAND, LOWER, UPPER
 
 ANGLES = [
     np.array(x) for x in ([0.0, 0.0, 0.0], [0.9, 0.7, 0.3], [-0.4, 1.3, -0.5], [2.0, -0.6, 0.8])

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from lectures.lec07_trust_region import solutions
 from workbench.course import check, equal, holds, mistake
+from workbench.lectures.lec07_trust_region import solutions
 
 RNG = np.random.default_rng(7)
 LINEAR = [(RNG.standard_normal(6), RNG.standard_normal((6, 3))) for _ in range(3)]

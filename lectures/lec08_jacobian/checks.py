@@ -5,8 +5,8 @@ from functools import cache
 import numpy as np
 
 import workbench as wb
-from lectures.lec08_jacobian import solutions
 from workbench.course import check, equal, holds, mistake
+from workbench.lectures.lec08_jacobian import solutions
 
 RNG = np.random.default_rng(8)
 SMPL = [-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21]

@@ -6,9 +6,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import workbench as wb
-from lectures.lec09_fitting import solutions
-from lectures.lec09_fitting.solutions import BETAS, BODY, NOISE, POSE
 from workbench.course import check, equal, holds, mistake
+from workbench.lectures.lec09_fitting import solutions
+from workbench.lectures.lec09_fitting.solutions import BETAS, BODY, NOISE, POSE
 
 RNG = np.random.default_rng(9)
 POINTS = RNG.uniform(-0.8, 0.8, size=(6, 3))

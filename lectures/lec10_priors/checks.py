@@ -4,8 +4,8 @@ import numpy as np
 from scipy.optimize import linprog
 from scipy.special import logsumexp
 
-from lectures.lec10_priors import solutions
 from workbench.course import check, equal, holds, mistake
+from workbench.lectures.lec10_priors import solutions
 
 RNG = np.random.default_rng(10)
 FACTORS = RNG.standard_normal((3, 4, 4))

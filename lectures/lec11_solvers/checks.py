@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from lectures.lec11_solvers import solutions
 from workbench.course import check, equal, holds, mistake
+from workbench.lectures.lec11_solvers import solutions
 
 INF = np.inf
 TIMES = np.array([

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from lectures.lec12_posterior import solutions
-from lectures.lec12_posterior.solutions import LENGTH, SIGMA, TAU, D, F
 from workbench.course import check, equal, holds, mistake
+from workbench.lectures.lec12_posterior import solutions
+from workbench.lectures.lec12_posterior.solutions import LENGTH, SIGMA, TAU, D, F
 
 RNG = np.random.default_rng(12)
 

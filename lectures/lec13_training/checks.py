@@ -4,8 +4,8 @@ import numpy as np
 from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
 
-from lectures.lec13_training import solutions
 from workbench.course import check, equal, holds, mistake
+from workbench.lectures.lec13_training import solutions
 
 RNG = np.random.default_rng(13)
 

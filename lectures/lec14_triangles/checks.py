@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from lectures.lec14_triangles import solutions
 from workbench.course import check, equal, holds, mistake
+from workbench.lectures.lec14_triangles import solutions
 
 RNG = np.random.default_rng(14)
 TRIANGLES = [0.05 * RNG.standard_normal((3, 3)) for _ in range(3)]

@@ -90,7 +90,7 @@ def test_differences_agree_with_the_workbench() -> None:
 )
 def test_peers_agree_with_the_workbench(make: Callable, packages: list[str]) -> None:
     if any(find_spec(package) is None for package in packages):
-        pytest.skip(f"{' and '.join(packages)} needed: pip install 'workbench[bench]'")
+        pytest.skip(f"{' and '.join(packages)} needed: pip install '.[bench]'")
     case = case_of(TINY, random_body(40))
     x, y = case.people(2)
     check(make(case.seeing(x)), case.seeing(x), y)

@@ -13,7 +13,7 @@ from workbench.bodies.saving import save_body
 from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.smpl_layout import body_from
 
-REASON = "smplx and torch are needed to compare with smplx: pip install 'workbench[bench]'"
+REASON = "smplx and torch are needed to compare with smplx: pip install '.[bench]'"
 smplx = pytest.importorskip("smplx", reason=REASON)
 torch = pytest.importorskip("torch", reason=REASON)
 BATCH = 4

@@ -58,3 +58,43 @@ def test_against_another(here: Path) -> None:
 def test_unknown_names_are_answered(here: Path) -> None:
     result = CliRunner().invoke(app, ["diagnose", "nobody"])
     assert "no experiment is called 'nobody'" in str(result.exception)
+
+
+def test_data_alone_leaves_the_priors_of_a_file_out(here: Path) -> None:
+    text = LINE.format(n=3, columns=2) + "priors = 'hold'\n"
+    (here / "held.py").write_text(text, encoding="utf-8")
+    ranks = {}
+    for options in ((), ("--data-alone",)):
+        result = CliRunner().invoke(app, ["diagnose", "held.py", *options])
+        assert "changes nothing" not in result.output
+        data = json.loads((here / "runs" / "held-diagnosis" / "diagnosis.json").read_text())
+        ranks[options] = data["rank"]
+    assert ranks == {(): 3, ("--data-alone",): 2}
+    result = CliRunner().invoke(app, ["run", "held.py", "--no-compare"])
+    assert "The prior, hold, makes up" in result.output
+    assert "without the priors: 9 x 3" in result.output
+
+
+def test_data_alone_says_that_there_are_no_priors(here: Path) -> None:
+    name = written(here, "plain.py", 3, 2)
+    result = CliRunner().invoke(app, ["diagnose", name, "--data-alone"])
+    said = " ".join(result.output.split())
+    assert "--data-alone changes nothing: plain names no residual as a prior; name those of" in said
+    assert "fit, hold that are, in `priors` of the file or its Setup" in said
+    result = CliRunner().invoke(app, ["run", name, "--no-compare"])
+    assert "The setup names no residual as a prior." in result.output
+
+
+def test_data_alone_of_priors_alone_is_refused(here: Path) -> None:
+    text = LINE.format(n=3, columns=2) + "priors = ['fit', 'hold']\n"
+    (here / "all.py").write_text(text, encoding="utf-8")
+    result = CliRunner().invoke(app, ["diagnose", "all.py", "--data-alone"])
+    assert "every residual of all is a prior" in str(result.exception)
+
+
+def test_a_solver_is_not_asked_at_the_start(here: Path) -> None:
+    name = written(here, "line.py", 3, 3)
+    result = CliRunner().invoke(app, ["diagnose", name, "--at-start", "--solver", "dogleg"])
+    assert "--solver changes nothing: with --at-start nothing is solved" in result.output
+    result = CliRunner().invoke(app, ["diagnose", name, "--at-start", "--solver", "dogleg-leg"])
+    assert "no solver is called 'dogleg-leg'" in str(result.exception)

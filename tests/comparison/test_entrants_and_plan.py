@@ -9,8 +9,9 @@ import workbench as wb
 from tests.comparison.problems import LINE, SLIDE
 from workbench.comparison import Budget
 from workbench.comparison.entrants import entrants
-from workbench.comparison.identity import digest, identity
+from workbench.comparison.identity import digest, identity, of_the_house
 from workbench.comparison.plan import chosen, plan
+from workbench.course.outline import lecture
 from workbench.errors import BadFile, UnknownName
 from workbench.solvers import full_step
 
@@ -108,6 +109,18 @@ def test_keys_change_with_all_that_a_run_depends_on_and_nothing_else(tmp_path: P
     file.write_text(SOLVER.replace("7", "8") + "solver = Mine()\n")
     keys.append(key(solver=str(file)))
     assert len(set(keys)) == len(keys)
+
+
+def test_lectures_are_known_by_their_source() -> None:
+    """They are no part of the code's version: in a checkout they are not even below the package."""
+    for module in ("workbench", "workbench.solvers.dogleg", "workbench.course.answers"):
+        assert of_the_house(module), module
+    for module in ("workbench.lectures.lec07_trust_region.solutions", "workbenches", "__main__"):
+        assert not of_the_house(module), module
+    told = identity(lecture(2).solution("hat"))
+    assert told.startswith("workbench.lectures.lec02_rotations.solutions.hat ")
+    assert len(told.split()[1]) == 16  # the digest of its source
+    assert len(identity(wb.solve).split()) == 1
 
 
 def test_an_identity_holds_no_address() -> None:

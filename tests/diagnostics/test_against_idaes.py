@@ -16,10 +16,10 @@ from tests.diagnostics.cases import CASES, naive_rodrigues
 from workbench import Diagnosis, diagnose
 from workbench.diagnostics.conditioning import MOST
 
-pyo = pytest.importorskip("pyomo.environ", reason="pyomo needed: pip install 'workbench[bench]'")
+pyo = pytest.importorskip("pyomo.environ", reason="pyomo needed: pip install '.[bench]'")
 toolbox = pytest.importorskip(
     "idaes.core.util.diagnostics_tools.diagnostics_toolbox",
-    reason="idaes needed: pip install 'workbench[bench]'",
+    reason="idaes needed: pip install '.[bench]'",
 )
 parallels = pytest.importorskip("idaes.core.util.diagnostics_tools.utils")
 FINITE = [case for case in CASES if case is not naive_rodrigues]

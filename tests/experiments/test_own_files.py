@@ -52,6 +52,9 @@ def test_every_way_to_say_it_runs(tmp_path: Path, more: str) -> None:
         ("problem = 3", "line.py: `problem` of a setup must be a Problem, not 3"),
         ("start = 4", "`start` of a setup must be a dict"),
         ("del start['y']", "block 'y' .* was given no value"),
+        ("priors = 'pose'", "line.py: no residual is called 'pose'; there are line"),
+        ("priors = 3", "line.py: `priors` of a setup must be names of residuals, not 3"),
+        ("compared = 3", "line.py: `compared` of a setup must be names of solvers, not 3"),
         ("compared = ('foo',)", "line.py: no solver is called 'foo'; there are .*gauss-newton"),
         ("setup = Setup(problem, start, 'q', compared=('foo',))", f"line {NEXT}: no solver"),
         ("setup = Setup(problem, start, 'q', priors='pose')", "no residual is called 'pose'"),
@@ -83,3 +86,41 @@ def test_arguments_of_ones_own_function_are_checked_too(tmp_path: Path) -> None:
     assert find(path, {"n": "2"}).setup().question == "0.5"
     with pytest.raises(BadFile, match=f"line.py line {NEXT + 1}: ZeroDivisionError"):
         find(path, {"n": "0"}).setup()
+
+
+HELD = """
+hold = wb.Residual("hold", a, sigma=10)
+problem = wb.Problem([*problem.residuals, hold], ["a"])
+"""
+
+
+@pytest.mark.parametrize("given", ["('hold',)", "'hold'", "['hold']", "hold", "[hold]"])
+def test_priors_beside_a_problem_are_read(tmp_path: Path, given: str) -> None:
+    """By their names, or as the residuals themselves."""
+    experiment = find(written(tmp_path, f"{HELD}priors = {given}"))
+    setup = experiment.setup()
+    assert setup.priors == ("hold",)
+    outcome = run(experiment)
+    assert outcome.data_alone is not None
+    assert outcome.data_alone.shape == (3, 2)
+    assert outcome.diagnosis.shape == (5, 2)
+    assert 0 < outcome.prior_share < 1
+
+
+def test_the_other_names_beside_a_problem_are_read(tmp_path: Path) -> None:
+    more = "body = wb.load_body('small')\ncompared = 'dogleg'"
+    setup = find(written(tmp_path, more)).setup()
+    assert setup.body is not None
+    assert setup.body.n_vertices == 369
+    assert setup.compared == ("dogleg",)
+    assert setup.question == "A line through three points."
+
+
+def test_what_a_file_may_define_is_said_wherever_files_are_described(tmp_path: Path) -> None:
+    readme = (Path(__file__).parents[2] / "README.md").read_text()
+    (row,) = (line for line in readme.splitlines() if line.startswith("| `workbench run` |"))
+    with pytest.raises(BadFile) as raised:
+        find(written(tmp_path, "del problem"))
+    for name in ("problem", "start", "priors", "body", "compared", "setup", "experiment"):
+        for told in (row, str(raised.value), find.__doc__ or ""):
+            assert f"`{name}`" in told, (name, told)

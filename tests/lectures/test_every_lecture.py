@@ -7,13 +7,13 @@ from types import SimpleNamespace
 
 import pytest
 
-from lectures.outline import COURSE
 from workbench.course.answers import Raised, formed, outcome
 from workbench.course.cells import carried_out, cells
 from workbench.course.marking import mark
 from workbench.course.marks import State
 from workbench.course.outline import FILES, Lecture
 from workbench.course.picture import Picture, Source
+from workbench.lectures.outline import COURSE
 
 THERE = [one for one in COURSE if one.there]
 EACH = pytest.mark.parametrize("lecture", THERE, ids=lambda one: one.folder_name)

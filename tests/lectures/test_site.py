@@ -7,12 +7,12 @@ from urllib.parse import unquote, urlparse
 
 import pytest
 
-from lectures.outline import COURSE
 from workbench.course import notebooks, site
 from workbench.course.notebooks import exercises, notebook, tool
 from workbench.course.outline import Lecture
 from workbench.course.site import NEEDED, write_site
 from workbench.errors import BadFile
+from workbench.lectures.outline import COURSE
 
 THERE = [one for one in COURSE if one.there]
 
@@ -45,7 +45,7 @@ def test_a_missing_tool_is_named_with_its_cure(monkeypatch: pytest.MonkeyPatch) 
         raise ImportError(name)
 
     monkeypatch.setattr(notebooks, "import_module", absent)
-    with pytest.raises(BadFile, match=r"pip install 'workbench\[course\]'"):
+    with pytest.raises(BadFile, match=r"pip install 'smpl-workbench\[course\]', or in .*'\.\[c"):
         tool("nbclient")
 
 

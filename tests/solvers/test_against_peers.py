@@ -44,7 +44,7 @@ def test_scipy_asked_directly(name: str) -> None:
 
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_optimagic(name: str) -> None:
-    om = pytest.importorskip("optimagic", reason="optimagic: pip install 'workbench[bench]'")
+    om = pytest.importorskip("optimagic", reason="optimagic: pip install '.[bench]'")
     problem, start, x, fixed = posed(name)
     found = om.minimize(
         fun=om.mark.least_squares(lambda x: problem.residual(x, fixed)),

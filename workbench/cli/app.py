@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from functools import wraps
-from typing import ParamSpec
+from typing import Annotated, ParamSpec
 
 import typer
 
@@ -21,15 +21,34 @@ from workbench.cli.solvers import solvers
 from workbench.cli.train import train
 from workbench.cli.triangles import triangles
 from workbench.experiments.blame import caused_by
+from workbench.installation import DISTRIBUTION, VERSION
 
 P = ParamSpec("P")
 
 app = typer.Typer(
-    help="A symbolic SMPL body model: fit it, and see what the fit cannot know.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+
+
+def tell_version(wanted: bool) -> None:
+    """Print the distribution's name and its version, and be done."""
+    if wanted:
+        typer.echo(f"{DISTRIBUTION} {VERSION}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=tell_version, is_eager=True, help="Print name and version."
+        ),
+    ] = False,
+) -> None:
+    """A symbolic SMPL body model: fit it, and see what the fit cannot know."""
 
 
 def interruptible(command: Callable[P, None]) -> Callable[P, None]:

@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from workbench.cli.run import make_folder
+from workbench.cli.without_effect import changes_nothing
 from workbench.reports.blend_shapes import table_text, write_blend_shapes
 from workbench.reports.folder import refuse_foreign
 from workbench.training.blend_shapes.comparison import Plan, compare_blend_shapes
@@ -34,6 +35,8 @@ def blendshapes(
     """Compare what predicts the errors of linear blending: minutes; one with --body small."""
     console, began = Console(), time.perf_counter()
     plan = Plan(body, lesson, trial, test, examples, seed)
+    if mocap is not None and test != PLAN.test:
+        changes_nothing(console, "--test", "the poses of the recording are tested on")
     make_folder(out)
     refuse_foreign(out / "blendshapes", "")
 

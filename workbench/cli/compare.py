@@ -15,13 +15,16 @@ from rich.table import Table
 from workbench import comparison
 from workbench.cli.leaving import Interrupted
 from workbench.cli.run import Setting, settings
+from workbench.cli.without_effect import changes_nothing
 from workbench.comparison.comparison import MAIN
-from workbench.comparison.plan import chosen
+from workbench.comparison.plan import chosen, numbering
 from workbench.comparison.targets import Verdict, named
 from workbench.comparison.words import advice
 from workbench.errors import WorkbenchError
 from workbench.experiments import EXPERIMENTS, SUITES
 from workbench.experiments.blame import caused_by
+from workbench.experiments.own_file import ENOUGH
+from workbench.installation import pip_install
 from workbench.reports import write_comparison
 from workbench.solvers import SOLVERS
 
@@ -30,7 +33,7 @@ Names = Annotated[
     list[str],
     typer.Argument(
         help=f"Experiments ({', '.join(EXPERIMENTS)}), suites ({', '.join(SUITES)}), problems of a "
-        "suite, Python files."
+        "suite, and Python files, each of which defines " + ENOUGH + "."
     ),
 ]
 Limits = comparison.Budget()
@@ -41,7 +44,9 @@ def compare(
     solver: Annotated[
         list[str] | None,
         typer.Option(
-            "--solver", help=f"Of {', '.join(SOLVERS)}, or a Python file; once for each solver."
+            "--solver",
+            help=f"Of {', '.join(SOLVERS)}, or a Python file that defines "
+            "`solver`, or several solvers; once for each solver.",
         ),
     ] = None,
     setting: Setting = None,
@@ -65,6 +70,16 @@ def compare(
     console = Console()
     experiments = chosen(names, settings(setting))
     budget = comparison.Budget(max_evaluations=max_evaluations, max_seconds=max_seconds)
+    single = [experiment.name for experiment in experiments if not numbering(experiment)]
+    if seeds > 1 and single:
+        changes_nothing(
+            console,
+            f"--seeds {seeds}",
+            f"there is one start of {', '.join(single)}, which has no argument `start` or `seed` "
+            "that is left to be counted up",
+        )
+    if workers > 1 and dask is not None:
+        changes_nothing(console, "--workers", "with --dask, the cluster says how many there are")
     told = _Told(console)
     try:
         with _cluster(dask), told:
@@ -97,7 +112,7 @@ def _cluster(address: str | None) -> Iterator[None]:
         from distributed import Client
     except ImportError as error:
         raise WorkbenchError(
-            "--dask needs Dask, which is not installed: pip install 'workbench[dask]'"
+            f"--dask needs Dask, which is not installed: {pip_install('dask')}"
         ) from error
     try:
         client = Client(address, timeout=5)  # type: ignore[no-untyped-call]

@@ -8,10 +8,22 @@ from rich.console import Console
 from rich.markup import escape
 
 from workbench import diagnostics
-from workbench.cli.run import Name, Out, Setting, SolverName, make_folder, settings, solver_named
+from workbench.cli.run import (
+    SOLVER,
+    Name,
+    Out,
+    Setting,
+    SolverName,
+    make_folder,
+    settings,
+    solver_named,
+)
+from workbench.cli.without_effect import changes_nothing
+from workbench.errors import BadArgument
 from workbench.experiments import Experiment, find
 from workbench.experiments.experiment import Setup
 from workbench.reports import refuse_foreign, write_diagnosis
+from workbench.solvers import SOLVERS, Solver
 
 WARNED = 1  # the exit code if there are warnings
 
@@ -20,7 +32,8 @@ def diagnose(
     name: Name = "balance",
     setting: Setting = None,
     against: Annotated[
-        str | None, typer.Option(help="A second experiment or file, to compare with.")
+        str | None,
+        typer.Option(help="A second experiment or file, to compare with; --set is for the first."),
     ] = None,
     at_start: Annotated[
         bool,
@@ -29,7 +42,7 @@ def diagnose(
     data_alone: Annotated[
         bool, typer.Option("--data-alone", help="Leave the priors out of the Jacobian.")
     ] = False,
-    solver: SolverName = "levenberg-marquardt",
+    solver: SolverName = SOLVER,
     out: Out = Path("runs"),
 ) -> None:
     """Look at a fit's Jacobian: size, rank, what it cannot see, and what to do about it.
@@ -39,11 +52,15 @@ def diagnose(
     console = Console()
     experiment = find(name, settings(setting))
     other = find(against) if against is not None else None
+    by = solver_named(solver)
+    if at_start and by != SOLVERS[SOLVER]:
+        changes_nothing(console, "--solver", "with --at-start nothing is solved")
     make_folder(out)
     folder = out / f"{experiment.name}-diagnosis"
     refuse_foreign(folder, experiment.source)
-    first, setup = _looked_at(console, experiment, solver, at_start, data_alone)
-    second = _looked_at(console, other, solver, at_start, data_alone)[0] if other else None
+    solving = None if at_start else by
+    first, setup = _looked_at(console, experiment, solving, data_alone)
+    second = _looked_at(console, other, solving, data_alone)[0] if other else None
     console.print(escape(first.report()), highlight=False, soft_wrap=True)
     console.print("[dim]writing the page[/]")
     page = write_diagnosis(
@@ -56,14 +73,17 @@ def diagnose(
 
 
 def _looked_at(
-    console: Console, experiment: Experiment, solver: str, at_start: bool, data_alone: bool
+    console: Console, experiment: Experiment, solver: Solver | None, data_alone: bool
 ) -> tuple[diagnostics.Diagnosis, Setup]:
+    """At the end of the solver, or at the start if there is none."""
     console.print(f"[dim]building {escape(experiment.name)}[/]")
     setup = experiment.setup()
+    if data_alone:
+        _mind_priors(console, experiment, setup)
     values = setup.start
-    if not at_start:
+    if solver is not None:
         console.print("[dim]solving[/]")
-        solution = solver_named(solver).solve(setup.problem, setup.start)
+        solution = solver.solve(setup.problem, setup.start)
         said = f"{solution.status.name}, cost {solution.cost:.6g}"
         console.print(f"[dim]{said}: {escape(solution.message)}[/]", soft_wrap=True)
         values = setup.start | solution.values
@@ -71,3 +91,18 @@ def _looked_at(
     if data_alone:
         return diagnostics.diagnose(setup.problem.without(*setup.priors), values), setup
     return diagnostics.diagnose(setup.problem, values, priors=setup.priors), setup
+
+
+def _mind_priors(console: Console, experiment: Experiment, setup: Setup) -> None:
+    """Say that there are no priors to leave out. Raises BadArgument where nothing would be left."""
+    if not setup.priors:
+        because = f"{experiment.name} names no residual as a prior"
+        if experiment.source.endswith(".py"):
+            several = ", ".join(setup.problem.rows)
+            because += f"; name those of {several} that are, in `priors` of the file or its Setup"
+        changes_nothing(console, "--data-alone", because)
+    if set(setup.priors) == set(setup.problem.rows):
+        raise BadArgument(
+            f"--data-alone leaves nothing to look at: every residual of {experiment.name} is a "
+            "prior; leave the option out"
+        )

@@ -9,9 +9,11 @@ import typer
 from rich.console import Console
 
 from workbench.bodies.catalogue import load_body
-from workbench.cli.run import Compare, Out, SolverName, carry_out, solver_named
+from workbench.cli.run import SOLVER, Compare, Out, SolverName, carry_out, solver_named
+from workbench.cli.without_effect import changes_nothing
 from workbench.errors import BadArgument, BadFile
 from workbench.experiments import Experiment
+from workbench.experiments.balance import COMPARED
 from workbench.experiments.correspondences import own_mesh
 from workbench.experiments.keypoint_files import read_observations
 from workbench.experiments.keypoint_fit import keypoint_fit
@@ -44,7 +46,7 @@ def fit(
     sigma: Annotated[
         float | None, typer.Option(help="What is ordinary: 4 px for keypoints, 0.002 m for a mesh.")
     ] = None,
-    solver: SolverName = "levenberg-marquardt",
+    solver: SolverName = SOLVER,
     compare: Compare = False,
     out: Out = Path("runs"),
 ) -> None:
@@ -53,25 +55,32 @@ def fit(
         raise BadArgument(f"--sigma takes a number above 0, not {sigma:g}")
     if focal is not None and not 0 < focal < math.inf:
         raise BadArgument(f"--focal takes a length in px above 0, not {focal:g}")
-    image = _size(size)
+    image, console = _size(size), Console()
     model = load_body(body)
     if files[0].suffix.lower() in READERS:
         if len(files) > 1:
             raise BadFile("give one mesh at a time")
+        given = {"--cameras": cameras, "--size": size, "--focal": focal, "--person": person}
+        for option in (option for option, value in given.items() if value is not None):
+            changes_nothing(console, option, "it is for keypoints, and this is a mesh")
         setup = own_mesh(files[0], model, 0.002 if sigma is None else sigma)
     else:
         observed = read_observations(
             files, calibration=cameras, size=image, focal=focal, person=person
         )
+        if focal is not None and cameras is not None:
+            changes_nothing(console, "--focal", f"{cameras} says the focal length of each camera")
         question = (
             f"Which pose, shape and place of the body explain the keypoints of "
             f"{', '.join(str(f.name) for f in files)}?"
         )
-        setup = keypoint_fit(observed, model, question, sigma=4.0 if sigma is None else sigma)
+        setup = keypoint_fit(
+            observed, model, question, sigma=4.0 if sigma is None else sigma, compared=COMPARED
+        )
     experiment = Experiment(
         files[0].stem, lambda: setup, "a user's own file", source=str(files[0].resolve())
     )
-    carry_out(Console(), experiment, solver_named(solver), compare, out)
+    carry_out(console, experiment, solver_named(solver), compare, out)
 
 
 def _size(text: str | None) -> tuple[int, int] | None:

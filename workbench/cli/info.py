@@ -3,7 +3,6 @@
 import logging
 import os
 import platform
-from importlib.metadata import version
 
 import typer
 from rich.console import Console
@@ -15,9 +14,10 @@ from workbench.bodies.catalogue import load_body
 from workbench.bodies.kernels import kernels
 from workbench.comparison.machine import processor
 from workbench.compiling import NoLibrary, cache_folder, find_compiler
+from workbench.installation import DISTRIBUTION, version_of
 from workbench.threads import blas_libraries, thread_count
 
-PACKAGES = ("workbench", "casadi", "numpy", "scipy", "nlopt", "emcee", "trimesh", "matplotlib")
+PACKAGES = (DISTRIBUTION, "casadi", "numpy", "scipy", "nlopt", "emcee", "trimesh", "matplotlib")
 VARIABLES = (
     "WORKBENCH_COMPILE", "WORKBENCH_CACHE", "WORKBENCH_THREADS", "CC", "OMP_NUM_THREADS",
     "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS",
@@ -45,6 +45,7 @@ def _facts(name: str) -> list[tuple[str, str]]:
     active = (
         f"compiled from {WORTH_COMPILING} vertices on, NumPy below" if library else f"NumPy: {why}"
     )
+    active += f"; {name} has {model.n_vertices} vertices"
     return [
         ("surfaces", active),
         ("compiler", _compiler()),
@@ -54,7 +55,7 @@ def _facts(name: str) -> list[tuple[str, str]]:
         ("processor", f"{processor()}, {os.cpu_count()} cores seen"),
         ("system", f"{platform.system()} {platform.release()}, {platform.machine()}"),
         ("python", platform.python_version()),
-        *((package, version(package)) for package in PACKAGES),
+        *((package, version_of(package) or "not installed") for package in PACKAGES),
         *((name, os.environ[name]) for name in VARIABLES if name in os.environ),
     ]
 

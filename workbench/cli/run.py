@@ -13,6 +13,7 @@ from workbench.cli.progress import LiveTrace, print_outcome
 from workbench.errors import BadArgument, UnknownName, WorkbenchError
 from workbench.experiments import EXPERIMENTS, SUITES, Experiment, find
 from workbench.experiments import run as run_experiment
+from workbench.experiments.own_file import BESIDE, ENOUGH
 from workbench.experiments.suites import SUMMARIES
 from workbench.reports import refuse_foreign, write_report
 from workbench.solvers import SOLVERS, Solver
@@ -20,7 +21,8 @@ from workbench.solvers import SOLVERS, Solver
 Name = Annotated[
     str,
     typer.Argument(
-        help=f"One of {', '.join(EXPERIMENTS)}, a problem of a suite (--list), or a Python file."
+        help=f"One of {', '.join(EXPERIMENTS)}, a problem of a suite (run --list), or a Python "
+        f"file that defines {ENOUGH}; {BESIDE}."
     ),
 ]
 Setting = Annotated[
@@ -29,20 +31,28 @@ Setting = Annotated[
 ]
 Out = Annotated[Path, typer.Option(help="Folder that the run's own folder is written into.")]
 SolverName = Annotated[str, typer.Option("--solver", help=f"One of {', '.join(SOLVERS)}.")]
+SOLVER = "levenberg-marquardt"  # that is taken if none is named
 Compare = Annotated[bool, typer.Option(help="Solve with the other solvers as well.")]
 
 
 def run(
     name: Name = "balance",
     setting: Setting = None,
-    solver: SolverName = "levenberg-marquardt",
+    solver: SolverName = SOLVER,
     compare: Compare = True,
     out: Out = Path("runs"),
-    listing: Annotated[bool, typer.Option("--list", help="Say what there is to run.")] = False,
+    listing: Annotated[
+        bool, typer.Option("--list", help="Name the experiments, or those of a suite; run nothing.")
+    ] = False,
 ) -> None:
     """Run an experiment and write its report to runs/NAME/."""
     console = Console()
     if listing:
+        if name not in (*SUITES, *EXPERIMENTS):
+            raise BadArgument(
+                f"no suite is called {name!r}; there are {', '.join(SUITES)}; without a name, "
+                "--list names the experiments"
+            )
         print_list(console, SUITES.get(name))
         return
     carry_out(console, find(name, settings(setting)), solver_named(solver), compare, out)

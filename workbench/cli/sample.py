@@ -1,6 +1,7 @@
 """`workbench sample`: how well each number of a fit is known, by draws that are judged first."""
 
 import re
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -13,6 +14,7 @@ from rich.progress import Progress as Bar
 from workbench import sampling
 from workbench.cli.leaving import Interrupted
 from workbench.cli.run import Name, Out, Setting, SolverName, make_folder, settings, solver_named
+from workbench.cli.without_effect import changes_nothing
 from workbench.errors import UnknownName
 from workbench.experiments import find
 from workbench.reports import refuse_foreign, write_posterior
@@ -36,7 +38,10 @@ def sample(
         int | None, typer.Option(help="Sample so many directions that the data know best instead.")
     ] = None,
     conditional: Annotated[
-        bool, typer.Option("--conditional", help="Integrate the rest out, by its Gaussian.")
+        bool,
+        typer.Option(
+            "--conditional", help="Integrate the rest out, by its Gaussian; else it is fixed."
+        ),
     ] = False,
     steps: Annotated[int, typer.Option(help="Of each walker, at most.")] = 20_000,
     walkers: Annotated[int | None, typer.Option(help="In each ensemble.")] = None,
@@ -79,6 +84,8 @@ def sample(
         chosen[f"{directions} directions"] = sampling.directions(directions, setup.priors)
     if not chosen:
         chosen |= sampling.blocks_of(problem.free, problem.trees)
+    if conditional:
+        _mind_rests(console, chosen, problem.free.names)
     parts: list[Part] = []
     interrupted = False
     for part, names in chosen.items():
@@ -114,6 +121,17 @@ def sample(
         raise Interrupted(f"interrupted; the same command goes on with what {kept} holds")
     if not all(part.posterior.usable for part in parts):
         raise typer.Exit(NOT_CONVERGED)
+
+
+def _mind_rests(
+    console: Console, chosen: Mapping[str, sampling.Names], free: Iterable[str]
+) -> None:
+    """Where --conditional changes nothing: nothing is left, or directions are sampled."""
+    for part, names in chosen.items():
+        if callable(names):
+            changes_nothing(console, "--conditional", f"beside {part}, the rest never is fixed")
+        elif names is None or set(free) <= set(names):
+            changes_nothing(console, "--conditional", f"{part} is all that there is to sample")
 
 
 def _names(text: str) -> tuple[str, ...]:

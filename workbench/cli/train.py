@@ -13,6 +13,7 @@ from rich.markup import escape
 from workbench.bodies.saving import save_body
 from workbench.cli.leaving import Interrupted
 from workbench.cli.run import Out, make_folder
+from workbench.cli.without_effect import changes_nothing
 from workbench.errors import BadArgument, BadFile
 from workbench.reports import write_card
 from workbench.threads import limited_threads
@@ -84,6 +85,9 @@ def train(
         raise BadArgument(f"--reach takes 0 or more bones, not {reach}")
     if gender is not None and gender not in GENDERS:
         raise BadArgument(f"--gender takes {', '.join(GENDERS)}, not {gender!r}")
+    if folder is None:
+        _mind_unused(console, start, gender, reach)
+        gender = None
     name, guess, poses, shapes = _data(console, folder, start, gender)
     strangers = None
     if held_out is not None:
@@ -120,6 +124,16 @@ def train(
     page = write_card(body, place / "card", str((place / "body.npz").resolve()))
     console.print(f"body: [bold]{escape(str(place / 'body.npz'))}[/]", soft_wrap=True)
     console.print(f"card: [bold]{escape(str(page))}[/]", soft_wrap=True)
+
+
+def _mind_unused(console: Console, start: str | None, gender: str | None, reach: int) -> None:
+    """Name the options that do not apply to registrations that are made up."""
+    if start is not None:
+        changes_nothing(console, "--start", "the made-up worm begins from a template of its own")
+    if gender is not None:
+        changes_nothing(console, "--gender", "the made-up worms have none")
+    if reach != REACH:
+        changes_nothing(console, "--reach", "every joint of the made-up worm bends its surface")
 
 
 def _data(

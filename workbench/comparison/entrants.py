@@ -9,7 +9,7 @@ from typing import Any
 
 import cloudpickle
 
-from workbench.comparison.identity import file_digest, identity
+from workbench.comparison.identity import file_digest, identity, of_the_house
 from workbench.errors import BadArgument, BadFile, UnknownName
 from workbench.experiments.comparison import catalogue_name
 from workbench.experiments.own_file import loaded
@@ -30,7 +30,7 @@ class Entrant:
     @property
     def of_the_house(self) -> bool:
         """Whether it is one of the catalogue, or one of those with other options."""
-        return not self.source and type(self.solver).__module__.startswith("workbench.")
+        return not self.source and of_the_house(type(self.solver).__module__)
 
     def identity(self) -> Any:
         """All that its results depend on."""

@@ -16,7 +16,7 @@ import numpy as np
 import workbench
 
 DEEP = 8  # levels that are looked into
-NOT_COUNTED = {"plots", "reports", "cli"}  # rooms that no stored result depends on
+NOT_COUNTED = {"plots", "reports", "cli", "lectures"}  # rooms that no stored result depends on
 DERIVED = {"comparison", "profiles", "statistics", "store", "targets", "tidy", "words"}  # of ours
 COMPUTE = ("casadi", "numpy", "scipy", "nlopt")
 
@@ -58,12 +58,18 @@ def _named(thing: Any) -> str:
     """`module.name`, and a digest of the source of what is not the workbench's own."""
     module = str(getattr(thing, "__module__", "") or "")
     name = f"{module}.{getattr(thing, '__qualname__', type(thing).__name__)}"
-    if module.partition(".")[0] in ("workbench", "builtins"):
+    if of_the_house(module) or module == "builtins":
         return name
     try:
         return f"{name} {digest(inspect.getsource(thing))}"
     except (OSError, TypeError):
         return name
+
+
+def of_the_house(module: str) -> bool:
+    """Whether `code_version` answers for a module: one of the workbench, and of no lecture."""
+    rooms = module.split(".")
+    return rooms[0] == "workbench" and rooms[1:2] != ["lectures"]
 
 
 def digest(thing: Any) -> str:

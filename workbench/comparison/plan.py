@@ -140,16 +140,11 @@ def plan(
 
 def _repeated(label: str, experiment: Experiment, seeds: int) -> list[Instance]:
     """One for each seed, if one of its arguments numbers them and is not given already."""
-    known = parameters(experiment.build)
-    free = [
-        name
-        for name in NUMBERING
-        if name in known and name not in experiment.arguments and _counts(known[name])
-    ]
-    if not free:
+    name = numbering(experiment)
+    if not name:
         return [Instance(label, experiment, "", 0, 0)]
-    name = free[0]
-    first = known[name].default if isinstance(known[name].default, int) else 0
+    default = parameters(experiment.build)[name].default
+    first = default if isinstance(default, int) else 0
     return [
         Instance(
             label,
@@ -158,6 +153,13 @@ def _repeated(label: str, experiment: Experiment, seeds: int) -> list[Instance]:
         )
         for k in range(seeds)
     ]  # fmt: skip
+
+
+def numbering(experiment: Experiment) -> str:
+    """The argument that numbers an experiment's starts; "" if none does, or it is given already."""
+    known = parameters(experiment.build)
+    free = (n for n in NUMBERING if n in known and n not in experiment.arguments)
+    return next((name for name in free if _counts(known[name])), "")
 
 
 def _counts(parameter: Parameter) -> bool:

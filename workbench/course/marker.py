@@ -17,6 +17,7 @@ from typing import Any, TextIO
 
 from workbench.course.marking import mark, said
 from workbench.course.outline import lecture
+from workbench.course.withholding import withhold
 
 MEMORY = 6 * 2**30  # bytes that a student's code may take, where the system can be told so
 KEPT = 400  # characters of what was printed
@@ -51,7 +52,7 @@ def main() -> None:
         sys.dont_write_bytecode = True  # nothing is left in the student's folder
         _limit_memory()
         one = lecture(int(number))
-        _ = one.checks, one.mistakes
+        withhold(one, file)
         page = Page()
         with _kept(page):
             _tell(out, begun="")

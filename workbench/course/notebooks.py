@@ -7,7 +7,9 @@ from types import ModuleType
 from typing import Any
 
 from workbench.course.outline import Lecture
+from workbench.course.supervision import environment
 from workbench.errors import BadFile
+from workbench.installation import pip_install
 from workbench.writing import replacing
 
 SECONDS = 120.0  # that a cell may take
@@ -24,8 +26,8 @@ def tool(name: str) -> ModuleType:
         return import_module(name)
     except ImportError as error:
         raise BadFile(
-            f"notebooks and the site are made by libraries of which {name} is not installed; "
-            "pip install 'workbench[course]'"
+            f"notebooks and the site are made by libraries of which {name} is not installed: "
+            + pip_install("course")
         ) from error
 
 
@@ -73,7 +75,7 @@ def executed(made: Any, lecture: Lecture, folder: Path) -> Any:
         resources={"metadata": {"path": str(folder)}},
     )  # fmt: skip
     try:
-        done = client.execute()
+        done = client.execute(env=environment())
     except nbclient.exceptions.CellExecutionError as error:
         told = f"{error.ename}: {error.evalue}"
         raise CellFailed(f"lecture {lecture.number} stops as a notebook: {told}") from error

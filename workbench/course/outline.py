@@ -4,7 +4,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -12,6 +11,7 @@ from typing import Any
 from workbench.course.checks import Check, Mistake, checks_in, mistakes_in
 from workbench.errors import BadArgument, BadFile, UnknownName
 
+LECTURES = "workbench.lectures"  # which says where they are: in the package or the checkout
 FILES = ("lecture.py", "exercises.py", "solutions.py", "checks.py")
 
 
@@ -57,28 +57,36 @@ class Lecture:
         """The names of the functions to write, in the order of their checks."""
         return tuple(dict.fromkeys(check.exercise for check in self.checks))
 
+    @cached_property
+    def solutions(self) -> ModuleType:
+        """The module of our answers; it stays here when a marker keeps it from imports."""
+        return self.module("solutions")
+
     def solution(self, exercise: str) -> Callable[..., Any]:
         """Ours."""
-        found: Callable[..., Any] = getattr(self.module("solutions"), exercise)
+        found: Callable[..., Any] = getattr(self.solutions, exercise)
         return found
 
     def module(self, name: str) -> ModuleType:
         """`exercises`, `solutions` or `checks`; importing `lecture` would hold it."""
-        return import_module(f"lectures.{self.folder_name}.{name}")
+        return import_module(f"{LECTURES}.{self.folder_name}.{name}")
 
 
 def root() -> Path:
     """The folder of all lectures. Raises BadFile where the installation has none."""
-    spec = find_spec("lectures")
-    if spec is None or spec.origin is None:
-        raise BadFile("the lectures are not installed; install the workbench's wheel or checkout")
-    return Path(spec.origin).parent
+    (place,) = import_module(LECTURES).__path__
+    if not (Path(place) / "outline.py").is_file():
+        raise BadFile(
+            f"there are no lectures in {place}; install the workbench's wheel, or use a whole "
+            "checkout, which has them in its folder `lectures`"
+        )
+    return Path(place)
 
 
 def course() -> tuple[Lecture, ...]:
     """Every line of the outline."""
     root()
-    found: tuple[Lecture, ...] = import_module("lectures.outline").COURSE
+    found: tuple[Lecture, ...] = import_module(f"{LECTURES}.outline").COURSE
     return found
 
 

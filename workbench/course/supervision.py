@@ -78,7 +78,7 @@ class _Run:
             [sys.executable, "-P", "-m", "workbench.course.marker", str(lecture.number), file]
             + list(exercises),
             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
-            cwd=Path(file).parent, env=_environment(), start_new_session=True,
+            cwd=Path(file).parent, env=environment(), start_new_session=True,
         )  # fmt: skip
         self._listener = threading.Thread(target=self._listen, daemon=True)
         self._listener.start()
@@ -153,8 +153,8 @@ class _Run:
         self._said.put(None)
 
 
-def _environment() -> dict[str, str]:
-    """Ours, and where the workbench is: the process starts in the student's folder."""
+def environment() -> dict[str, str]:
+    """This process's, and where the workbench is, for one that starts in another folder."""
     here = str(Path(workbench.__file__).parents[1])
     paths = [here, *filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep))]
     return os.environ | {

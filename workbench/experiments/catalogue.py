@@ -12,7 +12,7 @@ from workbench.experiments.blame import blaming
 from workbench.experiments.correspondences import known_correspondences
 from workbench.experiments.experiment import Experiment, Setup
 from workbench.experiments.landmarks import shape_from_landmarks
-from workbench.experiments.own_file import loaded
+from workbench.experiments.own_file import BESIDE, ENOUGH, loaded
 from workbench.experiments.registration import registration
 from workbench.experiments.suites import SUITES
 
@@ -33,9 +33,14 @@ EXPERIMENTS: Mapping[str, Experiment] = {
 def find(name: str, arguments: Mapping[str, Any] | None = None) -> Experiment:
     """An experiment of the catalogue, a suite or a Python file, some of its arguments changed.
 
-    A file defines `experiment` (an Experiment), or `setup` (a Setup, or a function that makes
-    one), or `problem` and `start`. Arguments are values, or what was typed for them. Raises
-    UnknownName, BadArgument, or BadFile with the line of the file that is to blame.
+    A file defines `experiment` (an Experiment), or `setup` (a Setup, or a function that returns
+    one, whose parameters are the arguments), or `problem` and `start`. Beside these two it may
+    define `priors` (names of the residuals that are no data, or these residuals), `body` (a
+    SkinnedBody, to draw) and `compared` (names of solvers to run as well); its docstring is the
+    question. If it defines several of the three, the first one in this order counts.
+
+    Arguments are values, or what was typed for them. Raises UnknownName, BadArgument, or BadFile
+    with the line of the file that is to blame.
     """
     members = {one.name: one for suite in SUITES.values() for one in suite}
     if name in EXPERIMENTS or name in members:
@@ -83,9 +88,8 @@ def _described(module: Any, path: Path) -> Experiment:
         question = (module.__doc__ or f"The problem of {path.name}.").strip()
         made = Setup(
             module.problem, module.start, question,
-            body=getattr(module, "body", None), compared=getattr(module, "compared", ()),
+            body=getattr(module, "body", None), priors=getattr(module, "priors", ()),
+            compared=getattr(module, "compared", ()),
         )  # fmt: skip
         return Experiment(path.stem, lambda: made, path.name)
-    raise BadFile(
-        "it defines no experiment; it needs `experiment`, or `setup`, or `problem` and `start`"
-    )
+    raise BadFile(f"it defines no experiment; it needs {ENOUGH}; {BESIDE}")

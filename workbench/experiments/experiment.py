@@ -18,6 +18,7 @@ from workbench.experiments.blame import blaming
 from workbench.experiments.known import Known
 from workbench.geometry.camera import Camera
 from workbench.problem import Problem
+from workbench.residuals import Residual
 from workbench.solvers import SOLVERS, Callback, Solution, Solver, Status
 
 Array = NDArray[np.float64]
@@ -85,6 +86,7 @@ class Setup:
             ("compared", SOLVERS, "solver"),
             ("priors", self.problem.rows, "residual"),
         ):
+            _expect(name, getattr(self, name), (Iterable, Residual), f"names of {kind}s")
             several = names(getattr(self, name))
             object.__setattr__(self, name, several)  # a single name is one, not its letters
             for one in several:

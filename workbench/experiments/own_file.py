@@ -8,6 +8,15 @@ from types import ModuleType
 from workbench.errors import BadFile
 from workbench.experiments.blame import blaming
 
+# What such a file may define, for --help and for the error of one that defines nothing.
+ENOUGH = (
+    "`problem` and `start`, or `setup` (a Setup, or a function that returns one), or `experiment`"
+)
+BESIDE = (
+    "beside `problem` and `start`, `priors` names the residuals that are no data, `body` is the "
+    "body to draw, and `compared` names solvers to run as well"
+)
+
 
 def loaded(path: Path, instead: str) -> tuple[ModuleType, str]:
     """The module and its full path. Raises BadFile, with the line that is to blame.

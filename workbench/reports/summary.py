@@ -5,15 +5,15 @@ import math
 import platform
 from collections.abc import Iterable
 from dataclasses import asdict
-from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from workbench.diagnostics import Diagnosis
 from workbench.experiments.experiment import Outcome
+from workbench.installation import DISTRIBUTION, version_of
 from workbench.reports.folder import MAKER
 from workbench.solvers import Solution
 
-PACKAGES = ("workbench", "casadi", "numpy", "scipy", "nlopt", "emcee", "matplotlib")
+PACKAGES = (DISTRIBUTION, "casadi", "numpy", "scipy", "nlopt", "emcee", "matplotlib")
 
 
 def run_summary(outcome: Outcome, files: Iterable[str]) -> dict[str, Any]:
@@ -47,14 +47,8 @@ def run_summary(outcome: Outcome, files: Iterable[str]) -> dict[str, Any]:
 
 
 def versions() -> dict[str, str | None]:
-    """Of Python and of what computes; None for what runs without being installed."""
-    found: dict[str, str | None] = {"python": platform.python_version()}
-    for package in PACKAGES:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            found[package] = None
-    return found
+    """Of Python and of what computes; None for what is not installed."""
+    return {"python": platform.python_version()} | {name: version_of(name) for name in PACKAGES}
 
 
 def as_json(summary: dict[str, Any]) -> str:

@@ -59,7 +59,7 @@ def priors_said(outcome: Outcome) -> str:
     """Which residuals are priors, and what they make of the cost, in a sentence."""
     priors = outcome.setup.priors
     if not priors:
-        return "No residual is a prior."
+        return "The setup names no residual as a prior."
     of = (
         f"The prior, {priors[0]}, makes"
         if len(priors) == 1

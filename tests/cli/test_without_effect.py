@@ -1,0 +1,156 @@
+"""Options that change nothing say so; those that were thought to do something, do."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import workbench as wb
+from tests.cli.conftest import Run
+from tests.cli.test_mistakes import KEYPOINTS, LINE
+from workbench.errors import WorkbenchError
+from workbench.experiments import Experiment, Setup
+from workbench.experiments.balance import COMPARED
+from workbench.experiments.own_file import BESIDE, ENOUGH
+from workbench.geometry.meshes import write_mesh
+
+
+@pytest.fixture
+def fitted(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Setup, bool]]:
+    """What `fit` would solve, and whether with other solvers too; nothing is solved here."""
+    asked: list[tuple[Setup, bool]] = []
+
+    def carried_out(_: object, experiment: Experiment, __: object, compare: bool, *rest: object):
+        asked.append((experiment.setup(), compare))
+
+    monkeypatch.setattr("workbench.cli.fit.carry_out", carried_out)
+    return asked
+
+
+def test_a_mesh_has_no_camera(workbench: Run, tmp_path: Path, fitted: list[object]) -> None:
+    body = wb.load_body("small")
+    posed = body.vertices(0.1 * np.ones((24, 3)), [1.0, -1.0], [0.5, 1.0, 0.0])
+    write_mesh(tmp_path / "me.obj", posed, body.faces)
+    given = ("--size", "1088x1920", "--focal", "1500", "--person", "0", "--cameras", "none.toml")
+    code, out, _ = workbench("fit", "me.obj", "--body", "small", *given)
+    assert code == 0
+    for option in given[::2]:
+        assert f"{option} changes nothing: it is for keypoints, and this is a mesh" in out
+    assert workbench("fit", "me.obj", "--body", "small")[1] == ""
+    assert len(fitted) == 2
+
+
+def test_a_calibration_has_the_focal_length(
+    workbench: Run, tmp_path: Path, fitted: list[tuple[Setup, bool]]
+) -> None:
+    (tmp_path / "kp.json").write_text(json.dumps(KEYPOINTS))
+    camera = {"K": [[1500, 0, 544], [0, 1500, 960], [0, 0, 1]], "R": [0, 0, 0], "t": [0, 0, 4]}
+    (tmp_path / "cameras.json").write_text(json.dumps({"front": camera}))
+    code, out, _ = workbench("fit", "kp.json", "--cameras", "cameras.json", "--focal", "900")
+    assert code == 0
+    assert "--focal changes nothing: cameras.json says the focal length" in out
+    (setup, _) = fitted[0]
+    assert setup.start["front/focal"][0] == 1500
+
+
+def test_keypoints_are_compared_where_that_is_asked_for(
+    workbench: Run, tmp_path: Path, fitted: list[tuple[Setup, bool]]
+) -> None:
+    (tmp_path / "kp.json").write_text(json.dumps(KEYPOINTS))
+    for option in ("--compare", "--no-compare"):
+        code, out, _ = workbench("fit", "kp.json", "--focal", "1500", option)
+        assert (code, out) == (0, "")
+    assert [compare for _, compare in fitted] == [True, False]
+    assert set(fitted[0][0].compared) == set(COMPARED)
+
+
+def test_starts_that_cannot_be_counted(workbench: Run, tmp_path: Path) -> None:
+    (tmp_path / "line.py").write_text(LINE)
+    asked = ("compare", "line.py", "nist-misra1a", "--solver", "gauss-newton")
+    code, out, _ = workbench(*asked, "--seeds", "2")
+    assert code == 0
+    assert "--seeds 2 changes nothing: there is one start of line, which has no argument" in out
+    assert "gauss-newton met the target" in out
+    assert "from 3 of 3 starts" in out  # one of line, two of nist-misra1a
+    assert "changes nothing" not in workbench(*asked)[1]
+
+
+def test_made_up_registrations_have_no_gender(
+    workbench: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stop(*_: object, **__: object) -> None:
+        raise WorkbenchError("enough for this test")
+
+    monkeypatch.setattr("workbench.cli.train.train_body", stop)
+    _, out, err = workbench("train", "--gender", "female", "--reach", "1", "--start", "small")
+    assert "enough for this test" in err
+    for option in ("--gender", "--reach", "--start"):
+        assert f"{option} changes nothing: " in out
+    assert [path.name for path in Path("runs").iterdir()] == ["train-made-up"]
+    assert "changes nothing" not in workbench("train")[1]
+
+
+def test_a_list_of_a_suite_that_is_none(workbench: Run) -> None:
+    code, out, err = workbench("run", "nits", "--list")
+    assert (code, out) == (2, "")
+    assert "no suite is called 'nits'; there are" in err
+    assert "nist" in err
+    code, out, _ = workbench("run", "balance", "--list")
+    assert "known-correspondences" in out
+
+
+def test_info_tells_of_the_body_that_was_asked_about(workbench: Run) -> None:
+    for name, vertices in (("small", 369), ("default", 1229)):
+        code, out, _ = workbench("info", "--body", name)
+        assert code == 0
+        assert f"{name} has {vertices} vertices" in " ".join(out.split())
+
+
+@pytest.mark.parametrize("verb", ["run", "diagnose", "sample", "compare"])
+def test_help_says_what_a_file_may_define(
+    workbench: Run, verb: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "2000")
+    _, out, _ = workbench(verb, "--help")
+    said = " ".join(out.split())
+    assert ENOUGH in said
+    assert BESIDE in said or verb == "compare"
+
+
+def test_where_there_is_no_rest_to_integrate_out(workbench: Run, tmp_path: Path) -> None:
+    b = "b = wb.Block('b', (1,)).symbol\n"
+    two = LINE.replace('["a"])', '["a", "b"])').replace("a[1] * x - y", "a[1] * x + b * x**2 - y")
+    text = two.replace("problem =", f"{b}problem =") + "start['b'] = np.zeros(1)\n"
+    (tmp_path / "curve.py").write_text(text)
+    asked = ("sample", "curve.py", "--conditional", "--steps", "100", "--ensembles", "2")
+    out = workbench(*asked, "--block", "a,b")[1]
+    assert "--conditional changes nothing: a,b is all that there is to sample" in out
+    out = workbench(*asked, "--directions", "1")[1]
+    assert "--conditional changes nothing: beside 1 directions, the rest never is fixed" in out
+    assert "changes nothing" not in workbench(*asked, "--block", "a")[1]
+
+
+def test_a_cluster_counts_its_own_workers(
+    workbench: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def absent(address: str | None) -> None:
+        raise WorkbenchError("no cluster in this test")
+
+    monkeypatch.setattr("workbench.cli.compare._cluster", absent)
+    (tmp_path / "line.py").write_text(LINE)
+    _, out, err = workbench("compare", "line.py", "--dask", "tcp://somewhere:1", "--workers", "2")
+    assert "no cluster in this test" in err
+    assert "--workers changes nothing: with --dask, the cluster says how many" in out
+
+
+def test_poses_of_a_recording_are_not_drawn(
+    workbench: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stop(*_: object) -> None:
+        raise WorkbenchError("enough for this test")
+
+    monkeypatch.setattr("workbench.cli.blendshapes.compare_blend_shapes", stop)
+    _, out, _ = workbench("blendshapes", "--mocap", "walk.npz", "--test", "70")
+    assert "--test changes nothing: the poses of the recording are tested on" in out
+    assert "changes nothing" not in workbench("blendshapes", "--test", "70")[1]

@@ -1,0 +1,61 @@
+"""Solutions and checks of lectures, kept from the file that is being marked.
+
+This is for the process that marks, and lasts until that ends. It refuses whatever opens one of
+these files in Python: an import under any name, importlib, runpy, open. It is no sandbox: another
+process, or a look into the frames of the one that marks, gets around it.
+"""
+
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+import workbench
+from workbench.course.outline import LECTURES, Lecture
+from workbench.errors import WorkbenchError
+
+WITHHELD = ("solutions", "checks")  # of FILES in workbench.course.outline
+
+
+class Withheld(WorkbenchError, PermissionError):
+    """A file that is being marked asked for solutions or checks.
+
+    It is an OSError too, because those who only want to show a line of source expect that one.
+    """
+
+
+def withhold(lecture: Lecture, file: str) -> None:
+    """Keep the solutions and checks of all lectures from what this process runs from now on.
+
+    Checks, mistakes and solutions of `lecture` are loaded first and stay with it. `file` is the one
+    that is marked, which may be read even if it is a lecture's own solutions.
+    """
+    _ = lecture.checks, lecture.mistakes, lecture.solutions
+    for name in [name for name in sys.modules if f"{name}.".startswith(f"{LECTURES}.")]:
+        del sys.modules[name]
+    vars(workbench).pop(LECTURES.rpartition(".")[2], None)
+    marked = os.path.realpath(file)
+
+    def refuse(event: str, arguments: tuple[Any, ...]) -> None:
+        if event != "open" or not isinstance(arguments[0], str | bytes):
+            return
+        path = Path(os.path.realpath(os.fsdecode(arguments[0])))
+        if str(path) != marked and of_a_lecture(path):
+            raise Withheld(
+                f"{path.parent.name}/{path.name} cannot be read by a file that is being marked; "
+                "write the answers in the file itself"
+            )
+
+    sys.addaudithook(refuse)
+
+
+def of_a_lecture(path: Path) -> bool:
+    """Whether a file is a lecture's solutions or checks, as source or compiled.
+
+    Lectures are recognised by the outline beside their folders, so that those of a checkout are
+    found as well as those of the installed package.
+    """
+    if path.name.partition(".")[0] not in WITHHELD:
+        return False
+    folder = path.parent.parent if path.parent.name == "__pycache__" else path.parent
+    return folder.name.startswith("lec") and (folder.parent / "outline.py").is_file()
