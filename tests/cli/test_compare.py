@@ -30,10 +30,64 @@ def test_own_problem_and_own_solver_from_the_command_to_the_page(tmp_path: Path)
     done = workbench(*command, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "solving: 0 of 6" in done.stdout
-    assert "from 3 of 3 starts each" in done.stdout
+    assert "each returned a point within the target τ = 1e-5 from all 3 starts." in done.stdout
+    assert "Jacobian 1 + 1.5 n" in done.stdout
+    assert "they rank nobody" in done.stdout
     page = (tmp_path / "found" / "index.html").read_text(encoding="utf-8")
     assert "A line through three points." in page
     assert "mine" in page
+
+
+ASKING = """
+import casadi as cs
+import numpy as np
+import workbench as wb
+from workbench.solvers import Evaluations
+
+def told(problem, x):
+    values = problem.free.unpack(np.asarray(x).ravel())
+    return wb.Solution(values, 0.0, 0.0, wb.Status.CONVERGED, "", "", Evaluations(), 0.0, ())
+
+class Newton:
+    def solve(self, problem, start, *, callback=None):
+        x, fixed = problem.split(start)
+        for _ in range(9):
+            r, J = problem.derivative(x, fixed)
+            x = x - np.linalg.lstsq(np.array(J), np.array(r).ravel(), rcond=None)[0]
+        return told(problem, x)
+
+class Embedded:
+    def solve(self, problem, start, *, callback=None):
+        x, fixed = problem.split(start)
+        s = cs.MX.sym("x", len(x))
+        quiet = {"ipopt.print_level": 0, "print_time": 0}
+        ipopt = cs.nlpsol("s", "ipopt", {"x": s, "f": problem.adjoint(s, fixed)[0]}, quiet)
+        return told(problem, ipopt(x0=x)["x"])
+
+newton, embedded = Newton(), Embedded()
+"""
+
+
+def test_a_file_that_asks_the_graphs_is_counted_or_told_why_not(tmp_path: Path) -> None:
+    (tmp_path / "asking.py").write_text(ASKING)
+    done = workbench("compare", "nist-misra1a", "--solver", "asking.py", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    lines: dict[str, list[str]] = {}
+    for line in filter(None, map(str.split, done.stdout.splitlines())):
+        lines.setdefault(line[0], line)  # the first table; seconds come later
+    newton, embedded = lines["asking:newton"], lines["asking:embedded"]
+    assert newton[1:3] == embedded[1:3] == ["1/1", "1/1"]
+    assert float(newton[3]) % 4.0 == 0  # Jacobians alone, n = 2: 1 + 1.5 n
+    assert embedded[3] == "unknown"
+    assert "asking:embedded: not everything was counted in 1 of 1 runs" in done.stdout
+
+
+def test_a_lone_run_is_not_called_the_lowest(tmp_path: Path) -> None:
+    (tmp_path / "line.py").write_text(POLYNOMIAL)
+    done = workbench("compare", "line.py", "--solver", "gauss-newton", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "1/1" not in done.stdout
+    assert "There is nothing to compare" in done.stdout
 
 
 @pytest.mark.parametrize(

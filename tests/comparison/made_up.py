@@ -9,10 +9,10 @@ from workbench.comparison import Budget, Comparison, Ending, Record
 from workbench.comparison.description import Description
 from workbench.comparison.entrants import Entrant
 from workbench.comparison.judgement import Judgement
+from workbench.comparison.log import KINDS, ROW, Seen
 from workbench.comparison.plan import Instance, Plan
-from workbench.comparison.watch import Seen
 from workbench.experiments import Experiment
-from workbench.solvers import Evaluations, LevenbergMarquardt
+from workbench.solvers import LevenbergMarquardt
 
 NOTHING = np.zeros(0)
 
@@ -26,12 +26,14 @@ def record(
     claim: str = "CONVERGED",
     optimality: float = 0.0,
     every: int = 1,
+    taken: bool = False,
 ) -> Record:
     """A run that found `costs`, one after the other, each after `every` residuals more."""
-    rows = [(every * (k + 1), 0, 0, 0, 0.1 * (k + 1), c) for k, c in enumerate(costs)]
-    found = np.array([row for row in rows if np.isfinite(row[-1])], dtype=float).reshape(-1, 6)
-    counts = Evaluations(residual=every * len(costs))
-    seen = Seen(counts, (0.0,) * 4, 0, 0.1 * len(costs), np.zeros(1), found)
+    others = (0,) * (len(KINDS) - 1)
+    rows = [(every * (k + 1), *others, 0.1 * (k + 1), c) for k, c in enumerate(costs)]
+    found = np.array([row for row in rows if np.isfinite(row[-1])], dtype=float).reshape(-1, ROW)
+    counts = every * len(costs), *others
+    seen = Seen(counts, (0.0,) * len(KINDS), 0, 0.1 * len(costs), np.zeros(1), found, taken)
     end = costs[-1] if costs and ending is Ending.RETURNED else np.nan
     return Record(
         solver, instance, ending, "", claim, end, end, optimality, np.nan, True,
@@ -44,15 +46,17 @@ def comparison(
     *,
     start: float = 100.0,
     basins: Mapping[tuple[str, str], int] | None = None,
+    known: bool = False,
     **changed: Record,
 ) -> Comparison:
     """From the costs that each solver visited on each problem; every problem starts at `start`.
 
-    A solver that visited nothing raised an exception. Prices are all 1; n is 1.
+    A solver that visited nothing raised an exception. Only residuals are asked for, whose price is
+    1; n is 1. "p, start 1" is another start of problem p. If `known`, the known cost is 0.
     """
     problems = list(dict.fromkeys(problem for problem, _ in runs))
     solvers = list(dict.fromkeys(solver for _, solver in runs))
-    instances = tuple(Instance(p, Experiment(p, slide, "made up"), "", 0, 0) for p in problems)
+    instances = tuple(_instance(p) for p in problems)
     records = {
         (p, s): record(p, s, costs, ending=Ending.RETURNED if len(costs) else Ending.RAISED)
         for (p, s), costs in runs.items()
@@ -70,7 +74,8 @@ def comparison(
     seconds = {"residual": 1.0, "gradient": 1.0, "jacobian": 1.0}
     described = {
         p: Description(
-            p, 1, 1, False, np.zeros(1), start, NOTHING, seconds, np.nan, "", False, "made up"
+            p, 1, 1, False, np.zeros(1), start, NOTHING, seconds, 0.0 if known else np.nan,
+            "known" if known else "", False, "made up",
         )
         for p in problems
     }  # fmt: skip
@@ -78,3 +83,11 @@ def comparison(
     plan = Plan(instances, entrants, Budget(), 1)
     groups = tuple((p,) for p in problems)
     return Comparison(plan, instances, {}, described, records, groups, tuple(judged))
+
+
+def _instance(name: str) -> Instance:
+    problem, _, number = name.partition(", start ")
+    made = Experiment(problem, slide, "made up")
+    if not number:
+        return Instance(problem, made, "", 0, 0)
+    return Instance(problem, made, "start", int(number), int(number))

@@ -157,6 +157,8 @@ def test_an_effort_is_the_price_of_what_was_asked_until_then(
     assert (row[0], row[2]) == (1, 1)  # a linear problem: one Jacobian, and one look at its step
     prices = found.prices["line"]
     expected = row[0] + row[1] * prices["gradient"] + row[2] * prices["jacobian"]
+    assert (prices["gradient"], prices["jacobian"]) == (4.0, 1 + 1.5 * 3)  # published, n = 3
+    assert expected == 1 + 5.5
     at = [i.name for i in found.instances].index("line, seed 0")
     assert found.needed(1e-5)[at, 1] == pytest.approx(expected)
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.comparison.made_up import comparison
+from workbench.comparison.pairs import duels
 from workbench.comparison.profiles import data_profile, performance_profile, ratios
 
 INF = np.inf
@@ -65,5 +66,5 @@ def test_effort_of_a_comparison_is_read_from_its_traces() -> None:
     )  # fmt: skip
     np.testing.assert_array_equal(found.needed(0.1), [[2, 2], [INF, 1]])
     np.testing.assert_array_equal(found.needed(1e-3), [[3, 3], [INF, 2]])
-    duel = found.duel("a", "b", 1e-3)
+    duel = duels(found, 1e-3)["a", "b"]
     assert (duel.first, duel.second, duel.ties, duel.both_fail) == (0, 1, 1, 0)

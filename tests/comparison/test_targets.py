@@ -5,8 +5,9 @@ import pytest
 
 from tests.comparison.made_up import comparison, record
 from workbench.comparison import Ending, Verdict
+from workbench.comparison.pairs import duels
 from workbench.comparison.targets import Yardstick, verdict
-from workbench.comparison.words import advice, surest
+from workbench.comparison.words import advice
 
 YARD = Yardstick(start=100.0, best=1.0, origin="")
 
@@ -24,6 +25,12 @@ def test_a_target_is_a_share_of_the_whole_way_down() -> None:
 def test_whoever_starts_at_the_minimum_is_there_despite_rounding() -> None:
     yard = Yardstick(start=1.0, best=1.0 - 1e-16, origin="")
     assert yard.met(record("p", "s", [1.0]), 1e-7) is not None
+
+
+def test_from_a_start_that_costs_less_and_is_forbidden_the_lowest_cost_is_the_target() -> None:
+    yard = Yardstick(start=0.5, best=1.0, origin="")
+    assert yard.met(record("p", "s", [1.0 + 1e-7]), 1e-7) is not None
+    assert yard.met(record("p", "s", [1.0 + 1e-5]), 1e-1) is None
 
 
 def test_without_a_finite_start_there_is_no_target() -> None:
@@ -75,27 +82,27 @@ def test_a_point_that_was_visited_and_not_returned_counts_for_targets_only() -> 
 def test_all_fail() -> None:
     found = comparison({("p", "a"): [], ("p", "b"): []})
     assert np.isinf(found.needed(0.1)).all()
-    assert surest(found) == ()
-    assert advice(found) == ("No solver met the target τ = 1e-5 from any of the 1 starts.",)
-    assert found.duel("a", "b").both_fail == 1
+    assert duels(found)["a", "b"].both_fail == 1
+    assert advice(found) == (
+        "No solver returned a point within the target τ = 1e-5 from the one start, so none is "
+        "advised.",
+    )
 
 
-def test_a_single_solver_is_compared_with_nobody() -> None:
+def test_the_only_end_is_not_praised_as_the_lowest() -> None:
+    """Nothing else ended and no cost is known: neither lowest, nor on target, nor advised."""
     found = comparison({("p", "a"): [9.0, 1.0], ("q", "a"): [2.0]})
-    assert advice(found) == ("a met the target τ = 1e-5 from 2 of 2 starts.",)
-
-
-def test_ties_are_said_to_be_ties() -> None:
-    found = comparison({(p, s): [9.0, 1.0] for p in "pqrstuv" for s in "ab"})
-    said = " ".join(advice(found))
-    assert "a and b met the target τ = 1e-5 from 7 of 7 starts each." in said
-    assert "beyond chance: more starts would be needed" in said
-
-
-def test_the_quicker_of_two_that_are_as_sure_is_named_when_chance_is_ruled_out() -> None:
-    runs = {(p, "quick"): [9.0, 1.0] for p in "pqrstuv"}
-    slow = {(p, "slow"): [9.0, 8.0, 7.0, 6.0, 1.0] for p in "pqrstuv"}
-    said = " ".join(advice(comparison(runs | slow)))
-    assert "take quick when effort counts" in said
-    few = comparison({k: v for k, v in (runs | slow).items() if k[0] in "pq"})
-    assert "take quick" not in " ".join(advice(few))  # two starts say nothing
+    assert found.comparable == ()
+    assert {*found.verdicts.values()} == {Verdict.ALONE}
+    assert np.isnan(found.success("a", 1e-5).value)
+    assert np.isnan(found.reached("a").value)
+    (said,) = advice(found)
+    assert said.startswith("There is nothing to compare")
+    known = comparison({("p", "a"): [9.0, 1.0]}, known=True)
+    assert known.comparable == known.instances
+    assert known.success("a", 1e-5).value == 0  # 0 is known, and it ended at 1
+    mixed = comparison(
+        {("p", "a"): [9.0, 1.0], ("p", "b"): [], ("q", "a"): [2.0], ("q", "b"): [2.0]}
+    )
+    assert [i.name for i in mixed.comparable] == ["q"]
+    assert advice(mixed)[0].startswith("1 of 2 starts are left out")

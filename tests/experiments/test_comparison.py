@@ -39,7 +39,9 @@ def test_the_excess_is_a_share_of_the_best() -> None:
 def test_differences_that_are_rounding_are_none() -> None:
     exact = {"a": ended(1e-21), "b": ended(1e-17, seconds=0.5), "c": ended(0.0)}
     assert [excess(s, exact) for s in exact.values()] == [0.0, 0.0, 0.0]
-    assert as_good(exact) == ("b", "a", "c")  # the quickest first
+    assert as_good(exact) == ("a", "b", "c")  # as given: no clock ranks them
+    slower = {name: replace(s, seconds=2.0 - s.seconds) for name, s in exact.items()}
+    assert as_good(slower) == as_good(exact)
     assert excess(ended(1.0), exact | {"d": ended(1.0)}) == np.inf
 
 

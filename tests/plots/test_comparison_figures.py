@@ -99,9 +99,9 @@ def test_the_caption_of_verdicts_explains_the_colours_that_are_there(
 def test_pairs_are_read_from_rows_against_columns(found: Comparison, ax: Axes) -> None:
     plot_duels(found, 1e-3, ax=ax)
     said = {text.get_position(): text.get_text() for text in ax.texts}
-    assert said[1, 0] == "1:1"  # on q the other one was first
-    assert said[2, 0] == "2:0"
-    assert said[0, 2] == "0:2"
+    assert said[1, 0] == "1:1\np 1"  # on q the other one was first
+    assert said[2, 0] == "2:0\np 1"  # two problems: p = 0.5, of three pairs
+    assert said[0, 2] == "0:2\np 1"
     assert "same starts" in caption_duels(found)
 
 

@@ -90,5 +90,11 @@ def test_the_caption_explains_what_is_drawn_and_nothing_else() -> None:
     assert "hollow" not in caption_convergence({"a": a}).lower()
     assert "hollow" in caption_convergence({"a": a, "b": b}).lower()
     assert "solvers end" not in caption_convergence({"a": a})
-    assert "least time" not in caption_convergence({"a": a})
     assert "1 of 2 solvers end" in caption_convergence({"a": a, "b": b})
+
+
+def test_the_caption_ranks_nobody_by_the_clock() -> None:
+    quick, slow = solution([2.0, 1.0]), replace(solution([2.0, 1.0]), seconds=3.0)
+    said = caption_convergence({"a": quick, "b": slow})
+    assert said == caption_convergence({"a": slow, "b": quick})
+    assert "1.00 to 3.00 s, as measured" in said

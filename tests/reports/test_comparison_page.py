@@ -5,6 +5,7 @@ import json
 from pathlib import Path
 
 from tests.comparison.made_up import comparison
+from workbench.comparison.prices import PRICES, SOURCE
 from workbench.reports import write_comparison
 
 RUNS = {
@@ -18,7 +19,7 @@ def test_the_folder_holds_page_table_and_data(tmp_path: Path) -> None:
     found = comparison(RUNS, basins={(p, "poor"): 1 for p in ("p", "<b>q</b>")})
     page = write_comparison(found, tmp_path)
     text = page.read_text(encoding="utf-8")
-    assert "good met the target τ = 1e-5 from 2 of 2 starts" in text
+    assert "good returned a point within the target τ = 1e-5 from all 2 starts." in text
     assert "<b>q</b>" not in text
     assert "&lt;b&gt;q&lt;/b&gt;" in text
     for outside in ("http://", "https://", 'src="/', "<script"):
@@ -37,7 +38,29 @@ def test_the_folder_holds_page_table_and_data(tmp_path: Path) -> None:
 
 def test_all_fail_and_alone(tmp_path: Path) -> None:
     text = write_comparison(comparison({("p", "a"): []}), tmp_path).read_text(encoding="utf-8")
-    assert "No solver met the target" in text
+    assert "No solver returned a point within the target" in text
     alone = write_comparison(comparison({("p", "a"): [2.0]}), tmp_path).read_text(encoding="utf-8")
-    assert "Every run reached it." in alone
+    assert "There is nothing to compare" in alone
+    assert "Every run reached it." not in alone
+    assert 'class="ending good"' not in alone
     assert 'id="pairs"' not in alone
+    known = comparison({("p", "a"): [0.0]}, known=True)
+    text = write_comparison(known, tmp_path).read_text(encoding="utf-8")
+    assert "Every run reached it." in text
+    assert 'class="ending good"' in text
+
+
+def test_the_page_prints_prices_level_and_times_apart(tmp_path: Path) -> None:
+    page = write_comparison(comparison(RUNS), tmp_path).read_text(encoding="utf-8")
+    text = " ".join(page.split())
+    for price in PRICES.values():
+        assert f'<td>{price.name}</td><td class="number">{price.formula}</td>' in text
+    assert SOURCE in text
+    assert "level of 5%" in text
+    assert "Clopper and Pearson" in text
+    effort, seconds = text.index('id="effort"'), text.index('id="seconds"')
+    assert "seconds" not in text[effort:seconds].split("</table>")[0]
+    assert "rank nobody" in text[seconds:]
+    assert "least" in text[seconds:]
+    assert "median" in text[seconds:]
+    assert "most" in text[seconds:]

@@ -1,7 +1,9 @@
 """`workbench compare`: solvers on problems, from the same starts, under one budget."""
 
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
+from math import inf, isnan
 from pathlib import Path
 from typing import Annotated
 
@@ -17,9 +19,10 @@ from workbench.cli.leaving import Interrupted
 from workbench.cli.run import Setting, settings
 from workbench.cli.without_effect import changes_nothing
 from workbench.comparison.comparison import MAIN
+from workbench.comparison.measured import seconds_of_runs
 from workbench.comparison.plan import chosen, numbering
 from workbench.comparison.targets import Verdict, named
-from workbench.comparison.words import advice
+from workbench.comparison.words import advice, prices_sentence
 from workbench.errors import WorkbenchError
 from workbench.experiments import EXPERIMENTS, SUITES
 from workbench.experiments.blame import caused_by
@@ -37,6 +40,7 @@ Names = Annotated[
     ),
 ]
 Limits = comparison.Budget()
+MEASURED = "Seconds are as measured, on this machine and whatever else it did; they rank nobody."
 
 
 def compare(
@@ -65,7 +69,8 @@ def compare(
 ) -> None:
     """Compare solvers on problems; an interrupted comparison goes on where it stopped.
 
-    What is in the folder already is not run again. The page says which solver to take when.
+    What is in the folder already is not run again. The page says which solver to take when, by
+    counts at published prices; times are shown apart and rank nobody.
     """
     console = Console()
     experiments = chosen(names, settings(setting))
@@ -95,8 +100,10 @@ def compare(
             "command goes on from there"
         ) from error
     console.print(_table(found))
-    for text in advice(found):
+    for text in (prices_sentence(), *advice(found)):
         console.print(escape(text), highlight=False, soft_wrap=True)
+    console.print(_times(found))
+    console.print(MEASURED, highlight=False, soft_wrap=True)
     console.print("[dim]writing the page[/]")
     page = write_comparison(found, out)
     console.print(f"report: [bold]{escape(str(page))}[/]", soft_wrap=True)
@@ -158,19 +165,40 @@ class _Told:
 
 
 def _table(found: comparison.Comparison) -> Table:
-    """As narrow as a terminal; intervals are on the page."""
+    """By counts alone, as narrow as a terminal; intervals are on the page."""
     table = Table(box=None, header_style="bold")
     table.add_column("solver", no_wrap=True)
     for head in (f"met {named(MAIN)}", "lowest", "effort", "elsewhere", "false claims", "failed"):
         table.add_column(head, justify="right")
     for solver in found.solvers:
-        counts, runs = found.counted(solver), len(found.instances)
+        verdicts = [found.verdicts[i.name, solver] for i in found.comparable]
+        runs, counts = len(verdicts), Counter(verdicts)
+        met = sum(found.solved(i.name, solver, MAIN) for i in found.comparable)
         reached, elsewhere = counts[Verdict.REACHED], counts[Verdict.OTHER_BASIN]
         wrong = counts[Verdict.FALSE_CLAIM]
-        effort = found.effort(solver, MAIN).value
-        table.add_row(
-            escape(solver), f"{found.success(solver, MAIN).value * runs:.0f}/{runs}",
-            f"{reached}/{runs}", f"{effort:.4g}", str(elsewhere), str(wrong),
-            str(runs - reached - elsewhere - wrong),
-        )  # fmt: skip
+        cells = f"{met}/{runs}", f"{reached}/{runs}", _effort(found, solver)
+        rest = str(elsewhere), str(wrong), str(runs - reached - elsewhere - wrong)
+        if not runs:
+            cells, rest = ("–",) * 3, ("–",) * 3
+        table.add_row(escape(solver), *cells, *rest)
+    return table
+
+
+def _effort(found: comparison.Comparison, solver: str) -> str:
+    effort = found.effort(solver, MAIN).value
+    if isnan(effort):
+        return "unknown"
+    return "∞" if effort == inf else f"{effort:.4g}"
+
+
+def _times(found: comparison.Comparison) -> Table:
+    """Seconds as they were measured, apart from what ranks."""
+    table = Table(box=None, header_style="bold")
+    table.add_column("seconds of a run", no_wrap=True)
+    for head in ("least", "median", "most"):
+        table.add_column(head, justify="right")
+    for solver in found.solvers:
+        spread = seconds_of_runs(found, solver)
+        numbers = (spread.least, spread.middle, spread.most)
+        table.add_row(escape(solver), *(f"{s:.3g}" for s in numbers))
     return table

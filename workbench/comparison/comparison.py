@@ -11,12 +11,12 @@ from workbench.comparison import statistics
 from workbench.comparison.description import Description
 from workbench.comparison.entrants import Entrant
 from workbench.comparison.judgement import Judgement
+from workbench.comparison.log import KINDS
 from workbench.comparison.plan import Instance, Plan
-from workbench.comparison.record import Record
-from workbench.comparison.targets import TAUS, Verdict, Yardstick, verdict
-from workbench.comparison.watch import KINDS
+from workbench.comparison.prices import prices, units
+from workbench.comparison.record import Ending, Record
+from workbench.comparison.targets import NEARLY, TAUS, Verdict, Yardstick, verdict
 from workbench.experiments.comparison import way_left
-from workbench.solvers import Evaluations
 
 Array = NDArray[np.float64]
 MAIN = 1e-5  # the target by which solvers are told apart where one number has to do
@@ -57,30 +57,18 @@ class Comparison:
     # What an evaluation costs.
 
     @cached_property
-    def prices(self) -> dict[str, dict[str, float]]:
-        """By problem and kind: seconds of one evaluation over those of a residual, as measured.
+    def unknowns(self) -> dict[str, int]:
+        """n by problem: the free numbers, the most if starts differ in that."""
+        return {p: max(self.described[i.name].unknowns for i in self.of(p)) for p in self.problems}
 
-        Of the Hessian, over all runs that asked for one; NaN if none did.
-        """
-        found = {}
-        for problem in self.problems:
-            seconds = [self.described[i.name].seconds for i in self.of(problem)]
-            residual = float(np.median([s["residual"] for s in seconds]))
-            prices = {
-                kind: float(np.median([s[kind] / s["residual"] for s in seconds]))
-                for kind in KINDS[:3]
-            }
-            seen = [self.records[i.name, s].seen for i in self.of(problem) for s in self.solvers]
-            count = sum(s.evaluations.hessian for s in seen)
-            spent = sum(s.spent[3] for s in seen)
-            prices["hessian"] = spent / count / residual if count else np.nan
-            found[problem] = prices
-        return found
+    @cached_property
+    def prices(self) -> dict[str, dict[str, float]]:
+        """By problem and kind, in evaluations of the residual: the published ones of `prices`."""
+        return {problem: prices(n) for problem, n in self.unknowns.items()}
 
     def units(self, problem: str, counts: Array) -> Array:
-        """Evaluations (..., 4) by kind in units of one residual."""
-        prices = np.array([self.prices[problem][kind] for kind in KINDS])
-        return np.asarray(np.nansum(np.asarray(counts) * np.nan_to_num(prices), axis=-1))
+        """The effort of evaluations (..., kinds): counts times prices."""
+        return units(counts, self.unknowns[problem])
 
     # By which everybody is measured.
 
@@ -91,18 +79,34 @@ class Comparison:
         for group, judgement in zip(self.groups, self.judgements, strict=True):
             runs = [self.records[name, s] for name in group for s in self.solvers]
             known = [self.described[name].known_cost for name in group]
+            costs = [self.records[key].cost for key in ended(group, self.solvers, self.records)]
             candidates = {
-                "the lowest end, polished": min(judgement.costs, default=np.inf),
+                "the lowest end, polished": min((*judgement.costs, *costs), default=np.inf),
                 "the lowest point that a run visited": min(r.lowest for r in runs),
                 self.described[group[0]].known_source: float(np.nanmin([np.inf, *known])),
             }
             origin = min(candidates, key=lambda name: candidates[name])
             best = candidates[origin]
+            others = sum(r.lowest <= min(costs, default=np.inf) for r in runs)  # or that run itself
+            alone = len(costs) == 1 and others <= 1 and not np.isfinite(known).any()
             for name in group:
                 found[name] = Yardstick(
-                    self.described[name].start_cost, best if np.isfinite(best) else np.nan, origin
-                )
+                    self.described[name].start_cost, best if np.isfinite(best) else np.nan,
+                    "the only end: nothing to compare it with" if alone else origin, alone,
+                )  # fmt: skip
         return found
+
+    @cached_property
+    def comparable(self) -> tuple[Instance, ...]:
+        """The instances that say something of a solver: more than one run ended on the problem, or
+        a cost is known beforehand. All shares, efforts and pairs are over these.
+        """
+        return tuple(i for i in self.instances if not self.yardsticks[i.name].alone)
+
+    @cached_property
+    def compared(self) -> tuple[str, ...]:
+        """The problems of the comparable instances, each once."""
+        return tuple(dict.fromkeys(i.problem for i in self.comparable))
 
     @cached_property
     def basins(self) -> dict[tuple[str, str], int]:
@@ -138,8 +142,32 @@ class Comparison:
         """Evaluations by kind, seconds and cost at which a run met a target, or None."""
         return self.yardsticks[instance].met(self.records[instance, solver], tau)
 
+    def solved(self, instance: str, solver: str, tau: float) -> bool:
+        """Whether a run visited a point that meets a target, or ended at one."""
+        yardstick, record = self.yardsticks[instance], self.records[instance, solver]
+        return yardstick.met(record, tau) is not None or yardstick.ends_below(record, tau)
+
+    def delivered(self, instance: str, solver: str, tau: float) -> bool:
+        """Whether a run gave an answer by itself that meets a target, in no worse basin."""
+        record = self.records[instance, solver]
+        meets = self.yardsticks[instance].ends_below(record, tau)
+        fine = self.verdicts[instance, solver] not in (Verdict.OTHER_BASIN, Verdict.ALONE)
+        return record.ending is Ending.RETURNED and meets and fine
+
+    def uncounted(self, instance: str, solver: str, tau: float = MAIN) -> bool:
+        """Whether what a run took to a target is not known: it took a graph to where evaluations
+        cannot be counted, or it ended at a point that meets the target and never asked the problem
+        about such a point.
+        """
+        if self.records[instance, solver].seen.taken:
+            return True
+        return self.solved(instance, solver, tau) and self.met(instance, solver, tau) is None
+
     def needed(self, tau: float) -> Array:
-        """(P, S) cost units until the target, by instance and solver; infinite if never."""
+        """(P, S) effort until the target, by comparable instance and solver, in evaluations of the
+        residual at the published prices; infinite if it was never met, NaN if it was met and not
+        everything was counted.
+        """
         return self._needed[tau] if tau in self._needed else self._units_to(tau)
 
     @cached_property
@@ -147,65 +175,92 @@ class Comparison:
         return {tau: self._units_to(tau) for tau in self.taus}
 
     def _units_to(self, tau: float) -> Array:
-        found = np.full((len(self.instances), len(self.solvers)), np.inf)
-        for p, instance in enumerate(self.instances):
+        found = np.full((len(self.comparable), len(self.solvers)), np.inf)
+        for p, instance in enumerate(self.comparable):
             for s, solver in enumerate(self.solvers):
+                if not self.solved(instance.name, solver, tau):
+                    continue
                 row = self.met(instance.name, solver, tau)
-                if row is not None:
-                    found[p, s] = self.units(instance.problem, row[:4])
+                if row is None or self.uncounted(instance.name, solver, tau):
+                    found[p, s] = np.nan
+                else:
+                    found[p, s] = self.units(instance.problem, row[: len(KINDS)])
         return found
 
-    def needed_seconds(self, tau: float) -> Array:
-        """(P, S) seconds until the target; infinite if never."""
-        return np.array(
-            [
-                [
-                    np.inf if (row := self.met(i.name, s, tau)) is None else row[4]
-                    for s in self.solvers
-                ]
-                for i in self.instances
-            ]
-        ).reshape(len(self.instances), len(self.solvers))
+    def all_counted(self, tau: float) -> tuple[str, ...]:
+        """The solvers whose effort until the target is known from every start."""
+        columns = zip(self.solvers, self.needed(tau).T, strict=True)
+        return tuple(solver for solver, column in columns if not np.isnan(column).any())
+
+    def starts(self, problem: str | None = None) -> tuple[Instance, ...]:
+        """The comparable instances of one problem, or of all."""
+        return tuple(i for i in self.comparable if problem in (None, i.problem))
 
     def trace(self, instance: Instance, solver: str) -> Array:
-        """(k, 3) cost units, seconds and (f - f*) / (f_0 - f*) of the best point so far; the last
-        row is the end of the run.
+        """(k, 3) effort, seconds and (f - f*) / (f_0 - f*) of the best point so far; the last row
+        is the end of the run, whose effort is NaN if not everything was counted.
         """
         record, yardstick = self.records[instance.name, solver], self.yardsticks[instance.name]
-        rows = record.seen.trace
-        if not len(rows):
+        rows, lowest = record.seen.trace, record.lowest
+        end = record.cost if record.finite and record.inside else np.inf
+        whole = max(yardstick.start - yardstick.best, 0.0)
+        hidden = record.seen.taken or lowest - end > NEARLY * whole
+        if np.isinf(min(lowest, end)):
             return np.zeros((0, 3))
-        counts = [getattr(record.evaluations, kind) for kind in KINDS]
-        last = np.array([*counts, max(record.seen.seconds, rows[-1, 4]), rows[-1, 5]])
+        last = (*record.seen.counts, record.seen.seconds, end if hidden else lowest)
         rows = np.vstack([rows, last])
-        gap = way_left(rows[:, 5], yardstick.best, yardstick.start)
-        units = self.units(instance.problem, rows[:, :4])
-        return np.column_stack([units, rows[:, 4], np.maximum(gap, 0.0)])
+        gap = way_left(np.minimum.accumulate(rows[:, -1]), yardstick.best, yardstick.start)
+        effort = self.units(instance.problem, rows[:, : len(KINDS)])
+        if hidden:
+            effort[-1] = np.nan
+        seconds = np.maximum.accumulate(rows[:, -2])
+        return np.column_stack([effort, seconds, np.maximum(gap, 0.0)])
 
     def success(self, solver: str, tau: float, problem: str | None = None) -> statistics.Interval:
-        """The share of instances, of one problem or of all, on which it met a target."""
-        chosen = self.instances if problem is None else self.of(problem)
-        met = [self.met(i.name, solver, tau) is not None for i in chosen]
-        return statistics.rate(sum(met), len(met))
+        """The share of comparable instances, of one problem or of all, on which it met a target.
+
+        Several starts of several problems are not independent of each other, and then the share
+        has no interval; `solved_problems` has one.
+        """
+        chosen = self.starts(problem)
+        share = statistics.rate(sum(self.solved(i.name, solver, tau) for i in chosen), len(chosen))
+        return share if self._independent(chosen) else statistics.Interval(share.value)
+
+    def solved_problems(self, solver: str, tau: float) -> statistics.Interval:
+        """The share of problems of which it met a target from every comparable start."""
+        all_met: dict[str, bool] = {}
+        for i in self.comparable:
+            met = self.solved(i.name, solver, tau)
+            all_met[i.problem] = all_met.get(i.problem, True) and met
+        return statistics.rate(sum(all_met.values()), len(all_met))
 
     def effort(self, solver: str, tau: float, problem: str | None = None) -> statistics.Interval:
-        """The median of cost units until a target, failures infinite."""
-        chosen = [p for p, i in enumerate(self.instances) if problem in (None, i.problem)]
-        return statistics.median(self.needed(tau)[chosen, self.solvers.index(solver)])
+        """The median effort until a target, failures infinite: over the starts of one problem, or,
+        if there are several problems, over the medians of each, for starts of one problem are not
+        independent of each other.
+        """
+        column = self.needed(tau)[:, self.solvers.index(solver)]
+        if problem is not None:
+            of = [p for p, i in enumerate(self.comparable) if i.problem == problem]
+            return statistics.median(column[of])
+        if len(self.compared) == 1:
+            return statistics.median(column)
+        return statistics.median([self.effort(solver, tau, p).value for p in self.compared])
+
+    @staticmethod
+    def _independent(chosen: tuple[Instance, ...]) -> bool:
+        problems = [i.problem for i in chosen]
+        return len(set(problems)) in (1, len(problems))
 
     def counted(self, solver: str) -> Counter[Verdict]:
         """How many of its runs came to what."""
         return Counter(v for (_, name), v in self.verdicts.items() if name == solver)
 
     def reached(self, solver: str) -> statistics.Interval:
-        """The share of its runs that ended at the lowest cost known."""
-        counts = self.counted(solver)
-        return statistics.rate(counts[Verdict.REACHED], counts.total())
-
-    def evaluations(self, solver: str) -> Evaluations:
-        """All that it asked for, over all runs."""
-        every = [r.evaluations for (_, name), r in self.records.items() if name == solver]
-        return Evaluations(*(sum(getattr(e, kind) for e in every) for kind in KINDS))
+        """The share of its comparable runs that ended at the lowest cost known."""
+        verdicts = [self.verdicts[i.name, solver] for i in self.comparable]
+        share = statistics.rate(verdicts.count(Verdict.REACHED), len(verdicts))
+        return share if self._independent(self.comparable) else statistics.Interval(share.value)
 
     def digits(self, solver: str) -> Array:
         """Digits that agree with the certified answer, run by run; 0 of a run without an end."""
@@ -216,17 +271,6 @@ class Comparison:
                 if self.described[i.name].certified
             ]
         )
-
-    def duel(self, a: str, b: str, tau: float = MAIN) -> statistics.Duel:
-        """Two solvers on the same starts."""
-        needed, names = self.needed(tau), self.solvers
-        return statistics.duel(needed[:, names.index(a)], needed[:, names.index(b)])
-
-    def surer(self, a: str, b: str, tau: float = MAIN) -> statistics.Duel:
-        """The same by success alone: a win is a target that only one of them met."""
-        met = np.where(np.isfinite(self.needed(tau)), 1.0, np.inf)
-        names = self.solvers
-        return statistics.duel(met[:, names.index(a)], met[:, names.index(b)])
 
 
 def ended(

@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import Any
 
 from workbench.comparison.jobs import Answer, Failed, Job, Lost, Solve
+from workbench.comparison.log import Log
 from workbench.comparison.machine import machine
 from workbench.comparison.processes import FORKING, Nursery, Plain, Process
 from workbench.comparison.record import Ending, ended_early
-from workbench.comparison.watch import Log
 
 STARTING = 120.0  # s, for Python to start and import the workbench
 

@@ -17,7 +17,10 @@ import workbench
 
 DEEP = 8  # levels that are looked into
 NOT_COUNTED = {"plots", "reports", "cli", "lectures"}  # rooms that no stored result depends on
-DERIVED = {"comparison", "profiles", "statistics", "store", "targets", "tidy", "words"}  # of ours
+DERIVED = {  # of ours
+    "comparison", "measured", "pairs", "prices", "profiles", "statistics", "store", "targets",
+    "tidy", "words",
+}  # fmt: skip
 COMPUTE = ("casadi", "numpy", "scipy", "nlopt")
 
 

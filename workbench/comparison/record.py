@@ -1,13 +1,13 @@
 """One run, as it was seen from outside: what it cost, where it ended, and what it said of that."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.comparison.watch import KINDS, ROW, Seen
+from workbench.comparison.log import ROW, Seen
 from workbench.solvers import Evaluations
 
 Array = NDArray[np.float64]
@@ -66,8 +66,9 @@ class Record:
             "solver": self.solver, "instance": self.instance, "ending": self.ending.name,
             "message": self.message, "claim": self.claim, "claimed_cost": self.claimed_cost,
             "cost": self.cost, "optimality": self.optimality, "inside": self.inside,
-            "digits": self.digits, "machine": self.machine, "evaluations": asdict(seen.evaluations),
-            "spent": list(seen.spent), "not_finite": seen.not_finite, "seconds": seen.seconds,
+            "digits": self.digits, "machine": self.machine, "counts": list(seen.counts),
+            "spent": list(seen.spent), "taken": seen.taken,
+            "not_finite": seen.not_finite, "seconds": seen.seconds,
         }  # fmt: skip
         return facts, {"end": self.end, "best": seen.best, "trace": seen.trace}
 
@@ -75,15 +76,14 @@ class Record:
     def of(stored: Stored) -> "Record":
         """From what `stored` gave; raises KeyError or ValueError if it is something else."""
         facts, arrays = stored
-        counts = {kind: int(facts["evaluations"][kind]) for kind in KINDS}
         return Record(
             solver=facts["solver"], instance=facts["instance"], ending=Ending[facts["ending"]],
             message=facts["message"], claim=facts["claim"], claimed_cost=facts["claimed_cost"],
             cost=facts["cost"], optimality=facts["optimality"], inside=facts["inside"],
             digits=facts["digits"], end=arrays["end"], machine=facts["machine"],
             seen=Seen(
-                Evaluations(**counts), tuple(facts["spent"]), facts["not_finite"],
-                facts["seconds"], arrays["best"], arrays["trace"].reshape(-1, ROW),
+                tuple(facts["counts"]), tuple(facts["spent"]), facts["not_finite"],
+                facts["seconds"], arrays["best"], arrays["trace"].reshape(-1, ROW), facts["taken"],
             ),
         )  # fmt: skip
 

@@ -10,9 +10,10 @@ import numpy as np
 from workbench.blocks import Values
 from workbench.comparison.feasible import feasible
 from workbench.comparison.jobs import Say, Solve
+from workbench.comparison.log import Log
 from workbench.comparison.machine import machine
 from workbench.comparison.record import Ending, Record, ended_early
-from workbench.comparison.watch import Log, Watch
+from workbench.comparison.watch import Watch
 from workbench.errors import NotSupported, WorkbenchError
 from workbench.experiments.blame import blaming
 from workbench.experiments.experiment import Setup
@@ -51,8 +52,7 @@ def carry_out(job: Solve, setup: Setup, say: Say) -> Record:
     ending, message, found = _ask(solver, watch.watched(), setup.start, job)
     seconds = watch.seconds
     say("looking at its end", budget.build_seconds)
-    log.numbers[11] = seconds
-    log.numbers.flush()
+    log.ended(seconds)
     seen = Log.read(job.log)
     who = job.solver.name, job.instance
     if ending is Ending.CUT:

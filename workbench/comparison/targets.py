@@ -30,6 +30,7 @@ class Verdict(Enum):
     """What became of a run, by the problem's own numbers."""
 
     REACHED = "ended at the lowest cost known"
+    ALONE = "is the only one that ended, and no cost is known to compare it with"
     OTHER_BASIN = "ended at a stationary point of another basin, which costs more"
     FALSE_CLAIM = "claims convergence where the cost still slopes"
     STALLED = "gave up where the cost still slopes"
@@ -59,21 +60,28 @@ class Yardstick:
     start: float  # f_0
     best: float  # f*
     origin: str  # where f* is from
+    alone: bool = False  # f* is from the only run that ended, and nothing else is known
 
     def target(self, tau: float) -> float:
         """The cost that meets it; NaN where start or best is not finite. Rounding is allowed for:
-        1e-12 of f*, 1e-16 of f_0.
+        1e-12 of f*, 1e-16 of f_0. A start that constraints forbid may cost less than f*, and then
+        there is no way down to share: the target is what counts as the lowest cost.
         """
         if not (np.isfinite(self.start) and np.isfinite(self.best)):
             return np.nan
-        slack = max(1e-12 * abs(self.best), SMALLEST * abs(self.start))
+        room = 1e-12 if self.start >= self.best else AS_GOOD
+        slack = max(room * abs(self.best), SMALLEST * abs(self.start))
         return self.best + max(tau * (self.start - self.best), slack)
 
     def met(self, record: Record, tau: float) -> Array | None:
-        """The row of the trace (4 counts, seconds, cost) at which a run met it, or None."""
+        """The row of the trace (counts, seconds, cost) at which a run met it, or None."""
         rows = record.seen.trace
         below = np.flatnonzero(rows[:, -1] <= self.target(tau)) if rows.size else np.zeros(0, int)
         return np.asarray(rows[below[0]]) if below.size else None
+
+    def ends_below(self, record: Record, tau: float) -> bool:
+        """Whether the point that a run ended at meets it, wherever that was evaluated."""
+        return record.finite and record.inside and record.cost <= self.target(tau)
 
     def near(self, cost: float) -> bool:
         """Whether a cost is the lowest one: a millionth above, or 1e-9 of the whole way."""
@@ -109,6 +117,8 @@ def verdict(record: Record, yardstick: Yardstick, lowest: bool | None, tolerance
     if not record.inside:
         return Verdict.NOT_ALLOWED
     settled = stationary(record, tolerance)
+    if yardstick.alone:
+        return Verdict.ALONE
     if lowest is not False and yardstick.near(record.cost):
         return Verdict.REACHED
     if settled and lowest:

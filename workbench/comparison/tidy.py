@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 
 from workbench.comparison.comparison import Comparison
+from workbench.comparison.log import KINDS
 from workbench.comparison.plan import Instance
 from workbench.comparison.targets import claims, named, stationary
-from workbench.comparison.watch import KINDS
 from workbench.writing import replacing
 
 RUN = (
     "problem", "argument", "number", "solver", "verdict", "ending", "claim", "claim_holds", "cost",
     "claimed_cost", "lowest_visited", "optimality", "basin", "best_known_cost", "start_cost",
-    "digits", *KINDS, "not_finite",
+    "digits", *KINDS, "all_counted", "not_finite",
 )  # fmt: skip
 MEASURED = ("seconds", "machine")  # not the same on another machine, or a second time
 
@@ -24,17 +24,14 @@ MEASURED = ("seconds", "machine")  # not the same on another machine, or a secon
 def columns(comparison: Comparison) -> tuple[str, ...]:
     """Of a run; for each target the evaluations and the effort until it was met."""
     until = [f"{what} to {named(tau)}" for tau in comparison.taus for what in (*KINDS,)]
-    effort = [f"{what} to {named(tau)}" for tau in comparison.taus for what in ("units", "seconds")]
-    return (*RUN, *until, "message", *effort, *MEASURED)
+    effort = [f"units to {named(tau)}" for tau in comparison.taus]
+    seconds = [f"seconds to {named(tau)}" for tau in comparison.taus]
+    return (*RUN, *until, *effort, "message", *seconds, *MEASURED)
 
 
 def deterministic(comparison: Comparison) -> tuple[str, ...]:
-    """The columns that a repetition gives again; those with times, and with prices that were
-    measured as times, are not among them.
-    """
-    return tuple(
-        c for c in columns(comparison) if not c.startswith(("units", "seconds", "machine"))
-    )
+    """The columns that a repetition gives again: all but those with times."""
+    return tuple(c for c in columns(comparison) if not c.startswith(("seconds", "machine")))
 
 
 def rows(comparison: Comparison) -> Iterator[dict[str, Any]]:
@@ -69,15 +66,18 @@ def _row(comparison: Comparison, instance: Instance, solver: str) -> dict[str, A
         "not_finite": record.seen.not_finite, "message": record.message,
         "seconds": record.seen.seconds, "machine": record.machine,
     }  # fmt: skip
-    found |= {kind: getattr(record.evaluations, kind) for kind in KINDS}
+    found |= dict(zip(KINDS, record.seen.counts, strict=True))
+    found["all_counted"] = not comparison.uncounted(instance.name, solver)
     for tau in comparison.taus:
         met = comparison.met(instance.name, solver, tau)
         if met is not None:
             found |= {
                 f"{kind} to {named(tau)}": int(n) for kind, n in zip(KINDS, met, strict=False)
             }
-            found[f"units to {named(tau)}"] = float(comparison.units(instance.problem, met[:4]))
-            found[f"seconds to {named(tau)}"] = met[4]
+            found[f"seconds to {named(tau)}"] = met[-2]
+            if not comparison.uncounted(instance.name, solver, tau):
+                effort = comparison.units(instance.problem, met[: len(KINDS)])
+                found[f"units to {named(tau)}"] = float(effort)
     return found
 
 

@@ -4,75 +4,27 @@ import copy
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
-from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
+import casadi as cs
 import numpy as np
 from numpy.typing import NDArray
 
 from workbench.comparison.feasible import feasible
+from workbench.comparison.graphs import WatchedFunction
+from workbench.comparison.log import KINDS, LIMITED, Log
 from workbench.problem import Problem
+from workbench.problem.batch import Costs, Places, Slopes, Way, interpreted
 from workbench.problem.chain import half_squared
-from workbench.solvers import Evaluations, Status
+from workbench.problem.constraint_set import ConstraintSet
+from workbench.solvers import Status
 from workbench.solvers.limits import Stop
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
-Complete = Callable[[Array, Array], Array]
+Complete = Callable[[Array, Array], tuple[Array, Array]]
 Evaluate = Callable[[Array, Array], T]
-KINDS = ("residual", "gradient", "jacobian", "hessian")
-HEAD = 12  # n, rows, 4 counts, 4 times, not finite, seconds
-ROW = 6  # 4 counts, seconds, cost
 CLOSING = 3  # evaluations after the last one that counts
-ROWS = 20_000  # improvements that are kept
-
-
-@dataclass(frozen=True, eq=False)
-class Seen:
-    """What a watch saw: the best point and, for every improvement, when it came."""
-
-    evaluations: Evaluations
-    spent: tuple[float, ...]  # s in the problem, by kind
-    not_finite: int  # evaluations whose cost was NaN or infinite
-    seconds: float
-    best: Array  # (n,), empty if no cost was finite
-    trace: Array  # (k, 6): evaluations by kind, s, cost, which falls
-
-
-class Log:
-    """A file that is mapped into memory: what is in it outlives the process that wrote it."""
-
-    def __init__(self, path: str | Path, n: int) -> None:
-        self.n = n
-        shape = (HEAD + n + ROW * ROWS,)
-        self.numbers = np.memmap(path, dtype=float, mode="w+", shape=shape)
-        self.numbers[0] = n
-
-    def better(self, x: Array, row: tuple[float, ...]) -> None:
-        """One more improvement; when the file is full the last one gives way."""
-        k = min(int(self.numbers[1]), ROWS - 1)
-        at = HEAD + self.n + ROW * k
-        self.numbers[at : at + ROW] = row
-        self.numbers[HEAD : HEAD + self.n] = x
-        self.numbers[1] = k + 1
-
-    @staticmethod
-    def read(path: str | Path) -> Seen:
-        """What is there by now."""
-        numbers = np.fromfile(path, dtype=float)
-        if numbers.size < HEAD:
-            empty = np.zeros(0)
-            return Seen(Evaluations(), (0.0,) * 4, 0, 0.0, empty, empty.reshape(0, ROW))
-        n, rows = int(numbers[0]), int(numbers[1])
-        counts = [int(c) for c in numbers[2:6]]
-        trace = numbers[HEAD + n : HEAD + n + ROW * rows].reshape(rows, ROW)
-        best = numbers[HEAD : HEAD + n] if rows else numbers[:0]
-        spent = tuple(float(s) for s in numbers[6:10])
-        return Seen(
-            Evaluations(*counts), spent, int(numbers[10]), float(numbers[11]), best.copy(),
-            trace.copy(),
-        )  # fmt: skip
 
 
 class Watch:
@@ -94,7 +46,7 @@ class Watch:
     ) -> None:
         self._problem, self._fixed, self._log = problem, fixed, log
         self._most, self._longest, self._closing = max_evaluations, max_seconds, closing
-        self._counts, self._spent = dict.fromkeys(KINDS, 0), dict.fromkeys(KINDS, 0.0)
+        self._counts, self._spent = np.zeros(len(KINDS), dtype=int), np.zeros(len(KINDS))
         self._not_finite, self._best, self._paused = 0, np.inf, 0.0
         self._began = time.perf_counter()
 
@@ -107,76 +59,161 @@ class Watch:
         """A copy of the problem whose evaluations are seen here; it shares all that is built.
 
         So are those of the same problem with other blocks free, whose points are completed by
-        what is fixed. Without some of its residuals a problem has another cost: evaluations of
-        that are counted, and make no progress.
+        what is fixed. Without some of its residuals, or with other numbers fixed, a problem has
+        another cost: evaluations of that are counted, and make no progress.
         """
-        return self._copied(self._problem, lambda x, fixed: x)
+        return self._copied(self._problem, lambda x, fixed: (x, fixed))
 
     def _copied(self, problem: Problem, whole: Complete | None) -> Problem:
         def asked(kind: str, cost: Callable[[T], float], compute: Evaluate[T]) -> Evaluate[T]:
             def evaluate(x: Array, fixed: Array) -> T:
-                answer, seconds = self._asked(kind, lambda: compute(x, fixed))
-                if whole is not None and kind != "hessian":
-                    at = np.asarray(x, dtype=float).ravel()
-                    told = float(cost(answer))
-                    self._heard(lambda: whole(at, fixed), told, seconds)
-                self._note(seconds)
-                return answer
+                def points(_: int) -> tuple[Array, Array]:
+                    return np.asarray(x, dtype=float).ravel(), fixed
+
+                return self._asked(
+                    {kind: 1}, lambda: compute(x, fixed), lambda told: [cost(told)], points, whole
+                )
 
             return evaluate
+
+        def linearized(x: Array, fixed: Array) -> Any:
+            kinds = {"jacobian": 1}
+            if problem.stacked_constraints is not None:
+                kinds["constraint_jacobian"] = 1
+            return self._asked(
+                kinds, lambda: problem.linearize_at(x, fixed), lambda here: [here.cost],
+                lambda _: (np.asarray(x, dtype=float).ravel(), fixed), whole,
+            )  # fmt: skip
 
         def hessian(x: Array, fixed: Array) -> Array:
             with self._standing_still():
                 _ = problem.hessian
-            return asked("hessian", lambda H: np.nan, problem.hessian_at)(x, fixed)
+            return self._asked({"hessian": 1}, lambda: problem.hessian_at(x, fixed))
 
         def freeing(*names: str) -> Problem:
             part = problem.freeing(*names)
             complete = None if whole is None else _completing(part, self._problem)
             return self._copied(part, complete)
 
+        def costs(
+            x: Array, fixed: Array, entries: Places | None = None, by: Way = interpreted
+        ) -> Costs:
+            with self._standing_still():
+                found = problem.costs(x, fixed, entries, by)
+            return lambda z: self._asked(
+                {"residual": len(z)}, lambda: found(z), lambda told: told,
+                _placed(x, fixed, entries, z), whole,
+            )  # fmt: skip
+
+        def slopes(x: Array, fixed: Array, entries: Places | None = None) -> Slopes:
+            with self._standing_still():
+                found = problem.slopes(x, fixed, entries)
+            return lambda z: self._asked(
+                {"gradient": len(z)}, lambda: found(z), lambda told: told[0],
+                _placed(x, fixed, entries, z), whole,
+            )  # fmt: skip
+
+        def graph(
+            kind: str, build: Callable[[], cs.Function], cost: Callable[[cs.DM], Array] | None
+        ) -> WatchedFunction:
+            def built() -> cs.Function:
+                with self._standing_still():
+                    return build()
+
+            def call(
+                compute: Callable[[], T], points: Array, fixed: Array, told: Callable[[T], Array]
+            ) -> T:
+                return self._asked(
+                    {kind: len(points)}, compute, None if cost is None else told,
+                    lambda i: (points[i], fixed[i]), whole,
+                )  # fmt: skip
+
+            sizes = problem.free.size, problem.fixed.size
+            return WatchedFunction(built, sizes, call, cost or _nothing, self._log.taken)
+
         copied = copy.copy(problem)
-        vars(copied).update(  # methods of this one copy
+        vars(copied).update(  # methods and graphs of this one copy
             residual=asked("residual", half_squared, problem.residual),
             cost_and_gradient=asked("gradient", lambda both: both[0], problem.cost_and_gradient),
-            linearize_at=asked("jacobian", lambda here: here.cost, problem.linearize_at),
+            linearize_at=linearized,
             hessian_at=hessian,
+            costs=costs,
+            slopes=slopes,
+            function=graph("residual", lambda: problem.function, _half_squared),
+            derivative=graph("jacobian", lambda: problem.derivative, _half_squared),
+            adjoint=graph("gradient", lambda: problem.adjoint, _plain),
+            hessian=graph("hessian", lambda: problem.hessian, None),
+            stacked_constraints=self._constraints(problem.stacked_constraints),
             freeing=freeing,
             without=lambda *names: self._copied(problem.without(*names), None),
         )
         return copied
 
-    def _asked(self, kind: str, compute: Callable[[], T]) -> tuple[T, float]:
-        """The answer, and the time on the clock when it came."""
-        if sum(self._counts.values()) >= self._most + CLOSING:
+    def _constraints(self, there: ConstraintSet | None) -> ConstraintSet | None:
+        if there is None:
+            return None
+
+        def counted(kind: str, compute: Callable[..., T]) -> Callable[..., T]:
+            return lambda *given: self._asked({kind: 1}, lambda: compute(*given))
+
+        copied = copy.copy(there)
+        vars(copied).update(
+            values=counted("constraint", there.values),
+            linearize=counted("constraint_jacobian", there.linearize),
+            hessian=counted("constraint_hessian", there.hessian),
+        )
+        return copied
+
+    def _asked(
+        self,
+        kinds: dict[str, int],
+        compute: Callable[[], T],
+        costs: Callable[[T], Any] | None = None,
+        point: Callable[[int], tuple[Array, Array]] | None = None,
+        whole: Complete | None = None,
+    ) -> T:
+        """The answer; what it says of the costs of points is heard, if they are of the whole."""
+        first = next(iter(kinds))
+        limited = KINDS.index(first) < LIMITED
+        if limited and self._counts[:LIMITED].sum() >= self._most + CLOSING:
             raise Stop(Status.MAX_EVALUATIONS)
         before = self.seconds
         if before > self._longest + self._closing:
             raise Stop(Status.MAX_SECONDS)
-        self._counts[kind] += 1
+        for kind, count in kinds.items():
+            self._counts[KINDS.index(kind)] += count
         answer = compute()
         after = self.seconds
-        self._spent[kind] += after - before
-        return answer, after
+        self._spent[KINDS.index(first)] += after - before
+        if costs is not None and point is not None and whole is not None:
+            self._heard(np.asarray(costs(answer), dtype=float), first, point, whole, after)
+        self._log.note(self._counts, self._spent, self._not_finite, after)
+        return answer
 
-    def _heard(self, at: Callable[[], Array], cost: float, seconds: float) -> None:
-        if not np.isfinite(cost):
-            self._not_finite += 1
-        elif cost < self._best and self._within(seconds):
+    def _heard(
+        self,
+        costs: Array,
+        kind: str,
+        point: Callable[[int], tuple[Array, Array]],
+        whole: Complete,
+        seconds: float,
+    ) -> None:
+        """Costs (k,) of points that were asked about one after the other, or at once."""
+        self._not_finite += int(np.count_nonzero(~np.isfinite(costs)))
+        for i in np.flatnonzero(costs < self._best):
+            counts = self._counts.copy()
+            counts[KINDS.index(kind)] -= len(costs) - 1 - i
+            within = counts[:LIMITED].sum() <= self._most and seconds <= self._longest
+            if not (within and -np.inf < costs[i] < self._best):
+                continue
             with self._standing_still():
-                x = at()
-                allowed = feasible(self._problem, x, self._fixed)
+                x, fixed = whole(*point(int(i)))
+                allowed = np.array_equal(fixed, self._fixed) and feasible(
+                    self._problem, x, self._fixed
+                )
             if allowed:
-                self._best = cost
-                self._log.better(x, (*self._counts.values(), seconds, cost))
-
-    def _within(self, seconds: float) -> bool:
-        return sum(self._counts.values()) <= self._most and seconds <= self._longest
-
-    def _note(self, seconds: float) -> None:
-        self._log.numbers[2:HEAD] = (
-            *self._counts.values(), *self._spent.values(), self._not_finite, seconds
-        )  # fmt: skip
+                self._best = float(costs[i])
+                self._log.better(x, counts, seconds, self._best)
 
     @contextmanager
     def _standing_still(self) -> Iterator[None]:
@@ -186,5 +223,31 @@ class Watch:
 
 
 def _completing(part: Problem, problem: Problem) -> Complete:
-    """From the numbers of a part, free and fixed, to the free ones of the whole problem."""
-    return lambda x, fixed: problem.free.pack(part.free.unpack(x) | part.fixed.unpack(fixed))
+    """From the numbers of a part, free and fixed, to those of the whole problem."""
+    return lambda x, fixed: problem.split(part.free.unpack(x) | part.fixed.unpack(fixed))
+
+
+def _placed(
+    x: Array, fixed: Array, entries: Places | None, z: Array
+) -> Callable[[int], tuple[Array, Array]]:
+    """The points of `Problem.costs`: x, but for z (M, k) in some places."""
+
+    def point(i: int) -> tuple[Array, Array]:
+        at = np.array(x, dtype=float).ravel()
+        at[slice(None) if entries is None else entries] = z[i]
+        return at, fixed
+
+    return point
+
+
+def _half_squared(r: cs.DM) -> Array:
+    """Of residuals (m, points)."""
+    return 0.5 * np.asarray(np.sum(np.asarray(r, dtype=float) ** 2, axis=0))
+
+
+def _plain(cost: cs.DM) -> Array:
+    return np.asarray(cost, dtype=float).ravel()
+
+
+def _nothing(_: cs.DM) -> Array:
+    return np.zeros(0)

@@ -1,108 +1,216 @@
 """What a comparison says, in sentences; each of them is a statement about its numbers."""
 
 import math
+from collections.abc import Iterable
 
 from workbench.comparison.comparison import MAIN, Comparison
-from workbench.comparison.statistics import Interval
-from workbench.comparison.targets import Verdict, named
+from workbench.comparison.pairs import duels, surer
+from workbench.comparison.prices import SOURCE, said
+from workbench.comparison.statistics import FEWEST, LEVEL, Interval
+from workbench.comparison.targets import Verdict, ended_by_clock, named
+
+LISTED = 5  # groups of problems that are told one by one
 
 
 def percent(interval: Interval) -> str:
-    """`90% (60–98)`."""
+    """`90% (60–98)`, and `90%` where there is no interval."""
+    if math.isnan(interval.value):
+        return "–"
+    if not interval.given:
+        return f"{interval.value:.0%}"
     return f"{interval.value:.0%} ({100 * interval.low:.0f}–{100 * interval.high:.0f})"
 
 
-def surest(comparison: Comparison, tau: float = MAIN) -> tuple[str, ...]:
-    """The solvers that met the target most often; several if they did so equally often."""
-    share = {s: comparison.success(s, tau).value for s in comparison.solvers}
-    most = max(share.values(), default=0.0)
-    return tuple(s for s in share if share[s] == most) if most > 0 else ()
-
-
-def as_sure(comparison: Comparison, tau: float = MAIN) -> tuple[str, ...]:
-    """Those that cannot be told from the surest: of the starts from which only one of the two met
-    the target, its share may be one half by chance. Whoever never met it is not among them.
-    """
-    first = surest(comparison, tau)
+def reliable(comparison: Comparison, problems: Iterable[str], tau: float = MAIN) -> tuple[str, ...]:
+    """The solvers that returned an answer within the target from every start of these problems."""
+    starts = [i.name for p in problems for i in comparison.starts(p)]
     return tuple(
-        s
-        for s in comparison.solvers
-        if first and comparison.success(s, tau).value > 0
-        if s in first or not comparison.surer(first[0], s, tau).decided
+        s for s in comparison.solvers if all(comparison.delivered(i, s, tau) for i in starts)
     )
 
 
 def advice(comparison: Comparison, tau: float = MAIN) -> tuple[str, ...]:
-    """Which solver to take when, and why; nothing where the runs do not tell."""
-    starts, solvers = len(comparison.instances), comparison.solvers
-    said = []
-    first = surest(comparison, tau)
-    if not first:
-        return (f"No solver met the target τ = {named(tau)} from any of the {starts} starts.",)
-    rate = comparison.success(first[0], tau)
-    who, alone = _and(first), len(solvers) == 1
-    said.append(
-        f"{who} met the target τ = {named(tau)} from {rate.value * starts:.0f} of {starts} starts"
-        + (" each." if len(first) > 1 else "." if alone else ", more often than any other.")
-    )
-    alike = as_sure(comparison, tau)
-    if len(alike) > len(first):
-        others = _and(tuple(s for s in alike if s not in first))
-        said.append(
-            f"From so few starts {others} cannot be told from that: too few were met by only one "
-            "of a pair."
-        )
-    said += _quickest(comparison, alike, tau)
-    said += _lost(comparison)
-    return tuple(said)
+    """Which solver to take when, and why; nothing where the runs do not tell. A solver is advised
+    for problems only if it returned an answer within the target from every start of them, and by
+    counts and published prices only: no clock is asked.
+    """
+    compared = comparison.compared
+    out = _nothing_to_compare(comparison)
+    if compared:
+        everywhere = reliable(comparison, compared, tau)
+        if everywhere:
+            out += _sure(comparison, everywhere, tau)
+            out += _cheapest(comparison, everywhere, tau)
+        else:
+            out += _none(comparison, compared, tau)
+    return (*out, *_uncounted(comparison, tau), *_lost(comparison), *_clock(comparison))
 
 
-def _quickest(comparison: Comparison, among: tuple[str, ...], tau: float) -> list[str]:
-    """Among those who are as sure: who beats every other one in pairs."""
-    if len(among) < 2:
+def _nothing_to_compare(comparison: Comparison) -> list[str]:
+    left = len(comparison.instances) - len(comparison.comparable)
+    if not left:
         return []
-    for one in among:
-        others = [s for s in among if s != one]
-        duels = {s: comparison.duel(one, s, tau) for s in others}
-        if all(d.share.low > 0.5 for d in duels.values()):
-            return [
-                f"Among these take {one} when effort counts: in pairs from the same starts it "
-                f"was ahead of each of {_and(tuple(others))} beyond chance (it needed less, or met "
-                "the target alone)."
-            ]
-    median = {s: comparison.effort(s, tau).value for s in among}
-    least = min(median, key=lambda s: median[s])
-    if median[least] == math.inf:
-        return ["None of these met it from more than half of the starts, so none is the quickest."]
-    unbeaten = [s for s in among if s != least and not comparison.duel(least, s, tau).decided]
-    if not unbeaten:
-        return []
+    why = "only one run ended and no cost is known beforehand, so nothing says whether it is low"
+    if comparison.comparable:
+        return [f"{left} of {len(comparison.instances)} starts are left out: {why}."]
     return [
-        f"Among these {least} has the least median effort ({median[least]:.3g} residuals' worth), "
-        f"but in pairs from the same starts it is not ahead of {_and(tuple(unbeaten))} beyond "
-        "chance: more starts would be needed to tell."
+        f"There is nothing to compare: of each problem {why}. Compare several solvers or several "
+        "starts, or give the experiment its known cost."
     ]
+
+
+def _sure(comparison: Comparison, everywhere: tuple[str, ...], tau: float) -> list[str]:
+    starts = len(comparison.comparable)
+    each = " each" if len(everywhere) > 1 else ""
+    text = f"{_and(everywhere)}{each} returned a point within the target τ = {named(tau)} from "
+    text += f"all {starts} starts." if starts > 1 else "the one start."
+    others = [s for s in comparison.solvers if s not in everywhere]
+    if others:
+        counts = ", ".join(
+            f"{s} {sum(comparison.delivered(i.name, s, tau) for i in comparison.comparable)}"
+            for s in others
+        )
+        text += f" Not from all of them: {counts} of {starts}."
+    out = [text]
+    pairs = surer(comparison, tau)
+    open_ = tuple(s for s in others if not pairs[everywhere[0], s].decided)
+    if open_:
+        least = min(pairs[everywhere[0], s].corrected for s in open_)
+        out.append(
+            f"Whether {_and(open_)} would fail more often on other problems too, these runs do not "
+            f"tell (sign test over {_problems(comparison)}: p {_at_least(least)}; "
+            f"level {LEVEL:.0%})."
+        )
+    return out
+
+
+def _cheapest(comparison: Comparison, everywhere: tuple[str, ...], tau: float) -> list[str]:
+    """Among those that reached the target everywhere: who needs least, and whether by chance."""
+    known = comparison.all_counted(tau)
+    ranked = {s: comparison.effort(s, tau).value for s in everywhere if s in known}
+    if len(ranked) < 2:
+        return []
+    pairs, test = duels(comparison, tau), f"sign test over {_problems(comparison)}: p"
+    level = f"corrected for all pairs; level {LEVEL:.0%}"
+    for one in ranked:
+        others = tuple(s for s in ranked if s != one)
+        if all(pairs[one, s].won for s in others):
+            worst = max(pairs[one, s].corrected for s in others)
+            return [
+                f"Of these take {one}: it needed less effort than {_and(others)} on more problems "
+                f"than can be chance ({test} = {worst:.2g}{' or less' if len(others) > 1 else ''}, "
+                f"{level}). Its median effort is {_worth(ranked[one])}."
+            ]
+    least = min(ranked.values())
+    first = tuple(s for s, effort in ranked.items() if effort == least)
+    if len(first) > 1:
+        return [f"Of these {_and(first)} have the least median effort, {_worth(least)}."]
+    one, others = first[0], tuple(s for s in ranked if s != first[0])
+    ahead = tuple(s for s in others if pairs[s, one].won)
+    unbeaten = tuple(s for s in others if not pairs[one, s].decided)
+    text = f"Of these {one} has the least median effort, {_worth(least)}"
+    if unbeaten:
+        smallest = min(pairs[one, s].corrected for s in unbeaten)
+        text += (
+            f", but that it is ahead of {_and(unbeaten)} may be chance ({test} "
+            f"{_at_least(smallest)}, {level})"
+        )
+    if ahead:
+        text += f"; yet {_and(ahead)} needed less than it on more problems than can be chance"
+    text += "."
+    if len(comparison.compared) < FEWEST:
+        text += f" With fewer than {FEWEST} problems no pair can pass this test."
+    return [text]
+
+
+def _worth(effort: float) -> str:
+    return f"{effort:.4g} evaluations of the residual at the published prices"
+
+
+def _none(comparison: Comparison, compared: tuple[str, ...], tau: float) -> list[str]:
+    """Nobody reached it everywhere: who did so on which problems."""
+    out = [
+        f"No solver returned a point within the target τ = {named(tau)} from "
+        + (f"all {len(comparison.comparable)} starts" if len(comparison.comparable) > 1 else
+           "the one start")
+        + ", so none is advised" + (" for all of these problems." if len(compared) > 1 else ".")
+    ]  # fmt: skip
+    if len(compared) == 1:
+        return out
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for problem in compared:
+        groups.setdefault(reliable(comparison, (problem,), tau), []).append(problem)
+    order = sorted(groups, key=lambda who: (not who, -len(groups[who])))
+    for who in order[:LISTED]:
+        told = f"{_and(who)} did so" if who else "no solver did so"
+        out.append(f"On {_and(tuple(groups[who]))}: {told} from every start.")
+    if len(order) > LISTED:
+        out.append("The page tells of the other problems one by one.")
+    return out
+
+
+def _uncounted(comparison: Comparison, tau: float) -> list[str]:
+    """Whose evaluations were not all seen."""
+    out = []
+    for solver in comparison.solvers:
+        runs = [i.name for i in comparison.instances if comparison.uncounted(i.name, solver, tau)]
+        if runs:
+            out.append(
+                f"{solver}: not everything was counted in {len(runs)} of "
+                f"{len(comparison.instances)} runs, so its effort is unknown and it is left out of "
+                "what is said of effort. It took one of the problem's graphs into code of its own "
+                "(as nlpsol does), or ended at a point about which it never asked the problem."
+            )
+    return out
 
 
 def _lost(comparison: Comparison) -> list[str]:
     """Who is lured into other basins, who is wrong about itself, and who fails."""
-    said = []
+    out = []
     for solver in comparison.solvers:
         counts = comparison.counted(solver)
         runs = counts.total()
         wrong = counts[Verdict.FALSE_CLAIM]
         if wrong:
-            said.append(
+            out.append(
                 f"{solver} claims convergence where the cost still slopes, in {wrong} of {runs} "
                 "runs: do not believe its status."
             )
         elsewhere = counts[Verdict.OTHER_BASIN]
         if elsewhere and elsewhere >= runs / 2:
-            said.append(
+            out.append(
                 f"{solver} ends in a basin that costs more in {elsewhere} of {runs} runs: start it "
                 "from several points."
             )
-    return said
+    return out
+
+
+def _clock(comparison: Comparison) -> list[str]:
+    """Whether any run was cut short by time."""
+    late = sum(ended_by_clock(r) for r in comparison.records.values())
+    if not late:
+        return []
+    return [
+        f"{late} of {len(comparison.records)} runs were ended by the clock: on a quicker or less "
+        "busy machine they may get further, and all of this may change."
+    ]
+
+
+def prices_sentence() -> str:
+    """At which prices effort is counted."""
+    return (
+        "Effort counts evaluations until the target at fixed prices, in evaluations of the "
+        f"residual: {said()} (upper bounds of {SOURCE}). No clock enters it."
+    )
+
+
+def _problems(comparison: Comparison) -> str:
+    n = len(comparison.compared)
+    return f"{n} problem{'' if n == 1 else 's'}"
+
+
+def _at_least(p: float) -> str:
+    return "= 1" if p >= 1 else f"= {p:.2g} or more"
 
 
 def _and(names: tuple[str, ...]) -> str:
@@ -118,9 +226,12 @@ def basin_sentence(comparison: Comparison, problem: str) -> str:
     lowest = sum(1 for b in counted if b == 0)
     if not counted:
         return f"{problem}: no run ended at a point of finite cost."
-    if several == 1:
-        return f"{problem}: all {len(counted)} ends lead to one basin."
+    if len(counted) == 1:
+        return f"{problem}: one run ended, so there is no other basin to compare its own with."
     per = "" if len({id(j) for j in found.values()}) == 1 else "up to "
+    if several == 1:
+        each = "on each data set " if per else ""
+        return f"{problem}: {each}all {len(counted)} ends lead to one basin."
     return (
         f"{problem}: the ends lead to {per}{several} basins; {lowest} of {len(counted)} ends lead "
         "to the lowest."

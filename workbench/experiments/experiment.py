@@ -174,7 +174,7 @@ class Outcome:
 
     @property
     def better(self) -> str | None:
-        """A solver that found less cost than this one by more than a millionth, the quickest."""
+        """The first solver of those that found less cost than this one by more than a millionth."""
         good = comparison.as_good(self.compared)
         return good[0] if good and self.solver not in good else None
 

@@ -107,15 +107,16 @@ def caption_convergence(solutions: Mapping[str, Solution]) -> str:
     if not np.isfinite(best):
         return "No solver found a point of finite cost."
     same = as_good(solutions)
-    quickest = same[0]
     text = (
         f"How far the cost still was above the lowest that was found here, {best:.6g}, as a share "
         "of the whole way down from the start."
     )
     if len(solutions) > 1:
+        took = [solutions[name].seconds for name in same]
+        spread = f"{min(took):.2f} to {max(took):.2f} s" if len(took) > 1 else f"{took[0]:.2f} s"
         text += (
-            f" {len(same)} of {len(solutions)} solvers end within one millionth of it; of these "
-            f"{quickest} took the least time, {solutions[quickest].seconds:.2f} s."
+            f" {len(same)} of {len(solutions)} solvers end within one millionth of it, after "
+            f"{spread}, as measured: times differ from run to run."
         )
     if not all(solution.converged for solution in solutions.values()):
         text += " Solvers whose last mark is hollow did not converge."

@@ -24,8 +24,8 @@ class Effort:
     least: float  # on the axis
 
 
-UNITS = Effort(0, "effort (residuals' worth)", 0.8)
-SECONDS = Effort(1, "time (s)", 1e-4)
+UNITS = Effort(0, "effort (evaluations of the residual)", 0.8)
+SECONDS = Effort(1, "measured time (s)", 1e-4)
 
 
 def plot_cost_traces(
@@ -36,17 +36,16 @@ def plot_cost_traces(
     alpha = 0.9 if len(instances) == 1 else max(0.25, 0.8 / len(instances) ** 0.5)
     longest = against.least * 10
     for k, solver in enumerate(comparison.solvers):
-        for j, instance in enumerate(instances):
+        for instance in instances:
             trace = comparison.trace(instance, solver)
             if not len(trace):
                 continue
             x = np.maximum(trace[:, against.column], against.least)
-            longest = max(longest, float(x.max()))
+            longest = max(longest, float(np.max(x, where=np.isfinite(x), initial=0.0)))
             y = np.maximum(trace[:, 2], LOWEST)
             ax.step(x, y, where="post", linewidth=1.3, alpha=alpha, **line(k))
             ax.plot(x[-1:], y[-1:], ".", color=line(k)["color"], alpha=alpha, markersize=5)
-            if j == 0:
-                ax.plot([], [], linewidth=1.6, label=plain(solver), **line(k))
+        ax.plot([], [], linewidth=1.6, label=plain(solver), **line(k))
     for tau in comparison.taus:
         ax.axhline(tau, color=FAINT, linewidth=0.7, linestyle=(0, (1, 3)))
     ax.set_xscale("log")
@@ -69,5 +68,6 @@ def caption_cost_traces(comparison: Comparison, problem: str) -> str:
         f"{problem}: how far the best point so far was still above the lowest cost known, as a "
         f"share of the whole way down; {runs}, a dot where a run ended. Dotted lines are the "
         f"targets. What is below {named(LOWEST)} is drawn there. A line that runs flat above "
-        "the targets sits in another basin, or is stuck."
+        "the targets sits in another basin, or is stuck. Effort is counted at fixed prices; "
+        "time is as measured, and differs from machine to machine and from run to run."
     )

@@ -19,33 +19,45 @@ POINTS = 400
 
 def plot_performance_profile(comparison: Comparison, tau: float, *, ax: Axes) -> Axes:
     """rho_s(alpha): the share of starts on which s needs at most alpha times the least effort."""
-    needed = comparison.needed(tau)
+    names, needed = _known(comparison, tau)
     found = ratios(needed)
     widest = float(np.max(found[np.isfinite(found)], initial=2.0))
     alphas = np.geomspace(1.0, 1.3 * widest, POINTS)
-    _curves(comparison, alphas, performance_profile(needed, alphas), tau, ax)
+    _curves(comparison, names, alphas, performance_profile(needed, alphas), tau, ax)
     ax.set_xlabel("effort over the least of all (ratio α)")
     return ax
 
 
 def plot_data_profile(comparison: Comparison, tau: float, *, ax: Axes) -> Axes:
     """d_s(kappa): the share of starts brought to the target within kappa simplex gradients."""
-    needed = comparison.needed(tau)
-    unknowns = np.array([comparison.described[i.name].unknowns for i in comparison.instances])
+    names, needed = _known(comparison, tau)
+    unknowns = np.array([comparison.described[i.name].unknowns for i in comparison.comparable])
     effort = needed / (unknowns[:, None] + 1)
     finite = effort[np.isfinite(effort)]
     low = 0.7 * float(np.min(finite, initial=1.0))
     kappas = np.geomspace(max(low, 1e-3), 1.5 * float(np.max(finite, initial=2.0)), POINTS)
-    _curves(comparison, kappas, data_profile(needed, unknowns, kappas), tau, ax)
+    _curves(comparison, names, kappas, data_profile(needed, unknowns, kappas), tau, ax)
     ax.set_xlabel("effort (simplex gradients κ)")
     return ax
 
 
-def _curves(comparison: Comparison, x: Array, shares: Array, tau: float, ax: Axes) -> None:
+def _known(comparison: Comparison, tau: float) -> tuple[tuple[str, ...], Array]:
+    """The solvers whose effort is known from every start, and their efforts (P, S)."""
+    names = comparison.all_counted(tau)
+    return names, comparison.needed(tau)[:, [comparison.solvers.index(s) for s in names]]
+
+
+def _curves(
+    comparison: Comparison, names: tuple[str, ...], x: Array, shares: Array, tau: float, ax: Axes
+) -> None:
     count = len(comparison.solvers)
     for k, solver in enumerate(comparison.solvers):
+        if solver not in names:
+            ax.plot([], [], linewidth=1.6, label=plain(f"{solver}: not counted"), **line(k))
+            continue
         lift = 0.012 * (k / max(1, count - 1) - 0.5)  # so that equal curves do not hide each other
-        ax.step(x, shares[:, k] + lift, where="post", linewidth=1.6, label=plain(solver), **line(k))
+        y = shares[:, names.index(solver)] + lift
+        ax.step(x, y, where="post", linewidth=1.6, label=plain(solver), **line(k))
     ax.set_xscale("log")
     ax.set_xlim(x[0], x[-1])
     decades(ax.xaxis, x[0], x[-1])
@@ -68,10 +80,10 @@ def caption_performance_profile(comparison: Comparison) -> str:
     )
     return (
         "Performance profiles (Dolan and Moré 2002). At the left edge: the share of the "
-        f"{len(comparison.instances)} starts on which a solver needed the least effort of all. At "
+        f"{len(comparison.comparable)} starts on which a solver needed the least effort of all. At "
         "the right edge: the share on which it met the target at all. Higher is better; a curve "
-        "that starts high is quick, one that ends high is sure. Effort is counted in residuals."
-        + warning
+        "that starts high is cheap, one that ends high is sure. Effort is counted in evaluations "
+        "of the residual, at fixed prices." + warning
     )
 
 
@@ -79,7 +91,7 @@ def caption_data_profile(comparison: Comparison) -> str:
     """What `plot_data_profile` shows."""
     return (
         "Data profiles (Moré and Wild 2009): the share of the "
-        f"{len(comparison.instances)} starts that a solver has brought to the target once it has "
+        f"{len(comparison.comparable)} starts that a solver has brought to the target once it has "
         "spent a given effort, in simplex gradients: n + 1 residuals for n unknowns. To be read at "
         "the effort that you can afford; it does not depend on who else takes part. A curve that "
         "stops rising below 100 % says which share is never solved within the budget."

@@ -12,6 +12,7 @@ from workbench.plots.palette import BLUE, FAINT, GREEN, INK, ORANGE, PURPLE, SKY
 
 COLOURS = {
     Verdict.REACHED: GREEN,
+    Verdict.ALONE: BLUE,
     Verdict.OTHER_BASIN: SKY,
     Verdict.STALLED: ORANGE,
     Verdict.OUT_OF_BUDGET: PURPLE,
@@ -54,6 +55,10 @@ def caption_verdicts(comparison: Comparison) -> str:
         text += " Vermillion claims convergence where the cost still slopes."
     else:
         text += " Nobody claims convergence where the cost still slopes."
+    if came[Verdict.ALONE]:
+        text += (
+            " Blue is the only end of a problem of which no cost is known: it may be low or high."
+        )
     if any(n for verdict, n in came.items() if verdict not in COLOURS):
         text += (
             " Grey is whoever gave no answer, or refused because the problem is not made for it."

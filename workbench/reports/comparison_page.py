@@ -7,10 +7,13 @@ from typing import Any
 from workbench.comparison import Comparison
 from workbench.comparison.comparison import MAIN
 from workbench.comparison.identity import code_version, identity
+from workbench.comparison.measured import ratios
+from workbench.comparison.prices import SOURCE
+from workbench.comparison.statistics import FEWEST, LEVEL
 from workbench.comparison.store import MARK, RUNS
 from workbench.comparison.targets import Verdict, ended_by_clock, named
 from workbench.comparison.tidy import write_csv
-from workbench.comparison.words import advice, basin_sentence
+from workbench.comparison.words import advice, basin_sentence, reliable
 from workbench.plots import comparison_sheets as sheets
 from workbench.plots.accuracy import caption_accuracy
 from workbench.plots.cost_traces import caption_cost_traces
@@ -29,7 +32,7 @@ RESULTS = "results.csv"
 FILES = {
     "index.html": "this page",
     RESULTS: "every run as one row: costs, evaluations, times, verdict, and each target",
-    MARK: "machine, versions, options, prices, targets, basins, for programs",
+    MARK: "machine, versions, options, prices (fixed, measured), targets, basins, for programs",
 }
 FEW = 3  # runs that a waterfall needs
 
@@ -66,6 +69,7 @@ def comparison_data(comparison: Comparison) -> dict[str, Any]:
         "seeds": plan.seeds,
         "targets": comparison.taus,
         "prices": comparison.prices,
+        "measured_prices": {p: ratios(comparison, p) for p in comparison.problems},
         "starts": {
             name: asdict(yardstick) for name, yardstick in comparison.yardsticks.items()
         },
@@ -98,7 +102,7 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
     budget = comparison.plan.budget
     files = FILES | ({f"{RUNS}/": "every run with its trace; the same command goes on from them"}
                      if kept else {})  # fmt: skip
-    pairs = len(comparison.solvers) > 1
+    pairs = len(comparison.solvers) > 1 and len(comparison.comparable) > 0
     return page(
         "comparison.html",
         title="Solvers compared",
@@ -112,6 +116,13 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
         meanings={v.name.lower().replace("_", " "): v.value for v in Verdict},
         success=tables.success_table(comparison),
         effort=tables.effort_table(comparison),
+        prices=tables.prices_table(),
+        price_source=SOURCE,
+        seconds=tables.seconds_table(comparison),
+        compared=len(comparison.comparable),
+        fewest=FEWEST,
+        level=f"{LEVEL:.0%}",
+        sure=bool(reliable(comparison, comparison.compared)) and bool(comparison.compared),
         data_profile=shown(
             sheets.data_profile_sheet(comparison, taus), caption_data_profile(comparison)
         ),

@@ -5,28 +5,40 @@ import numpy as np
 from workbench.comparison import Comparison, Verdict
 from workbench.comparison.comparison import MAIN
 from workbench.comparison.identity import identity
+from workbench.comparison.log import KINDS, LIMITED
+from workbench.comparison.measured import Spread, ratios, seconds_of_runs, seconds_to
 from workbench.comparison.plan import Instance
-from workbench.comparison.statistics import Interval, median
+from workbench.comparison.prices import PRICES
+from workbench.comparison.statistics import median
 from workbench.comparison.targets import named
-from workbench.comparison.watch import KINDS
 from workbench.comparison.words import percent
 from workbench.reports.tables import Row, Table, number
 
-PLURAL = ("residuals", "gradients", "Jacobians", "Hessians")
+PLURAL = {
+    "residual": "residuals", "gradient": "gradients", "jacobian": "Jacobians",
+    "hessian": "Hessians", "constraint": "constraints",
+    "constraint_jacobian": "Jacobians of constraints",
+    "constraint_hessian": "Hessians of constraints",
+}  # fmt: skip
 
 
 def success_table(comparison: Comparison) -> Table:
-    """How often each solver met each target, and returned a point at the lowest cost."""
+    """How often each solver met each target, and returned a point at the lowest cost; of several
+    problems, on how many it met the target from every start.
+    """
+    several = len(comparison.compared) > 1
     rows = tuple(
         (
             solver,
             *(percent(comparison.success(solver, tau)) for tau in comparison.taus),
             percent(comparison.reached(solver)),
+            *([percent(comparison.solved_problems(solver, MAIN))] if several else []),
         )
         for solver in comparison.solvers
     )
     head = (
         "solver", *(f"τ = {named(tau)}" for tau in comparison.taus), "ended at the lowest cost",
+        *([f"problems, τ = {named(MAIN)}"] if several else []),
     )  # fmt: skip
     return Table(head, rows, tuple(range(1, len(head))))
 
@@ -42,62 +54,73 @@ def verdicts_table(comparison: Comparison) -> Table:
     return Table(("solver", *(_verdict(v) for v in there)), rows, tuple(range(1, len(there) + 1)))
 
 
+def prices_table() -> Table:
+    """What an evaluation counts in effort."""
+    rows = tuple((PRICES[kind].name, PRICES[kind].formula) for kind in KINDS)
+    return Table(("evaluation of", "price"), rows)
+
+
 def effort_table(comparison: Comparison, tau: float = MAIN) -> Table:
-    """What it took to meet a target: medians over all starts, failures counted as infinite."""
+    """What it took to meet a target, by counts: medians, failures counted as infinite."""
+    kinds = _asked(comparison)
     rows = []
     for solver in comparison.solvers:
-        met = [comparison.met(i.name, solver, tau) for i in comparison.instances]
-        counts = [
-            median([np.inf if row is None else row[k] for row in met]).value
-            for k in range(len(KINDS))
-        ]
-        k = comparison.solvers.index(solver)
-        seconds = median(comparison.needed_seconds(tau)[:, k])
+        met = sum(comparison.solved(i.name, solver, tau) for i in comparison.comparable)
         rows.append(
             (
-                solver, f"{sum(row is not None for row in met)} of {len(met)}",
-                *(_amount(c) for c in counts), _told(comparison.effort(solver, tau)),
-                _told(seconds),
+                solver, f"{met} of {len(comparison.comparable)}",
+                *_counts(comparison, solver, tau, kinds), _effort(comparison, solver, tau),
             )
         )  # fmt: skip
-    head = ("solver", "met", *PLURAL, "effort", "seconds")
+    head = ("solver", "met", *(PLURAL[kind] for kind in kinds), "effort")
     return Table(head, tuple(rows), tuple(range(1, len(head))))
 
 
+def seconds_table(comparison: Comparison, tau: float = MAIN) -> Table:
+    """Seconds as they were measured, with their spread."""
+    rows = tuple(
+        (solver, *_spread(seconds_to(comparison, solver, tau)),
+         *_spread(seconds_of_runs(comparison, solver)))
+        for solver in comparison.solvers
+    )  # fmt: skip
+    head = ("solver", *(f"until τ = {named(tau)}, {s}" for s in ("least", "median", "most")),
+            *(f"whole run, {s}" for s in ("least", "median", "most")))  # fmt: skip
+    return Table(head, rows, tuple(range(1, len(head))))
+
+
 def problem_table(comparison: Comparison, problem: str, tau: float = MAIN) -> Table:
-    """The same for one problem."""
-    chosen = comparison.of(problem)
+    """The same for one problem; seconds last, as least, median and most."""
+    chosen, kinds = comparison.of(problem), _asked(comparison)
     rows = []
     for solver in comparison.solvers:
-        met = [comparison.met(i.name, solver, tau) for i in chosen]
-        counts = [
-            median([np.inf if row is None else row[k] for row in met]).value
-            for k in range(len(KINDS))
-        ]
         ends = [comparison.records[i.name, solver] for i in chosen]
         lowest = min((r.cost for r in ends if r.finite), default=np.nan)
         rows.append(
             (
                 solver, percent(comparison.success(solver, tau, problem)),
-                *(_amount(c) for c in counts),
-                _told(comparison.effort(solver, tau, problem)), number(lowest, 7),
+                *_counts(comparison, solver, tau, kinds, problem),
+                _effort(comparison, solver, tau, problem), number(lowest, 7),
                 _verdicts(comparison, chosen, solver),
+                " / ".join(_spread(seconds_to(comparison, solver, tau, problem))),
             )
         )  # fmt: skip
     head = (
-        "solver", f"met τ = {named(tau)}", *PLURAL, "effort", "lowest end",
-        "what its runs came to",
+        "solver", f"met τ = {named(tau)}", *(PLURAL[kind] for kind in kinds), "effort",
+        "lowest end", "what its runs came to", "measured seconds",
     )  # fmt: skip
-    return Table(head, tuple(rows), tuple(range(1, len(head) - 1)))
+    return Table(head, tuple(rows), (*range(1, len(head) - 2), len(head) - 1))
 
 
 def problems_table(comparison: Comparison) -> Table:
-    """Sizes, prices, and the lowest cost known with its origin."""
+    """Sizes, prices beside the ratios that were measured, and the lowest cost known with its
+    origin.
+    """
+    kinds = _asked(comparison)[1:]
     rows = []
     for problem in comparison.problems:
         chosen = comparison.of(problem)
         about = [comparison.described[i.name] for i in chosen]
-        prices = comparison.prices[problem]
+        prices, measured = comparison.prices[problem], ratios(comparison, problem)
         yard = [comparison.yardsticks[i.name] for i in chosen]
         best = sorted({y.best for y in yard})
         told = number(best[0], 7) + (f" to {number(best[-1], 7)}" if len(best) > 1 else "")
@@ -105,13 +128,13 @@ def problems_table(comparison: Comparison) -> Table:
         rows.append(
             (
                 problem, str(len(chosen)), f"{about[0].rows:,}", str(about[0].unknowns),
-                number(residual, 3), *(number(prices[kind], 3) for kind in KINDS[1:]), told,
-                ", ".join(dict.fromkeys(y.origin for y in yard)),
+                *(f"{number(prices[k], 4)} ({number(measured[k], 2)})" for k in kinds),
+                number(residual, 3), told, ", ".join(dict.fromkeys(y.origin for y in yard)),
             )
         )  # fmt: skip
     head = (
-        "problem", "starts", "m", "n", "residual, µs", "gradient", "Jacobian", "Hessian",
-        "lowest cost known, f*", "from",
+        "problem", "starts", "m", "n", *(PRICES[kind].name for kind in kinds),
+        "residual, µs", "lowest cost known, f*", "from",
     )  # fmt: skip
     return Table(head, tuple(rows), tuple(range(1, len(head) - 1)))
 
@@ -122,7 +145,7 @@ def failures_table(comparison: Comparison) -> Table:
     for instance in comparison.instances:
         for solver in comparison.solvers:
             verdict = comparison.verdicts[instance.name, solver]
-            if verdict is Verdict.REACHED:
+            if verdict in (Verdict.REACHED, Verdict.ALONE):
                 continue
             record = comparison.records[instance.name, solver]
             said = f"{record.claim.lower().replace('_', ' ')}: " if record.claim else ""
@@ -186,9 +209,39 @@ def _verdict(verdict: Verdict) -> str:
     return verdict.name.lower().replace("_", " ")
 
 
-def _told(interval: Interval) -> str:
-    """`23.4 (20.1–31)`."""
-    if np.isnan(interval.low) or np.isinf(interval.low):
+def _asked(comparison: Comparison) -> tuple[str, ...]:
+    """The kinds of evaluations to tell of: the problem's, and those of constraints if there are."""
+    seen = [record.seen for record in comparison.records.values()]
+    asked = [any(s.counts[k] for s in seen) for k in range(len(KINDS))]
+    return tuple(
+        kind for kind, there in zip(KINDS, asked, strict=True) if there or kind in KINDS[:LIMITED]
+    )
+
+
+def _counts(
+    comparison: Comparison, solver: str, tau: float, kinds: Row, problem: str | None = None
+) -> tuple[str, ...]:
+    """Medians of evaluations until a target; dashes if not everything was counted."""
+    chosen = comparison.starts(problem)
+    if any(comparison.uncounted(i.name, solver, tau) for i in chosen):
+        return ("–",) * len(kinds)
+    met = [comparison.met(i.name, solver, tau) for i in chosen]
+    return tuple(
+        _amount(median([np.inf if row is None else row[KINDS.index(k)] for row in met]).value)
+        for k in kinds
+    )
+
+
+def _spread(spread: Spread) -> tuple[str, str, str]:
+    return number(spread.least, 2), number(spread.middle, 2), number(spread.most, 2)
+
+
+def _effort(comparison: Comparison, solver: str, tau: float, problem: str | None = None) -> str:
+    """`23.4 (20.1–31)`, the interval where there is one."""
+    interval = comparison.effort(solver, tau, problem)
+    if np.isnan(interval.value):
+        return "not counted" if comparison.starts(problem) else "–"
+    if not interval.given or np.isinf(interval.low):
         return _amount(interval.value)
     return f"{_amount(interval.value)} ({_amount(interval.low)}–{_amount(interval.high)})"
 

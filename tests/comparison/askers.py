@@ -1,0 +1,128 @@
+"""Solvers that ask the graphs and batches of a problem, each the same minimum in its own way."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import casadi as cs
+import numpy as np
+from numpy.typing import NDArray
+
+from tests.comparison.problems import says
+from workbench import Problem, Solution, Values
+from workbench.solvers import Callback
+
+Array = NDArray[np.float64]
+STEPS = 12
+Ways = tuple[Callable[[Array], float], Callable[[Array], Array]]  # the cost, and a step
+
+
+@dataclass(frozen=True)
+class Asker:
+    """Steps that `ask` makes, halved until the cost falls."""
+
+    ask: Callable[[Problem, Array, Array], Ways]
+
+    def solve(
+        self, problem: Problem, start: Values, *, callback: Callback | None = None
+    ) -> Solution:
+        x, fixed = problem.split(start)
+        cost, step = self.ask(problem, x, fixed)
+        best = cost(x)
+        for _ in range(STEPS):
+            p, t = step(x), 1.0
+            while (found := cost(x + t * p)) > best and t > 1e-3:
+                t /= 2
+            if found <= best:
+                x, best = x + t * p, found
+        return says(problem, problem.free.unpack(x))
+
+
+def _newton(r: Array, J: Array) -> Array:
+    return np.asarray(-np.linalg.lstsq(J, r)[0])
+
+
+def by_derivative(problem: Problem, x: Array, fixed: Array) -> Ways:
+    """`function` and `derivative`, called with numbers."""
+
+    def cost(x: Array) -> float:
+        return 0.5 * float(cs.sumsqr(problem.function(x, fixed)))
+
+    def step(x: Array) -> Array:
+        r, J = problem.derivative(x, fixed)
+        return _newton(np.asarray(r).ravel(), np.asarray(J))
+
+    return cost, step
+
+
+def by_names(problem: Problem, x: Array, fixed: Array) -> Ways:
+    """The same with named arguments, expanded, and mapped over two points at once."""
+    f, two = problem.function.expand(), problem.function.map(2)
+
+    def cost(x: Array) -> float:
+        r = np.asarray(two(np.column_stack([x, x]), np.column_stack([fixed, fixed])))
+        np.testing.assert_allclose(r[:, :1], np.asarray(f(x=x, fixed=fixed)["r"]), rtol=1e-12)
+        return 0.5 * float(np.sum(r[:, 0] ** 2))
+
+    def step(x: Array) -> Array:
+        found = problem.derivative.call({"x": x, "fixed": fixed})
+        return _newton(np.asarray(found["r"]).ravel(), np.asarray(found["J"]))
+
+    return cost, step
+
+
+def by_adjoint(problem: Problem, x: Array, fixed: Array) -> Ways:
+    """`adjoint` for the gradient and `hessian` for Newton's step."""
+
+    def cost(x: Array) -> float:
+        return float(problem.adjoint(x, fixed)[0])
+
+    def step(x: Array) -> Array:
+        g = np.asarray(problem.adjoint(x, fixed)[1]).ravel()
+        return np.asarray(-np.linalg.solve(np.asarray(problem.hessian(x, fixed)), g))
+
+    return cost, step
+
+
+def by_batches(problem: Problem, x: Array, fixed: Array) -> Ways:
+    """`slopes` for the direction, and `costs` of a fan of step lengths: steepest descent."""
+    costs, slopes = problem.costs(x, fixed), problem.slopes(x, fixed)
+
+    def cost(x: Array) -> float:
+        return float(costs(x[None])[0])
+
+    def step(x: Array) -> Array:
+        g = slopes(x[None])[1][0]
+        lengths = np.geomspace(1e-3, 1, 9)
+        fan = costs(x - lengths[:, None] * g)
+        return np.asarray(-lengths[int(np.argmin(fan))] * g)
+
+    return cost, step
+
+
+@dataclass(frozen=True)
+class Embedded:
+    """IPOPT through nlpsol, with a graph of the problem inside: nobody sees what it evaluates."""
+
+    def solve(
+        self, problem: Problem, start: Values, *, callback: Callback | None = None
+    ) -> Solution:
+        x, fixed = problem.split(start)
+        symbol = cs.MX.sym("x", len(x))
+        nlp = {"x": symbol, "f": problem.adjoint(symbol, fixed)[0]}
+        solver = cs.nlpsol("own", "ipopt", nlp, {"ipopt.print_level": 0, "print_time": 0})
+        return says(problem, problem.free.unpack(np.asarray(solver(x0=x)["x"]).ravel()))
+
+
+@dataclass(frozen=True)
+class OwnGraph:
+    """From the expressions of the residuals: the problem is never asked at all."""
+
+    def solve(
+        self, problem: Problem, start: Values, *, callback: Callback | None = None
+    ) -> Solution:
+        (block,) = problem.free.blocks
+        r = cs.vertcat(*(residual.whitened for residual in problem.residuals))
+        nlp = {"x": block.symbol, "f": 0.5 * cs.sumsqr(r)}
+        solver = cs.nlpsol("own", "ipopt", nlp, {"ipopt.print_level": 0, "print_time": 0})
+        x, _ = problem.split(start)
+        return says(problem, problem.free.unpack(np.asarray(solver(x0=x)["x"]).ravel()))

@@ -1,0 +1,90 @@
+"""What a watch writes down, in a file that outlives the process that writes it."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.solvers import Evaluations
+
+Array = NDArray[np.float64]
+KINDS = (  # of evaluations
+    "residual", "gradient", "jacobian", "hessian",
+    "constraint", "constraint_jacobian", "constraint_hessian",
+)  # fmt: skip
+LIMITED = 4  # of them a budget limits: all but those of the constraints
+COUNTS = slice(2, 2 + len(KINDS))
+SPENT = slice(COUNTS.stop, COUNTS.stop + len(KINDS))
+NOT_FINITE, SECONDS, TAKEN = SPENT.stop, SPENT.stop + 1, SPENT.stop + 2
+HEAD = TAKEN + 1  # n, rows, counts, times, and these three
+ROW = len(KINDS) + 2  # counts, seconds, cost
+ROWS = 20_000  # improvements that are kept
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What a watch saw: the best point and, for every improvement, when it came."""
+
+    counts: tuple[int, ...]  # evaluations by kind
+    spent: tuple[float, ...]  # s in the problem, by kind
+    not_finite: int  # evaluations whose cost was NaN or infinite
+    seconds: float
+    best: Array  # (n,), empty if no cost was finite
+    trace: Array  # (k, kinds + 2): evaluations by kind, s, cost, which falls
+    taken: bool = False  # a graph was taken to where its evaluations cannot be counted
+
+    @property
+    def evaluations(self) -> Evaluations:
+        """In the words of the solvers, who do not tell kinds of constraints' evaluations apart."""
+        residual, gradient, jacobian, hessian, *constraints = self.counts
+        return Evaluations(residual, gradient, jacobian, hessian, sum(constraints))
+
+
+class Log:
+    """A file that is mapped into memory: what is in it outlives the process that wrote it."""
+
+    def __init__(self, path: str | Path, n: int) -> None:
+        self.n = n
+        shape = (HEAD + n + ROW * ROWS,)
+        self.numbers = np.memmap(path, dtype=float, mode="w+", shape=shape)
+        self.numbers[0] = n
+
+    def better(self, x: Array, counts: Array, seconds: float, cost: float) -> None:
+        """One more improvement; when the file is full the last one gives way."""
+        k = min(int(self.numbers[1]), ROWS - 1)
+        at = HEAD + self.n + ROW * k
+        self.numbers[at : at + ROW] = (*counts, seconds, cost)
+        self.numbers[HEAD : HEAD + self.n] = x
+        self.numbers[1] = k + 1
+
+    def note(self, counts: Array, spent: Array, not_finite: int, seconds: float) -> None:
+        """Where things stand."""
+        self.numbers[COUNTS], self.numbers[SPENT] = counts, spent
+        self.numbers[NOT_FINITE], self.numbers[SECONDS] = not_finite, seconds
+
+    def taken(self) -> None:
+        """From now on not everything can be counted."""
+        self.numbers[TAKEN] = 1
+
+    def ended(self, seconds: float) -> None:
+        """The run is over."""
+        self.numbers[SECONDS] = seconds
+        self.numbers.flush()
+
+    @staticmethod
+    def read(path: str | Path) -> Seen:
+        """What is there by now."""
+        numbers = np.fromfile(path, dtype=float)
+        if numbers.size < HEAD:
+            empty = np.zeros(0)
+            nothing = (0,) * len(KINDS)
+            return Seen(nothing, (0.0,) * len(KINDS), 0, 0.0, empty, empty.reshape(0, ROW))
+        n, rows = int(numbers[0]), int(numbers[1])
+        trace = numbers[HEAD + n : HEAD + n + ROW * rows].reshape(rows, ROW)
+        best = numbers[HEAD : HEAD + n] if rows else numbers[:0]
+        return Seen(
+            tuple(int(c) for c in numbers[COUNTS]), tuple(float(s) for s in numbers[SPENT]),
+            int(numbers[NOT_FINITE]), float(numbers[SECONDS]), best.copy(), trace.copy(),
+            bool(numbers[TAKEN]),
+        )  # fmt: skip

@@ -1,0 +1,65 @@
+"""Times of a comparison as a clock measured them. They differ from machine to machine and from one
+run to the next, and so they stand apart, with their spread, and rank nobody.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from workbench.comparison.comparison import Comparison
+from workbench.comparison.log import KINDS
+
+Array = NDArray[np.float64]
+TIMED = 3  # kinds of evaluations that are timed at the start: residual, gradient and Jacobian
+
+
+@dataclass(frozen=True)
+class Spread:
+    """The smallest, the middle and the largest of some seconds; NaN of none."""
+
+    least: float
+    middle: float
+    most: float
+
+    @staticmethod
+    def of(seconds: ArrayLike) -> "Spread":
+        """Of any number of them."""
+        s = np.asarray(seconds, dtype=float)
+        if not s.size:
+            return Spread(np.nan, np.nan, np.nan)
+        return Spread(float(s.min()), float(np.median(s)), float(s.max()))
+
+
+def seconds_to(
+    comparison: Comparison, solver: str, tau: float, problem: str | None = None
+) -> Spread:
+    """Until a target, over the starts from which a run was seen to meet it."""
+    chosen = comparison.starts(problem)
+    rows = [comparison.met(i.name, solver, tau) for i in chosen]
+    return Spread.of([row[-2] for row in rows if row is not None])
+
+
+def seconds_of_runs(comparison: Comparison, solver: str) -> Spread:
+    """Of whole runs, over all starts."""
+    return Spread.of(
+        [comparison.records[i.name, solver].seen.seconds for i in comparison.instances]
+    )
+
+
+def ratios(comparison: Comparison, problem: str) -> dict[str, float]:
+    """By kind: seconds of one evaluation over those of a residual, on this machine.
+
+    Of Hessians and constraints, over all runs that asked for one; NaN if none did.
+    """
+    chosen = comparison.of(problem)
+    seconds = [comparison.described[i.name].seconds for i in chosen]
+    residual = float(np.median([s["residual"] for s in seconds]))
+    found = {
+        kind: float(np.median([s[kind] / s["residual"] for s in seconds])) for kind in KINDS[:TIMED]
+    }
+    seen = [comparison.records[i.name, s].seen for i in chosen for s in comparison.solvers]
+    for k, kind in list(enumerate(KINDS))[TIMED:]:
+        count, spent = sum(s.counts[k] for s in seen), sum(s.spent[k] for s in seen)
+        found[kind] = spent / count / residual if count and spent else np.nan
+    return found
