@@ -2,11 +2,13 @@
 
 import html.parser
 import importlib.util
+import os
 from pathlib import Path
 from urllib.parse import unquote, urlparse
 
 import pytest
 
+import workbench
 from workbench.course import notebooks, site
 from workbench.course.notebooks import exercises, notebook, tool
 from workbench.course.outline import Lecture
@@ -105,6 +107,16 @@ def test_the_site_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     (out / "left-over.html").touch()
     write_site(out)  # once more, in its own place
     assert not (out / "left-over.html").exists()
+
+
+def test_kernels_find_the_workbench_that_started_them(tmp_path: Path) -> None:
+    """Also that of a checkout that is not installed."""
+    have(*notebooks.NEEDED)
+    v4 = tool("nbformat").v4
+    made = v4.new_notebook(cells=[v4.new_code_cell("import os; os.environ['PYTHONPATH']")])
+    done = notebooks.executed(made, THERE[0], tmp_path)
+    first = done.cells[0].outputs[0]["data"]["text/plain"].strip("'").split(os.pathsep)[0]
+    assert Path(first) == Path(workbench.__file__).parents[1]
 
 
 @pytest.mark.long
