@@ -43,7 +43,7 @@ def setup_made_up() -> Setup:
     seen = Block("scan 3/observed", (24, 2), "px")
     sure = Block("file", (24,))  # a name that NumPy's own savez cannot take
     terms = [
-        residuals.keypoints(points, views[0].camera, seen.symbol, sure.symbol, sigma=1.0),
+        residuals.keypoints(points, views[0].camera, seen.symbol, sure.symbol**2, sigma=1.0),
         residuals.gaussian(betas.symbol, name="shape <prior>"),
         residuals.gaussian(trans.symbol, name="place"),
     ]

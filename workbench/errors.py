@@ -15,13 +15,27 @@ def listed(names: Iterable[str]) -> str:
 class UnknownName(WorkbenchError):
     """A name that is not among those that exist: of a block, a body, a solver, an experiment.
 
-    `hint` is said after the names, or instead of them: `0 to 99`.
+    `hint` is said after the names, or instead of them: `0 to 99`; `more` after the sentence.
     """
 
-    def __init__(self, kind: str, name: str, known: Iterable[str] = (), *, hint: str = "") -> None:
+    def __init__(
+        self, kind: str, name: str, known: Iterable[str] = (), *, hint: str = "", more: str = ""
+    ) -> None:
         names = tuple(known)
         there = ", ".join((listed(names), hint) if names and hint else (hint or listed(names),))
-        super().__init__(f"no {kind} is called {name!r}; there are {there}")
+        said = f"no {kind} is called {name!r}; there are {there}"
+        super().__init__(f"{said} ({more})" if more else said)
+
+
+class UnreadBlock(UnknownName):
+    """A block that exists, but that no residual and no constraint of a problem reads."""
+
+    def __init__(self, name: str, known: Iterable[str]) -> None:
+        WorkbenchError.__init__(
+            self,
+            f"no residual and no constraint reads the block {name!r}, so nothing can find it; "
+            f"they read {listed(known)}. Do not free or bound it, or add a residual that reads it",
+        )
 
 
 class MissingValue(WorkbenchError):

@@ -70,6 +70,6 @@ def test_a_point_where_the_weakest_direction_nearly_vanishes_is_told() -> None:
     r = Residual("r", cs.vertcat(x.symbol[0], x.symbol[1] ** 2), 0.01)
     problem = Problem((r,), ("x",), blocks=(x,))
     (text,) = nearly_degenerate(problem, {"x": np.array([1.0, 1e-6])})
-    assert "times weaker than a tenth of a unit away: 1.00 x[1]" in text
+    assert "times weaker than a tenth of a yardstick away: 1.00 x[1]" in text
     assert nearly_degenerate(problem, {"x": np.array([1.0, 1.0])}) == []
     assert diagnose(problem, {"x": np.array([1.0, 0.0])}).rank == 1

@@ -39,7 +39,7 @@ def test_a_joint_after_a_full_turn_has_one_axis_left() -> None:
         assert all(name.startswith("pose[left_knee, ") for name in entries(found, direction))
     assert len({d.name for d in found.null_directions}) == 2  # told apart
     assert found.nearby.ranks == (75, 75, 75, 75)
-    assert "the rank is 73 only here; a tenth of a unit away it is 75" in warned(found)
+    assert "the rank is 73 only here; a tenth of a yardstick away it is 75" in warned(found)
     (turned_back,) = (s for s in found.suggestions if s.kind == "rewrap")
     assert turned_back.what == "take one turn of 2 pi off the rotation vector of left_knee"
     assert turned_back.cured
@@ -186,7 +186,7 @@ def test_not_a_number_is_named_and_nothing_crashes() -> None:
     assert {"row": "turned[0]", "column": "turn[x]"} in data["not_finite"]["first"]
     assert "rank" not in data
     (move,) = found.suggestions
-    assert (move.kind, move.what) == ("move", "start a thousandth of a unit away in turn")
+    assert (move.kind, move.what) == ("move", "start a thousandth of a yardstick away in turn")
     assert str(move.before) == "not finite"
     assert move.cured
     with pytest.raises(AssertionError, match=r"no rank: the residual is not finite: turned\[0\]"):

@@ -4,12 +4,14 @@ import json
 from pathlib import Path
 from typing import Any
 
+import casadi as cs
 import markupsafe
+import numpy as np
 import pytest
 
 from tests.bodies_made_up import smpl_like_body
 from tests.diagnostics import cases
-from workbench import diagnose
+from workbench import Block, Constraint, Problem, Residual, diagnose
 from workbench.reports import refuse_foreign, write_diagnosis
 
 NAMES = {"index.html", "diagnosis.txt", "diagnosis.json", "summary.json"}
@@ -65,3 +67,27 @@ def test_a_second_page_takes_the_place_of_the_first(tmp_path: Path) -> None:
 
 def _escaped(text: str) -> str:
     return str(markupsafe.escape(text))
+
+
+def test_the_page_of_a_robot_speaks_of_robots(tmp_path: Path) -> None:
+    """Nothing of blend shapes, what a constraint holds, and no infinite number for an unknown."""
+    q, end = Block("angles", (3,), "rad", ("shoulder", "elbow", "wrist")), Block("end", (2,), "m")
+    a = cs.cumsum(q.symbol)
+    tip = cs.vertcat(cs.sum1(cs.cos(a)), cs.sum1(cs.sin(a)))
+    reach = Residual("reach", tip - end.symbol, 0.01, "m", blocks=(end,))
+    high = Residual("height", 1e-6 * tip[1], 0.01, "m")
+    level = Constraint("level", a[2], 0, 0, "rad")
+    values = {"angles": np.array([0.3, 0.5, -0.8]), "end": np.array([2.0, 1.0])}
+    problem = Problem([reach, high], "angles", blocks=[q], constraints=[level])
+    folder = write_diagnosis(diagnose(problem, values), tmp_path / "held", title="robot").parent
+    loose = diagnose(problem.without("reach"), values)
+    write_diagnosis(loose, tmp_path / "loose", title="robot")
+    for file in ("index.html", "diagnosis.txt"):
+        text = (folder / file).read_text(encoding="utf-8")
+        assert "blend shapes" not in text
+        assert "forbid 1 direction, which counts as noticed: level" in text
+        assert "a radian for angles" in text
+        other = (tmp_path / "loose" / file).read_text(encoding="utf-8")
+        for page in (text, other):
+            assert "inf &gt; inf" not in page
+            assert "∞ → ∞" not in page

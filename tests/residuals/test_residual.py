@@ -50,7 +50,7 @@ def test_a_keypoint_without_confidence_has_no_say() -> None:
     here = problem.linearize(values | {"o": np.full((3, 2), 1e6)})
     assert not here.residual[2:4].any()
     assert not here.jacobian[2:4].any()
-    expected = (camera.pixels(values["p"], values) - 1e6) * values["c"][:, None] / 2.0
+    expected = (camera.pixels(values["p"], values) - 1e6) * np.sqrt(values["c"])[:, None] / 2.0
     np.testing.assert_allclose(here.residual, expected.ravel(), rtol=1e-14)
     with pytest.raises(NonFiniteValue, match=r"'o' holds nan at \[1, 0\].*confidence 0"):
         problem.linearize(values | {"o": np.array([[1, 1], [np.nan, 2], [3, np.nan]])})

@@ -2,7 +2,15 @@
 
 from workbench.blocks.block import Block
 from workbench.blocks.layout import Layout, Values
-from workbench.blocks.points import ManyPoints, NumericPoints, Points, PointsAt, PointSource, Tree
+from workbench.blocks.points import (
+    ManyPoints,
+    NumericPoints,
+    Points,
+    PointsAt,
+    PointSource,
+    Tree,
+    in_blocks,
+)
 
 __all__ = [
     "Block",
@@ -14,4 +22,5 @@ __all__ = [
     "PointsAt",
     "Tree",
     "Values",
+    "in_blocks",
 ]

@@ -11,6 +11,7 @@ import casadi as cs
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.blocks.checks import texts
 from workbench.errors import BadBlock
 
 AXES = ("x", "y", "z")
@@ -31,6 +32,11 @@ class Block:
     labels: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
+        if not isinstance(self.name, str):
+            raise BadBlock(f"a block's name is a text, not of type {type(self.name).__name__}")
+        if self.labels is not None:
+            what = f"the labels of block {self.name!r}"
+            self.__dict__["labels"] = texts(what, self.labels, BadBlock)
         self.__dict__["shape"] = _lengths(self.name, self.shape)
         if self.labels is not None and len(self.labels) != (*self.shape, 1)[0]:
             raise BadBlock(

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from workbench.blocks.block import Block
+from workbench.blocks.checks import mapping, several
 from workbench.blocks.reals import reals
-from workbench.errors import MissingValue, NonFiniteValue, ShapeMismatch, UnknownName
+from workbench.errors import BadBlock, MissingValue, NonFiniteValue, ShapeMismatch, UnknownName
 
 Values = dict[str, NDArray[np.float64]]
 
@@ -21,6 +22,9 @@ class Layout:
     """Blocks side by side in one vector, each row by row: (N, 3) is x0 y0 z0 x1 y1 z1 ..."""
 
     blocks: tuple[Block, ...]
+
+    def __post_init__(self) -> None:
+        self.__dict__["blocks"] = several("the blocks of a layout", self.blocks, Block, BadBlock)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -53,8 +57,10 @@ class Layout:
     def pack(self, values: Mapping[str, ArrayLike]) -> NDArray[np.float64]:
         """The named arrays as one vector (size,); checks every name, shape and number.
 
-        Raises MissingValue, NotNumbers, ShapeMismatch or NonFiniteValue.
+        Raises MissingValue, NotNumbers, ShapeMismatch, NonFiniteValue, or BadArgument for what is
+        no dict.
         """
+        mapping("values of blocks", values)
         flat = np.empty(self.size)
         for block in self.blocks:
             if block.name not in values:

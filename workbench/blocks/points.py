@@ -1,6 +1,6 @@
 """Points on a body as residuals see them: a placeholder, and where it comes from."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from workbench.blocks.block import Block
 
 Array = NDArray[np.float64]
+PLACEHOLDER = "placeholder("  # how the names of placeholders begin, for whoever prints a graph
 
 
 @dataclass(frozen=True)
@@ -104,7 +105,8 @@ class Points:
     """What a residual is written in: `symbol`, (3, N) in metres, standing for the source's points.
 
     A residual never knows a body. The problem puts the source's expression in place of
-    the symbol when it wants the whole graph.
+    the symbol when it wants the whole graph. An expression in the symbol does not depend on the
+    blocks behind the source as far as CasADi knows: `in_blocks` writes it in terms of these.
     """
 
     symbol: cs.MX
@@ -112,8 +114,8 @@ class Points:
 
     @staticmethod
     def of(source: PointSource, name: str) -> "Points":
-        """A new placeholder for the points of a source."""
-        return Points(cs.MX.sym(name, 3, source.count), source)
+        """A new placeholder for the points of a source, its symbol called `placeholder(name)`."""
+        return Points(cs.MX.sym(f"{PLACEHOLDER}{name})", 3, source.count), source)
 
     @property
     def count(self) -> int:
@@ -124,3 +126,35 @@ class Points:
     def labels(self) -> tuple[str, ...] | None:
         """A name for each point, where they have names."""
         return self.source.labels
+
+
+def in_full(source: PointSource) -> cs.MX:
+    """What a source says of its points, to be derived."""
+    return source.expression
+
+
+def in_blocks(
+    expression: cs.MX, points: Iterable[Points], said: Callable[[PointSource], cs.MX] = in_full
+) -> cs.MX:
+    """An expression with these placeholders replaced by what their sources say.
+
+    The result depends on the symbols of blocks alone, and casadi.jacobian by them sees it. Take
+    its Jacobian forwards, as `Problem.derivative` does: casadi.jacobian(expression, symbol,
+    {"helper_options": {"ad_weight": 0}}); backwards CasADi 3.8 loses entries.
+    """
+    listed = tuple(points)
+    if not listed:
+        return expression
+    return cs.graph_substitute(
+        expression, [p.symbol for p in listed], [said(p.source) for p in listed]
+    )
+
+
+def unlisted(expression: cs.MX, points: Iterable[Points]) -> tuple[str, ...]:
+    """The names of placeholders that an expression reads without their being among `points`."""
+    listed = {p.symbol.__hash__() for p in points}
+    return tuple(
+        s.name()
+        for s in cs.symvar(expression)
+        if s.name().startswith(PLACEHOLDER) and s.__hash__() not in listed
+    )

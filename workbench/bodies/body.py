@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from workbench.blocks import Block, Points, Values
-from workbench.errors import UnknownName
+from workbench.errors import BadBlock, UnknownName
 
 Array = NDArray[np.float64]
 Blocks = tuple[Block, Block, Block]
@@ -97,8 +97,14 @@ def blocks_of(prefix: str, joint_names: Sequence[str], n_betas: int) -> Blocks:
     )
 
 
+def check_prefix(prefix: object) -> None:
+    """Raise BadBlock unless names can begin with it."""
+    if not isinstance(prefix, str):
+        raise BadBlock(f"the prefix of a body's blocks is a text, not a {type(prefix).__name__}")
+
+
 def landmark_set(sets: Mapping[str, T], name: str) -> T:
     """One of a body's sets of landmarks. Raises UnknownName."""
-    if name not in sets:
-        raise UnknownName("landmark set", name, ("joints", *sets))
+    if not isinstance(name, str) or name not in sets:
+        raise UnknownName("landmark set", str(name), ("joints", *sets))
     return sets[name]

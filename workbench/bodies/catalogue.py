@@ -1,6 +1,7 @@
 """The bodies that come with the workbench, and those in files of your own."""
 
 from importlib.resources import as_file, files
+from os import PathLike
 from pathlib import Path
 
 from workbench.bodies.embedded import read_embedded
@@ -48,6 +49,11 @@ def load_body(name_or_path: str | Path = "default") -> SkinnedBody:
     if isinstance(name_or_path, str) and name_or_path in BODIES:
         with as_file(files("workbench") / "data" / "bodies" / f"{name_or_path}.npz") as packed:
             return embedded_body(packed)
+    if not isinstance(name_or_path, (str, PathLike)):
+        raise BadFile(
+            f"a body is loaded by name or from a path, not by a {type(name_or_path).__name__}; "
+            f"the bodies are {listed(BODIES)}"
+        )
     path = Path(name_or_path).expanduser()
     if path.is_dir():
         raise BadFile(f"{path} is a folder; give the file in it")

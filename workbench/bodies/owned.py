@@ -1,6 +1,7 @@
 """Arrays that nobody can write to, so that what a body derives from them stays true."""
 
 from collections.abc import Iterator, Mapping
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -8,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array, issparse
 
 from workbench.blocks.reals import numbers, reals
-from workbench.errors import NotNumbers
+from workbench.errors import BadBody, NotNumbers
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -59,6 +60,14 @@ def owned_extras(given: Mapping[str, object]) -> dict[str, NDArray[Any]]:
             raise NotNumbers(f"extras[{key!r}]", f"{array.dtype}", "numbers or texts")
         found[key] = array if _settled(array) else given_up(np.array(array, order="C"))
     return found
+
+
+def owned_mapping(what: str, given: object) -> Mapping[str, Any]:
+    """A mapping of its own that nobody can write to. Raises BadBody for what is no mapping."""
+    if not isinstance(given, Mapping):
+        kind = type(given).__name__
+        raise BadBody(f"{what} must be a dict from names, not something of type {kind}")
+    return MappingProxyType(dict(given))
 
 
 def given_up(array: NDArray[Any]) -> NDArray[Any]:

@@ -2,6 +2,7 @@
 
 import json
 import pickle
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.bodies.features import rotation_elements
+from workbench.bodies.kinds import not_skinned
 from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.skinning import linear_blend
 from workbench.bodies.smplx_vertices import vertex_ids
@@ -35,8 +37,12 @@ def save_body(body: SkinnedBody, path: str | Path) -> None:
     Give smplx `num_betas` of at most `body.n_betas`; it shows no more than ten.
 
     Raises BadFile for another suffix, a folder that cannot be written, or a body that the
-    format cannot hold.
+    format cannot hold, such as a TriangleBody.
     """
+    if wrong := not_skinned(body, "a body's file", "pickle.dump keeps all of it"):
+        raise BadFile(wrong)
+    if not isinstance(path, (str, PathLike)):
+        raise BadFile(f"a body is saved to a path, not to a {type(path).__name__}")
     path = Path(path)
     if path.suffix not in (".npz", ".pkl"):
         raise BadFile(f"a body is saved as .npz or .pkl, not as {path.name!r}")

@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from types import MappingProxyType
 from typing import Any
 
 import casadi as cs
@@ -12,12 +11,20 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 
 from workbench.blocks import Block, Layout, Points, Values
+from workbench.blocks.checks import texts
 from workbench.bodies import evaluation, surface
-from workbench.bodies.body import blocks_of, landmark_set
+from workbench.bodies.body import blocks_of, check_prefix, landmark_set
 from workbench.bodies.features import Features, rotation_elements
 from workbench.bodies.motion import Kinematics
 from workbench.bodies.numeric import Chunk, chunks_of
-from workbench.bodies.owned import given_up, owned, owned_extras, owned_index, owned_matrix
+from workbench.bodies.owned import (
+    given_up,
+    owned,
+    owned_extras,
+    owned_index,
+    owned_mapping,
+    owned_matrix,
+)
 from workbench.bodies.skinning import Skinning, linear_blend
 from workbench.bodies.sources import Arguments, JointPoints, LandmarkPoints, SurfacePoints
 from workbench.bodies.validation import check, chosen_vertices
@@ -37,7 +44,8 @@ class Landmarks:
 
     def __post_init__(self) -> None:
         regressor = owned_matrix("the regressor of landmarks", self.regressor)
-        self.__dict__.update(names=tuple(self.names), regressor=regressor)
+        names = texts("the names of landmarks", self.names, BadBody)
+        self.__dict__.update(names=names, regressor=regressor)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Landmarks, (self.names, self.regressor)  # so that a copy is read-only as well
@@ -90,15 +98,21 @@ class SkinnedBody:
         kept: dict[str, Any] = {n: owned(n, getattr(self, n)) for n in REALS}
         kept["J_regressor"] = owned_matrix("J_regressor", self.J_regressor)
         kept["faces"] = owned_index("faces", self.faces)
-        kept["parents"] = tuple(owned_index("parents", self.parents).tolist())
-        kept["joint_names"] = tuple(self.joint_names)
+        kept["parents"] = tuple(owned_index("parents", self.parents).ravel().tolist())
+        kept["joint_names"] = texts(f"body {self.name!r}: joint_names", self.joint_names, BadBody)
+        for name in ("skinning", "features"):
+            if not callable(getattr(self, name)):
+                raise BadBody(
+                    f"body {self.name!r}: {name} is a function, such as linear_blend for skinning "
+                    f"and rotation_elements for features, not {getattr(self, name)!r:.80}"
+                )
         if self.mirror is not None:
             kept["mirror"] = owned_index("mirror", self.mirror)
         if self.bound_in is not None:
             kept["bound_in"] = owned("bound_in", self.bound_in)
-        kept["extras"] = MappingProxyType(owned_extras(self.extras))
+        kept["extras"] = owned_mapping("extras", owned_extras(self.extras))
         for name in ("landmarks", "free"):
-            kept[name] = MappingProxyType(dict(getattr(self, name)))
+            kept[name] = owned_mapping(f"body {self.name!r}: {name}", getattr(self, name))
         return kept
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -136,6 +150,7 @@ class SkinnedBody:
 
     def blocks(self, prefix: str = "") -> tuple[Block, Block, Block]:
         """`pose` (K, 3) rad, `betas` (B,), `trans` (3,) m: the same objects for the same prefix."""
+        check_prefix(prefix)
         if prefix not in self._made:
             self._made[prefix] = blocks_of(prefix, self.joint_names, self.n_betas)
         return self._made[prefix]
@@ -151,8 +166,8 @@ class SkinnedBody:
         It shares its blocks with this one, so that points of either fit into one problem.
         """
         for name in names:
-            if name not in FREEABLE:
-                raise UnknownName("array to free", name, FREEABLE)
+            if not isinstance(name, str) or name not in FREEABLE:
+                raise UnknownName("array to free", str(name), FREEABLE)
         made = {n: Block(prefix + n, self.array(n).shape, FREEABLE[n]) for n in names}
         return self._sharing_blocks(replace(self, free={**self.free, **made}))
 
@@ -196,7 +211,7 @@ class SkinnedBody:
 
     def landmark_points(self, name: str, pose: cs.MX, betas: cs.MX, trans: cs.MX) -> Points:
         """A named set of landmarks on the posed surface, (3, M) m; `joints` are always there."""
-        if name == "joints":
+        if isinstance(name, str) and name == "joints":
             return self.joint_points(pose, betas, trans)
         at = Arguments(self, pose, betas, trans)
         return Points.of(LandmarkPoints(at, landmark_set(self.landmarks, name)), name)
@@ -229,7 +244,7 @@ class SkinnedBody:
         trans: ArrayLike | None = None,
     ) -> Array:
         """A named set of landmarks (..., M, 3) m; `joints` are always there."""
-        if name == "joints":
+        if isinstance(name, str) and name == "joints":
             return self.joints(pose, betas, trans)
         found = landmark_set(self.landmarks, name)
         return evaluation.regressed(found.regressor, self.vertices(pose, betas, trans))
@@ -239,7 +254,9 @@ class SkinnedBody:
         return self.joint_names if name == "joints" else landmark_set(self.landmarks, name).names
 
     def array(self, name: str) -> Array:
-        """One of the arrays that can be freed, dense."""
+        """One of the arrays that can be freed, dense. Raises UnknownName."""
+        if not isinstance(name, str) or name not in FREEABLE:
+            raise UnknownName("array of a body", str(name), FREEABLE)
         array = getattr(self, name)
         return array.toarray() if isinstance(array, csr_array) else array
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
@@ -15,7 +15,7 @@ from workbench.bodies.features import count_features, rotation_elements
 from workbench.errors import BadBody, NotNumbers
 
 if TYPE_CHECKING:
-    from workbench.bodies.skinned import SkinnedBody
+    from workbench.bodies.skinned import Landmarks, SkinnedBody
 
 Refuse = Callable[[str], NoReturn]
 ROW_SUM_TOLERANCE = 1e-3  # single-precision files of many small weights reach 1e-5
@@ -71,14 +71,7 @@ def check(body: SkinnedBody) -> None:
         refuse(f"bound_in must be finite angles ({K}, 3), not an array {body.bind_pose.shape}")
     if own := clashes(body.extras):
         refuse(f"extras must not be called like the body's own arrays in a file: {', '.join(own)}")
-    for name, landmarks in body.landmarks.items():
-        if not np.isfinite(landmarks.regressor.data).all():
-            refuse(f"landmarks {name!r}: the regressor holds entries that are not finite")
-        if landmarks.regressor.shape != (len(landmarks.names), N):
-            refuse(
-                f"landmarks {name!r}: {len(landmarks.names)} names and a regressor "
-                f"{landmarks.regressor.shape}, which must be ({len(landmarks.names)}, {N})"
-            )
+    check_landmarks(refuse, body.landmarks, N)
 
 
 def chosen_vertices(body: Body, vertices: object) -> list[int]:
@@ -111,6 +104,30 @@ def check_rows(refuse: Refuse, name: str, sums: NDArray[np.float64], row: str) -
     worst = int(np.argmax(abs(sums - 1)))
     if abs(sums[worst] - 1) > ROW_SUM_TOLERANCE:
         refuse(f"{name} of {row} {worst} sum to {sums[worst]:.6g}, but must sum to 1")
+
+
+def check_landmarks(refuse: Refuse, sets: Mapping[str, Landmarks], N: int) -> None:
+    """Refuse sets of landmarks that nobody could ask for, or that do not fit the mesh."""
+    for name, landmarks in sets.items():
+        if not isinstance(name, str):
+            refuse(f"a set of landmarks has a text for a name, not {name!r}")
+        if name == "joints":
+            refuse(
+                "a set of landmarks called 'joints' could not be reached, for that is what the "
+                "body's own joints are called; give it another name"
+            )
+        if not hasattr(landmarks, "regressor"):
+            refuse(
+                f"landmarks {name!r} must be Landmarks(names, regressor), not something of type "
+                f"{type(landmarks).__name__}"
+            )
+        if not np.isfinite(landmarks.regressor.data).all():
+            refuse(f"landmarks {name!r}: the regressor holds entries that are not finite")
+        if landmarks.regressor.shape != (len(landmarks.names), N):
+            refuse(
+                f"landmarks {name!r}: {len(landmarks.names)} names and a regressor "
+                f"{landmarks.regressor.shape}, which must be ({len(landmarks.names)}, {N})"
+            )
 
 
 def check_tree(refuse: Refuse, parents: tuple[int, ...]) -> None:

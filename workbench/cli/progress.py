@@ -125,7 +125,7 @@ def _seen(what: str, d: Diagnosis) -> str:
     if d.null_directions:
         said = f"{len(d.null_directions)} directions are not seen"
     if d.hardly_seen:
-        said += f", {d.hardly_seen} hardly (less than one sigma for a whole unit)"
+        said += f", {d.hardly_seen} hardly (less than one sigma for a whole yardstick)"
     short = [x.name for x in (*d.null_directions, *d.weak_directions) if x.joints][:3]
     if short:
         said += f"; among them {', '.join(short)} (see the report)"

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.comparison.basins import Basin
-from workbench.diagnostics.diagnosis import HARDLY, Diagnosis, diagnose
+from workbench.diagnostics import Diagnosis, diagnose
+from workbench.diagnostics.diagnosis import HARDLY
 from workbench.diagnostics.motions import motions
 from workbench.diagnostics.null_space import Direction, directions, dominant
 from workbench.problem import Problem

@@ -1,7 +1,8 @@
 """What a problem's Jacobian can see, the names of what it cannot, and what to do about it."""
 
 from workbench.diagnostics.comparison import Comparison
-from workbench.diagnostics.diagnosis import Diagnosis, Undiagnosed, diagnose
+from workbench.diagnostics.diagnosis import Diagnosis, Undiagnosed
+from workbench.diagnostics.looking import diagnose
 from workbench.diagnostics.null_space import Direction
 
 __all__ = ["Comparison", "Diagnosis", "Direction", "Undiagnosed", "diagnose"]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.blocks import Values
-from workbench.diagnostics.jacobian import Jacobian, jacobian_at
+from workbench.diagnostics.held import Tied, tied_at
 from workbench.problem import Problem
 from workbench.residuals import gaussian
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from workbench.diagnostics.diagnosis import Diagnosis
 
 Array = NDArray[np.float64]
-PRIOR_SIGMA = 1.0  # in the block's own unit: a radian, a metre, a standard deviation of shape
+NEARBY = 1e-3  # of a yardstick: where a derivative may be finite that is not finite here
 TURN = 2 * np.pi
 
 
@@ -55,14 +55,12 @@ class Suggestion:
         return self.after.rank == self.after.unknowns
 
 
-def state_of(here: Jacobian) -> State:
-    """Rank and condition of a Jacobian."""
-    n = here.shape[1]
-    if not here.finite:
+def state_of(tied: Tied) -> State:
+    """Rank and condition of a Jacobian under constraints."""
+    n = tied.here.shape[1]
+    if not tied.here.finite:
         return State(n, 0, float("inf"), finite=False)
-    s, rank = here.svd[0], here.rank
-    full = rank == n and n > 0
-    return State(n, rank, float(s[0] / s[n - 1]) if full else float("inf"))
+    return State(n, tied.rank, tied.condition)
 
 
 def advise(diagnosis: "Diagnosis") -> tuple[Suggestion, ...]:
@@ -76,11 +74,11 @@ def _try(
     problem: Problem, at: Mapping[str, Array], better: Callable[[State, State], bool],
 ) -> list[Suggestion]:  # fmt: skip
     """Carry it out; keep it if it does what it should."""
-    here = jacobian_at(problem, at)
-    if not here.finite:
+    tied = tied_at(problem, at)
+    if not tied.here.finite:
         return []
     before = diagnosis.state
-    after = state_of(here)
+    after = state_of(tied)
     if not better(before, after):
         return []
     return [Suggestion(what, why, cost, before, after, problem, dict(at), kind)]
@@ -103,11 +101,14 @@ def _somewhere_else(diagnosis: "Diagnosis", problem: Problem, at: Values) -> lis
     names = sorted({problem.free.block_of(i)[0].name for i in columns}) or problem.free.names
     if not names:
         return []
-    moved = at | {n: at[n] + 1e-3 * rng.standard_normal(np.shape(at[n])) for n in names}
+    sizes = _sizes(diagnosis)
+    moved = at | {
+        n: at[n] + NEARBY * sizes[n] * rng.standard_normal(np.shape(at[n])) for n in names
+    }
     why = "the derivative is not finite at this very point"
     cost = "the formula stays fragile there; a series near the point cures it"
     return _try(
-        "move", f"start a thousandth of a unit away in {', '.join(names)}", why, cost,
+        "move", f"start a thousandth of a yardstick away in {', '.join(names)}", why, cost,
         diagnosis, problem, moved, lambda before, after: True,
     )  # fmt: skip
 
@@ -155,25 +156,29 @@ def _fix(diagnosis: "Diagnosis", problem: Problem, at: Values) -> list[Suggestio
 
 
 def _prior(diagnosis: "Diagnosis", problem: Problem, at: Values) -> list[Suggestion]:
-    """A Gaussian prior on the blocks that take part in what is not seen."""
+    """A Gaussian prior on the blocks that take part in what is not seen, as wide as a yardstick."""
     if not diagnosis.here.finite or not diagnosis.null_directions:
         return []
     names = _blind_blocks(diagnosis)
+    sigma = {n: size.flat[0] for n, size in _sizes(diagnosis).items()}
     suggestions: list[Suggestion] = []
     for chosen in ([[name] for name in names] if len(names) > 1 else []) + [names]:
         priors = [
             gaussian(
                 problem.free[name].symbol,
                 mean=np.ravel(at[name]),
-                covariance=PRIOR_SIGMA**2,
+                covariance=sigma[name] ** 2,
+                unit=problem.free[name].unit,
                 name=_unused(f"prior on {name}", problem),
             )
             for name in chosen
         ]
-        bounds = {n: b for n, b in problem.bounds.items() if n in problem.free.names}
         blocks = (*problem.free.blocks, *problem.fixed.blocks)
-        fuller = Problem((*problem.residuals, *priors), problem.free.names, bounds, blocks)
-        units = ", ".join(_in_units(PRIOR_SIGMA, problem.free[name].unit) for name in chosen)
+        fuller = Problem(
+            (*problem.residuals, *priors), problem.free.names, problem.bounds, blocks,
+            problem.constraints,
+        )  # fmt: skip
+        units = ", ".join(_in_units(sigma[name], problem.free[name].unit) for name in chosen)
         suggestions += _try(
             "prior", f"add a Gaussian prior on {' and '.join(chosen)} (sigma {units})",
             "a prior decides where the residuals do not",
@@ -220,6 +225,8 @@ def _rescale(diagnosis: "Diagnosis", problem: Problem, at: Values) -> list[Sugge
     here = diagnosis.here
     if not here.finite or diagnosis.null_directions or np.isinf(diagnosis.condition):
         return []
+    if diagnosis.point.held.any:  # lengths of columns say nothing of what may move
+        return []
     s = diagnosis.scaled_singular_values
     after = State(here.shape[1], int(np.sum(s > 0)), float(s[0] / s[-1]) if s[-1] > 0 else np.inf)
     if not after.condition * 100 < diagnosis.condition:
@@ -242,8 +249,12 @@ def _blind_blocks(diagnosis: "Diagnosis") -> list[str]:
     return [name for name, at in free.slices.items() if (part[at] > 1e-6).any()]
 
 
+def _sizes(diagnosis: "Diagnosis") -> Values:
+    return diagnosis.free.unpack(diagnosis.point.yardsticks.sizes)
+
+
 def _in_units(number: float, unit: str) -> str:
-    return f"{number:g}" if unit == "1" else f"{number:g} {unit}"
+    return f"{number:.4g}" if unit == "1" else f"{number:.4g} {unit}"
 
 
 def _unused(name: str, problem: Problem) -> str:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_array, diags_array
 
 from workbench.blocks import Layout, Tree
+from workbench.diagnostics.held import Tied
 from workbench.diagnostics.jacobian import Jacobian
 from workbench.diagnostics.null_space import sparsest
 
@@ -128,21 +129,22 @@ def _sine(a: Array, b: Array) -> float:
     return float(min(np.linalg.norm(a - b), np.linalg.norm(a + b)))
 
 
-def weakest(here: Jacobian, most: int = 3) -> tuple[Weakest, ...]:
-    """What the smallest singular values above the tolerance are made of.
+def weakest(tied: Tied, most: int = 3) -> tuple[Weakest, ...]:
+    """What the smallest singular values above the tolerance are made of, as far as it may move.
 
     Directions about as weak, within a factor of three, are told apart by having few entries each.
     """
-    s, Vt = here.svd
+    s, Vt = tied.reduced.svd
     found: list[Weakest] = []
-    k = here.rank - 1
+    k = tied.reduced.rank - 1
     while k >= 0 and len(found) < most:
         group = np.flatnonzero(s[: k + 1] < 3 * s[k])[::-1]
         basis = Vt[group].T
         if 1 < group.size < 12:
             basis = sparsest(basis, np.zeros((len(basis), 0)))
+        basis = tied.tangent @ basis if len(tied.rows) else basis
         for i, d in zip(group[: most - len(found)], basis.T, strict=False):
-            moved = here.along(d)
+            moved = tied.here.along(d)
             change = float(np.linalg.norm(moved))
             found.append(Weakest(float(s[i]), d, change, _main(d), _main(moved)))
         k -= group.size

@@ -1,12 +1,12 @@
 """The Jacobian of a fit at one point: what it sees, what it cannot see, and what to do about it."""
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from workbench.blocks import Layout, Values
 from workbench.diagnostics import advice, conditioning, schema, structure, text
@@ -18,17 +18,18 @@ from workbench.diagnostics.identifiability import (
     contributions,
     identifiability,
 )
-from workbench.diagnostics.jacobian import Jacobian, jacobian_at
+from workbench.diagnostics.jacobian import Jacobian
 from workbench.diagnostics.motions import Motion, motions
 from workbench.diagnostics.neighbourhood import Neighbourhood
 from workbench.diagnostics.null_space import Direction, directions
+from workbench.diagnostics.point import Point
 from workbench.diagnostics.rank_law import law_of
 from workbench.diagnostics.structure import Structure, TermBlock
-from workbench.errors import UnknownName, WorkbenchError
+from workbench.errors import WorkbenchError
 from workbench.problem import Problem
 
 Array = NDArray[np.float64]
-HARDLY = 0.99  # sigmas per unit: below, a whole radian or metre hides in the noise; a unit prior: 1
+HARDLY = 0.99  # sigmas per yardstick; a prior as wide as the yardstick has 1
 
 
 class Undiagnosed(WorkbenchError, AssertionError):
@@ -38,6 +39,9 @@ class Undiagnosed(WorkbenchError, AssertionError):
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
     """A problem at one point. Every part is computed when it is first asked for.
+
+    What constraints forbid at this point counts as noticed: in the rank, in the null directions,
+    in every sigma. What is hardly noticed is so relative to yardsticks: see `point`.
 
     `str` of it is a summary, `report()` everything in words, `data()` the same as JSON.
     """
@@ -60,9 +64,14 @@ class Diagnosis:
         return self.here.shape
 
     @cached_property
+    def point(self) -> Point:
+        """What constraints hold here, and what each unknown is held against."""
+        return Point(self.problem, self.at, self.here, self.priors)
+
+    @cached_property
     def structure(self) -> Structure:
         """The pattern, taken apart."""
-        return structure.structure_of(self.problem)
+        return structure.structure_of(self.problem, self.point.held.active)
 
     @property
     def pattern(self) -> NDArray[np.bool_]:
@@ -116,18 +125,23 @@ class Diagnosis:
 
     @property
     def singular_values(self) -> Array:
-        """(min(m, n),), falling."""
-        return self.here.svd[0]
+        """Of the Jacobian, (min(m, n),), falling; in fewer directions where constraints hold."""
+        return self.point.tied.reduced.svd[0]
 
     @property
     def tolerance(self) -> float:
         """The singular value below which a direction counts as unseen."""
-        return self.here.tolerance
+        return self.point.tied.reduced.tolerance
 
     @property
     def rank(self) -> int:
-        """How many directions the residuals notice here."""
-        return self.here.rank
+        """How many directions the residuals notice here, or constraints forbid."""
+        return self.point.tied.rank
+
+    @property
+    def noticed(self) -> int:
+        """How many of the singular values are above the tolerance: the rank but for constraints."""
+        return self.point.tied.reduced.rank
 
     @property
     def condition(self) -> float:
@@ -137,12 +151,12 @@ class Diagnosis:
     @cached_property
     def state(self) -> advice.State:
         """Unknowns, rank and condition."""
-        return advice.state_of(self.here)
+        return advice.state_of(self.point.tied)
 
     @cached_property
     def scaled_singular_values(self) -> Array:
         """With every column of length 1."""
-        return conditioning.scaled_singular_values(self.here)
+        return conditioning.scaled_singular_values(self.point.tied.stacked)
 
     @cached_property
     def scaled_rank(self) -> int:
@@ -154,28 +168,35 @@ class Diagnosis:
     @cached_property
     def nearby(self) -> Neighbourhood:
         """Rank and singular values at a few points around."""
-        return Neighbourhood(self.problem, self.at, self.here)
+        return Neighbourhood(self.point)
 
     @cached_property
     def null_directions(self) -> tuple[Direction, ...]:
         """What no residual notices, in names."""
         if self.rank == self.shape[1]:
             return ()
-        return directions(self.here, self.free, self._dictionary(), self.tolerance)
+        here = self.point.tied.stacked
+        return directions(here, self.free, self._dictionary(), here.tolerance)
 
     @cached_property
     def weak_directions(self) -> tuple[Direction, ...]:
-        """What the residuals hardly notice: less than one sigma for a whole unit; weakest first."""
+        """What changes the residuals by less than one sigma for a whole yardstick; weakest first.
+
+        The vectors have length 1 once every unknown is measured by its own yardstick.
+        """
         if self.here.estimated or (self.rank == self.shape[1] and not self.hardly_seen):
             return ()
-        found = directions(self.here, self.free, self._dictionary(), HARDLY)
-        noticed = (d for d in found if d.change > self.tolerance)
-        return tuple(sorted(noticed, key=lambda d: d.change))
+        here, sizes = self.point.measured.stacked, self.point.yardsticks.sizes
+        found = directions(here, self.free, self._dictionary(), HARDLY)
+        noticed = (d for d in found if d.change > here.tolerance)
+        return tuple(
+            replace(d, vector=d.vector * sizes) for d in sorted(noticed, key=lambda d: d.change)
+        )
 
     @property
     def hardly_seen(self) -> int:
-        """How many directions change the residuals by less than one sigma for a whole unit."""
-        seen = self.singular_values[: self.rank]
+        """How many directions change the residuals by less than a sigma for a whole yardstick."""
+        seen = self.point.measured.reduced.svd[0][: self.noticed]
         return int(np.sum(seen < HARDLY))
 
     def _dictionary(self) -> Iterable[Motion]:
@@ -184,6 +205,8 @@ class Diagnosis:
     @cached_property
     def rank_law(self) -> tuple[int, str] | None:
         """The rank that the tree predicts, and why; None unless only joints are looked at."""
+        if self.point.held.any:
+            return None
         return law_of(self.problem, self.at)
 
     # Conditioning.
@@ -191,7 +214,7 @@ class Diagnosis:
     @cached_property
     def parallel_columns(self) -> tuple[conditioning.Pair, ...]:
         """Pairs of unknowns that do nearly the same."""
-        return conditioning.parallel_columns(self.here)
+        return conditioning.parallel_columns(self.point.tied.stacked)
 
     @cached_property
     def parallel_rows(self) -> tuple[conditioning.Pair, ...]:
@@ -205,32 +228,30 @@ class Diagnosis:
 
     @cached_property
     def weakest(self) -> tuple[conditioning.Weakest, ...]:
-        """Which few columns and rows the smallest singular values come from."""
-        return conditioning.weakest(self.here)
+        """Which few columns and rows the smallest singular values come from, by yardsticks."""
+        return conditioning.weakest(self.point.measured)
 
     @cached_property
     def leverage(self) -> Array | None:
         """(m,) how much each row decides by itself."""
-        return conditioning.leverage(self.here)
+        return conditioning.leverage(self.point.tied.reduced)
 
     # What is known of each number.
 
     @cached_property
     def identifiability(self) -> Identifiability:
         """Sigmas, correlations, the data's share, a verdict per entry."""
-        is_prior = np.zeros(self.shape[0], dtype=bool)
-        for name in self.priors:
-            is_prior[self.problem.rows[name]] = True
         return identifiability(
-            self.here, is_prior, self.structure.unread, self.structure.under.columns
-        )
+            self.point.tied, self.point.is_prior, self.point.prior_sigma,
+            self.point.yardsticks.sizes, self.structure.unread, self.structure.under.columns,
+        )  # fmt: skip
 
     @cached_property
     def contributions(self) -> tuple[Contribution, ...]:
         """What each residual adds."""
         if self.here.estimated or len(self.problem.rows) < 2:
             return ()
-        return contributions(self.here, self.problem.rows, self.free)
+        return contributions(self.point.tied, self.problem.rows, self.free)
 
     @cached_property
     def derivatives(self) -> DerivativeCheck:
@@ -277,19 +298,3 @@ class Diagnosis:
     def data(self) -> dict[str, Any]:
         """Everything as plain data, for JSON; `schema` and `version` say how to read it."""
         return schema.as_data(self)
-
-
-def diagnose(
-    problem: Problem, at: Mapping[str, ArrayLike], *, priors: Iterable[str] = ()
-) -> Diagnosis:
-    """Look at a problem's whitened Jacobian at the values `at`.
-
-    `priors` name the residuals that are no data; what is known by them alone is told apart.
-    Raises UnknownName for a name that no residual has.
-    """
-    for name in (names := tuple(priors)):
-        if name not in problem.rows:
-            raise UnknownName("residual", name, problem.rows)
-    read = (*problem.free.names, *problem.fixed.names)
-    values = {name: np.asarray(at[name], dtype=float) for name in read if name in at}
-    return Diagnosis(problem, values, jacobian_at(problem, at), names)

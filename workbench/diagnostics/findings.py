@@ -61,8 +61,7 @@ def _values(d: "Diagnosis") -> list[Finding]:
 def _structure(d: "Diagnosis") -> list[Finding]:
     found = []
     if d.structure.unread.size:
-        named = named_groups(d.free, d.structure.unread)
-        found.append(Finding("structure", f"read by no residual: {named}", True))
+        found.append(Finding("structure", unread(d), True))
     under = np.setdiff1d(d.structure.under.columns, d.structure.unread)
     if under.size:
         text = (
@@ -86,25 +85,46 @@ def _rank(d: "Diagnosis") -> list[Finding]:
     found = []
     if d.rank < n:
         text = f"no residual notices {n - d.rank} of {n} directions"
+        text += " and no constraint forbids them" if d.point.held.any else ""
         found.append(Finding("rank", text, True))
+    if d.point.held.any:
+        found.append(Finding("rank", held(d), False))
     if d.nearby.ranks and max(d.nearby.ranks) > d.rank:
-        text = f"the rank is {d.rank} only here; a tenth of a unit away it is {max(d.nearby.ranks)}"
+        there = max(d.nearby.ranks)
+        text = f"the rank is {d.rank} only here; a tenth of a yardstick away it is {there}"
         found.append(Finding("rank", text, True))
     weaker = d.nearby.weaker_here
     if weaker > WEAKER:
+        which = dominant(d.weakest[0].vector, d.free)
         text = (
-            f"nearly degenerate here: the weakest direction that is seen is {weaker:.0f} "
-            f"times weaker than a tenth of a unit away: {dominant(d.weakest[0].vector, d.free)}"
+            f"nearly degenerate here: the weakest direction that is seen is {weaker:.0f} times "
+            f"weaker than a tenth of a yardstick away: {which}"
         )
         found.append(Finding("rank", text, False))
     found += _depth(d)
     if d.hardly_seen:
         text = (
             f"{counted(d.hardly_seen, 'direction')} hardly noticed: less than one sigma for a "
-            "whole unit"
+            f"whole yardstick ({d.point.yardsticks})"
         )
         found.append(Finding("rank", text, False))
     return found
+
+
+def unread(d: "Diagnosis") -> str:
+    """The unknowns that nothing reads, in a sentence."""
+    who = "residual and no constraint that holds" if d.point.held.any else "residual"
+    return f"read by no {who}: {named_groups(d.free, d.structure.unread)}"
+
+
+def held(d: "Diagnosis") -> str:
+    """What constraints add to the rank, in a sentence."""
+    names, count = d.point.held.names, d.point.tied.count
+    more = f" and {len(names) - 5} more" if len(names) > 5 else ""
+    return (
+        f"constraints that hold here forbid {counted(count, 'direction')}, which "
+        f"{'counts' if count == 1 else 'count'} as noticed: {', '.join(names[:5])}{more}"
+    )
 
 
 def _depth(d: "Diagnosis") -> list[Finding]:

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.blocks import Layout
+from workbench.diagnostics.held import Tied
 from workbench.diagnostics.jacobian import Jacobian
 
 Array = NDArray[np.float64]
-BLIND = 1e-9  # of an entry's square that lies in the null space: then it is not known
 UNCHANGED = 0.9  # posterior over prior sigma from which on the data have told nothing
 
 
@@ -26,7 +26,7 @@ class Verdict(Enum):
 
     STRUCTURAL = "no residual reads it, or too few rows read it and its neighbours"
     NUMERICAL = "it takes part in a direction that no residual notices"
-    PRACTICAL = "the residuals notice it, but know it no better than before"
+    PRACTICAL = "the residuals notice it, but know it no better than its prior or its yardstick"
     IDENTIFIED = "known"
 
 
@@ -61,30 +61,19 @@ class Identifiability:
 
 
 def identifiability(
-    here: Jacobian, prior_rows: NDArray[np.bool_], unread: NDArray[np.int64],
-    under: NDArray[np.int64],
+    tied: Tied, prior_rows: NDArray[np.bool_], prior: Array, yardsticks: Array,
+    unread: NDArray[np.int64], under: NDArray[np.int64],
 ) -> Identifiability:  # fmt: skip
-    """Which entries are known; `prior_rows` (m,) says which rows are priors."""
-    sigma, half = _laplace(here)
-    blind = np.isinf(sigma)
-    prior = _prior_sigma(here, prior_rows)
-    share = _data_share(here, prior_rows, half)
-    verdicts = _verdicts(here.shape[1], sigma, prior, blind, unread, under)
-    return Identifiability(sigma, prior, _correlated(half, blind), share, verdicts)
+    """Which entries are known; `prior_rows` (m,) says which rows are priors.
 
-
-def _laplace(here: Jacobian) -> tuple[Array, Array]:
-    """Each entry's sigma (n,), and half of the covariance (n, rank): half @ half.T is it.
-
-    Entries with a part in what is not seen have an infinite sigma.
+    An entry is held against what the priors alone say of it, `prior` (n,), or against its
+    yardstick (n,) where they say nothing.
     """
-    s, Vt = here.svd
-    seen = s > here.tolerance
-    directions = Vt[: s.size][seen]
-    half = directions.T / s[seen]
-    sigma = np.sqrt(np.sum(half**2, axis=1))
-    sigma[1 - np.sum(directions**2, axis=0) > BLIND] = np.inf
-    return sigma, half
+    sigma, half = tied.laplace
+    blind = np.isinf(sigma)
+    share = _data_share(tied.here, prior_rows, half)
+    verdicts = _verdicts(sigma, prior, yardsticks, blind, unread, under)
+    return Identifiability(sigma, prior, _correlated(half, blind), share, verdicts)
 
 
 def _data_share(here: Jacobian, prior_rows: NDArray[np.bool_], half: Array) -> Array:
@@ -95,30 +84,31 @@ def _data_share(here: Jacobian, prior_rows: NDArray[np.bool_], half: Array) -> A
     return np.asarray(np.clip(1 - left, 0.0, 1.0))
 
 
-def _prior_sigma(here: Jacobian, prior_rows: NDArray[np.bool_]) -> Array:
+def prior_sigma(here: Jacobian, prior_rows: NDArray[np.bool_]) -> Array:
+    """What the priors alone say of each entry (n,), infinite where they say nothing."""
     sigma = np.full(here.shape[1], np.inf)
     if not prior_rows.any():
         return sigma
     rows = here.rows(np.flatnonzero(prior_rows))
     read = np.flatnonzero(rows.column_norms)
-    sigma[read] = _laplace(rows.columns(read))[0]
+    sigma[read] = Tied(rows.columns(read), np.zeros((0, read.size))).laplace[0]
     return sigma
 
 
 def _verdicts(
-    n: int, sigma: Array, prior: Array, blind: NDArray[np.bool_],
+    sigma: Array, prior: Array, yardsticks: Array, blind: NDArray[np.bool_],
     unread: NDArray[np.int64], under: NDArray[np.int64],
 ) -> tuple[Verdict, ...]:  # fmt: skip
-    structural = np.zeros(n, dtype=bool)
+    structural = np.zeros(sigma.size, dtype=bool)
     structural[unread] = True
     structural[under] |= blind[under]
-    told = np.where(np.isfinite(prior), sigma < UNCHANGED * prior, sigma < 1.0)
+    told = np.where(np.isfinite(prior), sigma < UNCHANGED * prior, sigma < yardsticks)
     return tuple(
         Verdict.STRUCTURAL if structural[i]
         else Verdict.NUMERICAL if blind[i]
         else Verdict.IDENTIFIED if told[i]
         else Verdict.PRACTICAL
-        for i in range(n)
+        for i in range(sigma.size)
     )  # fmt: skip
 
 
@@ -148,27 +138,22 @@ class Contribution:
     sigma_with: Mapping[str, float] = field(repr=False)
 
 
-def contributions(
-    here: Jacobian, rows: Mapping[str, slice], free: Layout
-) -> tuple[Contribution, ...]:
+def contributions(tied: Tied, rows: Mapping[str, slice], free: Layout) -> tuple[Contribution, ...]:
     """Each residual left out in turn; nothing is solved again."""
-    m = here.shape[0]
-    s, rank, sigma = _known(here, free)
+    m = tied.here.shape[0]
+    s, rank, sigma = _known(tied, free)
     found = []
     for term, part in rows.items():
         left = np.ones(m, dtype=bool)
         left[part] = False
-        without = here.rows(np.flatnonzero(left)) if left.any() else None
-        s0, rank0, sigma0 = (
-            _known(without, free)
-            if without is not None
-            else (np.zeros(0), 0, dict.fromkeys(free.names, np.inf))
-        )
+        s0, rank0, sigma0 = _known(tied.only(np.flatnonzero(left)), free)
         found.append(Contribution(term, rank0, rank, s0, s, sigma0, sigma))
     return tuple(found)
 
 
-def _known(here: Jacobian, free: Layout) -> tuple[Array, int, dict[str, float]]:
-    variance = _laplace(here)[0] ** 2
+def _known(tied: Tied, free: Layout) -> tuple[Array, int, dict[str, float]]:
+    if not tied.here.shape[0]:
+        return np.zeros(0), tied.count, dict.fromkeys(free.names, np.inf)
+    variance = tied.laplace[0] ** 2
     rms = {name: float(np.sqrt(np.mean(variance[at]))) for name, at in free.slices.items()}
-    return here.svd[0], here.rank, rms
+    return tied.reduced.svd[0], tied.rank, rms

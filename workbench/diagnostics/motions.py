@@ -8,7 +8,7 @@ limb; a block.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,8 @@ class Motion:
     joints: tuple[str, ...]  # that it turns
     entries: NDArray[np.int64]  # (q,)
     basis: Array | None = None  # (q, p), orthonormal; None: every entry may move by itself
+    tree: Tree | None = None  # whose joints it turns
+    undone_by: str = ""  # the translation that takes part in it
 
 
 def motions(
@@ -92,8 +94,8 @@ def _pairs(free: Layout, tree: Tree) -> Iterator[Motion]:
     for _, above, k in sorted(related):
         names = tree.names[above], tree.names[k]
         entries = _joint(free, tree, above) + _joint(free, tree, k)
-        yield _free("twist", f"a turn of {tree.pose}[{names[0]}], undone at {names[1]}", names,
-                    entries)  # fmt: skip
+        said = f"a turn of {tree.pose}[{names[0]}], undone at {names[1]}"
+        yield replace(_free("twist", said, names, entries), tree=tree)
 
 
 def _islands(free: Layout, blocks: Sequence[Block], pattern: csc_array) -> Iterator[Motion]:
@@ -158,7 +160,8 @@ def _against_translations(
             for k, name in enumerate(tree.names):
                 entries = [*_joint(free, tree, k), *moves]
                 said = f"a turn of {tree.pose}[{name}], undone by {block.name}"
-                yield _free("twist", said, (name,), entries)
+                motion = _free("twist", said, (name,), entries)
+                yield replace(motion, tree=tree, undone_by=block.name)
 
 
 def _two_blocks(free: Layout, blocks: Sequence[Block]) -> Iterator[Motion]:
@@ -179,7 +182,8 @@ def _limbs(free: Layout, tree: Tree) -> Iterator[Motion]:
     for k in sorted(range(K), key=lambda k: len(below[k])):
         if len(below[k]) > 2:
             entries = [e for j in sorted(below[k]) for e in _joint(free, tree, j)]
-            yield _free("joint", f"turns from {tree.names[k]} down", (), entries)
+            said = f"turns from {tree.names[k]} down"
+            yield replace(_free("joint", said, (), entries), tree=tree)
 
 
 def _limbs_against_translations(
@@ -193,7 +197,8 @@ def _limbs_against_translations(
         for most in range(1, max(depth) + 1):
             near = [e for k, d in enumerate(depth) if d <= most for e in _joint(free, tree, k)]
             name = f"turns near {tree.names[0]}, undone by {block.name}"
-            yield _free("joint", name, (), [*near, *moves])
+            motion = _free("joint", name, (), [*near, *moves])
+            yield replace(motion, tree=tree, undone_by=block.name)
 
 
 def _translations(free: Layout, blocks: Sequence[Block]) -> Iterator[tuple[Block, list[int]]]:

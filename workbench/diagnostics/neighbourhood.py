@@ -6,41 +6,42 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.blocks import Values
-from workbench.diagnostics.jacobian import Jacobian, jacobian_at
-from workbench.problem import Problem
+from workbench.diagnostics.held import tied_at
+from workbench.diagnostics.point import Point
 
 NEIGHBOURS = 4
-NEARBY = 0.1  # of a unit: how far they are away in each entry
+NEARBY = 0.1  # of its yardstick: how far they are away in each entry
 
 
 @dataclass(frozen=True, eq=False)
 class Neighbourhood:
-    """Rank and singular values at a few random points, a tenth of a unit away in each entry.
+    """Rank and singular values at a few random points, a tenth of a yardstick away in each entry.
 
-    Points where the Jacobian is not finite are left out; so are all for a sparse large one.
+    The constraints that are active here count as active there. Points where the Jacobian is not
+    finite are left out; so are all for a sparse large one.
     """
 
-    problem: Problem
-    at: Values
-    here: Jacobian
+    here: Point
 
     @cached_property
     def points(self) -> tuple[tuple[int, NDArray[np.float64]], ...]:
         """Of each, the rank and the singular values (min(m, n),)."""
-        if self.here.estimated or not self.problem.free.size:
+        if self.here.here.estimated or not self.here.problem.free.size:
             return ()
         rng = np.random.default_rng(0)
         found = []
+        problem, at, steps = self.here.problem, self.here.at, self.here.yardsticks.sizes
+        sizes = problem.free.unpack(steps)
         for _ in range(NEIGHBOURS):
             moved = {
-                block.name: np.asarray(self.at[block.name], dtype=float)
-                + NEARBY * rng.standard_normal(np.shape(self.at[block.name]))
-                for block in self.problem.free.blocks
+                block.name: np.asarray(at[block.name], dtype=float)
+                + NEARBY * sizes[block.name] * rng.standard_normal(np.shape(at[block.name]))
+                for block in problem.free.blocks
             }
-            there = jacobian_at(self.problem, self.at | moved)
-            if there.finite:
-                found.append((there.rank, there.svd[0]))
+            there = tied_at(problem, at | moved, self.here.held.active)
+            if there.here.finite and np.isfinite(there.rows).all():
+                there = there.measured(steps)
+                found.append((there.rank, there.reduced.svd[0]))
         return tuple(found)
 
     @property
@@ -51,8 +52,9 @@ class Neighbourhood:
     @property
     def weaker_here(self) -> float:
         """How many times weaker the weakest direction that is seen is here than typically there."""
-        rank = self.here.rank
-        if not self.points or not rank:
+        here = self.here.measured.reduced
+        rank = here.rank
+        there = [s[rank - 1] for _, s in self.points if s.size >= rank]
+        if not there or not rank:
             return 1.0
-        there = float(np.median([s[rank - 1] for _, s in self.points]))
-        return there / float(self.here.svd[0][rank - 1])
+        return float(np.median(there)) / float(here.svd[0][rank - 1])

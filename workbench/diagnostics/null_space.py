@@ -11,6 +11,7 @@ from scipy.optimize import linprog
 from workbench.blocks import Layout
 from workbench.diagnostics.jacobian import Jacobian
 from workbench.diagnostics.motions import MANY, Motion
+from workbench.diagnostics.turned_joints import named_by_joints
 
 Array = NDArray[np.float64]
 FRESH = 1e-6  # sine of the angle to what is known, above which a direction is another one
@@ -65,7 +66,7 @@ def directions(
             if silent[entries].all():
                 v = np.zeros(free.size)
                 v[entries] = 1.0
-                found.append(_direction(motion, v, here, free, several=False))
+                found.append(_direction(motion, v, here, free, tolerance, several=False))
             continue
         if basis is None:
             entries = entries[~silent[entries]]
@@ -87,7 +88,8 @@ def directions(
         fresh, new = _beyond(known, vectors)
         if new.shape[1] > 1 and motion.kind != "shift":
             new = _inside(sparsest(new, known), null, here.R)
-        found += [_direction(motion, v, here, free, several=new.shape[1] > 1) for v in new.T]
+        several = new.shape[1] > 1
+        found += [_direction(motion, v, here, free, tolerance, several=several) for v in new.T]
         known = np.column_stack([known, fresh])
     found = found[:total]
     if len(found) < total:
@@ -179,11 +181,12 @@ def _polished(v: Array, space: Array) -> Array:
 
 
 def _direction(
-    motion: Motion, v: Array, here: Jacobian, free: Layout, *, several: bool
+    motion: Motion, v: Array, here: Jacobian, free: Layout, limit: float, *, several: bool
 ) -> Direction:
     v = signed(v)
-    name, joints = motion.name, motion.joints
-    if motion.kind in ("block", "joint") or (several and motion.kind == "twist"):
+    name, joints = named_by_joints(motion, v, here.R, free, limit)
+    told = name == motion.name and motion.kind not in ("block", "joint")
+    if not told or (several and motion.kind == "twist"):
         name = f"{name}: {dominant(v, free)}"
     if motion.kind == "shift":
         name = f"{name}, along {along_axes(v, motion)}"

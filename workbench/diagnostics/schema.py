@@ -44,7 +44,7 @@ def as_data(d: "Diagnosis") -> dict[str, Any]:
             "unread": _labels(d, d.structure.unread),
             "under_determined": {
                 "rows": len(d.structure.under.rows),
-                "of": named_rows(d.problem.rows, d.structure.under.rows),
+                "of": named_rows(d.point.rows, d.structure.under.rows),
                 "unknowns": _labels(d, d.structure.under.columns),
             },
             "square": len(d.structure.square.columns),

@@ -11,9 +11,10 @@ from dataclasses import dataclass, field
 import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import csc_array, csr_array, issparse
+from scipy.sparse import csc_array, csr_array, issparse, vstack
 
 from workbench.blocks import Layout, Tree
+from workbench.bodies.sources import LandmarkPoints, SurfacePoints
 from workbench.diagnostics.jacobian import Jacobian, pattern_of
 from workbench.problem import Problem
 
@@ -42,24 +43,36 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Structure:
-    """The pattern (m, n), and what follows from it."""
+    """The pattern (m, n), and what follows from it.
+
+    Rows of constraints that hold come after the m of the residuals: they decide unknowns as well,
+    so they count in the rank and in the three parts.
+    """
 
     pattern: csc_array = field(repr=False)
     rank: int  # of any matrix with this pattern, at most
     under: Part  # more columns than rows: something in here cannot be determined
     square: Part
     over: Part  # more rows than columns: fitted, not solved
-    unread: Index  # columns that no residual reads
+    unread: Index  # columns that no residual and no constraint that holds reads
     idle: Index  # rows that read nothing free
 
 
-def structure_of(problem: Problem) -> Structure:
-    """The pattern of a problem's Jacobian, taken apart."""
-    return taken_apart(pattern_of(problem.function))
+def structure_of(problem: Problem, active: NDArray[np.bool_] | None = None) -> Structure:
+    """The pattern of a problem's Jacobian, taken apart; `active` (K,) constraints hold."""
+    pattern, constraints = pattern_of(problem.function), problem.stacked_constraints
+    if constraints is None or active is None or not active.any():
+        return taken_apart(pattern)
+    held = pattern_of(constraints.function).tocsr()[np.flatnonzero(active)]
+    return taken_apart(pattern, csc_array(held))
 
 
-def taken_apart(pattern: csc_array) -> Structure:
-    """A pattern (m, n), cut by Dulmage's and Mendelsohn's decomposition."""
+def taken_apart(residuals: csc_array, held: csc_array | None = None) -> Structure:
+    """A pattern (m, n), cut by Dulmage's and Mendelsohn's decomposition.
+
+    The rows of `held` (k, n) are those of constraints, below the others.
+    """
+    pattern = residuals if held is None else csc_array(vstack([residuals, held]))
     m, n = pattern.shape
     S = cs.Sparsity(m, n, pattern.indptr.tolist(), pattern.indices.tolist())
     # rows in the order unmatched | over | square | under, columns over | square | under | unmatched
@@ -68,13 +81,13 @@ def taken_apart(pattern: csc_array) -> Structure:
     r, c = list(row_edges), list(column_edges)
     columns_read = np.diff(pattern.indptr)
     return Structure(
-        pattern,
+        residuals,
         rank=n - (c[4] - c[3]),
         over=Part(np.sort(p[r[0] : r[2]]), np.sort(q[c[0] : c[1]])),
         square=Part(np.sort(p[r[2] : r[3]]), np.sort(q[c[1] : c[2]])),
         under=Part(np.sort(p[r[3] : r[4]]), np.sort(q[c[2] : c[4]])),
         unread=np.flatnonzero(columns_read == 0),
-        idle=np.flatnonzero(np.bincount(pattern.indices, minlength=m) == 0),
+        idle=np.flatnonzero(np.bincount(residuals.indices, minlength=residuals.shape[0]) == 0),
     )
 
 
@@ -120,6 +133,18 @@ def _same(here: Jacobian, rows: slice, others: slice) -> bool:
     return any(
         np.hypot(_size(a / size - sign * b / other), _size(r / size - sign * s / other)) < 1e-10
         for sign in (1, -1)
+    )
+
+
+def bulges(problem: Problem) -> bool:
+    """Whether a free pose moves the surface of a body that has pose blend shapes."""
+    sources = [p.source for residual in problem.residuals for p in residual.points]
+    return any(
+        isinstance(source, SurfacePoints | LandmarkPoints)
+        and source.tree is not None
+        and source.tree.pose in problem.free.names
+        and bool(source.at.body.posedirs.any())
+        for source in sources
     )
 
 
@@ -179,6 +204,8 @@ def only_joints(
     tree = found.source.tree
     if tree is None or found.labels != tree.names or tree.pose not in problem.free.names:
         return None
+    if any(residual.weights is not None for residual in problem.residuals):
+        return None  # a weight of zero hides a joint
     others = [block for block in problem.free.blocks if block.name != tree.pose]
     if [block.shape for block in others] not in ([], [(3,)]):
         return None

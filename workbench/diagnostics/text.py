@@ -1,13 +1,14 @@
 """A diagnosis in words: the summary that `str` gives, and the whole report."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from workbench.diagnostics.conditioning import PARALLEL
-from workbench.diagnostics.identifiability import Verdict
-from workbench.diagnostics.structure import counted, gathered, named_groups, named_rows
+from workbench.diagnostics.findings import held, unread
+from workbench.diagnostics.identifiability import UNCHANGED, Verdict
+from workbench.diagnostics.structure import bulges, counted, gathered, named_groups, named_rows
 
 if TYPE_CHECKING:
     from workbench.diagnostics.diagnosis import Diagnosis
@@ -25,6 +26,8 @@ def summary(d: "Diagnosis") -> str:
     if not d.here.finite:
         return "\n".join([*lines, *(finding.text for finding in d.findings)])
     lines.append(f"numerical rank {d.rank} of {n}{_gap(d)}")
+    if d.point.held.any:
+        lines.append(held(d))
     if d.rank == n:
         lines.append(f"condition {d.condition:.3g}; every direction is seen")
     else:
@@ -33,7 +36,7 @@ def summary(d: "Diagnosis") -> str:
     if d.hardly_seen:
         lines.append(
             f"{counted(d.hardly_seen, 'direction')} hardly noticed (less than one sigma for a "
-            "whole unit)"
+            f"whole yardstick: {d.point.yardsticks})"
         )
     return "\n".join(lines)
 
@@ -81,7 +84,7 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def _gap(d: "Diagnosis") -> str:
-    s, rank = d.singular_values, d.rank
+    s, rank = d.singular_values, d.noticed
     if not 0 < rank < s.size:
         return ""
     return f" (singular values fall from {s[rank - 1]:.2g} to {s[rank]:.2g} there)"
@@ -101,8 +104,8 @@ def _structure(d: "Diagnosis") -> list[str]:
     ]
     if d.here.finite and d.nonzeros:
         lines.append(
-            f"{d.here.thick} of them are above a thousandth of their column's largest here; the "
-            "others are thin, such as what pose blend shapes do far from a joint"
+            f"{d.here.thick} of them are above a thousandth of their column's largest here"
+            f"{_thin(d)}"
         )
     lines += table(
         ("residual", "block", "rows", "columns", "nonzeros", "density", "norm"),
@@ -114,7 +117,7 @@ def _structure(d: "Diagnosis") -> list[str]:
     )  # fmt: skip
     lines.append(f"structural rank {s.rank} of {n}: the most that numbers in this pattern allow")
     if s.unread.size:
-        lines.append(f"read by no residual: {named_groups(d.free, s.unread)}")
+        lines.append(unread(d))
     lines.append(
         f"Dulmage and Mendelsohn: over-determined {s.over.rows.size} x {s.over.columns.size}, "
         f"square {s.square.rows.size} x {s.square.columns.size}, "
@@ -123,7 +126,7 @@ def _structure(d: "Diagnosis") -> list[str]:
     if s.under.columns.size:
         lines.append(
             f"under-determined are {named_groups(d.free, s.under.columns)}, by "
-            f"{named_rows(d.problem.rows, s.under.rows) or 'no row'}"
+            f"{named_rows(d.point.rows, s.under.rows) or 'no row'}"
         )
     return lines
 
@@ -131,6 +134,8 @@ def _structure(d: "Diagnosis") -> list[str]:
 def _rank(d: "Diagnosis") -> list[str]:
     n = d.shape[1]
     lines = [f"numerical rank {d.rank} of {n}{_gap(d)}; tolerance {d.tolerance:.1e}"]
+    if d.point.held.any:
+        lines.append(held(d))
     if d.here.estimated:
         lines.append(
             "the Jacobian is large and sparse: singular values are estimates from J'J, good down "
@@ -144,7 +149,7 @@ def _rank(d: "Diagnosis") -> list[str]:
     lines.append(f"with columns of length 1: rank {d.scaled_rank}")
     if d.nearby.ranks:
         lines.append(
-            f"at {len(d.nearby.ranks)} points a tenth of a unit away: rank "
+            f"at {len(d.nearby.ranks)} points a tenth of a yardstick away: rank "
             f"{', '.join(map(str, d.nearby.ranks))}; the weakest direction that is seen here is "
             f"{d.nearby.weaker_here:.2g} times as strong there"
         )
@@ -176,7 +181,8 @@ def _weak(d: "Diagnosis") -> list[str]:
         return []
     shown = d.weak_directions[:MOST]
     lines = [
-        "directions along which a whole unit changes the residuals by less than one sigma",
+        "directions along which a whole yardstick changes the residuals by less than one sigma",
+        f"(a yardstick is {d.point.yardsticks})",
         *table(("direction", "|J d|"), [(x.name, f"{x.change:.2g}") for x in shown]),
     ]
     more = len(d.weak_directions) - len(shown)
@@ -199,7 +205,7 @@ def _conditioning(d: "Diagnosis") -> list[str]:
         columns = ", ".join(gathered([d.free.label(i) for i in weak.columns[:MOST]]))
         rows = ", ".join(d.problem.row_label(i) for i in weak.rows[:6])
         lines.append(
-            f"weakest direction that is seen ({weak.change:.2g} sigma per unit): {columns}; "
+            f"weakest direction that is seen ({weak.change:.2g} sigma per yardstick): {columns}; "
             f"it is seen by {rows}{' and others' if len(weak.rows) > 6 else ''}"
         )
     if d.leverage is not None:
@@ -227,6 +233,10 @@ def _known(d: "Diagnosis") -> list[str]:
         rows.append((block.name, block.unit, spread, *counts))
     header = ("block", "unit", "sigma", "identified", "practical", "numerical", "structural")
     lines = table(header, rows)
+    lines.append(
+        f"identified: sigma is below {UNCHANGED} of the prior's; without a prior, below a "
+        f"yardstick ({d.point.yardsticks})"
+    )
     if d.priors:
         lines.append(
             f"the data decide {known.effective:.1f} of {d.shape[1]} directions (effective degrees "
@@ -244,12 +254,29 @@ def _contributions(d: "Diagnosis") -> list[str]:
     names = d.free.names
     rows = [
         (c.term, str(c.rank_without), str(c.rank_with), *(
-            f"{c.sigma_without[n]:.2g} > {c.sigma_with[n]:.2g}" for n in names
+            changed(c.sigma_without[n], c.sigma_with[n], lambda sigma: f"{sigma:.2g}")
+            for n in names
         ))
         for c in d.contributions
     ]  # fmt: skip
     header = ("residual", "rank without", "with", *(f"sigma {n}" for n in names))
     return table(header, rows)
+
+
+def changed(without: float, with_it: float, number: Callable[[float], str]) -> str:
+    """`0.3 -> 0.1`: a sigma without a residual and with it; infinite is called unknown."""
+    if np.isinf(without) and np.isinf(with_it):
+        return "unknown"
+    first = "unknown" if np.isinf(without) else number(without)
+    return f"{first} -> {'unknown' if np.isinf(with_it) else number(with_it)}"
+
+
+def _thin(d: "Diagnosis") -> str:
+    """What the thin entries are, where that is known: pose blend shapes far from a joint."""
+    if d.here.thick == d.nonzeros:
+        return ""
+    example = ", such as what pose blend shapes do far from a joint" if bulges(d.problem) else ""
+    return f"; the others are thin{example}"
 
 
 def _derivatives(d: "Diagnosis") -> list[str]:

@@ -38,6 +38,8 @@ def keypoint_fit(
 ) -> Setup:
     """Pose, betas and trans of a body from its keypoints in photographs; `sigma` in px.
 
+    A detector's confidence c counts as the weight c^2, outside of the kernel, as in SPIN
+    (Kolotouros et al. 2019): without a robust kernel that keypoint is ordinary at sigma / c.
     A prior on the pose (`pose_prior`) and on betas (standard normal) decides what the keypoints
     do not. Photographs in `held_out` are drawn and measured, not fitted. `reference` (M, 3) m,
     in the order of the body's landmarks and NaN where unknown, is what others published about
@@ -59,7 +61,7 @@ def keypoint_fit(
         if not out:
             residuals.append(
                 keypoints(
-                    points, camera, observed.symbol, confidence.symbol, sigma=sigma,
+                    points, camera, observed.symbol, confidence.symbol**2, sigma=sigma,
                     kernel=kernel, name=f"keypoints({photo.name})",
                 )
             )  # fmt: skip

@@ -27,6 +27,10 @@ class Camera:
 
     prefix: str = ""
 
+    def __post_init__(self) -> None:
+        if not isinstance(self.prefix, str):
+            raise BadCamera(f"a camera's prefix is a text, not a {type(self.prefix).__name__}")
+
     @cached_property
     def focal(self) -> Block:
         """(2,) px."""
@@ -58,7 +62,13 @@ class Camera:
         return self.focal, self.centre, self.distortion, self.rotation, self.translation
 
     def project(self, points: cs.MX) -> cs.MX:
-        """World points (3, N) in metres -> pixels (2, N)."""
+        """World points (3, N) in metres -> pixels (2, N). Raises BadCamera for what is no such."""
+        if not isinstance(points, cs.MX) or points.shape[0] != 3:
+            found = f"shape {points.shape}" if isinstance(points, cs.MX) else type(points).__name__
+            raise BadCamera(
+                f"a camera projects points (3, N), a CasADi matrix (MX), not one of {found}; "
+                "numbers (N, 3) go to camera.pixels"
+            )
         return project(points, *(block.symbol for block in self.blocks))
 
     def values(

@@ -2,11 +2,10 @@
 
 import numpy as np
 from matplotlib.axes import Axes
+from numpy.typing import NDArray
 
 from workbench.diagnostics import Diagnosis
 from workbench.plots.palette import BLUE, FAINT, LINES, MARKERS, VERMILLION
-
-BIGGEST = 1e3  # sigmas above are drawn at the edge: the direction is not seen
 
 
 def plot_sigmas(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
@@ -16,30 +15,42 @@ def plot_sigmas(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
         at = diagnosis.free.slices[block.name]
         x = np.arange(at.start, at.stop)
         sigma, prior = known.sigma[at], known.prior_sigma[at]
-        seen = sigma < BIGGEST
+        seen = np.isfinite(sigma)
         colour = LINES[i % len(LINES)]
-        ax.plot(
+        ax.plot(  # of a block of which nothing is known only the strips tell
             x[seen], sigma[seen], MARKERS[i % len(MARKERS)], color=colour, markersize=4,
-            linestyle="none", label=f"{block.name} ({block.unit})",
+            linestyle="none", label=f"{block.name} ({block.unit})" if seen.any() else None,
         )  # fmt: skip
         finite = np.isfinite(prior)
         ax.plot(x[finite], prior[finite], "_", color=colour, markersize=7, linestyle="none")
         ax.axvline(at.stop - 0.5, color=FAINT, linewidth=0.6, alpha=0.5)
-    blind = np.flatnonzero(known.sigma >= BIGGEST)
-    if blind.size:
-        ax.plot(
-            blind, np.full(blind.size, BIGGEST), "^", color=VERMILLION, markersize=5,
-            markerfacecolor="none", linestyle="none", label="not seen",
+    blind = np.flatnonzero(~np.isfinite(known.sigma))
+    for i, (first, last) in enumerate(_runs(blind)):  # no number is known, so none is drawn
+        ax.axvspan(
+            first - 0.5, last + 0.5, color=VERMILLION, alpha=0.13, linewidth=0,
+            label="unknown: no finite standard deviation" if i == 0 else None,
         )  # fmt: skip
-    ax.set_yscale("log")
+    if blind.size == known.sigma.size:  # nothing to put on an axis of numbers
+        ax.set_yticks([])
+        ax.set_xlim(-0.5, blind.size - 0.5)
+    else:
+        ax.set_yscale("log")
     ax.set_xlabel("entry, in the order of the table below")
     ax.set_ylabel("standard deviation (the entry's unit)")
     ax.grid(axis="y", color=FAINT, alpha=0.25, linewidth=0.6)
     ax.legend(loc="upper right", ncols=2)
     ax.margins(x=0.01)
     low, high = ax.get_ylim()
-    ax.set_ylim(low, high * 30)
+    ax.set_ylim(low, high * 30)  # room for the legend
     return ax
+
+
+def _runs(entries: NDArray[np.int64]) -> list[tuple[int, int]]:
+    """First and last of each run of neighbours."""
+    if not entries.size:
+        return []
+    parts = np.split(entries, np.flatnonzero(np.diff(entries) > 1) + 1)
+    return [(int(part[0]), int(part[-1])) for part in parts]
 
 
 def caption_sigmas(diagnosis: Diagnosis) -> str:
@@ -53,7 +64,11 @@ def caption_sigmas(diagnosis: Diagnosis) -> str:
     if diagnosis.priors:
         said.append("Dashes are what the priors alone say; a mark on its dash learnt nothing.")
     if blind:
-        said.append(f"{blind} entries take part in directions that nobody sees: hollow triangles.")
+        entries = "1 entry takes" if blind == 1 else f"{blind} entries take"
+        said.append(
+            f"{entries} part in directions that no residual notices: their standard deviation is "
+            "infinite and has no place on the axis; the shaded strips say which they are."
+        )
     return " ".join(said)
 
 

@@ -5,6 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from workbench.diagnostics import Diagnosis, Direction
+from workbench.diagnostics.structure import counted
 from workbench.plots.lettering import plain, shortened
 from workbench.plots.palette import BLUE, FAINT, VERMILLION
 
@@ -20,7 +21,7 @@ def plot_singular_values(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
     """
     s, n, rank = diagnosis.singular_values, diagnosis.shape[1], diagnosis.rank
     floor = _floor(diagnosis)
-    index = np.arange(1, s.size + 1)
+    index = np.arange(1, s.size + 1) + rank - diagnosis.noticed  # after what constraints forbid
     seen = index <= rank
     drawn = np.maximum(s, floor)
     ax.plot(index[seen], drawn[seen], "o", color=BLUE, markersize=4, label="seen")
@@ -59,15 +60,18 @@ def plot_singular_values(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
 def caption_singular_values(diagnosis: Diagnosis) -> str:
     """What `plot_singular_values` shows."""
     s, n, rank = diagnosis.singular_values, diagnosis.shape[1], diagnosis.rank
-    if rank == n:
+    k = diagnosis.noticed
+    first = f"Constraints forbid {rank - k} of {n} directions. " if rank > k else ""
+    if rank == n and s.size:
         return (
-            f"All {n} directions are seen: the singular values fall from {s[0]:.3g} to "
-            f"{s[-1]:.3g}, a condition of {diagnosis.condition:.3g}."
+            f"{first}All {n if rank == k else f'other {k}'} directions are seen: the singular "
+            f"values fall from {s[0]:.3g} to {s[-1]:.3g}, a condition of "
+            f"{diagnosis.condition:.3g}."
         )
-    gap = f" The values fall from {s[rank - 1]:.2g} to {s[rank]:.2g}" if 0 < rank < s.size else ""
+    gap = f" The values fall from {s[k - 1]:.2g} to {s[k]:.2g}" if 0 < k < s.size else ""
     where = f"{gap} at the rank." if gap else ""
     return (
-        f"The residuals notice {rank} of {n} directions; along the other {n - rank} the free "
+        f"{first}The residuals notice {k} of {n} directions; along the other {n - rank} the free "
         f"numbers can change and no residual does.{where} The table below names them all."
     )
 
@@ -77,7 +81,7 @@ def unseen(diagnosis: Diagnosis) -> list[str]:
     if diagnosis.rank == diagnosis.shape[1]:
         return ["every direction is seen", f"condition {diagnosis.condition:.3g}"]
     found = diagnosis.null_directions
-    text = [f"{len(found)} directions not seen", *_entries(found)]
+    text = [f"{counted(len(found), 'direction')} not seen", *_entries(found)]
     alone = [d.joints[0] for d in found if d.kind == "twist" and len(d.joints) == 1]
     pairs = [" / ".join(d.joints) for d in found if d.kind == "twist" and len(d.joints) > 1]
     text += _group(alone, "of one joint alone") + _group(pairs, "undone at the child")

@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from workbench.blocks import Points
+from workbench.blocks.checks import several
 from workbench.blocks.reals import reals
 from workbench.errors import BadConstraint, BadResidual
-from workbench.residuals.residual import blocks_read, check_symbolic
+from workbench.residuals.residual import blocks_read, check_listed, check_symbolic
 
 Array = NDArray[np.float64]
 
@@ -34,6 +35,9 @@ class Constraint:
     def __post_init__(self) -> None:
         try:
             check_symbolic(f"constraint {self.name!r}: the expression", self.expression)
+            what = f"the points of constraint {self.name!r}"
+            self.__dict__["points"] = several(what, self.points, Points, BadConstraint)
+            check_listed(f"constraint {self.name!r}", self.expression, self.points)
         except BadResidual as error:
             raise BadConstraint(str(error)) from None
         if self.expression.shape[1] != 1 or not self.size:
@@ -51,7 +55,8 @@ class Constraint:
         if not (np.isfinite(lower) | np.isfinite(upper)).all():
             row = int(np.argmin(np.isfinite(lower) | np.isfinite(upper)))
             raise BadConstraint(f"{self.label(row)} has no finite limit; give one, or drop it")
-        if not 0 < self.tolerance < np.inf:
+        tolerance = reals(f"the tolerance of constraint {self.name!r}", self.tolerance)
+        if tolerance.shape != () or not 0 < tolerance < np.inf:
             raise BadConstraint(
                 f"constraint {self.name!r} needs a finite tolerance above zero in {self.unit}, "
                 f"not {self.tolerance}"

@@ -74,6 +74,12 @@ class ConstraintSet:
             row -= constraint.size
         raise IndexError(f"row {row} of {self.size} constraints")
 
+    @cached_property
+    def function(self) -> cs.Function:
+        """(x, fixed) -> c: the stacked constraints, (k, 1), each in its unit."""
+        g = self._graph
+        return cs.Function("constraints", [g.x, g.fixed], [g.residual], ["x", "fixed"], ["c"])
+
     def values(self, x: Array, fixed: Array) -> Array:
         """c (k,), each in its unit."""
         return self._values(x, fixed)[0]

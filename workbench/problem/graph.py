@@ -1,11 +1,11 @@
 """An expression in named blocks and points, as a graph of flat vectors of numbers."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as cs
 
-from workbench.blocks import Layout, Points, PointSource
+from workbench.blocks import Layout, PointSource
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,21 +28,6 @@ class Graph:
         return Graph(x, given, tuple(points), r)
 
 
-def in_full(source: PointSource) -> cs.MX:
-    """What a source says of its points, to be derived."""
-    return source.expression
-
-
 def lean(source: PointSource) -> cs.MX:
-    """The same, to be evaluated only."""
+    """What a source says of its points, to be evaluated only."""
     return source.lean
-
-
-def substituted(
-    expression: cs.MX, points: Sequence[Points], said: Callable[[PointSource], cs.MX] = in_full
-) -> cs.MX:
-    """An expression with these placeholders replaced by what their sources say."""
-    if not points:
-        return expression
-    sources = [said(p.source) for p in points]
-    return cs.graph_substitute(expression, [p.symbol for p in points], sources)

@@ -9,7 +9,8 @@ import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from workbench.blocks import Block, Layout, Points, PointSource, Tree
+from workbench.blocks import Block, Layout, Points, PointSource, Tree, in_blocks
+from workbench.blocks.checks import mapping, texts
 from workbench.errors import BadResidual, DuplicateResidual, TwoSymbolsOneName, UnknownName
 from workbench.problem.batch import (
     Batch,
@@ -25,8 +26,9 @@ from workbench.problem.bounds import Bounds, flat_bounds
 from workbench.problem.chain import FORWARD, Chain
 from workbench.problem.constraint import Constraint
 from workbench.problem.constraint_set import ConstraintSet
-from workbench.problem.graph import Graph, lean, substituted
+from workbench.problem.graph import Graph, lean
 from workbench.problem.linearization import Linearization
+from workbench.problem.naming import check_names, parts_of
 from workbench.problem.optimality import optimality
 from workbench.problem.rounding import Rounding, Support
 from workbench.residuals import Residual
@@ -45,7 +47,8 @@ class Problem:
     come with the bodies' points; `blocks` adds those of others. A problem is never changed;
     `freeing` makes another.
 
-    Raises DuplicateResidual, TwoSymbolsOneName, UnknownName, BadBounds, NotNumbers or BadResidual.
+    Raises DuplicateResidual, TwoSymbolsOneName, UnknownName (UnreadBlock for a block of `blocks`
+    that nobody reads), BadBounds, NotNumbers, BadResidual, or BadArgument for names that are none.
     """
 
     def __init__(
@@ -56,10 +59,9 @@ class Problem:
         blocks: Iterable[Block] = (),
         constraints: Iterable[Constraint] = (),
     ) -> None:
-        self.residuals, self.constraints = tuple(residuals), tuple(constraints)
-        free = (free,) if isinstance(free, str) else tuple(free)
-        self.bounds = dict(bounds or {})
-        self._named = tuple(blocks)
+        self.residuals, self.constraints, self._named = parts_of(residuals, constraints, blocks)
+        free = texts("the names of free blocks", free)
+        self.bounds = dict(mapping("the bounds of a problem", {} if bounds is None else bounds))
         if not self.residuals:
             raise BadResidual("a problem needs at least one residual")
         names = [*(r.name for r in self.residuals), *(c.name for c in self.constraints)]
@@ -67,9 +69,7 @@ class Problem:
             if names.count(name) > 1:
                 raise DuplicateResidual(name)
         known = self._blocks
-        for name in (*free, *self.bounds):
-            if name not in known:
-                raise UnknownName("block", name, known)
+        check_names((*free, *self.bounds), known, self._named)
         self.free = Layout(tuple(known[name] for name in dict.fromkeys(free)))
         self.fixed = Layout(tuple(b for name, b in known.items() if name not in free))
         self.lower, self.upper = flat_bounds(self.bounds, self.free, self.fixed)
@@ -82,17 +82,19 @@ class Problem:
 
         Bounds of other blocks are dropped, and constraints that read none of these.
         """
+        names = texts("the names of free blocks", names)
         bounds = {name: self.bounds[name] for name in names if name in self.bounds}
         left = [c for c in self.constraints if not set(names).isdisjoint(c.reads)]
         return Problem(self.residuals, names, bounds, self._named, left)
 
     def without(self, *residuals: str) -> "Problem":
         """The same but for the named residuals; what then nobody reads is no longer free."""
-        for name in residuals:
+        for name in texts("the names of residuals", residuals):
             if name not in self.rows:
                 raise UnknownName("residual", name, self.rows)
         left = [residual for residual in self.residuals if residual.name not in residuals]
         read = {name for residual in left for name in residual.reads}
+        read |= {name for constraint in self.constraints for name in constraint.reads}
         free = [name for name in self.free.names if name in read]
         bounds = {name: self.bounds[name] for name in free if name in self.bounds}
         kept = [c for c in self.constraints if not set(free).isdisjoint(c.reads)]
@@ -252,14 +254,18 @@ class Problem:
 
     def _constraint_graph(self, stacked: cs.MX) -> Graph:
         read = {p.symbol.__hash__(): p for c in self.constraints for p in c.points}
-        return Graph.of(substituted(stacked, tuple(read.values())), self.free, self.fixed)
+        return Graph.of(in_blocks(stacked, tuple(read.values())), self.free, self.fixed)
 
     @cached_property
     def _blocks(self) -> dict[str, Block]:
         """Every block that is read, by name, the best known description of each."""
         described = {
             b.symbol.__hash__(): b
-            for b in (*self._named, *(b for p in self._points_of_all for b in p.source.blocks))
+            for b in (
+                *(b for r in self.residuals for b in r.blocks),
+                *self._named,
+                *(b for p in self._points_of_all for b in p.source.blocks),
+            )
         }
         placeholders = {p.symbol.__hash__() for p in self._points_of_all}
         stacked = cs.vertcat(self._whitened, *(c.expression for c in self.constraints))
@@ -274,7 +280,7 @@ class Problem:
 
     @cached_property
     def _graph(self) -> tuple[cs.MX, cs.MX, cs.MX]:
-        whole = Graph.of(substituted(self._whitened, self._points), self.free, self.fixed)
+        whole = Graph.of(in_blocks(self._whitened, self._points), self.free, self.fixed)
         return whole.x, whole.fixed, whole.residual
 
     @cached_property
@@ -283,7 +289,7 @@ class Problem:
 
     @cached_property
     def _batch(self) -> Batch:
-        whole = Graph.of(substituted(self._whitened, self._points, lean), self.free, self.fixed)
+        whole = Graph.of(in_blocks(self._whitened, self._points, lean), self.free, self.fixed)
         return Batch(whole, *self._split(lambda source: source.many), self.free, self.fixed)
 
     def _split(self, arithmetic: Callable[[PointSource], T | None]) -> tuple[Graph, tuple[T, ...]]:
@@ -291,6 +297,6 @@ class Problem:
         quick = [(p, arithmetic(p.source)) for p in self._points]
         by_graph = [p for p, found in quick if found is None]
         placeholders = [p.symbol for p, found in quick if found is not None]
-        expression = substituted(self._whitened, by_graph)
+        expression = in_blocks(self._whitened, by_graph)
         graph = Graph.of(expression, self.free, self.fixed, placeholders)
         return graph, tuple(found for _, found in quick if found is not None)

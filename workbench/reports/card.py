@@ -5,6 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from workbench.bodies import SkinnedBody
+from workbench.bodies.kinds import not_skinned
+from workbench.errors import BadBody
 from workbench.plots import caption_body, caption_shape_gallery, sheets
 from workbench.reports.anatomy import directions_drawn, facts, joints, shapes
 from workbench.reports.figures import shown
@@ -18,8 +20,9 @@ def write_card(body: SkinnedBody, folder: str | Path, source: str = "") -> Path:
     """Write the folder of a card, and return its page `index.html`; whole or not at all.
 
     `source` is the file that the body is from. Raises BadFile if the place cannot be written or
-    holds something else, the card of another file too.
+    holds something else, the card of another file too, and BadBody for a TriangleBody.
     """
+    check_kind(body)
     target = Path(folder)
     with replacing_folder(target, source) as fresh:
         (fresh / "index.html").write_text(card_page(body), encoding="utf-8")
@@ -39,7 +42,8 @@ def write_card(body: SkinnedBody, folder: str | Path, source: str = "") -> Path:
 
 
 def card_page(body: SkinnedBody) -> str:
-    """The page of a body."""
+    """The page of a body. Raises BadBody for one that is not skinned."""
+    check_kind(body)
     gallery = shapes(body)
     return page(
         "card.html",
@@ -60,7 +64,8 @@ def card_page(body: SkinnedBody) -> str:
 
 
 def card_text(body: SkinnedBody) -> str:
-    """The card for a terminal."""
+    """The card for a terminal. Raises BadBody for a body that is not skinned."""
+    check_kind(body)
     known = facts(body)
     widest = max(map(len, known))
     lines = [body.name, *(f"  {name:{widest}}  {text}" for name, text in known.items()), ""]
@@ -79,6 +84,12 @@ def card_text(body: SkinnedBody) -> str:
 def template_called(body: SkinnedBody) -> str:
     """What the template is, as a caption says it."""
     return "synthetic template" if "synthetic" in body.card else "template"
+
+
+def check_kind(body: object) -> None:
+    """Raise BadBody for what has no weights per vertex and no chain of joints to speak of."""
+    if wrong := not_skinned(body, "a card", "its fields and its `card` say what it is made of"):
+        raise BadBody(wrong)
 
 
 def joint_table(body: SkinnedBody) -> Table:

@@ -8,7 +8,9 @@ import numpy as np
 from workbench.bodies import SkinnedBody
 from workbench.diagnostics import Comparison, Diagnosis
 from workbench.diagnostics.conditioning import PARALLEL
-from workbench.diagnostics.structure import gathered, named_groups, named_rows
+from workbench.diagnostics.findings import held
+from workbench.diagnostics.structure import bulges, gathered, named_groups, named_rows
+from workbench.diagnostics.text import changed
 from workbench.plots import (
     caption_data_share,
     caption_sigmas,
@@ -85,6 +87,10 @@ def diagnosis_page(
         density=f"{d.density:.1%}",
         nonzeros=f"{d.nonzeros:,}",
         thick=f"{d.here.thick:,}" if finite else "",
+        thin=finite and d.here.thick < d.nonzeros,
+        bulges=bulges(d.problem),
+        yardsticks=str(d.point.yardsticks) if finite else "",
+        held=held(d) if d.point.held.any else "",
         sparsity=None if d.here.estimated else shown(sheets.sparsity_sheet(d), caption_sparsity(d)),
         terms=tables.terms_table(d),
         parts=parts_table(d),
@@ -95,7 +101,7 @@ def diagnosis_page(
         estimated=d.here.estimated,
         unseen=tables.gathered_directions_table(d.null_directions) if finite else None,
         unseen_pictures=pictures(d, d.null_directions, body) if finite else [],
-        weak=tables.gathered_directions_table(d.weak_directions) if finite else None,
+        weak=tables.gathered_directions_table(d.weak_directions, "yardstick") if finite else None,
         weak_pictures=pictures(d, d.weak_directions, body) if finite else [],
         conditioning=conditioning_table(d) if finite else None,
         sigmas=shown(sheets.sigmas_sheet(d), caption_sigmas(d)) if finite else None,
@@ -128,7 +134,7 @@ def parts_table(d: Diagnosis) -> Table:
     rows = tuple(
         (
             name, f"{len(p.rows):,}", f"{len(p.columns):,}",
-            named_rows(d.problem.rows, p.rows) or "–", named_groups(d.free, p.columns) or "–",
+            named_rows(d.point.rows, p.rows) or "–", named_groups(d.free, p.columns) or "–",
         )
         for name, p in parts
     )  # fmt: skip
@@ -149,7 +155,7 @@ def ranks_table(d: Diagnosis) -> Table:
     ]
     if d.nearby.ranks:
         near = ", ".join(map(str, d.nearby.ranks))
-        rows.append(("nearby", near, "at random points a tenth of a unit away"))
+        rows.append(("nearby", near, "at random points a tenth of a yardstick away"))
     if d.rank_law:
         rows.append(("rank law of observed joints", str(d.rank_law[0]), d.rank_law[1]))
     rows.append(("unknowns", str(n), "what the rank would have to be"))
@@ -203,15 +209,17 @@ def known_table(d: Diagnosis) -> Table:
 
 def entries_table(d: Diagnosis) -> Table:
     """Every unknown."""
-    known = d.identifiability
+    known, sizes = d.identifiability, d.point.yardsticks.sizes
     rows = tuple(
         (
             d.free.label(i), d.free.unit(i), number(float(known.sigma[i]), 3),
-            number(float(known.prior_sigma[i]), 3), known.verdicts[i].value,
+            number(float(known.prior_sigma[i]), 3), number(float(sizes[i]), 3),
+            known.verdicts[i].value,
         )
         for i in range(min(d.free.size, tables.MOST))
     )  # fmt: skip
-    return Table(("unknown", "unit", "sigma", "prior sigma", "verdict"), rows, (2, 3))
+    head = ("unknown", "unit", "sigma", "prior sigma", "yardstick", "verdict")
+    return Table(head, rows, (2, 3, 4))
 
 
 def contributions_table(d: Diagnosis) -> Table | None:
@@ -223,7 +231,7 @@ def contributions_table(d: Diagnosis) -> Table | None:
             c.term, str(c.rank_without), str(c.rank_with),
             number(float(c.singular_values_without.min(initial=np.inf)), 2),
             number(float(c.singular_values_with.min(initial=np.inf)), 2),
-            *(f"{number(c.sigma_without[n], 2)} → {number(c.sigma_with[n], 2)}"
+            *(changed(c.sigma_without[n], c.sigma_with[n], lambda sigma: number(sigma, 2))
               for n in d.free.names),
         )
         for c in d.contributions

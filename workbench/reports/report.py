@@ -126,7 +126,7 @@ def data_alone(outcome: Outcome) -> dict[str, object] | None:
         "columns": found.shape[1],
         "spectrum": shown(sheets.singular_values_sheet(found), caption_singular_values(found)),
         "directions": tables.directions_table(found),
-        "weak": tables.gathered_directions_table(found.weak_directions),
+        "weak": tables.gathered_directions_table(found.weak_directions, "yardstick"),
     }
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.bodies import SkinnedBody
+from workbench.bodies.kinds import not_skinned
 from workbench.errors import BadArgument
 from workbench.reports.page import page
 from workbench.reports.summary import versions
@@ -46,6 +47,8 @@ def body_data(body: SkinnedBody) -> dict[str, Any]:
     Raises BadArgument for a body that is not SMPL's, is not bound in the pose zero, has free arrays
     or more than four weights in a vertex, or more than 65,536 vertices.
     """
+    if other := not_skinned(body, "the page of sliders", "body.vertices(pose) moves it"):
+        raise BadArgument(other)
     most = int(np.count_nonzero(body.weights, axis=1).max())
     for wrong, why in (
         (not body.is_smpl, "is not blended linearly with features of rotation elements"),

@@ -138,16 +138,17 @@ def directions_table(diagnosis: Diagnosis) -> Table:
     return Table(("null direction", "kind", "change of the whitened residual"), rows, (2,))
 
 
-def gathered_directions_table(directions: Sequence[Direction]) -> Table:
-    """Single entries gathered, all others one by one."""
+def gathered_directions_table(directions: Sequence[Direction], per: str = "unit") -> Table:
+    """Single entries gathered, all others one by one; `per` is what a change is counted by."""
     entries = [x for x in directions if x.kind == "entry"]
     rows = []
     if entries:
         worst = max(x.change for x in entries)
         names = ", ".join(gathered([x.name for x in entries]))
-        rows.append((f"{len(entries)} single entries: {names}", "entry", f"≤ {number(worst, 2)}"))
+        how_many = "1 single entry" if len(entries) == 1 else f"{len(entries)} single entries"
+        rows.append((f"{how_many}: {names}", "entry", f"≤ {number(worst, 2)}"))
     rows += [(x.name, x.kind, number(x.change, 2)) for x in directions if x.kind != "entry"]
-    return Table(("direction", "kind", "|J d|, sigmas per unit"), tuple(rows), (2,))
+    return Table(("direction", "kind", f"|J d|, sigmas per {per}"), tuple(rows), (2,))
 
 
 def value_tables(outcome: Outcome) -> list[Table]:

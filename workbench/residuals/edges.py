@@ -25,8 +25,9 @@ def edges(
 
     A translation of either changes nothing, so shape can be compared before it is known where
     the body stands (SMPL, section 4.1: the pose of a registration). `observed` is the symbol of
-    a block (N, 3), or an array; a pair of confidence c is ordinary at sigma / c.
-    Raises BadResidual for pairs of vertices that do not exist.
+    a block (N, 3), or an array. The confidence of a pair (E,), from 0 on, is the weight of its
+    three rows, outside of the kernel: 1/2 w rho((r / sigma)^2).
+    Raises BadResidual for pairs of vertices that do not exist and for confidences below zero.
     """
     predicted, reads = expressed(points)
     name = name or named_after("edges", observed, points)
@@ -41,7 +42,13 @@ def edges(
     rows, entries = np.repeat(np.arange(E), 2).tolist(), np.tile([1.0, -1.0], E)
     ends = cs.DM.triplet(rows, found.ravel().tolist(), cs.DM(entries), E, N)
     difference = (predicted - target) @ ends.T  # (3, E) m
+    weights = None
     if confidence is not None:
         trust = given(name, "the confidence", confidence, (E,))
-        difference = difference * cs.repmat(cs.vec(trust).T, 3, 1)
-    return Residual(name, cs.vec(difference), sigma, "m", kernel, reads)
+        if trust.shape != (E, 1):
+            raise BadResidual(
+                f"residual {name!r} has {E} pairs, but confidences of shape {trust.shape}; give "
+                "one for each"
+            )
+        weights = cs.vec(cs.repmat(trust.T, 3, 1))  # (3 E, 1)
+    return Residual(name, cs.vec(difference), sigma, "m", kernel, reads, None, weights)

@@ -33,13 +33,14 @@ def gaussian(
     shape = (n,) if columns == 1 else (columns, rows)  # as a user sees it
     C = reals(f"residual {name!r}: the covariance", covariance)
     mu = reals(f"residual {name!r}: the mean", mean)
+    given = mu.shape
     try:
         mu = mu if mu.shape == (n,) else np.broadcast_to(mu, shape).ravel()
     except ValueError:
         mu = np.zeros(0)
     if mu.size != n or C.shape not in ((), (n,), (n, n)):
         raise BadResidual(
-            f"residual {name!r} is about {shape} numbers, but has a mean of {np.shape(mean)} and "
+            f"residual {name!r} is about {shape} numbers, but has a mean of {given} and "
             f"a covariance of {C.shape}; give a mean for {shape} or ({n},), and a covariance of "
             f"shape (), ({n},) or ({n}, {n})"
         )

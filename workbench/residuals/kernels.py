@@ -30,9 +30,9 @@ def geman_mcclure(s: cs.MX) -> cs.MX:
     Halfway (rho = 1/2) at |x| = sigma; the pull is strongest at |x| = sigma / sqrt(3).
     Raises BadResidual for a number: it has no parameter of its own.
     """
-    if isinstance(s, (int, float, np.number)):
+    if not isinstance(s, (cs.MX, cs.SX, cs.DM)):
         raise BadResidual(
-            f"geman_mcclure is the kernel itself, not geman_mcclure({s}); write "
+            f"geman_mcclure is the kernel itself, not geman_mcclure({s!r}); write "
             "kernel=geman_mcclure, and say by sigma where outliers begin"
         )
     return 1 / cs.sqrt(1 + s)

@@ -27,13 +27,24 @@ def keypoints(
     kernel: Kernel = quadratic,
     name: str | None = None,
 ) -> Residual:
-    """c_k (Pi(p_k(theta, beta)) - u^_k) in pixels, for one camera: E_J of SMPLify.
+    """Pi(p_k(theta, beta)) - u^_k in pixels, for one camera; E_J of SMPLify (Bogo et al. 2016):
 
-    points (3, M) m; observed (M, 2) px and confidence (M,) in [0, 1] are symbols of blocks, or
-    arrays. A keypoint of confidence c is ordinary at sigma / c pixels; at 0 it has no say, and its
-    coordinates do not matter as long as they are numbers.
+        1/2 sum over k of w_k (rho(du_k^2 / sigma^2) + rho(dv_k^2 / sigma^2))
+
+    with the confidence of keypoint k as its weight w_k. The weight stands outside of the kernel,
+    as in SMPLify: what counts as an outlier is said by sigma alone, and a doubtful keypoint has
+    less say near and far alike. Without a robust kernel a keypoint of weight w is ordinary at
+    sigma / sqrt(w) pixels; whoever wants it ordinary at sigma / c gives confidence=c**2, as
+    SPIN does (Kolotouros et al. 2019).
+
+    points (3, M) m; observed (M, 2) px and confidence (M,), from 0 on, are symbols of blocks, or
+    arrays, or expressions of symbols. A keypoint of confidence 0 has no say, and its coordinates
+    do not matter as long as they are numbers. Raises BadResidual for shapes that do not fit and
+    for confidences below zero.
     """
     predicted, reads = expressed(points)
+    if not isinstance(camera, Camera):
+        raise BadResidual(f"keypoints are seen by a Camera, not by a {type(camera).__name__}")
     pixels = camera.project(predicted)  # (2, M) px
     name = name or named_after("keypoints", observed, points)
     M = pixels.shape[1]
@@ -45,5 +56,8 @@ def keypoints(
             f"residual {name!r} has {M} keypoints, but confidences of shape "
             f"{sure.shape}; give one for each"
         )
-    off = cs.vec((pixels - target) * cs.repmat(sure.T, 2, 1))  # (2 M, 1) px
-    return Residual(name, off, sigma, "px", kernel, reads, row_labels(points, "uv"))
+    off = cs.vec(pixels - target)  # (2 M, 1) px
+    weights = cs.vec(cs.repmat(sure.T, 2, 1))  # (2 M, 1)
+    return Residual(
+        name, off, sigma, "px", kernel, reads, row_labels(points, "uv"), weights, camera.blocks
+    )

@@ -7,20 +7,32 @@ import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from workbench.blocks import Block, Points
+from workbench.blocks import Block, Points, in_blocks
+from workbench.blocks.checks import several, texts
+from workbench.blocks.points import unlisted
 from workbench.blocks.reals import reals
 from workbench.errors import BadResidual
 from workbench.residuals.kernels import Kernel, quadratic
+from workbench.residuals.weights import check_weights, root
 
 
 @dataclass(frozen=True, eq=False)
 class Residual:
     """A named column that should be near zero, ordinary at `sigma`, both in `unit`.
 
-    Problems see it whitened: half the sum of squares is then dimensionless, and minus a log
-    likelihood up to a constant. `points` are the placeholders that the expression reads;
-    `labels` name its rows. Raises BadResidual if it is no column of symbols, has no positive and
-    finite sigma, or a kernel that is no function; NotNumbers for a sigma of text and the like.
+    Problems see it whitened: row i adds 1/2 w_i rho((r_i / sigma_i)^2) to the cost, which is
+    dimensionless and minus a log likelihood up to a constant. The weight w_i is a count and has no
+    unit: a row of weight 2 counts as if it had been observed twice, one of weight 0 not at all. It
+    stands outside of the kernel, so it does not change which residuals the kernel takes for
+    outliers. `points` are the placeholders that the expression reads; `labels` name its rows.
+
+    The expression is written in placeholders of points: casadi.jacobian of it by a body's pose
+    has no nonzeros, for a placeholder is a symbol of its own. `in_blocks` is the same in the
+    symbols of blocks. `blocks` describe symbols that the expression reads, by unit and labels.
+
+    Raises BadResidual if it is no column of symbols, reads a placeholder that is not among its
+    points, has no positive and finite sigma, weights that are negative or do not fit, or a kernel
+    that is no function; NotNumbers for a sigma or weights of text and the like.
     """
 
     name: str
@@ -30,9 +42,18 @@ class Residual:
     kernel: Kernel = quadratic
     points: tuple[Points, ...] = ()
     labels: tuple[str, ...] | None = None
+    weights: cs.MX | ArrayLike | None = None  # one for all rows, or (m,); None: 1
+    blocks: tuple[Block, ...] = ()
 
     def __post_init__(self) -> None:
+        if not isinstance(self.name, str):
+            raise BadResidual(f"a residual's name is a text, not {self.name!r}")
         check_symbolic(f"residual {self.name!r}: the expression", self.expression)
+        what = f"of residual {self.name!r}"
+        self.__dict__["points"] = several(f"the points {what}", self.points, Points, BadResidual)
+        self.__dict__["blocks"] = several(f"the blocks {what}", self.blocks, Block, BadResidual)
+        if self.labels is not None:
+            self.__dict__["labels"] = texts(f"the labels {what}", self.labels, BadResidual)
         if self.expression.shape[1] != 1:
             raise BadResidual(
                 f"residual {self.name!r} must be a column (m, 1), not {self.expression.shape}; "
@@ -54,6 +75,8 @@ class Residual:
             raise BadResidual(
                 f"residual {self.name!r} has {self.size} rows but {len(self.labels)} labels"
             )
+        check_weights(self.name, self.weights, self.size)
+        check_listed(f"residual {self.name!r}", self.expression, self.points)
 
     @property
     def size(self) -> int:
@@ -62,14 +85,26 @@ class Residual:
 
     @property
     def whitened(self) -> cs.MX:
-        """The residual in sigmas, shrunk by its kernel: (m, 1)."""
+        """In sigmas, shrunk by the kernel and then weighted: sqrt(w) g(s) r / sigma, (m, 1)."""
         r = self.expression / cs.DM(self.sigma)
-        return r if self.kernel is quadratic else self.kernel(r**2) * r
+        shrunk = r if self.kernel is quadratic else self.kernel(r**2) * r
+        return shrunk if self.weights is None else root(self.weights) * shrunk
+
+    @property
+    def in_blocks(self) -> cs.MX:
+        """The expression in the symbols of blocks alone, (m, 1) in `unit`: to be derived by them.
+
+        See `blocks.in_blocks` for how. Of the whole problem, whitened, `Problem.derivative` is
+        the Jacobian by all free numbers.
+        """
+        return in_blocks(self.expression, self.points)
 
     @property
     def reads(self) -> tuple[str, ...]:
         """Names of the blocks that it depends on, directly or through its points."""
-        return blocks_read(self.expression, self.points)
+        if not isinstance(self.weights, cs.MX):
+            return blocks_read(self.expression, self.points)
+        return blocks_read(cs.veccat(self.expression, self.weights), self.points)
 
     def label(self, row: int) -> str:
         """The name of one row: `keypoints(camera 1/observed)[left_wrist, u]`."""
@@ -95,11 +130,25 @@ def check_symbolic(what: str, value: object) -> None:
         )
 
 
+def check_listed(what: str, expression: cs.MX, points: Sequence[Points]) -> None:
+    """Raise BadResidual if an expression reads points of a body that are not among its `points`."""
+    for name in unlisted(expression, points):
+        raise BadResidual(
+            f"{what} reads {name}, a symbol that stands for points of a body, but does not say "
+            "which; give the Points themselves, as in points=(points,), and not their .symbol alone"
+        )
+
+
 def expressed(points: Points | cs.MX) -> tuple[cs.MX, tuple[Points, ...]]:
     """Points or a bare matrix (3, N), as an expression and what it reads; raises BadResidual."""
     if isinstance(points, Points):
         return points.symbol, (points,)
     check_symbolic("the points of a residual", points)
+    if points.shape[0] != 3:
+        raise BadResidual(
+            f"the points of a residual are a matrix (3, N), one column each, not {points.shape}; "
+            + ("transpose it" if points.shape[1] == 3 else "take the symbol of a block (N, 3)")
+        )
     return points, ()
 
 

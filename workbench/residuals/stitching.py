@@ -5,6 +5,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from workbench.blocks import Points
+from workbench.blocks.reals import numbers
 from workbench.errors import BadResidual
 from workbench.geometry.triangles import edge_matrix
 from workbench.residuals.kernels import Kernel, quadratic
@@ -28,6 +29,13 @@ def stitching(
     """
     placed, reads = expressed(vertices)
     name = name or named_after("stitching", edges, vertices)
+    found = numbers(f"residual {name!r}: faces", faces)
+    if found.ndim != 2 or found.shape[1] != 3 or found.dtype.kind not in "iu":
+        raise BadResidual(f"residual {name!r} needs faces (F, 3) of whole numbers")
+    if found.size and not 0 <= found.min() <= found.max() < placed.shape[1]:
+        raise BadResidual(
+            f"residual {name!r} needs vertices from 0 to {placed.shape[1] - 1} in its faces"
+        )
     target = given(name, "the edges", edges, (2 * len(faces), 3))
     if target.shape != (3, 2 * len(faces)):
         raise BadResidual(

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 from workbench.blocks import Values
+from workbench.errors import BadArgument
 from workbench.problem import Problem
 from workbench.solvers.abilities import Abilities, Boxes, Derivative, Listed
 from workbench.solvers.dogleg import Dogleg, chumpy, textbook
@@ -61,7 +62,12 @@ def solve(
     *,
     callback: Callback | None = None,
 ) -> Solution:
-    """Solve with Levenberg-Marquardt, or with the solver given."""
+    """Solve with Levenberg-Marquardt, or with the solver given.
+
+    Raises BadArgument for what is no Problem.
+    """
+    if not isinstance(problem, Problem):
+        raise BadArgument(f"a Problem is solved, not something of type {type(problem).__name__}")
     return (solver or LevenbergMarquardt()).solve(problem, start, callback=callback)
 
 

@@ -43,13 +43,14 @@ class OnVertices:
         return self
 
     def residual(self, points: Points, observed: Block, trust: Block, sigma: float) -> Residual:
-        """trust (v - v^), in m."""
-        away = (points.symbol - observed.symbol) * cs.repmat(trust.symbol.T, 3, 1)
-        return Residual("vertices", cs.vec(away), sigma, "m", points=(points,))
+        """v - v^, in m, weighted by trust."""
+        away = cs.vec(points.symbol - observed.symbol)
+        weights = cs.vec(cs.repmat(trust.symbol.T, 3, 1))
+        return Residual("vertices", away, sigma, "m", points=(points,), weights=weights)
 
     def trust(self, seen: Array) -> Array:
-        """Of each vertex, its root: variances are divided."""
-        return np.sqrt(seen)
+        """Of each vertex: what it is seen with divides its variance."""
+        return seen
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +77,7 @@ class OnEdges:
 
     def trust(self, seen: Array) -> Array:
         """Of each edge: the less of its ends."""
-        return np.asarray(np.sqrt(seen[self.pairs].min(axis=1)))
+        return np.asarray(seen[self.pairs].min(axis=1))
 
 
 Compared = OnVertices | OnEdges

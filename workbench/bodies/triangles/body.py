@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
-from types import MappingProxyType
 from typing import Any
 
 import casadi as cs
@@ -12,9 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 
 from workbench.blocks import Block, Points, Values
+from workbench.blocks.checks import texts
 from workbench.bodies import evaluation
-from workbench.bodies.body import Blocks, blocks_of, landmark_set
-from workbench.bodies.owned import given_up, owned, owned_index, owned_matrix
+from workbench.bodies.body import Blocks, blocks_of, check_prefix, landmark_set
+from workbench.bodies.owned import given_up, owned, owned_index, owned_mapping, owned_matrix
 from workbench.bodies.skinned import Landmarks
 from workbench.bodies.sources import Arguments
 from workbench.bodies.triangles.arithmetic import Arithmetic
@@ -71,11 +71,11 @@ class TriangleBody:
             }
             kept |= {n: owned_matrix(n, getattr(self, n)) for n in ("weights", "J_regressor")}
             kept |= {n: owned_index(n, getattr(self, n)) for n in ("faces", "near")}
-            kept["parents"] = tuple(owned_index("parents", self.parents).tolist())
+            kept["parents"] = tuple(owned_index("parents", self.parents).ravel().tolist())
+            kept["landmarks"] = owned_mapping(f"body {self.name!r}: landmarks", self.landmarks)
         except NotNumbers as error:
             raise BadBody(f"body {self.name!r}: {error}") from None
-        kept["joint_names"] = tuple(self.joint_names)
-        kept["landmarks"] = MappingProxyType(dict(self.landmarks))
+        kept["joint_names"] = texts(f"body {self.name!r}: joint_names", self.joint_names, BadBody)
         self.__dict__.update(kept)
         check(self)
 
@@ -113,6 +113,7 @@ class TriangleBody:
 
     def blocks(self, prefix: str = "") -> Blocks:
         """`pose` (K, 3) rad, `betas` (B,), `trans` (3,) m: the same objects for the same prefix."""
+        check_prefix(prefix)
         if prefix not in self._made:
             self._made[prefix] = blocks_of(prefix, self.joint_names, self.n_betas)
         return self._made[prefix]
@@ -190,6 +191,10 @@ class TriangleBody:
             return self.joints(pose, betas, trans)
         found = landmark_set(self.landmarks, name)
         return evaluation.regressed(found.regressor, self.vertices(pose, betas, trans))
+
+    def landmark_names(self, name: str) -> tuple[str, ...]:
+        """The names of the points of a landmark set."""
+        return self.joint_names if name == "joints" else landmark_set(self.landmarks, name).names
 
     def deformations(self, pose: ArrayLike, betas: ArrayLike) -> Array:
         """X_f (F, 3, 3) at pose (K, 3) rad and betas (B,), before stitching."""

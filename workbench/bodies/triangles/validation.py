@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
-from workbench.bodies.validation import check_rows, check_tree
+from workbench.bodies.validation import check_landmarks, check_rows, check_tree
 from workbench.errors import BadBody, BadMesh
 from workbench.geometry.triangles import gradients
 
@@ -67,9 +67,4 @@ def check(body: TriangleBody) -> None:
             f"the faces leave {N} vertices in {parts} pieces, and stitching tells nothing of where "
             "one piece is beside another; keep one piece"
         )
-    for name, landmarks in body.landmarks.items():
-        if landmarks.regressor.shape != (len(landmarks.names), N):
-            refuse(
-                f"landmarks {name!r}: {len(landmarks.names)} names and a regressor "
-                f"{landmarks.regressor.shape}, which must be ({len(landmarks.names)}, {N})"
-            )
+    check_landmarks(refuse, body.landmarks, N)

@@ -1,0 +1,135 @@
+"""Constraints that hold at a point decide directions, and a diagnosis says so."""
+
+import casadi as cs
+import numpy as np
+import pytest
+
+from workbench import (
+    Block,
+    Constraint,
+    Diagnosis,
+    Problem,
+    Residual,
+    Sqp,
+    diagnose,
+    residuals,
+    solve,
+)
+from workbench.bodies.catalogue import load_body
+from workbench.diagnostics.identifiability import Verdict
+
+X = Block("x", (2,))
+SUM = Residual("sum", X.symbol[0] + X.symbol[1] - 1, 0.1)
+
+
+def at(*constraints: Constraint, x: tuple[float, float] = (0.5, 0.5)) -> Diagnosis:
+    return diagnose(Problem([SUM], "x", constraints=constraints), {"x": np.array(x)})
+
+
+def test_an_equation_supplies_a_direction() -> None:
+    d = at(Constraint("equal", X.symbol[0] - X.symbol[1], 0, 0))
+    assert d.rank == d.structural_rank == d.scaled_rank == 2
+    assert d.null_directions == ()
+    assert d.condition == pytest.approx(1.0)  # one direction is left
+    # x + y is known to 0.1, and x = y: each to 0.05
+    np.testing.assert_allclose(d.identifiability.sigma, 0.05, rtol=1e-12)
+    assert d.identifiability.verdicts == (Verdict.IDENTIFIED,) * 2
+    assert not d.warnings
+    for said in (str(d), d.report()):
+        assert "constraints that hold here forbid 1 direction" in said
+        assert "equal" in said
+
+
+def test_without_it_the_direction_is_not_noticed() -> None:
+    d = at()
+    assert d.rank == 1
+    assert len(d.null_directions) == 1
+    assert np.isinf(d.identifiability.sigma).all()
+    assert "constraint" not in d.report()
+
+
+def test_an_inequality_counts_where_it_holds() -> None:
+    """x - y <= 0: on the limit it holds; away from it, it says nothing."""
+    below = Constraint("below", X.symbol[0] - X.symbol[1], upper=0)
+    assert at(below).rank == 2
+    assert at(below, x=(0.4, 0.6)).rank == 1
+    assert at(below, x=(0.6, 0.4)).rank == 2  # violated: it will have to hold
+
+
+def test_the_sigmas_are_those_of_the_problem_with_one_unknown_less() -> None:
+    """The same surface in two ways: on the constraint, and with the constraint solved for."""
+    rng = np.random.default_rng(0)
+    x, y = Block("x", (4,)), Block("y", (3,))
+    A, b = rng.normal(size=(6, 4)), rng.normal(size=6)
+    free = Residual("r", cs.DM(A) @ x.symbol - b, 0.3)
+    norm = Constraint("norm", cs.sumsqr(x.symbol), 1, 1)
+    # x = (y, sqrt(1 - |y|^2))
+    last = cs.sqrt(1 - cs.sumsqr(y.symbol))
+    solved = Residual("r", cs.DM(A) @ cs.vertcat(y.symbol, last) - b, 0.3)
+    v = np.array([0.1, 0.3, -0.5])
+    values = {"x": np.append(v, np.sqrt(1 - v @ v)), "y": v}
+    d = diagnose(Problem([free], "x", constraints=[norm]), values)
+    other = diagnose(Problem([solved], "y"), values)
+    assert (d.rank, other.rank) == (4, 3)
+    np.testing.assert_allclose(d.identifiability.sigma[:3], other.identifiability.sigma, rtol=1e-9)
+
+
+def test_directions_that_nothing_notices_keep_to_the_constraints() -> None:
+    x = Block("x", (4,))
+    r = Residual("r", x.symbol[0], 1.0)
+    c = Constraint("c", x.symbol[1] + x.symbol[2], 0, 0)
+    d = diagnose(Problem([r], "x", constraints=[c]), {"x": np.zeros(4)})
+    assert d.rank == 2
+    vectors = np.column_stack([direction.vector for direction in d.null_directions])
+    assert vectors.shape == (4, 2)
+    np.testing.assert_allclose(vectors[0], 0, atol=1e-12)
+    np.testing.assert_allclose(vectors[1] + vectors[2], 0, atol=1e-12)
+    # what only the constraint reads is decided by it together with others, not by nobody
+    assert "read by no residual and no constraint that holds: x[3]" in d.report()
+
+
+def test_suggestions_keep_constraints_and_bounds() -> None:
+    x, y = Block("x", (2,)), Block("y", ())
+    r = Residual("r", x.symbol[0] + y.symbol, 1.0)
+    cap = Constraint("cap", cs.sumsqr(x.symbol), upper=4)
+    bounds = {"x": (-1, 1), "y": (0, 3)}
+    problem = Problem([r], ("x", "y"), bounds, constraints=[cap])
+    d = diagnose(problem, {"x": np.array([0.5, 0.1]), "y": np.array(1.0)})
+    assert {s.kind for s in d.suggestions} == {"fix", "prior"}
+    for suggestion in d.suggestions:
+        suggested = suggestion.problem
+        kept = [c.name for c in suggested.constraints]
+        assert kept == (["cap"] if "x" in suggested.free.names else []), suggestion.what
+        assert suggested.bounds == {n: bounds[n] for n in suggested.free.names}
+    # the whole prior ends where the constraint allows it
+    prior = next(s for s in d.suggestions if s.kind == "prior" and s.cured)
+    solution = solve(prior.problem, d.at, Sqp())
+    assert float(solution.values["x"] @ solution.values["x"]) <= 4 + 1e-6
+
+
+def test_without_a_residual_what_a_constraint_reads_stays_free() -> None:
+    x, y = Block("x", ()), Block("y", ())
+    terms = [Residual("a", x.symbol, 1.0), Residual("b", y.symbol, 1.0)]
+    tie = Constraint("tie", x.symbol - y.symbol, 0, 0)
+    less = Problem(terms, ("x", "y"), {"y": (0, 1)}, constraints=[tie]).without("b")
+    assert less.free.names == ("x", "y")
+    assert [c.name for c in less.constraints] == ["tie"]
+    assert less.bounds == {"y": (0, 1)}
+
+
+def test_a_body_whose_wrist_is_held_in_place() -> None:
+    body = load_body("small")
+    pose, betas, trans = (block.symbol for block in body.blocks())
+    joints = body.joint_points(pose, betas, trans)
+    wrist = body.joint_names.index("left_wrist")
+    seen = residuals.landmarks(joints, body.joints(), sigma=0.01)
+    fixed = Constraint(
+        "wrist", joints.symbol[:, wrist], *(body.joints()[wrist],) * 2, "m", points=(joints,)
+    )
+    free, at = ("pose", "trans"), body.start()
+    d, other = (diagnose(Problem([seen], free, constraints=c), at) for c in ([fixed], []))
+    assert other.rank == d.rank == 43  # the joints tell all of that already
+    assert d.point.tied.count == 3
+    assert d.rank_law is None
+    assert other.rank_law is not None
+    assert len(d.null_directions) == 75 - 43

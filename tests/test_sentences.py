@@ -1,0 +1,235 @@
+"""Whoever gives something of the wrong kind reads a sentence of ours, not of CasADi or NumPy."""
+
+import pickle
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import casadi as cs
+import numpy as np
+import pytest
+
+import workbench as wb
+from workbench.bodies.triangles.recipes import scape
+from workbench.errors import (
+    BadArgument,
+    BadBody,
+    BadConstraint,
+    BadFile,
+    BadResidual,
+    UnknownName,
+    UnreadBlock,
+)
+from workbench.reports.card import card_page, card_text, write_card
+from workbench.reports.sliders import sliders_page
+from workbench.residuals import edges, gaussian, keypoints, landmarks, stitching, vertices
+
+BODY = wb.load_body("small")
+SYMBOLS = tuple(block.symbol for block in BODY.blocks())
+JOINTS, SURFACE = BODY.joint_points(*SYMBOLS), BODY.points(*SYMBOLS)
+CAMERA = wb.Camera("cam/")
+X = wb.Block("x", (3,))
+PROBLEM = wb.Problem([gaussian(X.symbol)], "x")
+
+NONE_OF_IT: dict[str, Any] = {
+    "SX": cs.SX.sym("q", 3), "text": "abc", "None": None, "an int": 3, "NaN": np.full(3, np.nan),
+    "a table": np.zeros((2, 7)), "MX (2, 7)": cs.MX.sym("m", 2, 7), "a list": [1, 2],
+    "MX (24, 3)": cs.MX.sym("m", 24, 3), "a dict": {"a": 1}, "a block": X, "an object": object(),
+    "a negative": -1.0, "a function": len, "DM": cs.DM(2, 2), "points": JOINTS,
+    "nothing": np.zeros(0), "complex": np.ones(3) * 1j,
+}  # fmt: skip
+FACES = np.array([[0, 1, 2], [1, 2, 3]])
+
+# Each takes one thing, of which some of the above are good; whatever is not is told in a sentence.
+CALLS: dict[str, Callable[[Any], object]] = {
+    "Block, name": lambda v: wb.Block(v, (3,)).symbol,
+    "Block, shape": lambda v: wb.Block("b", v).symbol,
+    "Block, labels": lambda v: wb.Block("b", (3,), "m", v).entry(1),
+    "Layout": lambda v: wb.Layout(v).pack({}),
+    "pack": lambda v: wb.Layout((X,)).pack(v),
+    "pack, x": lambda v: wb.Layout((X,)).pack({"x": v}),
+    "Residual, name": lambda v: wb.Residual(v, X.symbol, 1.0),
+    "Residual, expression": lambda v: wb.Problem([wb.Residual("r", v, 1.0)], "x"),
+    "Residual, sigma": lambda v: wb.Residual("r", X.symbol, v).whitened,
+    "Residual, points": lambda v: wb.Residual("r", X.symbol, 1.0, points=v),
+    "Residual, one of the points": lambda v: wb.Residual("r", X.symbol, 1.0, points=(v,)),
+    "Residual, labels": lambda v: wb.Residual("r", X.symbol, 1.0, labels=v),
+    "Residual, weights": lambda v: wb.Residual("r", X.symbol, 1.0, weights=v).whitened,
+    "Residual, blocks": lambda v: wb.Residual("r", X.symbol, 1.0, blocks=v),
+    "gaussian": gaussian,
+    "gaussian, mean": lambda v: gaussian(X.symbol, mean=v),
+    "gaussian, covariance": lambda v: gaussian(X.symbol, covariance=v),
+    "landmarks, points": lambda v: landmarks(v, np.zeros((24, 3)), sigma=1.0),
+    "landmarks, observed": lambda v: landmarks(JOINTS, v, sigma=1.0),
+    "vertices, sigma": lambda v: vertices(JOINTS, np.zeros((24, 3)), sigma=v),
+    "keypoints, points": lambda v: keypoints(v, CAMERA, np.zeros((24, 2)), np.ones(24), sigma=1),
+    "keypoints, camera": lambda v: keypoints(JOINTS, v, np.zeros((24, 2)), np.ones(24), sigma=1),
+    "keypoints, observed": lambda v: keypoints(JOINTS, CAMERA, v, np.ones(24), sigma=1),
+    "keypoints, confidence": lambda v: keypoints(JOINTS, CAMERA, np.zeros((24, 2)), v, sigma=1),
+    "edges, points": lambda v: edges(v, np.zeros((24, 3)), [[0, 1]], sigma=1),
+    "edges, observed": lambda v: edges(JOINTS, v, [[0, 1]], sigma=1),
+    "edges, pairs": lambda v: edges(JOINTS, np.zeros((24, 3)), v, sigma=1),
+    "edges, confidence": lambda v: edges(
+        JOINTS, np.zeros((24, 3)), [[0, 1]], sigma=1, confidence=v
+    ),
+    "stitching, vertices": lambda v: stitching(v, np.zeros((4, 3)), FACES, sigma=1),
+    "stitching, edges": lambda v: stitching(JOINTS, v, FACES, sigma=1),
+    "stitching, faces": lambda v: stitching(JOINTS, np.zeros((4, 3)), v, sigma=1),
+    "huber": wb.residuals.huber,
+    "geman_mcclure": wb.residuals.geman_mcclure,
+    "Constraint": lambda v: wb.Constraint("c", v, 0, 1),
+    "Constraint, lower": lambda v: wb.Constraint("c", X.symbol, v, 9),
+    "Constraint, tolerance": lambda v: wb.Constraint("c", X.symbol, 0, 9, tolerance=v),
+    "Constraint, points": lambda v: wb.Constraint("c", X.symbol, 0, 9, points=v),
+    "Problem, residuals": lambda v: wb.Problem(v, "x"),
+    "Problem, a residual": lambda v: wb.Problem([v], "x"),
+    "Problem, free": lambda v: wb.Problem([gaussian(X.symbol)], v),
+    "Problem, one that is free": lambda v: wb.Problem([gaussian(X.symbol)], [v]),
+    "Problem, bounds": lambda v: wb.Problem([gaussian(X.symbol)], "x", v),
+    "Problem, bounds of x": lambda v: wb.Problem([gaussian(X.symbol)], "x", {"x": v}),
+    "Problem, upper bound": lambda v: wb.Problem([gaussian(X.symbol)], "x", {"x": (0, v)}),
+    "Problem, blocks": lambda v: wb.Problem([gaussian(X.symbol)], "x", None, v),
+    "Problem, constraints": lambda v: wb.Problem([gaussian(X.symbol)], "x", None, (), v),
+    "freeing": PROBLEM.freeing,
+    "without": PROBLEM.without,
+    "linearize": PROBLEM.linearize,
+    "linearize, x": lambda v: PROBLEM.linearize({"x": v}),
+    "solve": lambda v: wb.solve(v, {"x": np.ones(3)}),
+    "solve, start": lambda v: wb.solve(PROBLEM, v),
+    "solve, x": lambda v: wb.solve(PROBLEM, {"x": v}),
+    "diagnose": lambda v: wb.diagnose(v, {"x": np.ones(3)}),
+    "diagnose, at": lambda v: wb.diagnose(PROBLEM, v),
+    "diagnose, x": lambda v: wb.diagnose(PROBLEM, {"x": v}),
+    "diagnose, priors": lambda v: wb.diagnose(PROBLEM, {"x": np.ones(3)}, priors=v),
+    "body, pose": lambda v: BODY.points(v, *SYMBOLS[1:]),
+    "body, some vertices": lambda v: BODY.points(*SYMBOLS, vertices=v),
+    "landmark_points": lambda v: BODY.landmark_points(v, *SYMBOLS),
+    "landmark": BODY.landmark,
+    "body.joints": lambda v: BODY.joints(v),
+    "freed": BODY.freed,
+    "array": BODY.array,
+    "blocks": BODY.blocks,
+    "start": BODY.start,
+    "with_values": lambda v: BODY.freed("template").with_values(v),
+    "Landmarks, names": lambda v: wb.Landmarks(v, np.eye(1, 4)),
+    "Landmarks, regressor": lambda v: wb.Landmarks(("a",), v),
+    "load_body": wb.load_body,
+    "save_body": lambda v: wb.save_body(v, "nowhere.npz"),
+    "Camera": lambda v: wb.Camera(v).blocks,
+    "project": CAMERA.project,
+    "pixels": lambda v: CAMERA.pixels(v, CAMERA.values(K=np.eye(3))),
+    "pixels, values": lambda v: CAMERA.pixels(np.zeros((2, 3)), v),
+    "camera, K": lambda v: CAMERA.values(K=v),
+    "camera, R": lambda v: CAMERA.values(K=np.eye(3), R=v),
+    **{
+        f"body, {name}": lambda v, name=name: replace(BODY, **{name: v})
+        for name in (
+            "template", "shapedirs", "J_regressor", "weights", "parents", "faces", "joint_names",
+            "mirror", "landmarks", "bound_in", "free",
+        )
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("call", CALLS.values(), ids=list(CALLS))
+def test_what_is_of_the_wrong_kind_is_told_in_a_sentence(call: Callable[[Any], object]) -> None:
+    told = []
+    for value in NONE_OF_IT.values():
+        try:
+            call(value)
+        except wb.WorkbenchError as error:  # any other exception fails, with its own words
+            told.append(str(error))
+    assert told
+    assert not [words for words in told if "Wrong number or type of arguments" in words]
+
+
+# What the field tried, one by one.
+
+
+def test_a_triangle_body_has_no_file_and_no_card(tmp_path: Path) -> None:
+    body = scape(BODY)
+    with pytest.raises(BadFile, match=r"'small, SCAPE' is a TriangleBody; pickle.dump keeps all"):
+        wb.save_body(body, tmp_path / "a.npz")  # type: ignore[arg-type]
+    assert pickle.loads(pickle.dumps(body)).name == body.name  # as it says
+    for make in (card_page, card_text, lambda b: write_card(b, tmp_path / "card")):
+        with pytest.raises(BadBody, match="a card is made of a SkinnedBody, but body 'small"):
+            make(body)  # type: ignore[arg-type]
+    with pytest.raises(BadArgument, match="the page of sliders is made of a SkinnedBody"):
+        sliders_page(body)  # type: ignore[arg-type]
+    assert not list(tmp_path.iterdir())
+    assert body.landmark_names("coco") == BODY.landmark_names("coco")
+
+
+def test_transposed_symbols_are_named() -> None:
+    bare = wb.Block("p", (24, 3)).symbol
+    with pytest.raises(BadResidual, match=r"matrix \(3, N\).* not \(24, 3\); transpose it"):
+        keypoints(bare.T, CAMERA, np.zeros((24, 2)), np.ones(24), sigma=1.0)
+    with pytest.raises(wb.WorkbenchError, match=r"projects points \(3, N\).* shape \(24, 3\)"):
+        CAMERA.project(bare.T)
+    trust = wb.Block("c", (2,)).symbol
+    with pytest.raises(BadResidual, match=r"2 pairs, but confidences of shape \(1, 2\)"):
+        edges(JOINTS, np.zeros((24, 3)), [[0, 1], [1, 2]], sigma=1.0, confidence=trust.T)
+
+
+def test_a_free_block_that_nobody_reads() -> None:
+    y = wb.Block("y", (2,))
+    text = r"no residual and no constraint reads the block 'y'.*they read x\. Do not free"
+    with pytest.raises(UnreadBlock, match=text):
+        wb.Problem([gaussian(X.symbol)], ("x", "y"), blocks=[y])
+    with pytest.raises(UnreadBlock, match=text):
+        wb.Problem([gaussian(X.symbol)], "x", {"y": (0, 1)}, blocks=[y])
+    with pytest.raises(UnknownName, match=r"there are x .a block that no residual and no"):
+        wb.Problem([gaussian(X.symbol)], ("x", "y"))
+    with pytest.raises(BadArgument, match=r"texts, but something of type Block .*take its \.name"):
+        wb.Problem([gaussian(X.symbol)], [X])  # type: ignore[list-item]
+
+
+def test_points_that_are_not_listed() -> None:
+    text = r"reads placeholder\(vertices\), a symbol that stands for points.*points=\(points"
+    with pytest.raises(BadResidual, match=text):
+        wb.Residual("r", cs.vec(SURFACE.symbol), 1.0, "m")
+    with pytest.raises(BadResidual, match=text):
+        vertices(SURFACE.symbol, np.zeros((SURFACE.count, 3)), sigma=1.0)
+    with pytest.raises(BadConstraint, match=text):
+        wb.Constraint("c", SURFACE.symbol[1, 0], lower=0)
+    with pytest.raises(BadResidual, match=r"put the one into a tuple"):
+        wb.Residual("r", cs.vec(SURFACE.symbol), 1.0, points=SURFACE)  # type: ignore[arg-type]
+
+
+def test_a_residual_is_derived_by_blocks_once_it_is_written_in_them() -> None:
+    pose = SYMBOLS[0]
+    residual = landmarks(JOINTS, BODY.joints(), sigma=0.01)
+    assert cs.jacobian(residual.expression, pose).nnz() == 0  # a placeholder is a symbol of its own
+    assert "placeholder(joints)" in str(residual.expression)
+    forwards = {"helper_options": {"ad_weight": 0}}
+    J = cs.jacobian(residual.in_blocks, pose, forwards)
+    assert J.nnz() > 0
+    values = BODY.start() | {"pose": np.random.default_rng(0).normal(scale=0.3, size=(24, 3))}
+    given = [values[block.name].T for block in BODY.blocks()]
+    numbers = np.asarray(cs.Function("J", list(SYMBOLS), [J])(*given))
+    expected = wb.Problem([residual], "pose").linearize(values).jacobian * 0.01
+    np.testing.assert_allclose(numbers, expected, atol=1e-12)  # of lengths of order 1 m
+
+
+def test_keypoints_bring_the_units_and_labels_of_their_camera() -> None:
+    seen = keypoints(JOINTS, CAMERA, np.zeros((24, 2)), np.ones(24), sigma=1.0)
+    problem = wb.Problem([seen], ("trans", "cam/focal", "cam/rotation"))
+    assert [block.unit for block in problem.free.blocks] == ["m", "px", "rad"]
+    assert problem.free.label(3) == "cam/focal[x]"
+    # whoever describes a block says more than who only reads it
+    mine = wb.Block("x", (3,), "mm", ("a", "b", "c"))
+    other = wb.Residual("r", mine.symbol, 1.0, blocks=(wb.Block.of(mine.symbol),))
+    assert wb.Problem([other], "x", blocks=[mine]).free.label(1) == "x[b]"
+
+
+def test_sets_of_landmarks_that_nobody_could_ask_for() -> None:
+    one = wb.Landmarks(("a",), np.eye(1, BODY.n_vertices))
+    for body in (BODY, scape(BODY)):
+        with pytest.raises(BadBody, match="called 'joints' could not be reached"):
+            replace(body, landmarks={"joints": one})
+        with pytest.raises(BadBody, match=r"landmarks must be a dict from names, not .*Landmarks"):
+            replace(body, landmarks=one)
+        with pytest.raises(BadBody, match=r"must be Landmarks\(names, regressor\), not .* ndarray"):
+            replace(body, landmarks={"mine": np.eye(1, BODY.n_vertices)})
+        assert replace(body, landmarks={"mine": one}).landmark("mine").shape == (1, 3)

@@ -1,0 +1,59 @@
+"""Arguments that are of the wrong kind altogether, refused in a sentence."""
+
+from collections.abc import Iterable, Mapping
+from typing import Any, TypeVar
+
+from workbench.errors import BadArgument, WorkbenchError
+
+T = TypeVar("T")
+Error = type[WorkbenchError]
+
+
+def several(what: str, given: object, kind: type[T], error: Error = BadArgument) -> tuple[T, ...]:
+    """`given` as a tuple, every element being of this kind. Raises the error."""
+    if isinstance(given, kind) and not isinstance(given, Iterable):
+        raise error(f"{what} are a tuple of {kind.__name__}; put the one into a tuple: (it,)")
+    if isinstance(given, str) or not _iterable(given):
+        raise error(f"{what} are a tuple of {kind.__name__}, not {_kind(given)}")
+    found: tuple[Any, ...] = tuple(given)  # type: ignore[arg-type]  # asked above
+    for one in found:
+        if not isinstance(one, kind):
+            raise error(f"{what} are a tuple of {kind.__name__}, but {_kind(one)} is among them")
+    return found
+
+
+def texts(what: str, given: object, error: Error = BadArgument) -> tuple[str, ...]:
+    """One text or several, as a tuple of them. Raises the error."""
+    if isinstance(given, str):
+        return (given,)
+    if not _iterable(given):
+        raise error(f"{what} are texts, not {_kind(given)}{_hint(given)}")
+    found: tuple[Any, ...] = tuple(given)  # type: ignore[arg-type]  # asked above
+    for one in found:
+        if not isinstance(one, str):
+            raise error(f"{what} are texts, but {_kind(one)} is among them{_hint(one)}")
+    return found
+
+
+def mapping(what: str, given: object, error: Error = BadArgument) -> Mapping[str, Any]:
+    """`given`, which has to be a dict or the like. Raises the error."""
+    if not isinstance(given, Mapping):
+        raise error(f"{what} are a dict from names, not {_kind(given)}")
+    return given
+
+
+def _iterable(given: object) -> bool:
+    """Whether it can be gone through: CasADi's matrices have __iter__, and refuse."""
+    try:
+        iter(given)  # type: ignore[call-overload]  # that is the question
+    except TypeError:
+        return False
+    return True
+
+
+def _kind(given: object) -> str:
+    return "None" if given is None else f"something of type {type(given).__name__}"
+
+
+def _hint(given: object) -> str:
+    return "; take its .name" if isinstance(getattr(given, "name", None), str) else ""

@@ -1,0 +1,81 @@
+"""Names of motions by the joints that really move.
+
+A direction is looked for among all turns of a limb, and may turn out to move little of it: what
+turns a hand, and the collar by a hundredth of that, is a turn of the hand.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.blocks import Layout, Tree
+from workbench.diagnostics.motions import Motion
+
+Array = NDArray[np.float64]
+MOVES = 0.1  # of the largest entry: a joint of a limb that turns less gives a motion no name
+TAKES_PART = 1e-6  # of it: less is rounding
+AS_LITTLE = 1.5  # times what is noticed of a whole direction
+
+
+def named_by_joints(
+    motion: Motion, v: Array, R: Array, free: Layout, limit: float
+) -> tuple[str, tuple[str, ...]]:
+    """The name of a direction v (n,) that was found as this motion, and the joints that it turns.
+
+    A limb's motion goes by the joints that turn by at least a tenth of its largest entry. One of a
+    joint that another undoes keeps both names, however little one of them turns, unless the larger
+    turn alone is noticed no more than `limit` per unit: R (., n) is the Jacobian's triangle.
+    """
+    tree = motion.tree
+    if tree is None:
+        return motion.name, motion.joints
+    part, most = free.slices[tree.pose], float(np.abs(v).max())
+    angles = np.linalg.norm(v[part].reshape(-1, 3), axis=1)
+    undone = motion.undone_by
+    if motion.kind == "joint":
+        turned = np.flatnonzero(angles > MOVES * most)
+        if undone and np.linalg.norm(v[free.slices[undone]]) <= MOVES * most:
+            undone = ""
+    else:
+        turned = _needed(v, part, angles, R, limit)
+    names = tuple(tree.names[k] for k in turned)
+    if motion.joints and set(names) == set(motion.joints):
+        return motion.name, motion.joints
+    said = _turns(tree, [int(k) for k in turned])
+    joints = names if motion.joints else ()
+    return f"{said}, undone by {undone}" if undone else said, joints
+
+
+def _needed(
+    v: Array, part: slice, angles: Array, R: Array, limit: float
+) -> NDArray[np.signedinteger]:
+    """The fewest joints, the largest turns first, that are noticed as little as all of v is."""
+    order = np.argsort(-angles, kind="stable")
+    order = order[angles[order] > TAKES_PART * np.abs(v).max()]
+    limit = max(limit, AS_LITTLE * float(np.linalg.norm(R @ v)))
+    for count in range(1, order.size):
+        others = np.ones(angles.size, dtype=bool)
+        others[order[:count]] = False
+        w = v.copy()
+        w[part][np.repeat(others, 3)] = 0.0
+        if np.linalg.norm(R @ w) <= limit * np.linalg.norm(w):
+            return np.sort(order[:count])
+    return np.sort(order)
+
+
+def _turns(tree: Tree, joints: list[int]) -> str:
+    """`a turn of pose[left_hand]`, `turns from left_wrist down` or `turns below spine3`."""
+    if len(joints) == 1:
+        return f"a turn of {tree.pose}[{tree.names[joints[0]]}]"
+    if not joints:
+        return "turns"
+    top = max(set.intersection(*(_ancestry(tree, k) for k in joints)))  # parents come first
+    name = tree.names[top]
+    return f"turns from {name} down" if top in joints else f"turns below {name}"
+
+
+def _ancestry(tree: Tree, joint: int) -> set[int]:
+    """The joint and all above it."""
+    found = {joint}
+    while (joint := tree.parents[joint]) >= 0:
+        found.add(joint)
+    return found

@@ -1,0 +1,49 @@
+"""Weights of a residual's rows: how often each counts, outside of the kernel."""
+
+import casadi as cs
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from workbench.blocks.reals import reals
+from workbench.errors import BadResidual
+
+
+def root(weights: cs.MX | ArrayLike) -> cs.MX | cs.DM:
+    """sqrt(w), what a whitened row is multiplied with so that its square counts w times.
+
+    The derivative is 0 at w = 0, where that of the root is infinite. NaN below zero.
+    """
+    if not isinstance(weights, cs.MX):
+        return cs.DM(np.sqrt(reals("weights", weights)))
+    none = weights == 0
+    return cs.if_else(none, 0, cs.sqrt(cs.if_else(none, 1, weights)))
+
+
+def check_weights(name: str, weights: cs.MX | ArrayLike | None, rows: int) -> None:
+    """Raise BadResidual unless there is one weight, or one for each row, none below zero.
+
+    Of weights that depend on symbols only the shape is known. Raises NotNumbers for text.
+    """
+    if weights is None:
+        return
+    if isinstance(weights, cs.MX):
+        shape, fits = weights.shape, weights.shape in ((1, 1), (rows, 1))
+        known = None if cs.symvar(weights) else np.asarray(cs.evalf(weights), dtype=float)
+    else:
+        known = reals(f"the weights of residual {name!r}", weights)
+        shape, fits = known.shape, known.shape in ((), (rows,))
+    if not fits:
+        raise BadResidual(
+            f"residual {name!r} needs one weight or {rows} of them, not an array of shape {shape}"
+        )
+    if known is not None:
+        _check_numbers(name, known)
+
+
+def _check_numbers(name: str, known: NDArray[np.float64]) -> None:
+    bad = ~((known >= 0) & np.isfinite(known))
+    if bad.any():
+        raise BadResidual(
+            f"residual {name!r} needs finite weights from 0 on, not {known[bad].flat[0]:g}; a row "
+            "of weight 0 has no say"
+        )
