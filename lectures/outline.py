@@ -8,7 +8,7 @@ COURSE = (
         question="What kind of function turns pose and shape into a surface?",
         minutes=45,
         assumes="vectors and matrices; Python with NumPy",
-        teaches="inputs and hyper-parameters of SMPL; what is linear in it; why polynomials lose",
+        teaches="inputs and learned parameters of SMPL; what is linear in it; why polynomials lose",
     ),
     Lecture(
         2, "rotations", "Rotations",

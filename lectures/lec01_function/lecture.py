@@ -34,8 +34,12 @@ from workbench.training.pose_prior import draw_poses
 #
 # $$ f(x; w) = w_3 x^3 + w_2 x^2 + w_1 x + w_0 . $$
 #
-# The $x$ are the **input**. The $w$ are the **hyper-parameters**: they say *which* function of this
-# kind it is, and are found once, from examples; here by least squares, for $f$ is linear in $w$.
+# The $x$ are the **input**. The $w$ are the **parameters**: they say *which* function of this kind it
+# is, and are learned once, from examples; here by least squares, because $f$ is linear in $w$. What is
+# chosen before anything is learned, such as the degree of the polynomial, is called a
+# **hyper-parameter**. (The slides that this course follows call the $w$ themselves hyper-parameters.
+# Whoever uses a finished model finds them as fixed as the degree. But the field keeps that word for what
+# is chosen and not learned, and so do we.)
 
 # %%
 body = wb.load_body("small")
@@ -76,7 +80,7 @@ Picture(
 # %% [markdown]
 # A polynomial does not know that an angle and the same angle plus a full turn are one. A slide that
 # this course follows prints the cubic as $w_1 x^3 + w_2 x^2 + w_1 x + w_0$, with $w_1$ twice. It
-# looks like a detail; but then one number has to do for two, and the fit cannot be had:
+# looks like a detail. But then one number has to do for two, and the best fit is six times as far off:
 
 # %%
 for name, columns in (("w3, w2, w1, w0", [given**3, given**2, given, given**0]),
@@ -154,8 +158,9 @@ Picture(
 )
 
 # %% [markdown]
-# Four hundred examples do not teach a polynomial what an arm is. More examples do not help much: a full
-# cubic in 72 numbers has $\binom{75}{3} = 67{,}525$ coefficients for every coordinate, and none
+# Four hundred examples do not teach a polynomial what an arm is: both polynomials are off by centimetres
+# in the mean, and SMPL by less than a millimetre. Nor is this a matter of a few more terms. A full
+# cubic in 72 numbers has $\binom{75}{3}$ = 67,525 coefficients for every coordinate, and none
 # of them knows that **bones keep their length**. Take the mean of two poses of a forearm that are an
 # angle $\alpha$ apart, as a linear function does for the pose between them. The forearm gets shorter:
 #
@@ -176,7 +181,7 @@ for alpha in (0.5, 1.0, 2.0, 3.0):
 #
 # of two inputs, pose $\theta$ (24 rotation vectors) and shape $\beta$ (a few numbers). That bones turn
 # and keep their length is written into it. What is not known, and has to be learned once from
-# scans, are its hyper-parameters: the template $\bar T$, the directions $S$ in which people differ,
+# scans, are its parameters: the template $\bar T$, the directions $S$ in which people differ,
 # the directions $P$ in which pose deforms them, weights $W$ that say which bones a vertex follows, and
 # the regressor $\mathcal J$ that finds joints in a surface. A person at rest, in the library's words:
 
@@ -240,6 +245,6 @@ for names in (("template",), ("shapedirs",), ("posedirs",), ("weights",), ("beta
 #
 # ## What to remember
 #
-# - A body model is a function of pose and shape; its hyper-parameters were learned before.
+# - A body model is a function of pose and shape; its parameters were learned before.
 # - Polynomials of angles do not come back after a turn, and shrink bones by $\cos(\alpha/2)$.
 # - SMPL is linear in everything but the pose, one argument at a time.

@@ -16,6 +16,8 @@ Array = np.ndarray
 def shares(x: Array, examples: Array, width: float) -> Array:
     """The share of each example: exp(-|x - x_i|^2 / width^2), divided by the sum of all.
 
+    The lecture's tau is width^2.
+
     x (D,) rad; examples (n, D) rad; width rad -> (n,)
     """
     raise Unsolved("shares")

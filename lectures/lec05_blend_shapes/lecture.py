@@ -90,16 +90,20 @@ print(
 #
 # $$
 # B_P(\theta) = \sum_i \lambda_i(\theta)\, P_i, \qquad
-# \lambda_i = \frac{K_i}{\sum_j K_j}, \qquad K_i = \exp\left( - \|\theta - \theta^i\|^2 / \tau^2 \right) .
+# \lambda_i = \frac{K_i}{\sum_j K_j}, \qquad K_i = \exp\left( - \|\theta - \theta^i\|^2 / \tau \right) .
 # $$
 #
-# The slides that this course follows have $\lambda_i \propto K_i$ without the sum. We run both. A third
-# way keeps the kernels undivided, but solves for coefficients with which the examples come out exactly.
+# Here $\tau$, in rad², says how far an example is heard. The library and the exercises ask for its root
+# instead, the **width** $\sqrt \tau$ in radians: at that distance from its example a kernel has fallen to
+# $1/e$. The slides that this course follows print $\lambda_i \propto K_i$ and leave the sum out, so we run
+# both. A third way keeps the kernels undivided, but solves for coefficients with which the examples come
+# out exactly.
 
 # %%
 at = np.radians([-120, -80, -40, 0, 40, 80, 120])
 shapes = np.array([needed(angle) for angle in at])
-examples = Examples(places=np.array([[0, 0, angle] for angle in at]), width=0.7)
+tau = 0.49  # rad^2
+examples = Examples(places=np.array([[0, 0, angle] for angle in at]), width=np.sqrt(tau))
 ways = {
     "none": arm,
     "divided by the sum": replace(
@@ -134,8 +138,8 @@ Picture(
 )
 
 # %% [markdown]
-# Far from all examples the kernels fade and nothing is repaired; shares stay with the nearest example
-# whatever is there. And there is a worse trouble. Seven examples will do for one angle. Here are three
+# Far from all examples the kernels fade, and hardly anything is repaired; shares stay with the nearest
+# example, whatever is there. And there is a worse trouble. Seven examples will do for one angle. Here are three
 # angles for each of 23 joints, and each example is a whole body, $3 N$ numbers, to be kept and to be
 # summed. Examples cannot fill 69 dimensions.
 #
@@ -303,8 +307,8 @@ with house_style():
 Picture(
     figure,
     "This person from the side, posed on the joints that the regressor finds, and on the mean person's. "
-    "The mean's knee is further up: there the leg folds within the thigh, and the shin sits about 10 cm "
-    "too high.",
+    "The mean's knee is further up: there the leg folds within the thigh, and the shin sits 7 cm too "
+    "high and 7 cm too far back.",
 )
 
 # %% [markdown]

@@ -107,10 +107,10 @@ def gauss_newton_steps(x, seen, n=12):
 
 
 rows = gauss_newton_steps(start, beyond)
-for k, (x, p, length) in enumerate(rows[:7]):
+for k, (x, p, length) in enumerate(rows):
     left = cost(x + p, beyond) / cost(x, beyond)
-    print(f"step {k}: |p| = {np.linalg.norm(p):10.3g} rad, promised to leave 0, would leave "
-          f"{left:4.2f} of the cost, taken {length:.1e} of it")  # fmt: skip
+    print(f"step {k:2}: |p| = {np.linalg.norm(p):10.3g} rad, promised to leave 0, would leave "
+          f"{left:.3g} of the cost, taken {length:.1e} of it")  # fmt: skip
 
 best = 0.5 * (np.linalg.norm(beyond) - UPPER - LOWER) ** 2
 x, p, _ = rows[0]
@@ -145,8 +145,9 @@ Picture(
 # $$ \min_p\; \|e + J p\|^2 + \lambda \|p\|^2
 #    \qquad\Longleftrightarrow\qquad (J^\top J + \lambda I)\, p = -J^\top e . $$
 #
-# (A slide of the sources prints $-J^\top$ on the right, without $e$. Shapes tell: that is a matrix, and
-# no step.) With $J = U \Sigma V^\top$ the step is
+# (On the slide that this course follows the $e$ on the right is not bold, although it is a vector like
+# the others: the residuals. Shapes tell what is meant. $-J^\top$ alone would be a matrix, and $-J^\top e$
+# has one entry for each unknown, as a step must.) With $J = U \Sigma V^\top$ the step is
 #
 # $$ p = -\sum_i \frac{s_i}{s_i^2 + \lambda}\, (u_i^\top e)\, v_i , $$
 #

@@ -67,8 +67,8 @@ with house_style():
 Picture(
     figure,
     "The answer from rest, front and back, coloured by how far each vertex is from where it truly is. "
-    "Every joint is met, and the skin is not: brightest is the back of the head, then one upper arm "
-    "and one thigh, which are turned about their bones.",
+    "Every joint is met, and the skin is not: brightest is the crown of the head, then the left upper "
+    "arm, which is turned about its bone, then both hands.",
 )
 
 # %% [markdown]
@@ -99,12 +99,12 @@ Picture(
     figure,
     f"The {len(s)} singular values, largest first: how much the whitened residuals change for a step of "
     "one radian in that direction. Those below the dashed line, the tolerance, are drawn hollow: they "
-    "are zero but for rounding, and come out as one and the same small number. Along these directions, named on the right, the pose can change and no "
+    "are zero but for rounding. Along these directions, named on the right, the pose can change and no "
     "joint moves.",
 )
 
 # %% [markdown]
-# Forty, and then a cliff of nearly fourteen decades. Where is the border, in numbers with rounding? The
+# Forty, and then a cliff of more than twelve decades. Where is the border, in numbers with rounding? The
 # library asks how large a singular value can be that is zero but for rounding: about the largest one
 # times the machine's precision times the size of the matrix.
 
@@ -138,9 +138,9 @@ print(f"if only {', '.join(body.joint_names[k] for k in ends)} are seen: {rank} 
 
 # %% [markdown]
 # (In the last line three points are seen, and each can be moved alone in all three directions by the
-# joints above it: three times three.) The workbench does not stop at the number: it says which directions these are. A basis of the null
-# space from the singular vectors mixes all of them; looked for in small named subspaces, the smallest
-# first, a twist is a twist.
+# joints above it: three times three.) The workbench does not stop at the number: it says which
+# directions these are. A basis of the null space from the singular vectors mixes all of them; looked for
+# in small named subspaces, the smallest first, a twist is a twist.
 
 # %%
 print(diagnosis)
@@ -219,12 +219,14 @@ for k in (*np.argsort(sigma)[:3], *np.argsort(sigma)[-3:]):
           f"{hang:2} vertices hang on it most of all")  # fmt: skip
 
 # %% [markdown]
-# (Of the three numbers of a joint, the worst known.) The same centimetre tells the pelvis to a degree:
-# a turn of it moves the whole body. It tells a shoulder to ten: few of the 369 vertices hang on a
-# shoulder, and what they do not see of its turn the collar or the elbow may undo. And a left foot too:
-# its few vertices are all near to it, and a short lever moves them little. The inverse
-# must not be believed where the rank is not full. Somebody who takes a pseudo-inverse there gets a
-# number for everything, and for what is not seen at all it is the smallest of all. Of the 24 joints:
+# (Of the three numbers of a joint, the worst known.) The same centimetre tells the pelvis to less than 1
+# degree, because a turn of the pelvis moves the whole body. The feet it tells to more than 10 degrees:
+# only 6 of the 369 vertices hang on a foot, and all of them are so near to its joint that they hardly
+# move when it turns.
+#
+# This covariance must not be believed where the rank is not full. Somebody who takes a pseudo-inverse
+# there gets a number for everything, and for what is not seen at all it is the smallest of all. With the
+# 24 joints alone:
 
 # %%
 J_plus = np.linalg.pinv(here.jacobian)
@@ -237,8 +239,8 @@ for name in ("left_hand", "left_elbow", "left_hip"):
 # %% [markdown]
 # ## What to do about it
 #
-# Three things help. The diagnosis says where help is needed, and the choice is ours: see more (a marker off the bone's axis ends a
-# twist), free less (leave the leaves fixed), or believe something. A prior is more residuals, here
+# Three things help. The diagnosis says where help is needed, and the choice is ours: see more (a marker
+# off the bone's axis ends a twist), free less (leave the leaves fixed), or believe something. A prior is more residuals, here
 # that each number of the pose is about 0.3 rad from zero:
 
 # %%

@@ -68,8 +68,9 @@ for name, distances in off.items():
           f"others by {unseen.mean():.0f} mm")  # fmt: skip
 
 # %% [markdown]
-# Both meet what was seen to about its noise (1 cm a coordinate is 16 mm of distance). The difference
-# is in what was not seen.
+# With the learned prior the fit meets what was seen to its noise (1 cm in each coordinate is 16 mm of
+# distance), with the naive one nearly so. The great difference is in what was not seen: 53 mm in the
+# place of 139 mm.
 #
 # ## What a prior is
 #
@@ -77,9 +78,10 @@ for name, distances in off.items():
 #
 # $$ (x - \mu)^\top C^{-1} (x - \mu) . $$
 #
-# (A source writes it for rows and leaves the reader to guess.) Solvers want a residual whose square
-# this is. With $C = L L^\top$ (Cholesky) it is $L^{-1} (x - \mu)$, which is called *whitening*: entries
-# that hang together become 69 that do not, each about one.
+# (One of the lectures that this course follows writes vectors as rows; there the transposed vector stands
+# on the right.) Solvers want a residual whose square this is. With $C = L L^\top$ (Cholesky) it is
+# $L^{-1} (x - \mu)$, which is called *whitening*: 69 numbers that are correlated become 69 that are not,
+# each with a standard deviation of one.
 #
 # Is the prior fit for its poses? Then distances squared follow a $\chi^2$ law with 69 degrees of
 # freedom, of mean 69.
@@ -129,8 +131,8 @@ Picture(
 )
 
 # %% [markdown]
-# (The densities are those of the eight, which prefer their own; but a difference of 30 is a factor of
-# $e^{30}$.)
+# (The densities are those of the eight, which prefer their own; but a difference of about 30 is a factor
+# of about $e^{30}$.)
 #
 # A **mixture** has $k$ Gaussians with shares $c_j$; its cost is $-\log \sum_j c_j N_j(x)$. That is no
 # sum of squares. SMPLify takes the *least* cost of one component instead of the sum:
@@ -163,8 +165,8 @@ print(f"without them, {100 * np.mean(without != dense.argmax(axis=1)):.0f} % of 
 # %% [markdown]
 # ## Wrong data
 #
-# Now all vertices are seen to 5 mm, but a fifth of them lies 30 cm off. Least squares believe them all
-# (the shape has its prior, the pose has none):
+# Now all vertices are seen to 5 mm, but a tenth, a fifth or two fifths of them are wrong by 30 cm in each
+# coordinate. Least squares believe them all (the shape has its prior, the pose has none):
 
 # %%
 truth = {
@@ -220,7 +222,8 @@ for name, found in errors.items():
     print(f"{name:14}", ", ".join(said))
 
 # %% [markdown]
-# Least squares believe all, and are off by centimetres. The other two lines change one thing: what a
+# Least squares believe all, and with wrong vertices they are off by centimetres. The other two lines
+# change one thing: what a
 # far residual costs. (The third begins where the second ended; why, we shall see.)
 #
 # ## What a residual costs

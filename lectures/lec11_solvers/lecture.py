@@ -3,7 +3,7 @@
 #
 # **Which solver should we take, and how would we know?**
 #
-# The workbench has two dozen solvers, and each is the best one in some paper. We let four of them run
+# The workbench has more than twenty solvers, and each is the best one in some paper. We let four of them run
 # on sixteen classical problems, fall for all the usual ways of comparing them, and end with the ones
 # that hold: targets common to all, effort in one currency, failures counted, and intervals around what
 # was counted. Costs here are pure numbers, and so is effort: it is counted in residuals.
@@ -69,7 +69,7 @@ for name in ("bard-far", "freudenstein-roth"):
     table(name)
 
 # %% [markdown]
-# Two thousand times the least cost, and `CONVERGED`. It is no lie: the gradient does vanish there. A
+# More than two thousand times the least cost, and `CONVERGED`. It is no lie: the gradient does vanish there. A
 # *stationary point* is all that these methods can see. But whoever counts "converged" counts this, and
 # whoever compares times lets a solver win by stopping early.
 #

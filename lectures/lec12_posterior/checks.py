@@ -4,7 +4,7 @@ import numpy as np
 
 from workbench.course import check, equal, holds, mistake
 from workbench.lectures.lec12_posterior import solutions
-from workbench.lectures.lec12_posterior.solutions import LENGTH, SIGMA, TAU, D, F
+from workbench.lectures.lec12_posterior.solutions import LENGTH, PRIOR, SIGMA, D, F
 
 RNG = np.random.default_rng(12)
 
@@ -28,8 +28,8 @@ def is_zero_at_best(log_posterior):
 def counts_in_deviations(log_posterior):
     """a deviation of the detector costs one half, and so does one of the prior"""
     equal(log_posterior(0.0, F * LENGTH / D + 2 * SIGMA), -2, "two deviations of the detector")
-    seen = F * LENGTH * np.cos(TAU) / (D + LENGTH * np.sin(TAU))
-    equal(log_posterior(TAU, seen), -0.5, "one deviation of the prior, seen where it is")
+    seen = F * LENGTH * np.cos(PRIOR) / (D + LENGTH * np.sin(PRIOR))
+    equal(log_posterior(PRIOR, seen), -0.5, "one deviation of the prior, seen where it is")
 
 
 @mistake("log_posterior", "this is the cost; the posterior is exp(-cost)")
@@ -44,7 +44,7 @@ def without_the_half(phi, seen):
 
 @mistake("log_posterior", "what was known beforehand is missing")
 def without_the_prior(phi, seen):
-    return solutions.log_posterior(phi, seen) + 0.5 * (phi / TAU) ** 2
+    return solutions.log_posterior(phi, seen) + 0.5 * (phi / PRIOR) ** 2
 
 
 @mistake("log_posterior", "residuals are divided by their sigmas before they are squared and added")
@@ -57,7 +57,7 @@ def without_sigmas(phi, seen):
     "log_posterior", "the wrist is at the depth D + l sin(phi); D alone makes both sides alike"
 )
 def without_perspective(phi, seen):
-    return -0.5 * ((F * LENGTH * np.cos(phi) / D - seen) / SIGMA) ** 2 - 0.5 * (phi / TAU) ** 2
+    return -0.5 * ((F * LENGTH * np.cos(phi) / D - seen) / SIGMA) ** 2 - 0.5 * (phi / PRIOR) ** 2
 
 
 # deviations
@@ -236,7 +236,9 @@ def can_be_gone_back(stretch):
         equal(factor, (len(x) - 1) * np.log(z), f"the log factor in {len(x)} dimensions")
 
 
-@mistake("stretch", "the exponent is k - 1: along a line there is nothing that spreads out")
+@mistake(
+    "stretch", "the exponent is k - 1: stretching gives k, and the density of z takes one away"
+)
 def with_k(x, other, z):
     return other + z * (x - other), len(x) * np.log(z)
 

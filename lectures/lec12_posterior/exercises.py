@@ -13,7 +13,7 @@ from workbench.course import Unsolved
 Array = np.ndarray
 
 F, D, LENGTH = 1000.0, 5.0, 0.25  # px, m, m: the camera and the forearm of the lecture
-SIGMA, TAU = 3.0, 0.6  # px, rad: the detector's error, and what is known of the angle beforehand
+SIGMA, PRIOR = 3.0, 0.6  # px, rad: the detector's error, and what is known of the angle beforehand
 
 
 def log_posterior(phi: float, seen: float) -> float:
@@ -51,7 +51,8 @@ def next_point(log_p, x: Array, y: Array, u: float) -> Array:
 def stretch(x: Array, other: Array, z: float) -> tuple[Array, float]:
     """Goodman and Weare's stretch move of walker x about another one.
 
-    The proposal, and the logarithm of the factor beside p(y) / p(x) with which it is accepted.
+    The proposal, and the logarithm of the factor beside p(y) / p(x) with which it is accepted. The
+    density of z is the lecture's, proportional to 1 / sqrt(z).
 
     x (k,), other (k,), z above 0 -> (k,) and a number
     """

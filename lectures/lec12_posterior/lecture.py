@@ -29,11 +29,11 @@ from workbench.sampling.target import Target
 # $$ u(\varphi) = \frac{F\, l \cos \varphi}{D + l \sin \varphi} $$
 #
 # to the right of the elbow. A detector finds it with an error of $\sigma = 3$ px. Beforehand we know that
-# $\varphi$ is about 0, give or take $\tau = 0.6$ rad.
+# $\varphi$ is 0 on average, with a standard deviation of $\sigma_0 = 0.6$ rad.
 
 # %%
 F, D, LENGTH = 1000.0, 5.0, 0.25  # px, m, m
-SIGMA, TAU = 3.0, 0.6  # px, rad
+SIGMA, PRIOR = 3.0, 0.6  # px, rad
 
 
 def pixel(phi):
@@ -43,7 +43,7 @@ def pixel(phi):
 
 def cost(phi, seen):
     """Half the sum of squares of the whitened residuals: detection, and what we knew beforehand."""
-    return 0.5 * ((pixel(phi) - seen) / SIGMA) ** 2 + 0.5 * (phi / TAU) ** 2
+    return 0.5 * ((pixel(phi) - seen) / SIGMA) ** 2 + 0.5 * (phi / PRIOR) ** 2
 
 
 rng = np.random.default_rng(12)
@@ -59,7 +59,7 @@ print(f"seen at {seen:.1f} px; least squares: {best:.2f} rad; the truth: {truth}
 # Say that the error of the detector is Gaussian, and so is what we knew. Then Bayes' rule says how probable
 # each angle is, given what was seen:
 #
-# $$ p(\varphi \mid u) \propto e^{-(u(\varphi) - u)^2 / 2 \sigma^2}\; e^{-\varphi^2 / 2 \tau^2} = e^{-\text{cost}} . $$
+# $$ p(\varphi \mid u) \propto e^{-(u(\varphi) - u)^2 / 2 \sigma^2}\; e^{-\varphi^2 / 2 \sigma_0^2} = e^{-\text{cost}} . $$
 #
 # That is why the workbench divides each residual by its sigma: the cost *is* minus the logarithm of the
 # **posterior**, up to a constant. Least squares finds its highest point.
@@ -91,7 +91,7 @@ def slope(phi):
 
 def bar(phi):
     """Laplace's standard deviation at the angle that was found, rad."""
-    J = np.array([slope(phi) / SIGMA, 1 / TAU])
+    J = np.array([slope(phi) / SIGMA, 1 / PRIOR])
     return 1 / np.sqrt(J @ J)
 
 
@@ -102,7 +102,7 @@ print(f"{best:.2f} +- {bar(best):.2f} rad")
 # was known beforehand, let it be seen, fit, and look. A thousand times.
 
 # %%
-angles = TAU * rng.standard_normal(1000)
+angles = PRIOR * rng.standard_normal(1000)
 images = pixel(angles) + SIGMA * rng.standard_normal(1000)
 costs = cost(grid[:, None], images)  # (1001, 1000)
 fits = grid[np.argmin(costs, axis=0)]
@@ -153,7 +153,7 @@ views = {
     "front": cs.vertcat(F * elbow[0] / (D + elbow[1]), F * wrist[0] / (D + wrist[1])),
     "side": cs.vertcat(F * elbow[1] / (D - elbow[0]), F * wrist[1] / (D - wrist[0])),
 }
-prior = wb.residuals.gaussian(arm.symbol, covariance=TAU**2, unit="rad", name="prior")
+prior = wb.residuals.gaussian(arm.symbol, covariance=PRIOR**2, unit="rad", name="prior")
 true_angles = np.array([0.5, -0.7])
 
 
@@ -187,13 +187,13 @@ print("those of the grid    ", exact_sd.round(2), "rad")
 
 # %% [markdown]
 # Least squares has found a forearm that points away where it points towards the camera, *at a lower cost than
-# the right one*: no better solver would have helped. And it claims to know both angles several times better
-# than they are known.
+# the right one*: no better solver would have helped. And Laplace claims to know the upper arm more than five
+# times, and the forearm more than twice, as well as they are known.
 #
 # ## Draws
 #
-# A grid of 120 points to an axis has 120 to the 82nd points for pose and shape of a body. What is feasible
-# is to *draw* from the posterior: a list of poses, each of them possible, the more probable ones more often.
+# With 121 points to an axis, a grid for the 82 numbers of a body's pose and shape has $121^{82}$ points. What
+# is feasible is to *draw* from the posterior: a list of poses, each of them possible, the more probable ones more often.
 # Every question is then a count. Metropolis (1953) needs nothing but the density up to a constant: propose
 # a step; take it if it goes up; if it goes down, take it with the probability $p(\text{new}) / p(\text{old})$;
 # if it is not taken, *count the old point again*.
@@ -225,7 +225,8 @@ for size in (0.05, 1.5):
           f"by the grid {100 * right:.0f} %")  # fmt: skip
 
 # %% [markdown]
-# With short steps the chain has hardly left its mode: 4000 draws, and they are worth as much as a few.
+# With short steps the chain has not left the mode in which it began: of its 4000 draws none says anything
+# of the other one.
 # How large should a step be, and in which direction, in 82 dimensions?
 #
 # ## Walkers that learn from each other
@@ -236,8 +237,47 @@ for size in (0.05, 1.5):
 #
 # $$ y = x_j + z\,(x - x_j), \qquad \text{taken with } \min\left(1,\; z^{k-1}\, \frac{p(y)}{p(x)}\right) $$
 #
-# in $k$ dimensions, with $z$ between $\tfrac12$ and $2$. (The factor $z^{k-1}$ is there because stretching
-# about a point spreads out volume.) Nothing in it knows a unit: scale or shear the space, and walkers scale along.
+# in $k$ dimensions. The number $z$ is drawn between $\tfrac12$ and $2$, and not uniformly but with the density
+#
+# $$ g(z) \propto \frac{1}{\sqrt z} . $$
+#
+# Why this density, and why $z^{k-1}$? The draws follow $p$ if the walker goes from $x$ to $y$ as often as from
+# $y$ to $x$. The way back has $1/z$ in the place of $z$. Stretching by $z$ about a point makes volumes $z^k$
+# times as large, and near $1/z$ the values of $z$ lie $z^2$ times as close together. So the factor that makes up
+# for both is $z^{k-2}\, g(1/z) / g(z)$. The density above has $g(1/z) = z\, g(z)$, which makes it $z^{k-1}$. Whoever
+# draws $z$ uniformly needs $z^{k-2}$, and with $z^{k-1}$ gets draws from something else. We try both ways of
+# drawing $z$, with the factor $z^{k-1}$, on a Gaussian in two dimensions whose standard deviation is 1:
+
+
+# %%
+def deviation(drawn, k=2, walkers=100, steps=1000):
+    """The standard deviation of draws by the stretch move; `drawn` makes z of numbers from 0 to 1."""
+    rng = np.random.default_rng(0)
+    half = walkers // 2
+    x = rng.standard_normal((2, half, k))
+    kept = []
+    for _ in range(steps):
+        for moving in (0, 1):
+            here, other = x[moving], x[1 - moving][rng.integers(half, size=half)]
+            z = drawn(rng.uniform(size=half))
+            y = other + z[:, None] * (here - other)
+            log_ratio = (k - 1) * np.log(z) + 0.5 * np.sum(here**2 - y**2, axis=1)
+            taken = np.log(rng.uniform(size=half)) < log_ratio
+            x[moving][taken] = y[taken]
+        kept.append(x.copy())
+    return np.std(kept)
+
+
+print(
+    f"z with a density of 1 / sqrt z: standard deviation {deviation(lambda u: (1 + u) ** 2 / 2):.2f}"
+)
+print(
+    f"z uniform, the same factor:     standard deviation {deviation(lambda u: 0.5 + 1.5 * u):.2f}"
+)
+
+# %% [markdown]
+# With the wrong density the draws are too wide, and nothing warns. Nothing in the move knows a unit: scale or
+# shear the space, and walkers scale along.
 # The workbench's default takes the difference of two other walkers as the step (differential evolution), which
 # also jumps from mode to mode. Half of the walkers move while the other half stands still:
 
@@ -245,7 +285,7 @@ for size in (0.05, 1.5):
 source(propose_together)
 
 # %%
-draws = sample(one, found.values, walkers=16, steps=2200, seed=1)
+draws = sample(one, found.values, walkers=32, steps=3000, seed=1)
 print(draws.verdict)
 print("mean      ", draws.mean.round(2), "by the grid", exact_mean.round(2), "rad")
 print("deviations", draws.sd.round(2), "by the grid", exact_sd.round(2), "by Laplace",
@@ -285,22 +325,28 @@ Picture(
 # %% [markdown]
 # ## What draws are worth
 #
-# Draws of a chain resemble the ones before. If it takes $\tau$ steps to forget (the **autocorrelation
-# time**), $N$ draws are worth $N / \tau$. To *know* $\tau$ takes a chain of some 50 of them; several
-# ensembles that began apart must agree; and before any of this is seen, nothing may be read off. The
-# workbench puts the verdict before the numbers, and refuses an interval if it is bad:
+# Draws of a chain resemble the ones before. Let $\rho_t$ be the correlation between draws that are $t$ steps
+# apart. The **autocorrelation time** is
+#
+# $$ \tau = 1 + 2 \sum_{t = 1}^{\infty} \rho_t , $$
+#
+# counted in steps. The mean of $N$ draws is known as well as that of $N / \tau$ independent ones, so that is what
+# the $N$ draws are worth. But $\tau$ itself has to be estimated from the chain, and such an estimate can be
+# believed only if the chain is at least 50 of them long. Besides, several ensembles that began apart must agree.
+# Before both are seen, nothing may be read off. The workbench puts the verdict before the numbers, and refuses
+# an interval if it is bad. We ask a chain of 100 steps for one, and then the 3000 steps from above:
 
 # %%
 short = sample(one, found.values, walkers=16, steps=100, seed=1)
-try:
-    print(short.interval(0.9))
-except wb.WorkbenchError as error:
-    print("refused:", error)
-print("long enough:", draws.interval(0.9).round(2).tolist() if draws.usable else draws.verdict)
+for steps, ensembles in ((100, short), (3000, draws)):
+    try:
+        low, high = ensembles.interval(0.9).T.round(2)
+        print(f"{steps} steps: 90 % of the draws lie from {low} to {high} rad")
+    except wb.WorkbenchError as error:
+        print(f"{steps} steps: {error}")
 
 # %% [markdown]
-# And an interval of two modes is a poor summary: it spans the middle, where there is nearly nothing. Look at
-# the draws.
+# And an interval of two modes is a poor summary: it spans the middle, where there is little. Look at the draws.
 #
 # ## What to remember
 #

@@ -5,12 +5,12 @@ import numpy as np
 Array = np.ndarray
 
 F, D, LENGTH = 1000.0, 5.0, 0.25  # px, m, m
-SIGMA, TAU = 3.0, 0.6  # px, rad
+SIGMA, PRIOR = 3.0, 0.6  # px, rad
 
 
 def log_posterior(phi: float, seen: float) -> float:
     pixel = F * LENGTH * np.cos(phi) / (D + LENGTH * np.sin(phi))
-    return -0.5 * ((pixel - seen) / SIGMA) ** 2 - 0.5 * (phi / TAU) ** 2
+    return -0.5 * ((pixel - seen) / SIGMA) ** 2 - 0.5 * (phi / PRIOR) ** 2
 
 
 def deviations(J: Array) -> Array:

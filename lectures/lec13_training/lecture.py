@@ -44,9 +44,9 @@ from workbench.training.unposing import unpose
 # - **multi-shape**: many people, each in about one pose. They teach the mean $\bar T$ and the shape
 #   directions $S$.
 #
-# (Notes that this course follows say it the other way round once, and contradict themselves elsewhere.
-# Think of it: a person in one pose cannot tell how their elbow bulges, and three people cannot tell how
-# thousands differ.)
+# (The notes on SMPL and SMPLify that this course follows exchange the two in one place. The data show which
+# way round it must be: a person in one pose cannot tell how their elbow bulges, and three people cannot tell
+# how thousands differ.)
 #
 # Our people are worms: a tube of six bones, with a random model of SMPL's form behind it.
 

@@ -70,8 +70,8 @@ print(f"corners that were one vertex are up to {gaps(torn).max():.0f} mm from th
 # ## What a triangle knows
 #
 # With corners $T_0, T_1, T_2$ a triangle's edges are $e_0 = T_2 - T_0$ and $e_1 = T_1 - T_0$. Its
-# deformation is a $3 \times 3$ matrix $X$ with $X e_i = e_i'$. A lecture says that the two edges
-# determine it. They do not: two edges span a plane, and what $X$ does to the normal of that plane is
+# deformation is a $3 \times 3$ matrix $X$ with $X e_i = e_i'$. Do the two edges determine it? They make six
+# equations for nine unknowns: two edges span a plane, and what $X$ does to the normal of that plane stays
 # open.
 
 # %%

@@ -2,13 +2,13 @@
 
 import ast
 import inspect
-import time
 from types import SimpleNamespace
 
 import pytest
 
+from tests.lectures.prose import run_of
 from workbench.course.answers import Raised, formed, outcome
-from workbench.course.cells import carried_out, cells
+from workbench.course.cells import cells
 from workbench.course.marking import mark
 from workbench.course.marks import State
 from workbench.course.outline import FILES, Lecture
@@ -42,17 +42,18 @@ def test_the_outline_counts() -> None:
 
 
 @EACH
-def test_it_runs_and_shows(lecture: Lecture, capsys: pytest.CaptureFixture[str]) -> None:
-    began = time.process_time()
-    shown = [value for _, value in carried_out(lecture.folder / "lecture.py")]
-    assert time.process_time() - began < LONGEST
-    pictures = [value for value in shown if isinstance(value, Picture)]
+def test_it_runs_and_shows(lecture: Lecture) -> None:
+    run = run_of(lecture.number)
+    assert run.seconds < LONGEST
+    pictures = [value for value in run.shown if isinstance(value, Picture)]
     assert pictures, "a lecture watches something fail in a figure"
     for picture in pictures:
         assert len(picture.caption) > 40
         assert len(picture.png) > 5_000
-    assert any(isinstance(value, Source) for value in shown), "the library's own lines are shown"
-    assert capsys.readouterr().out, "numbers are printed"
+    assert any(isinstance(value, Source) for value in run.shown), (
+        "the library's own lines are shown"
+    )
+    assert run.printed, "numbers are printed"
 
 
 @EACH

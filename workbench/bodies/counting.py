@@ -1,7 +1,8 @@
 """How many numbers a body is made of, by array; and what the lecture's slide says instead.
 
-The slide counts for N = 6,890 vertices, 23 joints and 10 shape directions. Its sum is right, but
-three of its rows are not what a released model holds; `SLIDE` says why.
+The slide counts for N = 6,890 vertices, 23 joints and 10 shape directions. Its sum is right. But
+one of its products lacks a factor that its value has, and two of its values are not what a released
+model holds; `SLIDE` says why.
 """
 
 from dataclasses import dataclass

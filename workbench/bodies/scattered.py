@@ -3,6 +3,10 @@
 Scattered data interpolation (Lewis, Cordner, Fong, SIGGRAPH 2000): posedirs (N, 3, n) hold a shape
 for every example, and f_i(theta) is its share. What it costs grows with n, and far from all
 examples it knows nothing.
+
+The lecture of Pons-Moll and Swoboda (Body Models II, 2018) writes the kernel as
+exp(-|x - x_i|^2 / tau). Here it is exp(-|x - x_i|^2 / width^2): the same with tau = width^2, so
+that what is asked for has the unit of x.
 """
 
 from dataclasses import dataclass
@@ -22,6 +26,7 @@ Array = NDArray[np.float64]
 class Examples:
     """Where the examples are: `places` (n, D) in the space of `of`, and the kernel's width there.
 
+    The width is the root of the tau with which the kernel is also written, exp(-|x - x_i|^2 / tau).
     Raises BadArgument for a width that is not positive, NotNumbers for places that are none.
     """
 

@@ -38,13 +38,16 @@ def cells(path: Path) -> list[Cell]:
 
 
 def carried_out(
-    path: Path, before: Callable[[Cell], None] = lambda cell: None
+    path: Path,
+    before: Callable[[Cell], None] = lambda cell: None,
+    names: dict[str, Any] | None = None,
 ) -> Iterator[tuple[Cell, Any]]:
     """Each cell, and the value of its last line once it has been run; prose has None.
 
-    `before` is called with each cell before that is run.
+    `before` is called with each cell before that is run. What the cells define is put into `names`.
     """
-    names: dict[str, Any] = {"__name__": "lecture", "__file__": str(path)}
+    names = {} if names is None else names
+    names |= {"__name__": "lecture", "__file__": str(path)}
     for cell in cells(path):
         before(cell)
         yield cell, None if cell.prose else _value(cell, names, path)

@@ -1,0 +1,86 @@
+"""What lecture 1 says of its run."""
+
+from math import comb, pi
+
+import numpy as np
+
+from tests.lectures.prose import Run
+
+
+def mean_error(run: Run, name: str) -> float:
+    """Of a prediction for the unseen poses, mm."""
+    off = np.linalg.norm(run["predictions"][name] - run["test_surfaces"], axis=2)
+    return float(1e3 * off.mean())
+
+
+def polynomials(run: Run) -> list[float]:
+    return [mean_error(run, name) for name in ("linear in theta", "cubes of theta")]
+
+
+def by_slide(run: Run) -> tuple[float, float]:
+    """What is missed with four coefficients, and with one of them used twice, mm."""
+    return run.line("w3, w2, w1, w0")[-1], run.line("w1, w2, w1, w0")[-1]
+
+
+SAYS = {
+    "Ten examples are given. A polynomial of degree three": lambda run: (
+        len(run["given"]),
+        3 in run["fits"],
+    ),
+    "The cubic follows the examples and leaves at their end": lambda run: (
+        run.line("degree 3")[1] < 5,
+        run.line("degree 3")[2] > 1000,
+    ),
+    "the body comes back after a full turn (2 pi = 6.28), a polynomial never does": lambda run: (
+        2,
+        2 * pi,
+        np.allclose(run["tip"](run["given"] + 2 * pi), run["tip"](run["given"])),
+        all(line[2] > 1000 for line in run.lines("one turn further")),
+    ),
+    "the best fit is six times as far off": lambda run: (
+        5.5 < by_slide(run)[1] / by_slide(run)[0] < 6.8
+    ),
+    "Now all of it: 72 numbers in, 369 vertices out.": lambda run: (
+        run["poses"][0].size,
+        run["body"].n_vertices,
+    ),
+    "the linear function of the 72 numbers": lambda run: run["poses"][0].size,
+    "are learned from the same four hundred. Four hundred examples do not teach": lambda run: (
+        len(run["poses"]),
+        len(run["poses"]),
+        min(polynomials(run)) > 20 * mean_error(run, "bones and skin"),
+    ),
+    "both polynomials are off by centimetres in the mean, and SMPL by less than a millimetre": (
+        lambda run: (min(polynomials(run)) > 20, mean_error(run, "SMPL") < 1)
+    ),
+    "A full cubic in 72 numbers has $\\binom{75}{3}$ = 67,525 coefficients": lambda run: (
+        run["poses"][0].size,
+        comb(72 + 3, 3),
+    ),
+    "The forearm gets shorter": lambda run: all(
+        line[1] == line[-1] < 1 for line in run.lines("rad apart")
+    ),
+    "pose $\\theta$ (24 rotation vectors)": lambda run: run["body"].n_joints,
+    "with 6,890 vertices, 23 joints and a root, and 10 shape directions": lambda run: (
+        run["N"],
+        run["K"] - 1,
+        run["B"],
+    ),
+    "Only the pose is not, and products of two that are.": lambda run: (
+        {line[:24].strip() for line in run.printed.splitlines() if line.endswith("not linear")}
+        == {"weights and posedirs", "shapedirs and betas", "pose"}
+    ),
+    "finds template and pose directions by *one* linear least-squares problem": lambda run: run[
+        "linear_in"
+    ]("template", "posedirs"),
+    "SMPL is linear in everything but the pose, one argument at a time.": lambda run: all(
+        run["linear_in"](name) == (name != "pose")
+        for name in ("template", "shapedirs", "posedirs", "weights", "betas", "trans", "pose")
+    ),
+}
+
+GIVEN = (
+    "some thousand points of the skin",
+    "(The slides sum up to 6,014,970.",
+    "four weights to a vertex as twelve",
+)

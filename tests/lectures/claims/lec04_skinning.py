@@ -1,0 +1,83 @@
+"""What lecture 4 says of its run."""
+
+import numpy as np
+
+from tests.lectures.prose import Run
+
+
+def arm(run: Run, name: str) -> np.ndarray:
+    """The volume that the bent arm gained, by angle, cm^3."""
+    return run["elbow"][name]
+
+
+def crossing(run: Run) -> float:
+    """The angle from which dual quaternions stretch the longest edge more, degrees."""
+    more = run["stretch"]["dual quaternions"] > run["stretch"]["linear blending"] * (1 + 1e-9)
+    first = int(np.flatnonzero(~more)[-1]) + 1
+    return float(np.degrees(run["angles"][first]))
+
+
+SAYS = {
+    "A tube of 60 cm lies along $x$": lambda run: float(100 * np.ptp(run["pipe"].template[:, 0])),
+    "We bend it by 90 degrees.": lambda run: float(np.degrees(run["right_angle"][0])),
+    "The tube, bent by 90 degrees, cut": lambda run: float(np.degrees(run["right_angle"][0])),
+    "the one edge between them pays for all": lambda run: run.line("the longest edge is")[0] > 5,
+    "One bone for each vertex tears the skin": lambda run: run.line("the longest edge is")[0] > 5,
+    "With a sum of 0.98 it lags behind, and is drawn to the origin even at rest": lambda run: (
+        float(run["short"].sum(axis=1)[0]),
+        run.line("all bones moved by    0 m")[1] > 1,
+        run.line("all bones moved by   10 m")[1] > 100,
+    ),
+    "the share $|\\cos \\tfrac\\alpha2|$ of the radius is left, and at half a turn nothing": (
+        lambda run: (
+            np.abs(run["thin"] - np.abs(np.cos(run["angles"] / 2))).max() < 1e-13,
+            run["thin"][-1] < 1e-13,
+        )
+    ),
+    "Over a zone of length $l$ in which the weight goes from 0 to 1, a tube": lambda run: (
+        int(run["pipe"].weights.min()),
+        int(run["pipe"].weights.max()),
+    ),
+    "a tube of cross-section $A$ loses": lambda run: all(
+        abs(line[k] / line[k + 2] - 1) < 0.01
+        for line in run.lines("by 90 and 180 degrees")
+        for k in (2, 3)
+    ),
+    "the same average gives a rigid motion for every vertex": lambda run: (
+        abs(run.line("the middle ring keeps")[1] - 1) < 1e-6
+    ),
+    "which is right at $w = 0, \\tfrac12, 1$, and elsewhere nearly": lambda run: (
+        run["off"][[0, 50_000, 100_000]].max() < 1e-9,
+        0 < run["off"].max() < 10,
+    ),
+    "give 8.15 degrees": lambda run: float(run["off"].max()),
+    "Just before and just after, the vertex is on opposite sides": lambda run: (
+        run.line("a vertex moves by up to")[2] / run.line("a vertex moves by up to")[3] > 0.99
+    ),
+    "They bulge, jump at half a turn, and are not linear in the weights.": lambda run: (
+        run["stretch"]["dual quaternions"][-1] > 1.5,
+        run["jump"].max() > 0.09,
+        "dual quaternions  linear in the weights: False" in run.printed,
+    ),
+    "With linear blending, the posed vertices are linear in the weights": lambda run: (
+        "linear blending   linear in the weights: True" in run.printed
+    ),
+    "beyond 110 degrees dual quaternions stretch the outside more": crossing,
+    "A wrist and an elbow of a real template are no tubes, but do the same.": lambda run: (
+        abs(run["wrist"]["linear blending"][3] - np.cos(np.pi / 4)) < 0.05,
+        arm(run, "linear blending")[3] < -100,
+    ),
+    "Blend shapes give back a part; a little bent, the arm has even less than blending leaves it.": (
+        lambda run: (
+            arm(run, "linear blending")[3]
+            < arm(run, "SMPL (linear, and blend shapes)")[3]
+            < arm(run, "dual quaternions")[3],
+            arm(run, "SMPL (linear, and blend shapes)")[1] < arm(run, "linear blending")[1],
+        )
+    ),
+}
+
+GIVEN = (
+    "outline around the joint, twisted by 0, 90 and 180 degrees",
+    "nobody's wrist turns by 180 degrees",
+)

@@ -1,0 +1,118 @@
+"""What lecture 5 says of its run."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from tests.lectures.prose import Run
+
+ROUNDING = 1e-10  # mm: vertices of decimetres are rounded at 1e-13 mm
+
+
+def error(run: Run, way: str, degrees: float) -> float:
+    """Of one way to use the examples, at one angle, mm."""
+    return float(run["errors"](run["ways"][way], [np.radians(degrees)])[0])
+
+
+def at_examples(run: Run, way: str) -> np.ndarray:
+    return run["errors"](run["ways"][way], run["at"])
+
+
+def largest(run: Run, student: str, angles: np.ndarray) -> np.ndarray:
+    """How far the blend shapes of a student move the rest surface, mm, by angle."""
+    arm = run["arm"]
+    still = replace(run["students"][student], weights=np.eye(2)[[0] * arm.n_vertices])
+    moved = still.vertices(np.array([run["bent"](angle) for angle in angles])) - arm.template
+    return 1e3 * np.linalg.norm(moved, axis=2).max(axis=1)
+
+
+def shin(run: Run) -> np.ndarray:
+    """How far it is off on the joints of the mean person, to the left, up and to the front, cm."""
+    skin = run["body"].weights[:, run["body"].joint_names.index("left_knee")] > 0.9
+    return 1e2 * (run["wrong"] - run["right"])[skin].mean(axis=0)
+
+
+def tallest_and_shortest(run: Run) -> tuple[float, float]:
+    heights = [float(np.ptp(v[:, 1])) for v in run["gallery"].values()]
+    return max(heights), min(heights)
+
+
+SAYS = {
+    "Here is one for an elbow bent by 90 degrees": lambda run: run.line("bent by 90 degrees")[0],
+    "In its own pose it is perfect, and at rest it does harm.": lambda run: (
+        run.line("bent by 90 degrees")[2] < ROUNDING,
+        run.line("the same at rest")[0] < run.line("the same at rest")[1],
+    ),
+    "Here $\\tau$, in rad², says": lambda run: np.isclose(run["examples"].width ** 2, run["tau"]),
+    "Shares hit no example, because its neighbours have a say as well": lambda run: (
+        at_examples(run, "divided by the sum").min() > 0.5
+    ),
+    "kernels that are not divided add up to too much": lambda run: (
+        error(run, "not divided", 40) > error(run, "none", 40)
+    ),
+    "solved for, they are exact at the examples and good between": lambda run: (
+        at_examples(run, "exact").max() < 1e-6,
+        error(run, "exact", 60) < 0.5 * error(run, "none", 60),
+    ),
+    "Far from all examples the kernels fade, and hardly anything is repaired; shares stay with the "
+    "nearest example": lambda run: (
+        error(run, "not divided", 170) > 0.9 * error(run, "none", 170),
+        error(run, "exact", 170) > 0.9 * error(run, "none", 170),
+        error(run, "divided by the sum", 170) < 0.8 * error(run, "none", 170),
+    ),
+    "Seven examples will do for one angle.": lambda run: len(run["at"]) == 7,
+    "Interpolating examples works near them": lambda run: all(
+        error(run, way, 60) < 0.5 * error(run, "none", 60)
+        for way in ("divided by the sum", "exact")
+    ),
+    "three angles for each of 23 joints": lambda run: run["body"].n_joints - 1,
+    "Examples cannot fill 69 dimensions.": lambda run: 3 * (run["body"].n_joints - 1),
+    "Angles are little use.": lambda run: (
+        run.line("f = the angles", "where it was taught")[0] > 0.9 * run.line("none ", "taught")[0],
+        run.line("f = rotation elements", "taught")[0] < 0.5 * run.line("none ", "taught")[0],
+    ),
+    "By rotation elements it is the same after each turn, and bounded, for no element of R - I leaves "
+    "[-2, 2].": lambda run: (
+        -2,
+        2,
+        bool(
+            np.allclose(
+                *(
+                    largest(run, "f = rotation elements", np.linspace(0, 6, 20) + turn)
+                    for turn in (0, -2 * np.pi)
+                )
+            )
+        ),
+    ),
+    "By angles it grows and grows.": lambda run: bool(
+        (np.diff(largest(run, "f = the angles", np.linspace(0, 2 * np.pi, 20))) > 0).all()
+    ),
+    "with $K = 23$": lambda run: run["body"].n_joints - 1,
+    "That is 207 features.": lambda run: len(run["f"]),
+    "Their order is part of the file": lambda run: (
+        run.line("features that are not zero")[0] == 9 * (run["elbow"] - 1)
+    ),
+    "one person in twenty is beyond $\\pm 2$": lambda run: 20,
+    "Learned from 60 people that we draw": lambda run: len(run["people"]),
+    "with it, $\\beta$ is in standard deviations": lambda run: np.allclose(
+        run["betas"].std(axis=1, ddof=1), 1
+    ),
+    "The tallest, 1, +3 sd, has 1.97 m; the shortest, 1, -3 sd, 1.39 m.": lambda run: (
+        1,
+        +3,
+        tallest_and_shortest(run)[0],
+        1,
+        -3,
+        tallest_and_shortest(run)[1],
+    ),
+    "A longer thigh has its knee further down.": lambda run: (
+        run["body"].joints(betas=run["tall"])[run["body"].joint_names.index("left_knee"), 1]
+        < run["body"].joints()[run["body"].joint_names.index("left_knee"), 1] - 0.01
+    ),
+    "the shin sits 7 cm too high and 7 cm too far back": lambda run: (
+        float(shin(run)[1]),
+        float(-shin(run)[2]),
+    ),
+}
+
+GIVEN = ("which has a factor 3 for the coordinates",)

@@ -1,0 +1,146 @@
+"""What lecture 9 says of its run."""
+
+import numpy as np
+
+from tests.lectures.prose import Run
+
+
+def unknowns(run: Run) -> int:
+    return sum(block.size for block in run["all_vertices"].free.blocks)
+
+
+def joints(run: Run) -> list[float]:
+    """The fit to joints alone: rank, 85, joints met to (mm), skin off by (mm), worst beta."""
+    return run.line("joints alone")
+
+
+def priors(run: Run) -> list[float]:
+    """The same with priors."""
+    return run.line("joints and priors")
+
+
+def missed(run: Run) -> tuple[float, float]:
+    """By how much the images are missed, px: begun facing the camera, and facing away."""
+    return run.line("begun facing the camera")[2], run.line("begun facing away")[2]
+
+
+def costs(run: Run) -> tuple[float, float]:
+    return run["ends"]["facing the camera"].cost, run["ends"]["facing away"].cost
+
+
+def too_far(run: Run, distance: str) -> float:
+    """The guess of the depth at a lean of 30 degrees, % beyond the truth."""
+    return float(100 * (run["wide"][distance][6] - 1))
+
+
+def depth(run: Run, cameras: int) -> float:
+    """How far joints are off in depth, mm."""
+    found = run["body"].joints(**run["results"][cameras].values)
+    return float(1e3 * np.sqrt(np.mean((found - run["joints"])[:, 2] ** 2)))
+
+
+def place(run: Run) -> list[float]:
+    """How well one camera tells the place: across, up and in depth, mm."""
+    return [float(one) for one in run.line("1 camera ", "sigma of the place")[-3:]]
+
+
+def unseen_turns(run: Run) -> float:
+    """The share of the skin's error that turns make which the joints do not see, to first order."""
+    wb = run["wb"]
+    both = wb.Problem([run["at_joints"], *run["priors"]], ["pose", "betas", "trans"],
+                      blocks=[run["seen_joints"]])  # fmt: skip
+    values = run["given"] | wb.solve(both, run["given"]).values
+    by_pose = wb.Problem([run["at_joints"]], ["pose"], blocks=[run["seen_joints"]])
+    here = by_pose.linearize(values)
+    unseen = here.svd[2][here.rank :]
+    turn = unseen.T @ (unseen @ (values["pose"] - run["truth"]["pose"]).ravel())
+    pose = values["pose"] - turn.reshape(24, 3)
+    moved = run["distances"](values | {"pose": pose})
+    return float(1 - moved.mean() / run["distances"](values).mean())
+
+
+SAYS = {
+    "but for noise of 5 mm. Its": lambda run: 1e3 * run["NOISE"],
+    "the unknowns are 72 numbers of the pose $\\theta$, 10 of the shape $\\beta$ and 3 of the place": (
+        lambda run: tuple(run["truth"][name].size for name in ("pose", "betas", "trans"))
+    ),
+    "about ten iterations, and the fit is *better* than its data": lambda run: (
+        10,
+        all(7 < line[1] < 14 for line in run.lines("noise ", "iterations")),
+        run.line("noise 5 mm")[2] < 5,
+    ),
+    "It has $m = 1107$ equations for $p = 85$ unknowns": lambda run: (run["m"], run["p"]),
+    "noise can only hide in the 85 directions": unknowns,
+    "So the error is $\\sigma \\sqrt{p/m}$, to first order.": lambda run: (
+        abs(run.line("noise 5 mm")[2] / run.line("5 mm times the root of")[-1] - 1) < 0.1
+    ),
+    "Take the 24 joints, seen as well": lambda run: run["body"].n_joints,
+    "The joints alone are met to *less* than their noise, which is no good sign: there are 72 equations "
+    "for 85 unknowns": lambda run: (
+        run["seen_joints"].size,
+        unknowns(run),
+        joints(run)[2] < 5,
+    ),
+    "only 53 of the 85 directions are seen": lambda run: (joints(run)[0], unknowns(run)),
+    "one of its betas is off by 1.3 standard deviations": lambda run: joints(run)[4],
+    "Among people each beta is 0 on average, with a standard deviation of 1; the angles of this lecture "
+    "are 0 on average, with a standard deviation of 0.25 rad.": lambda run: (
+        0,
+        run["BETAS"],
+        0,
+        run["POSE"],
+    ),
+    "the rank is full. The worst beta is now off by half a standard deviation.": lambda run: (
+        priors(run)[0] == unknowns(run),
+        priors(run)[4] == 0.5,
+    ),
+    "The skin is hardly closer, 18 mm in place of 19 mm": lambda run: (
+        priors(run)[3],
+        joints(run)[3],
+        priors(run)[3] < joints(run)[3],
+    ),
+    "nearly half of that comes from turns of bones that no joint tells": lambda run: (
+        0.4 < unseen_turns(run) < 0.5
+    ),
+    "both meet the image as well as the detector is good": lambda run: (
+        max(missed(run)) < run["PIXELS"]
+    ),
+    "had to twist itself to do so: it sits in another minimum, at ten times the cost": lambda run: (
+        costs(run)[1] / costs(run)[0],
+        run.line("begun facing away")[-1] > 1.5,
+        "spine1 turned by" in run.printed,
+    ),
+    "How good is it when the person leans towards the camera?": lambda run: (
+        run["wide"]["from 80 m"][12] > 1.5
+    ),
+    "too far by about 1 / cos, and by less if the camera is near": lambda run: (
+        1,
+        bool((run["wide"]["from 4 m"][1:] < run["wide"]["from 80 m"][1:]).all()),
+        np.allclose(run["wide"]["from 4 m"] * np.cos(run["leans"]), 1, atol=0.15),
+    ),
+    "11 to 19 % too far at 30 degrees": lambda run: (
+        too_far(run, "from 4 m"),
+        too_far(run, "from 80 m"),
+        float(np.degrees(run["leans"][6])),
+    ),
+    "In the image it is perfect.": lambda run: missed(run)[0] < run["PIXELS"],
+    "One camera has the person elsewhere in depth and bent otherwise.": lambda run: (
+        depth(run, 1) > 100
+    ),
+    "the place is known to 8 mm across the image, and to 230 mm in depth": lambda run: (
+        place(run)[0],
+        place(run)[2],
+    ),
+    "$X / Z$ stays, and so does every pixel": lambda run: all(
+        line[-1] < 1e-10 for line in run.lines("times as large and as far")
+    ),
+    "joints that were off by 190 mm in depth are off by 6 mm": lambda run: (
+        depth(run, 1),
+        depth(run, 2),
+    ),
+    "triangulation gives the start in closed form": lambda run: (
+        run.line("triangulated joints")[0] < run.line("the body at rest, moved")[0] < 100
+    ),
+}
+
+GIVEN = ("how sure the detector is (here 1)", "Left: what camera 0 sees")

@@ -1,0 +1,161 @@
+"""What lecture 11 says of its run."""
+
+import numpy as np
+
+from tests.lectures.numerals import above
+from tests.lectures.prose import Run
+
+GN, LM, DOGLEG, LBFGS = range(4)  # the columns of the lecture's tables
+
+
+def ended(run: Run, problem: str, solver: int) -> tuple[int, float, str]:
+    """What a solver says of itself: iterations, cost and status."""
+    one = run["solutions"][problem, run["NAMES"][solver]]
+    return one.iterations, one.cost, one.status.name
+
+
+def iterations(run: Run, problem: str) -> list[int]:
+    return [ended(run, problem, solver)[0] for solver in range(4)]
+
+
+def arrived(run: Run, problem: str) -> list[bool]:
+    """Who ends within a thousandth of the way to the least cost."""
+    return [
+        bool(cost.min() - run["least"][problem] <= 1e-3 * (cost[0] - run["least"][problem]))
+        for _, cost in (run["runs"][problem, name] for name in run["NAMES"])
+    ]
+
+
+def leaders(run: Run, problem: str) -> set[int]:
+    """Who is ahead at one effort or another along the way."""
+    ahead = set()
+    for effort in np.geomspace(5, 200, 40):
+        left = [
+            cost[course <= effort].min(initial=np.inf)
+            for course, cost in (run["runs"][problem, name] for name in run["NAMES"])
+        ]
+        ahead.add(int(np.argmin(left)))
+    return ahead
+
+
+def lost(run: Run) -> np.ndarray:
+    """On how many problems each solver misses the target."""
+    return (~run["met"]).sum(axis=0)
+
+
+def mean(run: Run, solver: int) -> float:
+    """The effort until the target where it was met."""
+    return float(run["times"][run["met"][:, solver], solver].mean())
+
+
+def share_of(run: Run, problem: str, solver: int) -> float:
+    """Of the sum of a solver's efforts, %."""
+    times = run["times"][:, solver]
+    at = run["PROBLEMS"].index(problem)
+    return float(100 * times[at] / times[np.isfinite(times)].sum())
+
+
+def quickest(run: Run, line: int) -> list[int]:
+    """The shares of the problems on which each solver is the quickest, %."""
+    text = [one for one in run.printed.splitlines() if one.startswith("quickest among")][line]
+    return [int(part.split()[-2]) for part in text.partition(": ")[2].split(",")]
+
+
+def at_price(run: Run, words: str) -> list[float]:
+    """The same with another price of a Jacobian, %."""
+    return run.line("a Jacobian for", words)[1:]
+
+
+def prices(run: Run) -> tuple[float, float]:
+    """Of a residual and of a gradient, as the lecture's efforts have them."""
+    spent, counted = [], []
+    for (problem, solver), (effort, _) in run["runs"].items():
+        last = run["solutions"][problem, solver].trace[-1].evaluations
+        n = run["setups"][problem].start["x"].size
+        spent.append(effort[-1] - n * last.jacobian)
+        counted.append((last.residual, last.gradient))
+    found = np.linalg.lstsq(np.array(counted, dtype=float), np.array(spent), rcond=None)[0]
+    return float(found[0]), float(found[1])
+
+
+def intervals(run: Run) -> list[tuple[int, int]]:
+    return [(line[1], line[2]) for line in run.lines("meets the target on")]
+
+
+SAYS = {
+    "The workbench has more than twenty solvers": lambda run: above(len(run["wb"].SOLVERS)),
+    "We let four of them run on sixteen classical problems": lambda run: (
+        len(run["PROBLEMS"]),
+        len(run["NAMES"]) == 4,
+    ),
+    "On the first the dogleg has the fewest iterations, on the second Levenberg-Marquardt.": (
+        lambda run: (
+            np.argmin(iterations(run, "rosenbrock")) == DOGLEG,
+            np.argmin(iterations(run, "helical-valley")) == LM,
+        )
+    ),
+    "L-BFGS has come down to a cost of $10^{-17}$, and says that it stalled": lambda run: all(
+        ended(run, problem, LBFGS)[1] < 1e-16 and ended(run, problem, LBFGS)[2] == "STALLED"
+        for problem in ("rosenbrock", "helical-valley")
+    ),
+    "More than two thousand times the least cost, and `CONVERGED`.": lambda run: (
+        above(ended(run, "bard-far", GN)[1] / run["setups"]["bard-far"].known.cost),
+        ended(run, "bard-far", GN)[2] == "CONVERGED",
+    ),
+    "a residual costs 1, a gradient 4 (": prices,
+    "Left: all arrive, and who is ahead changes on the way. Right: two arrive": lambda run: (
+        all(arrived(run, "rosenbrock")),
+        len(leaders(run, "rosenbrock")) > 1,
+        arrived(run, "bard-far") == [False, True, False, True],
+    ),
+    "By the **mean over the problems that were solved** Gauss-Newton is as quick as the dogleg, though it "
+    "fails on two more": lambda run: (
+        abs(mean(run, GN) / mean(run, DOGLEG) - 1) < 0.1,
+        lost(run)[GN] == lost(run)[DOGLEG] + 2,
+    ),
+    "brown-dennis, makes up 43 % of the dogleg's mean": lambda run: share_of(
+        run, "brown-dennis", DOGLEG
+    ),
+    "The median with failures as infinite has neither fault": lambda run: (
+        np.median(run["times"], axis=0)[GN] > 1.3 * np.median(run["times"], axis=0)[DOGLEG]
+    ),
+    "$10^{-5}$ of the way is met at the wrong stationary point. Closer targets tell": lambda run: (
+        run["met"][run["PROBLEMS"].index("freudenstein-roth-far")].all(),
+        not np.isfinite(run["needed"](1e-7))[run["PROBLEMS"].index("freudenstein-roth-far")].any(),
+    ),
+    "At $\\alpha = 1$: how often it *is* the best": lambda run: 1,
+    "L-BFGS is never the quickest, and as sure as the dogleg; Gauss-Newton is often the quickest, and "
+    "least sure": lambda run: (
+        quickest(run, 0)[LBFGS] == 0,
+        lost(run)[LBFGS] == lost(run)[DOGLEG],
+        quickest(run, 0)[GN] > 30,
+        lost(run)[GN] > max(lost(run)[[LM, DOGLEG, LBFGS]]),
+    ),
+    "for each problem on which it was the best another one moves up, not the same for all": lambda run: (
+        quickest(run, 1)[0] == quickest(run, 0)[GN],
+        quickest(run, 1)[1] > quickest(run, 0)[LM],
+        quickest(run, 1)[2] > quickest(run, 0)[LBFGS],
+    ),
+    "And prices matter.": lambda run: at_price(run, "10 residuals") != at_price(run, "1 residual "),
+    "or as dear as ten, because somebody else's code takes ten for it": lambda run: (
+        run["price"],
+        run["price"],
+    ),
+    "(Shares may add up to more than 100 %": lambda run: above(sum(quickest(run, 0))),
+    "Sixteen problems are a sample.": lambda run: len(run["PROBLEMS"]),
+    "The intervals overlap: sixteen problems do not tell these four apart": lambda run: (
+        len(run["PROBLEMS"]),
+        max(low for low, _ in intervals(run)) < min(high for _, high in intervals(run)),
+        len(intervals(run)) == 4,
+    ),
+    "Performance profiles for the target 1e-5.": lambda run: (
+        1e-5,
+        np.array_equal(run["times"], run["needed"](1e-5)),
+    ),
+}
+
+GIVEN = (
+    "Below 1e-16 is drawn at 1e-16.",
+    "and $z = 1.96$, Wilson's interval",
+    "shrinks to a point: at 0 and at $n$ successes",
+)

@@ -1,0 +1,129 @@
+"""What lecture 12 says of its run."""
+
+import numpy as np
+
+from tests.lectures.prose import Run
+from workbench.sampling.mixing import TIMES
+
+
+def posterior(run: Run, truth: float) -> tuple[int, float, float]:
+    """Of the angle, without noise: how many peaks, its standard deviation, and Laplace's, rad."""
+    grid = run["grid"]
+    p = np.exp(-run["cost"](grid, run["pixel"](truth)))
+    p /= p.sum()
+    peaks = int(((p[1:-1] > p[:-2]) & (p[1:-1] > p[2:])).sum())
+    sd = np.sqrt(p @ grid**2 - (p @ grid) ** 2)
+    return peaks, float(sd), float(run["bar"](grid[p.argmax()]))
+
+
+def bones(run: Run) -> tuple[float, float]:
+    """The lengths of upper arm and forearm in the lecture's arm, m."""
+    arm, elbow, wrist = run["arm"].symbol, run["elbow"], run["wrist"]
+    places = run["cs"].Function("places", [arm], [elbow, wrist])(np.zeros(2))
+    at_elbow, at_wrist = (np.asarray(one).ravel() for one in places)
+    return float(at_elbow[0]), float(at_wrist[0] - at_elbow[0])
+
+
+def modes(run: Run) -> np.ndarray:
+    """Shares of the draws with each of the four signs of the two angles."""
+    signs = run["draws"].flat > 0
+    return np.array([np.mean((signs == (a, b)).all(axis=1)) for a in (0, 1) for b in (0, 1)])
+
+
+def deviations(run: Run) -> tuple[float, float]:
+    """By the stretch move with the density that its factor is made for, and with a uniform one."""
+    return run.line("z with a density of")[-1], run.line("z uniform, the same factor")[-1]
+
+
+def way_back(run: Run) -> bool:
+    """Whether g(1/z) = z g(z) for g = 1 / sqrt z, and the lecture's way to draw z has that density."""
+    z = np.linspace(0.5, 2, 7)
+    u = np.sqrt(2 * z) - 1  # the lecture draws z = (1 + u)^2 / 2: this is the share below z
+    return bool(np.allclose(np.sqrt(z), z / np.sqrt(z)) and np.allclose((1 + u) ** 2 / 2, z))
+
+
+SAYS = {
+    "A forearm of 0.25 m hangs on an elbow whose place is known, $D = 5$ m in front of a camera with a "
+    "focal length of $F = 1000$ px.": lambda run: (run["LENGTH"], run["D"], run["F"]),
+    "with an error of $\\sigma = 3$ px. Beforehand we know that $\\varphi$ is 0 on average, with a "
+    "standard deviation of $\\sigma_0 = 0.6$ rad": lambda run: (run["SIGMA"], 0, run["PRIOR"]),
+    "A 90 % interval should hold the truth nine times out of ten.": lambda run: (
+        90,
+        10,
+        run.line("90 % intervals by Laplace")[1] < 80,
+    ),
+    "A thousand times.": lambda run: len(run["angles"]),
+    "find that the bar is wrong": lambda run: run.line("90 % intervals by Laplace")[1] < 80,
+    "Left, near the image plane: one broad answer, and Laplace too wide.": lambda run: (
+        posterior(run, 0.1)[0] == 1,
+        posterior(run, 0.1)[2] > 1.3 * posterior(run, 0.1)[1],
+    ),
+    "Middle and right, further out: two answers, and Laplace knows the higher one only.": lambda run: (
+        all(
+            posterior(run, truth)[0] == 2
+            and posterior(run, truth)[2] < 0.3 * posterior(run, truth)[1]
+            for truth in (0.6, 1.1)
+        )
+    ),
+    "the images differ by perspective alone, less than the detector's error": lambda run: (
+        abs(run["pixel"](0.5) - run["pixel"](-0.5)) < run["SIGMA"]
+    ),
+    "an arm, whose upper arm of 0.30 m and forearm of 0.25 m": bones,
+    "Least squares has found a forearm that points away where it points towards the camera, *at a lower "
+    "cost than the right one*": lambda run: (
+        run["found"].values["angles"][1] > 0 > run["true_angles"][1],
+        run["other"].values["angles"][1] < 0,
+        run["found"].cost < run["other"].cost,
+    ),
+    "Laplace claims to know the upper arm more than five times, and the forearm more than twice, as well "
+    "as they are known": lambda run: (
+        run["exact_sd"][0] > 5 * run["approximation"].sd[0],
+        run["exact_sd"][1] > 2 * run["approximation"].sd[1],
+    ),
+    "With 121 points to an axis, a grid for the 82 numbers of a body's pose and shape": lambda run: (
+        len(run["axis"]),
+        72 + 10,
+    ),
+    "With short steps the chain has not left the mode in which it began: of its 4000 draws none says "
+    "anything of the other one.": lambda run: (
+        len(run["chain"]),
+        run.line("steps of 0.05 rad")[1] == 100,
+        abs(run.line("steps of  1.5 rad")[1] - run.line("steps of  1.5 rad")[2]) <= 3,
+    ),
+    "in 82 dimensions": lambda run: 72 + 10,
+    "The density above has $g(1/z) = z\\, g(z)$": way_back,
+    "on a Gaussian in two dimensions whose standard deviation is 1": lambda run: (
+        1,
+        run["deviation"].__defaults__[0] == 2,
+    ),
+    "With the wrong density the draws are too wide, and nothing warns.": lambda run: (
+        abs(deviations(run)[0] - 1) < 0.03,
+        deviations(run)[1] > 1.1,
+    ),
+    "each bone may point towards it or away": lambda run: modes(run).min() > 0.05,
+    "Right, with a second camera from the side: one way, and Laplace's draws do.": lambda run: (
+        np.allclose(run["better"].sd, run["exact"], rtol=0.05),
+        np.allclose(run["clear"].values["angles"], run["true_angles"], atol=0.1),
+    ),
+    "Draws answer every question, once they have mixed.": lambda run: (
+        run["draws"].usable,
+        np.allclose(run["draws"].mean, run["exact_mean"], atol=0.05),
+        np.allclose(run["draws"].sd, run["exact_sd"], rtol=0.05),
+    ),
+    "only if the chain is at least 50 of them long": lambda run: TIMES,
+    "and refuses an interval if it is bad. We ask a chain of 100 steps for one, and then the 3000 steps "
+    "from above": lambda run: (
+        100,
+        3000,
+        "100 steps: there is no interval: NOT CONVERGED" in run.printed,
+        "3000 steps: 90 % of the draws lie from" in run.printed,
+    ),
+    "it spans the middle, where there is little": lambda run: (
+        np.mean(np.abs(run["draws"].flat[:, 0]) < 0.2) < 0.05
+    ),
+    "Least squares finds its highest point.": lambda run: (
+        abs(run["best"] - run.line("seen at")[1]) < 0.01
+    ),
+}
+
+GIVEN = ()

@@ -1,0 +1,143 @@
+"""What lecture 13 says of its run."""
+
+import numpy as np
+
+from tests.lectures.prose import Run
+from workbench.training.made_up import draw_registrations
+
+
+def turns(run: Run) -> tuple[float, float]:
+    """By how much the people turned their joints, least and most, rad."""
+    _, known = draw_registrations(run["true"], 200, 1, seed=3, turn=0.3)
+    angles = np.linalg.norm(known.poses, axis=-1)
+    return float(angles.min()), float(angles.max())
+
+
+def by_pose(run: Run, words: str) -> list[int]:
+    """What pose explains of the first three coordinates, %."""
+    return [int(one) for one in run.line(words)[-3:]]
+
+
+def costs(run: Run) -> np.ndarray:
+    """Of training, before the first block and after each."""
+    log = run["model"].log
+    return np.array([sum(log[0].before.values()), *(sum(one.after.values()) for one in log)])
+
+
+def drop(run: Run, block: int) -> float:
+    return float(costs(run)[block] - costs(run)[block + 1])
+
+
+def together(run: Run) -> int:
+    return [one.block for one in run["model"].log].index("together")
+
+
+def middle(run: Run, names: str) -> float:
+    """How far points are from the middle, mm."""
+    return run.line(f"{names:28} off by")[0]
+
+
+def regression(run: Run, name: str) -> list[float]:
+    """Known people and new ones, mm; one metre; the lag, mm; least entry; entries of 66."""
+    return run.line(f"{name:13} known people")
+
+
+def turn_about_the_tube(run: Run) -> float:
+    """How well some null direction turns the template about its axis: what is missed, a share."""
+    here, problem = run["here"], run["form"].problem
+    null = here.svd[2][here.rank :]
+    template = problem.free.slices["template"]
+    turn = np.cross([1.0, 0.0, 0.0], run["values"]["template"]).ravel()
+    near = null[:, template].T
+    missed = near @ np.linalg.lstsq(near, turn, rcond=None)[0] - turn
+    return float(np.linalg.norm(missed) / np.linalg.norm(turn))
+
+
+SAYS = {
+    "a tiny one: 66 vertices, 6 joints, seconds": lambda run: (
+        run["true"].n_vertices,
+        run["true"].n_joints,
+    ),
+    "a tube of six bones": lambda run: run["true"].n_joints == 6,
+    "In truth there are three.": lambda run: run["true"].n_betas == 3,
+    "and did, but for 0.06 to 0.3 rad in each joint": turns,
+    "The first two directions are not shape: they are how people happened to bend.": lambda run: (
+        min(by_pose(run, "a linear function of pose explains")[:2]) > 90,
+        max(by_pose(run, "pose in the first coordinates")) < 10,
+    ),
+    "200 worms with three directions of shape. Un-posed, three directions explain all; as they stand, the "
+    "first two are pose, and there is no end of them.": lambda run: (
+        len(run["people"]),
+        run.line("un-posed, variance explained by 3")[1] > 0.999999,
+        run.line("variance explained by 3 directions: 0")[-1] > 15,
+    ),
+    "so that $\\beta$ has variance one": lambda run: np.allclose(
+        run["space"].betas(run["people"]).var(axis=0, ddof=1), 1
+    ),
+    "Only the pose is really nonlinear; $\\mathcal W$ and $P$ are multiplied.": lambda run: (
+        middle(run, "templates, joints, posedirs") < 1e-9,
+        middle(run, "weights") < 1e-9,
+        middle(run, "weights, posedirs") > 1,
+        middle(run, "poses") > 1,
+    ),
+    "With one of the two alone, a perfectly symmetric body is called uneven": lambda run: (
+        run.line("both  ", "|T - U(T)|")[0] == 0,
+        run.line("x changes its sign", "|T - U(T)|")[0] > 1,
+        run.line("left and right exchanged", "|T - U(T)|")[0] > 1,
+    ),
+    "The first block does most; then taking turns creeps, and the block `together`, a few Gauss-Newton "
+    "steps in all unknowns, goes on. The sum never rises, though single terms may.": lambda run: (
+        drop(run, 0) == -np.diff(costs(run)).min(),
+        drop(run, together(run) - 1) < 2 < 20 < drop(run, together(run)),
+        bool((np.diff(costs(run)) <= 1e-9 * costs(run)[0]).all()),
+        run["model"].log[together(run)].after["E_D"]
+        > run["model"].log[together(run) - 1].after["E_D"],
+    ),
+    "Each minimises the same cost over other unknowns, so none lets it rise.": lambda run: bool(
+        (np.diff(costs(run)) <= 1e-9 * costs(run)[0]).all()
+    ),
+    "The fit is *better* than the noise.": lambda run: (
+        run.line("registrations are met to")[0] < 0.5 * run.line("registrations are met to")[1]
+    ),
+    "Each coordinate of each vertex has 16 meshes to explain, and 45 pose blend shapes and two people's "
+    "templates to do it with": lambda run: (
+        len(run["few"].subject),
+        run["true"].posedirs.shape[2],
+        len(run["model"].estimate.templates) == 2,
+    ),
+    "for each of 40 meshes": lambda run: len(run["F"]),
+    "40 poses teach 45 shapes. The error in the lesson only rises with lambda; that in unseen poses has a "
+    "minimum.": lambda run: (
+        *run["F"].shape,
+        bool((np.diff(run["learned"]) > 0).all()),
+        0 < run["best"] < len(run["lambdas"]) - 1,
+        "|P| falls all the way: True" in run.printed,
+        run["unseen"][run["best"]] < 0.6 * min(run["unseen"][0], run["unseen"][-1]),
+    ),
+    "The lesson's own error says: no $\\lambda$ at all.": lambda run: (
+        np.argmin(run["learned"]) == 0
+    ),
+    "On people who stand where the others stood, the two are alike.": lambda run: (
+        abs(regression(run, "least squares")[1] / regression(run, "shares")[1] - 1) < 0.05
+    ),
+    "and leaves the joints behind. Shares go along, keep joints inside the hull of the skin, and most of "
+    "their entries become zero": lambda run: (
+        regression(run, "least squares")[3] > 500,
+        regression(run, "shares")[3] < 0.05,
+        regression(run, "shares")[4] == 0,
+        regression(run, "shares")[5] < 66 / 2,
+    ),
+    "The meshes are met, and yet the template is not determined: move it, and everybody back. The fifth "
+    "direction turns it about the tube's own axis": lambda run: (
+        run["solution"].cost < 1e-12,
+        len(run["here"].gradient) - run["here"].rank == 5,
+        len(run["known"]) == 4,
+        all(line[-1] < 1e-9 for line in run.lines("everybody back:")),
+        turn_about_the_tube(run) < 1e-6,
+    ),
+}
+
+GIVEN = (
+    "In SMPL there are 207, and few poses",
+    "with $r \\ge 0$ and $\\sum r = 1$",
+)

@@ -1,0 +1,63 @@
+"""What lecture 14 says of its run."""
+
+import numpy as np
+
+from tests.lectures.prose import Run
+
+
+def model(run: Run, name: str) -> list[float]:
+    """The largest step between neighbours, what stitching leaves (mm), and the least det."""
+    return run.line(f"{name:11} largest step between neighbours")
+
+
+SAYS = {
+    "Each of the 734 triangles belongs": lambda run: len(run["faces"]),
+    "Every triangle is perfect and the surface is gone": lambda run: (
+        run.line("rotations alone")[-1] < 1e-13,
+        run.line("corners that were one vertex")[0] > 100,
+    ),
+    "They make six equations for nine unknowns": lambda run: (
+        run["two_moved"].size == 6 and run["true"].size == 9
+    ),
+    "The shortest answer flattens space.": lambda run: (
+        np.linalg.matrix_rank(run["by_edges"]) == 2,
+        abs(np.linalg.det(run["by_edges"])) < 1e-9 < 0.9 < np.linalg.det(run["true"]),
+    ),
+    "A triangle's deformation needs a third axis; two edges leave it open.": lambda run: (
+        np.abs(run["found"] - run["turn"]).max() < 1e-9
+    ),
+    "Where the mesh as a whole is stays open, one direction for each coordinate": lambda run: (
+        run.line("smallest singular values")[-1] == run["body"].n_vertices - 1
+    ),
+    "the arm has turned and has not moved": lambda run: np.allclose(
+        run["torn"].mean(axis=1), run["template"][run["faces"]].mean(axis=1)
+    ),
+    "The forearm has moved to where it belongs, and nobody gave a place of the elbow": lambda run: (
+        np.linalg.norm(run["stitched"] - run["template"], axis=1).max() > 0.1
+    ),
+    "on one side of the elbow all triangles turn by 1.6 rad, on the other none": lambda run: float(
+        np.linalg.norm(run["pose"])
+    ),
+    "The crease is smaller, and something else has gone wrong": lambda run: (
+        model(run, "BlendSCAPE")[0] < 0.5 * model(run, "SCAPE")[0],
+        model(run, "BlendSCAPE")[2] < 0.9 < model(run, "SCAPE")[2],
+    ),
+    "The triangles that follow upper arm and forearm alike follow the law; at half a turn they would "
+    "vanish.": lambda run: (
+        np.allclose(run["mean_det"], np.cos(run["angles"] / 2) ** 2),
+        np.allclose(run["least"], np.cos(run["angles"][::6] / 2) ** 2, atol=0.05),
+        run["mean_det"][-1] < 1e-9,
+    ),
+    "So in SMPL what shape and pose do together is what they do one by one; in SCAPE a stout person's skin "
+    "bends in proportion.": lambda run: (
+        run.line("SMPL        together")[0] < 1e-9,
+        run.line("BlendSCAPE  together")[0] > 1,
+    ),
+    "on 80 people drawn from our shape space": lambda run: len(run["people"]),
+    "of 80 made-up people": lambda run: len(run["people"]),
+    "Vertices are never behind": lambda run: bool(
+        (run["by_vertices"].share >= run["by_triangles"].share - 1e-12).all()
+    ),
+}
+
+GIVEN = ("One reads that ten principal components of vertices explain what takes SCAPE 300.",)
