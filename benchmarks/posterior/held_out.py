@@ -26,8 +26,8 @@ from workbench.experiments.balance import balance, balance_monocular, published
 from workbench.experiments.experiment import View
 from workbench.experiments.keypoint_fit import learned_poses
 from workbench.sampling import sample
+from workbench.sampling.descent import Mode
 from workbench.sampling.entries import entries
-from workbench.sampling.modes import Mode
 from workbench.threads import limited_threads
 
 Array = NDArray[np.float64]
@@ -143,7 +143,7 @@ def simulated(chosen: Sequence[int], seed: int = 0) -> Iterator[Case]:
 def by_emcee(case: Case) -> Interval:
     """The 16, the others at the truth."""
     drawn = sample(case.problem, case.truth, NAMES, walkers=WALKERS, steps=STEPS)
-    return _of(drawn.flat) | {"usable": drawn.usable, "seconds": drawn.seconds}
+    return _of(drawn.flat) | {"usable": drawn.mixing.usable, "seconds": drawn.seconds}
 
 
 def by_nuts(case: Case) -> Interval:

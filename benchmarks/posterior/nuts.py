@@ -22,8 +22,8 @@ import workbench as wb
 from benchmarks.posterior.fitted import BLOCKS, monocular
 from workbench.sampling import Posterior, sample
 from workbench.sampling.arviz_quietly import arviz
+from workbench.sampling.descent import Mode
 from workbench.sampling.entries import entries
-from workbench.sampling.modes import Mode
 from workbench.threads import limited_threads
 
 Array = NDArray[np.float64]
@@ -81,7 +81,7 @@ def beside(
         "entries": list(ours.labels),
         "emcee": {
             "sd": ours.sd.tolist(), "times": float(ours.mixing.length), "seconds": ours.seconds,
-            "effective": float(ours.mixing.effective.min()), "usable": ours.usable,
+            "effective": float(ours.mixing.effective.min()), "usable": ours.mixing.usable,
             "modes": [mode.share for mode in ours.modes],
         },
         "nuts": said | {"sd": flat.std(axis=0).tolist(), "seconds": seconds},

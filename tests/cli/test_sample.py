@@ -60,6 +60,21 @@ def test_a_short_run_exits_with_one_and_gives_no_intervals(here: Path) -> None:
     assert "95 %" not in (here / "runs" / "line-posterior" / "index.html").read_text()
 
 
+def test_a_block_that_rests_on_others_says_so_and_is_not_usable(here: Path) -> None:
+    options = ("--steps", "1600", "--walkers", "16", "--block", "x[0]")
+    alone = invoke(*options)
+    assert alone.exit_code == 1, alone.output  # type: ignore[attr-defined]
+    said = alone.output  # type: ignore[attr-defined]
+    assert "NOT USABLE: conditional" in said
+    assert "usable: " not in said.replace("NOT USABLE: ", "").replace("by itself: usable: ", "")
+    assert "Held fixed: 2 of the 3 numbers of x (2 numbers)" in said
+    assert "ratio" in next(line for line in said.splitlines() if line.startswith("entry"))
+    assert "Held fixed: 2 of" in (here / "runs" / "line-posterior" / "posterior.txt").read_text()
+    joined = invoke(*options, "--conditional", "--fresh")
+    assert joined.exit_code == 0, joined.output  # type: ignore[attr-defined]
+    assert "Held fixed: nothing" in joined.output  # type: ignore[attr-defined]
+
+
 def test_unknown_names_are_answered(here: Path) -> None:
     for arguments, said in (
         (("--block", "y"), "no free block is called 'y'"),

@@ -43,8 +43,33 @@ def mixing(draws: np.ndarray, acceptance: float = 0.3) -> Mixing:
 
 def test_a_long_chain_is_usable_and_a_short_one_is_not() -> None:
     assert mixing(autoregressive(0.9, (4, 4000, 8))).verdict is Verdict.USABLE
-    assert mixing(autoregressive(0.9, (4, 500, 8))).verdict is Verdict.TOO_SHORT
+    assert mixing(autoregressive(0.9, (4, 300, 8))).verdict is Verdict.TOO_SHORT
     assert mixing(autoregressive(0.9999, (4, 2000, 8))).verdict is Verdict.NOT_MIXING
+
+
+def test_many_effective_draws_that_agree_are_not_refused_for_a_few_steps() -> None:
+    """8,000 effective draws of 64 walkers in 31 times of a memory that has settled."""
+    draws = autoregressive(0.9, (4, 600, 64))
+    found = mixing(draws)
+    assert 20 < found.length < 50
+    assert found.effective.min() > 7500
+    assert found.scales.max() < 1.001
+    assert found.growth < 1.2
+    assert found.verdict is Verdict.USABLE, str(found)
+    few = mixing(autoregressive(0.9, (4, 300, 64)))  # as many walkers, but 16 times
+    assert few.effective.min() > 4000
+    assert few.verdict is Verdict.TOO_SHORT
+    assert "below 20 not even that time can be believed" in str(few)
+
+
+def test_a_memory_that_still_grows_is_not_believed() -> None:
+    """What is slow beside the length of a chain shows only in the second half."""
+    rng = np.random.default_rng(0)
+    draws = autoregressive(0.9, (4, 600, 64))
+    draws[:, 300:] += 0.7 * rng.standard_normal((4, 1, 64))  # walkers that settle apart, late
+    found = mixing(draws)
+    assert found.growth > 1.2
+    assert found.verdict is not Verdict.USABLE
 
 
 def test_walkers_that_stay_where_they_began_have_an_endless_memory() -> None:

@@ -12,7 +12,7 @@ import pytest
 
 from tests.sampling.densities import gaussian
 from tests.sampling.interrupted_run import run
-from workbench import WorkbenchError
+from workbench import Problem, WorkbenchError
 from workbench.blocks import spread
 from workbench.sampling import Progress, sample
 from workbench.sampling.checkpoint import load
@@ -94,6 +94,10 @@ def test_another_run_is_refused(tmp_path: Path) -> None:
         draw(gaussian(np.eye(2)), seed=2)
     with pytest.raises(WorkbenchError, match="draws of another run"):
         draw(gaussian(np.eye(2), mean=1.0))
+    for limits in ((-1.0, 1.0), (-2.0, 2.0)):  # of a density that is the same at the start
+        problem = gaussian(np.eye(2))
+        with pytest.raises(WorkbenchError, match="draws of another run"):
+            draw(Problem(problem.residuals, "x", {"x": limits}, problem.free.blocks))
     path.write_bytes(b"no draws at all")
     with pytest.raises(WorkbenchError, match="no checkpoint"):
         draw(gaussian(np.eye(2)))

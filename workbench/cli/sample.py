@@ -18,7 +18,7 @@ from workbench.cli.without_effect import changes_nothing
 from workbench.errors import UnknownName
 from workbench.experiments import find
 from workbench.reports import refuse_foreign, write_posterior
-from workbench.reports.posterior_page import Part
+from workbench.reports.posterior_page import Part, truth_of
 from workbench.sampling import MOVES
 
 NOT_CONVERGED = 1  # the exit code if a block is not usable
@@ -107,7 +107,8 @@ def sample(
             )  # fmt: skip
         approximation = sampling.laplace(problem, at, names, rest=rest, seed=seed)
         parts.append(Part(part, posterior, approximation))
-        console.print(escape(str(posterior)), highlight=False, soft_wrap=True)
+        told = sampling.summary(posterior, truth_of(posterior, setup))
+        console.print(escape(told), highlight=False, soft_wrap=True)
         _print_beside(console, posterior, approximation)
         if posterior.interrupted:
             interrupted = True
@@ -150,10 +151,14 @@ def _bar(console: Console) -> Bar:
 def _print_beside(
     console: Console, posterior: sampling.Posterior, approximation: sampling.Posterior
 ) -> None:
-    """Where Laplace's approximation does not do."""
+    """What Laplace's approximation is worth by itself, and where it does not do."""
+    console.print(
+        f"Laplace's approximation by itself: {escape(approximation.verdict)}",
+        highlight=False, soft_wrap=True,
+    )  # fmt: skip
     rows = sampling.beside_laplace(posterior, approximation)
     unlike = [row for row in rows if row.said != "agrees"]
-    if not posterior.usable:
+    if not posterior.mixed:
         return
     console.print(
         f"Laplace's approximation agrees in {len(rows) - len(unlike)} of {len(rows)} entries",

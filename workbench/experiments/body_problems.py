@@ -64,8 +64,8 @@ def body_vertices(
         compared=COMPARED,
     )
     if noise == 0:
-        return replace(setup, known=made_of(model, truth))
-    return replace(setup, known=polished(setup.problem, setup.start, truth))
+        return replace(setup, known=made_of(model, truth), made_of=truth)
+    return replace(setup, known=polished(setup.problem, setup.start, truth), made_of=truth)
 
 
 def body_outliers(body: str = "small", seed: int = 0, start: int = 0, share: float = 0.2) -> Setup:
@@ -108,7 +108,7 @@ def _with_outliers(
         synthetic=MADE_OF_THE_MODEL,
         compared=COMPARED,
     )
-    return replace(setup, known=polished(setup.problem, setup.start, truth))
+    return replace(setup, known=polished(setup.problem, setup.start, truth), made_of=truth)
 
 
 def body_bounds(body: str = "small", seed: int = 0, start: int = 0, limit: float = 0.4) -> Setup:
@@ -135,7 +135,7 @@ def body_bounds(body: str = "small", seed: int = 0, start: int = 0, limit: float
         synthetic=MADE_OF_THE_MODEL,
         compared=WITH_BOUNDS,
     )
-    return replace(setup, known=polished(setup.problem, setup.start, inside(truth)))
+    return replace(setup, known=polished(setup.problem, setup.start, inside(truth)), made_of=truth)
 
 
 def body_joints(body: str = "small", seed: int = 0, start: int = 0, noise: float = 0.01) -> Setup:
@@ -154,7 +154,7 @@ def body_joints(body: str = "small", seed: int = 0, start: int = 0, noise: float
         priors,
         beginning(model, seed, start, 0.3),
     )
-    return replace(setup, known=polished(setup.problem, setup.start, truth))
+    return replace(setup, known=polished(setup.problem, setup.start, truth), made_of=truth)
 
 
 def body_joints_alone(
@@ -172,7 +172,9 @@ def body_joints_alone(
         (),
         beginning(model, seed, start, 0.3),
     )
-    return replace(setup, known=Known("the joints are those of a synthetic person", 0.0))
+    return replace(
+        setup, known=Known("the joints are those of a synthetic person", 0.0), made_of=truth
+    )
 
 
 def _joint_fit(
@@ -233,7 +235,7 @@ def body_cameras(
     )
     start_values = setup.start | beginning(model, seed, start, 0.3)
     setup = replace(setup, start=start_values, synthetic=MADE_OF_THE_MODEL)
-    return replace(setup, known=polished(setup.problem, setup.start, truth))
+    return replace(setup, known=polished(setup.problem, setup.start, truth), made_of=truth)
 
 
 def _looking_in(angle: float) -> Mapping[str, Array]:

@@ -1,5 +1,6 @@
 """Fits to meshes of the body's own topology: every vertex knows its partner."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -104,7 +105,7 @@ def known_correspondences(
     betas = rng.standard_normal(model.n_betas)
     truth = model.vertices(pose, betas)
     observed = truth + noise * rng.standard_normal(truth.shape)
-    return mesh_fit(
+    setup = mesh_fit(
         model,
         observed,
         f"The vertices of a body of the model (synthetic; pose {pose_sigma} rad, shape 1 sd, "
@@ -117,6 +118,8 @@ def known_correspondences(
         known=None if noise else recovered(model, pose, betas),
         synthetic=MADE_OF_THE_MODEL,
     )
+    names = (block.name for block in model.blocks())
+    return replace(setup, made_of=dict(zip(names, (pose, betas, np.zeros(3)), strict=True)))
 
 
 def recovered(body: SkinnedBody, pose: Array, betas: Array, trans: ArrayLike = (0, 0, 0)) -> Known:

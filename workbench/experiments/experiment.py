@@ -66,6 +66,7 @@ class Setup:
     known: Known | None = None  # the answer, or the best cost, where there is one beforehand
     synthetic: str = ""  # what was made up, in a sentence, where not all was measured
     notes: tuple[str, ...] = ()  # sentences on data that were given and not used, or taken on trust
+    made_of: Values | None = None  # blocks that synthetic data were made of, before any noise
 
     def __post_init__(self) -> None:
         _expect("problem", self.problem, Problem, "a Problem")
@@ -97,6 +98,9 @@ class Setup:
         self.problem.split(self.start)
         if self.known is not None:
             self.known.check(self.problem)
+        _expect("made_of", self.made_of, (Mapping, NoneType), "a dict of arrays by block, or None")
+        if self.made_of is not None:
+            self.problem.free.pack(dict(self.start) | dict(self.made_of))
 
 
 def _expect(name: str, value: object, kind: type | tuple[type, ...], wanted: str) -> None:

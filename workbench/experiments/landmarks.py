@@ -63,4 +63,5 @@ def shape_from_landmarks(
         priors=tuple(prior.name for prior in priors),
         compared=("gauss-newton", "levenberg-marquardt", "ipopt"),
         synthetic=MADE_OF_THE_MODEL,
+        made_of=truth,
     )  # fmt: skip

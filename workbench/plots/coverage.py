@@ -6,7 +6,7 @@ from matplotlib.colors import LinearSegmentedColormap
 from numpy.typing import NDArray
 from scipy.ndimage import binary_closing
 
-from workbench.plots.palette import BLUE
+from workbench.plots.palette import BLUE, VERMILLION
 
 Array = NDArray[np.float64]
 FINE = 420  # dots along the longer side
@@ -49,3 +49,16 @@ def draw_coverage(
         share / len(flats), cmap=SHADES, vmin=0, vmax=1, origin="lower", interpolation="nearest",
         extent=(low[0], ends[0], low[1], ends[1]), zorder=0.5,
     )  # fmt: skip
+
+
+def draw_outline(
+    flat: Array, faces: NDArray[np.int64], low: Array, high: Array, *, ax: Axes
+) -> None:
+    """The outline of one drawn mesh (N, 2)."""
+    dot = float((high - low).max()) / FINE
+    columns, rows = (int(n) for n in np.ceil((high - low) / dot))
+    covered = silhouette(flat, faces, low, dot, (rows, columns))
+    if covered.any() and not covered.all():
+        across, up = (low[i] + dot * (np.arange(n) + 0.5) for i, n in enumerate((columns, rows)))
+        ax.contour(across, up, covered.astype(float), levels=[0.5], colors=VERMILLION,
+                   linewidths=1.0, zorder=0.6)  # fmt: skip

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from workbench.plots.body import Look, front, side
-from workbench.plots.coverage import draw_coverage
+from workbench.plots.coverage import draw_coverage, draw_outline
 from workbench.plots.lettering import plain
 from workbench.plots.palette import BLUE, FAINT, INK, LINES, VERMILLION
 from workbench.sampling import Posterior
@@ -69,8 +69,13 @@ def _corner() -> Any:
     return corner.corner
 
 
-def plot_traces(posterior: Posterior, entries: Sequence[int], axes: Sequence[Axes]) -> None:
-    """Each entry along the chain: the middle of each ensemble, and the span of its walkers."""
+def plot_traces(
+    posterior: Posterior, entries: Sequence[int], axes: Sequence[Axes], truth: Array | None = None
+) -> None:
+    """Each entry along the chain: the middle of each ensemble, and the span of its walkers.
+
+    `truth` (k,) is what synthetic data were made of: a dashed line.
+    """
     first, thin = posterior.mixing.discarded, posterior.mixing.thin
     for i, ax in zip(entries, axes, strict=True):
         for e, draws in enumerate(posterior.draws[..., i]):
@@ -79,33 +84,52 @@ def plot_traces(posterior: Posterior, entries: Sequence[int], axes: Sequence[Axe
             low, high = np.quantile(draws, [0.05, 0.95], axis=1)
             ax.fill_between(step, low, high, color=colour, alpha=0.12, linewidth=0)
             ax.plot(step, np.median(draws, axis=1), color=colour, linewidth=0.9)
+        if truth is not None:
+            ax.axhline(truth[i], color=INK, linestyle="--", linewidth=1.2)  # no ensemble's colour
         ax.set_ylabel(plain(f"{posterior.labels[i]} ({posterior.units[i]})"), fontsize=8)
         ax.grid(axis="y", color=FAINT, alpha=0.25, linewidth=0.6)
     axes[-1].set_xlabel("step of each walker")
 
 
-def plot_beside_laplace(posterior: Posterior, approximation: Posterior, *, ax: Axes) -> Axes:
-    """Every entry's 90 % range of draws, in Laplace's standard deviations from its mean."""
+def plot_beside_laplace(
+    posterior: Posterior, approximation: Posterior, truth: Array | None = None, *, ax: Axes
+) -> Axes:
+    """Every entry's 90 % range of draws, in Laplace's standard deviations from its mean.
+
+    `truth` (k,) is what synthetic data were made of: a cross.
+    """
     z = (posterior.flat - approximation.mean) / approximation.sd
     low, middle, high = np.quantile(z, [0.05, 0.5, 0.95], axis=0)
     place = np.arange(posterior.size)
     ax.axvspan(-1.645, 1.645, color=FAINT, alpha=0.2, linewidth=0, label="Laplace, 90 %")
     ax.hlines(place, low, high, color=BLUE, linewidth=2.0, label="draws, 90 %")
     ax.plot(middle, place, "o", color=INK, markersize=3.5, label="draws, median")
+    if truth is not None:
+        where = (truth - approximation.mean) / approximation.sd
+        ax.plot(where, place, "x", color=VERMILLION, markersize=6, label="truth (synthetic)")
     ax.set_yticks(place, [plain(label) for label in posterior.labels], fontsize=8)
     ax.invert_yaxis()
     ax.set_xlabel("distance from Laplace's mean (its standard deviations)")
-    ax.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=3, borderaxespad=0)
+    ax.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=4, borderaxespad=0)
     return ax
 
 
 def plot_spray(
-    bodies: Array, faces: NDArray[np.int64], *, ax: Axes, looks: Sequence[Look] = (front, side)
+    bodies: Array,
+    faces: NDArray[np.int64],
+    truth: Array | None = None,
+    *,
+    ax: Axes,
+    looks: Sequence[Look] = (front, side),
 ) -> Axes:
-    """How many of the bodies (M, N, 3) m of as many draws cover each place, from each side."""
+    """How many of the bodies (M, N, 3) m of as many draws cover each place, from each side.
+
+    `truth` (N, 3) m is the body that synthetic data were made of: an outline.
+    """
     at, placed = 0.0, []
+    everybody = bodies if truth is None else np.concatenate([bodies, truth[None]])
     for look in looks:
-        seen = np.stack([look(one) for one in bodies])[..., :2]
+        seen = np.stack([look(one) for one in everybody])[..., :2]
         left, right = float(seen[..., 0].min()), float(seen[..., 0].max())
         placed.append(seen + [at - left, 0.0])
         at += right - left + 0.15
@@ -114,7 +138,9 @@ def plot_spray(
     high = everything.max(axis=(0, 1)) + 0.05
     for seen in placed:
         own = [seen.min(axis=(0, 1)) - 0.05, seen.max(axis=(0, 1)) + 0.05]
-        draw_coverage(seen, faces, *own, ax=ax)
+        draw_coverage(seen[: len(bodies)], faces, *own, ax=ax)
+        if truth is not None:
+            draw_outline(seen[-1], faces, *own, ax=ax)
     ax.set_aspect("equal")
     ax.set_xlim(low[0], high[0])
     ax.set_ylim(low[1], high[1])
@@ -124,14 +150,25 @@ def plot_spray(
 
 
 def plot_spray_in_view(
-    pixels: Array, faces: NDArray[np.int64], observed: Array, confidence: Array, *, ax: Axes
+    pixels: Array,
+    faces: NDArray[np.int64],
+    observed: Array,
+    confidence: Array,
+    truth: Array | None = None,
+    *,
+    ax: Axes,
 ) -> Axes:
-    """Draws (M, N, 2) px as one camera sees them, and the keypoints that it saw."""
+    """Draws (M, N, 2) px as one camera sees them, and the keypoints that it saw.
+
+    `truth` (N, 2) px is the body that synthetic data were made of: an outline.
+    """
     seen = observed[confidence > 0]
     shown = np.vstack([pixels.reshape(-1, 2), seen])
     low, high = np.quantile(shown[np.isfinite(shown).all(axis=1)], [0.001, 0.999], axis=0)
     low, high = low - 0.08 * (high - low), high + 0.08 * (high - low)
     draw_coverage(pixels, faces, low, high, ax=ax)
+    if truth is not None:
+        draw_outline(truth, faces, low, high, ax=ax)
     ax.plot(seen[:, 0], seen[:, 1], "o", color=VERMILLION, markersize=5, markerfacecolor="none",
             linestyle="none", label="observed")  # fmt: skip
     ax.set_xlim(low[0], high[0])
@@ -143,39 +180,43 @@ def plot_spray_in_view(
     return ax
 
 
-def caption_corner(posterior: Posterior, shown: int) -> str:
+MADE_OF = " The data are synthetic; what they were made of is marked"
+
+
+def caption_corner(posterior: Posterior, shown: int, synthetic: bool = False) -> str:
     """What `plot_corner` shows."""
     some = f"{shown} of {posterior.size} entries" if shown < posterior.size else "every entry"
     return (
         f"The draws of {some}, in pairs: a round cloud says that two entries are known "
         "independently, a long one that only a combination of them is. Contours hold 12, 39, 68 "
-        "and 86 % of the draws."
+        "and 86 % of the draws." + (f"{MADE_OF}: red lines." if synthetic else "")
     )
 
 
-def caption_traces(posterior: Posterior) -> str:
+def caption_traces(posterior: Posterior, synthetic: bool = False) -> str:
     """What `plot_traces` shows."""
     return (
         f"Each ensemble's median and the span of nine tenths of its walkers, after "
         f"{posterior.mixing.discarded} steps that were discarded. Mixed chains look like noise "
         "about one level, the same for all ensembles."
+        + (f"{MADE_OF}: a dashed black line." if synthetic else "")
     )
 
 
-def caption_beside_laplace(said: Sequence[str]) -> str:
+def caption_beside_laplace(said: Sequence[str], synthetic: bool = False) -> str:
     """What `plot_beside_laplace` shows."""
     agree = sum(one == "agrees" for one in said)
     return (
         f"Laplace's approximation agrees with the draws in {agree} of {len(said)} entries. Where a "
         "bar sticks out of the grey band, or is not in its middle, the posterior is curved or has "
-        "several modes."
+        "several modes." + (f"{MADE_OF}: red crosses." if synthetic else "")
     )
 
 
-def caption_spray(count: int, where: str) -> str:
+def caption_spray(count: int, where: str, synthetic: bool = False) -> str:
     """What `plot_spray` and `plot_spray_in_view` show."""
     return (
         f"{count} bodies drawn from the posterior, {where}: white is in none of them, full blue in "
         "all. Where the outline blurs, the data leave the body open; what was not sampled is the "
-        "same in all of them."
+        "same in all of them." + (f"{MADE_OF}: the red outline of that body." if synthetic else "")
     )

@@ -147,48 +147,59 @@ def distances_sheet(
     return figure
 
 
-def corner_sheet(posterior: Posterior, entries: Sequence[int]) -> Figure:
-    """Entries in pairs."""
+def corner_sheet(
+    posterior: Posterior, entries: Sequence[int], truth: Array | None = None
+) -> Figure:
+    """Entries in pairs, and the truth (k,) of synthetic data."""
     with house_style():
         size = max(3.6, 1.25 * len(entries) + 0.6)
         figure = Figure(figsize=(size, size))
-        plot_corner(posterior, entries, figure)
+        plot_corner(posterior, entries, figure, truth)
     return figure
 
 
-def traces_sheet(posterior: Posterior, entries: Sequence[int]) -> Figure:
-    """Entries along the chain, one above the other."""
+def traces_sheet(
+    posterior: Posterior, entries: Sequence[int], truth: Array | None = None
+) -> Figure:
+    """Entries along the chain, one above the other, and the truth (k,) of synthetic data."""
     with house_style():
         figure = Figure(figsize=(8.0, 0.5 + 1.1 * len(entries)), layout="constrained")
         axes = list(figure.subplots(len(entries), 1, squeeze=False, sharex=True)[:, 0])
-        plot_traces(posterior, entries, axes)
+        plot_traces(posterior, entries, axes, truth)
     return figure
 
 
-def beside_laplace_sheet(posterior: Posterior, approximation: Posterior) -> Figure:
-    """Every entry against Laplace's approximation."""
+def beside_laplace_sheet(
+    posterior: Posterior, approximation: Posterior, truth: Array | None = None
+) -> Figure:
+    """Every entry against Laplace's approximation, and the truth (k,) of synthetic data."""
     with house_style():
         figure, (ax,) = sheet(8.0, 1.3 + 0.2 * posterior.size)
-        plot_beside_laplace(posterior, approximation, ax=ax)
+        plot_beside_laplace(posterior, approximation, truth, ax=ax)
     return figure
 
 
-def spray_sheet(bodies: Array, faces: NDArray[np.int64]) -> Figure:
-    """Bodies over each other from the front and from the side."""
+def spray_sheet(bodies: Array, faces: NDArray[np.int64], truth: Array | None = None) -> Figure:
+    """Bodies over each other from the front and from the side, and a true one (N, 3) m."""
     with house_style():
         figure, (ax,) = sheet(8.0, 5.6)
-        plot_spray(bodies, faces, ax=ax)
+        plot_spray(bodies, faces, truth, ax=ax)
         figure.set_figheight(_height(ax, 7.2))
     return figure
 
 
 def spray_in_view_sheet(
-    pixels: Array, faces: NDArray[np.int64], observed: Array, confidence: Array, title: str
+    pixels: Array,
+    faces: NDArray[np.int64],
+    observed: Array,
+    confidence: Array,
+    title: str,
+    truth: Array | None = None,
 ) -> Figure:
-    """The same as a camera sees them."""
+    """The same as a camera sees them; the true body's pixels are (N, 2)."""
     with house_style():
         figure, (ax,) = sheet(4.8, 6.2)
-        plot_spray_in_view(pixels, faces, observed, confidence, ax=ax)
+        plot_spray_in_view(pixels, faces, observed, confidence, truth, ax=ax)
         ax.set_title(plain(title), loc="left")
     return figure
 

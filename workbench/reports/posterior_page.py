@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workbench.bodies import SkinnedBody
 from workbench.experiments.experiment import Setup
@@ -24,7 +25,9 @@ from workbench.reports.folder import MAKER, SUMMARY, replacing_folder
 from workbench.reports.page import page
 from workbench.reports.summary import as_json, versions
 from workbench.reports.tables import Table, number
-from workbench.sampling import Compared, Posterior, beside_laplace
+from workbench.sampling import Compared, Posterior, beside_laplace, searched, summary
+
+Array = NDArray[np.float64]
 
 DRAWN = 24  # bodies in a spray
 
@@ -45,14 +48,19 @@ class Section:
     name: str
     anchor: str
     good: bool
+    mixed: bool  # whether intervals are shown, at least as conditional ones
     verdict: str
     how: str
     modes: str
+    approximation: str  # Laplace's own verdict
+    held: str  # what is held fixed, and how much wider intervals are without that
+    given: str  # blocks that the problem takes as given
+    synthetic: bool  # whether the truth is known and marked
     table: Table
     spray: Shown | None
     views: list[Shown]
-    beside: Shown
-    corner: Shown
+    beside: Shown | None
+    corner: Shown | None
     traces: Shown
 
 
@@ -66,85 +74,109 @@ def write_posterior(
     files |= {f"{s.anchor}.npz": f"the draws of {s.name}, with their names" for s in sections}
     files |= {SUMMARY: "verdicts and numbers, in a file that programs read"}
     with replacing_folder(target, source) as fresh:
-        words = [f"{part.name}\n\n{part.posterior}\n" for part in parts]
+        words = [
+            f"{part.name}\n\n{summary(part.posterior, truth_of(part.posterior, setup))}\n"
+            for part in parts
+        ]
         (fresh / "posterior.txt").write_text("\n".join(words), encoding="utf-8")
         for part, section in zip(parts, sections, strict=True):
             p = part.posterior
             np.savez_compressed(
                 fresh / f"{section.anchor}.npz", draws=p.draws, log_prob=p.log_prob,
                 entries=np.array(p.labels), units=np.array(p.units), verdict=np.array(p.verdict),
+                held_fixed=np.array(p.held.held), ratio=p.held.ratios,
             )  # fmt: skip
         html = page(
             "posterior.html", title=title, question=setup.question, sections=sections, files=files,
             versions=versions(),
         )  # fmt: skip
         (fresh / "index.html").write_text(html, encoding="utf-8")
-        (fresh / SUMMARY).write_text(as_json(_summary(parts, files, title, source)), "utf-8")
+        (fresh / SUMMARY).write_text(as_json(_summary(parts, setup, files, title, source)), "utf-8")
     return target / "index.html"
+
+
+def truth_of(p: Posterior, setup: Setup) -> Array | None:
+    """What synthetic data were made of, of the sampled entries (k,); None for other data."""
+    return None if setup.made_of is None else p.coordinates(setup.made_of)
 
 
 def _section(part: Part, setup: Setup) -> Section:
     p, laplace = part.posterior, part.approximation
-    rows = beside_laplace(p, laplace)
-    entries = widest(p, laplace)
+    rows, truth = beside_laplace(p, laplace), truth_of(p, setup)
+    entries, known = widest(p, laplace), truth is not None
     E, _, W, k = p.draws.shape
     m = p.mixing
     return Section(
-        name=part.name, anchor=_anchor(part.name), good=p.usable, verdict=p.verdict,
+        name=part.name, anchor=_anchor(part.name), good=p.usable, mixed=p.mixed,
+        verdict=p.verdict,
         how=f"{k} entries; {E} independent ensembles of {W} walkers, {m.steps:,} steps after "
         f"{m.discarded:,} that were discarded, {m.acceptance:.0%} of the proposals accepted, "
         f"{p.seconds:.0f} s" + ("; interrupted" if p.interrupted else ""),
-        modes=_modes(p),
-        table=entries_table(p, rows),
-        spray=_spray(p, setup.body),
-        views=_views(p, setup),
-        beside=shown(sheets.beside_laplace_sheet(p, laplace),
-                     caption_beside_laplace([row.said for row in rows])),
-        corner=shown(sheets.corner_sheet(p, entries), caption_corner(p, len(entries))),
-        traces=shown(sheets.traces_sheet(p, entries), caption_traces(p)),
+        modes=_modes(p), approximation=laplace.verdict, held=str(p.held),
+        given=", ".join(p.held.given), synthetic=known,
+        table=entries_table(p, rows, truth),
+        spray=_spray(p, setup) if p.mixed else None,
+        views=_views(p, setup) if p.mixed else [],
+        beside=shown(sheets.beside_laplace_sheet(p, laplace, truth),
+                     caption_beside_laplace([row.said for row in rows], known))
+        if p.mixed else None,
+        corner=shown(sheets.corner_sheet(p, entries, truth),
+                     caption_corner(p, len(entries), known)) if p.mixed else None,
+        traces=shown(sheets.traces_sheet(p, entries, truth), caption_traces(p, known)),
     )  # fmt: skip
 
 
-def entries_table(p: Posterior, rows: tuple[Compared, ...]) -> Table:
-    """Every entry; intervals only where the verdict carries them."""
-    ends = p.interval(0.9) if p.usable else None
-    body = tuple(
-        (
-            row.label, row.unit,
-            *((number(row.mean, 3), number(row.sd, 2), *(number(float(e), 3) for e in ends[i]))
-              if ends is not None else ()),
-            number(float(p.mixing.times[i]), 2), f"{p.mixing.effective[i]:,.0f}",
-            f"{p.mixing.scales[i]:.3f}", number(row.ratio, 2), row.said,
-        )
-        for i, row in enumerate(rows)
-    )  # fmt: skip
-    known = ("mean", "sd", "5 %", "95 %") if ends is not None else ()
-    head = ("entry", "unit", *known, "tau (steps)", "effective draws", "R-hat",
-            "sd / Laplace's", "beside Laplace")  # fmt: skip
-    return Table(head, body, tuple(range(2, len(head) - 1)))
+def entries_table(p: Posterior, rows: tuple[Compared, ...], truth: Array | None = None) -> Table:
+    """Every entry; intervals only where the verdict carries them, and how much is due to the rest.
+
+    `if free` is the standard deviation with what is held fixed free as well, by J'J.
+    """
+    held = p.held
+    columns: dict[str, list[str]] = {"entry": list(p.labels), "unit": list(p.units)}
+    if p.mixed:
+        ends = p.conditional_interval(0.9)
+        columns["mean"] = [number(row.mean, 3) for row in rows]
+        columns["sd"] = [number(row.sd, 2) for row in rows]
+        columns["5 %"] = [number(float(low), 3) for low, _ in ends]
+        columns["95 %"] = [number(float(high), 3) for _, high in ends]
+        if held.count:
+            columns["sd if free"] = [number(float(sd), 2) for sd in held.marginal]
+            columns["ratio"] = [number(float(ratio), 2) for ratio in held.ratios]
+    if truth is not None:
+        columns["truth"] = [number(float(one), 3) for one in truth]
+    columns["tau (steps)"] = [number(float(time), 2) for time in p.mixing.times]
+    columns["effective draws"] = [f"{count:,.0f}" for count in p.mixing.effective]
+    columns["R-hat"] = [f"{scale:.3f}" for scale in p.mixing.scales]
+    numbers = tuple(range(2, len(columns) + p.mixed))
+    if p.mixed:
+        columns["sd / Laplace's"] = [number(row.ratio, 2) for row in rows]
+        columns["beside Laplace"] = [row.said for row in rows]
+    return Table(tuple(columns), tuple(zip(*columns.values(), strict=True)), numbers)
 
 
 def _modes(p: Posterior) -> str:
+    said = f"Modes: {searched(p.found)}."
     if len(p.modes) < 2:
-        return ""
+        return said
     shares = ", ".join(f"{mode.share:.0%}" for mode in p.modes)
-    return (
-        f"Least squares from places around found {len(p.modes)} modes, with {shares} of the mass "
-        "by Laplace's approximation at each."
-    )
+    return f"{said} They have {shares} of the mass, by Laplace's approximation at each."
 
 
-def _spray(p: Posterior, body: SkinnedBody | None) -> Shown | None:
+def _spray(p: Posterior, setup: Setup) -> Shown | None:
     """Bodies upright, as the mean pose of the root is."""
+    body = setup.body
     if body is None or not _of_body(p, body):
         return None
     pose = body.blocks()[0].name
     upright = matrix_from_vector(np.reshape(p.at[pose], (-1, 3))[0])
-    bodies = np.stack([_surface(body, values) for values in p.values(DRAWN)]) @ upright
-    bodies -= bodies.mean(axis=(0, 1))
-    bodies[..., 1] -= bodies[..., 1].min()
-    figure = sheets.spray_sheet(bodies, body.faces)
-    return shown(figure, caption_spray(DRAWN, "turned upright, from the front and from the side"))
+    surfaces = [_surface(body, values) for values in p.values(DRAWN)]
+    known = setup.truth is not None
+    bodies = np.stack(surfaces if setup.truth is None else [*surfaces, setup.truth]) @ upright
+    bodies -= bodies[:DRAWN].mean(axis=(0, 1))
+    bodies[..., 1] -= bodies[:DRAWN, :, 1].min()
+    figure = sheets.spray_sheet(bodies[:DRAWN], body.faces, bodies[-1] if known else None)
+    where = "turned upright, from the front and from the side"
+    return shown(figure, caption_spray(DRAWN, where, known))
 
 
 def _views(p: Posterior, setup: Setup) -> list[Shown]:
@@ -158,10 +190,13 @@ def _views(p: Posterior, setup: Setup) -> list[Shown]:
             [view.camera.pixels(s, setup.start | v) for s, v in zip(surfaces, several, strict=True)]
         )
         told = " (held out)" if view.held_out else ""
+        known = setup.truth is not None
+        true = view.camera.pixels(setup.truth, setup.start) if setup.truth is not None else None
         figure = sheets.spray_in_view_sheet(
-            pixels, body.faces, view.observed, view.confidence, view.name + told
+            pixels, body.faces, view.observed, view.confidence, view.name + told, true
         )
-        found.append(shown(figure, caption_spray(DRAWN, f"as {view.name}{told} sees them")))
+        said = caption_spray(DRAWN, f"as {view.name}{told} sees them", known)
+        found.append(shown(figure, said))
     return found
 
 
@@ -178,14 +213,14 @@ def _anchor(name: str) -> str:
 
 
 def _summary(
-    parts: list[Part], files: Mapping[str, str], title: str, source: str | None
+    parts: list[Part], setup: Setup, files: Mapping[str, str], title: str, source: str | None
 ) -> dict[str, Any]:
     return {
         "made_by": MAKER, "kind": "posterior", "source": source or "", "files": list(files),
         "title": title, "versions": versions(),
         "parts": {
             part.name: {
-                "verdict": part.posterior.mixing.verdict.name,
+                "verdict": part.posterior.judged[0].name,
                 "usable": part.posterior.usable,
                 "why": part.posterior.verdict,
                 "entries": list(part.posterior.labels),
@@ -193,7 +228,12 @@ def _summary(
                 "r_hat": part.posterior.mixing.scales.tolist(),
                 "mean": part.posterior.mean.tolist() if part.posterior.usable else None,
                 "sd": part.posterior.sd.tolist() if part.posterior.usable else None,
+                "held_fixed": list(part.posterior.held.held),
+                "ratio": part.posterior.held.ratios.tolist(),
+                "searches": part.posterior.found.search.starts,
+                "truth": None if truth is None else truth.tolist(),
             }
             for part in parts
+            for truth in [truth_of(part.posterior, setup)]
         },
     }  # fmt: skip

@@ -2,19 +2,23 @@
 
 from workbench.sampling.choice import Names, directions
 from workbench.sampling.comparison import Compared, beside_laplace
+from workbench.sampling.conditioning import Conditioning
 from workbench.sampling.ensembles import Progress
 from workbench.sampling.entries import blocks_of
+from workbench.sampling.judgement import searched
 from workbench.sampling.laplace import laplace
 from workbench.sampling.mixing import Mixing, Verdict
 from workbench.sampling.moves import MOVES, BiasedMove, Snooker
 from workbench.sampling.posterior import NotConverged, Posterior
 from workbench.sampling.sample import sample
 from workbench.sampling.subspace import Improper, conditional, fixed
+from workbench.sampling.text import summary
 
 __all__ = [
     "MOVES",
     "BiasedMove",
     "Compared",
+    "Conditioning",
     "Improper",
     "Mixing",
     "Names",
@@ -30,4 +34,6 @@ __all__ = [
     "fixed",
     "laplace",
     "sample",
+    "searched",
+    "summary",
 ]

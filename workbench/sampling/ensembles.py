@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.sampling.checkpoint import Saved, load, memory, refuse_other, save
-from workbench.sampling.mixing import Mixing
-from workbench.sampling.modes import Mode, modes, walkers_at
+from workbench.sampling.descent import Mode, descended
+from workbench.sampling.mixing import TIMES, Mixing
+from workbench.sampling.modes import Found, modes, walkers_at
 from workbench.sampling.moves import Moves, refuse_biased
 from workbench.sampling.target import Target
 from workbench.threads import limited_threads
@@ -79,7 +80,7 @@ class Drawn:
     chain: Array  # (E, S, W, k)
     log_prob: Array  # (E, S, W)
     acceptance: float
-    modes: tuple[Mode, ...]
+    found: Found
     seconds: float
     interrupted: bool
 
@@ -103,14 +104,15 @@ def run(
     began = time.perf_counter()
     *seeds, search = np.random.SeedSequence(plan.seed).spawn(plan.ensembles + 1)
     with limited_threads():
-        found = modes(target, np.random.default_rng(search))
+        first = descended(target, target.subspace.centre)
+        found = modes(target, first, np.random.default_rng(search))
         told = _settings(target, plan) | (settings or {})
         if checkpoint is not None and checkpoint.exists():
             before, said = load(checkpoint)
             refuse_other(checkpoint, said, told)
             samplers = [_taken_up(target, plan, saved) for saved in before]
         else:
-            samplers = [_fresh(target, plan, found, seed) for seed in seeds]
+            samplers = [_fresh(target, plan, found.modes, seed) for seed in seeds]
         team = _Team(samplers, plan)
         interrupted, written = False, time.perf_counter()
         took = 0.0
@@ -177,7 +179,8 @@ class _Team:
 
     def _enough(self, goal: int) -> bool:
         draws = np.stack([backend.chain[:goal] for backend in self._backends])
-        return burnt(draws, self._plan.thin, self.acceptance, ()).usable
+        mixing = burnt(draws, self._plan.thin, self.acceptance, ())
+        return mixing.usable and mixing.length >= TIMES  # an early end leaves nothing in doubt
 
     def save(self, path: Path, settings: dict[str, Any]) -> None:
         """Each ensemble after its last complete step, once each has one."""
@@ -186,7 +189,7 @@ class _Team:
             each = [Saved(b.chain[:n], b.log_prob[:n], *rest) for b, (n, *rest) in pairs]
             save(path, each, settings)
 
-    def drawn(self, found: tuple[Mode, ...], seconds: float, interrupted: bool) -> Drawn:
+    def drawn(self, found: Found, seconds: float, interrupted: bool) -> Drawn:
         """All that all ensembles have."""
         n = min(done[0] for done in self._done)
         chain, log_prob = (
@@ -239,6 +242,12 @@ def _settings(target: Target, plan: Plan) -> dict[str, Any]:
     digest = hashlib.sha256()
     for part in (space.origin, space.along, space.centre, target.fixed):
         digest.update(np.ascontiguousarray(part).tobytes())
+    problem, there = target.problem, target.problem.stacked_constraints
+    if problem.bounded:
+        digest.update(problem.lower.tobytes() + problem.upper.tobytes())
+    if there is not None:
+        digest.update("\n".join(there.label(row) for row in range(there.size)).encode())
+        digest.update(there.lower.tobytes() + there.upper.tobytes() + there.tolerance.tobytes())
     return {
         "walkers": plan.walkers, "ensembles": plan.ensembles, "steps": plan.steps,
         "thin": plan.thin, "seed": plan.seed, "entries": list(space.labels),

@@ -3,11 +3,15 @@
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from workbench.problem import Problem
 from workbench.sampling.choice import Names, chosen
-from workbench.sampling.importance import importance
+from workbench.sampling.conditioning import conditioning
+from workbench.sampling.cut import cut, cut_away, drawn_from
+from workbench.sampling.descent import box, descended
+from workbench.sampling.feasible import refuse_flat
+from workbench.sampling.importance import of_laplace
 from workbench.sampling.mixing import Mixing
 from workbench.sampling.modes import modes
 from workbench.sampling.posterior import Posterior, as_values
@@ -15,6 +19,7 @@ from workbench.sampling.subspace import Rest, fixed
 from workbench.sampling.target import Target
 from workbench.threads import limited_threads
 
+Array = NDArray[np.float64]
 CHAINS = 4  # as many as there are ensembles, so that both are looked at alike
 
 
@@ -29,21 +34,26 @@ def laplace(
 ) -> Posterior:
     """Draws of N(z*, (J'J)^-1) at the minimum next to `at`, in what is named (all that is free).
 
-    J'J is Gauss and Newton's Hessian, whitened. Bounds are not asked: what is drawn beyond them
-    shows where the approximation ends. Raises what `sample` raises.
+    J'J is Gauss and Newton's Hessian, whitened. Bounds and inequality constraints cut the Gaussian
+    off (see `cut`), which is exact where residuals and constraints are linear. All else is as in
+    `sample`. The verdict compares the Gaussian with the posterior by importance weights, and looks
+    for other modes, of which the Gaussian knows nothing. Raises what `sample` raises.
     """
     x, given = problem.split(at)
     with limited_threads():
         subspace = chosen(problem, x, given, names, rest)
+        refuse_flat(problem, given, subspace)
         target = Target(problem, given, subspace)
         rng = np.random.default_rng(seed)
-        mode = modes(target, rng, searches=0)[0]
-        noise = rng.standard_normal((CHAINS * (draws // CHAINS), subspace.size))
-        z = mode.z + noise @ mode.half.T
+        mode = descended(target, subspace.centre)
+        gaussian = cut(target, mode)
+        z, log_q = drawn_from(gaussian, CHAINS * (draws // CHAINS), rng)
+        z = np.clip(z, *box(target))  # a draw on a bound may be beyond it by rounding
         drawn = z.reshape(CHAINS, -1, 1, subspace.size)
-        log_prob = -mode.cost - 0.5 * np.sum(noise**2, axis=1)
+        weighed = of_laplace(target, z, log_q, cut_away(target, gaussian, rng), rng)
+        found = modes(target, mode, np.random.default_rng(np.random.SeedSequence([seed, 1])))
         return Posterior(
-            problem, as_values(problem, at), subspace, drawn, log_prob.reshape(drawn.shape[:3]),
-            Mixing(subspace.labels, drawn, 1.0, 0, exact=True), "laplace", (mode,),
-            importance(target, z, rng),
+            problem, as_values(problem, at), subspace, drawn, log_q.reshape(drawn.shape[:3]),
+            Mixing(subspace.labels, drawn, 1.0, 0, exact=True), "laplace", found,
+            conditioning(problem, given, subspace, mode.z), weighed,
         )  # fmt: skip

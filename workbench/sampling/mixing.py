@@ -12,6 +12,8 @@ from workbench.sampling.autocorrelation import disagreement, integrated_time, po
 
 Array = NDArray[np.float64]
 TIMES = 50.0  # autocorrelation times that a chain must be long before its time is believed
+LEAST = 20.0  # and where the time has settled, by what the first half alone says of it
+SETTLED = 1.2  # of the time with twice the length: more, and it is still growing
 SCALE = 1.01  # of R-hat (Vehtari et al. 2021)
 APART = 1.05  # R-hat from which on ensembles are in different places
 DRAWS = 400.0  # effective ones
@@ -29,6 +31,9 @@ class Verdict(Enum):
     USABLE = "usable"
     TOO_SHORT = "NOT CONVERGED: too short"
     NOT_MIXING = "NOT CONVERGED: not mixing"
+    MODE_MISSED = "NOT CONVERGED: a mode is missed"
+    NOT_GAUSSIAN = "NOT USABLE: not Gaussian"
+    CONDITIONAL = "NOT USABLE: conditional"
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +72,20 @@ class Mixing:
     def length(self) -> float:
         """How many autocorrelation times the chains are long, by the slowest entry."""
         return float(self.steps / self.times.max())
+
+    @property
+    def long_enough(self) -> bool:
+        """Whether the chains are long enough for their autocorrelation time to be believed.
+
+        A chain that is short beside its memory makes that memory look too short: what is slower
+        than the chain is long does not show. Then draws count as more than they are worth, and
+        no other number here notices if all ensembles began in the same way. From 50 times on a
+        single chain tells its own time well enough (Sokal 1997; emcee's rule). Many walkers in
+        independent ensembles tell it from fewer steps: 20 times are enough where the time has
+        settled, that is, where it is at most 1.2 times what the first half of the chains says.
+        Effective draws, R-hat and the agreement of ensembles are asked apart from this.
+        """
+        return self.length >= TIMES or (self.length >= LEAST and self.growth <= SETTLED)
 
     @property
     def effective(self) -> Array:
@@ -108,9 +127,14 @@ class Mixing:
     def judged(self) -> tuple[Verdict, str]:
         """The verdict, and its reason with what to do."""
         E, S, W, k = self.draws.shape
-        if S < 2 and not self.exact:
+        if self.exact:
+            count = E * S * W
+            if count < DRAWS:
+                return Verdict.TOO_SHORT, f"{count} draws, where {DRAWS:.0f} are asked; draw more"
+            return Verdict.USABLE, f"{count} draws"
+        if S < 2:
             return Verdict.TOO_SHORT, "there is nothing to judge by; take more steps"
-        if not self.exact and self.acceptance < SLOW:
+        if self.acceptance < SLOW:
             return Verdict.NOT_MIXING, (
                 f"only {self.acceptance:.1%} of the proposals are accepted; sample fewer entries"
             )
@@ -130,7 +154,7 @@ class Mixing:
             return Verdict.TOO_SHORT, (
                 f"{E} ensembles cannot vouch for each other; run at least {ENSEMBLES}"
             )
-        if self.length < TIMES:
+        if not self.long_enough:
             return self._short()
         chance = np.nan_to_num(self.chances, nan=1.0)
         if chance.min() < UNLIKELY / k:
@@ -153,8 +177,12 @@ class Mixing:
     def _short(self) -> tuple[Verdict, str]:
         said = (
             f"{self.steps} steps are {self.length:.0f} autocorrelation times of {self.slowest} "
-            f"({self.times.max():.0f} steps), and below {TIMES:.0f} not even that time can be "
-            "believed"
+            f"({self.times.max():.0f} steps), and "
+            + (
+                f"below {LEAST:.0f} not even that time can be believed"
+                if self.length < LEAST
+                else f"that time, {self.growth:.1f} times what the first half says, has not settled"
+            )
         )
         k = len(self.labels)
         if self.growth > GROWTH and self.times.max() > FAR * GAUSSIAN * k:

@@ -12,9 +12,12 @@ from workbench.blocks import Values
 from workbench.errors import WorkbenchError
 from workbench.problem import Problem
 from workbench.sampling.arviz_quietly import inference_data
+from workbench.sampling.conditioning import Conditioning
+from workbench.sampling.descent import Mode
 from workbench.sampling.importance import Importance
-from workbench.sampling.mixing import Mixing
-from workbench.sampling.modes import Mode
+from workbench.sampling.judgement import judged
+from workbench.sampling.mixing import Mixing, Verdict
+from workbench.sampling.modes import Found, missed
 from workbench.sampling.subspace import Subspace
 
 Array = NDArray[np.float64]
@@ -28,8 +31,10 @@ class NotConverged(WorkbenchError):
 class Posterior:
     """Draws of what was sampled, (E, S, W, k): ensembles, steps, walkers, entries.
 
-    What they are worth is `mixing`, and, where the rest was integrated out, `importance`. The
-    verdict stands before everything that is printed, and `interval` asks it.
+    What they are worth is said by `mixing`, by the modes that were `found`, by `held` (what was
+    held fixed, and how much wider intervals are without that), and by `importance` where a
+    Gaussian stands for the posterior. The verdict draws on all of them; it stands before
+    everything that is printed, and `interval` asks it.
     """
 
     problem: Problem = field(repr=False)
@@ -39,7 +44,8 @@ class Posterior:
     log_prob: Array = field(repr=False)  # (E, S, W), up to a constant
     mixing: Mixing
     method: str  # `emcee` or `laplace`
-    modes: tuple[Mode, ...] = field(repr=False)
+    found: Found = field(repr=False)
+    held: Conditioning = field(repr=False)
     importance: Importance | None = None
     seconds: float = 0.0
     interrupted: bool = False
@@ -80,22 +86,69 @@ class Posterior:
         return np.atleast_2d(np.cov(self.flat.T))
 
     @property
+    def modes(self) -> tuple[Mode, ...]:
+        """The minima of the cost that were found, the one with the largest mass first."""
+        return self.found.modes
+
+    @cached_property
+    def missed(self) -> tuple[float, float] | None:
+        """A mode that the draws hardly visit: its share of the mass, and of the draws; or None."""
+        return missed(self.modes, self.flat)
+
+    @cached_property
+    def judged(self) -> tuple[Verdict, str]:
+        """The verdict, and its reason with what to do."""
+        return judged(self.mixing, self.found, self.missed, self.importance, self.held)
+
+    @property
     def usable(self) -> bool:
-        """Whether the chains have mixed, and the Gaussian conditional, if there is one, holds."""
-        return self.mixing.usable and (self.importance is None or self.importance.holds)
+        """Whether intervals from these draws may be used as they are."""
+        return self.judged[0] is Verdict.USABLE
+
+    @property
+    def mixed(self) -> bool:
+        """Whether intervals mean something at least where what is held fixed is known exactly."""
+        return self.judged[0] in (Verdict.USABLE, Verdict.CONDITIONAL)
 
     @property
     def verdict(self) -> str:
         """What the draws are worth, in a sentence or two."""
-        said = str(self.mixing)
-        return said if self.importance is None else f"{said}. {self.importance}"
+        verdict, why = self.judged
+        return f"{verdict.value}: {why}"
 
     def interval(self, level: float = 0.9) -> Array:
-        """The central interval of each entry (k, 2). Raises NotConverged if there is none."""
+        """The central interval of each entry (k, 2), `held.what` being fixed if anything is.
+
+        Raises NotConverged unless the draws are usable. Where nothing is wrong but that what is
+        held fixed makes the interval narrow, `conditional_interval` still gives it.
+        """
         if not self.usable:
             raise NotConverged(f"there is no interval: {self.verdict}")
+        return self._central(level)
+
+    def conditional_interval(self, level: float = 0.9) -> Array:
+        """The same for readers who know that it holds only if `held.what` is known exactly.
+
+        (k, 2). Raises NotConverged if the draws are worth nothing even so.
+        """
+        if not self.mixed:
+            raise NotConverged(f"there is no interval: {self.verdict}")
+        return self._central(level)
+
+    def _central(self, level: float) -> Array:
         tail = (1 - level) / 2
         return np.quantile(self.flat, [tail, 1 - tail], axis=0).T
+
+    def coordinates(self, values: Mapping[str, ArrayLike]) -> Array:
+        """What was sampled (k,), read off free blocks; those that are missing are as at `at`.
+
+        Where directions were sampled, it is the nearest point that they reach.
+        """
+        x, space = self.problem.free.pack({**self.at, **values}), self.subspace
+        if space.entries is not None:
+            return np.asarray(x[space.entries])
+        span = np.hstack([space.along, space.rest])
+        return np.asarray(space.centre + np.linalg.lstsq(span, x - space.origin)[0][: space.size])
 
     def points(self, count: int, seed: int = 0) -> Array:
         """`count` random draws of all free numbers (count, n), what was integrated out included."""

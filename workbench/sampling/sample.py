@@ -10,8 +10,10 @@ from workbench.errors import BadArgument
 from workbench.problem import Problem
 from workbench.problem.batch import compiled, interpreted
 from workbench.sampling.choice import Names, chosen
+from workbench.sampling.conditioning import conditioning
 from workbench.sampling.ensembles import Callback, Plan, burnt, run, thinning
-from workbench.sampling.importance import importance
+from workbench.sampling.feasible import outside_said, refuse_flat
+from workbench.sampling.importance import of_the_rest
 from workbench.sampling.moves import Moves, differential_evolution
 from workbench.sampling.posterior import Posterior, as_values
 from workbench.sampling.subspace import Rest, fixed
@@ -42,8 +44,12 @@ def sample(
 
     `names` are blocks and entries (`betas`, `pose[left_elbow]`, `pose[left_elbow, x]`), or a
     choice such as `directions(20, priors)`. All else stays where it is (`rest=fixed`), or is
-    integrated out by its Gaussian conditional (`rest=conditional`). Up to about 20 entries can be
-    sampled; more are allowed, and the verdict will say what came of it.
+    integrated out by its Gaussian conditional (`rest=conditional`). Holding it fixed makes
+    intervals narrower; `Posterior.held` says by how much, and above a factor of 1.2 they are not
+    called usable. Up to about 20 entries can be sampled; more are allowed, and the verdict will
+    say what came of it.
+
+    Bounds and inequality constraints end the posterior: beyond them it is zero.
 
     `ensembles` independent ones of `walkers` (64, or twice the entries and more) take at most
     `steps` steps each, fewer if a check finds them usable. Of every `thin` steps one is kept.
@@ -52,12 +58,14 @@ def sample(
     nothing had been. An interrupt from the keyboard, or a callback that returns True, ends a run;
     what was drawn is kept.
 
-    Raises UnknownName, BadArgument, Improper for a direction that nothing holds, BiasedMove, or
-    BadFile for the checkpoint of another run.
+    Raises UnknownName, BadArgument, Improper for a direction that nothing holds, NotSupported for
+    an equation among the constraints that depends on what is drawn or for an entry with equal
+    bounds, BiasedMove, or BadFile for the checkpoint of another run.
     """
     x, given = problem.split(at)
     with limited_threads():
         subspace = chosen(problem, x, given, names, rest)
+        refuse_flat(problem, given, subspace)
         k = subspace.size
         walkers = max(64, 2 * (k + 11)) if walkers is None else walkers
         moves = differential_evolution() if moves is None else moves
@@ -69,9 +77,11 @@ def sample(
         worth = walkers * ensembles * steps >= WORTH_COMPILING
         target = Target(problem, given, subspace, compiled if worth else interpreted)
         if not np.isfinite(target(subspace.centre[None])).all():
+            missed = outside_said(problem, given, subspace.points(subspace.centre[None])[0])
             raise BadArgument(
-                "the posterior has no density where it is to begin: the residual is not finite "
-                "there, or bounds are violated; solve the problem first"
+                "the posterior has no density where it is to begin: "
+                f"{missed or 'the residual is not finite there'}; solve the problem first, and "
+                "begin at its answer"
             )
         path = None if checkpoint is None else Path(checkpoint)
         drawn = run(target, plan, checkpoint=path, every=every, callback=callback)
@@ -83,8 +93,8 @@ def sample(
         search = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(ensembles + 1,)))
         return Posterior(
             problem, as_values(problem, at), subspace, kept, log_prob, mixing, "emcee",
-            drawn.modes, importance(target, kept.reshape(-1, k), search), drawn.seconds,
-            drawn.interrupted,
+            drawn.found, conditioning(problem, given, subspace, drawn.found.modes[0].z),
+            of_the_rest(target, kept.reshape(-1, k), search), drawn.seconds, drawn.interrupted,
         )  # fmt: skip
 
 

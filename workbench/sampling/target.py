@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from workbench.problem import Problem
 from workbench.problem.batch import Costs, Way, interpreted
+from workbench.sampling.feasible import inside
 from workbench.sampling.subspace import Subspace
 
 Array = NDArray[np.float64]
@@ -15,10 +16,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """log p(z) = -cost(x(z)); -infinity outside of the bounds and where the cost is no number.
+    """log p(z) = -cost(x(z)); -infinity beyond bounds and constraints, or where it is no number.
 
     Every residual has a sigma, so the cost is minus a log posterior: least squares are Gaussian,
-    and a robust term with rho is the likelihood exp(-rho / 2).
+    and a robust term with rho is the likelihood exp(-rho / 2). A constraint counts as met within
+    its tolerance.
     """
 
     problem: Problem
@@ -36,13 +38,17 @@ class Target:
         """(M,) for all free numbers, x (M, n)."""
         return self._density(x, x, self._of_all)
 
+    def allows(self, x: Array) -> NDArray[np.bool_]:
+        """Which of the points x (M, n) bounds and constraints allow."""
+        return inside(self.problem, self.fixed, x)
+
     def _density(self, x: Array, given: Array, costs: Costs) -> Array:
-        inside = ((x >= self.problem.lower) & (x <= self.problem.upper)).all(axis=1)
+        allowed = self.allows(x)
         found = np.full(len(x), -np.inf)
-        if inside.any():
+        if allowed.any():
             with np.errstate(all="ignore"):
-                cost = costs(given[inside])
-            found[inside] = np.where(np.isfinite(cost), -cost, -np.inf)
+                cost = costs(given[allowed])
+            found[allowed] = np.where(np.isfinite(cost), -cost, -np.inf)
         return found
 
     @cached_property

@@ -1,0 +1,133 @@
+"""The page of a posterior: what is held fixed, what is not known, and a truth that is marked."""
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import workbench as wb
+from tests.sampling.densities import conditioned, gaussian
+from workbench.experiments import find
+from workbench.experiments.experiment import Setup
+from workbench.plots.palette import INK, VERMILLION
+from workbench.reports import write_posterior
+from workbench.reports.posterior_page import Part
+from workbench.sampling import laplace, sample
+
+C = conditioned(3, 30.0, seed=3)
+
+
+def written(folder: Path, names: object, made_of: object, **how: int) -> tuple[Path, Part]:
+    problem, at = gaussian(C), {"x": np.zeros(3)}
+    posterior = sample(problem, at, names, walkers=16, **how)  # type: ignore[arg-type]
+    part = Part("part", posterior, laplace(problem, at, names))  # type: ignore[arg-type]
+    setup = Setup(problem, at, "How well is x known?")
+    if made_of is not None:
+        setup = replace(setup, made_of=made_of)
+    write_posterior([part], folder, title="made up", setup=setup)
+    return folder, part
+
+
+def words(page: str) -> str:
+    """Of a page, without tags and figures."""
+    return re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", page))
+
+
+def test_a_conditional_posterior_says_so_everywhere(tmp_path: Path) -> None:
+    folder, part = written(tmp_path / "p", "x[1]", None, steps=1000)
+    assert not part.posterior.usable
+    ratio = part.posterior.held.ratios[0]
+    assert ratio > 1.2
+    page = words((folder / "index.html").read_text())
+    for said in (page, (folder / "posterior.txt").read_text()):
+        assert "NOT USABLE" in said
+        assert "Held fixed: 2 of the 3 numbers of x" in said
+        assert f"{ratio:.3g} times as large" in said
+        assert "usable: " not in said.replace("NOT USABLE: ", "")
+    assert "holds only if what is held fixed is known exactly" in page
+    assert "sd if free" in page
+    data = json.loads((folder / "summary.json").read_text())["parts"]["part"]
+    assert data["verdict"] == "CONDITIONAL"
+    assert not data["usable"]
+    assert data["sd"] is None
+    assert data["ratio"] == pytest.approx([ratio])
+    assert data["held_fixed"] == ["2 of the 3 numbers of x"]
+
+
+def test_where_no_intervals_are_given_none_are_drawn(tmp_path: Path) -> None:
+    """Chains that have not mixed show how they went, and no range, no cloud, no body."""
+    folder, part = written(tmp_path / "p", None, None, steps=40)
+    assert not part.posterior.usable
+    page = (folder / "index.html").read_text()
+    assert "No intervals are given" in page
+    assert page.count("<img") == 1  # the traces
+    for claim in ("90 %", "sd / Laplace", "agrees with the draws", "Contours"):
+        assert claim not in words(page), claim
+    usable, _ = written(tmp_path / "q", None, None, steps=2000)
+    assert (usable / "index.html").read_text().count("<img") == 3
+
+
+def test_what_synthetic_data_were_made_of_is_marked(tmp_path: Path) -> None:
+    truth = {"x": np.array([0.123, -0.457, 0.789])}
+    folder, _ = written(tmp_path / "p", None, truth, steps=2000)
+    page, text = words((folder / "index.html").read_text()), (folder / "posterior.txt").read_text()
+    assert "The data are synthetic" in page
+    assert page.count("what they were made of is marked:") == 3  # figures
+    for number in ("0.123", "0.457", "0.789"):
+        assert number in page
+        assert number in text
+    data = json.loads((folder / "summary.json").read_text())["parts"]["part"]
+    assert data["truth"] == pytest.approx(truth["x"])
+    without, _ = written(tmp_path / "q", None, None, steps=2000)
+    assert "synthetic" not in words((without / "index.html").read_text())
+
+
+def test_every_synthetic_body_tells_what_it_was_made_of() -> None:
+    """Where a true surface is known, the values are as well, and they make that surface."""
+    for name in ("body-vertices", "body-outliers", "known-correspondences", "landmarks"):
+        setup = find(name, {"body": "small"}).setup()
+        assert setup.made_of is not None, name
+        assert setup.body is not None
+        assert setup.truth is not None
+        blocks = [setup.made_of[block.name] for block in setup.body.blocks()]
+        np.testing.assert_allclose(setup.body.vertices(*blocks), setup.truth, atol=1e-12)
+    assert find("balance-monocular").setup().made_of is None  # a photograph
+
+
+def test_a_truth_is_drawn_in_every_figure() -> None:
+    from workbench.plots import sheets
+    from workbench.reports.posterior_page import truth_of
+
+    problem = gaussian(C)
+    p = laplace(problem, {"x": np.zeros(3)}, draws=400)
+    setup = Setup(problem, {"x": np.zeros(3)}, "?", made_of={"x": np.array([0.1, 0.2, 0.3])})
+    truth = truth_of(p, setup)
+    assert truth == pytest.approx([0.1, 0.2, 0.3])
+
+    def lines(figure: object, colour: str) -> int:
+        axes = figure.axes  # type: ignore[attr-defined]
+        return sum(line.get_color() == colour for ax in axes for line in ax.get_lines())
+
+    for colour, sheet in (
+        (INK, lambda t: sheets.traces_sheet(p, [0, 1, 2], t)),
+        (VERMILLION, lambda t: sheets.corner_sheet(p, [0, 1, 2], t)),
+        (VERMILLION, lambda t: sheets.beside_laplace_sheet(p, p, t)),
+    ):
+        assert lines(sheet(truth), colour) > lines(sheet(None), colour) == 0
+    body = wb.load_body("small")
+    bodies = np.stack([body.vertices()] * 2)
+    outlined = sheets.spray_sheet(bodies, body.faces, bodies[0])
+    plain = sheets.spray_sheet(bodies, body.faces)
+    assert len(outlined.axes[0].collections) == len(plain.axes[0].collections) + 2
+
+
+def test_a_truth_that_does_not_fit_is_refused() -> None:
+    problem = gaussian(C)
+    setup = Setup(problem, {"x": np.zeros(3)}, "?")
+    with pytest.raises(wb.WorkbenchError, match="made_of"):
+        replace(setup, made_of=3)  # type: ignore[arg-type]
+    with pytest.raises(wb.WorkbenchError, match="x"):
+        replace(setup, made_of={"x": np.zeros(4)})

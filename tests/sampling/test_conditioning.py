@@ -1,0 +1,115 @@
+"""What is held fixed makes intervals narrower: it is said, and by how much, and not usable."""
+
+import numpy as np
+import pytest
+
+import workbench as wb
+from tests.sampling.densities import conditioned, gaussian
+from workbench.sampling import NotConverged, Verdict, conditional, laplace, sample
+
+C, MEAN = conditioned(4, 30.0, seed=3), np.array([1.0, -2.0, 0.5, 3.0])
+TWO = [1, 3]
+RATIO = 1.2
+NAMES = ("x[1]", "x[3]")
+
+
+def exact() -> np.ndarray:
+    """Marginal over conditional standard deviations of the two."""
+    alone = np.linalg.inv(np.linalg.inv(C)[np.ix_(TWO, TWO)])
+    return np.asarray(np.sqrt(np.diag(C)[TWO] / np.diag(alone)))
+
+
+def test_the_ratio_is_the_gaussians_and_above_the_limit_nothing_is_usable() -> None:
+    assert exact().max() > RATIO
+    problem = gaussian(C, MEAN)
+    drawn = sample(problem, {"x": MEAN}, NAMES, steps=2000, walkers=16, seed=1)
+    for posterior in (laplace(problem, {"x": MEAN}, NAMES), drawn):
+        assert posterior.mixing.usable
+        assert not posterior.usable
+        np.testing.assert_allclose(posterior.held.ratios, exact(), rtol=1e-9)
+        np.testing.assert_allclose(posterior.held.marginal, np.sqrt(np.diag(C)[TWO]), rtol=1e-9)
+        assert posterior.judged[0] is Verdict.CONDITIONAL
+        said = str(posterior)
+        assert not said.startswith("usable")
+        assert "Held fixed: 2 of the 4 numbers of x (2 numbers)" in said
+        assert f"{exact().max():.3g} times as large" in posterior.verdict
+        assert "--conditional" in posterior.verdict
+        with pytest.raises(NotConverged, match="hold 2 of the 4 numbers of x fixed"):
+            posterior.interval()
+        assert posterior.conditional_interval().shape == (2, 2)
+
+
+def test_what_is_hardly_narrower_is_usable_and_still_says_what_is_held() -> None:
+    nearly = np.eye(4) + 0.1
+    posterior = laplace(gaussian(nearly), {"x": np.zeros(4)}, NAMES)
+    assert 1 < posterior.held.ratios.max() < RATIO
+    assert posterior.usable, posterior.verdict
+    table = next(line for line in str(posterior).splitlines() if line.startswith("entry"))
+    assert table.endswith("if free   ratio")
+    assert "Held fixed: 2 of the 4 numbers of x" in str(posterior)
+
+
+def test_what_is_sampled_or_integrated_out_is_not_held() -> None:
+    problem = gaussian(C, MEAN)
+    for posterior in (
+        laplace(problem, {"x": MEAN}),
+        laplace(problem, {"x": MEAN}, NAMES, rest=conditional),
+    ):
+        assert posterior.held.count == 0
+        assert (posterior.held.ratios == 1).all()
+        assert "Held fixed: nothing" in str(posterior)
+        assert posterior.usable, posterior.verdict
+        assert "ratio" not in str(posterior)
+
+
+def test_a_direction_that_is_seen_only_because_the_rest_is_held_is_infinite() -> None:
+    x, y = wb.Block("x"), wb.Block("y")
+    problem = wb.Problem([wb.Residual("sum", x.symbol + y.symbol, 0.1)], ("x", "y"), blocks=[x, y])
+    posterior = laplace(problem, {"x": 0.0, "y": 0.0}, "x")
+    assert np.isinf(posterior.held.ratios).all()
+    assert "do not determine x at all" in posterior.verdict
+    assert not posterior.usable
+
+
+def test_bounds_and_equations_hold_the_rest_too() -> None:
+    x, y, z = (wb.Block(name) for name in "xyz")
+    total = wb.Residual("sum", x.symbol + y.symbol + z.symbol, 0.1)
+    tie = wb.Constraint("tie", y.symbol - z.symbol, 0.0, 0.0)
+    problem = wb.Problem(
+        [total], ("x", "y", "z"), {"y": (-1.0, 1.0)}, [x, y, z], [tie]
+    )  # fmt: skip
+    posterior = laplace(problem, {"x": 0.0, "y": 0.0, "z": 0.0}, "x")
+    # y = z, uniform on (-1, 1) at the most: x has the variance 0.1^2 + 4 / 3
+    assert posterior.held.marginal[0] == pytest.approx(np.sqrt(0.01 + 4 / 3), rel=1e-9)
+
+
+def test_the_place_of_a_person_in_one_image_is_told_with_what_it_rests_on() -> None:
+    """The translation alone is known to millimetres, and with pose and shape to 13 cm."""
+    from workbench.experiments import find
+
+    setup = find("balance-monocular").setup()
+    at = setup.start | wb.solve(setup.problem, setup.start).values
+    posterior = laplace(setup.problem, at, "trans")
+    joint = np.sqrt(np.diag(setup.problem.linearize(at).covariance))
+    place = setup.problem.free.slices["trans"]
+    np.testing.assert_allclose(posterior.held.marginal, joint[place], rtol=1e-3)
+    assert posterior.held.held == ("pose", "betas")
+    assert (posterior.held.ratios > 10).all()
+    assert posterior.judged[0] is Verdict.CONDITIONAL
+    assert "cam01/observed" in str(posterior)  # and what the problem takes as given
+
+
+def test_directions_of_a_choice_of_ones_own() -> None:
+    """One direction of two is sampled: what it holds is not an entry."""
+    from workbench.sampling.subspace import Subspace
+
+    covariance = np.array([[1.0, 0.9], [0.9, 1.0]])
+    way = np.array([[1.0], [0.0]]) + np.array([[0.0], [1.0]])
+
+    def along(problem: wb.Problem, x: np.ndarray, given: np.ndarray) -> Subspace:
+        return Subspace(x, way, np.zeros(1), np.empty((2, 0)), ("both",), ("1",))
+
+    posterior = laplace(gaussian(covariance), {"x": np.zeros(2)}, along)
+    assert posterior.held.held == ("1 direction",)
+    assert posterior.held.ratios[0] == pytest.approx(1.0)  # the other axis is independent
+    assert posterior.coordinates({"x": [2.0, 2.0]}) == pytest.approx([2.0])

@@ -1,0 +1,120 @@
+"""Modes far away are looked for; draws that miss one are not called usable."""
+
+import casadi as cs
+import numpy as np
+import pytest
+
+import workbench as wb
+from tests.sampling.densities import gaussian, two_modes
+from workbench.residuals import geman_mcclure
+from workbench.sampling import Verdict, laplace, sample
+from workbench.sampling.subspace import fixed
+from workbench.sampling.target import Target
+
+
+def target_of(problem: wb.Problem, at: dict[str, object]) -> Target:
+    x, given = problem.split(at)  # type: ignore[arg-type]
+    every = np.arange(problem.free.size)
+    return Target(problem, given, fixed(problem, problem.linearize_at(x, given), x, every))
+
+
+@pytest.mark.parametrize("apart", [20.0, 50.0, 100.0, 300.0])
+def test_equal_wells_are_found_on_both_sides(apart: float) -> None:
+    from workbench.sampling.descent import descended
+    from workbench.sampling.modes import modes
+    from workbench.sampling.starts import REACH
+
+    target = target_of(two_modes(apart), {"x": [apart, 0.0]})
+    first = descended(target, target.subspace.centre)
+    for seed in range(10):
+        found = modes(target, first, np.random.default_rng(seed))
+        assert sorted(mode.z[0] for mode in found.modes) == pytest.approx([-apart, apart])
+        assert found.search.starts >= 16
+        assert found.search.farthest == REACH[1]
+
+
+def test_draws_of_equal_wells_hold_both_or_are_not_usable() -> None:
+    for apart, seed in ((100.0, 2), (50.0, 1), (20.0, 0)):
+        posterior = sample(two_modes(apart), {"x": [apart, 0.0]}, steps=1500, walkers=32, seed=seed)
+        share = float(np.mean(posterior.flat[:, 0] > 0))
+        assert not posterior.usable or abs(share - 0.5) < 0.1, (apart, share, posterior.verdict)
+        assert len(posterior.modes) == 2
+        assert "searches for other modes, up to 1,000 sd away" in str(posterior)
+
+
+def test_a_mode_that_draws_do_not_visit_is_missed() -> None:
+    from workbench.sampling.descent import descended
+    from workbench.sampling.modes import missed, modes
+
+    target = target_of(two_modes(30.0), {"x": [30.0, 0.0]})
+    found = modes(target, descended(target, target.subspace.centre), np.random.default_rng(0))
+    rng = np.random.default_rng(1)
+    here = rng.standard_normal((4000, 2)) + [30.0, 0.0]
+    assert missed(found.modes, here) == pytest.approx((0.5, 0.0), abs=1e-6)
+    both = here * np.where(rng.uniform(size=(4000, 1)) < 0.5, 1, -1)
+    assert missed(found.modes, both) is None
+    assert missed(found.modes[:1], here) is None
+
+
+def test_laplace_of_one_of_two_wells_is_not_usable() -> None:
+    posterior = laplace(two_modes(50.0), {"x": [50.0, 0.0]})
+    assert not posterior.usable
+    assert posterior.judged[0] is Verdict.MODE_MISSED
+    assert "another mode with 50% of the mass" in posterior.verdict
+    alone = laplace(gaussian(np.eye(2)), {"x": np.zeros(2)})
+    assert alone.usable
+    assert "up to 1,000 sd away, found none" in alone.verdict
+
+
+def test_a_robust_fit_of_two_clusters_has_two_modes() -> None:
+    """A kernel that lets far points go makes a mode of each cluster; the start is at one."""
+    rng, apart = np.random.default_rng(0), 60.0
+    data = np.concatenate([rng.standard_normal(20), apart + rng.standard_normal(20)])
+    z = wb.Block("z")
+    fit = wb.Residual("fit", cs.DM(data) - z.symbol, 1.0, kernel=geman_mcclure)
+    prior = wb.residuals.gaussian(z.symbol, covariance=200.0**2)
+    problem = wb.Problem([fit, prior], "z", blocks=[z])
+    at = wb.solve(problem, {"z": 0.0}).values
+    one = laplace(problem, at)
+    assert not one.usable, one.verdict
+    assert one.judged[0] is Verdict.MODE_MISSED, one.verdict
+    places = sorted(float(mode.z[0]) for mode in one.modes)
+    assert places == pytest.approx([0.0, apart], abs=1.0)
+    both = sample(problem, at, steps=2000, walkers=32, seed=0)
+    grid = np.linspace(-10, apart + 10, 20_001)[:, None]
+    density = np.exp(-problem.costs(np.zeros(1), np.zeros(0))(grid))
+    right = density[grid[:, 0] > apart / 2].sum() / density.sum()
+    share = float(np.mean(both.flat > apart / 2))
+    assert not both.usable or share == pytest.approx(right, abs=0.1), both.verdict
+
+
+def test_a_plateau_is_no_mode() -> None:
+    """Far from the only cluster the kernel is flat: searches end there, and nothing is there."""
+    z = wb.Block("z")
+    fit = wb.Residual("fit", cs.DM(np.linspace(-1, 1, 20)) - z.symbol, 1.0, kernel=geman_mcclure)
+    problem = wb.Problem([fit], "z", blocks=[z])
+    found = laplace(problem, {"z": 0.0})
+    assert len(found.modes) == 1
+
+
+def test_a_turn_more_is_no_other_mode() -> None:
+    from workbench.sampling.turns import shortest
+
+    body = wb.load_body("small")
+    pose, betas, trans = body.blocks()
+    observed = wb.Block("observed", (body.n_joints, 3), "m")
+    points = body.joint_points(pose.symbol, betas.symbol, trans.symbol)
+    problem = wb.Problem(
+        [wb.residuals.landmarks(points, observed.symbol, sigma=0.01)], "pose", blocks=[observed]
+    )
+    truth = body.start() | {"pose": np.zeros((body.n_joints, 3))}
+    truth["pose"][0] = [0.0, 3.0, 0.0]
+    at = truth | {"observed": body.joints(*(truth[b.name] for b in body.blocks()))}
+    posterior = laplace(problem, at, "pose[pelvis]")
+    assert len(posterior.modes) == 1, [mode.z for mode in posterior.modes]
+    x, given = problem.split(at)
+    target = Target(problem, given, posterior.subspace)
+    np.testing.assert_allclose(
+        shortest(target, np.array([0.0, 3.5, 0.0])), [0.0, 3.5 - 2 * np.pi, 0.0], atol=1e-12
+    )
+    assert not np.isnan(x).any()

@@ -1,0 +1,134 @@
+r"""What stays where it is while draws are made, and how much wider the answer is without that.
+
+With H = J'J at a mode, a for what is sampled and b for what is held fixed, Laplace's covariance of
+a is H_aa^-1 given b (conditional), and the block (H^-1)_aa with b free as well (marginal). The
+ratio of their standard deviations, at least 1, says what holding b fixed claims to know.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from workbench.problem import Linearization, Problem
+from workbench.sampling.subspace import Subspace
+
+Array = NDArray[np.float64]
+RATIO = 1.2  # of the standard deviations: above it, intervals are of another question
+UNNAMED = 6  # blocks in a sentence
+
+
+@dataclass(frozen=True, eq=False)
+class Conditioning:
+    """What is held fixed, and Laplace's standard deviations with and without it, (k,) each."""
+
+    labels: tuple[str, ...]
+    held: tuple[str, ...]  # `betas`, `66 of the 72 numbers of pose`
+    count: int  # numbers that are held
+    given: tuple[str, ...]  # blocks that are no unknowns of the problem
+    conditional: Array  # standard deviations with these held
+    marginal: Array  # and with all free numbers free; infinite where the residuals say nothing
+
+    @property
+    def ratios(self) -> Array:
+        """Marginal over conditional standard deviation, (k,); 1 where nothing is held."""
+        return np.asarray(self.marginal / self.conditional)
+
+    @property
+    def holds(self) -> bool:
+        """Whether no interval is narrower by more than a factor of 1.2 for what is held."""
+        return bool((self.ratios <= RATIO).all())
+
+    @property
+    def worst(self) -> int:
+        """The entry with the largest ratio."""
+        return int(np.argmax(self.ratios))
+
+    @property
+    def what(self) -> str:
+        """The names of what is held."""
+        if len(self.held) > UNNAMED:
+            return f"{', '.join(self.held[:UNNAMED])} and {len(self.held) - UNNAMED} blocks more"
+        return " and ".join([", ".join(self.held[:-1]), self.held[-1]][len(self.held) < 2 :])
+
+    def __str__(self) -> str:
+        if not self.count:
+            return "Held fixed: nothing; every free number is sampled or integrated out."
+        numbers = "1 number" if self.count == 1 else f"{self.count:,} numbers"
+        return f"Held fixed: {self.what} ({numbers}). {self.wider}."
+
+    @property
+    def wider(self) -> str:
+        """How much, in a sentence without its full stop."""
+        i = self.worst
+        if np.isinf(self.ratios[i]):
+            return (
+                f"With these free as well, the residuals do not determine {self.labels[i]} at all: "
+                "its standard deviation is infinite"
+            )
+        return (
+            f"With these free as well, standard deviations are up to {self.ratios[i]:.3g} times as "
+            f"large ({self.labels[i]}, by J'J)"
+        )
+
+    @property
+    def failed(self) -> str:
+        """Why intervals are not usable, and what to do."""
+        return (
+            f"these draws hold {self.what} fixed, as if known exactly. {self.wider}; at most "
+            f"{RATIO} is allowed. Name these blocks too, or integrate them out (`--conditional`, "
+            "in Python rest=conditional)"
+        )
+
+
+def conditioning(problem: Problem, given: Array, space: Subspace, z: Array) -> Conditioning:
+    """What a subspace holds fixed, and what that does to the spread at z (k,).
+
+    Entries between two bounds have at most the spread of a uniform distribution there; those with
+    equal bounds, and what equations tie, are not free in the marginal either.
+    """
+    x = space.points(z[None])[0]
+    here = problem.linearize_at(x, given)
+    span = np.hstack([space.along, space.rest])
+    held = np.flatnonzero(~(span != 0).any(axis=1))
+    width = problem.upper - problem.lower
+    boxed = np.isfinite(width) & (width > 0)
+    J = np.vstack(
+        [
+            here.jacobian,
+            np.diag(np.where(boxed, np.sqrt(12) / np.where(boxed, width, 1.0), 0.0))[boxed],
+        ]
+    )
+    if span.shape[1] + len(held) == problem.free.size:
+        others = np.eye(problem.free.size)[:, held[width[held] > 0]]
+    else:  # directions, which entries do not complete
+        others = scipy.linalg.null_space(span.T)
+    there = problem.stacked_constraints
+    if there is not None and there.equal.any() and others.shape[1]:
+        A = there.linearize(x, given).jacobian[there.equal]
+        others = others @ scipy.linalg.null_space(A @ others)
+    count = problem.free.size - span.shape[1]
+    conditional = _deviations(J @ span)[: space.size]
+    marginal = _deviations(J @ np.hstack([span, others]))[: space.size] if count else conditional
+    return Conditioning(
+        space.labels, _named(problem, held, count), count, problem.fixed.names, conditional,
+        np.maximum(marginal, conditional),
+    )  # fmt: skip
+
+
+def _deviations(J: Array) -> Array:
+    """The square roots of the diagonal of (J'J)^-1, infinite where J says nothing."""
+    return np.asarray(np.sqrt(np.diag(Linearization(np.zeros(len(J)), J).covariance)))
+
+
+def _named(problem: Problem, held: NDArray[np.int64], count: int) -> tuple[str, ...]:
+    names = []
+    for name, place in problem.free.slices.items():
+        size = place.stop - place.start
+        here = int(np.sum((held >= place.start) & (held < place.stop)))
+        if here:
+            names.append(name if here == size else f"{here} of the {size} numbers of {name}")
+    left = count - len(held)
+    ways = "1 direction" if left == 1 else f"{left} directions"
+    return (*names, ways) if left else tuple(names)

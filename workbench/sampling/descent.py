@@ -1,0 +1,173 @@
+"""A minimum of the cost in what is sampled, and Laplace's approximation there."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.optimize
+from numpy.typing import NDArray
+
+from workbench.errors import WorkbenchError
+from workbench.sampling.feasible import outside_said
+from workbench.sampling.subspace import Improper
+from workbench.sampling.target import Target
+
+Array = NDArray[np.float64]
+Vector = Callable[[Array], Array]
+SETTLED = 0.1  # of the cost that the linear model still promises: less, and it is a minimum
+AT_A_BOUND = 1e-6  # of the scale of an entry: it is held there
+
+
+class NoMinimum(WorkbenchError):
+    """A search that ended where constraints are violated."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mode:
+    """A minimum of the cost in z, and Laplace's approximation there."""
+
+    z: Array  # (k,)
+    cost: float
+    half: Array  # (k, k): half @ half.T is the covariance
+    log_mass: float  # log of its integral, up to the constant that all share
+    share: float = 1.0  # of the mass of all modes
+    found: int = 1  # how many searches ended here
+    settled: bool = True  # whether the linear model promises next to nothing more
+
+    def away(self, z: Array) -> float:
+        """How many standard deviations a point is away, as a root mean square over entries."""
+        return float(np.linalg.norm(np.linalg.solve(self.half, z - self.z)) / np.sqrt(len(z)))
+
+
+def descended(target: Target, start: Array) -> Mode:
+    """The minimum that least squares reaches from z = start, inside bounds and constraints.
+
+    Raises Improper where a direction is held by nothing, and NoMinimum where no point that
+    meets the constraints is reached.
+    """
+    problem, space = target.problem, target.subspace
+
+    def residual(z: Array) -> Array:
+        return problem.residual(_x(target, z), target.fixed)
+
+    def jacobian(z: Array) -> Array:
+        return problem.linearize_at(_x(target, z), target.fixed).jacobian @ space.along
+
+    low, high = box(target)
+    gap = 1e-10 * np.maximum(1.0, abs(start))
+    thin = high - low <= 4 * gap  # trf wants room
+    start = np.where(thin, start, np.clip(start, low + gap, high - gap))
+    wide = np.where(thin, -np.inf, low), np.where(thin, np.inf, high)
+    ended = scipy.optimize.least_squares(
+        residual, start, jacobian, bounds=wide, x_scale="jac", max_nfev=200
+    )
+    z, settled = np.asarray(ended.x), True
+    if problem.stacked_constraints is None or target.allows(space.points(z[None]))[0]:
+        settled = _promise(residual(z), jacobian(z), z, low, high) < SETTLED
+    else:
+        z = _constrained(target, start, residual, jacobian)
+    half = covariance_half(target, jacobian(z))
+    cost = 0.5 * float(np.sum(residual(z) ** 2))
+    log_det = np.linalg.slogdet(half)[1]
+    return Mode(z, cost, half, float(log_det - cost), settled=settled)
+
+
+def box(target: Target) -> tuple[Array, Array]:
+    """The bounds of z, (k,) each; infinite where z are directions and no entries."""
+    space, problem = target.subspace, target.problem
+    if space.entries is None:
+        return np.full(space.size, -np.inf), np.full(space.size, np.inf)
+    return problem.lower[space.entries], problem.upper[space.entries]
+
+
+def covariance_half(target: Target, J: Array) -> Array:
+    """Of (J'J)^-1; a bound on both sides counts as a uniform distribution's variance."""
+    return inverse_half(target, np.vstack([J, bound_rows(target, np.sqrt(12))]))
+
+
+def bound_rows(target: Target, scale: float) -> Array:
+    """For every entry with two bounds, a row that weighs it by `scale` over their distance."""
+    low, high = box(target)
+    width = high - low
+    known = np.isfinite(width) & (width > 0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.diag(np.where(known, scale / width, 0.0))[known])
+
+
+def inverse_half(target: Target, J: Array) -> Array:
+    """A half (k, k) with half half' = (J'J)^-1. Raises Improper if J has no full rank."""
+    space = target.subspace
+    _, s, Vt = np.linalg.svd(J, full_matrices=False)
+    if len(s) < space.size or s.min() <= np.finfo(float).eps * max(J.shape) * s.max():
+        label = space.labels[int(np.argmax(abs(Vt[-1])))]
+        raise Improper(
+            f"nothing holds a direction with {label}: its posterior has no width. Add a prior or "
+            "bounds, or fix it; `workbench diagnose` names all such directions"
+        )
+    return np.asarray(Vt.T / s)
+
+
+def into_bounds(target: Target, allowed: Array, z: Array) -> Array:
+    """z, or so much of the way to it from an allowed point that it has a density."""
+    for _ in range(60):
+        if np.isfinite(target(z[None])[0]):
+            return z
+        z = allowed + 0.5 * (z - allowed)
+    return allowed.copy()
+
+
+def _x(target: Target, z: Array) -> Array:
+    return np.asarray(target.subspace.points(z[None])[0])
+
+
+def _constrained(target: Target, start: Array, residual: Vector, jacobian: Vector) -> Array:
+    """The minimum from there by SciPy's SLSQP, in units of the Jacobian's columns."""
+    space, there = target.subspace, target.problem.stacked_constraints
+    assert there is not None
+    moving = ~there.equal  # an equation between numbers that stay is no matter of z
+    lengths = np.linalg.norm(jacobian(start), axis=0)
+    scale = 1 / np.where(lengths > 0, lengths, 1.0)
+    low, high = there.lower[moving], there.upper[moving]
+    below, above = np.isfinite(low), np.isfinite(high)
+
+    def margins(u: Array) -> Array:
+        c = there.values(_x(target, start + scale * u), target.fixed)[moving]
+        return np.concatenate([(c - low)[below], (high - c)[above]])
+
+    def slopes(u: Array) -> Array:
+        x = _x(target, start + scale * u)
+        A = there.linearize(x, target.fixed).jacobian[moving] @ space.along * scale
+        return np.concatenate([A[below], -A[above]])
+
+    def cost(u: Array) -> float:
+        return 0.5 * float(np.sum(residual(start + scale * u) ** 2))
+
+    def gradient(u: Array) -> Array:
+        z = start + scale * u
+        return np.asarray(scale * (jacobian(z).T @ residual(z)))
+
+    least, most = ((side - start) / scale for side in box(target))
+    ended = scipy.optimize.minimize(
+        cost, np.zeros(len(start)), method="SLSQP", jac=gradient,
+        bounds=scipy.optimize.Bounds(least, most),
+        constraints=scipy.optimize.NonlinearConstraint(margins, 0.0, np.inf, jac=slopes),
+        options={"maxiter": 500, "ftol": 1e-10},
+    )  # fmt: skip
+    z = np.asarray(start + scale * ended.x)
+    if not target.allows(space.points(z[None]))[0]:
+        raise NoMinimum(
+            "no point next to the start meets the constraints "
+            f"({outside_said(target.problem, target.fixed, _x(target, z))}); solve the problem "
+            "with a solver that takes constraints, and start at its answer"
+        )
+    return z
+
+
+def _promise(r: Array, J: Array, z: Array, low: Array, high: Array) -> float:
+    """By how much the linear model says that the cost can still fall, entries at bounds held."""
+    near = AT_A_BOUND * np.maximum(1.0, abs(z))
+    free = (z - low > near) & (high - z > near)
+    if not free.any() or not np.isfinite(J).all():
+        return 0.0 if not free.any() else np.inf
+    step = np.linalg.lstsq(J[:, free], -r)[0]
+    return 0.5 * float(np.sum((J[:, free] @ step) ** 2))

@@ -1,0 +1,70 @@
+"""Which points a problem allows: bounds and constraints, as a posterior meets them."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.errors import NotSupported
+from workbench.problem import Problem
+from workbench.sampling.subspace import Subspace
+
+Array = NDArray[np.float64]
+NUDGED = 1e-3  # of the size of an entry: far enough from a point where a derivative vanishes
+
+
+def inside(problem: Problem, given: Array, x: Array) -> NDArray[np.bool_]:
+    """Which of the points x (M, n) meet all bounds, and all constraints to their tolerances."""
+    met = np.asarray(((x >= problem.lower) & (x <= problem.upper)).all(axis=1))
+    there = problem.stacked_constraints
+    if there is not None:
+        for i in np.flatnonzero(met):
+            met[i] = there.missed(there.values(x[i], given)) <= 1.0
+    return met
+
+
+def outside_said(problem: Problem, given: Array, x: Array) -> str:
+    """The first bound or the worst constraint that a point x (n,) misses, in words; "" if none."""
+    out = np.flatnonzero((x < problem.lower) | (x > problem.upper))
+    if out.size:
+        i = int(out[0])
+        limits = f"{problem.lower[i]:g} to {problem.upper[i]:g}"
+        return f"{problem.free.label(i)} is {x[i]:g}, outside its bounds of {limits}"
+    there = problem.stacked_constraints
+    if there is not None:
+        values = there.values(x, given)
+        if there.missed(values) > 1.0:
+            return there.worst(values)
+    return ""
+
+
+def refuse_flat(problem: Problem, given: Array, space: Subspace) -> None:
+    """Raise NotSupported if an equation reads what is drawn, or bounds leave an entry one number.
+
+    The points that meet an equation have no volume in the space of the draws, so a density on them
+    is none in that space, and no proposal ever lands on them. An equation between numbers that
+    all stay where they are is no obstacle. Whether it reads what moves is asked of its Jacobian at
+    three points, for at a single one a derivative may vanish.
+    """
+    if space.entries is not None:
+        pinned = np.flatnonzero((problem.lower == problem.upper)[space.entries])
+        if pinned.size:
+            raise NotSupported(
+                f"{space.labels[int(pinned[0])]} has equal bounds, so there is nothing to draw; "
+                "name the other entries alone, or widen its bounds"
+            )
+    there = problem.stacked_constraints
+    if there is None or not there.equal.any():
+        return
+    moves = np.hstack([space.along, space.rest])
+    rng = np.random.default_rng(0)
+    read = np.zeros(there.size, dtype=bool)
+    for size in (0.0, NUDGED, NUDGED):
+        x = space.origin + size * (1 + abs(space.origin)) * rng.standard_normal(len(space.origin))
+        read |= (there.linearize(x, given).jacobian @ moves != 0).any(axis=1)
+    wrong = np.flatnonzero(read & there.equal)
+    if wrong.size:
+        raise NotSupported(
+            f"constraint {there.label(int(wrong[0]))} is an equation that depends on what is to "
+            "be drawn; the points that meet it have no volume, so no draw can lie on it. Replace "
+            "it by a residual with a sigma that says how exactly it holds, or draw entries that "
+            "it does not depend on"
+        )

@@ -1,0 +1,32 @@
+"""Rotation vectors among what is sampled, and the shortest ones of the same rotations."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.sampling.target import Target
+
+Array = NDArray[np.float64]
+
+
+def shortest(target: Target, z: Array) -> Array:
+    """z (k,) with rotation vectors beyond half a turn replaced by those of the same rotations.
+
+    Rotation vectors are the rows of the poses of the problem's bodies; one of which only a part is
+    sampled stays as it is, and so does one whose bounds forbid the shorter vector.
+    """
+    space, problem = target.subspace, target.problem
+    if space.entries is None:
+        return z
+    x, sampled = space.points(z[None])[0], np.isin(np.arange(problem.free.size), space.entries)
+    for tree in problem.trees:
+        if tree.pose not in problem.free.names:
+            continue
+        place = problem.free.slices[tree.pose]
+        for i in range(place.start, place.stop, 3):
+            row = slice(i, i + 3)
+            length = float(np.linalg.norm(x[row]))
+            if length > np.pi and sampled[row].all():
+                shorter = x[row] * (1 - 2 * np.pi * np.round(length / (2 * np.pi)) / length)
+                if ((shorter >= problem.lower[row]) & (shorter <= problem.upper[row])).all():
+                    x[row] = shorter
+    return np.asarray(x[space.entries])
