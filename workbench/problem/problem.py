@@ -47,8 +47,8 @@ class Problem:
     come with the bodies' points; `blocks` adds those of others. A problem is never changed;
     `freeing` makes another.
 
-    Raises DuplicateResidual, TwoSymbolsOneName, UnknownName (UnreadBlock for a block of `blocks`
-    that nobody reads), BadBounds, NotNumbers, BadResidual, or BadArgument for names that are none.
+    Raises DuplicateResidual, TwoSymbolsOneName, UnknownName, UnreadBlock, BadBounds, NotNumbers,
+    BadResidual, or BadArgument for names that are none.
     """
 
     def __init__(
@@ -259,14 +259,9 @@ class Problem:
     @cached_property
     def _blocks(self) -> dict[str, Block]:
         """Every block that is read, by name, the best known description of each."""
-        described = {
-            b.symbol.__hash__(): b
-            for b in (
-                *(b for r in self.residuals for b in r.blocks),
-                *self._named,
-                *(b for p in self._points_of_all for b in p.source.blocks),
-            )
-        }
+        of_residuals = (b for r in self.residuals for b in r.blocks)
+        of_points = (b for p in self._points_of_all for b in p.source.blocks)
+        described = {b.symbol.__hash__(): b for b in (*of_residuals, *self._named, *of_points)}
         placeholders = {p.symbol.__hash__() for p in self._points_of_all}
         stacked = cs.vertcat(self._whitened, *(c.expression for c in self.constraints))
         found = [s for s in cs.symvar(stacked) if s.__hash__() not in placeholders]
