@@ -155,8 +155,8 @@ def by_cameras(which):
 
 
 # %% [markdown]
-# `keypoints` is the residual: model minus observation in pixels, times how sure the detector is (here
-# 1), over sigma. One camera, from the front, and the same start as before:
+# `keypoints` is the residual: model minus observation in pixels, times the root of how sure the
+# detector is (here 1), over sigma. One camera, from the front, and the same start as before:
 
 # %%
 one, numbers = by_cameras([0])

@@ -43,6 +43,14 @@ def test_every_kind_of_question_is_counted(tmp_path: Path) -> None:
     assert slide().problem.residual(x, fixed).size == problem.size
 
 
+def test_a_wrong_call_is_told_by_the_name_that_was_called(tmp_path: Path) -> None:
+    """Not by that of the function which counts in its place."""
+    problem = watched(tmp_path)[0].watched()
+    for name in ("residual", "linearize_at", "cost_and_gradient", "hessian_at", "costs"):
+        with pytest.raises(TypeError, match=rf"^Problem\.{name}\(\) missing"):
+            getattr(problem, name)()
+
+
 def test_a_trace_holds_improvements_only_and_the_best_point_is_a_copy(tmp_path: Path) -> None:
     watch, log = watched(tmp_path)
     problem = watch.watched()

@@ -131,21 +131,26 @@ class Watch:
             sizes = problem.free.size, problem.fixed.size
             return WatchedFunction(built, sizes, call, cost or _nothing, self._log.taken)
 
-        copied = copy.copy(problem)
-        vars(copied).update(  # methods and graphs of this one copy
+        methods: dict[str, Any] = dict(
             residual=asked("residual", half_squared, problem.residual),
             cost_and_gradient=asked("gradient", lambda both: both[0], problem.cost_and_gradient),
             linearize_at=linearized,
             hessian_at=hessian,
             costs=costs,
             slopes=slopes,
+            freeing=freeing,
+            without=lambda *names: self._copied(problem.without(*names), None),
+        )
+        for name, method in methods.items():  # so that a wrong call is told by the name it used
+            method.__qualname__ = f"Problem.{name}"
+        copied = copy.copy(problem)
+        vars(copied).update(  # methods and graphs of this one copy
+            methods,
             function=graph("residual", lambda: problem.function, _half_squared),
             derivative=graph("jacobian", lambda: problem.derivative, _half_squared),
             adjoint=graph("gradient", lambda: problem.adjoint, _plain),
             hessian=graph("hessian", lambda: problem.hessian, None),
             stacked_constraints=self._constraints(problem.stacked_constraints),
-            freeing=freeing,
-            without=lambda *names: self._copied(problem.without(*names), None),
         )
         return copied
 
