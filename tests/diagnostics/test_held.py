@@ -16,6 +16,7 @@ from workbench import (
     solve,
 )
 from workbench.bodies.catalogue import load_body
+from workbench.diagnostics import Comparison
 from workbench.diagnostics.identifiability import Verdict
 
 X = Block("x", (2,))
@@ -46,6 +47,13 @@ def test_without_it_the_direction_is_not_noticed() -> None:
     assert len(d.null_directions) == 1
     assert np.isinf(d.identifiability.sigma).all()
     assert "constraint" not in d.report()
+
+
+def test_a_comparison_says_what_a_constraint_gains() -> None:
+    held = at(Constraint("equal", X.symbol[0] - X.symbol[1], 0, 0))
+    assert len(Comparison(at(), held).gained) == 1
+    assert Comparison(at(), held).lost == ()
+    assert len(Comparison(held, at()).lost) == 1
 
 
 def test_an_inequality_counts_where_it_holds() -> None:

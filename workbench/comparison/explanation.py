@@ -111,10 +111,10 @@ def _weak(seen: Diagnosis, data: Problem, whole: Problem) -> tuple[Direction, ..
     """The weak directions of the data, as vectors of all free numbers."""
     if seen.here.estimated or not seen.here.finite:
         return ()
-    s = seen.singular_values
+    s = seen.here.svd[0]
     thin = max(THIN * float(np.median(s)), min(HARDLY, THIN * float(s.max(initial=0.0))))
     dictionary = motions(data.free, data.trees, seen.structure.pattern)
-    found = list(directions(seen.here, data.free, dictionary, max(thin, seen.tolerance)))
+    found = list(directions(seen.here, data.free, dictionary, max(thin, seen.here.tolerance)))
     for k, direction in enumerate(found):
         vector = np.zeros(whole.free.size)
         for name in data.free.names:

@@ -101,7 +101,8 @@ def _seen_by(one: Diagnosis, other: Diagnosis) -> tuple[Direction, ...]:
         if not set(labels) <= set(where):
             continue
         v[[where[label] for label in labels]] = direction.vector[entries]
-        if np.linalg.norm(one.here.along(v)) > 1e3 * one.tolerance:
+        here = one.point.tied.stacked  # what a constraint forbids is seen as well
+        if np.linalg.norm(here.along(v)) > 1e3 * here.tolerance:
             found.append(direction)
     return tuple(found)
 
