@@ -91,7 +91,11 @@ def test_the_law_the_singular_values_and_the_names_agree_on_any_tree(batch: int)
             V = np.linalg.qr(np.column_stack([d.vector for d in found]))[0]
             null = Vt[rank:].T
             sine = np.linalg.norm(null - V @ (V.T @ null), 2)
-            assert np.degrees(np.arcsin(min(1.0, sine))) < 1e-8, (batch, case)
+            # null spaces of matrices that differ by rounding, eps max(m, n) s_1 at most, differ by
+            # an angle of sine eps max(m, n) s_1 / s_r (Wedin 1972), on any processor; linear
+            # programs and what is rounded in between cost 20 times that at the worst of 200 cases
+            rounding = np.finfo(float).eps * max(J.shape) * s[0] / s[max(rank, 1) - 1]
+            assert sine < 1000 * rounding, (batch, case)
 
 
 def test_the_words_of_the_law_add_up_to_the_law() -> None:
