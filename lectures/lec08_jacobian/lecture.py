@@ -106,7 +106,8 @@ Picture(
 # %% [markdown]
 # Forty, and then a cliff of more than twelve decades. Where is the border, in numbers with rounding? The
 # library asks how large a singular value can be that is zero but for rounding: about the largest one
-# times the machine's precision times the size of the matrix.
+# times the machine's precision times the size of the matrix. It first gives every column the length 1,
+# so that the unit of an unknown has no say.
 
 # %%
 source(wb.Linearization.tolerance)

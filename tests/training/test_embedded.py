@@ -15,7 +15,7 @@ from scipy.sparse import csr_array
 from scipy.spatial.transform import Rotation
 
 import workbench
-from workbench.bodies.embedded import read_embedded
+from workbench.bodies.embedded import SYNTHETIC, read_embedded
 from workbench.errors import BadFile
 from workbench.geometry.solids import volume
 from workbench.training.embedded.packing import (
@@ -388,7 +388,7 @@ def test_packing_round_trip(tmp_path: Path, small, mirror: Mirror) -> None:  # t
     assert back["landmarks"]["coco"][0] == names
     assert np.array_equal(back["landmarks"]["coco"][1].toarray(), coco.toarray())
     assert back["parents"] == PARENTS
-    assert back["card"] == {"name": "round trip", "ü": [1.5]}
+    assert back["card"] == {"synthetic": SYNTHETIC, "name": "round trip", "ü": [1.5]}
 
 
 def test_shares_sum_to_one_and_stay_alike_on_both_sides() -> None:

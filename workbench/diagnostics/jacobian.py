@@ -10,6 +10,7 @@ import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csc_array, csr_array, issparse
 
+from workbench.blocks import Layout
 from workbench.errors import WorkbenchError
 from workbench.problem import Problem
 from workbench.problem.steps import EPS, UNEVEN
@@ -233,12 +234,17 @@ def _by_jacobi(R: Array) -> tuple[Array, Array]:
 
 
 def jacobian_at(problem: Problem, at: Mapping[str, ArrayLike]) -> Jacobian:
-    """By the chain rule where it fits as a dense array, from the whole graph where it does not."""
+    """By the chain rule where it fits as a dense array, from the whole graph where it does not.
+
+    Columns that are nothing but rounding errors are zero in it: see `only_rounding`.
+    """
     x, fixed = problem.split(at)
     m, n = problem.size, problem.free.size
     if m * n <= DENSE_UP_TO:
         here = problem.linearize(at)
-        return Jacobian(here.residual, here.jacobian)
+        noise = only_rounding(here.column_norms, problem.free, m)
+        matrix = np.where(noise, 0.0, here.jacobian) if noise.any() else here.jacobian
+        return Jacobian(here.residual, matrix)
     if n > WIDE:
         raise WorkbenchError(
             f"a Jacobian of {m} x {n} is more than the diagnosis can look at; up to {WIDE} "
@@ -248,6 +254,23 @@ def jacobian_at(problem: Problem, at: Mapping[str, ArrayLike]) -> Jacobian:
     starts, rows = J.sparsity().get_ccs()
     entries = np.asarray(J.nonzeros())
     return Jacobian(np.asarray(r).ravel(), csc_array((entries, rows, starts), shape=J.shape))
+
+
+def only_rounding(lengths: Array, free: Layout, m: int) -> NDArray[np.bool_]:
+    """Which columns, of these lengths (n,) in m rows, may be nothing but rounding errors, (n,).
+
+    Entries of one unit can be compared: a column is, if it is below eps max(m, n) of the longest
+    of its unit. Entries without a unit cannot; there, and everywhere, it is if it changes a row
+    by less than the rounding error of one sigma, or of the longest column if that is shorter.
+    """
+    units = np.array([block.unit for block in free.blocks for _ in range(block.size)])
+    longest = float(lengths.max(initial=0.0))
+    least = np.full(lengths.shape, 10 * EPS * np.sqrt(m) * min(1.0, longest))
+    for unit in set(units.tolist()) - {"1"}:
+        alike = units == unit
+        own = EPS * max(m, len(lengths)) * float(lengths[alike].max())
+        least[alike] = np.maximum(least[alike], own)
+    return np.asarray((lengths > 0) & (lengths <= least))
 
 
 def pattern_of(function: cs.Function) -> csc_array:

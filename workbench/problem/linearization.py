@@ -61,15 +61,21 @@ class Linearization:
         """`U, s, Vt` of the Jacobian, thin: s (k,) falls, the rows of Vt (k, n) are directions."""
         return np.linalg.svd(self.jacobian, full_matrices=False)
 
+    @cached_property
+    def singular_values(self) -> Array:
+        """Of the Jacobian with columns of length 1, (k,): so no unknown's unit matters."""
+        return np.asarray(np.linalg.svd(self.triangle[1], compute_uv=False), dtype=float)
+
+    @property
+    def tolerance(self) -> float:
+        """The singular value below which a direction counts as unseen: eps max(m, n) s_1."""
+        s = self.singular_values
+        return float(EPS * max(self.jacobian.shape) * s.max(initial=0.0))
+
     @property
     def rank(self) -> int:
-        """How many directions the residual notices.
-
-        Singular values of the Jacobian with columns of length 1 that are above eps max(m, n) of
-        the largest: an unknown is not unseen for the unit that it is given in.
-        """
-        s = np.linalg.svd(self.triangle[1], compute_uv=False)
-        return int(np.sum(s > EPS * max(self.jacobian.shape) * s.max(initial=0.0)))
+        """How many directions the residual notices."""
+        return int(np.sum(self.singular_values > self.tolerance))
 
     @cached_property
     def triangle(self) -> tuple[Array, Array, Array]:

@@ -148,6 +148,7 @@ SAYS = {
 }
 
 GIVEN = (
+    "It first gives every column the length 1",
     "If $J p = 0$, no equation notices.",
     "for $\\omega \\times e = 0$ where",
     "between 0 and 1. The sum of all shares",

@@ -4,6 +4,7 @@ import numpy as np
 
 from tests.lectures.numerals import above
 from tests.lectures.prose import Run
+from workbench.comparison.prices import prices as published
 
 GN, LM, DOGLEG, LBFGS = range(4)  # the columns of the lecture's tables
 
@@ -98,9 +99,27 @@ SAYS = {
         ended(run, problem, LBFGS)[1] < 1e-16 and ended(run, problem, LBFGS)[2] == "STALLED"
         for problem in ("rosenbrock", "helical-valley")
     ),
-    "More than two thousand times the least cost, and `CONVERGED`.": lambda run: (
+    "three of the four say `CONVERGED` at a cost of 24.5, where 0 is to be had": lambda run: (
+        [ended(run, "freudenstein-roth", k)[2] for k in range(4)].count("CONVERGED") == 3,
+        *{round(ended(run, "freudenstein-roth", k)[1], 1) for k in (LM, DOGLEG, LBFGS)},
+        round(run["setups"]["freudenstein-roth"].known.cost),
+    ),
+    "Gauss-Newton leaps to where the gradient vanishes because some unknowns no longer change the "
+    "residual at all, at more than two thousand times the least cost. The workbench remembers that they "
+    "did and says `LOST`": lambda run: (
         above(ended(run, "bard-far", GN)[1] / run["setups"]["bard-far"].known.cost),
-        ended(run, "bard-far", GN)[2] == "CONVERGED",
+        ended(run, "bard-far", GN)[2] == "LOST",
+        run["solutions"]["bard-far", run["NAMES"][GN]].optimality < 1e-6,
+    ),
+    "which promises 95 % whatever the share is and is wider for it": lambda run: (
+        95 if run["worst"](run["rate"], 3) >= 0.95 > run["worst"](run["wilson"], 3) else 0
+    ),
+    "its prices are printed: 4 for a gradient as here, 1 + 1.5 n for residual and Jacobian": (
+        lambda run: (
+            published(9)["gradient"],
+            published(0)["jacobian"],
+            published(1)["jacobian"] - published(0)["jacobian"],
+        )
     ),
     "a residual costs 1, a gradient 4 (": prices,
     "Left: all arrive, and who is ahead changes on the way. Right: two arrive": lambda run: (
@@ -155,6 +174,10 @@ SAYS = {
 }
 
 GIVEN = (
+    "Ten starts of one problem are not ten problems",
+    "Wilson's interval covers the truth in 95 % of the cases *on average*",
+    "`rate` is the interval of Clopper and Pearson (1934)",
+    "Griewank and Walther (*Evaluating Derivatives*, 2008)",
     "Below 1e-16 is drawn at 1e-16.",
     "and $z = 1.96$, Wilson's interval",
     "shrinks to a point: at 0 and at $n$ successes",
