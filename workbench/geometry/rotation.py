@@ -93,3 +93,13 @@ def nearest_rotation(M: ArrayLike) -> NDArray[np.float64]:
     signs = np.ones(U.shape[:-1])
     signs[..., 2] = np.linalg.det(U @ Vt)
     return np.asarray((U * np.sign(signs)[..., None, :]) @ Vt)
+
+
+def shortest(rotations: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The same rotations by vectors (..., 3) rad of at most pi: theta - 2 pi k theta / |theta|.
+
+    At |theta| = 2 pi the exponential map has rank 1: whoever comes near sits there for ever.
+    """
+    angles = np.linalg.norm(rotations, axis=-1, keepdims=True)
+    turns = np.round(angles / (2 * np.pi))
+    return np.asarray(rotations * (1 - 2 * np.pi * turns / np.where(angles > 0, angles, 1.0)))

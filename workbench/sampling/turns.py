@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.geometry import rotation
 from workbench.sampling.target import Target
 
 Array = NDArray[np.float64]
@@ -26,7 +27,7 @@ def shortest(target: Target, z: Array) -> Array:
             row = slice(i, i + 3)
             length = float(np.linalg.norm(x[row]))
             if length > np.pi and sampled[row].all():
-                shorter = x[row] * (1 - 2 * np.pi * np.round(length / (2 * np.pi)) / length)
+                shorter = rotation.shortest(x[row])
                 if ((shorter >= problem.lower[row]) & (shorter <= problem.upper[row])).all():
                     x[row] = shorter
     return np.asarray(x[space.entries])

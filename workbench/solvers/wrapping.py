@@ -5,20 +5,11 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.geometry.rotation import shortest
 from workbench.problem import Problem
 
 Array = NDArray[np.float64]
 BEYOND = np.pi * (1 + 1e-6)  # at half a turn exactly there are two, and no reason to change
-
-
-def shortest(rotations: Array) -> Array:
-    """The same rotations by vectors (..., 3) rad of at most pi: theta - 2 pi k theta / |theta|.
-
-    At |theta| = 2 pi the exponential map has rank 1: whoever comes near sits there for ever.
-    """
-    angles = np.linalg.norm(rotations, axis=-1, keepdims=True)
-    turns = np.round(angles / (2 * np.pi))
-    return np.asarray(rotations * (1 - 2 * np.pi * turns / np.where(angles > 0, angles, 1.0)))
 
 
 def rewrapped(problem: Problem, x: Array, is_free: Callable[[Array], bool]) -> Array:
