@@ -19,7 +19,10 @@ from workbench.writing import replacing
 class Status(Enum):
     """How a solve ended; the value says what to do next."""
 
-    CONVERGED = "the gradient vanishes here: a minimum, or seldom a saddle point or a maximum"
+    CONVERGED = (
+        "the gradient vanishes here, as at a minimum; it would also vanish at a saddle point or a "
+        "maximum"
+    )
     STALLED = "no step lowers the cost although the gradient does not vanish; diagnose the problem"
     LOST = (
         "the residual no longer notices some unknowns, although it did on the way, so that nothing "
