@@ -26,7 +26,7 @@ problem = wb.Problem([decay, vague], free=["w"], blocks=[w])
 
 solution = wb.solve(problem, {"w": np.array([1.0, 1.0, 0.0])})
 approximation = wb.laplace(problem, solution.values, "w")
-posterior = wb.sample(problem, solution.values, "w", walkers=16, steps=5000, seed=0)
+posterior = wb.sample(problem, solution.values, "w", walkers=16, steps=15_000, seed=0)
 by_draws, by_laplace = posterior.interval(0.9), approximation.interval(0.9)  # (3, 2)
 middle = np.median(posterior.flat, axis=0)
 lean = (by_draws[:, 1] - middle) / (middle - by_draws[:, 0])  # 1 for what is symmetric

@@ -53,6 +53,20 @@ def test_rounding_that_hides_an_unknown_excuses_nothing() -> None:
     assert problem.optimality(at, problem.linearize_at(at, fixed)) == 0
 
 
+def test_one_who_takes_the_rounding_errors_of_a_hidden_one_has_not_converged_either() -> None:
+    """x is off by its last bit, and y at its best for that x: 0.1 from where it belongs."""
+    x, y = Block("x").symbol, Block("y").symbol
+    A = np.array([[1.0, 0.5], [0.0, 1.0], [1.0, -2.0]])
+    problem = Problem((Residual("r", A @ cs.vertcat(1e15 * (x - 1), y - 2), 1.0),), ("x", "y"))
+    off = 1e15 * (np.nextafter(1.0, 2.0) - 1.0)
+    best = 2.0 - off * float(A[:, 0] @ A[:, 1] / (A[:, 1] @ A[:, 1]))
+    values = {"x": np.nextafter(1.0, 2.0), "y": best}
+    at, fixed = problem.split(values)
+    assert abs(best - 2.0) > 0.05
+    here = problem.linearize_at(at, fixed)
+    assert problem.optimality(at, here, rounding(problem, **values)) > 0.1
+
+
 @pytest.mark.parametrize("constant", [1.0, 1e6, 1e12])
 def test_a_constant_row_says_nothing_about_how_near_a_minimum_is(constant: float) -> None:
     x = Block("x").symbol

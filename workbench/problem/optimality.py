@@ -49,10 +49,7 @@ def optimality(
                      here.constraints, scale)  # fmt: skip
     way = np.abs(d)
     if rounding is not None:
-        error = support.norms(rounding.rows)
-        if here.constraints is not None:  # they carry the error of one number to another
-            error = np.full_like(x, rounding.norm)
-        way = np.maximum(way - np.where(_harmless(error, x, norms), error, 0.0), 0.0)
+        way = np.maximum(way - excused(x, here, support, rounding), 0.0)
     sizes = np.maximum(support.norms(r), min(float(np.linalg.norm(r)), 1.0))
     missed = (way > 0) & (sizes == 0)  # a constraint, where there is no residual
     return (
@@ -60,20 +57,36 @@ def optimality(
     )
 
 
-def _harmless(error: Array, x: Array, norms: Array) -> NDArray[np.bool_]:
-    """Whether rounding errors of so many sigma, (n,), leave each x_i known well enough (n,).
+def excused(x: Array, here: Linearization, support: Support, rounding: Rounding) -> Array:
+    """How much of each d_i, (n,), rounding errors of the rows that x_i can change may explain.
 
-    To a millionth of a sigma, or of x_i itself. Elsewhere rounding hides the minimum, and what it
-    explains is no reason to say that it was found.
+    Nothing where rounding hides an unknown: see `hidden`. There it explains why no better point
+    is seen, and is no reason to say that the minimum was found. The same holds for the unknowns
+    that change the same rows: what they do not take, the hidden one does.
     """
-    return np.asarray((error <= IMMATERIAL) | (error <= IMMATERIAL * norms * np.abs(x)))
+    error = _errors(here, support, rounding)
+    harmful = hidden(x, here, support, rounding) > 0
+    if not harmful.any():
+        return error
+    if here.constraints is not None:
+        return np.zeros_like(error)
+    return np.where(support.norms(support.rows(harmful).astype(float)) > 0, 0.0, error)
 
 
 def hidden(x: Array, here: Linearization, support: Support, rounding: Rounding) -> Array:
-    """By how much rounding leaves each x_i unknown, (n,), in its unit; 0 where that is harmless."""
-    error, norms = support.norms(rounding.rows), here.column_norms
-    left = error / np.where(norms > 0, norms, np.inf)
-    return np.where(_harmless(error, x, norms), 0.0, left)
+    """By how much rounding leaves each x_i unknown, (n,), in its unit; 0 where that is harmless.
+
+    It is harmless up to a millionth of a sigma, or of x_i itself.
+    """
+    error, norms = _errors(here, support, rounding), here.column_norms
+    harmless = (error <= IMMATERIAL) | (error <= IMMATERIAL * norms * np.abs(x)) | (norms == 0)
+    return np.where(harmless, 0.0, error / np.where(norms > 0, norms, 1.0))
+
+
+def _errors(here: Linearization, support: Support, rounding: Rounding) -> Array:
+    if here.constraints is not None:  # they carry the error of one number to another
+        return np.full(len(here.column_norms), rounding.norm)
+    return support.norms(rounding.rows)
 
 
 def _allowed(pull: Array, left: Array, right: Array, there: Constrained, scale: Array) -> Array:

@@ -67,9 +67,13 @@ class Support:
         squares = rows**2
         return np.asarray(np.sqrt((self._groups @ squares)[self._group_of] + self._own @ squares))
 
+    def rows(self, numbers: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """The rows (m,) that some of the free numbers (n,) can change."""
+        read = np.asarray(self._groups[self._group_of[numbers]].any(axis=0))
+        read[self._own[np.flatnonzero(numbers)].indices] = True
+        return read
+
     @cached_property
     def changing(self) -> NDArray[np.bool_]:
         """The rows that any free number can change, (m,)."""
-        read = np.asarray(self._groups.sum(axis=0) > 0)
-        read[self._own.indices] = True
-        return read
+        return self.rows(np.ones(len(self._group_of), dtype=bool))
