@@ -131,8 +131,8 @@ Picture(
 )
 
 # %% [markdown]
-# (The densities are those of the eight, which prefer their own; but a difference of about 30 is a factor
-# of about $e^{30}$.)
+# (The log densities are taken under the mixture of eight, which favours its own samples; but a difference
+# of more than 20 means a factor of more than $e^{20}$.)
 #
 # A **mixture** has $k$ Gaussians with shares $c_j$; its cost is $-\log \sum_j c_j N_j(x)$. That is no
 # sum of squares. SMPLify takes the *least* cost of one component instead of the sum:

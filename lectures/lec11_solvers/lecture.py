@@ -271,7 +271,8 @@ for s, solver in enumerate(NAMES):
 # the problems on which exactly one of the two arrived.
 #
 # Two warnings. Wilson's interval covers the truth in 95 % of the cases *on average* over all true shares;
-# for some of them it covers less. Of three trials, the worst share is covered in how many cases?
+# for some of them it covers less. With three trials, how often does it cover the true share, for the share where
+# it does worst?
 
 
 # %%

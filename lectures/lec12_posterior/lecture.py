@@ -187,8 +187,8 @@ print("those of the grid    ", exact_sd.round(2), "rad")
 
 # %% [markdown]
 # Least squares has found a forearm that points away where it points towards the camera, *at a lower cost than
-# the right one*: no better solver would have helped. And Laplace claims to know the upper arm more than five
-# times, and the forearm more than twice, as well as they are known.
+# the right one*: no better solver would have helped. And Laplace's standard deviation is too small by a
+# factor of more than five for the upper arm, and of more than two for the forearm.
 #
 # ## Draws
 #
@@ -332,8 +332,9 @@ Picture(
 #
 # counted in steps. The mean of $N$ draws is known as well as that of $N / \tau$ independent ones, so that is what
 # the $N$ draws are worth. But $\tau$ itself has to be estimated from the chain, and such an estimate can be
-# believed only if the chain is at least 50 of them long. Besides, several ensembles that began apart must agree.
-# Before both are seen, nothing may be read off. The workbench puts the verdict before the numbers, and refuses
+# believed only if the chain is long enough: at least 50 $\tau$, or, with several ensembles, 20 $\tau$ if the
+# estimate no longer grows. Besides, several ensembles that began apart must agree. Before both are seen,
+# nothing may be read off. The workbench puts the verdict before the numbers, and refuses
 # an interval if it is bad. We ask a chain of 100 steps for one, and then the 3000 steps from above:
 
 # %%

@@ -24,8 +24,8 @@ def test_a_solver_that_failed_a_problem_is_not_advised() -> None:
     found = comparison(runs | slow | slower)
     said = advice(found)
     assert said[0] == (
-        "slow and slower each returned a point within the target τ = 1e-5 from all 8 starts. Not "
-        "from all of them: quick 7 of 8."
+        "slow and slower each returned a point within the target τ = 1e-5 from all 8 starts. The "
+        "others did so from fewer of the 8: quick 7."
     )
     assert any(text.startswith("Of these take slow:") for text in said)
     assert not any("take quick" in text for text in said)

@@ -37,7 +37,7 @@ def test_an_equation_supplies_a_direction() -> None:
     assert d.identifiability.verdicts == (Verdict.IDENTIFIED,) * 2
     assert not d.warnings
     for said in (str(d), d.report()):
-        assert "constraints that hold here forbid 1 direction" in said
+        assert "1 direction is fixed by constraints that are active here" in said
         assert "equal" in said
 
 

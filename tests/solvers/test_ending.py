@@ -9,6 +9,7 @@ import pytest
 from tests.solvers.problems import decay
 from workbench import SOLVERS, Block, Nlopt, Problem, Residual, Solution, Status, solve
 from workbench.errors import NotSupported
+from workbench.experiments import find
 from workbench.experiments.more_wild_observations import MEYER
 
 LOCAL = [name for name in SOLVERS if name != "nlopt-mlsl"]  # which needs bounds
@@ -168,3 +169,17 @@ def test_a_step_that_cannot_be_interrupted_is_not_begun() -> None:
     assert solution.evaluations.gradient == 0
     with pytest.raises(NotSupported):
         Nlopt("GN_DIRECT_L").solve(problem, start)
+
+
+@pytest.mark.parametrize("problem", ["jennrich-sampson", "bard", "box", "osborne-1", "watson-6"])
+def test_from_ten_times_as_far_nobody_claims_what_is_not_so(problem: str) -> None:
+    """Whoever says CONVERGED has no gradient left, rounding errors of the start apart."""
+    setup = find(f"more-wild-{problem}", {}).setup()
+    free = setup.problem.free.names
+    start = {k: 10 * np.asarray(v) if k in free else v for k, v in setup.start.items()}
+    for name in ("gauss-newton", "levenberg-marquardt", "dogleg", "newton", "ipopt", "scipy-trf"):
+        solution = replace(SOLVERS[name], max_evaluations=500).solve(setup.problem, start)
+        if solution.converged:
+            here = setup.problem.linearize(setup.start | solution.values)
+            left = np.abs(here.gradient) / np.maximum(here.column_norms, 1e-300)
+            assert left.max() <= 1e-5 * np.sqrt(2 * here.cost) + 1e-9, name

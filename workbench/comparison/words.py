@@ -70,7 +70,7 @@ def _sure(comparison: Comparison, everywhere: tuple[str, ...], tau: float) -> li
             f"{s} {sum(comparison.delivered(i.name, s, tau) for i in comparison.comparable)}"
             for s in others
         )
-        text += f" Not from all of them: {counts} of {starts}."
+        text += f" The others did so from fewer of the {starts}: {counts}."
     out = [text]
     pairs = surer(comparison, tau)
     open_ = tuple(s for s in others if not pairs[everywhere[0], s].decided)
@@ -98,8 +98,8 @@ def _cheapest(comparison: Comparison, everywhere: tuple[str, ...], tau: float) -
             worst = max(pairs[one, s].corrected for s in others)
             return [
                 f"Of these take {one}: it needed less effort than {_and(others)} on more problems "
-                f"than can be chance ({test} = {worst:.2g}{' or less' if len(others) > 1 else ''}, "
-                f"{level}). Its median effort is {_worth(ranked[one])}."
+                f"than chance would explain ({test} = {worst:.2g}"
+                f"{' or less' if len(others) > 1 else ''}, {level}). Its median effort is {_worth(ranked[one])}."
             ]
     least = min(ranked.values())
     first = tuple(s for s, effort in ranked.items() if effort == least)
@@ -116,7 +116,9 @@ def _cheapest(comparison: Comparison, everywhere: tuple[str, ...], tau: float) -
             f"{_at_least(smallest)}, {level})"
         )
     if ahead:
-        text += f"; yet {_and(ahead)} needed less than it on more problems than can be chance"
+        text += (
+            f"; yet {_and(ahead)} needed less than it on more problems than chance would explain"
+        )
     text += "."
     if len(comparison.compared) < FEWEST:
         text += f" With fewer than {FEWEST} problems no pair can pass this test."
@@ -179,7 +181,7 @@ def _lost(comparison: Comparison) -> list[str]:
         elsewhere = counts[Verdict.OTHER_BASIN]
         if elsewhere and elsewhere >= runs / 2:
             out.append(
-                f"{solver} ends in a basin that costs more in {elsewhere} of {runs} runs: start it "
+                f"In {elsewhere} of {runs} runs {solver} ends in a basin of higher cost: start it "
                 "from several points."
             )
     return out
@@ -199,8 +201,9 @@ def _clock(comparison: Comparison) -> list[str]:
 def prices_sentence() -> str:
     """At which prices effort is counted."""
     return (
-        "Effort counts evaluations until the target at fixed prices, in evaluations of the "
-        f"residual: {said()} (upper bounds of {SOURCE}). No clock enters it."
+        "Effort is the number of evaluations until the target is met, each kind times a fixed "
+        f"price in units of one evaluation of the residual: {said()} (upper bounds from {SOURCE}; "
+        "constraints by convention). No clock enters it."
     )
 
 

@@ -122,8 +122,9 @@ def held(d: "Diagnosis") -> str:
     names, count = d.point.held.names, d.point.tied.count
     more = f" and {len(names) - 5} more" if len(names) > 5 else ""
     return (
-        f"constraints that hold here forbid {counted(count, 'direction')}, which "
-        f"{'counts' if count == 1 else 'count'} as noticed: {', '.join(names[:5])}{more}"
+        f"{counted(count, 'direction')} {'is' if count == 1 else 'are'} fixed by constraints that "
+        f"are active here ({', '.join(names[:5])}{more}) and {'counts' if count == 1 else 'count'} as "
+        "noticed"
     )
 
 

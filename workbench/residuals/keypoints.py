@@ -33,8 +33,8 @@ def keypoints(
 
     with the confidence of keypoint k as its weight w_k. The weight stands outside of the kernel,
     as in SMPLify: what counts as an outlier is said by sigma alone, and a doubtful keypoint has
-    less say near and far alike. Without a robust kernel a keypoint of weight w is ordinary at
-    sigma / sqrt(w) pixels; whoever wants it ordinary at sigma / c gives confidence=c**2, as
+    less say near and far alike. Without a robust kernel a keypoint of weight w has the standard
+    deviation sigma / sqrt(w) px; for a standard deviation of sigma / c give confidence=c**2, as
     SPIN does (Kolotouros et al. 2019).
 
     points (3, M) m; observed (M, 2) px and confidence (M,), from 0 on, are symbols of blocks, or

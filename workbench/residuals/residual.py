@@ -92,7 +92,9 @@ class Residual:
 
     @property
     def in_blocks(self) -> cs.MX:
-        """The expression in the symbols of blocks alone, (m, 1) in `unit`: to be derived by them.
+        """The expression in the symbols of blocks alone, (m, 1) in `unit`.
+
+        It can be differentiated with respect to them.
 
         See `blocks.in_blocks` for how. Of the whole problem, whitened, `Problem.derivative` is
         the Jacobian by all free numbers.

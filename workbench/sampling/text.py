@@ -53,8 +53,8 @@ def _intervals(posterior: Posterior, truth: Array | None) -> Iterator[str]:
         if held:
             yield (
                 "The intervals hold only if what is held fixed is known exactly; `if free` is the "
-                "sd with it free, by J'J, and `ratio` how many times as large that is as with it "
-                "fixed"
+                "sd by J'J if that is left free too, and `ratio` is `if free` over the sd by J'J "
+                "with it fixed"
             )
         yield (
             f"{'entry':{wide}} {'mean':>10} {'sd':>9} {'5 %':>10} {'95 %':>10}  {'unit':6}"

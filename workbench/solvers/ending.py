@@ -69,10 +69,10 @@ def ending(run: "Run", stop: Stop) -> Ending:
 def _wrapped(run: "Run", here: Linearization, optimality: float) -> tuple[Linearization, float]:
     """Turn the best point's rotation vectors to at most half a turn, where that is free.
 
-    Free is what keeps the cost, but for rounding, and the constraints. Given the point as it is
-    seen from there and how stationary it is, answers the same of the point that it then is. That
-    is the same body, but the columns of its Jacobian are others, and so are their cosines with
-    the residual: where the tolerance is no longer met, one Gauss-Newton step is tried.
+    A turn is free if the cost, up to rounding, and the constraints stay as they are. Takes the
+    linearization and the optimality at the best point, and returns both for the point after
+    turning. That is the same body, but its Jacobian has other columns, with other cosines between
+    them and the residual: where the tolerance is no longer met, one Gauss-Newton step is tried.
     """
     problem, best, fixed = run.problem, run.best, run.fixed
     there = problem.stacked_constraints
@@ -113,7 +113,8 @@ def _hidden(run: "Run", here: Linearization, free: Layout) -> str:
         return ""
     i = int(np.argmax(left))
     also = int(np.sum(left > 0)) - 1
-    others = f" and {also} more unknown{'s' if also > 1 else ''} too little" if also else ""
+    others = f", and {also} more unknowns are hidden as well" if also > 1 else ""
+    others = ", and one more unknown is hidden as well" if also == 1 else others
     unit = "" if free.unit(i) == "1" else f" {free.unit(i)}"
     return (
         f"rounding hides what is left: the terms of the residual are so large that {free.label(i)} "

@@ -42,12 +42,12 @@ class Sight:
         rounding: Rounding,
         linearize: Callable[[Array], Linearization],
     ) -> Mask:
-        """The unknowns that were noticed on the way, are not any more, and leave a residual, (n,).
+        """The unknowns that the residual noticed on the way and no longer does, (n,).
 
-        Not any more: to move x_i by its own size, or back to the start, changes the rows that it
-        can change by no more than their rounding error. A residual: those rows that it changed
-        where its column was longest are not zero. Where they are, nothing more is to be gained by
-        x_i, as for a penalty that is no longer in force.
+        No longer: moving x_i by its own size, or back to the start, changes the rows that it can
+        change by no more than rounding. Only those count whose rows are not zero, of the rows that
+        x_i changed where its column was longest: where they are, as for a penalty that is no longer
+        in force, x_i has nothing more to gain.
         """
         size = np.maximum(np.abs(x), np.abs(x - start))
         error = support.norms(rounding.rows)

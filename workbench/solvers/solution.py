@@ -20,8 +20,8 @@ class Status(Enum):
     """How a solve ended; the value says what to do next."""
 
     CONVERGED = (
-        "the gradient vanishes here, as at a minimum; it would also vanish at a saddle point or a "
-        "maximum"
+        "the gradient, or what bounds and constraints leave of it, vanishes here, as at a minimum; "
+        "it would also vanish at a saddle point or a maximum"
     )
     STALLED = "no step lowers the cost although the gradient does not vanish; diagnose the problem"
     LOST = (
@@ -86,7 +86,7 @@ class Solution:
 
     @property
     def converged(self) -> bool:
-        """Whether the gradient vanished."""
+        """Whether the gradient vanished, or what bounds and constraints leave of it."""
         return self.status is Status.CONVERGED
 
     @property

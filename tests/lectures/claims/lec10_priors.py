@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from tests.lectures.numerals import above
 from tests.lectures.prose import Run
 
 NAIVE, LEARNED = "each angle alone", "a learned Gaussian"
@@ -84,7 +85,7 @@ SAYS = {
     "hard stop.": lambda run: (
         0 < density(run, "eight of them")[0] < density(run, "one Gaussian")[0]
     ),
-    "a difference of about 30 is a factor of about $e^{30}$": lambda run: (
+    "a difference of more than 20 means a factor of more than $e^{20}$": lambda run: above(
         density(run, "eight of them")[1] - density(run, "one Gaussian")[1]
     ),
     "And little is lost.": lambda run: run.line("on 4000 poses:")[2] < 0.1 * np.log(8),

@@ -3,7 +3,7 @@
 import numpy as np
 
 from tests.lectures.prose import Run
-from workbench.sampling.mixing import TIMES
+from workbench.sampling.mixing import LEAST, TIMES
 
 
 def posterior(run: Run, truth: float) -> tuple[int, float, float]:
@@ -75,8 +75,8 @@ SAYS = {
         run["other"].values["angles"][1] < 0,
         run["found"].cost < run["other"].cost,
     ),
-    "Laplace claims to know the upper arm more than five times, and the forearm more than twice, as well "
-    "as they are known": lambda run: (
+    "Laplace's standard deviation is too small by a factor of more than five for the upper arm, and of "
+    "more than two for the forearm": lambda run: (
         run["exact_sd"][0] > 5 * run["approximation"].sd[0],
         run["exact_sd"][1] > 2 * run["approximation"].sd[1],
     ),
@@ -110,7 +110,9 @@ SAYS = {
         np.allclose(run["draws"].mean, run["exact_mean"], atol=0.05),
         np.allclose(run["draws"].sd, run["exact_sd"], rtol=0.05),
     ),
-    "only if the chain is at least 50 of them long": lambda run: TIMES,
+    "at least 50 $\\tau$, or, with several ensembles, 20 $\\tau$ if the estimate no longer grows": (
+        lambda run: (TIMES, LEAST)
+    ),
     "and refuses an interval if it is bad. We ask a chain of 100 steps for one, and then the 3000 steps "
     "from above": lambda run: (
         100,
