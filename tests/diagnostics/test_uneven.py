@@ -1,5 +1,6 @@
 """Unknowns whose units differ by many powers of ten: a unit does not make an unknown unseen."""
 
+import casadi as cs
 import mpmath as mp
 import numpy as np
 import pytest
@@ -63,3 +64,35 @@ def test_any_shape_has_all_its_right_singular_vectors(shape: tuple[int, int]) ->
     assert s.shape == (min(m, n),)
     np.testing.assert_allclose(Vt @ Vt.T, np.eye(n), atol=1e-13)
     assert here.rank == min(m, n - (n > 1))
+
+
+@pytest.mark.parametrize("long", [1e8, 1e10, 1e12])
+@pytest.mark.parametrize("short", [1e-12, 1e-4, 1.0])
+@pytest.mark.parametrize("seed", range(5))
+def test_what_long_columns_leave_unseen_is_not_blamed_on_a_short_one(
+    seed: int, short: float, long: float
+) -> None:
+    """The rounding errors of dependent long columns are larger than a short one that is seen."""
+    a, b, d = np.random.default_rng(seed).standard_normal((3, M))
+    J = np.column_stack([a * long, b * long, (a + b) * long / 1.7, d * short])
+    here = Jacobian(np.zeros(M), J)
+    assert here.rank == 3
+    unseen = here.svd[1][-1]
+    assert unseen[3] == 0
+    assert np.linalg.norm(J @ unseen) < 1e-13 * long
+
+
+def test_every_direction_that_is_called_unseen_changes_nothing() -> None:
+    a, b = Block("a", (1,)).symbol, Block("b", (1,)).symbol
+    problem = Problem((Residual("r", 1e8 * a + b, 1.0),), ("a", "b"))
+    (found,) = diagnose(problem, {"a": [0.0], "b": [0.0]}).null_directions
+    np.testing.assert_allclose(found.vector, [-1e-8, 1.0], rtol=1e-12)
+    assert found.change < 1e-15
+
+
+def test_an_unknown_of_its_own_large_size_is_no_rounding_error() -> None:
+    """A change of x by its own size, 1e16, changes the residual by one sigma."""
+    x, y = Block("x").symbol, Block("y").symbol
+    problem = Problem((Residual("r", cs.vertcat(1e-16 * x - 1, 10 * (y - 1)), 1.0),), ("x", "y"))
+    assert diagnose(problem, {"x": 1e16, "y": 1.0}).rank == 2
+    assert diagnose(problem, {"x": 1.0, "y": 1.0}).rank == 1

@@ -135,9 +135,27 @@ def test_what_nobody_ever_noticed_is_listed_and_no_failure() -> None:
     solution = solve(problem, {"x": [5.0, 7.0, 0.0]})
     assert solution.converged
     assert solution.unnoticed == ("x[1]",)
-    assert solution.message.endswith("(no residual ever noticed x[1])")
+    assert solution.message.endswith("(no residual reads x[1])")
     decayed, start = decay()
     assert solve(decayed, start).message == Status.CONVERGED.value
+
+
+@pytest.mark.parametrize(
+    "name", ["gauss-newton", "dogleg", "nlopt-lbfgs", "scipy-dogbox", "newton"]
+)
+def test_a_minimum_with_a_column_of_zeros_is_not_lost(name: str) -> None:
+    """1 + x^2 has its least square where its derivative vanishes, and is noticed on both sides."""
+    x = Block("x").symbol
+    for residual in (1 + x**2, cs.sqrt(x**2 + 1) - 0.5):
+        solution = SOLVERS[name].solve(of(residual), {"x": 1.0})
+        assert solution.status is not Status.LOST
+        assert abs(float(solution.values["x"])) < 1e-2
+
+
+def test_what_is_not_noticed_at_a_maximum_is_read_all_the_same() -> None:
+    solution = solve(of(2 - Block("x").symbol ** 2), {"x": 0.0})
+    assert solution.unnoticed == ("x",)
+    assert "no residual notices x where its Jacobian was seen" in solution.message
 
 
 def test_what_was_lost_is_saved(tmp_path) -> None:

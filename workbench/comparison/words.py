@@ -99,7 +99,8 @@ def _cheapest(comparison: Comparison, everywhere: tuple[str, ...], tau: float) -
             return [
                 f"Of these take {one}: it needed less effort than {_and(others)} on more problems "
                 f"than chance would explain ({test} = {worst:.2g}"
-                f"{' or less' if len(others) > 1 else ''}, {level}). Its median effort is {_worth(ranked[one])}."
+                f"{' or less' if len(others) > 1 else ''}, {level}). "
+                f"Its median effort is {_worth(ranked[one])}."
             ]
     least = min(ranked.values())
     first = tuple(s for s, effort in ranked.items() if effort == least)

@@ -123,8 +123,8 @@ def held(d: "Diagnosis") -> str:
     more = f" and {len(names) - 5} more" if len(names) > 5 else ""
     return (
         f"{counted(count, 'direction')} {'is' if count == 1 else 'are'} fixed by constraints that "
-        f"are active here ({', '.join(names[:5])}{more}) and {'counts' if count == 1 else 'count'} as "
-        "noticed"
+        f"are active here ({', '.join(names[:5])}{more}) and "
+        f"{'counts' if count == 1 else 'count'} as noticed"
     )
 
 

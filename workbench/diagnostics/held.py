@@ -62,6 +62,10 @@ class Tied:
     here: Jacobian
     rows: Array
 
+    def __post_init__(self) -> None:
+        # a constraint whose gradient vanishes at this point forbids nothing to first order
+        self.__dict__["rows"] = self.rows[self.rows.any(axis=1)]
+
     @cached_property
     def tangent(self) -> Array:
         """Z (n, p), orthonormal; entries that no row reads stay what they are."""

@@ -85,8 +85,8 @@ class Jacobian:
         accurate Jacobi SVD algorithm, 2008); else a short column would be lost in the rounding
         errors of the long ones.
         """
-        if self._uneven:
-            return _by_jacobi(self.R)
+        if self.uneven:
+            return self._graded
         if isinstance(self.matrix, csc_array):
             self._check()
             values, vectors = np.linalg.eigh(self.normal)
@@ -101,7 +101,33 @@ class Jacobian:
         return np.where(self.column_norms > 0, self.column_norms, 1.0)
 
     @cached_property
-    def _uneven(self) -> bool:
+    def _graded(self) -> tuple[Array, Array]:
+        """The same of uneven columns: what is not seen is found in columns of length 1.
+
+        There eps max(m, n) of the largest singular value tells it from what is seen. In J's own
+        singular values rounding errors of long columns may be larger than a short one that is
+        seen. Along unseen directions singular values are exactly zero here.
+        """
+        n, read = self.shape[1], np.flatnonzero(self.column_norms > 0)
+        d = self.column_norms[read]
+        R = self.R[:, read]
+        _, even, Vt = np.linalg.svd(R / d, full_matrices=True)
+        rank = int(np.sum(even > self._relative * even.max(initial=0.0)))
+        unseen = Vt[rank:].T
+        unseen[abs(unseen) < max(self._relative, EPS * read.size)] = 0.0
+        unseen = np.linalg.qr(unseen / d[:, None] * d.min())[0]
+        Q = null_complement(unseen)
+        s, V = _by_jacobi(R @ Q)
+        found = np.zeros(min(self.shape))
+        found[:rank] = s[:rank]
+        Vall = np.zeros((n, n))
+        Vall[:rank, read] = V @ Q.T
+        Vall[rank : read.size, read] = unseen.T
+        Vall[np.arange(read.size, n), np.flatnonzero(self.column_norms == 0)] = 1.0
+        return found, Vall
+
+    @cached_property
+    def uneven(self) -> bool:
         """Whether columns differ so much that one tolerance does not serve all."""
         read = self.column_norms[self.column_norms > 0]
         return bool(read.size and read.max() > UNEVEN * read.min())
@@ -126,17 +152,13 @@ class Jacobian:
         """The singular value below which a direction counts as unseen: eps max(m, n) s_1, or
         1e-7 s_1 where singular values are estimates.
 
-        Where some columns are a million times as long as others, that rule decides how many
-        singular values of J with columns of length 1 are not zero, and the tolerance lies between
-        as many of J's own and the rest: the unit of an unknown does not make it unseen.
+        Where some columns are a million times as long as others, the rule is kept for J with
+        columns of length 1, and what is unseen has the singular value 0: see `_graded`.
         """
         s = self.svd[0]
-        if not self._uneven:
+        if not self.uneven:
             return float(self._relative * s.max(initial=0.0))
-        even = np.linalg.svd(self.R / self._lengths, compute_uv=False)
-        rank = int(np.sum(even > self._relative * even.max(initial=0.0)))
-        below = float(s[rank]) if rank < s.size else 0.0
-        return float(np.sqrt(s[rank - 1] * below)) if below > 0 else float(s[rank - 1]) / 2
+        return float(self._relative * s[s > 0].min(initial=np.inf)) if s.any() else 0.0
 
     @property
     def rank(self) -> int:
@@ -212,25 +234,32 @@ class Jacobian:
         return self.matrix.tocsr() if isinstance(self.matrix, csc_array) else self.matrix
 
 
+def null_complement(N: Array) -> Array:
+    """(n, n - d) orthonormal: what is at right angles to the orthonormal columns of N (n, d).
+
+    Entries that no column of N has stay by themselves.
+    """
+    n = len(N)
+    part = np.flatnonzero(N.any(axis=1))
+    local = scipy.linalg.null_space(N[part].T) if part.size else np.zeros((0, 0))
+    Q = np.zeros((n, n - N.shape[1]))
+    others = np.setdiff1d(np.arange(n), part)
+    Q[others, np.arange(others.size)] = 1.0
+    Q[part, others.size :] = local
+    return Q
+
+
 def _by_jacobi(R: Array) -> tuple[Array, Array]:
-    """`s` (k,) and Vt (n, n) of R (k, n), small singular values as accurate as large ones."""
-    k, n = R.shape
-    square = np.zeros((n, n))
-    square[:k] = R
-    read = np.linalg.norm(square, axis=0) > 0  # LAPACK gives up a column of zeros
-    s, V = np.zeros(n), np.eye(n)
-    found, _, v, work, _, failed = scipy.linalg.lapack.dgejsv(
-        square[:, read], joba=0, jobu=0, jobv=0, jobr=0, jobt=1, jobp=1
+    """`s` (n,) and Vt (n, n) of R (k, n) of full column rank, small s as accurate as large ones."""
+    if not R.shape[1]:
+        return np.zeros(0), np.zeros((0, 0))
+    found, _, V, work, _, failed = scipy.linalg.lapack.dgejsv(
+        R, joba=0, jobu=0, jobv=0, jobr=0, jobt=1, jobp=1
     )
     if failed:
-        _, s, Vt = np.linalg.svd(R, full_matrices=True)
-        return s[:k], Vt
-    order = np.concatenate([np.flatnonzero(read), np.flatnonzero(~read)])
-    s[: found.size] = found * work[0] / work[1]
-    V = np.zeros((n, n))
-    V[np.ix_(np.flatnonzero(read), np.arange(found.size))] = v
-    V[order[found.size :], np.arange(found.size, n)] = 1.0
-    return s[:k], V.T
+        _, s, Vt = np.linalg.svd(R, full_matrices=False)
+        return s, Vt
+    return found * (work[0] / work[1]), V.T
 
 
 def jacobian_at(problem: Problem, at: Mapping[str, ArrayLike]) -> Jacobian:
@@ -242,7 +271,7 @@ def jacobian_at(problem: Problem, at: Mapping[str, ArrayLike]) -> Jacobian:
     m, n = problem.size, problem.free.size
     if m * n <= DENSE_UP_TO:
         here = problem.linearize(at)
-        noise = only_rounding(here.column_norms, problem.free, m)
+        noise = only_rounding(here.column_norms, x, problem.free, m)
         matrix = np.where(noise, 0.0, here.jacobian) if noise.any() else here.jacobian
         return Jacobian(here.residual, matrix)
     if n > WIDE:
@@ -256,12 +285,13 @@ def jacobian_at(problem: Problem, at: Mapping[str, ArrayLike]) -> Jacobian:
     return Jacobian(np.asarray(r).ravel(), csc_array((entries, rows, starts), shape=J.shape))
 
 
-def only_rounding(lengths: Array, free: Layout, m: int) -> NDArray[np.bool_]:
-    """Which columns, of these lengths (n,) in m rows, may be nothing but rounding errors, (n,).
+def only_rounding(lengths: Array, x: Array, free: Layout, m: int) -> NDArray[np.bool_]:
+    """Which columns, of these lengths (n,) in m rows at x, may be nothing but rounding, (n,).
 
     Entries of one unit can be compared: a column is, if it is below eps max(m, n) of the longest
-    of its unit. Entries without a unit cannot; there, and everywhere, it is if it changes a row
-    by less than the rounding error of one sigma, or of the longest column if that is shorter.
+    of its unit. Entries without a unit cannot; there, and everywhere, it is if a change by one, or
+    by the size of x_i if that is more, changes the rows by less than the rounding error of one
+    sigma, or of the longest column if that is shorter.
     """
     units = np.array([block.unit for block in free.blocks for _ in range(block.size)])
     longest = float(lengths.max(initial=0.0))
@@ -270,7 +300,7 @@ def only_rounding(lengths: Array, free: Layout, m: int) -> NDArray[np.bool_]:
         alike = units == unit
         own = EPS * max(m, len(lengths)) * float(lengths[alike].max())
         least[alike] = np.maximum(least[alike], own)
-    return np.asarray((lengths > 0) & (lengths <= least))
+    return np.asarray((lengths > 0) & (lengths * np.maximum(1.0, abs(x)) <= least))
 
 
 def pattern_of(function: cs.Function) -> csc_array:

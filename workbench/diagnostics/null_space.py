@@ -92,7 +92,10 @@ def directions(
         found += [_direction(motion, v, here, free, tolerance, several=several) for v in new.T]
         known = np.column_stack([known, fresh])
     found = found[:total]
-    if len(found) < total:
+    if len(found) < total and here.uneven:  # whose small entries a linear program would lose
+        rest = null[:, np.linalg.norm(null - known @ (known.T @ null), axis=0) > FRESH]
+        found += [_mixed(v, here, free) for v in rest[:, : total - len(found)].T]
+    elif len(found) < total:
         rest, _ = _beyond(known, null)
         rest = rest[:, : total - len(found)]
         found += [_mixed(v, here, free) for v in _inside(sparsest(rest, known), null, here.R).T]

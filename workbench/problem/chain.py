@@ -25,6 +25,7 @@ from workbench.problem.rounding import Support
 Array = NDArray[np.float64]
 # CasADi 3.8 loses the derivative of `row + scalar` by the scalar when it takes a Jacobian of more
 # columns than rows backwards: all but the first entry come out zero
+SUMS = 3  # of what a row is made of, with random weights: one alone may cancel
 FORWARD = {"helper_options": {"ad_weight": 0.0}}
 
 
@@ -57,8 +58,8 @@ class Chain:
             else None
             for i, pattern in enumerate(self._by_points)
         ]
-        made_from = [cs.jtimes(r, a, a) for a in arguments if a.numel()]
-        size = cs.sqrt(sum(part**2 for part in made_from)) if made_from else cs.MX(*r.shape)
+        parts = [cs.jtimes(r, a, _weighed(a)) for a in arguments if a.numel()]
+        size = cs.sqrt(sum(cs.sum2(part**2) for part in parts)) if parts else cs.MX(*r.shape)
         self._made_of = Buffered(cs.Function("made_of", arguments, [cs.densify(size)]))
         self._last: tuple[bytes, list[PointsAt]] = (b"", [])
 
@@ -120,7 +121,12 @@ class Chain:
         return half_squared(r), g
 
     def made_of(self, x: Array, fixed: Array) -> Array:
-        """The size of what each row is made of (m,): each argument through its derivative."""
+        """The size of what each row is made of (m,): sqrt(sum of (dr/da_i a_i)^2), estimated.
+
+        Terms that cancel each other in the residual must not cancel here. The squares of a few
+        sums with normal weights are that size in the mean, without the derivatives one by one
+        (Hutchinson, A stochastic estimator of the trace of the influence matrix, 1990).
+        """
         return self._made_of(x, fixed, *self._points(x, fixed))[0]
 
     @cached_property
@@ -183,3 +189,10 @@ class _Pattern:
     def matrix(self, entries: Array) -> csc_array:
         """The matrix with these entries."""
         return csc_array((entries, self.rows, self._starts), shape=self.shape)
+
+
+def _weighed(argument: cs.MX) -> cs.MX:
+    """Copies side by side, each entry times a normal weight, the same at every call."""
+    rows, columns = argument.shape
+    weights = np.random.default_rng(0).standard_normal((rows, SUMS * columns))
+    return cs.DM(weights) * cs.repmat(argument, 1, SUMS)

@@ -74,6 +74,11 @@ class Support:
         return read
 
     @cached_property
+    def read(self) -> NDArray[np.bool_]:
+        """Which free numbers can change any row at all, (n,)."""
+        return self.norms(np.ones(self._groups.shape[1])) > 0
+
+    @cached_property
     def changing(self) -> NDArray[np.bool_]:
         """The rows that any free number can change, (m,)."""
         return self.rows(np.ones(len(self._group_of), dtype=bool))

@@ -187,7 +187,7 @@ class Mixing:
         k = len(self.labels)
         if self.growth > GROWTH and self.times.max() > FAR * GAUSSIAN * k:
             return Verdict.NOT_MIXING, (
-                f"{said}: it grew by a factor of {self.growth:.1f} when chains became twice as long. "
+                f"{said}: it grew by a factor of {self.growth:.1f} when chains grew twice as long. "
                 "More steps alone will not do; sample fewer entries (about 20), or the directions "
                 "that the data know"
             )

@@ -41,15 +41,16 @@ def ending(run: "Run", stop: Stop) -> Ending:
         optimality = best.decide(run.optimality(cheapest, here))
         if best.x is not cheapest:
             here = run.judged(best.x)
-        converged = optimality <= run.limits.gradient_tolerance
         here, optimality = _wrapped(run, here, optimality)
         lost = run.lost(best.x, here)
     except Exception as error:  # the residual is the user's; the best point is still ours
         return Ending(status, f"{message} (no gradient at the best point: {error})")
     free = run.problem.free
     labels = tuple(free.label(int(i)) for i in np.flatnonzero(lost))
-    never = tuple(free.label(int(i)) for i in np.flatnonzero(run.sight.never))
-    converged = converged or optimality <= run.limits.gradient_tolerance
+    never = run.sight.never
+    unread = tuple(free.label(int(i)) for i in np.flatnonzero(never & ~run.problem.support.read))
+    unnoticed = tuple(free.label(int(i)) for i in np.flatnonzero(never & run.problem.support.read))
+    converged = optimality <= run.limits.gradient_tolerance
     if best.missed > 1:
         if status in (Status.CONVERGED, Status.STALLED):
             status, message = Status.INFEASIBLE, _missed(run)
@@ -57,13 +58,15 @@ def ending(run: "Run", stop: Stop) -> Ending:
         status, message = Status.LOST, Status.LOST.value.replace("some unknowns", _named(labels))
     elif converged:
         status, message = Status.CONVERGED, Status.CONVERGED.value
-        if never:
-            message += f" (no residual ever noticed {_named(never)})"
+        if unread:
+            message += f" (no residual reads {_named(unread)})"
+        if unnoticed:
+            message += f" (no residual notices {_named(unnoticed)} where its Jacobian was seen)"
     elif status in (Status.CONVERGED, Status.STALLED):
         if status is Status.CONVERGED:
             status, message = Status.STALLED, Status.STALLED.value
         message = _hidden(run, here, free) or message
-    return Ending(status, message, optimality, labels, never)
+    return Ending(status, message, optimality, labels, (*unread, *unnoticed))
 
 
 def _wrapped(run: "Run", here: Linearization, optimality: float) -> tuple[Linearization, float]:
@@ -79,23 +82,25 @@ def _wrapped(run: "Run", here: Linearization, optimality: float) -> tuple[Linear
     at_most = best.cost + run.noise(best.x, here)
 
     def is_free(x: Array) -> bool:
-        kept = there is None or there.missed(there.values(x, fixed)) <= max(best.missed, 0.0)
+        kept = there is None or there.missed(there.values(x, fixed)) <= max(best.missed, 1.0)
         return kept and half_squared(problem.residual(x, fixed)) <= at_most
 
     turned = rewrapped(problem, best.x, is_free)
     if turned is best.x:
         return here, optimality
-    here = problem.linearize_at(turned, fixed)
-    found, tolerance = run.optimality(turned, here), run.limits.gradient_tolerance
+    at_turned = problem.linearize_at(turned, fixed)
+    found, tolerance = run.optimality(turned, at_turned), run.limits.gradient_tolerance
     if found > tolerance >= optimality:
-        nearer = np.clip(turned + here.step(), problem.lower, problem.upper)
+        nearer = np.clip(turned + at_turned.step(), problem.lower, problem.upper)
         if is_free(nearer):
             closer = problem.linearize_at(nearer, fixed)
             by_step = run.optimality(nearer, closer)
             if by_step <= tolerance:
-                turned, here, found = nearer, closer, by_step
-    best.x, best.cost = turned, here.cost
-    return here, found
+                turned, at_turned, found = nearer, closer, by_step
+    if found > tolerance >= optimality:
+        return here, optimality  # turning it costs that it has converged
+    best.x, best.cost = turned, at_turned.cost
+    return at_turned, found
 
 
 def _missed(run: "Run") -> str:

@@ -19,7 +19,7 @@ from workbench.solvers.best import Best
 from workbench.solvers.ending import ending
 from workbench.solvers.latest import Latest
 from workbench.solvers.limits import Limits, Stop, guarded
-from workbench.solvers.sight import Sight
+from workbench.solvers.sight import Sight, lost
 from workbench.solvers.solution import Callback, Evaluations, Iterate, Solution, Status
 from workbench.solvers.wrapping import rewrapped
 from workbench.threads import limited_threads
@@ -114,7 +114,7 @@ class Run:
         here = self.evaluate("jacobian", lambda: self.problem.linearize_at(x, self.fixed))
         if not isfinite(self._kept(x, here.cost if here.finite else np.inf, here)):
             raise Stop(Status.NOT_FINITE)
-        self.sight.see(x, here)
+        self.sight.see(here)
         return self._latest.keep(x, here)
 
     def hessian(self, x: Array) -> Array:
@@ -186,8 +186,12 @@ class Run:
 
     def lost(self, x: Array, here: Linearization) -> NDArray[np.bool_]:
         """Which unknowns the residual noticed on the way and does not notice at x; (n,)."""
-        support, rounding = self.problem.support, self.rounding(x, here)
-        return self.sight.lost(x, self.x, here, support, rounding, self.judged)
+        rounding = self.rounding(x, here)
+        gone = self.sight.gone(x, self.x, here, self.problem.support, rounding)
+        if not gone.any():
+            return gone
+        start, residual = self.judged(self.x), lambda to: self.problem.residual(to, self.fixed)
+        return lost(gone, x, start, self.x, here, rounding, residual)
 
     def gain(self, x: Array, here: Linearization, to: Array, promised: float) -> Trial:
         """The fall of the cost from x to another point, as a share of what was promised.

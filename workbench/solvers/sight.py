@@ -6,56 +6,70 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.problem import Linearization
-from workbench.problem.rounding import Rounding, Support
+from workbench.problem.rounding import Rounding, Support, fall
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+NUDGE = 1e-3  # of the size of an unknown: far enough for its own curvature to show
 
 
 class Sight:
-    """The longest column |J_i| of each unknown that a run met, and the point where it met it."""
+    """The longest column |J_i| of each unknown that a run met."""
 
     def __init__(self, n: int) -> None:
         self._longest = np.zeros(n)
-        self._where: list[Array] = []
-        self._met_at = np.zeros(n, dtype=np.int64)
 
-    def see(self, x: Array, here: Linearization) -> None:
+    def see(self, here: Linearization) -> None:
         """Another point of the run."""
-        longer = here.column_norms > self._longest
-        if longer.any():
-            self._longest[longer] = here.column_norms[longer]
-            self._met_at[longer] = len(self._where)
-            self._where.append(x.copy())
+        self._longest = np.maximum(self._longest, here.column_norms)
 
     @property
     def never(self) -> Mask:
-        """The unknowns that no residual noticed anywhere, (n,)."""
+        """The unknowns whose column was zero wherever a Jacobian was asked for, (n,)."""
         return np.asarray(self._longest == 0)
 
-    def lost(
-        self,
-        x: Array,
-        start: Array,
-        here: Linearization,
-        support: Support,
-        rounding: Rounding,
-        linearize: Callable[[Array], Linearization],
+    def gone(
+        self, x: Array, start: Array, here: Linearization, support: Support, rounding: Rounding
     ) -> Mask:
-        """The unknowns that the residual noticed on the way and no longer does, (n,).
+        """The unknowns whose column was noticed on the way and is zero to rounding at x, (n,).
 
-        No longer: moving x_i by its own size, or back to the start, changes the rows that it can
-        change by no more than rounding. Only those count whose rows are not zero, of the rows that
-        x_i changed where its column was longest: where they are, as for a penalty that is no longer
-        in force, x_i has nothing more to gain.
+        Zero: moving x_i by its own size, or back to the start, changes the rows that it can
+        change by no more than their rounding errors.
         """
         size = np.maximum(np.abs(x), np.abs(x - start))
         error = support.norms(rounding.rows)
-        gone = (here.column_norms * size <= error) & (self._longest * size > error)
-        found = np.zeros_like(gone)
-        for k in np.unique(self._met_at[gone]):
-            there = linearize(self._where[k])
-            for i in np.flatnonzero(gone & (self._met_at == k)):
-                changed = there.jacobian[:, i] != 0
-                found[i] = (np.abs(here.residual[changed]) > rounding.rows[changed]).any()
-        return found
+        return np.asarray((here.column_norms * size <= error) & (self._longest * size > error))
+
+
+def lost(
+    gone: Mask,
+    x: Array,
+    start: Linearization,
+    start_x: Array,
+    here: Linearization,
+    rounding: Rounding,
+    residual: Callable[[Array], Array],
+) -> Mask:
+    """Those of the `gone` that took a residual with them, (n,).
+
+    Not lost are those whose rows at the start, where their columns were not zero, have become
+    zero, as the rows of a penalty that is no longer in force: nothing more is to be gained by
+    them. Nor are those that the residual notices a little to both sides: there the cost rises, and
+    the column is zero because this is their minimum.
+    """
+    found = gone.copy()
+    size = np.maximum(np.abs(x), np.abs(x - start_x))
+    for i in np.flatnonzero(gone):
+        rows = start.jacobian[:, i] != 0
+        if rows.any() and (np.abs(here.residual[rows]) <= rounding.rows[rows]).all():
+            found[i] = False
+            continue
+        rises = []
+        for side in (-1.0, 1.0):
+            to = x.copy()
+            to[i] += side * NUDGE * size[i]
+            there = residual(to)
+            noise = rounding.of_fall(here.residual, there != here.residual)
+            rises.append(-fall(here.residual, there) > noise)
+        found[i] = not all(rises)
+    return found
