@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csc_array, csr_array, issparse
 
 from workbench.blocks import Layout
+from workbench.diagnostics.graded import graded_svd
 from workbench.errors import WorkbenchError
 from workbench.problem import Problem
 from workbench.problem.steps import EPS, UNEVEN
@@ -86,7 +87,7 @@ class Jacobian:
         errors of the long ones.
         """
         if self.uneven:
-            return self._graded
+            return graded_svd(self.R, self.column_norms, self._relative)
         if isinstance(self.matrix, csc_array):
             self._check()
             values, vectors = np.linalg.eigh(self.normal)
@@ -99,32 +100,6 @@ class Jacobian:
     def _lengths(self) -> Array:
         """Of the columns, 1 where one is zero, (n,)."""
         return np.where(self.column_norms > 0, self.column_norms, 1.0)
-
-    @cached_property
-    def _graded(self) -> tuple[Array, Array]:
-        """The same of uneven columns: what is not seen is found in columns of length 1.
-
-        There eps max(m, n) of the largest singular value tells it from what is seen. In J's own
-        singular values rounding errors of long columns may be larger than a short one that is
-        seen. Along unseen directions singular values are exactly zero here.
-        """
-        n, read = self.shape[1], np.flatnonzero(self.column_norms > 0)
-        d = self.column_norms[read]
-        R = self.R[:, read]
-        _, even, Vt = np.linalg.svd(R / d, full_matrices=True)
-        rank = int(np.sum(even > self._relative * even.max(initial=0.0)))
-        unseen = Vt[rank:].T
-        unseen[abs(unseen) < max(self._relative, EPS * read.size)] = 0.0
-        unseen = np.linalg.qr(unseen / d[:, None] * d.min())[0]
-        Q = null_complement(unseen)
-        s, V = _by_jacobi(R @ Q)
-        found = np.zeros(min(self.shape))
-        found[:rank] = s[:rank]
-        Vall = np.zeros((n, n))
-        Vall[:rank, read] = V @ Q.T
-        Vall[rank : read.size, read] = unseen.T
-        Vall[np.arange(read.size, n), np.flatnonzero(self.column_norms == 0)] = 1.0
-        return found, Vall
 
     @cached_property
     def uneven(self) -> bool:
@@ -153,7 +128,7 @@ class Jacobian:
         1e-7 s_1 where singular values are estimates.
 
         Where some columns are a million times as long as others, the rule is kept for J with
-        columns of length 1, and what is unseen has the singular value 0: see `_graded`.
+        columns of length 1, and what is unseen has the singular value 0: see `graded_svd`.
         """
         s = self.svd[0]
         if not self.uneven:
@@ -232,34 +207,6 @@ class Jacobian:
     @cached_property
     def _by_rows(self) -> Array | csr_array:
         return self.matrix.tocsr() if isinstance(self.matrix, csc_array) else self.matrix
-
-
-def null_complement(N: Array) -> Array:
-    """(n, n - d) orthonormal: what is at right angles to the orthonormal columns of N (n, d).
-
-    Entries that no column of N has stay by themselves.
-    """
-    n = len(N)
-    part = np.flatnonzero(N.any(axis=1))
-    local = scipy.linalg.null_space(N[part].T) if part.size else np.zeros((0, 0))
-    Q = np.zeros((n, n - N.shape[1]))
-    others = np.setdiff1d(np.arange(n), part)
-    Q[others, np.arange(others.size)] = 1.0
-    Q[part, others.size :] = local
-    return Q
-
-
-def _by_jacobi(R: Array) -> tuple[Array, Array]:
-    """`s` (n,) and Vt (n, n) of R (k, n) of full column rank, small s as accurate as large ones."""
-    if not R.shape[1]:
-        return np.zeros(0), np.zeros((0, 0))
-    found, _, V, work, _, failed = scipy.linalg.lapack.dgejsv(
-        R, joba=0, jobu=0, jobv=0, jobr=0, jobt=1, jobp=1
-    )
-    if failed:
-        _, s, Vt = np.linalg.svd(R, full_matrices=False)
-        return s, Vt
-    return found * (work[0] / work[1]), V.T
 
 
 def jacobian_at(problem: Problem, at: Mapping[str, ArrayLike]) -> Jacobian:

@@ -25,8 +25,8 @@ from workbench.problem.rounding import Support
 Array = NDArray[np.float64]
 # CasADi 3.8 loses the derivative of `row + scalar` by the scalar when it takes a Jacobian of more
 # columns than rows backwards: all but the first entry come out zero
-SUMS = 3  # of what a row is made of, with random weights: one alone may cancel
 FORWARD = {"helper_options": {"ad_weight": 0.0}}
+SUMS = 3  # of what a row is made of, with random weights: one alone may cancel
 
 
 def half_squared(r: Array) -> float:

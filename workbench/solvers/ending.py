@@ -10,6 +10,7 @@ from workbench.problem import Linearization
 from workbench.problem.chain import half_squared
 from workbench.problem.optimality import hidden
 from workbench.solvers.limits import Stop
+from workbench.solvers.sight import lost
 from workbench.solvers.solution import Status
 from workbench.solvers.wrapping import rewrapped
 
@@ -42,11 +43,11 @@ def ending(run: "Run", stop: Stop) -> Ending:
         if best.x is not cheapest:
             here = run.judged(best.x)
         here, optimality = _wrapped(run, here, optimality)
-        lost = run.lost(best.x, here)
+        gone = _lost(run, here)
     except Exception as error:  # the residual is the user's; the best point is still ours
         return Ending(status, f"{message} (no gradient at the best point: {error})")
     free = run.problem.free
-    labels = tuple(free.label(int(i)) for i in np.flatnonzero(lost))
+    labels = tuple(free.label(int(i)) for i in np.flatnonzero(gone))
     never = run.sight.never
     unread = tuple(free.label(int(i)) for i in np.flatnonzero(never & ~run.problem.support.read))
     unnoticed = tuple(free.label(int(i)) for i in np.flatnonzero(never & run.problem.support.read))
@@ -54,7 +55,7 @@ def ending(run: "Run", stop: Stop) -> Ending:
     if best.missed > 1:
         if status in (Status.CONVERGED, Status.STALLED):
             status, message = Status.INFEASIBLE, _missed(run)
-    elif lost.any() and (converged or status in (Status.CONVERGED, Status.STALLED)):
+    elif gone.any() and (converged or status in (Status.CONVERGED, Status.STALLED)):
         status, message = Status.LOST, Status.LOST.value.replace("some unknowns", _named(labels))
     elif converged:
         status, message = Status.CONVERGED, Status.CONVERGED.value
@@ -67,6 +68,17 @@ def ending(run: "Run", stop: Stop) -> Ending:
             status, message = Status.STALLED, Status.STALLED.value
         message = _hidden(run, here, free) or message
     return Ending(status, message, optimality, labels, (*unread, *unnoticed))
+
+
+def _lost(run: "Run", here: Linearization) -> NDArray[np.bool_]:
+    """Which unknowns (n,) the residual noticed on the way, and at the best point does not."""
+    x, rounding = run.best.x, run.roughness.at(run.best.x, here)
+    gone = run.sight.gone(x, run.x, here, run.problem.support, rounding)
+    if not gone.any():
+        return gone
+    start = run.judged(run.x)
+    residual = lambda to: run.problem.residual(to, run.fixed)  # noqa: E731
+    return lost(gone, x, start, run.x, here, rounding, residual)
 
 
 def _wrapped(run: "Run", here: Linearization, optimality: float) -> tuple[Linearization, float]:
@@ -113,7 +125,7 @@ def _missed(run: "Run") -> str:
 
 def _hidden(run: "Run", here: Linearization, free: Layout) -> str:
     """What rounding errors leave unknown at a point that no step improves; empty if nothing."""
-    left = hidden(run.best.x, here, run.problem.support, run.rounding(run.best.x, here))
+    left = hidden(run.best.x, here, run.problem.support, run.roughness.at(run.best.x, here))
     if not left.any():
         return ""
     i = int(np.argmax(left))

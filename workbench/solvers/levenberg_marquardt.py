@@ -69,7 +69,7 @@ class LevenbergMarquardt:
                 if step is not None:
                     to = np.clip(x + step.p, problem.lower, problem.upper)
                     promised = here.promise(step.p)
-                    if growth == 2.0 and damping > least and promised <= run.noise(x, here):
+                    if growth == 2.0 and damping > least and run.roughness.hides(promised, x, here):
                         damping *= FASTEST_FALL  # a longer step may promise what can be seen
                         continue
                     trial = run.gain(x, here, to, promised)

@@ -22,7 +22,7 @@ def backtracking(run: Run, x: Array, here: Linearization, p: Array) -> float:
     does. Where rounding would hide the promise, 1 if the full step ends at a more stationary point.
     """
     slope = float(here.gradient @ p)
-    if -slope / 2 <= run.noise(x, here):
+    if run.roughness.hides(-slope / 2, x, here):
         return 1.0 if run.gain(x, here, x + p, -slope / 2).gain > 0 else 0.0
     length = 1.0
     while length > 1e-10:

@@ -40,7 +40,7 @@ class Objective:
         self._last = run.x * scale, run.best.cost  # the last good point
         self._worst = run.best.cost
         self._norms = np.where(scale > 0, scale, np.inf)
-        self._error = run.problem.support.norms(run.rounding(run.x, here).rows)
+        self._error = run.problem.support.norms(run.roughness.at(run.x, here).rows)
 
     def cost(self, y: Array, gradient: Array) -> float:
         """The cost at y, its gradient written into `gradient`, if that has a length."""
@@ -143,5 +143,5 @@ class Objective:
         here = run.linearize(x)
         self._look = 1.0  # from here on the norms are good
         self._norms = np.where(here.column_norms > 0, here.column_norms, np.inf)
-        self._error = problem.support.norms(run.rounding(x, here).rows)
+        self._error = problem.support.norms(run.roughness.at(x, here).rows)
         return run.optimality(x, here)

@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 from workbench.blocks import Values
 from workbench.problem import Linearization, Problem
 from workbench.problem.chain import half_squared
-from workbench.problem.rounding import Rounding, fall
+from workbench.problem.rounding import fall
 from workbench.solvers.best import Best
 from workbench.solvers.ending import ending
 from workbench.solvers.latest import Latest
 from workbench.solvers.limits import Limits, Stop, guarded
-from workbench.solvers.sight import Sight, lost
+from workbench.solvers.roughness import Roughness
+from workbench.solvers.sight import Sight
 from workbench.solvers.solution import Callback, Evaluations, Iterate, Solution, Status
 from workbench.solvers.wrapping import rewrapped
 from workbench.threads import limited_threads
@@ -62,6 +63,7 @@ class Run:
         self.sight = Sight(self.x.size)
         self._unpolished = 0  # tries in a row that did not lead to a more stationary point
         self._latest = Latest()
+        self.roughness = Roughness(problem, self.fixed, self._latest)
         self._recorded: Array | None = None  # the last one
         self._threads = ExitStack()
 
@@ -115,6 +117,7 @@ class Run:
         if not isfinite(self._kept(x, here.cost if here.finite else np.inf, here)):
             raise Stop(Status.NOT_FINITE)
         self.sight.see(here)
+        self.roughness.age += 1
         return self._latest.keep(x, here)
 
     def hessian(self, x: Array) -> Array:
@@ -130,6 +133,11 @@ class Run:
         if there is None:
             return np.zeros(0)
         return self.evaluate("constraint", lambda: there.values(x, self.fixed))
+
+    def judged(self, x: Array) -> Linearization:
+        """Residual and Jacobian at a point, for the judgement of the run: no limit counts it."""
+        known = self._latest.at(x)
+        return self.problem.linearize_at(x, self.fixed) if known is None else known
 
     def check(self) -> None:
         """Stop the run if its evaluations or its time are used up."""
@@ -163,35 +171,11 @@ class Run:
 
     def optimality(self, x: Array, here: Linearization) -> float:
         """The problem's measure, less what rounding explains there."""
-        rounding = self.rounding(x, here)
-        return self._latest.optimality(here, lambda: self.problem.optimality(x, here, rounding))
-
-    def rounding(self, x: Array, here: Linearization) -> Rounding:
-        """How much of each row of the residual may be rounding error at x.
-
-        Measured anew at every point: at a far start it may be larger than all of the residual at
-        the minimum.
-        """
-        measure = lambda: self.problem.rounding(x, self.fixed, here.residual)  # noqa: E731
-        return self._latest.rounding(here, lambda: guarded(measure))
+        return self.roughness.optimality(x, here)
 
     def noise(self, x: Array, here: Linearization) -> float:
         """By how much rounding may have changed the cost at x."""
-        return self.rounding(x, here).of_cost(here.residual)
-
-    def judged(self, x: Array) -> Linearization:
-        """Residual and Jacobian at a point, for the judgement of the run: no limit counts it."""
-        known = self._latest.at(x)
-        return self.problem.linearize_at(x, self.fixed) if known is None else known
-
-    def lost(self, x: Array, here: Linearization) -> NDArray[np.bool_]:
-        """Which unknowns the residual noticed on the way and does not notice at x; (n,)."""
-        rounding = self.rounding(x, here)
-        gone = self.sight.gone(x, self.x, here, self.problem.support, rounding)
-        if not gone.any():
-            return gone
-        start, residual = self.judged(self.x), lambda to: self.problem.residual(to, self.fixed)
-        return lost(gone, x, start, self.x, here, rounding, residual)
+        return self.roughness.at(x, here).of_cost(here.residual)
 
     def gain(self, x: Array, here: Linearization, to: Array, promised: float) -> Trial:
         """The fall of the cost from x to another point, as a share of what was promised.
@@ -205,7 +189,7 @@ class Run:
         if not np.isfinite(cost):
             return Trial(-np.inf)
         moved = residual != here.residual
-        if promised > self.rounding(x, here).of_fall(here.residual, moved):
+        if not self.roughness.hides(promised, x, here, moved):
             return Trial(fall(here.residual, residual) / promised)
         there = self.linearize(to)
         if self.optimality(to, there) <= POLISHED * self.optimality(x, here):
@@ -228,8 +212,9 @@ class Run:
 
         A prior on the pose may have it otherwise, and so may bounds.
         """
-        at_most = here.cost + self.noise(x, here)
-        turned = rewrapped(self.problem, x, lambda to: self.cost(to) <= at_most)
+        turned = rewrapped(
+            self.problem, x, lambda to: self.cost(to) <= here.cost + self.noise(x, here)
+        )
         return (x, here) if turned is x else (turned, self.linearize(turned))
 
     def record(
@@ -269,7 +254,7 @@ class Run:
         here, there = self._latest.at(x), self.problem.stacked_constraints
         if here is None:
             return
-        noise = self.noise(x, here)
+        noise = self.roughness.about(x, here).of_cost(here.residual)
         if there is None:
             self.best.settle(x, cost, 0.0, optimality, noise)
         elif here.constraints is not None:
