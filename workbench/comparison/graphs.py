@@ -100,7 +100,10 @@ class WatchedFunction:
             return compute()
         x = ordered[0] if ordered else named.get("x", 0.0)
         fixed = ordered[1] if len(ordered) > 1 else named.get("fixed", 0.0)
-        points, given_fixed = _columns(x, self._sizes[0]), _columns(fixed, self._sizes[1])
+        try:
+            points, given_fixed = _columns(x, self._sizes[0]), _columns(fixed, self._sizes[1])
+        except ValueError:
+            return compute()  # CasADi says what is wrong with the arguments
         count = max(len(points), len(given_fixed))
         points = np.broadcast_to(points, (count, self._sizes[0]))
         given_fixed = np.broadcast_to(given_fixed, (count, self._sizes[1]))

@@ -85,8 +85,9 @@ class Conditioning:
 def conditioning(problem: Problem, given: Array, space: Subspace, z: Array) -> Conditioning:
     """What a subspace holds fixed, and what that does to the spread at z (k,).
 
-    Entries between two bounds have at most the spread of a uniform distribution there; those with
-    equal bounds, and what equations tie, are not free in the marginal either.
+    What is between two bounds, or two limits of a constraint, has at most the spread of a uniform
+    distribution there; entries with equal bounds, and what equations tie, are not free in the
+    marginal either.
     """
     x = space.points(z[None])[0]
     here = problem.linearize_at(x, given)
@@ -100,11 +101,15 @@ def conditioning(problem: Problem, given: Array, space: Subspace, z: Array) -> C
             np.diag(np.where(boxed, np.sqrt(12) / np.where(boxed, width, 1.0), 0.0))[boxed],
         ]
     )
+    there = problem.stacked_constraints
+    if there is not None:
+        between = np.isfinite(there.upper - there.lower) & ~there.equal
+        A = there.linearize(x, given).jacobian[between]
+        J = np.vstack([J, A * (np.sqrt(12) / (there.upper - there.lower)[between])[:, None]])
     if span.shape[1] + len(held) == problem.free.size:
         others = np.eye(problem.free.size)[:, held[width[held] > 0]]
     else:  # directions, which entries do not complete
         others = scipy.linalg.null_space(span.T)
-    there = problem.stacked_constraints
     if there is not None and there.equal.any() and others.shape[1]:
         A = there.linearize(x, given).jacobian[there.equal]
         others = others @ scipy.linalg.null_space(A @ others)

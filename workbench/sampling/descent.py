@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.optimize
+import scipy.special
 from numpy.typing import NDArray
 
 from workbench.errors import WorkbenchError
@@ -68,8 +69,34 @@ def descended(target: Target, start: Array) -> Mode:
         z = _constrained(target, start, residual, jacobian)
     half = covariance_half(target, jacobian(z))
     cost = 0.5 * float(np.sum(residual(z) ** 2))
-    log_det = np.linalg.slogdet(half)[1]
+    log_det = np.linalg.slogdet(half)[1] + _cut_off(jacobian(z), residual(z), z, low, high)
     return Mode(z, cost, half, float(log_det - cost), settled=settled)
+
+
+def _cut_off(J: Array, r: Array, z: Array, low: Array, high: Array) -> float:
+    """The log of the share of Laplace's Gaussian at z that bounds leave, where z is on bounds.
+
+    For an entry on a bound, off which the cost rises with the slope g, and its standard deviation
+    sigma with the entries that are on no bound free: exp((g sigma)^2 / 2) Phi(-g sigma), the
+    integral of exp(-g t - t^2 / (2 sigma^2)) over t > 0 and that over all t. Several such entries
+    count one by one.
+    """
+    near = AT_A_BOUND * np.maximum(1.0, abs(z))
+    at_low, at_high = z - low <= near, high - z <= near
+    held = (at_low | at_high) & (high > low)
+    if not held.any():
+        return 0.0
+    slope = np.where(at_low, J.T @ r, -(J.T @ r))[held]
+    rest, _ = np.linalg.qr(J[:, ~held])
+    across = J[:, held] - rest @ (rest.T @ J[:, held])
+    lengths = np.linalg.norm(across, axis=0)  # 0 where bounds alone hold an entry
+    reach = np.divide(slope, lengths, out=np.zeros_like(slope), where=lengths > 0)
+    return float(np.sum(log_scaled_tail(reach)))
+
+
+def log_scaled_tail(u: Array) -> Array:
+    """log of exp(u^2 / 2) Phi(-u), which is erfcx(u / sqrt 2) / 2."""
+    return np.asarray(np.log(scipy.special.erfcx(u / np.sqrt(2)) / 2))
 
 
 def box(target: Target) -> tuple[Array, Array]:
@@ -97,14 +124,16 @@ def bound_rows(target: Target, scale: float) -> Array:
 def inverse_half(target: Target, J: Array) -> Array:
     """A half (k, k) with half half' = (J'J)^-1. Raises Improper if J has no full rank."""
     space = target.subspace
-    _, s, Vt = np.linalg.svd(J, full_matrices=False)
+    lengths = np.linalg.norm(J, axis=0)  # of no matter, so that no unit decides what is seen
+    lengths = np.where(lengths > 0, lengths, 1.0)
+    _, s, Vt = np.linalg.svd(J / lengths, full_matrices=False)
     if len(s) < space.size or s.min() <= np.finfo(float).eps * max(J.shape) * s.max():
         label = space.labels[int(np.argmax(abs(Vt[-1])))]
         raise Improper(
             f"nothing holds a direction with {label}: its posterior has no width. Add a prior or "
             "bounds, or fix it; `workbench diagnose` names all such directions"
         )
-    return np.asarray(Vt.T / s)
+    return np.asarray(Vt.T / s / lengths[:, None])
 
 
 def into_bounds(target: Target, allowed: Array, z: Array) -> Array:

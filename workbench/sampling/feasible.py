@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.errors import NotSupported
+from workbench.errors import BadArgument, NotSupported
 from workbench.problem import Problem
 from workbench.sampling.subspace import Subspace
 
@@ -15,10 +15,20 @@ def inside(problem: Problem, given: Array, x: Array) -> NDArray[np.bool_]:
     """Which of the points x (M, n) meet all bounds, and all constraints to their tolerances."""
     met = np.asarray(((x >= problem.lower) & (x <= problem.upper)).all(axis=1))
     there = problem.stacked_constraints
-    if there is not None:
-        for i in np.flatnonzero(met):
-            met[i] = there.missed(there.values(x[i], given)) <= 1.0
+    if there is not None and met.any():
+        values = np.asarray(there.function(x[met].T, given)).T  # all points in one call
+        miss = np.maximum(there.lower - values, values - there.upper) / there.tolerance
+        met[met] = np.isfinite(values).all(axis=1) & (miss <= 1.0).all(axis=1)
     return met
+
+
+def refuse_undefined(problem: Problem, given: Array, x: Array) -> None:
+    """Raise BadArgument if the residual is not finite at x (n,)."""
+    if not np.isfinite(problem.residual(x, given)).all():
+        raise BadArgument(
+            "the residual is not finite where Laplace's approximation is to begin; solve the "
+            "problem first, and begin at its answer"
+        )
 
 
 def outside_said(problem: Problem, given: Array, x: Array) -> str:

@@ -5,12 +5,13 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from workbench.errors import BadArgument
 from workbench.problem import Problem
 from workbench.sampling.choice import Names, chosen
 from workbench.sampling.conditioning import conditioning
 from workbench.sampling.cut import cut, cut_away, drawn_from
 from workbench.sampling.descent import box, descended
-from workbench.sampling.feasible import refuse_flat
+from workbench.sampling.feasible import refuse_flat, refuse_undefined
 from workbench.sampling.importance import of_laplace
 from workbench.sampling.mixing import Mixing
 from workbench.sampling.modes import modes
@@ -40,10 +41,13 @@ def laplace(
     for other modes, of which the Gaussian knows nothing. Raises what `sample` raises.
     """
     x, given = problem.split(at)
+    if draws < CHAINS:
+        raise BadArgument(f"{draws} draws are too few to judge by; ask for {CHAINS} or more")
     with limited_threads():
         subspace = chosen(problem, x, given, names, rest)
         refuse_flat(problem, given, subspace)
         target = Target(problem, given, subspace)
+        refuse_undefined(problem, given, subspace.points(subspace.centre[None])[0])
         rng = np.random.default_rng(seed)
         mode = descended(target, subspace.centre)
         gaussian = cut(target, mode)

@@ -125,13 +125,15 @@ def _entries(layout: Layout, x: Array, chosen: Indices, along: Array, rest: Arra
 
 def _triangle(J: Array, layout: Layout, columns: Indices) -> Array:
     """R with R'R = J'J, all of its diagonal above rounding; raises Improper."""
-    _, s, Vt = np.linalg.svd(J, full_matrices=True)
+    lengths = np.linalg.norm(J, axis=0)  # of no matter: a unit makes nothing unseen
+    lengths = np.where(lengths > 0, lengths, 1.0)
+    _, s, Vt = np.linalg.svd(J / lengths, full_matrices=True)
     least = np.zeros(J.shape[1])
     least[: s.size] = s
     tolerance = np.finfo(float).eps * max(J.shape) * max(least.max(initial=0), 1e-300)
     if (least <= tolerance).any():
         direction = np.zeros(layout.size)
-        direction[columns] = Vt[int(np.argmin(least))]
+        direction[columns] = Vt[int(np.argmin(least))] / lengths
         raise Improper(
             f"nothing holds {_mostly(layout, direction)}: its posterior has no width. Add a prior "
             "or bounds, or fix it; `workbench diagnose` names all such directions"
