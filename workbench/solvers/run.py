@@ -249,12 +249,14 @@ class Run:
     def _settle(self, x: Array, cost: float, optimality: float) -> None:
         """Let the best point be one that costs the same and is more stationary.
 
-        The same is what rounding hides, or what the tolerances of constraints may buy.
+        The same is what rounding hides, what a step of a converged point may still promise,
+        1/2 (tolerance |r|)^2, or what the tolerances of constraints may buy.
         """
         here, there = self._latest.at(x), self.problem.stacked_constraints
         if here is None:
             return
         noise = self.roughness.about(x, here).of_cost(here.residual)
+        noise += self.limits.gradient_tolerance**2 * cost
         if there is None:
             self.best.settle(x, cost, 0.0, optimality, noise)
         elif here.constraints is not None:
