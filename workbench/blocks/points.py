@@ -38,7 +38,7 @@ class PointsAt(Protocol):
 
     @property
     def points(self) -> Array:
-        """(N, 3) m."""
+        """The points, (N, 3), in metres."""
 
     def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
         """Write the points' derivative by each block of `into`, transposed: (size, 3 N).
@@ -119,7 +119,7 @@ class Points:
 
     @property
     def count(self) -> int:
-        """N."""
+        """The number of points, N."""
         return int(self.symbol.shape[1])
 
     @property

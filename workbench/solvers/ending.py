@@ -47,10 +47,8 @@ def ending(run: "Run", stop: Stop) -> Ending:
     except Exception as error:  # the residual is the user's; the best point is still ours
         return Ending(status, f"{message} (no gradient at the best point: {error})")
     free = run.problem.free
-    labels = tuple(free.label(int(i)) for i in np.flatnonzero(gone))
-    never = run.sight.never
-    unread = tuple(free.label(int(i)) for i in np.flatnonzero(never & ~run.problem.support.read))
-    unnoticed = tuple(free.label(int(i)) for i in np.flatnonzero(never & run.problem.support.read))
+    never, read = run.sight.never, run.problem.support.read
+    labels, unread, unnoticed = (_labels(free, m) for m in (gone, never & ~read, never & read))
     converged = optimality <= run.limits.gradient_tolerance
     if best.missed > 1:
         if status in (Status.CONVERGED, Status.STALLED):
@@ -138,6 +136,10 @@ def _hidden(run: "Run", here: Linearization, free: Layout) -> str:
         f"is known only to about {left[i]:.1g}{unit}{others}; choose units or sigmas that make "
         "the terms smaller"
     )
+
+
+def _labels(free: Layout, marked: NDArray[np.bool_]) -> tuple[str, ...]:
+    return tuple(free.label(int(i)) for i in np.flatnonzero(marked))
 
 
 def _named(labels: tuple[str, ...]) -> str:

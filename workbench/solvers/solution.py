@@ -82,7 +82,7 @@ class Solution:
     trace: tuple[Iterate, ...] = field(repr=False)
     missed: float = 0.0  # by how many tolerances the worst constraint is missed; up to 1 is met
     lost: tuple[str, ...] = ()  # unknowns that the residual noticed on the way, and here no longer
-    unnoticed: tuple[str, ...] = ()  # unknowns that no residual noticed anywhere on the way
+    unnoticed: tuple[str, ...] = ()  # unknowns whose columns were zero wherever they were seen
 
     @property
     def converged(self) -> bool:
