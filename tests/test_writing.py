@@ -3,8 +3,10 @@
 import os
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from workbench import writing
@@ -59,3 +61,19 @@ def test_long_names_have_temporaries_too(tmp_path: Path) -> None:
     write(path, "whole")
     assert [found.name for found in tmp_path.iterdir()] == [path.name]
     assert len(os.fsencode(temporary_prefix(path))) < 200
+
+
+def test_large_arrays_are_stored_as_they_are(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Zeros shrink a thousand times, and what grows as much when it is read is refused."""
+    monkeypatch.setattr(writing, "LARGE", 1000)
+    named = {"file": np.zeros(10), "much": np.zeros(200)}
+    writing.write_arrays(tmp_path / "a.npz", named)
+    with zipfile.ZipFile(tmp_path / "a.npz") as archive:
+        kinds = {info.filename: info.compress_type for info in archive.infolist()}
+    assert kinds == {"file.npy": zipfile.ZIP_DEFLATED, "much.npy": zipfile.ZIP_STORED}
+    with np.load(tmp_path / "a.npz") as found:
+        assert {name: found[name].tolist() for name in found} == {
+            name: array.tolist() for name, array in named.items()
+        }

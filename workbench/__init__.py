@@ -4,41 +4,41 @@
 """
 
 from importlib import import_module
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
-from workbench import residuals
-from workbench.blocks import Block, Layout, Points, Values
-from workbench.bodies import Landmarks, SkinnedBody, dual_quaternion_blend, linear_blend
-from workbench.bodies.catalogue import load_body
-from workbench.bodies.saving import save_body
-from workbench.bodies.triangles import TriangleBody
-from workbench.comparison import Budget, Comparison, compare
-from workbench.diagnostics import Diagnosis, diagnose
-from workbench.errors import WorkbenchError
-from workbench.geometry.camera import Camera
-from workbench.problem import Constraint, Linearization, Problem
-from workbench.residuals import Residual
-from workbench.solvers import (
-    SOLVERS,
-    Dogleg,
-    GaussNewton,
-    Ipopt,
-    LevenbergMarquardt,
-    Newton,
-    Nlopt,
-    Scipy,
-    Solution,
-    Sqp,
-    Staged,
-    Status,
-    SteepestDescent,
-    solve,
-)
-from workbench.training.training import train
-
 if TYPE_CHECKING:
-    from workbench import sampling as sampling
+    from workbench import residuals as residuals
+    from workbench.blocks import Block, Layout, Points, Values
+    from workbench.bodies import Landmarks, SkinnedBody, dual_quaternion_blend, linear_blend
+    from workbench.bodies.catalogue import load_body
+    from workbench.bodies.saving import save_body
+    from workbench.bodies.triangles import TriangleBody
+    from workbench.comparison import Budget, Comparison
+    from workbench.comparison.compare import compare
+    from workbench.diagnostics import Diagnosis, diagnose
+    from workbench.errors import WorkbenchError
+    from workbench.geometry.camera import Camera
+    from workbench.problem import Constraint, Linearization, Problem
+    from workbench.residuals import Residual
     from workbench.sampling import Posterior, laplace, sample
+    from workbench.solvers import (
+        SOLVERS,
+        Dogleg,
+        GaussNewton,
+        Ipopt,
+        LevenbergMarquardt,
+        Newton,
+        Nlopt,
+        Scipy,
+        Solution,
+        Sqp,
+        Staged,
+        Status,
+        SteepestDescent,
+        solve,
+    )
+    from workbench.training.training import train
 
 __all__ = [
     "SOLVERS",
@@ -84,16 +84,38 @@ __all__ = [
     "train",
 ]
 
-SAMPLING = "Posterior", "laplace", "sample"
+ROOMS = {  # where the names above live
+    "blocks": ("Block", "Layout", "Points", "Values"),
+    "bodies": ("Landmarks", "SkinnedBody", "dual_quaternion_blend", "linear_blend"),
+    "bodies.catalogue": ("load_body",),
+    "bodies.saving": ("save_body",),
+    "bodies.triangles": ("TriangleBody",),
+    "comparison": ("Budget", "Comparison", "compare"),
+    "diagnostics": ("Diagnosis", "diagnose"),
+    "errors": ("WorkbenchError",),
+    "geometry.camera": ("Camera",),
+    "problem": ("Constraint", "Linearization", "Problem"),
+    "residuals": ("Residual",),
+    "sampling": ("Posterior", "laplace", "sample"),
+    "solvers": (
+        "SOLVERS", "Dogleg", "GaussNewton", "Ipopt", "LevenbergMarquardt", "Newton", "Nlopt",
+        "Scipy", "Solution", "Sqp", "Staged", "Status", "SteepestDescent", "solve",
+    ),
+    "training.training": ("train",),
+}  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:
-    """What belongs to sampling is loaded when it is asked for: emcee takes a second, with SciPy."""
-    if name not in (*SAMPLING, "sampling"):
+    """A name, or a room, is loaded when it is asked for: all of them take seconds, and until a
+    command has begun, nobody minds an interrupt.
+    """
+    for room, names in ROOMS.items():
+        if name in names:
+            return getattr(import_module(f"{__name__}.{room}"), name)
+    if find_spec(f"{__name__}.{name}") is None:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    room = import_module("workbench.sampling")
-    return room if name == "sampling" else getattr(room, name)
+    return import_module(f"{__name__}.{name}")
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *SAMPLING, "sampling"})
+    return sorted({*globals(), *__all__})

@@ -19,6 +19,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from workbench.errors import BadFile, WorkbenchError
+from workbench.homes import home
 from workbench.writing import replacing
 
 LOG = logging.getLogger(__name__)
@@ -69,11 +70,15 @@ def find_compiler() -> Compiler:
 
 
 def cache_folder() -> Path:
-    """Where libraries are kept; it need not exist."""
+    """Where libraries are kept; it need not exist. Raises NoLibrary if nobody says where."""
     if named := os.environ.get("WORKBENCH_CACHE"):
         return Path(named)
-    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(base) / "workbench"
+    if base := os.environ.get("XDG_CACHE_HOME"):
+        return Path(base) / "workbench"
+    try:
+        return home() / ".cache" / "workbench"
+    except BadFile as error:
+        raise NoLibrary(f"no folder to keep libraries in ({error}); set WORKBENCH_CACHE") from error
 
 
 def vectors() -> str:

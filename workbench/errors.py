@@ -1,6 +1,10 @@
 """What can go wrong, said once, with what exists instead and what would put it right."""
 
 from collections.abc import Iterable
+from itertools import islice
+
+MOST_SHOWN = 60  # characters of a value in a message
+MOST_SAID = 300  # characters of a message that another library made
 
 
 class WorkbenchError(Exception):
@@ -10,6 +14,59 @@ class WorkbenchError(Exception):
 def listed(names: Iterable[str]) -> str:
     """The names in order, for the end of a sentence: `betas, pose, trans`."""
     return ", ".join(sorted(names)) or "none"
+
+
+def shown(value: object, most: int = MOST_SHOWN, levels: int = 2) -> str:
+    """A value of a file or of a caller for the end of a sentence, in `most` characters or so.
+
+    What it costs does not depend on the value: lists are followed for a few items and two levels
+    only, of text the beginning is looked at, long whole numbers are not written in decimals (which
+    Python refuses), and everything else is named by its type. It is printable on any terminal.
+    """
+    if isinstance(value, str | bytes):
+        text = repr(value[:most])
+        return text if len(value) <= most else f"{text[:-1]}...{text[-1]}"
+    if isinstance(value, int) and not isinstance(value, bool) and value.bit_length() > 3 * most:
+        return f"a whole number of {value.bit_length():,} bits"
+    if value is None or isinstance(value, bool | int | float | complex):
+        return f"{value}"
+    if isinstance(value, list | tuple):
+        return _items(value, most, levels)
+    held = f" of {len(value):,} entries" if isinstance(value, dict) else ""
+    return f"a {type(value).__name__}{held}"
+
+
+def _items(several: list[object] | tuple[object, ...], most: int, levels: int) -> str:
+    left, right = "[]" if isinstance(several, list) else "()"
+    if several and not levels:
+        return f"{left}...{right}"
+    parts: list[str] = []
+    for value in islice(several, most // 6):
+        parts.append(shown(value, most // 2, levels - 1))
+        if sum(map(len, parts)) > most:
+            break
+    more = ["..."] if len(parts) < len(several) else []
+    comma = "," if len(several) == 1 and left == "(" else ""
+    return f"{left}{', '.join(parts + more)}{comma}{right}"
+
+
+def cut(text: object, most: int = MOST_SAID) -> str:
+    """A text, or what an error says, cut to `most` characters and printable on any terminal."""
+    said = str(text) or type(text).__name__
+    short = said[:most] if len(said) <= most else f"{said[:most]}..."
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in short)
+
+
+def some(names: Iterable[str]) -> str:
+    """The first of several names, each cut short, and how many more there are."""
+    found = list(names)
+    told: list[str] = []
+    for name in found:
+        if sum(len(said) + 2 for said in told) > MOST_SAID:
+            told.append(f"and {len(found) - len(told):,} more")
+            break
+        told.append(cut(name, MOST_SHOWN))
+    return ", ".join(told) or "none"
 
 
 class UnknownName(WorkbenchError):
@@ -135,6 +192,10 @@ class NotSupported(WorkbenchError):
 
 class BadBounds(WorkbenchError):
     """Bounds that no point satisfies."""
+
+
+class TooLarge(WorkbenchError):
+    """What was asked for does not fit into the memory that is free."""
 
 
 class Unsolved(WorkbenchError):

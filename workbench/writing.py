@@ -1,13 +1,14 @@
 """Writing files whole or not at all."""
 
 import hashlib
+import logging
 import os
 import platform
 import re
 import tempfile
 import time
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from glob import escape
 from pathlib import Path
@@ -18,7 +19,9 @@ from numpy.typing import NDArray
 
 from workbench.errors import BadFile
 
+LOG = logging.getLogger(__name__)
 AN_HOUR = 3600.0  # s: nothing of ours takes that long to write
+LARGE = 2**27  # bytes
 LONGEST = 100  # bytes of a name that its temporaries repeat; file systems take 255
 
 
@@ -59,11 +62,41 @@ def replacing(path: str | Path) -> Iterator[Path]:
 def write_arrays(path: Path, named: Mapping[str, NDArray[Any]]) -> None:
     """What `np.savez_compressed` writes, for any names: its own takes them as keyword arguments,
     and so has no room for one that is called `file`.
+
+    Large arrays are not compressed: a file that unpacks to hundreds of times its size, as zeros
+    do, is not read again (`reading/archive.py`).
     """
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, array in named.items():
-            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+            info = zipfile.ZipInfo(f"{name}.npy")
+            large = array.nbytes > LARGE
+            info.compress_type = zipfile.ZIP_STORED if large else zipfile.ZIP_DEFLATED
+            with archive.open(info, "w", force_zip64=True) as member:
                 np.lib.format.write_array(member, np.asanyarray(array), allow_pickle=False)
+
+
+class Keeping:
+    """Writes what a long run keeps on its way, and can do without: checkpoints, results by key.
+
+    A write that fails does not end the run. The first such failure is said, as a warning in the
+    log; `failure` says why the last write failed, and is empty if it did not.
+    """
+
+    def __init__(self) -> None:
+        self.failure = ""
+        self._said = False
+
+    def __call__(self, write: Callable[[], None]) -> None:
+        """Carry out a write that raises BadFile where it fails."""
+        try:
+            write()
+        except BadFile as error:
+            self.failure = str(error)
+            if not self._said:
+                self._said = True
+                LOG.warning("going on without what is kept on the way: %s", error)
+        else:
+            self.failure = ""
 
 
 def temporary_prefix(path: Path) -> str:

@@ -59,8 +59,7 @@ class Case:
 
 def frames(count: int) -> list[int]:
     """So many, over the whole recording."""
-    with published() as data:
-        return [int(f) for f in np.linspace(0, len(data["keypoints"]) - 1, count)]
+    return [int(f) for f in np.linspace(0, len(published()["keypoints"]) - 1, count)]
 
 
 def photographed(

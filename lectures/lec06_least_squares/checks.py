@@ -371,7 +371,16 @@ def valley():
 
 
 def arm():
-    return named("the_arm", lambda x: solutions.residual(x, SEEN), lambda x: solutions.jacobian(x))
+    """Without our answers, because these functions are handed out: the derivative is that of a
+    step along the imaginary axis, exact to all digits.
+    """
+
+    def J(x):
+        return np.transpose([
+            placed(np.cumsum(x + 1e-30j * one)).imag / 1e-30 for one in np.eye(3)
+        ])  # fmt: skip
+
+    return named("the_arm", lambda x: placed(np.cumsum(x)) - SEEN, J)
 
 
 def bone(share):

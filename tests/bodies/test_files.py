@@ -315,7 +315,7 @@ def test_an_npz_that_unpacks_to_too_much_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     np.savez_compressed(tmp_path / "bomb.npz", zeros=np.zeros(10**6))
-    monkeypatch.setattr("workbench.bodies.npz_files.MOST_BYTES", 10**6)
+    monkeypatch.setattr("workbench.reading.archive.MOST_BYTES", 10**6)
     with pytest.raises(BadFile, match="unpacks to"):
         load_body(tmp_path / "bomb.npz")
 

@@ -20,8 +20,10 @@ def workbench(
     """The command line in this process, at an empty folder."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "200")
-    asked = [getattr(signal, name) for name in ("SIGTERM", "SIGALRM") if hasattr(signal, name)]
+    names = ("SIGINT", "SIGTERM", "SIGALRM")
+    asked = [getattr(signal, name) for name in names if hasattr(signal, name)]
     before = {number: signal.getsignal(number) for number in asked}
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # the background of a shell ignores it
 
     def run(*arguments: str) -> Ran:
         monkeypatch.setattr(sys, "argv", ["workbench", *arguments])

@@ -118,13 +118,16 @@ def setup(seed: int = 0):
 NAPPER = SOLVER.replace("return", "import time; time.sleep(0.3); return")
 
 
+HEARD = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
+
+
 def test_an_interrupt_keeps_what_was_finished(tmp_path: Path) -> None:
     (tmp_path / "line.py").write_text(SLOW)
     (tmp_path / "mine.py").write_text(NAPPER)
     program = subprocess.Popen(
         [
-            sys.executable, "-c", "from workbench.cli import main; main()", "compare", "line.py",
-            "--solver", "mine.py", "--seeds", "40", "--workers", "2", "--out", "found",
+            sys.executable, "-c", f"{HEARD}; from workbench.cli import main; main()", "compare",
+            "line.py", "--solver", "mine.py", "--seeds", "40", "--workers", "2", "--out", "found",
         ],
         cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip

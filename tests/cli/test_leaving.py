@@ -11,6 +11,7 @@ from workbench.cli.leaving import Terminated, held
 
 EARLY = """
 import os, signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)  # the background of a shell ignores it
 class Early:  # a module of the command line begins to be imported: that is when it comes
     def find_spec(self, name, path=None, target=None):
         if name == "workbench.cli.app":

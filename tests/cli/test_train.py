@@ -4,7 +4,6 @@ import csv
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -108,15 +107,17 @@ def test_options_that_make_no_sense(tmp_path: Path) -> None:
     assert not out.exists()
 
 
+HEARD = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
+
+
 def test_an_interrupt_says_that_it_goes_on_later(tmp_path: Path) -> None:
     made_folder(tmp_path / "mine")
     run = subprocess.Popen(
-        [sys.executable, "-c", "from workbench.cli import main; main()", "train", "mine"],
+        [sys.executable, "-c", f"{HEARD}; from workbench.cli import main; main()", "train", "mine"],
         cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
     assert run.stdout is not None
-    while "surfaces" not in run.stdout.readline():
-        time.sleep(0.01)
+    assert any("surfaces" in line for line in run.stdout), "it ended before"
     run.send_signal(signal.SIGINT)
     _, error = run.communicate(timeout=60)
     assert run.returncode == 130

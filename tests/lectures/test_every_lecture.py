@@ -2,14 +2,13 @@
 
 import ast
 import inspect
-from types import SimpleNamespace
 
 import pytest
 
+from tests.lectures.answered import marks_here
 from tests.lectures.prose import run_of
 from workbench.course.answers import Raised, formed, outcome
 from workbench.course.cells import cells
-from workbench.course.marking import mark
 from workbench.course.marks import State
 from workbench.course.outline import FILES, Lecture
 from workbench.course.picture import Picture, Source
@@ -93,9 +92,9 @@ def test_no_name_is_taken_twice(lecture: Lecture) -> None:
 
 @EACH_EXERCISE
 def test_the_solution_passes_and_the_stub_is_unsolved(lecture: Lecture, exercise: str) -> None:
-    for one in mark(lecture, exercise, lecture.module("solutions")):
+    for one in marks_here(lecture, exercise, lecture.solution(exercise)):
         assert one.state is State.PASSED, one
-    for one in mark(lecture, exercise, lecture.module("exercises")):
+    for one in marks_here(lecture, exercise, getattr(lecture.module("exercises"), exercise)):
         assert one.state is State.NOT_ATTEMPTED
         assert one.points == 0
 
@@ -109,7 +108,7 @@ def test_every_mistake_is_rejected_by_its_name(lecture: Lecture, exercise: str) 
         name = mistake.answer.__name__
         failed = [
             one
-            for one in mark(lecture, exercise, SimpleNamespace(**{exercise: mistake.answer}))
+            for one in marks_here(lecture, exercise, mistake.answer)
             if one.state is not State.PASSED
         ]
         assert failed, f"no check rejects {name}"
@@ -125,8 +124,7 @@ def test_every_mistake_is_rejected_by_its_name(lecture: Lecture, exercise: str) 
 def test_nonsense_is_rejected_fairly(lecture: Lecture, exercise: str) -> None:
     """None, a string and what has no shape come back with a sentence, not with a traceback."""
     for nonsense in (None, "42", object(), float("nan"), [], lambda *_: 0):
-        answer = SimpleNamespace(**{exercise: lambda *_, it=nonsense: it})
-        for one in mark(lecture, exercise, answer):
+        for one in marks_here(lecture, exercise, lambda *_, it=nonsense: it):
             assert one.state is State.FAILED
             assert one.what
             assert one.came

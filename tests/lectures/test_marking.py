@@ -4,17 +4,16 @@ import os
 import sys
 import time
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
 
-from workbench.course import marker, marking
+from tests.lectures.answered import marks_here
+from workbench.course import answering, answers
 from workbench.course.checks import Missed, equal
-from workbench.course.marking import mark
 from workbench.course.marks import Mark, Marked, State
-from workbench.course.outline import lecture
+from workbench.course.outline import course, lecture
 from workbench.course.starting import start
 from workbench.course.supervision import marked
 from workbench.errors import BadArgument, BadFile, UnknownName
@@ -53,8 +52,8 @@ def said(found: Marked, exercise: str) -> str:
 
 
 def marks_of(number: int, **answer: Any) -> list[Mark]:
-    (name,) = answer
-    return mark(lecture(number), name, cast(ModuleType, SimpleNamespace(**answer)))
+    ((name, function),) = answer.items()
+    return marks_here(lecture(number), name, function)
 
 
 def test_what_prints_alike_is_told_by_how_far_it_is_off() -> None:
@@ -145,8 +144,8 @@ def test_why_a_file_cannot_be_loaded(
     monkeypatch.setattr(sys, "path", [*sys.path])
     monkeypatch.setitem(sys.modules, "answers", sys)  # what loading puts there is taken out again
     with pytest.raises(BaseException) as raised:  # noqa: PT011  # also SystemExit
-        marker.load(str(path))
-    assert told in marking.said(raised.value, file=str(path))
+        answering.load(str(path))
+    assert told in answers.said(raised.value, file=str(path))
 
 
 def test_a_file_that_never_ends_being_loaded(tmp_path: Path) -> None:
@@ -180,10 +179,63 @@ def test_a_file_that_answers_a_part(tmp_path: Path) -> None:
     assert turned in path.read_text()
 
 
-def test_the_solutions_reach_all_points_in_a_process_of_their_own() -> None:
-    found = marked(ROTATIONS, ROTATIONS.folder / "solutions.py")
-    assert found.passed
+@pytest.mark.parametrize("number", [one.number for one in course() if one.there])
+def test_the_solutions_reach_all_points_in_a_process_of_their_own(number: int) -> None:
+    """Functions that an exercise hands out are sent there, without any of our answers in them."""
+    one = lecture(number)
+    found = marked(one, one.folder / "solutions.py", seconds=60)
+    assert [m for m in found.marks if m.state is not State.PASSED] == []
     assert found.points == found.of
+
+
+def test_the_exercises_as_they_are_handed_out_are_not_attempted() -> None:
+    found = marked(lecture(12), lecture(12).folder / "exercises.py")
+    assert {m.state for m in found.marks} == {State.NOT_ATTEMPTED}
+    assert found.points == 0
+
+
+def test_a_function_that_is_handed_out_answers_as_it_does_in_the_checks(tmp_path: Path) -> None:
+    """With whatever it takes there; and the mistake is known by what it answers."""
+    path = tmp_path / "answers.py"
+    path.write_text(
+        "import numpy as np\n"
+        "def numeric_jacobian(f, x):\n"
+        "    return np.transpose([f(x + 1e-30j * d).imag / 1e-30 for d in np.eye(len(x))])\n"
+        "def fit(f, J, x):\n"
+        "    return x - np.linalg.lstsq(J(x), f(x), rcond=None)[0]\n"
+    )
+    found = marked(lecture(6), path, seconds=60)
+    assert {m.state for m in found.exercises["numeric_jacobian"]} == {State.PASSED}
+    assert all("one step is not the end of it" in m.hint for m in found.exercises["fit"])
+
+
+def test_what_is_expected_may_be_an_array(tmp_path: Path) -> None:
+    """A check that expects one once ended the process, and its exercise lost all points."""
+    path = tmp_path / "answers.py"
+    path.write_text(
+        "import numpy as np\n"
+        "def ratios(times):\n"
+        "    least = times.min(axis=1, keepdims=True)\n"
+        "    with np.errstate(invalid='ignore'):\n"
+        "        return np.where(np.isinf(least), 1.0, times / least)\n"
+    )
+    best, nobody = marked(lecture(11), path).exercises["ratios"]
+    assert best.state is State.PASSED
+    assert "[inf inf inf]" in nobody.expected
+    assert "infinity over infinity is not 1 there" in nobody.hint
+
+
+def test_numbers_with_an_imaginary_part_are_none(tmp_path: Path) -> None:
+    for imaginary, states in ((1e-17, {State.PASSED}), (0.5, {State.FAILED})):
+        found = marks_of(2, hat=lambda w, i=imaginary: np.cross(np.eye(3), -w).T + 1j * i)
+        assert {m.state for m in found} == states
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals are those of POSIX")
+def test_a_signal_without_a_name(tmp_path: Path) -> None:
+    path = tmp_path / "answers.py"
+    path.write_text("import os, signal\nos.kill(os.getpid(), signal.SIGRTMIN + 3)\n")
+    assert marked(ROTATIONS, path).trouble.startswith("its process was ended by signal ")
 
 
 def test_an_answer_may_not_reach_into_the_next_one(tmp_path: Path) -> None:

@@ -420,6 +420,30 @@ def test_a_file_that_asks_for_other_names_is_refused() -> None:
         read_tensors(content.getvalue())
 
 
+def torch_file(pickled: bytes) -> bytes:
+    content = BytesIO()
+    with zipfile.ZipFile(content, "w") as archive:
+        archive.writestr("x/data.pkl", pickled)
+    return content.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (b"", "is damaged: File is not a zip file"),
+        (torch_file(b""), "is damaged: Ran out of input"),
+        (torch_file(b"\x80\x02}(K\x01u."), "is damaged: "),
+        (torch_file(b"\x80\x02Nh\x05."), "is damaged: "),
+        (torch_file(b"\x80\x02K\x01Q."), "is damaged: "),
+        (torch_file(pickle.dumps([1])), "holds a list, not a dictionary"),
+    ],
+    ids=["empty", "an empty pickle", "half an entry", "no such memory", "a number", "a list"],
+)
+def test_a_damaged_file_of_tensors_is_said(content: bytes, says: str) -> None:
+    with pytest.raises(BadFile, match=says):
+        read_tensors(content)
+
+
 def test_another_wheel_or_folder_is_refused(tmp_path: Path) -> None:
     other = tmp_path / "other.whl"
     other.write_bytes(b"PK")

@@ -164,6 +164,9 @@ def test_a_start_comes_back(tmp_path: Path) -> None:
     ("table", "says"),
     [
         ("file,subject,gendre\na.ply,b,female\n", "columns that are not read: gendre; there are"),
+        ("file,subject,subject\na.ply,b,c\n", "two columns of one name"),
+        (f"file,subject\n{'a' * 400}.ply,b\n", "file has over 300 letters: 'aaa"),
+        (f"file,subject,{'9' * 9000}\na.ply,b,c\n", "not read: 9{30,200}[^9]"),
         ("file,subject\na.ply,b,female\n", "line 2 has more cells than the table has columns"),
     ],
 )

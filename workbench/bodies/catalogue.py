@@ -11,6 +11,7 @@ from workbench.bodies.pickled_arrays import read_pickled_arrays
 from workbench.bodies.skinned import Landmarks, SkinnedBody
 from workbench.bodies.smpl_layout import body_from
 from workbench.errors import BadFile, listed
+from workbench.homes import expanded
 
 BODIES = (  # in workbench/data/bodies, each read when it is asked for; neutral unless they say
     "default", "default-female", "default-male", "small", "full", "full-female", "full-male",
@@ -54,7 +55,7 @@ def load_body(name_or_path: str | Path = "default") -> SkinnedBody:
             f"a body is loaded by name or from a path, not by a {type(name_or_path).__name__}; "
             f"the bodies are {listed(BODIES)}"
         )
-    path = Path(name_or_path).expanduser()
+    path = expanded(name_or_path)
     if path.is_dir():
         raise BadFile(f"{path} is a folder; give the file in it")
     if not path.exists():
@@ -62,6 +63,8 @@ def load_body(name_or_path: str | Path = "default") -> SkinnedBody:
             f"no body is called {str(name_or_path)!r}, and there is no such file; "
             f"the bodies are {listed(BODIES)}, or give the path of an .npz or .pkl file"
         )
+    if not path.is_file():  # opening a pipe waits for somebody to write to it, perhaps for ever
+        raise BadFile(f"{path} is a pipe or a device; give a file")
     try:
         return _from_file(path)
     except OSError as error:

@@ -1,6 +1,6 @@
 """Reading the bodies that come with the workbench, as the builder packed them."""
 
-import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypedDict
 
@@ -9,9 +9,22 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from workbench.errors import BadFile
+from workbench.reading.archive import open_arrays
+from workbench.reading.damage import taken_for
+from workbench.reading.expected import (
+    Expected,
+    Kind,
+    check_numbers,
+    read_expected,
+    reals,
+    texts,
+    wholes,
+)
+from workbench.reading.facts import facts_in
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
+PARTS = ("rows", "columns", "shares")  # of a sparse matrix of whole numbers
 SYNTHETIC = (
     "the people behind this body were made by a program from shapes that artists modelled, and a "
     "synthetic teacher says what pose does to their skin; no body was measured or scanned, only "
@@ -35,33 +48,54 @@ class EmbeddedBody(TypedDict):
     card: dict[str, Any]  # where the numbers come from, and how good they are
 
 
+STEPS = Kind("whole numbers of 16 bits", frozenset({"i2"}), lambda array: array)
+EXPECTED = {
+    "template": reals("N", 3),
+    "shapedirs": Expected(STEPS, ("N", 3, "B")),
+    "shapedirs_step": reals(),
+    "posedirs": Expected(STEPS, ("P", 3, "N")),  # the axes are reversed, which compresses better
+    "posedirs_step": reals(),
+    "weight_joints": wholes("N", 4),
+    "weight_shares": wholes("N", 4),
+    "joint_names": texts("K"),
+    "parents": wholes("K"),
+    "faces": wholes("F", 3),
+    "mirror": wholes("N"),
+    **{f"J_regressor_{part}": wholes("entries of J_regressor") for part in PARTS},
+    "coco_names": texts("M"),
+    **{f"coco_{part}": wholes("entries of coco") for part in PARTS},
+    "card": texts(),
+}
+
+
 def read_embedded(path: Path) -> EmbeddedBody:
     """One packed body. Raises BadFile if the file is missing or is not one."""
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            return _unpacked(dict(file))
-    except (OSError, KeyError, ValueError) as error:
-        raise BadFile(f"{path} is no embedded body: {error}") from error
+    with (
+        taken_for(path, "embedded body", "install the workbench again, or build the body again"),
+        open_arrays(path) as archive,
+    ):
+        arrays = read_expected(archive, EXPECTED)
+        return _unpacked(arrays, facts_in(arrays["card"]).told)
 
 
-def _unpacked(arrays: dict[str, NDArray[Any]]) -> EmbeddedBody:
+def _unpacked(arrays: dict[str, NDArray[Any]], card: Mapping[str, Any]) -> EmbeddedBody:
     N, joint_names = len(arrays["template"]), _names(arrays["joint_names"])
     coco_names = _names(arrays["coco_names"])
     weights = np.zeros((N, len(joint_names)))
+    check_numbers("weight_joints", arrays["weight_joints"], len(joint_names))
     np.put_along_axis(weights, arrays["weight_joints"], arrays["weight_shares"], axis=1)
     return EmbeddedBody(
-        template=arrays["template"].astype(np.float64),
+        template=arrays["template"],
         shapedirs=arrays["shapedirs"] * float(arrays["shapedirs_step"]),
-        # Stored with the axes reversed, which compresses better.
         posedirs=np.ascontiguousarray(arrays["posedirs"].T) * float(arrays["posedirs_step"]),
         J_regressor=_regressor(arrays, "J_regressor", (len(joint_names), N)),
-        weights=weights / weights.sum(axis=1, keepdims=True),
+        weights=weights / _totals("weight_shares", weights),
         parents=tuple(int(parent) for parent in arrays["parents"]),
-        faces=arrays["faces"].astype(np.int64),
+        faces=arrays["faces"],
         joint_names=joint_names,
-        mirror=arrays["mirror"].astype(np.int64),
+        mirror=arrays["mirror"],
         landmarks={"coco": (coco_names, _regressor(arrays, "coco", (len(coco_names), N)))},
-        card={"synthetic": SYNTHETIC} | json.loads(str(arrays["card"])),
+        card={"synthetic": SYNTHETIC} | dict(card),
     )
 
 
@@ -71,7 +105,16 @@ def _names(array: NDArray[Any]) -> tuple[str, ...]:
 
 def _regressor(arrays: dict[str, NDArray[Any]], name: str, shape: tuple[int, int]) -> csr_array:
     """Rows that sum to one, from whole shares of each."""
-    where = arrays[f"{name}_rows"].astype(np.int64), arrays[f"{name}_columns"].astype(np.int64)
-    shares = csr_array((arrays[f"{name}_shares"].astype(np.float64), where), shape=shape)
-    totals: Array = np.asarray(shares.sum(axis=1))
-    return csr_array(shares.multiply(1 / totals[:, None]))
+    rows, columns, shares = (arrays[f"{name}_{part}"] for part in PARTS)
+    check_numbers(f"{name}_rows", rows, shape[0])
+    check_numbers(f"{name}_columns", columns, shape[1])
+    matrix = csr_array((shares.astype(np.float64), (rows, columns)), shape=shape)
+    return csr_array(matrix.multiply(1 / _totals(f"{name}_shares", matrix)))
+
+
+def _totals(name: str, shares: Array | csr_array) -> Array:
+    """The sum of each row, (rows, 1)."""
+    totals: Array = np.asarray(shares.sum(axis=1), dtype=np.float64)
+    if not (totals > 0).all():
+        raise BadFile(f"{name} of row {int(np.argmin(totals))} are not above zero together")
+    return totals[:, None]

@@ -8,9 +8,13 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from workbench.bodies.raw import Raw, Unread
-from workbench.errors import BadFile
+from workbench.bodies.sparse_parts import from_pointers
+from workbench.errors import BadFile, shown
+from workbench.reading.expected import LARGEST
+from workbench.reading.npy import check_letters, widened
 
 SPARSE_PARTS = ("data", "indices", "indptr", "shape")
+LONGEST_NAME = 200  # characters of a joint's, a landmark's or a body's name, which messages show
 
 
 @dataclass(frozen=True)
@@ -25,6 +29,7 @@ class Entries:
 
     def array(self, key: str) -> NDArray[Any]:
         """An array of numbers."""
+        self._has(key)
         value = self.raw[key]
         if isinstance(value, Unread):
             raise BadFile(f"{self.where}: {key} is {value.reason}")
@@ -38,24 +43,26 @@ class Entries:
 
     def reals(self, key: str) -> NDArray[np.float64]:
         """An array of any numbers as float64."""
-        return np.ascontiguousarray(self.array(key), dtype=np.float64)
+        return np.ascontiguousarray(widened(self.array(key)))
 
     def wholes(self, key: str) -> NDArray[np.int64]:
         """Whole numbers, however they are stored."""
         array = self.array(key)
-        if array.dtype.kind == "f" and not (np.isfinite(array) & (array == np.trunc(array))).all():
-            raise BadFile(f"{self.where}: {key} must hold whole numbers, but holds others")
+        if array.dtype.kind == "f":
+            array = widened(array)
+            if not ((abs(array) <= LARGEST) & (array == np.trunc(array))).all():
+                raise BadFile(f"{self.where}: {key} must hold whole numbers, but holds others")
         return array.astype(np.int64)
 
     def directions(self, key: str, N: int) -> NDArray[np.float64]:
         """Blend shapes (N, 3, .), also from the flat (3 N, .), (., 3 N) and (N, 3 .)."""
-        array = self.reals(key)
+        array = self.array(key)
         if array.ndim == 3 and array.shape[:2] == (N, 3):
-            return array
+            return np.ascontiguousarray(widened(array))
         if array.ndim == 2 and array.shape[0] != 3 * N and array.shape[1] == 3 * N:
-            return np.ascontiguousarray(array.T).reshape(N, 3, -1)
+            return np.ascontiguousarray(widened(array.T)).reshape(N, 3, -1)
         if array.ndim == 2 and array.shape[0] in (N, 3 * N) and array.size % (3 * N) == 0:
-            return array.reshape(N, 3, -1)
+            return widened(array).reshape(N, 3, -1)
         raise BadFile(
             f"{self.where}: {key} has shape {array.shape}; with {N} vertices it must be "
             f"({N}, 3, .), ({3 * N}, .) or (., {3 * N})"
@@ -64,37 +71,63 @@ class Entries:
     def matrix(self, key: str) -> csr_array:
         """A matrix, dense or sparse, or its parts under `key/data`, `key/indices`, ..."""
         if f"{key}/data" not in self:
-            value = self.raw[key]
-            matrix = value if isinstance(value, csr_array) else csr_array(self._two_axes(key))
-            return matrix.astype(np.float64)
+            value = self.raw.get(key)
+            if isinstance(value, csr_array):
+                with np.errstate(over="ignore"):  # what is infinite then is refused
+                    return value.astype(np.float64)
+            return csr_array(widened(self._two_axes(key)))
         data, indices, indptr, shape = (
-            self.array(f"{key}/{part}") if part == "data" else self.wholes(f"{key}/{part}")
+            self.reals(f"{key}/{part}") if part == "data" else self.wholes(f"{key}/{part}")
             for part in SPARSE_PARTS
             if self._has(f"{key}/{part}")
         )
         try:
             rows, columns = shape
-            matrix = csr_array((data, indices, indptr), shape=(int(rows), int(columns)))
-            matrix.check_format(full_check=True)  # scipy's own code trusts the indices
-        except (ValueError, IndexError) as error:
+            matrix = from_pointers("csr", data, indices, indptr, (int(rows), int(columns)))
+        except (ValueError, IndexError, TypeError, OverflowError) as error:
             raise BadFile(f"{self.where}: {key} is no sparse matrix ({error})") from error
-        return matrix.astype(np.float64)
+        return matrix
 
     def texts(self, key: str) -> tuple[str, ...]:
         """A list of names."""
         array = self.raw.get(key)
         if not (isinstance(array, np.ndarray) and array.ndim == 1 and array.dtype.kind == "U"):
             raise BadFile(f"{self.where}: {key} must be a list of names")
-        return tuple(str(text) for text in array)
+        names = tuple(str(text) for text in self._written(key, array))
+        for name in names:
+            self._check_length(key, name)
+        return names
+
+    def name(self, key: str, otherwise: str) -> str:
+        """A single text that is short enough to be shown in messages."""
+        name = self.text(key, otherwise)
+        self._check_length(key, name)
+        return name
 
     def text(self, key: str, otherwise: str) -> str:
         """A single text, stored as text, as bytes or as an array of either."""
         value = self.raw.get(key)
         if isinstance(value, np.ndarray) and value.size == 1:
-            value = value.item()
+            value = self._written(key, value).item()
         if isinstance(value, bytes):
             value = value.decode("latin1")
         return value if isinstance(value, str) else otherwise
+
+    def _check_length(self, key: str, name: str) -> None:
+        if len(name) > LONGEST_NAME:
+            raise BadFile(
+                f"{self.where}: {key} holds a name of {len(name):,} characters, {shown(name)}; "
+                f"names have at most {LONGEST_NAME}"
+            )
+
+    def _written(self, key: str, array: NDArray[Any]) -> NDArray[Any]:
+        """The array, if what it says it holds in letters is text."""
+        try:
+            if array.dtype.kind == "U":
+                check_letters(array)
+        except BadFile as error:
+            raise BadFile(f"{self.where}: {key} {error}") from error
+        return array
 
     def _two_axes(self, key: str) -> NDArray[Any]:
         array = self.array(key)

@@ -29,7 +29,7 @@ COMPUTED = {  # what SMPL's own program stores beside a model, and what it follo
     **dict.fromkeys(("pose", "betas", "trans"), "nothing: it is one person's state"),
 }
 KINDS = "biufUS"  # of arrays that are kept: numbers and texts
-MOST_ENTRIES = 2**27  # of a sparse matrix that is kept as a full array: 1 GB of float64
+MOST_ENTRIES = 2**24  # of all sparse matrices kept as full arrays: 128 MB of float64
 
 Kept = dict[str, NDArray[Any]]
 
@@ -45,12 +45,14 @@ def sorted_out(raw: Raw, mirrored: bool) -> tuple[Kept, list[str]]:
             read |= {key, *(f"{SETS}{found[1]}/{part}" for part in SPARSE_PARTS)}
     kept: Kept = {}
     left_out: list[str] = []
+    room = MOST_ENTRIES
     for key in sorted(raw.keys() - read):
         if key in COMPUTED:
             left_out.append(f"{key}, which follows from {COMPUTED[key]}")
         elif key.startswith(SETS):
             left_out.append(f"{key}, which belongs to a set of landmarks without names")
-        elif (array := _array(raw[key])) is not None:
+        elif (array := _array(raw[key], room)) is not None:
+            room -= array.size if isinstance(raw[key], csr_array) else 0
             kept[key] = given_up(array)
         else:
             left_out.append(f"{key}, which is {_kind(raw[key])}")
@@ -71,10 +73,10 @@ def told(extras: Mapping[str, NDArray[Any]]) -> str:
     )
 
 
-def _array(value: Any) -> NDArray[Any] | None:
-    """The entry as an array of numbers or texts, if it is one."""
+def _array(value: Any, room: int) -> NDArray[Any] | None:
+    """The entry as an array of numbers or texts, if it is one; of `room` entries if sparse."""
     if isinstance(value, csr_array):
-        small = value.shape[0] * value.shape[1] <= MOST_ENTRIES
+        small = value.shape[0] * value.shape[1] <= room
         return np.asarray(value.toarray()) if small else None
     if isinstance(value, (bool, int, float, str, bytes, np.generic)):
         value = np.array(value)

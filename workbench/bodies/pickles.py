@@ -4,6 +4,10 @@ Python's own unpickler runs whatever a file tells it to. This one reads the same
 and only writes down what they ask for: a name becomes a `Name`, a call becomes a `Made`, and
 `workbench.bodies.pickled_arrays` decides what a few of them mean. Names that a body model has
 no use for are refused where they stand.
+
+The work is bounded by the number of instructions, which are counted, because none of them copies,
+compares, hashes or writes out what others have built. What is hashed, the keys of dictionaries and
+the names of modules, is short, and so are whole numbers.
 """
 
 import codecs
@@ -14,12 +18,14 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from workbench.bodies.pickle_records import Made, called, permitted
+from workbench.bodies.pickle_records import LONGEST_NAME, Made, called, permitted
 from workbench.bodies.raw import MOST_BYTES
-from workbench.errors import BadFile, UnsafePickle
+from workbench.errors import BadFile, UnsafePickle, cut
 
 OPCODES = {opcode.code.encode("latin1"): opcode for opcode in pickletools.opcodes}
 MARK = object()  # where a run of items begins on the stack
+MOST_INSTRUCTIONS = 500_000  # of one file; a body has a few thousand, and lists of numbers many
+MOST_BITS = 64  # of a whole number: hashing or writing out a long one takes its length each time
 DAMAGE = (ValueError, TypeError, IndexError, KeyError, OverflowError, AttributeError, MemoryError)
 
 
@@ -27,7 +33,8 @@ def read_pickle(path: Path) -> Any:
     """What the pickle at `path` says: plain values, lists, dicts, `Name` and `Made`.
 
     Python 2's strings come as latin-1 text, sets as lists. Raises UnsafePickle for any name
-    but those that hold arrays, and BadFile if the file is cut off, damaged or over 2 GB.
+    but those that hold arrays, and BadFile if the file is cut off, damaged, over 2 GB or has more
+    than half a million instructions.
     """
     size = path.stat().st_size
     if size > MOST_BYTES:
@@ -40,15 +47,22 @@ def read_pickle(path: Path) -> Any:
         raise UnsafePickle(f"{path}: {error}") from None
     except DAMAGE as error:
         raise BadFile(
-            f"{path} is cut off, damaged or no pickle ({error}); fetch or export it again"
+            f"{path} is cut off, damaged or no pickle ({cut(error)}); fetch or export it again"
         ) from error
 
 
 def run(pickled: bytes) -> Any:
     """What the instructions leave on the stack. Raises one of DAMAGE, or UnsafePickle."""
     machine = _Machine()
-    for opcode, argument in _instructions(pickled):
+    for count, (opcode, argument) in enumerate(_instructions(pickled)):
+        if count >= MOST_INSTRUCTIONS:
+            raise ValueError(
+                f"it has more than {MOST_INSTRUCTIONS:,} instructions, and a body's file has a few "
+                "thousand"
+            )
         if opcode in LITERALS:
+            if type(argument) is int and argument.bit_length() > MOST_BITS:
+                raise ValueError(f"a whole number of {argument.bit_length():,} bits")
             machine.push(argument)
         elif opcode in EFFECTS:
             EFFECTS[opcode](machine, argument)
@@ -114,11 +128,10 @@ class _Machine:
     def set_items(self, items: list[Any]) -> None:
         if type(self.top()) is not dict:
             raise ValueError(f"entries for a {type(self.top()).__name__}")
-        # other keys belong to chumpy's caches; hashing nested ones can take for ever
         self.top().update(
-            (key, value)
+            (_key(key), value)
             for key, value in zip(items[::2], items[1::2], strict=True)
-            if isinstance(key, (str, bytes, int))
+            if isinstance(key, (str, bytes, int))  # others belong to chumpy's caches
         )
 
     def make_dict(self, items: list[Any]) -> None:
@@ -142,6 +155,19 @@ class _Machine:
 
     def remember(self, index: int) -> None:
         self.memo[index] = self.top()
+
+
+def _key(key: str | bytes | int) -> str:
+    """The name of an entry as text, whose hash is random: nobody can choose names that collide."""
+    if isinstance(key, int):
+        return str(key)
+    if len(key) > LONGEST_NAME:
+        raise ValueError(f"the name of an entry has {len(key):,} characters")
+    text = key.decode("latin1") if isinstance(key, bytes) else key
+    if text.isascii():
+        return text
+    text.encode()  # raises UnicodeEncodeError for half a pair of surrogates, which nothing prints
+    return text
 
 
 LITERALS = {
@@ -187,7 +213,7 @@ EFFECTS: dict[str, Callable[[_Machine, Any], None]] = {
     "REDUCE": lambda m, a: m.call(*m.pops(2)),
     "NEWOBJ": lambda m, a: m.call(*m.pops(2)),
     "NEWOBJ_EX": lambda m, a: m.call(*m.pops(3)[:2]),
-    "INST": lambda m, a: m.call(permitted(*a.split(" ", 1)), m.since_mark()),
-    "OBJ": lambda m, a: m.call((items := m.since_mark())[0], items[1:]),
+    "INST": lambda m, a: m.call(permitted(*a.split(" ", 1)), tuple(m.since_mark())),
+    "OBJ": lambda m, a: m.call((items := m.since_mark())[0], tuple(items[1:])),
     "BUILD": lambda m, a: m.build(),
 }

@@ -1,6 +1,5 @@
 """A body from the entries of an SMPL file, whatever its size, precision and age."""
 
-import json
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,8 @@ from workbench.bodies.joint_names import family, joint_names
 from workbench.bodies.owned import given_up
 from workbench.bodies.raw import Raw
 from workbench.bodies.skinned import Landmarks, SkinnedBody
-from workbench.errors import BadFile
+from workbench.errors import BadBody, BadFile, shown, some
+from workbench.reading.facts import parsed
 
 INSTEAD = (  # keys that tell what a file is that is no body
     ({"poses", "trans"}, "a motion (AMASS), which moves a body and is none"),
@@ -22,6 +22,7 @@ INSTEAD = (  # keys that tell what a file is that is no body
     ({"vertices", "faces"}, "a plain mesh; read_mesh reads mesh files"),
     ({"means", "covars"}, "a pose prior"),
 )
+MOST_JOINTS = 10_000  # every one of them is looked at in Python, and a body has some dozens
 STAR_COLUMNS = 93  # of its posedirs: features of quaternions, where SMPL has 207 of matrices
 
 
@@ -35,14 +36,13 @@ def body_from(raw: Raw, name: str, where: str) -> SkinnedBody:
     """
     entries = Entries(raw, where)
     _check_keys(entries)
-    template = entries.reals("v_template")
-    if template.ndim != 2 or template.shape[1] != 3 or not len(template):
-        raise BadFile(f"{where}: v_template has shape {template.shape}, but must be (N, 3)")
-    N, parents = len(template), _parents(entries)
+    N, parents = _vertices(entries), _parents(entries)
+    _check_shape(entries, name, "weights", (N, len(parents)))
+    _check_shape(entries, name, "J_regressor", (len(parents), N))
     mirror = _mirror(entries, N)
     extras, left_out = sorted_out(raw, mirror is not None)
     return SkinnedBody(
-        template=given_up(template),
+        template=given_up(entries.reals("v_template")),
         shapedirs=given_up(entries.directions("shapedirs", N)),
         posedirs=given_up(_posedirs(entries, N)),
         J_regressor=entries.matrix("J_regressor"),
@@ -60,7 +60,7 @@ def body_from(raw: Raw, name: str, where: str) -> SkinnedBody:
             )
             for set_name in _landmark_sets(raw)
         },
-        name=entries.text("name", name),
+        name=entries.name("name", name),
         bound_in=entries.reals("bind_pose") if "bind_pose" in entries else None,
         card=_card(entries, len(parents), mirror, left_out),
         extras=extras,
@@ -72,13 +72,32 @@ def _check_keys(entries: Entries) -> None:
     missing = [key for key in REQUIRED if key not in have]
     if missing:
         instead = next((f"It looks like {what}. " for keys, what in INSTEAD if keys <= have), "")
+        there = some(sorted(have)) if have else "nothing"
         raise BadFile(
             f"{entries.where} has no {', '.join(missing)}; it has "
-            f"{', '.join(sorted(have)) or 'nothing'}. {instead}A body needs {', '.join(REQUIRED)}"
+            f"{there}. {instead}A body needs {', '.join(REQUIRED)}"
         )
     style = entries.text("bs_style", "lbs")
     if style != "lbs":
-        raise BadFile(f"{entries.where} is skinned by bs_style {style!r}; there is lbs alone")
+        raise BadFile(f"{entries.where} is skinned by bs_style {shown(style)}; there is lbs alone")
+
+
+def _vertices(entries: Entries) -> int:
+    """N, as v_template says it."""
+    shape = entries.array("v_template").shape
+    if len(shape) != 2 or shape[1] != 3 or not shape[0]:
+        raise BadFile(f"{entries.where}: v_template has shape {shape}, but must be (N, 3)")
+    return int(shape[0])
+
+
+def _check_shape(entries: Entries, name: str, key: str, shape: tuple[int, int]) -> None:
+    """Raise BadBody for a wrong shape, before anything is converted to float64.
+
+    Parts of a sparse matrix, and scipy's in a pickle, have their size checked with the body.
+    """
+    value = entries.raw.get(key)
+    if isinstance(value, np.ndarray) and value.ndim == 2 and value.shape != shape:
+        raise BadBody(f"body {name!r}: {key} has shape {value.shape}, but must be {shape}")
 
 
 def _parents(entries: Entries) -> tuple[int, ...]:
@@ -86,6 +105,11 @@ def _parents(entries: Entries) -> tuple[int, ...]:
     table = entries.wholes("kintree_table")
     if table.ndim != 2 or len(table) != 2 or table.shape[1] == 0:
         raise BadFile(f"{entries.where}: kintree_table is {table.shape}, but must be (2, K)")
+    if table.shape[1] > MOST_JOINTS:
+        raise BadFile(
+            f"{entries.where}: kintree_table has {table.shape[1]:,} joints, but a body has at most "
+            f"{MOST_JOINTS:,}"
+        )
     if not np.array_equal(table[1, 1:], np.arange(1, table.shape[1])):
         raise BadFile(
             f"{entries.where}: row 1 of kintree_table must number the joints 0, 1, 2, ..., "
@@ -124,7 +148,9 @@ def _card(
     """The file's own card, or what can be said of a file without one; and what was left out."""
     if "card" in entries:
         own = _own_card(entries)
-        return own | ({"left_out": [*own.get("left_out", []), *left_out]} if left_out else {})
+        before = own.get("left_out", [])
+        both = [*(before if isinstance(before, list) else [before]), *left_out]
+        return own | ({"left_out": both} if left_out else {})
     file, notes = Path(entries.where).name, []
     guessed = next((g for g in ("female", "male", "neutral") if g in file.lower()), "unknown")
     if family(K) == "SMPL-X":
@@ -137,7 +163,7 @@ def _card(
     return {
         "name": file,
         "model": family(K),
-        "gender": entries.text("gender", guessed),
+        "gender": entries.name("gender", guessed),
         "source": file,
         "licence": "its owners'; do not pass it on without theirs",
         **({"provenance": notes} if notes else {}),
@@ -147,8 +173,8 @@ def _card(
 
 def _own_card(entries: Entries) -> dict[str, Any]:
     try:
-        card = json.loads(entries.text("card", "null"))
-    except ValueError as error:
+        card = parsed(entries.text("card", "null"))
+    except BadFile as error:
         raise BadFile(f"{entries.where}: its card is no JSON ({error})") from error
     if not isinstance(card, dict):
         raise BadFile(f"{entries.where}: its card is a {type(card).__name__}, not an object")

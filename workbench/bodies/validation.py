@@ -52,16 +52,18 @@ def check(body: SkinnedBody) -> None:
     if len(body.joint_names) != K:
         refuse(f"joint_names has {len(body.joint_names)} names for {K} joints")
     for name in ("template", "shapedirs", "posedirs", "weights"):
-        bad = np.argwhere(~np.isfinite(getattr(body, name)))
-        if len(bad):
-            refuse(f"{name}[{', '.join(map(str, bad[0]))}] is not finite ({len(bad)} such entries)")
+        bad = ~np.isfinite(getattr(body, name))
+        if bad.any():
+            at = ", ".join(map(str, np.unravel_index(int(bad.argmax()), bad.shape)))
+            refuse(f"{name}[{at}] is not finite ({np.count_nonzero(bad)} such entries)")
     if not np.isfinite(body.J_regressor.data).all():
         refuse("J_regressor holds entries that are not finite")
-    check_rows(refuse, "weights", body.weights.sum(axis=1), "vertex")
+    with np.errstate(over="ignore", invalid="ignore"):  # sums that overflow are not one
+        check_rows(refuse, "weights", body.weights.sum(axis=1), "vertex")
+        check_rows(refuse, "J_regressor", np.asarray(body.J_regressor.sum(axis=1)), "joint")
     if body.weights.min(initial=0) < -ROW_SUM_TOLERANCE:
         vertex, joint = np.unravel_index(int(body.weights.argmin()), body.weights.shape)
         refuse(f"weights[{vertex}, {joint}] is negative ({body.weights[vertex, joint]:.3g})")
-    check_rows(refuse, "J_regressor", np.asarray(body.J_regressor.sum(axis=1)), "joint")
     if body.faces.size and not 0 <= body.faces.min() <= body.faces.max() < N:
         face = int(np.argmax(((body.faces < 0) | (body.faces >= N)).any(axis=1)))
         refuse(f"face {face} is {body.faces[face].tolist()}, but there are vertices 0 to {N - 1}")
@@ -102,7 +104,7 @@ def _swaps_pairs(mirror: NDArray[np.int64], N: int) -> bool:
 def check_rows(refuse: Refuse, name: str, sums: NDArray[np.float64], row: str) -> None:
     """Refuse an array whose rows do not sum to one; `row` is what each belongs to."""
     worst = int(np.argmax(abs(sums - 1)))
-    if abs(sums[worst] - 1) > ROW_SUM_TOLERANCE:
+    if not abs(sums[worst] - 1) <= ROW_SUM_TOLERANCE:  # nor NaN, of numbers that overflow
         refuse(f"{name} of {row} {worst} sum to {sums[worst]:.6g}, but must sum to 1")
 
 

@@ -1,52 +1,62 @@
 """The command line: parsing, progress and printing; no mathematics."""
 
 import sys
-from io import TextIOWrapper
-from typing import NoReturn
 
-from workbench.cli.leaving import Interrupted, Terminated, be_done, held, mind_termination
+from workbench.cli.leaving import Interrupted, Signals, Terminated, held
+from workbench.cli.streams import explain, failure, nowhere, prepare, tell, unprinted
+
+CLOSED = 1  # the exit code if nobody reads on, as after `| head -1`
+INTERRUPTED = "interrupted; nothing was written"
+TERMINATED = "terminated; nothing was written"
 
 
 def main() -> None:
-    """Run a command. Errors of ours are a sentence and exit code 2, an interrupt is 130."""
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, TextIOWrapper):
-            stream.reconfigure(errors="replace")  # a name that it cannot write is no reason to stop
-    try:
-        mind_termination()
-        with held():
-            from workbench.cli.app import app  # takes a second: not before interrupts are minded
-        app()
-    except Interrupted as leaving:
-        _leave(str(leaving), 130)
-    except KeyboardInterrupt:
-        _leave("interrupted; nothing was written", 130)
-    except SystemExit as leaving:  # Typer's, also of an interrupt while it reads the arguments
-        if leaving.code == 130:
-            _leave("interrupted; nothing was written", 130)
-        raise
-    except Terminated:
-        be_done()
-        _leave("terminated; nothing was written", 143)
-    except Exception as error:
-        _explain(error)
+    """Run a command. Errors of ours are a sentence and exit code 2, an interrupt is 130, and a
+    request to terminate 143. An output that cannot be written is a sentence and exit code 2, and
+    one that nobody reads on is no sentence and exit code 1.
+    """
+    prepare()
+    if nowhere():
+        tell("error: the folder that this command was started in is gone; change to another one")
         sys.exit(2)
-
-
-def _leave(sentence: str, code: int) -> NoReturn:
-    print(sentence, file=sys.stderr)
+    signals, mistake = Signals(), None
+    try:
+        code, sentence = _run(signals)
+    except Exception as error:
+        code, sentence, mistake = 1, "", error
+    wrong = failure(sys.stdout) or unprinted(mistake)
+    if isinstance(wrong, BrokenPipeError):
+        code, sentence = code or CLOSED, ""
+    elif wrong is not None:
+        code = code if code > 1 else 2
+        sentence = f"cannot write to the standard output: {wrong.strerror or wrong}"
+    elif mistake is not None and signals.asked is KeyboardInterrupt:
+        code, sentence = 130, INTERRUPTED  # C code made another error of the interrupt
+    elif mistake is not None:
+        raise mistake
+    if sentence:
+        tell(sentence)
     sys.exit(code)
 
 
-def _explain(error: Exception) -> None:
-    """A sentence for an error of ours; whatever else there is, is a mistake in the workbench."""
-    from rich.console import Console
-    from rich.markup import escape
-
-    from workbench.errors import WorkbenchError
-
-    if not isinstance(error, WorkbenchError):
-        raise error
-    Console(stderr=True).print(
-        f"[bold red]error:[/] {escape(str(error))}", highlight=False, soft_wrap=True
-    )
+def _run(signals: Signals) -> tuple[int, str]:
+    """The exit code, and what is left to be said. Raises what is a mistake in the workbench."""
+    try:
+        with signals:
+            with held():
+                from workbench.cli.app import app  # takes seconds: interrupts are minded by now
+            app()
+    except Interrupted as leaving:
+        return 130, str(leaving)
+    except KeyboardInterrupt:
+        return 130, INTERRUPTED
+    except Terminated:
+        return 143, TERMINATED
+    except SystemExit as leaving:  # Typer's, also of an interrupt while it reads the arguments
+        code = leaving.code if isinstance(leaving.code, int) else int(leaving.code is not None)
+        return code, INTERRUPTED if code == 130 else ""
+    except Exception as error:
+        if not explain(error):
+            raise
+        return 2, ""
+    return 0, ""

@@ -9,6 +9,7 @@ from rich.markup import escape
 
 from workbench.bodies.catalogue import BODIES, load_body
 from workbench.cli.run import make_folder
+from workbench.homes import expanded
 from workbench.reports import card_text, write_card
 
 
@@ -23,6 +24,6 @@ def body(
     model = load_body(name)
     console.print(escape(card_text(model)), highlight=False, soft_wrap=True)
     make_folder(out)
-    source = "" if name in BODIES else str(Path(name).expanduser().resolve())
+    source = "" if name in BODIES else str(expanded(name).resolve())
     page = write_card(model, out / f"body-{Path(name).stem}", source)
     console.print(f"card: [bold]{escape(str(page))}[/]", soft_wrap=True)

@@ -69,7 +69,10 @@ def _compiler() -> str:
 
 
 def _cache() -> str:
-    folder = cache_folder()
+    try:
+        folder = cache_folder()
+    except NoLibrary as error:
+        return f"none: {error}"
     files = sorted(folder.glob("*.so")) if folder.is_dir() else []
     size = sum(file.stat().st_size for file in files)
     return f"{folder}: {len(files)} libraries, {size / 1e6:.1f} MB"

@@ -1,11 +1,18 @@
 """Ways to leave before the end: from the keyboard, and on request of the system."""
 
+import atexit
+import os
 import signal
+import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
+from typing import Any, NoReturn
 
 AGAIN = 2.0  # s; by then everything is cleaned up, or the exception was lost
+LOST = 0.05  # s after which an exception is raised again that is known to be lost
+ONE_PRESS = 1.0  # s; signals of one kind within that time are one: the first is being obeyed
 
 
 class Interrupted(BaseException):
@@ -19,13 +26,61 @@ class Terminated(BaseException):
     """SIGTERM: leave at once, cleaning up on the way."""
 
 
-def mind_termination() -> None:
-    """Raise Terminated on SIGTERM; and once more a little later, should C code or an `except:`
-    of somebody's have swallowed it.
+class Signals:
+    """A context: inside, Ctrl-C raises KeyboardInterrupt and SIGTERM raises Terminated.
+
+    They are raised once more if Python reports that they were lost, in a destructor say; and
+    Terminated also after a while, should C code or an `except:` of somebody's have swallowed it.
+    After the context, the command is over: a signal ends the process at once. Where Ctrl-C is
+    ignored, as in the background of a shell, it stays so.
     """
-    signal.signal(signal.SIGTERM, _terminate)
-    if hasattr(signal, "SIGALRM"):
-        signal.signal(signal.SIGALRM, _terminate)
+
+    def __init__(self) -> None:
+        self.asked: type[BaseException] | None = None  # what was raised last
+        self._when = -ONE_PRESS
+
+    def __enter__(self) -> "Signals":
+        atexit.register(_ignore)  # last of all, as Python itself is taken apart
+        self._hook, sys.unraisablehook = sys.unraisablehook, self._unraisable
+        if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+            signal.signal(signal.SIGINT, self._interrupt)
+        signal.signal(signal.SIGTERM, self._terminate)
+        if hasattr(signal, "SIGALRM"):
+            signal.signal(signal.SIGALRM, self._again)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+            signal.signal(signal.SIGINT, _at_once)
+        signal.signal(signal.SIGTERM, _at_once)
+        _alarm(0.0)
+        sys.unraisablehook = self._hook
+
+    def _interrupt(self, number: int, frame: FrameType | None) -> None:
+        self._raise(KeyboardInterrupt)
+
+    def _terminate(self, number: int, frame: FrameType | None) -> None:
+        _alarm(AGAIN)
+        self._raise(Terminated)
+
+    def _raise(self, kind: type[BaseException]) -> None:
+        now = time.monotonic()
+        if kind is self.asked and now - self._when < ONE_PRESS:
+            return
+        self.asked, self._when = kind, now
+        raise kind
+
+    def _again(self, number: int, frame: FrameType | None) -> None:
+        if self.asked is Terminated:
+            _alarm(AGAIN)
+        if self.asked is not None:
+            raise self.asked
+
+    def _unraisable(self, lost: Any) -> None:
+        if issubclass(lost.exc_type, KeyboardInterrupt | Terminated):
+            _alarm(LOST)
+        else:
+            self._hook(lost)
 
 
 @contextmanager
@@ -39,19 +94,22 @@ def held() -> Iterator[None]:
     try:
         yield
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        for each, handler in before.items():
+            signal.signal(each, handler)
     if arrived:
+        signal.raise_signal(max(arrived))  # SIGTERM before SIGINT, by the handler that is there
         raise Terminated if signal.SIGTERM in arrived else KeyboardInterrupt
 
 
-def be_done() -> None:
-    """It was not swallowed."""
-    if hasattr(signal, "setitimer"):
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
+def _at_once(number: int, frame: FrameType | None) -> NoReturn:
+    os._exit(128 + number)
 
 
-def _terminate(number: int, frame: FrameType | None) -> None:
+def _ignore() -> None:
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
+
+
+def _alarm(seconds: float) -> None:
     if hasattr(signal, "setitimer"):
-        signal.setitimer(signal.ITIMER_REAL, AGAIN)
-    raise Terminated
+        signal.setitimer(signal.ITIMER_REAL, seconds)

@@ -24,6 +24,7 @@ from workbench.course.site import write_site
 from workbench.course.starting import start
 from workbench.course.supervision import SECONDS, marked
 from workbench.errors import BadArgument, BadFile
+from workbench.writing import replacing
 
 NOT_ALL_PASSED = 1  # the exit code of `check`
 COLOUR = {State.PASSED: "green", State.FAILED: "bold red", State.NOT_ATTEMPTED: "dim"}
@@ -80,7 +81,8 @@ def run(
         elif isinstance(value, course.Picture):
             pictures += 1
             path = out / one.folder_name / f"figure-{pictures}.png"
-            path.write_bytes(value.png)
+            with replacing(path) as temporary:
+                temporary.write_bytes(value.png)
             console.print(f"[bold]{escape(str(path))}[/]: {escape(value.caption)}\n")
         elif value is not None:
             console.print(escape(repr(value)) + "\n", highlight=False, soft_wrap=True)

@@ -118,6 +118,11 @@ def sample(
         parts, folder, title=experiment.name, setup=setup, source=experiment.source
     )
     console.print(f"report: [bold]{escape(str(page))}[/]", soft_wrap=True)
+    if interrupted and parts[-1].posterior.unsaved:
+        raise Interrupted(
+            f"interrupted; these draws are on the page, but not kept to go on with: "
+            f"{parts[-1].posterior.unsaved}"
+        )
     if interrupted:
         raise Interrupted(f"interrupted; the same command goes on with what {kept} holds")
     if not all(part.posterior.usable for part in parts):

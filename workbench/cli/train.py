@@ -1,6 +1,5 @@
 """`workbench train`: a body model from registrations."""
 
-import json
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -15,8 +14,10 @@ from workbench.cli.leaving import Interrupted
 from workbench.cli.run import Out, make_folder
 from workbench.cli.without_effect import changes_nothing
 from workbench.errors import BadArgument, BadFile
+from workbench.reading.facts import json_in
 from workbench.reports import write_card
 from workbench.threads import limited_threads
+from workbench.training.checkpoint import FILE as CHECKPOINT
 from workbench.training.crew import Hands, Processes
 from workbench.training.first_guess import Start, read_start
 from workbench.training.folder import GENDERS, open_folder
@@ -108,6 +109,8 @@ def train(
         raise Interrupted(
             f"interrupted; what was found until the last block is in {place}, and the same "
             "command goes on from there"
+            if any(place.rglob(CHECKPOINT))
+            else f"interrupted; there is no checkpoint in {place}, so nothing was kept"
         ) from None
     body = trained.body
     if strangers is not None and held_out is not None:
@@ -184,9 +187,9 @@ def _origin(folder: Path | None) -> dict[str, Any]:
     if not made.is_file():
         return {"provenance": [f"Trained on the registrations in {folder.name}."]}
     try:
-        told = json.loads(made.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise BadFile(f"{made} is no JSON ({error}); remove it, or mend it") from error
+        told = json_in(made)
+    except BadFile as error:
+        raise BadFile(f"{error}; remove it, or mend it") from error
     return {"provenance": ["Synthetic: see registrations."], "registrations": told}
 
 

@@ -1,6 +1,7 @@
 """Carrying out a comparison: in processes that can be killed, stored as it goes."""
 
 from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
@@ -18,6 +19,7 @@ from workbench.comparison.plan import Experiments, Instance, Plan, plan
 from workbench.comparison.record import Record, Stored
 from workbench.comparison.store import Folder, Memory, Store
 from workbench.errors import BadArgument, WorkbenchError
+from workbench.writing import Keeping
 
 T = TypeVar("T")
 Progress = Callable[[str, int, int], object]  # what is going on, how many are done, of how many
@@ -39,8 +41,9 @@ def compare(
     Experiments are names, paths of FILE.py, or Experiments; solvers names of SOLVERS, paths of
     FILE.py, solvers, or a dict of solvers by names of one's own. With `folder` each finished run is
     stored there, and what is stored already is not run again: an interrupted comparison goes on
-    where it stopped. `workers` runs go side by side; inside of `joblib.parallel_config("dask")`
-    they go to that cluster.
+    where it stopped. What cannot be stored is told in the log once, and the comparison goes on.
+    `workers` runs go side by side; inside of `joblib.parallel_config("dask")` they go to that
+    cluster.
 
     Effort is counted at the prices of `workbench.comparison.prices`, in evaluations of the
     residual: gradient 4, Jacobian 1 + 1.5 n, Hessian 4 + 6 n, constraints 1. Times are kept, and
@@ -65,6 +68,7 @@ class _Hands:
 
     def __init__(self, store: Store, workers: int, progress: Progress) -> None:
         self.store, self.workers, self.progress = store, workers, progress
+        self._keep = Keeping()
 
     def do(
         self, what: str, jobs: Iterable[Job], of: Callable[[Stored], T]
@@ -84,7 +88,7 @@ class _Hands:
             if isinstance(answer, Failed):
                 failed[key] = answer
             else:
-                self.store.put(key, answer)
+                self._keep(partial(self.store.put, key, answer))
                 found[key] = of(answer)
             self.progress(what, len(found) + len(failed), len(every))
         return found, failed

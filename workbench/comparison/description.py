@@ -8,13 +8,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.comparison.record import Stored
+from workbench.comparison.record import Stored, array_of, finite_array_of
 from workbench.comparison.running import look, warm
+from workbench.errors import BadFile, listed
 from workbench.experiments.experiment import Setup
+from workbench.reading.facts import Facts, amount
 from workbench.threads import limited_threads
 
 Array = NDArray[np.float64]
 PROBES = (0.0, 1e-3, 0.1, 1.0)  # sizes of the points at which two problems are told apart
+TIMED = ("residual", "gradient", "jacobian")
 SAME = 1e-9  # relative difference of costs there, for problems that are the same
 BATCHES, BATCH = 6, 0.01  # s: the quickest of some batches is what an evaluation takes
 STEP = 1e-7  # between the points of a batch
@@ -53,9 +56,28 @@ class Description:
 
     @staticmethod
     def of(stored: Stored) -> "Description":
-        """From what `stored` gave."""
-        facts, arrays = stored
-        return Description(**facts, start=arrays["start"], probes=arrays["probes"])
+        """From what `stored` gave; raises BadFile if it is something else."""
+        facts, arrays = Facts(stored[0]), stored[1]
+        start, probes = finite_array_of(arrays, "start", 1), array_of(arrays, "probes", 1)
+        found = Description(
+            instance=facts.text("instance"),
+            rows=facts.whole("rows"),
+            unknowns=facts.whole("unknowns"),
+            bounded=facts.truth("bounded"),
+            start=start,
+            start_cost=facts.amount("start_cost"),
+            probes=probes,
+            seconds=facts.named("seconds", amount),
+            known_cost=facts.number("known_cost"),
+            known_source=facts.text("known_source"),
+            certified=facts.truth("certified"),
+            question=facts.text("question"),
+        )
+        if len(start) != found.unknowns or len(probes) != len(PROBES):
+            raise BadFile(f"{len(start)} numbers at the start, {len(probes)} costs elsewhere")
+        if found.seconds.keys() != set(TIMED):
+            raise BadFile(f"seconds are of {listed(found.seconds)}, not of {listed(TIMED)}")
+        return found
 
 
 def describe(instance: str, setup: Setup) -> Description:

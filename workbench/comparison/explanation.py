@@ -13,6 +13,7 @@ from workbench.diagnostics.motions import motions
 from workbench.diagnostics.null_space import Direction, directions, dominant
 from workbench.problem import Problem
 from workbench.problem.chain import half_squared
+from workbench.reading.facts import facts
 
 Array = NDArray[np.float64]
 THIN = 0.1  # of the median singular value: below, a direction counts as weak here
@@ -48,9 +49,18 @@ class Explanation:
         return asdict(self)
 
     @staticmethod
-    def of(data: dict[str, Any]) -> "Explanation":
-        """From `data`."""
-        return Explanation(**{**data, "parts": tuple(Part(**p) for p in data["parts"])})
+    def of(given: object, name: str) -> "Explanation":
+        """From `data`; raises BadFile, saying `name`, if it is something else."""
+        told = facts(given, name)
+        return Explanation(
+            cost=told.number("cost"),
+            best=told.number("best"),
+            length=told.number("length"),
+            share=told.number("share"),
+            parts=told.several("parts", _part),
+            rest=told.text("rest"),
+            ridge=told.number("ridge"),
+        )
 
     def __str__(self) -> str:
         said = (
@@ -78,6 +88,11 @@ class Explanation:
                 "only goes down does not come back that way."
             )
         return said + "On the straight line between them the cost only falls."
+
+
+def _part(given: object, name: str) -> Part:
+    told = facts(given, name)
+    return Part(told.text("name"), told.number("length"), told.number("change"))
 
 
 def explain(

@@ -10,9 +10,12 @@ from numpy.typing import NDArray
 from workbench.comparison.basins import basins
 from workbench.comparison.explanation import Explanation, explain
 from workbench.comparison.record import Stored
+from workbench.errors import BadFile, listed
 from workbench.experiments.experiment import Setup
+from workbench.reading.facts import Facts, number, whole
 
 Array = NDArray[np.float64]
+NOTHING = np.zeros(0)
 EXPLAINED = 8  # lost basins of one problem, the lowest; more are counted
 
 
@@ -38,13 +41,21 @@ class Judgement:
 
     @staticmethod
     def of(stored: Stored) -> "Judgement":
-        """From what `stored` gave."""
-        facts, arrays = stored
-        told = {int(k): Explanation.of(data) for k, data in facts["explanations"].items()}
-        return Judgement(
-            tuple(facts["where"]), tuple(facts["costs"]), tuple(facts["optimality"]),
-            arrays["points"], told, facts["message"],
-        )  # fmt: skip
+        """From what `stored` gave; raises BadFile if it is something else."""
+        facts, points = Facts(stored[0]), stored[1].get("points", NOTHING)
+        # the points of no basins are (0,) or (0, 0)
+        if points.ndim < 1 or (points.ndim != 2 and points.size) or not np.isfinite(points).all():
+            raise BadFile(f"points has shape {points.shape}, or is not finite")
+        costs = facts.several("costs", number)
+        optimality, where = facts.several("optimality", number), facts.several("where", whole)
+        basins = {str(k): k for k in range(len(costs))}
+        told = facts.named("explanations", Explanation.of)
+        if not len(points) == len(optimality) == len(costs) or max(where, default=-1) >= len(costs):
+            raise BadFile(f"{len(costs)} costs of {len(points)} basins; ends lie in {where}")
+        if beyond := told.keys() - basins.keys():
+            raise BadFile(f"explanations of {listed(beyond)}, which are no basins")
+        explained = {basins[k]: explanation for k, explanation in told.items()}
+        return Judgement(where, costs, optimality, points, explained, facts.text("message"))
 
 
 def unjudged(message: str = "") -> Judgement:

@@ -18,6 +18,7 @@ import threading
 from contextlib import suppress
 from typing import BinaryIO, Protocol
 
+from workbench import orphans
 from workbench.threads import thread_count
 
 FORKING = hasattr(os, "fork") and hasattr(socket, "send_fds")
@@ -56,7 +57,7 @@ class Plain:
     def end(self) -> int:
         """See Process."""
         if self._popen.poll() is None:
-            _kill(self._popen.pid)
+            kill(self._popen.pid)
         return self._popen.wait()
 
 
@@ -73,7 +74,7 @@ class Forked:
         """See Process."""
         if self._alive:
             self._alive = False
-            _kill(self._pid)  # one that has died already is not reaped yet: nobody has its number
+            kill(self._pid)  # one that has died already is not reaped yet: nobody has its number
             self._code = self._nursery.wait(self._pid)
         return self._code
 
@@ -133,8 +134,8 @@ class Nursery:
         return int(NUMBER.unpack(data)[0])
 
 
-def _kill(pid: int) -> None:
-    """With all that it started; one that was forked a moment ago does not lead a group yet."""
+def kill(pid: int) -> None:
+    """A process with all that it started; one that was forked a moment ago leads no group yet."""
     with suppress(OSError):
         if hasattr(os, "killpg"):
             os.killpg(pid, signal.SIGKILL)
@@ -148,4 +149,5 @@ def _paths() -> list[str]:
 
 def _environment() -> dict[str, str]:
     threads = dict.fromkeys(THREADS, str(thread_count()))
-    return dict(os.environ) | threads | {"PYTHONPATH": os.pathsep.join(_paths())}
+    paths = {"PYTHONPATH": os.pathsep.join(_paths())}
+    return dict(os.environ) | threads | paths | orphans.environment()

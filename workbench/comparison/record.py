@@ -1,5 +1,6 @@
 """One run, as it was seen from outside: what it cost, where it ended, and what it said of that."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any
@@ -7,7 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.comparison.log import ROW, Seen
+from workbench.comparison.log import KINDS, ROW, ROWS, Seen
+from workbench.errors import BadFile
+from workbench.reading.facts import Facts, amount, whole
 from workbench.solvers import Evaluations
 
 Array = NDArray[np.float64]
@@ -74,18 +77,48 @@ class Record:
 
     @staticmethod
     def of(stored: Stored) -> "Record":
-        """From what `stored` gave; raises KeyError or ValueError if it is something else."""
-        facts, arrays = stored
+        """From what `stored` gave; raises BadFile if it is something else."""
+        facts, arrays = Facts(stored[0]), stored[1]
+        end, best = array_of(arrays, "end", 1), array_of(arrays, "best", 1)
+        if end.size and best.size and end.size != best.size:
+            raise BadFile(f"the end has {end.size} unknowns, and the best point has {best.size}")
+        cost = facts.amount("cost")
+        if np.isfinite(cost) and not (end.size and np.isfinite(end).all()):
+            raise BadFile(f"its end costs {cost:.3g}, and is no point")
+        trace = finite_array_of(arrays, "trace", 2)
+        if trace.shape[1] != ROW or len(trace) > ROWS or (np.diff(trace[:, -1]) > 0).any():
+            raise BadFile(f"trace has shape {trace.shape}, or its costs do not fall")
+        counts, spent = facts.several("counts", whole), facts.several("spent", amount)
+        if not len(counts) == len(spent) == len(KINDS) or not np.isfinite(spent).all():
+            raise BadFile(f"counts are {counts} and times {spent}, of {len(KINDS)} kinds")
         return Record(
-            solver=facts["solver"], instance=facts["instance"], ending=Ending[facts["ending"]],
-            message=facts["message"], claim=facts["claim"], claimed_cost=facts["claimed_cost"],
-            cost=facts["cost"], optimality=facts["optimality"], inside=facts["inside"],
-            digits=facts["digits"], end=arrays["end"], machine=facts["machine"],
+            solver=facts.text("solver"), instance=facts.text("instance"),
+            ending=Ending[facts.among("ending", Ending.__members__)],
+            message=facts.text("message"), claim=facts.text("claim"),
+            claimed_cost=facts.number("claimed_cost"), cost=cost,
+            optimality=facts.amount("optimality"), inside=facts.truth("inside"),
+            digits=facts.number("digits"), end=end, machine=facts.text("machine"),
             seen=Seen(
-                tuple(facts["counts"]), tuple(facts["spent"]), facts["not_finite"],
-                facts["seconds"], arrays["best"], arrays["trace"].reshape(-1, ROW), facts["taken"],
+                counts, spent, facts.whole("not_finite"), facts.amount("seconds"), best,
+                trace.reshape(-1, ROW), facts.truth("taken"),
             ),
         )  # fmt: skip
+
+
+def array_of(arrays: Mapping[str, Array], name: str, axes: int) -> Array:
+    """One of the stored arrays; raises BadFile if it is missing or has other axes."""
+    found = arrays.get(name)
+    if found is None or found.ndim != axes:
+        raise BadFile(f"{name} is no array with {axes} axes")
+    return found
+
+
+def finite_array_of(arrays: Mapping[str, Array], name: str, axes: int) -> Array:
+    """The same, if all its numbers are finite."""
+    found = array_of(arrays, name, axes)
+    if not np.isfinite(found).all():
+        raise BadFile(f"{name} holds numbers that are not finite")
+    return found
 
 
 def ended_early(

@@ -61,7 +61,7 @@ def carry_out(job: Solve, setup: Setup, say: Say) -> Record:
         return ended_early(*who, ending, message, seen, machine())
     try:
         end = problem.free.pack(_numbers(found))
-        claim, cost, said = found.status.name, float(found.cost), str(found.message)
+        claim, cost, said = str(found.status.name), float(found.cost), str(found.message)
     except (AttributeError, TypeError, ValueError, WorkbenchError) as error:
         told = "" if isinstance(found, Solution) else f"it returned {found!r:.60}: "
         return ended_early(*who, Ending.BROKEN, f"{told}{error}", seen, machine())

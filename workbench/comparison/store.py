@@ -4,12 +4,14 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol, TypeVar
-from zipfile import BadZipFile
 
 import numpy as np
 
 from workbench.comparison.record import Stored
 from workbench.errors import BadFile
+from workbench.reading.archive import open_arrays
+from workbench.reading.expected import doubles_or_nan, read_expected, texts
+from workbench.reading.facts import facts_in, json_in
 from workbench.writing import replacing
 
 T = TypeVar("T")
@@ -22,7 +24,10 @@ class Store(Protocol):
     """Results by key."""
 
     def get(self, key: str, of: Callable[[Stored], T]) -> T | None:
-        """What is stored under a key, as `of` makes it; None if nothing is, or nothing whole."""
+        """What is stored under a key, as `of` makes it; None if nothing is, or nothing whole.
+
+        `of` raises BadFile for what is something else.
+        """
 
     def put(self, key: str, stored: Stored) -> None:
         """Keep a result."""
@@ -73,13 +78,17 @@ class Folder:
                 temporary.write_text(text, encoding="utf-8")
 
     def get(self, key: str, of: Callable[[Stored], T]) -> T | None:
-        """See Store; a file that is not whole counts as none."""
-        path = self._runs / f"{key}.npz"
+        """See Store; a file that is not whole, or holds something else, counts as none."""
         try:
-            with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
-                facts = json.loads(str(file[FACTS]))
-                return of((facts, {name: file[name] for name in file.files if name != FACTS}))
-        except (OSError, ValueError, LookupError, TypeError, EOFError, BadZipFile):
+            with open_arrays(self._runs / f"{key}.npz") as archive:
+                facts = facts_in(read_expected(archive, {FACTS: texts()})[FACTS])
+                numbers = {
+                    name: doubles_or_nan(*header.shape)
+                    for name, header in archive.headers.items()
+                    if name != FACTS
+                }
+                return of((dict(facts.told), read_expected(archive, numbers)))
+        except BadFile:
             return None
 
     def put(self, key: str, stored: Stored) -> None:
@@ -93,7 +102,7 @@ class Folder:
 
 def _ours(mark: Path) -> bool:
     try:
-        found = json.loads(mark.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        found = json_in(mark)
+    except BadFile:
         return False
     return isinstance(found, dict) and found.get("kind") == "comparison"

@@ -17,10 +17,11 @@ from workbench.comparison.identity import identity
 from workbench.comparison.jobs import Answer, Describe, Failed, Job, Judge, Solve
 from workbench.comparison.judgement import judge
 from workbench.comparison.plan import SentExperiment
-from workbench.comparison.processes import FORK, NUMBER, WAIT
+from workbench.comparison.processes import FORK, NUMBER, WAIT, kill
 from workbench.comparison.running import carry_out
 from workbench.errors import UnknownName, WorkbenchError
 from workbench.experiments.experiment import Setup
+from workbench.orphans import end_with_parent
 from workbench.threads import limited_threads
 
 KEPT = 4  # problems that stay built
@@ -46,28 +47,40 @@ class Builder:
 
 def plain() -> None:
     """In a process of its own: jobs come on the standard input."""
+    end_with_parent()
     incoming, outgoing = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     _silence()
     serve(incoming, outgoing)
 
 
 def nursery(control: int) -> None:
-    """In a process that forks whenever it is asked to on a socket, until that is closed."""
+    """In a process that forks whenever it is asked to on a socket, until that is closed.
+
+    It is closed when whoever asks has died, too: then every child that is left is killed, busy
+    or not, for nobody waits for its answer.
+    """
+    children: set[int] = set()
     with socket.socket(fileno=control) as asked:
-        while True:
-            what, handles, _, _ = socket.recv_fds(asked, 1, 1)
-            if what == FORK:
-                pid = os.fork()
-                if pid == 0:
-                    asked.close()
-                    _child(handles[0])
-                os.close(handles[0])
-                asked.sendall(NUMBER.pack(pid))
-            elif what == WAIT:
-                _, status = os.waitpid(NUMBER.unpack(asked.recv(NUMBER.size))[0], 0)
-                asked.sendall(NUMBER.pack(os.waitstatus_to_exitcode(status)))
-            else:
-                return
+        try:
+            while True:
+                what, handles, _, _ = socket.recv_fds(asked, 1, 1)
+                if what == FORK:
+                    pid = os.fork()
+                    if pid == 0:
+                        asked.close()
+                        _child(handles[0])
+                    children.add(pid)
+                    os.close(handles[0])
+                    asked.sendall(NUMBER.pack(pid))
+                elif what == WAIT:
+                    pid, status = os.waitpid(NUMBER.unpack(asked.recv(NUMBER.size))[0], 0)
+                    children.discard(pid)
+                    asked.sendall(NUMBER.pack(os.waitstatus_to_exitcode(status)))
+                else:
+                    return
+        finally:
+            for pid in children:
+                kill(pid)
 
 
 def _child(handle: int) -> NoReturn:

@@ -86,7 +86,7 @@ def equal(came: ArrayLike, expected: ArrayLike, what: str, within: float = 1e-9)
     raise Missed(what, wanted, told)
 
 
-def holds(condition: object, what: str, expected: str = "", came: object = "") -> None:
+def holds(condition: object, what: str, expected: object = "", came: object = "") -> None:
     """A property holds. `what` says which, `expected` and `came` what the failure is about."""
     if not condition:
-        raise Missed(what, expected, came if isinstance(came, str) else in_words(came))
+        raise Missed(what, *(x if isinstance(x, str) else in_words(x) for x in (expected, came)))

@@ -1,22 +1,42 @@
-"""One exercise, tried by its checks; and the mistake that explains what came."""
+"""One exercise, tried by its checks; and the mistake that explains what came.
+
+This is where marks are made, and no code of the student's runs here: whoever answers sends plain
+values, which are brought into the form of the solution's, compared and judged on this side.
+"""
 
 import inspect
-import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from types import ModuleType
-from typing import Any
+from typing import Any, Protocol
 
 from workbench.course.answers import Raised, copied, formed, outcome, same
 from workbench.course.checks import Check, Missed, Mistake
 from workbench.course.marks import Mark, State
 from workbench.course.outline import Lecture
-from workbench.course.words import cut, in_words, kind
-from workbench.errors import Unsolved
+from workbench.course.plain import Malformed, opened
+from workbench.course.words import cut, in_words, kind, legible
 
 Function = Callable[..., Any]
 TO_ALL_DIGITS, TO_SIX = 1e-10, 1e-6
 Call = tuple[tuple[Any, ...], Any]  # arguments, and what came
+
+
+class Answers(Protocol):
+    """Whoever answers; `workbench.course.answering.Answering`, or a process in which that is."""
+
+    def begin(self, exercise: str, parameters: Sequence[str]) -> dict[str, Any]:
+        """Take up an exercise: {"unfit": why it cannot be tried, in three texts, or nothing}."""
+
+    def answer(self, arguments: tuple[Any, ...]) -> dict[str, Any]:
+        """{"value": sealed}, or {"raised": [class, what it said, whether it is unsolved]}."""
+
+
+class Ended(Exception):
+    """There is nobody to ask any more, and why."""
+
+
+class Unanswered(Exception):
+    """The exercise stands as it was handed out, or calls one that does."""
 
 
 @dataclass
@@ -27,32 +47,47 @@ class Witness:
     need not think of None, of lists or of NaN.
     """
 
-    answer: Function
+    answers: Answers
     solution: Function
     heard: list[Call] = field(default_factory=list)
 
     def __call__(self, *arguments: Any) -> Any:
-        """Raises Unsolved or Missed."""
+        """Raises Unanswered, Missed or Ended."""
         kept = copied(arguments)
-        came = outcome(self.answer, arguments)
+        came = _came(self.answers.answer(arguments))
         self.heard.append((kept, came))
         what = f"{self.solution.__name__}({', '.join(map(_short, arguments))})"
         if isinstance(came, Raised):
-            if isinstance(came.error, Unsolved):
-                raise came.error
-            raise Missed(what, "an answer", said(came.error, self.answer)) from came.error
+            if came.unsolved:
+                raise Unanswered(came.said)
+            raise Missed(what, "an answer", came.said)
         return formed(came, self.solution(*copied(arguments)), what)
 
 
-def mark(lecture: Lecture, exercise: str, module: ModuleType) -> list[Mark]:
-    """All checks of an exercise, on the function of that name in a student's module."""
+def _came(told: dict[str, Any]) -> Any:
+    """A value, or Raised. Raises Ended for what is neither: then the rest is not listened to."""
+    try:
+        match told:
+            case {"value": data}:
+                return opened(data)
+            case {"raised": [str() as error, str() as said, bool() as unsolved]}:
+                return Raised(error, said, unsolved)
+    except (Malformed, RecursionError):  # lists in lists, deeper than anything that is sealed
+        pass
+    raise Ended("its process sent what is no answer")
+
+
+def mark(lecture: Lecture, exercise: str, answers: Answers) -> list[Mark]:
+    """All checks of an exercise, by what is answered to them. Raises Ended."""
     checks = [check for check in lecture.checks if check.exercise == exercise]
     solution = lecture.solution(exercise)
-    answer = getattr(module, exercise, None)
-    wrong = _not_it(exercise, answer, solution)
-    if wrong is not None or answer is None:
-        return [_failed(check, wrong or Missed("")) for check in checks]
-    witness = Witness(answer, solution)
+    match answers.begin(exercise, list(inspect.signature(solution).parameters)):
+        case {"unfit": None}:
+            witness = Witness(answers, solution)
+        case {"unfit": [str() as what, str() as expected, str() as came]}:
+            return [_failed(check, Missed(what, expected, came)) for check in checks]
+        case _:
+            raise Ended("its process sent what is no answer")
     marks, parts = [], []
     for check in checks:
         before = len(witness.heard)
@@ -70,7 +105,9 @@ def mark(lecture: Lecture, exercise: str, module: ModuleType) -> list[Mark]:
 def _tried(check: Check, witness: Witness) -> Mark:
     try:
         check.run(witness)
-    except Unsolved as unsolved:
+    except Ended:
+        raise
+    except Unanswered as unsolved:
         if f"'{check.exercise}'" in str(unsolved):
             return Mark(check.exercise, check.name, check.points, State.NOT_ATTEMPTED)
         return _failed(check, Missed("it calls another exercise", came=str(unsolved)))
@@ -85,7 +122,7 @@ def _tried(check: Check, witness: Witness) -> Mark:
 def _failed(check: Check, missed: Missed) -> Mark:
     return Mark(
         check.exercise, check.name, check.points, State.FAILED,
-        missed.what, missed.expected, missed.came,
+        legible(missed.what), legible(missed.expected), legible(missed.came),
     )  # fmt: skip
 
 
@@ -105,39 +142,6 @@ def _explains(one: Mistake, calls: list[Call], within: float) -> bool:
     return bool(calls) and all(
         same(came, outcome(one.answer, given), within) for given, came in calls
     )
-
-
-def _not_it(exercise: str, answer: Any, solution: Function) -> Missed | None:
-    """Why what has the exercise's name cannot be tried."""
-    asked = inspect.signature(solution)
-    wanted = f"{exercise}({', '.join(asked.parameters)})"
-    if answer is None:
-        return Missed("the function", f"a function {wanted}", "no such name in the file")
-    if not callable(answer):
-        return Missed("the function", f"a function {wanted}", f"a {type(answer).__name__}")
-    try:
-        theirs = inspect.signature(answer)
-    except (TypeError, ValueError):  # some built-ins have none
-        return None
-    try:
-        theirs.bind(*asked.parameters)
-    except TypeError:
-        return Missed("the signature must stay as it was", wanted, f"{exercise}{theirs}")
-    return None
-
-
-def said(error: BaseException, answer: Function | None = None, file: str = "") -> str:
-    """What was raised, and in which line of the student's file."""
-    if isinstance(error, SystemExit):
-        told = f"it ends the program (sys.exit({error.code if error.code is not None else ''}))"
-    else:
-        told = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
-    code = getattr(answer, "__code__", None)
-    file = file or (code.co_filename if code is not None else "")
-    lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if f.filename == file]
-    if isinstance(error, SyntaxError) and error.lineno is not None and error.filename == file:
-        lines, told = [error.lineno], f"{type(error).__name__}: {error.msg}"
-    return cut(f"line {lines[-1]}: {told}" if lines and lines[-1] else told)
 
 
 def _short(value: Any) -> str:

@@ -1,6 +1,6 @@
 """What became of every check: for a table, for a grade book, and for an exit code."""
 
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from enum import Enum
 from typing import Any
 
@@ -36,12 +36,6 @@ class Mark:
     def data(self) -> dict[str, Any]:
         """As plain data."""
         return asdict(self) | {"state": self.state.value, "points": self.points}
-
-    @staticmethod
-    def from_data(data: dict[str, Any]) -> "Mark":
-        """What `data` gave, as it was."""
-        kept = {key: value for key, value in data.items() if key != "points"}
-        return replace(Mark(**kept), state=State(data["state"]))
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,6 @@
 """Exercises handed out."""
 
+from contextlib import suppress
 from pathlib import Path
 
 from workbench.course.outline import Lecture
@@ -24,5 +25,7 @@ def start(lecture: Lecture, folder: str | Path) -> Path:
             "give another folder, or move it away"
         ) from error
     except OSError as error:
+        with suppress(OSError):
+            path.unlink(missing_ok=True)  # it was not there before, and half of it is no use
         raise BadFile(f"cannot write {path}: {error.strerror or error}") from error
     return path

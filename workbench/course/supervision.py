@@ -1,24 +1,30 @@
-"""A student's file, marked in a process that is stopped when it takes too long."""
+"""A student's file: it answers in a process that can be stopped, and is marked in this one."""
 
-import json
 import os
-import queue
 import signal
+import socket
 import subprocess
 import sys
-import threading
+import time
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from types import ModuleType, TracebackType
+from typing import Any, Self
 
 import workbench
+from workbench import orphans
+from workbench.course.answers import unheard
+from workbench.course.channel import Question
+from workbench.course.marking import Ended, mark
 from workbench.course.marks import Mark, Marked, State
 from workbench.course.outline import Lecture
+from workbench.course.plain import Malformed
+from workbench.course.words import legible
 from workbench.errors import BadArgument, BadFile
 
 STARTING = 120.0  # s, for Python to start and import the workbench on a slow machine
-SECONDS = 10.0  # that an exercise, and the loading of the file, may take
+SECONDS = 10.0  # that the answers to an exercise, and the loading of the file, may take
 
 LOADING = ""  # what is going on before the first exercise
 
@@ -26,9 +32,11 @@ LOADING = ""  # what is going on before the first exercise
 def marked(lecture: Lecture, path: str | Path, seconds: float = SECONDS) -> Marked:
     """The marks of a file of answers.
 
-    Every exercise has `seconds`. One that takes longer, or ends the process, fails; the others
-    are marked in a new process. This keeps accidents in; it is no sandbox. Raises BadFile,
-    BadArgument.
+    The file runs in a process of its own, which answers; the checks run here, on the plain values
+    that it sends, and what it might say of marks is nowhere asked for. The answers to an exercise
+    have `seconds`. An exercise that takes longer, or ends the process, fails; the others are
+    answered by a new process. This keeps accidents in, and marks from being forged; it is no
+    sandbox. Raises BadFile, BadArgument.
     """
     if not seconds > 0:
         raise BadArgument(f"the time limit must be a number of seconds above 0, not {seconds}")
@@ -38,16 +46,26 @@ def marked(lecture: Lecture, path: str | Path, seconds: float = SECONDS) -> Mark
             f"there is no file {path}; `workbench lecture start {lecture.number} FOLDER` makes one"
         )
     file, found, printed = str(path.resolve()), dict[str, list[Mark]](), dict[str, str]()
+    _ = lecture.checks, lecture.mistakes, lecture.solutions  # loaded before the file is
     while left := [name for name in lecture.exercises if name not in found]:
-        run = _Run(lecture, file, left, seconds)
-        run.follow()
-        found |= run.found
-        printed |= run.printed
-        if run.trouble:
-            marks = _not_done(lecture, left, "the file could not be loaded")
-            return Marked(lecture, str(path), tuple(marks), run.trouble, printed)
-        if run.at is not None and run.ending:
-            found[run.at] = _not_done(lecture, [run.at], run.ending)
+        with Apart(file, left, seconds, lecture.module("checks")) as answers:
+            try:
+                printed[LOADING] = answers.loaded()
+            except Ended as ended:
+                if not found:
+                    marks = _not_done(lecture, left, "the file could not be loaded")
+                    return Marked(lecture, str(path), tuple(marks), str(ended), printed)
+                again = f"the file could not be loaded again: {ended}"
+                found |= {name: _not_done(lecture, [name], again) for name in left}
+                break
+            for name in left:
+                try:
+                    with unheard():
+                        found[name] = mark(lecture, name, answers)
+                    printed[name] = answers.printed()
+                except Ended as ended:
+                    found[name] = _not_done(lecture, [name], str(ended))
+                    break
     marks = [mark for name in lecture.exercises for mark in found[name]]
     printed = {name: text for name, text in printed.items() if text}
     return Marked(lecture, str(path), tuple(marks), printed=printed)
@@ -61,69 +79,103 @@ def _not_done(lecture: Lecture, exercises: Sequence[str], what: str) -> list[Mar
     ]
 
 
-class _Run:
-    """One process, from its start to its end, and what it told."""
+class Apart:
+    """A process that answers, from its start to its end."""
 
     def __init__(
-        self, lecture: Lecture, file: str, exercises: Sequence[str], seconds: float
+        self, file: str, exercises: Sequence[str], seconds: float, checks: ModuleType
     ) -> None:
-        self.seconds = seconds
-        self.found: dict[str, list[Mark]] = {}
-        self.printed: dict[str, str] = {}
-        self.trouble = ""  # why there is no module to mark
-        self.ending = ""  # what became of the exercise that it died at
-        self.at: str | None = None  # what has begun and is not done
-        self._said: queue.SimpleQueue[dict[str, Any] | None] = queue.SimpleQueue()
-        self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "workbench.course.marker", str(lecture.number), file]
-            + list(exercises),
-            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
-            cwd=Path(file).parent, env=environment(), start_new_session=True,
-        )  # fmt: skip
-        self._listener = threading.Thread(target=self._listen, daemon=True)
-        self._listener.start()
+        self._seconds, self._number = seconds, 0
+        self._limit = self._left = STARTING
+        self._channel, theirs = socket.socketpair()
+        self._question = Question(self._channel, checks)
+        with theirs:
+            theirs.set_inheritable(True)  # on Windows, where `pass_fds` is not known
+            posix = os.name == "posix"
+            self._process = subprocess.Popen(
+                [sys.executable, "-P", "-m", "workbench.course.answering", str(theirs.fileno())]
+                + [file, *exercises],
+                stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+                cwd=Path(file).parent, env=environment(), start_new_session=True,
+                close_fds=posix, pass_fds=(theirs.fileno(),) if posix else (),
+            )  # fmt: skip
 
-    def follow(self) -> None:
-        """Until it is done, dies, or is silent for too long; it leaves no process behind."""
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """It leaves no process behind, whatever happens."""
+        self._channel.close()
+        with suppress(OSError):
+            if hasattr(os, "killpg"):
+                os.killpg(self._process.pid, signal.SIGKILL)
+            else:
+                self._process.kill()
+        self._process.wait()
+
+    def loaded(self) -> str:
+        """What the file printed while it was loaded. Raises BadFile, or Ended: why it was not."""
         try:
-            while self._heard():
-                pass
-        finally:
-            self._end()
+            self._told(0)
+        except Ended as ended:
+            raise BadFile(f"the process that answers did not come up: {ended}") from ended
+        self._limit = self._left = self._seconds
+        self._number = 1
+        match self._told(1):
+            case {"loaded": str() as text}:
+                return legible(text)
+            case {"trouble": str() as text}:
+                raise Ended(legible(text))
+        raise Ended("its process sent what is no answer")
 
-    def _heard(self) -> bool:
-        limit = STARTING if self.at is None else self.seconds
+    def begin(self, exercise: str, parameters: Sequence[str]) -> dict[str, Any]:
+        """See workbench.course.marking.Answers. From here on the exercise has its seconds."""
+        self._left = self._limit
+        return self._asked("begin", (exercise, parameters))
+
+    def answer(self, arguments: tuple[Any, ...]) -> dict[str, Any]:
+        """See workbench.course.marking.Answers."""
+        return self._asked("answer", arguments)
+
+    def printed(self) -> str:
+        """By the answers to the exercise that was begun last. Raises Ended."""
+        match self._asked("printed", ()):
+            case {"printed": str() as text}:
+                return legible(text)
+        raise Ended("its process sent what is no answer")
+
+    def _asked(self, what: str, arguments: Any) -> dict[str, Any]:
+        self._number += 1
+        began = time.monotonic()
         try:
-            told = self._said.get(timeout=limit)
-        except queue.Empty:
-            self._died(f"stopped after {self.seconds:g} s: it takes too long, or does not end")
-            return False
-        match told:
-            case {"begun": name}:
-                self.at = name
-            case {"loaded": text}:
-                self.printed[LOADING], self.at = text, None
-            case {"exercise": name, "marks": marks, "printed": text}:
-                self.found[name] = [Mark.from_data(one) for one in marks]
-                self.printed[name], self.at = text, None
-            case {"trouble": text}:
-                self.trouble = text
-                return False
-            case {"done": True}:
-                self.at = None
-                return False
-            case _:
-                self._died(self._by())
-                return False
-        return True
+            self._question.ask(self._number, what, arguments, self._left)
+        except TimeoutError:
+            raise self._late() from None
+        except OSError:  # it has gone; what it said before is not read any more
+            raise Ended(self._by()) from None
+        self._left -= time.monotonic() - began
+        return self._told(self._number)
 
-    def _died(self, how: str) -> None:
-        if self.at is None:
-            raise BadFile(f"the process that marks did not come up: {how}")
-        if self.at == LOADING:
-            self.trouble = how
-        else:
-            self.ending = how
+    def _told(self, number: int) -> dict[str, Any]:
+        began = time.monotonic()
+        try:
+            told: dict[str, Any] | None = self._question.told(number, self._left)
+        except TimeoutError:
+            raise self._late() from None
+        except Malformed:
+            raise Ended("its process sent what is no answer") from None
+        if told is None:
+            raise Ended(self._by())
+        self._left -= time.monotonic() - began
+        return told
+
+    def _late(self) -> Ended:
+        return Ended(f"stopped after {self._limit:g} s: it takes too long, or does not end")
 
     def _by(self) -> str:
         try:
@@ -131,26 +183,9 @@ class _Run:
         except subprocess.TimeoutExpired:
             return "its process ended its output and went on"
         if code < 0:
-            return f"its process was ended by {signal.Signals(-code).name}"
+            known = {one.value: one.name for one in signal.Signals}
+            return f"its process was ended by {known.get(-code, f'signal {-code}')}"
         return f"it ended the program, with exit code {code}"
-
-    def _end(self) -> None:
-        with suppress(OSError):
-            if hasattr(os, "killpg"):
-                os.killpg(self._process.pid, signal.SIGKILL)
-            else:
-                self._process.kill()
-        self._process.wait()
-        self._listener.join(timeout=10)
-        if self._process.stdout is not None and not self._listener.is_alive():
-            self._process.stdout.close()  # else something that it started still holds it
-
-    def _listen(self) -> None:
-        with suppress(Exception):  # whatever happens to the channel is its end
-            assert self._process.stdout is not None
-            for line in self._process.stdout:
-                self._said.put(json.loads(line))
-        self._said.put(None)
 
 
 def environment() -> dict[str, str]:
@@ -160,4 +195,5 @@ def environment() -> dict[str, str]:
     return os.environ | {
         "PYTHONPATH": os.pathsep.join(os.path.abspath(path) for path in paths),
         "PYTHONDONTWRITEBYTECODE": "1",
+        **orphans.environment(),
     }

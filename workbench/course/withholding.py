@@ -1,8 +1,8 @@
 """Solutions and checks of lectures, kept from the file that is being marked.
 
-This is for the process that marks, and lasts until that ends. It refuses whatever opens one of
-these files in Python: an import under any name, importlib, runpy, open. It is no sandbox: another
-process, or a look into the frames of the one that marks, gets around it.
+This is for the process that answers, and lasts until that ends. It refuses whatever opens one of
+these files in Python: an import under any name, importlib, runpy, open. Nothing of them is in that
+process. It is no sandbox: another process that is started there gets around it.
 """
 
 import os
@@ -10,8 +10,6 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import workbench
-from workbench.course.outline import LECTURES, Lecture
 from workbench.errors import WorkbenchError
 
 WITHHELD = ("solutions", "checks")  # of FILES in workbench.course.outline
@@ -24,16 +22,11 @@ class Withheld(WorkbenchError, PermissionError):
     """
 
 
-def withhold(lecture: Lecture, file: str) -> None:
+def withhold(file: str) -> None:
     """Keep the solutions and checks of all lectures from what this process runs from now on.
 
-    Checks, mistakes and solutions of `lecture` are loaded first and stay with it. `file` is the one
-    that is marked, which may be read even if it is a lecture's own solutions.
+    `file` is the one that is marked, which may be read even if it is a lecture's own solutions.
     """
-    _ = lecture.checks, lecture.mistakes, lecture.solutions
-    for name in [name for name in sys.modules if f"{name}.".startswith(f"{LECTURES}.")]:
-        del sys.modules[name]
-    vars(workbench).pop(LECTURES.rpartition(".")[2], None)
     marked = os.path.realpath(file)
 
     def refuse(event: str, arguments: tuple[Any, ...]) -> None:

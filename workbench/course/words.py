@@ -1,18 +1,40 @@
 """Values in a line of a table: rounded, and cut where they go on for ever."""
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-LONGEST = 300  # characters
+LONGEST = 300  # characters of a value
+LONGEST_TEXT = 1000  # characters of whatever else comes from an answer's process
+
+
+@dataclass(frozen=True)
+class Described:
+    """What stands for a value that is no number, array, text, list, tuple or dict of these."""
+
+    kind: str
+    words: str
+
+    def __repr__(self) -> str:
+        return f"<{self.kind}: {self.words}>"
+
+
+def described(value: Any, words: str = "") -> Described:
+    """A value that cannot be sent, in words; of a function, what to do with it."""
+    return Described(kind(value), words or ("call it" if callable(value) else in_words(value)))
 
 
 def in_words(value: Any) -> str:
     """Numbers to six digits; of anything else its repr, or its type where it has none."""
+    if isinstance(value, Described):
+        return value.words
     if isinstance(value, bool | np.bool_ | str):
         return cut(repr(value) if isinstance(value, str) else str(bool(value)))
     try:
-        array = np.asarray(value, dtype=float)
+        array = np.asarray(value)
+        if array.dtype.kind != "c":
+            array = np.asarray(array, dtype=float)
     except Exception:
         return cut(_repr(value))
     if array.ndim == 0:
@@ -22,6 +44,8 @@ def in_words(value: Any) -> str:
 
 def kind(value: Any) -> str:
     """What a value is: `an array of shape (3, 3)`, `a str`."""
+    if isinstance(value, Described):
+        return value.kind
     if value is None:
         return "None"
     shape = np.shape(value) if isinstance(value, np.ndarray) else None
@@ -36,9 +60,21 @@ def kind(value: Any) -> str:
     return f"a {type(value).__name__}"
 
 
-def cut(text: str) -> str:
+def cut(text: str, longest: int = LONGEST) -> str:
     """The beginning of a text that is too long."""
-    return text if len(text) <= LONGEST else text[:LONGEST] + " ..."
+    return text if len(text) <= longest else text[:longest] + " ..."
+
+
+def legible(text: str) -> str:
+    """A text of somebody else's as it may be printed: cut, and control characters spelled out.
+
+    A terminal obeys control characters: with a few of them a text could wipe the screen and paint
+    marks of its own.
+    """
+    return "".join(
+        c if c.isprintable() or c in "\n\t" else c.encode("unicode_escape").decode("ascii")
+        for c in cut(text, LONGEST_TEXT)
+    )
 
 
 def _repr(value: Any) -> str:

@@ -11,7 +11,7 @@ from typing import Any, Union, get_args, get_origin
 
 import numpy as np
 
-from workbench.errors import BadArgument
+from workbench.errors import BadArgument, shown
 from workbench.residuals import Residual
 
 
@@ -42,7 +42,9 @@ def converted(what: str, annotation: object, given: object) -> Any:
             return convert(given)
         except (ValueError, TypeError, OverflowError, RecursionError):
             continue
-    raise BadArgument(f"{what} must be {' or '.join(told for told, _ in kinds)}, not {given!r}")
+    raise BadArgument(
+        f"{what} must be {' or '.join(told for told, _ in kinds)}, not {shown(given)}"
+    )
 
 
 def _kind(annotation: object) -> tuple[str, Callable[[Any], Any]]:

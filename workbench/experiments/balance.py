@@ -1,7 +1,6 @@
 """A real person balancing on a beam, seen by four cameras."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from importlib.resources import as_file, files
 from typing import Any
 
@@ -14,6 +13,9 @@ from workbench.experiments.arguments import names
 from workbench.experiments.experiment import Setup
 from workbench.experiments.keypoint_fit import keypoint_fit, landmark_set
 from workbench.experiments.observations import Observations, photograph
+from workbench.reading.archive import open_arrays
+from workbench.reading.damage import taken_for
+from workbench.reading.expected import Expected, any_reals, read_expected, reals, texts
 
 Array = NDArray[np.float64]
 NAMES = {  # of the file -> of the body's landmarks; neck and crown have none
@@ -33,22 +35,39 @@ COMPARED = ("gauss-newton", "levenberg-marquardt", "ipopt", "ipopt-exact", "nlop
             "nlopt-tnewton", "nlopt-slsqp")  # fmt: skip
 
 
+PUBLISHED = {
+    "camera": texts("C"),
+    "K": reals("C", 3, 3),
+    "R": reals("C", 3, 3),
+    "T": reals("C", 3),
+    "dist": reals("C", 4),
+    "image_size": reals("C", 2),
+    "keypoints": any_reals("frames", "C", "M", 3),
+    "keypoint_names": texts("M"),
+    "keypoints3d_dlt": any_reals("frames", "M", 3),
+}
+ADJUSTED = {"R": reals(4, 3, 3), "T": reals(4, 3)}
 FITTED = 40  # the frame of the main experiment
 
 
-@contextmanager
-def published() -> Iterator[Mapping[str, NDArray[Any]]]:
+def published() -> dict[str, NDArray[Any]]:
     """The arrays of `data/keypoints/balance.npz`, as PROVENANCE.md beside it describes them."""
-    path = files("workbench") / "data" / "keypoints" / "balance.npz"
-    with as_file(path) as file, np.load(file, allow_pickle=False) as data:
-        yield data
+    return _shipped("balance.npz", PUBLISHED)
 
 
 def calibrated() -> tuple[Array, Array]:
     """R (4, 3, 3) and T (4, 3) m of the cameras, adjusted on frames far from the fitted one."""
-    path = files("workbench") / "data" / "keypoints" / "balance_cameras.npz"
-    with as_file(path) as file, np.load(file, allow_pickle=False) as data:
-        return data["R"], data["T"]
+    data = _shipped("balance_cameras.npz", ADJUSTED)
+    return data["R"], data["T"]
+
+
+def _shipped(name: str, expected: Mapping[str, Expected]) -> dict[str, NDArray[Any]]:
+    with (
+        as_file(files("workbench") / "data" / "keypoints" / name) as path,
+        taken_for(path, "file of the four cameras", "install the workbench again"),
+        open_arrays(path) as archive,
+    ):
+        return read_expected(archive, expected)
 
 
 def observations(frame: int = FITTED, *, adjusted: bool = True) -> tuple[Observations, Array]:
@@ -56,22 +75,22 @@ def observations(frame: int = FITTED, *, adjusted: bool = True) -> tuple[Observa
 
     The cameras are the published ones, or `adjusted`.
     """
-    with published() as data:
-        if not 0 <= frame < len(data["keypoints"]):
-            raise UnknownName("frame", str(frame), hint=f"0 to {len(data['keypoints']) - 1}")
-        landmarks = tuple(NAMES.get(str(name), str(name)) for name in data["keypoint_names"])
-        R, T = calibrated() if adjusted else (data["R"], data["T"])
-        K, dist, size = data["K"], data["dist"], data["image_size"]
-        photographs = tuple(
-            photograph(
-                str(name),
-                size[i],
-                data["keypoints"][frame, i],
-                {"K": K[i], "R": R[i], "t": T[i], "distortion": dist[i]},
-            )
-            for i, name in enumerate(data["camera"])
+    data = published()
+    if not 0 <= frame < len(data["keypoints"]):
+        raise UnknownName("frame", str(frame), hint=f"0 to {len(data['keypoints']) - 1}")
+    landmarks = tuple(NAMES.get(str(name), str(name)) for name in data["keypoint_names"])
+    R, T = calibrated() if adjusted else (data["R"], data["T"])
+    K, dist, size = data["K"], data["dist"], data["image_size"]
+    photographs = tuple(
+        photograph(
+            str(name),
+            size[i],
+            data["keypoints"][frame, i],
+            {"K": K[i], "R": R[i], "t": T[i], "distortion": dist[i]},
         )
-        triangulated = np.asarray(data["keypoints3d_dlt"][frame], dtype=float)
+        for i, name in enumerate(data["camera"])
+    )
+    triangulated = np.asarray(data["keypoints3d_dlt"][frame], dtype=float)
     return Observations(landmarks, photographs), triangulated
 
 

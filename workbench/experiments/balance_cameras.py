@@ -34,10 +34,9 @@ TRANSLATION_SIGMA = 0.05  # m
 
 def bundle(frames: tuple[int, ...] = FRAMES) -> tuple[Problem, Values, tuple[Camera, ...]]:
     """The problem, its start at the published calibration, and its cameras."""
-    with published() as data:
-        names = [str(name) for name in data["camera"]]
-        seen = np.asarray(data["keypoints"], dtype=float)[list(frames)]  # (F, 4, 25, 3)
-        numbers = {key: np.asarray(data[key]) for key in ("K", "R", "T", "dist")}
+    numbers = published()
+    names = [str(name) for name in numbers["camera"]]
+    seen = numbers["keypoints"][list(frames)]  # (F, 4, 25, 3)
     cameras = tuple(Camera(name + "/") for name in names)
     count = seen.shape[0] * seen.shape[2]
     points = Block("points", (count, 3), "m")
@@ -96,8 +95,7 @@ def main(path: Path) -> None:
     """
     solution, values, cameras = calibrate()
     print(solution.status.name, solution.message)
-    with published() as data:
-        before = np.asarray(data["keypoints3d_dlt"], dtype=float)[list(FRAMES)].reshape(-1, 3)
+    before = published()["keypoints3d_dlt"][list(FRAMES)].reshape(-1, 3)
     world = umeyama(values["points"], before)
     off = np.linalg.norm(world(values["points"]) - before, axis=1)
     print(

@@ -1,19 +1,22 @@
 """Cameras from files that calibration tools write."""
 
-import tomllib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from workbench.errors import BadCamera, BadFile
-from workbench.experiments.reading import json_in, numbers_in, size_in
+from workbench.errors import BadCamera, BadFile, cut, shown
+from workbench.experiments.reading import numbers_in, size_in
 from workbench.geometry.camera import Camera
 from workbench.geometry.rotation import matrix_from_vector
+from workbench.reading.facts import json_in
+from workbench.reading.toml import toml_in
 
 Calibration = dict[str, dict[str, Any]]  # per camera: K, R, t, distortion, size; keys `unread`
 
 READ = ("K", "R", "t", "distortion", "size", "fisheye", "name")
+MOST_CAMERAS = 1000
+LONGEST_NAME = 200  # characters, of a camera's name
 TOML = {"matrix": "K", "rotation": "R", "translation": "t", "distortions": "distortion"}
 
 
@@ -27,37 +30,41 @@ def read_calibration(path: str | Path) -> Calibration:
     """
     path = Path(path)
     toml = path.suffix.lower() == ".toml"
-    found = _tables(path) if toml else json_in(path)
+    found = toml_in(path) if toml else json_in(path)
     listed = list(found.items()) if isinstance(found, dict) else []
     if toml:
         for key, table in listed:
             _refuse_without_matrix(path, key, table)
         listed = [
-            (str(table.get("name", key)), {TOML.get(k, k): value for k, value in table.items()})
+            (_name(path, key, table), {TOML.get(k, k): value for k, value in table.items()})
             for key, table in listed
             if isinstance(table, dict) and "matrix" in table
         ]
     if not listed:
         raise BadFile(f"{path} holds no cameras; see `workbench fit --help` for the formats")
+    if len(listed) > MOST_CAMERAS:
+        raise BadFile(f"{path} holds {len(listed):,} cameras; at most {MOST_CAMERAS:,} are read")
     cameras = {name: _camera(path, name, given) for name, given in listed}
     if len(cameras) < len(listed):
         raise BadFile(f"{path} holds two cameras of one name; give each its own")
     return cameras
 
 
-def _tables(path: Path) -> dict[str, Any]:
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise BadFile(f"{path} cannot be read as TOML: {error}") from error
+def _name(path: Path, key: str, table: dict[str, Any]) -> str:
+    name = table.get("name", key)
+    if not isinstance(name, str | int):
+        raise BadFile(f"{path}: the name of camera table [{cut(key, 60)}] is {shown(name)}")
+    return str(name)
 
 
 def _camera(path: Path, name: str, given: Any) -> dict[str, Any]:
+    if len(name) > LONGEST_NAME:
+        raise BadFile(f"{path}: camera {shown(name)} has a name of {len(name):,} characters")
     told = given if isinstance(given, dict) else {}
     missing = [key for key in ("K", "R", "t") if told.get(key) is None]
     if missing:
-        raise BadFile(f"{path}: camera {name!r} lacks {', '.join(missing)}")
-    of = f"camera {name!r}"
+        raise BadFile(f"{path}: camera {shown(name)} lacks {', '.join(missing)}")
+    of = f"camera {shown(name)}"
     if told.get("fisheye"):
         raise BadFile(
             f"{path}: {of} is a fisheye; cameras here are pinholes with up to five coefficients "
@@ -75,7 +82,7 @@ def _camera(path: Path, name: str, given: Any) -> dict[str, Any]:
         with np.errstate(over="ignore", invalid="ignore"):
             Camera().values(**camera)
     except BadCamera as error:
-        raise BadFile(f"{path}: {of}: {error}") from error
+        raise BadFile(f"{path}: {of}: {cut(error)}") from error
     size = told.get("size")
     unread = tuple(sorted(key for key in told if key not in READ))
     return camera | {
@@ -86,4 +93,6 @@ def _camera(path: Path, name: str, given: Any) -> dict[str, Any]:
 def _refuse_without_matrix(path: Path, key: str, table: Any) -> None:
     """A table that is half a camera is no remark that can be passed over."""
     if isinstance(table, dict) and "matrix" not in table and set(TOML) & set(table):
-        raise BadFile(f"{path}: camera table [{key}] has no matrix; add it, or remove the table")
+        raise BadFile(
+            f"{path}: camera table [{cut(key, 60)}] has no matrix; add it, or remove the table"
+        )

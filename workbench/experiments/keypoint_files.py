@@ -8,14 +8,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.errors import BadArgument, BadFile, UnknownName
+from workbench.errors import BadArgument, BadFile, UnknownName, shown, some
 from workbench.experiments.calibration_files import read_calibration
 from workbench.experiments.detector_layouts import COCO_FILES, OPENPOSE, Layout
 from workbench.experiments.observations import Observations, Photograph
-from workbench.experiments.reading import json_in, numbers_in, size_in
+from workbench.experiments.reading import numbers_in, size_in
+from workbench.reading.facts import json_in
 
 Array = NDArray[np.float64]
 
+MOST_PEOPLE = 300_000  # of one file; the largest of COCO holds 262,465
+NOBODY: list[float] = []  # keypoints of an entry that has none, of which a file may have many
+UNSEEN = np.zeros((0, 3))
 FARTHEST = 1e7  # px: no detector means a place farther out
 
 
@@ -50,7 +54,12 @@ def read_person(
     data = json_in(path)
     kind = OPENPOSE if isinstance(data, dict) and "people" in data else COCO_FILES
     entries = _openpose(path, data) if kind is OPENPOSE else _coco(path, data)
-    people = [_person(path, where, one.get(kind.main, [])) for where, one in entries]
+    if len(entries) > MOST_PEOPLE:
+        raise BadFile(f"{path} holds {len(entries):,} people; at most {MOST_PEOPLE:,} are read")
+    people = [
+        _person(path, where, given) if (given := one.get(kind.main, NOBODY)) != NOBODY else UNSEEN
+        for where, one in entries
+    ]
     if not any(len(one) for one in people):
         raise BadFile(
             f"{path} holds no person's keypoints; give COCO JSON (annotations with `keypoints`) "
@@ -122,7 +131,7 @@ def _with_parts(
         key for key, value in given.items()
         if key not in (kind.main, *kind.parts) and value and _is_of_points(key)
     ]  # fmt: skip
-    told = f"{Path(path).name}: not read are {', '.join(unread)}"
+    told = f"{Path(path).name}: not read are {some(unread)}"
     return tuple(names), np.concatenate(points), [told] if unread else []
 
 
@@ -135,10 +144,10 @@ def _is_of_points(key: str) -> bool:
 def _objects(path: str | Path, what: str, found: Any) -> list[tuple[str, dict[str, Any]]]:
     """The objects of a list, each with where it is: `people[3]`."""
     if not isinstance(found, list):
-        raise BadFile(f"{path}: {what} must be a list of objects, not {found!r:.60}")
+        raise BadFile(f"{path}: {what} must be a list of objects, not {shown(found)}")
     for i, one in enumerate(found):
         if not isinstance(one, dict):
-            raise BadFile(f"{path}: {what}[{i}] must be an object, not {one!r:.60}")
+            raise BadFile(f"{path}: {what}[{i}] must be an object, not {shown(one)}")
     return [(f"{what}[{i}]", one) for i, one in enumerate(found)]
 
 
@@ -163,6 +172,8 @@ def _person(path: str | Path, where: str, given: Any) -> Array:
 
 def _image_size(path: str | Path, data: Any, wanted: Any) -> tuple[int, int] | None:
     images = data.get("images", []) if isinstance(data, dict) else []
+    if isinstance(wanted, list | dict):  # which could be too deep to be compared
+        raise BadFile(f"{path}: image_id must be a number or a text, not {shown(wanted)}")
     for where, image in _objects(path, "images", images):
         if image.get("id") == wanted and "width" in image:
             return size_in(path, where, [image["width"], image.get("height")])
@@ -219,7 +230,7 @@ def read_observations(
             )
         )  # fmt: skip
     unread = [
-        f"{Path(calibration).name}: of camera {name!r}, not read are {', '.join(camera['unread'])}"
+        f"{Path(calibration).name}: of camera {shown(name)}, not read are {some(camera['unread'])}"
         for name, camera in cameras.items()
         if calibration is not None and camera["unread"]
     ]

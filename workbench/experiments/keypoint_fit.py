@@ -16,6 +16,9 @@ from workbench.experiments.keypoint_start import place_body
 from workbench.experiments.observations import COCO, BadObservation, Observations
 from workbench.geometry.camera import Camera, triangulate
 from workbench.problem import Problem
+from workbench.reading.archive import open_arrays
+from workbench.reading.damage import taken_for
+from workbench.reading.expected import read_expected, reals
 from workbench.residuals import Residual, gaussian, keypoints
 from workbench.residuals.kernels import Kernel, quadratic
 
@@ -150,10 +153,13 @@ def pose_prior(body: SkinnedBody) -> Residual:
 
 def learned_poses() -> tuple[Array, Array]:
     """Mean (69,) rad and covariance (69, 69) rad^2 of the rotations of SMPL's joints 1 to 23."""
-    with as_file(files("workbench") / "data" / "poses" / "cmu_gaussian.npz") as path:
-        learned = np.load(path, allow_pickle=False)
-        mean, covariance = learned["mean"], learned["covariance"]
-    return mean.astype(float), covariance.astype(float)
+    with (
+        as_file(files("workbench") / "data" / "poses" / "cmu_gaussian.npz") as path,
+        taken_for(path, "pose prior", "install the workbench again"),
+        open_arrays(path) as archive,
+    ):
+        learned = read_expected(archive, {"mean": reals(69), "covariance": reals(69, 69)})
+    return learned["mean"], learned["covariance"]
 
 
 def focal_prior(camera: Camera, start: Values) -> Residual:

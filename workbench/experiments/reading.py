@@ -1,23 +1,15 @@
 """Numbers in a user's file, or a sentence about what is there instead."""
 
-import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.errors import BadFile
+from workbench.errors import BadFile, shown
 
 Array = NDArray[np.float64]
-
-
-def json_in(path: str | Path) -> Any:
-    """All that a JSON file says. Raises BadFile."""
-    try:
-        return json.loads(Path(path).read_bytes())
-    except (OSError, ValueError, RecursionError) as error:
-        raise BadFile(f"{path} cannot be read as JSON: {error}") from error
+LARGEST = 1e6  # px: no image is wider or higher
 
 
 def numbers_in(path: str | Path, what: str, given: Any) -> Array:
@@ -27,15 +19,15 @@ def numbers_in(path: str | Path, what: str, given: Any) -> Array:
     except (ValueError, TypeError, OverflowError):
         numbers = None
     if numbers is None or not isinstance(given, (list, tuple)):
-        raise BadFile(f"{path}: {what} must be numbers, not {given!r:.60}")
+        raise BadFile(f"{path}: {what} must be numbers, not {shown(given)}")
     return numbers
 
 
 def size_in(path: str | Path, where: str, given: Any) -> tuple[int, int]:
     """Width and height in px. Raises BadFile."""
     numbers = numbers_in(path, f"{where}: size", given)
-    if numbers.shape != (2,) or not (np.isfinite(numbers) & (numbers >= 1)).all():
+    if numbers.shape != (2,) or not ((numbers >= 1) & (numbers <= LARGEST)).all():  # nor NaN
         raise BadFile(
-            f"{path}: {where} has the size {given!r:.60}; it must be width and height in px"
+            f"{path}: {where} has the size {shown(given)}; it must be width and height in px"
         )
     return int(numbers[0]), int(numbers[1])

@@ -10,6 +10,9 @@ from workbench.errors import UnknownName
 from workbench.experiments.correspondence_start import placed
 from workbench.experiments.correspondences import COMPARED, mesh_fit
 from workbench.experiments.experiment import Setup
+from workbench.reading.archive import open_arrays
+from workbench.reading.damage import taken_for
+from workbench.reading.expected import read_expected, reals
 from workbench.residuals import gaussian
 from workbench.solvers import solve
 
@@ -23,13 +26,17 @@ def registration(
 ) -> Setup:
     """A posed stranger with every correspondence known; pose_sigma in rad."""
     model = load_body(body)
-    with as_file(files("workbench") / "data" / "bodies" / "strangers.npz") as path:
-        data = dict(np.load(path, allow_pickle=False))
-    if body not in data:
-        raise UnknownName("body with strangers", body, data)
-    if not 0 <= person < len(data[body]):
-        raise UnknownName("person", str(person), hint=f"0 to {len(data[body]) - 1}")
-    stranger = replace(model, template=data[body][person].astype(float), name="stranger")
+    with (
+        as_file(files("workbench") / "data" / "bodies" / "strangers.npz") as path,
+        taken_for(path, "file of strangers", "install the workbench again"),
+        open_arrays(path) as archive,
+    ):
+        if body not in archive.headers:
+            raise UnknownName("body with strangers", body, archive.headers)
+        templates = read_expected(archive, {body: reals("people", model.n_vertices, 3)})[body]
+    if not 0 <= person < len(templates):
+        raise UnknownName("person", str(person), hint=f"0 to {len(templates) - 1}")
+    stranger = replace(model, template=templates[person], name="stranger")
     rng = np.random.default_rng(seed)
     truth = {
         "pose": pose_sigma * rng.standard_normal((model.n_joints, 3)),

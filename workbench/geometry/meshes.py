@@ -3,8 +3,7 @@
 In metres, y up, as glTF has it; nothing is scaled, turned, merged or re-ordered.
 """
 
-import io
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,8 +12,13 @@ import numpy as np
 import trimesh
 from numpy.typing import ArrayLike, NDArray
 
-from workbench.errors import BadFile, BadMesh, listed
+from workbench.errors import BadFile, BadMesh, cut, listed
+from workbench.geometry.glb import parse_glb
 from workbench.geometry.obj import obj_text, parse_obj
+from workbench.geometry.off import parse_off
+from workbench.geometry.ply import parse_ply
+from workbench.geometry.polygons import text_lines
+from workbench.geometry.stl import parse_stl
 from workbench.writing import replacing
 
 Array = NDArray[np.float64]
@@ -59,14 +63,11 @@ def read_mesh(path: str | Path, *, points_alone: bool = False) -> Mesh:
     if not path.is_file():
         raise BadFile(f"there is no mesh file {path}")
     try:
-        vertices, faces = read(path)
-        mesh = Mesh(vertices, faces)
+        mesh = Mesh(*read(path.read_bytes()))
     except (BadMesh, OSError) as error:
         raise BadFile(f"cannot use the mesh {path}: {error}") from error
-    # trimesh raises whatever its parsers stumble over
-    except Exception as error:
-        reason = str(error) or type(error).__name__
-        raise BadFile(f"{path} is damaged, or no {path.suffix} file: {reason}") from error
+    except (ValueError, BadFile, MemoryError) as error:
+        raise BadFile(f"{path} is damaged, or no {path.suffix} file: {cut(error)}") from error
     if not len(mesh.vertices):
         raise BadFile(f"{path} holds no vertices; it is empty, or no {path.suffix} file")
     if not len(mesh.faces) and not points_alone:
@@ -136,32 +137,6 @@ def _known(path: Path, formats: dict[str, Callable[[Any], Any]]) -> Callable[[An
     return formats[path.suffix.lower()]
 
 
-def _read_obj(path: Path) -> tuple[Array, NDArray[np.int64]]:
-    with path.open(encoding="utf-8", errors="replace") as lines:
-        return parse_obj(lines)
-
-
-def _read_with_trimesh(path: Path) -> tuple[Array, NDArray[np.int64]]:
-    scene = trimesh.load_scene(io.BytesIO(path.read_bytes()), file_type=path.suffix[1:].lower(),
-                               process=False, skip_materials=True)  # fmt: skip
-    vertices, faces, count = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)], 0
-    for part, motion in _parts(scene):
-        vertices.append(trimesh.transform_points(part.vertices, motion))
-        triangles = np.asarray(getattr(part, "faces", ()), dtype=np.int64)
-        faces.append(triangles.reshape(-1, 3) + count)
-        count += len(vertices[-1])
-    return np.concatenate(vertices), np.concatenate(faces)
-
-
-def _parts(scene: trimesh.Scene) -> Iterator[tuple[Any, Array]]:
-    """Each mesh or point cloud in the file's order, with the motion (4, 4) to where it stands."""
-    nodes = {node: scene.graph[node] for node in sorted(scene.graph.nodes_geometry)}
-    for name, part in scene.geometry.items():
-        for motion, shown in nodes.values():
-            if shown == name:
-                yield part, motion
-
-
 def _write_ply(mesh: Mesh) -> bytes:
     triangles = np.empty(len(mesh.faces), dtype=[("corners", "u1"), ("faces", "<i4", 3)])
     triangles["corners"], triangles["faces"] = 3, mesh.faces
@@ -190,9 +165,12 @@ def _write_with_trimesh(kind: str) -> Callable[[Mesh], bytes]:
     return write
 
 
-READERS: dict[str, Callable[[Path], tuple[Array, NDArray[np.int64]]]] = {
-    ".obj": _read_obj,
-    **dict.fromkeys((".ply", ".glb", ".stl", ".off"), _read_with_trimesh),
+READERS: dict[str, Callable[[bytes], tuple[Array, NDArray[np.int64]]]] = {
+    ".obj": lambda content: parse_obj(text_lines(content)),
+    ".ply": parse_ply,
+    ".glb": parse_glb,
+    ".stl": parse_stl,
+    ".off": parse_off,
 }
 WRITERS: dict[str, Callable[[Mesh], bytes]] = {
     ".obj": lambda mesh: obj_text(mesh.vertices, mesh.faces).encode(),

@@ -4,11 +4,14 @@ Readers made for drawing split a vertex wherever its texture or normal changes, 
 order that registered meshes agree on. This one reads `v` and `f` and nothing else.
 """
 
+from array import array
 from collections.abc import Iterable
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+
+from workbench.errors import shown
 
 
 def parse_obj(lines: Iterable[str]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -16,15 +19,18 @@ def parse_obj(lines: Iterable[str]) -> tuple[NDArray[np.float64], NDArray[np.int
 
     Raises ValueError with the number of a line that cannot be read.
     """
-    vertices: list[list[float]] = []
-    faces: list[tuple[int, int, int]] = []
+    vertices, faces, so_far = array("d"), array("q"), 0
     for number, line in enumerate(lines, start=1):
         match line.split():
             case ["v", *numbers]:
-                vertices.append(_position(numbers, number))
+                vertices.extend(_position(numbers, number))
+                so_far += 1
             case ["f", *corners]:
-                first, *others = (_corner(c, len(vertices), number) for c in corners)
-                faces += [(first, *pair) for pair in pairwise(others)]
+                if len(corners) < 3:
+                    raise ValueError(f"line {number}: a face has at least 3 corners")
+                first, *others = (_corner(c, so_far, number) for c in corners)
+                for second, third in pairwise(others):
+                    faces.extend((first, second, third))
     return np.array(vertices).reshape(-1, 3), np.array(faces, dtype=np.int64).reshape(-1, 3)
 
 
@@ -32,7 +38,7 @@ def _position(numbers: list[str], line: int) -> list[float]:
     try:
         x, y, z = (float(n) for n in numbers[:3])  # a colour or a weight may follow
     except ValueError:
-        raise ValueError(f"line {line}: {' '.join(numbers)!r} is no position") from None
+        raise ValueError(f"line {line}: {shown(' '.join(numbers[:4]))} is no position") from None
     return [x, y, z]
 
 
@@ -41,7 +47,9 @@ def _corner(corner: str, so_far: int, line: int) -> int:
     try:
         index = int(corner.partition("/")[0])
     except ValueError:
-        raise ValueError(f"line {line}: {corner!r} is no corner of a face") from None
+        raise ValueError(f"line {line}: {shown(corner)} is no corner of a face") from None
+    if abs(index) >= 2**53:
+        raise ValueError(f"line {line}: there is no vertex {shown(index)}")
     if index == 0:
         raise ValueError(f"line {line}: vertices are counted from 1, but a face names vertex 0")
     return index - 1 if index > 0 else so_far + index

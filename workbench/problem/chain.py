@@ -15,17 +15,23 @@ from functools import cached_property
 import casadi as cs
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_array, csr_array
+from scipy.sparse import csc_array, csr_array, hstack
 
 from workbench.blocks import Layout, NumericPoints, PointsAt
 from workbench.blocks.buffered import Buffered
 from workbench.problem.graph import Graph
+from workbench.problem.memory import check_fits
 from workbench.problem.rounding import Support
 
 Array = NDArray[np.float64]
+Sparse = tuple[Array, csc_array]  # a residual and its Jacobian
 # CasADi 3.8 loses the derivative of `row + scalar` by the scalar when it takes a Jacobian of more
 # columns than rows backwards: all but the first entry come out zero
 FORWARD = {"helper_options": {"ad_weight": 0.0}}
+INSTEAD = (
+    "take nlopt-lbfgs, which needs no dense Jacobian of a large problem, free fewer blocks at a "
+    "time, or divide the problem, as a long sequence into short ones"
+)
 SUMS = 3  # of what a row is made of, with random weights: one alone may cancel
 
 
@@ -68,7 +74,8 @@ class Chain:
         return self._residual(x, fixed, *self._points(x, fixed))[0]
 
     def linearize(self, x: Array, fixed: Array) -> tuple[Array, Array]:
-        """r (m,) and J (m, n), stored column by column."""
+        """r (m,) and J (m, n), stored column by column. Raises TooLarge."""
+        check_fits(*self._by_x.shape, "a dense Jacobian", INSTEAD)
         places = self._at(x, fixed)
         if self._slopes is None:
             r, direct, *by_points = self._derivative(x, fixed, *(here.points for here in places))
@@ -79,6 +86,25 @@ class Chain:
             r = self._residual(x, fixed, *(here.points for here in places))[0]
         columns[self._by_x.columns, self._by_x.rows] += direct
         return r, columns.T
+
+    def linearize_sparsely(self, x: Array, fixed: Array) -> Sparse:
+        """The same with a sparse J: what reaches the residual from one block at a time is dense."""
+        places = self._at(x, fixed)
+        r, direct, *by_points = self._derivative(x, fixed, *(here.points for here in places))
+        J = self._by_x.matrix(direct)
+        reached = []
+        for name, at in self._free.slices.items():
+            size = at.stop - at.start
+            part = csc_array((len(r), size))
+            for source, here, pattern, entries in zip(
+                self._sources, places, self._by_points, by_points, strict=True
+            ):
+                if name in source.reads:
+                    tangent = np.empty((size, pattern.shape[1]))
+                    here.tangent({name: tangent}, None)
+                    part = part + pattern.matrix(entries) @ csc_array(tangent.T)
+            reached.append(part)
+        return r, csc_array(J + hstack(reached, format="csc")) if self._sources else J
 
     def _columns(self, places: Sequence[PointsAt], by_points: list[Array]) -> Array:
         """What reaches the residual through the points: J transposed, (n, m)."""

@@ -7,6 +7,7 @@ from math import isfinite
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
+from scipy.sparse import issparse
 
 from workbench.problem.chain import half_squared
 from workbench.problem.constraint_set import Constrained
@@ -20,7 +21,7 @@ class Linearization:
     """r(x + p) ~ r + J p, whitened, and the textbook formulas on it."""
 
     residual: Array  # (m,)
-    jacobian: Array  # (m, n)
+    jacobian: Array  # (m, n); a sparse array in `outline_at` of a large problem
     constraints: Constrained | None = None  # of the problem, seen from the same point
 
     @cached_property
@@ -30,19 +31,37 @@ class Linearization:
 
     @cached_property
     def gradient(self) -> Array:
-        """J' r, (n,): the factor 2 of |r|^2 is gone with the half."""
-        return self.jacobian.T @ self.residual
+        """J' r, (n,): the factor 2 of |r|^2 is gone with the half. Infinite like `normal`."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            return self.jacobian.T @ self.residual
 
     @cached_property
     def normal(self) -> Array:
-        """J' J, (n, n): Gauss and Newton's Hessian."""
-        return self.jacobian.T @ self.jacobian
+        """J' J, (n, n): Gauss and Newton's Hessian; infinite where it is too large."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            return self.jacobian.T @ self.jacobian
 
     @cached_property
     def column_norms(self) -> Array:
-        """|J_i|, (n,): what one unit of each entry does to the residual."""
+        """|J_i|, (n,): what one unit of each entry does to the residual.
+
+        Columns whose squares are too large to be numbers are scaled before; those whose squares are
+        zero to rounding have the length zero.
+        """
+        if issparse(self.jacobian):
+            return np.asarray(np.sqrt((self.jacobian**2).sum(axis=0)))
         columns = self.jacobian.T  # as it is stored
-        return np.asarray(np.sqrt(np.vecdot(columns, columns)))
+        with np.errstate(over="ignore"):
+            norms = np.asarray(np.sqrt(np.vecdot(columns, columns)))
+        for i in np.flatnonzero(norms == np.inf):
+            largest = np.abs(columns[i]).max()
+            if largest < np.inf:
+                norms[i] = largest * np.linalg.norm(columns[i] / largest)
+        return norms
+
+    def reached(self, i: int) -> NDArray[np.bool_]:
+        """The rows (m,) in which column i of the Jacobian is not zero."""
+        return np.asarray(self.jacobian @ np.eye(1, self.jacobian.shape[1], i)[0] != 0)
 
     @cached_property
     def finite(self) -> bool:
@@ -54,7 +73,8 @@ class Linearization:
             return False
         if self.constraints is not None and not self.constraints.finite:
             return False
-        return bool(np.isfinite(self.gradient).all() or np.isfinite(self.jacobian).all())
+        entries = self.jacobian.data if issparse(self.jacobian) else self.jacobian
+        return bool(np.isfinite(self.gradient).all() or np.isfinite(entries).all())
 
     @cached_property
     def svd(self) -> tuple[Array, Array, Array]:

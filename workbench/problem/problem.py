@@ -23,7 +23,7 @@ from workbench.problem.batch import (
     slopes,
 )
 from workbench.problem.bounds import Bounds, flat_bounds
-from workbench.problem.chain import FORWARD, Chain
+from workbench.problem.chain import FORWARD, Chain, Sparse
 from workbench.problem.constraint import Constraint
 from workbench.problem.constraint_set import ConstraintSet
 from workbench.problem.graph import Graph, lean
@@ -68,8 +68,7 @@ class Problem:
         for name in names:
             if names.count(name) > 1:
                 raise DuplicateResidual(name)
-        known = self._blocks
-        check_names((*free, *self.bounds), known, self._named)
+        check_names((*free, *self.bounds), known := self._blocks, self._named)
         self.free = Layout(tuple(known[name] for name in dict.fromkeys(free)))
         self.fixed = Layout(tuple(b for name, b in known.items() if name not in free))
         self.lower, self.upper = flat_bounds(self.bounds, self.free, self.fixed)
@@ -158,8 +157,8 @@ class Problem:
         """(x, fixed) -> cost, gradient: one reverse sweep, no Jacobian."""
         x, fixed, r = self._graph
         cost = 0.5 * cs.sumsqr(r)
-        outputs = [cost, cs.gradient(cost, x)]
-        return cs.Function("adjoint", [x, fixed], outputs, ["x", "fixed"], ["cost", "gradient"])
+        both = [cost, cs.gradient(cost, x)]
+        return cs.Function("adjoint", [x, fixed], both, ["x", "fixed"], ["cost", "gradient"])
 
     @cached_property
     def hessian(self) -> cs.Function:
@@ -209,6 +208,10 @@ class Problem:
         constraints = None if there is None else there.linearize(x, fixed)
         return Linearization(*self._chain.linearize(x, fixed), constraints)
 
+    def sparsely(self, x: Array, fixed: Array) -> Sparse:
+        """The residual (m,) and a sparse Jacobian (m, n), where a dense one would be too large."""
+        return self._chain.linearize_sparsely(x, fixed)
+
     def linearize(self, values: Mapping[str, ArrayLike]) -> Linearization:
         """Residual and Jacobian at named values; every block that is read needs one."""
         with limited_threads():
@@ -230,7 +233,7 @@ class Problem:
         return self._chain.support
 
     def optimality(self, x: Array, here: Linearization, rounding: Rounding | None = None) -> float:
-        """How far from a stationary point: 0 at one, free of units. See `optimality.optimality`."""
+        """How far from a stationary point, free of units: see `optimality.optimality`."""
         box = (self.lower, self.upper) if self.bounded else None
         return optimality(x, here, self.support, box, rounding)
 

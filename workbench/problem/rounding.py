@@ -69,7 +69,7 @@ class Support:
 
     def rows(self, numbers: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """The rows (m,) that some of the free numbers (n,) can change."""
-        read = np.asarray(self._groups[self._group_of[numbers]].any(axis=0))
+        read = np.asarray(self._groups[np.unique(self._group_of[numbers])].any(axis=0))
         read[self._own[np.flatnonzero(numbers)].indices] = True
         return read
 

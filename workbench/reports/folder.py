@@ -1,6 +1,5 @@
 """A folder that is written whole or not at all, and never over somebody else's."""
 
-import json
 import os
 import shutil
 import tempfile
@@ -10,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from workbench.errors import BadFile
+from workbench.reading.facts import json_in
 from workbench.writing import leftovers, temporary_prefix
 
 SUMMARY = "summary.json"  # by which a folder of ours is known, and what in it is ours
@@ -66,6 +66,10 @@ def replacing_folder(folder: Path, source: str | None = None) -> Iterator[Path]:
         _swap(fresh, folder)
     except OSError as error:
         raise _unwritable(folder, error) from error
+    except BadFile as error:  # of a file in it, whose name is one that nobody knows
+        if not isinstance(error.__cause__, OSError):
+            raise
+        raise _unwritable(folder, error.__cause__) from error
     finally:
         shutil.rmtree(fresh, ignore_errors=True)
 
@@ -87,7 +91,9 @@ def _swap(fresh: Path, folder: Path) -> None:
 
 def _take_over(previous: Path, folder: Path) -> None:
     """Move what is not ours from the previous folder to its successor, and remove the rest."""
-    ours = set((_summary(previous) or {}).get("files", ())) | {SUMMARY}
+    told = (_summary(previous) or {}).get("files")
+    names = told if isinstance(told, list) else []
+    ours = {SUMMARY, *(name for name in names if isinstance(name, str))}
     for kept in previous.iterdir():
         if kept.name not in ours and not (folder / kept.name).exists():
             kept.rename(folder / kept.name)
@@ -108,8 +114,8 @@ def _recover(folder: Path) -> None:
 def _summary(folder: Path) -> dict[str, Any] | None:
     """What our summary in the folder says, if it holds one."""
     try:
-        found = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        found = json_in(folder / SUMMARY)
+    except BadFile:
         return None
     return found if isinstance(found, dict) and found.get("made_by") == MAKER else None
 

@@ -6,8 +6,12 @@ only when it is needed, and it says at each import that 1.0 will be different, w
 workbench can do nothing about.
 """
 
+import os
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from importlib import import_module
+from tempfile import TemporaryDirectory
 from types import ModuleType
 from typing import Any
 
@@ -15,14 +19,36 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+HOMES = ("HOME", "XDG_CACHE_HOME", "XDG_CONFIG_HOME")
 
 
 def arviz() -> ModuleType:
-    """The module."""
+    """The module. Where the user's home cannot be written it is imported with another home: it
+    keeps a file there by which it knows when it has said that last.
+    """
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", r"\s*ArviZ is undergoing", FutureWarning)
-        import arviz as found
-    return found
+        try:
+            return import_module("arviz")
+        except (OSError, RuntimeError):  # also where nobody knows of a home
+            with _another_home():
+                return import_module("arviz")
+
+
+@contextmanager
+def _another_home() -> Iterator[None]:
+    """An empty folder is the user's home, and that of caches, inside."""
+    before = {name: os.environ.get(name) for name in HOMES}
+    with TemporaryDirectory(prefix="workbench-") as folder:
+        os.environ.update(dict.fromkeys(HOMES, folder))
+        try:
+            yield
+        finally:
+            for name, value in before.items():
+                if value is None:
+                    del os.environ[name]
+                else:
+                    os.environ[name] = value
 
 
 def psis(log_weights: Array) -> tuple[Array, float]:

@@ -1,7 +1,9 @@
 """Ensembles on disk, in emcee's own HDF5 format, whole or not at all."""
 
+import hashlib
 import json
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,10 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.errors import BadFile
-from workbench.writing import replacing
+from workbench.writing import Keeping, replacing
 
 Array = NDArray[np.float64]
 SETTINGS = "workbench"  # the attribute that says what was sampled, and how
+SEAL = b"\nworkbench sha256 "  # after the end of the HDF5 file, with the digest of all before it
+LONGEST = 1_000_000  # characters of settings
+TWISTER = 624  # words in the state of NumPy's RandomState
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,52 +33,159 @@ class Saved:
     random_state: Sequence[Any]  # of NumPy's RandomState
 
 
+class Checkpoint:
+    """A file that a run replaces every so many seconds by all that it has; without a path, none."""
+
+    def __init__(self, path: Path | None, every: float, write: Callable[[Path], None]) -> None:
+        self._path, self._every, self._write = path, every, write
+        self._took, self._written = 0.0, time.perf_counter()
+        self._keeping = Keeping()
+
+    @property
+    def failure(self) -> str:
+        """Why it could not be written last time; empty if it could."""
+        return self._keeping.failure
+
+    def save_now_and_then(self) -> None:
+        """Save if that was long ago, so that it takes a twentieth of the time at most."""
+        began = time.perf_counter()
+        if began - self._written > max(self._every, 20 * self._took):
+            self.save()
+            self._written = time.perf_counter()
+            self._took = self._written - began
+
+    def save(self) -> None:
+        """Replace the file."""
+        path = self._path
+        if path is not None:
+            self._keeping(lambda: self._write(path))
+
+
 def group(ensemble: int) -> str:
     """What an ensemble is called in the file: `emcee.backends.HDFBackend(path, name)` opens it."""
     return f"ensemble {ensemble}"
 
 
 def save(path: Path, ensembles: Sequence[Saved], settings: Mapping[str, Any]) -> None:
-    """Replace the file by another that is complete. Raises BadFile if it cannot be written."""
+    """Replace the file by another that is complete. Raises BadFile if it cannot be written.
+
+    The file is made in memory: if HDF5 itself cannot write, it ends the process later.
+    """
+    content = image(ensembles, settings)
     with replacing(path) as temporary:
+        temporary.write_bytes(content)
+
+
+def image(ensembles: Sequence[Saved], settings: Mapping[str, Any]) -> bytes:
+    """What is in the file: an HDF5 file, and its seal."""
+    with h5py.File("in memory", "w", driver="core", backing_store=False) as file:
+        file.attrs[SETTINGS] = json.dumps(dict(settings))
         for e, saved in enumerate(ensembles):
             steps, walkers, k = saved.chain.shape
-            backend = emcee.backends.HDFBackend(str(temporary), name=group(e))
-            backend.reset(walkers, k)
-            backend.grow(steps, None)
-            with backend.open("a") as file:
-                inside = file[group(e)]
-                inside["chain"][...] = saved.chain
-                inside["log_prob"][...] = saved.log_prob
-                inside["accepted"][...] = saved.accepted
-                inside.attrs["iteration"] = steps
-                for i, part in enumerate(saved.random_state):
-                    inside.attrs[f"random_state_{i}"] = part
-        with h5py.File(temporary, "a") as file:
-            file.attrs[SETTINGS] = json.dumps(dict(settings))
+            inside = file.create_group(group(e))
+            inside.attrs["version"] = emcee.__version__
+            inside.attrs["nwalkers"], inside.attrs["ndim"] = walkers, k
+            inside.attrs["has_blobs"], inside.attrs["iteration"] = False, steps
+            for i, part in enumerate(saved.random_state):
+                inside.attrs[f"random_state_{i}"] = part
+            inside.create_dataset("accepted", data=saved.accepted)
+            for name, values in (("chain", saved.chain), ("log_prob", saved.log_prob)):
+                inside.create_dataset(name, data=values, maxshape=(None, *values.shape[1:]))
+        file.flush()
+        return sealed(file.id.get_file_image())
+
+
+def sealed(content: bytes) -> bytes:
+    """An HDF5 file with its digest behind it, where readers of HDF5 do not look."""
+    return content + SEAL + hashlib.sha256(content).hexdigest().encode()
 
 
 def load(path: Path) -> tuple[list[Saved], dict[str, Any]]:
-    """What `save` wrote; raises BadFile if that is not what the file holds."""
+    """What `save` wrote; raises BadFile if that is not what the file holds.
+
+    A damaged file can make the HDF5 library hang, or end the process. So it is shown nothing that
+    has changed since it was written, and looks at bytes in memory.
+    """
     try:
-        with h5py.File(path, "r") as file:
-            settings = json.loads(file.attrs[SETTINGS])
-            count = len(file)
-        found = []
-        for e in range(count):
-            backend = emcee.backends.HDFBackend(str(path), name=group(e), read_only=True)
-            found.append(
-                Saved(
-                    backend.get_chain(), backend.get_log_prob(), backend.accepted,
-                    tuple(backend.random_state),
-                )
-            )  # fmt: skip
-        return found, settings
-    except (OSError, KeyError, ValueError, TypeError, AttributeError) as error:
+        content, seal, _ = (whole := path.read_bytes()).rpartition(SEAL)
+        if not seal or sealed(content) != whole:
+            raise BadFile("it is damaged, or was changed, or an earlier version wrote it")
+        with h5py.File(h5py.h5f.open_file_image(content), "r") as file:
+            settings = _settings(file)
+            return [_ensemble(file, e, len(content)) for e in range(len(file))], settings
+    # what h5py raises of a file whose parts are missing or of other kinds, and ours
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeError,
+            OverflowError, RecursionError, MemoryError, BadFile) as error:  # fmt: skip
         raise BadFile(
             f"{path} is no checkpoint of `sample` ({error}); give another file, or remove it to "
             "begin anew"
         ) from error
+
+
+def _settings(file: h5py.File) -> dict[str, Any]:
+    said = file.attrs.get(SETTINGS)
+    if not isinstance(said, str) or len(said) > LONGEST:
+        raise BadFile(f"its attribute {SETTINGS!r} is no text that says how it was made")
+    settings = json.loads(said)
+    if not isinstance(settings, dict):
+        raise BadFile(f"its attribute {SETTINGS!r} holds no settings by name")
+    return settings
+
+
+def _ensemble(file: h5py.File, e: int, size: int) -> Saved:
+    inside = file.get(group(e))
+    if not isinstance(inside, h5py.Group):
+        raise BadFile(f"it has no group {group(e)!r}, but {len(file)} groups")
+    chain = _numbers(inside, "chain", 3, size)
+    log_prob, accepted = (
+        _numbers(inside, "log_prob", 2, size),
+        _numbers(inside, "accepted", 1, size),
+    )
+    S, W, k = chain.shape
+    if log_prob.shape != (S, W) or accepted.shape != (W,) or not S * W * k:
+        raise BadFile(
+            f"{group(e)} has draws of shape {chain.shape}, log densities of shape "
+            f"{log_prob.shape} and accepted moves of shape {accepted.shape}, which do not fit"
+        )
+    if not ((accepted >= 0) & (accepted <= S)).all():
+        raise BadFile(f"{group(e)} has accepted more or less moves than there were steps")
+    return Saved(chain, log_prob, accepted, _random_state(inside, e))
+
+
+def _numbers(inside: h5py.Group, name: str, dimensions: int, size: int) -> Array:
+    """A dataset, looked at before it is read: it takes no more room than the file."""
+    there = inside.get(name)
+    what = f"{inside.name[1:]}: {name}"
+    if not isinstance(there, h5py.Dataset):
+        raise BadFile(f"{what} is missing")
+    if there.dtype != np.float64 or there.ndim != dimensions or 8 * (there.size or 0) > size:
+        raise BadFile(
+            f"{what} is no array of {dimensions} dimensions of numbers that are in the file"
+        )
+    found = np.asarray(there[...])
+    if not np.isfinite(found).all():
+        raise BadFile(f"{what} holds numbers that are not finite")
+    return found
+
+
+def _random_state(inside: h5py.Group, e: int) -> Sequence[Any]:
+    """As NumPy takes it: its name, 624 words, a position, and a normal number that is left."""
+    found = [inside.attrs.get(f"random_state_{i}") for i in range(5)]
+    try:
+        return tuple(_given(found))
+    except (TypeError, ValueError, OverflowError, IndexError) as error:
+        raise BadFile(f"{group(e)} has no state of a random generator ({error})") from error
+
+
+def _given(found: Sequence[Any]) -> tuple[Any, ...]:
+    name, words, position, has_normal, normal = found
+    if not isinstance(words, np.ndarray) or words.shape != (TWISTER,) or words.dtype.kind != "u":
+        raise ValueError(f"it takes {TWISTER} words")
+    if not 0 <= position <= TWISTER or not np.isfinite(normal):
+        raise ValueError("its position or its number is out of range")
+    state = (str(name), words.astype(np.uint32), int(position), int(has_normal), float(normal))
+    np.random.RandomState().set_state(state)
+    return state
 
 
 def refuse_other(path: Path, before: Mapping[str, Any], now: Mapping[str, Any]) -> None:
@@ -84,6 +196,22 @@ def refuse_other(path: Path, before: Mapping[str, Any], now: Mapping[str, Any]) 
                 f"{path} holds draws of another run: its {name} is {before.get(name)!r:.80}, not "
                 f"{value!r:.80}; give another file, or the same settings"
             )
+
+
+def refuse_unlike(
+    path: Path, ensembles: Sequence[Saved], count: int, shape: tuple[int, int, int]
+) -> None:
+    """Raise BadFile unless there are so many ensembles, each with at most so many steps (S, W, k)
+    of so many walkers in so many dimensions.
+    """
+    S, W, k = shape
+    shapes = [saved.chain.shape for saved in ensembles]
+    if len(shapes) != count or any(s > S or (w, d) != (W, k) for s, w, d in shapes):
+        raise BadFile(
+            f"{path} holds draws of other shapes than its settings say: {shapes}, not {count} "
+            f"ensembles of up to {S} steps of {W} walkers in {k} dimensions; remove it to begin "
+            "anew"
+        )
 
 
 def memory(saved: Saved) -> emcee.backends.Backend:

@@ -4,6 +4,7 @@ import hashlib
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,17 @@ import emcee
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.sampling.checkpoint import Saved, load, memory, refuse_other, save
+from workbench.errors import BadFile
+from workbench.interrupts import Interrupts
+from workbench.sampling.checkpoint import (
+    Checkpoint,
+    Saved,
+    load,
+    memory,
+    refuse_other,
+    refuse_unlike,
+    save,
+)
 from workbench.sampling.descent import Mode, descended
 from workbench.sampling.mixing import TIMES, Mixing
 from workbench.sampling.modes import Found, modes, walkers_at
@@ -83,6 +94,7 @@ class Drawn:
     found: Found
     seconds: float
     interrupted: bool
+    unsaved: str  # why the last checkpoint could not be written; empty if it was
 
 
 def run(
@@ -97,10 +109,13 @@ def run(
     """Sample, or go on with what the checkpoint holds; every so many seconds it is replaced.
 
     A run that was killed and is taken up ends bit for bit as one that was not. An interrupt from
-    the keyboard ends the run; what was drawn is kept. Raises BiasedMove, Improper, or BadFile for
-    a checkpoint of another run.
+    the keyboard ends the run; what was drawn is kept. A checkpoint that cannot be written is said
+    in the log, and the run goes on. Raises BiasedMove, Improper, or BadFile for a checkpoint of
+    another run or in a folder that does not exist.
     """
     refuse_biased(plan.moves)
+    if checkpoint is not None and not checkpoint.parent.is_dir():
+        raise BadFile(f"cannot write {checkpoint}: there is no such folder; choose another")
     began = time.perf_counter()
     *seeds, search = np.random.SeedSequence(plan.seed).spawn(plan.ensembles + 1)
     with limited_threads():
@@ -110,27 +125,37 @@ def run(
         if checkpoint is not None and checkpoint.exists():
             before, said = load(checkpoint)
             refuse_other(checkpoint, said, told)
+            shape = plan.kept, plan.walkers, target.subspace.size
+            refuse_unlike(checkpoint, before, plan.ensembles, shape)
             samplers = [_taken_up(target, plan, saved) for saved in before]
         else:
             samplers = [_fresh(target, plan, found.modes, seed) for seed in seeds]
         team = _Team(samplers, plan)
-        interrupted, written = False, time.perf_counter()
-        took = 0.0
+        kept = Checkpoint(checkpoint, every, lambda path: team.save(path, told))
+        interrupts = Interrupts()
+        interrupts.open()
         try:
-            for progress in team.advance(began):
-                now = time.perf_counter()
-                if checkpoint is not None and now - written > max(every, 20 * took):
-                    team.save(checkpoint, told)
-                    written = time.perf_counter()
-                    took = written - now
-                if callback is not None and _true(callback(progress)):
-                    interrupted = progress.step < plan.steps
-                    break
-        except KeyboardInterrupt:
-            interrupted = True
-        if checkpoint is not None:
-            team.save(checkpoint, told)
-    return team.drawn(found, time.perf_counter() - began, interrupted)
+            stopped = _drawn(team, plan, kept, interrupts, callback)
+            kept.save()
+        finally:
+            interrupts.close()
+    seconds, interrupted = time.perf_counter() - began, stopped or interrupts.pressed
+    return team.drawn(found, seconds, interrupted, kept.failure)
+
+
+def _drawn(
+    team: "_Team", plan: Plan, kept: Checkpoint, interrupts: Interrupts, callback: Callback | None
+) -> bool:
+    """Draw until there is enough; whether it ended before that, by the callback or by Ctrl-C."""
+    began = time.perf_counter()
+    try:
+        for progress in team.advance(began, interrupts.check):
+            kept.save_now_and_then()
+            if callback is not None and _true(interrupts.through(partial(callback, progress))):
+                return progress.step < plan.steps
+    except KeyboardInterrupt:
+        return True
+    return False
 
 
 class _Team:
@@ -154,12 +179,15 @@ class _Team:
     def _mark(backend: Any) -> tuple[int, Array, Any]:
         return backend.iteration, backend.accepted.copy(), backend.random_state
 
-    def advance(self, began: float) -> Iterator[Progress]:
-        """Step by step, the ensembles in turn, until a check says that it is enough."""
+    def advance(self, began: float, check: Callable[[], None]) -> Iterator[Progress]:
+        """Step by step, the ensembles in turn, until there are enough; `check` is called before
+        each of them, and may raise.
+        """
         for goal in self._plan.checks:
             while min(done[0] for done in self._done) < goal:
                 for e, backend in enumerate(self._backends):
                     if self._done[e][0] < goal:
+                        check()
                         next(self._ahead[e])
                         self._done[e] = self._mark(backend)
                 yield self._progress(began)
@@ -189,14 +217,14 @@ class _Team:
             each = [Saved(b.chain[:n], b.log_prob[:n], *rest) for b, (n, *rest) in pairs]
             save(path, each, settings)
 
-    def drawn(self, found: Found, seconds: float, interrupted: bool) -> Drawn:
+    def drawn(self, found: Found, seconds: float, interrupted: bool, unsaved: str) -> Drawn:
         """All that all ensembles have."""
         n = min(done[0] for done in self._done)
         chain, log_prob = (
             np.stack([getattr(backend, name)[:n] for backend in self._backends])
             for name in ("chain", "log_prob")
         )
-        return Drawn(chain, log_prob, self.acceptance, found, seconds, interrupted)
+        return Drawn(chain, log_prob, self.acceptance, found, seconds, interrupted, unsaved)
 
 
 def burnt(chain: Array, thin: int, acceptance: float, labels: tuple[str, ...]) -> Mixing:

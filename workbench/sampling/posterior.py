@@ -49,6 +49,7 @@ class Posterior:
     importance: Importance | None = None
     seconds: float = 0.0
     interrupted: bool = False
+    unsaved: str = ""  # why the last checkpoint could not be written; empty if it was
 
     @property
     def labels(self) -> tuple[str, ...]:

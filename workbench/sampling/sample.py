@@ -55,8 +55,9 @@ def sample(
     `steps` steps each, fewer if a check finds them usable. Of every `thin` steps one is kept.
     The same seed gives the same draws. With a `checkpoint`, a file in emcee's HDF5 format that is
     replaced every so many seconds, a run goes on where it was stopped or killed, and ends as if
-    nothing had been. An interrupt from the keyboard, or a callback that returns True, ends a run;
-    what was drawn is kept.
+    nothing had been. One that cannot be written, on a full disk say, is told in the log once and
+    in `Posterior.unsaved`, and the run goes on. An interrupt from the keyboard, or a callback that
+    returns True, ends a run; what was drawn is kept.
 
     Raises UnknownName, BadArgument, Improper for a direction that nothing holds, NotSupported for
     an equation among the constraints that depends on what is drawn or for an entry with equal
@@ -95,6 +96,7 @@ def sample(
             problem, as_values(problem, at), subspace, kept, log_prob, mixing, "emcee",
             drawn.found, conditioning(problem, given, subspace, drawn.found.modes[0].z),
             of_the_rest(target, kept.reshape(-1, k), search), drawn.seconds, drawn.interrupted,
+            drawn.unsaved,
         )  # fmt: skip
 
 

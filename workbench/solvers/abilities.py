@@ -64,7 +64,7 @@ def refuse(name: str, abilities: Abilities, problem: Problem) -> None:
         )
     if abilities.bounds is Boxes.NEEDED:
         for i, (low, high) in enumerate(zip(problem.lower, problem.upper, strict=True)):
-            if not high - low < float("inf"):
+            if not float(high) - float(low) < float("inf"):
                 raise NotSupported(
                     f"{name} searches between bounds, but {problem.free.label(i)} has not two; "
                     "bound every free block, or use a solver that needs none"

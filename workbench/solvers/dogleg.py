@@ -108,7 +108,8 @@ class Dogleg:
                         radius *= self.rule.shrinkage
                     if trial.gain > 0:
                         break
-                    if radius < 1e-16 * np.linalg.norm(D * x) or np.array_equal(x + p, x):
+                    shortest = 1e-16 * np.linalg.norm(D * x)
+                    if not shortest <= radius < np.inf or np.array_equal(x + p, x):
                         run.stall()
                 x, here = run.wrapped(x + p, trial.there or run.linearize(x + p))
                 run.record(x, here.cost, run.optimality(x, here), 0.0, newton.by)

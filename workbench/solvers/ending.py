@@ -9,6 +9,7 @@ from workbench.blocks import Layout
 from workbench.problem import Linearization
 from workbench.problem.chain import half_squared
 from workbench.problem.optimality import hidden
+from workbench.problem.outline import outline_at
 from workbench.solvers.limits import Stop
 from workbench.solvers.sight import lost
 from workbench.solvers.solution import Status
@@ -98,9 +99,10 @@ def _wrapped(run: "Run", here: Linearization, optimality: float) -> tuple[Linear
     turned = rewrapped(problem, best.x, is_free)
     if turned is best.x:
         return here, optimality
-    at_turned = problem.linearize_at(turned, fixed)
+    at_turned = outline_at(problem, turned, fixed)
     found, tolerance = run.optimality(turned, at_turned), run.limits.gradient_tolerance
-    if found > tolerance >= optimality:
+    dense = isinstance(at_turned.jacobian, np.ndarray)  # there is no step by a sparse one
+    if found > tolerance >= optimality and dense:
         nearer = np.clip(turned + at_turned.step(), problem.lower, problem.upper)
         if is_free(nearer):
             closer = problem.linearize_at(nearer, fixed)

@@ -16,6 +16,7 @@ from workbench.solvers.solution import Callback, Solution
 
 Array = NDArray[np.float64]
 FASTEST_FALL = 0.1  # of the damping in one step; the paper's 1/3 needs 4 more on a noiseless body
+STIFFEST = 1e140  # of a column in the units of its step: the square, damped, is still a number
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,8 @@ class LevenbergMarquardt:
             x = np.clip(run.x, problem.lower, problem.upper)
             here = run.linearize(x)
             D = self.scaling(here)
-            stiffest = float(np.max((here.column_norms / D) ** 2, initial=1e-300))
+            stiffness = np.minimum(here.column_norms / D, STIFFEST)
+            stiffest = float(np.max(stiffness**2, initial=1e-300))
             damping, growth = self.first_damping * stiffest, 2.0
             least = EPS**2 * stiffest  # where columns differ by 1e16, the shortest still count
             run.record(x, here.cost, run.optimality(x, here), damping)
@@ -80,7 +82,7 @@ class LevenbergMarquardt:
                         growth = 2.0
                         run.record(x, here.cost, run.optimality(x, here), damping, step.by)
                         continue
-                if damping > 1e16 * stiffest or (step is not None and np.array_equal(to, x)):
+                if not damping <= 1e16 * stiffest or (step is not None and np.array_equal(to, x)):
                     run.stall()
                 damping *= growth
                 growth *= 2

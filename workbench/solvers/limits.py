@@ -3,6 +3,10 @@
 from collections.abc import Callable
 from typing import Protocol, TypeVar
 
+import numpy as np
+
+from workbench.errors import TooLarge
+from workbench.problem.chain import INSTEAD
 from workbench.solvers.solution import Status
 
 T = TypeVar("T")
@@ -38,11 +42,30 @@ class Stop(Exception):
         self.status, self.message = status, message or status.value
 
 
+def stop_of(error: BaseException | None) -> Stop | None:
+    """The end that an exception means for a run; None for what is not the run's."""
+    if isinstance(error, MemoryError):
+        told = f"memory ran out in the linear algebra: {error}; {INSTEAD}"
+        return Stop(Status.TOO_LARGE, told)
+    return error if isinstance(error, Stop) else None
+
+
 def guarded(function: Callable[[], T]) -> T:
     """What a function of the user's gives; what it raises is a Stop that quotes it."""
     try:
         return function()
     except (Stop, KeyboardInterrupt):
         raise
+    except TooLarge as error:
+        raise Stop(Status.TOO_LARGE, str(error)) from error
+    except MemoryError as error:
+        raise Stop(Status.TOO_LARGE, f"memory ran out: {error}; {INSTEAD}") from error
     except Exception as error:
         raise Stop(Status.RAISED, f"the residual raised {type(error).__name__}: {error}") from error
+
+
+def unwarned() -> np.errstate:
+    """A context for numbers that may be too large: a run looks whether what came is finite, and
+    tells by its status; a warning beside that says less, and would be an exception for some.
+    """
+    return np.errstate(over="ignore", invalid="ignore", divide="ignore", under="ignore")

@@ -51,7 +51,14 @@ class Newton:
             while True:
                 D = self.scaling(here)
                 H = run.hessian(x)
-                convex = self.convexify(H / np.outer(D, D))
+                even = H / D[:, None] / D
+                if not np.isfinite(even).all():
+                    run.stall(
+                        "the Hessian over the squares of the columns of the Jacobian is no "
+                        "number; choose units in which columns are neither so long nor so "
+                        "short"
+                    )
+                convex = self.convexify(even)
                 p = -scipy.linalg.solve(convex.matrix, here.gradient / D, assume_a="pos") / D
                 to = x + self.line_search(run, x, here, p) * p
                 if np.array_equal(to, x):

@@ -74,7 +74,7 @@ class Nlopt:
         refuse(name, self.abilities, problem)
         with Run(name, self, problem, start, callback) as run:
             x0 = np.clip(run.x, problem.lower, problem.upper)
-            here = run.linearize(x0)
+            here = run.outline(x0)
             run.record(x0, here.cost, run.optimality(x0, here))
             self._check_the_step(x0.size)
             scale = np.where(here.column_norms > 0, here.column_norms, 1.0)
@@ -88,7 +88,7 @@ class Nlopt:
             if self.algorithm.startswith("G_MLSL"):
                 optimizer.set_local_optimizer(self._optimizer(self.local, x0.size))
             if self.algorithm.startswith("LN_"):
-                optimizer.set_initial_step(0.1 * scale)
+                optimizer.set_initial_step(np.maximum(0.1 * scale, np.finfo(float).tiny))
                 optimizer.set_xtol_rel(SMALLEST_STEP)
             nlopt.srand(self.seed)
             try:
@@ -135,7 +135,7 @@ class Nlopt:
             gave_up = optimizer.last_optimize_result() in GAVE_UP
             if not (descends and gave_up and run.best.missed <= 1 and run.best.cost < cost):
                 return
-            noise = run.noise(run.best.x, run.linearize(run.best.x))
+            noise = run.noise(run.best.x, run.outline(run.best.x))
             if run.best.cost >= cost - noise:
                 return
             x, cost = run.best.x, run.best.cost

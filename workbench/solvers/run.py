@@ -2,8 +2,9 @@
 
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from dataclasses import asdict
+from functools import partial
 from math import isfinite, isnan
 from types import TracebackType
 from typing import NamedTuple, NoReturn, TypeVar
@@ -12,13 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.blocks import Values
+from workbench.interrupts import Interrupts
 from workbench.problem import Linearization, Problem
 from workbench.problem.chain import half_squared
+from workbench.problem.outline import outline_at
 from workbench.problem.rounding import fall
 from workbench.solvers.best import Best
 from workbench.solvers.ending import ending
 from workbench.solvers.latest import Latest
-from workbench.solvers.limits import Limits, Stop, guarded
+from workbench.solvers.limits import Limits, Stop, guarded, stop_of, unwarned
 from workbench.solvers.roughness import Roughness
 from workbench.solvers.sight import Sight
 from workbench.solvers.solution import Callback, Evaluations, Iterate, Solution, Status
@@ -30,6 +33,7 @@ T = TypeVar("T")
 NOT_FINITE_IN_A_ROW = 100  # a line search that halves has long met rounding by then
 BOUGHT = 1e-5  # of the cost: points that are cheaper by less, and no more, may owe it to a miss
 TRIES = 6  # at a point that is more stationary, each step more cautious than the last
+INTERRUPTED = "interrupted from the keyboard"
 POLISHED = 0.99  # of the optimality before, at most, where costs no longer tell points apart
 
 
@@ -44,8 +48,8 @@ class Run:
     """A context: what is raised inside ends the run, and `solution` tells how.
 
     Functions evaluate at flat vectors and raise Stop when a limit is reached. An interrupt from
-    the keyboard ends the run too, with the best point kept. Linear algebra keeps to one thread
-    inside, or to WORKBENCH_THREADS.
+    the keyboard ends the run too, with the best point kept: until `solution` returns, signals are
+    written down and every evaluation asks for them. Linear algebra keeps to WORKBENCH_THREADS.
     """
 
     def __init__(
@@ -66,22 +70,26 @@ class Run:
         self.roughness = Roughness(problem, self.fixed, self._latest)
         self._recorded: Array | None = None  # the last one
         self._threads = ExitStack()
+        self._interrupts, self._interrupted = Interrupts(), False
 
     def __enter__(self) -> "Run":
         self._threads.enter_context(limited_threads())
+        self._threads.enter_context(unwarned())
         self.began = time.perf_counter()
+        self._interrupts.open()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
     ) -> bool:
         self._threads.close()
-        if isinstance(error, Stop):
-            self.stopped = error.with_traceback(None)  # whose frames would keep the run alive
-        elif isinstance(error, KeyboardInterrupt):
-            self.stopped = Stop(Status.STOPPED, "interrupted from the keyboard")
-        else:
+        self._interrupted = isinstance(error, KeyboardInterrupt) or self._interrupts.pressed
+        self.stopped = Stop(Status.STOPPED, INTERRUPTED) if self._interrupted else stop_of(error)
+        if self.stopped is None:
+            self._interrupts.close()
             return False
+        if error is not None:
+            error.with_traceback(None)  # whose frames would keep the run alive
         return True
 
     # Evaluation.
@@ -108,12 +116,19 @@ class Run:
 
     def linearize(self, x: Array) -> Linearization:
         """Residual and Jacobian at x; stops the run where they are not finite."""
+        return self._linearized(x, self.problem.linearize_at)
+
+    def outline(self, x: Array) -> Linearization:
+        """The same for solvers that ask for the gradient and the column norms alone."""
+        return self._linearized(x, partial(outline_at, self.problem))
+
+    def _linearized(self, x: Array, by: Callable[[Array, Array], Linearization]) -> Linearization:
         known = self._latest.at(x)
         if known is not None:
             return known
         self.check()
         self._latest.forget()  # first: memory that is used again is already there, and near
-        here = self.evaluate("jacobian", lambda: self.problem.linearize_at(x, self.fixed))
+        here = self.evaluate("jacobian", lambda: by(x, self.fixed))
         if not isfinite(self._kept(x, here.cost if here.finite else np.inf, here)):
             raise Stop(Status.NOT_FINITE)
         self.sight.see(here)
@@ -137,10 +152,11 @@ class Run:
     def judged(self, x: Array) -> Linearization:
         """Residual and Jacobian at a point, for the judgement of the run: no limit counts it."""
         known = self._latest.at(x)
-        return self.problem.linearize_at(x, self.fixed) if known is None else known
+        return outline_at(self.problem, x, self.fixed) if known is None else known
 
     def check(self) -> None:
-        """Stop the run if its evaluations or its time are used up."""
+        """Stop the run if its evaluations or its time are used up, or if it is interrupted."""
+        self._interrupts.check()
         if sum(self.counts.values()) - self.counts["constraint"] >= self.limits.max_evaluations:
             raise Stop(Status.MAX_EVALUATIONS)
         if time.perf_counter() - self.began > self.limits.max_seconds:
@@ -150,7 +166,7 @@ class Run:
         """What a function of the user's gives, counted, within the limits."""
         self.check()
         self.counts[kind] += 1
-        return guarded(function)
+        return guarded(lambda: self._interrupts.through(function))
 
     def _kept(self, x: Array, cost: float, here: Linearization | None = None) -> float:
         there, missed = self.problem.stacked_constraints, 0.0
@@ -183,6 +199,7 @@ class Run:
         A promise that rounding would hide is kept by a point that is more stationary; if
         several in a row are not, there is nothing more to gain and the run ends.
         """
+        self.check()  # whoever tries shorter and shorter steps may never evaluate anything
         if not promised > 0:
             return Trial(-np.inf)
         cost, residual = self.cost_and_residual(to)
@@ -202,8 +219,7 @@ class Run:
 
     def unless_solved(self, x: Array) -> None:
         """End the run at a start that needs no solver: a warm one."""
-        here = self.linearize(x)
-        optimality = self.optimality(x, here)
+        optimality = self.optimality(x, here := self.linearize(x))
         if optimality <= self.limits.gradient_tolerance:
             self.record(x, here.cost, optimality)
 
@@ -218,13 +234,9 @@ class Run:
         return (x, here) if turned is x else (turned, self.linearize(turned))
 
     def record(
-        self,
-        x: Array,
-        cost: float,
-        optimality: float = np.nan,
-        damping: float = 0.0,
+        self, x: Array, cost: float, optimality: float = np.nan, damping: float = 0.0,
         linear_algebra: str = "",
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Add an iterate to the trace; stop if it is good enough, or limit or callback say so."""
         step = 0.0 if self._recorded is None else float(np.linalg.norm(x - self._recorded))
         self._recorded = x.copy()
@@ -235,10 +247,11 @@ class Run:
         self.trace.append(iterate)
         if not isnan(optimality):
             self._settle(x, cost, optimality)
-        stop = False
-        if self.callback is not None:
-            says = self.callback(iterate)
+        callback, stop = self.callback, False
+        if callback is not None:
+            says = self._interrupts.through(lambda: callback(iterate))
             stop = isinstance(says, bool | np.bool_) and bool(says)
+        self._interrupts.check()
         if optimality <= self.limits.gradient_tolerance:
             raise Stop(Status.CONVERGED)
         if stop:
@@ -270,10 +283,13 @@ class Run:
         raise Stop(Status.STALLED, message)
 
     def solution(self) -> Solution:
-        """The best point seen. It decides whether the run converged, whoever says otherwise."""
-        status, message, optimality, lost, unnoticed = ending(
-            self, self.stopped or Stop(Status.STALLED)
-        )
+        """The best point seen, and how the run ended: STOPPED after Ctrl-C, even at its end."""
+        stop = self.stopped or Stop(Status.STALLED)
+        with closing(self._interrupts), unwarned():
+            status, message, optimality, lost, unnoticed = ending(self, stop)
+        if self._interrupted or self._interrupts.pressed:
+            late = ", after it had converged" if status is Status.CONVERGED else ""
+            status, message = Status.STOPPED, INTERRUPTED + late
         best = self.best
         return Solution(
             self.problem.free.unpack(best.x), best.cost, optimality, status, message,

@@ -60,7 +60,7 @@ def lost(
     found = gone.copy()
     size = np.maximum(np.abs(x), np.abs(x - start_x))
     for i in np.flatnonzero(gone):
-        rows = start.jacobian[:, i] != 0
+        rows = start.reached(int(i))
         if rows.any() and (np.abs(here.residual[rows]) <= rounding.rows[rows]).all():
             found[i] = False
             continue

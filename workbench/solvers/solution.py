@@ -1,19 +1,26 @@
 """What every solver is asked, and what it answers with."""
 
 import json
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field, fields
 from enum import Enum
 from pathlib import Path
 from typing import Any, Protocol
-from zipfile import BadZipFile
 
 import numpy as np
 
 from workbench.blocks import Values
 from workbench.errors import BadFile
 from workbench.problem import Problem
+from workbench.reading.archive import open_arrays
+from workbench.reading.damage import taken_for
+from workbench.reading.expected import doubles, nothing_else, read_expected, texts
+from workbench.reading.facts import Facts, amount, facts_in, number, several, text
+from workbench.reading.facts import facts as facts_of
 from workbench.writing import replacing
+
+FACTS, VALUE, TRACE = "solution", "value:", "trace:"  # how the arrays of a file are called
+Row = tuple[Any, ...]  # all of an Iterate but its values
 
 
 class Status(Enum):
@@ -34,6 +41,7 @@ class Status(Enum):
     NOT_FINITE = "the residual is NaN or infinite; look at its formula there, or bound the blocks"
     INFEASIBLE = "the constraints are not met; start nearer to where they are, or relax them"
     RAISED = "the residual raised an exception; see the message"
+    TOO_LARGE = "memory does not suffice for what the solver asks for; see the message"
     STOPPED = "stopped by the callback or from the keyboard; the best point so far was kept"
 
 
@@ -126,50 +134,78 @@ class Solution:
                 for i in self.trace
             ],
         }
-        arrays = {"solution": np.array(json.dumps(facts))}
-        arrays |= {f"value:{name}": value for name, value in self.values.items()}
+        arrays = {FACTS: np.array(json.dumps(facts))}
+        arrays |= {VALUE + name: value for name, value in self.values.items()}
         for name in self.values:
-            arrays[f"trace:{name}"] = np.array([i.values[name] for i in self.trace])
+            arrays[TRACE + name] = np.array([i.values[name] for i in self.trace])
         with replacing(path) as temporary, temporary.open("wb") as file:
             np.savez_compressed(file, **arrays)  # type: ignore[arg-type]  # its bool has another name
 
     @staticmethod
     def load(path: str | Path) -> "Solution":
         """Read what `save` wrote; raises BadFile if that is not what the file holds."""
-        try:
-            with Path(path).open("rb") as raw, np.load(raw, allow_pickle=False) as file:
-                facts = json.loads(str(file["solution"]))
-                arrays = {name: file[name] for name in file.files if name != "solution"}
-            return Solution._from(facts, arrays)
-        except (OSError, ValueError, LookupError, TypeError, EOFError, BadZipFile) as error:
-            raise BadFile(
-                f"{path} is no solution that Solution.save wrote ({error}); give the .npz of a run"
-            ) from error
+        with (
+            taken_for(path, "solution that Solution.save wrote", "give the .npz of a run"),
+            open_arrays(Path(path)) as archive,
+        ):
+            facts = facts_in(read_expected(archive, {FACTS: texts()})[FACTS])
+            rows = facts.several("trace", _row)
+            expected = {}
+            shapes = {
+                key.removeprefix(VALUE): header.shape
+                for key, header in archive.headers.items()
+                if key.startswith(VALUE)
+            }
+            for name, shape in shapes.items():
+                expected[VALUE + name] = doubles(*shape)
+                # numpy cannot say what shape none of something has
+                expected[TRACE + name] = doubles(len(rows), *shape) if rows else doubles(0)
+            nothing_else(archive, (*expected, FACTS))
+            return _solution(facts, rows, read_expected(archive, expected), tuple(shapes))
 
-    @staticmethod
-    def _from(facts: dict[str, Any], arrays: Values) -> "Solution":
-        names = [key.removeprefix("value:") for key in arrays if key.startswith("value:")]
-        trace = tuple(
-            Iterate(
-                {name: arrays[f"trace:{name}"][i] for name in names},
-                cost, optimality, step, damping, Evaluations(**counts), *further,
-            )
-            for i, (cost, optimality, step, damping, counts, *further) in enumerate(facts["trace"])
-        )  # fmt: skip
-        return Solution(
-            values={name: arrays[f"value:{name}"] for name in names},
-            cost=facts["cost"],
-            optimality=facts["optimality"],
-            status=Status[facts["status"]],
-            message=facts["message"],
-            solver=facts["solver"],
-            evaluations=Evaluations(**facts["evaluations"]),
-            seconds=facts["seconds"],
-            trace=trace,
-            missed=facts.get("missed", 0.0),
-            lost=tuple(facts.get("lost", ())),
-            unnoticed=tuple(facts.get("unnoticed", ())),
-        )
+
+def _solution(facts: Facts, rows: Sequence[Row], arrays: Values, names: Sequence[str]) -> Solution:
+    """Of arrays that are what they must be; raises BadFile for facts that are not."""
+    return Solution(
+        values={name: arrays[VALUE + name] for name in names},
+        cost=facts.amount("cost"),
+        optimality=facts.amount("optimality"),
+        status=Status[facts.among("status", Status.__members__)],
+        message=facts.text("message"),
+        solver=facts.text("solver"),
+        evaluations=_evaluations(facts.facts("evaluations")),
+        seconds=facts.amount("seconds"),
+        trace=tuple(
+            Iterate({name: arrays[TRACE + name][i] for name in names}, *row)
+            for i, row in enumerate(rows)
+        ),
+        missed=facts.amount("missed") if "missed" in facts.told else 0.0,
+        lost=facts.several("lost", text) if "lost" in facts.told else (),
+        unnoticed=facts.several("unnoticed", text) if "unnoticed" in facts.told else (),
+    )
+
+
+def _row(given: object, name: str) -> Row:
+    """What the facts say of one iterate; files from before linear algebra was told say less."""
+    told = several(given, name, lambda entry, _: entry)
+    if len(told) not in (6, 7):
+        raise BadFile(f"{name} has {len(told)} entries, but must have 7")
+    cost, optimality, step, damping, counts, seconds, *by = told
+    return (
+        *(amount(one, name) for one in (cost, optimality, step)),
+        number(damping, name),
+        _evaluations(facts_of(counts, name)),
+        amount(seconds, name),
+        *(text(one, name) for one in by),
+    )
+
+
+def _evaluations(told: Facts) -> Evaluations:
+    """Counts by kind; files from before there were constraints count none of theirs."""
+    known = [field.name for field in fields(Evaluations)]
+    told.nothing_else(*known)
+    needed = [name for name in known if name != "constraint" or name in told.told]
+    return Evaluations(**{name: told.whole(name) for name in needed})
 
 
 Callback = Callable[[Iterate], object]  # called at every iterate; stops the solver if it says True

@@ -110,7 +110,10 @@ class Sqp:
                 ) from error
         if oracle.error is not None:
             raise oracle.error
-        return str(solver.stats()["return_status"])
+        try:
+            return str(solver.stats()["return_status"])
+        except RuntimeError:  # CasADi 3.8 has none where the first step met no number
+            return "no status"
 
 
 def _last(error: Exception) -> str:

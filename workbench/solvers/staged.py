@@ -6,9 +6,11 @@ import numpy as np
 
 from workbench.blocks import Values
 from workbench.errors import BadArgument, UnknownName
+from workbench.interrupts import Interrupts
 from workbench.problem import Problem
 from workbench.solvers.abilities import Abilities
 from workbench.solvers.levenberg_marquardt import LevenbergMarquardt
+from workbench.solvers.run import INTERRUPTED
 from workbench.solvers.solution import (
     Callback,
     Evaluations,
@@ -57,14 +59,22 @@ class Staged:
         values = {**start}
         found: list[Solution] = []
         trace: list[Iterate] = []
-        for stage in (*self.stages, everything):
-            if found and found[-1].status not in GOES_ON:
-                break
-            seen = _Along(trace, found, {name: values[name] for name in everything}, callback)
-            part = problem if stage == everything else problem.freeing(*stage)
-            found.append(self.solver.solve(part, values, callback=seen))
-            values |= found[-1].values
-        return _together(problem, values, found, trace)
+        interrupts = Interrupts()  # also between the stages
+        interrupts.open()
+        try:
+            for stage in (*self.stages, everything):
+                if found and (found[-1].status not in GOES_ON or interrupts.pressed):
+                    break
+                seen = _Along(trace, found, {name: values[name] for name in everything}, callback)
+                part = problem if stage == everything else problem.freeing(*stage)
+                found.append(self.solver.solve(part, values, callback=seen))
+                values |= found[-1].values
+            together = _together(problem, values, found, trace)
+        finally:
+            interrupts.close()
+        if interrupts.pressed:
+            return replace(together, status=Status.STOPPED, message=INTERRUPTED)
+        return together
 
 
 class _Along:

@@ -4,6 +4,7 @@ Poses and joints are the people's, not the mesh's. Templates, blend shapes and w
 off between the coarse mesh's vertices, and are a first guess there.
 """
 
+import logging
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from workbench.training.pose_training import SILENT, PoseModel, Report, train_po
 from workbench.training.registrations import Registrations, held
 from workbench.training.thinning import thinned
 
+LOG = logging.getLogger(__name__)
 Array = NDArray[np.float64]
 COARSE = 1500  # vertices that are enough for a body with 24 joints
 
@@ -70,7 +72,11 @@ def train_coarse_first(
     )
     own = None if folder is None else folder / "coarse"
     if own is not None:
-        own.mkdir(exist_ok=True)
+        try:
+            own.mkdir(exist_ok=True)
+        except OSError as error:
+            LOG.warning("going on without a checkpoint of the coarse mesh: %s", error)
+            own = None
     model = train_poses(
         few.registrations(held(registrations)), less, plan, folder=own, report=report, crew=crew,
         sides=None if sides is None else few.mirror(sides),

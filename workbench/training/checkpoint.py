@@ -2,20 +2,30 @@
 
 import hashlib
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from math import isfinite
 from pathlib import Path
+from reprlib import repr as short
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from workbench.errors import BadFile
+from workbench.bodies.validation import ROW_SUM_TOLERANCE
+from workbench.errors import BadFile, listed
+from workbench.reading.archive import open_arrays
+from workbench.reading.damage import taken_for
+from workbench.reading.expected import doubles, nothing_else, optional, read_expected, texts
+from workbench.reading.facts import amount, facts, facts_in, number
 from workbench.training.estimate import Estimate
-from workbench.training.registrations import Registrations, batches
+from workbench.training.registrations import FARTHEST, Registrations, batches
 from workbench.writing import replacing
 
-FILE = "checkpoint.npz"
+FILE, FACTS = "checkpoint.npz", "said"
+SHARES = ("weights", "regressor")  # the arrays whose rows sum to one
+REMOVE = "remove it to start anew, or choose another folder"
 
 
 @dataclass(frozen=True)
@@ -44,31 +54,65 @@ class Checkpoint:
             "parents": list(self.estimate.parents),
             "log": [asdict(entry) for entry in self.log],
         }
-        arrays: dict[str, Any] = dict(self.estimate.arrays())
+        arrays: dict[str, Any] = {FACTS: np.array(json.dumps(said)), **self.estimate.arrays()}
         with replacing(folder / FILE) as temporary, temporary.open("wb") as file:
-            np.savez(file, said=np.array(json.dumps(said)), **arrays)
+            np.savez(file, **arrays)
 
 
-def read_checkpoint(folder: Path, fingerprint: str) -> Checkpoint | None:
-    """What an earlier run left, or None. Raises BadFile if it was another training's."""
+def read_checkpoint(
+    folder: Path, fingerprint: str, first: Estimate, blocks: Sequence[str]
+) -> Checkpoint | None:
+    """What an earlier run left, or None if there is no file.
+
+    `first` is the estimate that the run began with, whose sizes and tree an estimate keeps;
+    `blocks` are those of its plan, in order. Raises BadFile if the file was another training's,
+    or is damaged.
+    """
     path = folder / FILE
     if not path.exists():
         return None
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            said = json.loads(str(file["said"]))
-            arrays = {name: file[name] for name in file.files if name != "said"}
-            regressor = csr_array(arrays.pop("regressor")) if "regressor" in arrays else None
-            estimate = Estimate(**arrays, parents=tuple(said["parents"]), regressor=regressor)
-            log = tuple(Entry(**entry) for entry in said["log"])
-    except (OSError, KeyError, ValueError, TypeError) as error:
-        raise BadFile(f"{path} is no checkpoint ({error}); remove it to start anew") from error
-    if said["fingerprint"] != fingerprint:
-        raise BadFile(
-            f"{path} is of a training with other registrations, another start or another plan; "
-            "remove it to start anew, or choose another folder"
-        )
+    with taken_for(path, "checkpoint of this training", REMOVE), open_arrays(path) as archive:
+        said = facts_in(read_expected(archive, {FACTS: texts()})[FACTS])
+        if said.text("fingerprint") != fingerprint:
+            raise BadFile("it is of other registrations, another start or another plan")
+        if said.several("parents", lambda parent, _: parent) != first.parents:
+            raise BadFile(f"its tree has the parents {short(said.told['parents'])}")
+        log = said.several("log", _entry)
+        if [entry.block for entry in log] != list(blocks[: len(log)]):
+            raise BadFile("its log tells of other blocks than the plan's")
+        expected = {name: doubles(*array.shape) for name, array in first.arrays().items()}
+        regressor = doubles(*first.weights.T.shape)
+        learned = any(entry.block == "regressor" for entry in log)  # and kept from there on
+        expected["regressor"] = regressor if learned else optional(regressor)
+        nothing_else(archive, (*expected, FACTS))
+        arrays = read_expected(archive, expected)
+        for name, array in arrays.items():
+            if abs(array).max(initial=0) > FARTHEST:
+                raise BadFile(f"{name} holds {abs(array).max():.3g}, as no training leaves it")
+            if name in SHARES and (
+                array.min(initial=0) < 0 or (abs(array.sum(axis=1) - 1) > ROW_SUM_TOLERANCE).any()
+            ):
+                raise BadFile(f"{name} are no shares: some are negative, or do not sum to 1")
+    found = csr_array(arrays.pop("regressor")) if "regressor" in arrays else None
+    estimate = Estimate(**arrays, parents=first.parents, regressor=found)
     return Checkpoint(estimate, log, fingerprint)
+
+
+def _entry(given: object, name: str) -> Entry:
+    """An entry of the log; raises BadFile if it is something else."""
+    told = facts(given, name)
+    found = Entry(
+        block=told.text("block"),
+        before=told.named("before", amount),
+        after=told.named("after", amount),
+        facts=told.named("facts", number),
+        seconds=told.amount("seconds"),
+    )
+    if found.before.keys() != found.after.keys():
+        raise BadFile(f"{name} has costs {listed(found.before)}, and later {listed(found.after)}")
+    if not all(map(isfinite, (found.seconds, *found.before.values(), *found.after.values()))):
+        raise BadFile(f"{name} holds costs or seconds that are not finite")
+    return found
 
 
 def fingerprint(

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,16 +10,28 @@ from scipy.sparse import csr_array
 
 from workbench.bodies import SkinnedBody
 from workbench.bodies.catalogue import load_body
-from workbench.bodies.npz_files import read_npz
-from workbench.errors import BadBody, BadFile, listed
+from workbench.bodies.validation import check_tree
+from workbench.errors import BadBody, BadFile
+from workbench.homes import expanded
+from workbench.reading.archive import open_arrays
+from workbench.reading.damage import taken_for
+from workbench.reading.expected import read_expected, reals, texts, wholes
 from workbench.training.mesh_graph import edges_of, find_mirror, heat
-from workbench.training.mirror import Mirror, opposites
+from workbench.training.mirror import Mirror, opposite, opposites
+from workbench.training.registrations import FARTHEST
 from workbench.writing import replacing
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 MOST_WEIGHTS = 4  # joints that carry one vertex
 SPREAD = 0.03  # m: how far the border between two segments is blurred
+EXPECTED = {
+    "template": reals("N", 3),
+    "faces": wholes("F", 3),
+    "parents": wholes("K"),
+    "joint_names": texts("K"),
+    "segmentation": wholes("N"),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,18 +45,46 @@ class Start:
     segmentation: Index  # (N,): a joint's number for each vertex
 
     def __post_init__(self) -> None:
+        check_tree(_refuse, self.parents)
+        self._check_mesh()
+        self._check_names()
         K, N = len(self.parents), len(self.template)
-        if self.segmentation.shape != (N,):
-            raise BadBody(
-                f"the segmentation has shape {self.segmentation.shape}, but there are {N} vertices"
+        if self.segmentation.shape != (N,) or self.segmentation.dtype.kind not in "iu":
+            _refuse(
+                f"the segmentation holds {self.segmentation.dtype} of shape "
+                f"{self.segmentation.shape}, but must say a joint's number for each of {N} vertices"
             )
         if not 0 <= self.segmentation.min() <= self.segmentation.max() < K:
-            raise BadBody(f"the segmentation names joints beyond 0 to {K - 1}")
+            _refuse(f"the segmentation names joints beyond 0 to {K - 1}")
         for k in set(range(K)) - set(self.segmentation.tolist()):
-            raise BadBody(
+            _refuse(
                 f"no vertex belongs to {self.joint_names[k]}; its turns would not be seen. Give "
                 "it a segment, or leave the joint out"
             )
+
+    def _check_mesh(self) -> None:
+        template, faces = self.template, self.faces
+        if template.ndim != 2 or template.shape[1] != 3 or not len(template):
+            _refuse(f"the template has shape {template.shape}, but must be (N, 3)")
+        if template.dtype.kind != "f" or not np.isfinite(template).all():
+            _refuse("the template holds what are no finite numbers")
+        if abs(template).max() > FARTHEST:
+            _refuse(f"the template reaches {abs(template).max():.3g} m far; metres are expected")
+        if faces.ndim != 2 or faces.shape[1] != 3 or not len(faces) or faces.dtype.kind not in "iu":
+            _refuse(f"faces hold {faces.dtype} of shape {faces.shape}, but must be whole (F, 3)")
+        if not 0 <= faces.min() <= faces.max() < len(template):
+            _refuse(f"faces name vertices beyond 0 to {len(template) - 1}")
+
+    def _check_names(self) -> None:
+        names = self.joint_names
+        if not len(names) == len(set(names)) == len(self.parents):
+            _refuse(f"{len(self.parents)} joints must have as many different names, not {names}")
+        for name in names:
+            if opposite(name) not in names:
+                _refuse(
+                    f"{name} has no opposite called {opposite(name)}; add that joint, or call this "
+                    "one something that does not begin with left_ or right_"
+                )
 
     @staticmethod
     def of(body: SkinnedBody) -> "Start":
@@ -106,6 +147,10 @@ class Start:
         return np.unique(np.concatenate([own[near[:, 0]], other[near[:, 1]]]))
 
 
+def _refuse(reason: str) -> NoReturn:
+    raise BadBody(reason)
+
+
 def at_most(weights: Array, most: int) -> Array:
     """The largest shares of each row, summing to one."""
     order = np.argsort(-weights, axis=1, kind="stable")[:, :most]
@@ -121,25 +166,25 @@ def read_start(name: str | Path) -> Start:
     The .npz holds template (N, 3) m, faces (F, 3), parents (K,), joint_names (K,) and
     segmentation (N,). Raises BadFile or BadBody.
     """
-    path = Path(name).expanduser()
+    path = expanded(name)
     if not path.is_file() or path.suffix != ".npz":
         return Start.of(load_body(name))
-    arrays = read_npz(path)
-    if "segmentation" not in arrays:
+    what = "start for training", "write it with write_start, or give an embedded body"
+    with taken_for(path, *what), open_arrays(path) as archive:
+        arrays = read_expected(archive, EXPECTED) if "segmentation" in archive.headers else None
+    if arrays is None:
         return Start.of(load_body(path))
-    missing = {"template", "faces", "parents", "joint_names"} - arrays.keys()
-    if missing:
-        raise BadFile(f"{path} is no start for training: {listed(missing)} missing")
-    try:
-        return Start(
-            np.asarray(arrays["template"], dtype=np.float64),
-            np.asarray(arrays["faces"], dtype=np.int64),
-            tuple(map(int, np.asarray(arrays["parents"]))),
-            tuple(map(str, np.asarray(arrays["joint_names"]))),
-            np.asarray(arrays["segmentation"], dtype=np.int64),
-        )
-    except (TypeError, ValueError) as error:
-        raise BadFile(f"{path} is no start for training: {error}") from error
+    with taken_for(path, *what):
+        try:
+            return Start(
+                arrays["template"],
+                arrays["faces"],
+                tuple(arrays["parents"].tolist()),
+                tuple(map(str, arrays["joint_names"])),
+                arrays["segmentation"],
+            )
+        except BadBody as error:
+            raise BadFile(str(error)) from error
 
 
 def write_start(start: Start, path: Path) -> None:

@@ -16,15 +16,19 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.bodies.npz_files import read_npz
-from workbench.errors import BadFile, WorkbenchError, listed
+from workbench.errors import BadFile, WorkbenchError, listed, shown, some
 from workbench.geometry.meshes import READERS, REGISTERED, read_registered, same_faces
+from workbench.reading.archive import open_arrays
+from workbench.reading.damage import taken_for
+from workbench.reading.expected import any_reals, optional, read_expected, wholes
+from workbench.reading.npy import mapped_array, widened
 from workbench.training.mesh_graph import signed_volume
-from workbench.training.registrations import Batch
+from workbench.training.registrations import FARTHEST, Batch
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -34,6 +38,7 @@ LARGEST, SMALLEST = 10.0, 0.02  # m across: no body that registers with millimet
 UNLIKE = 3.0  # times as large as most of the others
 COLUMNS = ("file", "subject", "gender", "set")
 MOST_TOLD = 10  # bad files in one message
+LONGEST = 300  # letters of a file's or a subject's name: file systems take 255
 
 
 @dataclass(frozen=True)
@@ -84,21 +89,28 @@ class FolderRegistrations:
         suffix = path.suffix.lower()
         seen, faces = np.ones(self.n_vertices), None
         if suffix == ".npy":
-            vertices = _from_stack(path, number)
+            vertices = _from_stack(path, number, self.n_vertices)
         elif suffix == ".npz":
-            arrays = read_npz(path)
-            if "vertices" not in arrays:
-                raise BadFile(f"{row.file} holds {listed(arrays)}, but no vertices")
-            vertices = np.asarray(arrays["vertices"], dtype=np.float64)
-            if "faces" in arrays:
-                faces = np.asarray(arrays["faces"], dtype=np.int64)
-            if "seen" in arrays:
-                seen = np.asarray(arrays["seen"], dtype=np.float64)
+            with taken_for(row.file, "registration", "repair it, or leave it out of the table"):
+                arrays = self._arrays(path)
+            vertices, faces = arrays["vertices"], arrays.get("faces")
+            seen = arrays.get("seen", seen)
         else:
             mesh = read_registered(path, points_alone=True)
             vertices, faces = mesh.vertices, mesh.faces if len(mesh.faces) else None
         self._refuse(row, vertices, seen, faces)
         return vertices, seen
+
+    def _arrays(self, path: Path) -> dict[str, NDArray[Any]]:
+        with open_arrays(path) as archive:
+            return read_expected(
+                archive,
+                {
+                    "vertices": any_reals(self.n_vertices, 3),
+                    "faces": optional(wholes("F", 3)),
+                    "seen": optional(any_reals(self.n_vertices)),
+                },
+            )
 
     def _refuse(self, row: Row, vertices: Array, seen: Array, faces: Index | None) -> None:
         N = self.n_vertices
@@ -112,6 +124,8 @@ class FolderRegistrations:
                 f"{row.file}: vertex {bad} is {vertices[bad].tolist()}; repair it, or give it any "
                 "place and seen = 0 in an .npz"
             )
+        if (far := float(abs(vertices).max())) > FARTHEST:
+            raise BadFile(f"{row.file} reaches {far:.3g} m far; metres are expected")
         if seen.shape != (N,) or not ((seen >= 0) & (seen <= 1)).all() or not seen.any():
             raise BadFile(f"{row.file}: seen must be ({N},) numbers from 0 to 1, not all zero")
         if self.faces is None or faces is None:
@@ -187,10 +201,12 @@ def read_table(path: Path) -> tuple[Row, ...]:
         ) from error
     for name in ("file", "subject"):
         if name not in columns:
-            raise BadFile(f"{path} has no column {name!r}; it has {listed(columns)}")
+            raise BadFile(f"{path} has no column {name!r}; it has {some(columns)}")
+    if len(set(columns)) < len(columns):
+        raise BadFile(f"{path} has two columns of one name; it has {some(columns)}")
     if others := [name for name in columns if name not in COLUMNS]:
         raise BadFile(
-            f"{path} has columns that are not read: {listed(others)}; there are {listed(COLUMNS)}, "
+            f"{path} has columns that are not read: {some(others)}; there are {listed(COLUMNS)}, "
             "so rename them or take them out"
         )
     rows = tuple(_row(path, number, line) for number, line in enumerate(lines, start=2))
@@ -203,34 +219,43 @@ def read_table(path: Path) -> tuple[Row, ...]:
 
 
 def _row(path: Path, number: int, line: dict[str, str | None]) -> Row:
+    where = f"{path}, line {number}"
     if None in line:
-        raise BadFile(f"{path}, line {number} has more cells than the table has columns")
+        raise BadFile(f"{where} has more cells than the table has columns")
     said = {k: (v or "").strip() for k, v in line.items() if k in ("file", "subject")}
     if not all(said.values()):
-        raise BadFile(f"{path}, line {number}: file and subject must not be empty")
+        raise BadFile(f"{where}: file and subject must not be empty")
+    for name, told in said.items():
+        if len(told) > LONGEST:
+            raise BadFile(f"{where}: {name} has over {LONGEST} letters: {shown(told)}")
     row = Row(**said)
     for name, known in (("gender", GENDERS), ("set", SETS)):
         value = (line.get(name) or "").strip().lower() or getattr(row, name)
         if value not in known:
-            raise BadFile(f"{path}, line {number}: no {name} is called {value!r}; {listed(known)}")
+            raise BadFile(f"{where}: no {name} is called {shown(value)}; {listed(known)}")
         row = replace(row, **{name: value})
     suffix = Path(row.file.partition("#")[0]).suffix.lower()
     if suffix not in (*READERS, ".npz", ".npy"):
-        raise BadFile(
-            f"{path}, line {number}: {row.file} is none of {listed((*REGISTERED, '.npz', '.npy'))}"
-        )
+        raise BadFile(f"{where}: {row.file} is none of {listed((*REGISTERED, '.npz', '.npy'))}")
     return row
 
 
-def _from_stack(path: Path, number: str) -> Array:
-    try:
-        stack = np.load(path, mmap_mode="r", allow_pickle=False)
-    except (OSError, ValueError) as error:
-        raise BadFile(f"cannot read {path}: {error}") from error
+def _from_stack(path: Path, number: str, n_vertices: int) -> Array:
+    """One mesh of a stack, read from where it lies in the file."""
+    with taken_for(path, "stack of registrations", "save it as float32 or float64 with np.save"):
+        stack = mapped_array(path)
+        if stack.dtype.kind != "f" or stack.dtype.itemsize not in (4, 8):
+            raise BadFile(f"it holds {stack.dtype}, not float32 or float64")
     if stack.ndim == 2 and not number:
-        return np.array(stack, dtype=np.float64)
-    if stack.ndim != 3 or not number.isdecimal() or int(number) >= len(stack):
+        one = stack
+    elif stack.ndim != 3 or not number.isdecimal() or int(number) >= len(stack):
         raise BadFile(
             f"{path} has the shape {stack.shape}; name one of its rows, as in {path.name}#0"
         )
-    return np.array(stack[int(number)], dtype=np.float64)
+    else:
+        one = stack[int(number)]
+    if one.shape != (n_vertices, 3):
+        raise BadFile(
+            f"{path.name} has vertices of shape {one.shape}, but the topology has ({n_vertices}, 3)"
+        )
+    return widened(np.array(one))

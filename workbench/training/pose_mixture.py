@@ -16,12 +16,23 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from workbench.errors import BadFile
+from workbench.reading.archive import open_arrays
+from workbench.reading.damage import taken_for
+from workbench.reading.expected import read_expected, reals, texts, wholes
 from workbench.training.pose_prior import LEAST_STD, UNMEASURED_STD, Mocap, read_mocap
 from workbench.writing import replacing
 
 Array = NDArray[np.float64]
 
 FILE_NAME = "cmu_mixture.npz"
+EXPECTED = {
+    "shares": reals("C"),
+    "means": reals("C", "D"),
+    "covariances": reals("C", "lower half"),
+    "joint_names": texts("K"),
+    "n_frames": wholes(),
+    "held_out_clips": texts("clips"),
+}
 COMPONENTS = 8
 CLUSTER_ROUNDS = 30  # of k-means, to begin with
 ROUNDS, ENOUGH = 200, 1e-5  # of expectation and maximisation; gain per frame that ends them
@@ -140,23 +151,30 @@ def save_pose_mixture(mixture: PoseMixture, path: Path) -> None:
 
 def read_pose_mixture(path: Path) -> PoseMixture:
     """As saved. Raises BadFile if it is not such a file."""
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            means = file["means"].astype(np.float64)
-            C, D = means.shape
-            lower = np.zeros((C, D, D))
-            lower[:, *np.tril_indices(D)] = file["covariances"]
-            diagonal = np.einsum("cdd->cd", lower)[:, :, None] * np.eye(D)
-            return PoseMixture(
-                file["shares"] / file["shares"].sum(),
-                means,
-                lower + lower.swapaxes(1, 2) - diagonal,
-                tuple(map(str, file["joint_names"])),
-                int(file["n_frames"]),
-                tuple(map(str, file["held_out_clips"])),
-            )
-    except (OSError, KeyError, ValueError) as error:
-        raise BadFile(f"{path} is no mixture of poses: {error}") from error
+    with (
+        taken_for(
+            path, "mixture of poses", "learn it with python -m workbench.training.pose_mixture"
+        ),
+        open_arrays(path) as archive,
+    ):
+        arrays = read_expected(archive, EXPECTED)
+        means, halves, shares = arrays["means"], arrays["covariances"], arrays["shares"]
+        C, D = means.shape
+        if halves.shape[1] != D * (D + 1) // 2 or 3 * len(arrays["joint_names"]) != D:
+            raise BadFile(f"covariances of {halves.shape[1]} entries do not fit {D} angles")
+        if not ((shares >= 0).all() and shares.sum() > 0):
+            raise BadFile("its shares are negative, or all zero")
+    lower = np.zeros((C, D, D))
+    lower[:, *np.tril_indices(D)] = halves
+    diagonal = np.einsum("cdd->cd", lower)[:, :, None] * np.eye(D)
+    return PoseMixture(
+        shares / shares.sum(),
+        means,
+        lower + lower.swapaxes(1, 2) - diagonal,
+        tuple(map(str, arrays["joint_names"])),
+        int(arrays["n_frames"]),
+        tuple(map(str, arrays["held_out_clips"])),
+    )
 
 
 def main() -> None:

@@ -14,7 +14,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.errors import BadFile
+from workbench.errors import BadFile, listed
+from workbench.reading.archive import open_arrays
+from workbench.reading.damage import taken_for
+from workbench.reading.expected import check_numbers, read_expected, reals, texts, truths, wholes
 from workbench.training.mirror import mirrored_pose, opposites
 
 Array = NDArray[np.float64]
@@ -22,8 +25,24 @@ Array = NDArray[np.float64]
 FILE_NAME = "cmu_gaussian.npz"
 HELD_OUT_EVERY = 5
 UNMEASURED_STD = 0.1  # rad, of joints that the recording does not move: a guess
+ELBOWS = ("left_elbow", "right_elbow")
 ELBOW_LIMIT = 0.1  # rad, how far an elbow may bend backwards
 LEAST_STD = 0.01  # rad, added to every entry, so that the covariance can be inverted
+RECORDED = {
+    "joint_names": texts("K"),
+    "poses": reals("F", "3 K"),
+    "ok": truths("F"),
+    "clip": wholes("F"),
+    "clip_name": texts("clips"),
+}
+PRIOR = {
+    "mean": reals("D"),
+    "covariance": reals("D", "D"),
+    "joint_names": texts("K"),
+    "n_frames": wholes(),
+    "unmeasured": texts("U"),
+    "held_out_clips": texts("clips"),
+}
 LARGEST_ANGLE = np.radians(150)  # blending two rotations 180 degrees apart has no inverse
 
 
@@ -96,20 +115,24 @@ class Mocap:
 
 def read_mocap(path: Path) -> Mocap:
     """The good frames of a recording. Raises BadFile if an array is missing."""
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            names = tuple(map(str, file["joint_names"]))
-            poses = file["poses"].astype(np.float64).reshape(len(file["poses"]), -1, 3)
-            good = file["ok"] & _elbows_bend_forwards(poses, names)
-            clips = tuple(map(str, file["clip_name"]))
-            return Mocap(poses[good], file["clip"][good].astype(np.int64), clips, names)
-    except (OSError, KeyError, ValueError) as error:
-        raise BadFile(f"{path} is no recording in the layout described: {error}") from error
+    with (
+        taken_for(path, "recording in the layout described", "give such an .npz"),
+        open_arrays(path) as archive,
+    ):
+        arrays = read_expected(archive, RECORDED)
+        names = tuple(map(str, arrays["joint_names"]))
+        if arrays["poses"].shape[1] != 3 * len(names) or not set(ELBOWS) <= set(names):
+            raise BadFile(f"its poses have {arrays['poses'].shape[1]} angles of {listed(names)}")
+        check_numbers("clip", arrays["clip"], len(arrays["clip_name"]))
+    poses = arrays["poses"].reshape(len(arrays["poses"]), -1, 3)
+    good = arrays["ok"] & _elbows_bend_forwards(poses, names)
+    clips = tuple(map(str, arrays["clip_name"]))
+    return Mocap(poses[good], arrays["clip"][good], clips, names)
 
 
 def _elbows_bend_forwards(poses: Array, names: tuple[str, ...]) -> NDArray[np.bool_]:
     """In the T-pose elbows bend about the vertical: the left about -y, the right about +y."""
-    left, right = (poses[:, names.index(f"{side}_elbow"), 1] for side in ("left", "right"))
+    left, right = (poses[:, names.index(name), 1] for name in ELBOWS)
     forwards: NDArray[np.bool_] = (left < ELBOW_LIMIT) & (right > -ELBOW_LIMIT)
     return forwards
 
@@ -146,18 +169,19 @@ def save_pose_prior(prior: PosePrior, path: Path) -> None:
 
 def read_pose_prior(path: Path) -> PosePrior:
     """As saved. Raises BadFile if it is not such a file."""
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            return PosePrior(
-                mean=file["mean"].astype(np.float64),
-                covariance=file["covariance"].astype(np.float64),
-                joint_names=tuple(map(str, file["joint_names"])),
-                n_frames=int(file["n_frames"]),
-                unmeasured=tuple(map(str, file["unmeasured"])),
-                held_out=tuple(map(str, file["held_out_clips"])),
-            )
-    except (OSError, KeyError, ValueError) as error:
-        raise BadFile(f"{path} is no pose prior: {error}") from error
+    with (
+        taken_for(path, "pose prior", "learn it with python -m workbench.training.pose_prior"),
+        open_arrays(path) as archive,
+    ):
+        arrays = read_expected(archive, PRIOR)
+    return PosePrior(
+        mean=arrays["mean"],
+        covariance=arrays["covariance"],
+        joint_names=tuple(map(str, arrays["joint_names"])),
+        n_frames=int(arrays["n_frames"]),
+        unmeasured=tuple(map(str, arrays["unmeasured"])),
+        held_out=tuple(map(str, arrays["held_out_clips"])),
+    )
 
 
 def main() -> None:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from workbench.errors import WorkbenchError
+from workbench.errors import BadFile, WorkbenchError
 from workbench.threads import limited_threads
 from workbench.training.blocks import BLOCKS, MAY_RISE, Effort
 from workbench.training.checkpoint import Checkpoint, Entry, fingerprint, read_checkpoint
@@ -30,6 +30,7 @@ from workbench.training.poses import Compared, OnEdges, fitted_poses, segments_t
 from workbench.training.registrations import Batch, Registrations, batches, held
 from workbench.training.rotation_centres import joint_guess, means_at
 from workbench.training.thinning import thinned
+from workbench.writing import Keeping
 
 Array = NDArray[np.float64]
 ROUNDING = 1e-9  # of the cost: what a block may add by rounding
@@ -99,9 +100,14 @@ def train_poses(
     """Run a plan, from a start that knows a template, a tree and segments only, or as `begun`.
 
     With a `folder` the run is on disk after every block and goes on from there when called
-    again; the end is the same to the last bit. First poses are fitted to edges, or as `compared`
-    says. Raises NotLowered if a block raises the cost: every block is checked as it ends.
+    again; the end is the same to the last bit. What cannot be written there is told in the log
+    once, and the run goes on. First poses are fitted to edges, or as `compared`
+    says. Raises NotLowered if a block raises the cost: every block is checked as it ends; BadFile
+    if there is no such folder, or it holds another training's checkpoint.
     """
+    if folder is not None and not folder.is_dir():
+        raise BadFile(f"cannot keep a checkpoint in {folder}: there is no such folder; make it")
+    keep = Keeping()
     registrations = held(registrations)
     weights = start.weights()
     sides = start.mirror() if sides is None else sides
@@ -117,15 +123,15 @@ def train_poses(
     if sides is not None:
         fixed += [sides.vertices, sides.joints]
     mark = fingerprint(registrations, first, plan, *fixed)
-    known = read_checkpoint(folder, mark) if folder else None
     steps = plan.steps
+    known = read_checkpoint(folder, mark, first, [b for _, b in steps]) if folder else None
     with limited_threads():
         if known is None:
             if begun is None:
                 first = first_poses(first, registrations, start, compared, report, crew)
             known = Checkpoint(first, (), mark)
             if folder:
-                known.save(folder)
+                keep(partial(known.save, folder))
         sigmas = steps[0][0].sigmas
         objective = Objective(registrations, rings, weights, sides, sigmas, start.template, near)
         began, already = time.perf_counter(), len(known.log)
@@ -134,7 +140,7 @@ def train_poses(
             objective = objective.with_sigmas(stage.sigmas)
             known = _carried_out(objective, known, block, start, stage.effort, report, crew)
             if folder:
-                known.save(folder)
+                keep(partial(known.save, folder))
             each = (time.perf_counter() - began) / (number + 1 - already)
             left = each * (len(steps) - number - 1)
             report.block(Progress(number + 1, len(steps), known.log[-1], left))

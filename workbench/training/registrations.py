@@ -11,6 +11,7 @@ from workbench.errors import BadArgument
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
+FARTHEST = 1e6  # m: numbers beyond are no metres, and sums of their powers may overflow
 HELD_BYTES, HELD_EACH = 2**29, 32  # of registrations in memory; of a vertex, and its trust
 FEWEST = 64  # registrations in a piece: each reads and writes all posedirs once
 HELD_BACK = 5  # one subject of so many, and at least one, where something is chosen

@@ -83,7 +83,7 @@ def already_made(folder: Path, recipe: SetRecipe, recorded: Array | None) -> boo
     if not all(card.is_file() for card in cards):
         return False
     for card in cards:
-        if card.read_text(encoding="utf-8") != _said(recipe, recorded):
+        if card.read_text(encoding="utf-8", errors="replace") != _said(recipe, recorded):
             raise BadFile(
                 f"{card} says that these sets were made otherwise; remove {folder} to make them "
                 "anew, or choose another folder"

@@ -7,12 +7,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.bodies.npz_files import read_npz
-from workbench.errors import BadFile, listed
+from workbench.errors import BadFile
+from workbench.reading.archive import open_arrays
+from workbench.reading.damage import taken_for
+from workbench.reading.expected import check_numbers, read_expected, reals, wholes
 from workbench.writing import replacing
 
 Array = NDArray[np.float64]
 FILE = "truth.npz"
+EXPECTED = {
+    "rest": reals("S", "N", 3),
+    "joints": reals("S", "K", 3),
+    "subject": wholes("J"),
+    "poses": reals("J", "K", 3),
+    "trans": reals("J", 3),
+    "weights": reals("N", "K"),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,8 +51,8 @@ def read_truth(folder: Path) -> Truth:
             f"{path} does not exist: what these registrations were made from is not known; "
             "`python -m workbench.training.sets` makes registrations that come with it"
         )
-    arrays = read_npz(path)
-    missing = {f.name for f in fields(Truth)} - arrays.keys()
-    if missing:
-        raise BadFile(f"{path} is not what registrations were made from: {listed(missing)} missing")
-    return Truth(**{f.name: np.asarray(arrays[f.name]) for f in fields(Truth)})
+    with taken_for(path, "record of what registrations were made from", "make them anew"):
+        with open_arrays(path) as archive:
+            arrays = read_expected(archive, EXPECTED)
+        check_numbers("subject", arrays["subject"], len(arrays["rest"]))
+    return Truth(**arrays)

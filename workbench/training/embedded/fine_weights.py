@@ -16,6 +16,9 @@ from scipy.sparse import csr_array
 from workbench.bodies import SkinnedBody
 from workbench.bodies.ablations import without_pose_blend_shapes
 from workbench.errors import BadFile
+from workbench.reading.archive import open_arrays
+from workbench.reading.damage import taken_for
+from workbench.reading.expected import check_numbers, read_expected, wholes
 from workbench.training.embedded.base_mesh import read_base_mesh
 from workbench.training.embedded.packing import SHARES
 from workbench.training.embedded.rig import N_FINE, at_most_four, coarse, read_rig
@@ -62,11 +65,17 @@ def teacher_of(body: SkinnedBody) -> Teacher:
             f"there is no teacher for body {body.name!r}; there is one for {' and '.join(BODIES)}, "
             "as load_body gives them"
         )
-    with as_file(files("workbench") / "data" / "bodies" / FILE_NAME) as path, np.load(path) as file:
-        shares, rows, columns = (
-            file[f"{body.name}_{part}"].astype(np.int64) for part in ("shares", "rows", "columns")
-        )
-    weights = csr_array((shares / SHARES, (rows, columns)), shape=(body.n_vertices, N_FINE))
+    parts, N = [f"{body.name}_{part}" for part in ("shares", "rows", "columns")], body.n_vertices
+    with (
+        as_file(files("workbench") / "data" / "bodies" / FILE_NAME) as path,
+        taken_for(path, "file of fine weights", "install the workbench again"),
+        open_arrays(path) as archive,
+    ):
+        arrays = read_expected(archive, dict.fromkeys(parts, wholes("entries")))
+        shares, rows, columns = (arrays[part] for part in parts)
+        check_numbers(parts[1], rows, N)
+        check_numbers(parts[2], columns, N_FINE)
+    weights = csr_array((shares / SHARES, (rows, columns)), shape=(N, N_FINE))
     return Teacher(body.template, body.J_regressor @ body.template, weights)
 
 

@@ -9,7 +9,10 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.errors import BadFile
+from workbench.errors import BadFile, cut
+from workbench.reading.damage import DAMAGE
+
+DAMAGED: tuple[type[Exception], ...] = (*DAMAGE, pickle.UnpicklingError)
 
 
 def _tensor(
@@ -43,7 +46,17 @@ class _TensorUnpickler(pickle.Unpickler):
 
 
 def read_tensors(content: bytes) -> dict[str, NDArray[np.float64]]:
-    """The named float32 tensors of a `.pth` file. Raises `BadFile` for anything else in it."""
-    with zipfile.ZipFile(io.BytesIO(content)) as archive:
-        (pickled,) = (name for name in archive.namelist() if name.endswith("/data.pkl"))
-        return dict(_TensorUnpickler(archive, pickled.removesuffix("data.pkl")).load())
+    """The named float32 tensors of a `.pth` file. Raises `BadFile` for anything else in it.
+
+    What is given here comes from a wheel whose hash is known, so that nothing bounds the work: this
+    is no reader for files of anybody's.
+    """
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            (pickled,) = (name for name in archive.namelist() if name.endswith("/data.pkl"))
+            found = _TensorUnpickler(archive, pickled.removesuffix("data.pkl")).load()
+    except DAMAGED as error:
+        raise BadFile(f"the file of tensors is damaged: {cut(error)}") from error
+    if not isinstance(found, dict):
+        raise BadFile(f"the file of tensors holds a {type(found).__name__}, not a dictionary")
+    return dict(found)

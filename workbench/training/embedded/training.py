@@ -8,6 +8,7 @@ directions and joint regressor are of their own people.
 """
 
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,9 @@ from numpy.typing import NDArray
 
 from workbench.bodies import SkinnedBody
 from workbench.bodies.catalogue import embedded_body
+from workbench.errors import BadFile
+from workbench.reading.archive import open_arrays
+from workbench.reading.expected import doubles, read_expected, texts
 from workbench.threads import limited_threads
 from workbench.training.carrying import carried_over, finishing
 from workbench.training.checkpoint import fingerprint
@@ -118,12 +122,16 @@ class Builder:
     def _poses_of(
         self, body: SkinnedBody, shapes: FolderRegistrations, parts: PoseParts, run: Path
     ) -> Array:
-        """Poses of people who nearly stand alike, found once and kept."""
+        """Poses of people who nearly stand alike, found once and kept.
+
+        A file that is damaged, or of other people, counts as none.
+        """
         path, mark = run / "people.npz", fingerprint(shapes, parts.estimate, "poses of people")
-        if path.is_file():
-            with np.load(path) as file:
-                if str(file["mark"]) == mark:
-                    return np.asarray(file["poses"])
+        sizes = len(shapes.rows), body.n_joints, 3
+        with suppress(BadFile), open_arrays(path) as archive:
+            kept = read_expected(archive, {"mark": texts(), "poses": doubles(*sizes)})
+            if str(kept["mark"]) == mark:
+                return kept["poses"]
         found = learn_shapes(
             body, shapes, n_betas=N_BETAS, mirror=parts.mirror, hands=self.hands
         ).poses

@@ -1,0 +1,57 @@
+"""Attack every reader, and say in a table what was seen.
+
+    python -m tests.fuzz [--cases 1000] [--seed 7] [--keep] [FORMAT ...]
+
+`--keep` puts every file that made a reader fail into tests/fuzz/found/FORMAT/, where a test
+reads it from then on.
+"""
+
+import argparse
+import hashlib
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+from tests.fuzz.attack import Counts, attacked
+from tests.fuzz.formats import FORMATS
+
+FOUND = Path(__file__).parent / "found"
+
+
+def main() -> None:
+    """See above."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("formats", nargs="*", default=list(FORMATS), metavar="FORMAT")
+    parser.add_argument("--cases", type=int, default=1000, help="for each format")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--keep", action="store_true", help="store what made a reader fail")
+    parser.add_argument("--processes", type=int, default=2)
+    chosen = parser.parse_args()
+
+    def one(name: str) -> Counts:
+        with tempfile.TemporaryDirectory() as folder:
+            return attacked(name, chosen.seed, chosen.cases, Path(folder))
+
+    print(f"{'format':20} {'tried':>6} {'read':>6} {'refused':>8} {'failed':>7}")
+    with ThreadPoolExecutor(chosen.processes) as several:
+        for name, counts in zip(chosen.formats, several.map(one, chosen.formats), strict=True):
+            failed = len(counts.failures)
+            print(f"{name:20} {counts.tried:6} {counts.read:6} {counts.refused:8} {failed:7}")
+            for what, times in counts.reasons().most_common():
+                print(f"    {times} x {what}", flush=True)
+            if chosen.keep:
+                kept(counts)
+
+
+def kept(counts: Counts) -> None:
+    """Store one case of each kind of failure."""
+    for what in counts.reasons():
+        failure = next(f for f in counts.failures if f.what.startswith(what[:100]))
+        digest = hashlib.sha256(failure.content).hexdigest()[:12]
+        place = FOUND / failure.format / digest / failure.file
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_bytes(failure.content)
+
+
+if __name__ == "__main__":
+    main()

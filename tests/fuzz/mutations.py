@@ -1,0 +1,329 @@
+"""Valid files with one to a few things wrong, drawn from a seed."""
+
+import io
+import json
+import pickletools
+import re
+import zipfile
+from collections.abc import Callable
+from typing import Any
+
+import h5py
+import numpy as np
+
+from workbench.sampling.checkpoint import SEAL, sealed
+
+Rng = np.random.Generator
+Mutation = Callable[[bytes, Rng], bytes]
+
+NUMBERS = (
+    "0", "-1", "1", "2147483648", "-9223372036854775809", "1e999", "-1e308", "1e-320", "nan", "NaN",
+    "Infinity", "-inf", "0.1", "1_0", "0x10", "9" * 400, "9" * 5000, "", " ", "1,5", "é", "\x00",
+    "true", "null", '"', "[", "{", "0/1", "1/2/3", "3 0 1 2",
+)  # fmt: skip
+VALUES: tuple[Any, ...] = (
+    None, True, False, 0, -1, 1, 0.5, 2**31, 2**63, -(2**64), 10**400, 1e308, float("nan"),
+    float("inf"), "", "0", "nan", "CONVERGED", "é" * 50, "\x00", [], [[]], [None], {}, {"": None},
+    [0] * 17, [1e300] * 3, [[1, 2], [3]], {"a": {"b": [1]}}, "x" * 3000,
+)  # fmt: skip
+DTYPES = ("<f2", "<f8", ">f4", "<i1", "<u8", "?", "<c16", "<U3", "S2", "<M8[s]", "<m8[D]")
+WORDS = (b"os", b"system", b"numpy", b"builtins", b"eval", b"ndarray", b"csc_matrix", b"chumpy.ch")
+
+
+def mutated(name: str, content: bytes, rng: Rng) -> bytes:
+    """Another content for the file of that name: its structure is broken, or its bytes are."""
+    known = BY_SUFFIX.get(name[name.rfind(".") :], ())
+    for _ in range(rng.geometric(0.6)):
+        mutations = known if known and rng.random() < 0.6 else BYTES
+        mutate = mutations[rng.integers(len(mutations))]
+        try:
+            content = mutate(content, rng)
+        except Exception:  # it is broken already, so that its structure cannot be taken apart
+            content = flipped(content, rng)
+    return content
+
+
+# ---- bytes -------------------------------------------------------------------------------------
+
+
+def _place(content: bytes, rng: Rng) -> int:
+    """Headers are where most can go wrong: every other place is near the start or the end."""
+    n = len(content)
+    near = int(min(n, 1 + rng.exponential(60)))
+    return int(rng.choice((rng.integers(n + 1), rng.integers(n + 1), near, max(0, n - near))))
+
+
+def flipped(content: bytes, rng: Rng) -> bytes:
+    """Some bits are others."""
+    changed = bytearray(content or b"\0")
+    for _ in range(rng.integers(1, 8)):
+        changed[min(_place(content, rng), len(changed) - 1)] ^= 1 << int(rng.integers(8))
+    return bytes(changed)
+
+
+def cut(content: bytes, rng: Rng) -> bytes:
+    """The end is missing."""
+    return content[: _place(content, rng)]
+
+
+def without(content: bytes, rng: Rng) -> bytes:
+    """A piece is missing."""
+    at = _place(content, rng)
+    return content[:at] + content[at + int(rng.integers(1, 64)) :]
+
+
+def doubled(content: bytes, rng: Rng) -> bytes:
+    """A piece stands twice, or somewhere else."""
+    at, to, size = _place(content, rng), _place(content, rng), int(rng.integers(1, 256))
+    return content[:to] + content[at : at + size] + content[to:]
+
+
+def strewn(content: bytes, rng: Rng) -> bytes:
+    """A piece is noise, zeros or ones."""
+    at, size = _place(content, rng), int(rng.integers(1, 64))
+    new = (rng.bytes(size), b"\0" * size, b"\xff" * size)[rng.integers(3)]
+    return content[:at] + new + content[at + size * int(rng.integers(2)) :]
+
+
+def numbered(content: bytes, rng: Rng) -> bytes:
+    """A whole number of some width is at an edge of its range."""
+    width, at = int(rng.choice((1, 2, 4, 8))), _place(content, rng)
+    number = int(rng.choice((0, 1, 2, 127, 128, 255, 256))) if rng.random() < 0.4 else -1
+    top = 256**width
+    value = number % top if number >= 0 else (top - 1, top // 2, top // 2 - 1)[rng.integers(3)]
+    return content[:at] + value.to_bytes(width, "little") + content[at + width :]
+
+
+BYTES: tuple[Mutation, ...] = (flipped, cut, without, doubled, strewn, numbered)
+
+
+# ---- text --------------------------------------------------------------------------------------
+
+
+def line_changed(content: bytes, rng: Rng) -> bytes:
+    """A line is missing, twice, elsewhere, empty or very long."""
+    lines = content.split(b"\n")
+    at, to = rng.integers(len(lines), size=2)
+    match rng.integers(5):
+        case 0:
+            del lines[at]
+        case 1:
+            lines.insert(to, lines[at])
+        case 2:
+            lines[at], lines[to] = lines[to], lines[at]
+        case 3:
+            lines[at] = b""
+        case _:
+            lines[at] = lines[at] * int(rng.integers(2, 400))
+    return b"\n".join(lines)
+
+
+def word_changed(content: bytes, rng: Rng) -> bytes:
+    """A word is another one, or a number that few expect."""
+    words = list(re.finditer(rb"[^\s,\[\]{}()=:]+", content))
+    word = words[rng.integers(len(words))]
+    other = words[rng.integers(len(words))][0]
+    new = NUMBERS[rng.integers(len(NUMBERS))].encode() if rng.random() < 0.7 else other
+    return content[: word.start()] + new + content[word.end() :]
+
+
+# ---- JSON --------------------------------------------------------------------------------------
+
+
+def json_changed(content: bytes, rng: Rng) -> bytes:
+    """Some value in a JSON text is of another type or size, or not there; or an endless nest."""
+    if rng.random() < 0.03:
+        depth = int(rng.choice((100, 5_000, 200_000)))
+        return b"[" * depth + content + b"]" * depth
+    data = json.loads(content)
+    places: list[tuple[Any, Any]] = []
+    pending = [data]
+    while pending:
+        here = pending.pop()
+        keys = list(here) if isinstance(here, dict) else range(len(here))
+        places += [(here, key) for key in keys]
+        pending += [here[key] for key in keys if isinstance(here[key], (dict, list)) and here[key]]
+    where, key = places[rng.integers(len(places))]
+    match rng.integers(4):
+        case 0:
+            del where[key]
+        case 1 if isinstance(where, dict):
+            where["unheard of"] = where.pop(key)
+        case 2:
+            other, another = places[rng.integers(len(places))]
+            where[key] = json.loads(json.dumps(other[another]))
+        case _:
+            where[key] = VALUES[rng.integers(len(VALUES))]
+    return json.dumps(data).encode()
+
+
+# ---- archives of arrays ------------------------------------------------------------------------
+
+
+def array_changed(content: bytes, rng: Rng) -> bytes:
+    """An array in an archive has another type, shape, content or name; the archive is whole."""
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        members = {info.filename: archive.read(info) for info in archive.infolist()}
+    name = list(members)[rng.integers(len(members))]
+    match rng.integers(8):
+        case 0:
+            del members[name]
+        case 1:
+            members[name + "x"] = members.pop(name)
+        case 2:
+            other = list(members)[rng.integers(len(members))]
+            members[name], members[other] = members[other], members[name]
+        case 3:
+            members[name] = npy_changed(members[name], rng)
+        case 4:
+            members[name] = BYTES[rng.integers(len(BYTES))](members[name], rng)
+        case _:
+            members[name] = _another(members[name], rng)
+    return _packed(members, rng)
+
+
+def _packed(members: dict[str, bytes], rng: Rng) -> bytes:
+    file = io.BytesIO()
+    method = (zipfile.ZIP_DEFLATED, zipfile.ZIP_STORED, zipfile.ZIP_BZIP2)[rng.choice(3, p=_HOW)]
+    with zipfile.ZipFile(file, "w") as archive:
+        for name, member in members.items():
+            info = zipfile.ZipInfo(name)  # of a fixed date: a seed means the same bytes on any day
+            info.compress_type = method
+            archive.writestr(info, member)
+    return file.getvalue()
+
+
+_HOW = (0.6, 0.35, 0.05)
+
+
+def npy_changed(content: bytes, rng: Rng) -> bytes:
+    """A header of an array says something else than what follows."""
+    length = int.from_bytes(content[8:10], "little")
+    header, rest = content[10 : 10 + length], content[10 + length :]
+    shapes = (
+        b"()",
+        b"(-1,)",
+        b"(0,)",
+        b"(9999999999,)",
+        b"(99999, 99999, 9)",
+        b"(1.5,)",
+        b"3",
+        b"(",
+    )
+    types = (b"'|O'", b"'<U999999999'", b"'<f3'", b"[('a', '<f8')]", b"'V9'", b"None", b"'<f16'")
+    match rng.integers(4):
+        case 0:
+            header = re.sub(rb"\([^)]*\)", lambda _: shapes[rng.integers(len(shapes))], header)
+        case 1:
+            header = re.sub(rb"'[<>|][^']*'", lambda _: types[rng.integers(len(types))], header)
+        case 2:
+            header = word_changed(header, rng)
+        case _:
+            header = flipped(header, rng)
+    return content[:8] + len(header).to_bytes(2, "little") + header + rest
+
+
+def _another(content: bytes, rng: Rng) -> bytes:
+    """An array like that one, but with something wrong in it."""
+    array = np.lib.format.read_array(io.BytesIO(content), allow_pickle=False)
+    if array.dtype.kind == "U" and not array.ndim and str(array)[:1] in ("{", "["):
+        text = (json_changed, word_changed)[rng.integers(2)](str(array).encode(), rng)
+        new = np.array(text.decode(errors="replace"))
+    else:
+        new = _wrong(array, rng)
+    file = io.BytesIO()
+    np.lib.format.write_array(file, new, allow_pickle=False)
+    return file.getvalue()
+
+
+def _wrong(array: np.ndarray, rng: Rng) -> np.ndarray:
+    array = array.copy()
+    match rng.integers(9):
+        case 0 if array.size and array.dtype.kind == "f":
+            bad = (np.nan, np.inf, -np.inf, 1e300, -1.0)[rng.integers(5)]
+            with np.errstate(over="ignore"):
+                array.flat[rng.integers(array.size)] = bad
+        case 1 if array.size and array.dtype.kind in "iu":
+            bad = (np.iinfo(array.dtype).max, np.iinfo(array.dtype).min, 0)[rng.integers(3)]
+            array.flat[rng.integers(array.size)] = bad
+        case 2:
+            array = array[..., None]
+        case 3:
+            array = array[:-1] if array.ndim else array[None]
+        case 4:
+            array = array.ravel()
+        case 5:
+            array = np.concatenate([array, array]) if array.ndim else array
+        case 6:
+            array = np.zeros((0, *array.shape[1:]), array.dtype)
+        case 7:
+            array = array[..., :1] if array.ndim else array
+        case _:
+            with np.errstate(all="ignore"):
+                array = array.astype(DTYPES[rng.integers(len(DTYPES))])
+    return array
+
+
+# ---- pickles -----------------------------------------------------------------------------------
+
+
+def opcode_changed(content: bytes, rng: Rng) -> bytes:
+    """Instructions of a pickle are missing, doubled, exchanged, or name something else."""
+    starts = [at for _, _, at in pickletools.genops(content)]
+    ends = [*starts[1:], len(content)]
+    parts = [content[a:b] for a, b in zip(starts, ends, strict=True)]
+    at, to = rng.integers(len(parts), size=2)
+    match rng.integers(5):
+        case 0:
+            del parts[at]
+        case 1:
+            parts.insert(to, parts[at])
+        case 2:
+            parts[at], parts[to] = parts[to], parts[at]
+        case 3:
+            parts[at : at + 1] = [parts[at]] * int(rng.integers(2, 300))
+        case _:
+            old, new = WORDS[rng.integers(len(WORDS))], WORDS[rng.integers(len(WORDS))]
+            parts = [part.replace(old, new) for part in parts]
+    return b"".join(parts)
+
+
+# ---- HDF5 --------------------------------------------------------------------------------------
+
+
+def dataset_changed(content: bytes, rng: Rng) -> bytes:
+    """A dataset or an attribute has another type, shape or content, or is missing; sealed anew."""
+    image = io.BytesIO(content.rpartition(SEAL)[0])
+    with h5py.File(image, "r+") as file:
+        groups = [file, *(file[name] for name in file if isinstance(file[name], h5py.Group))]
+        group = groups[rng.integers(len(groups))]
+        names = [("attribute", name) for name in group.attrs] + [("member", name) for name in group]
+        kind, name = names[rng.integers(len(names))]
+        if kind == "attribute":
+            given = group.attrs[name]
+            del group.attrs[name]
+            if isinstance(given, str) and rng.random() < 0.7:
+                new = json_changed(given.encode(), rng).decode(errors="replace")
+                group.attrs[name] = new[:30_000]
+            elif rng.random() < 0.7:
+                value = VALUES[rng.integers(len(VALUES))]
+                group.attrs[name] = h5py.Empty("f8") if value is None else value
+        elif isinstance(group[name], h5py.Dataset) and rng.random() < 0.8:
+            given = np.asarray(group[name])
+            del group[name]
+            group[name] = _wrong(given, rng)
+        else:
+            del group[name]
+    return sealed(image.getvalue())
+
+
+TEXT: tuple[Mutation, ...] = (line_changed, word_changed)
+BY_SUFFIX: dict[str, tuple[Mutation, ...]] = {
+    ".npz": (array_changed,),
+    ".npy": (npy_changed,),
+    ".json": (json_changed, json_changed, *TEXT),
+    ".pkl": (opcode_changed,),
+    ".h5": (dataset_changed,),
+    **dict.fromkeys((".toml", ".csv", ".obj", ".off", ".ply", ".stl", ".py"), TEXT),
+    ".glb": (*TEXT,),
+}

@@ -1,0 +1,193 @@
+"""Archives of arrays that are damaged or were made to do harm, each from a good one."""
+
+import io
+import json
+import struct
+import zipfile
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Members = dict[str, bytes]  # the files of an archive by name
+Damage = Callable[[bytes], bytes]
+
+
+def members(whole: bytes) -> Members:
+    with zipfile.ZipFile(io.BytesIO(whole)) as archive:
+        return {name: archive.read(name) for name in archive.namelist()}
+
+
+def packed(found: Members, how: int = zipfile.ZIP_DEFLATED) -> bytes:
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w", how) as archive:
+        for name, content in found.items():
+            archive.writestr(name, content)
+    return file.getvalue()
+
+
+def npy(array: object) -> bytes:
+    file = io.BytesIO()
+    np.lib.format.write_array(file, np.asanyarray(array), allow_pickle=True)
+    return file.getvalue()
+
+
+def arrays_in(whole: bytes) -> dict[str, NDArray[Any]]:
+    with np.load(io.BytesIO(whole), allow_pickle=False) as file:
+        return dict(file)
+
+
+def with_arrays(whole: bytes, changed: Mapping[str, object]) -> bytes:
+    """The archive with some arrays being others; None takes one out."""
+    found = members(whole)
+    for name, array in changed.items():
+        found.pop(f"{name}.npy", None)
+        if array is not None:
+            found[f"{name}.npy"] = npy(array)
+    return packed(found)
+
+
+def with_facts(whole: bytes, key: str, change: Callable[[Any], object]) -> bytes:
+    """The archive with other facts in its array of JSON."""
+    told = json.loads(str(arrays_in(whole)[key]))
+    return with_arrays(whole, {key: np.array(json.dumps(change(told)))})
+
+
+def first_member(change: Callable[[bytes], bytes]) -> Damage:
+    """A damage of the first array alone, packed anew, so that its checksum is right."""
+
+    def damage(whole: bytes) -> bytes:
+        found = members(whole)
+        name = next(iter(found))
+        return packed(found | {name: change(found[name])})
+
+    return damage
+
+
+def headed(header: str, version: tuple[int, int] = (1, 0), length: int | None = None) -> Damage:
+    """Another header before the numbers of the first array."""
+
+    def change(content: bytes) -> bytes:
+        old = 10 + struct.unpack("<H", content[8:10])[0]
+        new = header.encode("latin1") + b"\n"
+        size = struct.pack(
+            "<H" if version == (1, 0) else "<I", len(new) if length is None else length
+        )
+        return b"\x93NUMPY" + bytes(version) + size + new + content[old:]
+
+    return first_member(change)
+
+
+def described(descr: str, shape: str) -> Damage:
+    return headed(f"{{'descr': {descr}, 'fortran_order': False, 'shape': {shape}, }}")
+
+
+def in_the_directory(offset: int, value: bytes) -> Damage:
+    """Bytes of the first entry of the archive's directory being others."""
+
+    def damage(whole: bytes) -> bytes:
+        at = whole.find(b"PK\x01\x02") + offset
+        return whole[:at] + value + whole[at + len(value) :]
+
+    return damage
+
+
+def _torn(whole: bytes) -> bytes:
+    """Packed numbers in the middle of the first array are others."""
+    start = 30 + struct.unpack("<H", whole[26:28])[0] + struct.unpack("<H", whole[28:30])[0]
+    name = next(iter(members(whole)))
+    with zipfile.ZipFile(io.BytesIO(whole)) as archive:
+        size = archive.getinfo(name).compress_size
+    middle = start + size // 2
+    return (
+        whole[:middle] + bytes(b ^ 0xFF for b in whole[middle : middle + 8]) + whole[middle + 8 :]
+    )
+
+
+def _doubled(whole: bytes) -> bytes:
+    found = members(whole)
+    name = next(iter(found))
+    other = "x" * len(name)  # zipfile warns of writing the same name twice
+    return packed({**found, other: found[name]}).replace(other.encode(), name.encode())
+
+
+DAMAGES: dict[str, Damage] = {
+    "empty": lambda whole: b"",
+    "text": lambda whole: b"no archive at all",
+    "one array and no archive": lambda whole: npy(np.zeros(3)),
+    "a pickle": lambda whole: b"\x80\x04K\x01.",
+    "cut in half": lambda whole: whole[: len(whole) // 2],
+    "without its last byte": lambda whole: whole[:-1],
+    "cut after the first bytes": lambda whole: whole[:20],
+    "directory missing": lambda whole: whole[: whole.find(b"PK\x01\x02")],
+    "packed numbers torn": _torn,
+    "checksum of another": in_the_directory(16, b"\0\0\0\0"),
+    "unknown way of packing": in_the_directory(10, b"\x63\0"),
+    "with a password": in_the_directory(8, b"\x01\0"),
+    "claims to unpack to 4 GB": in_the_directory(24, b"\xfe\xff\xff\xff"),
+    "starts beyond the file": in_the_directory(42, b"\xf0\xff\xff\x0f"),
+    "packed with LZMA": lambda whole: packed(members(whole), zipfile.ZIP_LZMA),
+    "packed with bzip2": lambda whole: packed(members(whole), zipfile.ZIP_BZIP2),
+    "two arrays of one name": _doubled,
+    "no arrays": lambda whole: packed({"readme.txt": b"nothing"}),
+    "nothing in the archive": lambda whole: packed({}),
+    "an array of no bytes": first_member(lambda content: b""),
+    "no numpy array": first_member(lambda content: b"x" + content[1:]),
+    "a header that never ends": headed("{'descr': '<f8', 'shape': ("),
+    "a text that never ends": headed("{'descr': '''"),
+    "an expression": headed("lambda: 0"),
+    "a header that is a list": headed("[]"),
+    "a header with other keys": headed("{'descr': '<f8', 'shape': (3,)}"),
+    "three thousand signs": headed("-" * 3000 + "1"),
+    "a hundred brackets": headed("(" * 100 + ")" * 100),
+    "a number of five thousand digits": headed("9" * 5000),
+    "a header with a null": headed("\0"),
+    "a key that is a list": headed("{[]: 1}"),
+    "a backslash": headed("'\\"),
+    "an indented line": headed("(\n  1\n 2"),
+    "an unknown version": headed(
+        "{'descr': '<f8', 'fortran_order': False, 'shape': (3,), }", (9, 1)
+    ),
+    "a header longer than the file": headed("{}", (2, 0), 2**31),
+    "a header of no length": headed("{}", (1, 0), 0),
+    "ten milliard numbers": described("'<f8'", "(10000000000,)"),
+    "more numbers than can be counted": described("'<f8'", "(4611686018427387904, 8)"),
+    "a shape beyond any number": described("'<f8'", f"({10**30}, 0)"),
+    "a shape below zero": described("'<f8'", "(-1,)"),
+    "two shapes below zero": described("'<f8'", "(-1, -1)"),
+    "a shape that is no whole number": described("'<f8'", "(1e3,)"),
+    "numbers of no bytes": described("'<U0'", "(1000000000000,)"),
+    "arrays in an array": described("('<f8', (3,))", "(1,)"),
+    "columns": described("[('x', '<f8'), ('y', '<i4')]", "(1,)"),
+    "a column without a type": described("[('x',)]", "(1,)"),
+    "no type": described("None", "()"),
+    "a type that is a number": described("7", "()"),
+    "a type that does not exist": described("'<Q9'", "(1,)"),
+    "objects": first_member(lambda content: npy(np.array([{}, None], dtype=object))),
+    "one number less than it says": first_member(lambda content: content[:-1]),
+    "more numbers than it says": first_member(lambda content: content + bytes(8)),
+    "letters that are none": first_member(
+        lambda content: npy(np.frombuffer(b"\xff\xff\xff\x7f" * 3, "<U3"))
+    ),
+}
+
+OTHERS: dict[str, Callable[[NDArray[Any]], object]] = {  # in the place of an array of numbers
+    "complex": lambda a: a.astype(complex),
+    "truth values": lambda a: a > 0,
+    "dates": lambda a: np.zeros(a.shape, "M8[s]"),
+    "columns": lambda a: np.zeros(a.shape, [("x", "f8")]),
+    "text": lambda a: np.full(a.shape, "1.0"),
+    "bytes": lambda a: np.full(a.shape, b"1.0"),
+    "half precision": lambda a: a.astype(np.float16),
+    "long double": lambda a: a.astype(np.longdouble),
+    "huge whole numbers": lambda a: np.full(a.shape, 2**64 - 1, dtype=np.uint64),
+    "the least whole number": lambda a: np.full(a.shape, -(2**63)),
+    "NaN": lambda a: np.full(a.shape, np.nan),
+    "infinite": lambda a: np.full(a.shape, -np.inf),
+    "one axis more": lambda a: a[None],
+    "flat, and of another size": lambda a: np.zeros(a.size + 1, a.dtype),
+    "nothing": lambda a: np.zeros((0, *a.shape), a.dtype),
+    "objects": lambda a: np.full(a.shape, None),
+    "missing": lambda a: None,
+}

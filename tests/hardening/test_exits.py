@@ -1,0 +1,431 @@
+"""How the command line and the processes that it starts come to their end."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from workbench import load_body
+from workbench.cli.leaving import Signals, Terminated
+from workbench.cli.streams import unprinted
+from workbench.compiling import NoLibrary, cache_folder
+from workbench.errors import BadFile
+from workbench.training.crew import Processes, _deaf
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals and /dev")
+HOUSE = Path(__file__).parents[2]
+FULL = pytest.mark.skipif(not Path("/dev/full").exists(), reason="/dev/full")
+HEARD = "import os, signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+MAIN = HEARD + "from workbench.cli import main\nmain()\n"
+
+
+def program(
+    code: str, *arguments: str, cwd: Path = HOUSE, out: int = subprocess.PIPE
+) -> "subprocess.Popen[str]":
+    return subprocess.Popen(
+        [sys.executable, "-u", "-c", code, *arguments], cwd=cwd, stdin=subprocess.DEVNULL,
+        stdout=out, stderr=subprocess.PIPE, text=True,
+        env=os.environ | {"PYTHONPATH": str(HOUSE), "COLUMNS": "200"},
+    )  # fmt: skip
+
+
+def ended(process: "subprocess.Popen[str]") -> tuple[int, str, str]:
+    out, err = process.communicate(timeout=240)
+    return process.returncode, out or "", err
+
+
+# An output that cannot be written.
+
+
+@FULL
+@pytest.mark.parametrize(
+    "arguments", [("--version",), ("--help",), ("run", "--list"), ("solvers",), ("lecture", "list")]
+)
+def test_a_full_output_is_a_sentence(arguments: tuple[str, ...]) -> None:
+    with open("/dev/full", "w") as full:
+        code, _, err = ended(program(MAIN, *arguments, out=full.fileno()))
+    assert (code, err) == (2, "cannot write to the standard output: No space left on device\n")
+
+
+@FULL
+def test_an_output_that_fills_up_while_it_is_held_back_too() -> None:
+    """A pipe or a file is written when Python leaves: there it was a traceback, and code 120."""
+    code = HEARD + (
+        "import workbench.cli.app as module\n"
+        "module.app = lambda: sys.stdout.write('numbers')\n"
+        "from workbench.cli import main\n"
+        "main()\n"
+    )
+    held_back = {k: v for k, v in os.environ.items() if k != "PYTHONUNBUFFERED"}
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [sys.executable, "-c", code], cwd=HOUSE, env=held_back, stdout=full,
+            stderr=subprocess.PIPE, text=True, timeout=240, check=False,
+        )  # fmt: skip
+    assert done.returncode == 2
+    assert done.stderr == "cannot write to the standard output: No space left on device\n"
+
+
+@pytest.mark.parametrize("arguments", [("--help",), ("run", "--list")])
+def test_an_output_that_nobody_reads_is_no_sentence(arguments: tuple[str, ...]) -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    code, _, err = ended(program(MAIN, *arguments, out=writing))
+    os.close(writing)
+    assert (code, err) == (1, "")
+
+
+def test_streams_that_are_closed_are_no_matter(tmp_path: Path) -> None:
+    """Their numbers would go to files, and what is printed into these."""
+    script = (
+        f"exec {sys.executable} -c 'from workbench.cli import main; main()' run --list <&- >&- 2>&-"
+    )
+    done = subprocess.run(["sh", "-c", script], cwd=HOUSE, timeout=240, check=False)
+    assert done.returncode == 0
+
+
+@FULL
+def test_an_error_that_cannot_be_printed_still_has_its_code() -> None:
+    script = (
+        f"exec {sys.executable} -c 'from workbench.cli import main; main()' "
+        "run nothing-of-this-name 2>/dev/full"
+    )
+    done = subprocess.run(["sh", "-c", script], cwd=HOUSE, timeout=240, check=False)
+    assert done.returncode == 2
+
+
+def test_an_error_of_a_file_is_none_of_the_output() -> None:
+    with pytest.raises(OSError, match="nowhere") as raised:
+        Path("/nowhere/at/all").read_text()
+    assert unprinted(raised.value) is None
+    assert unprinted(OSError(28, "No space left on device")) is None  # raised nowhere
+    assert unprinted(None) is None
+    assert unprinted(ValueError()) is None
+
+
+def test_a_folder_that_is_gone_is_a_sentence(tmp_path: Path) -> None:
+    gone_soon = tmp_path / "gone"
+    gone_soon.mkdir()
+    code = HEARD + "os.rmdir(os.getcwd())\nfrom workbench.cli import main\nmain()\n"
+    found, _, err = ended(program(code, "run", "--list", cwd=gone_soon))
+    assert found == 2
+    assert err.startswith("error: the folder that this command was started in is gone")
+
+
+def test_nobodys_home_is_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(BadFile, match="no home folder is known for ~nobody-of-this-name"):
+        load_body("~nobody-of-this-name/body.npz")
+
+    def unknown(path: Path) -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    for name in ("WORKBENCH_CACHE", "XDG_CACHE_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(Path, "expanduser", unknown)
+    with pytest.raises(NoLibrary, match="no folder to keep libraries in"):
+        cache_folder()
+
+
+@pytest.mark.skipif(not Path("/proc").exists(), reason="a home that nobody can write to")
+def test_a_home_that_cannot_be_written_is_no_reason_not_to_judge_draws() -> None:
+    """ArviZ wants to keep a file there as it is imported."""
+    code = (
+        "import numpy as np, os\n"
+        "from workbench.sampling.arviz_quietly import psis\n"
+        "print(psis(np.random.default_rng(0).normal(size=500))[0].shape, os.environ['HOME'])\n"
+    )
+    homeless = {k: v for k, v in os.environ.items() if not k.startswith("XDG_")}
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code], cwd=HOUSE, env=homeless | {"HOME": "/proc"},
+        capture_output=True, text=True, timeout=240, check=False,
+    )  # fmt: skip
+    assert done.stdout == "(500,) /proc\n"
+    assert "Traceback" not in done.stderr
+
+
+# Signals, from the first line of ours to the last of Python's.
+
+WHEN = {
+    "while the first modules are read": """
+class Early:
+    def find_spec(self, name, path=None, target=None):
+        if name == "numpy": send()
+sys.meta_path.insert(0, Early())
+from workbench.cli import main
+main()
+""",
+    "as the command begins": """
+import workbench.cli.app as module
+whole = module.app
+module.app = lambda: (send(), whole())
+from workbench.cli import main
+main()
+""",
+    "in a destructor": """
+import workbench.cli.app as module, time
+class Leaving:
+    def __del__(self): send()
+def app():
+    Leaving()
+    time.sleep(60)
+module.app = app
+from workbench.cli import main
+main()
+""",
+    "swallowed by somebody's `except:`": """
+import workbench.cli.app as module, time
+def app():
+    try: send()
+    except BaseException as error: raise SystemError("of C code") from None
+module.app = app
+from workbench.cli import main
+main()
+""",
+    "after the work, before Python leaves": """
+import workbench.cli.app as module
+module.app = lambda: None
+from workbench.cli import main
+try: main()
+finally: send()
+""",
+    "while threads are waited for": """
+import workbench.cli.app as module, threading, time
+def late():
+    threading.main_thread().join()  # it waits, too
+    send()
+module.app = lambda: threading.Thread(target=late).start()
+from workbench.cli import main
+main()
+""",
+}
+SENDS = """
+import threading
+def send():
+    for _ in range({times}): os.kill(os.getpid(), {number})
+"""
+
+
+@pytest.mark.parametrize(
+    ("number", "code", "times"),
+    [(signal.SIGINT, 130, 1), (signal.SIGINT, 130, 2), (signal.SIGTERM, 143, 2)],
+    ids=["Ctrl-C", "Ctrl-C twice", "SIGTERM twice"],
+)
+@pytest.mark.parametrize("when", WHEN)
+def test_signals_have_their_code_and_no_traceback(
+    when: str, number: signal.Signals, code: int, times: int
+) -> None:
+    if "SystemError" in WHEN[when] and number is signal.SIGTERM:
+        pytest.skip("what asks to terminate is raised again")
+    sends = SENDS.format(times=times, number=int(number))
+    found, _, err = ended(program(HEARD + sends + WHEN[when], "--version"))
+    assert "Traceback" not in err
+    assert "Exception ignored" not in err
+    assert found == code, err
+
+
+def test_two_presses_at_once_are_one() -> None:
+    before = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM)}
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    hook = sys.unraisablehook
+    try:
+        with Signals() as signals:
+            with pytest.raises(KeyboardInterrupt):
+                signal.raise_signal(signal.SIGINT)
+            signal.raise_signal(signal.SIGINT)  # cleaning up is not disturbed
+            with pytest.raises(Terminated):
+                signal.raise_signal(signal.SIGTERM)  # which is another request
+            assert signals.asked is Terminated
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    assert sys.unraisablehook is hook
+
+
+def test_an_ignored_interrupt_stays_ignored() -> None:
+    """A shell starts what runs in the background so."""
+    code = MAIN.replace("default_int_handler", "SIG_IGN").replace(
+        "main()", "import workbench.cli.app as m; m.app = lambda: os.kill(os.getpid(), 2); main()"
+    )
+    assert ended(program(code))[::2] == (0, "")
+
+
+# Processes that outlive the one that started them.
+
+
+def alive(process: int) -> bool:
+    """Running, and not only a number that nobody has asked for."""
+    try:
+        os.kill(process, 0)
+        told = Path(f"/proc/{process}/stat")
+        return not told.exists() or told.read_text().rpartition(")")[2].split()[0] != "Z"
+    except (ProcessLookupError, FileNotFoundError):
+        return False
+
+
+def gone(processes: list[int], seconds: float = 10.0) -> bool:
+    until = time.monotonic() + seconds
+    while any(alive(process) for process in processes):
+        if time.monotonic() > until:
+            return False
+        time.sleep(0.05)
+    return True
+
+
+CREW = """
+import os, sys, time
+from workbench.training.crew import Processes
+def work(task):
+    print(os.getpid(), flush=True)
+    time.sleep(300)
+list(Processes(2)(work, range(4)))
+"""
+RUNS = """
+import os, sys, time
+from pathlib import Path
+from workbench import compare, Problem, Block, Residual
+from workbench.comparison import Budget
+compare(sys.argv[1], sys.argv[2], budget=Budget(max_seconds=300), workers=2, seeds=2)
+"""
+LOCKED = """
+import ctypes, os
+class Solver:
+    def solve(self, problem, start, *, callback=None):
+        with open({told!r}, "a") as file: print(os.getpid(), file=file, flush=True)
+        ctypes.PyDLL(None).sleep(300)  # in C, and no other thread has its turn
+solver = Solver()
+"""
+LINE = """
+from workbench import Block, Problem, Residual
+from workbench.experiments import Setup
+x = Block("x")
+problem, start = Problem((Residual("r", x.symbol - 2.0, 1.0),), "x"), {"x": 0.0}
+def setup(seed: int = 0): return Setup(problem, start, "A line")
+"""
+MARKS = """
+import sys
+from workbench.course.outline import lecture
+from workbench.course.supervision import marked
+marked(lecture(1), sys.argv[1], seconds=300)
+"""
+LASTS = """
+import ctypes, os
+with open({told!r}, "a") as file: print(os.getpid(), file=file, flush=True)
+ctypes.PyDLL(None).sleep(300)
+"""
+
+
+def lines_of(path: Path, count: int, process: "subprocess.Popen[str]") -> list[int]:
+    """Numbers of processes, once so many are told."""
+    until = time.monotonic() + 240
+    while time.monotonic() < until:
+        assert process.poll() is None, process.stderr.read() if process.stderr else ""
+        lines = path.read_text().split("\n")[:-1] if path.exists() else []
+        if len(lines) >= count:
+            return [int(line) for line in lines]
+        time.sleep(0.05)
+    raise AssertionError("they did not begin")
+
+
+def killed(process: "subprocess.Popen[str]") -> None:
+    process.kill()
+    process.wait()
+    for stream in (process.stdout, process.stderr):
+        if stream is not None:
+            stream.close()
+
+
+def test_the_crew_of_a_training_ends_with_it(tmp_path: Path) -> None:
+    told = tmp_path / "told"
+    with told.open("w") as file:
+        process = program(CREW, out=file.fileno())
+    workers = lines_of(told, 2, process)
+    killed(process)
+    assert gone(workers)
+
+
+ASKED = """
+import signal
+print(signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, []))
+"""
+
+
+def test_processes_of_a_crew_are_deaf_to_the_terminal_from_their_start() -> None:
+    """Ctrl-C reaches them too: they printed a traceback each, also while they were importing."""
+    with _deaf():
+        done = subprocess.run(
+            [sys.executable, "-c", ASKED], capture_output=True, text=True, check=True
+        )
+    assert done.stdout == "True\n"
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
+    asked = partial(signal.getsignal, signal.SIGINT)
+    assert list(Processes(2)(lambda _: asked(), range(2))) == [signal.SIG_IGN] * 2
+
+
+def test_the_interrupt_of_a_crew_is_heard_afterwards() -> None:
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    went_on: list[bool] = []
+    try:
+        with pytest.raises(KeyboardInterrupt), _deaf():  # noqa: PT012
+            signal.raise_signal(signal.SIGINT)  # to this thread: others may not block it
+            went_on.append(True)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert went_on
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there, the worker is another process")
+def test_the_workers_of_a_comparison_end_with_it(tmp_path: Path) -> None:
+    told = tmp_path / "told"
+    (tmp_path / "line.py").write_text(LINE)
+    (tmp_path / "locked.py").write_text(LOCKED.format(told=str(told)))
+    process = program(RUNS, str(tmp_path / "line.py"), str(tmp_path / "locked.py"))
+    workers = lines_of(told, 1, process)
+    killed(process)
+    assert gone(workers)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only there it holds for code in C, too")
+def test_the_process_that_marks_ends_with_the_one_that_asked(tmp_path: Path) -> None:
+    told, answers = tmp_path / "told", tmp_path / "answers.py"
+    answers.write_text(LASTS.format(told=str(told)))
+    process = program(MARKS, str(answers))
+    marker = lines_of(told, 1, process)
+    killed(process)
+    assert gone(marker)
+
+
+PARENT = """
+import os, subprocess, sys, time
+from workbench import orphans
+child = subprocess.Popen(
+    [sys.executable, "-c", "from workbench import orphans; import os, time; "
+     "orphans.{begin}; print(os.getpid(), flush=True); time.sleep(300)"],
+    env=os.environ | orphans.environment(),
+)
+child.wait()
+"""
+
+
+@pytest.mark.parametrize("begin", ["end_with_parent()", "end_with(os.getppid())"])
+def test_a_child_ends_with_its_parent(begin: str, tmp_path: Path) -> None:
+    told = tmp_path / "told"
+    with told.open("w") as file:
+        process = program(PARENT.format(begin=begin), out=file.fileno())
+    child = lines_of(told, 1, process)
+    killed(process)
+    assert gone(child)
+
+
+def test_a_child_of_nobody_goes_on() -> None:
+    """Without the parent's number in its environment there is nobody to end with."""
+    code = "from workbench import orphans; orphans.end_with_parent(); print('on')"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=HOUSE, capture_output=True, text=True, check=True,
+        env={k: v for k, v in os.environ.items() if k != "WORKBENCH_PARENT"},
+    )  # fmt: skip
+    assert done.stdout == "on\n"

@@ -1,0 +1,265 @@
+"""glTF 2.0 in its binary form (.glb): positions and triangles, where the scene puts them.
+
+A file of a few bytes can show one mesh a million times, claim billions of numbers that no bytes
+stand for, or hang its nodes on each other in a circle. So numbers are views of the file's own
+bytes, each node is visited once, and what is shown again is paid for. (Khronos Group, glTF 2.0
+Specification.)
+"""
+
+import base64
+import binascii
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.errors import shown
+from workbench.reading.facts import parsed
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+MAGIC, JSON, BINARY = b"glTF", b"JSON", b"BIN\0"
+COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+POINTS, TRIANGLES, STRIP, FAN = 0, 4, 5, 6  # modes of primitives; the others are lines
+FREE_BYTES = 2**28  # that all parts together may take, however small the file is
+PER_BYTE = 16  # further bytes that they may take for each byte of the file
+LEAST = 2**14  # bytes that a part counts as at least, for placing one takes time
+
+
+def parse_glb(content: bytes) -> tuple[Array, Index]:
+    """Vertices (N, 3) in m and triangles (F, 3) of all parts, one after the other.
+
+    Raises ValueError (BadFile of its JSON) with what is wrong.
+    """
+    document = _document(content)
+    places = _places(document)
+    vertices, faces = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)]
+    count, room = 0, FREE_BYTES + PER_BYTE * len(content)
+    for number, mesh in enumerate(_several(document.told, "meshes")):
+        motions = places.get(number, [])
+        for primitive in _several(mesh, "primitives") if motions else []:
+            positions, triangles = _part(document, primitive)
+            room -= len(motions) * max(positions.nbytes + triangles.nbytes, LEAST)
+            if room < 0:
+                raise ValueError(
+                    "its scene shows the same parts again and again, so that all of them take more "
+                    f"than {PER_BYTE} times the file's {len(content):,} bytes"
+                )
+            for motion in motions:
+                vertices.append(_moved(positions, motion))
+                faces.append(triangles + count)
+                count += len(positions)
+    return np.concatenate(vertices), np.concatenate(faces)
+
+
+@dataclass(frozen=True)
+class _Document:
+    """The JSON of a file, and the bytes that it speaks of."""
+
+    told: dict[str, Any]
+    buffers: list[bytes]
+
+    def entry(self, key: str, index: Any) -> dict[str, Any]:
+        """`key[index]`, an object. Raises ValueError if there is none."""
+        several = self.told.get(key)
+        there = isinstance(several, list) and type(index) is int and 0 <= index < len(several)
+        if not there or not isinstance(several, list) or not isinstance(several[index], dict):
+            raise ValueError(f"there is no {key}[{shown(index)}]")
+        found: dict[str, Any] = several[index]
+        return found
+
+    def numbers(self, index: Any, kind: str, columns: int) -> NDArray[Any]:
+        """The numbers (count, columns) of an accessor, as a view of the file's bytes."""
+        accessor, name = self.entry("accessors", index), f"accessors[{shown(index)}]"
+        if "sparse" in accessor or "bufferView" not in accessor:
+            raise ValueError(
+                f"{name} is sparse, or packed by an extension such as Draco's, which is not read; "
+                "export the mesh without compression"
+            )
+        code = accessor.get("componentType")
+        if accessor.get("type") != kind or type(code) is not int or code not in COMPONENTS:
+            raise ValueError(f"{name} holds {shown(accessor.get('type'))}, but must hold {kind}")
+        dtype = np.dtype(COMPONENTS[code])
+        view = self.entry("bufferViews", accessor["bufferView"])
+        buffer, row = self.buffer(view.get("buffer")), dtype.itemsize * columns
+        count, stride = _whole(accessor, "count"), _whole(view, "byteStride", row)
+        start, length = _whole(view, "byteOffset", 0), _whole(view, "byteLength")
+        offset = _whole(accessor, "byteOffset", 0)
+        end = offset + (count - 1) * stride + row if count else offset
+        if stride < row or end > length or start + length > len(buffer):
+            raise ValueError(f"{name} says it holds {count:,} {kind}, but its bytes are fewer")
+        return np.ndarray((count, columns), dtype, buffer, start + offset, (stride, dtype.itemsize))
+
+    def buffer(self, index: Any) -> bytes:
+        """The bytes of a buffer. Raises ValueError if the file has none for it."""
+        self.entry("buffers", index)
+        if index >= len(self.buffers):
+            raise ValueError(f"buffers[{index}] has no bytes in this file")
+        number: int = index
+        return self.buffers[number]
+
+
+def _document(content: bytes) -> _Document:
+    if content[:4] != MAGIC or content[4:8] != b"\2\0\0\0":
+        raise ValueError("it does not begin as glTF 2.0 does")
+    chunks: dict[bytes, bytes] = {}
+    at = 12
+    while at + 8 <= len(content):
+        length, kind = int.from_bytes(content[at : at + 4], "little"), content[at + 4 : at + 8]
+        if at + 8 + length > len(content):
+            raise ValueError(f"a part of {length:,} bytes is cut off")
+        if kind in (JSON, BINARY):  # others are to be passed over
+            chunks.setdefault(kind, content[at + 8 : at + 8 + length])
+        at += 8 + length
+    told = parsed(chunks.get(JSON, b"null").rstrip(b" \0"))
+    if not isinstance(told, dict):
+        raise ValueError("its JSON is no object")
+    return _Document(told, [_bytes(b, k, chunks) for k, b in enumerate(_several(told, "buffers"))])
+
+
+def _bytes(buffer: dict[str, Any], number: int, chunks: dict[bytes, bytes]) -> bytes:
+    """What a buffer holds: the file's binary part, or text in base64; no other file is opened."""
+    uri = buffer.get("uri")
+    if uri is None:
+        return chunks.get(BINARY, b"") if number == 0 else b""
+    head, _, text = uri.partition("base64,") if isinstance(uri, str) else ("", "", "")
+    if not head.startswith("data:"):
+        raise ValueError(
+            f"buffers[{number}] is in another file, {shown(uri)}, which is not opened; export the "
+            "mesh as one .glb"
+        )
+    try:
+        return base64.b64decode(text)
+    except binascii.Error as error:
+        raise ValueError(f"buffers[{number}] is no base64 ({error})") from error
+
+
+def _places(document: _Document) -> dict[int, list[Array]]:
+    """By mesh, the motions (4, 4) to where its scene shows it, in the order of the nodes' names."""
+    told = document.told
+    scene = document.entry("scenes", told.get("scene", 0)) if "scenes" in told else {}
+    waiting = [(child, np.eye(4)) for child in _children(scene, "nodes")]
+    seen: set[int] = set()
+    found: dict[int, list[tuple[str, int, Array]]] = {}
+    while waiting:
+        number, motion = waiting.pop()
+        node = document.entry("nodes", number)
+        if number in seen:
+            raise ValueError(f"nodes[{number}] hangs on two others, or on itself")
+        seen.add(number)
+        if not node.keys().isdisjoint(LOCAL):
+            with np.errstate(all="ignore"):  # what is not finite then is refused as a vertex
+                motion = motion @ _local(node)
+        waiting += [(child, motion) for child in _children(node, "children")]
+        if "mesh" in node:
+            document.entry("meshes", node["mesh"])
+            key = (str(node.get("name", number))[:100], number)
+            found.setdefault(node["mesh"], []).append((*key, motion))
+    return {
+        mesh: [motion for *_, motion in sorted(shown_at, key=lambda place: place[:2])]
+        for mesh, shown_at in found.items()
+    }
+
+
+LOCAL = ("matrix", "translation", "rotation", "scale")
+
+
+def _local(node: dict[str, Any]) -> Array:
+    """The motion (4, 4) of a node within its parent: a matrix, or T R S."""
+    if "matrix" in node:
+        return _reals(node["matrix"], 16).reshape(4, 4).T
+    motion = np.eye(4)
+    x, y, z, w = _reals(node.get("rotation", (0, 0, 0, 1)), 4)
+    with np.errstate(all="ignore"):
+        x, y, z, w = np.array([x, y, z, w]) / np.sqrt(x * x + y * y + z * z + w * w)
+        motion[:3, :3] = [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+        motion[:3, :3] *= _reals(node.get("scale", (1, 1, 1)), 3)
+    motion[:3, 3] = _reals(node.get("translation", (0, 0, 0)), 3)
+    return motion
+
+
+def _part(document: _Document, primitive: dict[str, Any]) -> tuple[Array, Index]:
+    """Vertices and triangles of one primitive; of lines nothing, of points no triangles."""
+    mode, attributes = primitive.get("mode", TRIANGLES), primitive.get("attributes")
+    none = np.zeros((0, 3), dtype=np.int64)
+    if mode not in (POINTS, TRIANGLES, STRIP, FAN) or not isinstance(attributes, dict):
+        return np.zeros((0, 3)), none
+    stored = document.numbers(attributes.get("POSITION"), "VEC3", 3)
+    with np.errstate(invalid="ignore"):  # what is no number then is refused by the mesh
+        positions = stored.astype(np.float64)
+    if stored.dtype.kind in "iu" and _accessor_is_normalized(document, attributes):
+        positions = np.maximum(positions / np.iinfo(stored.dtype).max, -1)
+    if mode == POINTS:
+        return positions, none
+    if "indices" in primitive:
+        order = document.numbers(primitive["indices"], "SCALAR", 1).astype(np.int64).ravel()
+    else:
+        order = np.arange(len(positions))
+    return positions, _triangles(order, mode)
+
+
+def _accessor_is_normalized(document: _Document, attributes: dict[str, Any]) -> bool:
+    return document.entry("accessors", attributes["POSITION"]).get("normalized") is True
+
+
+def _triangles(order: Index, mode: int) -> Index:
+    """Triangles (F, 3) of the vertices in this order."""
+    if mode == TRIANGLES:
+        if len(order) % 3:
+            raise ValueError(f"{len(order):,} corners are no triangles of three")
+        return order.reshape(-1, 3)
+    if len(order) < 3:
+        return np.zeros((0, 3), dtype=np.int64)
+    if mode == FAN:
+        first = np.full(len(order) - 2, order[0])
+        return np.column_stack([first, order[1:-1], order[2:]])
+    strip: Index = np.column_stack([order[:-2], order[1:-1], order[2:]])
+    strip[1::2] = strip[1::2, [1, 0, 2]]
+    a, b, c = strip.T
+    area: Index = strip[(a != b) & (b != c) & (a != c)]  # the others lead from strip to strip
+    return area
+
+
+def _moved(positions: Array, motion: Array) -> Array:
+    if np.array_equal(motion, np.eye(4)):
+        return positions
+    with np.errstate(all="ignore"):
+        return np.asarray(positions @ motion[:3, :3].T + motion[:3, 3])
+
+
+def _several(holder: dict[str, Any], key: str) -> list[dict[str, Any]]:
+    """The objects of a list, which may be missing."""
+    found = holder.get(key, [])
+    if not isinstance(found, list) or not all(isinstance(one, dict) for one in found):
+        raise ValueError(f"its {key} are no list of objects")
+    return found
+
+
+def _children(holder: dict[str, Any], key: str) -> list[Any]:
+    found = holder.get(key, [])
+    if not isinstance(found, list):
+        raise ValueError(f"its {key} are no list of numbers")
+    return found[::-1]  # the last that waits comes first
+
+
+def _whole(holder: dict[str, Any], key: str, otherwise: int | None = None) -> int:
+    found = holder.get(key, otherwise)
+    if type(found) is not int or not 0 <= found < 2**53:
+        raise ValueError(f"its {key} is {shown(found)}, but must be a whole number from 0")
+    return found
+
+
+def _reals(given: Any, count: int) -> Array:
+    try:
+        found = np.asarray(given, dtype=np.float64)
+    except (ValueError, TypeError, OverflowError):
+        found = np.zeros(0)
+    if found.shape != (count,):
+        raise ValueError(f"a node's place is {shown(given)}, but must be {count} numbers")
+    return found

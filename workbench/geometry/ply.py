@@ -1,0 +1,236 @@
+"""PLY, ascii or binary: positions and polygons in the file's own order, whatever else it holds.
+
+The header says how many there are of everything. It is believed only as far as the file has bytes
+for it. (Greg Turk, The PLY Polygon File Format, 1994.)
+"""
+
+import warnings
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.errors import shown
+from workbench.geometry.polygons import Index, fans, vertex_numbers
+
+Array = NDArray[np.float64]
+LONGEST_HEADER = 2**16
+TYPES = {
+    **{"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4"},
+    **{"float": "f4", "double": "f8", "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2"},
+    **{"int32": "i4", "uint32": "u4", "int64": "i8", "uint64": "u8"},
+    **{"float32": "f4", "float64": "f8"},
+}
+ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": "="}
+CORNERS = ("vertex_indices", "vertex_index")
+
+
+@dataclass(frozen=True)
+class _Property:
+    name: str
+    dtype: np.dtype[Any]
+    count: np.dtype[Any] | None  # the type of a list's length
+
+
+@dataclass(frozen=True)
+class _Element:
+    name: str
+    length: int
+    properties: list[_Property] = field(default_factory=list)
+
+    @property
+    def smallest(self) -> int:
+        """Bytes of a row whose lists are empty."""
+        return sum((p.count or p.dtype).itemsize for p in self.properties)
+
+    @property
+    def corners(self) -> int:
+        """Which property lists the corners of a face. Raises ValueError."""
+        lists = [k for k, p in enumerate(self.properties) if p.count is not None]
+        named = [k for k in lists if self.properties[k].name in CORNERS]
+        if not named and len(lists) != 1:
+            raise ValueError(f"its faces have no list called {CORNERS[0]}")
+        return (named or lists)[0]
+
+
+def parse_ply(content: bytes) -> tuple[Array, Index]:
+    """Vertices (N, 3) and triangles (F, 3); a polygon is a fan around its first corner.
+
+    Raises ValueError with what is wrong.
+    """
+    order, elements, start = _header(content)
+    data: _Numbers | _Bytes = (
+        _Numbers(content[start:]) if order == "=" else _Bytes(memoryview(content)[start:])
+    )
+    vertices, faces = np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
+    wanted = {"vertex", "face"} & {element.name for element in elements}
+    for element in elements:
+        if not wanted:
+            break  # what follows is not read
+        columns = data.rows(element)
+        if element.name == "vertex":
+            vertices = _positions(element, columns)
+        elif element.name == "face" and element.length:
+            corners, counts = columns[element.corners]
+            faces = fans(vertex_numbers(corners), counts)
+        wanted.discard(element.name)
+    else:
+        if len(data.left):
+            raise ValueError("it holds more than its header says, or its lines have other columns")
+    return vertices, faces
+
+
+Lists = tuple[NDArray[Any], Index]  # the entries of all lists, and how many each has
+Columns = list[Any]  # of an element: numbers (length,), or Lists
+
+
+def _positions(element: _Element, columns: Columns) -> Array:
+    where = {p.name: k for k, p in enumerate(element.properties) if p.count is None}
+    if missing := {"x", "y", "z"} - where.keys():
+        raise ValueError(f"its vertices have no {', '.join(sorted(missing))}")
+    with np.errstate(over="ignore"):  # what is infinite then is refused as a vertex
+        return np.column_stack(
+            [columns[where[axis]].astype(element.properties[where[axis]].dtype) for axis in "xyz"]
+        ).astype(np.float64)
+
+
+@dataclass
+class _Bytes:
+    """Rows in binary, taken one element after the other."""
+
+    left: memoryview
+
+    def rows(self, element: _Element) -> Columns:
+        """The columns of the next element; its lists must all be of one length.
+
+        Raises ValueError.
+        """
+        fields: list[tuple[Any, ...]] = []
+        at = 0
+        for k, p in enumerate(element.properties):
+            if p.count is None:
+                fields.append((f"{k}", p.dtype))
+                at += p.dtype.itemsize
+                continue
+            first = bytes(self.left[at : at + p.count.itemsize])
+            size = int(np.frombuffer(first, p.count)[0]) if element.length and first else 0
+            if not 0 <= size * p.dtype.itemsize <= len(self.left):
+                raise ValueError(f"a list of {size:,} numbers is cut off")
+            fields += [(f"n{k}", p.count), (f"{k}", p.dtype, (size,))]
+            at += p.count.itemsize + size * p.dtype.itemsize
+        if not fields or not element.length:
+            return [np.zeros(0)] * len(element.properties)
+        dtype = np.dtype(fields)
+        if dtype.itemsize * element.length > len(self.left):
+            raise ValueError(
+                f"it says that it holds {element.length:,} times {shown(element.name)}, but is "
+                "shorter, or holds lists of different lengths; save it as ascii, or with triangles"
+            )
+        rows = np.frombuffer(self.left, dtype, element.length)
+        self.left = self.left[dtype.itemsize * element.length :]
+        return [self._column(rows, k, p) for k, p in enumerate(element.properties)]
+
+    @staticmethod
+    def _column(rows: NDArray[Any], k: int, p: _Property) -> Any:
+        if p.count is None:
+            return rows[f"{k}"]
+        entries, counts = rows[f"{k}"], rows[f"n{k}"].astype(np.int64)
+        if (counts != entries.shape[1]).any():
+            raise ValueError("it holds lists of different lengths; save it as ascii")
+        return entries.ravel(), counts
+
+
+class _Numbers:
+    """Rows in text, which is nothing but numbers, taken one element after the other."""
+
+    def __init__(self, content: bytes) -> None:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", DeprecationWarning)  # how numpy says what is no number
+            try:
+                self.left = np.fromstring(content.decode("latin1"), sep=" ")
+            except (DeprecationWarning, ValueError):
+                raise ValueError("it holds what is no number") from None
+
+    def rows(self, element: _Element) -> Columns:
+        """The columns of the next element. Raises ValueError."""
+        lists = [k for k, p in enumerate(element.properties) if p.count is not None]
+        width, numbers = len(element.properties), self.left
+        if len(numbers) < element.length * width:
+            raise ValueError(
+                f"it says that it holds {element.length:,} times {shown(element.name)}, but has "
+                f"only {len(numbers):,} numbers for them"
+            )
+        if not lists:
+            self.left = numbers[element.length * width :]
+            return list(numbers[: element.length * width].reshape(-1, width).T) if width else []
+        if lists != [width - 1] and element.name != "face":
+            raise ValueError(f"a list stands before other numbers in {shown(element.name)}")
+        return self._walked(element)
+
+    def _walked(self, element: _Element) -> Columns:
+        """Row by row, for each may be of a length of its own; a face has at least 3 corners."""
+        found: list[list[int]] = [[] for _ in element.properties]  # where each column's parts begin
+        counts: list[list[int]] = [[] for _ in element.properties]
+        at, numbers, least = 0, self.left, 3 if element.name == "face" else 0
+        main = element.corners if element.name == "face" else -1
+        for row in range(element.length):
+            for k, p in enumerate(element.properties):
+                if at >= len(numbers):
+                    raise ValueError(f"{shown(element.name)} {row} is cut off")
+                size = 1.0
+                if p.count is not None:
+                    size, at = numbers[at], at + 1
+                    if not (least if k == main else 0) <= size <= len(numbers) - at:  # nor NaN
+                        raise ValueError(f"a list in row {row} has {size:g} entries")
+                found[k].append(at)
+                counts[k].append(int(size))
+                at += int(size)
+        self.left = numbers[at:]
+        return [
+            numbers[np.array(found[k], dtype=np.int64)]
+            if p.count is None
+            else _gathered(numbers, found[k], counts[k])
+            for k, p in enumerate(element.properties)
+        ]
+
+
+def _gathered(numbers: Array, starts: list[int], counts: list[int]) -> Lists:
+    """The lists that begin at some places of the numbers, one after the other."""
+    begin, size = np.array(starts, dtype=np.int64), np.array(counts, dtype=np.int64)
+    inside = np.arange(size.sum()) - np.repeat(np.cumsum(size) - size, size)
+    return numbers[np.repeat(begin, size) + inside], size
+
+
+def _header(content: bytes) -> tuple[str, list[_Element], int]:
+    """The order of bytes ("=" of text), the elements, and where the data begin."""
+    head, found, _ = content[:LONGEST_HEADER].partition(b"end_header")
+    if not content[:3].lower().startswith(b"ply") or not found:
+        raise ValueError("it has no header from `ply` to `end_header`")
+    end = content.find(b"\n", len(head))
+    start = len(content) if end < 0 else end + 1
+    order, elements = "", list[_Element]()
+    for line in head.decode("latin1").splitlines()[1:]:
+        match line.split():
+            case ["format", kind, *_] if kind in ORDERS:
+                order = ORDERS[kind]
+            case ["element", name, count] if count.isdecimal() and len(count) < 16:
+                elements.append(_Element(name, int(count)))
+            case ["property", "list", size, kind, name] if elements and {size, kind} <= set(TYPES):
+                types = np.dtype(order + TYPES[kind]), np.dtype(order + TYPES[size])
+                elements[-1].properties.append(_Property(name, *types))
+            case ["property", kind, name] if elements and kind in TYPES:
+                elements[-1].properties.append(_Property(name, np.dtype(order + TYPES[kind]), None))
+            case ["comment" | "obj_info", *_] | []:
+                pass
+            case _:
+                raise ValueError(f"its header says {shown(line)}")
+    if not order:
+        raise ValueError(f"its format is none of {', '.join(ORDERS)}")
+    claimed = sum(e.length * (len(e.properties) if order == "=" else e.smallest) for e in elements)
+    if claimed > len(content):
+        raise ValueError(
+            f"its header claims {shown(max(elements, key=lambda e: e.length).name)} "
+            f"{max(e.length for e in elements):,} times, and there are {len(content):,} bytes"
+        )
+    return order, elements, start

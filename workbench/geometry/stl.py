@@ -1,0 +1,45 @@
+"""STL, binary or ascii: triangles that share no vertices."""
+
+from array import array
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.errors import shown
+from workbench.geometry.polygons import Index, text_lines
+
+HEADER, ROW = 84, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+
+
+def parse_stl(content: bytes) -> tuple[NDArray[np.float64], Index]:
+    """Vertices (3 F, 3), three for every triangle, and triangles (F, 3).
+
+    A file is binary if it is as long as its header says; many of those begin with `solid`, as the
+    others do. Raises ValueError with what is wrong.
+    """
+    count = int.from_bytes(content[80:HEADER], "little")
+    if len(content) == HEADER + count * ROW.itemsize:
+        rows = np.frombuffer(content, ROW, count, HEADER)
+        vertices = rows["corners"].reshape(-1, 3).astype(np.float64)
+    elif content.lstrip()[:5].lower() == b"solid" or len(content) < HEADER:
+        vertices = _spoken(content)
+    else:
+        raise ValueError(
+            f"its header counts {count:,} triangles, which {len(content):,} bytes do not hold"
+        )
+    if len(vertices) % 3:
+        raise ValueError(f"{len(vertices):,} vertices are no triangles of three")
+    return vertices, np.arange(len(vertices)).reshape(-1, 3)
+
+
+def _spoken(content: bytes) -> NDArray[np.float64]:
+    found = array("d")
+    for number, line in enumerate(text_lines(content), start=1):
+        words = line.split()
+        if words and words[0].lower() == "vertex":
+            try:
+                x, y, z = (float(word) for word in words[1:4])
+            except ValueError:
+                raise ValueError(f"line {number}: {shown(line)} is no vertex") from None
+            found.extend((x, y, z))
+    return np.array(found, dtype=np.float64).reshape(-1, 3)

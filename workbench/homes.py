@@ -1,0 +1,20 @@
+"""Folders that the system knows by other words: a user's home."""
+
+from pathlib import Path
+
+from workbench.errors import BadFile
+
+
+def home() -> Path:
+    """The user's folder. Raises BadFile where neither HOME nor the system says which it is."""
+    return expanded("~")
+
+
+def expanded(path: str | Path) -> Path:
+    """A path whose `~` or `~name` is replaced by a folder. Raises BadFile if there is none."""
+    try:
+        return Path(path).expanduser()
+    except RuntimeError as error:
+        raise BadFile(
+            f"no home folder is known for {path}; give a whole path, or set the variable HOME"
+        ) from error

@@ -1,0 +1,54 @@
+"""Processes that end by themselves soon after the one that started them is gone.
+
+A process that is killed cannot end its children, and some of these would work or wait for ever.
+"""
+
+import ctypes
+import os
+import signal
+import sys
+import threading
+import time
+from contextlib import suppress
+
+PARENT = "WORKBENCH_PARENT"  # in the environment of a process: who started it
+EVERY = 0.5  # s between two looks at the parent
+PR_SET_PDEATHSIG = 1  # of Linux's prctl: the signal that a process gets when its parent has died
+
+
+def environment() -> dict[str, str]:
+    """What a process has to find in its environment in order to `end_with_parent`: this one."""
+    return {PARENT: str(os.getpid())}
+
+
+def end_with_parent() -> None:
+    """End this process when the one that made its environment is gone.
+
+    On Linux the system sees to it also where code in C never gives a thread its turn. It takes
+    the thread that started a process for its parent, so that thread has to outlive the process.
+    """
+    parent = os.environ.pop(PARENT, "")
+    if not parent.isdecimal():
+        return
+    if sys.platform == "linux":
+        with suppress(OSError, AttributeError):
+            ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    end_with(int(parent))
+
+
+def end_with(parent: int) -> None:
+    """End this process when its parent, which has this number, is gone: a thread looks."""
+    threading.Thread(target=_watch, args=(parent,), daemon=True).start()
+
+
+def _watch(parent: int) -> None:
+    if sys.platform == "win32":  # which never changes what it says of a process's parent
+        import _winapi
+
+        with suppress(OSError):  # there is no such process any more
+            handle = _winapi.OpenProcess(_winapi.SYNCHRONIZE, False, parent)
+            _winapi.WaitForSingleObject(handle, _winapi.INFINITE)
+    else:
+        while os.getppid() == parent:  # an orphan is given to another process
+            time.sleep(EVERY)
+    os._exit(1)

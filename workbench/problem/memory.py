@@ -1,0 +1,49 @@
+"""Whether a dense matrix fits into memory, asked before it is made."""
+
+import os
+from contextlib import suppress
+from pathlib import Path
+
+from workbench.errors import TooLarge
+
+SMALL = 2**28  # bytes: not worth asking for
+GIGA = 1e9
+
+
+def check_fits(rows: int, columns: int, what: str, instead: str) -> None:
+    """Nothing, if a matrix of double numbers fits twice into the memory that is free.
+
+    `what` begins the sentence, `instead` ends it: what to do. Raises TooLarge.
+    """
+    size = 8 * rows * columns
+    if size <= SMALL:
+        return
+    free = free_memory()
+    if free is not None and 2 * size > free:  # a factorization of it takes as much again
+        raise TooLarge(
+            f"{what} of {rows:,} x {columns:,} takes {size / GIGA:.3g} GB, and a step "
+            f"with it as much again; {free / GIGA:.2g} GB of memory are free; {instead}"
+        )
+
+
+def free_memory() -> int | None:
+    """Bytes that this process may still take; None where the system does not say (not on Linux).
+
+    What the machine has available, or less where a limit of the process or of its container is.
+    """
+    limits: list[int] = []
+    with suppress(OSError, ValueError):
+        told = dict(line.split(":", 1) for line in Path("/proc/meminfo").read_text().splitlines())
+        limits.append(1024 * int(told["MemAvailable"].split()[0]))
+    with suppress(OSError, ValueError, ImportError):
+        import resource
+
+        most = resource.getrlimit(resource.RLIMIT_AS)[0]
+        taken = int(Path("/proc/self/statm").read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")
+        if most != resource.RLIM_INFINITY:
+            limits.append(max(0, most - taken))
+    with suppress(OSError, ValueError):
+        group = Path("/sys/fs/cgroup")
+        most = int((group / "memory.max").read_text())  # "max" is no number: no limit
+        limits.append(max(0, most - int((group / "memory.current").read_text())))
+    return min(limits, default=None)

@@ -1,0 +1,62 @@
+"""What goes wrong with files that are read, each as a sentence."""
+
+import struct
+import tokenize
+import zipfile
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from workbench.errors import BadFile
+
+LONGEST_REASON = 400  # characters: what a file says may be as long as it likes
+DAMAGE: tuple[type[Exception], ...] = (
+    # zipfile: no archive, a member that is cut off, packed in an unknown way, or has a password
+    *(zipfile.BadZipFile, zlib.error, EOFError, OSError, NotImplementedError, RuntimeError),
+    *(struct.error, KeyError, IndexError),
+    # numpy's parser of headers calls ast.literal_eval, tokenize and np.dtype on what it finds;
+    # ValueError includes text that cannot be decoded, RuntimeError expressions that are too deep
+    *(ValueError, SyntaxError, tokenize.TokenError, TypeError, AttributeError),
+    *(OverflowError, MemoryError),
+    Warning,  # of either, where the caller turns warnings into errors
+)
+
+
+@contextmanager
+def taken_for(path: str | Path, what: str, do: str) -> Iterator[None]:
+    """BadFile with a reason becomes BadFile with a sentence: `PATH is no WHAT (REASON); DO`."""
+    try:
+        yield
+    except BadFile as error:
+        raise BadFile(f"{path} is no {what} ({brief(error)}); {do}") from error
+
+
+def brief(reason: object) -> str:
+    """A reason that is not too long: what a file says may be as long as it likes."""
+    told = str(reason)
+    return told if len(told) <= LONGEST_REASON else f"{told[:LONGEST_REASON]}..."
+
+
+@contextmanager
+def damage(name: str = "") -> Iterator[None]:
+    """Whatever numpy and zipfile raise for a damaged file becomes BadFile with the reason.
+
+    `name` is the array that was being read.
+    """
+    try:
+        yield
+    except BadFile as error:
+        raise BadFile(f"{name} {error}" if name else str(error)) from error.__cause__
+    except DAMAGE as error:
+        said = getattr(error, "strerror", None) or str(error) or type(error).__name__
+        reason = brief(said)
+        raise BadFile(f"{name}: {reason}" if name else reason) from error
+
+
+def refuse_what_is_no_file(path: Path) -> None:
+    """A pipe would be waited for, and a folder or a device has no end."""
+    with damage():
+        there, whole = path.exists(), path.is_file()
+    if there and not whole:
+        raise BadFile("it is no file but a folder, a pipe or a device")

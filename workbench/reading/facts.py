@@ -1,0 +1,194 @@
+"""Facts in JSON, each asked for as what it must be.
+
+Functions here raise BadFile with the reason alone, as those of `workbench.reading.npy` do.
+"""
+
+import json
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from reprlib import repr as short
+from typing import Any, NoReturn, TypeVar
+
+from numpy.typing import NDArray
+
+from workbench.errors import BadFile, cut, listed, shown
+
+T = TypeVar("T")
+MOST_BYTES = 2**30  # of a JSON file; the keypoints of COCO take a quarter of that
+PIECE = 2**20  # bytes that are read at once
+# An empty list takes 3 bytes of JSON and 64 bytes of memory. Any JSON may hold a million lists and
+# objects, and one more for every 8 of its bytes, which real ones never reach.
+FREE_LISTS, BYTES_OF_LIST = 10**6, 8
+NOTHING = object()
+
+
+def json_in(path: str | Path) -> Any:
+    """All that a JSON file says. Raises BadFile with a sentence that names it."""
+    try:
+        return parsed(bounded(path))
+    except (OSError, BadFile) as error:
+        raise BadFile(f"{path} cannot be read as JSON: {cut(error)}") from error
+
+
+def bounded(path: str | Path, most: int = MOST_BYTES) -> bytearray:
+    """All bytes of a file or a pipe, if they are not more than `most`. Raises BadFile, OSError.
+
+    A device such as /dev/zero has no end.
+    """
+    if Path(path).exists() and not (Path(path).is_file() or Path(path).is_fifo()):
+        raise BadFile("it is a folder or a device")
+    content = bytearray()
+    with Path(path).open("rb") as file:
+        while piece := file.read(PIECE):
+            content += piece
+            if len(content) > most:
+                raise BadFile(f"it has more than {most:,} bytes")
+    return content
+
+
+def parsed(text: str | bytes | bytearray) -> Any:
+    """What JSON says. Raises BadFile, also where an object has two entries of one name."""
+    lists, most = _count_lists(text), FREE_LISTS + len(text) // BYTES_OF_LIST
+    if lists > most:
+        raise BadFile(f"it holds {lists:,} lists and objects, too many for its {len(text):,} bytes")
+    try:
+        return json.loads(text, object_pairs_hook=_unequal)
+    except (ValueError, RecursionError, MemoryError) as error:  # also text that is not UTF-8
+        raise BadFile(f"{type(error).__name__}: {cut(error)}") from error
+
+
+def _count_lists(text: str | bytes | bytearray) -> int:
+    if isinstance(text, str):
+        return text.count("[") + text.count("{")
+    return text.count(b"[") + text.count(b"{")
+
+
+def _unequal(entries: list[tuple[str, Any]]) -> dict[str, Any]:
+    """An object of JSON whose entries have names of their own."""
+    found = dict(entries)
+    if len(found) < len(entries):
+        twice, _ = Counter(name for name, _ in entries).most_common(1)[0]
+        raise BadFile(f"an object in it has two entries called {shown(twice)}")
+    return found
+
+
+def facts_in(array: NDArray[Any]) -> "Facts":
+    """The object that an array of one text holds."""
+    told = parsed(str(array))
+    if not isinstance(told, dict):
+        raise BadFile(f"its facts are {short(told)}, not an object with names")
+    return Facts(told)
+
+
+@dataclass(frozen=True)
+class Facts:
+    """An object of JSON; `where` it stands, for the reasons. Every question raises BadFile if the
+    answer is no.
+    """
+
+    told: Mapping[str, Any]
+    where: str = ""
+
+    def text(self, key: str) -> str:
+        """A text."""
+        return self._one(key, text)
+
+    def number(self, key: str) -> float:
+        """A number, which may be NaN or infinite."""
+        return self._one(key, number)
+
+    def amount(self, key: str) -> float:
+        """A number that is not below zero, which may be NaN or infinite."""
+        return self._one(key, amount)
+
+    def whole(self, key: str) -> int:
+        """How many: a whole number from 0."""
+        return self._one(key, whole)
+
+    def truth(self, key: str) -> bool:
+        """True or false."""
+        return self._one(key, truth)
+
+    def among(self, key: str, known: Iterable[str]) -> str:
+        """One of the names that are known."""
+        given, names = self.text(key), tuple(known)
+        if given not in names:
+            raise BadFile(f"{self.where}{key} is {short(given)}; there are {listed(names)}")
+        return given
+
+    def several(self, key: str, of: Callable[[object, str], T]) -> tuple[T, ...]:
+        """A list, `of` being what its entries are: text, number, whole, ..."""
+        return self._one(key, lambda given, name: several(given, name, of))
+
+    def named(self, key: str, of: Callable[[object, str], T]) -> dict[str, T]:
+        """An object whose entries are all of one kind."""
+        inner = self._one(key, facts)
+        return {name: of(given, f"{inner.where}{name}") for name, given in inner.told.items()}
+
+    def facts(self, key: str) -> "Facts":
+        """An object in the object."""
+        return self._one(key, facts)
+
+    def nothing_else(self, *keys: str) -> None:
+        """Raise BadFile if there are others."""
+        if others := self.told.keys() - set(keys):
+            raise BadFile(f"{self.where}{listed(map(str, others))} is not known")
+
+    def _one(self, key: str, of: Callable[[object, str], T]) -> T:
+        given = self.told.get(key, NOTHING)
+        if given is NOTHING:
+            raise BadFile(f"{self.where}{key} is missing; there are {listed(map(str, self.told))}")
+        return of(given, f"{self.where}{key}")
+
+
+def text(given: object, name: str) -> str:
+    """A text."""
+    return given if isinstance(given, str) else _refuse(given, name, "a text")
+
+
+def number(given: object, name: str) -> float:
+    """A number, which may be NaN or infinite; true and false are none."""
+    if isinstance(given, bool) or not isinstance(given, (int, float)):
+        _refuse(given, name, "a number")
+    try:
+        return float(given)
+    except OverflowError:  # of a whole number with over 308 digits
+        _refuse(given, name, "a number of float64")
+
+
+def amount(given: object, name: str) -> float:
+    """A number that is not below zero, which may be NaN or infinite."""
+    found = number(given, name)
+    return _refuse(given, name, "a number from 0") if found < 0 else found
+
+
+def whole(given: object, name: str) -> int:
+    """How many: a whole number from 0."""
+    if isinstance(given, bool) or not isinstance(given, int) or not 0 <= given < 2**63:
+        _refuse(given, name, "a whole number from 0")
+    return given
+
+
+def truth(given: object, name: str) -> bool:
+    """True or false."""
+    return given if isinstance(given, bool) else _refuse(given, name, "true or false")
+
+
+def facts(given: object, name: str) -> Facts:
+    """An object with names."""
+    if not isinstance(given, dict):
+        _refuse(given, name, "an object with names")
+    return Facts(given, f"{name}: ")
+
+
+def several(given: object, name: str, of: Callable[[object, str], T]) -> tuple[T, ...]:
+    """A list of things of one kind."""
+    if not isinstance(given, (list, tuple)):
+        _refuse(given, name, "a list")
+    return tuple(of(one, f"{name}[{k}]") for k, one in enumerate(given))
+
+
+def _refuse(given: object, name: str, wanted: str) -> NoReturn:
+    raise BadFile(f"{name} is {short(given)}, not {wanted}")
