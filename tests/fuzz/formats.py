@@ -121,10 +121,12 @@ def _read_solution(folder: Path) -> object:
         assert i.values.keys() == found.values.keys()
         for name, value in i.values.items():
             assert value.shape == found.values[name].shape
-        sound((i.values, i.cost, i.seconds, i.evaluations))
+        sound((i.values, i.seconds, i.evaluations))
+        assert isinstance(i.cost, float)  # which may be NaN, and so may be kept
     assert isinstance(found.message, str), "a message that is no text"
     assert all(isinstance(name, str) for name in (*found.lost, *found.unnoticed))
-    return found.values, float(found.cost), float(found.seconds), found.evaluations
+    assert isinstance(found.cost, float)
+    return found.values, float(found.seconds), found.evaluations
 
 
 KEY = "0123456789abcdef"

@@ -16,6 +16,7 @@ from workbench.sampling.checkpoint import SEAL, sealed
 Rng = np.random.Generator
 Mutation = Callable[[bytes, Rng], bytes]
 
+LARGEST = 2**24  # bytes: what a large file may take is another question
 NUMBERS = (
     "0", "-1", "1", "2147483648", "-9223372036854775809", "1e999", "-1e308", "1e-320", "nan", "NaN",
     "Infinity", "-inf", "0.1", "1_0", "0x10", "9" * 400, "9" * 5000, "", " ", "1,5", "é", "\x00",
@@ -40,6 +41,8 @@ def mutated(name: str, content: bytes, rng: Rng) -> bytes:
             content = mutate(content, rng)
         except Exception:  # it is broken already, so that its structure cannot be taken apart
             content = flipped(content, rng)
+        if len(content) > LARGEST:
+            content = content[:LARGEST]
     return content
 
 

@@ -99,7 +99,7 @@ class Record:
             optimality=facts.amount("optimality"), inside=facts.truth("inside"),
             digits=facts.number("digits"), end=end, machine=facts.text("machine"),
             seen=Seen(
-                counts, spent, facts.whole("not_finite"), facts.amount("seconds"), best,
+                counts, spent, facts.whole("not_finite"), facts.duration("seconds"), best,
                 trace.reshape(-1, ROW), facts.truth("taken"),
             ),
         )  # fmt: skip

@@ -89,7 +89,7 @@ def _positions(element: _Element, columns: Columns) -> Array:
     where = {p.name: k for k, p in enumerate(element.properties) if p.count is None}
     if missing := {"x", "y", "z"} - where.keys():
         raise ValueError(f"its vertices have no {', '.join(sorted(missing))}")
-    with np.errstate(over="ignore"):  # what is infinite then is refused as a vertex
+    with np.errstate(over="ignore", invalid="ignore"):  # the mesh refuses what is no number then
         return np.column_stack(
             [columns[where[axis]].astype(element.properties[where[axis]].dtype) for axis in "xyz"]
         ).astype(np.float64)

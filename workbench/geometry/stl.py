@@ -20,7 +20,8 @@ def parse_stl(content: bytes) -> tuple[NDArray[np.float64], Index]:
     count = int.from_bytes(content[80:HEADER], "little")
     if len(content) == HEADER + count * ROW.itemsize:
         rows = np.frombuffer(content, ROW, count, HEADER)
-        vertices = rows["corners"].reshape(-1, 3).astype(np.float64)
+        with np.errstate(invalid="ignore"):  # what is no number then is refused by the mesh
+            vertices = rows["corners"].reshape(-1, 3).astype(np.float64)
     elif content.lstrip()[:5].lower() == b"solid" or len(content) < HEADER:
         vertices = _spoken(content)
     else:

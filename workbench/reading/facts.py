@@ -7,6 +7,7 @@ import json
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from reprlib import repr as short
 from typing import Any, NoReturn, TypeVar
@@ -103,6 +104,10 @@ class Facts:
         """A number that is not below zero, which may be NaN or infinite."""
         return self._one(key, amount)
 
+    def duration(self, key: str) -> float:
+        """Seconds: a finite number from 0."""
+        return self._one(key, duration)
+
     def whole(self, key: str) -> int:
         """How many: a whole number from 0."""
         return self._one(key, whole)
@@ -162,6 +167,12 @@ def amount(given: object, name: str) -> float:
     """A number that is not below zero, which may be NaN or infinite."""
     found = number(given, name)
     return _refuse(given, name, "a number from 0") if found < 0 else found
+
+
+def duration(given: object, name: str) -> float:
+    """Seconds: a finite number from 0."""
+    found = amount(given, name)
+    return found if isfinite(found) else _refuse(given, name, "a time in seconds")
 
 
 def whole(given: object, name: str) -> int:

@@ -15,7 +15,7 @@ from workbench.problem import Problem
 from workbench.reading.archive import open_arrays
 from workbench.reading.damage import taken_for
 from workbench.reading.expected import doubles, nothing_else, read_expected, texts
-from workbench.reading.facts import Facts, amount, facts_in, number, several, text
+from workbench.reading.facts import Facts, amount, duration, facts_in, number, several, text
 from workbench.reading.facts import facts as facts_of
 from workbench.writing import replacing
 
@@ -174,7 +174,7 @@ def _solution(facts: Facts, rows: Sequence[Row], arrays: Values, names: Sequence
         message=facts.text("message"),
         solver=facts.text("solver"),
         evaluations=_evaluations(facts.facts("evaluations")),
-        seconds=facts.amount("seconds"),
+        seconds=facts.duration("seconds"),
         trace=tuple(
             Iterate({name: arrays[TRACE + name][i] for name in names}, *row)
             for i, row in enumerate(rows)
@@ -195,7 +195,7 @@ def _row(given: object, name: str) -> Row:
         *(amount(one, name) for one in (cost, optimality, step)),
         number(damping, name),
         _evaluations(facts_of(counts, name)),
-        amount(seconds, name),
+        duration(seconds, name),
         *(text(one, name) for one in by),
     )
 
