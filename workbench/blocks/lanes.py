@@ -52,7 +52,7 @@ def lanes(function: cs.Function, shared: Sequence[bool]) -> Many:
 
 
 class Lanes:
-    """The compiled function; see Many."""
+    """A compiled function at many arguments at once: a `Many`."""
 
     def __init__(self, loaded: ctypes.CDLL, function: cs.Function, shared: Sequence[bool]) -> None:
         self._shared = tuple(shared)
@@ -61,7 +61,7 @@ class Lanes:
         self._run = loaded.run
 
     def __call__(self, *arguments: Array) -> list[Array]:
-        """See Many."""
+        """Arguments (M, .), or (.) where they are shared; a list of outputs (M, .)."""
         M = count(arguments, self._shared)
         plain = [np.ascontiguousarray(a, dtype=np.float64) for a in arguments]
         for array, wide, same in zip(plain, self._wide, self._shared, strict=True):

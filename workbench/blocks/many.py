@@ -46,7 +46,7 @@ class OneByOne:
         self._function, self._shared = function, shared
 
     def __call__(self, *arguments: Array) -> list[Array]:
-        """See Many."""
+        """Arguments (M, .), or (.) where they are shared; a list of outputs (M, .)."""
         M = count(arguments, self._shared)
         found = [
             self._function(
@@ -68,7 +68,7 @@ class Mapped:
         self._function = Buffered(mapped)
 
     def __call__(self, *arguments: Array) -> list[Array]:
-        """See Many."""
+        """Arguments (M, .), or (.) where they are shared; a list of outputs (M, .)."""
         M = count(arguments, self._shared)
         pieces: list[list[Array]] = []
         for first in range(0, M, TOGETHER):

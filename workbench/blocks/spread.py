@@ -29,7 +29,7 @@ def cores() -> int:
 
 
 class Spread:
-    """What `make` returns, with memory of its own, on one core or once for each; see Many."""
+    """What `make` returns, with memory of its own, on one core or once for each: a `Many`."""
 
     def __init__(self, make: Callable[[], Many], shared: Sequence[bool]) -> None:
         self._make, self._shared = make, tuple(shared)
@@ -37,7 +37,7 @@ class Spread:
         self._seconds: dict[bool, list[float]] = {False: [], True: []}  # a row; apart or not
 
     def __call__(self, *arguments: Array) -> list[Array]:
-        """See Many."""
+        """Arguments (M, .), or (.) where they are shared; a list of outputs (M, .)."""
         M = count(arguments, self._shared)
         if cores() < 2 or 2 * cores() > M:
             return self._alone(*arguments)

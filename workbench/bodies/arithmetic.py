@@ -29,7 +29,7 @@ class Surface(Protocol):
 
     @property
     def points(self) -> Array:
-        """(N, 3) m."""
+        """The posed points (N, 3) in metres, before translation."""
 
     def tangent(self, slopes: Slopes, into: Mapping[str, Array], scale: Array | None) -> None:
         """Write into `pose` (3 K, 3 N), `betas` and `trans`, each column times scale (3 N,)."""

@@ -28,15 +28,15 @@ class Body(Protocol):
 
     @property
     def n_vertices(self) -> int:
-        """N."""
+        """N, the number of vertices of the surface."""
 
     @property
     def n_joints(self) -> int:
-        """K, the root included."""
+        """K, the number of joints, the root included."""
 
     @property
     def n_betas(self) -> int:
-        """B."""
+        """B, the number of shape coefficients."""
 
     @property
     def parents(self) -> tuple[int, ...]:
@@ -44,7 +44,7 @@ class Body(Protocol):
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """(K,)."""
+        """The names of the joints, (K,)."""
 
     @property
     def bind_pose(self) -> Array:
