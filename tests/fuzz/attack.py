@@ -26,6 +26,8 @@ from typing import IO, TYPE_CHECKING
 
 import numpy as np
 
+from tests.hardening.within_limits import forget_peak, memory
+
 if TYPE_CHECKING:
     from tests.fuzz.formats import Format
 
@@ -138,17 +140,6 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
     raise TooLong
 
 
-def _memory(what: str) -> float:
-    """MB of this process: VmRSS, what it holds now, or VmHWM, the most that it held."""
-    told = Path("/proc/self/status").read_text()
-    return float(told.partition(f"{what}:")[2].split()[0]) / 1024
-
-
-def _forget_peak() -> None:
-    """Let the most that it held be what it holds now."""
-    Path("/proc/self/clear_refs").write_text("5")
-
-
 def _format(name: str) -> "Format":
     from tests.fuzz.broken_readers import BROKEN
     from tests.fuzz.formats import FORMATS
@@ -177,8 +168,8 @@ def judged(name: str, folder: Path) -> tuple[str, str]:
     from workbench.errors import WorkbenchError
 
     format, what = _format(name), ""
-    _forget_peak()
-    before = _memory("VmRSS")
+    forget_peak()
+    before = memory("VmRSS")
     there = {p.relative_to(folder) for p in folder.rglob("*")}
     signal.signal(signal.SIGALRM, _interrupt)
     signal.alarm(format.patience)
@@ -205,7 +196,7 @@ def judged(name: str, folder: Path) -> tuple[str, str]:
     seconds = time.process_time() - start
     if not what and seconds > format.seconds:
         what = f"slow\n{seconds:.1f} s"
-    taken = _memory("VmHWM") - before
+    taken = (memory("VmHWM") - before) / 1024
     if not what and taken > format.megabytes:
         what = f"memory\n{taken:.0f} MB"
     if not what and {p.relative_to(folder) for p in folder.rglob("*")} != there:

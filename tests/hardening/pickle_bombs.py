@@ -213,6 +213,7 @@ def body(**changed: bytes) -> bytes:
     return pickled(dictionary({**good, **changed}))
 
 
+SIZES, ZEROS = several(whole(N), whole(K)), content(bytes(8 * N * K))  # of the weights
 BOMBS = {
     "tuples twice on every level": doubled_tuples(),
     "lists twice on every level": doubled_lists(),

@@ -3,13 +3,15 @@
 import json
 import os
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.hardening.pickle_bombs import (
+    SIZES,
+    ZEROS,
     K,
     N,
     array,
@@ -20,23 +22,14 @@ from tests.hardening.pickle_bombs import (
     dictionary,
     dtype,
     pickled,
-    several,
     sparse,
     text,
-    whole,
 )
-from tests.hardening.pickled_bodies import loading, refused
+from tests.hardening.pickled_bodies import refused
 from tests.hardening.within_limits import Reader
 from workbench.bodies.catalogue import load_body
 from workbench.errors import BadFile
 
-
-@pytest.fixture(scope="module")
-def bodies() -> Iterator[Reader]:
-    yield from loading()
-
-
-SIZES, ZEROS = several(whole(N), whole(K)), content(bytes(8 * N * K))
 # Messages, whatever the file holds.
 
 LONG = "x" * 1_000_000

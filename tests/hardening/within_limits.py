@@ -105,14 +105,13 @@ def reader(function: str, seconds: float, megabytes: int) -> Iterator[Reader]:
 def _answer(read: Callable[[Any], object], path: str) -> Answer:
     from workbench.errors import WorkbenchError
 
-    with suppress(OSError):
-        Path("/proc/self/clear_refs").write_text("5")  # the peak begins anew
-    before, start, error = _memory("VmRSS"), time.process_time(), None
+    forget_peak()
+    before, start, error = memory("VmRSS"), time.process_time(), None
     try:
         read(path)
     except Exception as raised:
         error = raised
-    seconds, grown = time.process_time() - start, _memory("VmHWM") - before
+    seconds, grown = time.process_time() - start, memory("VmHWM") - before
     said = "" if error is None else str(error)
     kind = "read" if error is None else type(error).__name__
     return Answer(
@@ -120,8 +119,14 @@ def _answer(read: Callable[[Any], object], path: str) -> Answer:
     )
 
 
-def _memory(key: str) -> int:
-    """kB of this process, as Linux counts them; 0 elsewhere."""
+def forget_peak() -> None:
+    """Let the most memory that this process held, VmHWM, be what it holds now."""
+    with suppress(OSError):
+        Path("/proc/self/clear_refs").write_text("5")
+
+
+def memory(key: str) -> int:
+    """kB of this process, as Linux counts them, by its key: VmRSS is what it holds; 0 elsewhere."""
     status = Path("/proc/self/status")
     lines = status.read_text().splitlines() if status.exists() else []
     return next((int(line.split()[1]) for line in lines if line.startswith(f"{key}:")), 0)
@@ -130,7 +135,7 @@ def _memory(key: str) -> int:
 def _serve(function: str, megabytes: int) -> None:
     module, name = function.split(":")
     read = getattr(__import__(module, fromlist=[name]), name)
-    if taken := _memory("VmSize"):
+    if taken := memory("VmSize"):
         most = (taken + 2 * 1024 * megabytes) * 1024  # memory that is set aside and never touched
         resource.setrlimit(resource.RLIMIT_AS, (most, most))
     print(READY, end="", flush=True)

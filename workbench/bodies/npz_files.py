@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from workbench.bodies.raw import Raw, Unread
-from workbench.errors import BadFile
+from workbench.errors import BadFile, cut
 from workbench.reading.archive import open_arrays
-from workbench.reading.damage import brief
+from workbench.reading.damage import LONGEST_REASON
 
 OBJECTS = (
     "an array of Python objects, which are not read: unpacking them runs code of the file's "
@@ -29,6 +29,6 @@ def read_npz(path: Path) -> Raw:
             return raw
     except BadFile as error:
         raise BadFile(
-            f"{path} cannot be read: {brief(error)}. If it is cut off or damaged, fetch or export "
-            "it again"
+            f"{path} cannot be read: {cut(error, LONGEST_REASON)}. If it is cut off or damaged, "
+            "fetch or export it again"
         ) from error

@@ -8,11 +8,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from workbench.errors import BadFile
+from workbench.errors import BadFile, cut
 
 LONGEST_REASON = 400  # characters: what a file says may be as long as it likes
 DAMAGE: tuple[type[Exception], ...] = (
-    # zipfile: no archive, a member that is cut off, packed in an unknown way, or has a password
+    # zipfile: no archive, a member that is cut off, packed in a way that zipfile does not
+    # implement (NotImplementedError), or that has a password (RuntimeError)
     *(zipfile.BadZipFile, zlib.error, EOFError, OSError, NotImplementedError, RuntimeError),
     *(struct.error, KeyError, IndexError),
     # numpy's parser of headers calls ast.literal_eval, tokenize and np.dtype on what it finds;
@@ -29,13 +30,7 @@ def taken_for(path: str | Path, what: str, do: str) -> Iterator[None]:
     try:
         yield
     except BadFile as error:
-        raise BadFile(f"{path} is no {what} ({brief(error)}); {do}") from error
-
-
-def brief(reason: object) -> str:
-    """A reason that is not too long: what a file says may be as long as it likes."""
-    told = str(reason)
-    return told if len(told) <= LONGEST_REASON else f"{told[:LONGEST_REASON]}..."
+        raise BadFile(f"{path} is no {what} ({cut(error, LONGEST_REASON)}); {do}") from error
 
 
 @contextmanager
@@ -50,7 +45,7 @@ def damage(name: str = "") -> Iterator[None]:
         raise BadFile(f"{name} {error}" if name else str(error)) from error.__cause__
     except DAMAGE as error:
         said = getattr(error, "strerror", None) or str(error) or type(error).__name__
-        reason = brief(said)
+        reason = cut(said, LONGEST_REASON)
         raise BadFile(f"{name}: {reason}" if name else reason) from error
 
 

@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
-from reprlib import repr as short
 from typing import Any, NoReturn, TypeVar
 
 from numpy.typing import NDArray
@@ -79,7 +78,7 @@ def facts_in(array: NDArray[Any]) -> "Facts":
     """The object that an array of one text holds."""
     told = parsed(str(array))
     if not isinstance(told, dict):
-        raise BadFile(f"its facts are {short(told)}, not an object with names")
+        raise BadFile(f"its facts are {shown(told)}, not an object with names")
     return Facts(told)
 
 
@@ -120,7 +119,7 @@ class Facts:
         """One of the names that are known."""
         given, names = self.text(key), tuple(known)
         if given not in names:
-            raise BadFile(f"{self.where}{key} is {short(given)}; there are {listed(names)}")
+            raise BadFile(f"{self.where}{key} is {shown(given)}; there are {listed(names)}")
         return given
 
     def several(self, key: str, of: Callable[[object, str], T]) -> tuple[T, ...]:
@@ -202,4 +201,4 @@ def several(given: object, name: str, of: Callable[[object, str], T]) -> tuple[T
 
 
 def _refuse(given: object, name: str, wanted: str) -> NoReturn:
-    raise BadFile(f"{name} is {short(given)}, not {wanted}")
+    raise BadFile(f"{name} is {shown(given)}, not {wanted}")

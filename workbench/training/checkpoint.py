@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from math import isfinite
 from pathlib import Path
-from reprlib import repr as short
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from workbench.bodies.validation import ROW_SUM_TOLERANCE
-from workbench.errors import BadFile, listed
+from workbench.errors import BadFile, listed, shown
 from workbench.reading.archive import open_arrays
 from workbench.reading.damage import taken_for
 from workbench.reading.expected import doubles, nothing_else, optional, read_expected, texts
@@ -76,7 +75,7 @@ def read_checkpoint(
         if said.text("fingerprint") != fingerprint:
             raise BadFile("it is of other registrations, another start or another plan")
         if said.several("parents", lambda parent, _: parent) != first.parents:
-            raise BadFile(f"its tree has the parents {short(said.told['parents'])}")
+            raise BadFile(f"its tree has the parents {shown(said.told['parents'])}")
         log = said.several("log", _entry)
         if [entry.block for entry in log] != list(blocks[: len(log)]):
             raise BadFile("its log tells of other blocks than the plan's")
