@@ -1,17 +1,21 @@
-"""Points on a body by arithmetic, under the names that a problem gives to pose, betas and trans."""
+"""Points on a body by arithmetic: in the body's own words, and under the names of a problem.
+
+Arithmetic knows a pose, betas and a translation (`BodyPoints`). A problem knows blocks by the names
+that it gives them. `Named` stands between the two.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array, kron
 
-from workbench.blocks import NumericPoints, PointsAt
+from workbench.blocks import PointsAt
 from workbench.bodies.arithmetic import Arithmetic, Surface
 from workbench.bodies.numeric import Chunk, chunks_of, many_points
 
@@ -21,13 +25,24 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class NumericSurface:
-    """Vertices of a linearly blended body whose arrays are all numbers; see NumericPoints."""
+class BodyPoints(Protocol):
+    """Points on a body by arithmetic on its pose, betas and translation."""
 
-    body: SkinnedBody
-    vertices: slice | list[int]
-    arithmetic: Arithmetic
+    def at(self, pose: Array, betas: Array, trans: Array) -> PointsAt:
+        """The points at pose (K, 3) rad, betas (B,) and trans (3,) m.
+
+        Derivatives go by the names `pose`, `betas` and `trans`.
+        """
+
+    def many(self, pose: Array, betas: Array, trans: Array) -> Array:
+        """(M, N, 3) m of M poses (M, K, 3) rad, betas (M, B) and translations (M, 3) m."""
+
+
+@dataclass(frozen=True, eq=False)
+class Named:
+    """Points on a body under a problem's names of its three blocks; see NumericPoints."""
+
+    points: BodyPoints
     pose: str
     betas: str
     trans: str
@@ -37,13 +52,52 @@ class NumericSurface:
         """Pose, betas and trans by their names in the problem."""
         return self.pose, self.betas, self.trans
 
-    def at(self, values: Mapping[str, Array]) -> SurfaceAt:
+    def at(self, values: Mapping[str, Array]) -> NamedAt:
         """Where pose, betas and trans have these values."""
-        return SurfaceAt(self, values[self.pose], values[self.betas], values[self.trans])
+        return NamedAt(self, self.points.at(*(values[name] for name in self.reads)))
 
     def many(self, values: Mapping[str, Array]) -> Array:
+        """(M, N, 3) m."""
+        return self.points.many(*(values[name] for name in self.reads))
+
+
+@dataclass(frozen=True, eq=False)
+class NamedAt:
+    """The points at one set of values; see PointsAt."""
+
+    of: Named
+    here: PointsAt
+
+    @property
+    def points(self) -> Array:
+        """(N, 3) m."""
+        return self.here.points
+
+    def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
+        """Transposed, into[block] (size, 3 N)."""
+        ours = zip(("pose", "betas", "trans"), self.of.reads, strict=True)
+        self.here.tangent({our: into[name] for our, name in ours if name in into}, scale)
+
+    def adjoint(self, pull: Array) -> dict[str, Array]:
+        """By pose, betas and trans, flat."""
+        found, of = self.here.adjoint(pull), self.of
+        return {of.pose: found["pose"], of.betas: found["betas"], of.trans: found["trans"]}
+
+
+@dataclass(frozen=True, eq=False)
+class NumericSurface:
+    """Vertices of a linearly blended body whose arrays are all numbers; see BodyPoints."""
+
+    body: SkinnedBody
+    vertices: slice | list[int]
+    arithmetic: Arithmetic
+
+    def at(self, pose: Array, betas: Array, trans: Array) -> SurfaceAt:
+        """The vertices at one pose, betas and translation."""
+        return SurfaceAt(self, pose, betas, trans)
+
+    def many(self, pose: Array, betas: Array, trans: Array) -> Array:
         """(M, N, 3) m, by matrix products."""
-        pose, betas, trans = (values[name] for name in self.reads)
         G, features = self.body.kinematics.motions(pose, betas)
         found = many_points(self._chunks, G, features, betas)
         found += trans[:, None]
@@ -76,46 +130,43 @@ class SurfaceAt:
         return self.surface.points + self.trans
 
     def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
-        """Transposed, into[block] (size, 3 N)."""
-        of = self.of
-        ours = {"pose": of.pose, "betas": of.betas, "trans": of.trans}
-        wanted = {our: into[name] for our, name in ours.items() if name in into}
-        slopes = of.body.kinematics.slopes(self.pose, self.betas)
-        self.surface.tangent(slopes, wanted, scale)
+        """Transposed, into[name] (size, 3 N)."""
+        slopes = self.of.body.kinematics.slopes(self.pose, self.betas)
+        self.surface.tangent(slopes, into, scale)
 
     def adjoint(self, pull: Array) -> dict[str, Array]:
         """By pose, betas and trans, flat."""
-        pulled, of = pull.reshape(-1, 3), self.of
+        pulled = pull.reshape(-1, 3)
         on_G, on_features, on_betas = self.surface.adjoint(pulled)
-        back = of.body.kinematics.adjoint(self.pose, self.betas, on_G, on_features)
+        back = self.of.body.kinematics.adjoint(self.pose, self.betas, on_G, on_features)
         on_pose, through_joints = back
         return {
-            of.pose: on_pose.ravel(),
-            of.betas: on_betas + through_joints,
-            of.trans: pulled.sum(axis=0),
+            "pose": on_pose.ravel(),
+            "betas": on_betas + through_joints,
+            "trans": pulled.sum(axis=0),
         }
 
 
 @dataclass(frozen=True, eq=False)
 class NumericLandmarks:
-    """Weighted means of the points of a surface: `regressor` (M, N)."""
+    """Weighted means of the points of a surface: `regressor` (M, N); see BodyPoints."""
 
-    surface: NumericPoints
+    surface: BodyPoints
     regressor: csr_array
-
-    @property
-    def reads(self) -> tuple[str, ...]:
-        """Pose, betas and trans by their names in the problem."""
-        return self.surface.reads
 
     @cached_property
     def on_coordinates(self) -> csr_array:
         """(3 M, 3 N)."""
         return csr_array(kron(self.regressor, np.eye(3), format="csr"))
 
-    def at(self, values: Mapping[str, Array]) -> LandmarksAt:
-        """Where pose, betas and trans have these values."""
-        return LandmarksAt(self, self.surface.at(values))
+    def at(self, pose: Array, betas: Array, trans: Array) -> LandmarksAt:
+        """The means at one pose, betas and translation."""
+        return LandmarksAt(self, self.surface.at(pose, betas, trans))
+
+    def many(self, pose: Array, betas: Array, trans: Array) -> Array:
+        """(M, L, 3) m, from the surface's points."""
+        whole = self.surface.many(pose, betas, trans)
+        return np.array([self.regressor @ points for points in whole])
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +182,7 @@ class LandmarksAt:
         return np.asarray(self.of.regressor @ self.surface.points)
 
     def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
-        """Transposed, into[block] (size, 3 M)."""
+        """Transposed, into[name] (size, 3 M)."""
         N = self.of.regressor.shape[1]
         whole = {name: np.empty((len(a), 3 * N)) for name, a in into.items()}
         self.surface.tangent(whole, None)

@@ -17,7 +17,7 @@ from workbench.bodies import surface
 from workbench.bodies.arithmetic import arithmetic_of
 from workbench.bodies.body import Body
 from workbench.bodies.many_joints import ManyJoints
-from workbench.bodies.numeric_sources import NumericLandmarks, NumericSurface
+from workbench.bodies.numeric_sources import Named, NumericLandmarks, NumericSurface
 from workbench.bodies.pairs import Pairs
 from workbench.errors import BadBody
 
@@ -129,13 +129,19 @@ class SurfacePoints:
         return tuple(f"vertex {i}" for i in self.vertices)
 
     @cached_property
-    def numeric(self) -> NumericSurface | None:
-        """None if arrays are free, the body is not SMPL's, or an argument is no plain block."""
-        body, names = self.at.body, self.at.names
-        if names is None or body.free or not body.is_smpl:
+    def numeric(self) -> Named | None:
+        """None if an argument is no plain block, or there is no arithmetic."""
+        names, points = self.at.names, self.arithmetic
+        return None if names is None or points is None else Named(points, *names)
+
+    @cached_property
+    def arithmetic(self) -> NumericSurface | None:
+        """None if arrays are free or the body is not SMPL's."""
+        body = self.at.body
+        if body.free or not body.is_smpl:
             return None
         some = self.vertices if isinstance(self.vertices, slice) else list(self.vertices)
-        return NumericSurface(body, some, arithmetic_of(body, self.vertices), *names)
+        return NumericSurface(body, some, arithmetic_of(body, self.vertices))
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,12 +252,12 @@ class LandmarkPoints:
         return self.landmarks.names
 
     @cached_property
-    def numeric(self) -> NumericLandmarks | None:
+    def numeric(self) -> Named | None:
         """Where the surface has it."""
-        carrying = self._surface.numeric
-        if carrying is None:
+        names, carrying = self.at.names, self._surface.arithmetic
+        if names is None or carrying is None:
             return None
-        return NumericLandmarks(carrying, self._regressor)
+        return Named(NumericLandmarks(carrying, self._regressor), *names)
 
     def _many(self, values: Mapping[str, Array]) -> Array:
         pose, betas, trans = (values[name] for name in self.at.names or ())

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from workbench.blocks import Block, ManyPoints, Tree
-from workbench.bodies.numeric_sources import NumericLandmarks
+from workbench.bodies.numeric_sources import Named, NumericLandmarks
 from workbench.bodies.sources import Arguments
 from workbench.bodies.triangles import surface
 from workbench.bodies.triangles.arithmetic import Arithmetic, SurfaceNumbers
@@ -66,10 +66,15 @@ class TriangleSurface:
         return None
 
     @cached_property
-    def numeric(self) -> NumericTriangles | None:
+    def numeric(self) -> Named | None:
         """None if an argument is no plain block."""
         names = self.at.names
-        return None if names is None else NumericTriangles(self.at.body.arithmetic, *names)
+        return None if names is None else Named(self.arithmetic, *names)
+
+    @cached_property
+    def arithmetic(self) -> NumericTriangles:
+        """The vertices in numbers."""
+        return NumericTriangles(self.at.body.arithmetic)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,10 +103,7 @@ class SurfaceMeans:
     @property
     def many(self) -> ManyPoints | None:
         """Where the surface has it."""
-        whole = self.surface.many
-        if whole is None:
-            return None
-        return lambda values: np.array([self.regressor @ points for points in whole(values)])
+        return None if self.numeric is None else self.numeric.many
 
     @property
     def blocks(self) -> tuple[Block, ...]:
@@ -114,43 +116,34 @@ class SurfaceMeans:
         return self.surface.tree
 
     @cached_property
-    def numeric(self) -> NumericLandmarks | None:
+    def numeric(self) -> Named | None:
         """Where the surface has it."""
-        whole = self.surface.numeric
-        return None if whole is None else NumericLandmarks(whole, self.regressor)
+        names = self.surface.at.names
+        if names is None:
+            return None
+        return Named(NumericLandmarks(self.surface.arithmetic, self.regressor), *names)
 
 
 @dataclass(frozen=True, eq=False)
 class NumericTriangles:
-    """A triangle body's vertices under the names a problem gives its blocks; see NumericPoints."""
+    """A triangle body's vertices by arithmetic; see BodyPoints."""
 
     arithmetic: Arithmetic
-    pose: str
-    betas: str
-    trans: str
 
-    @property
-    def reads(self) -> tuple[str, ...]:
-        """Pose, betas and trans by their names in the problem."""
-        return self.pose, self.betas, self.trans
+    def at(self, pose: Array, betas: Array, trans: Array) -> TrianglesAt:
+        """The vertices at one pose, betas and translation."""
+        return TrianglesAt(self.arithmetic.at(pose, betas), trans)
 
-    def at(self, values: Mapping[str, Array]) -> TrianglesAt:
-        """Where pose, betas and trans have these values."""
-        surface = self.arithmetic.at(values[self.pose], values[self.betas])
-        return TrianglesAt(self, surface, values[self.trans])
-
-    def many(self, values: Mapping[str, Array]) -> Array:
+    def many(self, pose: Array, betas: Array, trans: Array) -> Array:
         """(M, N, 3) m, one after the other."""
-        columns = [values[name] for name in self.reads]
-        each = [dict(zip(self.reads, row, strict=True)) for row in zip(*columns, strict=True)]
-        return np.array([self.at(one).points for one in each])
+        each = zip(pose, betas, trans, strict=True)
+        return np.array([self.at(*one).points for one in each])
 
 
 @dataclass(frozen=True, eq=False)
 class TrianglesAt:
     """The vertices at one pose, betas and trans (3,) m; see PointsAt."""
 
-    of: NumericTriangles
     surface: SurfaceNumbers
     trans: Array
 
@@ -160,13 +153,11 @@ class TrianglesAt:
         return self.surface.points + self.trans
 
     def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
-        """Transposed, into[block] (size, 3 N)."""
-        ours = {"pose": self.of.pose, "betas": self.of.betas, "trans": self.of.trans}
-        self.surface.tangent({our: into[n] for our, n in ours.items() if n in into}, scale)
+        """Transposed, into[name] (size, 3 N)."""
+        self.surface.tangent(into, scale)
 
     def adjoint(self, pull: Array) -> dict[str, Array]:
         """By pose, betas and trans, flat."""
         pulled = pull.reshape(-1, 3)
         on_pose, on_betas = self.surface.adjoint(pulled)
-        of = self.of
-        return {of.pose: on_pose.ravel(), of.betas: on_betas, of.trans: pulled.sum(axis=0)}
+        return {"pose": on_pose.ravel(), "betas": on_betas, "trans": pulled.sum(axis=0)}
