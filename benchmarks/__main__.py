@@ -11,7 +11,7 @@ from benchmarks.timing import alone_on_one_core
 
 HERE = Path(__file__).parent
 DIGITS = 5  # of times in the files
-PARTS = ("derivatives", "fits", "scaling", "overhead")
+PARTS = ("derivatives", "fits", "scaling", "overhead", "vertices")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -25,9 +25,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--no-peers", action="store_true", help="the workbench and the floor only")
     asked = parser.parse_args(arguments)
     if asked.parts[:1] == ["memory"]:  # scaling asks this of processes of their own
-        from benchmarks import scaling
+        from benchmarks import scaling, vertices
 
-        print(json.dumps(scaling.memory_of(int(asked.parts[1]), asked.parts[2])))
+        what, way = asked.parts[1:3]
+        by_step = way == "vertices"
+        taken = vertices.memory_of(what) if by_step else scaling.memory_of(int(what), way)
+        print(json.dumps(taken))
         return
     unknown = set(asked.parts) - {*PARTS, "page"}
     if unknown:
@@ -41,7 +44,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def _measure(part: str, asked: argparse.Namespace) -> None:
     """One part, to `results/<part>.json`."""
-    from benchmarks import bodies_made_up, derivatives, fits, machine, overhead, scaling, table
+    from benchmarks import (
+        bodies_made_up,
+        derivatives,
+        fits,
+        machine,
+        overhead,
+        scaling,
+        table,
+        vertices,
+    )
 
     names = asked.bodies or [*map(str, bodies_made_up.SIZES), *bodies_made_up.EMBEDDED]
     peers, rounds, facts = not asked.no_peers, asked.rounds, machine.description()
@@ -54,6 +66,9 @@ def _measure(part: str, asked: argparse.Namespace) -> None:
         names = [asked.bodies[0]] if asked.bodies else [overhead.BODY]
         found = overhead.measure(max(3, rounds // 2), body=names[0])
         print(table.overhead(found), flush=True)
+    if part == "vertices":
+        found = vertices.measure(rounds, [name for name in vertices.BODIES if name in names])
+        print(table.vertices(found), flush=True)
     for name in names if part in ("derivatives", "fits") else ():
         if part == "derivatives":
             found[name] = derivatives.measure(name, rounds, peers)

@@ -34,6 +34,9 @@ def text(results: Mapping[str, Any]) -> str:
         parts += [table.scaling(found["scaling"])]
     if "overhead" in found:
         parts += ["## What stands around NLopt and IPOPT\n", table.overhead(found["overhead"])]
+    if "vertices" in found:
+        parts += ["## A step of a registration with free vertices\n"]
+        parts += [table.vertices(found["vertices"])]
     return "\n".join(parts)
 
 

@@ -41,22 +41,22 @@ def memory_of(n_vertices: int, way: str) -> dict[str, int]:
 
     `arrays` are those that the body is given in, without which there is no body.
     """
-    before = _peak()
+    before = peak()
     body = random_body(n_vertices)
     arrays = [body.template, body.shapedirs, body.posedirs, body.weights]
     with ours.compiling(way == ours.COMPILED):
         case = case_of(str(n_vertices), body)
-        with_body = _peak()
+        with_body = peak()
         (x,) = case.people(1)
         case.problem.residual(x, case.fixed)
-        forward = _peak()
+        forward = peak()
         case.problem.linearize_at(x, case.fixed).step()
     return {
         "before": before,
         "arrays": sum(array.nbytes for array in arrays),
         "body": with_body,
         "forward": forward,
-        "peak": _peak(),
+        "peak": peak(),
     }
 
 
@@ -69,7 +69,7 @@ def _asked(n_vertices: int, way: str) -> dict[str, int]:
     return found
 
 
-def _peak() -> int:
+def peak() -> int:
     """The most memory of this process so far; Linux's getrusage would include its parent's."""
     facts = Path("/proc/self/status")
     if facts.exists():

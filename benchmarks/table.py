@@ -6,6 +6,7 @@ from typing import Any
 from benchmarks import fits as whole_fits
 from benchmarks import ours
 from benchmarks import overhead as whole_overhead
+from benchmarks import vertices as free
 from benchmarks.targets import Target
 from benchmarks.timing import best, median
 
@@ -80,6 +81,23 @@ def overhead(found: Mapping[str, Any]) -> str:
         hand = label + how
         cells = spent(seconds[label]), spent(seconds[hand]), ratio(seconds, label, hand)
         lines.append(f"| {label} /{how} | {' | '.join(cells)} |")
+    return "\n".join([*lines, ""])
+
+
+def vertices(found: Mapping[str, Any]) -> str:
+    """Per mesh: least / median milliseconds by candidate with ratios, and memory."""
+    lines = [
+        "| mesh | unknowns | rows | ours, ms | memory, MB | spsolve, ms | × ours | lsmr, ms "
+        "| × ours |",
+        "| --- |" + " --: |" * 8,
+    ]
+    for name, one in found.items():
+        seconds, taken = one["seconds"], one["bytes"]["peak"] - one["bytes"]["before"]
+        cells = [f"{one['unknowns']:,}", f"{one['rows']:,}", spent(seconds[free.OURS])]
+        cells += [_three(taken / 1e6)]
+        for by in (free.DIRECT, free.KRYLOV):
+            cells += [spent(seconds[by]), ratio(seconds, by, free.OURS)]
+        lines.append(f"| {name} | {' | '.join(cells)} |")
     return "\n".join([*lines, ""])
 
 

@@ -28,6 +28,7 @@ FLOORS = (  # from the ground up; a room imports from lower floors and from itse
 )
 FLOOR = {room: height for height, rooms in enumerate(FLOORS) for room in rooms}
 FORBIDDEN = {"utils", "util", "common", "helpers", "helper", "misc", "base"}
+GO_IN_CIRCLES = {"diagnostics"}  # the room that the rule waits for
 LONGEST = 300  # lines, of a module that is read in one sitting
 MODULES = sorted(path for path in ROOT.rglob("*.py") if path != ROOT / "__init__.py")
 EACH_MODULE = pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(ROOT)))
@@ -95,6 +96,47 @@ def test_rooms_look_only_downstairs(path: Path) -> None:
     assert not unknown, f"{here} imports {unknown} from the front door; name the room it is in"
     upstairs = {room for room in seen if FLOOR[room] >= FLOOR[here]}
     assert not upstairs, f"{here} looks into {upstairs}"
+
+
+def modules_of(room: str) -> dict[str, set[str]]:
+    """Every module of a room, and which others of them it imports, for types alone included."""
+    paths = {
+        ".".join(path.relative_to(ROOT.parent).with_suffix("").parts): path
+        for path in MODULES
+        if room_of(path) == room and path.name != "__init__.py"
+    }
+    return {name: imports_of(path) & paths.keys() - {name} for name, path in paths.items()}
+
+
+def a_circle(imports: dict[str, set[str]]) -> list[str]:
+    """Modules of which each imports the next, and the last the first; none if there are none."""
+    left = {name: set(others) for name, others in imports.items()}
+    while done := [name for name, others in left.items() if not others & left.keys()]:
+        for name in done:
+            del left[name]
+    if not left:
+        return []
+    way = [min(left)]
+    while way[-1] not in way[:-1]:
+        way.append(min(left[way[-1]] & left.keys()))
+    return way[way.index(way[-1]) :]
+
+
+def test_a_circle_is_found() -> None:
+    assert a_circle({"a": {"b"}, "b": set(), "c": {"a", "b"}}) == []
+    assert a_circle({"a": {"b"}, "b": {"c"}, "c": {"b"}, "d": {"a"}}) == ["b", "c", "b"]
+
+
+@pytest.mark.parametrize("room", sorted(FLOOR.keys() - GO_IN_CIRCLES))
+def test_modules_of_a_room_do_not_import_each_other_in_circles(room: str) -> None:
+    """Arrays and protocols below, what is made of them above; imports for types alone count."""
+    circle = a_circle(modules_of(room))
+    assert not circle, " imports ".join(circle)
+
+
+@pytest.mark.parametrize("room", sorted(GO_IN_CIRCLES))
+def test_a_room_without_circles_is_held_to_it(room: str) -> None:
+    assert a_circle(modules_of(room)), f"take {room} out of GO_IN_CIRCLES"
 
 
 @EACH_MODULE

@@ -85,3 +85,21 @@ def test_a_cloud_without_names_is_fitted_round_by_round() -> None:
     assert example.errors[-1] < example.errors[0] / 4
     assert example.gaps[-1] < 10  # mm, between points that are as far apart
     assert example.front.mean() < 30
+
+
+def test_parts_of_a_pose_are_free_by_name_and_made_of_anything() -> None:
+    example = import_module("examples.11_parts_of_a_pose")
+    labels = [example.root.free.label(i) for i in range(6)]
+    assert labels == [*(f"trans[{a}]" for a in "xyz"), *(f"pose[pelvis, {a}]" for a in "xyz")]
+    held = example.placed.values["pose"][1:]
+    np.testing.assert_array_equal(held, example.body.start()["pose"][1:])
+    assert example.staged.cost < 1e-6 < example.placed.cost
+    assert example.diagnosis.rank < example.looked_at.free.size
+    assert any(name.startswith("a turn of rest[") for name in example.unseen)
+    assert example.found.converged
+    assert np.abs(example.found.values["coefficients"]).max() < 1e-6
+    start = {name: value.T for name, value in example.body.start().items()}
+    r, J = example.function(start["pose"], start["betas"], start["trans"])
+    here = example.whole.freeing("pose").linearize(example.body.start())
+    np.testing.assert_allclose(np.asarray(r).ravel(), here.residual, atol=1e-10)
+    np.testing.assert_allclose(np.asarray(J), here.jacobian, atol=1e-9)

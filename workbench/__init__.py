@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from workbench import residuals as residuals
-    from workbench.blocks import Block, Layout, Points, Values
+    from workbench.blocks import Block, Layout, Points, Values, jacobian
     from workbench.bodies import Landmarks, SkinnedBody, dual_quaternion_blend, linear_blend
     from workbench.bodies.catalogue import load_body
     from workbench.bodies.saving import save_body
@@ -74,6 +74,7 @@ __all__ = [
     "compare",
     "diagnose",
     "dual_quaternion_blend",
+    "jacobian",
     "laplace",
     "linear_blend",
     "load_body",
@@ -85,7 +86,7 @@ __all__ = [
 ]
 
 ROOMS = {  # where the names above live
-    "blocks": ("Block", "Layout", "Points", "Values"),
+    "blocks": ("Block", "Layout", "Points", "Values", "jacobian"),
     "bodies": ("Landmarks", "SkinnedBody", "dual_quaternion_blend", "linear_blend"),
     "bodies.catalogue": ("load_body",),
     "bodies.saving": ("save_body",),

@@ -198,6 +198,10 @@ class TooLarge(WorkbenchError):
     """What was asked for does not fit into the memory that is free."""
 
 
+class NotFinite(WorkbenchError):
+    """A Jacobian that holds NaN or infinity has no rank."""
+
+
 class Unsolved(WorkbenchError):
     """An exercise that still stands as it was handed out."""
 

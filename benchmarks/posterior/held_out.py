@@ -22,12 +22,12 @@ from numpy.typing import NDArray
 
 import workbench as wb
 from benchmarks.posterior.nuts import Plan, nuts
+from workbench.blocks.entries import entries
 from workbench.experiments.balance import balance, balance_monocular, published
 from workbench.experiments.experiment import View
 from workbench.experiments.keypoint_fit import learned_poses
 from workbench.sampling import sample
 from workbench.sampling.descent import Mode
-from workbench.sampling.entries import entries
 from workbench.threads import limited_threads
 
 Array = NDArray[np.float64]

@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 
 import workbench as wb
 from benchmarks.posterior.fitted import BLOCKS, monocular
+from workbench.blocks.entries import entries
 from workbench.sampling import Posterior, sample
 from workbench.sampling.arviz_quietly import arviz
 from workbench.sampling.descent import Mode
-from workbench.sampling.entries import entries
 from workbench.threads import limited_threads
 
 Array = NDArray[np.float64]

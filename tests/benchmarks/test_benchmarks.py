@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import figure, fits, ours, overhead, page, peers, scaling, table, targets
+from benchmarks import figure, fits, ours, overhead, page, peers, scaling, table, targets, vertices
 from benchmarks.__main__ import PARTS, main
 from benchmarks.bodies_made_up import case_of, random_body
 from benchmarks.candidates import Candidate, Disagreement, check
@@ -213,3 +213,14 @@ def test_a_candidate_is_three_functions() -> None:
     r, J = one.jacobian(x)
     np.testing.assert_allclose(r, one.forward(x))
     np.testing.assert_allclose(one.step(x), -np.linalg.lstsq(J, r, rcond=None)[0], rtol=1e-8)
+
+
+def test_ways_to_a_step_of_free_vertices_agree_and_are_told_with_their_memory() -> None:
+    """`measure` compares the steps before it times them."""
+    found = vertices.measure(1, ("small",))
+    one = found["small"]
+    assert (one["unknowns"], one["rows"]) == (3 * 369, 5517)
+    assert set(one["seconds"]) == {vertices.OURS, vertices.DIRECT, vertices.KRYLOV}
+    assert one["bytes"]["peak"] > one["bytes"]["before"]
+    assert "| small | 1,107 | 5,517 |" in table.vertices(found)
+    assert vertices.registration("small")[0].sparse

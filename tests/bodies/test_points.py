@@ -121,8 +121,13 @@ def test_blocks_of_pieces_are_what_the_pieces_are_of() -> None:
     pose = cs.horzcat(whole.symbol, cs.MX.zeros(3, 1))
     points = BODY.points(pose, *SYMBOLS[1:])
     assert [block.name for block in points.source.blocks] == ["both", "betas", "trans"]
-    assert points.source.tree is None
-    assert points.source.numeric is None
+    assert points.source.numeric is not None
+    tree = points.source.tree
+    assert tree is not None
+    assert tree.places == (("both", 0), ("both", 3), ("both", 6), ("both", 9), None)
+    bent = BODY.points(cs.sin(pose), *SYMBOLS[1:]).source
+    assert bent.tree is None
+    assert bent.numeric is None
 
 
 def tiled(N: int) -> wb.SkinnedBody:

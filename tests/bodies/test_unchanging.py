@@ -1,7 +1,9 @@
 """A body never changes, so what it computed with stays true; and it travels whole."""
 
 import copy
+import gc
 import pickle
+import weakref
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -15,7 +17,9 @@ from tests.bodies_made_up import random_body
 from workbench.bodies.owned import given_up, owned
 from workbench.errors import BadBody
 
-ARRAYS = ("template", "shapedirs", "posedirs", "weights", "faces", "mirror", "bound_in")
+ARRAYS = (
+    "template", "shapedirs", "posedirs", "weights", "faces", "mirror", "bound_in", "rest_joints",
+)  # fmt: skip
 PARTS = ("data", "indices", "indptr")
 
 
@@ -23,7 +27,13 @@ def whole_body(N: int = 12) -> wb.SkinnedBody:
     """A body that has everything a body can have."""
     face = wb.Landmarks(("nose", "eye"), csr_array(np.eye(2, N)))
     body = random_body(2, n_vertices=N, bound=True)
-    return replace(body, mirror=np.arange(N), landmarks={"face": face}, card={"licence": "CC0"})
+    return replace(
+        body,
+        mirror=np.arange(N),
+        landmarks={"face": face},
+        card={"licence": "CC0"},
+        rest_joints=body.joints() + 0.01,
+    )
 
 
 def all_arrays(body: wb.SkinnedBody) -> dict[str, np.ndarray]:
@@ -149,7 +159,7 @@ def used(body: wb.SkinnedBody) -> wb.SkinnedBody:
     """The body after everything that it keeps for later was made, compiled arithmetic included."""
     symbols = [block.symbol for block in body.blocks("scan/")]
     body.vertices()
-    _ = body.skinned_rest
+    _ = body.packed.skinned_rest
     observed = wb.Block("observed", (body.n_vertices, 3), "m").symbol
     term = wb.residuals.vertices(body.points(*symbols), observed, sigma=1.0)
     wb.Problem([term], "scan/pose").prepare()
@@ -193,3 +203,18 @@ def test_free_arrays_stay_free_and_get_symbols_of_their_own(
         [wb.residuals.vertices(points, there.template + 1, sigma=1.0)], "new template"
     )
     np.testing.assert_allclose(problem.linearize(there.start()).residual, -1, atol=1e-14)
+
+
+def test_a_body_that_computed_is_freed_with_its_last_name() -> None:
+    """Large arrays must not wait for the garbage collector."""
+    body = whole_body()
+    body.vertices()
+    body.joints()
+    there = weakref.ref(body)
+    gc.collect()
+    gc.disable()
+    try:
+        del body
+        assert there() is None
+    finally:
+        gc.enable()

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import workbench as wb
+from workbench.bodies.triangles import scape
 from workbench.experiments.balance import observations
 from workbench.experiments.detector_layouts import OPENPOSE_25
 from workbench.geometry.meshes import write_mesh
@@ -152,3 +153,16 @@ def test_body_prints_a_card_and_draws_it(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert "369" in done.stdout
     assert (tmp_path / "runs" / "body-small" / "index.html").is_file()
+
+
+def test_a_file_of_a_triangle_body_has_a_card_and_no_skin_to_fit(tmp_path: Path) -> None:
+    body = wb.load_body("small")
+    wb.save_body(scape(body), tmp_path / "scape.npz")
+    done = workbench("body", "scape.npz", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "TriangleBody, each triangle with one part, then stitched" in done.stdout
+    assert (tmp_path / "runs" / "body-scape" / "index.html").is_file()
+    write_mesh(tmp_path / "me.obj", body.vertices(), body.faces)
+    fit = workbench("fit", "me.obj", "--body", "scape.npz", cwd=tmp_path)
+    assert fit.returncode == 2
+    assert "a SkinnedBody is needed here, but 'scape.npz' holds" in " ".join(fit.stderr.split())

@@ -21,7 +21,7 @@ def test_every_suggestion_does_what_it_says(case: Callable[[], cases.Case]) -> N
         assert suggestion.before == found.state
         after = diagnose(suggestion.problem, suggestion.at)
         if suggestion.kind == "rescale":  # the same problem, in other units
-            s = np.linalg.svd(after.here.matrix / after.here.column_norms, compute_uv=False)
+            s = np.linalg.svd(after.here.dense / after.here.column_norms, compute_uv=False)
             rank, condition = len(s), s[0] / s[-1]
         else:
             rank, condition = after.rank, after.condition

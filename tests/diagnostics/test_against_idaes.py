@@ -43,7 +43,7 @@ class Handed:
 
 def given_to_idaes(d: Diagnosis) -> tuple[Any, coo_matrix, Handed]:
     """The model, the Jacobian, and who is who in it; variables are called by our indices."""
-    J = np.asarray(d.here.matrix)
+    J = np.asarray(d.here.dense)
     where = coo_array(d.structure.pattern)
     model = pyo.ConcreteModel()
     model.x = pyo.Var(range(J.shape[1]), initialize=0.0)

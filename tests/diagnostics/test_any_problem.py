@@ -64,7 +64,7 @@ KEYS = (
     "suggestions",
 )  # fmt: skip
 KEYS_OF_NUMBERS = (
-    "rank", "tolerance", "condition", "singular_values", "scaled_rank", "ranks_nearby",
+    "rank", "held", "tolerance", "condition", "singular_values", "scaled_rank", "ranks_nearby",
     "weaker_here", "rank_law", "null_directions", "weak_directions", "parallel_columns", "turns",
     "weakest", "entries", "effective_degrees_of_freedom", "better_from_data", "correlations",
     "contributions", "derivatives",

@@ -1,4 +1,6 @@
-"""Constraints that hold at a point decide directions, and a diagnosis says so."""
+"""Bounds and constraints that hold at a point decide directions, and a diagnosis says so."""
+
+import html
 
 import casadi as cs
 import numpy as np
@@ -18,6 +20,7 @@ from workbench import (
 from workbench.bodies.catalogue import load_body
 from workbench.diagnostics import Comparison
 from workbench.diagnostics.identifiability import Verdict
+from workbench.reports.diagnosis_page import diagnosis_page
 
 X = Block("x", (2,))
 SUM = Residual("sum", X.symbol[0] + X.symbol[1] - 1, 0.1)
@@ -141,3 +144,130 @@ def test_a_body_whose_wrist_is_held_in_place() -> None:
     assert d.rank_law is None
     assert other.rank_law is not None
     assert len(d.null_directions) == 75 - 43
+
+
+# Bounds.
+
+
+def bounded(
+    lower: float, upper: float, x: tuple[float, float], *constraints: Constraint
+) -> Diagnosis:
+    """x + y is known to 0.1; y has bounds, x has none."""
+    bounds = {"x": ([-np.inf, lower], [np.inf, upper])}
+    return diagnose(Problem([SUM], "x", bounds, constraints=constraints), {"x": np.array(x)})
+
+
+@pytest.mark.parametrize(
+    ("y", "said"),
+    [
+        (0.0, "x[1] >= 0"),
+        (1e-9, "x[1] >= 0"),  # where solvers end that stay inside
+        (-0.2, "x[1] >= 0"),  # violated: it will have to hold
+        (2.0, "x[1] <= 2"),
+    ],
+)
+def test_an_unknown_on_its_bound_counts_as_noticed(y: float, said: str) -> None:
+    d = bounded(0.0, 2.0, (1.0, y))
+    assert d.rank == d.structural_rank == d.scaled_rank == 2
+    assert d.null_directions == ()
+    np.testing.assert_allclose(d.identifiability.sigma, [0.1, 0.0], rtol=1e-12)
+    assert not d.warnings
+    sentence = f"1 direction is fixed by bounds that are active here ({said}) and counts as noticed"
+    page = diagnosis_page(d, title="", question="", body=None, compared=None)
+    for text in (str(d), d.report(), html.unescape(page)):
+        assert sentence in text
+    assert d.data()["held"] == [said]
+
+
+def test_between_its_bounds_it_counts_for_nothing() -> None:
+    d = bounded(0.0, 2.0, (0.5, 0.5))
+    assert d.rank == d.structural_rank == 1
+    assert len(d.null_directions) == 1
+    assert not d.point.held.any
+    assert d.data()["held"] == []
+
+
+def test_bounds_and_the_same_limits_as_constraints_are_one() -> None:
+    """Ranks, sigmas and directions of random problems, whichever way limits are written."""
+    rng = np.random.default_rng(0)
+    x = Block("x", (6,))
+    for count in (1, 2, 4):
+        A = rng.normal(size=(3, 6))
+        r = Residual("r", cs.DM(A) @ x.symbol, 0.3)
+        tie = Constraint("tie", cs.DM(rng.normal(size=6)).T @ x.symbol, 0, 0)
+        on = rng.permutation(6)[:count]
+        lower = np.full(6, -np.inf)
+        lower[on] = 0.0
+        limit = Constraint("limit", x.symbol[on.tolist()], 0.0)
+        values = {"x": np.where(np.isfinite(lower), 0.0, rng.normal(size=6))}
+        one = diagnose(Problem([r], "x", {"x": (lower, np.inf)}, constraints=[tie]), values)
+        other = diagnose(Problem([r], "x", constraints=[tie, limit]), values)
+        assert one.rank == other.rank == min(6, 3 + count + 1)
+        assert one.structural_rank == other.structural_rank
+        assert one.point.tied.count == other.point.tied.count == count + 1
+        np.testing.assert_allclose(
+            one.singular_values, other.singular_values, rtol=1e-9, atol=1e-13
+        )
+        sigmas = one.identifiability.sigma, other.identifiability.sigma
+        np.testing.assert_array_equal(np.isinf(sigmas[0]), np.isinf(sigmas[1]))
+        known = np.isfinite(sigmas[0])
+        np.testing.assert_allclose(sigmas[0][known], sigmas[1][known], rtol=1e-9, atol=1e-13)
+        assert one.nearby.ranks == other.nearby.ranks
+        assert len(one.null_directions) == len(other.null_directions) == 6 - one.rank
+
+
+def test_equal_bounds_fix_an_unknown_as_fixing_its_block_does() -> None:
+    x, y = Block("x", (2,)), Block("y", (2,))
+    r = Residual("r", cs.DM([[1, 2, 0, 1], [0, 1, 1, 3], [2, 0, 1, 1]])
+                 @ cs.vertcat(x.symbol, y.symbol), 0.5)  # fmt: skip
+    values = {"x": np.zeros(2), "y": np.array([0.3, 0.3])}
+    pinned = diagnose(Problem([r], ("x", "y"), {"y": (0.3, 0.3)}), values)
+    fixed = diagnose(Problem([r], "x"), values)
+    assert (pinned.rank, fixed.rank) == (4, 2)
+    np.testing.assert_allclose(pinned.singular_values, fixed.singular_values, rtol=1e-12)
+    np.testing.assert_allclose(
+        pinned.identifiability.sigma, [*fixed.identifiability.sigma, 0, 0], rtol=1e-12
+    )
+    assert "(y[0] = 0.3, y[1] = 0.3)" in str(pinned)
+
+
+def test_a_bound_and_a_constraint_that_say_the_same_count_once() -> None:
+    same = Constraint("same", X.symbol[1], lower=0)
+    d = bounded(0.0, 2.0, (1.0, 0.0), same)
+    assert d.rank == 2
+    assert d.point.tied.count == 1
+    assert "fixed by bounds and constraints that are active here (same, x[1] >= 0)" in str(d)
+    away = bounded(0.0, 2.0, (1.0, 0.0), Constraint("tie", X.symbol[0] - X.symbol[1], 1, 1))
+    assert away.point.tied.count == 2  # both unknowns are held, and the residual decides nothing
+    assert away.rank == 2
+
+
+def test_who_is_held_by_a_bound_is_not_unread() -> None:
+    x = Block("x", (3,))
+    r = Residual("r", x.symbol[0], 1.0)
+    d = diagnose(Problem([r], "x", {"x": ([-9, 0, -9], [9, 9, 9])}), {"x": np.zeros(3)})
+    assert d.rank == d.structural_rank == 2
+    assert "read by no residual and no bound that holds: x[2]" in d.report()
+    verdicts = d.identifiability.verdicts
+    assert verdicts == (Verdict.PRACTICAL, Verdict.IDENTIFIED, Verdict.STRUCTURAL)
+
+
+def test_a_comparison_says_what_a_bound_gains() -> None:
+    found = Comparison(at(x=(1.0, 0.0)), bounded(0.0, 2.0, (1.0, 0.0)))
+    assert len(found.gained) == 1
+    assert found.lost == ()
+
+
+def test_a_fit_that_ends_on_its_bounds_is_told_so() -> None:
+    """Nonnegative least squares: what is held has a sigma of 0, the rest the smaller problem's."""
+    rng = np.random.default_rng(1)
+    A, b, x = rng.normal(size=(8, 5)), rng.normal(size=8), Block("x", (5,))
+    problem = Problem([Residual("r", cs.DM(A) @ x.symbol - b, 0.2)], "x", {"x": (0.0, np.inf)})
+    solution = solve(problem, {"x": np.ones(5)})
+    on = solution.values["x"] < 1e-7
+    assert 0 < on.sum() < 5
+    d = diagnose(problem, solution.values)
+    np.testing.assert_array_equal(d.point.held.bounded, on)
+    sigma = np.zeros(5)
+    sigma[~on] = 0.2 * np.sqrt(np.diag(np.linalg.inv(A[:, ~on].T @ A[:, ~on])))
+    np.testing.assert_allclose(d.identifiability.sigma, sigma, rtol=1e-9)

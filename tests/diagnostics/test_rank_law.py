@@ -9,11 +9,11 @@ import pytest
 from tests.bodies_made_up import SMPL_NAMES, smpl_like_body
 from workbench import Block, Diagnosis, Problem, Residual, Values, diagnose, residuals
 from workbench.blocks import Layout, Tree
-from workbench.diagnostics.jacobian import Jacobian
 from workbench.diagnostics.motions import motions
 from workbench.diagnostics.null_space import Direction, directions
 from workbench.diagnostics.rank_law import law_in_words, rank_of_observed_joints
 from workbench.geometry.rotation import matrix_from_vector
+from workbench.problem import Linearization
 
 
 def skew(w: np.ndarray) -> np.ndarray:
@@ -62,9 +62,9 @@ def named(J: np.ndarray, parents: tuple[int, ...], translation: bool) -> tuple[D
     names = tuple(f"joint{k}" for k in range(len(parents)))
     pose, trans = Block("pose", (len(parents), 3), "rad", names), Block("trans", (3,), "m")
     free = Layout((pose, trans) if translation else (pose,))
-    here = Jacobian(np.zeros(len(J)), J)
+    here = Linearization(np.zeros(len(J)), J)
     found = motions(free, (Tree("pose", names, parents),))
-    return directions(here, free, found, here.tolerance)
+    return directions(here, free, found, here.spectrum.tolerance)
 
 
 @pytest.mark.parametrize("batch", range(10))

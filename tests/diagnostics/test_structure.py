@@ -6,10 +6,12 @@ import pytest
 from scipy.sparse import csc_array, csr_array
 from scipy.sparse.csgraph import maximum_bipartite_matching
 
-from workbench import Block, Problem, Residual, diagnose
+from workbench import Block, Problem, Residual, diagnose, load_body, residuals
 from workbench.blocks import Layout
-from workbench.diagnostics.jacobian import Jacobian
+from workbench.diagnostics import looked_at, structure
+from workbench.diagnostics.looked_at import thick
 from workbench.diagnostics.structure import Structure, named_groups, named_rows, taken_apart
+from workbench.problem import Linearization
 
 
 def reached(pattern: np.ndarray, partner: dict[int, int], start: set[int]) -> tuple[set, set]:
@@ -108,10 +110,45 @@ def test_entries_are_named_in_few_words() -> None:
 
 def test_thin_entries_are_told_from_thick_ones() -> None:
     A = np.array([[1.0, 5e-4, 0.0], [1e-4, 2.0, 0.0], [0.5, 1e-2, 3.0]])
-    dense, sparse = Jacobian(np.zeros(3), A), Jacobian(np.zeros(3), csc_array(A))
-    assert dense.thick == sparse.thick == 5
+    dense, sparse = Linearization(np.zeros(3), A), Linearization(np.zeros(3), csc_array(A))
+    assert thick(dense) == thick(sparse) == 5
 
 
 def test_rows_are_named_by_their_residuals() -> None:
     rows = {"a": slice(0, 4), "b": slice(4, 6), "c": slice(6, 9)}
     assert named_rows(rows, np.array([0, 3, 7])) == "2 of a, 1 of c"
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_rows_that_read_the_same_need_not_all_be_looked_at(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The parts of a pattern with many equal rows are those that all of its rows give."""
+    rng = np.random.default_rng(seed)
+    kinds = rng.random((8, 6)) < 0.3
+    pattern = csc_array(kinds[rng.integers(0, 8, int(rng.integers(1, 60)))])
+    found = structure.taken_apart(pattern)
+    monkeypatch.setattr(structure, "_enough", lambda pattern, reads: np.arange(pattern.shape[0]))
+    whole = structure.taken_apart(pattern)
+    assert found.rank == whole.rank
+    for part in ("over", "square", "under"):
+        one, other = getattr(found, part), getattr(whole, part)
+        np.testing.assert_array_equal(one.columns, other.columns)
+        np.testing.assert_array_equal(one.rows, other.rows)
+    np.testing.assert_array_equal(found.unread, whole.unread)
+    np.testing.assert_array_equal(found.idle, whole.idle)
+
+
+def test_a_very_large_mesh_has_its_pattern_from_the_chain_rule(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    body = load_body("small")
+    points = body.points(*(block.symbol for block in body.blocks()))
+    observed = np.zeros((body.n_vertices, 3))
+    problem = Problem((residuals.vertices(points, observed, sigma=0.1),), ("pose", "trans"))
+    by_graph = looked_at.pattern_at(problem)
+    monkeypatch.setattr(looked_at, "BY_GRAPH", 0)
+    by_chain = looked_at.pattern_at(problem)
+    assert by_chain.nnz == problem.size * problem.free.size
+    assert (by_chain.toarray() >= by_graph.toarray()).all()
+    assert diagnose(problem, body.start()).structural_rank == problem.free.size

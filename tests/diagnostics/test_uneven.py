@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from workbench import Block, Problem, Residual, diagnose
-from workbench.diagnostics.jacobian import Jacobian
+from workbench.problem import Linearization
 
 M, N = 30, 8
 
@@ -46,7 +46,8 @@ def test_small_singular_values_have_as_many_digits_as_large_ones() -> None:
     A = rng.standard_normal((M, N)) * scales(rng, 12.0)
     with mp.workdps(60):
         exact = [float(s) for s in mp.svd_r(mp.matrix(A.tolist()), compute_uv=False)]
-    s, Vt = Jacobian(np.zeros(M), A).svd
+    found = Linearization(np.zeros(M), A).spectrum
+    s, Vt = found.s, found.Vt
     # the columns are well-conditioned but for their lengths (about 5): eps times that, and more
     np.testing.assert_allclose(s, exact, rtol=1e-12)
     np.testing.assert_allclose(Vt @ Vt.T, np.eye(N), atol=1e-13)
@@ -59,11 +60,11 @@ def test_any_shape_has_all_its_right_singular_vectors(shape: tuple[int, int]) ->
     rng = np.random.default_rng(1)
     A = rng.standard_normal(shape) * 10.0 ** np.linspace(-9, 9, n)
     A[:, n // 2] = 0.0 if n > 1 else 1.0
-    here = Jacobian(np.zeros(m), A)
-    s, Vt = here.svd
+    here = Linearization(np.zeros(m), A)
+    s, Vt = here.spectrum.s, here.spectrum.Vt
     assert s.shape == (min(m, n),)
     np.testing.assert_allclose(Vt @ Vt.T, np.eye(n), atol=1e-13)
-    assert here.rank == min(m, n - (n > 1))
+    assert here.rank == here.spectrum.rank == min(m, n - (n > 1))
 
 
 @pytest.mark.parametrize("long", [1e8, 1e10, 1e12])
@@ -75,9 +76,9 @@ def test_what_long_columns_leave_unseen_is_not_blamed_on_a_short_one(
     """The rounding errors of dependent long columns are larger than a short one that is seen."""
     a, b, d = np.random.default_rng(seed).standard_normal((3, M))
     J = np.column_stack([a * long, b * long, (a + b) * long / 1.7, d * short])
-    here = Jacobian(np.zeros(M), J)
-    assert here.rank == 3
-    unseen = here.svd[1][-1]
+    here = Linearization(np.zeros(M), J)
+    assert here.rank == here.spectrum.rank == 3
+    unseen = here.spectrum.Vt[-1]
     assert unseen[3] == 0
     assert np.linalg.norm(J @ unseen) < 1e-13 * long
 

@@ -6,7 +6,7 @@ without looking, above all finite numbers of the shapes that belong together.
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -15,11 +15,13 @@ from typing import Any
 
 import casadi as cs
 import numpy as np
-from scipy.sparse import issparse
+from scipy.sparse import csr_array, issparse
 
 from tests.bodies.random_bodies import decorated, entries
 from workbench import Block, Problem, Residual, load_body, save_body, solve
 from workbench.bodies.catalogue import embedded_body
+from workbench.bodies.skinned import Landmarks
+from workbench.bodies.triangles import TriangleBody, blend_scape
 from workbench.comparison.log import KINDS, ROW, Seen
 from workbench.comparison.record import Ending, Record
 from workbench.comparison.store import Folder
@@ -71,6 +73,27 @@ def sound(found: object) -> None:
 
 def _npz_body(folder: Path) -> None:
     save_body(decorated(load_body("small")), folder / "body.npz")
+
+
+def _triangle_body(folder: Path) -> None:
+    rng = np.random.default_rng(6)
+    body = blend_scape(load_body("small"))
+    marks = Landmarks(("nose", "chin"), csr_array(np.eye(2, body.n_vertices)))
+    given = {
+        "posedirs": rng.normal(0, 0.1, body.posedirs.shape), "landmarks": {"face": marks},
+        "card": {"source": "made up", "numbers": [1, 0.1]}, "extras": {"limits": np.ones(3)},
+    }  # fmt: skip
+    save_body(replace(body, **given), folder / "triangles.npz")
+
+
+def _read_triangle_body(folder: Path) -> object:
+    body = load_body(folder / "triangles.npz")
+    sound([body.weights, body.J_regressor, *(m.regressor for m in body.landmarks.values())])
+    assert isinstance(body, TriangleBody), "a body of another kind"
+    assert body.faces.min() >= 0
+    assert body.faces.max() < body.n_vertices
+    sound([body.template, body.shapedirs, body.posedirs])
+    return [array for array in body.extras.values() if array.dtype.kind != "f"]
 
 
 def _raw_npz_body(folder: Path) -> None:
@@ -245,6 +268,25 @@ def _mesh(suffix: str) -> Format:
     return Format(make, lambda folder: vars(read_mesh(folder / f"mesh{suffix}")))
 
 
+def _polygons(folder: Path) -> None:
+    """Triangles and quads in both orders of bytes, and a flag for each."""
+    V = load_body("small").template[:30].astype(np.float32)
+    for order, kind in (("<", "binary_little_endian"), (">", "binary_big_endian")):
+        head = f"ply\nformat {kind} 1.0\nelement vertex {len(V)}\nproperty float x\n"
+        head += "property float y\nproperty float z\nelement face 20\nproperty uchar flag\n"
+        head += "property list uchar int vertex_indices\nend_header\n"
+        faces = b""
+        for i in range(20):
+            corners = np.arange(i, i + 3 + i % 2).astype(f"{order}i4")
+            faces += bytes([i, len(corners)]) + corners.tobytes()
+        content = head.encode() + V.astype(f"{order}f4").tobytes() + faces
+        (folder / f"{kind}.ply").write_bytes(content)
+
+
+def _read_polygons(folder: Path) -> object:
+    return [vars(read_mesh(path)) for path in sorted(folder.glob("*.ply"))]
+
+
 def _people(folder: Path) -> None:
     rng = np.random.default_rng(4)
     flat = np.column_stack([rng.uniform(100, 900, (25, 2)), rng.uniform(0.2, 1, 25)]).ravel()
@@ -302,6 +344,7 @@ def _cameras(name: str) -> Callable[[Path], object]:
 
 FORMATS: dict[str, Format] = {
     "body.npz": Format(_npz_body, _body("body.npz")),
+    "triangles.npz": Format(_triangle_body, _read_triangle_body),
     "SMPL.npz": Format(_raw_npz_body, _body("SMPL.npz")),
     "SMPL.pkl": Format(_pkl_body, _body("SMPL.pkl"), *OF_PICKLES),
     "embedded.npz": Format(_embedded, _read_embedded),
@@ -313,6 +356,7 @@ FORMATS: dict[str, Format] = {
     "draws.h5": Format(_draws, _read_draws),
     "mesh.obj": _mesh(".obj"),
     "mesh.ply": _mesh(".ply"),
+    "polygons.ply": Format(_polygons, _read_polygons),
     "mesh.off": _mesh(".off"),
     "mesh.stl": _mesh(".stl"),
     "mesh.glb": _mesh(".glb"),

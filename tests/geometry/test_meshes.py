@@ -1,5 +1,6 @@
 """Mesh files: what is written is read, in its order."""
 
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -89,6 +90,62 @@ def test_points_pass_only_where_they_are_asked_for(tmp_path: Path, suffix: str) 
     cloud = read_mesh(path, points_alone=True)
     np.testing.assert_array_equal(cloud.vertices, VERTICES)
     assert cloud.faces.shape == (0, 3)
+
+
+POLYGONS = [[0, 1, 2], [0, 2, 3, 4], [1, 2, 5], [7, 6, 5, 4, 3], [2, 3, 6, 7]]
+CUT = [[0, 1, 2], [0, 2, 3], [0, 3, 4], [1, 2, 5], [7, 6, 5], [7, 5, 4], [7, 4, 3], [2, 3, 6],
+       [2, 6, 7]]  # fmt: skip
+
+
+def polygons_ply(order: str, polygons: list[list[int]], *, texture: bool = False) -> bytes:
+    """A .ply of polygons; with texture, each has a flag before and coordinates behind its corners.
+
+    Also a normal list of its own length, which nothing reads, before the corners.
+    """
+    kind = {"<": "binary_little_endian", ">": "binary_big_endian", "=": "ascii"}[order]
+    head = f"ply\nformat {kind} 1.0\nelement vertex 8\nproperty double x\nproperty double y\n"
+    head += f"property double z\nelement face {len(polygons)}\n"
+    head += "property uchar flag\nproperty list ushort short odd\n" if texture else ""
+    head += "property list uchar int vertex_indices\n"
+    head += "property list uchar float texcoord\n" if texture else ""
+    rows: list[list[tuple[str, float]]] = [[("d", x) for x in v] for v in VERTICES]
+    for i, polygon in enumerate(polygons):
+        row: list[tuple[str, float]] = [("B", i), ("H", i % 3), *(("h", -i) for _ in range(i % 3))]
+        corners = [("B", len(polygon)), *(("i", c) for c in polygon)]
+        behind = [("B", 2 * len(polygon)), *(("f", 0.5) for _ in range(2 * len(polygon)))]
+        rows.append([*row, *corners, *behind] if texture else corners)
+    head += "end_header\n"
+    if order == "=":
+        return (
+            head + "\n".join(" ".join(f"{float(x)!r}" for _, x in row) for row in rows)
+        ).encode()
+    return head.encode() + b"".join(struct.pack(order + c, x) for row in rows for c, x in row)
+
+
+@pytest.mark.parametrize("texture", [False, True])
+@pytest.mark.parametrize("order", ["<", ">", "="])
+def test_polygons_of_different_sizes_are_cut_into_triangles(
+    tmp_path: Path, order: str, texture: bool
+) -> None:
+    path = tmp_path / "polygons.ply"
+    path.write_bytes(polygons_ply(order, POLYGONS, texture=texture))
+    mesh = read_mesh(path)
+    np.testing.assert_array_equal(mesh.vertices, VERTICES)
+    assert mesh.faces.tolist() == CUT
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_binary_polygons_are_those_of_the_text(tmp_path: Path, order: str) -> None:
+    """Also where the first thousand are alike, and where all are."""
+    rng = np.random.default_rng(0)
+    for sizes in (np.full(1200, 4), rng.integers(3, 9, 1200), np.r_[np.full(1199, 3), 5]):
+        polygons = [rng.permutation(8)[:n].tolist() for n in sizes]
+        found = []
+        for kind in (order, "="):
+            (tmp_path / "mesh.ply").write_bytes(polygons_ply(kind, polygons))
+            found.append(read_mesh(tmp_path / "mesh.ply"))
+        np.testing.assert_array_equal(found[0].faces, found[1].faces)
+        assert len(found[0].faces) == np.sum(sizes - 2)
 
 
 def test_a_scanner_s_point_cloud(tmp_path: Path) -> None:

@@ -483,7 +483,7 @@ BODIES_SPOILED: dict[str, tuple[dict[str, object], str]] = {
     "a card that is a list": ({"card": np.array("[1]")}, "card is a list"),
     "a card of brackets": ({"card": np.array("[" * 100_000)}, "card is no JSON"),
     "a card that is cut off": ({"card": np.array('{"name": ')}, "card is no JSON"),
-    "another way of skinning": ({"bs_style": np.array("x" * 10**6)}, "there is lbs alone"),
+    "another way of skinning": ({"bs_style": np.array("x" * 10**6)}, "there is lbs, of SMPL"),
 }  # fmt: skip
 
 

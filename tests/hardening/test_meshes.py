@@ -81,7 +81,8 @@ def claims(vertices: int, faces: int = 0) -> str:
 
 
 TRIANGLE = b"0 0 0\n1 0 0\n0 1 0\n"
-LITTLE = "binary_little_endian"
+FACE = b"\3" + bytes(12)
+LITTLE, BIG = "binary_little_endian", "binary_big_endian"
 MANY = 3_000_000_000
 HOSTILE: dict[str, tuple[Callable[[], bytes], str]] = {
     # .glb
@@ -270,9 +271,63 @@ HOSTILE: dict[str, tuple[Callable[[], bytes], str]] = {
     ),
     "words.ply": (lambda: ply(claims(3), b"zero zero zero\n"), "it holds what is no number"),
     "bytes as text.ply": (lambda: ply(claims(3), b"\xff\xfe" * 50), "it holds what is no number"),
-    "lists of different lengths.ply": (
-        lambda: ply(claims(3, 2), bytes(36) + b"\3" + bytes(12) + b"\4" + bytes(16), LITTLE),
-        "it holds lists of different lengths; save it as ascii",
+    "a polygon that is cut off.ply": (
+        lambda: ply(claims(3, 2), bytes(36) + FACE + b"\4" + bytes(15), LITTLE),
+        "a list in row 1 has 4 entries",
+    ),
+    "a polygon that is not there.ply": (
+        lambda: ply(claims(3, 3), bytes(36) + FACE + b"\4" + bytes(16), LITTLE),
+        "'face' 2 is cut off",
+    ),
+    "a later list of 4 billion.ply": (
+        lambda: ply(
+            claims(3, 2).replace("uchar", "uint"),
+            bytes(36) + b"\3\0\0\0" + bytes(12) + b"\xff" * 4 + bytes(16), LITTLE,
+        ),
+        "a list in row 1 has 4,294,967,295 entries",
+    ),
+    "a later list shorter than none.ply": (
+        lambda: ply(
+            claims(3, 2).replace("uchar", "int"),
+            bytes(36) + b"\0\0\0\3" + bytes(12) + b"\xff" * 4 + bytes(16), BIG,
+        ),
+        "a list in row 1 has -1 entries",
+    ),
+    "a first list of no number.ply": (
+        lambda: ply(
+            claims(3, 1).replace("uchar", "float"), bytes(36) + b"\xff" * 4 + bytes(12), LITTLE
+        ),
+        "a list of nan numbers is cut off",
+    ),
+    "an endless first list.ply": (
+        lambda: ply(
+            claims(3, 1).replace("uchar", "float"), bytes(36) + b"\x7f\x80\0\0" + bytes(12), BIG
+        ),
+        "a list of inf numbers is cut off",
+    ),
+    "a later list of no number.ply": (
+        lambda: ply(
+            claims(3, 2).replace("uchar", "float"),
+            bytes(36) + b"\0\0\x40\x40" + bytes(12) + b"\xff" * 4 + bytes(16), LITTLE,
+        ),
+        "a list in row 1 has nan entries",
+    ),
+    "polygons of nothing.ply": (
+        lambda: ply(claims(3, 500_001), bytes(36) + FACE + bytes(500_000), LITTLE),
+        "a list in row 1 has 0 entries",
+    ),
+    "a million lists that nobody reads.ply": (
+        lambda: ply(
+            "element strip 1000001\nproperty list uchar int places\n" + claims(3),
+            b"\1" + bytes(4) + bytes(1_000_000), LITTLE,
+        ),
+        "says that it holds 3 times 'vertex', but is",
+    ),
+    "a polygon far away.ply": (
+        lambda: ply(
+            claims(3, 2), bytes(36) + FACE + b"\4" + bytes(12) + b"\xff\xff\xff\x7f", LITTLE
+        ),
+        "2147483647",
     ),
     "no z.ply": (
         lambda: ply(claims(3).replace("property float z", "property float w"), TRIANGLE),

@@ -75,7 +75,7 @@ def test_the_facts_are_the_bodys() -> None:
     table = joints(body)
     assert [j.parent for j in table] == ["–", *(f"joint{p}" for p in body.parents[1:])]
     np.testing.assert_allclose([j.rest for j in table], body.joints())
-    assert [j.vertices for j in table] == np.count_nonzero(body.weights, axis=0).tolist()
+    assert [j.moved for j in table] == np.count_nonzero(body.weights, axis=0).tolist()
     assert [j.regressor for j in table] == [4] * 5
 
 

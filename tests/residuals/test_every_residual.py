@@ -10,7 +10,7 @@ import pytest
 from tests.bodies_made_up import random_body
 from tests.differences import assert_hessian, assert_jacobian
 from workbench import Block, Camera, Problem, Residual, Values, residuals
-from workbench.residuals import Kernel, geman_mcclure, huber, quadratic
+from workbench.residuals import Kernel, geman_mcclure, huber, of_norms, quadratic
 
 BODY = random_body(n_vertices=6, n_joints=3, n_betas=2)
 POSE, BETAS, TRANS = BODY.blocks()
@@ -107,7 +107,9 @@ CASES: list[Callable[[], Case]] = [
     vertices, edges, stitching, landmarks, keypoints,
     gaussian_scalar, gaussian_vector, gaussian_matrix,
 ]  # fmt: skip
+POINTS = [vertices, edges, stitching, landmarks, keypoints]
 EACH_CASE = pytest.mark.parametrize("build", CASES, ids=lambda build: build.__name__)
+EACH_OF_POINTS = pytest.mark.parametrize("build", POINTS, ids=lambda build: build.__name__)
 EACH_KERNEL = pytest.mark.parametrize("kernel", KERNELS.values(), ids=list(KERNELS))
 
 
@@ -126,6 +128,21 @@ def test_derivatives_are_those_of_differences(build: Callable[[], Case], kernel:
     for x in (problem.free.pack(case.null), near(case, problem, 0), near(case, problem, 1)):
         assert_jacobian(problem, x, np.zeros(0), 1e-8)
         assert_hessian(problem, x, np.zeros(0), 1e-8)
+
+
+@EACH_OF_POINTS
+@EACH_KERNEL
+def test_kernels_of_norms_have_the_derivatives_of_differences(
+    build: Callable[[], Case], kernel: Kernel
+) -> None:
+    """Also at the null point, where a row |p - q| would have none."""
+    case = build()
+    problem = case.problem(of_norms(kernel))
+    for x in (problem.free.pack(case.null), near(case, problem, 0), near(case, problem, 1)):
+        assert_jacobian(problem, x, np.zeros(0), 1e-8)
+        assert_hessian(problem, x, np.zeros(0), 1e-8)
+    assert problem.rows.keys() == case.problem(kernel).rows.keys()
+    np.testing.assert_allclose(problem.linearize(case.null).residual, 0, atol=1e-13)  # as below
 
 
 @EACH_CASE

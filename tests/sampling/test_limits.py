@@ -7,7 +7,7 @@ import scipy.stats
 
 import workbench as wb
 from tests.sampling.densities import conditioned, gaussian
-from workbench.sampling import conditional, laplace, sample
+from workbench.sampling import conditional, directions, following, laplace, sample
 
 UNLIKELY = 1e-3  # of a test of draws that are right, the seeds being fixed
 
@@ -154,3 +154,145 @@ def test_a_start_beyond_a_limit_is_said_by_name() -> None:
         sample(ring(), {"y": [0.3, 0.3]}, steps=100)
     with pytest.raises(wb.WorkbenchError, match="x is -1, outside its bounds of 0 to inf"):
         sample(pulled(1.0), {"x": -1.0}, steps=100)
+
+
+# Bounds on numbers that move with what is drawn without being drawn themselves.
+
+
+def orthant(C: np.ndarray) -> wb.Problem:
+    """N(-1/2, C) of three, of which no number is below zero."""
+    x, L = wb.Block("x", (3,)), np.linalg.inv(np.linalg.cholesky(C))
+    terms = [
+        wb.Residual("data", cs.DM(L * 0.8) @ (x.symbol + 0.5), 1.0),
+        wb.Residual("prior", cs.DM(L * 0.6) @ (x.symbol + 0.5), 1.0),
+    ]
+    return wb.Problem(terms, "x", {"x": (0.0, np.inf)}, [x])
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+@pytest.mark.parametrize("way", [sample, laplace])
+def test_directions_stay_within_bounds(way: object, count: int) -> None:
+    problem, at = orthant(conditioned(3, 5.0, seed=1)), {"x": np.full(3, 0.2)}
+    further = {"steps": 200, "walkers": 32} if way is sample else {}
+    posterior = way(problem, at, directions(count, ("prior",)), **further)  # type: ignore[operator]
+    for z in (posterior.flat, posterior.found.modes[0].z[None]):
+        # a direction moves all three; they are sums of four numbers of order one
+        assert posterior.subspace.points(z).min() >= -1e-14
+
+
+def test_laplace_of_all_directions_is_laplace_of_all_entries() -> None:
+    """The same Gaussian in the same orthant, in other coordinates: against rejection."""
+    C = conditioned(3, 5.0, seed=1)
+    problem, at = orthant(C), {"x": np.full(3, 0.2)}
+    proposed = np.random.default_rng(0).multivariate_normal(np.full(3, -0.5), C, 1_000_000)
+    right = proposed[(proposed >= 0).all(axis=1)]
+    assert len(right) > 10_000
+    for names in (None, directions(3, ("prior",))):
+        posterior = laplace(problem, at, names)
+        assert posterior.usable, posterior.verdict
+        x = posterior.subspace.points(posterior.flat)
+        for i in range(3):
+            found = [np.mean(right[:, i] <= q) for q in np.quantile(x[:, i], [0.1, 0.5, 0.9])]
+            # of 4000 draws, which are worth a third of it where flights do not forget all
+            np.testing.assert_allclose(found, [0.1, 0.5, 0.9], atol=4 * 0.5 * np.sqrt(3 / 4000))
+
+
+def test_the_ridge_of_what_is_integrated_out_stays_within_bounds() -> None:
+    """y follows x, at half its size, and may not exceed 1: so x does not exceed 2."""
+    x, y = wb.Block("x"), wb.Block("y")
+    terms = [wb.Residual("x", x.symbol - 2, 1.0), wb.Residual("y", y.symbol - x.symbol / 2, 0.01)]
+    problem = wb.Problem(terms, ("x", "y"), {"y": (-np.inf, 1.0)}, [x, y])
+    posterior = laplace(problem, {"x": 0.0, "y": 0.0}, "x", rest=conditional)
+    assert posterior.flat.max() <= 2 + 1e-9
+    truth = scipy.stats.truncnorm(-np.inf, 0, loc=2)
+    found = truth.cdf(np.quantile(posterior.flat, [0.05, 0.5, 0.95]))
+    np.testing.assert_allclose(found, [0.05, 0.5, 0.95], atol=4 * 0.5 / np.sqrt(4000))
+    # but about the ridge y may lie beyond, by a hundredth: for a few draws next to 1
+    assert posterior.importance.outside == pytest.approx(0.01 / np.sqrt(2 * np.pi) / 2, abs=0.04)
+
+
+# Equations that some numbers follow.
+
+
+def tied_gaussian() -> tuple[wb.Problem, np.ndarray, np.ndarray, np.ndarray]:
+    """N(0, C) of x (3,) and y (2,) under x0 + 2 x1 = 1 and x1 - x2 + y0 = 0.5; y1 is by itself.
+
+    With the mean and the covariance given the equations, by the formula for Gaussians.
+    """
+    C = conditioned(5, 20.0, seed=3)
+    x, y, L = wb.Block("x", (3,)), wb.Block("y", (2,)), np.linalg.inv(np.linalg.cholesky(C))
+    A, b = np.array([[1, 2, 0, 0, 0], [0, 1, -1, 1, 0]], dtype=float), np.array([1.0, 0.5])
+    both = cs.vertcat(x.symbol, y.symbol)
+    tie = wb.Constraint("tie", cs.DM(A) @ both, b, b)
+    data = wb.Residual("data", cs.DM(L) @ both, 1.0)
+    gain = C @ A.T @ np.linalg.inv(A @ C @ A.T)
+    problem = wb.Problem([data], ("x", "y"), blocks=[x, y], constraints=[tie])
+    return problem, A, gain @ b, C - gain @ A @ C
+
+
+@pytest.mark.parametrize("names", [["x[0]", "x[2]", "y[1]"], ["x[1]", "y"]])
+def test_what_follows_by_equations_is_the_gaussian_given_these(names: list[str]) -> None:
+    problem, A, mean, C = tied_gaussian()
+    posterior = laplace(problem, {"x": [1, 0, 0], "y": [0.5, 0]}, names, rest=following)
+    assert posterior.usable, posterior.verdict
+    x = posterior.subspace.points(posterior.flat)
+    np.testing.assert_allclose(x @ A.T, np.broadcast_to([1, 0.5], (len(x), 2)), atol=1e-12)
+    error = np.sqrt(np.diag(C) / len(x))  # of a mean of draws that are free of each other
+    assert (abs(x.mean(axis=0) - mean) < 4 * error).all()
+    spread = np.sqrt(np.outer(np.diag(C), np.diag(C)))
+    np.testing.assert_allclose(np.cov(x.T) / spread, C / spread, atol=4 * np.sqrt(2 / len(x)))
+    assert posterior.held.count == 0
+    assert str(posterior.held).endswith("every free number is sampled or follows by equations.")
+
+
+def test_emcee_draws_on_equations_as_laplace_does() -> None:
+    problem, A, mean, C = tied_gaussian()
+    posterior = sample(problem, {"x": [1, 0, 0], "y": [0.5, 0]}, ["x[0]", "y"], rest=following,
+                       walkers=32, steps=1500)  # fmt: skip
+    x = posterior.subspace.points(posterior.flat)
+    np.testing.assert_allclose(x @ A.T, np.broadcast_to([1, 0.5], (len(x), 2)), atol=1e-12)
+    assert posterior.usable, posterior.verdict
+    few = posterior.mixing.effective.min()
+    assert (abs(x.mean(axis=0) - mean) < 5 * np.sqrt(np.diag(C) / few)).all()
+
+
+def test_what_is_named_beside_equations_is_held_as_before() -> None:
+    problem, _, _, C = tied_gaussian()
+    posterior = laplace(problem, {"x": [1, 0, 0], "y": [0.5, 0]}, ["x[0]", "x[2]"], rest=following)
+    assert posterior.held.held == ("1 of the 2 numbers of y",)
+    assert posterior.held.count == 1
+    # with y[1] free as well the standard deviations are those of the Gaussian given the equations
+    np.testing.assert_allclose(posterior.held.marginal, np.sqrt(np.diag(C))[[0, 2]], rtol=1e-9)
+
+
+def test_bounds_hold_for_what_follows() -> None:
+    """x + y = 1 and y >= 0: x ends at 1."""
+    x, y = wb.Block("x"), wb.Block("y")
+    tie = wb.Constraint("tie", x.symbol + y.symbol, 1.0, 1.0)
+    problem = wb.Problem([wb.Residual("x", x.symbol - 1, 1.0)], ("x", "y"), {"y": (0.0, np.inf)},
+                         [x, y], [tie])  # fmt: skip
+    posterior = laplace(problem, {"x": 0.5, "y": 0.5}, "x", rest=following)
+    assert posterior.flat.max() <= 1 + 1e-9
+    found = scipy.stats.halfnorm().cdf(1 - np.quantile(posterior.flat, [0.05, 0.5, 0.95]))
+    np.testing.assert_allclose(found, [0.95, 0.5, 0.05], atol=4 * 0.5 / np.sqrt(4000))
+
+
+@pytest.mark.parametrize(
+    ("names", "text"),
+    [
+        ("x[1]", r"leave open how x\[0\], x\[2\], y\[0\] follow: of these 3 numbers they tell 2"),
+        (["x[0]", "x[1]", "y"], r"tie x\[0\], x\[1\], y\[0\], y\[1\] to each other"),
+    ],
+)
+def test_names_that_equations_leave_open_or_tie_are_refused(names: list[str], text: str) -> None:
+    problem = tied_gaussian()[0]
+    with pytest.raises(wb.WorkbenchError, match=text):
+        laplace(problem, {"x": [1, 0, 0], "y": [0.5, 0]}, names, rest=following)
+
+
+def test_equations_that_are_not_linear_are_refused_still() -> None:
+    y = wb.Block("y", (3,))
+    tie = wb.Constraint("tie", y.symbol[0] - y.symbol[1] ** 2, 0.0, 0.0)
+    problem = wb.Problem([wb.Residual("r", y.symbol, 0.5)], "y", blocks=[y], constraints=[tie])
+    with pytest.raises(wb.WorkbenchError, match="Where it is linear, name the entries"):
+        laplace(problem, {"y": np.zeros(3)}, ["y[1]", "y[2]"], rest=following)

@@ -6,6 +6,7 @@ import pytest
 
 import workbench as wb
 from tests.sampling.densities import conditioned, gaussian
+from workbench.blocks.entries import entries
 from workbench.sampling import (
     Improper,
     NotConverged,
@@ -16,7 +17,7 @@ from workbench.sampling import (
     laplace,
     sample,
 )
-from workbench.sampling.entries import entries, limbs
+from workbench.sampling.entries import limbs
 
 C, MEAN = conditioned(4, 30.0, seed=3), np.array([1.0, -2.0, 0.5, 3.0])
 TWO = ("x[1]", "x[3]")

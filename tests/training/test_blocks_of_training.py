@@ -11,6 +11,7 @@ from scipy.sparse import csr_array
 from scipy.spatial.transform import Rotation
 
 from workbench import SkinnedBody, load_body
+from workbench.bodies.kinematics import ancestors
 from workbench.errors import BadArgument
 from workbench.training.blocks import BLOCKS, Effort
 from workbench.training.conjugate_gradients import dot, solve
@@ -23,7 +24,7 @@ from workbench.training.mesh_graph import NoMirror, find_mirror, signed_volume
 from workbench.training.normal_equations import NormalEquations, within
 from workbench.training.objective import Objective
 from workbench.training.poses import OnVertices, Sitting, body_of_subjects, fitted_poses
-from workbench.training.posing import Posing, ancestors
+from workbench.training.posing import Posing
 from workbench.training.registrations import InMemory, held
 from workbench.training.rotation_centres import (
     SegmentMotions,

@@ -3,19 +3,18 @@
 from workbench.blocks.block import Block
 from workbench.blocks.layout import Layout, Values
 from workbench.blocks.points import (
-    ManyPoints,
     NumericPoints,
     Points,
     PointsAt,
     PointSource,
-    Tree,
     in_blocks,
+    jacobian,
 )
+from workbench.blocks.tree import Tree
 
 __all__ = [
     "Block",
     "Layout",
-    "ManyPoints",
     "NumericPoints",
     "PointSource",
     "Points",
@@ -23,4 +22,5 @@ __all__ = [
     "Tree",
     "Values",
     "in_blocks",
+    "jacobian",
 ]

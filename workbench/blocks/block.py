@@ -1,6 +1,6 @@
 """A block: a named array of numbers, and the CasADi symbol that stands for it."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import prod
@@ -9,7 +9,7 @@ from typing import Any
 
 import casadi as cs
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from workbench.blocks.checks import texts
 from workbench.errors import BadBlock
@@ -30,6 +30,8 @@ class Block:
     shape: tuple[int, ...] = ()
     unit: str = "1"
     labels: tuple[str, ...] | None = None
+    whole: "Block | None" = None  # of which it is a part, under the same name
+    entries: tuple[int, ...] | None = None  # of the whole's, row by row, rising
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):
@@ -42,6 +44,38 @@ class Block:
             raise BadBlock(
                 f"block {self.name!r} has {(*self.shape, 1)[0]} rows but {len(self.labels)} labels"
             )
+
+    @staticmethod
+    def part(whole: "Block", entries: Iterable[int]) -> "Block":
+        """Some entries of a block, as a block that has the same name for each of them.
+
+        Rows that are taken as a whole stay rows, (k, 3); other entries are (k,).
+        """
+        chosen = np.array(sorted(set(entries)), dtype=np.int64)
+        wide = whole.shape[-1] if len(whole.shape) == 2 else 1
+        rows = np.unique(chosen // max(wide, 1))
+        shape: tuple[int, ...] = (len(chosen),)
+        if wide > 1 and len(chosen) == wide * len(rows):
+            shape = len(rows), wide
+            names = [whole.labels[row] if whole.labels else str(row) for row in rows]
+        else:
+            names = [whole.entry(int(i))[1:-1] for i in chosen]
+        return Block(whole.name, shape, whole.unit, tuple(names), whole, tuple(chosen.tolist()))
+
+    @property
+    def base(self) -> "Block":
+        """The block that this is a part of, or itself."""
+        return self if self.whole is None else self.whole
+
+    @property
+    def places(self) -> Sequence[int]:
+        """Where its numbers stand among those of the `base`."""
+        return range(self.size) if self.entries is None else self.entries
+
+    def taken(self, value: ArrayLike) -> NDArray[np.float64]:
+        """Its numbers, of its own shape, out of a value of the `base`."""
+        flat = np.asarray(value, dtype=float).reshape(-1)
+        return (flat if self.entries is None else flat[list(self.entries)]).reshape(self.shape)
 
     @property
     def size(self) -> int:
@@ -57,7 +91,13 @@ class Block:
 
     @cached_property
     def symbol(self) -> cs.MX:
-        """The symbol of this block, made once; two blocks never share one."""
+        """The symbol of this block, made once; two blocks never share one.
+
+        That of a part are the entries of the symbol of the whole.
+        """
+        if self.whole is not None:
+            entries = cs.vec(self.whole.symbol)[list(self.places)]
+            return cs.reshape(entries, *self.symbol_shape)
         return cs.MX.sym(self.name, *self.symbol_shape)
 
     def entry(self, index: int) -> str:
@@ -81,11 +121,11 @@ class Block:
         return {name: value for name, value in self.__dict__.items() if name != "symbol"}
 
     @staticmethod
-    def of(symbol: cs.MX) -> "Block":
-        """The block that a bare symbol stands for, as far as a symbol tells: no unit, no labels."""
+    def of(symbol: cs.MX, unit: str = "1", labels: tuple[str, ...] | None = None) -> "Block":
+        """The block that a bare symbol stands for; a symbol alone tells no unit and no labels."""
         rows, columns = symbol.shape
         shape = (rows,) if columns == 1 else (columns, rows)
-        block = Block(symbol.name(), () if shape == (1,) else shape)
+        block = Block(symbol.name(), () if shape == (1,) else shape, unit, labels)
         block.__dict__["symbol"] = symbol
         return block
 

@@ -19,7 +19,11 @@ Values = dict[str, NDArray[np.float64]]
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Blocks side by side in one vector, each row by row: (N, 3) is x0 y0 z0 x1 y1 z1 ..."""
+    """Blocks side by side in one vector, each row by row: (N, 3) is x0 y0 z0 x1 y1 z1 ...
+
+    Of a block of which only some entries stand in the vector, `blocks` has the part (`Block.part`).
+    Values are always those of whole blocks.
+    """
 
     blocks: tuple[Block, ...]
 
@@ -66,19 +70,68 @@ class Layout:
             if block.name not in values:
                 raise MissingValue(block.name, block.shape, values)
             value = reals(f"block {block.name!r}", values[block.name])
+            part, block = block, block.base
             # a bare symbol cannot tell (3,) from (1, 3) or () from (1,): the same numbers
             if [n for n in value.shape if n != 1] != [n for n in block.shape if n != 1]:
                 raise ShapeMismatch(block.name, expected=block.shape, got=value.shape)
             if not np.isfinite(value).all():
                 bad = ~np.isfinite(value.ravel())
                 raise NonFiniteValue(block.name, block.where(bad), float(value.ravel()[bad][0]))
-            flat[self.slices[block.name]] = value.ravel()
+            taken = value if part.entries is None else part.taken(value)
+            flat[self.slices[block.name]] = taken.ravel()
         return flat
 
-    def unpack(self, flat: NDArray[np.float64]) -> Values:
-        """Undo `pack`; the arrays are parts of one copy."""
-        own = np.array(flat, dtype=float)
-        return {b.name: own[self.slices[b.name]].reshape(b.shape) for b in self.blocks}
+    def unpack(
+        self, flat: NDArray[np.float64], around: Mapping[str, ArrayLike] | None = None
+    ) -> Values:
+        """Undo `pack`; the arrays are parts of one copy.
+
+        The other entries of a block that stands here in part are those `around`, where the whole
+        block has a value. Raises MissingValue if it has none.
+        """
+        own, found = np.array(flat, dtype=float), {}
+        for block in self.blocks:
+            numbers = own[self.slices[block.name]]
+            if block.whole is None:
+                found[block.name] = numbers.reshape(block.shape)
+                continue
+            if around is None or block.name not in around:
+                raise MissingValue(block.name, block.whole.shape, around or ())
+            value = np.array(around[block.name], dtype=float).reshape(block.whole.shape)
+            value.reshape(-1)[list(block.places)] = numbers
+            found[block.name] = value
+        return found
+
+    def placed(self, flat: NDArray[np.float64]) -> Values:
+        """The numbers in arrays of whole blocks, zero where entries are not in the vector."""
+        return self.unpack(flat, {b.name: np.zeros(b.base.shape) for b in self.parts})
+
+    @cached_property
+    def parts(self) -> tuple[Block, ...]:
+        """The blocks of which only some entries stand here."""
+        return tuple(block for block in self.blocks if block.whole is not None)
+
+    def spelled(self, without: Iterable[str] = ()) -> tuple[str, ...]:
+        """The names that mean these numbers and no others, but for those of the blocks `without`.
+
+        A block by its name, a part of one by the names of its rows or entries.
+        """
+        left = set(without)
+        return tuple(
+            name for block in self.blocks if block.name not in left for name in _names(block)
+        )
+
+    def chosen(self, places: Iterable[int]) -> "Layout":
+        """A layout of the numbers in some places only, in the order of the blocks."""
+        taken: dict[str, list[int]] = {}
+        for place in places:
+            block, i = self.block_of(int(place))
+            taken.setdefault(block.name, []).append(block.places[i])
+        return Layout(tuple(
+            b.base if len(set(taken[b.name])) == b.base.size else Block.part(b.base, taken[b.name])
+            for b in self.blocks
+            if b.name in taken
+        ))  # fmt: skip
 
     def pieces(self, flat: cs.MX) -> list[cs.MX]:
         """A symbolic vector (size, 1) cut into one matrix per block, axes reversed."""
@@ -94,6 +147,21 @@ class Layout:
         which = int(np.searchsorted(self._edges, index, side="right")) - 1
         return self.blocks[which], index - int(self._edges[which])
 
+    def place(self, name: str, entry: int) -> int | None:
+        """Where an entry of a block stands in the vector; None if it does not."""
+        at = self.slices.get(name)
+        if at is None:
+            return None
+        here = self._of_parts.get(name)
+        return at.start + entry if here is None else here.get(entry)
+
+    @cached_property
+    def _of_parts(self) -> dict[str, dict[int, int]]:
+        return {
+            b.name: {entry: self.slices[b.name].start + i for i, entry in enumerate(b.places)}
+            for b in self.parts
+        }
+
     def label(self, index: int) -> str:
         """The name of one entry of the vector: `pose[right_ankle, z]`."""
         block, entry = self.block_of(index)
@@ -106,3 +174,22 @@ class Layout:
     def only(self, names: Iterable[str]) -> "Layout":
         """A layout of the named blocks, in the order of the names."""
         return Layout(tuple(self[name] for name in names))
+
+
+def all_values(
+    free: Layout, x: NDArray[np.float64], fixed: Layout, given: NDArray[np.float64]
+) -> Values:
+    """The values of all blocks, from their free and fixed numbers x and `given`.
+
+    A block that is free in part stands in both layouts, in the fixed one as a whole.
+    """
+    around = fixed.unpack(given)
+    return around | free.unpack(x, around)
+
+
+def _names(block: Block) -> list[str]:
+    if block.whole is None:
+        return [block.name]
+    if len(block.shape) == 2 and block.labels is not None:
+        return [f"{block.name}[{label}]" for label in block.labels]
+    return [block.name + block.entry(i) for i in range(block.size)]

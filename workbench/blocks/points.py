@@ -1,6 +1,6 @@
 """Points on a body as residuals see them: a placeholder, and where it comes from."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -8,29 +8,13 @@ import casadi as cs
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.blocks.backwards import written_out
 from workbench.blocks.block import Block
+from workbench.blocks.tree import Tree
+from workbench.errors import BadResidual, NotSupported, TwoSymbolsOneName
 
 Array = NDArray[np.float64]
 PLACEHOLDER = "placeholder("  # how the names of placeholders begin, for whoever prints a graph
-
-
-@dataclass(frozen=True)
-class Tree:
-    """The kinematic tree behind a `pose` block, for whoever wants to name motions.
-
-    `pose` is the block's name, `parents[k] < k` the parent of joint k, -1 for the root.
-    """
-
-    pose: str
-    names: tuple[str, ...]
-    parents: tuple[int, ...]
-
-    def children(self, joint: int) -> tuple[int, ...]:
-        """The joints whose parent is `joint`."""
-        return tuple(k for k, parent in enumerate(self.parents) if parent == joint)
-
-
-ManyPoints = Callable[[Mapping[str, Array]], Array]  # (M, *shape) by block -> (M, N, 3) m
 
 
 class PointsAt(Protocol):
@@ -60,11 +44,16 @@ class NumericPoints(Protocol):
     def at(self, values: Mapping[str, Array]) -> PointsAt:
         """The points where the blocks that are read have these values."""
 
+    def many(self, values: Mapping[str, Array]) -> Array:
+        """(M, N, 3) m for M values of each block that is read, (M, *shape)."""
+
 
 class PointSource(Protocol):
-    """Where points come from: an expression in the symbols of some blocks.
+    """Where points come from: an expression in the symbols of some blocks, arithmetic, or both.
 
-    The expression may be large and is asked for last: all else is known without it.
+    Arithmetic makes numbers faster than the expression, and is all that there is for points that
+    no graph can say, such as those on triangles that are chosen anew at every step. The expression
+    may be large and is asked for last: all else is known without it.
     """
 
     @property
@@ -72,16 +61,12 @@ class PointSource(Protocol):
         """N, the number of points."""
 
     @property
-    def expression(self) -> cs.MX:
-        """The points, (3, N) in metres, in terms of the blocks' symbols."""
-
-    @property
-    def lean(self) -> cs.MX:
-        """The same in as few operations as it takes to evaluate; the expression, as a rule."""
+    def expression(self) -> cs.MX | None:
+        """The points, (3, N) in metres, in the blocks' symbols; None if there is no graph."""
 
     @property
     def blocks(self) -> tuple[Block, ...]:
-        """The blocks that the expression reads."""
+        """The blocks that the points depend on."""
 
     @property
     def tree(self) -> Tree | None:
@@ -92,12 +77,8 @@ class PointSource(Protocol):
         """A name for each point, where they have names."""
 
     @property
-    def many(self) -> ManyPoints | None:
-        """The same points for many values at once, if the source has more than its graph."""
-
-    @property
     def numeric(self) -> NumericPoints | None:
-        """The same points by arithmetic, if the source knows its structure; None otherwise."""
+        """The points by arithmetic, if the source knows their structure; None otherwise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +87,7 @@ class Points:
 
     A residual never knows a body. The problem puts the source's expression in place of
     the symbol when it wants the whole graph. An expression in the symbol does not depend on the
-    blocks behind the source as far as CasADi knows: `in_blocks` writes it in terms of these.
+    blocks behind the source as far as CasADi knows: `graph` says the points in terms of these.
     """
 
     symbol: cs.MX
@@ -127,27 +108,66 @@ class Points:
         """A name for each point, where they have names."""
         return self.source.labels
 
+    def graph(self) -> cs.MX:
+        """The points in the symbols of the blocks behind them, (3, N) m; see `in_blocks`."""
+        return in_blocks(self.symbol, (self,))
 
-def in_full(source: PointSource) -> cs.MX:
-    """What a source says of its points, to be derived."""
-    return source.expression
 
-
-def in_blocks(
-    expression: cs.MX, points: Iterable[Points], said: Callable[[PointSource], cs.MX] = in_full
-) -> cs.MX:
+def in_blocks(expression: cs.MX, points: Iterable[Points]) -> cs.MX:
     """An expression with these placeholders replaced by what their sources say.
 
-    The result depends on the symbols of blocks alone, and casadi.jacobian by them sees it. Take
-    its Jacobian forwards, as `Problem.derivative` does: casadi.jacobian(expression, symbol,
-    {"helper_options": {"ad_weight": 0}}); backwards CasADi 3.8 loses entries.
+    The result depends on the symbols of blocks alone, so that casadi.jacobian by them, its
+    sparsity, casadi.Function and C code are what they should be. See `written_out` for what is
+    done to have Jacobians right in both directions.
+
+    Raises NotSupported for points that only arithmetic has.
     """
     listed = tuple(points)
     if not listed:
-        return expression
-    return cs.graph_substitute(
-        expression, [p.symbol for p in listed], [said(p.source) for p in listed]
+        return written_out(expression)
+    replaced = cs.graph_substitute(
+        expression, [p.symbol for p in listed], [_said(p) for p in listed]
     )
+    return written_out(replaced)
+
+
+def jacobian(expression: cs.MX, by: cs.MX | Block) -> cs.MX:
+    """The derivative of a column (m, 1) by a block or its symbol, (m, n), in symbols.
+
+    That of casadi.jacobian, which is zero without a word where points of a body are meant but a
+    placeholder stands for them: here that is refused. Raises BadResidual for such an expression
+    and for what is no expression, and TwoSymbolsOneName if the expression reads another symbol that
+    has the same name.
+    """
+    if not isinstance(expression, cs.MX):
+        hint = "; take its graph()" if hasattr(expression, "graph") else ""
+        raise BadResidual(
+            "the derivative is that of a CasADi expression (MX), not of something of type "
+            f"{type(expression).__name__}{hint}"
+        )
+    for name in unlisted(expression, ()):
+        raise BadResidual(
+            f"the expression reads {name}, a symbol that stands for points of a body, so that its "
+            "derivative by a block would be zero; take graph() of the points, the residual or the "
+            "problem instead"
+        )
+    symbol = by.symbol if isinstance(by, Block) else by
+    read = {s.__hash__(): s.name() for s in cs.symvar(expression)}
+    for other in cs.symvar(symbol):
+        if other.__hash__() not in read and other.name() in read.values():
+            raise TwoSymbolsOneName(other.name())
+    return cs.jacobian(written_out(expression), symbol)
+
+
+def _said(points: Points) -> cs.MX:
+    found = points.source.expression
+    if found is None:
+        raise NotSupported(
+            f"there is no graph of {points.symbol.name()}, whose points come from arithmetic "
+            "alone; residuals, linearizations and gradients go by the chain rule and need none: "
+            "take a solver that asks for these, such as LevenbergMarquardt"
+        )
+    return found
 
 
 def unlisted(expression: cs.MX, points: Iterable[Points]) -> tuple[str, ...]:

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Protocol
+from collections.abc import Callable, Mapping
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.bodies.arrays import SkinnedArrays, Vertices
 from workbench.bodies.compiled import CompiledArithmetic
 from workbench.bodies.kernels import kernels
 from workbench.bodies.motion import Motion, Slopes
-from workbench.bodies.numeric import ChunkedArithmetic, chunks_of
-
-if TYPE_CHECKING:
-    from workbench.bodies.skinned import SkinnedBody
-    from workbench.bodies.surface import Vertices
+from workbench.bodies.numeric import Chunk, ChunkedArithmetic, chunks_of
+from workbench.bodies.rows import Target
 
 Array = NDArray[np.float64]
 WORTH_COMPILING = 1000  # vertices: with fewer NumPy needs at most two milliseconds
@@ -31,7 +29,7 @@ class Surface(Protocol):
     def points(self) -> Array:
         """The posed points (N, 3) in metres, before translation."""
 
-    def tangent(self, slopes: Slopes, into: Mapping[str, Array], scale: Array | None) -> None:
+    def tangent(self, slopes: Slopes, into: Mapping[str, Target], scale: Array | None) -> None:
         """Write into `pose` (3 K, 3 N), `betas` and `trans`, each column times scale (3 N,)."""
 
     def adjoint(self, pull: Array) -> tuple[Array, Array, Array]:
@@ -45,13 +43,18 @@ class Arithmetic(Protocol):
         """Moved like this, and shaped by betas (B,)."""
 
 
-def arithmetic_of(body: SkinnedBody, vertices: Vertices) -> Arithmetic:
-    """For all of a body's vertices or some; compiles the first time that it pays."""
+def arithmetic_of(
+    body: SkinnedArrays, vertices: Vertices, chunks: Callable[[], list[Chunk]] | None = None
+) -> Arithmetic:
+    """For all of a body's vertices or some; compiles the first time that it pays.
+
+    `chunks` gives these vertices packed for NumPy, if somebody has them already.
+    """
     chosen = vertices if isinstance(vertices, slice) else list(vertices)
     count = body.n_vertices if isinstance(chosen, slice) else len(chosen)
     if count >= WORTH_COMPILING:
         library, _ = kernels(body.parents, body.n_betas)
         if library is not None:
             return CompiledArithmetic.of(library, body, chosen)
-    chunks = body.chunks if isinstance(chosen, slice) else chunks_of(body, chosen)
-    return ChunkedArithmetic(chunks, body.parents)
+    packed = chunks_of(body, chosen) if chunks is None else chunks()
+    return ChunkedArithmetic(packed, body.parents)

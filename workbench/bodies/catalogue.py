@@ -3,19 +3,24 @@
 from importlib.resources import as_file, files
 from os import PathLike
 from pathlib import Path
+from typing import Literal, get_args, overload
 
 from workbench.bodies.embedded import read_embedded
+from workbench.bodies.landmarks import Landmarks
 from workbench.bodies.npz_files import read_npz
 from workbench.bodies.owned import given_up
 from workbench.bodies.pickled_arrays import read_pickled_arrays
-from workbench.bodies.skinned import Landmarks, SkinnedBody
+from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.smpl_layout import body_from
-from workbench.errors import BadFile, listed
+from workbench.bodies.triangles import TriangleBody
+from workbench.bodies.triangles.layout import is_triangle_body, triangle_body_from
+from workbench.errors import BadBody, BadFile, listed
 from workbench.homes import expanded
 
-BODIES = (  # in workbench/data/bodies, each read when it is asked for; neutral unless they say
+Name = Literal[  # in workbench/data/bodies, each read when it is asked for; neutral unless they say
     "default", "default-female", "default-male", "small", "full", "full-female", "full-male",
-)  # fmt: skip
+]  # fmt: skip
+BODIES: tuple[str, ...] = get_args(Name)
 NPZ = b"PK\x03\x04"
 PICKLES = (b"\x80", b"(", b"}", b"]", b"c")  # protocol 2 and later; Python 2's own
 OTHERS = (  # how other files begin that people try
@@ -33,12 +38,17 @@ OTHERS = (  # how other files begin that people try
 )
 
 
-def load_body(name_or_path: str | Path = "default") -> SkinnedBody:
+@overload
+def load_body(name_or_path: Name = "default") -> SkinnedBody: ...
+@overload
+def load_body(name_or_path: str | Path) -> SkinnedBody | TriangleBody: ...
+def load_body(name_or_path: str | Path = "default") -> SkinnedBody | TriangleBody:
     """An embedded body by its name in `BODIES`, or the body in an .npz or .pkl file of yours.
 
-    Files are in the layout of SMPL (SMPL, SMPL-H, SMPL-X, MANO and the like, or written by
-    `save_body`); what a file is, its first bytes tell, not its name. Nothing in it is ever
-    run, changed or copied. A path called like a body is meant by `Path("small")`.
+    Files are in the layout of SMPL (SMPL, SMPL-H, SMPL-X, MANO and the like), or were written by
+    `save_body`; what a file is, its first bytes tell, not its name. One whose `bs_style` is
+    `triangles` holds a TriangleBody, all others a SkinnedBody. Nothing in it is ever run,
+    changed or copied. A path called like a body is meant by `Path("small")`.
 
     Arrays that a body does not compute with, as the hands' principal components of MANO or the
     face landmarks of SMPL-X, are the body's `extras`. Entries that cannot be kept, as objects of
@@ -71,6 +81,20 @@ def load_body(name_or_path: str | Path = "default") -> SkinnedBody:
         raise BadFile(f"cannot read {path}: {error.strerror}") from error
 
 
+def load_skinned(name_or_path: str | Path = "default") -> SkinnedBody:
+    """The same for whoever needs a chain of bones and weights per vertex.
+
+    Raises what `load_body` raises, and BadBody for the file of a TriangleBody.
+    """
+    body = load_body(name_or_path)
+    if isinstance(body, SkinnedBody):
+        return body
+    raise BadBody(
+        f"a SkinnedBody is needed here, but {str(name_or_path)!r} holds body {body.name!r}, a "
+        f"TriangleBody; the bodies are {listed(BODIES)}, or give a file of another kind"
+    )
+
+
 def embedded_body(path: Path) -> SkinnedBody:
     """A body in the form in which those of the workbench are packed. Raises BadFile."""
     arrays = read_embedded(path)
@@ -90,7 +114,7 @@ def embedded_body(path: Path) -> SkinnedBody:
     )
 
 
-def _from_file(path: Path) -> SkinnedBody:
+def _from_file(path: Path) -> SkinnedBody | TriangleBody:
     with path.open("rb") as file:
         start = file.read(32)
     if start.startswith(NPZ):
@@ -103,4 +127,5 @@ def _from_file(path: Path) -> SkinnedBody:
             what = "empty" if not start else "neither"
             raise BadFile(f"{path} is {what}; a body is an .npz or .pkl file in SMPL's layout")
         raw = read_pickled_arrays(path)
-    return body_from(raw, path.stem, str(path))
+    make = triangle_body_from if is_triangle_body(raw) else body_from
+    return make(raw, path.stem, str(path))

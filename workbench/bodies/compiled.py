@@ -10,8 +10,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.bodies.arrays import SurfaceArrays
 from workbench.bodies.motion import Motion, Slopes
-from workbench.bodies.numeric import SurfaceArrays
+from workbench.bodies.rows import Rows, Target
 from workbench.bodies.vertex import motion_column, vertex_columns
 
 Array = NDArray[np.float64]
@@ -72,23 +73,19 @@ class CompiledSurface:
         self.of.run("points", motion_column(self.motion, self.betas), _address(found))
         return found
 
-    def tangent(self, slopes: Slopes, into: Mapping[str, Array], scale: Array | None) -> None:
+    def tangent(self, slopes: Slopes, into: Mapping[str, Target], scale: Array | None) -> None:
         """Transposed, into[name] (size, 3 N), each column times scale (3 N,); and the points."""
         factor = None if scale is None else np.ascontiguousarray(scale, dtype=np.float64)
-        targets = {name: _plain(array) for name, array in into.items()}
-        where: list[int | None] = []
-        for name in BLOCKS:
-            array = targets.get(name)
-            where += [None, 0] if array is None else [_address(array), array.strides[0] // 8]
+        copied: list[tuple[Array, Array]] = []  # what the library cannot write to, and room for it
+        tables = {name: _addresses(Rows.of(target), copied) for name, target in into.items()}
         found = None if "points" in self.__dict__ else np.empty((self.of.count, 3))
         column = motion_column(self.motion, self.betas, slopes)
-        factors, room = (None if a is None else _address(a) for a in (factor, found))
-        self.of.run("tangent", column, factors, *where, room)
+        wanted = (factor, *(tables.get(name) for name in BLOCKS), found)
+        self.of.run("tangent", column, *(None if a is None else _address(a) for a in wanted))
         if found is not None:
             self.__dict__["points"] = found  # as if they had been asked for
-        for name, array in into.items():
-            if targets[name] is not array:
-                array[...] = targets[name]
+        for array, room in copied:
+            array[...] = room
 
     def adjoint(self, pull: Array) -> tuple[Array, Array, Array]:
         """The gradients of sum(pull * points), pull (N, 3), by G, the features and betas."""
@@ -101,10 +98,26 @@ class CompiledSurface:
         return on_G.reshape(K, 3, 4), on_features, on_betas
 
 
-def _plain(array: Array) -> Array:
-    """The array itself if its rows are float64 in one piece, else room for it."""
-    whole = array.strides[1] == 8 and array.strides[0] % 8 == 0 and array.dtype == np.float64
-    return array if whole and array.flags.writeable else np.empty(array.shape)
+def _addresses(rows: Rows, copied: list[tuple[Array, Array]]) -> NDArray[np.intp]:
+    """Where each row is written, (count,): 0 for one that nobody wants.
+
+    Room is made for the rows of an array that are not float64 in one piece, and told to `copied`.
+    """
+    if (one := rows.whole) is not None and _plain(one):
+        return _address(one) + one.strides[0] * np.arange(rows.count)
+    table = np.zeros(rows.count, dtype=np.intp)
+    for first, array in rows.parts:
+        room = array
+        if not _plain(array):
+            room = np.empty(array.shape)
+            copied.append((array, room))
+        table[first : first + len(array)] = _address(room) + room.strides[0] * np.arange(len(array))
+    return table
+
+
+def _plain(array: Array) -> bool:
+    """Whether the library can write its rows."""
+    return array.strides[1] == 8 and array.dtype == np.float64 and array.flags.writeable
 
 
 def _aligned(shape: tuple[int, int, int]) -> Array:
@@ -115,5 +128,5 @@ def _aligned(shape: tuple[int, int, int]) -> Array:
     return room[first : first + size].reshape(shape)
 
 
-def _address(array: Array) -> int:
+def _address(array: NDArray[np.generic]) -> int:
     return int(array.ctypes.data)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from math import prod
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,27 +11,22 @@ from scipy.sparse import csr_array
 from workbench.blocks.reals import reals
 from workbench.bodies.body import Body
 from workbench.bodies.numeric import many_points
+from workbench.bodies.packed import PackedBody
 from workbench.errors import BadBody
-
-if TYPE_CHECKING:
-    from workbench.bodies.skinned import SkinnedBody
 
 Array = NDArray[np.float64]
 
 
 def vertices(
-    body: SkinnedBody,
-    pose: ArrayLike | None,
-    betas: ArrayLike | None,
-    trans: ArrayLike | None,
+    of: PackedBody, pose: ArrayLike | None, betas: ArrayLike | None, trans: ArrayLike | None
 ) -> Array:
     """The posed surface over a broadcast batch, (..., N, 3) m."""
+    body = of.arrays
     batch, theta, beta, move = arguments(body, pose, betas, trans)
     if body.is_smpl:
-        found = many_points(body.chunks, *body.kinematics.motions(theta, beta), beta)
+        found = many_points(of.chunks, *of.kinematics.motions(theta, beta), beta)
     else:
-        graph = body.skinned_rest
-        each = [np.asarray(graph(t.T, b)).T for t, b in zip(theta, beta, strict=True)]
+        each = [np.asarray(of.skinned_rest(t.T, b)).T for t, b in zip(theta, beta, strict=True)]
         found = np.array(each).reshape(len(theta), body.n_vertices, 3)
     return (found + move[:, None]).reshape(*batch, body.n_vertices, 3)
 
@@ -45,17 +39,14 @@ def regressed(regressor: csr_array, points: Array) -> Array:
 
 
 def joints(
-    body: SkinnedBody,
-    pose: ArrayLike | None,
-    betas: ArrayLike | None,
-    trans: ArrayLike | None,
+    of: PackedBody, pose: ArrayLike | None, betas: ArrayLike | None, trans: ArrayLike | None
 ) -> Array:
     """The posed joints over a broadcast batch, (..., K, 3) m."""
-    batch, theta, beta, move = arguments(body, pose, betas, trans)
-    found = np.empty((len(theta), body.n_joints, 3))
+    batch, theta, beta, move = arguments(of.arrays, pose, betas, trans)
+    found = np.empty((len(theta), of.arrays.n_joints, 3))
     for i in range(len(theta)):
-        found[i] = body.kinematics.motion(theta[i], beta[i]).joints + move[i]
-    return found.reshape(*batch, body.n_joints, 3)
+        found[i] = of.kinematics.motion(theta[i], beta[i]).joints + move[i]
+    return found.reshape(*batch, of.arrays.n_joints, 3)
 
 
 def arguments(

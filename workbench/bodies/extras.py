@@ -6,7 +6,7 @@ body's card, under `left_out`, with the reason.
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -18,11 +18,26 @@ from workbench.bodies.owned import given_up
 from workbench.bodies.raw import Raw, Unread
 
 REQUIRED = ("v_template", "shapedirs", "posedirs", "J_regressor", "weights", "kintree_table", "f")
-OURS = ("bs_style", "name", "joint_names", "card", "bind_pose")  # beside landmarks and the mirror
+OURS = (
+    "bs_style",
+    "name",
+    "joint_names",
+    "card",
+    "bind_pose",
+    "rest_joints",
+)  # beside landmarks and the mirror
 MIRROR = "vert_sym_idxs"
 SETS = "landmarks/"  # how the keys of landmarks begin
 LANDMARKS = re.compile(f"{SETS}([^/]+)/names")
 REGRESSOR_PARTS = tuple(f"J_regressor/{part}" for part in SPARSE_PARTS)
+SKINNED = frozenset((*REQUIRED, *OURS, *REGRESSOR_PARTS))  # keys that a skinned body's file owns
+OF_TRIANGLES = (
+    "v_template", "f", "shapedirs", "posedirs", "near", "weights", "J_regressor", "kintree_table",
+    "joint_names", "card",
+)  # fmt: skip
+TRIANGLES = frozenset(
+    (*OF_TRIANGLES, *OURS, *REGRESSOR_PARTS, *(f"weights/{part}" for part in SPARSE_PARTS))
+)
 COMPUTED = {  # what SMPL's own program stores beside a model, and what it follows from
     "J": "v_template and J_regressor",
     **dict.fromkeys(("v_shaped", "v_posed", "r", "J_transformed"), "the other arrays and a pose"),
@@ -34,12 +49,12 @@ MOST_ENTRIES = 2**24  # of all sparse matrices kept as full arrays: 128 MB of fl
 Kept = dict[str, NDArray[Any]]
 
 
-def sorted_out(raw: Raw, mirrored: bool) -> tuple[Kept, list[str]]:
+def sorted_out(raw: Raw, own: Iterable[str]) -> tuple[Kept, list[str]]:
     """The entries that no body computes with: those that are kept, and a sentence on each other.
 
-    `mirrored` says whether `vert_sym_idxs` became the body's mirror; if not, it is kept as it is.
+    `own` are the keys that were read; those of sets of landmarks count as well.
     """
-    read = {*REQUIRED, *OURS, *REGRESSOR_PARTS, *((MIRROR,) if mirrored else ())}
+    read = set(own)
     for key in raw:
         if found := LANDMARKS.fullmatch(key):
             read |= {key, *(f"{SETS}{found[1]}/{part}" for part in SPARSE_PARTS)}
@@ -59,9 +74,8 @@ def sorted_out(raw: Raw, mirrored: bool) -> tuple[Kept, list[str]]:
     return kept, left_out
 
 
-def clashes(extras: Mapping[str, Any]) -> list[str]:
+def clashes(extras: Mapping[str, Any], own: Collection[str]) -> list[str]:
     """Keys that would stand for the body's own entries in a file."""
-    own = {*REQUIRED, *OURS, *REGRESSOR_PARTS}
     return sorted(key for key in extras if key in own or key.startswith(SETS))
 
 

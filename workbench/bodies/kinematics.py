@@ -3,8 +3,10 @@
 from collections.abc import Sequence
 
 import casadi as cs
+import numpy as np
+from numpy.typing import NDArray
 
-from workbench.geometry.rotation import Matrix
+from workbench.geometry.rotation import Matrix, rodrigues
 
 
 def pose_features(R: Matrix, R_bind: Matrix) -> Matrix:
@@ -30,6 +32,46 @@ def world_motions(
         R_up, t_up = world[parent]
         world.append((R_up @ local[k], R_up @ bones[k] + t_up))
     return world
+
+
+def ancestors(parents: Sequence[int]) -> NDArray[np.float64]:
+    """(K, K): one at [k, m] if joint m is on the path from the root to k, both ends included."""
+    A = np.eye(len(parents))
+    for k, parent in enumerate(parents[1:], start=1):
+        A[k] += A[parent]
+    return A
+
+
+def world_rotations(pose: Matrix, parents: Sequence[int]) -> list[Matrix]:
+    """Of each joint, (3, 3), for a pose (3, K) rad."""
+    nowhere = [type(pose).zeros(3, 1)] * len(parents)
+    return [R for R, _ in world_motions(rodrigues(pose), nowhere, parents)]
+
+
+def local_slopes(pose: cs.SX, R: cs.SX) -> list[list[cs.SX]]:
+    """dR_k/dpose[a, k], three (3, 3) for each joint, of the local rotations R (3, 3 K)."""
+    slopes = []
+    for k, R_k in enumerate(cs.horzsplit(R, 3)):
+        columns = cs.horzsplit(cs.jacobian(cs.vec(R_k), pose[:, k]), 1)
+        slopes.append([cs.reshape(column, 3, 3) for column in columns])
+    return slopes
+
+
+def turning_axes(
+    slopes: Sequence[Sequence[cs.SX]], R: cs.SX, world: Sequence[cs.SX], parents: Sequence[int]
+) -> list[cs.SX]:
+    """The axis w (3, 1) of each number of a pose (3, K), joint by joint: 3 K of them.
+
+    When pose[a, k] grows, everything at and below joint k turns about w in the world: its
+    rotations change by [w]x R. R (3, 3 K) are the local rotations, `slopes` their derivatives, and
+    `world` the joints' rotations in the world.
+    """
+    axes = []
+    for k, R_k in enumerate(cs.horzsplit(R, 3)):
+        for D in slopes[k]:  # [own axis]x R_k
+            own = cs.vertcat(*[cs.dot(D[r, :], R_k[c, :]) for r, c in ((2, 1), (0, 2), (1, 0))])
+            axes.append(world[parents[k]] @ own if k else own)
+    return axes
 
 
 def bones_of(joints: Matrix, R_bind: Matrix, parents: Sequence[int]) -> list[Matrix]:

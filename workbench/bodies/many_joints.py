@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from workbench.bodies.skeleton import Skeleton
 from workbench.geometry.rotation import matrix_from_vector
-
-if TYPE_CHECKING:
-    from workbench.bodies.skinned import SkinnedBody
 
 Array = NDArray[np.float64]
 
@@ -27,13 +24,11 @@ class ManyJoints:
     generations: list[tuple[NDArray[np.int64], NDArray[np.int64]]]  # joints, and their parents
 
     @staticmethod
-    def of(body: SkinnedBody) -> ManyJoints:
-        """The bones, linear in betas: J(betas) is."""
-        K, B = body.n_joints, body.n_betas
-        at = body.J_regressor @ body.template  # (K, 3)
-        flat = body.J_regressor @ body.shapedirs.reshape(body.n_vertices, -1)
-        by_betas = np.asarray(flat).reshape(K, 3, B)
-        local, parents = matrix_from_vector(body.bind_pose), np.array(body.parents)
+    def of(skeleton: Skeleton, bind_pose: Array, tree: tuple[int, ...]) -> ManyJoints:
+        """The bones, linear in betas as the skeleton is."""
+        at, by_betas = skeleton.mean, skeleton.slopes
+        K, _, B = by_betas.shape
+        local, parents = matrix_from_vector(bind_pose), np.array(tree)
         bound = [local[0]]
         for k in range(1, K):
             bound.append(bound[parents[k]] @ local[k])
@@ -46,7 +41,10 @@ class ManyJoints:
             depth[k] = depth[parents[k]] + 1
         each = (np.flatnonzero(depth == d) for d in range(1, int(depth.max(initial=0)) + 1))
         return ManyJoints(
-            mean, moves.reshape(B, -1), (at[0], by_betas[0].T), [(k, parents[k]) for k in each]
+            mean,
+            moves.reshape(B, 3 * (K - 1)),
+            (at[0], by_betas[0].T),
+            [(k, parents[k]) for k in each],
         )
 
     def __call__(self, pose: Array, betas: Array) -> Array:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import casadi as cs
 import numpy as np
@@ -12,11 +12,17 @@ from numpy.typing import NDArray
 
 from workbench.blocks.buffered import Buffered
 from workbench.blocks.many import Many, Mapped
-from workbench.bodies.kinematics import binding_motions, bones_of, pose_features, world_motions
+from workbench.bodies.kinematics import (
+    ancestors,
+    binding_motions,
+    bones_of,
+    local_slopes,
+    pose_features,
+    turning_axes,
+    world_motions,
+)
+from workbench.bodies.skeleton import Skeleton
 from workbench.geometry.rotation import rodrigues
-
-if TYPE_CHECKING:
-    from workbench.bodies.skinned import SkinnedBody
 
 Array = NDArray[np.float64]
 
@@ -42,33 +48,26 @@ class Slopes:
 class Kinematics:
     """A body's joints, motions and features as CasADi functions of pose and betas, and back."""
 
-    def __init__(self, body: SkinnedBody) -> None:
-        self._sizes = K, B = body.n_joints, body.n_betas
+    def __init__(self, skeleton: Skeleton, bind_pose: Array, parents: Sequence[int]) -> None:
+        K, _, B = skeleton.slopes.shape
+        self._sizes, self.skeleton, self._ancestors = (K, B), skeleton, ancestors(parents)
         pose, betas = cs.SX.sym("pose", 3, K), cs.SX.sym("betas", B)
-        mean = body.J_regressor @ body.template  # (K, 3)
-        moves = body.J_regressor @ body.shapedirs.reshape(body.n_vertices, 3 * B)  # (K, 3 B)
-        moved = cs.DM(moves.reshape(3 * K, B)) @ betas
-        rest = cs.SX(cs.DM(mean.T)) + cs.reshape(moved, 3, K)
-        R, R_bind = rodrigues(pose), rodrigues(cs.SX(cs.DM(body.bind_pose.T)))
-        G, joints = binding_motions(R, R_bind, rest, body.parents)
+        rest = skeleton.joints(betas)
+        R, R_bind = rodrigues(pose), rodrigues(cs.SX(cs.DM(bind_pose.T)))
+        G, joints = binding_motions(R, R_bind, rest, parents)
         features = pose_features(R, R_bind)
-        world = world_motions(R, bones_of(rest, R_bind, body.parents), body.parents)
-        turns, d_features = [], []
-        for k, R_k in enumerate(cs.horzsplit(R, 3)):
-            up = world[body.parents[k]][0] if k else cs.SX.eye(3)
-            for column in cs.horzsplit(cs.jacobian(cs.vec(R_k), pose[:, k]), 1):
-                turn = up @ (cs.reshape(column, 3, 3) @ R_k.T) @ up.T  # [axis]x, in the world
-                turns.append(turn)
-            if k:
-                d_features.append(cs.jacobian(cs.vec(R_k.T), pose[:, k]))
+        world = world_motions(R, bones_of(rest, R_bind, parents), parents)
+        by_angle = local_slopes(pose, R)
+        axes = turning_axes(by_angle, R, [R_k for R_k, _ in world], parents)
+        d_features = [cs.vec(D.T) for own in by_angle[1:] for D in own]
         stacked = cs.horzcat(*G)  # (3, 4 K)
-        shift = cs.horzcat(*[motion[:, 3] for motion in G])  # (3, K)
-        by_betas = [cs.reshape(c, 3, K) for c in cs.horzsplit(cs.jacobian(cs.vec(shift), betas), 1)]
+        turns = [cs.SX.eye(3), *(motion[:, :3] for motion in G)]
+        steps = [turns[parent + 1] - turn for parent, turn in zip(parents, turns[1:], strict=True)]
         outputs = [cs.vertcat(*[cs.vec(motion.T) for motion in G]), features, joints]
         slopes = [
-            cs.vertcat(*[cs.vec(turn.T) for turn in turns]),
-            cs.vertcat(*[cs.vec(d) for d in d_features]) if d_features else cs.SX(0, 1),
-            cs.vertcat(*[cs.vec(d.T) for d in by_betas]) if B else cs.SX(0, 1),
+            cs.vertcat(*[cs.vec(cs.skew(axis).T) for axis in axes]),
+            cs.vertcat(*d_features) if d_features else cs.SX(0, 1),
+            cs.vertcat(*[cs.vec(step.T) for step in steps]),
         ]
         self._motion, self._slopes = (
             Buffered(cs.Function("kinematics", [pose, betas], [cs.densify(part) for part in parts]))
@@ -99,11 +98,14 @@ class Kinematics:
     def slopes(self, pose: Array, betas: Array) -> Slopes:
         """Of the motion at pose (K, 3) rad and betas (B,)."""
         K, B = self._sizes
-        turns, d_features, d_shift = self._slopes(pose, betas)
+        turns, d_features, steps = self._slopes(pose, betas)
+        # Joint k is where G_k and its parent's G agree, so the last column of G_k is that of its
+        # parent plus (R_parent - R_k) J_k, and J_k is linear in betas.
+        own = steps.reshape(K, 3, 3) @ self.skeleton.slopes  # (K, 3, B)
         return Slopes(
             turns.reshape(K, 9, 3),
             d_features.reshape(max(0, K - 1), 3, 9),
-            d_shift.reshape(3 * B, K),
+            own.transpose(2, 1, 0).reshape(3 * B, K) @ self._ancestors.T,
         )
 
     def adjoint(

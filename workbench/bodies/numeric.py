@@ -18,12 +18,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.bodies.arrays import SurfaceArrays
 from workbench.bodies.motion import Motion, Slopes
+from workbench.bodies.rows import Rows, Target
 
 Array = NDArray[np.float64]
 CHUNK = 256  # vertices: measured, and flat from there on
@@ -56,26 +57,6 @@ class Chunk:
         """sum_j w_j G_j, (3, 4, n)."""
         K, n = self.weights.shape
         return np.asarray((motion.G.reshape(K, 12).T @ self.weights).reshape(3, 4, n))
-
-
-class SurfaceArrays(Protocol):
-    """What a body's surface is made of; N vertices, K joints, B betas."""
-
-    @property
-    def template(self) -> Array:
-        """(N, 3) m."""
-
-    @property
-    def shapedirs(self) -> Array:
-        """(N, 3, B) m."""
-
-    @property
-    def posedirs(self) -> Array:
-        """(N, 3, 9 (K - 1)) m."""
-
-    @property
-    def weights(self) -> Array:
-        """(N, K)."""
 
 
 def chunks_of(arrays: SurfaceArrays, vertices: slice | list[int]) -> list[Chunk]:
@@ -131,23 +112,24 @@ class ChunkedSurface:
             found[chunk.rows] = moved.T
         return found
 
-    def tangent(self, slopes: Slopes, into: Mapping[str, Array], scale: Array | None) -> None:
+    def tangent(self, slopes: Slopes, into: Mapping[str, Target], scale: Array | None) -> None:
         """The points' derivative by `pose`, `betas` and `trans`, as far as `into` has them.
 
         into[name] (size, 3 N) receives it transposed, each column times scale (3 N,).
         """
+        rows = {name: Rows.of(target) for name, target in into.items()}
         for chunk in self.of.chunks:
             n = chunk.weights.shape[1]
             R = chunk.motion(self.motion)[:, :3]
             factor = None if scale is None else scale[chunk.columns].reshape(n, 3).T
-            if "pose" in into:
+            if "pose" in rows:
                 below = _below(chunk, self._rest_of(chunk), self.motion, self.of.parents)
-                _write(into["pose"][:, chunk.columns], _by_pose(chunk, below, R, slopes), factor)
-            if "betas" in into:
-                _write(into["betas"][:, chunk.columns], _by_betas(chunk, R, slopes), factor)
-            if "trans" in into:
+                _write(rows["pose"], chunk.columns, _by_pose(chunk, below, R, slopes), factor)
+            if "betas" in rows:
+                _write(rows["betas"], chunk.columns, _by_betas(chunk, R, slopes), factor)
+            if "trans" in rows:
                 unit = np.repeat(np.eye(3)[:, :, None], n, axis=2)
-                _write(into["trans"][:, chunk.columns], unit, factor)
+                _write(rows["trans"], chunk.columns, unit, factor)
 
     def adjoint(self, pull: Array) -> tuple[Array, Array, Array]:
         """The gradients of sum(pull * points), pull (N, 3), by G (K, 3, 4), features and betas."""
@@ -244,12 +226,14 @@ def _add_rotated(out: Array, R: Array, X: Array) -> None:
     out += np.einsum("dcn,kcn->kdn", R, X)  # along n: one fused pass for each d and c
 
 
-def _write(into: Array, values: Array, factor: Array | None) -> None:
-    """Planar (k, 3, n), which is used up, into columns (k, 3 n), vertex by vertex.
+def _write(into: Rows, columns: slice, values: Array, factor: Array | None) -> None:
+    """Planar (k, 3, n), which is used up, into columns of k rows, vertex by vertex.
 
     Times a factor (3, n).
     """
     if factor is not None:
         values *= factor
-    for d in range(3):  # one coordinate at a time, so that the inner loop runs along vertices
-        into[:, d::3] = values[:, d]
+    for first, array in into.parts:
+        there, some = array[:, columns], values[first : first + len(array)]
+        for d in range(3):  # one coordinate at a time, so that the inner loop runs along vertices
+            there[:, d::3] = some[:, d]

@@ -1,15 +1,15 @@
 """Points on a body by arithmetic: in the body's own words, and under the names of a problem.
 
 Arithmetic knows a pose, betas and a translation (`BodyPoints`). A problem knows blocks by the names
-that it gives them. `Named` stands between the two.
+that it gives them, and a pose may be made of several of these. `Named` stands between the two.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +17,13 @@ from scipy.sparse import csr_array, kron
 
 from workbench.blocks import PointsAt
 from workbench.bodies.arithmetic import Arithmetic, Surface
-from workbench.bodies.numeric import Chunk, chunks_of, many_points
-
-if TYPE_CHECKING:
-    from workbench.bodies.skinned import SkinnedBody
+from workbench.bodies.assembly import ROLES, Maps, Plan, plan_of
+from workbench.bodies.motion import Kinematics
+from workbench.bodies.numeric import Chunk, many_points
+from workbench.bodies.rows import Rows, Target
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 
 class BodyPoints(Protocol):
@@ -38,27 +39,57 @@ class BodyPoints(Protocol):
         """(M, N, 3) m of M poses (M, K, 3) rad, betas (M, B) and translations (M, 3) m."""
 
 
+class ByRows(Protocol):
+    """Points whose derivative can be written row by row, to wherever the rows are wanted."""
+
+    def tangent_by_rows(self, into: Mapping[str, Target], scale: Array | None) -> None:
+        """As `tangent` of PointsAt; rows that nobody wants are left out."""
+
+
 @dataclass(frozen=True, eq=False)
 class Named:
-    """Points on a body under a problem's names of its three blocks; see NumericPoints."""
+    """Points on a body whose pose, betas and trans are affine maps of a problem's blocks.
+
+    See NumericPoints. `wanted` has the entries by which derivatives are taken of those blocks that
+    are free in part; of all others they are taken by every entry.
+    """
 
     points: BodyPoints
-    pose: str
-    betas: str
-    trans: str
+    maps: Maps
+    wanted: Mapping[str, Index] = field(default_factory=dict)
+    _plans: dict[tuple[str, ...], Plan] = field(default_factory=dict, init=False, repr=False)
 
-    @property
+    @cached_property
     def reads(self) -> tuple[str, ...]:
-        """Pose, betas and trans by their names in the problem."""
-        return self.pose, self.betas, self.trans
+        """The names of the blocks."""
+        return tuple(dict.fromkeys(name for one in self.maps for name in one.reads))
+
+    @cached_property
+    def plain(self) -> tuple[str, str, str] | None:
+        """The names of three blocks, if the arguments are these and nothing else."""
+        pose, betas, trans = (one.plain for one in self.maps)
+        if pose is None or betas is None or trans is None or self.wanted:
+            return None
+        # of one block in two roles the derivatives have to be added
+        return (pose, betas, trans) if len({pose, betas, trans}) == 3 else None
+
+    def only(self, wanted: Mapping[str, Index]) -> Named:
+        """The same with derivatives by these entries of these blocks only."""
+        return Named(self.points, self.maps, {**wanted})
 
     def at(self, values: Mapping[str, Array]) -> NamedAt:
-        """Where pose, betas and trans have these values."""
-        return NamedAt(self, self.points.at(*(values[name] for name in self.reads)))
+        """Where the blocks have these values."""
+        return NamedAt(self, self.points.at(*(one.value(values) for one in self.maps)))
 
     def many(self, values: Mapping[str, Array]) -> Array:
         """(M, N, 3) m."""
-        return self.points.many(*(values[name] for name in self.reads))
+        return self.points.many(*(one.many(values) for one in self.maps))
+
+    def plan(self, names: tuple[str, ...]) -> Plan:
+        """How the derivative by these blocks is put together."""
+        if names not in self._plans:
+            self._plans[names] = plan_of(self.maps, names, self.wanted)
+        return self._plans[names]
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,22 +106,58 @@ class NamedAt:
 
     def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
         """Transposed, into[block] (size, 3 N)."""
-        ours = zip(("pose", "betas", "trans"), self.of.reads, strict=True)
-        self.here.tangent({our: into[name] for our, name in ours if name in into}, scale)
+        if self.of.plain is not None:
+            ours = zip(ROLES, self.of.plain, strict=True)
+            self.here.tangent({our: into[name] for our, name in ours if name in into}, scale)
+        elif into:
+            self._put_together(self.of.plan(tuple(into)), into, scale)
+
+    def _put_together(self, plan: Plan, into: Mapping[str, Array], scale: Array | None) -> None:
+        width = next(iter(into.values())).shape[1]
+        rooms = {role: np.empty((part.held, width)) for role, part in plan.parts.items()}
+        targets = {role: part.target(into, rooms[role]) for role, part in plan.parts.items()}
+        if _writes_rows(self.here):
+            self.here.tangent_by_rows(targets, scale)
+        else:
+            wholes = {
+                role: target.room(width) if isinstance(target, Rows) else target
+                for role, target in targets.items()
+            }
+            self.here.tangent(wholes, scale)
+            for role, target in targets.items():
+                if isinstance(target, Rows):
+                    target.fill(wholes[role])
+        for name, entries in plan.combined.items():
+            total = np.zeros((len(entries), width))
+            for role, part in plan.parts.items():
+                if name in part.matrices:
+                    total += part.matrices[name] @ rooms[role]
+            into[name][entries] = total
 
     def adjoint(self, pull: Array) -> dict[str, Array]:
-        """By pose, betas and trans, flat."""
+        """By the blocks, flat; by the entries that are wanted of each."""
         found, of = self.here.adjoint(pull), self.of
-        return {of.pose: found["pose"], of.betas: found["betas"], of.trans: found["trans"]}
+        if of.plain is not None:
+            return {name: found[role] for role, name in zip(ROLES, of.plain, strict=True)}
+        gradient: dict[str, Array] = {}
+        for role, one in zip(ROLES, of.maps, strict=True):
+            for name, part in one.pulled(found[role]).items():
+                gradient[name] = gradient[name] + part if name in gradient else part
+        return {n: g[of.wanted[n]] if n in of.wanted else g for n, g in gradient.items()}
+
+
+def _writes_rows(here: object) -> TypeGuard[ByRows]:
+    # isinstance of a protocol is slow
+    return hasattr(type(here), "tangent_by_rows")
 
 
 @dataclass(frozen=True, eq=False)
 class NumericSurface:
     """Vertices of a linearly blended body whose arrays are all numbers; see BodyPoints."""
 
-    body: SkinnedBody
-    vertices: slice | list[int]
+    kinematics: Kinematics
     arithmetic: Arithmetic
+    chunks: Callable[[], list[Chunk]]  # of the same vertices, for matrix products
 
     def at(self, pose: Array, betas: Array, trans: Array) -> SurfaceAt:
         """The vertices at one pose, betas and translation."""
@@ -98,15 +165,14 @@ class NumericSurface:
 
     def many(self, pose: Array, betas: Array, trans: Array) -> Array:
         """(M, N, 3) m, by matrix products."""
-        G, features = self.body.kinematics.motions(pose, betas)
+        G, features = self.kinematics.motions(pose, betas)
         found = many_points(self._chunks, G, features, betas)
         found += trans[:, None]
         return found
 
     @cached_property
     def _chunks(self) -> list[Chunk]:
-        whole = self.vertices == slice(None)
-        return self.body.chunks if whole else chunks_of(self.body, self.vertices)
+        return self.chunks()
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +187,7 @@ class SurfaceAt:
     @cached_property
     def surface(self) -> Surface:
         """The surface before translation."""
-        motion = self.of.body.kinematics.motion(self.pose, self.betas)
+        motion = self.of.kinematics.motion(self.pose, self.betas)
         return self.of.arithmetic.at(motion, self.betas)
 
     @cached_property
@@ -131,14 +197,18 @@ class SurfaceAt:
 
     def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
         """Transposed, into[name] (size, 3 N)."""
-        slopes = self.of.body.kinematics.slopes(self.pose, self.betas)
+        self.tangent_by_rows(into, scale)
+
+    def tangent_by_rows(self, into: Mapping[str, Target], scale: Array | None) -> None:
+        """The same, to wherever the rows are wanted."""
+        slopes = self.of.kinematics.slopes(self.pose, self.betas)
         self.surface.tangent(slopes, into, scale)
 
     def adjoint(self, pull: Array) -> dict[str, Array]:
         """By pose, betas and trans, flat."""
         pulled = pull.reshape(-1, 3)
         on_G, on_features, on_betas = self.surface.adjoint(pulled)
-        back = self.of.body.kinematics.adjoint(self.pose, self.betas, on_G, on_features)
+        back = self.of.kinematics.adjoint(self.pose, self.betas, on_G, on_features)
         on_pose, through_joints = back
         return {
             "pose": on_pose.ravel(),

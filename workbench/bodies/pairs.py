@@ -13,14 +13,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import casadi as cs
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
+from scipy.sparse import csc_array, csr_array
 
-from workbench.bodies.numeric import SurfaceArrays
+from workbench.bodies.arrays import SurfaceArrays
+from workbench.bodies.skinning import carried
 
 Array = NDArray[np.float64]
 
@@ -64,14 +64,23 @@ class Pairs:
             np.ascontiguousarray(posedirs[used]), A.sum(axis=1),
         )  # fmt: skip
 
-    def points(self, G: Array, features: Array, betas: Array) -> Array:
-        """(M, L, 3) m, before translation."""
-        M, P = len(G), len(self.joint)
-        flat = betas @ self.shapedirs + features[:, self.used] @ self.posedirs + self.template
-        rest = flat.reshape(M, 3, P)
-        turns = G.transpose(0, 2, 3, 1)[..., self.joint]  # (M, 3, 4, P)
-        moved = np.einsum("mdcp,mcp->mdp", turns[:, :, :3], rest) + turns[:, :, 3] * self.mass
-        return np.asarray(np.add.reduceat(moved, self.first, axis=2).transpose(0, 2, 1))
+    def rest(self, features: Array, betas: Array) -> Array:
+        """The rest points (..., 3, P) m, for features (..., F) and betas (..., B)."""
+        flat = betas @ self.shapedirs + features[..., self.used] @ self.posedirs + self.template
+        return flat.reshape(*flat.shape[:-1], 3, -1)
+
+    def turns(self, G: Array) -> Array:
+        """The motion of each rest point's joint, (..., 3, 4, P), for motions (..., K, 3, 4)."""
+        return np.ascontiguousarray(np.moveaxis(G[..., self.joint, :, :], -3, -1))
+
+    def moved(self, turns: Array, rest: Array) -> Array:
+        """The rest points where their joints take them, (..., 3, P) m."""
+        turned: Array = np.einsum("...dcp,...cp->...dp", turns[..., :3, :], rest)
+        return turned + turns[..., 3, :] * self.mass
+
+    def summed(self, of_pairs: Array) -> Array:
+        """The sums over each landmark's rest points, (..., P) -> (..., L)."""
+        return np.add.reduceat(of_pairs, self.first, axis=-1)
 
     def expression(self, G: Sequence[cs.MX], features: cs.MX, betas: cs.MX) -> cs.MX:
         """(3, L) m in symbols, before translation."""
@@ -79,9 +88,8 @@ class Pairs:
         shaped = cs.sparsify(cs.DM(self.shapedirs.T)) @ betas
         bent = cs.sparsify(cs.DM(self.posedirs.T)) @ features[self.used.tolist()]
         rest = cs.reshape(cs.DM(self.template) + shaped + bent, P, 3).T  # (3, P)
-        moved = [
-            G[joint][:, :3] @ rest[:, p] + G[joint][:, 3] * self.mass[p]
-            for p, joint in enumerate(self.joint.tolist())
-        ]
-        edges = [*self.first.tolist(), P]
-        return cs.horzcat(*[sum(moved[i:j][1:], moved[i]) for i, j in pairwise(edges)])
+        own = csc_array((np.ones(P), (np.arange(P), self.joint)), shape=(P, len(G)))
+        moved = carried(rest, cs.DM(self.mass), G, cs.DM(own))
+        edges = np.append(self.first, P)
+        means = csc_array((np.ones(P), np.arange(P), edges), shape=(P, len(self.first)))
+        return moved @ cs.DM(means)

@@ -14,7 +14,7 @@ import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from workbench.blocks import Block, ManyPoints, NumericPoints, Points, Tree, Values
+from workbench.blocks import Block, NumericPoints, Points, Tree, Values
 from workbench.bodies.ablations import without_blend_weights
 from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.skinning import linear_blend
@@ -105,16 +105,6 @@ class PartPoints:
         ]
         weights = cs.MX(cs.sparsify(cs.DM(body.weights)))
         return linear_blend(cs.MX(cs.DM(body.template.T)), motions, weights)
-
-    @property
-    def lean(self) -> cs.MX:
-        """The expression."""
-        return self.expression
-
-    @property
-    def many(self) -> ManyPoints | None:
-        """None: there is only the graph."""
-        return None
 
     @property
     def blocks(self) -> tuple[Block, ...]:

@@ -12,11 +12,14 @@ from scipy.sparse import csr_array
 
 from workbench.blocks import Block, Layout, Points, Values
 from workbench.blocks.checks import texts
-from workbench.bodies import evaluation, surface
+from workbench.bodies import evaluation
+from workbench.bodies.arguments import Arguments
+from workbench.bodies.arrays import ALL, SkinnedArrays
 from workbench.bodies.body import blocks_of, check_prefix, landmark_set
 from workbench.bodies.features import Features, rotation_elements
+from workbench.bodies.freeing import FREEABLE, check_freeable
+from workbench.bodies.landmarks import Landmarks
 from workbench.bodies.motion import Kinematics
-from workbench.bodies.numeric import Chunk, chunks_of
 from workbench.bodies.owned import (
     given_up,
     owned,
@@ -25,30 +28,14 @@ from workbench.bodies.owned import (
     owned_mapping,
     owned_matrix,
 )
+from workbench.bodies.packed import PackedBody
 from workbench.bodies.skinning import Skinning, linear_blend
-from workbench.bodies.sources import Arguments, JointPoints, LandmarkPoints, SurfacePoints
+from workbench.bodies.sources import JointPoints, LandmarkPoints, SurfacePoints
 from workbench.bodies.validation import check, chosen_vertices
 from workbench.errors import BadBody, NotNumbers, UnknownName
 
 Array = NDArray[np.float64]
 REALS = ("template", "shapedirs", "posedirs", "weights")
-FREEABLE = {"template": "m", "shapedirs": "m", "posedirs": "m", "J_regressor": "1", "weights": "1"}
-
-
-@dataclass(frozen=True, eq=False)
-class Landmarks:
-    """Named points, each a weighted mean of vertices: `regressor` (M, N), rows sum to one."""
-
-    names: tuple[str, ...]
-    regressor: csr_array
-
-    def __post_init__(self) -> None:
-        regressor = owned_matrix("the regressor of landmarks", self.regressor)
-        names = texts("the names of landmarks", self.names, BadBody)
-        self.__dict__.update(names=names, regressor=regressor)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return Landmarks, (self.names, self.regressor)  # so that a copy is read-only as well
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +68,7 @@ class SkinnedBody:
     name: str = "body"
     card: Mapping[str, Any] = field(default_factory=dict)  # where the numbers come from
     bound_in: Array | None = None  # (K, 3) rad, the pose that the template is drawn in; None: 0
+    rest_joints: Array | None = None  # (K, 3) m, everybody's; None: J_regressor finds each one's
     extras: Mapping[str, NDArray[Any]] = field(default_factory=dict)  # of its file, for others
     free: Mapping[str, Block] = field(default_factory=dict)
     _made: dict[str, tuple[Block, Block, Block]] = field(
@@ -108,8 +96,9 @@ class SkinnedBody:
                 )
         if self.mirror is not None:
             kept["mirror"] = owned_index("mirror", self.mirror)
-        if self.bound_in is not None:
-            kept["bound_in"] = owned("bound_in", self.bound_in)
+        for name in ("bound_in", "rest_joints"):
+            if getattr(self, name) is not None:
+                kept[name] = owned(name, getattr(self, name))
         kept["extras"] = owned_mapping("extras", owned_extras(self.extras))
         for name in ("landmarks", "free"):
             kept[name] = owned_mapping(f"body {self.name!r}: {name}", getattr(self, name))
@@ -163,16 +152,21 @@ class SkinnedBody:
     def freed(self, *names: str, prefix: str = "") -> "SkinnedBody":
         """The same body, the named arrays being blocks of unknowns in every expression.
 
-        It shares its blocks with this one, so that points of either fit into one problem.
+        It shares its blocks with this one, so that points of either fit into one problem. `joints`
+        (K, 3) m are everybody's joints at rest: free, they stand in for J_regressor (T + S betas).
+
+        Raises UnknownName, and BadBody for `joints` together with `J_regressor`, of which only one
+        would be read.
         """
-        for name in names:
-            if not isinstance(name, str) or name not in FREEABLE:
-                raise UnknownName("array to free", str(name), FREEABLE)
+        check_freeable(self, names)
         made = {n: Block(prefix + n, self.array(n).shape, FREEABLE[n]) for n in names}
         return self._sharing_blocks(replace(self, free={**self.free, **made}))
 
     def with_values(self, values: Mapping[str, ArrayLike]) -> "SkinnedBody":
         """The trained body: each free array has its value among `values`, and is free no longer.
+
+        Joints that were free become `rest_joints`, everybody's. J_regressor is kept, but does not
+        find them: train it on bodies of several shapes, and replace `rest_joints` by None then.
 
         Raises MissingValue, NotNumbers, ShapeMismatch or NonFiniteValue for a value, and BadBody
         where the arrays no longer fit together, as weights that do not sum to one.
@@ -181,6 +175,8 @@ class SkinnedBody:
             name: given_up(Layout((block,)).pack(values).reshape(block.shape))
             for name, block in self.free.items()
         }
+        if "joints" in found:
+            found["rest_joints"] = found.pop("joints")
         return self._sharing_blocks(replace(self, free={}, **found))
 
     def _sharing_blocks(self, other: "SkinnedBody") -> "SkinnedBody":
@@ -201,20 +197,25 @@ class SkinnedBody:
         self, pose: cs.MX, betas: cs.MX, trans: cs.MX, *, vertices: ArrayLike | None = None
     ) -> Points:
         """The posed surface, (3, N) m, or some of it: a list of vertices, or a mask (N,)."""
-        at = Arguments(self, pose, betas, trans)
-        chosen = surface.ALL if vertices is None else chosen_vertices(self, vertices)
-        return Points.of(SurfacePoints(at, chosen), "vertices")
+        at = self._arguments(pose, betas, trans)
+        chosen = ALL if vertices is None else chosen_vertices(self, vertices)
+        return Points.of(SurfacePoints(at, self.packed, chosen), "vertices")
 
     def joint_points(self, pose: cs.MX, betas: cs.MX, trans: cs.MX) -> Points:
         """The posed joints, (3, K) m."""
-        return Points.of(JointPoints(Arguments(self, pose, betas, trans)), "joints")
+        at = self._arguments(pose, betas, trans)
+        return Points.of(JointPoints(at, self.packed), "joints")
 
     def landmark_points(self, name: str, pose: cs.MX, betas: cs.MX, trans: cs.MX) -> Points:
         """A named set of landmarks on the posed surface, (3, M) m; `joints` are always there."""
         if isinstance(name, str) and name == "joints":
             return self.joint_points(pose, betas, trans)
-        at = Arguments(self, pose, betas, trans)
-        return Points.of(LandmarkPoints(at, landmark_set(self.landmarks, name)), name)
+        at = self._arguments(pose, betas, trans)
+        found = landmark_set(self.landmarks, name)
+        return Points.of(LandmarkPoints(at, self.packed, found), name)
+
+    def _arguments(self, pose: cs.MX, betas: cs.MX, trans: cs.MX) -> Arguments[SkinnedArrays]:
+        return Arguments(self, pose, betas, trans)
 
     # Numbers, for those who want no symbols. Any argument may have a batch in front.
 
@@ -225,7 +226,7 @@ class SkinnedBody:
         trans: ArrayLike | None = None,
     ) -> Array:
         """The posed surface (..., N, 3) m of poses (..., K, 3) or (..., 3 K) rad."""
-        return evaluation.vertices(self, pose, betas, trans)
+        return evaluation.vertices(self.packed, pose, betas, trans)
 
     def joints(
         self,
@@ -234,7 +235,7 @@ class SkinnedBody:
         trans: ArrayLike | None = None,
     ) -> Array:
         """The posed joints (..., K, 3) m."""
-        return evaluation.joints(self, pose, betas, trans)
+        return evaluation.joints(self.packed, pose, betas, trans)
 
     def landmark(
         self,
@@ -254,29 +255,30 @@ class SkinnedBody:
         return self.joint_names if name == "joints" else landmark_set(self.landmarks, name).names
 
     def array(self, name: str) -> Array:
-        """One of the arrays that can be freed, dense. Raises UnknownName."""
+        """One of the arrays that can be freed, dense; `joints` are those of the mean person.
+
+        Raises UnknownName.
+        """
         if not isinstance(name, str) or name not in FREEABLE:
             raise UnknownName("array of a body", str(name), FREEABLE)
+        if name == "joints":
+            return self.packed.skeleton.mean
         array = getattr(self, name)
         return array.toarray() if isinstance(array, csr_array) else array
 
     @cached_property
+    def packed(self) -> PackedBody:
+        """What numbers are computed with; free arrays have the numbers that they start from."""
+        # not the body itself: what refers to itself is not freed before the garbage collector runs
+        parts = {part.name: getattr(self, part.name) for part in fields(self)}
+        alone = object.__new__(SkinnedBody)
+        alone.__dict__.update(parts | {"free": {}})
+        return PackedBody(alone)
+
+    @property
     def kinematics(self) -> Kinematics:
         """The joints' motions and their derivatives in numbers."""
-        return Kinematics(self)
-
-    @cached_property
-    def chunks(self) -> list[Chunk]:
-        """The arrays packed for arithmetic."""
-        return chunks_of(self, surface.ALL)
-
-    @cached_property
-    def skinned_rest(self) -> cs.Function:
-        """(pose, betas) -> the posed surface before translation, (3, N), for any skinning."""
-        body = replace(self, free={})
-        pose, betas = (block.symbol for block in body.blocks()[:2])
-        expression = surface.posed(body, pose, betas, cs.MX(cs.DM.zeros(3)))
-        return cs.Function("skinned_rest", [pose, betas], [expression])
+        return self.packed.kinematics
 
 
 def _made_of(parts: dict[str, Any]) -> SkinnedBody:

@@ -3,26 +3,44 @@
 from collections.abc import Callable, Sequence
 
 import casadi as cs
+import numpy as np
+from numpy.typing import NDArray
 
 from workbench.geometry.dual_quaternions import dual_quaternions, moved
+from workbench.geometry.rotation import Matrix
 
+Array = NDArray[np.float64]
 Skinning = Callable[[cs.MX, Sequence[cs.MX], cs.MX], cs.MX]
 
 
-def linear_blend(points: cs.MX, motions: Sequence[cs.MX], weights: cs.MX) -> cs.MX:
+def linear_blend(points: Matrix, motions: Sequence[Matrix], weights: Matrix) -> Matrix:
     """v'_i = sum over k of w_ik G'_k v_i, for points (3, N) in m, motions (3, 4), weights (N, K).
 
     Linear blend skinning (SMPL eq. 2).
     """
+    return carried(points, 1.0, motions, weights)
+
+
+def carried(
+    points: Matrix, mass: Matrix | float, motions: Sequence[Matrix], weights: Matrix
+) -> Matrix:
+    """sum over k of w_ik G'_k (p_i; m_i), for points (3, N) of mass m (N, 1), or one for all."""
     stacked = cs.vertcat(*[cs.vec(G).T for G in motions])  # (K, 12)
     M = weights @ stacked  # (N, 12): a (3, 4) per vertex, column by column
-    columns = cs.horzsplit(M, 3)  # what multiplies x, y, z and 1, each (N, 3)
+    columns = cs.horzsplit(M, 3)  # what multiplies x, y, z and the mass, each (N, 3)
     x, y, z = (points[axis, :].T for axis in range(3))
     rows = [
-        columns[0][:, d] * x + columns[1][:, d] * y + columns[2][:, d] * z + columns[3][:, d]
+        columns[0][:, d] * x + columns[1][:, d] * y + columns[2][:, d] * z + columns[3][:, d] * mass
         for d in range(3)
     ]
     return cs.horzcat(*rows).T
+
+
+def blend_matrices(weights: Array, matrices: Array) -> Array:
+    """sum over k of w_ik M_k in numbers, (..., N, 3, 3), of weights (N, K) and M (..., K, 3, 3)."""
+    *batch, K, rows, columns = matrices.shape
+    flat = weights @ matrices.reshape(*batch, K, rows * columns)
+    return np.asarray(flat).reshape(*batch, len(weights), rows, columns)
 
 
 def dual_quaternion_blend(points: cs.MX, motions: Sequence[cs.MX], weights: cs.MX) -> cs.MX:

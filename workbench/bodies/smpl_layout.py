@@ -1,6 +1,5 @@
 """A body from the entries of an SMPL file, whatever its size, precision and age."""
 
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -8,11 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.bodies.entries import Entries
-from workbench.bodies.extras import LANDMARKS, MIRROR, REQUIRED, sorted_out
+from workbench.bodies.extras import LANDMARKS, MIRROR, REQUIRED, SKINNED, sorted_out
 from workbench.bodies.joint_names import family, joint_names
+from workbench.bodies.landmarks import Landmarks
 from workbench.bodies.owned import given_up
 from workbench.bodies.raw import Raw
-from workbench.bodies.skinned import Landmarks, SkinnedBody
+from workbench.bodies.skinned import SkinnedBody
 from workbench.errors import BadBody, BadFile, shown, some
 from workbench.reading.facts import parsed
 
@@ -36,11 +36,12 @@ def body_from(raw: Raw, name: str, where: str) -> SkinnedBody:
     """
     entries = Entries(raw, where)
     _check_keys(entries)
-    N, parents = _vertices(entries), _parents(entries)
+    N, parents = _vertices(entries), parents_from(entries)
     _check_shape(entries, name, "weights", (N, len(parents)))
     _check_shape(entries, name, "J_regressor", (len(parents), N))
     mirror = _mirror(entries, N)
-    extras, left_out = sorted_out(raw, mirror is not None)
+    own = SKINNED if mirror is None else SKINNED | {MIRROR}
+    extras, left_out = sorted_out(raw, own)
     return SkinnedBody(
         template=given_up(entries.reals("v_template")),
         shapedirs=given_up(entries.directions("shapedirs", N)),
@@ -53,15 +54,10 @@ def body_from(raw: Raw, name: str, where: str) -> SkinnedBody:
         if "joint_names" in entries
         else joint_names(len(parents)),
         mirror=mirror,
-        landmarks={
-            set_name: Landmarks(
-                entries.texts(f"landmarks/{set_name}/names"),
-                entries.matrix(f"landmarks/{set_name}"),
-            )
-            for set_name in _landmark_sets(raw)
-        },
+        landmarks=landmarks_from(entries),
         name=entries.name("name", name),
         bound_in=entries.reals("bind_pose") if "bind_pose" in entries else None,
+        rest_joints=entries.reals("rest_joints") if "rest_joints" in entries else None,
         card=_card(entries, len(parents), mirror, left_out),
         extras=extras,
     )
@@ -79,7 +75,10 @@ def _check_keys(entries: Entries) -> None:
         )
     style = entries.text("bs_style", "lbs")
     if style != "lbs":
-        raise BadFile(f"{entries.where} is skinned by bs_style {shown(style)}; there is lbs alone")
+        raise BadFile(
+            f"{entries.where} is skinned by bs_style {shown(style)}; there is lbs, of SMPL, and "
+            "triangles, of a TriangleBody"
+        )
 
 
 def _vertices(entries: Entries) -> int:
@@ -100,7 +99,7 @@ def _check_shape(entries: Entries, name: str, key: str, shape: tuple[int, int]) 
         raise BadBody(f"body {name!r}: {key} has shape {value.shape}, but must be {shape}")
 
 
-def _parents(entries: Entries) -> tuple[int, ...]:
+def parents_from(entries: Entries) -> tuple[int, ...]:
     """Row 0 of kintree_table with -1 at the root, which files mark in many ways."""
     table = entries.wholes("kintree_table")
     if table.ndim != 2 or len(table) != 2 or table.shape[1] == 0:
@@ -138,8 +137,15 @@ def _mirror(entries: Entries, N: int) -> NDArray[np.int64] | None:
     return mirror if np.array_equal(mirror[mirror], np.arange(N)) else None
 
 
-def _landmark_sets(keys: Iterable[str]) -> list[str]:
-    return sorted(found[1] for key in keys if (found := LANDMARKS.fullmatch(key)))
+def landmarks_from(entries: Entries) -> dict[str, Landmarks]:
+    """The sets of landmarks that a file of the workbench holds. Raises BadFile."""
+    names = sorted(found[1] for key in entries.raw if (found := LANDMARKS.fullmatch(key)))
+    return {
+        name: Landmarks(
+            entries.texts(f"landmarks/{name}/names"), entries.matrix(f"landmarks/{name}")
+        )
+        for name in names
+    }
 
 
 def _card(
@@ -147,10 +153,7 @@ def _card(
 ) -> dict[str, Any]:
     """The file's own card, or what can be said of a file without one; and what was left out."""
     if "card" in entries:
-        own = _own_card(entries)
-        before = own.get("left_out", [])
-        both = [*(before if isinstance(before, list) else [before]), *left_out]
-        return own | ({"left_out": both} if left_out else {})
+        return own_card(entries, left_out)
     file, notes = Path(entries.where).name, []
     guessed = next((g for g in ("female", "male", "neutral") if g in file.lower()), "unknown")
     if family(K) == "SMPL-X":
@@ -171,11 +174,14 @@ def _card(
     }
 
 
-def _own_card(entries: Entries) -> dict[str, Any]:
+def own_card(entries: Entries, left_out: list[str]) -> dict[str, Any]:
+    """The card that a file holds, and what was left out of the file. Raises BadFile."""
     try:
         card = parsed(entries.text("card", "null"))
     except BadFile as error:
         raise BadFile(f"{entries.where}: its card is no JSON ({error})") from error
     if not isinstance(card, dict):
         raise BadFile(f"{entries.where}: its card is a {type(card).__name__}, not an object")
-    return card
+    before = card.get("left_out", [])
+    both = [*(before if isinstance(before, list) else [before]), *left_out]
+    return card | ({"left_out": both} if left_out else {})

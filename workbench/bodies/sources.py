@@ -2,93 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Generic, TypeVar
 
 import casadi as cs
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
-from workbench.blocks import Block, ManyPoints, NumericPoints, Tree
+from workbench.blocks import Block, NumericPoints, Tree
 from workbench.bodies import surface
-from workbench.bodies.arithmetic import arithmetic_of
-from workbench.bodies.body import Body
-from workbench.bodies.many_joints import ManyJoints
-from workbench.bodies.numeric_sources import Named, NumericLandmarks, NumericSurface
-from workbench.bodies.pairs import Pairs
-from workbench.errors import BadBody
-
-if TYPE_CHECKING:
-    from workbench.bodies.skinned import Landmarks, SkinnedBody
+from workbench.bodies.arguments import Arguments
+from workbench.bodies.arrays import SkinnedArrays, Vertices
+from workbench.bodies.freed_points import FreedPoints
+from workbench.bodies.landmarks import Landmarks
+from workbench.bodies.numeric_sources import Named
+from workbench.bodies.packed import PackedBody
+from workbench.bodies.skinning import linear_blend
 
 Array = NDArray[np.float64]
-SomeBody = TypeVar("SomeBody", bound=Body)
-MOVE_JOINTS = ("template", "shapedirs", "J_regressor")  # the arrays that joints are made from
-
-
-@dataclass(frozen=True, eq=False)
-class Arguments(Generic[SomeBody]):
-    """A body, and what stands for its pose (3, K) rad, betas (B, 1) and trans (3, 1) m.
-
-    Raises BadBody for what has another shape, or is no symbol or expression of symbols.
-    """
-
-    body: SomeBody
-    pose: cs.MX
-    betas: cs.MX
-    trans: cs.MX
-
-    def __post_init__(self) -> None:
-        for block, given in zip(self.body.blocks(), self.symbols, strict=True):
-            if not isinstance(given, cs.MX):
-                raise BadBody(
-                    f"body {self.body.name!r} takes a symbol for {block.name}, not something of "
-                    f"type {type(given).__name__}; take block.symbol for block in body.blocks(), "
-                    "or give numbers to body.vertices"
-                )
-            if given.shape != block.symbol_shape:
-                raise BadBody(
-                    f"body {self.body.name!r} takes a symbol of shape {block.symbol_shape} for "
-                    f"{block.name}, not {given.shape}; take block.symbol for block in body.blocks()"
-                )
-
-    @property
-    def symbols(self) -> tuple[cs.MX, cs.MX, cs.MX]:
-        """In the order that a body takes them."""
-        return self.pose, self.betas, self.trans
-
-    def blocks(self) -> tuple[Block, ...]:
-        """The block behind each symbol, the body's own (with unit and labels) where it is one."""
-        known = {b.symbol.__hash__(): b for b in self.body.known_blocks}
-        read = cs.symvar(cs.veccat(*self.symbols))
-        return tuple(known.get(s.__hash__()) or Block.of(s) for s in read)
-
-    @property
-    def tree(self) -> Tree | None:
-        """Behind a pose that is a plain block; a pose made of pieces has no single name."""
-        if not self.pose.is_symbolic():
-            return None
-        return Tree(self.pose.name(), self.body.joint_names, self.body.parents)
-
-    @property
-    def names(self) -> tuple[str, str, str] | None:
-        """The three blocks' names, if these are three blocks and nothing else."""
-        if not all(symbol.is_symbolic() for symbol in self.symbols):
-            return None
-        pose, betas, trans = (symbol.name() for symbol in self.symbols)
-        # of one block in two roles the derivatives would have to be added
-        return (pose, betas, trans) if len({pose, betas, trans}) == 3 else None
+SMALL = 2**20  # entries of a derivative: eight megabytes if all are kept
+MOVE_JOINTS = ("template", "shapedirs", "J_regressor")  # what joints are made from, if not given
 
 
 @dataclass(frozen=True, eq=False)
 class SurfacePoints:
     """Vertices of the posed surface, all or some."""
 
-    at: Arguments[SkinnedBody]
-    vertices: surface.Vertices
+    at: Arguments[SkinnedArrays]
+    packed: PackedBody
+    vertices: Vertices
 
     @property
     def count(self) -> int:
@@ -100,16 +42,6 @@ class SurfacePoints:
     def expression(self) -> cs.MX:
         """(3, N) m."""
         return surface.posed(self.at.body, *self.at.symbols, self.vertices)
-
-    @property
-    def lean(self) -> cs.MX:
-        """The expression."""
-        return self.expression
-
-    @property
-    def many(self) -> ManyPoints | None:
-        """By matrix products, where the surface is arithmetic."""
-        return None if self.numeric is None else self.numeric.many
 
     @property
     def blocks(self) -> tuple[Block, ...]:
@@ -129,26 +61,32 @@ class SurfacePoints:
         return tuple(f"vertex {i}" for i in self.vertices)
 
     @cached_property
-    def numeric(self) -> Named | None:
-        """None if an argument is no plain block, or there is no arithmetic."""
-        names, points = self.at.names, self.arithmetic
-        return None if names is None or points is None else Named(points, *names)
+    def numeric(self) -> NumericPoints | None:
+        """None if an argument is not affine, the body is not SMPL's, or many arrays are free.
 
-    @cached_property
-    def arithmetic(self) -> NumericSurface | None:
-        """None if arrays are free or the body is not SMPL's."""
-        body = self.at.body
-        if body.free or not body.is_smpl:
+        Many: so that the derivative would not be small without its zeros, which the graph leaves
+        out.
+        """
+        maps, names, body = self.at.maps, self.at.names, self.at.body
+        if maps is None or not body.is_smpl:
             return None
-        some = self.vertices if isinstance(self.vertices, slice) else list(self.vertices)
-        return NumericSurface(body, some, arithmetic_of(body, self.vertices))
+        if not body.free:
+            return Named(self.packed.surface(self.vertices), maps)
+        if names is None:
+            return None
+        free = {name: block.name for name, block in body.free.items()}
+        unknowns = sum(block.size for block in body.free.values())
+        if 3 * self.count * unknowns > SMALL or len({*names, *free.values()}) < 3 + len(free):
+            return None
+        return FreedPoints(self.packed.freed(self.vertices), names, free)
 
 
 @dataclass(frozen=True, eq=False)
 class JointPoints:
     """The posed joints: J'_k is where G_k puts joint k, not the regressor on posed vertices."""
 
-    at: Arguments[SkinnedBody]
+    at: Arguments[SkinnedArrays]
+    packed: PackedBody
 
     @property
     def count(self) -> int:
@@ -163,29 +101,15 @@ class JointPoints:
         return joints + cs.repmat(self.at.trans, 1, self.count)
 
     @property
-    def lean(self) -> cs.MX:
-        """The expression."""
-        return self.expression
-
-    @property
-    def many(self) -> ManyPoints | None:
-        """Generation by generation; None if arrays are free, or an argument is no plain block."""
-        names = self.at.names
-        if names is None or self.at.body.free:
-            return None
-        joints = ManyJoints.of(self.at.body)
-
-        def points(values: Mapping[str, Array]) -> Array:
-            pose, betas, trans = (values[name] for name in names)
-            return joints(pose, betas) + trans[:, None]
-
-        return points
-
-    @property
     def blocks(self) -> tuple[Block, ...]:
-        """Those of the arguments, and the free arrays that joints are made from."""
-        free = (b for name, b in self.at.body.free.items() if name in MOVE_JOINTS)
-        return (*self.at.blocks(), *free)
+        """Those of the arguments, and the free arrays that joints are made from.
+
+        Joints that are given or free do not change with betas, which are among these all the same.
+        """
+        body = self.at.body
+        regressed = body.rest_joints is None and "joints" not in body.free
+        made_from = MOVE_JOINTS if regressed else ("joints",)
+        return (*self.at.blocks(), *(b for name, b in body.free.items() if name in made_from))
 
     @property
     def tree(self) -> Tree | None:
@@ -197,17 +121,19 @@ class JointPoints:
         """The joints' names."""
         return self.at.body.joint_names
 
-    @property
-    def numeric(self) -> NumericPoints | None:
-        """None: there are so few joints that the graph is as fast."""
-        return None
+    @cached_property
+    def numeric(self) -> Named | None:
+        """None if an argument is not affine, or arrays are free."""
+        maps = self.at.maps
+        return None if maps is None or self.at.body.free else Named(self.packed.joints, maps)
 
 
 @dataclass(frozen=True, eq=False)
 class LandmarkPoints:
     """Weighted means of posed vertices; only the vertices that carry weight are posed."""
 
-    at: Arguments[SkinnedBody]
+    at: Arguments[SkinnedArrays]
+    packed: PackedBody
     landmarks: Landmarks
 
     @property
@@ -217,24 +143,16 @@ class LandmarkPoints:
 
     @cached_property
     def expression(self) -> cs.MX:
-        """(3, M) m."""
-        regressor = self.landmarks.regressor.tocsc()[:, self._used]
-        return self._surface.expression @ cs.MX(cs.DM(regressor.T.tocsc()))
-
-    @property
-    def lean(self) -> cs.MX:
-        """One rest point for each joint that moves a landmark, instead of its vertices."""
-        if self._surface.numeric is None:
-            return self.expression
-        body, at = self.at.body, surface.posture(self.at.body, self.at.pose)
+        """(3, M) m: by one rest point for each joint that moves a landmark, where that is exact."""
+        body = self.at.body
+        if body.free or body.skinning is not linear_blend:
+            regressor, used = self.landmarks.of_vertices
+            posed = surface.posed(body, *self.at.symbols, used)
+            return posed @ cs.MX(cs.DM(regressor.T.tocsc()))
+        at = surface.posture(body, self.at.pose)
         G, _ = surface.motions(body, at, self.at.betas)
-        means = self._pairs.expression(G, body.features(at), self.at.betas)
+        means = self.packed.pairs(self.landmarks).expression(G, body.features(at), self.at.betas)
         return means + cs.repmat(self.at.trans, 1, self.count)
-
-    @property
-    def many(self) -> ManyPoints | None:
-        """Without the vertices, where the surface is arithmetic."""
-        return None if self.numeric is None else self._many
 
     @property
     def blocks(self) -> tuple[Block, ...]:
@@ -253,31 +171,8 @@ class LandmarkPoints:
 
     @cached_property
     def numeric(self) -> Named | None:
-        """Where the surface has it."""
-        names, carrying = self.at.names, self._surface.arithmetic
-        if names is None or carrying is None:
+        """None if an argument is not affine, arrays are free, or the body is not SMPL's."""
+        maps, body = self.at.maps, self.at.body
+        if maps is None or body.free or not body.is_smpl:
             return None
-        return Named(NumericLandmarks(carrying, self._regressor), *names)
-
-    def _many(self, values: Mapping[str, Array]) -> Array:
-        pose, betas, trans = (values[name] for name in self.at.names or ())
-        motions = self.at.body.kinematics.motions(pose, betas)
-        return self._pairs.points(*motions, betas) + trans[:, None]
-
-    @cached_property
-    def _pairs(self) -> Pairs:
-        return Pairs.of(self.at.body, self._used, self._regressor)
-
-    @cached_property
-    def _regressor(self) -> csr_array:
-        """(M, those used)."""
-        return self.landmarks.regressor.tocsc()[:, self._used].tocsr()
-
-    @cached_property
-    def _used(self) -> list[int]:
-        counts = np.diff(self.landmarks.regressor.tocsc().indptr)
-        return [int(vertex) for vertex in np.flatnonzero(counts)]
-
-    @cached_property
-    def _surface(self) -> SurfacePoints:
-        return SurfacePoints(self.at, self._used)
+        return Named(self.packed.landmarks(self.landmarks), maps)

@@ -5,30 +5,23 @@ M(theta, beta) = W(T + B_S(beta) + B_P(theta), J(beta), theta)        (SMPL eq. 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
 import casadi as cs
 import numpy as np
 
+from workbench.bodies.arrays import ALL, SkinnedArrays, Vertices
 from workbench.bodies.features import Posture
 from workbench.bodies.kinematics import binding_motions
-
-if TYPE_CHECKING:
-    from workbench.bodies.skinned import SkinnedBody
-
-Vertices = Sequence[int] | slice
-ALL = slice(None)
+from workbench.bodies.skeleton import Skeleton
 
 
-def template(body: SkinnedBody, vertices: Vertices = ALL) -> cs.MX:
+def template(body: SkinnedArrays, vertices: Vertices = ALL) -> cs.MX:
     """(3, N) m."""
     if "template" in body.free:
         return body.free["template"].symbol[:, vertices]
     return cs.MX(cs.DM(body.template[vertices].T))
 
 
-def directions(body: SkinnedBody, name: str, vertices: Vertices = ALL) -> cs.MX:
+def directions(body: SkinnedArrays, name: str, vertices: Vertices = ALL) -> cs.MX:
     """`shapedirs` or `posedirs`, (3 N, .) over the points' columns; sparse unless free."""
     array = getattr(body, name)
     if name in body.free:
@@ -38,43 +31,41 @@ def directions(body: SkinnedBody, name: str, vertices: Vertices = ALL) -> cs.MX:
     return cs.MX(cs.sparsify(cs.DM(some.reshape(3 * len(some), array.shape[2]))))
 
 
-def weights(body: SkinnedBody, vertices: Vertices = ALL) -> cs.MX:
+def weights(body: SkinnedArrays, vertices: Vertices = ALL) -> cs.MX:
     """(N, K), sparse unless free."""
     if "weights" in body.free:
         return body.free["weights"].symbol.T[vertices, :]
     return cs.MX(cs.sparsify(cs.DM(body.weights[vertices])))
 
 
-def shaped(body: SkinnedBody, betas: cs.MX, vertices: Vertices = ALL) -> cs.MX:
+def shaped(body: SkinnedArrays, betas: cs.MX, vertices: Vertices = ALL) -> cs.MX:
     """T + B_S(beta), (3, N) m: one person at rest, before the pose blend shapes."""
     mean = template(body, vertices)
     return mean + cs.reshape(directions(body, "shapedirs", vertices) @ betas, mean.shape)
 
 
-def rest_joints(body: SkinnedBody, betas: cs.MX) -> cs.MX:
-    """J(beta) = J_regressor (T + B_S(beta)), (3, K) m (SMPL eq. 10)."""
+def rest_joints(body: SkinnedArrays, betas: cs.MX) -> cs.MX:
+    """J(beta) = J_regressor (T + B_S(beta)), (3, K) m (SMPL eq. 10); or free joints, for all."""
+    if "joints" in body.free:
+        return body.free["joints"].symbol
     if "J_regressor" in body.free:
         return shaped(body, betas) @ body.free["J_regressor"].symbol
-    if body.free.keys() & {"template", "shapedirs"}:
+    if body.rest_joints is None and body.free.keys() & {"template", "shapedirs"}:
         return shaped(body, betas) @ cs.MX(cs.DM(body.J_regressor.T.tocsc()))
-    # numbers only: regress the mean and the directions once, N drops out
-    mean = body.J_regressor @ body.template  # (K, 3)
-    moves = body.J_regressor @ body.shapedirs.reshape(body.n_vertices, -1)  # (K, 3 B)
-    moved = cs.DM(moves.reshape(3 * body.n_joints, body.n_betas)) @ betas
-    return cs.DM(mean.T) + cs.reshape(moved, 3, body.n_joints)
+    return Skeleton.of(body).joints(betas)
 
 
-def posture(body: SkinnedBody, pose: cs.MX) -> Posture:
+def posture(body: SkinnedArrays, pose: cs.MX) -> Posture:
     """The pose with its rotations, beside the one that the template is drawn in."""
     return Posture.of(pose, cs.DM(body.bind_pose.T))
 
 
-def motions(body: SkinnedBody, at: Posture, betas: cs.MX) -> tuple[list[cs.MX], cs.MX]:
+def motions(body: SkinnedArrays, at: Posture, betas: cs.MX) -> tuple[list[cs.MX], cs.MX]:
     """Binding motions (3, 4) per joint, posed joints (3, K) m."""
     return binding_motions(at.R, at.R_bind, rest_joints(body, betas), body.parents)
 
 
-def rest(body: SkinnedBody, at: Posture, betas: cs.MX, vertices: Vertices = ALL) -> cs.MX:
+def rest(body: SkinnedArrays, at: Posture, betas: cs.MX, vertices: Vertices = ALL) -> cs.MX:
     """T + B_S(beta) + B_P(theta), (3, N) m: what is skinned."""
     person = shaped(body, betas, vertices)
     bulges = directions(body, "posedirs", vertices) @ body.features(at)
@@ -82,7 +73,7 @@ def rest(body: SkinnedBody, at: Posture, betas: cs.MX, vertices: Vertices = ALL)
 
 
 def posed(
-    body: SkinnedBody, pose: cs.MX, betas: cs.MX, trans: cs.MX, vertices: Vertices = ALL
+    body: SkinnedArrays, pose: cs.MX, betas: cs.MX, trans: cs.MX, vertices: Vertices = ALL
 ) -> cs.MX:
     """M(theta, beta) + trans, (3, N) m."""
     at = posture(body, pose)

@@ -3,25 +3,44 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, NoReturn
+from typing import Any, NoReturn, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from workbench.blocks.reals import numbers
+from workbench.bodies.arrays import SkinnedArrays
 from workbench.bodies.body import Body
-from workbench.bodies.extras import clashes
+from workbench.bodies.extras import SKINNED, clashes
 from workbench.bodies.features import count_features, rotation_elements
+from workbench.bodies.landmarks import Landmarks
 from workbench.errors import BadBody, NotNumbers
-
-if TYPE_CHECKING:
-    from workbench.bodies.skinned import Landmarks, SkinnedBody
 
 Refuse = Callable[[str], NoReturn]
 ROW_SUM_TOLERANCE = 1e-3  # single-precision files of many small weights reach 1e-5
 
 
-def check(body: SkinnedBody) -> None:
+class Parts(SkinnedArrays, Protocol):
+    """All that a skinned body is made of."""
+
+    @property
+    def faces(self) -> NDArray[np.int64]:
+        """(F, 3)."""
+
+    @property
+    def mirror(self) -> NDArray[np.int64] | None:
+        """(N,), or None."""
+
+    @property
+    def landmarks(self) -> Mapping[str, Landmarks]:
+        """By the name of the set."""
+
+    @property
+    def extras(self) -> Mapping[str, NDArray[Any]]:
+        """Arrays that nothing computes with, by name."""
+
+
+def check(body: Parts) -> None:
     """Raise BadBody with what is wrong and where, or return."""
 
     def refuse(reason: str) -> NoReturn:
@@ -71,7 +90,10 @@ def check(body: SkinnedBody) -> None:
         refuse("mirror must swap vertices in pairs: mirror[mirror] is not 0, 1, 2, ...")
     if body.bind_pose.shape != (K, 3) or not np.isfinite(body.bind_pose).all():
         refuse(f"bound_in must be finite angles ({K}, 3), not an array {body.bind_pose.shape}")
-    if own := clashes(body.extras):
+    given = np.zeros((K, 3)) if body.rest_joints is None else body.rest_joints
+    if given.shape != (K, 3) or not np.isfinite(given).all():
+        refuse(f"rest_joints must be finite places ({K}, 3) m, not an array {given.shape}")
+    if own := clashes(body.extras, SKINNED):
         refuse(f"extras must not be called like the body's own arrays in a file: {', '.join(own)}")
     check_landmarks(refuse, body.landmarks, N)
 

@@ -20,8 +20,8 @@ import casadi as cs
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.bodies.arrays import SurfaceArrays
 from workbench.bodies.motion import Motion, Slopes
-from workbench.bodies.numeric import SurfaceArrays
 
 Array = NDArray[np.float64]
 OF_JOINT = 36  # numbers of motion: three axes, and the slopes of nine features

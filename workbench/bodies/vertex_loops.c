@@ -40,11 +40,14 @@ static inline void interleave(const v *restrict from, v *restrict to)
 #endif
 }
 
-/* (rows, 3, LANES) to rows of 3 count numbers, vertex by vertex, times factor (LANES, 3) */
-static inline void spread(const v *from, integer rows, integer count, const v *factor, double *to,
-                          integer stride)
+/* (rows, 3, LANES) to rows of 3 count numbers, vertex by vertex, times factor (LANES, 3); row r is
+written to places[r] + first, or left out where there is no such place */
+static inline void spread(const v *from, integer rows, integer count, const v *factor,
+                          double *const *places, integer first)
 {
-    for (integer row = 0; row < rows; ++row, from += 3, to += stride) {
+    for (integer row = 0; row < rows; ++row, from += 3) {
+        if (!places[row]) continue;
+        double *to = places[row] + first;
         v whole[3];
         for (int i = 0; i < 3; ++i) __builtin_prefetch(to + 48 + LANES * i, 1);
         interleave(from, whole);
@@ -79,15 +82,15 @@ EXPORT void points(integer N, const double *vertices, const double *motion, doub
     for (integer i = 0; i < N; i += LANES, vertices += LANES * ROWS) {
         v rest[3], M[12], here[3];
         posed((const anywhere *)vertices, motion, rest, M, here);
-        spread(here, 1, at_most_all(N - i), one, found + 3 * i, 0);
+        spread(here, 1, at_most_all(N - i), one, &found, 3 * i);
     }
 }
 
-/* pose (3 K, 3 N), betas (B, 3 N), trans (3, 3 N): each absent, or with so many numbers from row
-to row; scale (3 N) multiplies columns, or is absent; found (N, 3), or absent: the points */
+/* pose (3 K, 3 N), betas (B, 3 N), trans (3, 3 N): each absent, or the addresses of its rows, of
+which some may be absent; scale (3 N) multiplies columns, or is absent; found (N, 3), or absent: the
+points */
 EXPORT void tangent(integer N, const double *vertices, const double *motion, const double *scale,
-                    double *pose, integer pose_stride, double *betas, integer betas_stride,
-                    double *trans, integer trans_stride, double *found)
+                    double *const *pose, double *const *betas, double *const *trans, double *found)
 {
     static const v still[27]; /* the root bends nothing */
     const v one[3] = {BROADCAST(1.0), BROADCAST(1.0), BROADCAST(1.0)};
@@ -98,7 +101,7 @@ EXPORT void tangent(integer N, const double *vertices, const double *motion, con
         v rest[3], M[12], here[3], slope[9];
         if (scale) memcpy(factor, scale + 3 * i, 3 * count * sizeof(double));
         posed(vertex, motion, rest, M, here);
-        if (found) spread(here, 1, count, one, found + 3 * i, 0);
+        if (found) spread(here, 1, count, one, &found, 3 * i);
         if (pose) {
             v hanging[3 * JOINTS], arm[3 * JOINTS];
             for (integer k = 0; k < JOINTS; ++k)
@@ -107,23 +110,26 @@ EXPORT void tangent(integer N, const double *vertices, const double *motion, con
             arms((const anywhere *)hanging, weights, motion + CENTRES, arm);
             for (integer k = 0; k < JOINTS; ++k) {
                 const integer bends = POSEDIRS + 27 * (k - 1);
+                double *const *rows = pose + 3 * k;
+                if (!rows[0] && !rows[1] && !rows[2]) continue; /* a joint that is held */
                 if (k) look_ahead(vertices, bends, 27);
                 by_joint(k ? vertex + bends : (const anywhere *)still, (const anywhere *)M,
                          (const anywhere *)arm + 3 * k, motion + OF_JOINTS + OF_JOINT * k, slope);
-                spread(slope, 3, count, factor, pose + 3 * k * pose_stride + 3 * i, pose_stride);
+                spread(slope, 3, count, factor, rows, 3 * i);
             }
         }
         if (betas) {
             for (integer b = 0; b < BETAS; ++b) {
+                if (!betas[b]) continue;
                 by_beta(vertex + SHAPEDIRS + 3 * b, (const anywhere *)M, weights,
                         motion + OF_BETAS + 3 * JOINTS * b, slope);
-                spread(slope, 1, count, factor, betas + b * betas_stride + 3 * i, betas_stride);
+                spread(slope, 1, count, factor, betas + b, 3 * i);
             }
         }
         if (trans) {
             v unit[9] = {{0}};
             for (int d = 0; d < 3; ++d) unit[4 * d] = BROADCAST(1.0);
-            spread(unit, 3, count, factor, trans + 3 * i, trans_stride);
+            spread(unit, 3, count, factor, trans, 3 * i);
         }
     }
 }

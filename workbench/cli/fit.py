@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from workbench.bodies.catalogue import load_body
+from workbench.bodies.catalogue import load_skinned
 from workbench.cli.run import SOLVER, Compare, Out, SolverName, carry_out, solver_named
 from workbench.cli.without_effect import changes_nothing
 from workbench.errors import BadArgument, BadFile
@@ -56,7 +56,7 @@ def fit(
     if focal is not None and not 0 < focal < math.inf:
         raise BadArgument(f"--focal takes a length in px above 0, not {focal:g}")
     image, console = _size(size), Console()
-    model = load_body(body)
+    model = load_skinned(body)
     if files[0].suffix.lower() in READERS:
         if len(files) > 1:
             raise BadFile("give one mesh at a time")

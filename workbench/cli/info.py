@@ -10,7 +10,7 @@ from rich.logging import RichHandler
 from rich.table import Table
 
 from workbench.bodies.arithmetic import WORTH_COMPILING
-from workbench.bodies.catalogue import load_body
+from workbench.bodies.catalogue import load_skinned
 from workbench.bodies.kernels import kernels
 from workbench.comparison.machine import processor
 from workbench.compiling import NoLibrary, cache_folder, find_compiler
@@ -40,7 +40,7 @@ def info(
 
 
 def _facts(name: str) -> list[tuple[str, str]]:
-    model = load_body(name)
+    model = load_skinned(name)
     library, why = kernels(model.parents, model.n_betas)
     active = (
         f"compiled from {WORTH_COMPILING} vertices on, NumPy below" if library else f"NumPy: {why}"

@@ -7,7 +7,7 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
-from workbench.bodies.catalogue import BODIES, load_body
+from workbench.bodies.catalogue import BODIES, load_skinned
 from workbench.cli.run import make_folder
 from workbench.reports.sliders import write_sliders
 
@@ -19,7 +19,7 @@ def sliders(
     out: Annotated[Path, typer.Option(help="Folder that the page is written into.")] = Path("runs"),
 ) -> None:
     """Write a page with sliders for theta and beta, and switches for the parts of SMPL."""
-    model = load_body(name)
+    model = load_skinned(name)
     make_folder(out)
     page = write_sliders(model, out / f"sliders-{Path(name).stem}.html")
     Console().print(f"page: [bold]{escape(str(page))}[/]", soft_wrap=True)

@@ -41,7 +41,7 @@ def polished(problem: Problem, x: Array, fixed: Array) -> Array:
     solver: Solver = LevenbergMarquardt(**options)  # type: ignore[arg-type]
     if problem.stacked_constraints is not None:
         solver = Ipopt(**options)  # type: ignore[arg-type]
-    values = problem.free.unpack(x) | problem.fixed.unpack(fixed)
+    values = problem.values(x, fixed)
     try:
         found = problem.free.pack(solver.solve(problem, values).values)
     except Exception:  # an end at which nothing can be evaluated leads nowhere

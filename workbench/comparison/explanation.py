@@ -12,7 +12,7 @@ from workbench.diagnostics.diagnosis import HARDLY
 from workbench.diagnostics.motions import motions
 from workbench.diagnostics.null_space import Direction, directions, dominant
 from workbench.problem import Problem
-from workbench.problem.chain import half_squared
+from workbench.problem.rounding import half_squared
 from workbench.reading.facts import facts
 
 Array = NDArray[np.float64]
@@ -106,7 +106,7 @@ def explain(
     """
     way = best.x - lost.x
     length = float(np.linalg.norm(way))
-    values = problem.free.unpack(lost.x) | problem.fixed.unpack(fixed)
+    values = problem.values(lost.x, fixed)
     data = problem.without(*priors) if 0 < len(priors) < len(problem.residuals) else problem
     seen = diagnose(data, values)
     along, parts = _along(way, _weak(seen, data, problem))
@@ -126,10 +126,11 @@ def _weak(seen: Diagnosis, data: Problem, whole: Problem) -> tuple[Direction, ..
     """The weak directions of the data, as vectors of all free numbers."""
     if seen.here.estimated or not seen.here.finite:
         return ()
-    s = seen.here.svd[0]
+    s = seen.here.spectrum.s
     thin = max(THIN * float(np.median(s)), min(HARDLY, THIN * float(s.max(initial=0.0))))
     dictionary = motions(data.free, data.trees, seen.structure.pattern)
-    found = list(directions(seen.here, data.free, dictionary, max(thin, seen.here.tolerance)))
+    least = max(thin, seen.here.spectrum.tolerance)
+    found = list(directions(seen.here, data.free, dictionary, least))
     for k, direction in enumerate(found):
         vector = np.zeros(whole.free.size)
         for name in data.free.names:

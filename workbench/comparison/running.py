@@ -121,7 +121,7 @@ def _at(
         fixed = problem.split(setup.start)[1]
         cost, optimality = look(problem, end, fixed)
         if setup.known is not None and setup.known.values is not None:
-            agree = digits(problem.free.unpack(end), setup.known.values)
+            agree = digits(problem.free.unpack(end, setup.start), setup.known.values)
         inside = feasible(problem, end, fixed)
     return Record(
         job.solver.name, job.instance, ending, message, claim, claimed, cost, optimality, agree,

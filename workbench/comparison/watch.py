@@ -15,8 +15,8 @@ from workbench.comparison.graphs import WatchedFunction
 from workbench.comparison.log import KINDS, LIMITED, Log
 from workbench.problem import Problem
 from workbench.problem.batch import Costs, Places, Slopes, Way, interpreted
-from workbench.problem.chain import half_squared
 from workbench.problem.constraint_set import ConstraintSet
+from workbench.problem.rounding import half_squared
 from workbench.solvers import Status
 from workbench.solvers.limits import Stop
 
@@ -131,6 +131,10 @@ class Watch:
             sizes = problem.free.size, problem.fixed.size
             return WatchedFunction(built, sizes, call, cost or _nothing, self._log.taken)
 
+        def handed_over() -> cs.MX:
+            self._log.taken()
+            return problem.graph()
+
         methods: dict[str, Any] = dict(
             residual=asked("residual", half_squared, problem.residual),
             cost_and_gradient=asked("gradient", lambda both: both[0], problem.cost_and_gradient),
@@ -140,6 +144,7 @@ class Watch:
             slopes=slopes,
             freeing=freeing,
             without=lambda *names: self._copied(problem.without(*names), None),
+            graph=handed_over,
         )
         for name, method in methods.items():  # so that a wrong call is told by the name it used
             method.__qualname__ = f"Problem.{name}"
@@ -229,7 +234,7 @@ class Watch:
 
 def _completing(part: Problem, problem: Problem) -> Complete:
     """From the numbers of a part, free and fixed, to those of the whole problem."""
-    return lambda x, fixed: problem.split(part.free.unpack(x) | part.fixed.unpack(fixed))
+    return lambda x, fixed: problem.split(part.values(x, fixed))
 
 
 def _placed(

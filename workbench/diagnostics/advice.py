@@ -97,7 +97,7 @@ def _somewhere_else(diagnosis: "Diagnosis", problem: Problem, at: Values) -> lis
     if diagnosis.here.finite:
         return []
     rng = np.random.default_rng(0)
-    columns = diagnosis.not_finite_columns
+    columns = sorted({j for _, j in diagnosis.not_finite if j >= 0})
     names = sorted({problem.free.block_of(i)[0].name for i in columns}) or problem.free.names
     if not names:
         return []
@@ -117,22 +117,23 @@ def _rewrap(diagnosis: "Diagnosis", problem: Problem, at: Values) -> list[Sugges
     """A rotation vector near a full turn is shortened by one: the same rotation."""
     suggestions = []
     for tree in problem.trees:
-        if tree.pose not in problem.free.names or not diagnosis.here.finite:
+        if not diagnosis.here.finite:
             continue
-        pose = np.array(at[tree.pose], dtype=float).reshape(-1, 3)
-        angle = np.linalg.norm(pose, axis=1)
-        far = np.flatnonzero(abs(angle - TURN) < 0.5)
-        if not far.size:
+        x = problem.split(at)[0]
+        turned = tree.turned(problem.free)
+        angle = {k: float(np.linalg.norm(x[place])) for k, place in turned.items()}
+        far = [k for k in turned if abs(angle[k] - TURN) < 0.5]
+        if not far:
             continue
-        wrapped = pose.copy()
-        wrapped[far] *= (1 - TURN / angle[far])[:, None]
+        for k in far:
+            x[turned[k]] *= 1 - TURN / angle[k]
         names = ", ".join(tree.names[k] for k in far)
         suggestions += _try(
             "rewrap", f"take one turn of 2 pi off the rotation vector of {names}",
             "at a full turn two of the three numbers of a rotation vector do nothing, near it "
             "little",
             "nothing: it is the same rotation", diagnosis, problem,
-            at | {tree.pose: wrapped.reshape(np.shape(at[tree.pose]))}, _clearly_better,
+            at | problem.free.unpack(x, at), _clearly_better,
         )  # fmt: skip
     return suggestions
 
@@ -145,7 +146,7 @@ def _fix(diagnosis: "Diagnosis", problem: Problem, at: Values) -> list[Suggestio
     suggestions: list[Suggestion] = []
     for name in _blind_blocks(diagnosis)[: 3 if diagnosis.here.estimated else None]:
         part = problem.free.slices[name]
-        others = [n for n in problem.free.names if n != name]
+        others = problem.free.spelled([name])
         if others and not unread.issuperset(range(part.start, part.stop)):
             suggestions += _try(
                 "fix", f"fix {name}", f"{name} takes part in what no residual notices",
@@ -160,22 +161,23 @@ def _prior(diagnosis: "Diagnosis", problem: Problem, at: Values) -> list[Suggest
     if not diagnosis.here.finite or not diagnosis.null_directions:
         return []
     names = _blind_blocks(diagnosis)
-    sigma = {n: size.flat[0] for n, size in _sizes(diagnosis).items()}
+    sizes = diagnosis.point.yardsticks.sizes
+    sigma = {n: float(sizes[problem.free.slices[n]][0]) for n in names}
     suggestions: list[Suggestion] = []
     for chosen in ([[name] for name in names] if len(names) > 1 else []) + [names]:
         priors = [
             gaussian(
                 problem.free[name].symbol,
-                mean=np.ravel(at[name]),
+                mean=problem.free[name].taken(at[name]).ravel(),
                 covariance=sigma[name] ** 2,
                 unit=problem.free[name].unit,
                 name=_unused(f"prior on {name}", problem),
             )
             for name in chosen
         ]
-        blocks = (*problem.free.blocks, *problem.fixed.blocks)
+        blocks = (*(b.base for b in problem.free.blocks), *problem.fixed.blocks)
         fuller = Problem(
-            (*problem.residuals, *priors), problem.free.names, problem.bounds, blocks,
+            (*problem.residuals, *priors), problem.free.spelled(), problem.bounds, blocks,
             problem.constraints,
         )  # fmt: skip
         units = ", ".join(_in_units(sigma[name], problem.free[name].unit) for name in chosen)
@@ -210,7 +212,7 @@ def _unread(diagnosis: "Diagnosis", problem: Problem, at: Values) -> list[Sugges
         name for name, part in problem.free.slices.items()
         if part.stop > part.start and unread.issuperset(range(part.start, part.stop))
     ]  # fmt: skip
-    others = [name for name in problem.free.names if name not in whole]
+    others = problem.free.spelled(whole)
     if not whole or not others or not diagnosis.here.finite:
         return []
     said = " and ".join(whole)
@@ -250,7 +252,7 @@ def _blind_blocks(diagnosis: "Diagnosis") -> list[str]:
 
 
 def _sizes(diagnosis: "Diagnosis") -> Values:
-    return diagnosis.free.unpack(diagnosis.point.yardsticks.sizes)
+    return diagnosis.free.placed(diagnosis.point.yardsticks.sizes)
 
 
 def _in_units(number: float, unit: str) -> str:

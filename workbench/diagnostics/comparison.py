@@ -102,7 +102,7 @@ def _seen_by(one: Diagnosis, other: Diagnosis) -> tuple[Direction, ...]:
             continue
         v[[where[label] for label in labels]] = direction.vector[entries]
         here = one.point.tied.stacked  # what a constraint forbids is seen as well
-        if np.linalg.norm(here.along(v)) > 1e3 * here.tolerance:
+        if np.linalg.norm(here.along(v)) > 1e3 * here.spectrum.tolerance:
             found.append(direction)
     return tuple(found)
 

@@ -6,12 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
-from scipy.sparse import csc_array, diags_array
 
 from workbench.blocks import Layout, Tree
 from workbench.diagnostics.held import Tied
-from workbench.diagnostics.jacobian import Jacobian
 from workbench.diagnostics.null_space import sparsest
+from workbench.problem import Linearization
 
 Array = NDArray[np.float64]
 PARALLEL = 1e-8  # 1 - |cosine| of columns that say the same
@@ -53,17 +52,7 @@ class Turn:
     second: float
 
 
-def scaled_singular_values(here: Jacobian) -> Array:
-    """Those of J with every column of length 1 (columns of zeros stay): no unit matters."""
-    norms = np.where(here.column_norms > 0, here.column_norms, 1.0)
-    if isinstance(here.matrix, csc_array):
-        unit = here.matrix @ diags_array(1 / norms)
-        squares = np.linalg.eigvalsh((unit.T @ unit).toarray())[::-1]
-        return np.asarray(np.sqrt(np.maximum(squares, 0))[: min(here.shape)])
-    return np.asarray(np.linalg.svd(here.R / norms, compute_uv=False), dtype=float)
-
-
-def turns(here: Jacobian, free: Layout, trees: Sequence[Tree]) -> tuple[Turn, ...]:
+def turns(here: Linearization, free: Layout, trees: Sequence[Tree]) -> tuple[Turn, ...]:
     """Of every joint that is seen to turn, all other joints at rest.
 
     In space a bone shows two turns alike. In one image it shows one only, if it lies across the
@@ -71,17 +60,15 @@ def turns(here: Jacobian, free: Layout, trees: Sequence[Tree]) -> tuple[Turn, ..
     """
     found = []
     for tree in trees:
-        if tree.pose in free.names:
-            first = free.slices[tree.pose].start
-            for k, name in enumerate(tree.names):
-                columns = here.R[:, first + 3 * k : first + 3 * k + 3]
-                best, second, *_ = *np.linalg.svd(columns, compute_uv=False), 0.0, 0.0
-                if best > here.tolerance:
-                    found.append(Turn(name, float(best), float(second)))
+        for k, place in tree.turned(free).items():
+            columns = here.R[:, place]
+            best, second, *_ = *np.linalg.svd(columns, compute_uv=False), 0.0, 0.0
+            if best > here.spectrum.tolerance:
+                found.append(Turn(tree.names[k], float(best), float(second)))
     return tuple(found)
 
 
-def parallel_columns(here: Jacobian, within: float = NEARLY) -> tuple[Pair, ...]:
+def parallel_columns(here: Linearization, within: float = NEARLY) -> tuple[Pair, ...]:
     """Pairs of columns whose angle has a sine of at most `within`, the nearest first."""
     norms = here.column_norms
     read = np.flatnonzero(norms > 1e-14 * norms.max(initial=0.0))
@@ -97,7 +84,7 @@ def parallel_columns(here: Jacobian, within: float = NEARLY) -> tuple[Pair, ...]
     return tuple(sorted((p for p in pairs if p.apart <= within), key=lambda p: p.apart)[:MOST])
 
 
-def parallel_rows(here: Jacobian, within: float = SAME_ROW) -> tuple[Pair, ...]:
+def parallel_rows(here: Linearization, within: float = SAME_ROW) -> tuple[Pair, ...]:
     """Pairs of rows whose angle has a sine of at most `within`, in their order.
 
     Repeated observations are no fault; they are listed because they count twice. Of more than
@@ -134,9 +121,9 @@ def weakest(tied: Tied, most: int = 3) -> tuple[Weakest, ...]:
 
     Directions about as weak, within a factor of three, are told apart by having few entries each.
     """
-    s, Vt = tied.reduced.svd
+    s, Vt = tied.reduced.spectrum.s, tied.reduced.spectrum.Vt
     found: list[Weakest] = []
-    k = tied.reduced.rank - 1
+    k = tied.reduced.spectrum.rank - 1
     while k >= 0 and len(found) < most:
         group = np.flatnonzero(s[: k + 1] < 3 * s[k])[::-1]
         basis = Vt[group].T
@@ -158,19 +145,18 @@ def _main(v: Array) -> tuple[int, ...]:
     return tuple(int(i) for i in order[: int(np.searchsorted(share, 0.9)) + 1])
 
 
-def leverage(here: Jacobian) -> Array | None:
+def leverage(here: Linearization) -> Array | None:
     """h_i in 0..1 (m,), summing to the rank: 1 is a row that alone decides something.
 
     None where the Jacobian is sparse and large.
     """
-    if isinstance(here.matrix, csc_array):
+    if here.estimated:
         return None
     if here.shape[0] < here.shape[1]:
-        U, s, _ = np.linalg.svd(here.matrix, full_matrices=False)
-        return np.asarray(np.sum(U[:, s > here.tolerance] ** 2, axis=1))
-    s, Vt = here.svd
-    seen = s > here.tolerance
-    if seen.all():
-        Q = scipy.linalg.solve_triangular(here.R, here.matrix.T, trans="T", lower=False)
+        U, s, _ = here.svd
+        return np.asarray(np.sum(U[:, s > here.spectrum.tolerance] ** 2, axis=1))
+    s, seen = here.spectrum.seen
+    if len(s) == here.shape[1]:
+        Q = scipy.linalg.solve_triangular(here.R, here.dense.T, trans="T", lower=False)
         return np.asarray(np.sum(Q**2, axis=0))
-    return np.asarray(np.sum((here.matrix @ (Vt[: s.size][seen].T / s[seen])) ** 2, axis=1))
+    return np.asarray(np.sum(here.along_columns(seen.T / s).dense ** 2, axis=1))

@@ -6,9 +6,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from workbench.diagnostics.jacobian import Jacobian
-from workbench.problem import Problem
+from workbench.errors import NotSupported
+from workbench.problem import Linearization, Problem
 from workbench.problem.steps import EPS
+from workbench.problem.storage import dense
 
 Array = NDArray[np.float64]
 WRONG = 1e-5  # of the largest entry of its column and of what differences can resolve
@@ -58,7 +59,7 @@ class DerivativeCheck:
 
 
 def check_derivatives(
-    problem: Problem, at: Mapping[str, ArrayLike], here: Jacobian, seed: int = 0
+    problem: Problem, at: Mapping[str, ArrayLike], here: Linearization, seed: int = 0
 ) -> DerivativeCheck:
     """Central differences, column by column; where they do not agree, with smaller steps as well.
 
@@ -70,7 +71,7 @@ def check_derivatives(
 
 
 def _checked(
-    problem: Problem, x: Array, fixed: Array, here: Jacobian, rng: np.random.Generator
+    problem: Problem, x: Array, fixed: Array, here: Linearization, rng: np.random.Generator
 ) -> DerivativeCheck:
     n = x.size
     columns = np.arange(n) if n <= MOST_COLUMNS else np.sort(
@@ -131,7 +132,7 @@ def _central(problem: Problem, x: Array, fixed: Array, i: int, h: float) -> Arra
 
 
 def _taylor(
-    problem: Problem, x: Array, fixed: Array, here: Jacobian, rng: np.random.Generator
+    problem: Problem, x: Array, fixed: Array, here: Linearization, rng: np.random.Generator
 ) -> tuple[Array, float | None]:
     d = rng.standard_normal(x.size)
     d /= max(float(np.linalg.norm(d)), 1e-300)
@@ -149,21 +150,21 @@ def _taylor(
     return left, float(np.polyfit(h, e, 1)[0])
 
 
-def _gradient_error(problem: Problem, x: Array, fixed: Array, here: Jacobian) -> float:
+def _gradient_error(problem: Problem, x: Array, fixed: Array, here: Linearization) -> float:
     _, g = problem.cost_and_gradient(x, fixed)
-    ours = np.asarray(here.matrix.T @ here.residual)
+    ours = here.gradient
     size = float(np.linalg.norm(here.column_norms) * np.linalg.norm(here.residual))
     return float(np.linalg.norm(g - ours)) / max(size, 1e-300)
 
 
 def _second(
-    problem: Problem, x: Array, fixed: Array, here: Jacobian
+    problem: Problem, x: Array, fixed: Array, here: Linearization
 ) -> tuple[float | None, float | None]:
     if x.size > HESSIAN_UP_TO or here.shape[0] > HESSIAN_ROWS or not x.size:
         return None, None
     try:
         H = problem.hessian_at(x, fixed)
-    except RuntimeError:  # CasADi's, of a function that was given first derivatives only
+    except (RuntimeError, NotSupported):  # of a function with first derivatives only, or no graph
         return None, None
     if not np.isfinite(H).all():
         return float("inf"), None
@@ -179,7 +180,7 @@ def _second(
         found = (4 * slopes[1] - slopes[0]) / 3
         doubt = abs(found - slopes[1]) + NOISE * pull / h
         off[:, i] = np.maximum(abs(H[:, i] - found) - doubt, 0)
-    normal = here.normal
+    normal = dense(here.normal)
     size = max(float(np.linalg.norm(H)), 1e-300)
     wrong = float(np.linalg.norm(off)) / size if np.isfinite(off).all() else None
     return wrong, float(np.linalg.norm(H - normal)) / size

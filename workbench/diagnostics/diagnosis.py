@@ -18,7 +18,7 @@ from workbench.diagnostics.identifiability import (
     contributions,
     identifiability,
 )
-from workbench.diagnostics.jacobian import Jacobian
+from workbench.diagnostics.looked_at import pattern_at, thick
 from workbench.diagnostics.motions import Motion, motions
 from workbench.diagnostics.neighbourhood import Neighbourhood
 from workbench.diagnostics.null_space import Direction, directions
@@ -26,7 +26,7 @@ from workbench.diagnostics.point import Point
 from workbench.diagnostics.rank_law import law_of
 from workbench.diagnostics.structure import Structure, TermBlock
 from workbench.errors import WorkbenchError
-from workbench.problem import Problem
+from workbench.problem import Linearization, Problem
 
 Array = NDArray[np.float64]
 HARDLY = 0.99  # sigmas per yardstick; a prior as wide as the yardstick has 1
@@ -40,15 +40,14 @@ class Undiagnosed(WorkbenchError, AssertionError):
 class Diagnosis:
     """A problem at one point. Every part is computed when it is first asked for.
 
-    What constraints forbid at this point counts as noticed: in the rank, in the null directions,
-    in every sigma. What is hardly noticed is so relative to yardsticks: see `point`.
+    What bounds and constraints forbid here counts as noticed: in rank, null directions and sigmas.
+    What is hardly noticed is so relative to yardsticks: see `point`.
 
-    `str` of it is a summary, `report()` everything in words, `data()` the same as JSON.
-    """
+    `str` of it is a summary, `report()` everything in words, `data()` the same as JSON."""
 
     problem: Problem = field(repr=False)
     at: Values = field(repr=False)
-    here: Jacobian = field(repr=False)
+    here: Linearization = field(repr=False)
     priors: tuple[str, ...] = ()  # residuals that are no data
 
     # Size and structure.
@@ -70,8 +69,8 @@ class Diagnosis:
 
     @cached_property
     def structure(self) -> Structure:
-        """The pattern, taken apart."""
-        return structure.structure_of(self.problem, self.point.held.active)
+        """The pattern, taken apart; what bounds and constraints hold is part of it."""
+        return structure.taken_apart(pattern_at(self.problem), self.point.held_pattern)
 
     @property
     def pattern(self) -> NDArray[np.bool_]:
@@ -92,6 +91,11 @@ class Diagnosis:
     def structural_rank(self) -> int:
         """Of any matrix with this pattern, at most."""
         return self.structure.rank
+
+    @cached_property
+    def thick(self) -> int:
+        """How many entries are above a thousandth of their column's largest."""
+        return thick(self.here)
 
     @property
     def row_edges(self) -> tuple[int, ...]:
@@ -116,22 +120,17 @@ class Diagnosis:
         r = [(int(i), -1) for i in np.flatnonzero(~np.isfinite(self.here.residual))]
         return (*r, *self.here.not_finite)
 
-    @property
-    def not_finite_columns(self) -> list[int]:
-        """The columns among them."""
-        return sorted({j for _, j in self.not_finite if j >= 0})
-
     # Rank, and what is not seen.
 
     @property
     def singular_values(self) -> Array:
         """Of the Jacobian, (min(m, n),), falling; in fewer directions where constraints hold."""
-        return self.point.tied.reduced.svd[0]
+        return self.point.tied.reduced.spectrum.s
 
     @property
     def tolerance(self) -> float:
         """The singular value below which a direction counts as unseen."""
-        return self.point.tied.reduced.tolerance
+        return self.point.tied.reduced.spectrum.tolerance
 
     @property
     def rank(self) -> int:
@@ -141,7 +140,7 @@ class Diagnosis:
     @property
     def noticed(self) -> int:
         """How many of the singular values are above the tolerance: the rank but for constraints."""
-        return self.point.tied.reduced.rank
+        return self.point.tied.reduced.spectrum.rank
 
     @property
     def condition(self) -> float:
@@ -156,7 +155,7 @@ class Diagnosis:
     @cached_property
     def scaled_singular_values(self) -> Array:
         """With every column of length 1."""
-        return conditioning.scaled_singular_values(self.point.tied.stacked)
+        return self.point.tied.stacked.singular_values
 
     @cached_property
     def scaled_rank(self) -> int:
@@ -176,7 +175,7 @@ class Diagnosis:
         if self.rank == self.shape[1]:
             return ()
         here = self.point.tied.stacked
-        return directions(here, self.free, self._dictionary(), here.tolerance)
+        return directions(here, self.free, self._dictionary(), here.spectrum.tolerance)
 
     @cached_property
     def weak_directions(self) -> tuple[Direction, ...]:
@@ -188,7 +187,7 @@ class Diagnosis:
             return ()
         here, sizes = self.point.measured.stacked, self.point.yardsticks.sizes
         found = directions(here, self.free, self._dictionary(), HARDLY)
-        noticed = (d for d in found if d.change > here.tolerance)
+        noticed = (d for d in found if d.change > here.spectrum.tolerance)
         return tuple(
             replace(d, vector=d.vector * sizes) for d in sorted(noticed, key=lambda d: d.change)
         )
@@ -196,7 +195,7 @@ class Diagnosis:
     @property
     def hardly_seen(self) -> int:
         """How many directions change the residuals by less than a sigma for a whole yardstick."""
-        seen = self.point.measured.reduced.svd[0][: self.noticed]
+        seen = self.point.measured.reduced.spectrum.s[: self.noticed]
         return int(np.sum(seen < HARDLY))
 
     def _dictionary(self) -> Iterable[Motion]:

@@ -85,7 +85,7 @@ def _rank(d: "Diagnosis") -> list[Finding]:
     found = []
     if d.rank < n:
         text = f"no residual notices {n - d.rank} of {n} directions"
-        text += " and no constraint forbids them" if d.point.held.any else ""
+        text += f" and no {_one(d)} forbids them" if d.point.held.any else ""
         found.append(Finding("rank", text, True))
     if d.point.held.any:
         found.append(Finding("rank", held(d), False))
@@ -113,16 +113,21 @@ def _rank(d: "Diagnosis") -> list[Finding]:
 
 def unread(d: "Diagnosis") -> str:
     """The unknowns that nothing reads, in a sentence."""
-    who = "residual and no constraint that holds" if d.point.held.any else "residual"
+    who = f"residual and no {_one(d)} that holds" if d.point.held.any else "residual"
     return f"read by no {who}: {named_groups(d.free, d.structure.unread)}"
 
 
+def _one(d: "Diagnosis") -> str:
+    """`bound`, `constraint`, or `bound or constraint`."""
+    return " or ".join(word.removesuffix("s") for word in d.point.held.what.split(" and "))
+
+
 def held(d: "Diagnosis") -> str:
-    """What constraints add to the rank, in a sentence."""
-    names, count = d.point.held.names, d.point.tied.count
+    """What bounds and constraints add to the rank, in a sentence."""
+    names, count, what = d.point.held.names, d.point.tied.count, d.point.held.what
     more = f" and {len(names) - 5} more" if len(names) > 5 else ""
     return (
-        f"{counted(count, 'direction')} {'is' if count == 1 else 'are'} fixed by constraints that "
+        f"{counted(count, 'direction')} {'is' if count == 1 else 'are'} fixed by {what} that "
         f"are active here ({', '.join(names[:5])}{more}) and "
         f"{'counts' if count == 1 else 'count'} as noticed"
     )

@@ -1,4 +1,4 @@
-"""What constraints hold at a point: directions that no residual has to notice."""
+"""What bounds and constraints hold at a point: directions that no residual has to notice."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -6,48 +6,94 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import csc_array, issparse, vstack
+from scipy.sparse import csc_array, vstack
 
-from workbench.diagnostics.jacobian import Jacobian, jacobian_at
-from workbench.problem import Problem
+from workbench.diagnostics.looked_at import looked_at, pattern_of
+from workbench.problem import Linearization, Problem
 from workbench.problem.steps import EPS
+from workbench.problem.storage import stacked
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """The active rows of a problem's constraints at a point.
+    """What of a problem's constraints and bounds is active at a point.
 
     An equation is always active; an inequality is where its value misses one of its limits by no
     more than its tolerance, or lies beyond it. A row whose gradient is zero there holds nothing.
+    A bound is an inequality on one unknown, whose gradient is a row of the identity; its
+    tolerance is a millionth of its size (of 1, if it is smaller), and at most a thousandth of the
+    way to the other bound.
     """
 
-    rows: Array = field(repr=False)  # (k, n): gradients of the active rows
-    active: NDArray[np.bool_] = field(repr=False)  # (K,) of all rows
-    names: tuple[str, ...] = ()  # of the active rows, in order
+    rows: Array = field(repr=False)  # (k, n): gradients, of constraints first, then of bounds
+    active: NDArray[np.bool_] = field(repr=False)  # (K,) of all rows of constraints
+    bounded: NDArray[np.bool_] = field(repr=False)  # (n,) the unknowns that are on a bound
+    names: tuple[str, ...] = ()  # of the active rows, in order: `tie`, `x[0] >= 0`
 
     @property
     def any(self) -> bool:
         """Whether there are any."""
         return bool(self.names)
 
+    @property
+    def what(self) -> str:
+        """`bounds`, `constraints`, or both."""
+        kinds = [("bounds", self.bounded.any()), ("constraints", self.active.any())]
+        return " and ".join(kind for kind, some in kinds if some)
 
-def held_at(
-    problem: Problem, at: Mapping[str, ArrayLike], active: NDArray[np.bool_] | None = None
-) -> Held:
-    """What holds at these values; or, where `active` (K,) says which rows do, their gradients."""
-    constraints = problem.stacked_constraints
-    if constraints is None:
-        return Held(np.zeros((0, problem.free.size)), np.zeros(0, dtype=bool))
-    there = constraints.linearize(*problem.split(at))
-    c, slack = there.values, there.tolerance
-    if active is None:
+    def pattern(self, problem: Problem) -> csc_array:
+        """Which unknowns the active rows read, (k, n), by structure."""
+        rows = [csc_array(_rows_of_identity(self.bounded))]
+        if problem.stacked_constraints is not None and self.active.any():
+            every = pattern_of(problem.stacked_constraints.function).tocsr()
+            rows.insert(0, csc_array(every[np.flatnonzero(self.active)]))
+        return csc_array(vstack(rows))
+
+
+def held_at(problem: Problem, at: Mapping[str, ArrayLike], like: Held | None = None) -> Held:
+    """What holds at these values; or, where `like` says which rows do, their gradients here."""
+    x, fixed = problem.split(at)
+    constraints, rows, names = problem.stacked_constraints, np.zeros((0, x.size)), []
+    active = np.zeros(0, dtype=bool)
+    if constraints is not None:
+        there = constraints.linearize(x, fixed)
+        c, slack = there.values, there.tolerance
         active = constraints.equal | (c <= there.lower + slack) | (c >= there.upper - slack)
         active &= np.isfinite(there.jacobian).all(axis=1) & there.jacobian.any(axis=1)
-    chosen = np.flatnonzero(active)
-    names = tuple(constraints.label(int(row)) for row in chosen)
-    return Held(there.jacobian[chosen], active, names)
+        active = active if like is None else like.active
+        rows = there.jacobian[active]
+        names = [constraints.label(int(row)) for row in np.flatnonzero(active)]
+    low, high = _on_bounds(problem, x)
+    bounded = low | high if like is None else like.bounded
+    names += [_bound(problem, int(i), bool(low[i])) for i in np.flatnonzero(bounded)]
+    return Held(np.vstack([rows, _rows_of_identity(bounded)]), active, bounded, tuple(names))
+
+
+def _rows_of_identity(chosen: NDArray[np.bool_]) -> Array:
+    """Of n chosen ones k: (k, n)."""
+    rows = np.zeros((int(chosen.sum()), len(chosen)))
+    rows[np.arange(len(rows)), np.flatnonzero(chosen)] = 1.0
+    return rows
+
+
+def _on_bounds(problem: Problem, x: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which unknowns are on their lower and which on their upper bounds, or beyond, (n,) each."""
+    lower, upper = problem.lower, problem.upper
+    apart = NEAR_OF_WIDTH * (upper - lower)  # infinite where a side is free
+    near = [
+        np.minimum(NEAR * np.maximum(1.0, abs(np.where(np.isfinite(side), side, 0.0))), apart)
+        for side in (lower, upper)
+    ]
+    return x <= lower + near[0], x >= upper - near[1]
+
+
+def _bound(problem: Problem, i: int, low: bool) -> str:
+    """`x[0] >= 0`, or `x[0] = 0.3` where both bounds are the same."""
+    lower, upper = problem.lower[i], problem.upper[i]
+    sign = "=" if lower == upper else ">=" if low else "<="
+    return f"{problem.free.label(i)} {sign} {lower if low else upper:g}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +105,7 @@ class Tied:
     of this is J itself.
     """
 
-    here: Jacobian
+    here: Linearization
     rows: Array
 
     def __post_init__(self) -> None:
@@ -70,13 +116,17 @@ class Tied:
     def tangent(self) -> Array:
         """Z (n, p), orthonormal; entries that no row reads stay what they are."""
         n = self.here.shape[1]
-        read = np.flatnonzero(self.rows.any(axis=0))
-        A = self.rows[:, read]
-        A = A / np.linalg.norm(A, axis=1)[:, None]
+        alone = np.count_nonzero(self.rows, axis=1) == 1  # such a row holds one entry, as bounds do
+        still = self.rows[alone].any(axis=0)
+        A = self.rows[~alone] / np.linalg.norm(self.rows[~alone], axis=1)[:, None]
+        A[:, still] = 0.0
+        read = np.flatnonzero(A.any(axis=0))
+        A = A[:, read]
         _, s, Vt = np.linalg.svd(A, full_matrices=True)
-        local = Vt[int(np.sum(s > EPS * max(A.shape) * s.max(initial=0.0))) :].T
-        Z = np.zeros((n, n - read.size + local.shape[1]))
-        others = np.setdiff1d(np.arange(n), read)
+        # rows of length 1, but for what is held already: of that, rounding may be left
+        local = Vt[int(np.sum(s > EPS * max(A.shape))) :].T
+        others = np.setdiff1d(np.flatnonzero(~still), read)
+        Z = np.zeros((n, others.size + local.shape[1]))
         Z[others, np.arange(others.size)] = 1.0
         Z[read, others.size :] = local
         return Z
@@ -87,36 +137,31 @@ class Tied:
         return self.here.shape[1] - self.tangent.shape[1] if len(self.rows) else 0
 
     @cached_property
-    def reduced(self) -> Jacobian:
+    def reduced(self) -> Linearization:
         """J Z (m, p): what the residuals notice of what may move."""
         if not len(self.rows):
             return self.here
-        if isinstance(self.here.matrix, csc_array):
-            moved = self.here.matrix @ csc_array(self.tangent)
-            return Jacobian(self.here.residual, csc_array(moved))
-        return Jacobian(self.here.residual, self.here.matrix @ self.tangent)
+        return self.here.along_columns(self.tangent)
 
     @cached_property
-    def stacked(self) -> Jacobian:
+    def stacked(self) -> Linearization:
         """J above A, each row of A as long as J's longest column: for who looks at columns."""
         if not len(self.rows):
             return self.here
         length = float(self.here.column_norms.max(initial=0.0)) or 1.0
         A = self.rows / np.linalg.norm(self.rows, axis=1)[:, None] * length
         r = np.concatenate([self.here.residual, np.zeros(len(A))])
-        if issparse(self.here.matrix):
-            return Jacobian(r, csc_array(vstack([self.here.matrix, csc_array(A)])))
-        return Jacobian(r, np.vstack([self.here.dense, A]))
+        return Linearization(r, stacked(self.here.jacobian, A))
 
     @property
     def rank(self) -> int:
         """How many directions are noticed."""
-        return self.count + self.reduced.rank
+        return self.count + self.reduced.spectrum.rank
 
     @property
     def condition(self) -> float:
         """Of the reduced Jacobian; infinite unless every direction is noticed."""
-        s, n = self.reduced.svd[0], self.here.shape[1]
+        s, n = self.reduced.spectrum.s, self.here.shape[1]
         if self.rank < n or not n:
             return float("inf")
         return float(s[0] / s[-1]) if s.size else 1.0
@@ -128,14 +173,13 @@ class Tied:
         Entries with a part in what is not noticed have an infinite sigma; what a constraint
         forbids adds nothing to any.
         """
-        s, Vt = self.reduced.svd
-        seen = s > self.reduced.tolerance
-        along = Vt[: s.size][seen].T
+        s, directions = self.reduced.spectrum.seen
+        along = directions.T
         forbidden = np.zeros(self.here.shape[1])
         if len(self.rows):
             along = self.tangent @ along
             forbidden = 1 - np.sum(self.tangent**2, axis=1)
-        half = along / s[seen]
+        half = along / s
         sigma = np.sqrt(np.sum(half**2, axis=1))
         sigma[1 - np.sum(along**2, axis=1) - forbidden > BLIND] = np.inf
         return sigma, half
@@ -148,21 +192,15 @@ class Tied:
         """The same in unknowns y, x = yardsticks * y."""
         if (yardsticks == 1).all():
             return self
-        matrix = self.here.matrix
-        if isinstance(matrix, csc_array):
-            columns = np.repeat(np.arange(matrix.shape[1]), np.diff(matrix.indptr))
-            entries = matrix.data * yardsticks[columns]
-            scaled = csc_array((entries, matrix.indices, matrix.indptr), shape=matrix.shape)
-            return Tied(Jacobian(self.here.residual, scaled), self.rows * yardsticks)
-        return Tied(Jacobian(self.here.residual, matrix * yardsticks), self.rows * yardsticks)
+        return Tied(self.here.scaled(yardsticks), self.rows * yardsticks)
 
 
 BLIND = 1e-9  # of an entry's square that lies in the null space: then it is not known
+NEAR = 1e-6  # of the size of a bound: on it, as the sampler takes it too
+NEAR_OF_WIDTH = 1e-3  # of the way between two bounds
 
 
-def tied_at(
-    problem: Problem, at: Mapping[str, ArrayLike], active: NDArray[np.bool_] | None = None
-) -> Tied:
-    """The Jacobian of a problem at a point, and what its constraints hold there."""
-    here = jacobian_at(problem, at)
-    return Tied(here, held_at(problem, at, active).rows)
+def tied_at(problem: Problem, at: Mapping[str, ArrayLike], like: Held | None = None) -> Tied:
+    """The Jacobian of a problem at a point, and what its bounds and constraints hold there."""
+    here = looked_at(problem, at)
+    return Tied(here, held_at(problem, at, like).rows)

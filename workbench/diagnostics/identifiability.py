@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from workbench.blocks import Layout
 from workbench.diagnostics.held import Tied
-from workbench.diagnostics.jacobian import Jacobian
+from workbench.problem import Linearization
 
 Array = NDArray[np.float64]
 UNCHANGED = 0.9  # posterior over prior sigma from which on the data have told nothing
@@ -76,15 +76,15 @@ def identifiability(
     return Identifiability(sigma, prior, _correlated(half, blind), share, verdicts)
 
 
-def _data_share(here: Jacobian, prior_rows: NDArray[np.bool_], half: Array) -> Array:
+def _data_share(here: Linearization, prior_rows: NDArray[np.bool_], half: Array) -> Array:
     if not prior_rows.any():
         return np.ones(half.shape[1])
-    from_priors = np.asarray(here.rows(np.flatnonzero(prior_rows)).matrix @ half)  # Q_p, rotated
+    from_priors = here.rows(np.flatnonzero(prior_rows)).along(half)  # Q_p, rotated
     left = np.linalg.eigvalsh(from_priors.T @ from_priors)  # 1 - c^2, rising
     return np.asarray(np.clip(1 - left, 0.0, 1.0))
 
 
-def prior_sigma(here: Jacobian, prior_rows: NDArray[np.bool_]) -> Array:
+def prior_sigma(here: Linearization, prior_rows: NDArray[np.bool_]) -> Array:
     """What the priors alone say of each entry (n,), infinite where they say nothing."""
     sigma = np.full(here.shape[1], np.inf)
     if not prior_rows.any():
@@ -156,4 +156,4 @@ def _known(tied: Tied, free: Layout) -> tuple[Array, int, dict[str, float]]:
         return np.zeros(0), tied.count, dict.fromkeys(free.names, np.inf)
     variance = tied.laplace[0] ** 2
     rms = {name: float(np.sqrt(np.mean(variance[at]))) for name, at in free.slices.items()}
-    return tied.reduced.svd[0], tied.rank, rms
+    return tied.reduced.spectrum.s, tied.rank, rms

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from workbench.blocks.checks import texts
 from workbench.diagnostics.diagnosis import Diagnosis
-from workbench.diagnostics.jacobian import jacobian_at
+from workbench.diagnostics.looked_at import looked_at
 from workbench.errors import BadArgument, UnknownName
 from workbench.problem import Problem
 
@@ -26,7 +26,7 @@ def diagnose(
     for name in (names := texts("the names of priors", priors)):
         if name not in problem.rows:
             raise UnknownName("residual", name, problem.rows)
-    here = jacobian_at(problem, at)  # looks at every value
+    here = looked_at(problem, at)  # looks at every value
     read = (*problem.free.names, *problem.fixed.names)
     values = {name: np.asarray(at[name], dtype=float) for name in read}
     return Diagnosis(problem, values, here, names)

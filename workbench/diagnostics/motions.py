@@ -41,14 +41,16 @@ def motions(
 
     The `pattern` (m, n) of the Jacobian, where it is given, tells which points hang together.
     """
-    moving = [tree for tree in trees if tree.pose in free.names]
+    moving = [tree for tree in trees if tree.moves(free)]
+    turned = _joints_of(free, moving)
     for i in range(free.size):
-        yield _free("entry", free.label(i), _joint_of(free, moving, i), [i])
+        yield _free("entry", free.label(i), turned.get(i, ()), [i])
     for tree in moving:
         yield from _single_joints(free, tree)
     for tree in moving:
         yield from _pairs(free, tree)
-    others = [block for block in free.blocks if block.name not in {tree.pose for tree in moving}]
+    poses = {name for tree in moving for name in tree.blocks}
+    others = [block for block in free.blocks if block.name not in poses]
     if pattern is not None:
         yield from _islands(free, others, pattern)
     yield from _shifts(free, others)
@@ -68,19 +70,20 @@ def _free(kind: str, name: str, joints: tuple[str, ...], entries: Sequence[int])
     return Motion(kind, name, joints, np.array(entries, dtype=np.int64))
 
 
-def _joint(free: Layout, tree: Tree, k: int) -> list[int]:
-    start = free.slices[tree.pose].start + 3 * k
-    return [start, start + 1, start + 2]
-
-
-def _joint_of(free: Layout, moving: Sequence[Tree], i: int) -> tuple[str, ...]:
-    block, entry = free.block_of(i)
-    return tuple(tree.names[entry // 3] for tree in moving if tree.pose == block.name)
+def _joints_of(free: Layout, moving: Sequence[Tree]) -> dict[int, tuple[str, ...]]:
+    """The joints that a free number turns, by its place."""
+    found: dict[int, tuple[str, ...]] = {}
+    for tree in moving:
+        for k, name in enumerate(tree.names):
+            for i in tree.entries(k, free):
+                found[i] = (*found.get(i, ()), name)
+    return found
 
 
 def _single_joints(free: Layout, tree: Tree) -> Iterator[Motion]:
     for k, name in enumerate(tree.names):
-        yield _free("twist", f"a turn of {tree.pose}[{name}] alone", (name,), _joint(free, tree, k))
+        if entries := tree.entries(k, free):
+            yield _free("twist", f"a turn of {tree.called(k)} alone", (name,), entries)
 
 
 def _pairs(free: Layout, tree: Tree) -> Iterator[Motion]:
@@ -93,9 +96,10 @@ def _pairs(free: Layout, tree: Tree) -> Iterator[Motion]:
             above, apart = tree.parents[above], apart + 1
     for _, above, k in sorted(related):
         names = tree.names[above], tree.names[k]
-        entries = _joint(free, tree, above) + _joint(free, tree, k)
-        said = f"a turn of {tree.pose}[{names[0]}], undone at {names[1]}"
-        yield replace(_free("twist", said, names, entries), tree=tree)
+        turn, back = tree.entries(above, free), tree.entries(k, free)
+        if turn and back:
+            said = f"a turn of {tree.called(above)}, undone at {names[1]}"
+            yield replace(_free("twist", said, names, turn + back), tree=tree)
 
 
 def _islands(free: Layout, blocks: Sequence[Block], pattern: csc_array) -> Iterator[Motion]:
@@ -158,10 +162,10 @@ def _against_translations(
     for tree in moving:
         for block, moves in _translations(free, blocks):
             for k, name in enumerate(tree.names):
-                entries = [*_joint(free, tree, k), *moves]
-                said = f"a turn of {tree.pose}[{name}], undone by {block.name}"
-                motion = _free("twist", said, (name,), entries)
-                yield replace(motion, tree=tree, undone_by=block.name)
+                if turn := tree.entries(k, free):
+                    said = f"a turn of {tree.called(k)}, undone by {block.name}"
+                    motion = _free("twist", said, (name,), [*turn, *moves])
+                    yield replace(motion, tree=tree, undone_by=block.name)
 
 
 def _two_blocks(free: Layout, blocks: Sequence[Block]) -> Iterator[Motion]:
@@ -180,8 +184,8 @@ def _limbs(free: Layout, tree: Tree) -> Iterator[Motion]:
     for k in range(K - 1, 0, -1):
         below[tree.parents[k]] += below[k]
     for k in sorted(range(K), key=lambda k: len(below[k])):
-        if len(below[k]) > 2:
-            entries = [e for j in sorted(below[k]) for e in _joint(free, tree, j)]
+        entries = [e for j in sorted(below[k]) for e in tree.entries(j, free)]
+        if len(entries) > 6:
             said = f"turns from {tree.names[k]} down"
             yield replace(_free("joint", said, (), entries), tree=tree)
 
@@ -195,7 +199,9 @@ def _limbs_against_translations(
         depth[k] = depth[parent] + 1
     for block, moves in _translations(free, blocks):
         for most in range(1, max(depth) + 1):
-            near = [e for k, d in enumerate(depth) if d <= most for e in _joint(free, tree, k)]
+            near = [e for k, d in enumerate(depth) if d <= most for e in tree.entries(k, free)]
+            if not near:
+                continue
             name = f"turns near {tree.names[0]}, undone by {block.name}"
             motion = _free("joint", name, (), [*near, *moves])
             yield replace(motion, tree=tree, undone_by=block.name)
@@ -204,6 +210,6 @@ def _limbs_against_translations(
 def _translations(free: Layout, blocks: Sequence[Block]) -> Iterator[tuple[Block, list[int]]]:
     """Blocks of three numbers, and their entries."""
     for block in blocks:
-        if block.shape == (3,):
+        if block.shape == (3,) and (block.whole is None or block.unit == "m"):
             part = free.slices[block.name]
             yield block, list(range(part.start, part.stop))

@@ -17,8 +17,8 @@ NEARBY = 0.1  # of its yardstick: how far they are away in each entry
 class Neighbourhood:
     """Rank and singular values at a few random points, a tenth of a yardstick away in each entry.
 
-    The constraints that are active here count as active there. Points where the Jacobian is not
-    finite are left out; so are all for a sparse large one.
+    The constraints and bounds that are active here count as active there. Points where the
+    Jacobian is not finite are left out; so are all for a sparse large one.
     """
 
     here: Point
@@ -31,17 +31,17 @@ class Neighbourhood:
         rng = np.random.default_rng(0)
         found = []
         problem, at, steps = self.here.problem, self.here.at, self.here.yardsticks.sizes
-        sizes = problem.free.unpack(steps)
+        sizes = problem.free.placed(steps)
         for _ in range(NEIGHBOURS):
             moved = {
                 block.name: np.asarray(at[block.name], dtype=float)
                 + NEARBY * sizes[block.name] * rng.standard_normal(np.shape(at[block.name]))
                 for block in problem.free.blocks
             }
-            there = tied_at(problem, at | moved, self.here.held.active)
+            there = tied_at(problem, at | moved, self.here.held)
             if there.here.finite and np.isfinite(there.rows).all():
                 there = there.measured(steps)
-                found.append((there.rank, there.reduced.svd[0]))
+                found.append((there.rank, there.reduced.spectrum.s))
         return tuple(found)
 
     @property
@@ -53,8 +53,8 @@ class Neighbourhood:
     def weaker_here(self) -> float:
         """How many times weaker the weakest direction that is seen is here than typically there."""
         here = self.here.measured.reduced
-        rank = here.rank
+        rank = here.spectrum.rank
         there = [s[rank - 1] for _, s in self.points if s.size >= rank]
         if not there or not rank:
             return 1.0
-        return float(np.median(there)) / float(here.svd[0][rank - 1])
+        return float(np.median(there)) / float(here.spectrum.s[rank - 1])

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from scipy.optimize import linprog
 
 from workbench.blocks import Layout
-from workbench.diagnostics.jacobian import Jacobian
 from workbench.diagnostics.motions import MANY, Motion
 from workbench.diagnostics.turned_joints import named_by_joints
+from workbench.problem import Linearization
 
 Array = NDArray[np.float64]
 FRESH = 1e-6  # sine of the angle to what is known, above which a direction is another one
@@ -41,14 +41,14 @@ def null_basis(A: Array, tolerance: float) -> Array:
 
 
 def directions(
-    here: Jacobian, free: Layout, dictionary: Iterable[Motion], tolerance: float
+    here: Linearization, free: Layout, dictionary: Iterable[Motion], tolerance: float
 ) -> tuple[Direction, ...]:
     """A basis of what J maps below `tolerance` times the length: named motions first.
 
     What no motion of the dictionary covers is made as sparse as it can be (least sum of absolute
     values), and named by its largest entries.
     """
-    s, Vt = here.svd
+    s, Vt = here.spectrum.s, here.spectrum.Vt
     null = Vt[int(np.sum(s > tolerance)) :].T
     total = null.shape[1]
     if not total:
@@ -184,7 +184,7 @@ def _polished(v: Array, space: Array) -> Array:
 
 
 def _direction(
-    motion: Motion, v: Array, here: Jacobian, free: Layout, limit: float, *, several: bool
+    motion: Motion, v: Array, here: Linearization, free: Layout, limit: float, *, several: bool
 ) -> Direction:
     v = signed(v)
     name, joints = named_by_joints(motion, v, here.R, free, limit)
@@ -196,7 +196,7 @@ def _direction(
     return Direction(name, motion.kind, joints, v, float(np.linalg.norm(here.along(v))))
 
 
-def _mixed(v: Array, here: Jacobian, free: Layout) -> Direction:
+def _mixed(v: Array, here: Linearization, free: Layout) -> Direction:
     v = signed(v)
     return Direction(dominant(v, free), "mixed", (), v, float(np.linalg.norm(here.along(v))))
 

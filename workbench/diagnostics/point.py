@@ -1,17 +1,17 @@
-"""One point of a problem: its Jacobian, what constraints hold there, and the yardsticks."""
+"""One point of a problem: its linearization, what constraints hold there, and the yardsticks."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csc_array
 
 from workbench.blocks import Layout, Values
 from workbench.diagnostics.held import Held, Tied, held_at
 from workbench.diagnostics.identifiability import prior_sigma
-from workbench.diagnostics.jacobian import Jacobian
 from workbench.diagnostics.yardsticks import Yardsticks, yardsticks
-from workbench.problem import Problem
+from workbench.problem import Linearization, Problem
 
 Array = NDArray[np.float64]
 
@@ -22,13 +22,18 @@ class Point:
 
     problem: Problem = field(repr=False)
     at: Values = field(repr=False)
-    here: Jacobian = field(repr=False)
+    here: Linearization = field(repr=False)
     priors: tuple[str, ...] = ()  # residuals that are no data
 
     @cached_property
     def held(self) -> Held:
         """What the problem's constraints hold here."""
         return held_at(self.problem, self.at)
+
+    @property
+    def held_pattern(self) -> csc_array:
+        """Which unknowns these read, (k, n), by structure."""
+        return self.held.pattern(self.problem)
 
     @cached_property
     def tied(self) -> Tied:
@@ -43,7 +48,8 @@ class Point:
     @cached_property
     def yardsticks(self) -> Yardsticks:
         """What each unknown is held against."""
-        both = Layout((*self.problem.free.blocks, *self.problem.fixed.blocks))
+        read = (*self.problem.free.blocks, *self.problem.fixed.blocks)
+        both = Layout(tuple({block.name: block for block in read}.values()))
         return yardsticks(self.problem.free, both, self.at, self.prior_sigma)
 
     @cached_property

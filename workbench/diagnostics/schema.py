@@ -25,7 +25,7 @@ def as_data(d: "Diagnosis") -> dict[str, Any]:
         "estimated": d.here.estimated,
         "shape": list(d.shape),
         "nonzeros": d.nonzeros,
-        "thick": d.here.thick if d.here.finite else None,
+        "thick": d.thick if d.here.finite else None,
         "density": d.density,
         "structural_rank": d.structural_rank,
         "blocks": [
@@ -78,6 +78,7 @@ def _numbers(d: "Diagnosis") -> dict[str, Any]:
     known, check, law = d.identifiability, d.derivatives, d.rank_law
     return {
         "rank": d.rank,
+        "held": list(d.point.held.names),
         "tolerance": d.tolerance,
         "condition": d.condition,
         "singular_values": d.singular_values,

@@ -7,16 +7,18 @@ over-determined one with more rows than columns, and a square one between them.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import casadi as cs
 import numpy as np
+from numpy.linalg import norm
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import csc_array, csr_array, issparse, vstack
+from scipy.sparse import csc_array, vstack
 
 from workbench.blocks import Layout, Tree
-from workbench.bodies.sources import LandmarkPoints, SurfacePoints
-from workbench.diagnostics.jacobian import Jacobian, pattern_of
-from workbench.problem import Problem
+from workbench.bodies.sources import JointPoints, LandmarkPoints, SurfacePoints
+from workbench.problem import Linearization, Problem
+from workbench.problem.storage import distance
 
 Index = NDArray[np.int64]
 
@@ -58,53 +60,86 @@ class Structure:
     idle: Index  # rows that read nothing free
 
 
-def structure_of(problem: Problem, active: NDArray[np.bool_] | None = None) -> Structure:
-    """The pattern of a problem's Jacobian, taken apart; `active` (K,) constraints hold."""
-    pattern, constraints = pattern_of(problem.function), problem.stacked_constraints
-    if constraints is None or active is None or not active.any():
-        return taken_apart(pattern)
-    held = pattern_of(constraints.function).tocsr()[np.flatnonzero(active)]
-    return taken_apart(pattern, csc_array(held))
-
-
 def taken_apart(residuals: csc_array, held: csc_array | None = None) -> Structure:
     """A pattern (m, n), cut by Dulmage's and Mendelsohn's decomposition.
 
-    The rows of `held` (k, n) are those of constraints, below the others.
+    The rows of `held` (k, n) are those of bounds and constraints, below the others.
     """
-    pattern = residuals if held is None else csc_array(vstack([residuals, held]))
-    m, n = pattern.shape
-    S = cs.Sparsity(m, n, pattern.indptr.tolist(), pattern.indices.tolist())
+    pattern = residuals
+    if held is not None and held.shape[0]:
+        pattern = csc_array(vstack([residuals, held]))
+    reads = _counts(pattern)
+    kept = _enough(pattern, reads)
+    m, n = len(kept), pattern.shape[1]
+    place = np.full(pattern.shape[0], -1)
+    place[kept] = np.arange(m)
+    rows = [place[pattern.indices[i:j]] for i, j in pairwise(pattern.indptr.tolist())]
+    rows = [some[some >= 0] for some in rows]
+    starts = np.cumsum([0, *(len(some) for some in rows)])
+    S = cs.Sparsity(m, n, starts.tolist(), [row for some in rows for row in some.tolist()])
     # rows in the order unmatched | over | square | under, columns over | square | under | unmatched
     _, p, q, _, _, row_edges, column_edges = S.btf()
-    p, q = np.array(p, dtype=np.int64), np.array(q, dtype=np.int64)
+    p, q = kept[np.array(p, dtype=np.int64)], np.array(q, dtype=np.int64)
     r, c = list(row_edges), list(column_edges)
-    columns_read = np.diff(pattern.indptr)
+    left = np.setdiff1d(np.arange(pattern.shape[0]), kept)
     return Structure(
         residuals,
         rank=n - (c[4] - c[3]),
-        over=Part(np.sort(p[r[0] : r[2]]), np.sort(q[c[0] : c[1]])),
+        over=Part(np.sort(np.concatenate([p[r[0] : r[2]], left])), np.sort(q[c[0] : c[1]])),
         square=Part(np.sort(p[r[2] : r[3]]), np.sort(q[c[1] : c[2]])),
         under=Part(np.sort(p[r[3] : r[4]]), np.sort(q[c[2] : c[4]])),
-        unread=np.flatnonzero(columns_read == 0),
-        idle=np.flatnonzero(np.bincount(residuals.indices, minlength=residuals.shape[0]) == 0),
+        unread=np.flatnonzero(np.diff(pattern.indptr) == 0),
+        idle=np.flatnonzero(reads[: residuals.shape[0]] == 0),
     )
 
 
-def term_blocks(problem: Problem, structure: Structure, here: Jacobian) -> tuple[TermBlock, ...]:
+def _counts(pattern: csc_array) -> Index:
+    """How many columns each row reads, (m,)."""
+    found = np.zeros(pattern.shape[0], dtype=np.int64)
+    for start, stop in pairwise(pattern.indptr.tolist()):
+        found[pattern.indices[start:stop]] += 1
+    return found
+
+
+def _enough(pattern: csc_array, reads: Index) -> Index:
+    """The rows that decide how the pattern comes apart, rising.
+
+    Of rows that read the same k columns no more than k can be matched. So k + 1 of them are
+    enough: one of these is left over, and the others that are not looked at belong where it does.
+    """
+    keys = np.zeros(pattern.shape[0])  # one for each set of columns
+    weights = np.random.default_rng(0).random(pattern.shape[1])
+    for weight, (start, stop) in zip(weights, pairwise(pattern.indptr.tolist()), strict=True):
+        keys[pattern.indices[start:stop]] += weight
+    order = np.argsort(keys, kind="stable")
+    new = np.concatenate([[True], np.diff(keys[order]) != 0])[: len(keys)]
+    first = np.maximum.accumulate(np.where(new, np.arange(len(keys)), 0))
+    before = np.empty(len(keys), dtype=np.int64)  # how many rows of the same kind
+    before[order] = np.arange(len(keys)) - first
+    return np.flatnonzero(before <= reads)
+
+
+def term_blocks(
+    problem: Problem, structure: Structure, here: Linearization
+) -> tuple[TermBlock, ...]:
     """The Jacobian as a table of terms by blocks."""
-    by_rows = structure.pattern.tocsr()
+    found = structure.pattern
+    edges = [(rows.start, rows.stop) for rows in problem.rows.values()]
+    counts = np.zeros((found.shape[1], len(edges)), dtype=np.int64)
+    for column, (start, stop) in enumerate(pairwise(found.indptr.tolist())):
+        low, high = np.searchsorted(found.indices[start:stop], edges).T
+        counts[column] = high - low
     return tuple(
         TermBlock(
             term, block, rows.stop - rows.start, columns.stop - columns.start,
-            int(by_rows[rows, columns].nnz), _size(here.block(rows, columns)),
+            int(counts[columns, k].sum()), here.block(rows, columns).norm,
         )
-        for term, rows in problem.rows.items()
+        for k, (term, rows) in enumerate(problem.rows.items())
         for block, columns in problem.free.slices.items()
     )  # fmt: skip
 
 
-def duplicates(problem: Problem, here: Jacobian) -> tuple[tuple[str, str], ...]:
+def duplicates(problem: Problem, here: Linearization) -> tuple[tuple[str, str], ...]:
     """Pairs of residuals that say the same: equal rows, up to one factor and the sign.
 
     Seen at this point only. Where both are zero here, they have to read the same blocks as well.
@@ -123,34 +158,33 @@ def duplicates(problem: Problem, here: Jacobian) -> tuple[tuple[str, str], ...]:
     return tuple(found)
 
 
-def _same(here: Jacobian, rows: slice, others: slice) -> bool:
+def _same(here: Linearization, rows: slice, others: slice) -> bool:
     every = slice(0, here.shape[1])
     a, b = here.block(rows, every), here.block(others, every)
     r, s = here.residual[rows], here.residual[others]
-    size, other = np.hypot(_size(a), _size(r)), np.hypot(_size(b), _size(s))
-    if not _size(a) or not _size(b):
+    size, other = float(np.hypot(a.norm, norm(r))), float(np.hypot(b.norm, norm(s)))
+    if not a.norm or not b.norm:
         return False
     return any(
-        np.hypot(_size(a / size - sign * b / other), _size(r / size - sign * s / other)) < 1e-10
+        np.hypot(
+            distance(a.jacobian, 1 / size, b.jacobian, sign / other),
+            norm(r / size - sign * s / other),
+        )
+        < 1e-10
         for sign in (1, -1)
     )
 
 
 def bulges(problem: Problem) -> bool:
     """Whether a free pose moves the surface of a body that has pose blend shapes."""
+    free = set(problem.free.names)
     sources = [p.source for residual in problem.residuals for p in residual.points]
     return any(
         isinstance(source, SurfacePoints | LandmarkPoints)
-        and source.tree is not None
-        and source.tree.pose in problem.free.names
+        and not free.isdisjoint(symbol.name() for symbol in cs.symvar(source.at.pose))
         and bool(source.at.body.posedirs.any())
         for source in sources
     )
-
-
-def _size(part: NDArray[np.float64] | csr_array) -> float:
-    """The root of the sum of squares."""
-    return float(np.linalg.norm(part.data if issparse(part) else part))
 
 
 def named_groups(layout: Layout, columns: Index) -> str:
@@ -159,7 +193,7 @@ def named_groups(layout: Layout, columns: Index) -> str:
     slices: Mapping[str, slice] = layout.slices
     for name, part in slices.items():
         inside = columns[(columns >= part.start) & (columns < part.stop)]
-        if inside.size == part.stop - part.start:
+        if layout[name].whole is None and inside.size == part.stop - part.start:
             said.append(name if inside.size == 1 else f"all of {name}")
         elif inside.size:
             said.extend(gathered([layout.label(int(i)) for i in inside]))
@@ -201,16 +235,23 @@ def only_joints(
     if len(points) != 1:
         return None
     (found,) = points.values()
-    tree = found.source.tree
-    if tree is None or found.labels != tree.names or tree.pose not in problem.free.names:
+    tree, free = found.source.tree, problem.free
+    if tree is None or found.labels != tree.names:
         return None
+    poses = [block for block in free.blocks if block.name in tree.blocks]
+    if not len(tree.turned(free)) == len(tree.names) == sum(block.size for block in poses) / 3:
+        return None  # the law is of joints that turn freely, each by three numbers of its own
     if any(residual.weights is not None for residual in problem.residuals):
         return None  # a weight of zero hides a joint
-    others = [block for block in problem.free.blocks if block.name != tree.pose]
-    if [block.shape for block in others] not in ([], [(3,)]):
+    others = [block for block in free.blocks if block.name not in tree.blocks]
+    if [block.shape for block in others] not in ([], [(3,)]) or free.parts:
         return None
+    if isinstance(found.source, JointPoints) and others:
+        maps = found.source.at.maps
+        if maps is None or maps[2].plain != others[0].name:
+            return None
     stacked = cs.vertcat(*[residual.expression for residual in problem.residuals])
-    own = {s.name() for s in cs.symvar(stacked)} & set(problem.free.names)
+    own = {s.name() for s in cs.symvar(stacked)} & set(free.names)
     if own:  # a prior, or a residual of another kind
         return None
     by_points = cs.jacobian_sparsity(stacked, found.symbol)

@@ -104,8 +104,7 @@ def _structure(d: "Diagnosis") -> list[str]:
     ]
     if d.here.finite and d.nonzeros:
         lines.append(
-            f"{d.here.thick} of them are above a thousandth of their column's largest here"
-            f"{_thin(d)}"
+            f"{d.thick} of them are above a thousandth of their column's largest here{_thin(d)}"
         )
     lines += table(
         ("residual", "block", "rows", "columns", "nonzeros", "density", "norm"),
@@ -273,7 +272,7 @@ def changed(without: float, with_it: float, number: Callable[[float], str]) -> s
 
 def _thin(d: "Diagnosis") -> str:
     """What the thin entries are, where that is known: pose blend shapes far from a joint."""
-    if d.here.thick == d.nonzeros:
+    if d.thick == d.nonzeros:
         return ""
     example = ", such as what pose blend shapes do far from a joint" if bulges(d.problem) else ""
     return f"; the others are thin{example}"

@@ -4,6 +4,8 @@ A direction is looked for among all turns of a limb, and may turn out to move li
 turns a hand, and the collar by a hundredth of that, is a turn of the hand.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,35 +30,33 @@ def named_by_joints(
     tree = motion.tree
     if tree is None:
         return motion.name, motion.joints
-    part, most = free.slices[tree.pose], float(np.abs(v).max())
-    angles = np.linalg.norm(v[part].reshape(-1, 3), axis=1)
+    joints, most = [tree.entries(k, free) for k in range(len(tree.names))], float(np.abs(v).max())
+    angles = np.array([np.linalg.norm(v[entries]) for entries in joints])
     undone = motion.undone_by
     if motion.kind == "joint":
         turned = np.flatnonzero(angles > MOVES * most)
         if undone and np.linalg.norm(v[free.slices[undone]]) <= MOVES * most:
             undone = ""
     else:
-        turned = _needed(v, part, angles, R, limit)
+        turned = _needed(v, joints, angles, R, limit)
     names = tuple(tree.names[k] for k in turned)
     if motion.joints and set(names) == set(motion.joints):
         return motion.name, motion.joints
     said = _turns(tree, [int(k) for k in turned])
-    joints = names if motion.joints else ()
-    return f"{said}, undone by {undone}" if undone else said, joints
+    turns = names if motion.joints else ()
+    return f"{said}, undone by {undone}" if undone else said, turns
 
 
 def _needed(
-    v: Array, part: slice, angles: Array, R: Array, limit: float
+    v: Array, joints: Sequence[list[int]], angles: Array, R: Array, limit: float
 ) -> NDArray[np.signedinteger]:
     """The fewest joints, the largest turns first, that are noticed as little as all of v is."""
     order = np.argsort(-angles, kind="stable")
     order = order[angles[order] > TAKES_PART * np.abs(v).max()]
     limit = max(limit, AS_LITTLE * float(np.linalg.norm(R @ v)))
     for count in range(1, order.size):
-        others = np.ones(angles.size, dtype=bool)
-        others[order[:count]] = False
-        w = v.copy()
-        w[part][np.repeat(others, 3)] = 0.0
+        w, others = v.copy(), np.setdiff1d(np.arange(angles.size), order[:count])
+        w[[entry for k in others for entry in joints[k]]] = 0.0
         if np.linalg.norm(R @ w) <= limit * np.linalg.norm(w):
             return np.sort(order[:count])
     return np.sort(order)
@@ -65,7 +65,7 @@ def _needed(
 def _turns(tree: Tree, joints: list[int]) -> str:
     """`a turn of pose[left_hand]`, `turns from left_wrist down` or `turns below spine3`."""
     if len(joints) == 1:
-        return f"a turn of {tree.pose}[{tree.names[joints[0]]}]"
+        return f"a turn of {tree.called(joints[0])}"
     if not joints:
         return "turns"
     top = max(set.intersection(*(_ancestry(tree, k) for k in joints)))  # parents come first

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.bodies.catalogue import load_body
+from workbench.bodies.catalogue import load_skinned
 from workbench.errors import UnknownName, listed
 from workbench.experiments.arguments import names
 from workbench.experiments.experiment import Setup
@@ -112,7 +112,7 @@ def balance(
     for name in held_out:
         if name not in known:
             raise UnknownName("camera", name, known)
-    model = load_body(body)
+    model = load_skinned(body)
     where = {name: i for i, name in enumerate(seen.names)}
     reference = np.full((len(model.landmark_names(landmark_set(model))), 3), np.nan)
     for i, name in enumerate(model.landmark_names(landmark_set(model))):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from workbench.blocks import Block, Values
 from workbench.bodies import SkinnedBody
-from workbench.bodies.catalogue import load_body
+from workbench.bodies.catalogue import load_skinned
 from workbench.experiments.correspondences import MADE_OF_THE_MODEL, mesh_fit
 from workbench.experiments.experiment import Experiment, Measure, Setup
 from workbench.experiments.keypoint_fit import keypoint_fit, landmark_set, pose_prior
@@ -46,7 +46,7 @@ def body_vertices(
     start_sigma: float = 0.3,
 ) -> Setup:
     """Every vertex known: pose_sigma and start_sigma in rad, noise in m."""
-    model = load_body(body)
+    model = load_skinned(body)
     rng = np.random.default_rng(seed)
     truth = bent_person(model, rng, pose_sigma)
     surface = model.vertices(**truth)
@@ -90,7 +90,7 @@ def body_outliers_geman_mcclure(
 def _with_outliers(
     body: str, seed: int, start: int, share: float, kernel: Kernel, sigma: float
 ) -> Setup:
-    model = load_body(body)
+    model = load_skinned(body)
     rng = np.random.default_rng(seed)
     truth = bent_person(model, rng, 0.3)
     surface = model.vertices(**truth)
@@ -113,7 +113,7 @@ def _with_outliers(
 
 def body_bounds(body: str = "small", seed: int = 0, start: int = 0, limit: float = 0.4) -> Setup:
     """Every vertex known, but no angle may exceed `limit` rad, nor a beta 1: many would have to."""
-    model = load_body(body)
+    model = load_skinned(body)
     truth = bent_person(model, np.random.default_rng(seed), 0.3)
     pose, betas, _ = (block.name for block in model.blocks())
     bounds = {pose: (-limit, limit), betas: (-1.0, 1.0)}
@@ -140,7 +140,7 @@ def body_bounds(body: str = "small", seed: int = 0, start: int = 0, limit: float
 
 def body_joints(body: str = "small", seed: int = 0, start: int = 0, noise: float = 0.01) -> Setup:
     """All joints known to `noise` m, priors on pose and shape."""
-    model = load_body(body)
+    model = load_skinned(body)
     rng = np.random.default_rng(seed)
     truth = likely_person(model, rng)
     joints = model.joints(**truth)
@@ -161,7 +161,7 @@ def body_joints_alone(
     body: str = "small", seed: int = 0, start: int = 0, pose_sigma: float = 0.3
 ) -> Setup:
     """All joints known exactly and no prior: many bodies explain them, and J has no full rank."""
-    model = load_body(body)
+    model = load_skinned(body)
     truth = bent_person(model, np.random.default_rng(seed), pose_sigma)
     setup = _joint_fit(
         model,
@@ -211,7 +211,7 @@ def body_cameras(
     body: str = "small", seed: int = 0, start: int = 0, cameras: int = 4, noise: float = 4.0
 ) -> Setup:
     """Keypoints in images of 1000 px from all around, priors on pose and shape; noise in px."""
-    model = load_body(body)
+    model = load_skinned(body)
     rng = np.random.default_rng(seed)
     truth = likely_person(model, rng)
     kind = landmark_set(model)

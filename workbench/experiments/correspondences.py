@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from workbench.blocks import Block, Values
 from workbench.bodies import SkinnedBody
-from workbench.bodies.catalogue import load_body
+from workbench.bodies.catalogue import load_skinned
 from workbench.errors import BadFile, UnknownName
 from workbench.experiments.correspondence_start import STARTS, placed
 from workbench.experiments.experiment import Measure, Setup
@@ -99,7 +99,7 @@ def known_correspondences(
     """
     if start not in STARTS:
         raise UnknownName("start", start, STARTS)
-    model = load_body(body)
+    model = load_skinned(body)
     rng = np.random.default_rng(seed)
     pose = pose_sigma * rng.standard_normal((model.n_joints, 3))
     betas = rng.standard_normal(model.n_betas)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
+from workbench.bodies.behind import arguments_behind
 from workbench.diagnostics import Diagnosis, diagnose
 from workbench.errors import BadSetup, UnknownName, WorkbenchError
 from workbench.experiments import comparison
@@ -238,6 +239,8 @@ def run(
         setup.problem, setup.start, {own: solution}, wanted, progress
     )
     body = setup.body
+    read = [points for residual in setup.problem.residuals for points in residual.points]
+    arguments = arguments_behind(body, read, values) if body else None
     return Outcome(
         name=experiment.name,
         setup=setup,
@@ -253,8 +256,10 @@ def run(
         compared=compared,
         skipped=skipped,
         measures=_measured(experiment, setup, values),
-        overlays=tuple(overlay(body, view, values) for view in setup.views) if body else (),
-        surface=body.vertices(*_arguments(body, values)) if body else None,
+        overlays=tuple(overlay(body, view, values, arguments) for view in setup.views)
+        if body and arguments
+        else (),
+        surface=body.vertices(*arguments) if body and arguments else None,
         source=experiment.source,
     )
 
@@ -276,9 +281,10 @@ def _prepare(problem: Problem, solver: Solver, compared: Iterable[str]) -> None:
         _ = problem.hessian
 
 
-def overlay(body: SkinnedBody, view: View, values: Values) -> Overlay:
-    """Project a body's landmarks and surface into a view."""
-    arguments = _arguments(body, values)
+def overlay(
+    body: SkinnedBody, view: View, values: Values, arguments: tuple[Array, Array, Array]
+) -> Overlay:
+    """Project the landmarks and the surface of a body, at pose, betas and trans, into a view."""
     surface = body.vertices(*arguments)
     found = body.landmark(view.landmarks, *arguments)
     return Overlay(
@@ -292,8 +298,3 @@ def overlay(body: SkinnedBody, view: View, values: Values) -> Overlay:
         surface=view.camera.pixels(surface, values),
         depth=view.camera.depths(surface, values),
     )
-
-
-def _arguments(body: SkinnedBody, values: Values) -> tuple[Array, Array, Array]:
-    pose, betas, trans = (values[block.name] for block in body.blocks())
-    return pose, betas, trans

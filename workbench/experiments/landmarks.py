@@ -3,7 +3,7 @@
 import numpy as np
 
 from workbench.blocks import Block, Values
-from workbench.bodies.catalogue import load_body
+from workbench.bodies.catalogue import load_skinned
 from workbench.errors import BadArgument
 from workbench.experiments.correspondences import MADE_OF_THE_MODEL
 from workbench.experiments.experiment import Measure, Setup
@@ -22,7 +22,7 @@ def shape_from_landmarks(
     """
     if not noise > 0:
         raise BadArgument(f"noise must be above zero metres, not {noise}; it is the sigma as well")
-    model = load_body(body)
+    model = load_skinned(body)
     rng = np.random.default_rng(seed)
     pose, betas, trans = model.blocks()
     truth = {

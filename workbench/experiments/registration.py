@@ -5,7 +5,7 @@ from importlib.resources import as_file, files
 
 import numpy as np
 
-from workbench.bodies.catalogue import load_body
+from workbench.bodies.catalogue import load_skinned
 from workbench.errors import UnknownName
 from workbench.experiments.correspondence_start import placed
 from workbench.experiments.correspondences import COMPARED, mesh_fit
@@ -25,7 +25,7 @@ def registration(
     compared: tuple[str, ...] = COMPARED,
 ) -> Setup:
     """A posed stranger with every correspondence known; pose_sigma in rad."""
-    model = load_body(body)
+    model = load_skinned(body)
     with (
         as_file(files("workbench") / "data" / "bodies" / "strangers.npz") as path,
         taken_for(path, "file of strangers", "install the workbench again"),

@@ -5,7 +5,10 @@ for it. (Greg Turk, The PLY Polygon File Format, 1994.)
 """
 
 import warnings
+from array import array
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from struct import Struct
 from typing import Any
 
 import numpy as np
@@ -23,6 +26,10 @@ TYPES = {
     **{"float32": "f4", "float64": "f8"},
 }
 ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": "="}
+STRUCT = {  # the same for the module struct
+    **{"i1": "b", "u1": "B", "i2": "h", "u2": "H", "i4": "i", "u4": "I", "i8": "q", "u8": "Q"},
+    **{"f4": "f", "f8": "d"},
+}
 CORNERS = ("vertex_indices", "vertex_index")
 
 
@@ -102,10 +109,18 @@ class _Bytes:
     left: memoryview
 
     def rows(self, element: _Element) -> Columns:
-        """The columns of the next element; its lists must all be of one length.
+        """The columns of the next element. Raises ValueError."""
+        if (found := self._alike(element)) is not None:
+            return found
+        if all(p.count is None for p in element.properties):
+            raise ValueError(
+                f"it says that it holds {element.length:,} times {shown(element.name)}, but is "
+                "shorter"
+            )
+        return self._walked(element)
 
-        Raises ValueError.
-        """
+    def _alike(self, element: _Element) -> Columns | None:
+        """The columns, if all rows are as long as the first; None if there are no such rows."""
         fields: list[tuple[Any, ...]] = []
         at = 0
         for k, p in enumerate(element.properties):
@@ -113,32 +128,67 @@ class _Bytes:
                 fields.append((f"{k}", p.dtype))
                 at += p.dtype.itemsize
                 continue
-            first = bytes(self.left[at : at + p.count.itemsize])
-            size = int(np.frombuffer(first, p.count)[0]) if element.length and first else 0
-            if not 0 <= size * p.dtype.itemsize <= len(self.left):
+            room = len(self.left) - at - p.count.itemsize
+            if element.length and room < 0:
+                raise ValueError(f"{shown(element.name)} 0 is cut off")
+            size = _length(p.count)(self.left, at)[0] if element.length else 0
+            if not 0 <= size * p.dtype.itemsize <= max(room, 0):  # nor NaN
                 raise ValueError(f"a list of {size:,} numbers is cut off")
+            size = int(size)
             fields += [(f"n{k}", p.count), (f"{k}", p.dtype, (size,))]
             at += p.count.itemsize + size * p.dtype.itemsize
         if not fields or not element.length:
             return [np.zeros(0)] * len(element.properties)
         dtype = np.dtype(fields)
         if dtype.itemsize * element.length > len(self.left):
-            raise ValueError(
-                f"it says that it holds {element.length:,} times {shown(element.name)}, but is "
-                "shorter, or holds lists of different lengths; save it as ascii, or with triangles"
-            )
+            return None
         rows = np.frombuffer(self.left, dtype, element.length)
+        lists = [k for k, p in enumerate(element.properties) if p.count is not None]
+        if any((rows[f"n{k}"] != rows[f"{k}"].shape[1]).any() for k in lists):
+            return None
         self.left = self.left[dtype.itemsize * element.length :]
-        return [self._column(rows, k, p) for k, p in enumerate(element.properties)]
+        return [
+            rows[f"{k}"] if p.count is None else (rows[f"{k}"].ravel(), rows[f"n{k}"].astype("i8"))
+            for k, p in enumerate(element.properties)
+        ]
 
-    @staticmethod
-    def _column(rows: NDArray[Any], k: int, p: _Property) -> Any:
-        if p.count is None:
-            return rows[f"{k}"]
-        entries, counts = rows[f"{k}"], rows[f"n{k}"].astype(np.int64)
-        if (counts != entries.shape[1]).any():
-            raise ValueError("it holds lists of different lengths; save it as ascii")
-        return entries.ravel(), counts
+    def _walked(self, element: _Element) -> Columns:
+        """Row by row, for each may be of a length of its own; a face has at least 3 corners."""
+        main = element.corners if element.name == "face" else -1
+        plan = [
+            (p.dtype.itemsize, 0 if p.count is None else p.count.itemsize,
+             None if p.count is None else _length(p.count), 3 if k == main else 0)
+            for k, p in enumerate(element.properties)
+        ]  # fmt: skip
+        found = [bytearray() for _ in plan]
+        counts = [array("q") for _ in plan]
+        at, left, end = 0, self.left, len(self.left)
+        for row in range(element.length):
+            for (width, head, length, least), bytes_of, sizes in zip(
+                plan, found, counts, strict=True
+            ):
+                if at + (head or width) > end:
+                    raise ValueError(f"{shown(element.name)} {row} is cut off")
+                size = 1
+                if length is not None:
+                    said, at = length(left, at)[0], at + head
+                    if not least <= said <= (end - at) // width:  # nor NaN
+                        raise ValueError(f"a list in row {row} has {said:,} entries")
+                    size = int(said)
+                    sizes.append(size)
+                bytes_of += left[at : at + size * width]
+                at += size * width
+        self.left = left[at:]
+        return [
+            numbers if p.count is None else (numbers, np.array(counts[k], dtype=np.int64))
+            for k, p in enumerate(element.properties)
+            for numbers in [np.frombuffer(found[k], p.dtype)]
+        ]
+
+
+def _length(count: np.dtype[Any]) -> Callable[[memoryview, int], tuple[Any, ...]]:
+    """Reads the length of a list somewhere in a file: faster than numpy does for single numbers."""
+    return Struct(count.str[0].replace("|", "<") + STRUCT[count.str[1:]]).unpack_from
 
 
 class _Numbers:

@@ -110,12 +110,11 @@ def _label_joints(ax: Axes, diagnosis: Diagnosis) -> None:
     names: list[str] = []
     middles: list[float] = []
     for tree in diagnosis.problem.trees:
-        if tree.pose in free.names:
-            first = free.slices[tree.pose].start
-            names += tree.names
-            middles += [first + 3 * k + 1.5 for k in range(len(tree.names))]
-            for k in range(1, len(tree.names)):
-                ax.axvline(first + 3 * k, color=FAINT, linewidth=0.3, alpha=0.5)
+        turned = tree.turned(free)
+        names += [tree.names[k] for k in turned]
+        middles += [place.start + 1.5 for place in turned.values()]
+        for place in list(turned.values())[1:]:
+            ax.axvline(place.start, color=FAINT, linewidth=0.3, alpha=0.5)
     if names:
         above = ax.secondary_xaxis("top")
         above.set_xticks(middles, [plain(shortened(name, 16)) for name in names], rotation=90)

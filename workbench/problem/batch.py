@@ -14,7 +14,7 @@ import casadi as cs
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.blocks import Layout, ManyPoints
+from workbench.blocks import Layout, NumericPoints
 from workbench.blocks.buffered import Buffered
 from workbench.blocks.lanes import lanes
 from workbench.blocks.many import LONGEST, Many, Mapped, OneByOne, scalar
@@ -36,12 +36,13 @@ INTERPRETED_UP_TO = 2_000  # of them: above, matrix products are faster
 class Batch:
     """A residual as one graph, and as a graph of points that come from arithmetic.
 
-    `made` keeps what was derived or compiled, by the places that vary.
+    There is no `whole` one where only arithmetic has the points of a source. `made` keeps what was
+    derived or compiled, by the places that vary.
     """
 
-    whole: Graph
+    whole: Graph | None
     split: Graph
-    sources: Sequence[ManyPoints]  # of the split graph's points
+    sources: Sequence[NumericPoints]  # of the split graph's points
     free: Layout
     fixed: Layout
     made: dict[tuple[str, bytes], Any] = field(default_factory=dict, repr=False)
@@ -126,7 +127,7 @@ def _numbers(still: cs.Function, x: Array, fixed: Array) -> Array:
 def _varying(batch: Batch, places: Places) -> tuple[cs.Function, cs.Function] | None:
     """(z, still) -> cost in scalar instructions, and (x, fixed) -> still, which z does not change.
 
-    None if there are too many instructions.
+    None if there are too many instructions, or no such graph.
     """
     key = "varying", places.tobytes()
     if key not in batch.made:
@@ -137,6 +138,8 @@ def _varying(batch: Batch, places: Places) -> tuple[cs.Function, cs.Function] | 
 
 def _parted(batch: Batch, places: Places) -> tuple[cs.Function, cs.Function] | None:
     graph = batch.whole
+    if graph is None:
+        return None
     r = cs.densify(graph.residual)
     cost = cs.Function("cost", [graph.x, graph.fixed], [0.5 * cs.sumsqr(r)])
     scalars = scalar(cost, EXPANDED_UP_TO)
@@ -170,17 +173,21 @@ def _arithmetic(batch: Batch, x: Array, fixed: Array, places: Places) -> Costs:
         X = np.repeat(x[None], len(z), axis=0)
         X[:, places] = z
         values = _values(batch, X, fixed)
-        points = (source(values).reshape(len(z), -1) for source in batch.sources)
+        points = (source.many(values).reshape(len(z), -1) for source in batch.sources)
         return run(X, fixed, *points)[0][:, 0]
 
     return costs
 
 
 def _values(batch: Batch, X: Array, fixed: Array) -> Mapping[str, Array]:
-    values = {
-        b.name: X[:, batch.free.slices[b.name]].reshape(len(X), *b.shape) for b in batch.free.blocks
-    }
-    same = batch.fixed.unpack(fixed)
-    return values | {
-        name: np.broadcast_to(value, (len(X), *value.shape)) for name, value in same.items()
-    }
+    same, M = batch.fixed.unpack(fixed), len(X)
+    values = {name: np.broadcast_to(value, (M, *value.shape)) for name, value in same.items()}
+    for block in batch.free.blocks:
+        numbers = X[:, batch.free.slices[block.name]]
+        if block.whole is None:
+            values[block.name] = numbers.reshape(M, *block.shape)
+        else:
+            whole = np.array(values[block.name])
+            whole.reshape(M, -1)[:, list(block.places)] = numbers
+            values[block.name] = whole
+    return values

@@ -15,29 +15,20 @@ from functools import cached_property
 import casadi as cs
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_array, csr_array, hstack
+from scipy.sparse import csc_array, csr_array
 
 from workbench.blocks import Layout, NumericPoints, PointsAt
 from workbench.blocks.buffered import Buffered
-from workbench.problem.graph import Graph
+from workbench.blocks.layout import all_values
+from workbench.problem.graph import FORWARD, Graph
 from workbench.problem.memory import check_fits
-from workbench.problem.rounding import Support
+from workbench.problem.pattern import Assembly, Part, Pattern, merged
+from workbench.problem.rounding import Support, half_squared
+from workbench.problem.storage import Matrix, is_sparse
 
 Array = NDArray[np.float64]
-Sparse = tuple[Array, csc_array]  # a residual and its Jacobian
-# CasADi 3.8 loses the derivative of `row + scalar` by the scalar when it takes a Jacobian of more
-# columns than rows backwards: all but the first entry come out zero
-FORWARD = {"helper_options": {"ad_weight": 0.0}}
-INSTEAD = (
-    "take nlopt-lbfgs, which needs no dense Jacobian of a large problem, free fewer blocks at a "
-    "time, or divide the problem, as a long sequence into short ones"
-)
+INSTEAD = "free fewer blocks at a time, or divide the problem, as a long sequence into short ones"
 SUMS = 3  # of what a row is made of, with random weights: one alone may cancel
-
-
-def half_squared(r: Array) -> float:
-    """1/2 |r|^2 of a residual (m,); infinite, without a warning, where it is too large."""
-    return 0.5 * float(np.vdot(r, r))
 
 
 class Chain:
@@ -56,7 +47,7 @@ class Chain:
         read = cs.veccat(*graph.points)
         if self._sources and not any(cs.depends_on(J, read) for J in jacobians):
             self._slopes = Buffered(cs.Function("slopes", arguments[:2], jacobians))
-        self._by_x, *self._by_points = (_Pattern(J.sparsity()) for J in jacobians)
+        self._by_x, *self._by_points = (Pattern(J.sparsity()) for J in jacobians)
         taken = [set(pattern.rows.tolist()) for pattern in self._by_points]
         self._own_rows = [  # where a source has rows for itself, coordinate by coordinate
             pattern.diagonal()
@@ -73,38 +64,83 @@ class Chain:
         """r (m,)."""
         return self._residual(x, fixed, *self._points(x, fixed))[0]
 
-    def linearize(self, x: Array, fixed: Array) -> tuple[Array, Array]:
-        """r (m,) and J (m, n), stored column by column. Raises TooLarge."""
-        check_fits(*self._by_x.shape, "a dense Jacobian", INSTEAD)
+    def linearize(self, x: Array, fixed: Array) -> tuple[Array, Matrix]:
+        """r (m,) and J (m, n): sparse, or an array stored column by column. Raises TooLarge."""
+        m, n = self._by_x.shape
+        if not self.sparse:
+            check_fits(m, n, "a dense Jacobian", INSTEAD)
         places = self._at(x, fixed)
         if self._slopes is None:
             r, direct, *by_points = self._derivative(x, fixed, *(here.points for here in places))
-            columns = self._columns(places, by_points)
+            J = self._jacobian(places, direct, by_points)
         else:  # the points come last: they are met on the way to their derivative
             direct, *by_points = self._slopes(x, fixed)
-            columns = self._columns(places, by_points)
+            J = self._jacobian(places, direct, by_points)
             r = self._residual(x, fixed, *(here.points for here in places))[0]
-        columns[self._by_x.columns, self._by_x.rows] += direct
-        return r, columns.T
+        return r, J
 
-    def linearize_sparsely(self, x: Array, fixed: Array) -> Sparse:
-        """The same with a sparse J: what reaches the residual from one block at a time is dense."""
-        places = self._at(x, fixed)
-        r, direct, *by_points = self._derivative(x, fixed, *(here.points for here in places))
-        J = self._by_x.matrix(direct)
-        reached = []
-        for name, at in self._free.slices.items():
-            size = at.stop - at.start
-            part = csc_array((len(r), size))
-            for source, here, pattern, entries in zip(
-                self._sources, places, self._by_points, by_points, strict=True
-            ):
-                if name in source.reads:
-                    tangent = np.empty((size, pattern.shape[1]))
-                    here.tangent({name: tangent}, None)
-                    part = part + pattern.matrix(entries) @ csc_array(tangent.T)
-            reached.append(part)
-        return r, csc_array(J + hstack(reached, format="csc")) if self._sources else J
+    @cached_property
+    def sparse(self) -> bool:
+        """Whether the Jacobian is stored by its nonzeros: it is large, and most of it is zero."""
+        (m, n), parts = self._by_x.shape, self._parts
+        through = sum(len(p.rows) * (p.columns.stop - p.columns.start) for _, _, p in parts)
+        return is_sparse(m, n, len(self._by_x.rows) + through)
+
+    @property
+    def pattern(self) -> csc_array:
+        """Where the Jacobian may be nonzero, as far as residuals tell: points by whole blocks."""
+        return merged(self._by_x, [part for _, _, part in self._parts])
+
+    @cached_property
+    def _parts(self) -> list[tuple[int, str, Part]]:
+        """What reaches the residual from one block through one source: every entry of some rows."""
+        return [
+            (i, name, Part(np.unique(pattern.rows), at))
+            for i, (source, pattern) in enumerate(zip(self._sources, self._by_points, strict=True))
+            for name, at in self._free.slices.items()
+            if name in source.reads
+        ]
+
+    @cached_property
+    def _assembly(self) -> Assembly:
+        return Assembly(self._by_x, [part for _, _, part in self._parts])
+
+    def _jacobian(
+        self, places: Sequence[PointsAt], direct: Array, by_points: list[Array]
+    ) -> Matrix:
+        if self.sparse:
+            return self._sparse(places, direct, by_points)
+        columns = self._columns(places, by_points)
+        columns[self._by_x.columns, self._by_x.rows] += direct
+        return columns.T
+
+    def _sparse(
+        self, places: Sequence[PointsAt], direct: Array, by_points: list[Array]
+    ) -> csc_array:
+        """The same by its nonzeros, of which those of one block through one source are dense."""
+        assembly = self._assembly
+        found = assembly.zeros()
+        for i, (here, pattern, own, entries) in enumerate(
+            zip(places, self._by_points, self._own_rows, by_points, strict=True)
+        ):
+            into: dict[str, Array] = {}
+            for number, (_, name, part) in self._parts_of(i):
+                room = None if own is None else assembly.view(number, found)
+                size = part.columns.stop - part.columns.start
+                into[name] = np.empty((size, pattern.shape[1])) if room is None else room
+            here.tangent(into, None if own is None else entries)
+            reduced = None if own is not None else pattern.matrix(entries).tocsr()
+            for number, (_, name, part) in self._parts_of(i):
+                if reduced is not None:
+                    whole = reduced[part.rows] @ into[name].T
+                    assembly.add_part(number, whole.T, found)
+                elif assembly.view(number, found) is None:
+                    assembly.add_part(number, into[name], found)
+        assembly.add(direct, found)
+        return assembly.matrix(found)
+
+    def _parts_of(self, source: int) -> list[tuple[int, tuple[int, str, Part]]]:
+        return [(n, part) for n, part in enumerate(self._parts) if part[0] == source]
 
     def _columns(self, places: Sequence[PointsAt], by_points: list[Array]) -> Array:
         """What reaches the residual through the points: J transposed, (n, m)."""
@@ -186,35 +222,9 @@ class Chain:
             return ()
         last, key = self._last, x.tobytes() + fixed.tobytes()  # once: a thread may replace it
         if key != last[0]:
-            values = self._free.unpack(x) | self._fixed.unpack(fixed)
+            values = all_values(self._free, x, self._fixed, fixed)
             self._last = last = key, [source.at(values) for source in self._sources]
         return last[1]
-
-
-class _Pattern:
-    """Where the entries of a sparse Jacobian stand, in CasADi's order: column by column."""
-
-    def __init__(self, sparsity: cs.Sparsity) -> None:
-        self.shape: tuple[int, int] = sparsity.shape
-        self._starts = np.array(sparsity.colind(), dtype=np.int64)
-        self.rows = np.array(sparsity.row(), dtype=np.int64)
-        self.columns = np.repeat(np.arange(self.shape[1]), np.diff(self._starts))
-
-    def diagonal(self) -> slice | None:
-        """The rows of a diagonal over all columns, if that is all: points seen one by one."""
-        first, n = int(self.rows[0]) if len(self.rows) else 0, self.shape[1]
-        once = np.array_equal(self.columns, np.arange(n))
-        in_order = once and np.array_equal(self.rows, first + np.arange(n))
-        return slice(first, first + n) if in_order else None
-
-    def pulled(self, entries: Array, r: Array) -> Array:
-        """The matrix with these entries, transposed, times r."""
-        found = np.bincount(self.columns, entries * r[self.rows], minlength=self.shape[1])
-        return np.asarray(found, dtype=float)  # counts, where there are no entries
-
-    def matrix(self, entries: Array) -> csc_array:
-        """The matrix with these entries."""
-        return csc_array((entries, self.rows, self._starts), shape=self.shape)
 
 
 def _weighed(argument: cs.MX) -> cs.MX:

@@ -6,7 +6,7 @@ import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from workbench.blocks import Points
+from workbench.blocks import Points, in_blocks
 from workbench.blocks.checks import several
 from workbench.blocks.reals import reals
 from workbench.errors import BadConstraint, BadResidual
@@ -76,6 +76,10 @@ class Constraint:
     def reads(self) -> tuple[str, ...]:
         """Names of the blocks that it depends on, directly or through its points."""
         return blocks_read(self.expression, self.points)
+
+    def graph(self) -> cs.MX:
+        """The expression in the symbols of blocks alone, (k, 1); see `Residual.graph`."""
+        return in_blocks(self.expression, self.points)
 
     def label(self, row: int) -> str:
         """The name of one row."""

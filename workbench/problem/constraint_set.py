@@ -1,6 +1,6 @@
 """The constraints of a problem together, for flat vectors."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate
@@ -9,10 +9,12 @@ import casadi as cs
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.blocks import Layout, in_blocks
 from workbench.blocks.buffered import Buffered
-from workbench.problem.chain import FORWARD
+from workbench.problem.chain import Chain
 from workbench.problem.constraint import Constraint
-from workbench.problem.graph import Graph
+from workbench.problem.graph import Graph, split
+from workbench.problem.storage import dense
 
 Array = NDArray[np.float64]
 
@@ -45,11 +47,16 @@ class Constrained:
 
 
 class ConstraintSet:
-    """c(x, fixed) (k,), its Jacobian and the Hessian of multipliers' c, from the whole graph."""
+    """c(x, fixed) (k,), its Jacobian, and the Hessian of multipliers' c.
 
-    def __init__(self, constraints: Sequence[Constraint], graph: Callable[[cs.MX], Graph]) -> None:
-        self.constraints = tuple(constraints)
-        self._make_graph = graph
+    Values and Jacobian go by the chain rule, the Hessian by the whole graph; each is made from the
+    stacked constraints when it is first asked for.
+    """
+
+    def __init__(self, constraints: Sequence[Constraint], free: Layout, fixed: Layout) -> None:
+        self.constraints, self._layouts = tuple(constraints), (free, fixed)
+        read = {p.symbol.__hash__(): p for c in self.constraints for p in c.points}
+        self._points = tuple(read.values())
         limits = [c.limits for c in self.constraints]
         self.lower = np.concatenate([lower for lower, _ in limits])
         self.upper = np.concatenate([upper for _, upper in limits])
@@ -82,13 +89,12 @@ class ConstraintSet:
 
     def values(self, x: Array, fixed: Array) -> Array:
         """c (k,), each in its unit."""
-        return self._values(x, fixed)[0]
+        return self._chain.residual(x, fixed)
 
     def linearize(self, x: Array, fixed: Array) -> Constrained:
         """c and its Jacobian (k, n)."""
-        c, A = self._derivative(x, fixed)
-        jacobian = A.reshape(-1, self.size).T
-        return Constrained(c, jacobian, self.lower, self.upper, self.tolerance)
+        c, jacobian = self._chain.linearize(x, fixed)
+        return Constrained(c, dense(jacobian), self.lower, self.upper, self.tolerance)
 
     def hessian(self, x: Array, fixed: Array, multipliers: Array) -> Array:
         """The Hessian of multipliers' c, (n, n)."""
@@ -112,20 +118,17 @@ class ConstraintSet:
     def _edges(self) -> list[int]:
         return [0, *accumulate(c.size for c in self.constraints)]
 
+    @property
+    def _stacked(self) -> cs.MX:
+        return cs.vertcat(*[c.expression for c in self.constraints])
+
     @cached_property
     def _graph(self) -> Graph:
-        return self._make_graph(cs.vertcat(*[c.expression for c in self.constraints]))
+        return Graph.of(in_blocks(self._stacked, self._points), *self._layouts)
 
     @cached_property
-    def _values(self) -> Buffered:
-        g = self._graph
-        return Buffered(cs.Function("c", [g.x, g.fixed], [cs.densify(g.residual)]))
-
-    @cached_property
-    def _derivative(self) -> Buffered:
-        g = self._graph
-        A = cs.densify(cs.jacobian(g.residual, g.x, FORWARD))
-        return Buffered(cs.Function("A", [g.x, g.fixed], [cs.densify(g.residual), A]))
+    def _chain(self) -> Chain:
+        return Chain(*split(self._stacked, self._points, *self._layouts), *self._layouts)
 
     @cached_property
     def _hessian(self) -> Buffered:

@@ -1,11 +1,17 @@
 """An expression in named blocks and points, as a graph of flat vectors of numbers."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as cs
 
-from workbench.blocks import Layout, PointSource
+from workbench.blocks import Layout, NumericPoints, Points, in_blocks
+from workbench.problem.partial import by_free_entries
+
+# CasADi 3.8 loses the derivative of `row + scalar` by the scalar when it takes a Jacobian of more
+# columns than rows backwards: all but the first entry come out zero
+FORWARD = {"helper_options": {"ad_weight": 0.0}}
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,15 +25,64 @@ class Graph:
 
     @staticmethod
     def of(expression: cs.MX, free: Layout, fixed: Layout, points: Sequence[cs.MX] = ()) -> "Graph":
-        """Of an expression in the blocks of both layouts and in placeholders of points."""
-        symbols = [*(block.symbol for block in (*free.blocks, *fixed.blocks)), *points]
-        named = cs.Function("named", symbols, [expression])
+        """Of an expression in the blocks of both layouts and in placeholders of points.
+
+        A block that is free in part stands in both: whole among the fixed ones, where the free
+        numbers take the places of some.
+        """
         x, given = cs.MX.sym("x", free.size), cs.MX.sym("fixed", fixed.size)
-        pieces = free.pieces(x) + fixed.pieces(given)
+        values = dict(zip(fixed.blocks, fixed.pieces(given), strict=True))
+        for block, piece in zip(free.blocks, free.pieces(x), strict=True):
+            if block.whole is None:
+                values[block] = piece
+            else:
+                values[block.whole][list(block.places)] = cs.vec(piece)
+        symbols = [*(block.symbol for block in values), *points]
+        pieces = list(values.values())
+        named = cs.Function("named", symbols, [expression])
         (r,) = named.call([*pieces, *points], True, False)  # inlined: seeds stay sparse
         return Graph(x, given, tuple(points), r)
 
+    @cached_property
+    def function(self) -> cs.Function:
+        """(x, fixed) -> r, (m, 1)."""
+        return self._function("residual", {"r": self.residual})
 
-def lean(source: PointSource) -> cs.MX:
-    """What a source says of its points, to be evaluated only."""
-    return source.lean
+    @cached_property
+    def derivative(self) -> cs.Function:
+        """(x, fixed) -> r, J: J (m, n) as sparse as its structure."""
+        J = cs.jacobian(self.residual, self.x, FORWARD)
+        return self._function("derivative", {"r": self.residual, "J": J})
+
+    @cached_property
+    def adjoint(self) -> cs.Function:
+        """(x, fixed) -> cost, gradient: one reverse sweep, no Jacobian."""
+        cost = 0.5 * cs.sumsqr(self.residual)
+        return self._function("adjoint", {"cost": cost, "gradient": cs.gradient(cost, self.x)})
+
+    @cached_property
+    def hessian(self) -> cs.Function:
+        """(x, fixed) -> H: the exact Hessian of the cost, (n, n)."""
+        return self._function(
+            "hessian", {"H": cs.hessian(0.5 * cs.sumsqr(self.residual), self.x)[0]}
+        )
+
+    def _function(self, name: str, outputs: Mapping[str, cs.MX]) -> cs.Function:
+        given = [self.x, self.fixed, *self.points]
+        names = ["x", "fixed", *(f"points{i}" for i, _ in enumerate(self.points))]
+        return cs.Function(name, given, [*outputs.values()], names, [*outputs])
+
+
+def split(
+    expression: cs.MX, points: Sequence[Points], free: Layout, fixed: Layout
+) -> tuple[Graph, tuple[NumericPoints, ...]]:
+    """An expression as a graph of those points for which there is arithmetic, and the arithmetic.
+
+    The other points become part of the graph.
+    """
+    quick = [(p, p.source.numeric) for p in points]
+    by_graph = [p for p, found in quick if found is None]
+    placeholders = [p.symbol for p, found in quick if found is not None]
+    graph = Graph.of(in_blocks(expression, by_graph), free, fixed, placeholders)
+    numeric = (by_free_entries(found, free) for _, found in quick if found is not None)
+    return graph, tuple(numeric)

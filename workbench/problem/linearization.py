@@ -7,22 +7,51 @@ from math import isfinite
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
-from scipy.sparse import issparse
+from scipy.sparse import csc_array, csr_array, issparse
 
-from workbench.problem.chain import half_squared
+from workbench.errors import NotFinite
+from workbench.problem import storage
 from workbench.problem.constraint_set import Constrained
-from workbench.problem.steps import EPS, automatic
+from workbench.problem.graded import graded_svd
+from workbench.problem.rounding import half_squared
+from workbench.problem.spectrum import Spectrum
+from workbench.problem.steps import EPS, UNEVEN, automatic
+from workbench.problem.storage import Matrix
 
 Array = NDArray[np.float64]
+TOGETHER = 2**14  # rows of J in one QR: so many stay near the processor, and need little memory
+ESTIMATED = 1e-7  # of the largest singular value: the others come from J'J, with half the digits
 
 
 @dataclass(frozen=True, eq=False)
 class Linearization:
-    """r(x + p) ~ r + J p, whitened, and the textbook formulas on it."""
+    """r(x + p) ~ r + J p, whitened, and the textbook formulas on it.
+
+    J is an array, or, where it is large and most of it is zero, a sparse array (`estimated`). All
+    questions are asked alike. The geometry of the columns is asked of R (min(m, n), n), R'R = J'J.
+    R comes from J by QR; of a sparse J, to keep memory small, from the eigenvalues of J'J, which
+    resolve singular values only down to 1e-8 of the largest.
+    """
 
     residual: Array  # (m,)
-    jacobian: Array  # (m, n); a sparse array in `outline_at` of a large problem
+    jacobian: Matrix  # (m, n)
     constraints: Constrained | None = None  # of the problem, seen from the same point
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(m, n)."""
+        m, n = self.jacobian.shape
+        return int(m), int(n)
+
+    @property
+    def estimated(self) -> bool:
+        """Whether J is sparse, so that singular values are no better than 1e-8 of the largest."""
+        return issparse(self.jacobian)
+
+    @property
+    def dense(self) -> Array:
+        """J as an array. Raises TooLarge where that does not fit into memory."""
+        return storage.dense(self.jacobian)
 
     @cached_property
     def cost(self) -> float:
@@ -36,32 +65,48 @@ class Linearization:
             return self.jacobian.T @ self.residual
 
     @cached_property
-    def normal(self) -> Array:
-        """J' J, (n, n): Gauss and Newton's Hessian; infinite where it is too large."""
+    def normal(self) -> Matrix:
+        """J' J, (n, n): Gauss and Newton's Hessian, sparse if J is; infinite where too large."""
         with np.errstate(over="ignore", invalid="ignore"):
-            return self.jacobian.T @ self.jacobian
+            return storage.gram(self.jacobian)
 
     @cached_property
     def column_norms(self) -> Array:
-        """|J_i|, (n,): what one unit of each entry does to the residual.
+        """|J_i|, (n,): what one unit of each entry does to the residual."""
+        return storage.column_norms(self.jacobian)
 
-        Columns whose squares are too large to be numbers are scaled before; those whose squares are
-        zero to rounding have the length zero.
-        """
-        if issparse(self.jacobian):
-            return np.asarray(np.sqrt((self.jacobian**2).sum(axis=0)))
-        columns = self.jacobian.T  # as it is stored
-        with np.errstate(over="ignore"):
-            norms = np.asarray(np.sqrt(np.vecdot(columns, columns)))
-        for i in np.flatnonzero(norms == np.inf):
-            largest = np.abs(columns[i]).max()
-            if largest < np.inf:
-                norms[i] = largest * np.linalg.norm(columns[i] / largest)
-        return norms
+    @cached_property
+    def row_norms(self) -> Array:
+        """Of every row, (m,)."""
+        return storage.row_norms(self.jacobian)
+
+    @property
+    def norm(self) -> float:
+        """Frobenius' norm of J."""
+        return float(np.linalg.norm(self.column_norms))
+
+    def along(self, direction: Array) -> Array:
+        """J d (m,)."""
+        return np.asarray(self.jacobian @ direction)
+
+    def column(self, i: int) -> Array:
+        """One column, (m,)."""
+        return storage.dense(self.jacobian[:, [i]]).ravel()
+
+    def row(self, i: int) -> Array:
+        """One row, (n,)."""
+        return self.block(slice(i, i + 1), slice(None)).dense.ravel()
+
+    def block(self, rows: slice, columns: slice) -> "Linearization":
+        """Some rows and columns."""
+        part = self._by_rows[rows][:, columns]
+        return Linearization(
+            self.residual[rows], csc_array(part) if isinstance(part, csr_array) else part
+        )
 
     def reached(self, i: int) -> NDArray[np.bool_]:
         """The rows (m,) in which column i of the Jacobian is not zero."""
-        return np.asarray(self.jacobian @ np.eye(1, self.jacobian.shape[1], i)[0] != 0)
+        return np.asarray(self.column(i) != 0)
 
     @cached_property
     def finite(self) -> bool:
@@ -73,24 +118,30 @@ class Linearization:
             return False
         if self.constraints is not None and not self.constraints.finite:
             return False
-        entries = self.jacobian.data if issparse(self.jacobian) else self.jacobian
-        return bool(np.isfinite(self.gradient).all() or np.isfinite(entries).all())
+        stored = storage.entries(self.jacobian)
+        return bool(np.isfinite(self.gradient).all() or np.isfinite(stored).all())
+
+    @property
+    def not_finite(self) -> list[tuple[int, int]]:
+        """Rows and columns of entries of the Jacobian that are NaN or infinite."""
+        return storage.where_not_finite(self.jacobian)
+
+    # The geometry of the columns.
 
     @cached_property
     def svd(self) -> tuple[Array, Array, Array]:
         """`U, s, Vt` of the Jacobian, thin: s (k,) falls, the rows of Vt (k, n) are directions."""
-        return np.linalg.svd(self.jacobian, full_matrices=False)
+        return np.linalg.svd(self.dense, full_matrices=False)
 
     @cached_property
     def singular_values(self) -> Array:
         """Of the Jacobian with columns of length 1, (k,): so no unknown's unit matters."""
-        return np.asarray(np.linalg.svd(self.triangle[1], compute_uv=False), dtype=float)
+        return np.asarray(np.linalg.svd(self.unit_triangle, compute_uv=False), dtype=float)
 
     @property
     def tolerance(self) -> float:
         """The singular value below which a direction counts as unseen: eps max(m, n) s_1."""
-        s = self.singular_values
-        return float(EPS * max(self.jacobian.shape) * s.max(initial=0.0))
+        return float(self._relative * self.singular_values.max(initial=0.0))
 
     @property
     def rank(self) -> int:
@@ -103,13 +154,74 @@ class Linearization:
 
         d are the column norms, 1 where one is zero; b (k,) is Q'r; k = min(m, n).
         """
-        m, n = self.jacobian.shape
-        d = np.where(self.column_norms > 0, self.column_norms, 1.0)
-        A = np.empty((m, n + 1), order="F")
-        A[:, :n], A[:, n] = self.jacobian / d, self.residual
-        R = scipy.linalg.qr(A, mode="r", overwrite_a=True, check_finite=False)[0]
-        k = min(m, n)
-        return d, np.asarray(R[:k, :n], dtype=float), np.asarray(R[:k, n], dtype=float)
+        m, n = self.shape
+        d, J, k = self._lengths, self.dense, min(self.shape)
+        R = np.zeros((0, n + 1))
+        for first in range(0, m, TOGETHER):  # rows above, reduced to R, and the next ones
+            rows = slice(first, min(first + TOGETHER, m))
+            A = np.empty((len(R) + rows.stop - first, n + 1), order="F")
+            A[: len(R)] = R
+            np.divide(J[rows], d, out=A[len(R) :, :n])
+            A[len(R) :, n] = self.residual[rows]
+            factor = scipy.linalg.qr(A, mode="r", overwrite_a=True, check_finite=False)[0]
+            R = np.array(factor[: n + 1], dtype=float)
+        return d, R[:k, :n], R[:k, n]
+
+    @cached_property
+    def unit_triangle(self) -> Array:
+        """R (min(m, n), n) of the Jacobian with columns of length 1. Raises NotFinite, TooLarge."""
+        if not self.finite:
+            raise NotFinite("the Jacobian holds NaN or infinity here; see `not_finite` for where")
+        if not isinstance(self.jacobian, csc_array):
+            return self.triangle[1]
+        storage.check_wide(self.jacobian)
+        unit = storage.scaled(self.jacobian, 1 / self._lengths)
+        values, vectors = np.linalg.eigh(storage.dense(storage.gram(unit)))
+        half = np.sqrt(np.maximum(values[::-1], 0))[:, None] * vectors[:, ::-1].T
+        return np.asarray(half[: min(self.shape)])
+
+    @cached_property
+    def R(self) -> Array:
+        """(min(m, n), n) with R'R = J'J. Raises NotFinite, TooLarge."""
+        return self.unit_triangle * self._lengths
+
+    @cached_property
+    def spectrum(self) -> Spectrum:
+        """The singular values of J in the units that its columns have, and its directions.
+
+        Where some columns are a million times as long as others, by Jacobi's rotations, which
+        find small singular values to as many digits as large ones (Drmac and Veselic, New fast and
+        accurate Jacobi SVD algorithm, 2008); else a short column would be lost in the rounding
+        errors of the long ones. There the rule of the tolerance is kept for columns of length 1,
+        and what is unseen has the singular value 0: see `graded_svd`.
+        """
+        if self.uneven:
+            s, Vt = graded_svd(self.R, self.column_norms, self._relative)
+            least = s[s > 0].min(initial=np.inf) if s.any() else 0.0
+            return Spectrum(s, Vt, float(self._relative * least))
+        _, s, Vt = np.linalg.svd(self.R, full_matrices=True)
+        return Spectrum(s, Vt, float(self._relative * s.max(initial=0.0)))
+
+    @cached_property
+    def uneven(self) -> bool:
+        """Whether columns differ so much that one tolerance does not serve all."""
+        read = self.column_norms[self.column_norms > 0]
+        return bool(read.size and read.max() > UNEVEN * read.min())
+
+    @cached_property
+    def _lengths(self) -> Array:
+        """Of the columns, 1 where one is zero, (n,)."""
+        return np.where(self.column_norms > 0, self.column_norms, 1.0)
+
+    @cached_property
+    def _by_rows(self) -> Array | csr_array:
+        return self.jacobian.tocsr() if isinstance(self.jacobian, csc_array) else self.jacobian
+
+    @property
+    def _relative(self) -> float:
+        return ESTIMATED if self.estimated else EPS * max(self.shape)
+
+    # Steps.
 
     def step(self, damping: float = 0.0, scaling: Array | float = 1.0) -> Array:
         """The p (n,) least in |J p + r|^2 + damping |D p|^2, D = diag(scaling).
@@ -123,22 +235,46 @@ class Linearization:
     def without(self, held: NDArray[np.bool_], p: Array) -> "Linearization":
         """The problem in the entries that are not held, once the held ones have moved by p."""
         rest = ~held
-        moved = np.where(held, p, 0.0)
-        smaller = Linearization(self.residual + self.jacobian @ moved, self.jacobian[:, rest])
-        smaller.__dict__["normal"] = self.normal[np.ix_(rest, rest)]
+        moved = self.residual + self.along(np.where(held, p, 0.0))
+        smaller = Linearization(moved, storage.columns_of(self.jacobian, rest))
+        if smaller.estimated == self.estimated:
+            smaller.__dict__["normal"] = self.normal[rest][:, rest]
         return smaller
+
+    def rows(self, part: NDArray[np.int64]) -> "Linearization":
+        """Some rows alone."""
+        some = self._by_rows[part]
+        return Linearization(
+            self.residual[part], csc_array(some) if isinstance(some, csr_array) else some
+        )
+
+    def columns(self, part: NDArray[np.int64]) -> "Linearization":
+        """Some columns alone."""
+        return Linearization(self.residual, storage.columns_of(self.jacobian, part))
+
+    def along_columns(self, basis: Array) -> "Linearization":
+        """In unknowns y, x = basis @ y, basis (n, k)."""
+        return Linearization(self.residual, storage.times(self.jacobian, basis))
+
+    def scaled(self, factors: Array) -> "Linearization":
+        """In unknowns y, x = factors * y, of which factors (n,) have the units."""
+        found = Linearization(self.residual, storage.scaled(self.jacobian, factors))
+        if "triangle" in self.__dict__ and (factors > 0).all():  # units change its lengths alone
+            _, R, b = self.triangle
+            found.__dict__["triangle"] = found._lengths, R, b
+        return found
 
     def promise(self, p: Array) -> float:
         """By how much the linear model says that a step lowers the cost."""
         if "normal" in self.__dict__:  # known already, and small: no need to read J again
             bend = float(p @ self.normal @ p)
         else:
-            bend = float(np.sum((self.jacobian @ p) ** 2))
+            bend = float(np.sum(self.along(p) ** 2))
         return -float(self.gradient @ p) - 0.5 * bend
 
     def predicted_cost(self, step: Array) -> float:
         """1/2 |r + J p|^2."""
-        return half_squared(self.residual + self.jacobian @ step)
+        return half_squared(self.residual + self.along(step))
 
     @property
     def covariance(self) -> Array:
@@ -148,12 +284,10 @@ class Linearization:
         normal equations: no entry's unit costs a digit. Directions that the residual does not
         notice get infinite variance, wherever they point to.
         """
-        m, n = self.jacobian.shape
-        lengths = np.where(self.column_norms > 0, self.column_norms, 1.0)
-        R = scipy.linalg.qr(self.jacobian / lengths, mode="r")[0][: min(m, n)]
+        n, lengths, R = self.shape[1], self._lengths, self.unit_triangle
         _, s, Vt = np.linalg.svd(R, full_matrices=False)
-        seen = s > EPS * max(m, n) * s.max(initial=0.0)
-        if seen.sum() == n:
+        seen = s > self._relative * s.max(initial=0.0)
+        if seen.sum() == n and not self.estimated:
             half = scipy.linalg.solve_triangular(R, np.eye(n)) / lengths[:, None]
             return np.asarray(half @ half.T)
         s, Vt = s[seen], Vt[seen]

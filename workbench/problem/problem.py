@@ -1,17 +1,17 @@
 """Residuals over named blocks, some of them free."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from functools import cached_property
-from itertools import pairwise
-from typing import TypeVar
 
 import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import csc_array
 
-from workbench.blocks import Block, Layout, Points, PointSource, Tree, in_blocks
+from workbench.blocks import Block, Layout, Points, Tree, Values, in_blocks
 from workbench.blocks.checks import mapping, texts
-from workbench.errors import BadResidual, DuplicateResidual, TwoSymbolsOneName, UnknownName
+from workbench.blocks.layout import all_values
+from workbench.errors import UnknownName
 from workbench.problem.batch import (
     Batch,
     Costs,
@@ -22,30 +22,38 @@ from workbench.problem.batch import (
     one_by_one,
     slopes,
 )
-from workbench.problem.bounds import Bounds, flat_bounds
-from workbench.problem.chain import FORWARD, Chain, Sparse
+from workbench.problem.bounds import Bounds, flat_bounds, of_free
+from workbench.problem.chain import Chain
 from workbench.problem.constraint import Constraint
 from workbench.problem.constraint_set import ConstraintSet
-from workbench.problem.graph import Graph, lean
+from workbench.problem.graph import Graph, split
 from workbench.problem.linearization import Linearization
-from workbench.problem.naming import check_names, parts_of
+from workbench.problem.naming import (
+    blocks_behind,
+    check_names,
+    distinct,
+    free_and_fixed,
+    parts_of,
+    rows_of,
+)
 from workbench.problem.optimality import optimality
 from workbench.problem.rounding import Rounding, Support
 from workbench.residuals import Residual
 from workbench.threads import limited_threads
 
 Array = NDArray[np.float64]
-T = TypeVar("T")
 
 
 class Problem:
     """Minimise 1/2 sum over residuals of |r(x, fixed) / sigma|^2 over the blocks named `free`.
 
     Every other block that the residuals read is fixed at the value that it is given: a
-    measurement, or an unknown whose turn has not come. `free` holds names, or is one; `bounds`
-    map names of free blocks to (lower, upper), numbers or arrays. Units and labels of blocks
-    come with the bodies' points; `blocks` adds those of others. A problem is never changed;
-    `freeing` makes another.
+    measurement, or an unknown whose turn has not come. `free` holds names, or is one: of blocks, or
+    of entries such as `pose[pelvis]`, `betas[0:3]` and `pose[pelvis, x]`. A block that is free in
+    part is also among the `fixed` ones, and its value is always the whole array. `bounds` map names
+    of free blocks or entries to (lower, upper), numbers or arrays. Units and labels of blocks come
+    with the bodies' points; `blocks` adds those of others. A problem is never changed; `freeing`
+    makes another.
 
     Raises DuplicateResidual, TwoSymbolsOneName, UnknownName, UnreadBlock, BadBounds, NotNumbers,
     BadResidual, or BadArgument for names that are none.
@@ -62,29 +70,22 @@ class Problem:
         self.residuals, self.constraints, self._named = parts_of(residuals, constraints, blocks)
         free = texts("the names of free blocks", free)
         self.bounds = dict(mapping("the bounds of a problem", {} if bounds is None else bounds))
-        if not self.residuals:
-            raise BadResidual("a problem needs at least one residual")
-        names = [*(r.name for r in self.residuals), *(c.name for c in self.constraints)]
-        for name in names:
-            if names.count(name) > 1:
-                raise DuplicateResidual(name)
         check_names((*free, *self.bounds), known := self._blocks, self._named)
-        self.free = Layout(tuple(known[name] for name in dict.fromkeys(free)))
-        self.fixed = Layout(tuple(b for name, b in known.items() if name not in free))
-        self.lower, self.upper = flat_bounds(self.bounds, self.free, self.fixed)
+        self._known = Layout(tuple(known.values()))
+        self.free, self.fixed = free_and_fixed(self._known, free)
+        self.lower, self.upper = flat_bounds(self.bounds, self.free, self._known)
         self.stacked_constraints = (
-            ConstraintSet(self.constraints, self._constraint_graph) if self.constraints else None
+            ConstraintSet(self.constraints, *self._layouts) if self.constraints else None
         )
 
     def freeing(self, *names: str) -> "Problem":
-        """The same residuals with these blocks free instead.
+        """The same residuals with these blocks, or entries of blocks, free instead.
 
-        Bounds of other blocks are dropped, and constraints that read none of these.
+        Bounds of others are dropped, and constraints that read none of these blocks.
         """
         names = texts("the names of free blocks", names)
-        bounds = {name: self.bounds[name] for name in names if name in self.bounds}
-        left = [c for c in self.constraints if not set(names).isdisjoint(c.reads)]
-        return Problem(self.residuals, names, bounds, self._named, left)
+        check_names(names, self._blocks, self._named)
+        return self._with(self.residuals, names)
 
     def without(self, *residuals: str) -> "Problem":
         """The same but for the named residuals; what then nobody reads is no longer free."""
@@ -92,26 +93,35 @@ class Problem:
             if name not in self.rows:
                 raise UnknownName("residual", name, self.rows)
         left = [residual for residual in self.residuals if residual.name not in residuals]
-        read = {name for residual in left for name in residual.reads}
-        read |= {name for constraint in self.constraints for name in constraint.reads}
-        free = [name for name in self.free.names if name in read]
-        bounds = {name: self.bounds[name] for name in free if name in self.bounds}
-        kept = [c for c in self.constraints if not set(free).isdisjoint(c.reads)]
-        return Problem(left, free, bounds, self._named, kept)
+        reads = [r.reads for r in left] + [c.reads for c in self.constraints]
+        return self._with(left, self.free.spelled(set(self.free.names).difference(*reads)))
+
+    def _with(self, residuals: Iterable[Residual], names: Iterable[str]) -> "Problem":
+        free, _ = free_and_fixed(self._known, names)
+        bounds = of_free(self.bounds, free, self._known)
+        kept = [c for c in self.constraints if not set(free.names).isdisjoint(c.reads)]
+        return Problem(residuals, names, bounds, self._named, kept)
 
     # Values in and out.
 
     def split(self, values: Mapping[str, ArrayLike]) -> tuple[Array, Array]:
-        """The free and the fixed numbers among `values`, each as a flat vector."""
-        return self.free.pack(values), self.fixed.pack(values)
+        """The free and the fixed numbers among `values`, each as a flat vector.
+
+        Of a block that is free in part, the fixed numbers are zero where it is free.
+        """
+        x, fixed = self.free.pack(values), self.fixed.pack(values)
+        for block in self.free.parts:
+            fixed[self.fixed.slices[block.name].start + np.array(block.places)] = 0.0
+        return x, fixed
+
+    def values(self, x: Array, fixed: Array) -> Values:
+        """Undo `split`: the arrays of all blocks."""
+        return all_values(self.free, x, self.fixed, fixed)
 
     @cached_property
     def rows(self) -> dict[str, slice]:
         """Where each residual sits in the stacked vector."""
-        edges = np.cumsum([0, *(r.size for r in self.residuals)]).tolist()
-        return {
-            r.name: slice(*edge) for r, edge in zip(self.residuals, pairwise(edges), strict=True)
-        }
+        return rows_of(self.residuals)
 
     @property
     def size(self) -> int:
@@ -128,8 +138,14 @@ class Problem:
 
     @cached_property
     def trees(self) -> tuple[Tree, ...]:
-        """The kinematic trees of the bodies whose points are read, one per pose block."""
-        found = {tree.pose: tree for p in self._points if (tree := p.source.tree) is not None}
+        """The kinematic trees of the bodies whose points are read, one for each pose."""
+        trees = (p.source.tree for p in self._points)
+        return tuple({tree.places: tree for tree in trees if tree is not None}.values())
+
+    @cached_property
+    def turns(self) -> tuple[slice, ...]:
+        """Where the rotation vectors of joints stand that are free, among the free numbers."""
+        found = {at.start: at for tree in self.trees for at in tree.turned(self.free).values()}
         return tuple(found.values())
 
     @cached_property
@@ -142,33 +158,29 @@ class Problem:
     @cached_property
     def function(self) -> cs.Function:
         """(x, fixed) -> r: the stacked, whitened residual, (m, 1)."""
-        x, fixed, r = self._graph
-        return cs.Function("residual", [x, fixed], [r], ["x", "fixed"], ["r"])
+        return self._graph.function
 
     @cached_property
     def derivative(self) -> cs.Function:
         """(x, fixed) -> r, J: J (m, n) as sparse as its structure."""
-        x, fixed, r = self._graph
-        J = cs.jacobian(r, x, FORWARD)
-        return cs.Function("derivative", [x, fixed], [r, J], ["x", "fixed"], ["r", "J"])
+        return self._graph.derivative
 
     @cached_property
     def adjoint(self) -> cs.Function:
         """(x, fixed) -> cost, gradient: one reverse sweep, no Jacobian."""
-        x, fixed, r = self._graph
-        cost = 0.5 * cs.sumsqr(r)
-        both = [cost, cs.gradient(cost, x)]
-        return cs.Function("adjoint", [x, fixed], both, ["x", "fixed"], ["cost", "gradient"])
+        return self._graph.adjoint
 
     @cached_property
     def hessian(self) -> cs.Function:
         """(x, fixed) -> H: the exact Hessian of the cost, J' J + sum r_i H_i, (n, n)."""
-        x, fixed, r = self._graph
-        H = cs.hessian(0.5 * cs.sumsqr(r), x)[0]
-        return cs.Function("hessian", [x, fixed], [H], ["x", "fixed"], ["H"])
+        return self._graph.hessian
+
+    def graph(self) -> cs.MX:
+        """The stacked, whitened residual (m, 1) in the symbols of blocks; see `Residual.graph`."""
+        return in_blocks(self._whitened, self._points)
 
     def prepare(self) -> None:
-        """Build what the numbers below need, so that a clock that starts now does not count it."""
+        """Build what the numbers below need, before a clock starts."""
         _ = self._chain
 
     # The numbers, for flat vectors: by the chain rule, or from the graphs above.
@@ -191,8 +203,9 @@ class Problem:
     def slopes(self, x: Array, fixed: Array, entries: Places | None = None) -> Slopes:
         """The same for costs (M,) and their gradients (M, k) by z: what NUTS wants of a problem."""
         places = np.arange(self.free.size) if entries is None else entries.astype(np.int64)
-        slope = lambda one: self.cost_and_gradient(one, fixed)  # noqa: E731
-        return slopes(self._batch, x, fixed, places) or one_by_one(slope, x, places)
+        return slopes(self._batch, x, fixed, places) or one_by_one(
+            lambda one: self.cost_and_gradient(one, fixed), x, places
+        )
 
     def cost_and_gradient(self, x: Array, fixed: Array) -> tuple[float, Array]:
         """The cost and its gradient (n,), without a Jacobian of the points."""
@@ -203,19 +216,25 @@ class Problem:
         return np.asarray(self.hessian(x, fixed))
 
     def linearize_at(self, x: Array, fixed: Array) -> Linearization:
-        """Residual and Jacobian at a point."""
+        """Residual and Jacobian at a point; sparse where it is large and most of it is zero."""
         there = self.stacked_constraints
         constraints = None if there is None else there.linearize(x, fixed)
         return Linearization(*self._chain.linearize(x, fixed), constraints)
-
-    def sparsely(self, x: Array, fixed: Array) -> Sparse:
-        """The residual (m,) and a sparse Jacobian (m, n), where a dense one would be too large."""
-        return self._chain.linearize_sparsely(x, fixed)
 
     def linearize(self, values: Mapping[str, ArrayLike]) -> Linearization:
         """Residual and Jacobian at named values; every block that is read needs one."""
         with limited_threads():
             return self.linearize_at(*self.split(values))
+
+    @property
+    def sparse(self) -> bool:
+        """Whether the Jacobian is stored by its nonzeros."""
+        return self._chain.sparse
+
+    @property
+    def pattern(self) -> csc_array:
+        """Where the Jacobian may be nonzero, (m, n): each point reads all of its body's blocks."""
+        return self._chain.pattern
 
     # What convergence means, for every solver.
 
@@ -241,60 +260,41 @@ class Problem:
 
     @cached_property
     def _points(self) -> tuple[Points, ...]:
-        found = {p.symbol.__hash__(): p for r in self.residuals for p in r.points}
-        return tuple(found.values())
+        return distinct(p for r in self.residuals for p in r.points)
 
     @cached_property
     def _points_of_all(self) -> tuple[Points, ...]:
-        of_constraints = (p for c in self.constraints for p in c.points)
-        found = {p.symbol.__hash__(): p for p in (*self._points, *of_constraints)}
-        return tuple(found.values())
+        return distinct((*self._points, *(p for c in self.constraints for p in c.points)))
 
     @cached_property
     def _whitened(self) -> cs.MX:
         """The stacked residual, its points being placeholders."""
         return cs.vertcat(*[residual.whitened for residual in self.residuals])
 
-    def _constraint_graph(self, stacked: cs.MX) -> Graph:
-        read = {p.symbol.__hash__(): p for c in self.constraints for p in c.points}
-        return Graph.of(in_blocks(stacked, tuple(read.values())), self.free, self.fixed)
-
     @cached_property
     def _blocks(self) -> dict[str, Block]:
         """Every block that is read, by name, the best known description of each."""
         of_residuals = (b for r in self.residuals for b in r.blocks)
         of_points = (b for p in self._points_of_all for b in p.source.blocks)
-        described = {b.symbol.__hash__(): b for b in (*of_residuals, *self._named, *of_points)}
-        placeholders = {p.symbol.__hash__() for p in self._points_of_all}
+        described = (*of_points, *of_residuals, *self._named)  # by whoever made it, at last
         stacked = cs.vertcat(self._whitened, *(c.expression for c in self.constraints))
-        found = [s for s in cs.symvar(stacked) if s.__hash__() not in placeholders]
-        found += [b.symbol for p in self._points_of_all for b in p.source.blocks]
-        blocks: dict[str, Block] = {}
-        for symbol in {s.__hash__(): s for s in found}.values():
-            if symbol.name() in blocks:
-                raise TwoSymbolsOneName(symbol.name())
-            blocks[symbol.name()] = described.get(symbol.__hash__()) or Block.of(symbol)
-        return blocks
+        return blocks_behind(stacked, self._points_of_all, described)
 
     @cached_property
-    def _graph(self) -> tuple[cs.MX, cs.MX, cs.MX]:
-        whole = Graph.of(in_blocks(self._whitened, self._points), self.free, self.fixed)
-        return whole.x, whole.fixed, whole.residual
+    def _graph(self) -> Graph:
+        return Graph.of(in_blocks(self._whitened, self._points), *self._layouts)
 
     @cached_property
     def _chain(self) -> Chain:
-        return Chain(*self._split(lambda source: source.numeric), self.free, self.fixed)
+        return Chain(*split(self._whitened, self._points, *self._layouts), *self._layouts)
 
     @cached_property
     def _batch(self) -> Batch:
-        whole = Graph.of(in_blocks(self._whitened, self._points, lean), self.free, self.fixed)
-        return Batch(whole, *self._split(lambda source: source.many), self.free, self.fixed)
+        drawn = all(p.source.expression is not None for p in self._points)
+        whole = self._graph if drawn else None
+        parts = split(self._whitened, self._points, *self._layouts)
+        return Batch(whole, *parts, *self._layouts)
 
-    def _split(self, arithmetic: Callable[[PointSource], T | None]) -> tuple[Graph, tuple[T, ...]]:
-        """The residual as a graph of those points for which there is arithmetic, and that."""
-        quick = [(p, arithmetic(p.source)) for p in self._points]
-        by_graph = [p for p, found in quick if found is None]
-        placeholders = [p.symbol for p, found in quick if found is not None]
-        expression = in_blocks(self._whitened, by_graph)
-        graph = Graph.of(expression, self.free, self.fixed, placeholders)
-        return graph, tuple(found for _, found in quick if found is not None)
+    @property
+    def _layouts(self) -> tuple[Layout, Layout]:
+        return self.free, self.fixed

@@ -40,6 +40,11 @@ class Rounding:
         return Rounding(self.rows[moved]).of_cost(residual[moved])
 
 
+def half_squared(r: Array) -> float:
+    """1/2 |r|^2 of a residual (m,); infinite, without a warning, where it is too large."""
+    return 0.5 * float(np.vdot(r, r))
+
+
 def fall(residual: Array, to: Array) -> float:
     """1/2 |r|^2 - 1/2 |s|^2 of two residuals (m,), as 1/2 (r - s)'(r + s).
 

@@ -1,19 +1,22 @@
-"""The damped linear least-squares step, by three factorizations, and which of them to trust."""
+"""The damped linear least-squares step, by several factorizations, and which of them to trust."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
+from scipy.sparse import csc_array, diags_array
+from scipy.sparse.linalg import lsmr
 
-if TYPE_CHECKING:
-    from workbench.problem.linearization import Linearization
+from workbench.problem.sparse_cholesky import factorized
+from workbench.problem.storage import Matrix, scaled
 
 Array = NDArray[np.float64]
 EPS = float(np.finfo(float).eps)
 CHOLESKY_UP_TO = 1e4  # of the condition of the columns; its square is what Cholesky meets
 UNEVEN = 1e6  # times the shortest column: a longer one would hide it among its rounding errors
+DIGITS, PRODUCTS = 1e-12, 2000  # of LSMR: its tolerances, and products at most
 LEAST_DAMPED = 1e-5  # inverse condition, with its damping, of columns that are dependent
 
 
@@ -24,14 +27,60 @@ class Step(NamedTuple):
     by: str
 
 
-LinearAlgebra = Callable[["Linearization", float, Array], Step | None]
+class LinearModel(Protocol):
+    """r + J p, and what steps ask of it; see Linearization."""
+
+    @property
+    def residual(self) -> Array:
+        """r (m,)."""
+
+    @property
+    def gradient(self) -> Array:
+        """J'r (n,)."""
+
+    @property
+    def normal(self) -> Matrix:
+        """J'J (n, n)."""
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(m, n)."""
+
+    @property
+    def dense(self) -> Array:
+        """J (m, n)."""
+
+    @property
+    def estimated(self) -> bool:
+        """Whether J is sparse."""
+
+    @property
+    def column_norms(self) -> Array:
+        """Of J, (n,)."""
+
+    @property
+    def triangle(self) -> tuple[Array, Array, Array]:
+        """`d, R, b`: J / d = Q R and b = Q'r."""
+
+    @property
+    def svd(self) -> tuple[Array, Array, Array]:
+        """`U, s, Vt` of J, thin."""
+
+    @property
+    def jacobian(self) -> Matrix:
+        """J as it is stored."""
 
 
-def cholesky(here: "Linearization", damping: float, D: Array) -> Step | None:
+LinearAlgebra = Callable[[LinearModel, float, Array], Step | None]
+
+
+def cholesky(here: LinearModel, damping: float, D: Array) -> Step | None:
     """By the normal equations J'J + damping D^2, made free of units: quick for tall Jacobians.
 
     Their condition is the square of the Jacobian's; None where that leaves too few digits.
     """
+    if isinstance(here.normal, csc_array):
+        return _sparse(here.normal, here.gradient, damping * D**2)
     A = here.normal + damping * np.diag(D**2)
     d = np.sqrt(np.diag(A))
     if not (d > 0).all() or not np.isfinite(d).all():
@@ -47,15 +96,22 @@ def cholesky(here: "Linearization", damping: float, D: Array) -> Step | None:
     return Step(-scipy.linalg.cho_solve((L, True), here.gradient / d) / d, "cholesky")
 
 
-def qr(here: "Linearization", damping: float, D: Array) -> Step | None:
+def _sparse(normal: csc_array, gradient: Array, damped: Array) -> Step | None:
+    factor = factorized(csc_array(normal + diags_array(damped)) if damped.any() else normal)
+    return None if factor is None else Step(-factor.solve(gradient), "sparse cholesky")
+
+
+def qr(here: LinearModel, damping: float, D: Array) -> Step | None:
     """By the orthogonal triangle of J, then of it above sqrt(damping) D (Moré 1978).
 
     The condition is not squared. None where the columns are dependent to rounding and the damping
-    does not outweigh it: there it would magnify rounding errors.
+    does not outweigh it: there it would magnify rounding errors; and for a sparse Jacobian.
     """
+    if here.estimated:
+        return None
     d, R, b = here.triangle
     n = len(d)
-    independent = len(R) == n and _inverse_condition(R) > EPS * max(here.jacobian.shape)
+    independent = len(R) == n and _inverse_condition(R) > EPS * max(here.shape)
     if damping > 0:
         A = np.concatenate([R, np.diag(np.sqrt(damping) * D / d)])
         Q, R = scipy.linalg.qr(A, mode="economic", check_finite=False)
@@ -70,7 +126,7 @@ def _inverse_condition(R: Array) -> float:
     return float(found)
 
 
-def svd(here: "Linearization", damping: float, D: Array) -> Step:
+def svd(here: LinearModel, damping: float, D: Array) -> Step:
     """By the singular values of J / D; of what no residual notices, nothing: the shortest step.
 
     Always an answer. There damping below eps would magnify rounding errors. Without damping, the
@@ -81,8 +137,8 @@ def svd(here: "Linearization", damping: float, D: Array) -> Step:
     if (D == 1).all():
         U, s, Vt = here.svd
     else:
-        U, s, Vt = np.linalg.svd(here.jacobian / D, full_matrices=False)
-    seen = s > EPS * max(here.jacobian.shape) * s.max(initial=0.0)
+        U, s, Vt = np.linalg.svd(here.dense / D, full_matrices=False)
+    seen = s > EPS * max(here.shape) * s.max(initial=0.0)
     s, U, Vt = s[seen], U[:, seen], Vt[seen]
     return Step(-(Vt.T @ ((U.T @ here.residual) / (s + damping / s))) / D, "svd")
 
@@ -95,10 +151,26 @@ def _even(lengths: Array) -> Array:
     return np.where(lengths > 0, lengths, 1.0)
 
 
-def automatic(here: "Linearization", damping: float, D: Array) -> Step:
-    """Cholesky while it keeps half of the digits; QR while columns are independent; else SVD."""
+def krylov(here: LinearModel, damping: float, D: Array) -> Step:
+    """By products with J and J' alone (Fong and Saunders, LSMR, 2011): the shortest step.
+
+    For a sparse Jacobian whose columns are dependent. Where it needs too many products it gives the
+    best step so far, which goes downhill like all of them.
+    """
+    if damping == 0:
+        D = _even(here.column_norms)
+    A = csc_array(scaled(here.jacobian, 1 / D))
+    p = lsmr(A, -here.residual, np.sqrt(damping), DIGITS, DIGITS, conlim=0, maxiter=PRODUCTS)[0]
+    return Step(np.asarray(p) / D, "lsmr")
+
+
+def automatic(here: LinearModel, damping: float, D: Array) -> Step:
+    """Cholesky while it keeps half of the digits; QR while columns are independent; else SVD.
+
+    For a sparse Jacobian, Cholesky's factors are sparse, and `krylov` stands in for the others.
+    """
     for factorize in (cholesky, qr):
         step = factorize(here, damping, D)
         if step is not None:
             return step
-    return svd(here, damping, D)
+    return krylov(here, damping, D) if here.estimated else svd(here, damping, D)

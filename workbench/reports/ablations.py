@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from workbench.bodies.catalogue import load_body
+from workbench.bodies.catalogue import load_skinned
 from workbench.plots.figure import house_style, png, sheet
 from workbench.plots.training import (
     caption_pose_in_shape,
@@ -45,7 +45,7 @@ def told(result: Ablated) -> str:
 
 def write_ablations(results: Sequence[Ablated], place: Path, body: str) -> None:
     """`ablations.json` and two pictures with their captions."""
-    model = load_body(body)
+    model = load_skinned(body)
     poses = draw_poses(read_pose_mixture(MIXTURE), PEOPLE, np.random.default_rng(0))
     errors = turn_errors(model, poses, seed=1)
     place.mkdir(parents=True, exist_ok=True)

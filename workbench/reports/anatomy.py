@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from workbench.bodies import SkinnedBody
 from workbench.bodies.extras import told
+from workbench.bodies.triangles import TriangleBody
 from workbench.plots.body import side
 
 Array = NDArray[np.float64]
@@ -24,38 +25,65 @@ class Joint:
     name: str
     parent: str
     rest: tuple[float, float, float]
-    vertices: int  # that it moves
+    moved: int  # the vertices that it moves, or faces of a triangle body
     regressor: int  # vertices that it is regressed from
 
 
-def facts(body: SkinnedBody) -> dict[str, str]:
+def facts(body: SkinnedBody | TriangleBody) -> dict[str, str]:
     """Sizes and kinds, by name."""
-    weights = np.count_nonzero(body.weights, axis=1)
-    features, acting = body.posedirs.shape[2], int(np.count_nonzero(body.posedirs))
-    mirrored = "no" if body.mirror is None else "yes: a partner on the other side for every vertex"
     sets = [f"{name} ({len(marks.names)})" for name, marks in body.landmarks.items()]
     tall = float(np.ptp(body.template[:, 1]))
     return {
-        "type": f"{type(body).__name__}, {body.skinning.__name__.replace('_', ' ')} skinning",
+        "type": _type(body),
         "vertices V": f"{body.n_vertices:,}",
         "faces": f"{len(body.faces):,}",
         "joints K": str(body.n_joints),
         "shape directions B": str(body.n_betas),
-        "pose features P": f"{features} ({acting:,} nonzeros in posedirs)",
-        "skinning weights": f"at most {weights.max()} per vertex, {weights.mean():.2f} on average",
+        **(_skin(body) if isinstance(body, SkinnedBody) else _deformations(body)),
         "J_regressor": f"{body.J_regressor.nnz:,} nonzeros",
         "height of the template": f"{tall:.3f} m",
-        "mirror": mirrored,
+        **(_mirrored(body) if isinstance(body, SkinnedBody) else {}),
         "landmarks": ", ".join(["joints", *sets]),
         **({"synthetic": str(body.card["synthetic"])} if "synthetic" in body.card else {}),
         **({"carried along": f"{told(body.extras)}: {NOT_READ}"} if body.extras else {}),
     }
 
 
-def joints(body: SkinnedBody) -> list[Joint]:
+def _type(body: SkinnedBody | TriangleBody) -> str:
+    if isinstance(body, SkinnedBody):
+        return f"SkinnedBody, {body.skinning.__name__.replace('_', ' ')} skinning"
+    single = np.diff(body.weights.indptr).max() == 1
+    each = "each triangle with one part" if single else "each triangle with several parts"
+    return f"TriangleBody, {each}, then stitched"
+
+
+def _skin(body: SkinnedBody) -> dict[str, str]:
+    weights = np.count_nonzero(body.weights, axis=1)
+    features, acting = body.posedirs.shape[2], int(np.count_nonzero(body.posedirs))
+    return {
+        "pose features P": f"{features} ({acting:,} nonzeros in posedirs)",
+        "skinning weights": f"at most {weights.max()} per vertex, {weights.mean():.2f} on average",
+    }
+
+
+def _mirrored(body: SkinnedBody) -> dict[str, str]:
+    found = "no" if body.mirror is None else "yes: a partner on the other side for every vertex"
+    return {"mirror": found}
+
+
+def _deformations(body: TriangleBody) -> dict[str, str]:
+    weights, acting = np.diff(body.weights.indptr), int(np.count_nonzero(body.posedirs))
+    return {
+        "joints that bend a face": f"{body.near.shape[1]} ({acting:,} nonzeros in posedirs)",
+        "parts' weights": f"at most {weights.max()} per face, {weights.mean():.2f} on average",
+    }
+
+
+def joints(body: SkinnedBody | TriangleBody) -> list[Joint]:
     """The kinematic tree, parents first."""
     rest = body.joints()
-    moved = np.count_nonzero(body.weights, axis=0)
+    weights: Array = body.weights if isinstance(body, SkinnedBody) else body.weights.toarray()
+    moved = np.count_nonzero(weights, axis=0)
     read = np.diff(body.J_regressor.indptr)
     return [
         Joint(
@@ -66,7 +94,7 @@ def joints(body: SkinnedBody) -> list[Joint]:
     ]  # fmt: skip
 
 
-def shapes(body: SkinnedBody) -> dict[str, Array]:
+def shapes(body: SkinnedBody | TriangleBody) -> dict[str, Array]:
     """The mean and the first shape directions at plus, then at minus two standard deviations.
 
     (N, 3) m each, the arms hanging where the body is a T-pose of SMPL's joint names.
@@ -83,16 +111,20 @@ def shapes(body: SkinnedBody) -> dict[str, Array]:
     return found
 
 
-def directions_drawn(body: SkinnedBody) -> str:
+def directions_drawn(body: SkinnedBody | TriangleBody) -> str:
     """Which shape directions `shapes` shows, as the subject of a sentence."""
     if body.n_betas <= DRAWN:
         return "Each shape direction"
     return f"Each of the first {DRAWN} of {body.n_betas} shape directions"
 
 
-def _arms_down(body: SkinnedBody) -> Array:
+def _unbound(body: SkinnedBody | TriangleBody) -> bool:
+    return isinstance(body, TriangleBody) or body.bound_in is None
+
+
+def _arms_down(body: SkinnedBody | TriangleBody) -> Array:
     pose = body.bind_pose.copy()
     for name, turn in (("left_shoulder", -LOWERED), ("right_shoulder", LOWERED)):
-        if name in body.joint_names and body.bound_in is None:
+        if name in body.joint_names and _unbound(body):
             pose[body.joint_names.index(name), 2] = turn
     return pose

@@ -6,6 +6,7 @@ from typing import Any
 
 from workbench.bodies import SkinnedBody
 from workbench.bodies.kinds import not_skinned
+from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadBody
 from workbench.plots import caption_body, caption_shape_gallery, sheets
 from workbench.reports.anatomy import directions_drawn, facts, joints, shapes
@@ -16,11 +17,11 @@ from workbench.reports.summary import as_json, versions
 from workbench.reports.tables import Table
 
 
-def write_card(body: SkinnedBody, folder: str | Path, source: str = "") -> Path:
+def write_card(body: SkinnedBody | TriangleBody, folder: str | Path, source: str = "") -> Path:
     """Write the folder of a card, and return its page `index.html`; whole or not at all.
 
     `source` is the file that the body is from. Raises BadFile if the place cannot be written or
-    holds something else, the card of another file too, and BadBody for a TriangleBody.
+    holds something else, the card of another file too, and BadBody for what is no body.
     """
     check_kind(body)
     target = Path(folder)
@@ -41,8 +42,8 @@ def write_card(body: SkinnedBody, folder: str | Path, source: str = "") -> Path:
     return target / "index.html"
 
 
-def card_page(body: SkinnedBody) -> str:
-    """The page of a body. Raises BadBody for one that is not skinned."""
+def card_page(body: SkinnedBody | TriangleBody) -> str:
+    """The page of a body. Raises BadBody for what is none."""
     check_kind(body)
     gallery = shapes(body)
     return page(
@@ -63,8 +64,8 @@ def card_page(body: SkinnedBody) -> str:
     )  # fmt: skip
 
 
-def card_text(body: SkinnedBody) -> str:
-    """The card for a terminal. Raises BadBody for a body that is not skinned."""
+def card_text(body: SkinnedBody | TriangleBody) -> str:
+    """The card for a terminal. Raises BadBody for what is no body."""
     check_kind(body)
     known = facts(body)
     widest = max(map(len, known))
@@ -81,27 +82,30 @@ def card_text(body: SkinnedBody) -> str:
     return "\n".join([*lines, "", *_nested(body.card, 1)]).rstrip()
 
 
-def template_called(body: SkinnedBody) -> str:
+def template_called(body: SkinnedBody | TriangleBody) -> str:
     """What the template is, as a caption says it."""
     return "synthetic template" if "synthetic" in body.card else "template"
 
 
 def check_kind(body: object) -> None:
-    """Raise BadBody for what has no weights per vertex and no chain of joints to speak of."""
+    """Raise BadBody for what is neither a SkinnedBody nor a TriangleBody."""
+    if isinstance(body, TriangleBody):
+        return
     if wrong := not_skinned(body, "a card", "its fields and its `card` say what it is made of"):
         raise BadBody(wrong)
 
 
-def joint_table(body: SkinnedBody) -> Table:
+def joint_table(body: SkinnedBody | TriangleBody) -> Table:
     """The joints with their parents and places."""
     rows = tuple(
         (
             str(j.index), j.name, j.parent, *(f"{round(x, 3) + 0.0:.3f}" for x in j.rest),
-            f"{j.vertices:,}", f"{j.regressor:,}",
+            f"{j.moved:,}", f"{j.regressor:,}",
         )
         for j in joints(body)
     )  # fmt: skip
-    head = ("k", "joint", "parent", "x (m)", "y (m)", "z (m)", "vertices moved", "regressed from")
+    moved = "vertices moved" if isinstance(body, SkinnedBody) else "faces moved"
+    head = ("k", "joint", "parent", "x (m)", "y (m)", "z (m)", moved, "regressed from")
     return Table(head, rows, (0, 3, 4, 5, 6, 7))
 
 

@@ -7,11 +7,13 @@ from numpy.typing import NDArray
 
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
+from workbench.bodies.behind import arguments_behind
 from workbench.diagnostics import Diagnosis, Direction
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.plots import caption_direction, sheets
 from workbench.reports.figures import Shown, shown
 
+Array = NDArray[np.float64]
 PICTURES = 4  # of directions that are not seen, and as many of hardly seen ones
 UNSEEN_MOVE = 0.5  # units along a direction that nothing holds
 MOST_MOVE = 1.0  # units: two sigmas may be far out of the linear world
@@ -19,7 +21,7 @@ MOST_MOVE = 1.0  # units: two sigmas may be far out of the linear world
 
 def pictures(d: Diagnosis, found: Sequence[Direction], body: SkinnedBody | None) -> list[Shown]:
     """The body moved along the first directions that move it at all."""
-    if body is None or not {block.name for block in body.blocks()} <= set(d.at):
+    if body is None or _arguments(d, body, d.at) is None:
         return []
     drawn: list[Shown] = []
     for direction in sorted(found, key=lambda x: x.kind == "entry"):
@@ -42,13 +44,19 @@ def _moved(
     d: Diagnosis, direction: Direction, body: SkinnedBody, amount: float
 ) -> dict[str, NDArray[np.float64]]:
     """Surfaces (N, 3) m by label, the person upright whatever the world's axes are."""
-    x = d.free.pack(d.at)
-    upright = matrix_from_vector(np.reshape(d.at[body.blocks()[0].name], (-1, 3))[0])
-    return {
-        label: _surface(body, dict(d.at) | d.free.unpack(x + step * direction.vector)) @ upright
-        for label, step in (("−", -amount), ("here", 0.0), ("+", amount))
-    }
+    free = d.free
+    x = free.pack(d.at)
+    surfaces, upright = {}, np.eye(3)
+    for label, step in (("here", 0.0), ("−", -amount), ("+", amount)):
+        values = dict(d.at) | free.unpack(x + step * direction.vector, d.at)
+        arguments = _arguments(d, body, values)
+        assert arguments is not None  # asked before
+        upright = matrix_from_vector(arguments[0][0]) if label == "here" else upright
+        surfaces[label] = body.vertices(*arguments) @ upright
+    return {label: surfaces[label] for label in ("−", "here", "+")}
 
 
-def _surface(body: SkinnedBody, values: Values) -> NDArray[np.float64]:
-    return body.vertices(*(values[block.name] for block in body.blocks()))
+def _arguments(
+    d: Diagnosis, body: SkinnedBody, values: Values
+) -> tuple[Array, Array, Array] | None:
+    return arguments_behind(body, (p for r in d.problem.residuals for p in r.points), values)

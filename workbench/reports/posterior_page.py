@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.bodies import SkinnedBody
+from workbench.bodies.behind import arguments_behind
 from workbench.experiments.experiment import Setup
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.plots import (
@@ -165,11 +166,11 @@ def _modes(p: Posterior) -> str:
 def _spray(p: Posterior, setup: Setup) -> Shown | None:
     """Bodies upright, as the mean pose of the root is."""
     body = setup.body
-    if body is None or not _of_body(p, body):
+    arguments = None if body is None else _arguments(p, body, p.at)
+    if body is None or arguments is None:
         return None
-    pose = body.blocks()[0].name
-    upright = matrix_from_vector(np.reshape(p.at[pose], (-1, 3))[0])
-    surfaces = [_surface(body, values) for values in p.values(DRAWN)]
+    upright = matrix_from_vector(arguments[0][0])
+    surfaces = [_surface(p, body, values) for values in p.values(DRAWN)]
     known = setup.truth is not None
     bodies = np.stack(surfaces if setup.truth is None else [*surfaces, setup.truth]) @ upright
     bodies -= bodies[:DRAWN].mean(axis=(0, 1))
@@ -181,10 +182,10 @@ def _spray(p: Posterior, setup: Setup) -> Shown | None:
 
 def _views(p: Posterior, setup: Setup) -> list[Shown]:
     body, found = setup.body, []
-    if body is None or not _of_body(p, body):
+    if body is None or _arguments(p, body, p.at) is None:
         return []
     several = p.values(DRAWN)
-    surfaces = [_surface(body, values) for values in several]
+    surfaces = [_surface(p, body, values) for values in several]
     for view in sorted(setup.views, key=lambda view: view.held_out)[:2]:
         pixels = np.stack(
             [view.camera.pixels(s, setup.start | v) for s, v in zip(surfaces, several, strict=True)]
@@ -200,12 +201,12 @@ def _views(p: Posterior, setup: Setup) -> list[Shown]:
     return found
 
 
-def _of_body(p: Posterior, body: SkinnedBody) -> bool:
-    return {block.name for block in body.blocks()} <= set(p.at)
+def _arguments(p: Posterior, body: SkinnedBody, values: Mapping[str, Any]) -> Any:
+    return arguments_behind(body, (q for r in p.problem.residuals for q in r.points), values)
 
 
-def _surface(body: SkinnedBody, values: Mapping[str, Any]) -> Any:
-    return body.vertices(*(values[block.name] for block in body.blocks()))
+def _surface(p: Posterior, body: SkinnedBody, values: Mapping[str, Any]) -> Any:
+    return body.vertices(*_arguments(p, body, values))
 
 
 def _anchor(name: str) -> str:

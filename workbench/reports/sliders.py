@@ -63,15 +63,14 @@ def body_data(body: SkinnedBody) -> dict[str, Any]:
     carriers = np.pad(carriers, ((0, 0), (0, MOST_WEIGHTS - carriers.shape[1])))
     shares = np.take_along_axis(body.weights, carriers, axis=1)
     shares[:, body.n_joints :] = 0  # where there are fewer joints than weights
-    flat = body.J_regressor @ body.shapedirs.reshape(body.n_vertices, -1)
-    moves = flat.reshape(body.n_joints, 3, body.n_betas)
+    skeleton = body.packed.skeleton
     return {
         "joint_names": list(body.joint_names),
         "parents": list(body.parents),
         "template": _text(body.template, "<f8"),
         "shapedirs": _text(body.shapedirs.transpose(2, 0, 1), "<f8"),
-        "joints_mean": _text(body.J_regressor @ body.template, "<f8"),
-        "joints_move": _text(moves.transpose(2, 0, 1), "<f8"),
+        "joints_mean": _text(skeleton.mean, "<f8"),
+        "joints_move": _text(skeleton.slopes.transpose(2, 0, 1), "<f8"),
         "weights": _text(shares, "<f8"),
         "carriers": _text(carriers, "<u2"),
         "faces": _text(body.faces, "<u4"),

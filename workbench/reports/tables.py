@@ -158,7 +158,7 @@ def value_tables(outcome: Outcome) -> list[Table]:
         if block.size <= SMALL:
             rows = tuple(
                 (block.name + block.entry(i), number(float(value)))
-                for i, value in enumerate(np.asarray(outcome.values[block.name]).ravel())
+                for i, value in enumerate(block.taken(outcome.values[block.name]).ravel())
             )
             found.append(Table((block.name, "value" + _unit(block)), rows))
     return found
@@ -170,7 +170,7 @@ def array_tables(outcome: Outcome) -> dict[str, Table]:
     for block in outcome.diagnosis.free.blocks:
         if SMALL < block.size <= MOST and len(block.shape) == 2 and block.shape[1] == 3:
             unit = _unit(block)
-            value = np.asarray(outcome.values[block.name])
+            value = block.taken(outcome.values[block.name])
             rows = tuple(
                 (_row_name(block, k), *(number(float(x), 3) for x in row), number(_length(row), 3))
                 for k, row in enumerate(value)
@@ -183,9 +183,14 @@ def array_tables(outcome: Outcome) -> dict[str, Table]:
 
 
 def fixed_table(outcome: Outcome) -> Table:
-    """The blocks that were given."""
+    """The blocks that were given, whole or in part."""
+    free = outcome.setup.problem.free.names
     rows = tuple(
-        (b.name, " × ".join(map(str, b.shape)) or "1", _told(b.unit))
+        (
+            f"{b.name} (but for the free entries)" if b.name in free else b.name,
+            " × ".join(map(str, b.shape)) or "1",
+            _told(b.unit),
+        )
         for b in outcome.setup.problem.fixed.blocks
     )
     return Table(("block", "shape", "unit"), rows, ())

@@ -2,7 +2,7 @@
 
 from workbench.residuals.edges import edges
 from workbench.residuals.gaussian import gaussian
-from workbench.residuals.kernels import Kernel, geman_mcclure, huber, quadratic
+from workbench.residuals.kernels import Kernel, geman_mcclure, huber, of_norms, quadratic
 from workbench.residuals.keypoints import keypoints
 from workbench.residuals.points import landmarks, vertices
 from workbench.residuals.residual import Residual
@@ -17,6 +17,7 @@ __all__ = [
     "huber",
     "keypoints",
     "landmarks",
+    "of_norms",
     "quadratic",
     "stitching",
     "vertices",

@@ -26,7 +26,8 @@ def edges(
     A translation of either changes nothing, so shape can be compared before it is known where
     the body stands (SMPL, section 4.1: the pose of a registration). `observed` is the symbol of
     a block (N, 3), or an array. The confidence of a pair (E,), from 0 on, is the weight of its
-    three rows, outside of the kernel: 1/2 w rho((r / sigma)^2).
+    three rows, outside of the kernel: 1/2 w rho((r / sigma)^2). `kernel=of_norms(...)` looks at
+    the length of the difference of two edges instead of each coordinate.
     Raises BadResidual for pairs of vertices that do not exist and for confidences below zero.
     """
     predicted, reads = expressed(points)
@@ -42,7 +43,7 @@ def edges(
     rows, entries = np.repeat(np.arange(E), 2).tolist(), np.tile([1.0, -1.0], E)
     ends = cs.DM.triplet(rows, found.ravel().tolist(), cs.DM(entries), E, N)
     difference = (predicted - target) @ ends.T  # (3, E) m
-    weights = None
+    trust = None
     if confidence is not None:
         trust = given(name, "the confidence", confidence, (E,))
         if trust.shape != (E, 1):
@@ -50,5 +51,6 @@ def edges(
                 f"residual {name!r} has {E} pairs, but confidences of shape {trust.shape}; give "
                 "one for each"
             )
-        weights = cs.vec(cs.repmat(trust.T, 3, 1))  # (3 E, 1)
-    return Residual(name, cs.vec(difference), sigma, "m", kernel, reads, None, weights)
+    return Residual(
+        name, cs.vec(difference), sigma, "m", kernel, reads, weights=trust, rows_per_point=3
+    )

@@ -4,9 +4,15 @@ A kernel replaces the square s = (r / sigma)^2 of a whitened residual by rho(s),
 rho(s) ~ s at 0, so that sigma keeps its meaning and the cost is 1/2 sum rho(s). It is given as
 the factor g(s) = sqrt(rho(s) / s): the residual r / sigma shrinks to g(s) r / sigma, whose
 square is rho(s). That is smooth at 0, so Gauss-Newton and its kin need nothing else.
+
+A kernel is a function of a matrix of squares (d, N), one column for each of N points with d
+coordinates, and returns factors of the same shape. The kernels below treat every number by
+itself. `of_norms` makes kernels of |r / sigma| out of them, so that a point is an outlier or is
+none, whichever way the axes point.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import casadi as cs
 import numpy as np
@@ -57,3 +63,41 @@ def huber(threshold: float = 1.345) -> Kernel:
         return cs.if_else(far, shrunk, 1)
 
     return kernel
+
+
+@dataclass(frozen=True)
+class OfNorms:
+    """A kernel of the lengths of whole residuals, made from one of single numbers: `of_norms`."""
+
+    of: Kernel
+
+    def __call__(self, squares: cs.MX) -> cs.MX:
+        """One factor g(s_1 + ... + s_d) for all d coordinates of a point: (d, N) from (d, N)."""
+        return cs.repmat(self.of(cs.sum1(squares)), squares.shape[0], 1)
+
+
+def of_norms(kernel: Kernel) -> OfNorms:
+    """The kernel of |p - q| instead of each coordinate: 1/2 sum over points of rho(|r / sigma|^2).
+
+    Every coordinate of a point is shrunk by the same factor, g(s) r / sigma with
+    s = |r / sigma|^2, so the squares of its rows add up to rho(s). The cost does not depend on
+    the directions of the axes, as that of a kernel of single coordinates does, and a point that
+    is wrong in one coordinate is not believed in the others either. With `quadratic` nothing
+    changes.
+
+    A point keeps its two or three rows. One row sqrt(rho(|r|^2)) would have the same cost, but no
+    derivative where r is zero, as |r| has none, and Gauss-Newton would see one direction of
+    three. The factors are smooth there.
+
+    One sigma is meant for all coordinates of a point. Where they differ, |r / sigma| is
+    Mahalanobis' distance. The border of an outlier is now a distance: of Gaussian points in
+    space 95 % lie within 2.80 sigma, not within 1.96.
+
+    Raises BadResidual if it is given no function, or a kernel that is already one of norms.
+    """
+    if not callable(kernel) or isinstance(kernel, OfNorms):
+        raise BadResidual(
+            "of_norms takes a kernel of single numbers, such as geman_mcclure or huber(1.345), "
+            f"not {kernel!r}"
+        )
+    return OfNorms(kernel)

@@ -31,7 +31,10 @@ def keypoints(
 
         1/2 sum over k of w_k (rho(du_k^2 / sigma^2) + rho(dv_k^2 / sigma^2))
 
-    with the confidence of keypoint k as its weight w_k. The weight stands outside of the kernel,
+    with the confidence of keypoint k as its weight w_k. SMPLify's code has rho of each
+    coordinate; its paper writes rho of the difference of two points, which is
+    1/2 sum over k of w_k rho((du_k^2 + dv_k^2) / sigma^2) and is had with
+    kernel=of_norms(geman_mcclure). The weight stands outside of the kernel,
     as in SMPLify: what counts as an outlier is said by sigma alone, and a doubtful keypoint has
     less say near and far alike. Without a robust kernel a keypoint of weight w has the standard
     deviation sigma / sqrt(w) px; for a standard deviation of sigma / c give confidence=c**2, as
@@ -57,7 +60,5 @@ def keypoints(
             f"{sure.shape}; give one for each"
         )
     off = cs.vec(pixels - target)  # (2 M, 1) px
-    weights = cs.vec(cs.repmat(sure.T, 2, 1))  # (2 M, 1)
-    return Residual(
-        name, off, sigma, "px", kernel, reads, row_labels(points, "uv"), weights, camera.blocks
-    )
+    labels = row_labels(points, "uv")
+    return Residual(name, off, sigma, "px", kernel, reads, labels, sure, camera.blocks, 2)

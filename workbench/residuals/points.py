@@ -1,7 +1,8 @@
 """Points in space against where they were seen: vertices, joints, landmarks."""
 
 import casadi as cs
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from workbench.blocks import Points
 from workbench.residuals.kernels import Kernel, quadratic
@@ -19,13 +20,14 @@ def vertices(
     points: Points | cs.MX,
     observed: cs.MX | ArrayLike,
     *,
-    sigma: float,
+    sigma: float | NDArray[np.float64],
     kernel: Kernel = quadratic,
     name: str | None = None,
 ) -> Residual:
     """v_i(theta, beta) - v^_i in metres: E_D of known correspondences.
 
     `observed` is the symbol of a block (N, 3), whose numbers may change, or an array (N, 3).
+    `kernel=of_norms(...)` looks at the distance |v_i - v^_i| instead of each coordinate.
     """
     return _difference("vertices", points, observed, sigma, kernel, name)
 
@@ -34,13 +36,14 @@ def landmarks(
     points: Points | cs.MX,
     observed: cs.MX | ArrayLike,
     *,
-    sigma: float,
+    sigma: float | NDArray[np.float64],
     kernel: Kernel = quadratic,
     name: str | None = None,
 ) -> Residual:
     """p_k(theta, beta) - p^_k in metres for named points (joints, keypoints).
 
     `observed` is the symbol of a block (M, 3), whose numbers may change, or an array (M, 3).
+    `kernel=of_norms(...)` looks at the distance |p_k - p^_k| instead of each coordinate.
     """
     return _difference("landmarks", points, observed, sigma, kernel, name)
 
@@ -49,7 +52,7 @@ def _difference(
     function: str,
     points: Points | cs.MX,
     observed: cs.MX | ArrayLike,
-    sigma: float,
+    sigma: float | NDArray[np.float64],
     kernel: Kernel,
     name: str | None,
 ) -> Residual:
@@ -58,4 +61,5 @@ def _difference(
     target = given(name, "what was observed", observed, predicted.shape[::-1])
     same_shape(name, predicted, target)
     difference = cs.vec(predicted - target)  # (3 N, 1) m
-    return Residual(name, difference, sigma, "m", kernel, reads, row_labels(points, "xyz"))
+    labels = row_labels(points, "xyz")
+    return Residual(name, difference, sigma, "m", kernel, reads, labels, rows_per_point=3)

@@ -12,7 +12,7 @@ from workbench.blocks.checks import several, texts
 from workbench.blocks.points import unlisted
 from workbench.blocks.reals import reals
 from workbench.errors import BadResidual
-from workbench.residuals.kernels import Kernel, quadratic
+from workbench.residuals.kernels import Kernel, OfNorms, quadratic
 from workbench.residuals.weights import check_weights, root
 
 
@@ -26,24 +26,32 @@ class Residual:
     stands outside of the kernel, so it does not change which residuals the kernel takes for
     outliers. `points` are the placeholders that the expression reads; `labels` name its rows.
 
+    Where d = `rows_per_point` rows in succession are the coordinates of one point, 3 in space and
+    2 in an image, a sigma or a weight may be given for each of the m / d points instead of each
+    row, and a kernel `of_norms` can tell which rows belong together. Such a kernel takes a weight
+    for each point only: half a point is not weighed.
+
     The expression is written in placeholders of points: casadi.jacobian of it by a body's pose
-    has no nonzeros, for a placeholder is a symbol of its own. `in_blocks` is the same in the
-    symbols of blocks. `blocks` describe symbols that the expression reads, by unit and labels.
+    has no nonzeros, for a placeholder is a symbol of its own. `graph` is the same in the symbols of
+    blocks, and `workbench.jacobian` refuses an expression with placeholders. `blocks` describe
+    symbols that the expression reads, by unit and labels.
 
     Raises BadResidual if it is no column of symbols, reads a placeholder that is not among its
-    points, has no positive and finite sigma, weights that are negative or do not fit, or a kernel
-    that is no function; NotNumbers for a sigma or weights of text and the like.
+    points, has no positive and finite sigma, weights that are negative or do not fit, a kernel
+    that is no function, or one of norms where each row stands alone; NotNumbers for a sigma or
+    weights of text and the like.
     """
 
     name: str
     expression: cs.MX  # (m, 1) in `unit`
-    sigma: float | NDArray[np.float64]  # one for all rows, or (m,), in `unit`
+    sigma: float | NDArray[np.float64]  # one for all rows, (m,) or (m / d,), in `unit`
     unit: str = "1"
     kernel: Kernel = quadratic
     points: tuple[Points, ...] = ()
     labels: tuple[str, ...] | None = None
-    weights: cs.MX | ArrayLike | None = None  # one for all rows, or (m,); None: 1
+    weights: cs.MX | ArrayLike | None = None  # one for all rows, (m,) or (m / d,); None: 1
     blocks: tuple[Block, ...] = ()
+    rows_per_point: int = 1  # d
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):
@@ -59,23 +67,38 @@ class Residual:
                 f"residual {self.name!r} must be a column (m, 1), not {self.expression.shape}; "
                 "casadi.vec makes one"
             )
+        d = self.rows_per_point
+        if not isinstance(d, (int, np.integer)) or d < 1 or self.size % d:
+            raise BadResidual(
+                f"residual {self.name!r} has {self.size} rows, which are no points of {d!r} rows "
+                "each; rows_per_point is 3 in space, 2 in an image and 1 for single numbers"
+            )
+        counts = tuple(dict.fromkeys((self.size, self.size // d)))
         sigma = reals(f"the sigma of residual {self.name!r}", self.sigma)
-        fits = sigma.shape in ((), (self.size,))
+        fits = sigma.shape in ((), *((n,) for n in counts))
         if not fits or not ((sigma > 0) & np.isfinite(sigma)).all():
             raise BadResidual(
                 f"residual {self.name!r} needs a finite sigma above zero in {self.unit}, one or "
-                f"{self.size} of them, not {self.sigma}"
+                f"{' or '.join(map(str, counts))} of them, not {self.sigma}"
             )
         if not callable(self.kernel):
             raise BadResidual(
                 f"residual {self.name!r} needs a function as its kernel, such as quadratic, "
                 f"geman_mcclure or huber(1.345), not {self.kernel!r}"
             )
+        of_norms = isinstance(self.kernel, OfNorms)
+        if of_norms and d == 1:
+            raise BadResidual(
+                f"residual {self.name!r} has a kernel of norms, but each of its rows stands "
+                "alone; say rows_per_point=3 for points in space or 2 for pixels, or give the "
+                "kernel itself"
+            )
         if self.labels is not None and len(self.labels) != self.size:
             raise BadResidual(
                 f"residual {self.name!r} has {self.size} rows but {len(self.labels)} labels"
             )
-        check_weights(self.name, self.weights, self.size)
+        why = "; its kernel is one of norms, and a point has one weight" if of_norms else ""
+        check_weights(self.name, self.weights, counts[-1:] if of_norms else counts, why)
         check_listed(f"residual {self.name!r}", self.expression, self.points)
 
     @property
@@ -86,18 +109,28 @@ class Residual:
     @property
     def whitened(self) -> cs.MX:
         """In sigmas, shrunk by the kernel and then weighted: sqrt(w) g(s) r / sigma, (m, 1)."""
-        r = self.expression / cs.DM(self.sigma)
-        shrunk = r if self.kernel is quadratic else self.kernel(r**2) * r
-        return shrunk if self.weights is None else root(self.weights) * shrunk
+        d, r = self.rows_per_point, self.expression / self._for_rows(cs.DM(self.sigma))
+        if self.kernel is not quadratic:
+            squares = cs.reshape(r**2, d, self.size // d)  # a column for each point
+            r = cs.vec(self.kernel(squares)) * r
+        return r if self.weights is None else self._for_rows(root(self.weights)) * r
+
+    def _for_rows(self, numbers: cs.MX | cs.DM) -> cs.MX | cs.DM:
+        """Numbers of points (N, 1) for each of their rows (m, 1); others as they are."""
+        if numbers.shape[0] in (1, self.size):
+            return numbers
+        return cs.vec(cs.repmat(numbers.T, self.rows_per_point, 1))
 
     @property
     def in_blocks(self) -> cs.MX:
-        """The expression in the symbols of blocks alone, (m, 1) in `unit`.
+        """The same as `graph()`."""
+        return self.graph()
 
-        It can be differentiated with respect to them.
+    def graph(self) -> cs.MX:
+        """The expression in the symbols of blocks alone, (m, 1) in `unit`, not whitened.
 
-        See `blocks.in_blocks` for how. Of the whole problem, whitened, `Problem.derivative` is
-        the Jacobian by all free numbers.
+        It is ready for casadi.jacobian by them, for its sparsity, casadi.Function and C code. Of
+        the whole problem, whitened, that is `Problem.graph()`.
         """
         return in_blocks(self.expression, self.points)
 

@@ -25,6 +25,7 @@ def stitching(
 
     `edges` is the symbol of a block (2 F, 3), or an array: T_2 - T_0 and T_1 - T_0 of each face
     in turn. Where vertices hang together by faces, a common translation of them changes nothing.
+    `kernel=of_norms(...)` looks at the length of an edge's difference, not at each coordinate.
     Raises BadResidual for edges that are not two per face.
     """
     placed, reads = expressed(vertices)
@@ -45,4 +46,5 @@ def stitching(
     A = cs.MX(cs.DM(edge_matrix(faces, placed.shape[1]).T.tocsc()))
     labels = tuple(f"face {f}, {e}, {a}" for f in range(len(faces)) for e in ("T2 - T0", "T1 - T0")
                    for a in "xyz")  # fmt: skip
-    return Residual(name, cs.vec(placed @ A - target), sigma, "m", kernel, reads, labels)
+    off = cs.vec(placed @ A - target)
+    return Residual(name, off, sigma, "m", kernel, reads, labels, rows_per_point=3)

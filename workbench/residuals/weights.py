@@ -1,4 +1,4 @@
-"""Weights of a residual's rows: how often each counts, outside of the kernel."""
+"""Weights of a residual's rows or points: how often each counts, outside of the kernel."""
 
 import casadi as cs
 import numpy as np
@@ -19,22 +19,26 @@ def root(weights: cs.MX | ArrayLike) -> cs.MX | cs.DM:
     return cs.if_else(none, 0, cs.sqrt(cs.if_else(none, 1, weights)))
 
 
-def check_weights(name: str, weights: cs.MX | ArrayLike | None, rows: int) -> None:
-    """Raise BadResidual unless there is one weight, or one for each row, none below zero.
+def check_weights(
+    name: str, weights: cs.MX | ArrayLike | None, counts: tuple[int, ...], why: str
+) -> None:
+    """Raise BadResidual unless there is one weight, or one of these `counts`, none below zero.
 
-    Of weights that depend on symbols only the shape is known. Raises NotNumbers for text.
+    `why` ends the sentence about weights that do not fit. Of weights that depend on symbols only
+    the shape is known. Raises NotNumbers for text.
     """
     if weights is None:
         return
     if isinstance(weights, cs.MX):
-        shape, fits = weights.shape, weights.shape in ((1, 1), (rows, 1))
+        shape, fits = weights.shape, weights.shape in ((1, 1), *((n, 1) for n in counts))
         known = None if cs.symvar(weights) else np.asarray(cs.evalf(weights), dtype=float)
     else:
         known = reals(f"the weights of residual {name!r}", weights)
-        shape, fits = known.shape, known.shape in ((), (rows,))
+        shape, fits = known.shape, known.shape in ((), *((n,) for n in counts))
     if not fits:
         raise BadResidual(
-            f"residual {name!r} needs one weight or {rows} of them, not an array of shape {shape}"
+            f"residual {name!r} needs one weight or {' or '.join(map(str, counts))} of them, not "
+            f"an array of shape {shape}{why}"
         )
     if known is not None:
         _check_numbers(name, known)

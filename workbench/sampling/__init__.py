@@ -5,6 +5,7 @@ from workbench.sampling.comparison import Compared, beside_laplace
 from workbench.sampling.conditioning import Conditioning
 from workbench.sampling.ensembles import Progress
 from workbench.sampling.entries import blocks_of
+from workbench.sampling.following import following
 from workbench.sampling.judgement import searched
 from workbench.sampling.laplace import laplace
 from workbench.sampling.mixing import Mixing, Verdict
@@ -32,6 +33,7 @@ __all__ = [
     "conditional",
     "directions",
     "fixed",
+    "following",
     "laplace",
     "sample",
     "searched",

@@ -5,8 +5,8 @@ from collections.abc import Callable, Iterable
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.blocks.entries import entries
 from workbench.problem import Problem
-from workbench.sampling.entries import entries
 from workbench.sampling.subspace import Rest, Subspace, informed
 
 Array = NDArray[np.float64]

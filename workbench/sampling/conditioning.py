@@ -29,6 +29,7 @@ class Conditioning:
     given: tuple[str, ...]  # blocks that are no unknowns of the problem
     conditional: Array  # standard deviations with these held
     marginal: Array  # and with all free numbers free; infinite where the residuals say nothing
+    following: int = 0  # numbers that equations tie to what is sampled
 
     @property
     def ratios(self) -> Array:
@@ -54,7 +55,10 @@ class Conditioning:
 
     def __str__(self) -> str:
         if not self.count:
-            return "Held fixed: nothing; every free number is sampled or integrated out."
+            how = (
+                "sampled or follows by equations" if self.following else "sampled or integrated out"
+            )
+            return f"Held fixed: nothing; every free number is {how}."
         numbers = "1 number" if self.count == 1 else f"{self.count:,} numbers"
         return f"Held fixed: {self.what} ({numbers}). {self.wider}."
 
@@ -97,7 +101,7 @@ def conditioning(problem: Problem, given: Array, space: Subspace, z: Array) -> C
     boxed = np.isfinite(width) & (width > 0)
     J = np.vstack(
         [
-            here.jacobian,
+            here.dense,
             np.diag(np.where(boxed, np.sqrt(12) / np.where(boxed, width, 1.0), 0.0))[boxed],
         ]
     )
@@ -106,19 +110,20 @@ def conditioning(problem: Problem, given: Array, space: Subspace, z: Array) -> C
         between = np.isfinite(there.upper - there.lower) & ~there.equal
         A = there.linearize(x, given).jacobian[between]
         J = np.vstack([J, A * (np.sqrt(12) / (there.upper - there.lower)[between])[:, None]])
-    if span.shape[1] + len(held) == problem.free.size:
+    tied = problem.free.size - len(held) - span.shape[1] if space.entries is not None else 0
+    if span.shape[1] + tied + len(held) == problem.free.size:
         others = np.eye(problem.free.size)[:, held[width[held] > 0]]
     else:  # directions, which entries do not complete
         others = scipy.linalg.null_space(span.T)
     if there is not None and there.equal.any() and others.shape[1]:
         A = there.linearize(x, given).jacobian[there.equal]
         others = others @ scipy.linalg.null_space(A @ others)
-    count = problem.free.size - span.shape[1]
+    count = problem.free.size - span.shape[1] - tied
     conditional = _deviations(J @ span)[: space.size]
     marginal = _deviations(J @ np.hstack([span, others]))[: space.size] if count else conditional
     return Conditioning(
         space.labels, _named(problem, held, count), count, problem.fixed.names, conditional,
-        np.maximum(marginal, conditional),
+        np.maximum(marginal, conditional), tied,
     )  # fmt: skip
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.sampling.descent import Mode, bound_rows, box, inverse_half
+from workbench.sampling.descent import Mode, bound_rows, box, carried, inverse_half
 from workbench.sampling.target import Target
 from workbench.sampling.truncated import truncated
 
@@ -35,11 +35,12 @@ def cut(target: Target, mode: Mode) -> Cut:
     Its mean is the point where the model is least, z* - (J'J)^-1 J'r, wherever that lies: at a
     minimum on a bound it is beyond the bound. An entry that bounds alone hold is uniform there.
     """
-    low, high = box(target)
-    there = target.problem.stacked_constraints
+    k, there = len(mode.z), target.problem.stacked_constraints
+    own, moved_along = box(target), carried(target)
+    B = np.vstack([np.eye(k), moved_along[0]])
+    low, high = (np.concatenate([own[i], moved_along[1 + i]]) for i in (0, 1))
     below, above = np.isfinite(low), np.isfinite(high)
     if there is None and not (below.any() or above.any()):
-        k = len(mode.z)
         return Cut(mode.z, mode.half, np.empty((0, k)), np.empty(0), np.zeros(k), mode.cost)
     space = target.subspace
     x = space.points(mode.z[None])[0]
@@ -47,7 +48,8 @@ def cut(target: Target, mode: Mode) -> Cut:
     J = here.jacobian @ space.along
     half = inverse_half(target, np.vstack([J, bound_rows(target, WIDE)]))
     mean = mode.z - half @ (half.T @ (J.T @ here.residual))
-    rows, margins = [half[below], -half[above]], [(mean - low)[below], (high - mean)[above]]
+    rows = [(B @ half)[below], -(B @ half)[above]]
+    margins = [(B @ mean - low)[below], (high - B @ mean)[above]]
     if there is not None:
         seen = there.linearize(x, target.fixed)
         A, moved = seen.jacobian @ space.along, seen.jacobian @ space.along @ (mean - mode.z)

@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 Vector = Callable[[Array], Array]
 SETTLED = 0.1  # of the cost that the linear model still promises: less, and it is a minimum
 AT_A_BOUND = 1e-6  # of the scale of an entry: it is held there
+INSIDE = 1e-9  # of the scale of a bound: where a search for a minimum stops in front of it
+ROUNDED = 1e-12  # of the largest entry of a direction: zero, but for rounding
 
 
 class NoMinimum(WorkbenchError):
@@ -63,7 +65,8 @@ def descended(target: Target, start: Array) -> Mode:
         residual, start, jacobian, bounds=wide, x_scale="jac", max_nfev=200
     )
     z, settled = np.asarray(ended.x), True
-    if problem.stacked_constraints is None or target.allows(space.points(z[None]))[0]:
+    limited = problem.stacked_constraints is not None or len(carried(target)[0])
+    if not limited or target.allows(space.points(z[None]))[0]:
         settled = _promise(residual(z), jacobian(z), z, low, high) < SETTLED
     else:
         z = _constrained(target, start, residual, jacobian)
@@ -105,6 +108,23 @@ def box(target: Target) -> tuple[Array, Array]:
     if space.entries is None:
         return np.full(space.size, -np.inf), np.full(space.size, np.inf)
     return problem.lower[space.entries], problem.upper[space.entries]
+
+
+def carried(target: Target) -> tuple[Array, Array, Array]:
+    """Bounds on numbers that move with z without being among its entries: low <= A z <= high.
+
+    Such are all numbers where z are directions, and those on the ridge of what is integrated out.
+    A is (c, k), low and high (c,); c is 0 where z are entries and the rest stays where it is.
+    """
+    space, problem = target.subspace, target.problem
+    bounded = np.isfinite(problem.lower) | np.isfinite(problem.upper)
+    if space.entries is not None:
+        bounded[space.entries] = False
+    size = abs(space.along).max(axis=0, initial=0.0)  # what rounding moves does not move
+    bounded &= (abs(space.along) > ROUNDED * size).any(axis=1)
+    A = space.along[bounded]
+    there = space.origin[bounded] - A @ space.centre
+    return A, problem.lower[bounded] - there, problem.upper[bounded] - there
 
 
 def covariance_half(target: Target, J: Array) -> Array:
@@ -152,20 +172,29 @@ def _x(target: Target, z: Array) -> Array:
 def _constrained(target: Target, start: Array, residual: Vector, jacobian: Vector) -> Array:
     """The minimum from there by SciPy's SLSQP, in units of the Jacobian's columns."""
     space, there = target.subspace, target.problem.stacked_constraints
-    assert there is not None
-    moving = ~there.equal  # an equation between numbers that stay is no matter of z
     lengths = np.linalg.norm(jacobian(start), axis=0)
     scale = 1 / np.where(lengths > 0, lengths, 1.0)
-    low, high = there.lower[moving], there.upper[moving]
+    G, low, high = carried(target)
+    low, high = low + _inside(low), high - _inside(high)
+    moving = np.zeros(0, dtype=bool)
+    if there is not None:
+        moving = ~there.equal  # an equation between numbers that stay is no matter of z
+        low = np.concatenate([there.lower[moving], low])
+        high = np.concatenate([there.upper[moving], high])
     below, above = np.isfinite(low), np.isfinite(high)
 
     def margins(u: Array) -> Array:
-        c = there.values(_x(target, start + scale * u), target.fixed)[moving]
+        z = start + scale * u
+        c = G @ z
+        if there is not None:
+            c = np.concatenate([there.values(_x(target, z), target.fixed)[moving], c])
         return np.concatenate([(c - low)[below], (high - c)[above]])
 
     def slopes(u: Array) -> Array:
-        x = _x(target, start + scale * u)
-        A = there.linearize(x, target.fixed).jacobian[moving] @ space.along * scale
+        A = G * scale
+        if there is not None:
+            seen = there.linearize(_x(target, start + scale * u), target.fixed)
+            A = np.vstack([seen.jacobian[moving] @ space.along * scale, A])
         return np.concatenate([A[below], -A[above]])
 
     def cost(u: Array) -> float:
@@ -185,11 +214,16 @@ def _constrained(target: Target, start: Array, residual: Vector, jacobian: Vecto
     z = np.asarray(start + scale * ended.x)
     if not target.allows(space.points(z[None]))[0]:
         raise NoMinimum(
-            "no point next to the start meets the constraints "
+            "no point next to the start meets the bounds and constraints "
             f"({outside_said(target.problem, target.fixed, _x(target, z))}); solve the problem "
             "with a solver that takes constraints, and start at its answer"
         )
     return z
+
+
+def _inside(limit: Array) -> Array:
+    """How far inside of a limit a search is to stay."""
+    return INSIDE * np.maximum(1.0, np.where(np.isfinite(limit), abs(limit), 0.0))
 
 
 def _promise(r: Array, J: Array, z: Array, low: Array, high: Array) -> float:

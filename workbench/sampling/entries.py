@@ -1,48 +1,9 @@
-"""Which free numbers are meant: blocks, rows of blocks, single entries, by name."""
+"""Unknowns in parts that are small enough to be sampled each by itself."""
 
 from collections.abc import Iterable
 
-import numpy as np
-from numpy.typing import NDArray
-
 from workbench.blocks import Layout, Tree
-from workbench.errors import BadArgument, UnknownName
-
-Indices = NDArray[np.int64]
-
-
-def entries(layout: Layout, names: str | Iterable[str]) -> Indices:
-    """Places in the flat vector, rising: `betas`, `pose[left_elbow]`, `pose[left_elbow, x]`.
-
-    Raises UnknownName, or BadArgument if nothing is named.
-    """
-    found: set[int] = set()
-    for name in (names,) if isinstance(names, str) else names:
-        found |= set(_meant(layout, name))
-    if not found:
-        raise BadArgument(
-            f"no free number is named; name blocks ({', '.join(layout.names)}) or entries such as "
-            f"{layout.label(0) if layout.size else 'betas[0]'}"
-        )
-    return np.array(sorted(found), dtype=np.int64)
-
-
-def _meant(layout: Layout, name: str) -> list[int]:
-    if name in layout.names:
-        at = layout.slices[name]
-        return list(range(at.start, at.stop))
-    block = name.partition("[")[0]
-    if block not in layout.names:
-        raise UnknownName("free block", block, layout.names)
-    at = layout.slices[block]
-    labels = {i: layout.label(i) for i in range(at.start, at.stop)}
-    row = name.removesuffix("]")
-    meant = [i for i, label in labels.items() if label == name or label.startswith(row + ", ")]
-    if not meant:
-        known = list(dict.fromkeys(label.rsplit(", ", 1)[0] for label in labels.values()))
-        some = [label if label.endswith("]") else label + "]" for label in known]
-        raise UnknownName("entry", name, some)
-    return meant
+from workbench.blocks.entries import meant
 
 
 def blocks_of(layout: Layout, trees: Iterable[Tree], most: int = 21) -> dict[str, tuple[str, ...]]:
@@ -55,23 +16,32 @@ def blocks_of(layout: Layout, trees: Iterable[Tree], most: int = 21) -> dict[str
         return {"all": layout.names}
     parts: dict[str, tuple[str, ...]] = {}
     trees = tuple(trees)
-    poses = {tree.pose for tree in trees if tree.pose in layout.names}
+    poses = {name for tree in trees for name in tree.blocks if name in layout.names}
     others = [b.name for b in layout.blocks if b.name not in poses and b.size <= most]
-    roots = [f"{tree.pose}[{tree.names[0]}]" for tree in trees if tree.pose in poses]
+    roots = [name for tree in trees for name in _of_joint(layout, tree, 0)]
     chosen: list[str] = []
     for name in (*others, *roots):
-        if sum(len(_meant(layout, n)) for n in (*chosen, name)) <= most:
+        if sum(len(meant(layout, n)) for n in (*chosen, name)) <= most:
             chosen.append(name)
     if chosen:
         parts["shape and place" if poses else "the small blocks"] = tuple(chosen)
     for tree in trees:
-        if tree.pose in poses:
-            for limb in limbs(tree):
-                names = [tree.names[k] for k in limb][: most // 3]
+        for limb in limbs(tree):
+            joints = [k for k in limb if tree.entries(k, layout)][: most // 3]
+            if joints:
+                names = [tree.names[k] for k in joints]
                 parts[f"{names[0]} to {names[-1]}" if len(names) > 1 else names[0]] = tuple(
-                    f"{tree.pose}[{name}]" for name in names
+                    name for k in joints for name in _of_joint(layout, tree, k)
                 )
     return parts
+
+
+def _of_joint(layout: Layout, tree: Tree, joint: int) -> list[str]:
+    """The names of a joint's free numbers: of their row, or one by one."""
+    at = tree.entries(joint, layout)
+    labels = [layout.label(i) for i in at]
+    rows = {label.rpartition(", ")[0] for label in labels}
+    return [f"{rows.pop()}]"] if len(at) == 3 and len(rows) == 1 and "" not in rows else labels
 
 
 def limbs(tree: Tree) -> list[list[int]]:

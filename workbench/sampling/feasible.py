@@ -8,6 +8,7 @@ from workbench.problem import Problem
 from workbench.sampling.subspace import Subspace
 
 Array = NDArray[np.float64]
+ROUNDED = 1e-10  # of the terms of a sum: zero, but for rounding
 NUDGED = 1e-3  # of the size of an entry: far enough from a point where a derivative vanishes
 
 
@@ -51,8 +52,9 @@ def refuse_flat(problem: Problem, given: Array, space: Subspace) -> None:
 
     The points that meet an equation have no volume in the space of the draws, so a density on them
     is none in that space, and no proposal ever lands on them. An equation between numbers that
-    all stay where they are is no obstacle. Whether it reads what moves is asked of its Jacobian at
-    three points, for at a single one a derivative may vanish.
+    all stay where they are is no obstacle, nor is a linear one that all draws meet because other
+    numbers follow them (see `following`). Whether it changes along what moves is asked of its
+    Jacobian at three points, for at a single one a derivative may vanish.
     """
     if space.entries is not None:
         pinned = np.flatnonzero((problem.lower == problem.upper)[space.entries])
@@ -69,12 +71,14 @@ def refuse_flat(problem: Problem, given: Array, space: Subspace) -> None:
     read = np.zeros(there.size, dtype=bool)
     for size in (0.0, NUDGED, NUDGED):
         x = space.origin + size * (1 + abs(space.origin)) * rng.standard_normal(len(space.origin))
-        read |= (there.linearize(x, given).jacobian @ moves != 0).any(axis=1)
+        A = there.linearize(x, given).jacobian
+        read |= (abs(A @ moves) > ROUNDED * (abs(A) @ abs(moves))).any(axis=1)
     wrong = np.flatnonzero(read & there.equal)
     if wrong.size:
         raise NotSupported(
             f"constraint {there.label(int(wrong[0]))} is an equation that depends on what is to "
             "be drawn; the points that meet it have no volume, so no draw can lie on it. Replace "
             "it by a residual with a sigma that says how exactly it holds, or draw entries that "
-            "it does not depend on"
+            "it does not depend on. Where it is linear, name the entries that determine the "
+            "others, and let these follow (in Python rest=following)"
         )

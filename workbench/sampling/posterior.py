@@ -19,6 +19,7 @@ from workbench.sampling.judgement import judged
 from workbench.sampling.mixing import Mixing, Verdict
 from workbench.sampling.modes import Found, missed
 from workbench.sampling.subspace import Subspace
+from workbench.sampling.text import summary
 
 Array = NDArray[np.float64]
 
@@ -160,15 +161,13 @@ class Posterior:
     def values(self, count: int, seed: int = 0) -> list[Values]:
         """The same by block, with the fixed blocks: what a body takes."""
         fixed = {name: np.asarray(self.at[name], dtype=float) for name in self.problem.fixed.names}
-        return [fixed | self.problem.free.unpack(x) for x in self.points(count, seed)]
+        return [fixed | self.problem.free.unpack(x, fixed) for x in self.points(count, seed)]
 
     def inference_data(self) -> Any:
         """As arviz.InferenceData; a chain is an ensemble, not a walker. See `arviz_quietly`."""
         return inference_data(self.draws, self.log_prob, self.labels, self.verdict)
 
     def __str__(self) -> str:
-        from workbench.sampling.text import summary
-
         return summary(self)
 
 

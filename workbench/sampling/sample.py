@@ -42,9 +42,10 @@ def sample(
 ) -> Posterior:
     """Draw from exp(-cost) in what is named (all that is free), from around `at`.
 
-    `names` are blocks and entries (`betas`, `pose[left_elbow]`, `pose[left_elbow, x]`), or a
+    `names` are blocks and entries (`betas[0:3]`, `pose[left_elbow]`, `pose[left_elbow, x]`), or a
     choice such as `directions(20, priors)`. All else stays where it is (`rest=fixed`), or is
-    integrated out by its Gaussian conditional (`rest=conditional`). Holding it fixed makes
+    integrated out by its Gaussian conditional (`rest=conditional`), or moves with what is named as
+    linear equations among the constraints tell (`rest=following`). Holding it fixed makes
     intervals narrower; `Posterior.held` says by how much, and above a factor of 1.2 they are not
     called usable. Up to about 20 entries can be sampled; more are allowed, and the verdict will
     say what came of it.
@@ -60,7 +61,7 @@ def sample(
     returns True, ends a run; what was drawn is kept.
 
     Raises UnknownName, BadArgument, Improper for a direction that nothing holds, NotSupported for
-    an equation among the constraints that depends on what is drawn or for an entry with equal
+    an equation among the constraints that draws would not meet or for an entry with equal
     bounds, BiasedMove, or BadFile for the checkpoint of another run.
     """
     x, given = problem.split(at)

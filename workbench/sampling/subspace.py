@@ -10,15 +10,16 @@ the conditional covariance H_bb^-1.
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
 from workbench.blocks import Layout
+from workbench.blocks.entries import Indices
 from workbench.errors import BadArgument, UnknownName, WorkbenchError
 from workbench.problem import Linearization, Problem
-from workbench.sampling.entries import Indices
 
 Array = NDArray[np.float64]
 
@@ -44,10 +45,12 @@ class Subspace:
         """k."""
         return len(self.centre)
 
-    @property
+    @cached_property
     def still(self) -> bool:
         """Whether z are entries and all else stays where it is."""
-        return self.entries is not None and not self.rest.shape[1]
+        if self.entries is None or self.rest.shape[1]:
+            return False
+        return not np.delete(self.along, self.entries, axis=0).any()
 
     def points(self, z: Array, w: Array | None = None) -> Array:
         """x (M, n) for z (M, k), and w (M, c) if it is not to be zero."""
@@ -76,8 +79,8 @@ def conditional(problem: Problem, here: Linearization, x: Array, chosen: Indices
     along = fixed(problem, here, x, chosen).along
     rest = np.zeros((len(x), len(others)))
     if others.size:
-        R = _triangle(here.jacobian[:, others], problem.free, others)
-        ridge = scipy.linalg.lstsq(here.jacobian[:, others], here.jacobian[:, chosen])[0]
+        R = _triangle(here.dense[:, others], problem.free, others)
+        ridge = scipy.linalg.lstsq(here.dense[:, others], here.dense[:, chosen])[0]
         along[others] = -ridge
         rest[others] = scipy.linalg.solve_triangular(R, np.eye(len(others)))
     return _entries(problem.free, x, chosen, along, rest)
@@ -101,10 +104,8 @@ def informed(
         if name not in problem.rows:
             raise UnknownName("residual", name, problem.rows)
         is_prior[problem.rows[name]] = True
-    W = scipy.linalg.solve_triangular(
-        _triangle(here.jacobian, problem.free, np.arange(n)), np.eye(n)
-    )
-    told = here.jacobian[is_prior] @ W
+    W = scipy.linalg.solve_triangular(_triangle(here.dense, problem.free, np.arange(n)), np.eye(n))
+    told = here.dense[is_prior] @ W
     share, Q = np.linalg.eigh(told.T @ told)  # of the priors, rising
     V = W @ Q
     V *= np.where(V[np.argmax(abs(V), axis=0), np.arange(n)] < 0, -1.0, 1.0)  # one of two signs

@@ -1,18 +1,89 @@
 """A posterior in words; the verdict first, and no interval without it."""
 
 from collections.abc import Iterator
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.sampling.conditioning import Conditioning
+from workbench.sampling.descent import Mode
 from workbench.sampling.judgement import searched
-from workbench.sampling.posterior import Posterior
+from workbench.sampling.mixing import Mixing
+from workbench.sampling.modes import Found
 
 Array = NDArray[np.float64]
 MOST = 40  # entries in a summary
 
 
-def summary(posterior: Posterior, truth: Array | None = None) -> str:
+class Described(Protocol):
+    """What is told of a posterior; see Posterior."""
+
+    @property
+    def verdict(self) -> str:
+        """What the draws are worth, in a sentence."""
+
+    @property
+    def method(self) -> str:
+        """`emcee` or `laplace`."""
+
+    @property
+    def draws(self) -> Array:
+        """(E, S, W, k)."""
+
+    @property
+    def mixing(self) -> Mixing:
+        """How chains went."""
+
+    @property
+    def found(self) -> Found:
+        """The search for modes."""
+
+    @property
+    def held(self) -> Conditioning:
+        """What was held fixed."""
+
+    @property
+    def seconds(self) -> float:
+        """How long it took."""
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether somebody stopped it."""
+
+    @property
+    def modes(self) -> tuple[Mode, ...]:
+        """What least squares finds."""
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Of the entries."""
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Of the entries."""
+
+    @property
+    def size(self) -> int:
+        """k, the number of entries."""
+
+    @property
+    def mixed(self) -> bool:
+        """Whether intervals mean something."""
+
+    @property
+    def mean(self) -> Array:
+        """(k,)."""
+
+    @property
+    def sd(self) -> Array:
+        """(k,)."""
+
+    def conditional_interval(self, level: float = 0.9) -> Array:
+        """(k, 2)."""
+
+
+def summary(posterior: Described, truth: Array | None = None) -> str:
     """Verdict, how it was drawn, what is held fixed, and a line for each entry.
 
     `truth` (k,) is what synthetic data were made of; it stands beside the entries.
@@ -32,7 +103,7 @@ def summary(posterior: Posterior, truth: Array | None = None) -> str:
     return "\n".join(lines)
 
 
-def _how(posterior: Posterior) -> str:
+def _how(posterior: Described) -> str:
     E, S, W, k = posterior.draws.shape
     if posterior.method == "laplace":
         return f"Laplace's approximation, {E * S} independent draws of {k} entries"
@@ -44,7 +115,7 @@ def _how(posterior: Posterior) -> str:
     )
 
 
-def _intervals(posterior: Posterior, truth: Array | None) -> Iterator[str]:
+def _intervals(posterior: Described, truth: Array | None) -> Iterator[str]:
     """The table of entries: intervals where they mean something, else how chains went."""
     p, wide = posterior, max([5, *(len(label) for label in posterior.labels[:MOST])])
     some = range(min(p.size, MOST))

@@ -12,22 +12,17 @@ Array = NDArray[np.float64]
 def shortest(target: Target, z: Array) -> Array:
     """z (k,) with rotation vectors beyond half a turn replaced by those of the same rotations.
 
-    Rotation vectors are the rows of the poses of the problem's bodies; one of which only a part is
+    Rotation vectors are those of the joints of the problem's bodies. One of which only a part is
     sampled stays as it is, and so does one whose bounds forbid the shorter vector.
     """
     space, problem = target.subspace, target.problem
     if space.entries is None:
         return z
     x, sampled = space.points(z[None])[0], np.isin(np.arange(problem.free.size), space.entries)
-    for tree in problem.trees:
-        if tree.pose not in problem.free.names:
-            continue
-        place = problem.free.slices[tree.pose]
-        for i in range(place.start, place.stop, 3):
-            row = slice(i, i + 3)
-            length = float(np.linalg.norm(x[row]))
-            if length > np.pi and sampled[row].all():
-                shorter = rotation.shortest(x[row])
-                if ((shorter >= problem.lower[row]) & (shorter <= problem.upper[row])).all():
-                    x[row] = shorter
+    for row in problem.turns:
+        length = float(np.linalg.norm(x[row]))
+        if length > np.pi and sampled[row].all():
+            shorter = rotation.shortest(x[row])
+            if ((shorter >= problem.lower[row]) & (shorter <= problem.upper[row])).all():
+                x[row] = shorter
     return np.asarray(x[space.entries])

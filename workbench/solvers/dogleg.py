@@ -35,7 +35,7 @@ chumpy = RadiusRule(good=0.9, growth=2.5, poor=0.05, shrinkage=0.25)  # of the c
 def cauchy_point(here: Linearization, D: Array) -> Array:
     """The least of the linear model along the steepest descent in the metric D: a step (n,)."""
     downhill = -here.gradient / D**2
-    rise = float(np.sum((here.jacobian @ downhill) ** 2))
+    rise = float(np.sum(here.along(downhill) ** 2))
     fall = -float(here.gradient @ downhill)
     return downhill * (fall / rise) if rise > 0 else downhill
 

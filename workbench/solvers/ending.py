@@ -1,25 +1,44 @@
 """How a run ended: the best point it saw, and what may be said of that point."""
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from workbench.blocks import Layout
-from workbench.problem import Linearization
-from workbench.problem.chain import half_squared
+from workbench.problem import Linearization, Problem
 from workbench.problem.optimality import hidden
-from workbench.problem.outline import outline_at
-from workbench.solvers.limits import Stop
-from workbench.solvers.sight import lost
+from workbench.problem.rounding import half_squared
+from workbench.solvers.best import Best
+from workbench.solvers.limits import Limits, Stop
+from workbench.solvers.roughness import Roughness
+from workbench.solvers.sight import Sight, lost
 from workbench.solvers.solution import Status
 from workbench.solvers.wrapping import rewrapped
 
-if TYPE_CHECKING:
-    from workbench.solvers.run import Run
-
 Array = NDArray[np.float64]
 NAMED = 6  # unknowns in a message; there may be thousands
+
+
+class Ended(Protocol):
+    """A run that is over, as far as its end is judged by it; see Run."""
+
+    problem: Problem
+    limits: Limits
+    x: Array  # where it began, (n,)
+    fixed: Array
+    best: Best
+    sight: Sight
+    roughness: Roughness
+
+    def judged(self, x: Array) -> Linearization:
+        """Residual and Jacobian at x."""
+
+    def optimality(self, x: Array, here: Linearization) -> float:
+        """How far x is from stationary."""
+
+    def noise(self, x: Array, here: Linearization) -> float:
+        """By how much rounding may have changed the cost at x."""
 
 
 class Ending(NamedTuple):
@@ -32,7 +51,7 @@ class Ending(NamedTuple):
     unnoticed: tuple[str, ...] = ()
 
 
-def ending(run: "Run", stop: Stop) -> Ending:
+def ending(run: Ended, stop: Stop) -> Ending:
     """Settle the best point of a run, and judge it by the problem, whoever says otherwise."""
     status, message, best = stop.status, stop.message, run.best
     if not np.isfinite(best.cost):
@@ -69,7 +88,7 @@ def ending(run: "Run", stop: Stop) -> Ending:
     return Ending(status, message, optimality, labels, (*unread, *unnoticed))
 
 
-def _lost(run: "Run", here: Linearization) -> NDArray[np.bool_]:
+def _lost(run: Ended, here: Linearization) -> NDArray[np.bool_]:
     """Which unknowns (n,) the residual noticed on the way, and at the best point does not."""
     x, rounding = run.best.x, run.roughness.at(run.best.x, here)
     gone = run.sight.gone(x, run.x, here, run.problem.support, rounding)
@@ -80,7 +99,7 @@ def _lost(run: "Run", here: Linearization) -> NDArray[np.bool_]:
     return lost(gone, x, start, run.x, here, rounding, residual)
 
 
-def _wrapped(run: "Run", here: Linearization, optimality: float) -> tuple[Linearization, float]:
+def _wrapped(run: Ended, here: Linearization, optimality: float) -> tuple[Linearization, float]:
     """Turn the best point's rotation vectors to at most half a turn, where that is free.
 
     A turn is free if the cost, up to rounding, and the constraints stay as they are. Takes the
@@ -99,10 +118,9 @@ def _wrapped(run: "Run", here: Linearization, optimality: float) -> tuple[Linear
     turned = rewrapped(problem, best.x, is_free)
     if turned is best.x:
         return here, optimality
-    at_turned = outline_at(problem, turned, fixed)
+    at_turned = problem.linearize_at(turned, fixed)
     found, tolerance = run.optimality(turned, at_turned), run.limits.gradient_tolerance
-    dense = isinstance(at_turned.jacobian, np.ndarray)  # there is no step by a sparse one
-    if found > tolerance >= optimality and dense:
+    if found > tolerance >= optimality:
         nearer = np.clip(turned + at_turned.step(), problem.lower, problem.upper)
         if is_free(nearer):
             closer = problem.linearize_at(nearer, fixed)
@@ -115,7 +133,7 @@ def _wrapped(run: "Run", here: Linearization, optimality: float) -> tuple[Linear
     return at_turned, found
 
 
-def _missed(run: "Run") -> str:
+def _missed(run: Ended) -> str:
     there = run.problem.stacked_constraints
     if there is None:
         return Status.INFEASIBLE.value
@@ -123,7 +141,7 @@ def _missed(run: "Run") -> str:
     return f"{worst}; {Status.INFEASIBLE.value}"
 
 
-def _hidden(run: "Run", here: Linearization, free: Layout) -> str:
+def _hidden(run: Ended, here: Linearization, free: Layout) -> str:
     """What rounding errors leave unknown at a point that no step improves; empty if nothing."""
     left = hidden(run.best.x, here, run.problem.support, run.roughness.at(run.best.x, here))
     if not left.any():

@@ -74,7 +74,7 @@ class Nlopt:
         refuse(name, self.abilities, problem)
         with Run(name, self, problem, start, callback) as run:
             x0 = np.clip(run.x, problem.lower, problem.upper)
-            here = run.outline(x0)
+            here = run.linearize(x0)
             run.record(x0, here.cost, run.optimality(x0, here))
             self._check_the_step(x0.size)
             scale = np.where(here.column_norms > 0, here.column_norms, 1.0)
@@ -135,7 +135,7 @@ class Nlopt:
             gave_up = optimizer.last_optimize_result() in GAVE_UP
             if not (descends and gave_up and run.best.missed <= 1 and run.best.cost < cost):
                 return
-            noise = run.noise(run.best.x, run.outline(run.best.x))
+            noise = run.noise(run.best.x, run.linearize(run.best.x))
             if run.best.cost >= cost - noise:
                 return
             x, cost = run.best.x, run.best.cost

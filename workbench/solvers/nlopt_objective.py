@@ -140,7 +140,7 @@ class Objective:
             enough = self._error + self._look * run.limits.gradient_tolerance * size
             if (np.abs(way) > enough).any():
                 return np.nan
-        here = run.outline(x)
+        here = run.linearize(x)
         self._look = 1.0  # from here on the norms are good
         self._norms = np.where(here.column_norms > 0, here.column_norms, np.inf)
         self._error = problem.support.norms(run.roughness.at(x, here).rows)

@@ -7,9 +7,11 @@ from typing import Any, TypeVar
 import casadi as cs
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csc_array, eye_array
 
 from workbench.problem import Linearization
-from workbench.solvers.convexity import reflected
+from workbench.problem.storage import Matrix, dense, entries_at, gram
+from workbench.solvers.convexity import LEAST, reflected
 from workbench.solvers.run import Run
 
 Array = NDArray[np.float64]
@@ -20,7 +22,7 @@ T = TypeVar("T")
 
 def gauss_newton_hessian(run: Run, x: Array, here: Linearization) -> Array:
     """J'J: positive semidefinite, and exact where the residual vanishes."""
-    return here.normal
+    return dense(here.normal)
 
 
 def exact_hessian(run: Run, x: Array, here: Linearization) -> Array:
@@ -78,7 +80,9 @@ class Oracle:
 
     @cached_property
     def hessian(self) -> "External":
-        """Of the cost at x, (n, n)."""
+        """Of the cost at x, (n, n); as sparse as J'J, if it is that and J is sparse."""
+        if self._normal is not None:
+            return self._sparse("hessian", self._normal, lambda here: here.normal)
         return self._external("hessian", self._square, _of_cost(self._run, self._hessian))
 
     @cached_property
@@ -88,7 +92,12 @@ class Oracle:
 
     @cached_property
     def convex_hessian(self) -> "External":
-        """Of both, with every eigenvalue that is below zero reflected, (n, n)."""
+        """Of both, with every eigenvalue that is below zero reflected, (n, n).
+
+        A sparse J'J has none below zero: it is shifted by as much as `reflected` would at least.
+        """
+        if self._normal is not None:
+            return self._sparse("convex", self._normal, lambda here: _definite(here.normal))
         of_cost, bend = _of_cost(self._run, self._hessian), _of_constraints(self._run)
 
         def convex(x: Array, multipliers: Array) -> Array:
@@ -110,12 +119,41 @@ class Oracle:
     def _square(self) -> tuple[int, int]:
         return self._sizes[0], self._sizes[0]
 
+    @cached_property
+    def _normal(self) -> csc_array | None:
+        """Where J'J can be nonzero, if that is the Hessian, J is sparse and nothing is added."""
+        problem = self._run.problem
+        if self._hessian is not gauss_newton_hessian or problem.stacked_constraints is not None:
+            return None
+        if not problem.sparse:
+            return None
+        return csc_array(gram(csc_array(problem.pattern, dtype=float)) + eye_array(self._sizes[0]))
+
+    def _sparse(
+        self, name: str, pattern: csc_array, of: Callable[[Linearization], Matrix]
+    ) -> "External":
+        """A function of a linearization whose value is sparse."""
+        n, run = self._sizes[0], self._run
+        sparsity = cs.Sparsity(n, n, pattern.indptr.tolist(), pattern.indices.tolist())
+
+        def entries(x: Array, _: Array) -> Array:
+            return entries_at(csc_array(of(run.linearize(x))), pattern)
+
+        sizes = n, self._sizes[1] if name == "convex" else 0
+        return External(name, sizes, (pattern.nnz,), entries, run, self._kept, sparsity)
+
     def _external(
         self, name: str, shape: tuple[int, ...], compute: Compute, *, multiplied: bool = False
     ) -> "External":
         n, k = self._sizes
         sizes = n, k if multiplied else 0
         return External(name, sizes, shape, compute, self._run, self._kept)
+
+
+def _definite(normal: Matrix) -> csc_array:
+    """A sparse J'J with its diagonal raised by as little as tells it from a singular one."""
+    least = LEAST * float(normal.diagonal().max(initial=0.0))
+    return csc_array(normal + least * eye_array(normal.shape[0]))
 
 
 def _asked_twice(function: Callable[[Array], T]) -> Callable[[Array], T]:
@@ -143,10 +181,11 @@ class External(cs.Callback):  # type: ignore[misc]  # casadi's way of calling ba
 
     def __init__(
         self, name: str, sizes: tuple[int, int], shape: tuple[int, ...], compute: Compute,
-        run: Run, kept: Kept,
+        run: Run, kept: Kept, sparsity: cs.Sparsity | None = None,
     ) -> None:  # fmt: skip
         super().__init__()
         self._sizes, self._shape = sizes, shape
+        self._sparsity = cs.Sparsity.dense(*(shape or (1,))) if sparsity is None else sparsity
         self._compute, self._run, self._kept = compute, run, kept
         self.construct(name, {})
 
@@ -159,8 +198,8 @@ class External(cs.Callback):  # type: ignore[misc]  # casadi's way of calling ba
         return cs.Sparsity.dense(self._sizes[i], 1)
 
     def get_sparsity_out(self, i: int) -> cs.Sparsity:
-        """A dense number, column or matrix."""
-        return cs.Sparsity.dense(*(self._shape or (1,)))
+        """A dense number, column or matrix; or a sparse matrix, whose value is its nonzeros."""
+        return self._sparsity
 
     def has_eval_buffer(self) -> bool:
         """Numbers come and go by memory, not as DM."""

@@ -4,7 +4,6 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack, closing
 from dataclasses import asdict
-from functools import partial
 from math import isfinite, isnan
 from types import TracebackType
 from typing import NamedTuple, NoReturn, TypeVar
@@ -15,9 +14,7 @@ from numpy.typing import NDArray
 from workbench.blocks import Values
 from workbench.interrupts import Interrupts
 from workbench.problem import Linearization, Problem
-from workbench.problem.chain import half_squared
-from workbench.problem.outline import outline_at
-from workbench.problem.rounding import fall
+from workbench.problem.rounding import fall, half_squared
 from workbench.solvers.best import Best
 from workbench.solvers.ending import ending
 from workbench.solvers.latest import Latest
@@ -57,6 +54,7 @@ class Run:
     ) -> None:
         self.name, self.limits, self.problem, self.callback = name, limits, problem, callback
         self.x, self.fixed = problem.split(start)
+        self._around = problem.fixed.unpack(self.fixed) if problem.free.parts else None
         self.began = time.perf_counter()
         self.counts = dict.fromkeys(asdict(Evaluations()), 0)
         self.trace: list[Iterate] = []
@@ -116,19 +114,12 @@ class Run:
 
     def linearize(self, x: Array) -> Linearization:
         """Residual and Jacobian at x; stops the run where they are not finite."""
-        return self._linearized(x, self.problem.linearize_at)
-
-    def outline(self, x: Array) -> Linearization:
-        """The same for solvers that ask for the gradient and the column norms alone."""
-        return self._linearized(x, partial(outline_at, self.problem))
-
-    def _linearized(self, x: Array, by: Callable[[Array, Array], Linearization]) -> Linearization:
         known = self._latest.at(x)
         if known is not None:
             return known
         self.check()
         self._latest.forget()  # first: memory that is used again is already there, and near
-        here = self.evaluate("jacobian", lambda: by(x, self.fixed))
+        here = self.evaluate("jacobian", lambda: self.problem.linearize_at(x, self.fixed))
         if not isfinite(self._kept(x, here.cost if here.finite else np.inf, here)):
             raise Stop(Status.NOT_FINITE)
         self.sight.see(here)
@@ -152,7 +143,7 @@ class Run:
     def judged(self, x: Array) -> Linearization:
         """Residual and Jacobian at a point, for the judgement of the run: no limit counts it."""
         known = self._latest.at(x)
-        return outline_at(self.problem, x, self.fixed) if known is None else known
+        return self.problem.linearize_at(x, self.fixed) if known is None else known
 
     def check(self) -> None:
         """Stop the run if its evaluations or its time are used up, or if it is interrupted."""
@@ -241,7 +232,7 @@ class Run:
         step = 0.0 if self._recorded is None else float(np.linalg.norm(x - self._recorded))
         self._recorded = x.copy()
         iterate = Iterate(
-            self.problem.free.unpack(x), cost, optimality, step, damping,
+            self.problem.free.unpack(x, self._around), cost, optimality, step, damping,
             Evaluations(**self.counts), time.perf_counter() - self.began, linear_algebra,
         )  # fmt: skip
         self.trace.append(iterate)
@@ -292,7 +283,7 @@ class Run:
             status, message = Status.STOPPED, INTERRUPTED + late
         best = self.best
         return Solution(
-            self.problem.free.unpack(best.x), best.cost, optimality, status, message,
+            self.problem.free.unpack(best.x, self._around), best.cost, optimality, status, message,
             self.name, Evaluations(**self.counts), time.perf_counter() - self.began,
             tuple(self.trace), max(best.missed, 0.0) if np.isfinite(best.cost) else 0.0,
             lost, unnoticed,

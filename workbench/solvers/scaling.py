@@ -13,7 +13,7 @@ Scaling = Callable[[Linearization], Array]
 
 def identity(here: Linearization) -> Array:
     """D = I: a radian, a metre and a standard deviation of shape cost the same (Levenberg 1944)."""
-    return np.ones(here.jacobian.shape[1])
+    return np.ones(here.shape[1])
 
 
 def columns(here: Linearization) -> Array:

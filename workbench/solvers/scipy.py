@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from workbench.blocks import Values
 from workbench.errors import UnknownName
 from workbench.problem import Problem
+from workbench.problem.storage import Matrix, columns_of, dense, stacked
 from workbench.solvers.abilities import Abilities, Boxes, Derivative, refuse
 from workbench.solvers.run import Run
 from workbench.solvers.scaling import Scaling, identity
@@ -56,7 +57,7 @@ class Scipy:
         with Run(name, self, problem, start, callback) as run:
             x0 = np.clip(run.x, problem.lower, problem.upper)
             loose = problem.lower < problem.upper  # SciPy takes no bounds that are equal
-            functions = _Functions(run, x0, loose)
+            functions = _Functions(run, x0, loose, self.method == "lm")
             D = self.scaling(functions.here)[loose]
             answer: Any = scipy.optimize.least_squares(
                 functions.residual, x0[loose], functions.jacobian,
@@ -73,16 +74,15 @@ class _Functions:
     """Residual and Jacobian as SciPy asks for them, in the entries whose bounds leave them loose.
 
     MINPACK wants as many rows as columns, so there are zeros below. A residual that is not finite
-    becomes the largest seen, ten times: MINPACK believes a NaN.
+    becomes the largest seen, ten times: MINPACK believes a NaN, and wants its Jacobian dense.
     """
 
-    def __init__(self, run: Run, x0: Array, loose: NDArray[np.bool_]) -> None:
-        self.run, self.x0, self.loose = run, x0, loose
+    def __init__(self, run: Run, x0: Array, loose: NDArray[np.bool_], wants_dense: bool) -> None:
+        self.run, self.x0, self.loose, self._dense = run, x0, loose, wants_dense
         self.here = run.linearize(x0)
         self._known: Array | None = x0
         run.record(x0, self.here.cost, run.optimality(x0, self.here))
-        m, n = self.here.jacobian[:, loose].shape
-        self._padding = max(0, n - m)
+        self._padding = max(0, int(loose.sum()) - self.here.shape[0])
         self._largest = self.here.residual
 
     def residual(self, free: Array) -> Array:
@@ -97,13 +97,14 @@ class _Functions:
                 self._largest = r
         return np.append(r, np.zeros(self._padding))
 
-    def jacobian(self, free: Array) -> Array:
+    def jacobian(self, free: Array) -> Matrix:
         x = self._whole(free)
         if self._known is None or not np.array_equal(x, self._known):
             self.here, self._known = self.run.linearize(x), x
             self.run.record(x, self.here.cost, self.run.optimality(x, self.here))
-        J = self.here.jacobian[:, self.loose]
-        return np.concatenate([J, np.zeros((self._padding, J.shape[1]))])
+        J = columns_of(self.here.jacobian, self.loose)
+        J = stacked(J, np.zeros((self._padding, J.shape[1]))) if self._padding else J
+        return dense(J) if self._dense else J
 
     def _whole(self, free: Array) -> Array:
         x = self.x0.copy()

@@ -1,11 +1,12 @@
-"""A few blocks first, then more: each stage starts where the last one ended."""
+"""A few unknowns first, then more: each stage starts where the last one ended."""
 
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from workbench.blocks import Values
-from workbench.errors import BadArgument, UnknownName
+from workbench.blocks.entries import entries
+from workbench.errors import BadArgument
 from workbench.interrupts import Interrupts
 from workbench.problem import Problem
 from workbench.solvers.abilities import Abilities
@@ -25,11 +26,12 @@ GOES_ON = (Status.CONVERGED, Status.STALLED, Status.MAX_ITERATIONS, Status.INFEA
 
 @dataclass(frozen=True)
 class Staged:
-    """Frees the blocks of each stage in turn, and at last all that the problem leaves free.
+    """Frees the unknowns of each stage in turn, and at last all that the problem leaves free.
 
-    `stages` hold names of blocks: `(("trans",), ("trans", "pose"))`. The rest stays at its value
-    meanwhile, so that, say, a body stands where it should before its arms are looked for. The
-    trace is that of all stages, in all blocks; limits are the solver's, in each stage.
+    `stages` hold names of blocks and of entries: `(("trans", "pose[pelvis]"), ("trans", "pose"))`.
+    The rest stays at its value meanwhile, so that, say, a body stands where it should before its
+    arms are looked for. A block means those of its entries that the problem leaves free. The trace
+    is that of all stages, in all blocks; limits are the solver's, in each stage.
     """
 
     stages: tuple[tuple[str, ...], ...]
@@ -39,8 +41,8 @@ class Staged:
         for stage in self.stages:
             if not isinstance(stage, tuple) or not stage:
                 raise BadArgument(
-                    f"a stage is a tuple of names of blocks, such as ('trans', 'pose'), "
-                    f"not {stage!r}"
+                    "a stage is a tuple of names of blocks or entries, such as "
+                    f"('trans', 'pose[pelvis]'), not {stage!r}"
                 )
 
     @property
@@ -51,22 +53,21 @@ class Staged:
     def solve(
         self, problem: Problem, start: Values, *, callback: Callback | None = None
     ) -> Solution:
-        """See Solver. Raises UnknownName for a block that the problem does not leave free."""
+        """See Solver. Raises UnknownName for what the problem does not leave free."""
         everything = problem.free.names
-        for name in (name for stage in self.stages for name in stage):
-            if name not in everything:
-                raise UnknownName("free block", name, everything)
+        parts = [problem.free.chosen(entries(problem.free, stage)) for stage in self.stages]
         values = {**start}
         found: list[Solution] = []
         trace: list[Iterate] = []
         interrupts = Interrupts()  # also between the stages
         interrupts.open()
         try:
-            for stage in (*self.stages, everything):
+            for free in (*parts, problem.free):
                 if found and (found[-1].status not in GOES_ON or interrupts.pressed):
                     break
                 seen = _Along(trace, found, {name: values[name] for name in everything}, callback)
-                part = problem if stage == everything else problem.freeing(*stage)
+                whole = free.size == problem.free.size
+                part = problem if whole else problem.freeing(*free.spelled())
                 found.append(self.solver.solve(part, values, callback=seen))
                 values |= found[-1].values
             together = _together(problem, values, found, trace)

@@ -35,13 +35,8 @@ def rewrapped(problem: Problem, x: Array, is_free: Callable[[Array], bool]) -> A
 def _shorter(problem: Problem, x: Array) -> list[tuple[slice, Array]]:
     """Where the joints lie that are turned by more than pi, and their shorter vectors."""
     found = []
-    for name in dict.fromkeys(tree.pose for tree in problem.trees):
-        if name not in problem.free.slices:
-            continue
-        first = problem.free.slices[name].start
-        pose = x[problem.free.slices[name]].reshape(-1, 3)
-        for j in np.flatnonzero(np.linalg.norm(pose, axis=1) > BEYOND):
-            at = slice(first + 3 * int(j), first + 3 * int(j) + 3)
+    for at in problem.turns:
+        if np.linalg.norm(x[at]) > BEYOND:
             short = shortest(x[at])
             if (problem.lower[at] <= short).all() and (short <= problem.upper[at]).all():
                 found.append((at, short))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from workbench.bodies import SkinnedBody
-from workbench.bodies.catalogue import load_body
+from workbench.bodies.catalogue import load_skinned
 from workbench.bodies.validation import check_tree
 from workbench.errors import BadBody, BadFile
 from workbench.homes import expanded
@@ -168,12 +168,12 @@ def read_start(name: str | Path) -> Start:
     """
     path = expanded(name)
     if not path.is_file() or path.suffix != ".npz":
-        return Start.of(load_body(name))
+        return Start.of(load_skinned(name))
     what = "start for training", "write it with write_start, or give an embedded body"
     with taken_for(path, *what), open_arrays(path) as archive:
         arrays = read_expected(archive, EXPECTED) if "segmentation" in archive.headers else None
     if arrays is None:
-        return Start.of(load_body(path))
+        return Start.of(load_skinned(path))
     with taken_for(path, *what):
         try:
             return Start(

@@ -14,17 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.bodies.kinematics import ancestors
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 
 Array = NDArray[np.float64]
-
-
-def ancestors(parents: Sequence[int]) -> Array:
-    """(K, K): one at [k, m] if joint m is on the path from the root to k, both ends included."""
-    A = np.eye(len(parents))
-    for k, parent in enumerate(parents[1:], start=1):
-        A[k] += A[parent]
-    return A
 
 
 @dataclass(frozen=True, eq=False)

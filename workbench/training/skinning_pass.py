@@ -5,9 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.bodies.kinematics import ancestors
+from workbench.bodies.skinning import blend_matrices
 from workbench.training.estimate import Change, Estimate
 from workbench.training.once import once
-from workbench.training.posing import Posing, ancestors, crossed
+from workbench.training.posing import Posing, crossed
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -44,7 +46,7 @@ class SkinningPass:
     @once
     def blended(self) -> Array:
         """sum_k w_ik R_k, (c, N, 3, 3)."""
-        return _blend(self.estimate.weights, self.posing.world)
+        return blend_matrices(self.estimate.weights, self.posing.world)
 
     @once
     def shifts(self) -> Array:
@@ -72,7 +74,7 @@ class SkinningPass:
             shifts = (self.posing.levers @ change["joints"][self.subject][..., None])[..., 0]
         if "poses" in change:
             d_world, d_local = self.posing.turning(change["poses"][self.some])
-            blended = _blend(self.estimate.weights, d_world)
+            blended = blend_matrices(self.estimate.weights, d_world)
             d_levers = -d_world
             d_levers[:, 1:] += d_world[:, list(self.estimate.parents[1:])]
             more = (d_levers @ self.estimate.joints[self.subject][..., None])[..., 0]
@@ -81,7 +83,7 @@ class SkinningPass:
             more = bent(self.estimate.posedirs, d_features)
             rest = more if rest is None else rest + more
         if "weights" in change:
-            more = _blend(change["weights"], self.posing.world)
+            more = blend_matrices(change["weights"], self.posing.world)
             blended = more if blended is None else blended + more
             carried = change["weights"] @ ancestors(self.estimate.parents)
         moved = np.zeros((len(self.subject), len(self.estimate.weights), 3))
@@ -168,12 +170,6 @@ def bent(posedirs: Array, features: Array) -> Array:
     """P f, (c, N, 3) m, of posedirs (N, 3, F) and features (c, F)."""
     N = len(posedirs)
     return np.asarray(features @ posedirs.reshape(3 * N, -1).T).reshape(-1, N, 3)
-
-
-def _blend(weights: Array, matrices: Array) -> Array:
-    """(N, K) and (c, K, 3, 3) -> (c, N, 3, 3)."""
-    c, K = matrices.shape[:2]
-    return np.asarray(weights @ matrices.reshape(c, K, 9)).reshape(c, -1, 3, 3)
 
 
 def _apply(matrices: Array, points: Array) -> Array:

@@ -6,7 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.bodies import SkinnedBody
-from workbench.training.posing import Posing, ancestors
+from workbench.bodies.kinematics import ancestors
+from workbench.bodies.skinning import blend_matrices
+from workbench.training.posing import Posing
 
 Array = NDArray[np.float64]
 
@@ -28,13 +30,15 @@ class Unposed:
 def unpose(body: SkinnedBody, pose: Array, vertices: Array) -> Unposed:
     """T with W(T + B_P(theta), J_regressor T, theta) = V, for V (N, 3) m in pose (K, 3) rad.
 
+    Joints that the body is given stand in for J_regressor T.
+
     Skinning is linear in the rest shape, its joints included: V_i = M_i (T_i + P_i f) + sum_m
     c_im D_m (J_regressor T)_m. The M_i are 3 x 3, the joints few, so what is to be solved is 3 K
     equations for the joints. T stands where the posed root stands: translation is not sought.
     """
     posing = Posing.of(np.asarray(pose, dtype=float).reshape(1, body.n_joints, 3), body.parents)
     N, K = body.weights.shape
-    M = (body.weights @ posing.world[0].reshape(K, 9)).reshape(N, 3, 3)
+    M = blend_matrices(body.weights, posing.world[0])
     carried = body.weights @ ancestors(body.parents)
     straight = np.linalg.solve(M, vertices[..., None])[..., 0]
     without_joints = straight - body.posedirs @ posing.features[0]
@@ -42,6 +46,9 @@ def unpose(body: SkinnedBody, pose: Array, vertices: Array) -> Unposed:
     levers = posing.levers[0].transpose(1, 0, 2).reshape(3, 3 * K)  # columns (m, b)
     by_joints = np.linalg.solve(M, np.broadcast_to(levers, (N, 3, 3 * K)))
     by_joints = by_joints * np.repeat(carried, 3, axis=1)[:, None, :]  # (N, 3, 3 K)
+    if body.rest_joints is not None:
+        T = without_joints - by_joints @ body.rest_joints.ravel()
+        return Unposed(T, float(np.linalg.svd(M, compute_uv=False).min()), 1.0)
     regressed = (body.J_regressor @ by_joints.reshape(N, -1)).reshape(3 * K, 3 * K)
     system = np.eye(3 * K) + regressed
     joints = np.linalg.solve(system, (body.J_regressor @ without_joints).ravel())

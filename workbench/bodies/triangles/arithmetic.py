@@ -12,17 +12,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from workbench.bodies.triangles.arrays import TriangleArrays
 from workbench.bodies.triangles.turning import Turning
 from workbench.geometry.triangles import edges
-
-if TYPE_CHECKING:
-    from workbench.bodies.triangles.body import TriangleBody
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -44,7 +41,7 @@ class Limb:
 class Arithmetic:
     """The arrays of a body packed for arithmetic; `at` a pose and shape, all else follows."""
 
-    def __init__(self, body: TriangleBody) -> None:
+    def __init__(self, body: TriangleArrays) -> None:
         self.stitching, self.weights = body.stitching, body.weights
         self.shapedirs, self.posedirs, self.near = body.shapedirs, body.posedirs, body.near
         self.shape_columns = body.shapedirs.reshape(9 * body.n_faces, body.n_betas)

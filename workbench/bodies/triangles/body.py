@@ -13,11 +13,19 @@ from scipy.sparse import csr_array
 from workbench.blocks import Block, Points, Values
 from workbench.blocks.checks import texts
 from workbench.bodies import evaluation
+from workbench.bodies.arguments import Arguments
 from workbench.bodies.body import Blocks, blocks_of, check_prefix, landmark_set
-from workbench.bodies.owned import given_up, owned, owned_index, owned_mapping, owned_matrix
-from workbench.bodies.skinned import Landmarks
-from workbench.bodies.sources import Arguments
+from workbench.bodies.landmarks import Landmarks
+from workbench.bodies.owned import (
+    given_up,
+    owned,
+    owned_extras,
+    owned_index,
+    owned_mapping,
+    owned_matrix,
+)
 from workbench.bodies.triangles.arithmetic import Arithmetic
+from workbench.bodies.triangles.arrays import TriangleArrays
 from workbench.bodies.triangles.sources import SurfaceMeans, TriangleSurface
 from workbench.bodies.triangles.validation import check
 from workbench.bodies.validation import chosen_vertices
@@ -62,6 +70,7 @@ class TriangleBody:
     landmarks: Mapping[str, Landmarks] = field(default_factory=dict)
     name: str = "triangle body"
     card: Mapping[str, Any] = field(default_factory=dict)  # where the numbers come from
+    extras: Mapping[str, NDArray[Any]] = field(default_factory=dict)  # of its file, for others
     _made: dict[str, Blocks] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -73,6 +82,7 @@ class TriangleBody:
             kept |= {n: owned_index(n, getattr(self, n)) for n in ("faces", "near")}
             kept["parents"] = tuple(owned_index("parents", self.parents).ravel().tolist())
             kept["landmarks"] = owned_mapping(f"body {self.name!r}: landmarks", self.landmarks)
+            kept["extras"] = owned_mapping("extras", owned_extras(self.extras))
         except NotNumbers as error:
             raise BadBody(f"body {self.name!r}: {error}") from None
         kept["joint_names"] = texts(f"body {self.name!r}: joint_names", self.joint_names, BadBody)
@@ -82,7 +92,8 @@ class TriangleBody:
     def __reduce__(self) -> tuple[Any, ...]:
         """Its parts, without the blocks it made and what it computed with."""
         parts = {part.name: getattr(self, part.name) for part in fields(self) if part.init}
-        return _made_of, (parts | {"landmarks": dict(self.landmarks)},)
+        plain = {name: dict(getattr(self, name)) for name in ("landmarks", "extras")}
+        return _made_of, (parts | plain,)
 
     @property
     def n_vertices(self) -> int:
@@ -131,7 +142,7 @@ class TriangleBody:
         self, pose: cs.MX, betas: cs.MX, trans: cs.MX, *, vertices: ArrayLike | None = None
     ) -> Points:
         """The posed surface, (3, N) m, or some of it: a list of vertices, or a mask (N,)."""
-        surface = TriangleSurface(Arguments(self, pose, betas, trans))
+        surface = self._surface(pose, betas, trans)
         if vertices is None:
             return Points.of(surface, "vertices")
         chosen = chosen_vertices(self, vertices)
@@ -142,7 +153,7 @@ class TriangleBody:
 
     def joint_points(self, pose: cs.MX, betas: cs.MX, trans: cs.MX) -> Points:
         """The joints as the posed surface has them, (3, K) m: J_regressor times its vertices."""
-        surface = TriangleSurface(Arguments(self, pose, betas, trans))
+        surface = self._surface(pose, betas, trans)
         # not the bare names: the rank law of a chain of bones does not hold for these
         labels = tuple(f"{name} of the surface" for name in self.joint_names)
         return Points.of(SurfaceMeans(surface, self.J_regressor, labels), "joints")
@@ -152,8 +163,12 @@ class TriangleBody:
         if name == "joints":
             return self.joint_points(pose, betas, trans)
         found = landmark_set(self.landmarks, name)
-        surface = TriangleSurface(Arguments(self, pose, betas, trans))
+        surface = self._surface(pose, betas, trans)
         return Points.of(SurfaceMeans(surface, found.regressor, found.names), name)
+
+    def _surface(self, pose: cs.MX, betas: cs.MX, trans: cs.MX) -> TriangleSurface:
+        at: Arguments[TriangleArrays] = Arguments(self, pose, betas, trans)
+        return TriangleSurface(at, self.arithmetic)
 
     # Numbers, for those who want no symbols. Any argument may have a batch in front.
 

@@ -20,17 +20,24 @@ def blend_scape(body: SkinnedBody, n_near: int = 2) -> TriangleBody:
 
     A face's weights are the mean of its corners'. Its shapedirs are the gradients of the body's,
     so that unposed both have the same vertices. Each face feels the twists of the `n_near` joints
-    nearest to it, of those where its part meets others.
+    nearest to it, of those where its part meets others. The card is the skinned body's, whose
+    numbers these are; its `extras` stay behind.
 
-    Raises BadBody for a body that is drawn in another pose than zero, or whose mesh is in pieces.
+    Raises BadBody for a body that is drawn in another pose than zero, whose joints are given, or
+    whose mesh is in pieces.
     """
     if body.bind_pose.any():
         raise BadBody(
             f"body {body.name!r} is drawn in a bent pose; a triangle body's template is unposed"
         )
+    if body.rest_joints is not None:
+        raise BadBody(
+            f"body {body.name!r} is given its joints, and a triangle body finds them on its "
+            "surface; give it a J_regressor, with dataclasses.replace(body, rest_joints=None)"
+        )
     corners = body.weights[body.faces]  # (F, 3, K)
     weights = corners.mean(axis=1)
-    joints = body.J_regressor @ body.template
+    joints = body.packed.skeleton.mean
     near = nearest_joints(
         body.template[body.faces].mean(axis=1), joints, weights.argmax(axis=1), body.parents, n_near
     )
@@ -46,6 +53,7 @@ def blend_scape(body: SkinnedBody, n_near: int = 2) -> TriangleBody:
         joint_names=body.joint_names,
         landmarks=body.landmarks,
         name=f"{body.name}, BlendSCAPE",
+        card={"made_of": f"body {body.name!r}, whose card follows", **body.card},
     )
 
 

@@ -5,21 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import casadi as cs
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from workbench.blocks import Block, ManyPoints, Tree
+from workbench.blocks import Block, Tree
+from workbench.bodies.arguments import Arguments
 from workbench.bodies.numeric_sources import Named, NumericLandmarks
-from workbench.bodies.sources import Arguments
 from workbench.bodies.triangles import surface
 from workbench.bodies.triangles.arithmetic import Arithmetic, SurfaceNumbers
-
-if TYPE_CHECKING:
-    from workbench.bodies.triangles.body import TriangleBody
+from workbench.bodies.triangles.arrays import TriangleArrays
+from workbench.bodies.triangles.many import ManySurfaces
 
 Array = NDArray[np.float64]
 
@@ -28,7 +26,8 @@ Array = NDArray[np.float64]
 class TriangleSurface:
     """All vertices of the posed and stitched surface."""
 
-    at: Arguments[TriangleBody]
+    at: Arguments[TriangleArrays]
+    arrays: Arithmetic
 
     @property
     def count(self) -> int:
@@ -38,17 +37,7 @@ class TriangleSurface:
     @cached_property
     def expression(self) -> cs.MX:
         """(3, N) m; the stitching's two triangular solves are part of the graph."""
-        return surface.posed(self.at.body, *self.at.symbols)
-
-    @property
-    def lean(self) -> cs.MX:
-        """The expression."""
-        return self.expression
-
-    @property
-    def many(self) -> ManyPoints | None:
-        """One after the other, where there is arithmetic."""
-        return None if self.numeric is None else self.numeric.many
+        return surface.posed(self.at.body, self.arrays, *self.at.symbols)
 
     @property
     def blocks(self) -> tuple[Block, ...]:
@@ -67,14 +56,14 @@ class TriangleSurface:
 
     @cached_property
     def numeric(self) -> Named | None:
-        """None if an argument is no plain block."""
-        names = self.at.names
-        return None if names is None else Named(self.arithmetic, *names)
+        """None if an argument is no affine map of blocks."""
+        maps = self.at.maps
+        return None if maps is None else Named(self.arithmetic, maps)
 
     @cached_property
     def arithmetic(self) -> NumericTriangles:
         """The vertices in numbers."""
-        return NumericTriangles(self.at.body.arithmetic)
+        return NumericTriangles(self.arrays)
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,16 +85,6 @@ class SurfaceMeans:
         return self.surface.expression @ cs.MX(cs.DM(self.regressor.T.tocsc()))
 
     @property
-    def lean(self) -> cs.MX:
-        """The expression."""
-        return self.expression
-
-    @property
-    def many(self) -> ManyPoints | None:
-        """Where the surface has it."""
-        return None if self.numeric is None else self.numeric.many
-
-    @property
     def blocks(self) -> tuple[Block, ...]:
         """Those of the surface: every point of it moves with every block."""
         return self.surface.blocks
@@ -118,10 +97,10 @@ class SurfaceMeans:
     @cached_property
     def numeric(self) -> Named | None:
         """Where the surface has it."""
-        names = self.surface.at.names
-        if names is None:
+        maps = self.surface.at.maps
+        if maps is None:
             return None
-        return Named(NumericLandmarks(self.surface.arithmetic, self.regressor), *names)
+        return Named(NumericLandmarks(self.surface.arithmetic, self.regressor), maps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,9 +114,12 @@ class NumericTriangles:
         return TrianglesAt(self.arithmetic.at(pose, betas), trans)
 
     def many(self, pose: Array, betas: Array, trans: Array) -> Array:
-        """(M, N, 3) m, one after the other."""
-        each = zip(pose, betas, trans, strict=True)
-        return np.array([self.at(*one).points for one in each])
+        """(M, N, 3) m, all at once."""
+        return self._many(pose, betas) + trans[:, None]
+
+    @cached_property
+    def _many(self) -> ManySurfaces:
+        return ManySurfaces(self.arithmetic)
 
 
 @dataclass(frozen=True, eq=False)

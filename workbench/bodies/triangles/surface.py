@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import casadi as cs
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csc_array
 
-from workbench.bodies.kinematics import world_motions
-from workbench.geometry.rotation import rodrigues
-
-if TYPE_CHECKING:
-    from workbench.bodies.triangles.body import TriangleBody
+from workbench.bodies.kinematics import world_rotations
+from workbench.bodies.triangles.arithmetic import Arithmetic
+from workbench.bodies.triangles.arrays import TriangleArrays
 
 
-def posed(body: TriangleBody, pose: cs.MX, betas: cs.MX, trans: cs.MX) -> cs.MX:
+def posed(
+    body: TriangleArrays, arithmetic: Arithmetic, pose: cs.MX, betas: cs.MX, trans: cs.MX
+) -> cs.MX:
     """The vertices whose edges are nearest to X_f e_f, (3, N) m."""
-    F, arithmetic = body.n_faces, body.arithmetic
+    F = body.n_faces
     R = world_rotations(pose, body.parents)  # (3, 3) each
     # faces run down the rows; of a 3 x 3 matrix B[:, 3 c + r] is row r, column c
     B = cs.MX(cs.DM(body.weights.tocsc())) @ cs.vertcat(*[cs.vec(R_k).T for R_k in R])
@@ -25,7 +24,7 @@ def posed(body: TriangleBody, pose: cs.MX, betas: cs.MX, trans: cs.MX) -> cs.MX:
     D = cs.MX(np.repeat(np.eye(3).ravel(), F)) + cs.MX(cs.sparsify(cs.DM(U))) @ betas
     D = cs.reshape(D, F, 9)  # D[:, 3 r + c]
     bent = cs.MX(cs.DM(arithmetic.edges.transpose(1, 2, 0).ravel()))
-    bent += cs.MX(cs.DM(_twists(body))) @ cs.vec(pose)
+    bent += cs.MX(cs.DM(_twists(body, arithmetic.bends))) @ cs.vec(pose)
     q = cs.reshape(bent, F, 6)  # Q_f e_fi: q[:, 3 i + a]
     pulls = cs.MX.zeros(body.n_vertices, 3)
     for i in range(2):
@@ -39,16 +38,10 @@ def posed(body: TriangleBody, pose: cs.MX, betas: cs.MX, trans: cs.MX) -> cs.MX:
     return (V + cs.repmat(shift, body.n_vertices, 1)).T
 
 
-def world_rotations(pose: cs.MX, parents: tuple[int, ...]) -> list[cs.MX]:
-    """Of each joint, from a pose (3, K) in symbols of either kind."""
-    nowhere = [type(pose).zeros(3, 1)] * len(parents)
-    return [R for R, _ in world_motions(rodrigues(pose), nowhere, parents)]
-
-
-def _twists(body: TriangleBody) -> csc_array:
+def _twists(body: TriangleArrays, bends: NDArray[np.float64]) -> csc_array:
     """(6 F, 3 K): what vec(pose) adds to Q_f e_fi, in the rows (i, a, f)."""
     F, J = body.near.shape
-    slopes = body.arithmetic.bends.reshape(F, 2, 3, J, 3)
+    slopes = bends.reshape(F, 2, 3, J, 3)
     f, i, a, j, axis = np.indices(slopes.shape)
     rows = (3 * i + a) * F + f
     columns = 3 * body.near[f, j] + axis

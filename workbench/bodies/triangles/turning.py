@@ -5,7 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.blocks.buffered import Buffered
-from workbench.bodies.triangles.surface import world_rotations
+from workbench.bodies.kinematics import local_slopes, turning_axes, world_rotations
 from workbench.geometry.rotation import rodrigues
 
 Array = NDArray[np.float64]
@@ -18,12 +18,9 @@ class Turning:
         self._K = K = len(parents)
         pose = cs.SX.sym("pose", 3, K)
         R = world_rotations(pose, parents)
-        local = cs.horzsplit(rodrigues(pose), 3)
-        turns = []
-        for k, R_k in enumerate(local):
-            up = R[parents[k]] if k else cs.SX.eye(3)
-            for column in cs.horzsplit(cs.jacobian(cs.vec(R_k), pose[:, k]), 1):
-                turns.append(up @ (cs.reshape(column, 3, 3) @ R_k.T) @ up.T)  # [axis]x
+        local = rodrigues(pose)
+        axes = turning_axes(local_slopes(pose, local), local, R, parents)
+        turns = [cs.skew(axis) for axis in axes]
         # transposed, so that what CasADi stores by columns NumPy reads by rows
         rows = [cs.horzcat(*[part.T for part in parts]) for parts in (R, turns)]
         self._forth = Buffered(cs.Function("turning", [pose], [cs.densify(r) for r in rows]))

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NoReturn
+from typing import NoReturn
 
 import numpy as np
 
+from workbench.bodies.extras import TRIANGLES, clashes
+from workbench.bodies.triangles.arrays import TriangleArrays
 from workbench.bodies.validation import check_landmarks, check_rows, check_tree
 from workbench.errors import BadBody, BadMesh
 from workbench.geometry.triangles import gradients
 
-if TYPE_CHECKING:
-    from workbench.bodies.triangles.body import TriangleBody
 
-
-def check(body: TriangleBody) -> None:
+def check(body: TriangleArrays) -> None:
     """Raise BadBody with what is wrong and where, or return."""
 
     def refuse(reason: str) -> NoReturn:
@@ -67,4 +66,6 @@ def check(body: TriangleBody) -> None:
             f"the faces leave {N} vertices in {parts} pieces, and stitching tells nothing of where "
             "one piece is beside another; keep one piece"
         )
+    if own := clashes(body.extras, TRIANGLES):
+        refuse(f"extras must not be called like the body's own arrays in a file: {', '.join(own)}")
     check_landmarks(refuse, body.landmarks, N)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.bodies.catalogue import load_body
+from workbench.bodies.catalogue import load_skinned
 from workbench.errors import BadArgument
 from workbench.training.blend_shapes import studies
 from workbench.training.blend_shapes.contest import Result, School, contenders, measured, ranked
@@ -72,7 +72,7 @@ def compare_blend_shapes(plan: Plan, mocap: Path | None, report: Report) -> Comp
     Without a recording they are tested on further draws of the pose prior. Raises BadFile for a
     body without a teacher, or a file that is no recording.
     """
-    body, prior = load_body(plan.body), shipped_prior()
+    body, prior = load_skinned(plan.body), shipped_prior()
     teacher, pupil = teacher_of(body), pupil_of(body)
     rng = np.random.default_rng(plan.seed)
     lesson, trial, others = (

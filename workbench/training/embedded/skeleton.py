@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from workbench.bodies.skinning import blend_matrices
 from workbench.training.mirror import opposites
 
 Array = NDArray[np.float64]
@@ -50,8 +51,7 @@ def binding_motions(pose: Array, joints: Array) -> tuple[Array, Array]:
 
 def blended(weights: Array, R: Array, offsets: Array) -> tuple[Array, Array]:
     """The motion of each vertex, M_i = sum_k w_ik R_k (N, 3, 3) and m_i (N, 3) m likewise."""
-    M = (weights @ R.reshape(len(R), 9)).reshape(-1, 3, 3)
-    return M, weights @ offsets
+    return blend_matrices(weights, R), weights @ offsets
 
 
 def skin(points: Array, M: Array, m: Array) -> Array:

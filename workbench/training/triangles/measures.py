@@ -93,7 +93,7 @@ def cost(mesh: str, model: str, body: AnyBody, repeats: int = 7) -> Cost:
     points = body.points(*(block.symbol for block in body.blocks()))
     residual = on_vertices(points, np.zeros((body.n_vertices, 3)), sigma=1.0)
     problem = Problem([residual], tuple(at))
-    J = problem.linearize(at).jacobian
+    J = problem.linearize(at).dense
     return Cost(
         mesh,
         model,

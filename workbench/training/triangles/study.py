@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.bodies import SkinnedBody
-from workbench.bodies.catalogue import load_body
+from workbench.bodies.catalogue import load_skinned
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.geometry.triangles import soup
 from workbench.training.triangles.choice import Choice
@@ -103,7 +103,7 @@ def compare_triangles(plan: Plan, wheel: Path, mocap: Path | None, report: Repor
 
     Without a recording they are tested on further draws of the pose prior.
     """
-    body = load_body(plan.body)
+    body = load_skinned(plan.body)
     people = draw_people(plan, wheel, body, report)
     given = register(plan, people, mocap)
     return study(plan, given, report)
@@ -194,6 +194,6 @@ def stages(body: TriangleBody, pose: Array) -> dict[str, Array]:
 def costs(mesh: str, models: Mapping[str, AnyBody]) -> list[Cost]:
     """Of the models that are shown, and of untrained ones on the full mesh."""
     found = [cost(mesh, name, models[name]) for name in SHOWN]
-    full: SkinnedBody = load_body("full")
+    full: SkinnedBody = load_skinned("full")
     made: dict[str, AnyBody] = {SMPL: full, SCAPE: scape(full), BLEND_SCAPE: blend_scape(full)}
     return found + [cost("full", name, made[name]) for name in SHOWN]

@@ -1,0 +1,485 @@
+"""Entries of blocks are free by name, and all else stays as it was given."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import casadi as cs
+import numpy as np
+import pytest
+
+import workbench as wb
+from tests.bodies_made_up import smpl_like_body
+from tests.outcomes_made_up import setup_made_up
+from tests.problem.test_chain import assert_same
+from workbench import SOLVERS, Staged, residuals
+from workbench.blocks import Layout
+from workbench.blocks.entries import entries
+from workbench.comparison.basins import polished
+from workbench.comparison.log import Log
+from workbench.comparison.watch import Watch
+from workbench.diagnostics import diagnose
+from workbench.errors import BadBounds, MissingValue, ShapeMismatch, UnknownName
+from workbench.experiments import Experiment, Setup, run
+from workbench.problem import Constraint
+from workbench.reports.tables import fixed_table, value_tables
+from workbench.solvers.wrapping import rewrapped
+
+BODY = smpl_like_body()
+POSE, BETAS, TRANS = (block.symbol for block in BODY.blocks())
+RNG = np.random.default_rng(0)
+TRUTH = {
+    "pose": RNG.normal(scale=0.2, size=(24, 3)),
+    "betas": RNG.normal(size=4),
+    "trans": np.array([0.3, -0.2, 0.5]),
+}
+SEEN = BODY.vertices(TRUTH["pose"], TRUTH["betas"], TRUTH["trans"])
+CHOICES = (
+    ("pose[pelvis]",),
+    ("trans", "pose[pelvis]"),
+    ("pose[left_hip]", "betas[0:2]", "pose[pelvis, y]", "trans[1]"),
+    ("pose[3:6]", "betas", "pose[23, z]"),
+    ("betas[1]", "pose"),
+)
+EACH = pytest.mark.parametrize("free", CHOICES, ids=str)
+
+
+def mesh() -> wb.Residual:
+    return residuals.vertices(BODY.points(POSE, BETAS, TRANS), SEEN, sigma=0.01)
+
+
+def face() -> wb.Residual:
+    joints = BODY.joint_points(POSE, BETAS, TRANS)
+    return residuals.landmarks(joints, BODY.joints(TRUTH["pose"]), sigma=0.02)
+
+
+def priors() -> tuple[wb.Residual, ...]:
+    return (
+        residuals.gaussian(BETAS, name="shape prior"),
+        residuals.gaussian(cs.vec(POSE), name="pose prior"),
+    )
+
+
+def problem(free: tuple[str, ...], **more: object) -> wb.Problem:
+    return wb.Problem([mesh(), face(), *priors()], free, **more)
+
+
+def start() -> wb.Values:
+    rng = np.random.default_rng(7)
+    return {name: value + rng.normal(scale=0.05, size=value.shape) for name, value in TRUTH.items()}
+
+
+def of_the_whole(free: tuple[str, ...]) -> np.ndarray:
+    """Where the free entries stand among those of a problem in which all is free."""
+    return entries(problem(("pose", "betas", "trans")).free, free)
+
+
+def in_its_order(part: wb.Problem) -> np.ndarray:
+    """The same in the order of a problem's own free numbers."""
+    whole = problem(("pose", "betas", "trans")).free
+    return np.concatenate([
+        [whole.place(block.name, entry) for entry in block.places] for block in part.free.blocks
+    ])  # fmt: skip
+
+
+# Names.
+
+
+def test_the_syntax_of_entries() -> None:
+    layout = problem(("pose", "betas", "trans")).free
+    assert entries(layout, "pose[pelvis]").tolist() == [0, 1, 2]
+    assert entries(layout, "pose[pelvis, x]").tolist() == [0]
+    assert entries(layout, "pose[1:3]").tolist() == list(range(3, 9))
+    assert entries(layout, "pose[2, y]").tolist() == [7]
+    assert entries(layout, "betas[0:3]").tolist() == [72, 73, 74]
+    assert entries(layout, "betas[2:]").tolist() == [74, 75]
+    assert entries(layout, "betas[:1]").tolist() == [72]
+    assert entries(layout, ("trans", "betas[0]")).tolist() == [72, 76, 77, 78]
+    odd = Layout((wb.Block("a", (2,)), wb.Block("a[b]", (3,))))
+    assert entries(odd, "a[b]").tolist() == [2, 3, 4]
+    assert entries(odd, "a[b][1]").tolist() == [3]
+    assert entries(odd, "a[1]").tolist() == [1]
+
+
+@pytest.mark.parametrize(
+    ("name", "sentence"),
+    [
+        ("pose[knee]", r"no entry is called 'pose\[knee\]'; there are .*pose\[left_hip\]"),
+        ("pose[pelvis, w]", r"no entry is called 'pose\[pelvis, w\]'; there are"),
+        ("pose[24]", r"no entry is called 'pose\[24\]'; there are"),
+        ("betas[2:9]", r"no entry is called 'betas\[2:9\]'; there are betas\[0\], betas\[1\]"),
+        ("betas[2:2]", r"no entry is called 'betas\[2:2\]'"),
+        ("poze[pelvis]", "no block is called 'poze.*'; there are .*pose"),
+        ("pose[", r"no entry is called 'pose\['; there are"),
+        ("pose[]", r"no entry is called 'pose\[\]'; there are"),
+    ],
+)
+def test_an_unknown_entry_gets_a_list_of_those_that_exist(name: str, sentence: str) -> None:
+    with pytest.raises(UnknownName, match=sentence):
+        problem((name,))
+    with pytest.raises(UnknownName, match=sentence):
+        problem(("trans",)).freeing("trans", name)
+
+
+@EACH
+def test_labels_and_units_are_those_of_the_entries(free: tuple[str, ...]) -> None:
+    part, whole = problem(free), problem(("pose", "betas", "trans"))
+    places = in_its_order(part)
+    assert sorted(places.tolist()) == of_the_whole(free).tolist()
+    assert part.free.size == len(places)
+    assert [part.free.label(i) for i in range(part.free.size)] == [
+        whole.free.label(int(i)) for i in places
+    ]
+    assert [part.free.unit(i) for i in range(part.free.size)] == [
+        whole.free.unit(int(i)) for i in places
+    ]
+    again = part.freeing(*part.free.spelled())  # and the names mean the same again
+    assert in_its_order(again).tolist() == places.tolist()
+    assert entries(part.free, part.free.spelled()).tolist() == list(range(part.free.size))
+
+
+def test_a_block_that_is_named_twice_is_free_once() -> None:
+    assert problem(("pose[pelvis]", "pose[pelvis, x]", "pose[0]")).free.size == 3
+    assert problem(("pose[pelvis]", "pose")).free.size == 72
+    every = tuple(f"betas[{i}]" for i in range(4))
+    found = problem(every)
+    assert found.free.blocks[0] is BODY.blocks()[1]  # all of it is the block itself
+    assert "betas" not in found.fixed.names
+
+
+# Numbers.
+
+
+@EACH
+def test_values_in_and_out(free: tuple[str, ...]) -> None:
+    part = problem(free)
+    x, fixed = part.split(TRUTH)
+    back = part.values(x, fixed)
+    assert set(back) == set(TRUTH)
+    for name, value in TRUTH.items():
+        np.testing.assert_array_equal(back[name], value)
+    moved = part.values(x + 1, fixed)
+    np.testing.assert_array_equal(part.split(moved)[1], fixed)  # whatever the free ones are
+    np.testing.assert_array_equal(part.split(moved)[0], x + 1)
+    changed = sum(int(np.sum(moved[name] != TRUTH[name])) for name in TRUTH)
+    assert changed == part.free.size
+    if part.free.parts:
+        with pytest.raises(MissingValue):
+            part.free.unpack(x)
+
+
+@EACH
+def test_the_jacobian_has_the_columns_of_the_free_entries(free: tuple[str, ...]) -> None:
+    part, whole = problem(free), problem(("pose", "betas", "trans"))
+    values = start()
+    assert_same(part, values)
+    places, here = in_its_order(part), whole.linearize(values)
+    J = part.linearize(values).jacobian
+    scale = np.abs(here.jacobian).max()
+    np.testing.assert_allclose(J, here.jacobian[:, places], rtol=0, atol=1e-12 * scale)
+    x, fixed = part.split(values)
+    H = whole.hessian_at(*whole.split(values))[np.ix_(places, places)]
+    np.testing.assert_allclose(part.hessian_at(x, fixed), H, rtol=0, atol=1e-11 * np.abs(H).max())
+    end = wb.solve(part, values)
+    x, fixed = part.split(values | end.values)
+    assert part.optimality(x, part.linearize_at(x, fixed)) < 1e-6
+
+
+@EACH
+def test_finite_differences(free: tuple[str, ...]) -> None:
+    part = problem(free)
+    x, fixed = part.split(start())
+    J, step = part.linearize_at(x, fixed).jacobian, 1e-5
+    for i in range(part.free.size):
+        e = np.zeros(part.free.size)
+        e[i] = step
+        slope = (part.residual(x + e, fixed) - part.residual(x - e, fixed)) / (2 * step)
+        np.testing.assert_allclose(J[:, i], slope, rtol=0, atol=1e-6 * np.abs(J).max())
+
+
+@EACH
+def test_costs_and_slopes_of_many_points(free: tuple[str, ...]) -> None:
+    part = problem(free)
+    x, fixed = part.split(start())
+    z = x + np.random.default_rng(1).normal(scale=0.1, size=(3, x.size))
+    expected = [part.linearize_at(one, fixed).cost for one in z]
+    np.testing.assert_allclose(part.costs(x, fixed)(z), expected, rtol=1e-10)
+    costs, slopes = part.slopes(x, fixed)(z)
+    np.testing.assert_allclose(costs, expected, rtol=1e-10)
+    gradient = part.cost_and_gradient(z[1], fixed)[1]
+    np.testing.assert_allclose(slopes[1], gradient, rtol=0, atol=1e-9 * np.abs(gradient).max())
+
+
+class Plain:
+    """A source that knows nothing of entries: one number moves two points."""
+
+    count, tree, labels, many = 2, None, ("a", "b"), None
+
+    def __init__(self) -> None:
+        self.block = wb.Block("x", (4,), "m")
+        self.blocks, self.reads = (self.block,), ("x",)
+
+    @property
+    def expression(self) -> cs.MX:
+        x = self.block.symbol
+        return cs.horzcat(cs.vertcat(x[0], x[1], x[2] ** 2), cs.vertcat(x[3], x[0], 1))
+
+    lean = expression
+
+    @property
+    def numeric(self) -> "Plain":
+        return self
+
+    def at(self, values: wb.Values) -> "Plain":
+        found = Plain()
+        found.x = values["x"]  # type: ignore[attr-defined]
+        return found
+
+    @property
+    def points(self) -> np.ndarray:
+        a, b, c, d = self.x  # type: ignore[attr-defined]
+        return np.array([[a, b, c**2], [d, a, 1]])
+
+    def tangent(self, into: dict, scale: np.ndarray | None) -> None:
+        J = np.zeros((4, 6))
+        J[0, [0, 4]] = J[1, 1] = J[3, 3] = 1
+        J[2, 2] = 2 * self.x[2]  # type: ignore[attr-defined]
+        into["x"][...] = J if scale is None else J * scale
+
+    def adjoint(self, pull: np.ndarray) -> dict:
+        J = np.empty((4, 6))
+        self.tangent({"x": J}, None)
+        return {"x": J @ pull}
+
+
+def test_sources_that_know_nothing_of_entries() -> None:
+    points = wb.Points.of(Plain(), "two")
+    term = residuals.landmarks(points, np.zeros((2, 3)), sigma=0.1)
+    for free in (("x[1:3]",), ("x[0]", "x[3]"), ("x",)):
+        assert_same(wb.Problem([term], free), {"x": np.array([0.3, -0.2, 0.7, 1.1])})
+
+
+# Bounds and constraints.
+
+
+def test_bounds_of_a_block_of_entries_and_of_both() -> None:
+    low = np.arange(72.0).reshape(24, 3) - 100
+    part = problem(("pose[pelvis]", "pose[left_knee]", "trans"), bounds={"pose": (low, 100)})
+    at = [part.free.place("pose", e) for e in (0, 1, 2, 12, 13, 14)]
+    np.testing.assert_array_equal(part.lower[at], low.ravel()[[0, 1, 2, 12, 13, 14]])
+    assert np.isinf(part.lower[part.free.slices["trans"]]).all()
+    both = problem(("pose",), bounds={"pose[left_knee, x]": (0, 2), "pose": (-3, 3)})
+    assert (both.lower[12], both.upper[12]) == (0, 2)  # the entry's own count more
+    assert (both.lower[13], both.upper[13]) == (-3, 3)
+    row = problem(("pose",), bounds={"pose[left_knee]": ([0, -1, -2], [1, 2, 3])})
+    np.testing.assert_array_equal(row.lower[12:15], [0, -1, -2])
+    narrower = both.freeing("pose[left_knee]")
+    assert narrower.lower.tolist() == [0, -3, -3]
+    assert not both.freeing("trans").bounded
+    with pytest.raises(BadBounds, match=r"entry 'pose\[left_knee\]' has bounds but is fixed"):
+        problem(("pose[pelvis]",), bounds={"pose[left_knee]": (0, 1)})
+    with pytest.raises(BadBounds, match=r"pose\[left_knee, x\] has the lower bound 2"):
+        problem(("pose[left_knee]",), bounds={"pose[left_knee, x]": (2, 1)})
+    with pytest.raises(ShapeMismatch):
+        problem(("pose",), bounds={"pose[left_knee]": (np.zeros(7), 1)})
+    with pytest.raises(UnknownName, match="no entry is called"):
+        problem(("pose",), bounds={"pose[tail]": (0, 1)})
+
+
+def test_constraints_read_the_free_entries() -> None:
+    # the hands meet: what the arms' free entries can do about it
+    joints = BODY.joint_points(POSE, BETAS, TRANS)
+    apart = Constraint(
+        "apart", joints.symbol[:, 22] - joints.symbol[:, 23], 0.0, 0.0, points=(joints,)
+    )
+    part = problem(("pose[left_shoulder]", "trans"), constraints=[apart])
+    whole = problem(("pose", "trans"), constraints=[apart])
+    values = start()
+    here = part.stacked_constraints.linearize(*part.split(values)).jacobian
+    there = whole.stacked_constraints.linearize(*whole.split(values)).jacobian
+    names = [part.free.label(i) for i in range(part.free.size)]
+    where = [[whole.free.label(i) for i in range(whole.free.size)].index(name) for name in names]
+    np.testing.assert_allclose(here, there[:, where], atol=1e-12)
+
+
+# Solvers.
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "levenberg-marquardt",
+        "gauss-newton",
+        "dogleg",
+        "scipy-trf",
+        "nlopt-lbfgs",
+        "ipopt",
+        "sqp",
+    ],
+)
+def test_a_solution_speaks_of_whole_blocks(name: str) -> None:
+    part, values = problem(("trans", "pose[pelvis]")), start()
+    solution = wb.solve(part, values, solver=SOLVERS[name])
+    assert set(solution.values) == {"trans", "pose"}
+    found = solution.values["pose"]
+    assert found.shape == (24, 3)
+    np.testing.assert_array_equal(found[1:], values["pose"][1:])
+    assert (found[0] != values["pose"][0]).all()
+    assert solution.cost < part.linearize(values).cost
+    assert solution.trace[-1].values["pose"].shape == (24, 3)
+    again = part.linearize(values | solution.values)
+    np.testing.assert_allclose(again.cost, solution.cost, rtol=1e-9)
+
+
+def test_stages_take_entries() -> None:
+    whole, values = problem(("trans", "pose", "betas")), start()
+    stages = (("trans", "pose[pelvis]"), ("trans", "pose[0:3]", "betas[0:2]"))
+    seen: list[wb.Values] = []
+    solution = wb.solve(
+        whole, values, solver=Staged(stages), callback=lambda i: seen.append(i.values) and None
+    )
+    first = seen[1]
+    np.testing.assert_array_equal(first["pose"][1:], values["pose"][1:])
+    assert (first["pose"][0] != values["pose"][0]).any()
+    np.testing.assert_allclose(solution.cost, wb.solve(whole, values).cost, rtol=1e-6)
+    with pytest.raises(UnknownName, match=r"no entry is called 'pose\[tail\]'; there are"):
+        wb.solve(whole, values, solver=Staged((("pose[tail]",),)))
+
+
+def test_a_stage_frees_nothing_that_the_problem_holds() -> None:
+    part, values = problem(("trans", "pose[pelvis]", "pose[spine1]")), start()
+    solution = wb.solve(part, values, solver=Staged((("pose",),)))
+    moved = np.flatnonzero((solution.values["pose"] != values["pose"]).any(axis=1))
+    assert moved.tolist() == [0, 3]
+    with pytest.raises(UnknownName, match=r"no entry is called 'pose\[head\]'"):
+        wb.solve(part, values, solver=Staged((("pose[head]",),)))
+
+
+def test_free_joints_are_wrapped_and_held_ones_are_not() -> None:
+    part = problem(("pose[left_hip]", "pose[head, x]", "trans"))
+    values = start()
+    values["pose"][1], values["pose"][15], values["pose"][2] = (4, 0, 0), (5, 0, 0), (6, 0, 0)
+    x, fixed = part.split(values)
+    found = part.values(rewrapped(part, x, lambda _: True), fixed)["pose"]
+    np.testing.assert_allclose(found[1], [4 - 2 * np.pi, 0, 0], atol=1e-12)
+    np.testing.assert_array_equal(found[[2, 15]], values["pose"][[2, 15]])
+
+
+def test_polishing_an_end_keeps_what_is_held() -> None:
+    part, values = problem(("trans", "pose[pelvis]")), start()
+    x, fixed = part.split(values)
+    end = polished(part, x, fixed)
+    assert part.optimality(end, part.linearize_at(end, fixed)) < 1e-6
+
+
+def test_a_comparison_counts_stages_of_entries(tmp_path: Path) -> None:
+    """What a stage evaluates is a point of the whole problem, also where this is free in part."""
+    for free in (("trans", "pose"), ("trans", "pose[pelvis]", "pose[spine1]")):
+        part, values = problem(free), start()
+        x, fixed = part.split(values)
+        log = tmp_path / str(len(free))
+        watch = Watch(part, fixed, 1000, 60.0, Log(log, x.size))
+        found = Staged((("trans", "pose[pelvis]"),)).solve(watch.watched(), values)
+        seen = Log.read(log)
+        end = part.split(values | found.values)[0]
+        np.testing.assert_allclose(seen.best, end, atol=1e-9)
+        assert len(seen.trace) > 3  # each stage got better, and its points were taken for allowed
+
+
+def test_a_report_shows_the_free_entries_and_the_rest_among_what_was_given() -> None:
+    def build() -> Setup:
+        setup = setup_made_up()
+        return replace(setup, problem=setup.problem.freeing("pose[pelvis]", "betas[0:2]", "trans"))
+
+    outcome = run(Experiment("in part", build, "for tests"))
+    head = {table.head[0]: [row[0] for row in table.rows] for table in value_tables(outcome)}
+    assert head["pose"] == [f"pose[pelvis, {axis}]" for axis in "xyz"]
+    assert head["betas"] == ["betas[0]", "betas[1]"]
+    given = [row[0] for row in fixed_table(outcome).rows]
+    assert "pose (but for the free entries)" in given
+    assert "trans" not in given
+
+
+# Diagnosis and sampling.
+
+
+def diagnosed(free: tuple[str, ...]) -> tuple[wb.Problem, wb.Diagnosis]:
+    joints = BODY.joint_points(POSE, BETAS, TRANS)
+    part = wb.Problem([residuals.landmarks(joints, BODY.joints(), sigma=0.01)], free)
+    return part, diagnose(part, start())
+
+
+def test_a_diagnosis_speaks_of_the_free_entries() -> None:
+    part, found = diagnosed(("trans", "pose[left_shoulder]", "pose[left_hand]", "betas[0:3]"))
+    assert found.rank_law is None  # it is of trees all of whose joints turn
+    names = {direction.name for direction in found.null_directions}
+    assert names == {f"pose[left_hand, {axis}]" for axis in "xyz"}  # a leaf moves no joint
+    assert all(set(d.joints) == {"left_hand"} for d in found.null_directions)
+    text = str(found)
+    assert "all of pose" not in text
+    assert "left_hand" in text
+    for suggestion in found.suggestions:  # each was carried out, and frees nothing else
+        assert set(suggestion.problem.free.names) <= {"trans", "pose", "betas"}
+        assert suggestion.problem.free.size <= part.free.size
+
+
+def test_a_twist_among_free_entries_has_its_name() -> None:
+    _, found = diagnosed(("pose[left_shoulder]", "pose[left_elbow]", "pose[left_wrist]"))
+    names = [direction.name for direction in found.null_directions]
+    assert any(name.startswith("a turn of pose[left_") for name in names)
+
+
+LOOKS: dict[str, Callable[[wb.Diagnosis], object]] = {
+    "report": lambda d: d.report(),
+    "data": lambda d: d.data(),
+    "weak directions": lambda d: d.weak_directions,
+    "rank nearby": lambda d: {d.rank} == set(d.nearby.ranks) or None,
+    "derivatives": lambda d: d.derivatives,
+    "turns": lambda d: [turn.joint for turn in d.turns] == ["pelvis"] or None,
+}
+
+
+@pytest.mark.parametrize("look", LOOKS.values(), ids=LOOKS)
+def test_all_of_a_diagnosis_can_be_asked(look: Callable[[wb.Diagnosis], object]) -> None:
+    _, found = diagnosed(("trans", "pose[pelvis]", "betas[0:2]", "pose[head, x]"))
+    assert look(found) is not None
+
+
+def test_entries_are_sampled_within_those_that_are_free() -> None:
+    part = wb.Problem([mesh(), *priors()], ("trans", "pose[pelvis]", "betas[0:2]"))
+    best = wb.solve(part, start())
+    at = start() | best.values
+    gaussian = wb.laplace(part, at, names=("pose[pelvis]", "betas[1]"))
+    assert gaussian.labels == ("pose[pelvis, x]", "pose[pelvis, y]", "pose[pelvis, z]", "betas[1]")
+    for values in gaussian.values(3):
+        assert values["pose"].shape == (24, 3)
+        np.testing.assert_array_equal(values["pose"][1:], at["pose"][1:])
+        assert (values["pose"][0] != at["pose"][0]).any()
+        np.testing.assert_array_equal(values["betas"][2:], at["betas"][2:])
+    with pytest.raises(UnknownName):
+        wb.laplace(part, at, names="pose[left_hip]")
+
+
+# A layout, alone.
+
+
+def test_a_layout_of_parts() -> None:
+    block = wb.Block("p", (3, 3), "m", ("a", "b", "c"))
+    row = replace(block, name="q", labels=None)
+    layout = Layout((wb.Block.part(block, (3, 4, 5)), wb.Block.part(row, (8, 0))))
+    assert [layout.label(i) for i in range(5)] == [
+        "p[b, x]", "p[b, y]", "p[b, z]", "q[0, x]", "q[2, z]",
+    ]  # fmt: skip
+    assert layout.spelled() == ("p[b]", "q[0, x]", "q[2, z]")
+    values = {"p": np.arange(9.0).reshape(3, 3), "q": -np.arange(9.0).reshape(3, 3)}
+    assert layout.pack(values).tolist() == [3, 4, 5, 0, -8]
+    assert layout.place("p", 4) == 1
+    assert layout.place("p", 0) is None
+    zero = layout.placed(np.ones(5))
+    assert zero["p"].sum() == 3
+    assert zero["q"].sum() == 2
+    some = layout.chosen([1, 4])
+    assert some.spelled() == ("p[b, y]", "q[2, z]")
+    assert wb.Block.part(wb.Block("s", (4,)), (2, 3)).entry(0) == "[2]"
+    of_whole = cs.jacobian(cs.vec(layout["p"].symbol), block.symbol)  # the whole block's entries
+    np.testing.assert_array_equal(np.asarray(cs.evalf(of_whole)), np.eye(9)[3:6])

@@ -1,0 +1,206 @@
+"""What is symbolic is handed out whole: the obvious calls of CasADi are right on it."""
+
+import shutil
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import casadi as cs
+import numpy as np
+import pytest
+
+import workbench as wb
+from tests.bodies_made_up import random_body
+from tests.residuals.test_every_residual import CASES, Case, near
+from workbench import residuals
+from workbench.blocks.backwards import written_out
+from workbench.bodies.triangles.recipes import blend_scape
+from workbench.comparison.log import Log
+from workbench.comparison.watch import Watch
+from workbench.errors import BadBody, BadResidual, TwoSymbolsOneName
+from workbench.problem import Constraint
+from workbench.residuals import huber
+
+BODY = random_body(4, n_vertices=20, n_joints=4, n_betas=2)
+BLOCKS = BODY.blocks()
+SYMBOLS = [block.symbol for block in BLOCKS]
+FORWARDS, BACKWARDS = ({"helper_options": {"ad_weight": w}} for w in (0.0, 1.0))
+DIRECTIONS = pytest.mark.parametrize(
+    "options", [{}, FORWARDS, BACKWARDS], ids=["plain", "forwards", "backwards"]
+)
+
+
+def numbers(expression: cs.MX, blocks: tuple[wb.Block, ...], values: wb.Values) -> np.ndarray:
+    function = cs.Function("f", [block.symbol for block in blocks], [expression])
+    return np.asarray(function(*(np.asarray(values[block.name]).T for block in blocks)))
+
+
+def problem() -> wb.Problem:
+    mesh = residuals.vertices(BODY.points(*SYMBOLS), BODY.template, sigma=0.1, kernel=huber(1.0))
+    joints = residuals.landmarks(BODY.joint_points(*SYMBOLS), BODY.joints(), sigma=0.05)
+    return wb.Problem([mesh, joints, residuals.gaussian(SYMBOLS[1])], ("pose", "trans"))
+
+
+def somewhere(seed: int = 0) -> wb.Values:
+    rng = np.random.default_rng(seed)
+    return {block.name: rng.normal(scale=0.3, size=block.shape) for block in BLOCKS}
+
+
+# Right in every direction.
+
+
+@DIRECTIONS
+@pytest.mark.parametrize("build", CASES, ids=lambda build: build.__name__)
+def test_the_jacobian_of_a_residuals_graph(build: Callable[[], Case], options: dict) -> None:
+    """By every block that it reads, against central differences."""
+    case = build()
+    asked = case.problem(case.residual.kernel)
+    graph, blocks = case.residual.graph(), asked.free.blocks
+    x = near(case, asked, 0)
+    for block in blocks:
+        J = cs.jacobian(graph, block.symbol, options)
+        found = numbers(J, blocks, asked.free.unpack(x))
+        at = asked.free.slices[block.name]
+        for column, i in enumerate(range(at.start, at.stop)):
+            step = np.zeros(x.size)
+            step[i] = 1e-5 * max(1.0, abs(x[i]))
+            after, before = (
+                numbers(graph, blocks, asked.free.unpack(x + s * step)).ravel() for s in (1, -1)
+            )
+            slope = (after - before) / (2 * step[i])
+            # of central differences: a third derivative's 1e-10, and eps / 1e-5 of the row's size
+            size = 1 + np.abs(after) + np.abs(slope)
+            np.testing.assert_allclose(found[:, column] / size, slope / size, atol=3e-8)
+
+
+@DIRECTIONS
+@pytest.mark.parametrize("name", ["pose", "betas", "trans"])
+def test_the_jacobian_of_a_problems_graph(name: str, options: dict) -> None:
+    asked, values = problem(), somewhere()
+    symbol = next(block.symbol for block in BLOCKS if block.name == name)
+    found = numbers(cs.jacobian(asked.graph(), symbol, options), BLOCKS, values)
+    expected = asked.freeing(name).linearize(values).jacobian
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+
+
+@DIRECTIONS
+def test_what_casadi_loses_is_not_lost(options: dict) -> None:
+    """A shift that is added to a row, with more unknowns than rows: CasADi goes backwards."""
+    x, shift = wb.Block("x", (30,)), wb.Block("shift", ())
+    expression = cs.sin(x.symbol[:6]) + shift.symbol
+    expression = expression - cs.norm_2(expression) + cs.fmod(3 + shift.symbol, 2 + expression)
+    graph = wb.Residual("shifted", expression, 1.0).graph()
+    values = {"x": np.linspace(0.1, 0.9, 30), "shift": np.array(0.3)}
+    for block in (x, shift):
+        right = numbers(cs.jacobian(expression, block.symbol, FORWARDS), (x, shift), values)
+        found = numbers(cs.jacobian(graph, block.symbol, options), (x, shift), values)
+        np.testing.assert_allclose(found, right, atol=1e-13)
+    same = numbers(graph, (x, shift), values)
+    np.testing.assert_array_equal(same, numbers(expression, (x, shift), values))
+
+
+def test_casadi_still_loses_it() -> None:
+    """The day this fails, `written_out` is no longer needed."""
+    x = cs.MX.sym("x")
+    row = cs.MX.sym("row", 4) + x
+    assert np.count_nonzero(np.asarray(cs.evalf(cs.jacobian(row, x, BACKWARDS)))) == 1
+    assert np.count_nonzero(np.asarray(cs.evalf(cs.jacobian(written_out(row), x, BACKWARDS)))) == 4
+    other = cs.vertcat(x, 2 * x)
+    assert written_out(other) is other
+
+
+# What it is good for.
+
+
+def test_sparsity_can_be_looked_at() -> None:
+    asked = problem()
+    J = cs.jacobian(asked.graph(), SYMBOLS[2])
+    assert J.shape == (asked.size, 3)
+    assert J.sparsity().nnz() == asked.size - 2  # each coordinate moves with one, priors not
+    nearby = cs.jacobian_sparsity(asked.graph(), SYMBOLS[0])
+    assert nearby.nnz() == asked.freeing("pose").derivative.sparsity_out("J").nnz()
+
+
+def test_the_graph_says_what_the_problem_says() -> None:
+    asked, values = problem(), somewhere()
+    r = numbers(asked.graph(), BLOCKS, values).ravel()
+    np.testing.assert_allclose(r, asked.linearize(values).residual, rtol=0, atol=1e-12)
+    points = BODY.points(*SYMBOLS).graph()
+    np.testing.assert_allclose(
+        numbers(points, BLOCKS, values).T, BODY.vertices(*values.values()), atol=1e-12
+    )
+    joints = BODY.joint_points(*SYMBOLS)
+    high = Constraint("high", joints.symbol[1, :].T, 0.0, np.inf, points=(joints,))
+    found = numbers(high.graph(), BLOCKS, values).ravel()
+    np.testing.assert_allclose(found, BODY.joints(*values.values())[:, 1], atol=1e-12)
+
+
+def test_entries_that_are_free_are_entries_of_the_blocks_symbol() -> None:
+    asked, values = problem().freeing("pose[joint1]", "trans"), somewhere()
+    J = numbers(cs.jacobian(asked.graph(), SYMBOLS[0]), BLOCKS, values)
+    expected = asked.linearize(values).jacobian[:, asked.free.slices["pose"]]
+    np.testing.assert_allclose(J[:, 3:6], expected, rtol=0, atol=1e-12 * np.abs(J).max())
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="no compiler")
+def test_c_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)  # CasADi writes where one stands
+    asked, values = problem(), somewhere()
+    J = cs.jacobian(asked.graph(), SYMBOLS[0])
+    function = cs.Function("fit", SYMBOLS, [asked.graph(), J])
+    source, made = function.generate("fit.c"), tmp_path / "fit.so"
+    subprocess.run(["gcc", "-shared", "-fPIC", "-O0", source, "-o", made, "-lm"], check=True)
+    r, slopes = cs.external("fit", str(made))(*(values[block.name].T for block in BLOCKS))
+    here = asked.freeing("pose").linearize(values)
+    np.testing.assert_allclose(np.asarray(r).ravel(), here.residual, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(np.asarray(slopes), here.jacobian, rtol=0, atol=1e-10)
+
+
+def test_a_graph_that_was_taken_away_is_told(tmp_path: Path) -> None:
+    asked, values = problem(), somewhere()
+    x, fixed = asked.split(values)
+    watch = Watch(asked, fixed, 10, 10.0, Log(tmp_path / "log", x.size))
+    watched = watch.watched()
+    assert not Log.read(tmp_path / "log").taken
+    assert watched.graph().shape == (asked.size, 1)
+    assert Log.read(tmp_path / "log").taken
+
+
+# What cannot work says so.
+
+
+def test_a_jacobian_of_placeholders_is_refused() -> None:
+    residual = problem().residuals[0]
+    assert cs.jacobian(residual.expression, SYMBOLS[0]).nnz() == 0  # CasADi cannot know
+    with pytest.raises(BadResidual, match=r"placeholder\(vertices\).*would be zero.*graph\(\)"):
+        wb.jacobian(residual.expression, SYMBOLS[0])
+    with pytest.raises(BadResidual, match=r"not of something of type Residual; take its graph\(\)"):
+        wb.jacobian(residual, SYMBOLS[0])  # type: ignore[arg-type]
+    with pytest.raises(BadResidual, match="not of something of type ndarray"):
+        wb.jacobian(np.zeros(3), SYMBOLS[0])  # type: ignore[arg-type]
+    with pytest.raises(TwoSymbolsOneName, match="pose"):
+        wb.jacobian(residual.graph(), cs.MX.sym("pose", 3, 4))
+    J = wb.jacobian(residual.graph(), BLOCKS[0])
+    assert J.nnz() > 0
+    assert wb.jacobian(residual.graph(), wb.Block("other", (2,))).nnz() == 0  # it reads none
+    bare = cs.sin(SYMBOLS[1]) + SYMBOLS[1][0]
+    right = numbers(cs.jacobian(bare, SYMBOLS[1], FORWARDS), BLOCKS, somewhere())
+    found = numbers(wb.jacobian(bare, SYMBOLS[1]), BLOCKS, somewhere())
+    np.testing.assert_array_equal(found, right)
+
+
+def test_sx_is_refused_with_what_to_do_and_that_works() -> None:
+    scalars = [cs.SX.sym(b.name, *b.symbol_shape) for b in BLOCKS]
+    for ask in (BODY.points, BODY.joint_points, blend_scape(wb.load_body("small")).points):
+        with pytest.raises(BadBody, match=r"a symbol for pose, .* type SX; .*points\.graph\(\)"):
+            ask(*scalars)
+    pose, betas, trans = SYMBOLS
+    points = BODY.points(pose, betas, trans)
+    found = cs.Function("f", [pose, betas, trans], [points.graph()])(*scalars)
+    assert isinstance(found, cs.SX)
+    values = somewhere()
+    at = cs.Function("at", scalars, [found, cs.jacobian(cs.vec(found), scalars[0])])
+    vertices, J = at(*(values[block.name].T for block in BLOCKS))
+    np.testing.assert_allclose(np.asarray(vertices).T, BODY.vertices(*values.values()), atol=1e-12)
+    expected = numbers(cs.jacobian(cs.vec(points.graph()), pose), BLOCKS, values)
+    np.testing.assert_allclose(np.asarray(J), expected, atol=1e-12)

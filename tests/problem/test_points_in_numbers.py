@@ -1,0 +1,271 @@
+"""Joints, landmarks and constraints by arithmetic: what the whole graph says, and differences."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import casadi as cs
+import numpy as np
+import pytest
+from scipy.sparse import csr_array
+
+import workbench as wb
+from tests.bodies_made_up import random_body, smpl_like_body
+from tests.problem.test_chain import POINTS, assert_same, pose_at
+from workbench import residuals
+from workbench.blocks import Block, NumericPoints, PointsAt, Tree
+from workbench.bodies import Landmarks, SkinnedBody
+from workbench.errors import NotSupported
+from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
+from workbench.problem import Constraint
+
+FREE = [("pose",), ("betas", "trans"), ("trans", "pose", "betas")]
+
+
+def with_landmarks(body: SkinnedBody) -> SkinnedBody:
+    """Means of many vertices, of one, and with weights that are negative or nearly cancel."""
+    N = body.n_vertices
+    rows = np.zeros((5, N))
+    rows[0] = 1 / N
+    rows[1, 3] = 1.0
+    rows[2, :3] = 2.0, -3.0, 2.0
+    rows[3, [5, 9]] = 0.25, 0.75
+    rows[4, :4] = 1.0, -1.0, 1.0, 0.0
+    names = ("all", "one", "beyond", "between", "opposed")
+    return replace(body, landmarks={"some": Landmarks(names, csr_array(rows))})
+
+
+BODIES = {
+    "24 joints": with_landmarks(smpl_like_body(60, 10)),
+    "5 joints": with_landmarks(random_body(1, n_vertices=40, n_joints=5, n_betas=1)),
+    "one joint": with_landmarks(random_body(2, n_vertices=20, n_joints=1, n_betas=3)),
+    "drawn bent": with_landmarks(
+        replace(
+            random_body(3, n_vertices=30, n_joints=6, n_betas=2),
+            bound_in=np.random.default_rng(0).normal(scale=0.4, size=(6, 3)),
+        )
+    ),
+}
+EACH_BODY = pytest.mark.parametrize("body", BODIES.values(), ids=list(BODIES))
+EACH_KIND = pytest.mark.parametrize("kind", ["joints", "some"])
+
+
+def symbols(body: SkinnedBody) -> list[cs.MX]:
+    return [block.symbol for block in body.blocks()]
+
+
+def values_at(body: SkinnedBody, where: str = "anywhere", seed: int = 0) -> wb.Values:
+    rng = np.random.default_rng(seed)
+    return {
+        "pose": pose_at(where, body.n_joints, rng),
+        "betas": rng.standard_normal(body.n_betas),
+        "trans": rng.standard_normal(3),
+    }
+
+
+@EACH_BODY
+@EACH_KIND
+@pytest.mark.parametrize("where", POINTS)
+@pytest.mark.parametrize("free", FREE, ids=str)
+def test_the_graph_and_arithmetic_agree(
+    body: SkinnedBody, kind: str, where: str, free: tuple[str, ...]
+) -> None:
+    points = body.landmark_points(kind, *symbols(body))
+    assert points.source.numeric is not None
+    rng = np.random.default_rng(1)
+    terms = [
+        residuals.landmarks(points, rng.normal(size=(points.count, 3)), sigma=0.01),
+        wb.Residual("first", points.symbol[:, 0] ** 2, sigma=2.0, unit="m", points=(points,)),
+    ]
+    assert_same(wb.Problem(terms, free), values_at(body, where))
+
+
+@EACH_BODY
+@EACH_KIND
+def test_derivatives_are_those_of_differences(body: SkinnedBody, kind: str) -> None:
+    at, h = values_at(body), 1e-6
+    numeric = body.landmark_points(kind, *symbols(body)).source.numeric
+    assert numeric is not None
+    here = numeric.at(at)
+    slopes = {name: np.empty((at[name].size, here.points.size)) for name in numeric.reads}
+    here.tangent(slopes, None)
+    pull = np.random.default_rng(2).standard_normal(here.points.size)
+    felt = here.adjoint(pull)
+    for name, value in at.items():
+        for i in range(value.size):
+            step = np.zeros(value.size)
+            step[i] = h
+            beyond, before = (
+                numeric.at(at | {name: value + sign * step.reshape(value.shape)}).points
+                for sign in (1, -1)
+            )
+            difference = ((beyond - before) / (2 * h)).ravel()
+            # a central difference loses 1e-16 / h of metres to rounding, and h^2 to curvature
+            np.testing.assert_allclose(slopes[name][i], difference, atol=1e-8)
+            np.testing.assert_allclose(felt[name][i], pull @ slopes[name][i], atol=1e-11)
+
+
+@EACH_BODY
+@EACH_KIND
+def test_many_at_once_are_each_of_them(body: SkinnedBody, kind: str) -> None:
+    numeric = body.landmark_points(kind, *symbols(body)).source.numeric
+    assert numeric is not None
+    each = [values_at(body, "anywhere", seed) for seed in range(5)]
+    together = {name: np.array([one[name] for one in each]) for name in each[0]}
+    expected = [body.landmark(kind, **one) for one in each]
+    np.testing.assert_allclose(numeric.many(together), expected, atol=1e-12)
+    np.testing.assert_allclose([numeric.at(one).points for one in each], expected, atol=1e-12)
+
+
+@EACH_BODY
+@EACH_KIND
+def test_turning_the_root_turns_the_derivative(body: SkinnedBody, kind: str) -> None:
+    """The body turned about its root: points and their slopes by betas turn with it."""
+    numeric = body.landmark_points(kind, *symbols(body)).source.numeric
+    assert numeric is not None
+    at = values_at(body) | {"trans": np.zeros(3)}
+    Q = matrix_from_vector(np.array([0.3, -0.5, 0.8]))
+    turned = at["pose"].copy()
+    turned[0] = vector_from_matrix(Q @ matrix_from_vector(at["pose"][0]))
+    slopes = []
+    for pose in (at["pose"], turned):
+        into = {"betas": np.empty((body.n_betas, 3 * numeric.at(at).points.shape[0]))}
+        numeric.at(at | {"pose": pose}).tangent(into, None)
+        slopes.append(into["betas"].reshape(body.n_betas, -1, 3))
+    root = body.packed.skeleton.slopes[0].T[:, None]  # about which the body turns
+    np.testing.assert_allclose(slopes[1] - root, (slopes[0] - root) @ Q.T, atol=1e-12)
+
+
+def test_a_body_without_betas_has_arithmetic_too() -> None:
+    body = with_landmarks(random_body(1, n_vertices=40, n_joints=5, n_betas=0))
+    pose, betas, trans = values_at(body).values()
+    here = body.packed.joints.at(pose, betas, trans)
+    into = {name: np.empty((size, 15)) for name, size in (("pose", 15), ("betas", 0))}
+    here.tangent(into, None)
+    pull = np.arange(15.0)
+    found = here.adjoint(pull)
+    np.testing.assert_allclose(here.points, body.joints(pose, trans=trans), atol=1e-12)
+    np.testing.assert_allclose(found["pose"], into["pose"] @ pull, atol=1e-11)
+    assert found["betas"].shape == (0,)
+
+
+# Constraints.
+
+
+@pytest.mark.parametrize("made", ["points", "joint_points", "some"])
+def test_constraints_go_by_the_chain_rule(made: str) -> None:
+    body = BODIES["5 joints"]
+    at = symbols(body)
+    points = body.landmark_points("some", *at) if made == "some" else getattr(body, made)(*at)
+    joints = body.joint_points(*at)
+    bent = cs.sum1(at[0][0, 1:].T ** 2)
+    rules = (
+        Constraint("floor", points.symbol[1, :].T, -1.0, points=(points,)),
+        Constraint("a sphere", cs.sum1(joints.symbol**2).T, upper=9.0, points=(joints,)),
+        Constraint("bent", bent, upper=1.0),
+    )
+    term = residuals.landmarks(joints, np.zeros((5, 3)), sigma=0.1)
+    problem = wb.Problem([term], ("pose", "trans"), constraints=rules)
+    x, fixed = problem.split(values_at(body))
+    there = problem.stacked_constraints
+    assert there is not None
+    z, h = cs.MX.sym("z", len(x)), cs.MX.sym("h", len(fixed))
+    c = there.function(z, h)
+    J = cs.Function("J", [z, h], [c, cs.jacobian(c, z, {"helper_options": {"ad_weight": 0}})])
+    expected, slopes = (np.asarray(part) for part in J(x, fixed))
+    here = there.linearize(x, fixed)
+    np.testing.assert_allclose(here.values, expected.ravel(), atol=1e-12)
+    np.testing.assert_allclose(here.jacobian, slopes, atol=1e-11)
+    np.testing.assert_allclose(there.values(x, fixed), expected.ravel(), atol=1e-12)
+
+
+# A source that is arithmetic alone.
+
+
+@dataclass(frozen=True, eq=False)
+class Nearest:
+    """The corner of a set that is nearest to `place` (3,), moved along with it."""
+
+    block: Block
+    corners: np.ndarray
+
+    count = 1
+    expression = None
+    tree: Tree | None = None
+    labels = ("nearest",)
+
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        return (self.block,)
+
+    @cached_property
+    def numeric(self) -> NumericPoints:
+        return NearestNumbers(self)
+
+
+@dataclass(frozen=True, eq=False)
+class NearestNumbers:
+    of: Nearest
+
+    @property
+    def reads(self) -> tuple[str, ...]:
+        return (self.of.block.name,)
+
+    def at(self, values: wb.Values) -> PointsAt:
+        return NearestAt(self.of, values[self.of.block.name])
+
+    def many(self, values: wb.Values) -> np.ndarray:
+        return np.array([NearestAt(self.of, one).points for one in values[self.of.block.name]])
+
+
+@dataclass(frozen=True, eq=False)
+class NearestAt:
+    of: Nearest
+    place: np.ndarray
+
+    @property
+    def points(self) -> np.ndarray:
+        corners = self.of.corners
+        chosen = corners[np.argmin(((corners - self.place) ** 2).sum(axis=1))]
+        return np.asarray(chosen + 0.5 * self.place)[None]
+
+    def tangent(self, into: wb.Values, scale: np.ndarray | None) -> None:
+        into[self.of.block.name][...] = 0.5 * np.eye(3) * (1.0 if scale is None else scale)
+
+    def adjoint(self, pull: np.ndarray) -> wb.Values:
+        return {self.of.block.name: 0.5 * pull}
+
+
+def nearest_problem() -> wb.Problem:
+    corners = np.random.default_rng(0).normal(size=(20, 3))
+    points = wb.Points.of(Nearest(wb.Block("place", (3,), "m"), corners), "nearest")
+    term = residuals.landmarks(points, np.array([[0.2, 0.1, -0.3]]), sigma=0.1)
+    return wb.Problem([term], "place")
+
+
+def test_points_without_a_graph_are_fitted() -> None:
+    problem = nearest_problem()
+    start = {"place": np.array([0.5, -0.2, 0.3])}
+    x, fixed = problem.split(start)
+    here = problem.linearize(start)
+    np.testing.assert_allclose(here.jacobian, 5 * np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(problem.cost_and_gradient(x, fixed)[1], here.gradient, atol=1e-12)
+    z = x + np.random.default_rng(1).normal(size=(7, 3))
+    np.testing.assert_allclose(
+        problem.costs(x, fixed)(z), [problem.cost_and_gradient(one, fixed)[0] for one in z]
+    )
+    _, gradient = problem.slopes(x, fixed)(z)
+    np.testing.assert_allclose(gradient[3], problem.cost_and_gradient(z[3], fixed)[1])
+    assert wb.solve(problem, start, wb.LevenbergMarquardt()).cost < here.cost
+
+
+@pytest.mark.parametrize("graph", ["function", "derivative", "adjoint", "hessian"])
+def test_a_graph_that_cannot_be_is_refused_in_a_sentence(graph: str) -> None:
+    with pytest.raises(NotSupported, match=r"no graph of placeholder\(nearest\).*take a solver"):
+        getattr(nearest_problem(), graph)
+
+
+def test_points_without_a_graph_are_diagnosed() -> None:
+    found = wb.diagnose(nearest_problem(), {"place": np.array([0.5, -0.2, 0.3])})
+    assert (found.rank, found.structural_rank) == (3, 3)
+    assert found.derivatives.passed
+    assert "numerical rank 3 of 3" in found.report()

@@ -1,0 +1,231 @@
+"""Sparse Jacobians: how they are put together, and that their steps are those of the dense ones."""
+
+import casadi as cs
+import numpy as np
+import pytest
+from scipy.sparse import csc_array, random_array
+
+import workbench as wb
+from workbench import Linearization, residuals
+from workbench.problem import steps, storage
+from workbench.problem.pattern import Assembly, Part, Pattern, merged
+from workbench.problem.sparse_cholesky import factorized
+from workbench.solvers.box import box_step
+
+
+def sparse_matrix(seed: int, m: int = 60, n: int = 25, crowded: int = 0) -> np.ndarray:
+    """Full column rank; the columns named by `crowded` (so many) hold no zeros."""
+    rng = np.random.default_rng(seed)
+    A = random_array((m, n), density=0.1, rng=rng, data_sampler=rng.standard_normal).toarray()
+    A[:n] += np.diag(rng.uniform(1, 2, n))
+    A[:, rng.permutation(n)[:crowded]] = rng.standard_normal((m, crowded))
+    return A
+
+
+def both(A: np.ndarray, seed: int = 0) -> tuple[Linearization, Linearization]:
+    r = np.random.default_rng(seed).standard_normal(len(A))
+    return Linearization(r, A), Linearization(r, csc_array(A))
+
+
+# How they are put together.
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_sum_of_parts_is_the_sum_of_matrices(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    m, n = 40, 12
+    single = random_array((m, n), density=0.2, rng=rng, format="csc")
+    single.sort_indices()
+    pattern = Pattern(cs.Sparsity(m, n, single.indptr.tolist(), single.indices.tolist()))
+    expected = single.toarray()
+    parts, numbers = [], []
+    for columns in (slice(0, 4), slice(3, 9), slice(9, 12), slice(5, 5)):
+        rows = np.sort(rng.permutation(m)[: int(rng.integers(1, m))])
+        entries = rng.standard_normal((columns.stop - columns.start, len(rows)))
+        expected[rows[:, None], np.arange(columns.start, columns.stop)] += entries.T
+        parts.append(Part(rows, columns))
+        numbers.append(entries)
+    assembly = Assembly(pattern, parts)
+    found = assembly.zeros()
+    for k, entries in enumerate(numbers):
+        assembly.add_part(k, entries, found)
+    assembly.add(single.data, found)
+    np.testing.assert_allclose(assembly.matrix(found).toarray(), expected, atol=1e-15)
+    there = merged(pattern, parts)
+    np.testing.assert_array_equal(there.toarray(), assembly.matrix(found + 1e9).toarray() != 0)
+
+
+def test_a_part_that_stands_evenly_is_written_in_place() -> None:
+    pattern = Pattern(cs.Sparsity(6, 3))
+    assembly = Assembly(pattern, [Part(np.array([1, 4]), slice(1, 3))])
+    found = assembly.zeros()
+    room = assembly.view(0, found)
+    assert room is not None
+    room[:] = [[1.0, 2.0], [3.0, 4.0]]
+    expected = np.zeros((6, 3))
+    expected[[1, 4], 1], expected[[1, 4], 2] = [1, 2], [3, 4]
+    np.testing.assert_array_equal(assembly.matrix(found).toarray(), expected)
+
+
+@pytest.mark.parametrize("crowded", [0, 1, 5, 25])
+def test_the_gram_matrix_is_the_dense_one(crowded: int) -> None:
+    A = sparse_matrix(1, crowded=crowded)
+    assert storage.crowded(csc_array(A)).sum() >= crowded
+    found = storage.gram(csc_array(A))
+    np.testing.assert_allclose(storage.dense(found), A.T @ A, atol=1e-13)
+    assert found.has_sorted_indices
+
+
+def test_what_is_small_or_full_is_an_array() -> None:
+    assert not storage.is_sparse(100, 100, 1)
+    assert storage.is_sparse(10_000, 10_000, 30_000)
+    assert not storage.is_sparse(10_000, 10_000, 90_000_000)
+
+
+# Steps.
+
+
+@pytest.mark.parametrize("crowded", [0, 1, 5, 25])
+@pytest.mark.parametrize("damping", [0.0, 1e-3, 10.0])
+@pytest.mark.parametrize("scaling", [1.0, np.linspace(0.5, 3, 25)], ids=["even", "scaled"])
+def test_a_sparse_step_is_the_dense_one(
+    crowded: int, damping: float, scaling: float | np.ndarray
+) -> None:
+    dense, sparse = both(sparse_matrix(2, crowded=crowded))
+    D = np.broadcast_to(scaling, 25).copy()
+    step = steps.automatic(sparse, damping, D)
+    assert step.by == "sparse cholesky"
+    np.testing.assert_allclose(step.p, dense.step(damping, D), rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize("crowded", [0, 3])
+def test_the_factors_solve_for_several_sides_and_refuse_what_is_not_definite(crowded: int) -> None:
+    A = sparse_matrix(3, crowded=crowded)
+    factor = factorized(csc_array(A.T @ A))
+    assert factor is not None
+    B = np.random.default_rng(0).standard_normal((25, 4))
+    np.testing.assert_allclose(factor.solve(B), np.linalg.solve(A.T @ A, B), atol=1e-11)
+    np.testing.assert_allclose(factor.solve(B[:, 0]), factor.solve(B)[:, 0], atol=1e-14)
+    for spoiled in (2, 7, 24):
+        N = A.T @ A
+        N[:, spoiled] = N[spoiled] = 0.0
+        assert factorized(csc_array(N)) is None
+    C = A.copy()
+    C[:, 4] = C[:, 9]  # dependent columns
+    assert factorized(csc_array(C.T @ C)) is None
+    assert factorized(csc_array(A.T @ A - 1e3 * np.eye(25))) is None
+    assert factorized(csc_array(np.where(np.eye(25) > 0, np.nan, A.T @ A))) is None
+
+
+@pytest.mark.parametrize("damping", [0.0, 1e-6])
+def test_where_columns_are_dependent_the_sparse_step_is_the_shortest_too(damping: float) -> None:
+    A = sparse_matrix(4)
+    A[:, 4] = A[:, 9]
+    A[:, 11] = 0.0
+    dense, sparse = both(A)
+    step = steps.automatic(sparse, damping, np.ones(25))
+    assert step.by == ("lsmr" if damping == 0 else step.by)
+    expected = dense.step(damping)
+    assert step.p[11] == 0
+    np.testing.assert_allclose(step.p, expected, atol=1e-6 * np.linalg.norm(expected))
+
+
+def test_a_step_between_bounds_is_the_dense_one() -> None:
+    dense, sparse = both(sparse_matrix(5, crowded=2))
+    low, high = np.full(25, -0.1), np.full(25, 0.05)
+    found, expected = (
+        box_step(here, 1e-3, np.ones(25), low, high, steps.automatic) for here in (sparse, dense)
+    )
+    assert found is not None
+    assert expected is not None
+    assert (found.p == high).any()
+    np.testing.assert_allclose(found.p, expected.p, atol=1e-12)
+
+
+# The same questions.
+
+
+def test_every_question_has_the_dense_answer() -> None:
+    dense, sparse = both(sparse_matrix(6, crowded=2))
+    p = np.random.default_rng(1).standard_normal(25)
+    assert sparse.estimated
+    assert not dense.estimated
+    assert sparse.rank == dense.rank == 25
+    assert sparse.spectrum.rank == dense.spectrum.rank
+    np.testing.assert_allclose(sparse.spectrum.s, dense.spectrum.s, rtol=1e-9)
+    np.testing.assert_allclose(sparse.covariance, dense.covariance, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(sparse.row_norms, dense.row_norms, rtol=1e-14)
+    np.testing.assert_allclose(sparse.svd[1], dense.svd[1], rtol=1e-12)
+    assert sparse.promise(p) == pytest.approx(dense.promise(p), rel=1e-12)
+    assert sparse.predicted_cost(p) == pytest.approx(dense.predicted_cost(p), rel=1e-12)
+    part = np.array([3, 1, 7])
+    for one, other in (
+        (sparse.rows(part), dense.rows(part)),
+        (sparse.columns(part), dense.columns(part)),
+        (sparse.block(slice(2, 9), slice(1, 4)), dense.block(slice(2, 9), slice(1, 4))),
+        (sparse.scaled(np.arange(1.0, 26)), dense.scaled(np.arange(1.0, 26))),
+        (sparse.along_columns(np.eye(25)[:, :3]), dense.along_columns(np.eye(25)[:, :3])),
+    ):
+        np.testing.assert_allclose(one.dense, other.dense, atol=1e-15)
+        np.testing.assert_array_equal(one.residual, other.residual)
+
+
+def test_other_units_keep_the_triangle_that_is_known() -> None:
+    here, _ = both(sparse_matrix(7))
+    factors = np.linspace(0.1, 9, 25)
+    fresh = Linearization(here.residual, here.dense * factors).triangle
+    assert here.rank == 25  # asks for the triangle
+    carried = here.scaled(factors).triangle
+    for one, other in zip(carried, fresh, strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-13)
+
+
+@pytest.mark.parametrize("m", [3, 20_000])
+def test_a_tall_triangle_is_made_piece_by_piece(m: int) -> None:
+    rng = np.random.default_rng(0)
+    J, r = rng.standard_normal((m, 5)), rng.standard_normal(m)
+    here = Linearization(r, J)
+    d, R, b = here.triangle
+    np.testing.assert_allclose((R * d).T @ (R * d), J.T @ J, rtol=1e-11)
+    np.testing.assert_allclose((R * d).T @ b, J.T @ r, rtol=1e-9, atol=1e-9)
+    assert R.shape == (min(m, 5), 5)
+
+
+# A mesh whose vertices are free, tied to a body.
+
+
+def registration(free: tuple[str, ...]) -> tuple[wb.Problem, dict[str, np.ndarray]]:
+    """Synthetic: the small body's own vertices, moved a little, as data."""
+    body = wb.load_body("small")
+    rng = np.random.default_rng(0)
+    mesh = wb.Block("vertices", (body.n_vertices, 3), "m")
+    model = body.points(*(block.symbol for block in body.blocks()))
+    seen = body.template + rng.normal(scale=0.01, size=body.template.shape)
+    ends = np.unique(np.sort(body.faces[:, :2], axis=1), axis=0)
+    away = mesh.symbol - model.symbol
+    bent = away[:, ends[:, 0].tolist()] - away[:, ends[:, 1].tolist()]
+    terms = (
+        residuals.vertices(mesh.symbol, seen, sigma=0.005, name="data"),
+        wb.Residual("coupling", cs.vec(away), 0.02, "m", points=(model,)),
+        wb.Residual("edges", cs.vec(bent), 0.005, "m", points=(model,)),
+    )
+    values = body.start() | {"vertices": body.template}
+    return wb.Problem(terms, free, blocks=(mesh,)), values
+
+
+@pytest.mark.parametrize("free", [("vertices",), ("trans", "vertices", "pose", "betas")])
+def test_free_vertices_have_the_jacobian_of_the_whole_graph(free: tuple[str, ...]) -> None:
+    problem, values = registration(free)
+    here = problem.linearize(values)
+    assert here.estimated == problem.sparse
+    assert problem.sparse
+    x, fixed = problem.split(values)
+    r, J = problem.derivative(x, fixed)
+    np.testing.assert_allclose(here.residual, np.asarray(r).ravel(), atol=1e-10)
+    np.testing.assert_allclose(here.dense, np.asarray(J), atol=1e-9)
+    assert here.jacobian.nnz <= problem.pattern.nnz
+    found = wb.solve(problem, values, wb.LevenbergMarquardt())
+    assert found.status is wb.Status.CONVERGED
+    assert found.trace[-1].linear_algebra == "sparse cholesky"
+    by_gradient = problem.cost_and_gradient(problem.split(values | found.values)[0], fixed)[1]
+    assert np.linalg.norm(by_gradient) < 1e-5 * np.linalg.norm(here.gradient)

@@ -1,0 +1,190 @@
+"""Affine maps of blocks: what stands for a body's pose may be made of several blocks.
+
+A concatenation of pieces, the coefficients of principal components and a block that two bodies
+share are all of the form
+
+    a(x) = offset + sum over blocks b of A_b x_b,
+
+with arrays flat, row by row. CasADi tells whether an expression has this form.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from math import prod
+
+import casadi as cs
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+FILLED = 0.2  # of a matrix: above, dense products are faster than sparse ones
+SMALL = 10_000  # entries of a matrix: below, they are as well
+SAME = 1e-12  # of the largest number in it: two ways to one affine map agree to rounding
+
+
+@dataclass(frozen=True, eq=False)
+class Affine:
+    """offset + sum over blocks of matrix @ block, as an array of `shape`.
+
+    `terms` has a matrix (size, size of the block) by the name of each block.
+    """
+
+    shape: tuple[int, ...]
+    offset: Array  # (size,)
+    terms: Mapping[str, csr_array]
+
+    @staticmethod
+    def of(expression: cs.MX, shape: tuple[int, ...]) -> "Affine | None":
+        """The map behind an expression in the symbols of blocks; None if it is not affine.
+
+        The axes of the expression are those of `shape` reversed.
+        """
+        if expression.is_symbolic():
+            size = prod(shape)
+            return Affine(shape, np.zeros(size), {expression.name(): _unit(size)})
+        symbols = cs.symvar(expression)
+        if not symbols:
+            return Affine(shape, np.asarray(cs.evalf(expression)).ravel(order="F"), {})
+        column = cs.densify(cs.vec(expression))
+        try:
+            function = cs.Function("argument", symbols, [column]).expand()
+        except (RuntimeError, NotImplementedError):  # it calls what has no scalar instructions
+            return None
+        scalars = [cs.SX.sym(s.name(), *s.shape) for s in symbols]
+        x = cs.veccat(*scalars)
+        value = function(*scalars)
+        J = cs.jacobian(value, x)
+        if not J.is_constant():
+            return None
+        matrix = csr_array(cs.evalf(J).sparse()) if J.nnz() else csr_array(J.shape)
+        at = cs.Function("at", [x], [value])
+        offset = np.asarray(at(np.zeros(x.numel()))).ravel()
+        anywhere = np.random.default_rng(0).standard_normal(x.numel())
+        found = np.asarray(at(anywhere)).ravel()
+        known = matrix @ anywhere + offset
+        if not np.allclose(found, known, rtol=SAME, atol=SAME * np.abs(known).max(initial=1.0)):
+            return None  # a branch, or a number that is not finite: its slope is no whole answer
+        edges = np.cumsum([0, *(s.numel() for s in symbols)])
+        return Affine(shape, offset, {
+            s.name(): csr_array(matrix[:, edges[i] : edges[i + 1]]) for i, s in enumerate(symbols)
+        })  # fmt: skip
+
+    @property
+    def reads(self) -> tuple[str, ...]:
+        """The names of the blocks."""
+        return tuple(self.terms)
+
+    @cached_property
+    def plain(self) -> str | None:
+        """The name of the block that it is, entry by entry; None if it is anything else."""
+        if len(self.terms) != 1 or self.offset.any():
+            return None
+        ((name, matrix),) = self.terms.items()
+        n = len(self.offset)
+        if matrix.shape != (n, n) or matrix.nnz != n:
+            return None
+        in_order = np.array_equal(matrix.indices, np.arange(n)) and (matrix.data == 1.0).all()
+        return name if in_order and (np.diff(matrix.indptr) == 1).all() else None
+
+    def value(self, values: Mapping[str, Array]) -> Array:
+        """Its value, of `shape`; that of a plain block is not copied."""
+        if self.plain is not None:
+            whole = values[self.plain]
+            return whole if whole.shape == self.shape else whole.reshape(self.shape)
+        found = self.offset.copy()
+        for name, rows, entries in self._copied:
+            found[rows] += values[name].reshape(-1)[entries]
+        for name, rows, matrix in self._combined:
+            found[rows] += matrix @ values[name].reshape(-1)
+        return found.reshape(self.shape)
+
+    def many(self, values: Mapping[str, Array]) -> Array:
+        """(M, *shape) of values that have M rows each."""
+        if self.plain is not None:
+            whole = values[self.plain]
+            return whole.reshape(len(whole), *self.shape)
+        M = len(next(iter(values.values())))
+        found = np.repeat(self.offset[None], M, axis=0)
+        for name, matrix in self.terms.items():
+            found += (matrix @ values[name].reshape(M, -1).T).T
+        return found.reshape(M, *self.shape)
+
+    def pulled(self, gradient: Array) -> dict[str, Array]:
+        """The gradient by each block, flat, of what has this gradient by the map, flat."""
+        if self.plain is not None:
+            return {self.plain: gradient}
+        found = {name: np.zeros(matrix.shape[1]) for name, matrix in self.terms.items()}
+        for name, rows, entries in self._copied:
+            np.add.at(found[name], entries, gradient[rows])
+        for name, rows, matrix in self._combined:
+            found[name] += gradient[rows] @ matrix
+        return found
+
+    @cached_property
+    def single(self) -> tuple[tuple[str, int] | None, ...]:
+        """For each row the one entry of a block that it is, up to its offset; None for others."""
+        count, found = np.zeros(len(self.offset), dtype=int), [("", -1)] * len(self.offset)
+        for name, matrix in self.terms.items():
+            nonzero = matrix.tocoo()
+            for row, entry, factor in zip(nonzero.row, nonzero.col, nonzero.data, strict=True):
+                count[row] += 1 if factor == 1.0 else 2
+                found[row] = name, int(entry)
+        return tuple(at if n == 1 else None for at, n in zip(found, count, strict=True))
+
+    @cached_property
+    def _copied(self) -> list[tuple[str, Index, Index]]:
+        """Rows that are single entries: the block's name, these rows, and which entries."""
+        found: dict[str, tuple[list[int], list[int]]] = {}
+        for row, at in enumerate(self.single):
+            if at is not None:
+                rows, entries = found.setdefault(at[0], ([], []))
+                rows.append(row)
+                entries.append(at[1])
+        return [(name, np.array(rows), np.array(at)) for name, (rows, at) in found.items()]
+
+    @cached_property
+    def _combined(self) -> list[tuple[str, Index, Array | csr_array]]:
+        """All other rows, and the matrices of them."""
+        rows = np.flatnonzero([at is None for at in self.single])
+        parts = ((name, csr_array(matrix[rows])) for name, matrix in self.terms.items())
+        return [(name, rows, filled(part)) for name, part in parts if part.nnz]
+
+
+def alone(maps: Sequence[Affine]) -> tuple[tuple[tuple[str, int] | None, ...], ...]:
+    """For each row of each map the entry of a block that it is, if no other row reads that entry.
+
+    A change of such an entry changes this row by the same, and nothing else.
+    """
+    readers: dict[str, NDArray[np.int_]] = {}
+    for one in maps:
+        for name, matrix in one.terms.items():
+            counts = np.bincount(matrix.indices, minlength=matrix.shape[1])
+            readers[name] = counts + readers[name] if name in readers else counts
+    return tuple(
+        tuple(at if at is not None and readers[at[0]][at[1]] == 1 else None for at in one.single)
+        for one in maps
+    )
+
+
+def place_of(rows: Sequence[tuple[str, int] | None]) -> tuple[str, int] | None:
+    """Where rows stand that are entries of one block, one after the other; None if they do not."""
+    first = rows[0]
+    if first is None:
+        return None
+    name, entry = first
+    in_order = all(row == (name, entry + i) for i, row in enumerate(rows))
+    return (name, entry) if in_order else None
+
+
+def filled(matrix: csr_array) -> Array | csr_array:
+    """The matrix, dense where few of its entries are zero or where it is small."""
+    size = matrix.shape[0] * matrix.shape[1]
+    return matrix.toarray() if matrix.nnz > FILLED * size or size < SMALL else matrix
+
+
+def _unit(size: int) -> csr_array:
+    places = np.arange(size)
+    return csr_array((np.ones(size), (places, places)), shape=(size, size))

@@ -1,0 +1,85 @@
+"""Entries of blocks by name: whole blocks, rows, runs of rows, single numbers.
+
+betas              a block
+pose[left_elbow]   a row, by its label or its number
+betas[0:3]         rows one after the other, from the first to the one before the last
+pose[pelvis, x]    one number
+"""
+
+import re
+from collections.abc import Collection, Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.blocks.layout import Layout
+from workbench.errors import BadArgument, UnknownName
+
+Indices = NDArray[np.int64]
+ROWS = re.compile(r"(\d+)|(\d*):(\d*)")  # a number, or a run of them
+
+
+def entries(layout: Layout, names: str | Iterable[str], kind: str = "free block") -> Indices:
+    """Where the named entries stand in the flat vector of a layout, rising.
+
+    Raises UnknownName, which lists what exists, or BadArgument if nothing is named.
+    """
+    found: set[int] = set()
+    for name in (names,) if isinstance(names, str) else names:
+        found |= set(meant(layout, name, kind))
+    if not found:
+        raise BadArgument(
+            f"no free number is named; name blocks ({', '.join(layout.names)}) or entries such as "
+            f"{layout.label(0) if layout.size else 'betas[0]'}"
+        )
+    return np.array(sorted(found), dtype=np.int64)
+
+
+def block_of(name: str, known: Collection[str]) -> str:
+    """The name of the block that a name is of, or that it begins with."""
+    if name in known:
+        return name
+    begun = [block for block in known if name.startswith(f"{block}[")]
+    return max(begun, key=len) if begun else name.partition("[")[0]
+
+
+def meant(layout: Layout, name: str, kind: str = "free block") -> list[int]:
+    """The places that one name means. Raises UnknownName."""
+    block = block_of(name, layout.names)
+    if block not in layout.names:
+        raise UnknownName(kind, block, layout.names)
+    at = layout.slices[block]
+    if block == name:
+        return list(range(at.start, at.stop))
+    labels = {i: layout.label(i) for i in range(at.start, at.stop)}
+    row = name.removesuffix("]")
+    found = [i for i, label in labels.items() if label == name or label.startswith(row + ", ")]
+    if not found and name.endswith("]"):
+        found = _by_number(layout, block, row[len(block) + 1 :], labels)
+    if not found:
+        known = list(dict.fromkeys(label.rsplit(", ", 1)[0] for label in labels.values()))
+        some = [label if label.endswith("]") else label + "]" for label in known]
+        raise UnknownName("entry", name, some)
+    return found
+
+
+def _by_number(layout: Layout, name: str, said: str, labels: dict[int, str]) -> list[int]:
+    """Entries whose rows are numbers of the whole block's: `0:3`, `4`, `4, x`."""
+    rows, _, last = said.partition(", ")
+    matched = ROWS.fullmatch(rows)
+    block = layout[name]
+    if matched is None or not block.base.shape:
+        return []
+    one, first, end = matched.groups()
+    count = block.base.shape[0]
+    chosen = slice(int(one), int(one) + 1) if one else slice(int(first or 0), int(end or count))
+    if chosen.stop > count:
+        return []  # more rows than there are: an entry that does not exist
+    wide = block.base.size // count if count else 1
+    start = layout.slices[name].start
+    return [
+        start + i
+        for i, entry in enumerate(block.places)
+        if chosen.start <= entry // wide < chosen.stop
+        and (not last or labels[start + i].endswith(f", {last}]"))
+    ]

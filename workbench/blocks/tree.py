@@ -1,0 +1,66 @@
+"""The kinematic tree behind a pose, and where the numbers of its joints stand."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.blocks.layout import Layout
+
+Index = NDArray[np.int64]
+Place = tuple[str, int]  # a block's name, and the first of three entries in a row
+
+
+@dataclass(frozen=True)
+class Tree:
+    """The joints that a pose turns, for whoever wants to name motions.
+
+    `pose` is the name of the block that holds their rotation vectors, or names all blocks that do.
+    `parents[k] < k` is the parent of joint k, -1 for the root. `at[k]` says where the three numbers
+    of joint k stand; None where they stand nowhere as such, as those that are made of coefficients
+    of principal components. Without `at`, they stand one after the other in the block `pose`.
+    """
+
+    pose: str
+    names: tuple[str, ...]
+    parents: tuple[int, ...]
+    at: tuple[Place | None, ...] | None = None
+
+    @cached_property
+    def places(self) -> tuple[Place | None, ...]:
+        """Where the numbers of each joint stand."""
+        if self.at is not None:
+            return self.at
+        return tuple((self.pose, 3 * k) for k in range(len(self.names)))
+
+    @cached_property
+    def blocks(self) -> tuple[str, ...]:
+        """The names of the blocks that hold rotation vectors."""
+        return tuple(dict.fromkeys(place[0] for place in self.places if place is not None))
+
+    def children(self, joint: int) -> tuple[int, ...]:
+        """The joints whose parent is `joint`."""
+        return tuple(k for k, parent in enumerate(self.parents) if parent == joint)
+
+    def called(self, joint: int) -> str:
+        """`pose[left_hip]`: the joint by the name of the block that its numbers stand in."""
+        place = self.places[joint]
+        return f"{self.pose if place is None else place[0]}[{self.names[joint]}]"
+
+    def entries(self, joint: int, free: Layout) -> list[int]:
+        """Where those of the joint's three numbers that are free stand among all free numbers."""
+        place = self.places[joint]
+        if place is None or place[0] not in free.slices:
+            return []
+        name, first = place
+        return [i for e in range(first, first + 3) if (i := free.place(name, e)) is not None]
+
+    def turned(self, free: Layout) -> dict[int, slice]:
+        """Joints whose three numbers are all free, and where these stand among the free ones."""
+        found = {k: self.entries(k, free) for k in range(len(self.names))}
+        return {k: slice(at[0], at[0] + 3) for k, at in found.items() if len(at) == 3}
+
+    def moves(self, free: Layout) -> bool:
+        """Whether any number of a joint is free."""
+        return any(self.entries(k, free) for k in range(len(self.names)))

@@ -1,0 +1,108 @@
+"""Posed joints in numbers, from what the kinematics say, however many vertices there are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.bodies.kinematics import ancestors
+from workbench.bodies.many_joints import ManyJoints
+from workbench.bodies.motion import Kinematics, Motion, Slopes
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class NumericJoints:
+    """The posed joints of a body by arithmetic; see BodyPoints.
+
+    With t_k = G'_k (j_k; 1) the posed joint k, and w_ka the axis about which the world turns when
+    pose[k, a] grows,
+
+        dt_j/dpose[k, a] = w_ka x (t_j - t_k) for every j below k, and zero for all others.
+    """
+
+    kinematics: Kinematics
+    at_origin: ManyJoints  # many at once, before translation
+    parents: tuple[int, ...]
+
+    @cached_property
+    def ancestors(self) -> Array:
+        """(K, K); see `kinematics.ancestors`."""
+        return ancestors(self.parents)
+
+    def at(self, pose: Array, betas: Array, trans: Array) -> JointsAt:
+        """The joints at one pose, betas and translation."""
+        return JointsAt(self, pose, betas, trans)
+
+    def many(self, pose: Array, betas: Array, trans: Array) -> Array:
+        """(M, K, 3) m, generation by generation."""
+        return self.at_origin(pose, betas) + trans[:, None]
+
+
+@dataclass(frozen=True, eq=False)
+class JointsAt:
+    """The joints at one pose (K, 3) rad, betas (B,) and trans (3,) m; see PointsAt."""
+
+    of: NumericJoints
+    pose: Array
+    betas: Array
+    trans: Array
+
+    @cached_property
+    def motion(self) -> Motion:
+        """Of the joints."""
+        return self.of.kinematics.motion(self.pose, self.betas)
+
+    @cached_property
+    def points(self) -> Array:
+        """(K, 3) m."""
+        return self.motion.joints + self.trans
+
+    def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
+        """Transposed, into[name] (size, 3 K)."""
+        slopes = self.of.kinematics.slopes(self.pose, self.betas)
+        made = {"pose": self._by_pose, "betas": self._by_betas, "trans": self._by_trans}
+        for name, array in into.items():
+            found = made[name](slopes)
+            np.multiply(found, 1.0 if scale is None else scale, out=array)
+
+    def adjoint(self, pull: Array) -> dict[str, Array]:
+        """By pose, betas and trans, flat."""
+        kinematics, pulled = self.of.kinematics, pull.reshape(-1, 3)
+        skeleton = kinematics.skeleton
+        rest = np.ones((len(pulled), 4))
+        rest[:, :3] = skeleton.at(self.betas)
+        on_G = pulled[:, :, None] * rest[:, None]
+        none = np.zeros_like(self.motion.features)
+        on_pose, through_G = kinematics.adjoint(self.pose, self.betas, on_G, none)
+        on_rest = np.matmul(pulled[:, None], self.motion.G[:, :, :3]).ravel()
+        on_betas = on_rest @ skeleton.slopes.reshape(len(on_rest), len(self.betas))
+        return {
+            "pose": on_pose.ravel(),
+            "betas": on_betas + through_G,
+            "trans": pulled.sum(axis=0),
+        }
+
+    def _by_pose(self, slopes: Slopes) -> Array:
+        """(3 K, 3 K), a row for each number of the pose."""
+        t, K = self.motion.joints, len(self.pose)
+        arms = t.T - t[:, :, None]  # (K, 3, K): from joint k to joint j
+        arms *= self.of.ancestors.T[:, None]
+        found: Array = np.matmul(slopes.turns, arms).reshape(K, 3, 3, K)
+        return found.transpose(0, 1, 3, 2).reshape(3 * K, 3 * K)
+
+    def _by_betas(self, slopes: Slopes) -> Array:
+        """(B, 3 K)."""
+        K, B = len(self.pose), len(self.betas)
+        at_rest = self.motion.G[:, :, :3] @ self.of.kinematics.skeleton.slopes  # (K, 3, B)
+        moved: Array = at_rest.transpose(2, 1, 0) + slopes.d_shift.reshape(B, 3, K)
+        return moved.transpose(0, 2, 1).reshape(B, 3 * K)
+
+    def _by_trans(self, _: Slopes) -> Array:
+        """(3, 3 K)."""
+        return np.tile(np.eye(3), len(self.pose))

@@ -1,0 +1,34 @@
+"""Named points on a mesh."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from workbench.blocks.checks import texts
+from workbench.bodies.owned import owned_matrix
+from workbench.errors import BadBody
+
+
+@dataclass(frozen=True, eq=False)
+class Landmarks:
+    """Named points, each a weighted mean of vertices: `regressor` (M, N), rows sum to one."""
+
+    names: tuple[str, ...]
+    regressor: csr_array
+
+    def __post_init__(self) -> None:
+        regressor = owned_matrix("the regressor of landmarks", self.regressor)
+        names = texts("the names of landmarks", self.names, BadBody)
+        self.__dict__.update(names=names, regressor=regressor)
+
+    @property
+    def of_vertices(self) -> tuple[csr_array, list[int]]:
+        """The regressor (M, n) of the vertices that carry weight, and these, n of them."""
+        columns = self.regressor.tocsc()
+        used = np.flatnonzero(np.diff(columns.indptr)).tolist()
+        return columns[:, used].tocsr(), used
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Landmarks, (self.names, self.regressor)  # so that a copy is read-only as well

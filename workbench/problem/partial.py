@@ -1,0 +1,76 @@
+"""Points by arithmetic whose blocks are free in part: derivatives by the free entries alone."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.blocks import Layout, NumericPoints, PointsAt
+
+Array = NDArray[np.float64]
+Entries = Mapping[str, NDArray[np.int64]]
+
+
+def by_free_entries(source: NumericPoints, free: Layout) -> NumericPoints:
+    """The source, with derivatives by those entries of its blocks that are free."""
+    parts = (block for block in free.parts if block.name in source.reads)
+    wanted = {block.name: np.array(block.places) for block in parts}
+    if not wanted:
+        return source
+    only = getattr(source, "only", None)  # a source that can leave out what nobody wants
+    found: NumericPoints = only(wanted) if only is not None else Chosen(source, wanted)
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class Chosen:
+    """Points with derivatives by some entries of some blocks; see NumericPoints."""
+
+    source: NumericPoints
+    wanted: Entries
+
+    @property
+    def reads(self) -> tuple[str, ...]:
+        """As the source."""
+        return self.source.reads
+
+    def many(self, values: Mapping[str, Array]) -> Array:
+        """As the source."""
+        return self.source.many(values)
+
+    def at(self, values: Mapping[str, Array]) -> "ChosenAt":
+        """Where whole blocks have these values."""
+        return ChosenAt(self.source.at(values), self.wanted, values)
+
+
+@dataclass(frozen=True, eq=False)
+class ChosenAt:
+    """The points at one set of values; see PointsAt."""
+
+    here: PointsAt
+    wanted: Entries
+    values: Mapping[str, Array]
+
+    @property
+    def points(self) -> Array:
+        """(N, 3) m."""
+        return self.here.points
+
+    def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
+        """Transposed, into[block] (its wanted entries, 3 N): all rows are found, and some kept."""
+        rooms = {
+            name: np.empty((np.size(self.values[name]), array.shape[1]))
+            if name in self.wanted
+            else array
+            for name, array in into.items()
+        }
+        self.here.tangent(rooms, scale)
+        for name, array in into.items():
+            if name in self.wanted:
+                array[...] = rooms[name][self.wanted[name]]
+
+    def adjoint(self, pull: Array) -> dict[str, Array]:
+        """By the wanted entries of each block, flat."""
+        found = self.here.adjoint(pull)
+        return {n: g[self.wanted[n]] if n in self.wanted else g for n, g in found.items()}

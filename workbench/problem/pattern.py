@@ -1,0 +1,146 @@
+"""Where the entries of sparse Jacobians stand, and how several of them become one."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import casadi as cs
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_array
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+
+class Pattern:
+    """Where the entries of a sparse Jacobian stand, in CasADi's order: column by column."""
+
+    def __init__(self, sparsity: cs.Sparsity) -> None:
+        self.shape: tuple[int, int] = sparsity.shape
+        self._starts = np.array(sparsity.colind(), dtype=np.int64)
+        self.rows = np.array(sparsity.row(), dtype=np.int64)
+        self.columns = np.repeat(np.arange(self.shape[1]), np.diff(self._starts))
+
+    def diagonal(self) -> slice | None:
+        """The rows of a diagonal over all columns, if that is all: points seen one by one."""
+        first, n = int(self.rows[0]) if len(self.rows) else 0, self.shape[1]
+        once = np.array_equal(self.columns, np.arange(n))
+        in_order = once and np.array_equal(self.rows, first + np.arange(n))
+        return slice(first, first + n) if in_order else None
+
+    def pulled(self, entries: Array, r: Array) -> Array:
+        """The matrix with these entries, transposed, times r."""
+        found = np.bincount(self.columns, entries * r[self.rows], minlength=self.shape[1])
+        return np.asarray(found, dtype=float)  # counts, where there are no entries
+
+    def matrix(self, entries: Array) -> csc_array:
+        """The matrix with these entries."""
+        return csc_array((entries, self.rows, self._starts), shape=self.shape)
+
+
+class Part(NamedTuple):
+    """Some rows of some columns, every entry of them."""
+
+    rows: Index  # rising
+    columns: slice
+
+
+def merged(pattern: Pattern, parts: Sequence[Part]) -> csc_array:
+    """Where a sum of single entries and dense parts can be nonzero, (m, n), in as little memory."""
+    m, n = pattern.shape
+    starts = np.searchsorted(pattern.columns, np.arange(n + 1))
+    reached: list[list[Index]] = [[pattern.rows[i:j]] for i, j in pairwise(starts)]
+    for part in parts:
+        for column in range(part.columns.start, part.columns.stop):
+            reached[column].append(part.rows)
+    rows = [_union(some, m).astype(np.int32) for some in reached]
+    edges = np.cumsum([0, *(len(some) for some in rows)])
+    found = np.concatenate([*rows, np.zeros(0, dtype=np.int32)])
+    return csc_array((np.ones(len(found), dtype=bool), found, edges), shape=(m, n))
+
+
+def _union(some: Sequence[Index], m: int) -> Index:
+    """Rows that are in any of these, rising."""
+    longest = max(some, key=len)
+    if len(longest) == m or sum(map(len, some)) == len(longest):
+        return longest
+    return np.unique(np.concatenate(some))
+
+
+class Assembly:
+    """A sparse matrix (m, n) that is a sum: single entries, and parts that are dense.
+
+    Which entry of the sum each number goes to is found once; after that the sum is made of copies.
+    """
+
+    def __init__(self, pattern: Pattern, parts: Sequence[Part]) -> None:
+        self.shape = m, n = pattern.shape
+        keys = [pattern.columns * m + pattern.rows, *(_keys(part, m).ravel() for part in parts)]
+        places = _once(np.concatenate(keys))
+        columns, self._rows = np.divmod(places, m)
+        self._starts = np.searchsorted(columns, np.arange(n + 1))
+        self._single = np.searchsorted(places, keys[0])
+        self._parts = [_compact(np.searchsorted(places, _keys(part, m))) for part in parts]
+
+    def zeros(self) -> Array:
+        """Room for the entries, none of them set."""
+        return np.zeros(len(self._rows))
+
+    def add(self, entries: Array, found: Array) -> None:
+        """Add the single entries, in the pattern's order."""
+        found[self._single] += entries
+
+    def view(self, part: int, found: Array) -> Array | None:
+        """The entries of a dense part as an array (columns, rows), if they stand evenly."""
+        where = self._parts[part]
+        if not isinstance(where, _Even):
+            return None
+        size = found.itemsize
+        return np.lib.stride_tricks.as_strided(
+            found[where.first :], where.shape, (where.stride * size, size)
+        )
+
+    def add_part(self, part: int, entries: Array, found: Array) -> None:
+        """Add the entries (columns, rows) of a dense part."""
+        where = self._parts[part]
+        if isinstance(where, _Even):
+            room = self.view(part, found)
+            assert room is not None
+            room += entries
+        else:
+            found[where] += entries
+
+    def matrix(self, found: Array) -> csc_array:
+        """The sum with these entries."""
+        return csc_array((found, self._rows, self._starts), shape=self.shape)
+
+
+class _Even(NamedTuple):
+    """Places that go up by one along rows and by one stride along columns."""
+
+    first: int
+    stride: int
+    shape: tuple[int, int]
+
+
+def _once(keys: Index) -> Index:
+    """Each of them once, rising, as np.unique, which takes five times as long for millions."""
+    keys.sort()
+    return keys[np.concatenate([[True], keys[1:] != keys[:-1]])] if keys.size else keys
+
+
+def _keys(part: Part, m: int) -> Index:
+    """Of all entries, (columns, rows): they sort as a matrix stored column by column does."""
+    columns = np.arange(part.columns.start, part.columns.stop)
+    return np.asarray(columns[:, None] * m + part.rows)
+
+
+def _compact(places: Index) -> "_Even | Index":
+    columns, rows = places.shape
+    if not places.size:
+        return places
+    first = int(places[0, 0])
+    stride = int(places[1, 0]) - first if columns > 1 else rows
+    even = first + stride * np.arange(columns)[:, None] + np.arange(rows)
+    return _Even(first, stride, (columns, rows)) if np.array_equal(places, even) else places
