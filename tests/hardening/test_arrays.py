@@ -477,6 +477,9 @@ BODIES_SPOILED: dict[str, tuple[dict[str, object], str]] = {
         {"landmarks/few/shape": np.array([-2, 12])}, "no sparse matrix",
     ),
     "landmarks of three axes": ({"landmarks/few/shape": np.array([2, 2, 3])}, "no sparse"),
+    "landmarks whose shape is a column": (
+        {"landmarks/few/shape": np.array([[2], [12]])}, "no sparse matrix",
+    ),
     "landmarks in rows": ({"landmarks/few/data": np.ones((2, 2))}, "no sparse matrix"),
     "names that are numbers": ({"landmarks/few/names": np.arange(2)}, "list of names"),
     "a joint too many": ({"joint_names": np.array(list("abcde"))}, "names for 4 joints"),

@@ -82,7 +82,7 @@ class Entries:
             if self._has(f"{key}/{part}")
         )
         try:
-            rows, columns = shape
+            rows, columns = shape.tolist()  # of more axes: lists, which int refuses
             matrix = from_pointers("csr", data, indices, indptr, (int(rows), int(columns)))
         except (ValueError, IndexError, TypeError, OverflowError) as error:
             raise BadFile(f"{self.where}: {key} is no sparse matrix ({error})") from error
