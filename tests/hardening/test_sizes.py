@@ -168,6 +168,24 @@ def test_ten_thousand_unknowns_are_solved_without_a_dense_matrix(solver: Solver)
     assert peak < 160e6
 
 
+@pytest.mark.parametrize(
+    "solver",
+    [wb.Ipopt(), wb.Sqp(), wb.Scipy("lm"), wb.Scipy("dogbox"), wb.SteepestDescent()],
+    ids=lambda solver: f"{type(solver).__name__} {getattr(solver, 'method', '')}".strip(),
+)
+def test_other_solvers_take_a_sparse_jacobian_to_the_dense_answer(
+    solver: Solver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    start = {"x": np.zeros(30)}
+    expected = wb.solve(chain(30), start, wb.LevenbergMarquardt())
+    always_sparse(monkeypatch)
+    problem = chain(30)
+    assert problem.sparse
+    found = wb.solve(problem, start, solver)
+    assert found.status is Status.CONVERGED, found.message
+    np.testing.assert_allclose(found.values["x"], expected.values["x"], atol=1e-4)
+
+
 def test_rotations_of_a_large_problem_are_shortened_without_a_dense_matrix(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -25,19 +25,19 @@ class SurfaceArrays(Protocol):
 
     @property
     def template(self) -> Array:
-        """(N, 3) m."""
+        """The vertices of the mean person at rest, (N, 3) m."""
 
     @property
     def shapedirs(self) -> Array:
-        """(N, 3, B) m."""
+        """What one standard deviation of each of the betas adds to them, (N, 3, B) m."""
 
     @property
     def posedirs(self) -> Array:
-        """(N, 3, 9 (K - 1)) m."""
+        """What one unit of each pose feature adds to them, (N, 3, 9 (K - 1)) m."""
 
     @property
     def weights(self) -> Array:
-        """(N, K)."""
+        """How much each joint moves each vertex, (N, K); rows sum to one."""
 
 
 class SkeletonArrays(Protocol):
@@ -45,15 +45,15 @@ class SkeletonArrays(Protocol):
 
     @property
     def template(self) -> Array:
-        """(N, 3) m."""
+        """The vertices of the mean person at rest, (N, 3) m."""
 
     @property
     def shapedirs(self) -> Array:
-        """(N, 3, B) m."""
+        """What one standard deviation of each of the betas adds to them, (N, 3, B) m."""
 
     @property
     def J_regressor(self) -> csr_array:
-        """(K, N)."""
+        """The joints at rest as weighted means of vertices, (K, N); rows sum to one."""
 
     @property
     def rest_joints(self) -> Array | None:

@@ -97,7 +97,9 @@ class Oracle:
         A sparse J'J has none below zero: it is shifted by as much as `reflected` would at least.
         """
         if self._normal is not None:
-            return self._sparse("convex", self._normal, lambda here: _definite(here.normal))
+            return self._sparse(
+                "convex", self._normal, lambda here: _definite(here.normal), multiplied=True
+            )
         of_cost, bend = _of_cost(self._run, self._hessian), _of_constraints(self._run)
 
         def convex(x: Array, multipliers: Array) -> Array:
@@ -130,7 +132,12 @@ class Oracle:
         return csc_array(gram(csc_array(problem.pattern, dtype=float)) + eye_array(self._sizes[0]))
 
     def _sparse(
-        self, name: str, pattern: csc_array, of: Callable[[Linearization], Matrix]
+        self,
+        name: str,
+        pattern: csc_array,
+        of: Callable[[Linearization], Matrix],
+        *,
+        multiplied: bool = False,
     ) -> "External":
         """A function of a linearization whose value is sparse."""
         n, run = self._sizes[0], self._run
@@ -139,7 +146,7 @@ class Oracle:
         def entries(x: Array, _: Array) -> Array:
             return entries_at(csc_array(of(run.linearize(x))), pattern)
 
-        sizes = n, self._sizes[1] if name == "convex" else 0
+        sizes = n, self._sizes[1] if multiplied else 0
         return External(name, sizes, (pattern.nnz,), entries, run, self._kept, sparsity)
 
     def _external(

@@ -57,10 +57,11 @@ class Scipy:
         with Run(name, self, problem, start, callback) as run:
             x0 = np.clip(run.x, problem.lower, problem.upper)
             loose = problem.lower < problem.upper  # SciPy takes no bounds that are equal
-            functions = _Functions(run, x0, loose, self.method == "lm")
+            functions = _Functions(run, x0, loose)
             D = self.scaling(functions.here)[loose]
             answer: Any = scipy.optimize.least_squares(
-                functions.residual, x0[loose], functions.jacobian,
+                functions.residual, x0[loose],
+                functions.dense_jacobian if self.method == "lm" else functions.jacobian,
                 bounds=(problem.lower[loose], problem.upper[loose]),
                 method=self.method,  # type: ignore[arg-type]  # one of METHODS
                 x_scale=1 / D, ftol=TOLERANCE, xtol=TOLERANCE, gtol=TOLERANCE,
@@ -74,11 +75,11 @@ class _Functions:
     """Residual and Jacobian as SciPy asks for them, in the entries whose bounds leave them loose.
 
     MINPACK wants as many rows as columns, so there are zeros below. A residual that is not finite
-    becomes the largest seen, ten times: MINPACK believes a NaN, and wants its Jacobian dense.
+    becomes the largest seen, ten times: MINPACK believes a NaN.
     """
 
-    def __init__(self, run: Run, x0: Array, loose: NDArray[np.bool_], wants_dense: bool) -> None:
-        self.run, self.x0, self.loose, self._dense = run, x0, loose, wants_dense
+    def __init__(self, run: Run, x0: Array, loose: NDArray[np.bool_]) -> None:
+        self.run, self.x0, self.loose = run, x0, loose
         self.here = run.linearize(x0)
         self._known: Array | None = x0
         run.record(x0, self.here.cost, run.optimality(x0, self.here))
@@ -103,8 +104,10 @@ class _Functions:
             self.here, self._known = self.run.linearize(x), x
             self.run.record(x, self.here.cost, self.run.optimality(x, self.here))
         J = columns_of(self.here.jacobian, self.loose)
-        J = stacked(J, np.zeros((self._padding, J.shape[1]))) if self._padding else J
-        return dense(J) if self._dense else J
+        return stacked(J, np.zeros((self._padding, J.shape[1]))) if self._padding else J
+
+    def dense_jacobian(self, free: Array) -> Array:
+        return dense(self.jacobian(free))
 
     def _whole(self, free: Array) -> Array:
         x = self.x0.copy()
