@@ -122,6 +122,8 @@ def put(**changed: Any) -> Callable[[dict[str, Any]], dict[str, Any]]:
         (put(shapedirs=np.zeros((40, 9, 2))), BadFile, r"must be \(40, 3, 3, B\)"),
         (put(shapedirs=np.full((40, 3, 3, 2), np.inf)), BadBody, "shapedirs.* is not finite"),
         (put(v_template=np.array("tall")), BadFile, "v_template holds .*must hold numbers"),
+        (put(v_template=1e200 * np.eye(22, 3)), BadBody, "has no area"),
+        (put(v_template=np.full((22, 3), -1e300) * np.arange(22)[:, None]), BadBody, "no area"),
         (put(weights__indices=np.full(40, 99)), BadFile, "weights is no sparse matrix"),
         (put(weights__data=np.full(40, 2.0)), BadBody, "weights of face 0 sum to 2"),
         (put(weights__shape=np.array([2**40, 3])), BadFile, "weights is no sparse matrix"),
