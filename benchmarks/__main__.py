@@ -11,7 +11,7 @@ from benchmarks.timing import alone_on_one_core
 
 HERE = Path(__file__).parent
 DIGITS = 5  # of times in the files
-PARTS = ("derivatives", "fits", "scaling", "overhead", "vertices")
+PARTS = ("derivatives", "fits", "scaling", "overhead", "vertices", "sequences")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -25,12 +25,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--no-peers", action="store_true", help="the workbench and the floor only")
     asked = parser.parse_args(arguments)
     if asked.parts[:1] == ["memory"]:  # scaling asks this of processes of their own
-        from benchmarks import scaling, vertices
-
-        what, way = asked.parts[1:3]
-        by_step = way == "vertices"
-        taken = vertices.memory_of(what) if by_step else scaling.memory_of(int(what), way)
-        print(json.dumps(taken))
+        print(json.dumps(_memory(*asked.parts[1:3])))
         return
     unknown = set(asked.parts) - {*PARTS, "page"}
     if unknown:
@@ -42,6 +37,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
     _write_page(asked.out)
 
 
+def _memory(what: str, way: str) -> dict[str, Any]:
+    """What a process that does nothing else takes."""
+    from benchmarks import scaling, sequences, vertices
+
+    if way == "vertices":
+        return vertices.memory_of(what)
+    if way == "sequences":
+        return sequences.memory_of(int(what))
+    return scaling.memory_of(int(what), way)
+
+
 def _measure(part: str, asked: argparse.Namespace) -> None:
     """One part, to `results/<part>.json`."""
     from benchmarks import (
@@ -51,6 +57,7 @@ def _measure(part: str, asked: argparse.Namespace) -> None:
         machine,
         overhead,
         scaling,
+        sequences,
         table,
         vertices,
     )
@@ -69,6 +76,12 @@ def _measure(part: str, asked: argparse.Namespace) -> None:
     if part == "vertices":
         found = vertices.measure(rounds, [name for name in vertices.BODIES if name in names])
         print(table.vertices(found), flush=True)
+    if part == "sequences":
+        wanted = sequences.BODY in names
+        lengths = sequences.LENGTHS if wanted else ()
+        seen = (sequences.JOINTS, sequences.COCO) if wanted else ()
+        found = sequences.measure(max(3, rounds // 2), seen, lengths=lengths)
+        print(table.sequences(found), flush=True)
     for name in names if part in ("derivatives", "fits") else ():
         if part == "derivatives":
             found[name] = derivatives.measure(name, rounds, peers)

@@ -37,6 +37,8 @@ def text(results: Mapping[str, Any]) -> str:
     if "vertices" in found:
         parts += ["## A step of a registration with free vertices\n"]
         parts += [table.vertices(found["vertices"])]
+    if "sequences" in found:
+        parts += ["## A video as one problem\n", table.sequences(found["sequences"])]
     return "\n".join(parts)
 
 

@@ -6,6 +6,7 @@ from typing import Any
 from benchmarks import fits as whole_fits
 from benchmarks import ours
 from benchmarks import overhead as whole_overhead
+from benchmarks import sequences as filmed
 from benchmarks import vertices as free
 from benchmarks.targets import Target
 from benchmarks.timing import best, median
@@ -98,6 +99,31 @@ def vertices(found: Mapping[str, Any]) -> str:
         for by in (free.DIRECT, free.KRYLOV):
             cells += [spent(seconds[by]), ratio(seconds, by, free.OURS)]
         lines.append(f"| {name} | {' | '.join(cells)} |")
+    return "\n".join([*lines, ""])
+
+
+def sequences(found: Mapping[str, Any]) -> str:
+    """Per kind of points: milliseconds and ratios; per number of frames: time and memory."""
+    parts = (filmed.APART, filmed.WHOLE, filmed.ITERATION, filmed.STEP, filmed.DIRECT)
+    lines = [
+        "| seen | unknowns | " + ", ms | ".join(parts) + ", ms | iteration × one by one | "
+        "off the dense solution of six frames |",
+        "| --- |" + " --: |" * (len(parts) + 3),
+    ]
+    for name, one in found["seen"].items():
+        cells = [f"{one['unknowns']:,}", *(spent(one["seconds"][part]) for part in parts)]
+        cells += [ratio(one["seconds"], filmed.ITERATION, filmed.APART), f"{one['off']:.0e}"]
+        lines.append(f"| {name}, {one['frames']} frames | {' | '.join(cells)} |")
+    lines += [
+        "",
+        "| frames | unknowns | LM iteration, ms | a frame, ms | memory, MB | a frame, MB |",
+        "| --: |" + " --: |" * 5,
+    ]
+    for count, one in found["frames"].items():
+        seconds, taken = one["seconds"][filmed.ITERATION], (one["peak"] - one["before"]) / 1e6
+        each = 1e3 * best(seconds) / int(count), taken / int(count)
+        cells = [f"{one['unknowns']:,}", spent(seconds), _three(each[0])]
+        lines.append(f"| {int(count):,} | {' | '.join([*cells, _three(taken), _three(each[1])])} |")
     return "\n".join([*lines, ""])
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from benchmarks import fits, ours, overhead, peers
+from benchmarks import fits, ours, overhead, peers, sequences
 from benchmarks.derivatives import KINDS
 from benchmarks.timing import best
 
@@ -30,7 +30,7 @@ class Target:
 def all_of(results: Mapping[str, Any]) -> list[Target]:
     """Those that can be judged from the parts that were run."""
     judges: tuple[Callable[[Mapping[str, Any]], Iterator[Target]], ...]
-    judges = (_of_derivatives, _of_fits, _of_scaling, _of_overhead)
+    judges = (_of_derivatives, _of_fits, _of_scaling, _of_overhead, _of_sequences)
     return [target for judge in judges for target in judge(results)]
 
 
@@ -89,6 +89,23 @@ def _of_overhead(results: Mapping[str, Any]) -> Iterator[Target]:
     for label, how in overhead.pairs(seconds):
         ratio = best(seconds[label]) / best(seconds[label + how])
         yield Target(f"{label} /{how}", ratio, 1.1, True)
+
+
+def _of_sequences(results: Mapping[str, Any]) -> Iterator[Target]:
+    found = _part(results, "sequences")
+    for name, one in found.get("seen", {}).items():
+        taken = {way: best(one["seconds"][way]) for way in (sequences.ITERATION, sequences.APART)}
+        within = taken[sequences.ITERATION] / taken[sequences.APART]
+        label = f"{name}: LM iteration of {one['frames']} frames / these linearized one by one"
+        yield Target(label, within, 1.2, True)
+    each = {
+        int(count): best(one["seconds"][sequences.ITERATION]) / int(count)
+        for count, one in found.get("frames", {}).items()
+    }
+    if len(each) > 1:
+        few, many = min(each), max(each)
+        label = f"LM iteration per frame, {many:,} frames / {few:,}"
+        yield Target(label, each[many] / each[few], 1.2, True)
 
 
 def _part(results: Mapping[str, Any], name: str) -> Mapping[str, Any]:

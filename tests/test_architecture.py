@@ -1,9 +1,21 @@
 """The rooms of the workbench, and which may look into which."""
 
 import ast
+import re
+import sys
+from collections.abc import Callable, Iterator
+from importlib import import_module
 from pathlib import Path
+from types import CodeType, FrameType
 
+import casadi as cs
+import numpy as np
 import pytest
+
+import workbench
+from workbench.blocks import Block
+from workbench.problem import Problem
+from workbench.residuals import Residual
 
 ROOT = Path(__file__).parents[1] / "workbench"
 
@@ -28,7 +40,7 @@ FLOORS = (  # from the ground up; a room imports from lower floors and from itse
 )
 FLOOR = {room: height for height, rooms in enumerate(FLOORS) for room in rooms}
 FORBIDDEN = {"utils", "util", "common", "helpers", "helper", "misc", "base"}
-GO_IN_CIRCLES = {"diagnostics"}  # the room that the rule waits for
+FARTHEST = 10  # files that a reader opens from a public function to its numbers
 LONGEST = 300  # lines, of a module that is read in one sitting
 MODULES = sorted(path for path in ROOT.rglob("*.py") if path != ROOT / "__init__.py")
 EACH_MODULE = pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(ROOT)))
@@ -127,16 +139,11 @@ def test_a_circle_is_found() -> None:
     assert a_circle({"a": {"b"}, "b": {"c"}, "c": {"b"}, "d": {"a"}}) == ["b", "c", "b"]
 
 
-@pytest.mark.parametrize("room", sorted(FLOOR.keys() - GO_IN_CIRCLES))
+@pytest.mark.parametrize("room", sorted(FLOOR))
 def test_modules_of_a_room_do_not_import_each_other_in_circles(room: str) -> None:
     """Arrays and protocols below, what is made of them above; imports for types alone count."""
     circle = a_circle(modules_of(room))
     assert not circle, " imports ".join(circle)
-
-
-@pytest.mark.parametrize("room", sorted(GO_IN_CIRCLES))
-def test_a_room_without_circles_is_held_to_it(room: str) -> None:
-    assert a_circle(modules_of(room)), f"take {room} out of GO_IN_CIRCLES"
 
 
 @EACH_MODULE
@@ -165,3 +172,138 @@ def test_only_plots_draw_and_nothing_is_shown(path: Path) -> None:
         node.func for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Call)
     ]
     assert not any(isinstance(f, ast.Attribute) and ast.unparse(f) == "plt.show" for f in calls)
+
+
+# The picture of three walks in ARCHITECTURE.md.
+
+
+def walks() -> dict[str, list[tuple[int, str]]]:
+    """Of each public function in the picture: its files in order, and how far right each stands."""
+    text = (ROOT.parent / "ARCHITECTURE.md").read_text()
+    (picture,) = re.findall(r"^```\n(solve\(.*?)^```$", text, re.DOTALL | re.MULTILINE)
+    found = {}
+    for walk in picture.strip().split("\n\n"):
+        first, *lines = walk.split("\n")
+        files = [(len(line) - len(line.lstrip()), line.split()[0]) for line in lines]
+        found[first.partition("(")[0]] = files
+    return found
+
+
+WALKS = walks()
+EACH_WALK = pytest.mark.parametrize("walk", WALKS)
+
+
+def module_of(file: str) -> str:
+    parts = ("workbench", *Path(file).with_suffix("").parts)
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def sees(file: str, other: str) -> bool:
+    """Whether a file imports another, or a name of it from the front door of its room."""
+    seen, module = imports_of(ROOT / file), module_of(other)
+    room = module.rpartition(".")[0]
+    door = imports_of(ROOT / Path(other).parent / "__init__.py")
+    names = [name.rpartition(".")[2] for name in seen if name.rpartition(".")[0] == room]
+    return module in seen or any(f"{module}.{name}" in door for name in names)
+
+
+def test_an_import_by_a_front_door_is_seen() -> None:
+    assert sees("solvers/run.py", "problem/problem.py")  # from workbench.problem import Problem
+    assert sees("solvers/run.py", "solvers/ending.py")
+    assert not sees("solvers/run.py", "problem/batch.py")
+    assert not sees("problem/chain.py", "problem/problem.py")
+
+
+def test_the_picture_has_three_walks() -> None:
+    assert list(WALKS) == ["solve", "diagnose", "sample"]
+
+
+@EACH_WALK
+def test_a_walk_is_short_and_begins_at_a_public_function(walk: str) -> None:
+    files = [file for _, file in WALKS[walk]]
+    assert len(set(files)) == len(files) <= FARTHEST
+    assert all((ROOT / file).is_file() for file in files)
+    assert getattr(workbench, walk).__module__ == module_of(files[0])
+
+
+@EACH_WALK
+def test_a_walk_goes_down(walk: str) -> None:
+    """The nearest file above that stands further to the left imports it; none imports one above."""
+    files = WALKS[walk]
+    for i, (right, file) in enumerate(files[1:], start=1):
+        above = next(other for left, other in reversed(files[:i]) if left < right)
+        assert sees(above, file), f"{above} does not import {file}"
+        back = [other for _, other in files[:i] if sees(file, other)]
+        assert not back, f"{file} turns back to {back}"
+
+
+def small_problem() -> tuple[Problem, dict[str, np.ndarray]]:
+    """Two of three unknowns are seen, neither of them in a straight line."""
+    x = Block("x", (3,))
+    seen = cs.vertcat(cs.exp(x.symbol[0]) - 1.2, x.symbol[0] + x.symbol[1] ** 2 - 0.3)
+    problem = Problem([Residual("data", seen, sigma=0.1)], ["x"], blocks=[x])
+    return problem, {"x": np.array([0.1, 0.4, 0.0])}
+
+
+def solved() -> None:
+    problem, start = small_problem()
+    workbench.solve(problem, start)
+
+
+def diagnosed() -> None:
+    diagnosis = workbench.diagnose(*small_problem())
+    assert (diagnosis.rank, len(diagnosis.null_directions)) == (2, 1)
+
+
+def sampled() -> None:
+    problem, at = small_problem()
+    posterior = workbench.sample(problem, at, ["x[0]", "x[1]"], steps=40, walkers=8, ensembles=2)
+    assert posterior.verdict
+
+
+RUNS: dict[str, Callable[[], None]] = {"solve": solved, "diagnose": diagnosed, "sample": sampled}
+
+
+def calls(run: Callable[[], None]) -> set[tuple[str, str, CodeType]]:
+    """Which files of the package call which: the caller's, that of what is called, and what."""
+    found: set[tuple[str, str, CodeType]] = set()
+    before = sys.getprofile()
+
+    def noted(frame: FrameType, event: str, _: object) -> None:
+        if event == "call" and frame.f_back is not None:
+            caller, called = frame.f_back.f_code, frame.f_code
+            found.add((caller.co_filename, called.co_filename, called))
+
+    sys.setprofile(noted)
+    try:
+        run()
+    finally:
+        sys.setprofile(before)
+    return found
+
+
+def questions(file: str) -> Iterator[CodeType]:
+    """The properties of a file's classes: whoever has an object may ask it for its numbers."""
+    for kind in vars(import_module(module_of(file))).values():
+        for value in vars(kind).values() if isinstance(kind, type) else ():
+            if isinstance(value, property) and value.fget is not None:
+                yield value.fget.__code__
+
+
+@EACH_WALK
+def test_a_walk_is_the_way_of_the_calls(walk: str) -> None:
+    """Every file of a walk is at work when its function runs, and none calls one above it."""
+    files = [file for _, file in WALKS[walk]]
+    modules = [import_module(module_of(file)) for file in files]  # at once: an import is no call
+    height = {str(module.__file__): i for i, module in enumerate(modules)}
+    made = calls(RUNS[walk])
+    idle = set(height).difference(called for _, called, _ in made)
+    assert not idle, f"{sorted(idle)} are not at work"
+    asked = {code for file in files for code in questions(file)}
+    back = {
+        f"{files[height[caller]]} calls {what.co_name} of {files[height[called]]}"
+        for caller, called, what in made
+        if caller in height and called in height and what not in asked
+        if height[called] < height[caller]
+    }
+    assert not back

@@ -44,6 +44,19 @@ def test_one_camera_sees_across_and_not_along() -> None:
     assert example.sigmas["one camera"][2] > 5 * example.sigmas["two cameras"][2]
 
 
+def test_a_sequence_shares_a_shape_and_fills_gaps() -> None:
+    example = import_module("examples.12_a_video")
+    assert example.together.converged
+    assert example.together.trace[-1].linear_algebra == "band cholesky"
+    alone, together = example.errors["frame by frame"], example.errors["as a sequence"]
+    seen = np.delete(np.arange(example.FRAMES), example.hidden)
+    assert together[seen].mean() < 0.6 * alone[seen].mean()
+    assert alone[example.hidden].mean() > 100  # mm
+    assert together[example.hidden].mean() < 20
+    spread = {name: np.sqrt(np.mean(off**2)) for name, off in example.shapes.items()}
+    assert spread["as a sequence"] < spread["frame by frame"] / 3
+
+
 def test_robust_kernels_leave_outliers_alone() -> None:
     example = import_module("examples.06_outliers")
     squares, huber, geman = (example.errors[name].mean() for name in example.KERNELS)

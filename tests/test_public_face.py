@@ -49,6 +49,7 @@ WORKBENCH = [
     "residuals",
     "sample",
     "save_body",
+    "sequence",
     "solve",
     "train",
 ]
@@ -63,6 +64,7 @@ RESIDUALS = [
     "landmarks",
     "of_norms",
     "quadratic",
+    "smooth",
     "stitching",
     "vertices",
 ]

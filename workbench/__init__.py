@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from workbench.diagnostics import Diagnosis, diagnose
     from workbench.errors import WorkbenchError
     from workbench.geometry.camera import Camera
-    from workbench.problem import Constraint, Linearization, Problem
+    from workbench.problem import Constraint, Linearization, Problem, sequence
     from workbench.residuals import Residual
     from workbench.sampling import Posterior, laplace, sample
     from workbench.solvers import (
@@ -81,6 +81,7 @@ __all__ = [
     "residuals",
     "sample",
     "save_body",
+    "sequence",
     "solve",
     "train",
 ]
@@ -95,7 +96,7 @@ ROOMS = {  # where the names above live
     "diagnostics": ("Diagnosis", "diagnose"),
     "errors": ("WorkbenchError",),
     "geometry.camera": ("Camera",),
-    "problem": ("Constraint", "Linearization", "Problem"),
+    "problem": ("Constraint", "Linearization", "Problem", "sequence"),
     "residuals": ("Residual",),
     "sampling": ("Posterior", "laplace", "sample"),
     "solvers": (

@@ -10,7 +10,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import figure, fits, ours, overhead, page, peers, scaling, table, targets, vertices
+from benchmarks import (
+    figure,
+    fits,
+    ours,
+    overhead,
+    page,
+    peers,
+    scaling,
+    sequences,
+    table,
+    targets,
+    vertices,
+)
 from benchmarks.__main__ import PARTS, main
 from benchmarks.bodies_made_up import case_of, random_body
 from benchmarks.candidates import Candidate, Disagreement, check
@@ -224,3 +236,45 @@ def test_ways_to_a_step_of_free_vertices_agree_and_are_told_with_their_memory() 
     assert one["bytes"]["peak"] > one["bytes"]["before"]
     assert "| small | 1,107 | 5,517 |" in table.vertices(found)
     assert vertices.registration("small")[0].sparse
+
+
+def test_a_video_is_timed_beside_its_frames_and_solved_as_a_dense_problem() -> None:
+    """`measure` compares the steps, and solutions of six frames, before it tells anything."""
+    found = sequences.measure(1, (sequences.JOINTS,), frames=4, lengths=(3,))
+    one = found["seen"][sequences.JOINTS]
+    assert one["unknowns"] == 4 * 75 + 10
+    assert one["rows"] == 4 * (4 * 48 + 72) + 10 + 3 * 75
+    assert one["off"] < sequences.SAME
+    assert len(one["seconds"][sequences.ITERATION]) > 2
+    alone = found["frames"]["3"]
+    assert alone["unknowns"] == 235
+    assert alone["peak"] >= alone["problem"] > alone["before"]
+    said = table.sequences(found)
+    assert "| 24 joints, 4 frames | 310 |" in said
+    assert "| 3 | 235 |" in said
+    fast = {sequences.ITERATION: [1.0], sequences.APART: [2.0]}
+    made_up = {
+        "seen": {"joints": {"frames": 200, "seconds": fast}},
+        "frames": {str(n): {"seconds": {sequences.ITERATION: [1e-3 * n**1.5]}} for n in (4, 16)},
+    }
+    judged = targets.all_of({"sequences": {"found": made_up}})
+    assert [target.measured for target in judged] == pytest.approx([0.5, 2.0])
+    assert [target.holds for target in judged] == [True, False]
+
+
+def test_few_frames_are_solved_by_blocks_and_as_an_array() -> None:
+    made = sequences.film(2)
+    with sequences._by_blocks():
+        blocks = sequences.film(2).video
+        assert blocks.sparse
+    with sequences._as_an_array():
+        assert not sequences.film(2).video.sparse
+    x, fixed = made.split
+    np.testing.assert_allclose(
+        blocks.linearize_at(x, fixed).dense, made.video.linearize_at(x, fixed).dense, atol=1e-9
+    )
+    assert len(made.apart) == 2
+    r = np.concatenate([made.frame.residual(*one) for one in made.apart])
+    size = made.frame.rows["camera 1"].stop
+    rows = made.video.rows["camera 1"]
+    np.testing.assert_allclose(made.video.residual(x, fixed)[rows][:size], r[:size], atol=1e-9)

@@ -13,7 +13,7 @@ from tests.bodies_made_up import random_body, smpl_like_body
 from tests.outcomes_made_up import setup_made_up
 from tests.problem.test_chain import assert_same
 from workbench import residuals
-from workbench.blocks.affine import Affine
+from workbench.blocks.affine import Affine, _by_scalars
 from workbench.bodies import arithmetic, surface
 from workbench.bodies.triangles.recipes import blend_scape
 from workbench.diagnostics import diagnose
@@ -242,6 +242,53 @@ def test_an_affine_map_is_offset_and_matrices() -> None:
     g = RNG.normal(size=6)
     np.testing.assert_allclose(found.pulled(g)["b"], A.T @ g, atol=1e-14)
     np.testing.assert_allclose(found.pulled(g)["a"], 2 * g, atol=1e-14)
+
+
+MAPS: dict[str, Callable[[cs.MX, cs.MX], cs.MX]] = {
+    "one frame of many": lambda x, y: x[:, 7],
+    "rows in another order": lambda x, y: cs.vertcat(x[2:, :], cs.DM.ones(2, 20), x[:2, :]),
+    "coefficients": lambda x, y: cs.DM(np.arange(24).reshape(4, 6)) @ x + 3,
+    "sums, of which matrices have no constant slope": lambda x, y: cs.cumsum(x.T).T,
+    "a scalar added to a matrix": lambda x, y: 2 * x[:, :3] - y,
+    "fewer rows than columns": lambda x, y: cs.sum2(x)[:2] + y,
+    "nothing left of one": lambda x, y: x - x + y,
+    "the same twice": lambda x, y: (x + x) / 2,
+}
+
+
+@pytest.mark.parametrize("made", MAPS.values(), ids=list(MAPS))
+def test_matrices_and_scalars_have_the_same_affine_map(
+    made: Callable[[cs.MX, cs.MX], cs.MX],
+) -> None:
+    s = symbols(x=(20, 6), y=())
+    expression = made(s["x"], s["y"])
+    found = Affine.of(expression, expression.shape[::-1])
+    assert found is not None
+    by_values = cs.Function("f", [s["x"], s["y"]], [expression])
+    rng = np.random.default_rng(3)
+    for _ in range(2):
+        values = {"x": rng.normal(size=(20, 6)), "y": rng.normal(size=())}
+        expected = np.asarray(by_values(values["x"].T, values["y"])).T
+        np.testing.assert_allclose(found.value(values), expected, rtol=0, atol=1e-13)
+    column = cs.densify(cs.vec(expression))
+    read = cs.symvar(expression)
+    exact = _by_scalars(column, read)
+    assert exact is not None
+    for symbol, matrix in zip(read, exact, strict=True):
+        own = found.terms[symbol.name()]
+        assert own.nnz == matrix.nnz  # no zero is stored: a row that is one entry is seen as such
+        np.testing.assert_array_equal(own.toarray(), matrix.toarray())
+
+
+def test_no_derivative_is_taken_of_what_is_clearly_bent(monkeypatch: pytest.MonkeyPatch) -> None:
+    """That of each entry by each would be without zeros."""
+
+    def taken(*_: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr(cs, "jacobian", taken)
+    x = symbols(x=(200, 72))["x"]
+    assert Affine.of(x / cs.norm_2(cs.vec(x)), (200, 72)) is None
 
 
 def test_one_block_moves_two_bodies() -> None:

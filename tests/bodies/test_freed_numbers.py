@@ -8,7 +8,8 @@ import pytest
 
 import workbench as wb
 from tests.bodies_made_up import random_body
-from workbench.bodies.freed_numbers import FreedSurface, FreedSurfaceAt
+from workbench.bodies.freed_numbers import BLOCKS, FreedSurface, FreedSurfaceAt
+from workbench.bodies.freed_points import FreedPoints
 
 PLAIN = random_body(4, n_vertices=9, n_joints=4, n_betas=2)
 BENT = replace(PLAIN, bound_in=np.random.default_rng(1).normal(scale=0.4, size=(4, 3)))
@@ -17,9 +18,13 @@ FREE = {
     "all but joints": ("template", "shapedirs", "posedirs", "J_regressor", "weights"),
     "joints": ("template", "posedirs", "weights", "joints"),
     "template alone": ("template",),
+    "regressor": ("posedirs", "J_regressor"),
+    "where joints are": ("joints", "shapedirs"),
 }
 CASES = {f"plain, {name}": (PLAIN, free) for name, free in FREE.items()}
 CASES |= {f"drawn bent, {name}": (BENT, FREE[name]) for name in ("all but joints", "joints")}
+LIMBS = random_body(5, n_vertices=9, n_joints=7, n_betas=2)  # no vertex hangs at all joints
+CASES |= {f"limbs, {name}": (LIMBS, FREE[name]) for name in ("regressor", "where joints are")}
 CASES["joints given"] = GIVEN, ("template", "shapedirs", "weights")
 EACH = pytest.mark.parametrize(("body", "free"), CASES.values(), ids=list(CASES))
 CHOSEN = {"all": np.arange(9), "some": np.array([7, 2, 3])}
@@ -143,8 +148,44 @@ def test_problems_with_free_arrays_go_by_the_chain_rule(free: tuple[str, ...]) -
     np.testing.assert_allclose(problem.costs(x, none)(z), expected, rtol=1e-10)
 
 
-def test_a_large_body_with_free_arrays_keeps_its_sparse_graph() -> None:
+@pytest.mark.parametrize("some", [None, [7, 2, 3, 2]], ids=["all vertices", "some"])
+@EACH
+def test_patterns_are_where_derivatives_are_not_zero(
+    body: wb.SkinnedBody, free: tuple[str, ...], some: list[int] | None
+) -> None:
+    """No fewer entries, at any values; and no more, where all numbers are random."""
+    student, rng = body.freed(*free), np.random.default_rng(9)
+    blocks = [*student.blocks(), *student.free.values()]
+    source = student.points(*(b.symbol for b in blocks[:3]), vertices=some).source.numeric
+    assert isinstance(source, FreedPoints)
+    values = values_at(body, free)
+    full = {name: v if name in BLOCKS else rng.normal(size=v.shape) for name, v in values.items()}
+    sparse = set()
+    for block in blocks:
+        pattern = source.pattern(block.name)
+        if pattern is None:
+            continue
+        sparse.add(block.name)
+        there = pattern.toarray() != 0
+        np.testing.assert_array_equal(source.at(full).jacobian(block.name).toarray() != 0, there)
+        for at in (values, body.start() | {name: body.array(name) for name in free}):
+            assert there[source.at(at).jacobian(block.name).toarray() != 0].all()
+    through_regressor = {"template", "shapedirs"} if "J_regressor" in free else set()
+    through_weights = {"J_regressor", "joints"} if "weights" in free else set()
+    dense = through_weights | through_regressor
+    assert sparse == set(free) - dense
+
+
+def test_a_large_body_with_free_arrays_has_a_small_sparse_derivative() -> None:
     body = random_body(8, n_vertices=700, n_joints=2, n_betas=1)
     student = body.freed("template")
     points = student.points(*(b.symbol for b in student.blocks()))
-    assert points.source.numeric is None
+    term = wb.residuals.vertices(points, body.template + 0.1, sigma=0.1)
+    problem = wb.Problem([term], ("template", "pose"))
+    values = student.start() | {"pose": np.random.default_rng(0).normal(size=(2, 3))}
+    here = problem.linearize(values)
+    assert problem.sparse
+    assert here.jacobian.nnz < 0.02 * here.jacobian.shape[0] * here.jacobian.shape[1]
+    x, fixed = problem.split(values)
+    J = problem.derivative(x, fixed)[1].sparse()
+    assert abs(here.jacobian - J).max() < 1e-11 * abs(J).max()

@@ -10,7 +10,16 @@ import numpy as np
 import pytest
 from scipy.sparse import csc_array, random_array
 
-from workbench import Block, Diagnosis, Problem, Values, diagnose, load_body, residuals
+from workbench import (
+    Block,
+    Constraint,
+    Diagnosis,
+    Problem,
+    Values,
+    diagnose,
+    load_body,
+    residuals,
+)
 from workbench.problem import Linearization, storage
 from workbench.residuals import Residual
 
@@ -209,3 +218,29 @@ def test_two_hundred_thousand_vertices_take_a_few_times_their_jacobian() -> None
     rank, structural, taken = map(int, said.stdout.split())
     assert rank == structural == 85
     assert taken < 4e9
+
+
+def test_sparse_constraints_hold_as_dense_ones_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An equation and one of two inequalities hold, and decide what no residual notices."""
+    found = []
+    for sparse in (False, True):
+        if sparse:
+            always_sparse(monkeypatch)
+        problem, values = sparse_problem(400, 60)
+        x = problem.free.blocks[0].symbol
+        values["x"][[8, 9]] = 0.5, 0.3
+        limits = (
+            Constraint("apart", x[8] - x[9], 0.2, 0.2),
+            Constraint("squares", x[:5] ** 2 - cs.DM(values["x"][:5] ** 2), upper=[0, 1, 1, 1, 1]),
+        )
+        held = Problem(problem.residuals, ("x", "y"), blocks=problem.free.blocks,
+                       constraints=limits)  # fmt: skip
+        assert held.stacked_constraints is not None
+        assert held.stacked_constraints.sparse == sparse
+        found.append(diagnose(held, values, priors=("prior",)))
+    dense, thin = found
+    assert dense.point.held.names == thin.point.held.names == ("apart", "squares[0]")
+    np.testing.assert_array_equal(dense.point.held.rows, thin.point.held.rows)
+    assert dense.rank == thin.rank == 59  # x[7] alone is not noticed
+    assert [d.name for d in dense.null_directions] == [d.name for d in thin.null_directions]
+    np.testing.assert_allclose(thin.identifiability.sigma, dense.identifiability.sigma)

@@ -7,10 +7,9 @@ import scipy.stats
 import workbench as wb
 from workbench.problem.batch import compiled
 from workbench.sampling import Verdict, sample
-from workbench.sampling.choice import chosen
 from workbench.sampling.ensembles import Plan, run
 from workbench.sampling.moves import differential_evolution
-from workbench.sampling.subspace import fixed
+from workbench.sampling.subspace import chosen, fixed
 from workbench.sampling.target import Target
 
 REPLICATIONS = 200

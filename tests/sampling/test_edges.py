@@ -6,10 +6,9 @@ import pytest
 
 from workbench import Block, Constraint, Problem, Residual, laplace
 from workbench.errors import BadArgument
-from workbench.sampling.choice import chosen
 from workbench.sampling.conditioning import conditioning
 from workbench.sampling.descent import descended, log_scaled_tail
-from workbench.sampling.subspace import fixed
+from workbench.sampling.subspace import chosen, fixed
 from workbench.sampling.target import Target
 
 

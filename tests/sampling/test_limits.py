@@ -1,5 +1,7 @@
 """Bounds and constraints end a posterior: no draw lies beyond them, or it is refused."""
 
+from collections.abc import Callable
+
 import casadi as cs
 import numpy as np
 import pytest
@@ -7,7 +9,8 @@ import scipy.stats
 
 import workbench as wb
 from tests.sampling.densities import conditioned, gaussian
-from workbench.sampling import conditional, directions, following, laplace, sample
+from workbench.problem import storage
+from workbench.sampling import Posterior, conditional, directions, following, laplace, sample
 
 UNLIKELY = 1e-3  # of a test of draws that are right, the seeds being fixed
 
@@ -296,3 +299,47 @@ def test_equations_that_are_not_linear_are_refused_still() -> None:
     problem = wb.Problem([wb.Residual("r", y.symbol, 0.5)], "y", blocks=[y], constraints=[tie])
     with pytest.raises(wb.WorkbenchError, match="Where it is linear, name the entries"):
         laplace(problem, {"y": np.zeros(3)}, ["y[1]", "y[2]"], rest=following)
+
+
+# Constraints whose derivatives are sparse.
+
+
+@pytest.fixture(params=["bounded", "curved", "following", "named"])
+def ways(request: pytest.FixtureRequest) -> Callable[[], Posterior]:
+    """Four posteriors that ask constraints in different ways, each a new problem."""
+
+    def bounded() -> Posterior:
+        return laplace(ring(), {"y": [0.71, 0.71]}, draws=500)
+
+    def curved() -> Posterior:
+        y = wb.Block("y", (3,))
+        disc = wb.Constraint("disc", cs.vertcat(cs.sumsqr(y.symbol[:2]), y.symbol[2]), -2.0, 1.0)
+        pull = wb.Residual("pull", y.symbol - 2.0, 0.5)
+        problem = wb.Problem([pull], "y", blocks=[y], constraints=[disc])
+        return laplace(problem, {"y": np.array([0.1, 0.2, 0.0])}, draws=500)
+
+    def followed() -> Posterior:
+        at = {"x": [1, 0, 0], "y": [0.5, 0]}
+        return laplace(tied_gaussian()[0], at, ["x[0]", "y"], rest=following, draws=500)
+
+    def named() -> Posterior:
+        y = wb.Block("y", (3,))
+        limits = cs.vertcat(y.symbol[0] * y.symbol[1], y.symbol[1] - y.symbol[2])
+        both = wb.Constraint("both", limits, [-1.0, 0.0], [1.0, 0.0])
+        problem = wb.Problem([wb.Residual("r", y.symbol, 1.0)], "y", blocks=[y], constraints=[both])
+        return laplace(problem, {"y": np.zeros(3)}, "y[0]", draws=500)
+
+    chosen = {"bounded": bounded, "curved": curved, "following": followed, "named": named}
+    return chosen[request.param]
+
+
+def test_sparse_constraints_give_the_same_draws(
+    monkeypatch: pytest.MonkeyPatch, ways: Callable[[], Posterior]
+) -> None:
+    dense = ways()
+    monkeypatch.setattr(storage, "DENSE_FROM", 0)
+    monkeypatch.setattr(storage, "SPARSE_UP_TO", 2.0)
+    sparse = ways()
+    assert str(sparse.held) == str(dense.held)
+    # the same random numbers through matrices of condition below ten, in double precision
+    np.testing.assert_allclose(sparse.flat, dense.flat, rtol=0, atol=1e-6)

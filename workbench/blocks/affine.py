@@ -18,10 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from workbench.blocks.buffered import Buffered
+
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 FILLED = 0.2  # of a matrix: above, dense products are faster than sparse ones
 SMALL = 10_000  # entries of a matrix: below, they are as well
+BENT = 1e-6  # of the largest number in it: by more no rounding errors make a map of sums bent
 SAME = 1e-12  # of the largest number in it: two ways to one affine map agree to rounding
 
 
@@ -49,28 +52,25 @@ class Affine:
         if not symbols:
             return Affine(shape, np.asarray(cs.evalf(expression)).ravel(order="F"), {})
         column = cs.densify(cs.vec(expression))
-        try:
-            function = cs.Function("argument", symbols, [column]).expand()
-        except (RuntimeError, NotImplementedError):  # it calls what has no scalar instructions
-            return None
-        scalars = [cs.SX.sym(s.name(), *s.shape) for s in symbols]
-        x = cs.veccat(*scalars)
-        value = function(*scalars)
-        J = cs.jacobian(value, x)
-        if not J.is_constant():
-            return None
-        matrix = csr_array(cs.evalf(J).sparse()) if J.nnz() else csr_array(J.shape)
-        at = cs.Function("at", [x], [value])
-        offset = np.asarray(at(np.zeros(x.numel()))).ravel()
-        anywhere = np.random.default_rng(0).standard_normal(x.numel())
-        found = np.asarray(at(anywhere)).ravel()
-        known = matrix @ anywhere + offset
-        if not np.allclose(found, known, rtol=SAME, atol=SAME * np.abs(known).max(initial=1.0)):
-            return None  # a branch, or a number that is not finite: its slope is no whole answer
-        edges = np.cumsum([0, *(s.numel() for s in symbols)])
-        return Affine(shape, offset, {
-            s.name(): csr_array(matrix[:, edges[i] : edges[i + 1]]) for i, s in enumerate(symbols)
-        })  # fmt: skip
+        function = Buffered(cs.Function("argument", symbols, [column]))
+        rng = np.random.default_rng(0)
+        one, other = ([rng.standard_normal(s.numel()) for s in symbols] for _ in range(2))
+        both = [x + y for x, y in zip(one, other, strict=True)]
+        nothing = [np.zeros(s.numel()) for s in symbols]
+        offset, by_one, by_other, by_both = (function(*at)[0] for at in (nothing, one, other, both))
+        bent = by_both - by_one - by_other + offset
+        if not np.abs(bent).max(initial=0.0) <= BENT * np.abs([by_one, by_other]).max(initial=1.0):
+            return None  # or not finite; a derivative without zeros would be large
+        for slopes in (_by_matrices, _by_scalars):
+            matrices = slopes(column, symbols)
+            if matrices is None:
+                continue
+            known = offset + sum(A @ x for A, x in zip(matrices, one, strict=True))
+            # else a branch, or a number that is not finite: its slope is no whole answer
+            if np.allclose(by_one, known, rtol=SAME, atol=SAME * np.abs(known).max(initial=1.0)):
+                names = (symbol.name() for symbol in symbols)
+                return Affine(shape, offset, dict(zip(names, matrices, strict=True)))
+        return None
 
     @property
     def reads(self) -> tuple[str, ...]:
@@ -126,13 +126,15 @@ class Affine:
     @cached_property
     def single(self) -> tuple[tuple[str, int] | None, ...]:
         """For each row the one entry of a block that it is, up to its offset; None for others."""
-        count, found = np.zeros(len(self.offset), dtype=int), [("", -1)] * len(self.offset)
+        read = sum((np.diff(A.indptr) for A in self.terms.values()), np.zeros(len(self.offset)))
+        found: list[tuple[str, int] | None] = [None] * len(self.offset)
         for name, matrix in self.terms.items():
             nonzero = matrix.tocoo()
-            for row, entry, factor in zip(nonzero.row, nonzero.col, nonzero.data, strict=True):
-                count[row] += 1 if factor == 1.0 else 2
-                found[row] = name, int(entry)
-        return tuple(at if n == 1 else None for at, n in zip(found, count, strict=True))
+            copied = (read[nonzero.row] == 1) & (nonzero.data == 1.0)
+            rows, entries = nonzero.row[copied].tolist(), nonzero.col[copied].tolist()
+            for row, entry in zip(rows, entries, strict=True):
+                found[row] = name, entry
+        return tuple(found)
 
     @cached_property
     def _copied(self) -> list[tuple[str, Index, Index]]:
@@ -183,6 +185,37 @@ def filled(matrix: csr_array) -> Array | csr_array:
     """The matrix, dense where few of its entries are zero or where it is small."""
     size = matrix.shape[0] * matrix.shape[1]
     return matrix.toarray() if matrix.nnz > FILLED * size or size < SMALL else matrix
+
+
+def _by_matrices(column: cs.MX, symbols: Sequence[cs.MX]) -> list[csr_array] | None:
+    """The derivative of a column by each symbol, if CasADi's MX finds that it reads none of them.
+
+    Its instructions are of whole matrices: for thousands of entries they are many times as fast as
+    scalars. But x - x is not zero to them, and entries of `matrix + scalar` may be missing.
+    """
+    try:
+        found = [cs.jacobian(column, symbol) for symbol in symbols]
+    except (RuntimeError, NotImplementedError):  # it calls what has no derivative
+        return None
+    return None if any(map(cs.symvar, found)) else [_numbers(J) for J in found]
+
+
+def _by_scalars(column: cs.MX, symbols: Sequence[cs.MX]) -> list[csr_array] | None:
+    """The same by SX, one instruction for each entry, which simplifies more and loses nothing."""
+    try:
+        function = cs.Function("argument", symbols, [column]).expand()
+    except (RuntimeError, NotImplementedError):  # it calls what has no scalar instructions
+        return None
+    scalars = [cs.SX.sym(s.name(), *s.shape) for s in symbols]
+    value = function(*scalars)
+    found = [cs.jacobian(value, x) for x in scalars]
+    return [_numbers(J) for J in found] if all(J.is_constant() for J in found) else None
+
+
+def _numbers(J: cs.MX | cs.SX) -> csr_array:
+    found = csr_array(cs.evalf(J).sparse()) if J.nnz() else csr_array(J.shape)
+    found.eliminate_zeros()
+    return found
 
 
 def _unit(size: int) -> csr_array:

@@ -23,7 +23,9 @@ class Block:
 
     An array of shape (N, 3), as a user sees it, is a (3, N) matrix inside CasADi: stored
     column by column, it is the same memory, so packing never shuffles numbers. A shape may be
-    given as a single number. Raises BadBlock for a shape or labels that make no sense.
+    given as a single number. Where the block is `framed`, its first axis counts the frames of a
+    sequence, and labels name the rows of each frame. Raises BadBlock for a shape or labels that
+    make no sense.
     """
 
     name: str
@@ -32,6 +34,7 @@ class Block:
     labels: tuple[str, ...] | None = None
     whole: "Block | None" = None  # of which it is a part, under the same name
     entries: tuple[int, ...] | None = None  # of the whole's, row by row, rising
+    framed: bool = False
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):
@@ -40,10 +43,11 @@ class Block:
             what = f"the labels of block {self.name!r}"
             self.__dict__["labels"] = texts(what, self.labels, BadBlock)
         self.__dict__["shape"] = _lengths(self.name, self.shape)
-        if self.labels is not None and len(self.labels) != (*self.shape, 1)[0]:
-            raise BadBlock(
-                f"block {self.name!r} has {(*self.shape, 1)[0]} rows but {len(self.labels)} labels"
-            )
+        if self.framed and not self.shape:
+            raise BadBlock(f"block {self.name!r} is one of frames, but its shape counts none")
+        rows = (*self.shape[self.framed :], 1)[0]
+        if self.labels is not None and len(self.labels) != rows:
+            raise BadBlock(f"block {self.name!r} has {rows} rows but {len(self.labels)} labels")
 
     @staticmethod
     def part(whole: "Block", entries: Iterable[int]) -> "Block":
@@ -57,7 +61,8 @@ class Block:
         shape: tuple[int, ...] = (len(chosen),)
         if wide > 1 and len(chosen) == wide * len(rows):
             shape = len(rows), wide
-            names = [whole.labels[row] if whole.labels else str(row) for row in rows]
+            labels = None if whole.framed else whole.labels
+            names = [labels[row] if labels else str(row) for row in rows]
         else:
             names = [whole.entry(int(i))[1:-1] for i in chosen]
         return Block(whole.name, shape, whole.unit, tuple(names), whole, tuple(chosen.tolist()))
@@ -107,7 +112,7 @@ class Block:
         *rows, last = (int(i) for i in np.unravel_index(index, self.shape))
         names = [str(i) for i in (*rows, last)]
         if self.labels is not None:
-            names[0] = self.labels[(*rows, last)[0]]
+            names[self.framed] = self.labels[(*rows, last)[self.framed]]
         if rows and self.shape[-1] == 3:
             names[-1] = AXES[last]
         return f"[{', '.join(names)}]"

@@ -4,6 +4,8 @@ betas              a block
 pose[left_elbow]   a row, by its label or its number
 betas[0:3]         rows one after the other, from the first to the one before the last
 pose[pelvis, x]    one number
+
+In a sequence the frame comes first: pose[12], pose[0:50], pose[:, pelvis], pose[12, pelvis, x].
 """
 
 import re
@@ -12,6 +14,7 @@ from collections.abc import Collection, Iterable
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.blocks.block import Block
 from workbench.blocks.layout import Layout
 from workbench.errors import BadArgument, UnknownName
 
@@ -59,8 +62,18 @@ def meant(layout: Layout, name: str, kind: str = "free block") -> list[int]:
     if not found:
         known = list(dict.fromkeys(label.rsplit(", ", 1)[0] for label in labels.values()))
         some = [label if label.endswith("]") else label + "]" for label in known]
-        raise UnknownName("entry", name, some)
+        own, more = _of_one_frame(layout[block], some)
+        raise UnknownName("entry", name, own, more=more)
     return found
+
+
+def _of_one_frame(block: Block, known: list[str]) -> tuple[list[str], str]:
+    """The names in one frame of a sequence, and that the others have them too."""
+    if not block.base.framed:
+        return known, ""
+    first = known[0].removesuffix("]").partition(", ")[0]
+    own = [name for name in known if name.startswith((f"{first},", f"{first}]"))]
+    return own, f"and the same in the others of {block.base.shape[0]} frames"
 
 
 def _by_number(layout: Layout, name: str, said: str, labels: dict[int, str]) -> list[int]:
@@ -77,9 +90,15 @@ def _by_number(layout: Layout, name: str, said: str, labels: dict[int, str]) -> 
         return []  # more rows than there are: an entry that does not exist
     wide = block.base.size // count if count else 1
     start = layout.slices[name].start
+
+    def meant(label: str) -> bool:
+        if not block.base.framed:
+            return label.endswith(f", {last}]")
+        within = label.removesuffix("]").partition(", ")[2] + ", "
+        return within.startswith(f"{last}, ")
+
     return [
         start + i
         for i, entry in enumerate(block.places)
-        if chosen.start <= entry // wide < chosen.stop
-        and (not last or labels[start + i].endswith(f", {last}]"))
+        if chosen.start <= entry // wide < chosen.stop and (not last or meant(labels[start + i]))
     ]

@@ -1,6 +1,6 @@
 """Points on a body as residuals see them: a placeholder, and where it comes from."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -35,7 +35,11 @@ class PointsAt(Protocol):
 
 
 class NumericPoints(Protocol):
-    """Points by arithmetic on arrays, faster than any graph."""
+    """Points by arithmetic on arrays, faster than any graph.
+
+    Points whose derivative by some of their blocks is sparse can also say where it is zero: see
+    `SparsePoints` in `sparse_points.py`.
+    """
 
     @property
     def reads(self) -> tuple[str, ...]:
@@ -46,6 +50,15 @@ class NumericPoints(Protocol):
 
     def many(self, values: Mapping[str, Array]) -> Array:
         """(M, N, 3) m for M values of each block that is read, (M, *shape)."""
+
+
+def each_of(source: NumericPoints, values: Sequence[Mapping[str, Array]]) -> list[PointsAt]:
+    """The points at several sets of values.
+
+    A source may have a method `each` for that, where it finds several in fewer calls.
+    """
+    each = getattr(source, "each", None)
+    return [source.at(some) for some in values] if each is None else list(each(values))
 
 
 class PointSource(Protocol):

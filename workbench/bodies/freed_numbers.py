@@ -145,9 +145,32 @@ class FreedSurfaceAt:
             np.multiply(self.jacobian(name).T.toarray(), 1.0 if scale is None else scale, out=array)
 
     def adjoint(self, pull: Array) -> dict[str, Array]:
-        """By pose, betas, trans and the arrays, flat."""
-        names = (*BLOCKS, *self.arrays)
-        return {name: np.asarray(self.jacobian(name).T @ pull) for name in names}
+        """By pose, betas, trans and the arrays, flat; only that by the pose needs a Jacobian."""
+        body, chosen = self.of.body, self.of.chosen
+        pulled = pull.reshape(-1, 3)
+        on_rest: Array = np.einsum("ndc,nd->nc", self.blended, pulled)
+        on_joints: Array = np.einsum("nm,mdc,nd->mc", self.below, self.levers, pulled)
+        on_person = _at_vertices(on_rest, chosen, body.n_vertices)
+        if self.regressed:
+            on_person += self._regressor.T @ on_joints
+        found = {
+            "pose": self.jacobian("pose").T @ pull,
+            "betas": np.tensordot(on_person, self._array("shapedirs"), 2),
+            "trans": pulled.sum(axis=0),
+        }
+        made: dict[str, Callable[[], Array]] = {
+            "template": lambda: on_person,
+            "shapedirs": lambda: on_person[:, :, None] * self.betas,
+            "posedirs": lambda: _at_vertices(
+                on_rest[:, :, None] * self.motion.features, chosen, body.n_vertices
+            ),
+            "joints": lambda: on_joints,
+            "weights": lambda: _at_vertices(
+                np.einsum("nkd,nd->nk", self.carried, pulled), chosen, body.n_vertices
+            ),
+            "J_regressor": lambda: on_joints @ self.person.T,
+        }
+        return found | {name: np.asarray(made[name]()).ravel() for name in self.arrays}
 
     @property
     def _made(self) -> dict[str, Callable[[], csc_array]]:
@@ -190,9 +213,8 @@ class FreedSurfaceAt:
         return csc_array(self._rows(blocks, np.broadcast_to(columns, blocks.shape), K))
 
     def _by_regressor(self) -> csc_array:
-        n, K = self.weights.shape
-        by_joints = self._by_joints.reshape(3 * n, K, 3)
-        return csc_array((by_joints @ self.person.T).reshape(3 * n, -1))
+        on_all = kron(np.eye(len(self.joints)), self.person.T, format="csr")  # (3 K, K N)
+        return csc_array(csr_array(self._by_joints) @ on_all)
 
     def _by_betas(self) -> csc_array:
         N, _, B = self._array("shapedirs").shape
@@ -226,3 +248,10 @@ class FreedSurfaceAt:
     def _array(self, name: str) -> Array:
         found: Array = self.arrays[name] if name in self.arrays else getattr(self.of.body, name)
         return found
+
+
+def _at_vertices(rows: Array, chosen: NDArray[np.int64], n_vertices: int) -> Array:
+    """Rows (n, ...) of the chosen vertices among those of all, zero elsewhere, (N, ...)."""
+    found = np.zeros((n_vertices, *rows.shape[1:]))
+    np.add.at(found, chosen, rows)
+    return found

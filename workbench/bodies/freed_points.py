@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_array
 
 from workbench.bodies.freed_numbers import BLOCKS, FreedSurface, FreedSurfaceAt
+from workbench.bodies.freed_patterns import pattern_by
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class FreedPoints:
-    """Such a surface under a problem's names of its blocks; see NumericPoints."""
+    """Such a surface under a problem's names of its blocks; see NumericPoints, SparsePoints."""
 
     surface: FreedSurface
     names: tuple[str, str, str]  # of pose, betas and trans
@@ -31,6 +32,10 @@ class FreedPoints:
     def named(self) -> dict[str, str]:
         """The surface's own names by those of the problem."""
         return dict(zip(self.reads, (*BLOCKS, *self.arrays), strict=True))
+
+    def pattern(self, name: str) -> csc_array | None:
+        """Where the derivative by a block can be nonzero; see `pattern_by`."""
+        return pattern_by(self.surface, self.named[name], self.arrays)
 
     def at(self, values: Mapping[str, Array]) -> FreedPointsAt:
         """Where the blocks have these values."""
@@ -47,7 +52,7 @@ class FreedPoints:
 
 @dataclass(frozen=True, eq=False)
 class FreedPointsAt:
-    """The vertices at one set of values; see PointsAt."""
+    """The vertices at one set of values; see PointsAt, SparsePointsAt."""
 
     of: FreedPoints
     here: FreedSurfaceAt

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from workbench.bodies.kinematics import ancestors
 from workbench.bodies.many_joints import ManyJoints
-from workbench.bodies.motion import Kinematics, Motion, Slopes
+from workbench.bodies.motion import Kinematics, Posed, Slopes
 
 Array = NDArray[np.float64]
 
@@ -37,7 +37,12 @@ class NumericJoints:
 
     def at(self, pose: Array, betas: Array, trans: Array) -> JointsAt:
         """The joints at one pose, betas and translation."""
-        return JointsAt(self, pose, betas, trans)
+        return JointsAt(self, self.kinematics.at(pose, betas), trans)
+
+    def each(self, poses: Array, betas: Array, trans: Array) -> list[JointsAt]:
+        """The joints at M poses, betas and translations, which share their kinematics."""
+        posed = self.kinematics.each(poses, betas)
+        return [JointsAt(self, one, t) for one, t in zip(posed, trans, strict=True)]
 
     def many(self, pose: Array, betas: Array, trans: Array) -> Array:
         """(M, K, 3) m, generation by generation."""
@@ -49,23 +54,17 @@ class JointsAt:
     """The joints at one pose (K, 3) rad, betas (B,) and trans (3,) m; see PointsAt."""
 
     of: NumericJoints
-    pose: Array
-    betas: Array
+    posed: Posed
     trans: Array
-
-    @cached_property
-    def motion(self) -> Motion:
-        """Of the joints."""
-        return self.of.kinematics.motion(self.pose, self.betas)
 
     @cached_property
     def points(self) -> Array:
         """(K, 3) m."""
-        return self.motion.joints + self.trans
+        return self.posed.motion.joints + self.trans
 
     def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
         """Transposed, into[name] (size, 3 K)."""
-        slopes = self.of.kinematics.slopes(self.pose, self.betas)
+        slopes = self.posed.slopes
         made = {"pose": self._by_pose, "betas": self._by_betas, "trans": self._by_trans}
         for name, array in into.items():
             found = made[name](slopes)
@@ -76,12 +75,12 @@ class JointsAt:
         kinematics, pulled = self.of.kinematics, pull.reshape(-1, 3)
         skeleton = kinematics.skeleton
         rest = np.ones((len(pulled), 4))
-        rest[:, :3] = skeleton.at(self.betas)
+        rest[:, :3] = skeleton.at(self.posed.betas)
         on_G = pulled[:, :, None] * rest[:, None]
-        none = np.zeros_like(self.motion.features)
-        on_pose, through_G = kinematics.adjoint(self.pose, self.betas, on_G, none)
-        on_rest = np.matmul(pulled[:, None], self.motion.G[:, :, :3]).ravel()
-        on_betas = on_rest @ skeleton.slopes.reshape(len(on_rest), len(self.betas))
+        none = np.zeros_like(self.posed.motion.features)
+        on_pose, through_G = self.posed.adjoint(on_G, none)
+        on_rest = np.matmul(pulled[:, None], self.posed.motion.G[:, :, :3]).ravel()
+        on_betas = on_rest @ skeleton.slopes.reshape(len(on_rest), len(self.posed.betas))
         return {
             "pose": on_pose.ravel(),
             "betas": on_betas + through_G,
@@ -90,7 +89,7 @@ class JointsAt:
 
     def _by_pose(self, slopes: Slopes) -> Array:
         """(3 K, 3 K), a row for each number of the pose."""
-        t, K = self.motion.joints, len(self.pose)
+        t, K = self.posed.motion.joints, len(self.posed.pose)
         arms = t.T - t[:, :, None]  # (K, 3, K): from joint k to joint j
         arms *= self.of.ancestors.T[:, None]
         found: Array = np.matmul(slopes.turns, arms).reshape(K, 3, 3, K)
@@ -98,11 +97,11 @@ class JointsAt:
 
     def _by_betas(self, slopes: Slopes) -> Array:
         """(B, 3 K)."""
-        K, B = len(self.pose), len(self.betas)
-        at_rest = self.motion.G[:, :, :3] @ self.of.kinematics.skeleton.slopes  # (K, 3, B)
+        K, B = len(self.posed.pose), len(self.posed.betas)
+        at_rest = self.posed.motion.G[:, :, :3] @ self.of.kinematics.skeleton.slopes  # (K, 3, B)
         moved: Array = at_rest.transpose(2, 1, 0) + slopes.d_shift.reshape(B, 3, K)
         return moved.transpose(0, 2, 1).reshape(B, 3 * K)
 
     def _by_trans(self, _: Slopes) -> Array:
         """(3, 3 K)."""
-        return np.tile(np.eye(3), len(self.pose))
+        return np.tile(np.eye(3), len(self.posed.pose))

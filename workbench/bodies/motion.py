@@ -45,6 +45,57 @@ class Slopes:
     d_shift: Array  # (3 B, K): rows (b, d), the last column of G_k by betas[b]
 
 
+@dataclass(frozen=True, eq=False)
+class Posed:
+    """The kinematics at one pose (K, 3) rad and betas (B,); what is asked for is found once.
+
+    Where the pose is one of many, it is found for all of them at once, in a few calls.
+    """
+
+    kinematics: Kinematics
+    pose: Array
+    betas: Array
+    among: Together | None = None
+    place: int = 0
+
+    @cached_property
+    def motion(self) -> Motion:
+        """Of the joints."""
+        if self.among is not None:
+            return self.among.motions[self.place]
+        return self.kinematics.motion(self.pose, self.betas)
+
+    @cached_property
+    def slopes(self) -> Slopes:
+        """Of the motion."""
+        if self.among is not None:
+            return self.among.slopes[self.place]
+        return self.kinematics.slopes(self.pose, self.betas)
+
+    def adjoint(self, on_G: Array, on_features: Array) -> tuple[Array, Array]:
+        """See Kinematics."""
+        return self.kinematics.adjoint(self.pose, self.betas, on_G, on_features)
+
+
+@dataclass(frozen=True, eq=False)
+class Together:
+    """The kinematics at poses (M, K, 3) rad and betas (M, B), found for all when asked for one."""
+
+    kinematics: Kinematics
+    poses: Array
+    betas: Array
+
+    @cached_property
+    def motions(self) -> list[Motion]:
+        """Of each pose."""
+        return self.kinematics.many_motions(self.poses, self.betas)
+
+    @cached_property
+    def slopes(self) -> list[Slopes]:
+        """Of each pose."""
+        return self.kinematics.many_slopes(self.poses, self.betas)
+
+
 class Kinematics:
     """A body's joints, motions and features as CasADi functions of pose and betas, and back."""
 
@@ -85,6 +136,31 @@ class Kinematics:
         G, features, joints = self._motion(pose, betas)
         return Motion(G.reshape(K, 3, 4), features, joints.reshape(K, 3))
 
+    def at(self, pose: Array, betas: Array) -> Posed:
+        """At pose (K, 3) rad and betas (B,)."""
+        return Posed(self, pose, betas)
+
+    def each(self, poses: Array, betas: Array) -> list[Posed]:
+        """At poses (M, K, 3) rad and betas (M, B)."""
+        among = Together(self, poses, betas)
+        return [Posed(self, poses[i], betas[i], among, i) for i in range(len(poses))]
+
+    def many_motions(self, poses: Array, betas: Array) -> list[Motion]:
+        """At poses (M, K, 3) rad and betas (M, B)."""
+        M, K, _ = poses.shape
+        G, features, joints = self._motions(poses.reshape(M, 3 * K), betas)
+        G, joints = G.reshape(M, K, 3, 4), joints.reshape(M, K, 3)
+        return [Motion(*parts) for parts in zip(G, features, joints, strict=True)]
+
+    def many_slopes(self, poses: Array, betas: Array) -> list[Slopes]:
+        """At poses (M, K, 3) rad and betas (M, B)."""
+        M, (K, B) = len(poses), self._sizes
+        turns, d_features, steps = self._many_slopes(poses.reshape(M, 3 * K), betas)
+        own = steps.reshape(M, K, 3, 3) @ self.skeleton.slopes
+        shifts = own.transpose(0, 3, 2, 1).reshape(M, 3 * B, K) @ self._ancestors.T
+        turns, d_features = turns.reshape(M, K, 9, 3), d_features.reshape(M, max(0, K - 1), 3, 9)
+        return [Slopes(*parts) for parts in zip(turns, d_features, shifts, strict=True)]
+
     def motions(self, pose: Array, betas: Array) -> tuple[Array, Array]:
         """G (M, K, 3, 4) and features (M, F), at poses (M, K, 3) rad and betas (M, B)."""
         K, _ = self._sizes
@@ -94,6 +170,10 @@ class Kinematics:
     @cached_property
     def _motions(self) -> Many:
         return Mapped(self._motion.function, (False, False))
+
+    @cached_property
+    def _many_slopes(self) -> Many:
+        return Mapped(self._slopes.function, (False, False))
 
     def slopes(self, pose: Array, betas: Array) -> Slopes:
         """Of the motion at pose (K, 3) rad and betas (B,)."""

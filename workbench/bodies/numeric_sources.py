@@ -6,7 +6,7 @@ that it gives them, and a pose may be made of several of these. `Named` stands b
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Protocol, TypeGuard
@@ -18,7 +18,7 @@ from scipy.sparse import csr_array, kron
 from workbench.blocks import PointsAt
 from workbench.bodies.arithmetic import Arithmetic, Surface
 from workbench.bodies.assembly import ROLES, Maps, Plan, plan_of
-from workbench.bodies.motion import Kinematics
+from workbench.bodies.motion import Kinematics, Posed
 from workbench.bodies.numeric import Chunk, many_points
 from workbench.bodies.rows import Rows, Target
 
@@ -37,6 +37,13 @@ class BodyPoints(Protocol):
 
     def many(self, pose: Array, betas: Array, trans: Array) -> Array:
         """(M, N, 3) m of M poses (M, K, 3) rad, betas (M, B) and translations (M, 3) m."""
+
+
+class Each(Protocol):
+    """Points that know several sets of arguments at once better than one after the other."""
+
+    def each(self, poses: Array, betas: Array, trans: Array) -> Sequence[PointsAt]:
+        """The points at poses (M, K, 3) rad, betas (M, B) and trans (M, 3) m."""
 
 
 class ByRows(Protocol):
@@ -80,6 +87,15 @@ class Named:
     def at(self, values: Mapping[str, Array]) -> NamedAt:
         """Where the blocks have these values."""
         return NamedAt(self, self.points.at(*(one.value(values) for one in self.maps)))
+
+    def each(self, values: Sequence[Mapping[str, Array]]) -> list[PointsAt]:
+        """At several sets of values, in fewer calls than by `at` for each."""
+        arguments = [[one.value(some) for some in values] for one in self.maps]
+        if _knows_each(self.points):
+            found = self.points.each(*(np.array(argument) for argument in arguments))
+        else:
+            found = [self.points.at(*one) for one in zip(*arguments, strict=True)]
+        return [NamedAt(self, here) for here in found]
 
     def many(self, values: Mapping[str, Array]) -> Array:
         """(M, N, 3) m."""
@@ -146,6 +162,10 @@ class NamedAt:
         return {n: g[of.wanted[n]] if n in of.wanted else g for n, g in gradient.items()}
 
 
+def _knows_each(points: object) -> TypeGuard[Each]:
+    return hasattr(type(points), "each")
+
+
 def _writes_rows(here: object) -> TypeGuard[ByRows]:
     # isinstance of a protocol is slow
     return hasattr(type(here), "tangent_by_rows")
@@ -161,7 +181,12 @@ class NumericSurface:
 
     def at(self, pose: Array, betas: Array, trans: Array) -> SurfaceAt:
         """The vertices at one pose, betas and translation."""
-        return SurfaceAt(self, pose, betas, trans)
+        return SurfaceAt(self, self.kinematics.at(pose, betas), trans)
+
+    def each(self, poses: Array, betas: Array, trans: Array) -> list[SurfaceAt]:
+        """The vertices at M poses, betas and translations, which share their kinematics."""
+        posed = self.kinematics.each(poses, betas)
+        return [SurfaceAt(self, one, t) for one, t in zip(posed, trans, strict=True)]
 
     def many(self, pose: Array, betas: Array, trans: Array) -> Array:
         """(M, N, 3) m, by matrix products."""
@@ -180,15 +205,14 @@ class SurfaceAt:
     """The vertices at one pose (K, 3) rad, betas (B,) and trans (3,) m; see PointsAt."""
 
     of: NumericSurface
-    pose: Array
-    betas: Array
+    posed: Posed
     trans: Array
 
     @cached_property
     def surface(self) -> Surface:
         """The surface before translation."""
-        motion = self.of.kinematics.motion(self.pose, self.betas)
-        return self.of.arithmetic.at(motion, self.betas)
+        motion = self.posed.motion
+        return self.of.arithmetic.at(motion, self.posed.betas)
 
     @cached_property
     def points(self) -> Array:
@@ -201,14 +225,14 @@ class SurfaceAt:
 
     def tangent_by_rows(self, into: Mapping[str, Target], scale: Array | None) -> None:
         """The same, to wherever the rows are wanted."""
-        slopes = self.of.kinematics.slopes(self.pose, self.betas)
+        slopes = self.posed.slopes
         self.surface.tangent(slopes, into, scale)
 
     def adjoint(self, pull: Array) -> dict[str, Array]:
         """By pose, betas and trans, flat."""
         pulled = pull.reshape(-1, 3)
         on_G, on_features, on_betas = self.surface.adjoint(pulled)
-        back = self.of.kinematics.adjoint(self.pose, self.betas, on_G, on_features)
+        back = self.posed.adjoint(on_G, on_features)
         on_pose, through_joints = back
         return {
             "pose": on_pose.ravel(),

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.bodies.kinematics import ancestors
-from workbench.bodies.motion import Kinematics, Motion, Slopes
+from workbench.bodies.motion import Kinematics, Posed, Slopes
 from workbench.bodies.pairs import Pairs
 
 Array = NDArray[np.float64]
@@ -33,7 +33,12 @@ class NumericPairs:
 
     def at(self, pose: Array, betas: Array, trans: Array) -> PairsAt:
         """The landmarks at one pose, betas and translation."""
-        return PairsAt(self, pose, betas, trans)
+        return PairsAt(self, self.kinematics.at(pose, betas), trans)
+
+    def each(self, poses: Array, betas: Array, trans: Array) -> list[PairsAt]:
+        """The landmarks at M poses, betas and translations, which share their kinematics."""
+        posed = self.kinematics.each(poses, betas)
+        return [PairsAt(self, one, t) for one, t in zip(posed, trans, strict=True)]
 
     def many(self, pose: Array, betas: Array, trans: Array) -> Array:
         """(M, L, 3) m, by matrix products."""
@@ -83,24 +88,18 @@ class PairsAt:
     """The landmarks at one pose (K, 3) rad, betas (B,) and trans (3,) m; see PointsAt."""
 
     of: NumericPairs
-    pose: Array
-    betas: Array
+    posed: Posed
     trans: Array
-
-    @cached_property
-    def motion(self) -> Motion:
-        """Of the joints."""
-        return self.of.kinematics.motion(self.pose, self.betas)
 
     @cached_property
     def rest(self) -> Array:
         """v, (3, P) m."""
-        return self.of.pairs.rest(self.motion.features, self.betas)
+        return self.of.pairs.rest(self.posed.motion.features, self.posed.betas)
 
     @cached_property
     def turns(self) -> Array:
         """G of each rest point's joint, (3, 4, P)."""
-        return self.of.pairs.turns(self.motion.G)
+        return self.of.pairs.turns(self.posed.motion.G)
 
     @cached_property
     def moved(self) -> Array:
@@ -114,7 +113,7 @@ class PairsAt:
 
     def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
         """Transposed, into[name] (size, 3 L)."""
-        slopes = self.of.kinematics.slopes(self.pose, self.betas)
+        slopes = self.posed.slopes
         factor = 1.0 if scale is None else scale
         for name, array in into.items():
             if name == "trans":
@@ -132,9 +131,9 @@ class PairsAt:
         on_rest = np.einsum("dcp,dp->cp", self.turns[:, :3], on_moved).ravel()
         placed = of.on_joints(np.concatenate([self.rest, pairs.mass[None]]))  # (K, 4, L)
         on_G = np.matmul(on_landmarks, placed.transpose(0, 2, 1))
-        on_features = np.zeros_like(self.motion.features)
+        on_features = np.zeros_like(self.posed.motion.features)
         on_features[pairs.used] = pairs.posedirs @ on_rest
-        back = of.kinematics.adjoint(self.pose, self.betas, on_G, on_features)
+        back = self.posed.adjoint(on_G, on_features)
         on_pose, through_joints = back
         return {
             "pose": on_pose.ravel(),
@@ -144,10 +143,10 @@ class PairsAt:
 
     def _by_pose(self, slopes: Slopes) -> Array:
         """(3 K, 3, L)."""
-        of, (K, _) = self.of, self.pose.shape
+        of, (K, _) = self.of, self.posed.pose.shape
         placed = of.on_joints(self.moved)
         below = (of.above @ placed.reshape(K, -1)).reshape(placed.shape)
-        below -= of.mass_below * self.motion.joints[:, :, None]
+        below -= of.mass_below * self.posed.motion.joints[:, :, None]
         found: Array = np.matmul(slopes.turns, below).reshape(K, 3, 3, -1)
         joints, posedirs = of.bent
         if len(joints):
@@ -157,7 +156,7 @@ class PairsAt:
 
     def _by_betas(self, slopes: Slopes) -> Array:
         """(B, 3, L)."""
-        B = len(self.betas)
+        B = len(self.posed.betas)
         return (slopes.d_shift @ self.of.mass).reshape(B, 3, -1) + self._turned(
             self.of.pairs.shapedirs
         )

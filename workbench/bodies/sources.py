@@ -20,7 +20,6 @@ from workbench.bodies.packed import PackedBody
 from workbench.bodies.skinning import linear_blend
 
 Array = NDArray[np.float64]
-SMALL = 2**20  # entries of a derivative: eight megabytes if all are kept
 MOVE_JOINTS = ("template", "shapedirs", "J_regressor")  # what joints are made from, if not given
 
 
@@ -62,10 +61,9 @@ class SurfacePoints:
 
     @cached_property
     def numeric(self) -> NumericPoints | None:
-        """None if an argument is not affine, the body is not SMPL's, or many arrays are free.
+        """None if an argument is not affine, or the body is not SMPL's.
 
-        Many: so that the derivative would not be small without its zeros, which the graph leaves
-        out.
+        None, too, if arrays of the body are free and an argument is more than a block of its own.
         """
         maps, names, body = self.at.maps, self.at.names, self.at.body
         if maps is None or not body.is_smpl:
@@ -75,8 +73,7 @@ class SurfacePoints:
         if names is None:
             return None
         free = {name: block.name for name, block in body.free.items()}
-        unknowns = sum(block.size for block in body.free.values())
-        if 3 * self.count * unknowns > SMALL or len({*names, *free.values()}) < 3 + len(free):
+        if len({*names, *free.values()}) < 3 + len(free):
             return None
         return FreedPoints(self.packed.freed(self.vertices), names, free)
 

@@ -74,7 +74,7 @@ def diagnose(
 
 def _looked_at(
     console: Console, experiment: Experiment, solver: Solver | None, data_alone: bool
-) -> tuple[diagnostics.Diagnosis, Setup]:
+) -> tuple[diagnostics.Diagnosis | diagnostics.SequenceDiagnosis, Setup]:
     """At the end of the solver, or at the start if there is none."""
     console.print(f"[dim]building {escape(experiment.name)}[/]")
     setup = experiment.setup()

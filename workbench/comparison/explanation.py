@@ -7,10 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.comparison.basins import Basin
-from workbench.diagnostics import Diagnosis, diagnose
-from workbench.diagnostics.diagnosis import HARDLY
+from workbench.diagnostics import Diagnosis, diagnose_whole
 from workbench.diagnostics.motions import motions
-from workbench.diagnostics.null_space import Direction, directions, dominant
+from workbench.diagnostics.null_space import HARDLY, Direction, directions, dominant
 from workbench.problem import Problem
 from workbench.problem.rounding import half_squared
 from workbench.reading.facts import facts
@@ -108,7 +107,7 @@ def explain(
     length = float(np.linalg.norm(way))
     values = problem.values(lost.x, fixed)
     data = problem.without(*priors) if 0 < len(priors) < len(problem.residuals) else problem
-    seen = diagnose(data, values)
+    seen = diagnose_whole(data, values)
     along, parts = _along(way, _weak(seen, data, problem))
     costs = [_cost(problem, lost.x + s * way, fixed) for s in np.linspace(0, 1, POINTS)]
     return Explanation(

@@ -17,6 +17,7 @@ from workbench.problem import Problem
 from workbench.problem.batch import Costs, Places, Slopes, Way, interpreted
 from workbench.problem.constraint_set import ConstraintSet
 from workbench.problem.rounding import half_squared
+from workbench.problem.storage import Matrix
 from workbench.solvers import Status
 from workbench.solvers.limits import Stop
 
@@ -85,7 +86,7 @@ class Watch:
                 lambda _: (np.asarray(x, dtype=float).ravel(), fixed), whole,
             )  # fmt: skip
 
-        def hessian(x: Array, fixed: Array) -> Array:
+        def hessian(x: Array, fixed: Array) -> Matrix:
             with self._standing_still():
                 _ = problem.hessian
             return self._asked({"hessian": 1}, lambda: problem.hessian_at(x, fixed))

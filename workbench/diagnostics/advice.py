@@ -1,87 +1,23 @@
 """What to do about what a fit cannot see: every suggestion is carried out before it is given."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
 from workbench.blocks import Values
-from workbench.diagnostics.held import Tied, tied_at
+from workbench.diagnostics.known import Known
+from workbench.diagnostics.suggestion import State, Suggestion, tried
 from workbench.problem import Problem
 from workbench.residuals import gaussian
-
-if TYPE_CHECKING:
-    from workbench.diagnostics.diagnosis import Diagnosis
 
 Array = NDArray[np.float64]
 NEARBY = 1e-3  # of a yardstick: where a derivative may be finite that is not finite here
 TURN = 2 * np.pi
 
 
-@dataclass(frozen=True)
-class State:
-    """What a suggestion changes: unknowns, rank, condition (inf without full rank)."""
-
-    unknowns: int
-    rank: int
-    condition: float
-    finite: bool = True  # the Jacobian; if not, nothing has a rank
-
-    def __str__(self) -> str:
-        if not self.finite:
-            return "not finite"
-        said = f"rank {self.rank} of {self.unknowns}"
-        return said if np.isinf(self.condition) else f"{said}, condition {self.condition:.3g}"
-
-
-@dataclass(frozen=True, eq=False)
-class Suggestion:
-    """One thing to do, and what it did when it was tried."""
-
-    what: str  # `fix pose`
-    why: str
-    cost: str  # what is given up by it
-    before: State
-    after: State
-    problem: Problem = field(repr=False)  # with the suggestion carried out
-    at: Values = field(repr=False)
-    kind: str = ""  # fix, prior, drop, rescale, rewrap, move
-
-    @property
-    def cured(self) -> bool:
-        """Whether every direction is seen afterwards."""
-        return self.after.rank == self.after.unknowns
-
-
-def state_of(tied: Tied) -> State:
-    """Rank and condition of a Jacobian under constraints."""
-    n = tied.here.shape[1]
-    if not tied.here.finite:
-        return State(n, 0, float("inf"), finite=False)
-    return State(n, tied.rank, tied.condition)
-
-
-def advise(diagnosis: "Diagnosis") -> tuple[Suggestion, ...]:
+def advise(diagnosis: Known) -> tuple[Suggestion, ...]:
     """Suggestions that keep what they promise at the point of the diagnosis."""
     problem, at = diagnosis.problem, dict(diagnosis.at)
     return tuple(s for remedy in REMEDIES for s in remedy(diagnosis, problem, at))
-
-
-def _try(
-    kind: str, what: str, why: str, cost: str, diagnosis: "Diagnosis",
-    problem: Problem, at: Mapping[str, Array], better: Callable[[State, State], bool],
-) -> list[Suggestion]:  # fmt: skip
-    """Carry it out; keep it if it does what it should."""
-    tied = tied_at(problem, at)
-    if not tied.here.finite:
-        return []
-    before = diagnosis.state
-    after = state_of(tied)
-    if not better(before, after):
-        return []
-    return [Suggestion(what, why, cost, before, after, problem, dict(at), kind)]
 
 
 def _fewer_unseen(before: State, after: State) -> bool:
@@ -92,7 +28,7 @@ def _clearly_better(before: State, after: State) -> bool:
     return _fewer_unseen(before, after) or 3 * after.condition < before.condition
 
 
-def _somewhere_else(diagnosis: "Diagnosis", problem: Problem, at: Values) -> list[Suggestion]:
+def _somewhere_else(diagnosis: Known, problem: Problem, at: Values) -> list[Suggestion]:
     """A Jacobian that is not finite here may be finite nearby."""
     if diagnosis.here.finite:
         return []
@@ -107,13 +43,13 @@ def _somewhere_else(diagnosis: "Diagnosis", problem: Problem, at: Values) -> lis
     }
     why = "the derivative is not finite at this very point"
     cost = "the formula stays fragile there; a series near the point cures it"
-    return _try(
+    return tried(
         "move", f"start a thousandth of a yardstick away in {', '.join(names)}", why, cost,
-        diagnosis, problem, moved, lambda before, after: True,
+        diagnosis.state, problem, moved, lambda before, after: True,
     )  # fmt: skip
 
 
-def _rewrap(diagnosis: "Diagnosis", problem: Problem, at: Values) -> list[Suggestion]:
+def _rewrap(diagnosis: Known, problem: Problem, at: Values) -> list[Suggestion]:
     """A rotation vector near a full turn is shortened by one: the same rotation."""
     suggestions = []
     for tree in problem.trees:
@@ -128,17 +64,17 @@ def _rewrap(diagnosis: "Diagnosis", problem: Problem, at: Values) -> list[Sugges
         for k in far:
             x[turned[k]] *= 1 - TURN / angle[k]
         names = ", ".join(tree.names[k] for k in far)
-        suggestions += _try(
+        suggestions += tried(
             "rewrap", f"take one turn of 2 pi off the rotation vector of {names}",
             "at a full turn two of the three numbers of a rotation vector do nothing, near it "
             "little",
-            "nothing: it is the same rotation", diagnosis, problem,
+            "nothing: it is the same rotation", diagnosis.state, problem,
             at | problem.free.unpack(x, at), _clearly_better,
         )  # fmt: skip
     return suggestions
 
 
-def _fix(diagnosis: "Diagnosis", problem: Problem, at: Values) -> list[Suggestion]:
+def _fix(diagnosis: Known, problem: Problem, at: Values) -> list[Suggestion]:
     """Blocks that take part in what is not seen, each fixed alone; at last all of them."""
     if not diagnosis.here.finite or not diagnosis.null_directions:
         return []
@@ -148,15 +84,15 @@ def _fix(diagnosis: "Diagnosis", problem: Problem, at: Values) -> list[Suggestio
         part = problem.free.slices[name]
         others = problem.free.spelled([name])
         if others and not unread.issuperset(range(part.start, part.stop)):
-            suggestions += _try(
+            suggestions += tried(
                 "fix", f"fix {name}", f"{name} takes part in what no residual notices",
                 f"{name} stays at its present value, right or wrong",
-                diagnosis, problem.freeing(*others), at, _fewer_unseen,
+                diagnosis.state, problem.freeing(*others), at, _fewer_unseen,
             )  # fmt: skip
     return suggestions
 
 
-def _prior(diagnosis: "Diagnosis", problem: Problem, at: Values) -> list[Suggestion]:
+def _prior(diagnosis: Known, problem: Problem, at: Values) -> list[Suggestion]:
     """A Gaussian prior on the blocks that take part in what is not seen, as wide as a yardstick."""
     if not diagnosis.here.finite or not diagnosis.null_directions:
         return []
@@ -181,31 +117,31 @@ def _prior(diagnosis: "Diagnosis", problem: Problem, at: Values) -> list[Suggest
             problem.constraints,
         )  # fmt: skip
         units = ", ".join(_in_units(sigma[name], problem.free[name].unit) for name in chosen)
-        suggestions += _try(
+        suggestions += tried(
             "prior", f"add a Gaussian prior on {' and '.join(chosen)} (sigma {units})",
             "a prior decides where the residuals do not",
-            "what it decides is what you put in: its mean, not the data", diagnosis, fuller, at,
-            _fewer_unseen,
+            "what it decides is what you put in: its mean, not the data",
+            diagnosis.state, fuller, at, _fewer_unseen,
         )  # fmt: skip
         if suggestions and suggestions[-1].cured:
             break
     return suggestions
 
 
-def _drop(diagnosis: "Diagnosis", problem: Problem, at: Values) -> list[Suggestion]:
+def _drop(diagnosis: Known, problem: Problem, at: Values) -> list[Suggestion]:
     """The second of two residuals that say the same."""
     suggestions = []
     for first, second in diagnosis.duplicates:
-        suggestions += _try(
+        suggestions += tried(
             "drop", f"drop the residual {second}",
             f"it says row for row what {first} says: counted twice, sigmas come out too small",
-            "nothing is lost but a false certainty", diagnosis, problem.without(second), at,
+            "nothing is lost but a false certainty", diagnosis.state, problem.without(second), at,
             lambda before, after: after.unknowns - after.rank == before.unknowns - before.rank,
         )  # fmt: skip
     return suggestions
 
 
-def _unread(diagnosis: "Diagnosis", problem: Problem, at: Values) -> list[Suggestion]:
+def _unread(diagnosis: Known, problem: Problem, at: Values) -> list[Suggestion]:
     """Free blocks that no residual reads at all."""
     unread = set(diagnosis.structure.unread.tolist())
     whole = [
@@ -216,13 +152,14 @@ def _unread(diagnosis: "Diagnosis", problem: Problem, at: Values) -> list[Sugges
     if not whole or not others or not diagnosis.here.finite:
         return []
     said = " and ".join(whole)
-    return _try(
+    return tried(
         "fix", f"do not free {said}", f"no residual reads {said}",
-        "nothing: the fit cannot change it", diagnosis, problem.freeing(*others), at, _fewer_unseen,
+        "nothing: the fit cannot change it",
+        diagnosis.state, problem.freeing(*others), at, _fewer_unseen,
     )  # fmt: skip
 
 
-def _rescale(diagnosis: "Diagnosis", problem: Problem, at: Values) -> list[Suggestion]:
+def _rescale(diagnosis: Known, problem: Problem, at: Values) -> list[Suggestion]:
     """Columns of length 1, where that makes the condition at least a hundred times better."""
     here = diagnosis.here
     if not here.finite or diagnosis.null_directions or np.isinf(diagnosis.condition):
@@ -243,7 +180,7 @@ def _rescale(diagnosis: "Diagnosis", problem: Problem, at: Values) -> list[Sugge
     ]  # fmt: skip
 
 
-def _blind_blocks(diagnosis: "Diagnosis") -> list[str]:
+def _blind_blocks(diagnosis: Known) -> list[str]:
     free = diagnosis.free
     part = np.zeros(free.size)
     for direction in diagnosis.null_directions:
@@ -251,7 +188,7 @@ def _blind_blocks(diagnosis: "Diagnosis") -> list[str]:
     return [name for name, at in free.slices.items() if (part[at] > 1e-6).any()]
 
 
-def _sizes(diagnosis: "Diagnosis") -> Values:
+def _sizes(diagnosis: Known) -> Values:
     return diagnosis.free.placed(diagnosis.point.yardsticks.sizes)
 
 

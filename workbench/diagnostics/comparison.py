@@ -9,7 +9,7 @@ import numpy as np
 from workbench.diagnostics.diagnosis import Diagnosis
 from workbench.diagnostics.null_space import Direction
 from workbench.diagnostics.structure import counted, gathered
-from workbench.diagnostics.text import table
+from workbench.diagnostics.tables import table
 
 MUCH = 1.5  # factor by which a sigma has to change to be listed
 

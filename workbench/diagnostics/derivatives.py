@@ -163,7 +163,7 @@ def _second(
     if x.size > HESSIAN_UP_TO or here.shape[0] > HESSIAN_ROWS or not x.size:
         return None, None
     try:
-        H = problem.hessian_at(x, fixed)
+        H = dense(problem.hessian_at(x, fixed))
     except (RuntimeError, NotSupported):  # of a function with first derivatives only, or no graph
         return None, None
     if not np.isfinite(H).all():

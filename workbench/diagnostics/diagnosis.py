@@ -1,7 +1,6 @@
 """The Jacobian of a fit at one point: what it sees, what it cannot see, and what to do about it."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -9,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.blocks import Layout, Values
-from workbench.diagnostics import advice, conditioning, schema, structure, text
+from workbench.diagnostics import conditioning, null_space, structure
+from workbench.diagnostics.advice import advise
 from workbench.diagnostics.derivatives import DerivativeCheck, check_derivatives
 from workbench.diagnostics.findings import Finding, findings
 from workbench.diagnostics.identifiability import (
@@ -18,18 +18,20 @@ from workbench.diagnostics.identifiability import (
     contributions,
     identifiability,
 )
-from workbench.diagnostics.looked_at import pattern_at, thick
-from workbench.diagnostics.motions import Motion, motions
+from workbench.diagnostics.looked_at import not_finite, pattern_at, thick
 from workbench.diagnostics.neighbourhood import Neighbourhood
-from workbench.diagnostics.null_space import Direction, directions
+from workbench.diagnostics.null_space import Direction
 from workbench.diagnostics.point import Point
 from workbench.diagnostics.rank_law import law_of
+from workbench.diagnostics.report import report
+from workbench.diagnostics.schema import as_data
 from workbench.diagnostics.structure import Structure, TermBlock
+from workbench.diagnostics.suggestion import State, Suggestion, state_of
+from workbench.diagnostics.summary import summary
 from workbench.errors import WorkbenchError
 from workbench.problem import Linearization, Problem
 
 Array = NDArray[np.float64]
-HARDLY = 0.99  # sigmas per yardstick; a prior as wide as the yardstick has 1
 
 
 class Undiagnosed(WorkbenchError, AssertionError):
@@ -115,10 +117,7 @@ class Diagnosis:
     @cached_property
     def not_finite(self) -> tuple[tuple[int, int], ...]:
         """Rows and columns of entries that are NaN or infinite; column -1: of the residual."""
-        if self.here.finite:
-            return ()
-        r = [(int(i), -1) for i in np.flatnonzero(~np.isfinite(self.here.residual))]
-        return (*r, *self.here.not_finite)
+        return not_finite(self.here)
 
     # Rank, and what is not seen.
 
@@ -129,7 +128,7 @@ class Diagnosis:
 
     @property
     def tolerance(self) -> float:
-        """The singular value below which a direction counts as unseen."""
+        """The singular value below which a direction counts as null_space."""
         return self.point.tied.reduced.spectrum.tolerance
 
     @property
@@ -148,9 +147,9 @@ class Diagnosis:
         return self.state.condition
 
     @cached_property
-    def state(self) -> advice.State:
+    def state(self) -> State:
         """Unknowns, rank and condition."""
-        return advice.state_of(self.point.tied)
+        return state_of(self.point.tied)
 
     @cached_property
     def scaled_singular_values(self) -> Array:
@@ -172,10 +171,7 @@ class Diagnosis:
     @cached_property
     def null_directions(self) -> tuple[Direction, ...]:
         """What no residual notices, in names."""
-        if self.rank == self.shape[1]:
-            return ()
-        here = self.point.tied.stacked
-        return directions(here, self.free, self._dictionary(), here.spectrum.tolerance)
+        return null_space.null_directions(self.point, self.structure.pattern)
 
     @cached_property
     def weak_directions(self) -> tuple[Direction, ...]:
@@ -183,23 +179,12 @@ class Diagnosis:
 
         The vectors have length 1 once every unknown is measured by its own yardstick.
         """
-        if self.here.estimated or (self.rank == self.shape[1] and not self.hardly_seen):
-            return ()
-        here, sizes = self.point.measured.stacked, self.point.yardsticks.sizes
-        found = directions(here, self.free, self._dictionary(), HARDLY)
-        noticed = (d for d in found if d.change > here.spectrum.tolerance)
-        return tuple(
-            replace(d, vector=d.vector * sizes) for d in sorted(noticed, key=lambda d: d.change)
-        )
+        return null_space.weak_directions(self.point, self.structure.pattern)
 
     @property
     def hardly_seen(self) -> int:
         """How many directions change the residuals by less than a sigma for a whole yardstick."""
-        seen = self.point.measured.reduced.spectrum.s[: self.noticed]
-        return int(np.sum(seen < HARDLY))
-
-    def _dictionary(self) -> Iterable[Motion]:
-        return motions(self.free, self.problem.trees, self.structure.pattern)
+        return null_space.hardly_seen(self.point)
 
     @cached_property
     def rank_law(self) -> tuple[int, str] | None:
@@ -260,9 +245,9 @@ class Diagnosis:
     # What to make of it.
 
     @cached_property
-    def suggestions(self) -> tuple[advice.Suggestion, ...]:
+    def suggestions(self) -> tuple[Suggestion, ...]:
         """What to do, each carried out already."""
-        return advice.advise(self)
+        return advise(self)
 
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
@@ -288,12 +273,12 @@ class Diagnosis:
             raise Undiagnosed("; ".join(warning.text for warning in self.warnings))
 
     def __str__(self) -> str:
-        return text.summary(self)
+        return summary(self)
 
     def report(self) -> str:
         """Everything in words, section by section."""
-        return text.report(self)
+        return report(self, self.findings, self.suggestions)
 
     def data(self) -> dict[str, Any]:
         """Everything as plain data, for JSON; `schema` and `version` say how to read it."""
-        return schema.as_data(self)
+        return as_data(self, self.findings, self.suggestions)

@@ -1,16 +1,13 @@
 """What deserves a sentence: warnings, which make a fit's answer arbitrary, and remarks."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from workbench.diagnostics.conditioning import PARALLEL
+from workbench.diagnostics.known import Known
 from workbench.diagnostics.null_space import dominant
 from workbench.diagnostics.structure import counted, named_groups
-
-if TYPE_CHECKING:
-    from workbench.diagnostics.diagnosis import Diagnosis
 
 ILL = 1e8  # condition of J from which half of the digits are gone
 UNEVEN = 1e6  # longest over shortest column
@@ -30,7 +27,7 @@ class Finding:
     warning: bool
 
 
-def findings(d: "Diagnosis") -> tuple[Finding, ...]:
+def findings(d: Known) -> tuple[Finding, ...]:
     """All of them, warnings first."""
     found = [*_values(d)]
     if d.here.finite:
@@ -39,7 +36,7 @@ def findings(d: "Diagnosis") -> tuple[Finding, ...]:
     return tuple(sorted(found, key=lambda finding: not finding.warning))
 
 
-def _values(d: "Diagnosis") -> list[Finding]:
+def _values(d: Known) -> list[Finding]:
     if d.here.finite:
         return []
     found = []
@@ -58,7 +55,7 @@ def _values(d: "Diagnosis") -> list[Finding]:
     return found
 
 
-def _structure(d: "Diagnosis") -> list[Finding]:
+def _structure(d: Known) -> list[Finding]:
     found = []
     if d.structure.unread.size:
         found.append(Finding("structure", unread(d), True))
@@ -80,7 +77,7 @@ def _structure(d: "Diagnosis") -> list[Finding]:
     return found
 
 
-def _rank(d: "Diagnosis") -> list[Finding]:
+def _rank(d: Known) -> list[Finding]:
     n = d.shape[1]
     found = []
     if d.rank < n:
@@ -111,18 +108,18 @@ def _rank(d: "Diagnosis") -> list[Finding]:
     return found
 
 
-def unread(d: "Diagnosis") -> str:
+def unread(d: Known) -> str:
     """The unknowns that nothing reads, in a sentence."""
     who = f"residual and no {_one(d)} that holds" if d.point.held.any else "residual"
     return f"read by no {who}: {named_groups(d.free, d.structure.unread)}"
 
 
-def _one(d: "Diagnosis") -> str:
+def _one(d: Known) -> str:
     """`bound`, `constraint`, or `bound or constraint`."""
     return " or ".join(word.removesuffix("s") for word in d.point.held.what.split(" and "))
 
 
-def held(d: "Diagnosis") -> str:
+def held(d: Known) -> str:
     """What bounds and constraints add to the rank, in a sentence."""
     names, count, what = d.point.held.names, d.point.tied.count, d.point.held.what
     more = f" and {len(names) - 5} more" if len(names) > 5 else ""
@@ -133,7 +130,7 @@ def held(d: "Diagnosis") -> str:
     )
 
 
-def _depth(d: "Diagnosis") -> list[Finding]:
+def _depth(d: Known) -> list[Finding]:
     """A body that lies flat across the view of one camera shows one turn of each bone only."""
     felt = FELT * max((turn.best for turn in d.turns), default=0.0)
     seen = [turn for turn in d.turns if turn.best > felt]
@@ -149,7 +146,7 @@ def _depth(d: "Diagnosis") -> list[Finding]:
     return [Finding("rank", text, False)]
 
 
-def _conditioning(d: "Diagnosis") -> list[Finding]:
+def _conditioning(d: Known) -> list[Finding]:
     found = []
     if ILL < d.condition < np.inf:
         text = f"the condition is {d.condition:.1e}: half of the digits and more are lost"
@@ -176,7 +173,7 @@ def _conditioning(d: "Diagnosis") -> list[Finding]:
     return found
 
 
-def _priors(d: "Diagnosis") -> list[Finding]:
+def _priors(d: Known) -> list[Finding]:
     if not d.priors:
         return []
     known = d.identifiability
@@ -187,11 +184,11 @@ def _priors(d: "Diagnosis") -> list[Finding]:
     return [Finding("identifiability", text, False)]
 
 
-def _is_prior(d: "Diagnosis", row: int) -> bool:
+def _is_prior(d: Known, row: int) -> bool:
     return any(d.problem.rows[name].start <= row < d.problem.rows[name].stop for name in d.priors)
 
 
-def _derivatives(d: "Diagnosis") -> list[Finding]:
+def _derivatives(d: Known) -> list[Finding]:
     check = d.derivatives
     found = []
     if check.wrong:

@@ -61,9 +61,9 @@ def held_at(problem: Problem, at: Mapping[str, ArrayLike], like: Held | None = N
         there = constraints.linearize(x, fixed)
         c, slack = there.values, there.tolerance
         active = constraints.equal | (c <= there.lower + slack) | (c >= there.upper - slack)
-        active &= np.isfinite(there.jacobian).all(axis=1) & there.jacobian.any(axis=1)
+        active &= there.usable
         active = active if like is None else like.active
-        rows = there.jacobian[active]
+        rows = there.rows(active)
         names = [constraints.label(int(row)) for row in np.flatnonzero(active)]
     low, high = _on_bounds(problem, x)
     bounded = low | high if like is None else like.bounded

@@ -11,7 +11,7 @@ from scipy.sparse import csc_array
 from workbench.blocks import Layout
 from workbench.problem import Linearization, Problem
 from workbench.problem.steps import EPS
-from workbench.problem.storage import check_wide
+from workbench.problem.storage import by_nonzeros
 
 Array = NDArray[np.float64]
 BY_GRAPH = 1e7  # entries of a Jacobian whose graph is asked for its pattern
@@ -21,11 +21,9 @@ THIN = 1e-3  # of its column's largest entry: smaller ones hardly matter
 def looked_at(problem: Problem, at: Mapping[str, ArrayLike]) -> Linearization:
     """A problem's linearization at these values, of the residuals alone.
 
-    Columns that are nothing but rounding errors are zero in it: see `only_rounding`. Raises
-    TooLarge for a sparse Jacobian of more columns than the diagnosis can look at.
+    Columns that are nothing but rounding errors are zero in it: see `only_rounding`.
     """
     here = replace(problem.linearize(at), constraints=None)
-    check_wide(here.jacobian)
     if not here.finite:
         return here
     noise = only_rounding(here.column_norms, problem.split(at)[0], problem.free, problem.size)
@@ -50,10 +48,18 @@ def only_rounding(lengths: Array, x: Array, free: Layout, m: int) -> NDArray[np.
     return np.asarray((lengths > 0) & (lengths * np.maximum(1.0, abs(x)) <= least))
 
 
+def not_finite(here: Linearization) -> tuple[tuple[int, int], ...]:
+    """Rows and columns of entries that are NaN or infinite; column -1: of the residual."""
+    if here.finite:
+        return ()
+    r = [(int(i), -1) for i in np.flatnonzero(~np.isfinite(here.residual))]
+    return (*r, *here.not_finite)
+
+
 def thick(here: Linearization) -> int:
     """How many entries of the Jacobian are above a thousandth of their column's largest."""
-    J = here.jacobian
-    if isinstance(J, csc_array):
+    if not isinstance(J := here.jacobian, np.ndarray):
+        J = by_nonzeros(J)
         largest = np.asarray(abs(J).max(axis=0).toarray()).ravel()
         columns = np.repeat(np.arange(here.shape[1]), np.diff(J.indptr))
         return int(np.sum(abs(J.data) > THIN * largest[columns]))

@@ -5,28 +5,56 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
+from workbench.blocks import Values
 from workbench.blocks.checks import texts
 from workbench.diagnostics.diagnosis import Diagnosis
 from workbench.diagnostics.looked_at import looked_at
+from workbench.diagnostics.sequences import SequenceDiagnosis
 from workbench.errors import BadArgument, UnknownName
 from workbench.problem import Problem
+from workbench.problem.storage import check_wide, is_long
 
 
 def diagnose(
     problem: Problem, at: Mapping[str, ArrayLike], *, priors: str | Iterable[str] = ()
-) -> Diagnosis:
+) -> Diagnosis | SequenceDiagnosis:
     """Look at a problem's whitened Jacobian at the values `at`.
+
+    Of a long sequence of frames, with more than 4,000 unknowns, the result is a SequenceDiagnosis:
+    it answers the same questions of rank and of what is not seen, frame after frame, and has no
+    singular values. Of any other problem it is a Diagnosis.
 
     `priors` name the residuals that are no data, or is such a name; what is known by them alone
     is told apart. Raises UnknownName for a name that no residual has, BadArgument for what is no
     problem, and what `Problem.split` raises for the values.
     """
+    names = _checked(problem, priors)
+    here = looked_at(problem, at)  # looks at every value
+    if is_long(here.jacobian):
+        return SequenceDiagnosis(problem, _read(problem, at), here, names)
+    check_wide(here.jacobian)
+    return Diagnosis(problem, _read(problem, at), here, names)
+
+
+def diagnose_whole(
+    problem: Problem, at: Mapping[str, ArrayLike], *, priors: str | Iterable[str] = ()
+) -> Diagnosis:
+    """The same for a caller that needs singular values. Raises TooLarge for a long sequence."""
+    names = _checked(problem, priors)
+    here = looked_at(problem, at)
+    check_wide(here.jacobian)
+    return Diagnosis(problem, _read(problem, at), here, names)
+
+
+def _checked(problem: Problem, priors: str | Iterable[str]) -> tuple[str, ...]:
     if not isinstance(problem, Problem):
         raise BadArgument(f"a Problem is diagnosed, not something of type {type(problem).__name__}")
     for name in (names := texts("the names of priors", priors)):
         if name not in problem.rows:
             raise UnknownName("residual", name, problem.rows)
-    here = looked_at(problem, at)  # looks at every value
+    return names
+
+
+def _read(problem: Problem, at: Mapping[str, ArrayLike]) -> Values:
     read = (*problem.free.names, *problem.fixed.names)
-    values = {name: np.asarray(at[name], dtype=float) for name in read}
-    return Diagnosis(problem, values, here, names)
+    return {name: np.asarray(at[name], dtype=float) for name in read}

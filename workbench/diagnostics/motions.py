@@ -182,7 +182,8 @@ def _limbs(free: Layout, tree: Tree) -> Iterator[Motion]:
     K = len(tree.parents)
     below: list[list[int]] = [[k] for k in range(K)]
     for k in range(K - 1, 0, -1):
-        below[tree.parents[k]] += below[k]
+        if tree.parents[k] >= 0:  # a sequence has a root in every frame
+            below[tree.parents[k]] += below[k]
     for k in sorted(range(K), key=lambda k: len(below[k])):
         entries = [e for j in sorted(below[k]) for e in tree.entries(j, free)]
         if len(entries) > 6:
@@ -196,7 +197,7 @@ def _limbs_against_translations(
     """The root moves, and turns of the joints near it undo that at all that is looked at."""
     depth = [0] * len(tree.parents)
     for k, parent in enumerate(tree.parents[1:], start=1):
-        depth[k] = depth[parent] + 1
+        depth[k] = depth[parent] + 1 if parent >= 0 else 0
     for block, moves in _translations(free, blocks):
         for most in range(1, max(depth) + 1):
             near = [e for k, d in enumerate(depth) if d <= most for e in tree.entries(k, free)]

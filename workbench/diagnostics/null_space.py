@@ -1,19 +1,22 @@
 """The directions that no residual notices, or hardly notices, each with a name."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 from scipy.optimize import linprog
+from scipy.sparse import csc_array
 
 from workbench.blocks import Layout
-from workbench.diagnostics.motions import MANY, Motion
+from workbench.diagnostics.motions import MANY, Motion, motions
+from workbench.diagnostics.point import Point
 from workbench.diagnostics.turned_joints import named_by_joints
 from workbench.problem import Linearization
 
 Array = NDArray[np.float64]
+HARDLY = 0.99  # sigmas per yardstick; a prior as wide as the yardstick has 1
 FRESH = 1e-6  # sine of the angle to what is known, above which a direction is another one
 CLEARLY_FRESH = 0.1
 ALIKE = 1e-6  # entries of a direction that differ by less are of one size
@@ -28,6 +31,44 @@ class Direction:
     joints: tuple[str, ...]  # that it turns, as far as it is known
     vector: Array = field(repr=False)
     change: float  # |J d|: sigmas per unit of the direction
+
+
+def null_directions(point: Point, pattern: csc_array) -> tuple[Direction, ...]:
+    """What no residual notices and no constraint forbids, in names.
+
+    `pattern` (m, n) is where the Jacobian can be nonzero.
+    """
+    if point.tied.rank == point.here.shape[1]:
+        return ()
+    here = point.tied.stacked
+    named = _dictionary(point, pattern)
+    return directions(here, point.problem.free, named, here.spectrum.tolerance)
+
+
+def weak_directions(point: Point, pattern: csc_array) -> tuple[Direction, ...]:
+    """What changes the residuals by less than one sigma for a whole yardstick; weakest first.
+
+    The vectors have length 1 once every unknown is measured by its own yardstick.
+    """
+    nothing = point.tied.rank == point.here.shape[1] and not hardly_seen(point)
+    if point.here.estimated or nothing:
+        return ()
+    here, sizes = point.measured.stacked, point.yardsticks.sizes
+    found = directions(here, point.problem.free, _dictionary(point, pattern), HARDLY)
+    noticed = (d for d in found if d.change > here.spectrum.tolerance)
+    return tuple(
+        replace(d, vector=d.vector * sizes) for d in sorted(noticed, key=lambda d: d.change)
+    )
+
+
+def hardly_seen(point: Point) -> int:
+    """How many directions change the residuals by less than a sigma for a whole yardstick."""
+    noticed = point.tied.reduced.spectrum.rank
+    return int(np.sum(point.measured.reduced.spectrum.s[:noticed] < HARDLY))
+
+
+def _dictionary(point: Point, pattern: csc_array) -> Iterator[Motion]:
+    return motions(point.problem.free, point.problem.trees, pattern)
 
 
 def null_basis(A: Array, tolerance: float) -> Array:

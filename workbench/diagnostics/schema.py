@@ -1,22 +1,24 @@
 """A diagnosis as plain data for JSON: names instead of indices, numbers that JSON knows."""
 
 import math
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 import numpy as np
 
+from workbench.diagnostics.findings import Finding
+from workbench.diagnostics.known import Known
 from workbench.diagnostics.null_space import Direction
 from workbench.diagnostics.structure import named_rows
-
-if TYPE_CHECKING:
-    from workbench.diagnostics.diagnosis import Diagnosis
+from workbench.diagnostics.suggestion import Suggestion
 
 SCHEMA = "workbench.diagnosis"
 VERSION = 1  # raised whenever a key goes or changes its meaning; new keys may come without
 
 
-def as_data(d: "Diagnosis") -> dict[str, Any]:
+def as_data(
+    d: Known, findings: Iterable[Finding], suggestions: Iterable[Suggestion]
+) -> dict[str, Any]:
     """Everything but pictures; infinite and undefined numbers are null."""
     data: dict[str, Any] = {
         "schema": SCHEMA,
@@ -61,12 +63,12 @@ def as_data(d: "Diagnosis") -> dict[str, Any]:
             ],
         },
         "findings": [
-            {"part": f.part, "text": f.text, "warning": f.warning} for f in d.findings
+            {"part": f.part, "text": f.text, "warning": f.warning} for f in findings
         ],
         "suggestions": [
             {"what": s.what, "why": s.why, "costs": s.cost, "kind": s.kind,
              "before": vars(s.before), "after": vars(s.after)}
-            for s in d.suggestions
+            for s in suggestions
         ],
     }  # fmt: skip
     if d.here.finite:
@@ -74,7 +76,7 @@ def as_data(d: "Diagnosis") -> dict[str, Any]:
     return _plain(data)  # type: ignore[no-any-return]
 
 
-def _numbers(d: "Diagnosis") -> dict[str, Any]:
+def _numbers(d: Known) -> dict[str, Any]:
     known, check, law = d.identifiability, d.derivatives, d.rank_law
     return {
         "rank": d.rank,
@@ -128,12 +130,12 @@ def _numbers(d: "Diagnosis") -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _direction(d: "Diagnosis", x: Direction) -> dict[str, Any]:
+def _direction(d: Known, x: Direction) -> dict[str, Any]:
     entries = {d.free.label(int(i)): x.vector[i] for i in np.flatnonzero(x.vector)}
     return {"name": x.name, "kind": x.kind, "change": x.change, "entries": entries}
 
 
-def _labels(d: "Diagnosis", columns: np.ndarray) -> list[str]:
+def _labels(d: Known, columns: np.ndarray) -> list[str]:
     return [d.free.label(int(i)) for i in columns]
 
 

@@ -236,7 +236,7 @@ def only_joints(
         return None
     (found,) = points.values()
     tree, free = found.source.tree, problem.free
-    if tree is None or found.labels != tree.names:
+    if tree is None or found.labels != tree.names or sum(p < 0 for p in tree.parents) != 1:
         return None
     poses = [block for block in free.blocks if block.name in tree.blocks]
     if not len(tree.turned(free)) == len(tree.names) == sum(block.size for block in poses) / 3:

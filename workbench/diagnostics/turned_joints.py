@@ -68,7 +68,11 @@ def _turns(tree: Tree, joints: list[int]) -> str:
         return f"a turn of {tree.called(joints[0])}"
     if not joints:
         return "turns"
-    top = max(set.intersection(*(_ancestry(tree, k) for k in joints)))  # parents come first
+    shared = set.intersection(*(_ancestry(tree, k) for k in joints))
+    if not shared:  # joints of several frames
+        more = ", ..." if len(joints) > 2 else ""
+        return f"turns of {' and '.join(tree.called(k) for k in joints[:2])}{more}"
+    top = max(shared)  # parents come first
     name = tree.names[top]
     return f"turns from {name} down" if top in joints else f"turns below {name}"
 

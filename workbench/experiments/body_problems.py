@@ -5,7 +5,6 @@ the `start`: 0 is the template at the origin, every other one is a random start,
 solver. All data are synthetic.
 """
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -14,11 +13,13 @@ from numpy.typing import NDArray
 from workbench.blocks import Block, Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.catalogue import load_skinned
+from workbench.experiments.body_video import body_video
 from workbench.experiments.correspondences import MADE_OF_THE_MODEL, mesh_fit
 from workbench.experiments.experiment import Experiment, Measure, Setup
 from workbench.experiments.keypoint_fit import keypoint_fit, landmark_set, pose_prior
 from workbench.experiments.known import Known
 from workbench.experiments.observations import Observations, photograph
+from workbench.experiments.synthetic_cameras import SIZE, looking_in
 from workbench.experiments.synthetic_people import (
     beginning,
     bent_person,
@@ -34,7 +35,6 @@ from workbench.residuals.kernels import Kernel, geman_mcclure, huber, quadratic
 Array = NDArray[np.float64]
 COMPARED = ("gauss-newton", "levenberg-marquardt", "ipopt", "ipopt-exact", "nlopt-lbfgs")
 WITH_BOUNDS = ("ipopt", "ipopt-exact", "nlopt-lbfgs", "nlopt-slsqp")
-SIZE, FOCAL, AWAY = 1000, 1200.0, 4.0  # px, px, m: of the cameras
 
 
 def body_vertices(
@@ -218,7 +218,7 @@ def body_cameras(
     names, points = model.landmark_names(kind), model.landmark(kind, **truth)
     photographs = []
     for i in range(cameras):
-        calibration = _looking_in(2 * np.pi * i / cameras)
+        calibration = looking_in(2 * np.pi * i / cameras)
         camera = Camera()
         pixels = camera.pixels(points, camera.values(**calibration))
         pixels = pixels + noise * rng.standard_normal(pixels.shape)
@@ -236,18 +236,6 @@ def body_cameras(
     start_values = setup.start | beginning(model, seed, start, 0.3)
     setup = replace(setup, start=start_values, synthetic=MADE_OF_THE_MODEL)
     return replace(setup, known=polished(setup.problem, setup.start, truth), made_of=truth)
-
-
-def _looking_in(angle: float) -> Mapping[str, Array]:
-    """The calibration of a camera on a circle about the origin, upright, from the front at 0."""
-    forward = -np.array([np.sin(angle), 0.0, np.cos(angle)])
-    down = np.array([0.0, -1.0, 0.0])
-    middle = (SIZE - 1) / 2
-    return {
-        "K": np.array([[FOCAL, 0, middle], [0, FOCAL, middle], [0, 0, 1]]),
-        "R": np.array([np.cross(down, forward), down, forward]),
-        "t": np.array([0.0, 0.0, AWAY]),
-    }
 
 
 def _from(start: int, sigma: float) -> str:
@@ -273,6 +261,7 @@ BODIES = (
     Experiment(
         "body-one-camera", body_cameras, "keypoints in one image, and priors", {"cameras": 1}
     ),
+    Experiment("body-video", body_video, "a walk in eight frames, one shape for all of them"),
     Experiment("body-outliers", body_outliers, "a fifth of the vertices 30 cm off, squares"),
     Experiment("body-outliers-huber", body_outliers_huber, "the same, Huber's kernel"),
     Experiment(

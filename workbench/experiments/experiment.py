@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.behind import arguments_behind
-from workbench.diagnostics import Diagnosis, diagnose
+from workbench.diagnostics import Diagnosis, diagnose_whole
 from workbench.errors import BadSetup, UnknownName, WorkbenchError
 from workbench.experiments import comparison
 from workbench.experiments.arguments import names
@@ -229,9 +229,9 @@ def run(
     own = comparison.catalogue_name(solver) or f"{solution.solver} (with other options)"
     values = dict(setup.start) | solution.values
     progress("looking at the Jacobian")
-    diagnosis = diagnose(setup.problem, values, priors=setup.priors)
+    diagnosis = diagnose_whole(setup.problem, values, priors=setup.priors)
     data_alone = (
-        diagnose(setup.problem.without(*setup.priors), values)
+        diagnose_whole(setup.problem.without(*setup.priors), values)
         if 0 < len(setup.priors) < len(setup.problem.residuals)
         else None
     )

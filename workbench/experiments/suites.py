@@ -2,7 +2,7 @@
 
 | suite | problems | known |
 | --- | --- | --- |
-| `bodies` | 12 fits of synthetic people, graded; start 0 or a random one | answer or best cost |
+| `bodies` | 13 fits of synthetic people, graded; start 0 or a random one | answer or best cost |
 | `more-wild` | 54 sums of squares, 2 to 100 unknowns, near and far starts | best cost |
 | `nist` | 12 regressions of NIST's, 2 to 8 unknowns, 2 starts | answer, deviations: 11 digits |
 

@@ -3,5 +3,6 @@
 from workbench.problem.constraint import Constraint
 from workbench.problem.linearization import Linearization
 from workbench.problem.problem import Problem
+from workbench.problem.sequence import sequence
 
-__all__ = ["Constraint", "Linearization", "Problem"]
+__all__ = ["Constraint", "Linearization", "Problem", "sequence"]

@@ -8,23 +8,30 @@ from itertools import accumulate
 import casadi as cs
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csc_array, csr_array
 
 from workbench.blocks import Layout, in_blocks
 from workbench.blocks.buffered import Buffered
 from workbench.problem.chain import Chain
 from workbench.problem.constraint import Constraint
 from workbench.problem.graph import Graph, split
-from workbench.problem.storage import dense
+from workbench.problem.pattern import Pattern
+from workbench.problem.storage import Stored, absolute, dense, entries, is_sparse, scaled_sparse
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
 class Constrained:
-    """c(x + p) ~ values + jacobian p, to be kept between lower and upper, (k,) each."""
+    """c(x + p) ~ values + jacobian p, to be kept between lower and upper, (k,) each.
+
+    The Jacobian is an array, or sparse where it is large and most of it is zero, by the same rule
+    as that of a residual (`storage.is_sparse`).
+    """
 
     values: Array  # (k,)
-    jacobian: Array  # (k, n)
+    jacobian: Stored  # (k, n)
     lower: Array
     upper: Array
     tolerance: Array  # (k,), of a miss that counts as none
@@ -32,7 +39,33 @@ class Constrained:
     @property
     def finite(self) -> bool:
         """Whether every number is."""
-        return bool(np.isfinite(self.values).all() and np.isfinite(self.jacobian).all())
+        return bool(np.isfinite(self.values).all() and np.isfinite(entries(self.jacobian)).all())
+
+    @property
+    def usable(self) -> Mask:
+        """The rows (k,) whose derivatives are finite and not all zero."""
+        sizes = np.asarray(absolute(self.jacobian).sum(axis=1))
+        return np.asarray(np.isfinite(sizes) & (sizes > 0))
+
+    def per(self, lengths: Array) -> Stored:
+        """The Jacobian with each column divided by a length (n,), stored as it is."""
+        if isinstance(self.jacobian, csc_array):
+            return scaled_sparse(self.jacobian, 1 / lengths)
+        return self.jacobian / lengths
+
+    def rows(self, chosen: Mask) -> Array:
+        """Some rows of the Jacobian as an array. Raises TooLarge where that does not fit."""
+        if isinstance(self.jacobian, csc_array):
+            return dense(csc_array(csr_array(self.jacobian)[np.flatnonzero(chosen)]))
+        return self.jacobian[chosen]
+
+    def along(self, directions: Array) -> Array:
+        """The Jacobian times directions (n, d): by how much each value changes, (k, d)."""
+        return np.asarray(self.jacobian @ directions)
+
+    def terms_along(self, directions: Array) -> Array:
+        """The sums of the absolute terms of these products, (k, d): what rounding is held to."""
+        return np.asarray(absolute(self.jacobian) @ abs(directions))
 
     @property
     def way_left(self) -> tuple[Array, Array]:
@@ -92,13 +125,32 @@ class ConstraintSet:
         return self._chain.residual(x, fixed)
 
     def linearize(self, x: Array, fixed: Array) -> Constrained:
-        """c and its Jacobian (k, n)."""
-        c, jacobian = self._chain.linearize(x, fixed)
-        return Constrained(c, dense(jacobian), self.lower, self.upper, self.tolerance)
+        """c and its Jacobian (k, n), dense or sparse."""
+        return Constrained(*self._chain.linearize(x, fixed), self.lower, self.upper, self.tolerance)
 
-    def hessian(self, x: Array, fixed: Array, multipliers: Array) -> Array:
-        """The Hessian of multipliers' c, (n, n)."""
-        return self._hessian(x, fixed, multipliers)[0].reshape(len(x), len(x))
+    @property
+    def sparse(self) -> bool:
+        """Whether the Jacobian is stored by its nonzeros."""
+        return self._chain.sparse
+
+    @property
+    def pattern(self) -> csc_array:
+        """Where the Jacobian may be nonzero, (k, n), each point reading all of its blocks."""
+        return self._chain.pattern
+
+    @cached_property
+    def hessian_pattern(self) -> csc_array:
+        """Where the Hessian of multipliers' c may be nonzero, (n, n), by the whole graph."""
+        places = Pattern(self._bend.sparsity())
+        return places.matrix(np.ones(len(places.rows)))
+
+    def hessian(self, x: Array, fixed: Array, multipliers: Array) -> Stored:
+        """The Hessian of multipliers' c, (n, n), stored like a Jacobian of this size."""
+        found = self._hessian(x, fixed, multipliers)[0]
+        if len(found) == len(x) ** 2:
+            return found.reshape(len(x), len(x))
+        there = self.hessian_pattern
+        return csc_array((found, there.indices, there.indptr), shape=there.shape)
 
     def missed(self, values: Array) -> float:
         """By how many tolerances the worst limit is missed; at most 1 is feasible, NaN is not."""
@@ -131,7 +183,15 @@ class ConstraintSet:
         return Chain(*split(self._stacked, self._points, *self._layouts), *self._layouts)
 
     @cached_property
+    def _multipliers(self) -> cs.MX:
+        return cs.MX.sym("multipliers", self.size)
+
+    @cached_property
+    def _bend(self) -> cs.MX:
+        return cs.hessian(cs.dot(self._multipliers, self._graph.residual), self._graph.x)[0]
+
+    @cached_property
     def _hessian(self) -> Buffered:
-        g, multipliers = self._graph, cs.MX.sym("multipliers", self.size)
-        H = cs.hessian(cs.dot(multipliers, g.residual), g.x)[0]
-        return Buffered(cs.Function("H", [g.x, g.fixed, multipliers], [cs.densify(H)]))
+        g, H, (n, _) = self._graph, self._bend, self._bend.shape
+        H = H if is_sparse(n, n, H.nnz()) else cs.densify(H)
+        return Buffered(cs.Function("H", [g.x, g.fixed, self._multipliers], [H]))

@@ -5,9 +5,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as cs
+import numpy as np
+from scipy.sparse import csc_array
 
 from workbench.blocks import Layout, NumericPoints, Points, in_blocks
 from workbench.problem.partial import by_free_entries
+from workbench.problem.storage import Stored, is_sparse
 
 # CasADi 3.8 loses the derivative of `row + scalar` by the scalar when it takes a Jacobian of more
 # columns than rows backwards: all but the first entry come out zero
@@ -71,6 +74,15 @@ class Graph:
         given = [self.x, self.fixed, *self.points]
         names = ["x", "fixed", *(f"points{i}" for i, _ in enumerate(self.points))]
         return cs.Function(name, given, [*outputs.values()], names, [*outputs])
+
+
+def stored(matrix: cs.DM) -> Stored:
+    """The numbers of a matrix as the rule of `storage.is_sparse` has them kept."""
+    m, n = matrix.shape
+    if not is_sparse(m, n, matrix.nnz()):
+        return np.asarray(matrix)
+    rows, starts = matrix.sparsity().row(), matrix.sparsity().colind()
+    return csc_array((np.array(matrix.nonzeros()), rows, starts), shape=matrix.shape)
 
 
 def split(

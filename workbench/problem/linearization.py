@@ -7,16 +7,18 @@ from math import isfinite
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
-from scipy.sparse import csc_array, csr_array, issparse
+from scipy.sparse import csc_array, csr_array
 
 from workbench.errors import NotFinite
 from workbench.problem import storage
+from workbench.problem.block_matrix import BlockMatrix
 from workbench.problem.constraint_set import Constrained
+from workbench.problem.covariance import covariance_of, inverse_times
 from workbench.problem.graded import graded_svd
 from workbench.problem.rounding import half_squared
 from workbench.problem.spectrum import Spectrum
 from workbench.problem.steps import EPS, UNEVEN, automatic
-from workbench.problem.storage import Matrix
+from workbench.problem.storage import Matrix, Symmetric
 
 Array = NDArray[np.float64]
 TOGETHER = 2**14  # rows of J in one QR: so many stay near the processor, and need little memory
@@ -27,10 +29,10 @@ ESTIMATED = 1e-7  # of the largest singular value: the others come from J'J, wit
 class Linearization:
     """r(x + p) ~ r + J p, whitened, and the textbook formulas on it.
 
-    J is an array, or, where it is large and most of it is zero, a sparse array (`estimated`). All
-    questions are asked alike. The geometry of the columns is asked of R (min(m, n), n), R'R = J'J.
-    R comes from J by QR; of a sparse J, to keep memory small, from the eigenvalues of J'J, which
-    resolve singular values only down to 1e-8 of the largest.
+    J is an array, or, where it is large and most of it is zero, sparse or made of the blocks of
+    frames (`estimated`). All questions are asked alike. The geometry of the columns is asked of R
+    (min(m, n), n), R'R = J'J. R comes from J by QR; where J is no array, to keep memory small, from
+    the eigenvalues of J'J, which resolve singular values only down to 1e-8 of the largest.
     """
 
     residual: Array  # (m,)
@@ -46,7 +48,12 @@ class Linearization:
     @property
     def estimated(self) -> bool:
         """Whether J is sparse, so that singular values are no better than 1e-8 of the largest."""
-        return issparse(self.jacobian)
+        return not storage.is_array(self.jacobian)
+
+    @property
+    def in_blocks(self) -> bool:
+        """Whether J is stored by the frames of a sequence."""
+        return isinstance(self.jacobian, BlockMatrix)
 
     @property
     def dense(self) -> Array:
@@ -65,7 +72,7 @@ class Linearization:
             return self.jacobian.T @ self.residual
 
     @cached_property
-    def normal(self) -> Matrix:
+    def normal(self) -> Symmetric:
         """J' J, (n, n): Gauss and Newton's Hessian, sparse if J is; infinite where too large."""
         with np.errstate(over="ignore", invalid="ignore"):
             return storage.gram(self.jacobian)
@@ -91,7 +98,7 @@ class Linearization:
 
     def column(self, i: int) -> Array:
         """One column, (m,)."""
-        return storage.dense(self.jacobian[:, [i]]).ravel()
+        return storage.dense(storage.columns_of(self.jacobian, np.array([i]))).ravel()
 
     def row(self, i: int) -> Array:
         """One row, (n,)."""
@@ -99,10 +106,8 @@ class Linearization:
 
     def block(self, rows: slice, columns: slice) -> "Linearization":
         """Some rows and columns."""
-        part = self._by_rows[rows][:, columns]
-        return Linearization(
-            self.residual[rows], csc_array(part) if isinstance(part, csr_array) else part
-        )
+        part = storage.by_columns(self._by_rows[rows][:, columns])
+        return Linearization(self.residual[rows], part)
 
     def reached(self, i: int) -> NDArray[np.bool_]:
         """The rows (m,) in which column i of the Jacobian is not zero."""
@@ -118,8 +123,7 @@ class Linearization:
             return False
         if self.constraints is not None and not self.constraints.finite:
             return False
-        stored = storage.entries(self.jacobian)
-        return bool(np.isfinite(self.gradient).all() or np.isfinite(stored).all())
+        return bool(np.isfinite(self.gradient).all()) or storage.finite(self.jacobian)
 
     @property
     def not_finite(self) -> list[tuple[int, int]]:
@@ -172,7 +176,7 @@ class Linearization:
         """R (min(m, n), n) of the Jacobian with columns of length 1. Raises NotFinite, TooLarge."""
         if not self.finite:
             raise NotFinite("the Jacobian holds NaN or infinity here; see `not_finite` for where")
-        if not isinstance(self.jacobian, csc_array):
+        if not self.estimated:
             return self.triangle[1]
         storage.check_wide(self.jacobian)
         unit = storage.scaled(self.jacobian, 1 / self._lengths)
@@ -215,7 +219,8 @@ class Linearization:
 
     @cached_property
     def _by_rows(self) -> Array | csr_array:
-        return self.jacobian.tocsr() if isinstance(self.jacobian, csc_array) else self.jacobian
+        stored = storage.unblocked(self.jacobian)
+        return stored.tocsr() if isinstance(stored, csc_array) else stored
 
     @property
     def _relative(self) -> float:
@@ -237,16 +242,18 @@ class Linearization:
         rest = ~held
         moved = self.residual + self.along(np.where(held, p, 0.0))
         smaller = Linearization(moved, storage.columns_of(self.jacobian, rest))
-        if smaller.estimated == self.estimated:
-            smaller.__dict__["normal"] = self.normal[rest][:, rest]
+        if type(smaller.jacobian) is type(self.jacobian):
+            smaller.__dict__["normal"] = storage.part(self.normal, rest)
         return smaller
+
+    def holding(self, held: NDArray[np.bool_], p: Array) -> "Linearization":
+        """The same in all entries; those that are held have moved by p, and have no slope."""
+        moved = self.residual + self.along(np.where(held, p, 0.0))
+        return Linearization(moved, storage.scaled(self.jacobian, np.where(held, 0.0, 1.0)))
 
     def rows(self, part: NDArray[np.int64]) -> "Linearization":
         """Some rows alone."""
-        some = self._by_rows[part]
-        return Linearization(
-            self.residual[part], csc_array(some) if isinstance(some, csr_array) else some
-        )
+        return Linearization(self.residual[part], storage.by_columns(self._by_rows[part]))
 
     def columns(self, part: NDArray[np.int64]) -> "Linearization":
         """Some columns alone."""
@@ -281,19 +288,13 @@ class Linearization:
         """Laplace's approximation to the posterior covariance, (J' J)^-1, (n, n).
 
         R^-1 R^-T from the triangle R of J with its columns scaled to length 1, never from the
-        normal equations: no entry's unit costs a digit. Directions that the residual does not
-        notice get infinite variance, wherever they point to.
+        normal equations: no entry's unit costs a digit. What is not seen has infinite variance.
         """
-        n, lengths, R = self.shape[1], self._lengths, self.unit_triangle
-        _, s, Vt = np.linalg.svd(R, full_matrices=False)
-        seen = s > self._relative * s.max(initial=0.0)
-        if seen.sum() == n and not self.estimated:
-            half = scipy.linalg.solve_triangular(R, np.eye(n)) / lengths[:, None]
-            return np.asarray(half @ half.T)
-        s, Vt = s[seen], Vt[seen]
-        half = Vt.T / s / lengths[:, None]
-        blind = 1 - np.sum(Vt**2, axis=0) > 1e-9  # entries with a part in the null space
-        C: Array = half @ half.T
-        C[blind, :] = C[:, blind] = np.nan
-        C[blind, blind] = np.inf
-        return C
+        return covariance_of(self.unit_triangle, self._lengths, self._relative, self.estimated)
+
+    def inverse_times(self, right: Array, raised: Array | float = 0.0) -> Array | None:
+        """(J'J + diag(raised))^-1 times an array (n, k): columns of a covariance, as many as asked.
+
+        By Cholesky's factor of the normal equations; None where that leaves too few digits.
+        """
+        return inverse_times(self.normal, right, raised)

@@ -1,10 +1,9 @@
 """How far a point is from stationary, free of units: one measure for every solver."""
 
 import numpy as np
-import scipy.optimize
 from numpy.typing import NDArray
 
-from workbench.problem.constraint_set import Constrained
+from workbench.problem.least_distance import Limits, nearest
 from workbench.problem.linearization import Linearization
 from workbench.problem.rounding import Rounding, Support
 
@@ -45,8 +44,9 @@ def optimality(
     else:  # what no residual notices costs nothing to move, but is measured all the same
         lower, upper = box or (np.full_like(x, -np.inf), np.full_like(x, np.inf))
         scale = np.where(norms > 0, norms, norms.max(initial=0.0) or 1.0)
-        d = _allowed(-here.gradient / scale, (lower - x) * scale, (upper - x) * scale,
-                     here.constraints, scale)  # fmt: skip
+        A = here.constraints.per(scale)
+        box = (lower - x) * scale, (upper - x) * scale
+        d = nearest(-here.gradient / scale, Limits(*box, A, *here.constraints.way_left))
     way = np.abs(d)
     if rounding is not None:
         way = np.maximum(way - excused(x, here, support, rounding), 0.0)
@@ -87,40 +87,3 @@ def _errors(here: Linearization, support: Support, rounding: Rounding) -> Array:
     if here.constraints is not None:  # they carry the error of one number to another
         return np.full(len(here.column_norms), rounding.norm)
     return support.norms(rounding.rows)
-
-
-def _allowed(pull: Array, left: Array, right: Array, there: Constrained, scale: Array) -> Array:
-    """The d nearest to the pull with left <= d <= right and the constraints met, linearized.
-
-    A least-distance problem, by nonnegative least squares for its multipliers (Lawson and Hanson
-    1974, chapter 23). Infinite where no d meets them.
-    """
-    down, up = there.way_left
-    A = there.jacobian / scale
-    lengths = np.linalg.norm(A, axis=1)
-    flat = lengths == 0
-    if (flat & ((down > 0) | (up < 0))).any():
-        return np.full_like(pull, np.inf)
-    lengths = np.where(flat, 1.0, lengths)
-    rows = np.concatenate([np.eye(len(pull)), A / lengths[:, None]])
-    lows, highs = np.concatenate([left, down / lengths]), np.concatenate([right, up / lengths])
-    # G z >= h for z = d - pull, in units of the farthest that d may have to go
-    reach = float(np.linalg.norm(pull)) + float(
-        np.max(np.concatenate([lows, -highs, [0.0]]), initial=0.0)
-    )
-    if reach == 0:
-        return np.zeros_like(pull)
-    at = rows @ pull
-    G = np.concatenate([rows, -rows])
-    h = np.concatenate([lows - at, at - highs]) / reach
-    near = h > -4.0 * np.sqrt(len(pull))  # a limit farther away than any d stops nothing
-    G, h = G[near], h[near]
-    if (h <= 0).all():
-        return pull
-    E = np.concatenate([G.T, h[None]])
-    u, distance = scipy.optimize.nnls(E, np.append(np.zeros(len(pull)), 1.0))
-    if distance < 1e-10:
-        return np.full_like(pull, np.inf)
-    active = u > 0
-    z = np.linalg.lstsq(G[active], h[active], rcond=None)[0]  # the same, to all digits
-    return np.asarray(pull + reach * z)

@@ -5,8 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csc_array
 
 from workbench.blocks import Layout, NumericPoints, PointsAt
+from workbench.blocks.sparse_points import jacobian_of, pattern_of
 
 Array = NDArray[np.float64]
 Entries = Mapping[str, NDArray[np.int64]]
@@ -25,7 +27,7 @@ def by_free_entries(source: NumericPoints, free: Layout) -> NumericPoints:
 
 @dataclass(frozen=True, eq=False)
 class Chosen:
-    """Points with derivatives by some entries of some blocks; see NumericPoints."""
+    """Points with derivatives by some entries of some blocks; see NumericPoints, SparsePoints."""
 
     source: NumericPoints
     wanted: Entries
@@ -39,6 +41,11 @@ class Chosen:
         """As the source."""
         return self.source.many(values)
 
+    def pattern(self, name: str) -> csc_array | None:
+        """The columns of wanted entries in the source's pattern, if it has one."""
+        found = pattern_of(self.source, name)
+        return None if found is None else _columns(found, self.wanted.get(name))
+
     def at(self, values: Mapping[str, Array]) -> "ChosenAt":
         """Where whole blocks have these values."""
         return ChosenAt(self.source.at(values), self.wanted, values)
@@ -46,7 +53,7 @@ class Chosen:
 
 @dataclass(frozen=True, eq=False)
 class ChosenAt:
-    """The points at one set of values; see PointsAt."""
+    """The points at one set of values; see PointsAt, SparsePointsAt."""
 
     here: PointsAt
     wanted: Entries
@@ -70,7 +77,15 @@ class ChosenAt:
             if name in self.wanted:
                 array[...] = rooms[name][self.wanted[name]]
 
+    def jacobian(self, name: str) -> csc_array:
+        """Its columns of wanted entries."""
+        return _columns(jacobian_of(self.here, name), self.wanted.get(name))
+
     def adjoint(self, pull: Array) -> dict[str, Array]:
         """By the wanted entries of each block, flat."""
         found = self.here.adjoint(pull)
         return {n: g[self.wanted[n]] if n in self.wanted else g for n, g in found.items()}
+
+
+def _columns(matrix: csc_array, wanted: NDArray[np.int64] | None) -> csc_array:
+    return matrix if wanted is None else csc_array(matrix[:, wanted])

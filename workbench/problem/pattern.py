@@ -1,6 +1,7 @@
 """Where the entries of sparse Jacobians stand, and how several of them become one."""
 
 from collections.abc import Sequence
+from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -8,6 +9,8 @@ import casadi as cs
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_array
+
+from workbench.problem.storage import entries_at
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -22,6 +25,7 @@ class Pattern:
         self.rows = np.array(sparsity.row(), dtype=np.int64)
         self.columns = np.repeat(np.arange(self.shape[1]), np.diff(self._starts))
 
+    @cached_property
     def diagonal(self) -> slice | None:
         """The rows of a diagonal over all columns, if that is all: points seen one by one."""
         first, n = int(self.rows[0]) if len(self.rows) else 0, self.shape[1]
@@ -38,22 +42,66 @@ class Pattern:
         """The matrix with these entries."""
         return csc_array((entries, self.rows, self._starts), shape=self.shape)
 
+    def times(self, entries: Array, other: csc_array) -> csc_array:
+        """The matrix with these entries times another sparse one, rows rising in each column."""
+        at = self.diagonal
+        if at is None:
+            found = csc_array(self.matrix(entries) @ other)
+        else:
+            numbers = entries[other.indices] * other.data
+            shape = self.shape[0], other.shape[1]
+            found = csc_array((numbers, other.indices + at.start, other.indptr), shape=shape)
+        found.sort_indices()
+        return found
+
+    def reached(self, other: csc_array) -> csc_array:
+        """Where such a product can be nonzero, whatever the entries of both are."""
+        ones = np.ones(other.nnz)  # sums of which never cancel
+        there = csc_array((ones, other.indices, other.indptr), shape=other.shape)
+        return self.times(np.ones(len(self.rows)), there)
+
 
 class Part(NamedTuple):
-    """Some rows of some columns, every entry of them."""
+    """A dense part of a matrix: some rows of some columns, every entry of them."""
 
     rows: Index  # rising
     columns: slice
 
+    @property
+    def filled(self) -> int:
+        """How many entries it has."""
+        return int(len(self.rows) * (self.columns.stop - self.columns.start))
 
-def merged(pattern: Pattern, parts: Sequence[Part]) -> csc_array:
-    """Where a sum of single entries and dense parts can be nonzero, (m, n), in as little memory."""
+
+class Scattered(NamedTuple):
+    """A sparse part of a matrix: the entries of some columns that `pattern` (m, size) stores."""
+
+    pattern: csc_array  # rows rising in each column
+    columns: slice
+
+    @property
+    def filled(self) -> int:
+        """How many entries it has."""
+        return int(self.pattern.nnz)
+
+    @property
+    def entry_columns(self) -> Index:
+        """The column of the whole matrix in which each entry stands."""
+        return np.asarray(_columns(self.pattern) + self.columns.start)
+
+
+def merged(pattern: Pattern, parts: Sequence[Part | Scattered]) -> csc_array:
+    """Where a sum of single entries and parts can be nonzero, (m, n), in as little memory."""
     m, n = pattern.shape
-    starts = np.searchsorted(pattern.columns, np.arange(n + 1))
-    reached: list[list[Index]] = [[pattern.rows[i:j]] for i, j in pairwise(starts)]
+    scattered = [part for part in parts if isinstance(part, Scattered)]
+    keys = [pattern.columns * m + pattern.rows, *(_keys(part, m) for part in scattered)]
+    columns, rows_of_all = np.divmod(_once(np.concatenate(keys)), m)
+    starts = np.searchsorted(columns, np.arange(n + 1))
+    reached: list[list[Index]] = [[rows_of_all[i:j]] for i, j in pairwise(starts)]
     for part in parts:
-        for column in range(part.columns.start, part.columns.stop):
-            reached[column].append(part.rows)
+        if isinstance(part, Part):
+            for column in range(part.columns.start, part.columns.stop):
+                reached[column].append(part.rows)
     rows = [_union(some, m).astype(np.int32) for some in reached]
     edges = np.cumsum([0, *(len(some) for some in rows)])
     found = np.concatenate([*rows, np.zeros(0, dtype=np.int32)])
@@ -69,19 +117,24 @@ def _union(some: Sequence[Index], m: int) -> Index:
 
 
 class Assembly:
-    """A sparse matrix (m, n) that is a sum: single entries, and parts that are dense.
+    """A sparse matrix (m, n) that is a sum: single entries, and parts that are dense or sparse.
 
     Which entry of the sum each number goes to is found once; after that the sum is made of copies.
     """
 
-    def __init__(self, pattern: Pattern, parts: Sequence[Part]) -> None:
+    def __init__(self, pattern: Pattern, parts: Sequence[Part | Scattered]) -> None:
         self.shape = m, n = pattern.shape
         keys = [pattern.columns * m + pattern.rows, *(_keys(part, m).ravel() for part in parts)]
         places = _once(np.concatenate(keys))
         columns, self._rows = np.divmod(places, m)
         self._starts = np.searchsorted(columns, np.arange(n + 1))
         self._single = np.searchsorted(places, keys[0])
-        self._parts = [_compact(np.searchsorted(places, _keys(part, m))) for part in parts]
+        found = (np.searchsorted(places, _keys(part, m)) for part in parts)
+        self._parts = [
+            _compact(where) if isinstance(part, Part) else _together(where)
+            for part, where in zip(parts, found, strict=True)
+        ]
+        self._patterns = [part.pattern if isinstance(part, Scattered) else None for part in parts]
 
     def zeros(self) -> Array:
         """Room for the entries, none of them set."""
@@ -111,6 +164,13 @@ class Assembly:
         else:
             found[where] += entries
 
+    def add_scattered(self, part: int, entries: csc_array, found: Array) -> None:
+        """Add a sparse part (m, size), whose rows rise in each column."""
+        where, pattern = self._parts[part], self._patterns[part]
+        assert pattern is not None
+        assert not isinstance(where, _Even)
+        found[where] += entries_at(entries, pattern)
+
     def matrix(self, found: Array) -> csc_array:
         """The sum with these entries."""
         return csc_array((found, self._rows, self._starts), shape=self.shape)
@@ -130,10 +190,27 @@ def _once(keys: Index) -> Index:
     return keys[np.concatenate([[True], keys[1:] != keys[:-1]])] if keys.size else keys
 
 
-def _keys(part: Part, m: int) -> Index:
-    """Of all entries, (columns, rows): they sort as a matrix stored column by column does."""
+def _columns(matrix: csc_array) -> Index:
+    """Of every stored entry."""
+    return np.repeat(np.arange(matrix.shape[1]), np.diff(matrix.indptr))
+
+
+def _keys(part: Part | Scattered, m: int) -> Index:
+    """Of all entries: they sort as a matrix stored column by column does.
+
+    Those of a dense part have the axes (columns, rows), those of a sparse one are in its order.
+    """
+    if isinstance(part, Scattered):
+        return part.entry_columns * m + part.pattern.indices
     columns = np.arange(part.columns.start, part.columns.stop)
     return np.asarray(columns[:, None] * m + part.rows)
+
+
+def _together(places: Index) -> slice | Index:
+    """Rising places as a slice, if they leave none out."""
+    if not places.size or places[-1] - places[0] + 1 != len(places):
+        return places
+    return slice(int(places[0]), int(places[-1]) + 1)
 
 
 def _compact(places: Index) -> "_Even | Index":

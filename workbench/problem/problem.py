@@ -26,7 +26,8 @@ from workbench.problem.bounds import Bounds, flat_bounds, of_free
 from workbench.problem.chain import Chain
 from workbench.problem.constraint import Constraint
 from workbench.problem.constraint_set import ConstraintSet
-from workbench.problem.graph import Graph, split
+from workbench.problem.frame_chain import FrameChain, Numbers
+from workbench.problem.graph import Graph, split, stored
 from workbench.problem.linearization import Linearization
 from workbench.problem.naming import (
     blocks_behind,
@@ -38,6 +39,7 @@ from workbench.problem.naming import (
 )
 from workbench.problem.optimality import optimality
 from workbench.problem.rounding import Rounding, Support
+from workbench.problem.storage import Stored
 from workbench.residuals import Residual
 from workbench.threads import limited_threads
 
@@ -70,8 +72,8 @@ class Problem:
         self.residuals, self.constraints, self._named = parts_of(residuals, constraints, blocks)
         free = texts("the names of free blocks", free)
         self.bounds = dict(mapping("the bounds of a problem", {} if bounds is None else bounds))
-        check_names((*free, *self.bounds), known := self._blocks, self._named)
-        self._known = Layout(tuple(known.values()))
+        check_names((*free, *self.bounds), self.known, self._named)
+        self._known = Layout(tuple(self.known.values()))
         self.free, self.fixed = free_and_fixed(self._known, free)
         self.lower, self.upper = flat_bounds(self.bounds, self.free, self._known)
         self.stacked_constraints = (
@@ -84,7 +86,7 @@ class Problem:
         Bounds of others are dropped, and constraints that read none of these blocks.
         """
         names = texts("the names of free blocks", names)
-        check_names(names, self._blocks, self._named)
+        check_names(names, self.known, self._named)
         return self._with(self.residuals, names)
 
     def without(self, *residuals: str) -> "Problem":
@@ -211,14 +213,13 @@ class Problem:
         """The cost and its gradient (n,), without a Jacobian of the points."""
         return self._chain.gradient(x, fixed)
 
-    def hessian_at(self, x: Array, fixed: Array) -> Array:
-        """The exact Hessian (n, n)."""
-        return np.asarray(self.hessian(x, fixed))
+    def hessian_at(self, x: Array, fixed: Array) -> Stored:
+        """The exact Hessian (n, n); sparse where it is large and most of it is zero."""
+        return stored(self.hessian(x, fixed))
 
     def linearize_at(self, x: Array, fixed: Array) -> Linearization:
         """Residual and Jacobian at a point; sparse where it is large and most of it is zero."""
-        there = self.stacked_constraints
-        constraints = None if there is None else there.linearize(x, fixed)
+        constraints = there.linearize(x, fixed) if (there := self.stacked_constraints) else None
         return Linearization(*self._chain.linearize(x, fixed), constraints)
 
     def linearize(self, values: Mapping[str, ArrayLike]) -> Linearization:
@@ -256,8 +257,6 @@ class Problem:
         box = (self.lower, self.upper) if self.bounded else None
         return optimality(x, here, self.support, box, rounding)
 
-    # How all of it is put together.
-
     @cached_property
     def _points(self) -> tuple[Points, ...]:
         return distinct(p for r in self.residuals for p in r.points)
@@ -272,7 +271,7 @@ class Problem:
         return cs.vertcat(*[residual.whitened for residual in self.residuals])
 
     @cached_property
-    def _blocks(self) -> dict[str, Block]:
+    def known(self) -> dict[str, Block]:
         """Every block that is read, by name, the best known description of each."""
         of_residuals = (b for r in self.residuals for b in r.blocks)
         of_points = (b for p in self._points_of_all for b in p.source.blocks)
@@ -285,8 +284,9 @@ class Problem:
         return Graph.of(in_blocks(self._whitened, self._points), *self._layouts)
 
     @cached_property
-    def _chain(self) -> Chain:
-        return Chain(*split(self._whitened, self._points, *self._layouts), *self._layouts)
+    def _chain(self) -> Numbers:
+        by_frames = any(residual.each for residual in self.residuals)
+        return (FrameChain if by_frames else Chain.of)(self.residuals, *self._layouts)
 
     @cached_property
     def _batch(self) -> Batch:

@@ -1,5 +1,6 @@
 """How much of a residual may be rounding error, row by row, and which rows a number can change."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,6 +11,7 @@ from scipy.sparse import csr_array
 from workbench.problem.steps import EPS
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 FACTOR = 10.0  # of eps: a row is the end of a chain of operations, not of one
 
 
@@ -63,9 +65,67 @@ class Support:
     """
 
     def __init__(
-        self, groups: NDArray[np.bool_], group_of: NDArray[np.signedinteger], own: csr_array
+        self,
+        groups: NDArray[np.bool_] | csr_array,
+        group_of: NDArray[np.signedinteger],
+        own: csr_array,
     ) -> None:
         self._groups, self._group_of, self._own = groups.astype(float), group_of, own
+
+    @staticmethod
+    def of_frames(parts: Sequence[tuple["Support", Index, Index]], rest: csr_array) -> "Support":
+        """Of a sequence: the support of one frame, with the rows (F, m) and the free numbers (F, n)
+        of all frames that are alike, for several such groups of frames.
+
+        `rest` (n, m) marks what the numbers can change besides.
+        """
+        n, m = rest.shape
+        group_of, first = np.zeros(n, dtype=np.int64), 1  # the first group is empty
+        rows_of, groups_of, own = [], [], [rest]
+        kinds_of: dict[int, list[tuple[int, int]]] = {}  # of numbers that frames share
+        for i, (support, rows, columns) in enumerate(parts):
+            kinds = first + support._groups.shape[0] * np.arange(len(rows))[:, None]
+            group_of[columns] = kinds + support._group_of
+            first = int(kinds[-1, 0]) + support._groups.shape[0]
+            kind, row = support._of_groups
+            groups_of.append((kinds + kind).ravel())
+            rows_of.append(rows[:, row].ravel())
+            single = support._own.tocoo()
+            numbers, marked = columns[:, single.row].ravel(), rows[:, single.col].ravel()
+            own.append(_marked(numbers, marked, (n, m)))
+            if len(columns) > 1 or len(parts) > 1:
+                for j in np.flatnonzero((columns == columns[0]).all(axis=0)):
+                    kinds_of.setdefault(int(columns[0, j]), []).append(
+                        (i, int(support._group_of[j]))
+                    )
+        together: dict[tuple[tuple[int, int], ...], int] = {}
+        for number, which in kinds_of.items():
+            if tuple(which) not in together:
+                together[tuple(which)] = first
+                for i, of_one in which:
+                    support, rows, _ = parts[i]
+                    kind, row = support._of_groups
+                    found = rows[:, row[kind == of_one]].ravel()
+                    rows_of.append(found)
+                    groups_of.append(np.full(len(found), first))
+                first += 1
+            group_of[number] = together[tuple(which)]
+        none = np.zeros(0, dtype=np.int64)
+        at = np.concatenate([none, *groups_of]), np.concatenate([none, *rows_of])
+        return Support(_marked(*at, (first, m)), group_of, csr_array(sum(own[1:], own[0])))
+
+    @property
+    def explicit(self) -> csr_array:
+        """The same without groups: row i (n, m) marks all that number i can change."""
+        kind, row = self._of_groups
+        groups = _marked(kind, row, self._groups.shape)
+        return csr_array(groups[self._group_of] + self._own)
+
+    @property
+    def _of_groups(self) -> tuple[Index, Index]:
+        """The groups' numbers and rows, pair by pair."""
+        kind, row = self._groups.nonzero()
+        return np.asarray(kind, dtype=np.int64), np.asarray(row, dtype=np.int64)
 
     def norms(self, rows: Array) -> Array:
         """|v| over the rows that each free number can change: (n,) for v (m,)."""
@@ -74,7 +134,9 @@ class Support:
 
     def rows(self, numbers: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """The rows (m,) that some of the free numbers (n,) can change."""
-        read = np.asarray(self._groups[np.unique(self._group_of[numbers])].any(axis=0))
+        marked = np.zeros(self._groups.shape[0])
+        marked[self._group_of[numbers]] = 1.0
+        read = np.asarray(marked @ self._groups) > 0
         read[self._own[np.flatnonzero(numbers)].indices] = True
         return read
 
@@ -87,3 +149,8 @@ class Support:
     def changing(self) -> NDArray[np.bool_]:
         """The rows that any free number can change, (m,)."""
         return self.rows(np.ones(len(self._group_of), dtype=bool))
+
+
+def _marked(rows: Index, columns: Index, shape: tuple[int, int]) -> csr_array:
+    """A matrix of ones in these places."""
+    return csr_array((np.ones(len(rows)), (rows, columns)), shape=shape)

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import lsmr
 
+from workbench.problem.banded import BandedMatrix
 from workbench.problem.sparse_cholesky import factorized
-from workbench.problem.storage import Matrix, scaled
+from workbench.problem.storage import Matrix, Symmetric, scaled_sparse
 
 Array = NDArray[np.float64]
 EPS = float(np.finfo(float).eps)
@@ -39,7 +40,7 @@ class LinearModel(Protocol):
         """J'r (n,)."""
 
     @property
-    def normal(self) -> Matrix:
+    def normal(self) -> Symmetric:
         """J'J (n, n)."""
 
     @property
@@ -79,9 +80,12 @@ def cholesky(here: LinearModel, damping: float, D: Array) -> Step | None:
 
     Their condition is the square of the Jacobian's; None where that leaves too few digits.
     """
-    if isinstance(here.normal, csc_array):
-        return _sparse(here.normal, here.gradient, damping * D**2)
-    A = here.normal + damping * np.diag(D**2)
+    normal = here.normal
+    if isinstance(normal, BandedMatrix):
+        return _banded(normal, here.gradient, damping * D**2)
+    if isinstance(normal, csc_array):
+        return _sparse(normal, here.gradient, damping * D**2)
+    A = normal + damping * np.diag(D**2)
     d = np.sqrt(np.diag(A))
     if not (d > 0).all() or not np.isfinite(d).all():
         return None
@@ -99,6 +103,11 @@ def cholesky(here: LinearModel, damping: float, D: Array) -> Step | None:
 def _sparse(normal: csc_array, gradient: Array, damped: Array) -> Step | None:
     factor = factorized(csc_array(normal + diags_array(damped)) if damped.any() else normal)
     return None if factor is None else Step(-factor.solve(gradient), "sparse cholesky")
+
+
+def _banded(normal: BandedMatrix, gradient: Array, damped: Array) -> Step | None:
+    factor = normal.factorized(damped)
+    return None if factor is None else Step(-factor.solve(gradient), "band cholesky")
 
 
 def qr(here: LinearModel, damping: float, D: Array) -> Step | None:
@@ -159,7 +168,7 @@ def krylov(here: LinearModel, damping: float, D: Array) -> Step:
     """
     if damping == 0:
         D = _even(here.column_norms)
-    A = csc_array(scaled(here.jacobian, 1 / D))
+    A = scaled_sparse(here.jacobian, 1 / D)
     p = lsmr(A, -here.residual, np.sqrt(damping), DIGITS, DIGITS, conlim=0, maxiter=PRODUCTS)[0]
     return Step(np.asarray(p) / D, "lsmr")
 

@@ -1,17 +1,25 @@
-"""What depends on how a Jacobian is stored: as an array, or by its nonzeros, column by column."""
+"""What depends on how a matrix is stored: as an array, by its nonzeros, or by blocks of frames.
+
+A Jacobian is an array, or sparse (CSC), or, in a sequence of frames, a `BlockMatrix`; its normal
+equations are an array, sparse or a `BandedMatrix`.
+"""
 
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import block_array, csc_array, issparse, vstack
+from scipy.sparse import block_array, csc_array, csr_array, vstack
 
 from workbench.errors import TooLarge
+from workbench.problem.banded import BandedMatrix
+from workbench.problem.block_matrix import BlockMatrix
 from workbench.problem.memory import check_fits
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Matrix: TypeAlias = Array | csc_array
+Stored: TypeAlias = Array | csc_array  # with all zeros, or by the nonzeros
+Matrix: TypeAlias = Stored | BlockMatrix
+Symmetric: TypeAlias = Stored | BandedMatrix
 DENSE_FROM = 2**22  # entries, 32 MB: a smaller matrix is an array, whatever is in it
 SPARSE_UP_TO = 1 / 8  # nonzeros an entry: above that an array is smaller and much quicker
 WIDE = 4000  # columns of a sparse matrix whose n x n arrays still fit
@@ -22,16 +30,40 @@ def is_sparse(rows: int, columns: int, nonzeros: int) -> bool:
     return rows * columns > DENSE_FROM and nonzeros < SPARSE_UP_TO * rows * columns
 
 
-def dense(matrix: Matrix) -> Array:
+def dense(matrix: Matrix | Symmetric) -> Array:
     """The matrix as an array. Raises TooLarge where that does not fit into memory."""
-    if not isinstance(matrix, csc_array):
+    if isinstance(matrix, np.ndarray):
         return matrix
     check_fits(*matrix.shape, "a dense Jacobian", "free fewer blocks at a time")
-    return np.asarray(matrix.toarray())
+    if isinstance(matrix, BlockMatrix):
+        return matrix.dense
+    return np.asarray(by_nonzeros(matrix).toarray())
+
+
+def by_nonzeros(matrix: csc_array | BlockMatrix | BandedMatrix) -> csc_array:
+    """A matrix that is no array, column by column."""
+    return matrix if isinstance(matrix, csc_array) else matrix.sparse
+
+
+def by_columns(some: Array | csr_array) -> Stored:
+    """Some rows as they were cut out, stored column by column if they are sparse."""
+    return csc_array(some) if isinstance(some, csr_array) else some
+
+
+def unblocked(matrix: Matrix | Symmetric) -> Stored:
+    """The same as an array, if it is one, or else by its nonzeros."""
+    return matrix if isinstance(matrix, np.ndarray) else by_nonzeros(matrix)
+
+
+def is_array(matrix: Matrix | Symmetric) -> bool:
+    """Whether a matrix is stored with all of its zeros."""
+    return isinstance(matrix, np.ndarray)
 
 
 def entries(matrix: Matrix) -> Array:
     """What is stored: all numbers of an array, the nonzeros of a sparse matrix."""
+    if isinstance(matrix, BlockMatrix):
+        return matrix.entries
     return np.asarray(matrix.data) if isinstance(matrix, csc_array) else matrix
 
 
@@ -41,6 +73,8 @@ def column_norms(matrix: Matrix) -> Array:
     Columns whose squares are too large to be numbers are scaled before; those whose squares are
     zero to rounding have the length zero.
     """
+    if isinstance(matrix, BlockMatrix):
+        return np.sqrt(matrix.column_squares())
     if isinstance(matrix, csc_array):
         return np.sqrt(_sums(matrix, matrix.data**2))
     columns = matrix.T  # as it is stored
@@ -55,30 +89,54 @@ def column_norms(matrix: Matrix) -> Array:
 
 def row_norms(matrix: Matrix) -> Array:
     """The length of every row, (m,)."""
+    if isinstance(matrix, BlockMatrix):
+        return np.sqrt(matrix.row_squares())
     if isinstance(matrix, csc_array):
         squares = np.bincount(matrix.indices, matrix.data**2, minlength=matrix.shape[0])
         return np.asarray(np.sqrt(squares))
     return np.asarray(np.sqrt(np.einsum("ij,ij->i", matrix, matrix)))
 
 
+def absolute(matrix: Stored) -> Stored:
+    """The absolute value of every entry."""
+    return csc_array(abs(matrix)) if isinstance(matrix, csc_array) else np.abs(matrix)
+
+
 def scaled(matrix: Matrix, factors: Array) -> Matrix:
     """Every column times its factor, (n,)."""
-    if isinstance(matrix, csc_array):
-        found = matrix.data * np.repeat(factors, np.diff(matrix.indptr))
-        return csc_array((found, matrix.indices, matrix.indptr), shape=matrix.shape)
-    return matrix * factors
+    if isinstance(matrix, BlockMatrix):
+        return matrix.scaled(factors)
+    return scaled_sparse(matrix, factors) if isinstance(matrix, csc_array) else matrix * factors
+
+
+def scaled_sparse(matrix: Matrix, factors: Array) -> csc_array:
+    """The same by its nonzeros."""
+    if isinstance(matrix, np.ndarray):
+        return csc_array(matrix * factors)
+    found = by_nonzeros(matrix)
+    entries = found.data * np.repeat(factors, np.diff(found.indptr))
+    return csc_array((entries, found.indices, found.indptr), shape=found.shape)
+
+
+def finite(matrix: Matrix) -> bool:
+    """Whether every number that is stored is."""
+    return (
+        matrix.finite
+        if isinstance(matrix, BlockMatrix)
+        else bool(np.isfinite(entries(matrix)).all())
+    )
 
 
 def stacked(matrix: Matrix, below: Array) -> Matrix:
     """The matrix, and more rows below it."""
-    if isinstance(matrix, csc_array):
-        return csc_array(vstack([matrix, csc_array(below)]))
-    return np.vstack([matrix, below])
+    if isinstance(matrix, np.ndarray):
+        return np.vstack([matrix, below])
+    return csc_array(vstack([by_nonzeros(matrix), csc_array(below)]))
 
 
-def columns_of(matrix: Matrix, part: NDArray[np.int64] | Mask) -> Matrix:
+def columns_of(matrix: Matrix, part: NDArray[np.int64] | Mask) -> Stored:
     """Some columns; as an array where they are few, or no longer sparse."""
-    some = matrix[:, part]
+    some = (matrix.sparse if isinstance(matrix, BlockMatrix) else matrix)[:, part]
     if isinstance(some, csc_array) and not is_sparse(*some.shape, some.nnz):
         return np.asarray(some.toarray())
     return some
@@ -86,8 +144,8 @@ def columns_of(matrix: Matrix, part: NDArray[np.int64] | Mask) -> Matrix:
 
 def where_not_finite(matrix: Matrix) -> list[tuple[int, int]]:
     """Rows and columns of entries that are NaN or infinite."""
-    if isinstance(matrix, csc_array):
-        stored = matrix.tocoo()
+    if not isinstance(matrix, np.ndarray):
+        stored = by_nonzeros(matrix).tocoo()
         bad = ~np.isfinite(stored.data)
         return list(zip(stored.row[bad].tolist(), stored.col[bad].tolist(), strict=True))
     return [(int(i), int(j)) for i, j in np.argwhere(~np.isfinite(matrix))]
@@ -96,17 +154,29 @@ def where_not_finite(matrix: Matrix) -> list[tuple[int, int]]:
 def check_wide(matrix: Matrix) -> None:
     """Raise TooLarge where a sparse matrix has too many columns for arrays of n x n."""
     m, n = matrix.shape
-    if issparse(matrix) and n > WIDE:
+    if not is_array(matrix) and n > WIDE:
         raise TooLarge(
             f"the singular values of a sparse Jacobian of {m:,} x {n:,} need arrays of {n:,} x "
             f"{n:,}; up to {WIDE:,} columns have them: free fewer blocks"
         )
 
 
-def gram(matrix: Matrix) -> Matrix:
+def is_long(matrix: Matrix) -> bool:
+    """Whether a matrix is that of a sequence of frames, too wide for arrays of n x n."""
+    return isinstance(matrix, BlockMatrix) and matrix.shape[1] > WIDE
+
+
+def gram(matrix: Matrix) -> Symmetric:
     """The matrix, transposed, times itself, (n, n)."""
-    if not isinstance(matrix, csc_array):
-        return np.asarray(matrix.T @ matrix)
+    if isinstance(matrix, BlockMatrix):
+        return matrix.normal()
+    if isinstance(matrix, csc_array):
+        return gram_of_nonzeros(matrix)
+    return np.asarray(matrix.T @ matrix)
+
+
+def gram_of_nonzeros(matrix: csc_array) -> csc_array:
+    """The same of a sparse matrix."""
     full = crowded(matrix)
     if not full.any():
         found = csc_array(matrix.T @ matrix)
@@ -120,6 +190,12 @@ def gram(matrix: Matrix) -> Matrix:
     return found
 
 
+def part(matrix: Symmetric, mask: Mask) -> Symmetric:
+    """Some rows, and the same columns, of a symmetric matrix."""
+    some = matrix if isinstance(matrix, np.ndarray) else by_nonzeros(matrix)
+    return some[mask][:, mask]
+
+
 def crowded(matrix: csc_array) -> Mask:
     """The columns (n,) in which more than an eighth of all entries are stored."""
     return np.asarray(np.diff(matrix.indptr) > SPARSE_UP_TO * matrix.shape[0])
@@ -127,9 +203,9 @@ def crowded(matrix: csc_array) -> Mask:
 
 def times(matrix: Matrix, other: Array) -> Matrix:
     """The product with another matrix, (n, k)."""
-    if isinstance(matrix, csc_array):
-        return csc_array(matrix @ csc_array(other))
-    return np.asarray(matrix @ other)
+    if isinstance(matrix, np.ndarray):
+        return np.asarray(matrix @ other)
+    return csc_array(by_nonzeros(matrix) @ csc_array(other))
 
 
 def entries_at(matrix: csc_array, pattern: csc_array) -> Array:
@@ -146,11 +222,19 @@ def entries_at(matrix: csc_array, pattern: csc_array) -> Array:
     return found
 
 
+def at_places(matrix: Stored, pattern: csc_array) -> Array:
+    """The same of an array too, which is not looked at in other places."""
+    if isinstance(matrix, csc_array):
+        return entries_at(matrix, pattern)
+    columns = np.repeat(np.arange(pattern.shape[1]), np.diff(pattern.indptr))
+    return np.asarray(matrix[pattern.indices, columns])
+
+
 def distance(one: Matrix, a: float, other: Matrix, b: float) -> float:
     """Frobenius' norm of a times one matrix minus b times another of the same kind."""
-    if isinstance(one, csc_array) and isinstance(other, csc_array):
-        return float(np.linalg.norm((a * one - b * other).data))
-    return float(np.linalg.norm(a * dense(one) - b * dense(other)))
+    if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
+        return float(np.linalg.norm(a * dense(one) - b * dense(other)))
+    return float(np.linalg.norm((a * by_nonzeros(one) - b * by_nonzeros(other)).data))
 
 
 def _sums(matrix: csc_array, values: Array) -> Array:

@@ -6,11 +6,12 @@ from pathlib import Path
 import numpy as np
 
 from workbench.bodies import SkinnedBody
-from workbench.diagnostics import Comparison, Diagnosis
+from workbench.diagnostics import Comparison, Diagnosis, SequenceDiagnosis
 from workbench.diagnostics.conditioning import PARALLEL
 from workbench.diagnostics.findings import held
+from workbench.diagnostics.report import changed
 from workbench.diagnostics.structure import bulges, gathered, named_groups, named_rows
-from workbench.diagnostics.text import changed
+from workbench.errors import BadArgument
 from workbench.plots import (
     caption_data_share,
     caption_sigmas,
@@ -36,31 +37,35 @@ FILES = {
 
 
 def write_diagnosis(
-    diagnosis: Diagnosis,
+    diagnosis: Diagnosis | SequenceDiagnosis,
     folder: str | Path,
     *,
     title: str,
     question: str = "",
     body: SkinnedBody | None = None,
-    against: Diagnosis | None = None,
+    against: Diagnosis | SequenceDiagnosis | None = None,
     source: str | None = None,
 ) -> Path:
     """Write the folder of a diagnosis, and return its page.
 
     With `body` the directions are drawn on it; with `against` a comparison is on the page. The
-    folder appears whole or not at all; raises BadFile if it cannot be written.
+    folder appears whole or not at all; raises BadFile if it cannot be written. The page of a long
+    sequence is its report without figures, and BadArgument is raised for comparing it.
     """
     target = Path(folder)
     with replacing_folder(target, source) as fresh:
         text = diagnosis.report()
-        compared = Comparison(diagnosis, against) if against is not None else None
+        compared = None if against is None else _compared(diagnosis, against)
         if compared is not None:
             text += f"\n\nCOMPARISON\n{compared.report()}"
         (fresh / "diagnosis.txt").write_text(text + "\n", encoding="utf-8")
         data = diagnosis.data() if compared is None else compared.data()
         words = json.dumps(data, indent=1, allow_nan=False)
         (fresh / "diagnosis.json").write_text(words, encoding="utf-8")
-        html = diagnosis_page(diagnosis, title, question, body, compared)
+        if isinstance(diagnosis, SequenceDiagnosis):
+            html = sequence_page(diagnosis, title, question)
+        else:
+            html = diagnosis_page(diagnosis, title, question, body, compared)
         (fresh / "index.html").write_text(html, encoding="utf-8")
         summary = {
             "made_by": MAKER, "source": source or "", "files": list(FILES), "title": title,
@@ -68,6 +73,33 @@ def write_diagnosis(
         }  # fmt: skip
         (fresh / SUMMARY).write_text(as_json(summary), encoding="utf-8")
     return target / "index.html"
+
+
+def _compared(
+    first: Diagnosis | SequenceDiagnosis, second: Diagnosis | SequenceDiagnosis
+) -> Comparison:
+    if isinstance(first, SequenceDiagnosis) or isinstance(second, SequenceDiagnosis):
+        raise BadArgument(
+            "diagnoses are compared by their singular values, which a long sequence has not; "
+            "compare frames of it instead: diagnosis.frame(t)"
+        )
+    return Comparison(first, second)
+
+
+def sequence_page(d: SequenceDiagnosis, title: str, question: str) -> str:
+    """The page of a long sequence: its findings and its report."""
+    return page(
+        "sequence.html",
+        title=title,
+        question=question,
+        shape=f"{d.count:,} frames, {d.shape[0]:,} residuals by {d.shape[1]:,} unknowns",
+        rank=f"rank {d.rank} of {d.shape[1]}" if d.here.finite else "not finite",
+        warnings=[f.text for f in d.findings if f.warning],
+        notes=[f.text for f in d.findings if not f.warning],
+        report=d.report(),
+        files=FILES,
+        versions=versions(),
+    )
 
 
 def diagnosis_page(

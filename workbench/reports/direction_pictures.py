@@ -20,8 +20,9 @@ MOST_MOVE = 1.0  # units: two sigmas may be far out of the linear world
 
 
 def pictures(d: Diagnosis, found: Sequence[Direction], body: SkinnedBody | None) -> list[Shown]:
-    """The body moved along the first directions that move it at all."""
-    if body is None or _arguments(d, body, d.at) is None:
+    """The body moved along the first directions that move it at all; none for several frames."""
+    several = any(block.framed for block in d.problem.known.values())
+    if body is None or several or _arguments(d, body, d.at) is None:
         return []
     drawn: list[Shown] = []
     for direction in sorted(found, key=lambda x: x.kind == "entry"):

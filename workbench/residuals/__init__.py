@@ -6,6 +6,7 @@ from workbench.residuals.kernels import Kernel, geman_mcclure, huber, of_norms, 
 from workbench.residuals.keypoints import keypoints
 from workbench.residuals.points import landmarks, vertices
 from workbench.residuals.residual import Residual
+from workbench.residuals.smooth import smooth
 from workbench.residuals.stitching import stitching
 
 __all__ = [
@@ -19,6 +20,7 @@ __all__ = [
     "landmarks",
     "of_norms",
     "quadratic",
+    "smooth",
     "stitching",
     "vertices",
 ]

@@ -34,7 +34,8 @@ class Residual:
     The expression is written in placeholders of points: casadi.jacobian of it by a body's pose
     has no nonzeros, for a placeholder is a symbol of its own. `graph` is the same in the symbols of
     blocks, and `workbench.jacobian` refuses an expression with placeholders. `blocks` describe
-    symbols that the expression reads, by unit and labels.
+    symbols that the expression reads, by unit and labels. A residual of a sequence has the rows of
+    all frames, and says in `each` which residual of a single frame they come from.
 
     Raises BadResidual if it is no column of symbols, reads a placeholder that is not among its
     points, has no positive and finite sigma, weights that are negative or do not fit, a kernel
@@ -52,6 +53,7 @@ class Residual:
     weights: cs.MX | ArrayLike | None = None  # one for all rows, (m,) or (m / d,); None: 1
     blocks: tuple[Block, ...] = ()
     rows_per_point: int = 1  # d
+    each: tuple[tuple[int, "Residual"], ...] = ()  # of a sequence: frames, and their residuals
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):
@@ -142,8 +144,22 @@ class Residual:
         return blocks_read(cs.veccat(self.expression, self.weights), self.points)
 
     def label(self, row: int) -> str:
-        """The name of one row: `keypoints(camera 1/observed)[left_wrist, u]`."""
+        """The name of one row: `keypoints(camera 1/observed)[left_wrist, u]`.
+
+        In a sequence the frame comes first, as in `[12, left_wrist, u]`.
+        """
+        if self.each:
+            t, one, row = self._of_frame(row)
+            inner = one.label(row).removeprefix(f"{one.name}[")
+            return f"{self.name}[{t}, {inner}"
         return f"{self.name}[{self.labels[row] if self.labels else row}]"
+
+    def _of_frame(self, row: int) -> tuple[int, "Residual", int]:
+        """The frame that a row is of, the residual of that frame, and the row in it."""
+        edges = np.cumsum([one.size for _, one in self.each])
+        i = int(np.searchsorted(edges, row, side="right"))
+        t, one = self.each[i]
+        return t, one, row - int(edges[i]) + one.size
 
 
 def blocks_read(expression: cs.MX, points: Sequence[Points]) -> tuple[str, ...]:

@@ -11,10 +11,12 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from workbench.errors import TooLarge
 from workbench.problem import Linearization, Problem
 from workbench.sampling.subspace import Subspace
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 RATIO = 1.2  # of the standard deviations: above it, intervals are of another question
 UNNAMED = 6  # blocks in a sentence
 
@@ -95,10 +97,12 @@ def conditioning(problem: Problem, given: Array, space: Subspace, z: Array) -> C
     """
     x = space.points(z[None])[0]
     here = problem.linearize_at(x, given)
-    span = np.hstack([space.along, space.rest])
-    held = np.flatnonzero(~(span != 0).any(axis=1))
     width = problem.upper - problem.lower
     boxed = np.isfinite(width) & (width > 0)
+    if here.in_blocks and space.entries is not None:
+        return _of_a_sequence(problem, here, space, space.entries, boxed)
+    span = space.span
+    held = np.flatnonzero(~(span != 0).any(axis=1))
     J = np.vstack(
         [
             here.dense,
@@ -108,7 +112,7 @@ def conditioning(problem: Problem, given: Array, space: Subspace, z: Array) -> C
     there = problem.stacked_constraints
     if there is not None:
         between = np.isfinite(there.upper - there.lower) & ~there.equal
-        A = there.linearize(x, given).jacobian[between]
+        A = there.linearize(x, given).rows(between)
         J = np.vstack([J, A * (np.sqrt(12) / (there.upper - there.lower)[between])[:, None]])
     tied = problem.free.size - len(held) - span.shape[1] if space.entries is not None else 0
     if span.shape[1] + tied + len(held) == problem.free.size:
@@ -116,7 +120,7 @@ def conditioning(problem: Problem, given: Array, space: Subspace, z: Array) -> C
     else:  # directions, which entries do not complete
         others = scipy.linalg.null_space(span.T)
     if there is not None and there.equal.any() and others.shape[1]:
-        A = there.linearize(x, given).jacobian[there.equal]
+        A = there.linearize(x, given).rows(there.equal)
         others = others @ scipy.linalg.null_space(A @ others)
     count = problem.free.size - span.shape[1] - tied
     conditional = _deviations(J @ span)[: space.size]
@@ -124,6 +128,34 @@ def conditioning(problem: Problem, given: Array, space: Subspace, z: Array) -> C
     return Conditioning(
         space.labels, _named(problem, held, count), count, problem.fixed.names, conditional,
         np.maximum(marginal, conditional), tied,
+    )  # fmt: skip
+
+
+def _of_a_sequence(
+    problem: Problem, here: Linearization, space: Subspace, at: NDArray[np.int64], boxed: Mask
+) -> Conditioning:
+    """The same for the entries `at` of many frames, whose Jacobian is no array: by its band."""
+    if problem.stacked_constraints is not None:
+        raise TooLarge(
+            "what holding frames fixed does to the spread is not known for a long sequence with "
+            "constraints; sample a part of the sequence"
+        )
+    width = problem.upper - problem.lower
+    between = np.where(boxed, 12.0 / np.where(boxed, width, 1.0) ** 2, 0.0)
+    own = np.zeros((problem.free.size, len(at)))
+    own[at, np.arange(len(at))] = 1.0
+    found = here.inverse_times(own, between)
+    marginal = np.full(len(at), np.inf)
+    if found is not None:
+        marginal = np.sqrt(found[at, np.arange(len(at))])
+    if space.rest.shape[1]:  # all others are integrated out
+        return Conditioning(space.labels, (), 0, problem.fixed.names, marginal, marginal)
+    held = np.setdiff1d(np.arange(problem.free.size), at)
+    rows = np.vstack([here.jacobian @ own, np.diag(np.sqrt(between[at]))])
+    conditional = _deviations(rows)
+    return Conditioning(
+        space.labels, _named(problem, held, len(held)), len(held), problem.fixed.names,
+        conditional, np.maximum(marginal, conditional),
     )  # fmt: skip
 
 

@@ -52,7 +52,8 @@ def cut(target: Target, mode: Mode) -> Cut:
     margins = [(B @ mean - low)[below], (high - B @ mean)[above]]
     if there is not None:
         seen = there.linearize(x, target.fixed)
-        A, moved = seen.jacobian @ space.along, seen.jacobian @ space.along @ (mean - mode.z)
+        A = seen.along(space.along)
+        moved = A @ (mean - mode.z)
         for side, limit in ((1.0, seen.lower), (-1.0, seen.upper)):
             some = np.isfinite(limit) & ~there.equal
             rows.append(side * (A @ half)[some])

@@ -194,7 +194,7 @@ def _constrained(target: Target, start: Array, residual: Vector, jacobian: Vecto
         A = G * scale
         if there is not None:
             seen = there.linearize(_x(target, start + scale * u), target.fixed)
-            A = np.vstack([seen.jacobian[moving] @ space.along * scale, A])
+            A = np.vstack([seen.along(space.along)[moving] * scale, A])
         return np.concatenate([A[below], -A[above]])
 
     def cost(u: Array) -> float:

@@ -1,4 +1,4 @@
-"""Which points a problem allows: bounds and constraints, as a posterior meets them."""
+"""Problems and points that no posterior can be drawn from, each refused with its reason."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,17 +10,6 @@ from workbench.sampling.subspace import Subspace
 Array = NDArray[np.float64]
 ROUNDED = 1e-10  # of the terms of a sum: zero, but for rounding
 NUDGED = 1e-3  # of the size of an entry: far enough from a point where a derivative vanishes
-
-
-def inside(problem: Problem, given: Array, x: Array) -> NDArray[np.bool_]:
-    """Which of the points x (M, n) meet all bounds, and all constraints to their tolerances."""
-    met = np.asarray(((x >= problem.lower) & (x <= problem.upper)).all(axis=1))
-    there = problem.stacked_constraints
-    if there is not None and met.any():
-        values = np.asarray(there.function(x[met].T, given)).T  # all points in one call
-        miss = np.maximum(there.lower - values, values - there.upper) / there.tolerance
-        met[met] = np.isfinite(values).all(axis=1) & (miss <= 1.0).all(axis=1)
-    return met
 
 
 def refuse_undefined(problem: Problem, given: Array, x: Array) -> None:
@@ -66,13 +55,13 @@ def refuse_flat(problem: Problem, given: Array, space: Subspace) -> None:
     there = problem.stacked_constraints
     if there is None or not there.equal.any():
         return
-    moves = np.hstack([space.along, space.rest])
+    moves = space.span
     rng = np.random.default_rng(0)
     read = np.zeros(there.size, dtype=bool)
     for size in (0.0, NUDGED, NUDGED):
         x = space.origin + size * (1 + abs(space.origin)) * rng.standard_normal(len(space.origin))
-        A = there.linearize(x, given).jacobian
-        read |= (abs(A @ moves) > ROUNDED * (abs(A) @ abs(moves))).any(axis=1)
+        seen = there.linearize(x, given)
+        read |= (abs(seen.along(moves)) > ROUNDED * seen.terms_along(moves)).any(axis=1)
     wrong = np.flatnonzero(read & there.equal)
     if wrong.size:
         raise NotSupported(

@@ -30,7 +30,7 @@ def following(problem: Problem, here: Linearization, x: Array, chosen: Indices) 
     space, there = fixed(problem, here, x, chosen), here.constraints
     if there is None:
         return space
-    A = there.jacobian[there.lower == there.upper]
+    A = there.rows(there.lower == there.upper)
     lengths = np.linalg.norm(A, axis=1)
     A = A[lengths > 0] / lengths[lengths > 0, None]
     ties, others = _tied(A, chosen)

@@ -7,7 +7,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from workbench.errors import BadArgument
 from workbench.problem import Problem
-from workbench.sampling.choice import Names, chosen
 from workbench.sampling.conditioning import conditioning
 from workbench.sampling.cut import cut, cut_away, drawn_from
 from workbench.sampling.descent import box, descended
@@ -16,7 +15,7 @@ from workbench.sampling.importance import of_laplace
 from workbench.sampling.mixing import Mixing
 from workbench.sampling.modes import modes
 from workbench.sampling.posterior import Posterior, as_values
-from workbench.sampling.subspace import Rest, fixed
+from workbench.sampling.subspace import Names, Rest, chosen, fixed
 from workbench.sampling.target import Target
 from workbench.threads import limited_threads
 

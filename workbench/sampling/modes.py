@@ -68,6 +68,14 @@ def modes(target: Target, first: Mode, rng: np.random.Generator) -> Found:
     return Found(tuple(sorted(kept, key=lambda mode: -mode.share)), search)
 
 
+def searched(found: Found) -> str:
+    """How widely other modes were looked for, and how many modes are known."""
+    count = len(found.modes)
+    if not found.search.starts:
+        return str(found.search)
+    return f"{found.search}, {'found none' if count == 1 else f'led to {count} modes in all'}"
+
+
 def missed(known: tuple[Mode, ...], draws: Array) -> tuple[float, float] | None:
     """The largest mode of comparable mass that draws (N, k) hardly visit, or None.
 

@@ -15,9 +15,8 @@ from workbench.sampling.arviz_quietly import inference_data
 from workbench.sampling.conditioning import Conditioning
 from workbench.sampling.descent import Mode
 from workbench.sampling.importance import Importance
-from workbench.sampling.judgement import judged
 from workbench.sampling.mixing import Mixing, Verdict
-from workbench.sampling.modes import Found, missed
+from workbench.sampling.modes import Found, missed, searched
 from workbench.sampling.subspace import Subspace
 from workbench.sampling.text import summary
 
@@ -99,8 +98,36 @@ class Posterior:
 
     @cached_property
     def judged(self) -> tuple[Verdict, str]:
-        """The verdict, and its reason with what to do."""
-        return judged(self.mixing, self.found, self.missed, self.importance, self.held)
+        """The verdict, and its reason: the first thing that is wrong, or what was looked at.
+
+        In this order: chains that have not mixed; modes that draws miss; a Gaussian that does not
+        hold; intervals that are narrow because of what was held fixed.
+        """
+        verdict, why = self.mixing.judged
+        if verdict is not Verdict.USABLE:
+            return verdict, why
+        if self.missed is not None:
+            share, here = self.missed
+            return Verdict.MODE_MISSED, (
+                f"least squares finds another mode with {share:.0%} of the mass (by Laplace's "
+                f"approximation), where {here:.1%} of the draws are. "
+                + (
+                    "Laplace's approximation is of one mode; draw with `sample`"
+                    if self.mixing.exact
+                    else "Begin at the other mode and compare, or add what tells the modes apart"
+                )
+            )
+        if self.importance is not None and not self.importance.holds:
+            return Verdict.NOT_GAUSSIAN, str(self.importance)
+        if not self.held.holds:
+            mixed = "" if self.mixing.exact else f"the chains have mixed ({why}), but "
+            return Verdict.CONDITIONAL, mixed + self.held.failed
+        told = [
+            why,
+            *([] if self.importance is None else [str(self.importance)]),
+            searched(self.found),
+        ]
+        return verdict, "; ".join(told)
 
     @property
     def usable(self) -> bool:
@@ -149,7 +176,7 @@ class Posterior:
         x, space = self.problem.free.pack({**self.at, **values}), self.subspace
         if space.entries is not None:
             return np.asarray(x[space.entries])
-        span = np.hstack([space.along, space.rest])
+        span = space.span
         return np.asarray(space.centre + np.linalg.lstsq(span, x - space.origin)[0][: space.size])
 
     def points(self, count: int, seed: int = 0) -> Array:

@@ -9,14 +9,13 @@ from numpy.typing import ArrayLike
 from workbench.errors import BadArgument
 from workbench.problem import Problem
 from workbench.problem.batch import compiled, interpreted
-from workbench.sampling.choice import Names, chosen
 from workbench.sampling.conditioning import conditioning
 from workbench.sampling.ensembles import Callback, Plan, burnt, run, thinning
 from workbench.sampling.feasible import outside_said, refuse_flat
 from workbench.sampling.importance import of_the_rest
 from workbench.sampling.moves import Moves, differential_evolution
 from workbench.sampling.posterior import Posterior, as_values
-from workbench.sampling.subspace import Rest, fixed
+from workbench.sampling.subspace import Names, Rest, chosen, fixed
 from workbench.sampling.target import Target
 from workbench.threads import limited_threads
 

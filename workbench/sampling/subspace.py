@@ -17,9 +17,10 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from workbench.blocks import Layout
-from workbench.blocks.entries import Indices
-from workbench.errors import BadArgument, UnknownName, WorkbenchError
+from workbench.blocks.entries import Indices, entries
+from workbench.errors import BadArgument, TooLarge, UnknownName, WorkbenchError
 from workbench.problem import Linearization, Problem
+from workbench.sampling.banded_rest import BandedRest, banded_rest
 
 Array = NDArray[np.float64]
 
@@ -35,7 +36,7 @@ class Subspace:
     origin: Array  # (n,)
     along: Array  # (n, k)
     centre: Array  # (k,)
-    rest: Array  # (n, c)
+    rest: Array | BandedRest  # (n, c)
     labels: tuple[str, ...]  # of z
     units: tuple[str, ...]
     entries: Indices | None = None  # the places of z in x, where it is entries
@@ -44,6 +45,16 @@ class Subspace:
     def size(self) -> int:
         """k."""
         return len(self.centre)
+
+    @property
+    def span(self) -> Array:
+        """(n, k + c) all directions in which points of the subspace lie. Raises TooLarge."""
+        if isinstance(self.rest, np.ndarray):
+            return np.hstack([self.along, self.rest])
+        raise TooLarge(
+            f"what is integrated out of this sequence moves {self.rest.shape[1]:,} directions, too "
+            "many to be looked at one by one; take a shorter part of the sequence"
+        )
 
     @cached_property
     def still(self) -> bool:
@@ -61,29 +72,59 @@ class Subspace:
 
 
 Rest = Callable[[Problem, Linearization, Array, Indices], Subspace]
+Choice = Callable[[Problem, Array, Array], Subspace]  # of a problem, free and fixed numbers
+Names = str | Iterable[str] | Choice | None
 
 
-def fixed(problem: Problem, here: Linearization, x: Array, chosen: Indices) -> Subspace:
-    """All that is not chosen stays where it is."""
-    along = np.zeros((len(x), len(chosen)))
-    along[chosen, np.arange(len(chosen))] = 1.0
-    return _entries(problem.free, x, chosen, along, np.empty((len(x), 0)))
+def chosen(problem: Problem, x: Array, given: Array, names: Names, rest: Rest) -> Subspace:
+    """The subspace that is meant: by a choice, or by names and what becomes of the rest."""
+    if callable(names):
+        return names(problem, x, given)
+    meant = entries(problem.free, problem.free.names if names is None else names)
+    return rest(problem, problem.linearize_at(x, given), x, meant)
 
 
-def conditional(problem: Problem, here: Linearization, x: Array, chosen: Indices) -> Subspace:
-    """What is not chosen is integrated out by its Gaussian conditional; see the module.
+def fixed(problem: Problem, here: Linearization, x: Array, named: Indices) -> Subspace:
+    """All that is not named stays where it is."""
+    along = np.zeros((len(x), len(named)))
+    along[named, np.arange(len(named))] = 1.0
+    return _entries(problem.free, x, named, along, np.empty((len(x), 0)))
+
+
+def conditional(problem: Problem, here: Linearization, x: Array, named: Indices) -> Subspace:
+    """What is not named is integrated out by its Gaussian conditional; see the module.
 
     Raises Improper where that has no width.
     """
-    others = np.setdiff1d(np.arange(len(x)), chosen)
-    along = fixed(problem, here, x, chosen).along
+    others = np.setdiff1d(np.arange(len(x)), named)
+    along = fixed(problem, here, x, named).along
+    if here.in_blocks and others.size:
+        found = banded_rest(here, named)
+        if found is None:
+            raise Improper(
+                "nothing holds a direction of what is to be integrated out, so its posterior has "
+                "no width. Add a prior or bounds, or fix it; `workbench diagnose` names all such "
+                "directions"
+            )
+        along[others] = found[0][others]
+        return _entries(problem.free, x, named, along, found[1])
     rest = np.zeros((len(x), len(others)))
     if others.size:
         R = _triangle(here.dense[:, others], problem.free, others)
-        ridge = scipy.linalg.lstsq(here.dense[:, others], here.dense[:, chosen])[0]
+        ridge = scipy.linalg.lstsq(here.dense[:, others], here.dense[:, named])[0]
         along[others] = -ridge
         rest[others] = scipy.linalg.solve_triangular(R, np.eye(len(others)))
-    return _entries(problem.free, x, chosen, along, rest)
+    return _entries(problem.free, x, named, along, rest)
+
+
+def directions(count: int, priors: Iterable[str]) -> Choice:
+    """The `count` directions that the data know best, compared with the priors; see `informed`."""
+    told = tuple(priors)
+
+    def choice(problem: Problem, x: Array, given: Array) -> Subspace:
+        return informed(problem, problem.linearize_at(x, given), x, count, told)
+
+    return choice
 
 
 def informed(
@@ -116,11 +157,13 @@ def informed(
     return Subspace(x, V[:, :count], np.zeros(count), V[:, count:], labels, ("sd",) * count)
 
 
-def _entries(layout: Layout, x: Array, chosen: Indices, along: Array, rest: Array) -> Subspace:
+def _entries(
+    layout: Layout, x: Array, named: Indices, along: Array, rest: Array | BandedRest
+) -> Subspace:
     return Subspace(
-        x, along, x[chosen].copy(), rest,
-        tuple(layout.label(int(i)) for i in chosen), tuple(layout.unit(int(i)) for i in chosen),
-        chosen,
+        x, along, x[named].copy(), rest,
+        tuple(layout.label(int(i)) for i in named), tuple(layout.unit(int(i)) for i in named),
+        named,
     )  # fmt: skip
 
 

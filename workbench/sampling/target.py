@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from workbench.problem import Problem
 from workbench.problem.batch import Costs, Way, interpreted
-from workbench.sampling.feasible import inside
 from workbench.sampling.subspace import Subspace
 
 Array = NDArray[np.float64]
@@ -39,8 +38,14 @@ class Target:
         return self._density(x, x, self._of_all)
 
     def allows(self, x: Array) -> NDArray[np.bool_]:
-        """Which of the points x (M, n) bounds and constraints allow."""
-        return inside(self.problem, self.fixed, x)
+        """Which of the points x (M, n) meet all bounds, and all constraints to their tolerances."""
+        problem, there = self.problem, self.problem.stacked_constraints
+        met = np.asarray(((x >= problem.lower) & (x <= problem.upper)).all(axis=1))
+        if there is not None and met.any():
+            values = np.asarray(there.function(x[met].T, self.fixed)).T  # all points in one call
+            miss = np.maximum(there.lower - values, values - there.upper) / there.tolerance
+            met[met] = np.isfinite(values).all(axis=1) & (miss <= 1.0).all(axis=1)
+        return met
 
     def _density(self, x: Array, given: Array, costs: Costs) -> Array:
         allowed = self.allows(x)

@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 
 from workbench.sampling.conditioning import Conditioning
 from workbench.sampling.descent import Mode
-from workbench.sampling.judgement import searched
 from workbench.sampling.mixing import Mixing
-from workbench.sampling.modes import Found
+from workbench.sampling.modes import Found, searched
 
 Array = NDArray[np.float64]
 MOST = 40  # entries in a summary

@@ -5,9 +5,14 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csc_array, diags_array
+
+from workbench.problem.sparse_cholesky import factorized
+from workbench.problem.storage import Stored
 
 Array = NDArray[np.float64]
 LEAST = 1e-8  # of the largest eigenvalue: the least that a direction's curvature is taken for
+SHARES = (0.0, 1 / 64, 1 / 16, 1 / 4)  # of what is certain to be enough, tried in this order
 
 
 class Convex(NamedTuple):
@@ -15,6 +20,13 @@ class Convex(NamedTuple):
 
     matrix: Array
     change: float
+
+
+class Raised(NamedTuple):
+    """A sparse positive definite matrix (n, n), and the share of what is certain to be enough."""
+
+    matrix: csc_array
+    share: float
 
 
 Convexify = Callable[[Array], Convex]
@@ -35,3 +47,30 @@ def reflected(H: Array) -> Convex:
         return Convex(H, 0.0)
     positive = np.maximum(np.abs(values), least)
     return Convex((vectors * positive) @ vectors.T, float(np.max(positive - values)))
+
+
+def raised(normal: Stored, H: Stored) -> Raised:
+    """A sparse H with its diagonal raised until Cholesky's factorization of it exists.
+
+    H is the sum of J'J, which has no negative curvature, and of a rest N. By Gershgorin's theorem
+    N has none once e_i = max(0, sum over j != i of |N_ij| - N_ii) is added to its diagonal, for
+    its rows are then dominated by their diagonal entries. So H + diag(e) is positive semidefinite,
+    whatever J'J is. What is returned is H + t diag(e) with the first t of 0, 1/64, 1/16, 1/4 for
+    which Cholesky's factorization tells that this is positive definite (Nocedal and Wright,
+    Numerical optimization, 2006, algorithm 3.3, raises the diagonal step by step in the same way),
+    else with t = 1. A further 1e-8 of the largest entry of J'J is added to the diagonal, so that a
+    singular matrix does not pass for a definite one.
+    """
+    H, normal = csc_array(H), csc_array(normal)
+    N = csc_array(H - normal)
+    largest = float(abs(normal.diagonal()).max(initial=0.0))
+    least = (LEAST * largest or LEAST) * np.ones(H.shape[0])
+    own = N.diagonal()
+    lacking = np.maximum(0.0, np.asarray(abs(N).sum(axis=0)) - abs(own) - own)
+    if not lacking.any():
+        return Raised(csc_array(H + diags_array(least)), 0.0)
+    for share in SHARES:
+        found = csc_array(H + diags_array(least + share * lacking))
+        if factorized(found) is not None:
+            return Raised(found, share)
+    return Raised(csc_array(H + diags_array(least + lacking)), 1.0)

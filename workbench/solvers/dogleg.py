@@ -111,6 +111,9 @@ class Dogleg:
                     shortest = 1e-16 * np.linalg.norm(D * x)
                     if not shortest <= radius < np.inf or np.array_equal(x + p, x):
                         run.stall()
-                x, here = run.wrapped(x + p, trial.there or run.linearize(x + p))
+                if (there := trial.there) is None:
+                    del here  # first: its memory serves the next one
+                    there = run.linearize(x + p)
+                x, here = run.wrapped(x + p, there)
                 run.record(x, here.cost, run.optimality(x, here), 0.0, newton.by)
         return run.solution()

@@ -10,6 +10,7 @@ from workbench.problem import Linearization, Problem
 from workbench.problem.optimality import hidden
 from workbench.problem.rounding import half_squared
 from workbench.solvers.best import Best
+from workbench.solvers.latest import Latest
 from workbench.solvers.limits import Limits, Stop
 from workbench.solvers.roughness import Roughness
 from workbench.solvers.sight import Sight, lost
@@ -21,24 +22,16 @@ NAMED = 6  # unknowns in a message; there may be thousands
 
 
 class Ended(Protocol):
-    """A run that is over, as far as its end is judged by it; see Run."""
+    """A run that is over: what it leaves behind, by which its end is judged; see Run."""
 
     problem: Problem
     limits: Limits
     x: Array  # where it began, (n,)
     fixed: Array
     best: Best
+    latest: Latest
     sight: Sight
     roughness: Roughness
-
-    def judged(self, x: Array) -> Linearization:
-        """Residual and Jacobian at x."""
-
-    def optimality(self, x: Array, here: Linearization) -> float:
-        """How far x is from stationary."""
-
-    def noise(self, x: Array, here: Linearization) -> float:
-        """By how much rounding may have changed the cost at x."""
 
 
 class Ending(NamedTuple):
@@ -58,10 +51,10 @@ def ending(run: Ended, stop: Stop) -> Ending:
         return Ending(status, message)
     try:
         cheapest = best.x
-        here = run.judged(cheapest)
-        optimality = best.decide(run.optimality(cheapest, here))
+        here = _judged(run, cheapest)
+        optimality = best.decide(run.roughness.optimality(cheapest, here))
         if best.x is not cheapest:
-            here = run.judged(best.x)
+            here = _judged(run, best.x)
         here, optimality = _wrapped(run, here, optimality)
         gone = _lost(run, here)
     except Exception as error:  # the residual is the user's; the best point is still ours
@@ -88,13 +81,19 @@ def ending(run: Ended, stop: Stop) -> Ending:
     return Ending(status, message, optimality, labels, (*unread, *unnoticed))
 
 
+def _judged(run: Ended, x: Array) -> Linearization:
+    """Residual and Jacobian at x; an evaluation that no limit counts, for the run is over."""
+    known = run.latest.at(x)
+    return run.problem.linearize_at(x, run.fixed) if known is None else known
+
+
 def _lost(run: Ended, here: Linearization) -> NDArray[np.bool_]:
     """Which unknowns (n,) the residual noticed on the way, and at the best point does not."""
     x, rounding = run.best.x, run.roughness.at(run.best.x, here)
     gone = run.sight.gone(x, run.x, here, run.problem.support, rounding)
     if not gone.any():
         return gone
-    start = run.judged(run.x)
+    start = _judged(run, run.x)
     residual = lambda to: run.problem.residual(to, run.fixed)  # noqa: E731
     return lost(gone, x, start, run.x, here, rounding, residual)
 
@@ -109,7 +108,7 @@ def _wrapped(run: Ended, here: Linearization, optimality: float) -> tuple[Linear
     """
     problem, best, fixed = run.problem, run.best, run.fixed
     there = problem.stacked_constraints
-    at_most = best.cost + run.noise(best.x, here)
+    at_most = best.cost + run.roughness.noise(best.x, here)
 
     def is_free(x: Array) -> bool:
         kept = there is None or there.missed(there.values(x, fixed)) <= max(best.missed, 1.0)
@@ -119,12 +118,12 @@ def _wrapped(run: Ended, here: Linearization, optimality: float) -> tuple[Linear
     if turned is best.x:
         return here, optimality
     at_turned = problem.linearize_at(turned, fixed)
-    found, tolerance = run.optimality(turned, at_turned), run.limits.gradient_tolerance
+    found, tolerance = run.roughness.optimality(turned, at_turned), run.limits.gradient_tolerance
     if found > tolerance >= optimality:
         nearer = np.clip(turned + at_turned.step(), problem.lower, problem.upper)
         if is_free(nearer):
             closer = problem.linearize_at(nearer, fixed)
-            by_step = run.optimality(nearer, closer)
+            by_step = run.roughness.optimality(nearer, closer)
             if by_step <= tolerance:
                 turned, at_turned, found = nearer, closer, by_step
     if found > tolerance >= optimality:

@@ -51,6 +51,7 @@ class GaussNewton:
                 to = x + length * step.p
                 if np.array_equal(to, x):
                     run.stall()
+                del here  # first: its memory serves the next one
                 x, here = run.wrapped(to, run.linearize(to))
                 run.record(x, here.cost, run.optimality(x, here), 0.0, step.by)
         return run.solution()

@@ -110,7 +110,6 @@ class Ipopt:
         none = cs.MX(0, 1)
         cost, gradient = oracle.cost(x, none), oracle.gradient(x, none)
         unread = cs.MX.nan()  # beside the gradient, where CasADi's interface wants a cost
-        bend = weight * oracle.hessian(x, none)
         nlp = {"x": x, "f": cost}
         derivatives = {
             "grad_f": cs.Function("g", [x, p], [unread, gradient], ["x", "p"], ["f", "grad_f_x"])
@@ -122,9 +121,11 @@ class Ipopt:
                 "j", [x, p], [nlp["g"], oracle.constraint_jacobian(x, none)],
                 ["x", "p"], ["g", "jac_g_x"],
             )  # fmt: skip
-            bend += oracle.constraint_hessian(x, y)
             limits |= {"lbg": there.lower, "ubg": there.upper}
         if self.hessian is not None:
+            bend = weight * oracle.hessian(x, none)
+            if there is not None:
+                bend += oracle.constraint_hessian(x, y)
             derivatives["hess_lag"] = cs.Function(
                 "h", [x, p, weight, y], [cs.triu(bend)],
                 ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"],

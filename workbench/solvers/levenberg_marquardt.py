@@ -6,10 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.blocks import Values
-from workbench.problem import Problem
-from workbench.problem.steps import EPS, LinearAlgebra, automatic
+from workbench.problem import Linearization, Problem
+from workbench.problem.steps import EPS, LinearAlgebra, Step, automatic
 from workbench.solvers.abilities import Abilities, Boxes, Derivative, refuse
-from workbench.solvers.box import box_step
 from workbench.solvers.run import Run
 from workbench.solvers.scaling import Scaling, identity
 from workbench.solvers.solution import Callback, Solution
@@ -17,6 +16,7 @@ from workbench.solvers.solution import Callback, Solution
 Array = NDArray[np.float64]
 FASTEST_FALL = 0.1  # of the damping in one step; the paper's 1/3 needs 4 more on a noiseless body
 STIFFEST = 1e140  # of a column in the units of its step: the square, damped, is still a number
+ROUNDS = 20  # of holding and releasing, before what is there is taken: it is feasible in any case
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,10 @@ class LevenbergMarquardt:
                         continue
                     trial = run.gain(x, here, to, promised)
                     if trial.gain > 0:
-                        x, here = run.wrapped(to, trial.there or run.linearize(to))
+                        if (there := trial.there) is None:
+                            del here  # first: its memory serves the next one
+                            there = run.linearize(to)
+                        x, here = run.wrapped(to, there)
                         D = np.maximum(D, self.scaling(here))
                         damping *= max(FASTEST_FALL, 1 - (2 * trial.gain - 1) ** 3)
                         growth = 2.0
@@ -87,3 +90,50 @@ class LevenbergMarquardt:
                 damping *= growth
                 growth *= 2
         return run.solution()
+
+
+def box_step(
+    here: Linearization, damping: float, D: Array, low: Array, high: Array, solve: LinearAlgebra
+) -> Step | None:
+    """The p least in |J p + r|^2 + damping |D p|^2 with low <= p <= high, low <= 0 <= high.
+
+    By an active set: entries that leave the box are held at its sides and the rest is solved
+    again; then those are released that are pulled back inside. So near a solution it is the
+    damped step in the entries that no bound stops, and as quick.
+    """
+    g = here.gradient
+    held = ((low >= 0) & (g > 0)) | ((high <= 0) & (g < 0)) | (low >= high)
+    if not held.any():  # the common case: nothing is in the way
+        step = solve(here, damping, D)
+        if step is None or ((low <= step.p) & (step.p <= high)).all():
+            return step
+    p = np.zeros_like(g)
+    by = ""
+    for _ in range(ROUNDS):
+        if not held.all():
+            step = _in_the_rest(here, held, p, damping, D, solve)
+            if step is None:
+                return None
+            p[~held], by = step.p, step.by
+        outside = ~held & ((p < low) | (p > high))
+        if outside.any():
+            p, held = np.clip(p, low, high), held | outside
+            continue
+        slope = g + here.normal @ p + damping * D**2 * p
+        inwards = ((p <= low) & (slope < 0)) | ((p >= high) & (slope > 0))
+        released = held & inwards & (low < high)
+        if not released.any():
+            break
+        held &= ~released
+    return Step(np.clip(p, low, high), by)
+
+
+def _in_the_rest(
+    here: Linearization, held: NDArray[np.bool_], p: Array, damping: float, D: Array,
+    solve: LinearAlgebra,
+) -> Step | None:  # fmt: skip
+    """The step in the entries that are not held, once the held ones have moved by p."""
+    if not here.in_blocks:
+        return solve(here.without(held, p), damping, D[~held])
+    whole = solve(here.holding(held, p), damping, D)  # frames stay alike; what is held stays
+    return None if whole is None else Step(whole.p[~held], whole.by)

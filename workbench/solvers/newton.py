@@ -7,6 +7,7 @@ import scipy.linalg
 
 from workbench.blocks import Values
 from workbench.problem import Problem
+from workbench.problem.storage import dense
 from workbench.solvers.abilities import Abilities, Boxes, Derivative, refuse
 from workbench.solvers.convexity import Convexify, reflected
 from workbench.solvers.line_search import LineSearch, backtracking
@@ -50,7 +51,7 @@ class Newton:
             run.record(x, here.cost, run.optimality(x, here))
             while True:
                 D = self.scaling(here)
-                H = run.hessian(x)
+                H = dense(run.hessian(x))
                 even = H / D[:, None] / D
                 if not np.isfinite(even).all():
                     run.stall(

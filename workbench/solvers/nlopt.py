@@ -135,7 +135,7 @@ class Nlopt:
             gave_up = optimizer.last_optimize_result() in GAVE_UP
             if not (descends and gave_up and run.best.missed <= 1 and run.best.cost < cost):
                 return
-            noise = run.noise(run.best.x, run.linearize(run.best.x))
+            noise = run.roughness.noise(run.best.x, run.linearize(run.best.x))
             if run.best.cost >= cost - noise:
                 return
             x, cost = run.best.x, run.best.cost

@@ -69,7 +69,7 @@ class Objective:
                     at = (x, self.run.fixed)
                     here = self.run.evaluate("constraint", lambda: there.linearize(*at))
                     values = here.values
-                    slopes = sign * here.jacobian[wanted] / self.scale
+                    slopes = sign * here.rows(wanted) / self.scale
                     gradient[:] = np.where(np.isfinite(slopes), slopes, 0.0)
                 else:
                     values = self.run.constraints(x)

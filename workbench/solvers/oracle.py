@@ -2,21 +2,29 @@
 
 from collections.abc import Callable
 from functools import cached_property, lru_cache
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import casadi as cs
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_array, eye_array
 
-from workbench.problem import Linearization
-from workbench.problem.storage import Matrix, dense, entries_at, gram
-from workbench.solvers.convexity import LEAST, reflected
+from workbench.problem import Linearization, Problem
+from workbench.problem.pattern import Pattern
+from workbench.problem.storage import (
+    Stored,
+    at_places,
+    dense,
+    gram_of_nonzeros,
+    is_sparse,
+    unblocked,
+)
+from workbench.solvers.convexity import raised, reflected
+from workbench.solvers.external import Compute, External, Kept, Recorder
 from workbench.solvers.run import Run
 
 Array = NDArray[np.float64]
-Hessian = Callable[[Run, Array, Linearization], Array]
-Compute = Callable[[Array, Array], float | Array]  # of x and the multipliers
+Hessian = Callable[[Run, Array, Linearization], Stored]
 T = TypeVar("T")
 
 
@@ -25,22 +33,19 @@ def gauss_newton_hessian(run: Run, x: Array, here: Linearization) -> Array:
     return dense(here.normal)
 
 
-def exact_hessian(run: Run, x: Array, here: Linearization) -> Array:
-    """J'J + sum r_i H_i, by algorithmic differentiation of the whole graph."""
+def exact_hessian(run: Run, x: Array, here: Linearization) -> Stored:
+    """J'J + sum r_i H_i, by algorithmic differentiation of the whole graph; sparse if stored so."""
     return run.hessian(x)
-
-
-class Kept:
-    """What was raised inside: it would lose its type on the way through C++."""
-
-    error: BaseException | None = None
 
 
 class Oracle:
     """Cost, constraints and their derivatives, one linearization per point for all of them.
 
     Each is made when it is asked for. Nothing that it makes points back at it, so that large
-    Jacobians go with the last of a run.
+    Jacobians go with the last of a run. Where the problem's Jacobian, or that of its constraints,
+    is sparse, so is the constraints' Jacobian here. Hessians are sparse where the one of the cost
+    is J'J of a sparse J, or the exact one and stored by its nonzeros. Both kinds have the places of
+    their nonzeros by structure, which do not change from point to point.
     """
 
     def __init__(self, run: Run, hessian: Hessian | None) -> None:
@@ -69,43 +74,65 @@ class Oracle:
     @cached_property
     def constraint_jacobian(self) -> "External":
         """Of x, (k, n)."""
-        n, k = self._sizes
-        at = self._run.linearize
+        (n, k), at, problem = self._sizes, self._run.linearize, self._run.problem
+        there = problem.stacked_constraints
 
-        def rows(x: Array, _: Array) -> Array:
-            there = at(x).constraints
-            return np.zeros((0, n)) if there is None else there.jacobian
+        def rows(x: Array) -> Stored:
+            seen = at(x).constraints
+            return np.zeros((0, n)) if seen is None else seen.jacobian
 
-        return self._external("jacobian", (k, n), rows)
+        thin = problem.sparse or (there is not None and there.sparse) or self._places is not None
+        if there is not None and thin:
+            return self._sparse("jacobian", there.pattern, lambda x, _: rows(x))
+        return self._external("jacobian", (k, n), lambda x, _: dense(rows(x)))
 
     @cached_property
     def hessian(self) -> "External":
-        """Of the cost at x, (n, n); as sparse as J'J, if it is that and J is sparse."""
-        if self._normal is not None:
-            return self._sparse("hessian", self._normal, lambda here: here.normal)
-        return self._external("hessian", self._square, _of_cost(self._run, self._hessian))
+        """Of the cost at x, (n, n)."""
+        of_cost = _of_cost(self._run, self._hessian)
+        if self._places is not None:
+            return self._sparse("hessian", self._places, of_cost)
+        return self._external("hessian", self._square, lambda x, y: dense(of_cost(x, y)))
 
     @cached_property
     def constraint_hessian(self) -> "External":
         """Of the constraints at x, each times its multiplier, (n, n)."""
-        return self._external("bend", self._square, _of_constraints(self._run), multiplied=True)
+        there, bend = self._run.problem.stacked_constraints, _of_constraints(self._run)
+        if there is not None and self._places is not None:
+            return self._sparse("bend", there.hessian_pattern, bend, multiplied=True)
+        return self._external("bend", self._square, lambda x, y: dense(bend(x, y)), multiplied=True)
 
     @cached_property
     def convex_hessian(self) -> "External":
-        """Of both, with every eigenvalue that is below zero reflected, (n, n).
+        """Of both, made positive definite, (n, n).
 
-        A sparse J'J has none below zero: it is shifted by as much as `reflected` would at least.
+        Eigenvalues of an array that are below zero are `reflected`. Those of a sparse matrix are
+        too many to compute; there the diagonal is `raised`.
         """
-        if self._normal is not None:
-            return self._sparse(
-                "convex", self._normal, lambda here: _definite(here.normal), multiplied=True
-            )
         of_cost, bend = _of_cost(self._run, self._hessian), _of_constraints(self._run)
+        there, at = self._run.problem.stacked_constraints, self._run.linearize
 
-        def convex(x: Array, multipliers: Array) -> Array:
-            return reflected(of_cost(x, multipliers) + bend(x, multipliers)).matrix
+        def of_both(x: Array, multipliers: Array) -> Stored:
+            H = of_cost(x, multipliers)
+            if there is None:
+                return H
+            if isinstance(H, csc_array):
+                return csc_array(H + csc_array(bend(x, multipliers)))
+            return H + dense(bend(x, multipliers))
 
-        return self._external("convex", self._square, convex, multiplied=True)
+        if self._places is None:
+            return self._external(
+                "convex", self._square,
+                lambda x, y: reflected(dense(of_both(x, y))).matrix, multiplied=True,
+            )  # fmt: skip
+        places = self._places + eye_array(self._sizes[0])
+        if there is not None:
+            places = places + there.hessian_pattern
+
+        def convex(x: Array, multipliers: Array) -> Stored:
+            return raised(unblocked(at(x).normal), of_both(x, multipliers)).matrix
+
+        return self._sparse("convex", csc_array(places), convex, multiplied=True)
 
     @cached_property
     def recorder(self) -> "Recorder":
@@ -122,31 +149,29 @@ class Oracle:
         return self._sizes[0], self._sizes[0]
 
     @cached_property
-    def _normal(self) -> csc_array | None:
-        """Where J'J can be nonzero, if that is the Hessian, J is sparse and nothing is added."""
-        problem = self._run.problem
-        if self._hessian is not gauss_newton_hessian or problem.stacked_constraints is not None:
-            return None
-        if not problem.sparse:
-            return None
-        return csc_array(gram(csc_array(problem.pattern, dtype=float)) + eye_array(self._sizes[0]))
+    def _places(self) -> csc_array | None:
+        """Where the Hessian of the cost can be nonzero, if it is sparse."""
+        if self._hessian is gauss_newton_hessian:
+            return _normal_places(self._run.problem)
+        return _exact_places(self._run.problem) if self._hessian is exact_hessian else None
 
     def _sparse(
         self,
         name: str,
         pattern: csc_array,
-        of: Callable[[Linearization], Matrix],
+        of: Callable[[Array, Array], Stored],
         *,
         multiplied: bool = False,
     ) -> "External":
-        """A function of a linearization whose value is sparse."""
-        n, run = self._sizes[0], self._run
-        sparsity = cs.Sparsity(n, n, pattern.indptr.tolist(), pattern.indices.tolist())
+        """A function of x and multipliers whose value is zero but at the places of a pattern."""
+        (n, k), run = self._sizes, self._run
+        pattern.sort_indices()
+        sparsity = cs.Sparsity(*pattern.shape, pattern.indptr.tolist(), pattern.indices.tolist())
 
-        def entries(x: Array, _: Array) -> Array:
-            return entries_at(csc_array(of(run.linearize(x))), pattern)
+        def entries(x: Array, multipliers: Array) -> Array:
+            return at_places(of(x, multipliers), pattern)
 
-        sizes = n, self._sizes[1] if multiplied else 0
+        sizes = n, k if multiplied else 0
         return External(name, sizes, (pattern.nnz,), entries, run, self._kept, sparsity)
 
     def _external(
@@ -157,10 +182,19 @@ class Oracle:
         return External(name, sizes, shape, compute, self._run, self._kept)
 
 
-def _definite(normal: Matrix) -> csc_array:
-    """A sparse J'J with its diagonal raised by as little as tells it from a singular one."""
-    least = LEAST * float(normal.diagonal().max(initial=0.0))
-    return csc_array(normal + least * eye_array(normal.shape[0]))
+def _normal_places(problem: Problem) -> csc_array | None:
+    """Where J'J can be nonzero, and the diagonal, if J is sparse."""
+    if not problem.sparse:
+        return None
+    normal = gram_of_nonzeros(csc_array(problem.pattern, dtype=float))
+    return csc_array(normal + eye_array(problem.free.size))
+
+
+def _exact_places(problem: Problem) -> csc_array | None:
+    """Where the exact Hessian can be nonzero, if it is stored by its nonzeros."""
+    there, n = Pattern(problem.hessian.sparsity_out(0)), problem.free.size
+    nonzeros = len(there.rows)
+    return there.matrix(np.ones(nonzeros)) if is_sparse(n, n, nonzeros) else None
 
 
 def _asked_twice(function: Callable[[Array], T]) -> Callable[[Array], T]:
@@ -169,113 +203,21 @@ def _asked_twice(function: Callable[[Array], T]) -> Callable[[Array], T]:
     return lambda x: known(x.tobytes())
 
 
-def _of_cost(run: Run, hessian: Hessian) -> Callable[[Array, Array], Array]:
-    return lambda x, _: hessian(run, x, run.linearize(x))
+def _of_cost(run: Run, hessian: Hessian) -> Callable[[Array, Array], Stored]:
+    """Of x and multipliers, which it does not read."""
+    if hessian is gauss_newton_hessian:
+        return lambda x, _: unblocked(run.linearize(x).normal)
+
+    def of_the_user(x: Array, _: Array) -> Stored:
+        found = hessian(run, x, run.linearize(x))
+        return found if isinstance(found, csc_array) else np.asarray(found)
+
+    return of_the_user
 
 
-def _of_constraints(run: Run) -> Callable[[Array, Array], Array]:
+def _of_constraints(run: Run) -> Callable[[Array, Array], Stored]:
+    """Of x and multipliers."""
     there, n = run.problem.stacked_constraints, run.problem.free.size
     if there is None:
         return lambda x, _: np.zeros((n, n))
     return lambda x, multipliers: there.hessian(x, run.fixed, multipliers)
-
-
-class External(cs.Callback):  # type: ignore[misc]  # casadi's way of calling back
-    """A CasADi function of x and multipliers whose value Python computes; NaN after an error.
-
-    Numbers go through shared memory: a DM of a Hessian takes longer to make than the Hessian.
-    """
-
-    def __init__(
-        self, name: str, sizes: tuple[int, int], shape: tuple[int, ...], compute: Compute,
-        run: Run, kept: Kept, sparsity: cs.Sparsity | None = None,
-    ) -> None:  # fmt: skip
-        super().__init__()
-        self._sizes, self._shape = sizes, shape
-        self._sparsity = cs.Sparsity.dense(*(shape or (1,))) if sparsity is None else sparsity
-        self._compute, self._run, self._kept = compute, run, kept
-        self.construct(name, {})
-
-    def get_n_in(self) -> int:
-        """How many arguments."""
-        return 2
-
-    def get_sparsity_in(self, i: int) -> cs.Sparsity:
-        """Dense columns."""
-        return cs.Sparsity.dense(self._sizes[i], 1)
-
-    def get_sparsity_out(self, i: int) -> cs.Sparsity:
-        """A dense number, column or matrix; or a sparse matrix, whose value is its nonzeros."""
-        return self._sparsity
-
-    def has_eval_buffer(self) -> bool:
-        """Numbers come and go by memory, not as DM."""
-        return True
-
-    def eval_buffer(self, arguments: list[Any], results: list[Any]) -> int:
-        """Called by CasADi."""
-        if results[0] is None:  # nobody wants to know
-            return 0
-        out = np.frombuffer(results[0]).reshape(self._shape, order="F")  # column by column
-        try:
-            if self._kept.error is None:
-                x = _inside(arguments[0], self._run)
-                value = np.asarray(self._compute(x, _column(arguments[1], self._sizes[1])))
-                if value.shape != self._shape:  # a user's Hessian
-                    raise ValueError(f"{self.name()} is {self._shape}, not {value.shape}")
-                out[...] = value
-                return 0
-        except BaseException as error:
-            self._kept.error = error
-        out[...] = np.nan
-        return 0
-
-
-class Recorder(cs.Callback):  # type: ignore[misc]
-    """Adds a solver's iterates to the trace, and stops it when the run says so."""
-
-    def __init__(self, run: Run, kept: Kept, sizes: tuple[int, int]) -> None:
-        super().__init__()
-        self._run, self._kept = run, kept
-        n, k = sizes
-        self._sizes = {"x": n, "lam_x": n, "f": 1, "g": k, "lam_g": k}
-        self.construct("recorder", {})
-
-    def get_n_in(self) -> int:
-        """As many as a solver has outputs."""
-        return int(cs.nlpsol_n_out())
-
-    def get_sparsity_in(self, i: int) -> cs.Sparsity:
-        """Dense columns."""
-        return cs.Sparsity.dense(self._sizes.get(cs.nlpsol_out(i), 0), 1)
-
-    def has_eval_buffer(self) -> bool:
-        """Numbers come and go by memory, not as DM."""
-        return True
-
-    def eval_buffer(self, arguments: list[Any], results: list[Any]) -> int:
-        """Called by CasADi; 1 stops the solver."""
-        stop = 1.0
-        if self._kept.error is None:
-            try:
-                x = _inside(arguments[0], self._run)
-                here = self._run.linearize(x)
-                self._run.record(x, here.cost, self._run.optimality(x, here))
-                stop = 0.0
-            except BaseException as error:
-                self._kept.error = error
-        if results[0] is not None:
-            np.frombuffer(results[0])[:] = stop
-        return 0
-
-
-def _column(memory: Any, size: int) -> Array:
-    """A copy of CasADi's memory; a missing argument is zero."""
-    return np.zeros(size) if memory is None else np.array(np.frombuffer(memory))
-
-
-def _inside(memory: Any, run: Run) -> Array:
-    """A point between the bounds: an infeasible quadratic program may have led out of them."""
-    problem = run.problem
-    x = _column(memory, problem.free.size)
-    return np.clip(x, problem.lower, problem.upper) if problem.bounded else x

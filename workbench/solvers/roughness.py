@@ -37,6 +37,10 @@ class Roughness:
 
         return self._latest.rounding(here, lambda: guarded(measure))
 
+    def noise(self, x: Array, here: Linearization) -> float:
+        """By how much rounding may have changed the cost at x."""
+        return self.at(x, here).of_cost(here.residual)
+
     def about(self, x: Array, here: Linearization) -> Rounding:
         """The same, or what it was a few points ago."""
         return self._lately or self.at(x, here)

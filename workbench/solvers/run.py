@@ -15,6 +15,7 @@ from workbench.blocks import Values
 from workbench.interrupts import Interrupts
 from workbench.problem import Linearization, Problem
 from workbench.problem.rounding import fall, half_squared
+from workbench.problem.storage import Stored, entries
 from workbench.solvers.best import Best
 from workbench.solvers.ending import ending
 from workbench.solvers.latest import Latest
@@ -64,8 +65,8 @@ class Run:
         self.met_not_finite = -2  # how long the trace was when the last of them was met
         self.sight = Sight(self.x.size)
         self._unpolished = 0  # tries in a row that did not lead to a more stationary point
-        self._latest = Latest()
-        self.roughness = Roughness(problem, self.fixed, self._latest)
+        self.latest = Latest()
+        self.roughness = Roughness(problem, self.fixed, self.latest)
         self._recorded: Array | None = None  # the last one
         self._threads = ExitStack()
         self._interrupts, self._interrupted = Interrupts(), False
@@ -98,7 +99,7 @@ class Run:
 
     def cost_and_residual(self, x: Array) -> tuple[float, Array]:
         """The same, and the residual (m,) that it is the cost of."""
-        known = self._latest.at(x)
+        known = self.latest.at(x)
         if known is not None:
             self.check()
             return known.cost, known.residual  # the best point knows of it
@@ -114,22 +115,22 @@ class Run:
 
     def linearize(self, x: Array) -> Linearization:
         """Residual and Jacobian at x; stops the run where they are not finite."""
-        known = self._latest.at(x)
+        known = self.latest.at(x)
         if known is not None:
             return known
         self.check()
-        self._latest.forget()  # first: memory that is used again is already there, and near
+        self.latest.forget()  # first: memory that is used again is already there, and near
         here = self.evaluate("jacobian", lambda: self.problem.linearize_at(x, self.fixed))
         if not isfinite(self._kept(x, here.cost if here.finite else np.inf, here)):
             raise Stop(Status.NOT_FINITE)
         self.sight.see(here)
         self.roughness.age += 1
-        return self._latest.keep(x, here)
+        return self.latest.keep(x, here)
 
-    def hessian(self, x: Array) -> Array:
+    def hessian(self, x: Array) -> Stored:
         """The exact Hessian of the cost at x; stops the run where it is not finite."""
         H = self.evaluate("hessian", lambda: self.problem.hessian_at(x, self.fixed))
-        if not np.isfinite(H).all():
+        if not np.isfinite(entries(H)).all():
             raise Stop(Status.NOT_FINITE)
         return H
 
@@ -139,11 +140,6 @@ class Run:
         if there is None:
             return np.zeros(0)
         return self.evaluate("constraint", lambda: there.values(x, self.fixed))
-
-    def judged(self, x: Array) -> Linearization:
-        """Residual and Jacobian at a point, for the judgement of the run: no limit counts it."""
-        known = self._latest.at(x)
-        return self.problem.linearize_at(x, self.fixed) if known is None else known
 
     def check(self) -> None:
         """Stop the run if its evaluations or its time are used up, or if it is interrupted."""
@@ -179,10 +175,6 @@ class Run:
     def optimality(self, x: Array, here: Linearization) -> float:
         """The problem's measure, less what rounding explains there."""
         return self.roughness.optimality(x, here)
-
-    def noise(self, x: Array, here: Linearization) -> float:
-        """By how much rounding may have changed the cost at x."""
-        return self.roughness.at(x, here).of_cost(here.residual)
 
     def gain(self, x: Array, here: Linearization, to: Array, promised: float) -> Trial:
         """The fall of the cost from x to another point, as a share of what was promised.
@@ -220,7 +212,7 @@ class Run:
         A prior on the pose may have it otherwise, and so may bounds.
         """
         turned = rewrapped(
-            self.problem, x, lambda to: self.cost(to) <= here.cost + self.noise(x, here)
+            self.problem, x, lambda to: self.cost(to) <= here.cost + self.roughness.noise(x, here)
         )
         return (x, here) if turned is x else (turned, self.linearize(turned))
 
@@ -256,7 +248,7 @@ class Run:
         The same is what rounding hides, what a step of a converged point may still promise,
         1/2 (tolerance |r|)^2, or what the tolerances of constraints may buy.
         """
-        here, there = self._latest.at(x), self.problem.stacked_constraints
+        here, there = self.latest.at(x), self.problem.stacked_constraints
         if here is None:
             return
         noise = self.roughness.about(x, here).of_cost(here.residual)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from workbench.blocks import Values
 from workbench.errors import UnknownName
 from workbench.problem import Problem
-from workbench.problem.storage import Matrix, columns_of, dense, stacked
+from workbench.problem.storage import Stored, columns_of, dense, stacked, unblocked
 from workbench.solvers.abilities import Abilities, Boxes, Derivative, refuse
 from workbench.solvers.run import Run
 from workbench.solvers.scaling import Scaling, identity
@@ -98,13 +98,13 @@ class _Functions:
                 self._largest = r
         return np.append(r, np.zeros(self._padding))
 
-    def jacobian(self, free: Array) -> Matrix:
+    def jacobian(self, free: Array) -> Stored:
         x = self._whole(free)
         if self._known is None or not np.array_equal(x, self._known):
             self.here, self._known = self.run.linearize(x), x
             self.run.record(x, self.here.cost, self.run.optimality(x, self.here))
         J = columns_of(self.here.jacobian, self.loose)
-        return stacked(J, np.zeros((self._padding, J.shape[1]))) if self._padding else J
+        return unblocked(stacked(J, np.zeros((self._padding, J.shape[1])))) if self._padding else J
 
     def dense_jacobian(self, free: Array) -> Array:
         return dense(self.jacobian(free))

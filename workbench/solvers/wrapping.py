@@ -34,10 +34,14 @@ def rewrapped(problem: Problem, x: Array, is_free: Callable[[Array], bool]) -> A
 
 def _shorter(problem: Problem, x: Array) -> list[tuple[slice, Array]]:
     """Where the joints lie that are turned by more than pi, and their shorter vectors."""
+    first = np.array([at.start for at in problem.turns], dtype=np.int64)
+    if not first.size:
+        return []
+    angles = np.linalg.norm(x[first[:, None] + np.arange(3)], axis=1)
     found = []
-    for at in problem.turns:
-        if np.linalg.norm(x[at]) > BEYOND:
-            short = shortest(x[at])
-            if (problem.lower[at] <= short).all() and (short <= problem.upper[at]).all():
-                found.append((at, short))
+    for start in first[angles > BEYOND]:
+        at = slice(int(start), int(start) + 3)
+        short = shortest(x[at])
+        if (problem.lower[at] <= short).all() and (short <= problem.upper[at]).all():
+            found.append((at, short))
     return found

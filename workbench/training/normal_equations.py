@@ -1,4 +1,9 @@
-"""Gauss and Newton's equations of training, never formed: products and a preconditioner."""
+"""Gauss and Newton's equations of training, never formed: products and a preconditioner.
+
+A `Linearization` stores its Jacobian, and `LevenbergMarquardt` factorizes J'J. Here the poses meet
+every number of every vertex, so that the factors fill in: their size grows with vertices times
+registrations, where a product needs one piece of the registrations at a time.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

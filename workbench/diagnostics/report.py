@@ -1,49 +1,24 @@
-"""A diagnosis in words: the summary that `str` gives, and the whole report."""
+"""The whole report of a diagnosis in words, section by section."""
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from workbench.diagnostics.conditioning import PARALLEL
-from workbench.diagnostics.findings import held, unread
+from workbench.diagnostics.findings import Finding, held, unread
 from workbench.diagnostics.identifiability import UNCHANGED, Verdict
+from workbench.diagnostics.known import Known
 from workbench.diagnostics.structure import bulges, counted, gathered, named_groups, named_rows
-
-if TYPE_CHECKING:
-    from workbench.diagnostics.diagnosis import Diagnosis
+from workbench.diagnostics.suggestion import Suggestion
+from workbench.diagnostics.summary import gap, unseen
+from workbench.diagnostics.tables import table
 
 MOST = 12  # lines of one list
 
 
-def summary(d: "Diagnosis") -> str:
-    """Size, rank, and the names of what is not seen."""
-    m, n = d.shape
-    lines = [
-        f"Jacobian {m} x {n}, {d.nonzeros} nonzeros ({d.density:.1%})",
-        f"structural rank {d.structural_rank} of {n}: what the pattern alone allows",
-    ]
-    if not d.here.finite:
-        return "\n".join([*lines, *(finding.text for finding in d.findings)])
-    lines.append(f"numerical rank {d.rank} of {n}{_gap(d)}")
-    if d.point.held.any:
-        lines.append(held(d))
-    if d.rank == n:
-        lines.append(f"condition {d.condition:.3g}; every direction is seen")
-    else:
-        lines.append(f"{counted(len(d.null_directions), 'direction')} that no residual notices:")
-        lines += [f"  {line}" for line in unseen(d)]
-    if d.hardly_seen:
-        lines.append(
-            f"{counted(d.hardly_seen, 'direction')} hardly noticed (less than one sigma for a "
-            f"whole yardstick: {d.point.yardsticks})"
-        )
-    return "\n".join(lines)
-
-
-def report(d: "Diagnosis") -> str:
-    """Everything, section by section."""
-    sections = [("findings", _findings(d)), ("size and structure", _structure(d))]
+def report(d: Known, findings: Sequence[Finding], suggestions: Sequence[Suggestion]) -> str:
+    """Everything that is known, what deserves a sentence of it, and what to do."""
+    sections = [("findings", _findings(findings)), ("size and structure", _structure(d))]
     if d.here.finite:
         sections += [
             ("rank", _rank(d)),
@@ -54,7 +29,7 @@ def report(d: "Diagnosis") -> str:
             ("what each residual adds", _contributions(d)),
             ("derivatives", _derivatives(d)),
         ]
-    sections.append(("what to do (each was carried out)", _advice(d)))
+    sections.append(("what to do (each was carried out)", _advice(suggestions)))
     return "\n\n".join(
         "\n".join([title.upper(), *(f"  {line}" for line in lines)])
         for title, lines in sections
@@ -62,41 +37,13 @@ def report(d: "Diagnosis") -> str:
     )
 
 
-def unseen(d: "Diagnosis") -> list[str]:
-    """The null directions, single entries gathered in one line."""
-    entries = [x.name for x in d.null_directions if x.kind == "entry"]
-    others = [x.name for x in d.null_directions if x.kind != "entry"]
-    noun = "single entry" if len(entries) == 1 else "single entries"
-    first = [f"{len(entries)} {noun}: {', '.join(gathered(entries))}"]
-    return (first if entries else []) + others
-
-
-def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """Columns under each other, the first to the left and the others to the right."""
-    widths = [max(len(row[i]) for row in (header, *rows)) for i in range(len(header))]
-    return [
-        "  ".join(
-            cell.ljust(width) if i == 0 else cell.rjust(width)
-            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in (header, *rows)
-    ]
-
-
-def _gap(d: "Diagnosis") -> str:
-    s, rank = d.singular_values, d.noticed
-    if not 0 < rank < s.size:
-        return ""
-    return f" (singular values fall from {s[rank - 1]:.2g} to {s[rank]:.2g} there)"
-
-
-def _findings(d: "Diagnosis") -> list[str]:
-    if not d.findings:
+def _findings(findings: Sequence[Finding]) -> list[str]:
+    if not findings:
         return ["no warnings"]
-    return [f"{'warning' if f.warning else 'note'}: {f.text}" for f in d.findings]
+    return [f"{'warning' if f.warning else 'note'}: {f.text}" for f in findings]
 
 
-def _structure(d: "Diagnosis") -> list[str]:
+def _structure(d: Known) -> list[str]:
     m, n = d.shape
     s = d.structure
     lines = [
@@ -130,9 +77,9 @@ def _structure(d: "Diagnosis") -> list[str]:
     return lines
 
 
-def _rank(d: "Diagnosis") -> list[str]:
+def _rank(d: Known) -> list[str]:
     n = d.shape[1]
-    lines = [f"numerical rank {d.rank} of {n}{_gap(d)}; tolerance {d.tolerance:.1e}"]
+    lines = [f"numerical rank {d.rank} of {n}{gap(d)}; tolerance {d.tolerance:.1e}"]
     if d.point.held.any:
         lines.append(held(d))
     if d.here.estimated:
@@ -159,7 +106,7 @@ def _rank(d: "Diagnosis") -> list[str]:
     return lines
 
 
-def _unseen(d: "Diagnosis") -> list[str]:
+def _unseen(d: Known) -> list[str]:
     if d.rank == d.shape[1]:
         return []
     worst = max(x.change for x in d.null_directions)
@@ -175,7 +122,7 @@ def _unseen(d: "Diagnosis") -> list[str]:
     return lines
 
 
-def _weak(d: "Diagnosis") -> list[str]:
+def _weak(d: Known) -> list[str]:
     if not d.weak_directions:
         return []
     shown = d.weak_directions[:MOST]
@@ -188,7 +135,7 @@ def _weak(d: "Diagnosis") -> list[str]:
     return [*lines, f"and {more} more"] if more else lines
 
 
-def _conditioning(d: "Diagnosis") -> list[str]:
+def _conditioning(d: Known) -> list[str]:
     if not d.free.size:
         return ["nothing is free"]
     norms = d.here.column_norms
@@ -220,7 +167,7 @@ def _conditioning(d: "Diagnosis") -> list[str]:
     return lines
 
 
-def _known(d: "Diagnosis") -> list[str]:
+def _known(d: Known) -> list[str]:
     known = d.identifiability
     rows = []
     verdicts = np.array([v.name for v in known.verdicts])
@@ -247,7 +194,7 @@ def _known(d: "Diagnosis") -> list[str]:
     return lines
 
 
-def _contributions(d: "Diagnosis") -> list[str]:
+def _contributions(d: Known) -> list[str]:
     if not d.contributions:
         return []
     names = d.free.names
@@ -270,7 +217,7 @@ def changed(without: float, with_it: float, number: Callable[[float], str]) -> s
     return f"{first} -> {'unknown' if np.isinf(with_it) else number(with_it)}"
 
 
-def _thin(d: "Diagnosis") -> str:
+def _thin(d: Known) -> str:
     """What the thin entries are, where that is known: pose blend shapes far from a joint."""
     if d.thick == d.nonzeros:
         return ""
@@ -278,7 +225,7 @@ def _thin(d: "Diagnosis") -> str:
     return f"; the others are thin{example}"
 
 
-def _derivatives(d: "Diagnosis") -> list[str]:
+def _derivatives(d: Known) -> list[str]:
     check = d.derivatives
     of = "" if len(check.columns) == d.shape[1] else f" ({len(check.columns)} columns, at random)"
     lines = [f"against differences{of}: {check.wrong} entries wrong, largest error "
@@ -292,8 +239,8 @@ def _derivatives(d: "Diagnosis") -> list[str]:
     return lines
 
 
-def _advice(d: "Diagnosis") -> list[str]:
+def _advice(suggestions: Sequence[Suggestion]) -> list[str]:
     lines = []
-    for s in d.suggestions:
+    for s in suggestions:
         lines += [f"{s.what}: {s.before} -> {s.after}", f"  why: {s.why}; it costs: {s.cost}"]
     return lines

@@ -1,0 +1,208 @@
+"""Blocks of many frames, and the points of a body in many frames as one source."""
+
+import casadi as cs
+import numpy as np
+import pytest
+from scipy.sparse import csc_array
+
+import workbench as wb
+from tests.bodies_made_up import random_body
+from workbench.blocks.framed_points import FramedPoints, on_the_diagonal
+from workbench.blocks.frames import FrameBlocks, framed
+from workbench.errors import BadBlock, UnknownName
+
+BODY = random_body(1, n_vertices=5, n_joints=3, n_betas=2)
+POSE, BETAS, TRANS = BODY.blocks()
+POINTS = BODY.joint_points(POSE.symbol, BETAS.symbol, TRANS.symbol)
+T = 4
+RNG = np.random.default_rng(0)
+VALUES = {
+    "pose": RNG.normal(scale=0.4, size=(T, 3, 3)),
+    "betas": RNG.normal(size=2),
+    "trans": RNG.normal(size=(T, 3)),
+}
+SUBSETS = ((0, 1, 2, 3), (0, 2), (3,), (1, 2, 3))
+
+
+def blocks(shared: tuple[str, ...] = ("betas",)) -> FrameBlocks:
+    each = (POSE, BETAS, TRANS)
+    return FrameBlocks(T, {b.name: b if b.name in shared else framed(b, T) for b in each})
+
+
+def flat(source: FramedPoints, values: wb.Values) -> np.ndarray:
+    return np.concatenate([values[b.name].ravel() for b in source.blocks])
+
+
+def by_graph(source: FramedPoints, values: wb.Values) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """The points (N, 3) and their derivatives (3 N, size) by each block, from the expression."""
+    symbols = [b.symbol for b in source.blocks]
+    assert source.expression is not None
+    column = cs.vec(source.expression)
+    function = cs.Function("f", symbols, [column, *(cs.jacobian(column, s) for s in symbols)])
+    points, *slopes = function(*(
+        values[b.name].ravel().reshape(b.symbol_shape, order="F") for b in source.blocks
+    ))  # fmt: skip
+    found = {b.name: np.asarray(J) for b, J in zip(source.blocks, slopes, strict=True)}
+    return np.asarray(points).reshape(-1, 3), found
+
+
+# Blocks.
+
+
+def test_a_block_of_frames_counts_them_first_and_keeps_its_labels() -> None:
+    pose = framed(wb.Block("pose", (2, 3), "rad", ("hip", "knee")), 3)
+    assert pose.shape == (3, 2, 3)
+    assert pose.framed
+    assert pose.unit == "rad"
+    assert pose.symbol_shape == (3, 6)
+    labels = [pose.entry(i) for i in range(pose.size)]
+    assert labels[0] == "[0, hip, x]"
+    assert labels[4] == "[0, knee, y]"
+    assert labels[-1] == "[2, knee, z]"
+    assert len(set(labels)) == 18
+    assert framed(wb.Block("trans", (3,), "m"), 2).entry(4) == "[1, y]"
+    assert framed(wb.Block("betas", (2,)), 2).entry(3) == "[1, 1]"
+    assert framed(wb.Block("scale"), 2).entry(1) == "[1]"
+    with pytest.raises(BadBlock, match="counts none"):
+        wb.Block("scale", (), framed=True)
+    with pytest.raises(BadBlock, match="has 2 rows but 3 labels"):
+        wb.Block("pose", (3, 2, 3), labels=("a", "b", "c"), framed=True)
+
+
+def test_a_part_of_a_block_of_frames_names_its_entries() -> None:
+    pose = framed(wb.Block("pose", (2, 3), "rad", ("hip", "knee")), 3)
+    part = wb.Block.part(pose, [3, 4, 5, 15])
+    assert [part.entry(i) for i in range(4)] == [
+        "[0, knee, x]", "[0, knee, y]", "[0, knee, z]", "[2, knee, x]"
+    ]  # fmt: skip
+    flat_block = framed(wb.Block("trans", (3,), "m", ("a", "b", "c")), 2)
+    rows = wb.Block.part(flat_block, [3, 4, 5])
+    assert rows.size == 3
+    assert flat_block.taken(np.arange(6).reshape(2, 3)).shape == (2, 3)
+
+
+@pytest.mark.parametrize("some", SUBSETS, ids=str)
+def test_columns_are_those_of_the_frames(some: tuple[int, ...]) -> None:
+    here = blocks()
+    for one in (POSE, BETAS, TRANS):
+        symbol = here[one.name].symbol
+        function = cs.Function("f", [symbol], [here.columns(one, some)])
+        value = VALUES[one.name]
+        found = np.asarray(function(value.ravel().reshape(symbol.shape, order="F")))
+        each = [value[t] if one.name != "betas" else value for t in some]
+        expected = [v.ravel().reshape(one.symbol_shape, order="F") for v in each]
+        np.testing.assert_array_equal(found, np.hstack(expected))
+
+
+@pytest.mark.parametrize("some", SUBSETS, ids=str)
+def test_an_expression_of_a_frame_in_some_frames(some: tuple[int, ...]) -> None:
+    here = blocks()
+    one = POSE.symbol @ cs.vertcat(1, 2, 3) * cs.sum1(BETAS.symbol) + TRANS.symbol
+    found = here.each(one, (POSE, BETAS, TRANS), some)
+    function = cs.Function("f", [here[n].symbol for n in VALUES], [found])
+    values = (v.ravel().reshape(here[n].symbol_shape, order="F") for n, v in VALUES.items())
+    expected = [
+        VALUES["pose"][t].T @ [1, 2, 3] * VALUES["betas"].sum() + VALUES["trans"][t] for t in some
+    ]
+    np.testing.assert_allclose(np.asarray(function(*values)).T, expected, atol=1e-14)
+
+
+def test_a_graph_of_many_frames_is_as_small_as_one_of_few() -> None:
+    sizes = []
+    for count in (2, 200):
+        here = FrameBlocks(count, {b.name: framed(b, count) for b in (POSE, BETAS, TRANS)})
+        found = here.each(cs.vec(POINTS.graph()), (POSE, BETAS, TRANS), range(count))
+        sizes.append(cs.Function("f", [here[n].symbol for n in VALUES], [found]).n_nodes())
+    assert sizes[0] == sizes[1]
+
+
+def test_an_unknown_block_is_said() -> None:
+    with pytest.raises(
+        UnknownName, match="no block is called 'poze'; there are betas, pose, trans"
+    ):
+        blocks()["poze"]
+
+
+# Points.
+
+
+@pytest.mark.parametrize("shared", [("betas",), (), ("pose",), ("pose", "betas", "trans")], ids=str)
+@pytest.mark.parametrize("some", SUBSETS, ids=str)
+def test_points_are_those_of_the_frames(shared: tuple[str, ...], some: tuple[int, ...]) -> None:
+    source = FramedPoints(POINTS.source, blocks(shared), some)
+    values = {}
+    for name, value in VALUES.items():
+        one = value if name == "betas" else value[0]
+        many = np.stack([value + 0.1 * t for t in range(T)]) if name == "betas" else value
+        values[name] = one if name in shared else many
+    points, slopes = by_graph(source, values)
+    each = [
+        BODY.joints(*(values[n] if n in shared else values[n][t] for n in VALUES)) for t in some
+    ]
+    np.testing.assert_allclose(points, np.concatenate(each), atol=1e-13)
+    assert source.count == len(points) == 3 * len(some)
+    assert source.numeric is not None
+    here = source.numeric.at(values)
+    np.testing.assert_allclose(here.points, points, atol=1e-13)
+    scale = RNG.uniform(1, 2, 3 * len(points))
+    into = {name: np.full((J.shape[1], J.shape[0]), np.nan) for name, J in slopes.items()}
+    here.tangent(into, None)
+    for name, J in slopes.items():
+        np.testing.assert_allclose(into[name].T, J, atol=1e-12)
+    here.tangent(into, scale)
+    for name, J in slopes.items():
+        np.testing.assert_allclose(into[name], J.T * scale, atol=1e-12)
+    pull = RNG.standard_normal(3 * len(points))
+    for name, g in here.adjoint(pull).items():
+        np.testing.assert_allclose(g, pull @ slopes[name], atol=1e-12)
+    for name, J in slopes.items():
+        if name in shared:
+            continue
+        pattern = source.numeric.pattern(name)
+        assert pattern is not None
+        assert not (J != 0)[pattern.toarray() == 0].any()
+        sparse = here.jacobian(name)
+        assert not (sparse.toarray() != 0)[pattern.toarray() == 0].any()
+        np.testing.assert_allclose(sparse.toarray(), J, atol=1e-12)
+
+
+def test_points_of_many_values_at_once() -> None:
+    source = FramedPoints(POINTS.source, blocks(), (0, 2, 3))
+    assert source.numeric is not None
+    many = {n: np.stack([v, v + 0.1, v - 0.2]) for n, v in VALUES.items()}
+    found = source.numeric.many(many)
+    for i in range(3):
+        one = source.numeric.at({n: v[i] for n, v in many.items()}).points
+        np.testing.assert_allclose(found[i], one, atol=1e-13)
+
+
+def test_points_have_the_names_of_their_frames() -> None:
+    source = FramedPoints(POINTS.source, blocks(), (1, 3))
+    assert source.labels == tuple(f"{t}, joint{k}" for t in (1, 3) for k in range(3))
+    assert tuple(b.name for b in source.blocks) == ("pose", "betas", "trans")
+
+
+def test_the_trees_of_frames_are_a_forest() -> None:
+    own = POINTS.source.tree
+    assert own is not None
+    source = FramedPoints(POINTS.source, blocks(), (1, 3))
+    tree = source.tree
+    assert tree is not None
+    assert tree.names[0] == "1, joint0"
+    assert tree.names[5] == "3, joint2"
+    roots = [k for k, parent in enumerate(tree.parents) if parent < 0]
+    assert roots == [0, 3]
+    assert [p - 3 for p in tree.parents[4:]] == [int(p) for p in own.parents[1:]]
+    assert tree.places[:3] == tuple(("pose", 9 + 3 * k) for k in range(3))
+    assert tree.places[3:] == tuple(("pose", 27 + 3 * k) for k in range(3))
+    one_pose = FramedPoints(POINTS.source, blocks(("pose", "betas")), (1, 3))
+    assert one_pose.tree is own
+
+
+def test_matrices_of_frames_stand_on_the_diagonal() -> None:
+    full = RNG.uniform(size=(2, 2, 3))
+    each = [csc_array(one * (one > 0.4)) for one in full]
+    found = on_the_diagonal(each, (1, 3), 4).toarray()
+    expected = np.zeros((4, 12))
+    expected[:2, 3:6], expected[2:, 9:] = each[0].toarray(), each[1].toarray()
+    np.testing.assert_array_equal(found, expected)

@@ -1,0 +1,75 @@
+"""A short sequence is diagnosed as every problem is, and its directions are named by frame."""
+
+import json
+from pathlib import Path
+
+import casadi as cs
+import numpy as np
+import pytest
+
+from workbench import Problem, Values, diagnose, load_body, residuals, sequence
+from workbench.blocks import Tree
+from workbench.diagnostics import Diagnosis
+from workbench.diagnostics.motions import motions
+from workbench.diagnostics.turned_joints import named_by_joints
+from workbench.reports import write_diagnosis
+from workbench.residuals import Residual
+
+T = 3
+
+
+def video(free: tuple[str, ...], *, smooth: bool) -> tuple[Problem, Values]:
+    """The small body in three frames, all of whose joints are observed."""
+    body = load_body("small")
+    pose, betas, trans = body.blocks()
+    joints = body.joint_points(pose.symbol, betas.symbol, trans.symbol)
+    seen = Residual("joints", cs.vec(joints.symbol), 0.01, "m", points=(joints,))
+    between = [residuals.smooth("pose", sigma=0.1)] if smooth else []
+    whole = sequence([Problem([seen], free)] * T, shared=("betas",), between=between)
+    rng = np.random.default_rng(0)
+    blocks = {b.name: b.base for b in (*whole.free.blocks, *whole.fixed.blocks)}
+    return whole, {name: rng.normal(scale=0.3, size=b.shape) for name, b in blocks.items()}
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+def test_the_diagnosis_is_whole(tmp_path: Path, smooth: bool) -> None:
+    found = diagnose(*video(("pose", "trans", "betas"), smooth=smooth))
+    assert isinstance(found, Diagnosis)
+    # 15 numbers of leaves in each frame, and 17 turns about bones without smoothness
+    assert found.shape[1] - found.rank == (15 if smooth else T * 32)
+    names = [direction.name for direction in found.null_directions]
+    if not smooth:
+        assert "a turn of pose[2, left_wrist] alone" in names
+        assert "pose[1, left_hand, y]" in names
+    assert "NOT SEEN" in found.report()
+    page = write_diagnosis(found, tmp_path / "found", title="short", body=load_body("small"))
+    assert page.exists()
+    json.loads((tmp_path / "found" / "diagnosis.json").read_text())
+
+
+def test_the_rank_law_of_one_body_is_not_applied_to_several_frames() -> None:
+    assert diagnose(*video(("pose",), smooth=False)).rank_law is None
+
+
+def forest() -> tuple[Tree, Problem]:
+    """Three joints in a row in each of two frames."""
+    names = tuple(f"{t}, {name}" for t in range(2) for name in ("hip", "knee", "foot"))
+    tree = Tree("pose", names, (-1, 0, 1, -1, 3, 4))
+    pose = cs.MX.sym("pose", 3, 6)
+    return tree, Problem([Residual("r", cs.vec(pose), 1.0)], ("pose",))
+
+
+def test_limbs_end_with_their_frame() -> None:
+    tree, problem = forest()
+    limbs = {m.name: m.entries for m in motions(problem.free, (tree,)) if m.kind == "joint"}
+    assert limbs["turns from 0, hip down"].tolist() == list(range(9))
+    assert limbs["turns from 1, hip down"].tolist() == list(range(9, 18))
+
+
+def test_joints_of_several_frames_have_no_common_limb() -> None:
+    tree, problem = forest()
+    motion = next(m for m in motions(problem.free, (tree,)) if m.name == "turns from 0, hip down")
+    v = np.zeros(18)
+    v[[3, 12]] = np.sqrt(0.5)
+    name, _ = named_by_joints(motion, v, np.zeros((1, 18)), problem.free, 0.1)
+    assert name == "turns of pose[0, knee] and pose[1, knee]"

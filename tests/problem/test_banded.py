@@ -1,0 +1,309 @@
+"""Normal equations of a sequence: a band with a border equals the dense matrix, and its inverse."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.sparse import csc_array
+
+import workbench as wb
+from tests.problem.sequences import (
+    SHARED,
+    SMOOTH,
+    assert_numbers,
+    frame,
+    in_blocks_of_frames,
+    values,
+)
+from workbench import residuals
+from workbench.problem import steps, storage
+from workbench.problem.banded import BandedMatrix, BandOrder
+from workbench.problem.block_matrix import BlockMatrix
+
+Array = np.ndarray
+
+
+def order_made_up(sizes: list[int], border: int, reach: int, seed: int = 0) -> BandOrder:
+    """Frames of these sizes, and shared unknowns, shuffled among each other."""
+    N = sum(sizes)
+    places = np.random.default_rng(seed).permutation(N + border)
+    edges = np.concatenate([[0], np.cumsum(sizes)])
+    return BandOrder(places[:N], places[N:], reach, edges)
+
+
+def banded(order: BandOrder, seed: int = 0) -> tuple[BandedMatrix, Array]:
+    """A positive definite matrix of this order, stored in it and as an array."""
+    rng = np.random.default_rng(seed)
+    n, N = order.size, len(order.inner)
+    A = np.zeros((n, n))
+    i, j = np.indices((N, N))
+    band = np.where(abs(i - j) <= order.reach, rng.standard_normal((N, N)), 0.0)
+    A[np.ix_(order.inner, order.inner)] = band + band.T
+    between = rng.standard_normal((N, len(order.border)))
+    A[np.ix_(order.inner, order.border)] = between
+    A[np.ix_(order.border, order.inner)] = between.T
+    corner = rng.standard_normal((len(order.border), len(order.border)))
+    A[np.ix_(order.border, order.border)] = corner + corner.T
+    A += np.diag(np.abs(A).sum(axis=1) + rng.uniform(1, 2, n))
+    found = BandedMatrix.zeros(order)
+    found.add_sparse(csc_array(A))
+    return found, A
+
+
+ORDERS = {
+    "frames alike": order_made_up([3, 3, 3, 3], 2, 5),
+    "a wide band": order_made_up([3, 3, 3, 3], 2, 8),
+    "frames apart": order_made_up([3, 3, 3], 2, 2),
+    "no border": order_made_up([2, 2, 2], 0, 3),
+    "frames of other sizes": order_made_up([4, 1, 0, 3], 1, 4),
+    "one frame": order_made_up([5], 3, 4),
+    "single numbers": order_made_up([1] * 6, 1, 1),
+    "a border alone": order_made_up([0, 0], 3, 0),
+    "a diagonal": order_made_up([1] * 4, 0, 0),
+}
+EACH = pytest.mark.parametrize("order", ORDERS.values(), ids=ORDERS)
+
+
+# Matrices.
+
+
+@EACH
+def test_it_is_the_dense_matrix(order: BandOrder) -> None:
+    found, A = banded(order)
+    x = np.random.default_rng(1).standard_normal(order.size)
+    np.testing.assert_allclose(storage.dense(found), A, atol=1e-14)
+    np.testing.assert_allclose(found.sparse.toarray(), A, atol=1e-14)
+    np.testing.assert_allclose(found @ x, A @ x, atol=1e-12)
+    np.testing.assert_allclose(x @ found, A @ x, atol=1e-12)
+    np.testing.assert_allclose(found.diagonal(), np.diag(A), atol=1e-14)
+
+
+@EACH
+def test_its_factor_is_that_of_the_dense_matrix(order: BandOrder) -> None:
+    found, A = banded(order)
+    rng = np.random.default_rng(1)
+    b, B = rng.standard_normal(order.size), rng.standard_normal((order.size, 3))
+    factor = found.factorized()
+    assert factor is not None
+    np.testing.assert_allclose(factor.solve(b), np.linalg.solve(A, b), atol=1e-12)
+    np.testing.assert_allclose(factor.solve(B), np.linalg.solve(A, B), atol=1e-12)
+    inverse = np.linalg.inv(A)
+    np.testing.assert_allclose(factor.variances(), np.diag(inverse), atol=1e-13)
+    expected = inverse[np.ix_(order.border, order.border)]
+    np.testing.assert_allclose(factor.border_covariance, expected, atol=1e-13)
+
+
+@EACH
+def test_what_is_not_definite_has_no_factor(order: BandOrder) -> None:
+    _, A = banded(order)
+
+    def factor(matrix: Array) -> object:
+        found = BandedMatrix.zeros(order)
+        found.add_sparse(csc_array(matrix))
+        return found.factorized()
+
+    assert factor(A) is not None
+    for i in range(order.size):
+        wrong = A.copy()
+        wrong[i, i] = -1.0
+        assert factor(wrong) is None
+        wrong[i, i] = np.nan
+        assert factor(wrong) is None
+        wrong[i] = wrong[:, i] = 0.0
+        assert factor(wrong) is None
+    if order.size > 1 and (order.reach or len(order.border) > 1):
+        some = order.inner if order.reach else order.border
+        i, j = some[:2]
+        J = np.linalg.cholesky(A).T
+        J[:, j] = J[:, i]  # two columns that are the same
+        N = J.T @ J * (A != 0)
+        assert factor(N) is None
+
+
+def test_the_order_of_unknowns_changes_nothing() -> None:
+    """The same matrix under other names of its unknowns has the same factor."""
+    sizes, border, reach = [3, 2, 3], 2, 5
+    one, other = (order_made_up(sizes, border, reach, seed) for seed in (0, 1))
+    _, A = banded(one)
+    place = np.concatenate([one.inner, one.border])
+    into = np.concatenate([other.inner, other.border])
+    P = np.zeros((one.size, one.size))
+    P[into, place] = 1.0
+    matrix = BandedMatrix.zeros(other)
+    matrix.add_sparse(csc_array(P @ A @ P.T))
+    factor = matrix.factorized()
+    assert factor is not None
+    b = np.random.default_rng(0).standard_normal(one.size)
+    np.testing.assert_allclose(P.T @ factor.solve(P @ b), np.linalg.solve(A, b), atol=1e-13)
+    np.testing.assert_allclose(P.T @ factor.variances(), np.diag(np.linalg.inv(A)), atol=1e-14)
+
+
+# Jacobians of sequences.
+
+
+@pytest.fixture
+def blocked(monkeypatch: pytest.MonkeyPatch) -> wb.Linearization:
+    in_blocks_of_frames(monkeypatch)
+    whole = wb.sequence([frame()] * 5, shared=SHARED, between=SMOOTH)
+    here = whole.linearize(values(5))
+    assert isinstance(here.jacobian, BlockMatrix)
+    return here
+
+
+def as_array(here: wb.Linearization) -> wb.Linearization:
+    return wb.Linearization(here.residual, here.dense)
+
+
+def test_every_question_has_the_dense_answer(blocked: wb.Linearization) -> None:
+    dense = as_array(blocked)
+    J, n = dense.jacobian, blocked.shape[1]
+    rng = np.random.default_rng(0)
+    p, r = rng.standard_normal(n), rng.standard_normal(len(J))
+    near = 1e-12 * np.abs(J).max()
+    assert blocked.estimated
+    assert isinstance(blocked.normal, BandedMatrix)
+    np.testing.assert_allclose(storage.dense(blocked.normal), J.T @ J, rtol=0, atol=near**2 + 1e-9)
+    np.testing.assert_allclose(blocked.jacobian @ p, J @ p, rtol=0, atol=10 * near)
+    np.testing.assert_allclose(blocked.jacobian.T @ r, J.T @ r, rtol=0, atol=10 * near)
+    np.testing.assert_allclose(blocked.gradient, dense.gradient, rtol=1e-9, atol=100 * near)
+    np.testing.assert_allclose(blocked.column_norms, dense.column_norms, rtol=1e-12)
+    np.testing.assert_allclose(blocked.row_norms, dense.row_norms, rtol=1e-12)
+    assert blocked.norm == pytest.approx(dense.norm, rel=1e-12)
+    assert blocked.promise(p) == pytest.approx(dense.promise(p), rel=1e-11)
+    assert blocked.predicted_cost(p) == pytest.approx(dense.predicted_cost(p), rel=1e-11)
+    assert blocked.rank == dense.rank == n
+    assert blocked.finite
+    np.testing.assert_allclose(blocked.singular_values, dense.singular_values, rtol=1e-6, atol=1e-7)
+    np.testing.assert_allclose(blocked.covariance, dense.covariance, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(blocked.spectrum.s, dense.spectrum.s, rtol=1e-5)
+    part = np.array([3, 1, 7])
+    mask = np.isin(np.arange(n), part)
+    for one, other in (
+        (blocked.rows(part), dense.rows(part)),
+        (blocked.columns(part), dense.columns(part)),
+        (blocked.block(slice(2, 90), slice(1, 40)), dense.block(slice(2, 90), slice(1, 40))),
+        (blocked.scaled(np.linspace(0.1, 3, n)), dense.scaled(np.linspace(0.1, 3, n))),
+        (blocked.along_columns(np.eye(n)[:, :3]), dense.along_columns(np.eye(n)[:, :3])),
+        (blocked.without(mask, p), dense.without(mask, p)),
+    ):
+        np.testing.assert_allclose(one.dense, other.dense, rtol=0, atol=near)
+        np.testing.assert_allclose(one.residual, other.residual, rtol=0, atol=10 * near)
+    for i in (0, n // 2, n - 1):
+        np.testing.assert_allclose(blocked.column(i), J[:, i], rtol=0, atol=near)
+        np.testing.assert_array_equal(blocked.reached(i), J[:, i] != 0)
+    np.testing.assert_allclose(blocked.row(50), J[50], rtol=0, atol=near)
+
+
+@pytest.mark.parametrize("damping", [0.0, 1e-3, 10.0])
+@pytest.mark.parametrize("units", ["even", "scaled"])
+def test_a_step_is_the_dense_one(blocked: wb.Linearization, damping: float, units: str) -> None:
+    n = blocked.shape[1]
+    D = np.ones(n) if units == "even" else np.linspace(0.5, 3, n)
+    step = steps.automatic(blocked, damping, D)
+    assert step.by == "band cholesky"
+    expected = as_array(blocked).step(damping, D)
+    np.testing.assert_allclose(step.p, expected, rtol=0, atol=1e-10 * np.abs(expected).max())
+
+
+def test_variances_of_a_sequence_are_those_of_the_inverse(blocked: wb.Linearization) -> None:
+    normal = blocked.normal
+    assert isinstance(normal, BandedMatrix)
+    factor = normal.factorized()
+    assert factor is not None
+    inverse = np.linalg.inv(storage.dense(normal))
+    np.testing.assert_allclose(factor.variances(), np.diag(inverse), rtol=1e-8)
+    border = normal.order.border
+    expected = inverse[np.ix_(border, border)]
+    np.testing.assert_allclose(factor.border_covariance, expected, rtol=1e-7, atol=1e-12)
+
+
+def test_frames_meet_only_their_neighbours(monkeypatch: pytest.MonkeyPatch) -> None:
+    in_blocks_of_frames(monkeypatch)
+    apart = wb.sequence([frame()] * 5, shared=SHARED).linearize(values(5)).normal
+    near = wb.sequence([frame()] * 5, shared=SHARED, between=SMOOTH[:1])
+    far = wb.sequence([frame()] * 5, shared=SHARED, between=SMOOTH)
+    reaches = [apart.order.reach]
+    reaches += [one.linearize(values(5)).normal.order.reach for one in (near, far)]
+    assert reaches[0] == 11  # the 12 unknowns of a frame
+    assert reaches == sorted(reaches)
+    assert reaches[-1] <= 3 * 12 - 1
+    for order in (apart.order, near.linearize(values(5)).normal.order):
+        assert [b - a for a, b in pairwise(order.edges.tolist())] == [12] * 5
+        assert len(order.border) == 2
+
+
+def test_held_frames_and_entries_leave_a_band(monkeypatch: pytest.MonkeyPatch) -> None:
+    in_blocks_of_frames(monkeypatch)
+    whole = wb.sequence([frame()] * 4, shared=SHARED, between=SMOOTH)
+    for free in (
+        ("pose[0]", "pose[2:4]", "betas"),
+        ("trans", "pose[:, joint1]"),
+        ("betas",),
+        ("pose[2, joint1, x]",),
+    ):
+        part = whole.freeing(*free)
+        here = assert_numbers(part, values(4))
+        step, expected = here.step(1e-2), as_array(here).step(1e-2)
+        np.testing.assert_allclose(step, expected, rtol=0, atol=1e-10 * np.abs(expected).max())
+
+
+def test_where_columns_are_dependent_the_step_is_the_shortest_too(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Joints alone see no twist: no factor, and products with J take its place."""
+    in_blocks_of_frames(monkeypatch)
+    one = frame().without("image", "pose prior")
+    whole = wb.sequence([one] * 3, shared="betas")
+    given = {n: v for n, v in values(3).items() if n in whole.known}
+    here = whole.linearize(given)
+    assert isinstance(here.normal, BandedMatrix)
+    assert here.normal.factorized() is None
+    step = steps.automatic(here, 0.0, np.ones(here.shape[1]))
+    assert step.by == "lsmr"
+    expected = as_array(here).step()
+    np.testing.assert_allclose(step.p, expected, atol=1e-5 * np.abs(expected).max())
+    assert here.rank == as_array(here).rank < here.shape[1]
+
+
+def test_what_is_not_finite_is_found(blocked: wb.Linearization) -> None:
+    J = blocked.jacobian
+    assert isinstance(J, BlockMatrix)
+    J.blocks[0][1, 2, 3] = np.nan
+    found = wb.Linearization(blocked.residual, J)
+    assert not found.finite
+    row, column = J.places[0].rows[1, 2], J.places[0].columns[1, 3]
+    assert found.not_finite == [(int(row), int(column))]
+    assert found.normal.factorized() is None
+
+
+def test_a_long_sequence_is_stored_by_blocks_of_itself() -> None:
+    """Without being forced: 150 frames, one of which is not like the others."""
+    each = [frame()] * 150
+    each[40] = frame().without("image")
+    whole = wb.sequence(each, shared=SHARED, between=SMOOTH)
+    assert whole.sparse
+    here = whole.linearize(values(150))
+    assert isinstance(here.jacobian, BlockMatrix)
+    assert here.jacobian.nnz < here.shape[0] * here.shape[1] / 20
+    found = wb.solve(whole, values(150), wb.LevenbergMarquardt(max_iterations=10))
+    assert found.cost < found.trace[0].cost / 3
+    assert {i.linear_algebra for i in found.trace[1:]} == {"band cholesky"}
+
+
+def test_a_single_smooth_number_is_a_tridiagonal_matrix(monkeypatch: pytest.MonkeyPatch) -> None:
+    """x_t seen with sigma 1, differences with sigma s: J'J is known by heart."""
+    in_blocks_of_frames(monkeypatch)
+    x, y = wb.Block("x"), wb.Block("y")
+    one = wb.Problem((wb.Residual("seen", x.symbol - y.symbol, 1.0),), ("x",), blocks=(x, y))
+    T, s = 7, 0.5
+    whole = wb.sequence([one] * T, between=[residuals.smooth("x", sigma=s)])
+    seen = np.random.default_rng(0).standard_normal(T)
+    here = whole.linearize({"x": np.zeros(T), "y": seen})
+    D = np.diff(np.eye(T), axis=0) / s
+    A = np.eye(T) + D.T @ D
+    np.testing.assert_allclose(storage.dense(here.normal), A, atol=1e-14)
+    assert here.normal.order.reach == 1
+    np.testing.assert_allclose(here.step(), np.linalg.solve(A, seen), atol=1e-14)
+    factor = here.normal.factorized()
+    assert factor is not None
+    np.testing.assert_allclose(factor.variances(), np.diag(np.linalg.inv(A)), atol=1e-14)

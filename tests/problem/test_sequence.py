@@ -1,0 +1,601 @@
+"""A sequence is the sum of its frames, and of what is between them, whatever the frames are."""
+
+from dataclasses import replace
+from functools import cache
+
+import casadi as cs
+import numpy as np
+import pytest
+
+import workbench as wb
+from tests.differences import assert_jacobian
+from tests.problem.sequences import (
+    BETAS,
+    BODY,
+    FREE,
+    JOINTS,
+    OF_CAMERA,
+    PIXELS,
+    POSE,
+    SEEN,
+    SHARED,
+    SKIN,
+    SMOOTH,
+    SURE,
+    TRANS,
+    assert_numbers,
+    both_storages,
+    frame,
+    frame_by_frame,
+    in_blocks_of_frames,
+    of_frame,
+    values,
+)
+from workbench import residuals
+from workbench.errors import BadArgument, BadBounds, BadResidual, UnknownName, WorkbenchError
+from workbench.problem.block_matrix import BlockMatrix
+from workbench.residuals import geman_mcclure, huber, of_norms
+from workbench.residuals.frames import Frames
+from workbench.solvers.wrapping import rewrapped
+
+ONCE = ("shape prior",)
+
+
+@pytest.fixture(params=["array", "blocks of frames"])
+def storage(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    if request.param != "array":
+        in_blocks_of_frames(monkeypatch)
+    return str(request.param)
+
+
+def assert_frames(
+    whole: wb.Problem, each: list[wb.Problem], given: wb.Values, once: tuple[str, ...] = ONCE
+) -> None:
+    """Every number is that of the whole graph, and rows of frames are those of frames alone."""
+    here = assert_numbers(whole, given)
+    r, J, known = frame_by_frame(whole, each, given, once)
+    np.testing.assert_allclose(here.residual[known], r[known], atol=1e-10)
+    np.testing.assert_allclose(here.dense[known], J[known], atol=1e-11 * np.abs(J).max())
+    between = [name for name in whole.rows if not any(name in problem.rows for problem in each)]
+    assert (~known).sum() == sum(len(here.residual[whole.rows[name]]) for name in between)
+    made_of = whole.rounding(*whole.split(given), here.residual).rows
+    for t, problem in enumerate(each):
+        x, fixed = problem.split(of_frame(whole, given, t))
+        own = problem.rounding(x, fixed, problem.residual(x, fixed)).rows
+        for name, rows in problem.rows.items():
+            if name not in once and all(name in other.rows for other in each):
+                size = rows.stop - rows.start
+                first = whole.rows[name].start + sum(
+                    other.rows[name].stop - other.rows[name].start for other in each[:t]
+                )
+                if whole.free.parts:
+                    continue  # a frame alone is made of all that is free in it
+                np.testing.assert_allclose(made_of[first : first + size], own[rows], rtol=1e-9)
+
+
+# The numbers.
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_frames_that_are_one_problem_repeated(count: int, storage: str) -> None:
+    each = [frame()] * count
+    between = SMOOTH if count > 2 else SMOOTH[:1] if count == 2 else ()
+    whole = wb.sequence(each, shared=SHARED, between=between)
+    assert_frames(whole, each, values(count))
+    assert isinstance(whole.linearize(values(count)).jacobian, np.ndarray) == (storage == "array")
+
+
+def test_the_jacobian_is_that_of_differences() -> None:
+    whole = wb.sequence([frame()] * 3, shared=SHARED, between=SMOOTH)
+    assert_jacobian(whole, *whole.split(values(3)), 1e-8)
+
+
+@pytest.mark.parametrize("shared", [(), "betas", OF_CAMERA, ("trans", "betas")], ids=str)
+def test_whatever_is_shared(shared: str | tuple[str, ...], storage: str) -> None:
+    given = values(3)
+    names = (shared,) if isinstance(shared, str) else shared
+    for name in frame().known:
+        if name in ("betas", *OF_CAMERA) and name not in names:
+            given[name] = np.stack([given[name] + 0.01 * t for t in range(3)])
+        elif name in names and name == "trans":
+            given[name] = given[name][0]
+    each = [frame()] * 3
+    whole = wb.sequence(each, shared=shared, between=SMOOTH[:1])
+    for block in whole.known.values():
+        assert block.framed == (block.name not in names)
+    assert_frames(whole, each, given, ONCE if "betas" in names else ())
+
+
+def test_what_is_shared_may_be_free_and_what_each_has_may_be_fixed(storage: str) -> None:
+    one = frame().freeing("pose", "left/focal", "left/rotation")
+    whole = wb.sequence([one] * 3, shared=SHARED, between=SMOOTH)
+    assert whole.free.names == ("pose", "left/focal", "left/rotation")
+    assert_frames(whole, [one] * 3, values(3))
+
+
+def test_a_camera_missing_in_a_frame(storage: str) -> None:
+    each = [frame(), frame(), frame().without("image"), frame()]
+    whole = wb.sequence(each, shared=SHARED, between=SMOOTH)
+    assert whole.rows["image"].stop - whole.rows["image"].start == 3 * 16
+    assert_frames(whole, each, values(4))
+    labels = [
+        whole.row_label(i) for i in range(whole.rows["image"].start, whole.rows["image"].stop)
+    ]
+    assert {int(label.split("[")[1].split(",")[0]) for label in labels} == {0, 1, 3}
+
+
+def test_a_frame_that_reads_blocks_of_its_own(storage: str) -> None:
+    """The second frame alone has a marker, whose offset is free there."""
+    offset = wb.Block("offset", (3,), "m")
+    marker = wb.Residual(
+        "marker", JOINTS.symbol[:, 2] + offset.symbol - 0.3, 0.01, "m", points=(JOINTS,)
+    )
+    more = wb.Problem((*frame().residuals, marker), (*FREE, "offset"), blocks=(offset,))
+    each = [frame(), more, frame()]
+    whole = wb.sequence(each, shared=SHARED)
+    assert whole.known["offset"].shape == (3, 3)
+    here = assert_numbers(whole, given := values(3) | {"offset": np.ones((3, 3))})
+    r, J, known = frame_by_frame(whole, each, given, ONCE)
+    assert known.all()
+    np.testing.assert_allclose(here.residual, r, atol=1e-10)
+    np.testing.assert_allclose(here.dense, J, atol=1e-10 * np.abs(J).max())
+    silent = here.column_norms[whole.free.slices["offset"]].reshape(3, 3) == 0
+    np.testing.assert_array_equal(silent.all(axis=1), [True, False, True])
+
+
+def counted(count: int, seed: int, **more: object) -> wb.Problem:
+    """A frame in which `count` of the joints were seen, as numbers and not as a block."""
+    seen = np.random.default_rng(seed).standard_normal((count, 3))
+    off = cs.vec(JOINTS.symbol[:, :count] - cs.DM(seen.T))
+    data = wb.Residual("joints", off, 0.02, "m", points=(JOINTS,), rows_per_point=3)
+    prior = residuals.gaussian(POSE.symbol, covariance=0.09, name="pose prior")
+    return wb.Problem((replace(data, **more), prior), ("pose", "trans"))
+
+
+def test_residuals_of_one_name_with_other_numbers_of_rows(storage: str) -> None:
+    each = [counted(2, 0), counted(3, 1), counted(1, 2), counted(3, 3)]
+    whole = wb.sequence(each, shared="betas", between=SMOOTH[:1])
+    assert whole.rows["joints"] == slice(0, 27)
+    assert_frames(whole, each, values(4), ())
+    assert whole.row_label(8) == "joints[1, 2]"
+
+
+def test_weights_are_symbols_in_one_frame_and_numbers_in_another(storage: str) -> None:
+    sure = wb.Block("certain", (3,))
+    each = [
+        counted(3, 0),
+        counted(3, 1, weights=np.array([0.5, 2.0, 1.0])),
+        counted(3, 2, weights=0.3),
+        counted(2, 3, weights=np.linspace(0.1, 2, 6)),
+        counted(3, 4, weights=sure.symbol),
+    ]
+    numbers = wb.sequence(each[:4], shared="betas")
+    assert_frames(numbers, each[:4], values(4), ())
+    whole = wb.sequence(each, shared="betas")
+    given = values(5) | {"certain": np.linspace(0.1, 3, 15).reshape(5, 3)}
+    assert_frames(whole, each, given, ())
+
+
+@pytest.mark.parametrize("kernel", [huber(0.7), of_norms(geman_mcclure)], ids=["huber", "norms"])
+def test_kernels_are_those_of_frames(kernel: residuals.Kernel, storage: str) -> None:
+    each = [
+        counted(3, 0, kernel=kernel),
+        counted(2, 1, kernel=kernel),
+        counted(3, 2, kernel=kernel),
+    ]
+    whole = wb.sequence(each, shared="betas")
+    assert_frames(whole, each, values(3), ())
+
+
+def test_sigmas_are_those_of_frames() -> None:
+    each = [
+        counted(3, 0, sigma=0.5),
+        counted(3, 1, sigma=np.array([0.1, 0.2, 0.4])),
+        counted(2, 2, sigma=np.linspace(0.1, 1, 6)),
+    ]
+    whole = wb.sequence(each, shared="betas")
+    assert_frames(whole, each, values(3), ())
+
+
+def test_what_reads_only_what_is_shared_counts_once() -> None:
+    whole = wb.sequence([frame()] * 4, shared=SHARED)
+    assert whole.rows["shape prior"].stop - whole.rows["shape prior"].start == 2
+    alone = wb.sequence([frame()] * 4, shared=OF_CAMERA)
+    assert alone.rows["shape prior"].stop - alone.rows["shape prior"].start == 8
+    # Frames that say different things about what they share are all heard.
+    said = [
+        wb.Problem((*frame().without("shape prior").residuals,
+                    residuals.gaussian(BETAS.symbol, mean=float(t), name="shape prior")), FREE,
+                   blocks=(SEEN, PIXELS, SURE))
+        for t in range(3)
+    ]  # fmt: skip
+    heard = wb.sequence(said, shared=SHARED)
+    assert heard.rows["shape prior"].stop - heard.rows["shape prior"].start == 6
+    assert_frames(heard, said, values(3), ())
+
+
+def test_problems_that_were_built_one_by_one_have_symbols_of_their_own() -> None:
+    """Blocks go by their names: a loop that makes a Block in each turn is a usual thing."""
+
+    def built(mean: float) -> wb.Problem:
+        x, s = wb.Block("x", (2,)), wb.Block("s")
+        terms = [
+            wb.Residual("off", x.symbol - s.symbol, 0.1),
+            residuals.gaussian(x.symbol, mean=mean, name="near"),
+            residuals.gaussian(s.symbol, name="shared"),
+        ]
+        return wb.Problem(terms, ("x", "s"))
+
+    each = [built(float(t)) for t in range(3)]
+    whole = wb.sequence(each, shared="s")
+    assert_frames(whole, each, {"x": np.arange(6.0).reshape(3, 2), "s": np.array(2.0)}, ())
+    only_late = [each[0].without("shared"), each[1]]
+    late = wb.sequence(only_late, shared="s")
+    assert_frames(late, only_late, {"x": np.ones((2, 2)), "s": np.array(2.0)}, ())
+
+
+CHOICES = (
+    ("pose[1]", "betas"),
+    ("betas[1]", "pose[2, joint0]", "trans[0]", "trans[2, y]"),
+    ("pose[0]", "pose[2]", "betas"),  # the frame between is held
+    ("pose[:, joint1]", "trans"),
+    ("pose[1:3]", "betas"),
+    ("betas", "trans", "pose"),
+)
+
+
+@pytest.mark.parametrize("free", CHOICES, ids=str)
+def test_entries_are_free_in_part(free: tuple[str, ...], storage: str) -> None:
+    whole = wb.sequence([frame()] * 3, shared=SHARED, between=SMOOTH)
+    part = whole.freeing(*free)
+    here = assert_numbers(part, values(3))
+    J = whole.linearize(values(3)).dense
+    chosen = [
+        whole.free.place(block.name, entry) for block in part.free.blocks for entry in block.places
+    ]
+    np.testing.assert_allclose(here.dense, J[:, chosen], rtol=0, atol=1e-10 * np.abs(J).max())
+
+
+def test_frames_that_are_free_in_part_make_a_sequence_that_is(storage: str) -> None:
+    one = frame().freeing("pose[joint1]", "betas[1]", "trans")
+    whole = wb.sequence([one] * 3, shared=SHARED, between=SMOOTH)
+    labels = [whole.free.label(i) for i in range(whole.free.size)]
+    assert labels[:4] == ["pose[0, joint1, x]", "pose[0, joint1, y]", "pose[0, joint1, z]",
+                          "pose[1, joint1, x]"]  # fmt: skip
+    assert len(labels) == 9 + 1 + 9
+    assert "betas[1]" in labels
+    assert_numbers(whole, values(3))
+
+
+def test_the_order_of_what_is_free_changes_nothing(storage: str) -> None:
+    given = values(3)
+    found = []
+    for free in (
+        ("trans", "pose", "betas"),
+        ("betas", "trans", "pose"),
+        ("pose", "betas", "trans"),
+    ):
+        whole = wb.sequence([frame().freeing(*free)] * 3, shared=SHARED, between=SMOOTH)
+        assert whole.free.names == free
+        here = whole.linearize(given)
+        step = whole.free.unpack(here.step(1e-3))
+        found.append((here.cost, step, wb.solve(whole, given)))
+    for cost, step, solution in found[1:]:
+        assert cost == pytest.approx(found[0][0], rel=1e-13)
+        assert solution.cost == pytest.approx(found[0][2].cost, rel=1e-12)
+        for name in FREE:
+            np.testing.assert_allclose(step[name], found[0][1][name], atol=1e-9)
+            np.testing.assert_allclose(solution.values[name], found[0][2].values[name], atol=1e-6)
+
+
+def test_costs_of_many_points_are_those_one_by_one() -> None:
+    whole = wb.sequence([frame()] * 3, shared=SHARED, between=SMOOTH)
+    x, fixed = whole.split(values(3))
+    many = x + 0.1 * np.random.default_rng(0).standard_normal((5, len(x)))
+    expected = [0.5 * np.sum(whole.residual(one, fixed) ** 2) for one in many]
+    np.testing.assert_allclose(whole.costs(x, fixed)(many), expected, rtol=1e-10)
+    H = whole.hessian_at(x, fixed)
+    assert H.shape == (len(x), len(x))
+
+
+# Bounds and constraints.
+
+
+def test_bounds_are_of_each_frame_and_the_narrowest_of_what_is_shared() -> None:
+    terms, blocks = frame().residuals, (SEEN, PIXELS, SURE)
+    one = wb.Problem(terms, FREE, {"pose": (-1.0, 2.0), "betas": (-3.0, 2.0)}, blocks)
+    other = wb.Problem(terms, FREE, {"pose[joint1]": (-0.5, 0.5), "betas": (-2.0, 3.0)}, blocks)
+    whole = wb.sequence([one, other, frame()], shared=SHARED)
+    lower, upper = whole.free.unpack(whole.lower), whole.free.unpack(whole.upper)
+    np.testing.assert_array_equal(lower["betas"], [-2, -2])
+    np.testing.assert_array_equal(upper["betas"], [2, 2])
+    np.testing.assert_array_equal(upper["pose"][0], np.full((3, 3), 2.0))
+    np.testing.assert_array_equal(upper["pose"][1][1], [0.5, 0.5, 0.5])
+    assert np.isinf(upper["pose"][1][[0, 2]]).all()
+    assert np.isinf(upper["pose"][2]).all()
+    assert np.isinf(lower["trans"]).all()
+    apart = wb.Problem(terms, FREE, {"betas": (4.0, 5.0)}, blocks)
+    with pytest.raises(BadBounds, match=r"betas\[0\] has the lower bound 4 and the upper bound 2"):
+        wb.sequence([one, apart], shared=SHARED)
+
+
+def test_bounds_hold_in_the_solution(storage: str) -> None:
+    one = wb.Problem(
+        frame().residuals,
+        FREE,
+        {"trans": (-0.05, 0.05), "betas": (-0.1, 0.1)},
+        (SEEN, PIXELS, SURE),
+    )
+    whole = wb.sequence([one] * 3, shared=SHARED, between=SMOOTH)
+    given = values(3)
+    start = given | {"trans": np.zeros((3, 3)), "betas": np.zeros(2)}
+    found = wb.solve(whole, start)
+    assert found.converged
+    x = whole.free.pack(found.values)
+    assert ((x >= whole.lower) & (x <= whole.upper)).all()
+    assert (np.abs(found.values["trans"]) == 0.05).any()
+
+
+def lifted(t: int) -> wb.Constraint:
+    return wb.Constraint("lifted", TRANS.symbol[1], 0.1 * t, np.inf, "m", tolerance=1e-6 * (t + 1))
+
+
+def test_constraints_of_frames_are_constraints_of_the_sequence() -> None:
+    # The distance of two joints is one in all frames; the height is another in each.
+    gap = JOINTS.symbol[:, 2] - JOINTS.symbol[:, 0]
+    apart = wb.Constraint("apart", cs.sumsqr(gap), 0.0, 4.0, "m^2", (JOINTS,))
+    narrow = wb.Constraint("narrow", BETAS.symbol[0], -1.0, 1.0)
+    each = [
+        wb.Problem(frame().residuals, FREE, None, (SEEN, PIXELS, SURE), (lifted(t), apart, narrow))
+        for t in range(3)
+    ]
+    whole = wb.sequence(each, shared=SHARED)
+    assert [c.name for c in whole.constraints] == ["lifted", "apart", "narrow"]
+    assert [c.size for c in whole.constraints] == [3, 3, 1]
+    np.testing.assert_allclose(whole.constraints[0].limits[0], [0.0, 0.1, 0.2])
+    assert whole.constraints[0].tolerance == 1e-6
+    given = values(3)
+    here = whole.linearize(given).constraints
+    assert here is not None
+    expected = np.concatenate([
+        given["trans"][:, 1],
+        [np.sum((j[2] - j[0]) ** 2) for j in (
+            BODY.joints(p, given["betas"], t)
+            for p, t in zip(given["pose"], given["trans"], strict=True))],
+        [given["betas"][0]],
+    ])  # fmt: skip
+    function = cs.Function("c", [b.symbol for b in whole.known.values()],
+                           [cs.vertcat(*(c.graph() for c in whole.constraints))])  # fmt: skip
+    by_graph = function(*(given[name].reshape(-1, 3).T if block.shape[-1:] == (3,) and block.framed
+                          else given[name].reshape(block.symbol_shape, order="F")
+                          for name, block in whole.known.items()))  # fmt: skip
+    np.testing.assert_allclose(np.asarray(by_graph).ravel(), expected, atol=1e-12)
+    for solver in (wb.Ipopt(), wb.Sqp()):
+        found = solver.solve(whole, given)
+        assert found.converged, found.message
+        assert (found.values["trans"][:, 1] > [-1e-6, 0.1 - 1e-6, 0.2 - 1e-6]).all()
+
+
+# Names.
+
+
+def test_every_entry_and_row_has_a_name() -> None:
+    whole = wb.sequence([frame()] * 3, shared=SHARED, between=SMOOTH)
+    entries = [whole.free.label(i) for i in range(whole.free.size)]
+    assert len(set(entries)) == len(entries)
+    assert entries[:4] == ["trans[0, x]", "trans[0, y]", "trans[0, z]", "trans[1, x]"]
+    assert "pose[2, joint1, z]" in entries
+    assert entries[-1] == "betas[1]"
+    rows = [whole.row_label(i) for i in range(whole.size)]
+    assert len(set(rows)) == len(rows)
+    assert rows[0] == "joints[0, joint0, x]"
+    assert "joints[2, joint1, z]" in rows
+    assert "image[1, 3, v]" in rows or any(row.startswith("image[1, ") for row in rows)
+    assert "shape prior[1]" in rows
+    assert "smooth(pose)[1 to 2, joint2, y]" in rows
+    assert "smooth(trans, order 2)[0 to 2, x]" in rows
+    with pytest.raises(IndexError):
+        whole.row_label(whole.size)
+
+
+def test_values_come_back_with_a_row_for_each_frame() -> None:
+    whole = wb.sequence([frame()] * 3, shared=SHARED)
+    given = values(3)
+    back = whole.values(*whole.split(given))
+    assert back["pose"].shape == (3, 3, 3)
+    assert back["betas"].shape == (2,)
+    for name, value in given.items():
+        np.testing.assert_array_equal(back[name], value)
+
+
+# What is between frames.
+
+
+def speed(frames: Frames) -> wb.Residual:
+    """Written by a user: the root moves by 0.1 m from frame to frame, whichever way."""
+    x = frames["trans"].symbol
+    step = x[:, 1:] - x[:, :-1]
+    return wb.Residual("speed", cs.sum1(step**2).T - 0.01, 0.01, "m^2")
+
+
+def feet(frames: Frames) -> wb.Residual:
+    """Points of single frames, some of them: the last joint rests in frames 0 and 2."""
+    one, other = frames.points(JOINTS, [0]), frames.points(JOINTS, [2])
+    gap = one.symbol[:, 2] - other.symbol[:, 2]
+    return wb.Residual("feet", gap, 0.01, "m", points=(one, other), labels=("x", "y", "z"))
+
+
+def test_between_frames_stands_whatever_is_written(storage: str) -> None:
+    each = [frame()] * 4
+    between = (
+        residuals.smooth(JOINTS, sigma=0.05),
+        residuals.smooth(SKIN, sigma=0.05, order=2, kernel=huber(0.3)),
+        residuals.smooth("pose", sigma=0.1),
+        speed,
+        feet,
+    )
+    whole = wb.sequence(each, shared=SHARED, between=between)
+    given = values(4)
+    assert_frames(whole, each, given)
+    r = whole.residual(*whole.split(given))
+    steps = np.sum(np.diff(given["trans"], axis=0) ** 2, axis=1)
+    np.testing.assert_allclose(r[whole.rows["speed"]], (steps - 0.01) / 0.01, atol=1e-9)
+    joints = [BODY.joints(p, given["betas"], t)
+              for p, t in zip(given["pose"], given["trans"], strict=True)]  # fmt: skip
+    gap = (joints[0][2] - joints[2][2]) / 0.01
+    np.testing.assert_allclose(r[whole.rows["feet"]], gap, atol=1e-9)
+    changes = np.diff(joints, axis=0).ravel() / 0.05
+    np.testing.assert_allclose(r[whole.rows["smooth(joints)"]], changes, atol=1e-9)
+
+
+# Solutions.
+
+
+def test_a_solution_of_six_frames_is_the_dense_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    given = values(6)
+    plain, blocked = both_storages(
+        lambda: wb.sequence([frame()] * 6, shared=SHARED, between=SMOOTH), monkeypatch
+    )
+    solver = wb.LevenbergMarquardt(gradient_tolerance=1e-10)
+    one, other = solver.solve(plain, given), solver.solve(blocked, given)
+    assert one.converged
+    assert other.converged
+    assert other.trace[-1].linear_algebra == "band cholesky"
+    assert isinstance(blocked.linearize(given).jacobian, BlockMatrix)
+    for name in FREE:
+        np.testing.assert_allclose(other.values[name], one.values[name], rtol=0, atol=1e-9)
+    assert other.cost == pytest.approx(one.cost, rel=1e-12)
+
+
+T = np.linspace(0, 3, 8)
+
+
+@cache
+def decays() -> tuple[list[wb.Problem], wb.Values]:
+    """Three regressions of exponentials, without points."""
+    x, y = wb.Block("x", (2,)), wb.Block("y", (8,))
+    curve = wb.Residual("decay", x.symbol[0] * cs.exp(-x.symbol[1] * T) - y.symbol, 0.1)
+    rng = np.random.default_rng(0)
+    truth = np.array([[2.0, 1.3], [1.5, 0.7], [1.0, 1.0]])
+    seen = truth[:, :1] * np.exp(-truth[:, 1:] * T) + 0.1 * rng.standard_normal((3, 8))
+    start = {"x": np.array([[1.2, 0.8]] * 3), "y": seen}
+    return [wb.Problem((curve,), ("x",))] * 3, start
+
+
+LOCAL = [name for name, solver in wb.SOLVERS.items() if not solver.abilities.is_global]
+
+
+@pytest.mark.parametrize("name", LOCAL)
+def test_where_nothing_is_shared_each_frame_ends_at_its_own_minimum(
+    name: str, storage: str
+) -> None:
+    each, start = decays()
+    alone = [
+        wb.LevenbergMarquardt(gradient_tolerance=1e-10).solve(
+            problem, {"x": start["x"][t], "y": start["y"][t]}
+        )
+        for t, problem in enumerate(each)
+    ]
+    whole = wb.sequence(each)
+    found = wb.SOLVERS[name].solve(whole, start)
+    assert found.converged, (found.status, found.message)
+    assert found.cost == pytest.approx(sum(one.cost for one in alone), rel=1e-9)
+    np.testing.assert_allclose(found.values["x"], [one.values["x"] for one in alone], atol=1e-4)
+
+
+def test_stages_of_entries(storage: str) -> None:
+    whole = wb.sequence([frame()] * 3, shared=SHARED, between=SMOOTH)
+    given = values(3)
+    stages = wb.Staged((("trans", "pose[:, joint0]"), ("pose[0]", "betas"), FREE))
+    found = stages.solve(whole, given)
+    assert found.converged
+    assert found.cost == pytest.approx(wb.solve(whole, given).cost, rel=1e-8)
+
+
+def test_rotation_vectors_of_a_frame_are_wrapped() -> None:
+    whole = wb.sequence([frame()] * 3, shared=SHARED)
+    given = values(3)
+    x, fixed = whole.split(given)
+    turned = whole.free.unpack(x)
+    v = turned["pose"][1, 2].copy()
+    turned["pose"][1, 2] = v * (1 + 2 * np.pi / np.linalg.norm(v))
+    y = whole.free.pack(turned)
+    np.testing.assert_allclose(
+        np.sum(whole.residual(y, fixed) ** 2) - np.sum(whole.residual(x, fixed) ** 2),
+        np.sum((turned["pose"][1, 2] / 0.3) ** 2) - np.sum((v / 0.3) ** 2), atol=1e-8,
+    )  # fmt: skip
+    assert len(whole.turns) == 9
+    back = rewrapped(whole, y, lambda _: True)
+    np.testing.assert_allclose(whole.free.unpack(back)["pose"], given["pose"], atol=1e-9)
+
+
+def test_shapes_are_sampled_and_approximated(storage: str) -> None:
+    whole = wb.sequence([frame()] * 3, shared=SHARED, between=SMOOTH)
+    at = values(3)
+    at |= wb.solve(whole, at).values
+    J = whole.linearize(at).dense[:, whole.free.slices["betas"]]
+    held = np.sqrt(np.diag(np.linalg.inv(J.T @ J)))  # all else stays where it is
+    near = wb.laplace(whole, at, "betas")
+    np.testing.assert_allclose(near.sd, held, rtol=0.1)  # of a few thousand draws
+    drawn = wb.sample(whole, at, "betas", steps=60, ensembles=2, walkers=16, seed=1)
+    assert drawn.draws.shape[-1] == 2
+    assert np.isfinite(drawn.draws).all()
+    spread = drawn.draws.reshape(-1, 2).std(axis=0)
+    assert (spread < 3 * held).all()
+    assert (spread > held / 3).all()
+
+
+# Bad input.
+
+
+def test_what_makes_no_sequence_is_said() -> None:
+    wider = residuals.gaussian(wb.Block("pose", (4, 3)).symbol, name="pose prior")
+    other = wb.Problem((wider,), ("pose",))
+    with pytest.raises(BadArgument, match="at least one frame"):
+        wb.sequence([])
+    with pytest.raises(WorkbenchError, match="the frames of a sequence"):
+        wb.sequence([frame(), "frame"])  # type: ignore[list-item]
+    with pytest.raises(WorkbenchError, match="the frames of a sequence"):
+        wb.sequence(frame())  # type: ignore[arg-type]
+    with pytest.raises(
+        BadArgument, match=r"'pose' has the shape \(4, 3\) in frame 2 and \(3, 3\) in frame 0"
+    ):
+        wb.sequence([frame(), frame(), other])
+    with pytest.raises(
+        BadArgument, match="'betas' is not free in the same entries in frame 1 as in frame 0"
+    ):
+        wb.sequence([frame(), frame().freeing("pose", "trans")])
+    with pytest.raises(BadArgument, match="'pose' is not free in the same entries in frame 1"):
+        wb.sequence([frame(), frame().freeing("pose[joint1]", "betas", "trans")])
+    with pytest.raises(UnknownName, match=r"no block is called 'beta'.*betas"):
+        wb.sequence([frame()] * 2, shared="beta")
+    with pytest.raises(BadArgument, match=r"function from Frames to a Residual.* of type str"):
+        wb.sequence([frame()] * 2, between=["pose"])  # type: ignore[list-item]
+    with pytest.raises(BadResidual, match="makes a Residual of them, not something of type MX"):
+        wb.sequence([frame()] * 2, between=[lambda frames: frames["pose"].symbol])  # type: ignore[list-item,return-value]
+
+
+def test_residuals_of_one_name_are_of_one_kind() -> None:
+    with pytest.raises(BadResidual, match="'joints' has another kernel in frame 1 than in frame 0"):
+        wb.sequence([counted(3, 0), counted(3, 1, kernel=huber(1.0))])
+    with pytest.raises(BadResidual, match="'joints' has another unit in frame 1"):
+        wb.sequence([counted(3, 0), counted(3, 1, unit="mm")])
+    with pytest.raises(BadResidual, match="'joints' has another rows_per_point in frame 1"):
+        wb.sequence([counted(3, 0), counted(3, 1, rows_per_point=1)])
+
+
+def test_values_of_another_number_of_frames_are_refused() -> None:
+    whole = wb.sequence([frame()] * 3, shared=SHARED)
+    with pytest.raises(WorkbenchError, match=r"'trans' has shape \(3, 3\), but was given \(2, 3\)"):
+        whole.linearize(values(2))
+    given = values(3)
+    given["pose"][2, 1, 0] = np.nan
+    with pytest.raises(WorkbenchError, match=r"\[2, joint1, x\]"):
+        whole.linearize(given)
+
+
+def test_no_residual_reads_symbols_of_single_frames() -> None:
+    whole = wb.sequence([frame()] * 3, shared=SHARED, between=(*SMOOTH, feet))
+    read = {s.name() for s in cs.symvar(whole.graph())}
+    assert read == set(whole.known)
+    assert all(whole.known[name].framed == (name not in SHARED) for name in read)

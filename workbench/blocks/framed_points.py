@@ -1,0 +1,202 @@
+"""The points of a body in many frames, as one source."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as cs
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_array, vstack
+
+from workbench.blocks.block import Block
+from workbench.blocks.frames import FrameBlocks
+from workbench.blocks.points import NumericPoints, PointsAt, PointSource
+from workbench.blocks.sparse_points import jacobian_of, pattern_of
+from workbench.blocks.tree import Tree
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class FramedPoints:
+    """The points of one source in some frames, those of the first frame first; see PointSource."""
+
+    source: PointSource
+    frames: FrameBlocks
+    some: tuple[int, ...]  # which frames
+
+    @property
+    def count(self) -> int:
+        """N for each of the frames."""
+        return self.source.count * len(self.some)
+
+    @cached_property
+    def expression(self) -> cs.MX | None:
+        """(3, N len(some)) m, in the blocks of the sequence."""
+        found = self.source.expression
+        return None if found is None else self.frames.each(found, self.source.blocks, self.some)
+
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        """Those of the source, in the sequence."""
+        return tuple(self.frames[block.name] for block in self.source.blocks)
+
+    @cached_property
+    def tree(self) -> Tree | None:
+        """The source's tree once for each frame: a forest, whose roots have the parent -1."""
+        tree = self.source.tree
+        if tree is None or not any(self.frames[name].framed for name in tree.blocks):
+            return tree
+        K = len(tree.names)
+        places: list[tuple[str, int] | None] = []
+        for t in self.some:
+            for place in tree.places:
+                if place is None:
+                    places.append(None)
+                    continue
+                block = self.frames[place[0]]
+                first = t * (block.size // self.frames.count) if block.framed else 0
+                places.append((place[0], first + place[1]))
+        return Tree(
+            tree.pose,
+            tuple(f"{t}, {name}" for t in self.some for name in tree.names),
+            tuple(p + i * K if p >= 0 else p for i in range(len(self.some)) for p in tree.parents),
+            tuple(places),
+        )
+
+    @property
+    def labels(self) -> tuple[str, ...] | None:
+        """`12, left_wrist`: the frame, and the point's name."""
+        names = self.source.labels
+        if names is None:
+            return None
+        return tuple(f"{t}, {name}" for t in self.some for name in names)
+
+    @cached_property
+    def numeric(self) -> NumericPoints | None:
+        """By the arithmetic of the source, frame after frame."""
+        found = self.source.numeric
+        if found is None:
+            return None
+        blocks = {name: self.frames[name] for name in found.reads}
+        return NumericFrames(found, blocks, self.some, self.source.count)
+
+
+@dataclass(frozen=True, eq=False)
+class NumericFrames:
+    """Arithmetic for such points; see NumericPoints."""
+
+    source: NumericPoints
+    blocks: Mapping[str, Block]  # of the sequence
+    some: Sequence[int]
+    count: int  # N, the points of one frame
+
+    @cached_property
+    def framed(self) -> dict[str, bool]:
+        """Which blocks each frame has for itself."""
+        return {name: block.framed for name, block in self.blocks.items()}
+
+    def pattern(self, name: str) -> csc_array | None:
+        """Each frame's points read their own part of a block; see SparsePoints."""
+        block, own = self.blocks[name], pattern_of(self.source, name)
+        if not block.framed:
+            return None if own is None else csc_array(vstack([own] * len(self.some)))
+        T = block.shape[0]
+        if own is None:
+            own = csc_array(np.ones((3 * self.count, block.size // T)))
+        return on_the_diagonal([own] * len(self.some), self.some, T)
+
+    @property
+    def reads(self) -> tuple[str, ...]:
+        """As the source."""
+        return self.source.reads
+
+    def at(self, values: Mapping[str, Array]) -> "FramesAt":
+        """Where the blocks of the sequence have these values."""
+        each = [
+            self.source.at(
+                {n: values[n][t] if own else values[n] for n, own in self.framed.items()}
+            )
+            for t in self.some
+        ]
+        return FramesAt(self, each)
+
+    def many(self, values: Mapping[str, Array]) -> Array:
+        """(M, N len(some), 3) m: all frames of all values at once."""
+        M, T = len(next(iter(values.values()))), len(self.some)
+
+        def row(name: str) -> Array:
+            value = values[name]
+            if self.framed[name]:
+                value = value[:, list(self.some)]
+                return value.reshape(M * T, *value.shape[2:])
+            return np.repeat(value, T, axis=0)
+
+        found = self.source.many({name: row(name) for name in self.reads})
+        return found.reshape(M, -1, 3)
+
+
+@dataclass(frozen=True, eq=False)
+class FramesAt:
+    """The points at one set of values; see PointsAt."""
+
+    of: NumericFrames
+    each: Sequence[PointsAt]
+
+    @cached_property
+    def points(self) -> Array:
+        """(N len(some), 3) m."""
+        return np.concatenate([here.points for here in self.each])
+
+    def jacobian(self, name: str) -> csc_array:
+        """By a block that has a pattern, (3 N len(some), size)."""
+        block = self.of.blocks[name]
+        if pattern_of(self.of.source, name) is not None:
+            each = [jacobian_of(here, name) for here in self.each]
+            if not block.framed:
+                return csc_array(vstack(each))
+            return on_the_diagonal(each, self.of.some, block.shape[0])
+        found = []
+        for here in self.each:
+            into = np.empty((block.size // block.shape[0], 3 * self.of.count))
+            here.tangent({name: into}, None)
+            found.append(csc_array(into.T))
+        return on_the_diagonal(found, self.of.some, block.shape[0])
+
+    def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
+        """Transposed, into[block] (size, 3 N len(some)), with all of its zeros."""
+        width = 3 * len(self.each[0].points)
+        for i, (t, here) in enumerate(zip(self.of.some, self.each, strict=True)):
+            at = slice(i * width, (i + 1) * width)
+            rooms = {}
+            for name, array in into.items():
+                if self.of.framed[name]:
+                    array[:, at] = 0.0  # the other frames do not move these points
+                    size = len(array) // self.of.blocks[name].shape[0]
+                    array = array[t * size : (t + 1) * size]
+                rooms[name] = array[:, at]
+            here.tangent(rooms, None if scale is None else scale[at])
+
+    def adjoint(self, pull: Array) -> dict[str, Array]:
+        """By every block that is read, flat."""
+        found = {name: np.zeros(block.size) for name, block in self.of.blocks.items()}
+        pulls = pull.reshape(len(self.each), -1)
+        for t, here, own in zip(self.of.some, self.each, pulls, strict=True):
+            for name, part in here.adjoint(own).items():
+                if self.of.framed[name]:
+                    found[name][t * part.size : (t + 1) * part.size] += part
+                else:
+                    found[name] += part
+        return found
+
+
+def on_the_diagonal(each: Sequence[csc_array], some: Sequence[int], count: int) -> csc_array:
+    """A matrix whose rows are those of some frames, and whose columns are those of all frames."""
+    rows, size = each[0].shape
+    lengths = np.zeros((count, size), dtype=np.int64)
+    lengths[list(some)] = [np.diff(one.indptr) for one in each]
+    indices = np.concatenate([one.indices + i * rows for i, one in enumerate(each)])
+    starts = np.concatenate([[0], np.cumsum(lengths.ravel())])
+    data = np.concatenate([one.data for one in each])
+    return csc_array((data, indices, starts), shape=(rows * len(each), size * count))

@@ -1,0 +1,63 @@
+"""The blocks of a sequence: those that every frame has for itself, and those that all share."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import casadi as cs
+
+from workbench.blocks.block import Block
+from workbench.errors import UnknownName
+
+
+@dataclass(frozen=True, eq=False)
+class FrameBlocks:
+    """T frames. A block of each frame, of a shape such as (K, 3), is one of shape (T, K, 3) here.
+
+    `blocks` has every block of the sequence by name; a block that is not `framed` is shared.
+    """
+
+    count: int  # T
+    blocks: Mapping[str, Block]
+
+    def __getitem__(self, name: str) -> Block:
+        """A block of the sequence. Raises UnknownName."""
+        if name not in self.blocks:
+            raise UnknownName("block", name, tuple(self.blocks))
+        return self.blocks[name]
+
+    def columns(self, one: Block, some: Sequence[int]) -> cs.MX:
+        """The symbol of a frame's block in some frames, side by side: (3, K len(some)) of (K, 3).
+
+        A shared block is repeated.
+        """
+        rows, width = one.symbol_shape
+        here = self[one.name]
+        if not here.framed:
+            return cs.repmat(here.symbol, 1, len(some))
+        wide = cs.reshape(here.symbol, rows, width * self.count)
+        if tuple(some) == tuple(range(self.count)):
+            return wide
+        return wide[:, [t * width + i for t in some for i in range(width)]]
+
+    def each(
+        self,
+        expression: cs.MX,
+        blocks: Sequence[Block],
+        some: Sequence[int],
+        points: Sequence[tuple[cs.MX, cs.MX]] = (),
+    ) -> cs.MX:
+        """An expression in the blocks of one frame, in those of some frames, side by side.
+
+        `points` are pairs: a placeholder of the frame, (3, N), and one of all these frames,
+        (3, N len(some)). CasADi's map has one function for all frames, so that the graph is as
+        small for a thousand of them as for one.
+        """
+        symbols = [*(block.symbol for block in blocks), *(own for own, _ in points)]
+        one = cs.Function("frame", symbols, [expression])
+        given = [*(self.columns(block, some) for block in blocks), *(all_ for _, all_ in points)]
+        return (one.map(len(some)) if len(some) > 1 else one)(*given)
+
+
+def framed(one: Block, count: int) -> Block:
+    """The block of `count` frames, each of which has one like this."""
+    return Block(one.name, (count, *one.base.shape), one.unit, one.base.labels, framed=True)

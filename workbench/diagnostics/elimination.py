@@ -1,0 +1,174 @@
+"""The unknowns of a sequence eliminated frame after frame, whatever the rank of each frame is.
+
+Once every row that reads the unknowns u of a frame is there, [A B] (u; w) says what they do beside
+the unknowns w that are left. With the pseudoinverse A^+, u = -A^+ B w is the best answer to w, and
+the rows (I - A A^+) B remain for w. What A does not see is unseen by the whole sequence, with
+w = 0. At the end the shared unknowns are left, with the square root of their Schur complement. This
+is the square-root information filter (Bierman, Factorization Methods for Discrete Sequential
+Estimation, 1977) with an SVD in place of a triangular factor, which finds the unseen directions.
+
+Time and memory grow in proportion to the number of frames while no row reaches over many of them.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_array, csr_array
+
+from workbench.diagnostics.frame_rows import FrameRows, in_columns, triangle
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+NOTHING = 1e-9  # of a vector of length 1: smaller entries are rounding errors of the elimination
+TAKES_PART = 1e-9  # squared entries of null vectors from which on an unknown is not known at all
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """u = answer @ w + half @ z + unseen @ y: z has the covariance I, and y may be anything."""
+
+    u: Index  # places among all unknowns
+    w: Index
+    answer: Array  # (u, w)
+    half: Array  # (u, r)
+    unseen: Array  # (u, d), orthonormal
+
+
+@dataclass(frozen=True, eq=False)
+class Eliminated:
+    """The steps of all frames, and at last that of the shared unknowns, in columns of length 1."""
+
+    size: int  # n
+    steps: tuple[Step, ...]
+
+    @staticmethod
+    def of(rows: FrameRows) -> "Eliminated":
+        """Of the rows of a sequence."""
+        place = np.full(rows.shape[1], -1)
+        parts = _by_first_frame(rows)
+        steps: list[Step] = []
+        w, left = rows.shared, np.zeros((0, len(rows.shared)))
+        for t, u in enumerate(rows.own):
+            rest = parts[t]
+            others = np.union1d(np.union1d(w, rest.indices), rows.shared)
+            old, w = w, np.setdiff1d(others, u)
+            every = np.concatenate([u, w])
+            place[every] = np.arange(len(every))
+            A = np.vstack([
+                _wide(left, place[old], len(every)),
+                _wide(rows.triangles[t], place[np.concatenate([u, rows.shared])], len(every)),
+                in_columns(rest, place, len(every)),
+            ])  # fmt: skip
+            step, left = _eliminated(A, u, w, rows.tolerance)
+            steps.append(step)
+        place[w] = np.arange(len(w))
+        A = np.vstack([left, in_columns(parts[rows.count], place, len(w))])
+        last, _ = _eliminated(A, w, np.zeros(0, dtype=np.int64), rows.tolerance)
+        return Eliminated(rows.shape[1], (*steps, last))
+
+    @property
+    def rank(self) -> int:
+        """How many directions are seen."""
+        return self.size - sum(int(step.unseen.shape[1]) for step in self.steps)
+
+    @cached_property
+    def null_vectors(self) -> csc_array:
+        """(n, n - rank): a basis of what no row sees, each vector of length 1.
+
+        A vector reaches from the last frame that takes part in it back to the first one.
+        """
+        found: list[tuple[Index, Array]] = []
+        for k, step in enumerate(self.steps):
+            for v in self._turned(k, step).T:
+                at, numbers = self._extended(k, step.u, v)
+                keep = abs(numbers) > NOTHING * np.linalg.norm(numbers)
+                found.append((at[keep], numbers[keep] / np.linalg.norm(numbers[keep])))
+        data = np.concatenate([np.zeros(0), *(numbers for _, numbers in found)])
+        at = np.concatenate([np.zeros(0, dtype=np.int64), *(at for at, _ in found)])
+        starts = np.cumsum([0, *(len(numbers) for _, numbers in found)])
+        return csc_array((data, at, starts), shape=(self.size, len(found)))
+
+    def _turned(self, k: int, step: Step) -> Array:
+        """What the step does not see, in a basis of which as few as possible reach further back."""
+        if not k or not step.unseen.shape[1]:
+            return step.unseen
+        back = []
+        for before in self.steps[:k] if k == len(self.steps) - 1 else self.steps[k - 1 : k]:
+            _, here, there = np.intersect1d(step.u, before.w, return_indices=True)
+            back.append(triangle(before.answer[:, there] @ step.unseen[here]))
+        Vt = np.linalg.svd(np.vstack(back), full_matrices=True)[2]
+        return np.asarray(step.unseen @ Vt.T)
+
+    def _extended(self, k: int, u: Index, v: Array) -> tuple[Index, Array]:
+        """The vector v in the unknowns u of step k, with the answers of the steps before it."""
+        whole = {int(i): float(x) for i, x in zip(u, v, strict=True)}
+        for step in reversed(self.steps[:k]):
+            w = np.array([whole.get(int(i), 0.0) for i in step.w])
+            if not (abs(w) > NOTHING).any():
+                if k < len(self.steps) - 1:
+                    break
+                continue
+            whole |= zip(step.u.tolist(), (step.answer @ w).tolist(), strict=True)
+        return np.array(list(whole), dtype=np.int64), np.array(list(whole.values()))
+
+    @cached_property
+    def variances(self) -> Array:
+        """The diagonal of the inverse of J'J (n,); infinite where null vectors take part."""
+        found = np.zeros(self.size)
+        known, covariance = np.zeros(0, dtype=np.int64), np.zeros((0, 0))
+        for step in reversed(self.steps):
+            order = np.argsort(known)
+            at = order[np.searchsorted(known[order], step.w)]
+            of_w = covariance[np.ix_(at, at)]
+            across = step.answer @ of_w
+            own = step.half @ step.half.T + across @ step.answer.T
+            known = np.concatenate([step.u, step.w])
+            covariance = np.block([[own, across], [across.T, of_w]])
+            found[step.u] = np.diag(own)
+        found[self.takes_part] = np.inf
+        return found
+
+    @cached_property
+    def takes_part(self) -> NDArray[np.bool_]:
+        """Which unknowns a null vector moves, (n,)."""
+        V = self.null_vectors
+        return np.asarray(np.bincount(V.indices, V.data**2, minlength=self.size) > TAKES_PART)
+
+
+def _eliminated(A: Array, u: Index, w: Index, tolerance: float) -> tuple[Step, Array]:
+    """The step of eliminating the first columns of A (m, u + w), and the rows left for w."""
+    k, n = len(u), len(u) + len(w)
+    R = np.zeros((n, n))
+    found = triangle(A)
+    R[: len(found)] = found
+    U, s, Vt = np.linalg.svd(R[:k, :k])
+    seen = s > tolerance
+    rank = int(seen.sum())
+    half = Vt[:rank].T / s[:rank]
+    answer = -half @ (U[:, :rank].T @ R[:k, k:])
+    left = np.vstack([U[:, rank:].T @ R[:k, k:], R[k:, k:]])
+    return Step(u, w, answer, half, np.array(Vt[rank:].T)), left[: k - rank + max(len(A) - k, 0)]
+
+
+def _by_first_frame(rows: FrameRows) -> list[csr_array]:
+    """The rows between frames, by the first frame that they read; last those that read none."""
+    frame_of = np.full(rows.shape[1], rows.count)
+    for t, own in enumerate(rows.own):
+        frame_of[own] = t
+    first = np.full(rows.shape[0], rows.count)
+    of_entries = np.repeat(np.arange(rows.shape[0]), np.diff(rows.rest.indptr))
+    np.minimum.at(first, of_entries, frame_of[rows.rest.indices])
+    some = np.flatnonzero(np.diff(rows.rest.indptr))
+    some = some[np.argsort(first[some], kind="stable")]
+    edges = np.searchsorted(first[some], np.arange(rows.count + 2))
+    return [csr_array(rows.rest[some[a:b]]) for a, b in pairwise(edges)]
+
+
+def _wide(A: Array, columns: Index, width: int) -> Array:
+    """A in some of the columns of a matrix that is zero otherwise."""
+    found = np.zeros((len(A), width))
+    found[:, columns] = A
+    return found

@@ -1,0 +1,221 @@
+"""The diagnosis of a long sequence of frames, in time and memory in proportion to the frames."""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_array
+
+from workbench.blocks import Layout, Values
+from workbench.diagnostics import sequence_words
+from workbench.diagnostics.diagnosis import Diagnosis, Undiagnosed
+from workbench.diagnostics.elimination import Eliminated
+from workbench.diagnostics.findings import Finding
+from workbench.diagnostics.frame_rows import FrameRows
+from workbench.diagnostics.identifiability import prior_sigma
+from workbench.diagnostics.looked_at import looked_at
+from workbench.diagnostics.sequence_names import Unseen, named
+from workbench.diagnostics.shared_unknowns import SharedUnknowns
+from workbench.diagnostics.single_frames import SingleFrames
+from workbench.diagnostics.yardsticks import yardsticks
+from workbench.problem import Linearization, Problem
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class SequenceDiagnosis:
+    """A sequence at one point. Every part is computed when it is first asked for.
+
+    The unknowns of one frame after another are eliminated (`Eliminated`), so that nothing is as
+    large as the square of the number of unknowns. The rank and the null space are those of the
+    Jacobian with columns of length 1, whose singular values count as zero up to eps max(m, n) times
+    the largest. Bounds and constraints are not looked at: what they hold counts as free.
+
+    `str` of it is a summary, `report()` everything in words, `data()` the same as JSON, and
+    `frame(t)` the full diagnosis of one frame by itself.
+    """
+
+    problem: Problem = field(repr=False)
+    at: Values = field(repr=False)
+    here: Linearization = field(repr=False)
+    priors: tuple[str, ...] = ()  # residuals that are no data
+
+    @property
+    def free(self) -> Layout:
+        """The unknowns."""
+        return self.problem.free
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(m, n)."""
+        return self.here.shape
+
+    @cached_property
+    def frames(self) -> SingleFrames:
+        """The frames, one by one."""
+        return SingleFrames(self.problem, self.at)
+
+    @property
+    def count(self) -> int:
+        """T, the number of frames."""
+        return self.frames.count
+
+    def frame(self, t: int) -> Diagnosis:
+        """Frame t by itself, with the shared unknowns free too.
+
+        Raises BadArgument for a frame that is not there or has no residuals of its own.
+        """
+        problem, values = self.frames.alone(t)
+        priors = tuple(name for name in self.priors if name in problem.rows)
+        return Diagnosis(problem, values, looked_at(problem, values), priors)
+
+    # Rank, and what is not seen.
+
+    @cached_property
+    def rows(self) -> FrameRows:
+        """The rows of each frame, and those between frames, in columns of length 1."""
+        return FrameRows.of(self.here, self.problem.residuals)
+
+    @cached_property
+    def eliminated(self) -> Eliminated:
+        """The unknowns eliminated frame after frame."""
+        return Eliminated.of(self.rows)
+
+    @property
+    def tolerance(self) -> float:
+        """Of the singular values of the Jacobian with columns of length 1."""
+        return self.rows.tolerance
+
+    @property
+    def rank(self) -> int:
+        """How many directions the residuals notice here."""
+        return self.eliminated.rank
+
+    @cached_property
+    def null_vectors(self) -> csc_array:
+        """(n, n - rank): a basis of what no residual notices, in the unknowns' own units.
+
+        Each vector has length 1; most of them move a single frame.
+        """
+        found = self.eliminated.null_vectors
+        columns = np.repeat(np.arange(found.shape[1]), np.diff(found.indptr))
+        numbers = found.data / self.rows.lengths[found.indices]
+        sizes = np.sqrt(np.bincount(columns, numbers**2, minlength=found.shape[1]))
+        return csc_array((numbers / sizes[columns], found.indices, found.indptr), found.shape)
+
+    @cached_property
+    def null_directions(self) -> tuple[Unseen, ...]:
+        """The same in names, gathered over the frames that share them."""
+        return named(self.null_vectors, self.frames)
+
+    # What is known of each number.
+
+    @cached_property
+    def sigma(self) -> Array:
+        """Posterior standard deviations (n,), infinite for unknowns that a null direction moves."""
+        return np.asarray(np.sqrt(self.eliminated.variances) / self.rows.lengths)
+
+    @cached_property
+    def shared(self) -> SharedUnknowns:
+        """What is known of the unknowns that all frames share, and in how many they are seen."""
+        layout, border = self.frames.shared, self.rows.shared
+        prior = np.full(len(border), np.inf)
+        if self.priors:
+            slices = [self.problem.rows[name] for name in self.priors]
+            at = np.concatenate([np.arange(s.start, s.stop) for s in slices])
+            at = at[np.diff(self.rows.rest.indptr)[at] > 0]
+            part = self.rows.rest[at][:, border].toarray() * self.rows.lengths[border]
+            if part.any():
+                prior = prior_sigma(
+                    Linearization(np.zeros(len(part)), part), np.ones(len(part), bool)
+                )
+        read = {block.name: block for block in (*self.free.blocks, *self.problem.fixed.blocks)}
+        sizes = yardsticks(layout, Layout(tuple(read.values())), self.at, prior)
+        return SharedUnknowns.of(self.rows, layout, sizes, self.sigma[border], self.null_vectors)
+
+    @cached_property
+    def largest_sigma(self) -> dict[str, Array]:
+        """By block: the largest sigma of its entries in each frame (T,), 0 where none is free."""
+        frame_of, place = self.frames.places
+        own = frame_of >= 0
+        found = {}
+        for name, at in self.frames.layout.slices.items():
+            some = np.flatnonzero(own & (place >= at.start) & (place < at.stop))
+            found[name] = np.zeros(self.count)
+            np.maximum.at(found[name], frame_of[some], self.sigma[some])
+        return found
+
+    @cached_property
+    def blind(self) -> dict[str, tuple[int, ...]]:
+        """By block: the frames whose own residuals see nothing of it, though it is free there."""
+        frame_of, place = self.frames.places
+        length = np.zeros(self.shape[1])
+        for own, R in zip(self.rows.own, self.rows.triangles, strict=True):
+            length[own] = np.linalg.norm(R[:, : len(own)], axis=0)
+        found = {}
+        for name, at in self.frames.layout.slices.items():
+            some = np.flatnonzero((frame_of >= 0) & (place >= at.start) & (place < at.stop))
+            most = np.full(self.count, np.inf)
+            most[frame_of[some]] = 0.0
+            np.maximum.at(most, frame_of[some], length[some])
+            found[name] = tuple(np.flatnonzero(most <= self.tolerance).tolist())
+        return found
+
+    @cached_property
+    def missing(self) -> dict[str, tuple[int, ...]]:
+        """By residual of single frames: the frames that have none of that name."""
+        every = range(self.count)
+        found = {}
+        for residual in self.problem.residuals:
+            there = {t for t, _ in residual.each}
+            if there and len(there) < self.count:
+                found[residual.name] = tuple(t for t in every if t not in there)
+        return found
+
+    @property
+    def between(self) -> tuple[str, ...]:
+        """The residuals that couple frames."""
+        known = self.problem.known
+        return tuple(
+            r.name for r in self.problem.residuals
+            if not r.each and any(known[name].framed for name in r.reads)
+        )  # fmt: skip
+
+    # What to make of it.
+
+    @cached_property
+    def findings(self) -> tuple[Finding, ...]:
+        """Warnings first, then what is worth knowing."""
+        return sequence_words.findings(self)
+
+    @property
+    def warnings(self) -> tuple[Finding, ...]:
+        """The findings that are warnings."""
+        return tuple(finding for finding in self.findings if finding.warning)
+
+    def assert_rank(self, rank: int) -> None:
+        """Raise an AssertionError that names what is not seen, unless the rank is `rank`."""
+        if not self.here.finite:
+            raise Undiagnosed(f"there is no rank: {self.findings[0].text}")
+        if self.rank != rank:
+            unseen = "; ".join(d.said(self.count) for d in self.null_directions) or "nothing"
+            raise Undiagnosed(f"the rank is {self.rank}, not {rank}; not seen: {unseen}")
+
+    def assert_no_warnings(self) -> None:
+        """Raise an AssertionError that lists the warnings, if there are any."""
+        if self.warnings:
+            raise Undiagnosed("; ".join(warning.text for warning in self.warnings))
+
+    def __str__(self) -> str:
+        return sequence_words.summary(self)
+
+    def report(self) -> str:
+        """Everything in words, section by section."""
+        return sequence_words.report(self)
+
+    def data(self) -> dict[str, Any]:
+        """Everything as plain data, for JSON; `schema` and `version` say how to read it."""
+        return sequence_words.as_data(self)

@@ -1,0 +1,70 @@
+"""What a sequence knows of the unknowns that all of its frames share."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_array
+
+from workbench.blocks import Layout
+from workbench.diagnostics.frame_rows import FrameRows
+from workbench.diagnostics.null_space import FRESH, HARDLY
+from workbench.diagnostics.yardsticks import Yardsticks
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class SharedUnknowns:
+    """b unknowns, seen by T frames.
+
+    The rows of frame t are J_t x_t + B_t s. What its own unknowns x_t can undo is projected out of
+    them by P_t, which is at right angles to the range of J_t. Unknown i is *seen* in frame t where
+    the length of column i of P_t B_t is above the tolerance of the rank; it is seen *well* where a
+    whole yardstick of it changes P_t B_t s by at least one sigma.
+    """
+
+    layout: Layout
+    yardsticks: Yardsticks
+    seen: NDArray[np.bool_]  # (T, b)
+    well: NDArray[np.bool_]  # (T, b)
+    sigma: Array  # (b,) from all frames and what is between them; infinite where not known
+    ranks: dict[str, int]  # by block: the directions that are seen once all else is eliminated
+
+    @staticmethod
+    def of(
+        rows: FrameRows, layout: Layout, sizes: Yardsticks, sigma: Array, null_vectors: csc_array
+    ) -> "SharedUnknowns":
+        """Of the rows of a sequence and its null vectors (n, d)."""
+        lengths = np.array([
+            _beside(R, len(own), rows.tolerance)
+            for own, R in zip(rows.own, rows.triangles, strict=True)
+        ]).reshape(rows.count, len(rows.shared))  # fmt: skip
+        per_unit = lengths * rows.lengths[rows.shared] * sizes.sizes
+        hidden = null_vectors.tocsr()[rows.shared].toarray()
+        ranks = {name: at.stop - at.start - _rank(hidden[at]) for name, at in layout.slices.items()}
+        seen = lengths > rows.tolerance
+        return SharedUnknowns(layout, sizes, seen, seen & (per_unit >= HARDLY), sigma, ranks)
+
+    @property
+    def frames_seen(self) -> NDArray[np.int64]:
+        """In how many frames each unknown is seen, (b,)."""
+        return np.asarray(self.seen.sum(axis=0), dtype=np.int64)
+
+    @property
+    def frames_well(self) -> NDArray[np.int64]:
+        """In how many frames each unknown is seen well, (b,)."""
+        return np.asarray(self.well.sum(axis=0), dtype=np.int64)
+
+
+def _beside(R: Array, own: int, tolerance: float) -> Array:
+    """The lengths of the columns of P B, R = [J B] with `own` columns in J."""
+    U, s, _ = np.linalg.svd(R[:, :own], full_matrices=False)
+    U = U[:, s > tolerance]
+    B = R[:, own:]
+    return np.asarray(np.linalg.norm(B - U @ (U.T @ B), axis=0))
+
+
+def _rank(A: Array) -> int:
+    """Of parts of vectors of length 1."""
+    return int(np.sum(np.linalg.svd(A, compute_uv=False) > FRESH)) if A.size else 0

@@ -1,0 +1,101 @@
+"""In which order the unknowns of a sequence make a band, and where the entries of its frames go."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class BandOrder:
+    """Which unknowns make the band, in this order, and which the border."""
+
+    inner: Index  # (N,) places among all unknowns, frame after frame
+    border: Index  # (b,) places of shared unknowns
+    reach: int  # how far from the diagonal entries may stand
+    edges: Index  # (T + 1,) where the unknowns of each frame begin among the inner ones
+
+    @property
+    def size(self) -> int:
+        """n = N + b."""
+        return len(self.inner) + len(self.border)
+
+    @cached_property
+    def position(self) -> Index:
+        """(n,) where each unknown stands among the inner ones; -1 in the border."""
+        found = np.full(self.size, -1)
+        found[self.inner] = np.arange(len(self.inner))
+        return found
+
+    @cached_property
+    def in_border(self) -> Index:
+        """(n,) where each unknown stands in the border; -1 in the band."""
+        found = np.full(self.size, -1)
+        found[self.border] = np.arange(len(self.border))
+        return found
+
+    def of_frames(self, columns: Index) -> "FramePlaces":
+        """Where matrices of the unknowns `columns` (T, n) of frames are added."""
+        key = id(columns)
+        if key not in self._known:
+            self._known[key] = FramePlaces.of(self, columns)
+        return self._known[key]
+
+    @cached_property
+    def _known(self) -> dict[int, "FramePlaces"]:
+        return {}
+
+
+@dataclass(frozen=True, eq=False)
+class FramePlaces:
+    """Where the entries of matrices (n, n) of frames that are alike go."""
+
+    columns: Index  # kept, so that its identity is not given to another
+    inner: Index | slice  # which of the n are inner unknowns, in the order of the band
+    border: Index  # which are in the border
+    positions: Index  # (T, k) of the inner ones, among all inner unknowns
+    below: tuple[Index | slice, ...]  # how far below each of the k the others stand
+    shared: Index  # of those in the border, in the border
+
+    @staticmethod
+    def of(order: BandOrder, columns: Index) -> "FramePlaces":
+        """For the unknowns `columns` (T, n) of each frame."""
+        at = order.position[columns]
+        inner, border = np.flatnonzero(at[0] >= 0), np.flatnonzero(at[0] < 0)
+        inner = inner[np.argsort(at[0, inner])]
+        positions = at[:, inner]
+        apart = (positions[:, j:] - positions[:, [j]] for j in range(len(inner)))
+        below = tuple(run_of(d[0]) if (d == d[0]).all() else d for d in apart)
+        shared = order.in_border[columns[0, border]]
+        return FramePlaces(columns, run_of(inner), border, positions, below, shared)
+
+    def put(self, band: Array, between: Array, corner: Array, some: slice, products: Array) -> None:
+        """Put the symmetric matrices (T, n, n) of some of the frames into their places.
+
+        They are those of `BandedMatrix`. No other frame has entries there, but in the corner, where
+        they are added.
+        """
+        by_columns, positions = band.T, self.positions[some]
+        own = products[:, self.inner][:, :, self.inner]
+        for j, below in enumerate(self.below):
+            if isinstance(below, slice):
+                by_columns[positions[:, j], below] = own[:, j, j:]
+            else:
+                rows = below[some] if below.ndim > 1 else below
+                by_columns[positions[:, j, None], rows] = own[:, j, j:]
+        if self.border.size:
+            across = products[:, self.inner][:, :, self.border]
+            between[positions[:, :, None], self.shared] = across
+            added = products[:, self.border[:, None], self.border].sum(axis=0)
+            corner[np.ix_(self.shared, self.shared)] += added
+
+
+def run_of(places: Index) -> "slice | Index":
+    """A slice, where places follow each other: copying is quicker then."""
+    if len(places) and np.array_equal(places, places[0] + np.arange(len(places))):
+        return slice(int(places[0]), int(places[-1]) + 1)
+    return places

@@ -1,0 +1,226 @@
+"""The normal equations of a sequence: a band with a border, and Cholesky's factor of them.
+
+In the order of the frames, unknowns meet only their neighbours; those that all frames share come
+last, as a border. With A = [D B; B' C], first the band D is factorized, D = L L', by LAPACK's
+dpbtrf, and then the Schur complement C - B' D^-1 B, which is small and dense. With N unknowns in
+a band of half-width w that takes N w^2 operations.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+from scipy.linalg import blas, lapack
+from scipy.sparse import csc_array, csr_array
+
+from workbench.problem.band_order import BandOrder, FramePlaces
+
+Array = NDArray[np.float64]
+SMALLEST = 1e-8  # of a pivot's square, beside the diagonal: below, half of the digits are lost
+
+
+@dataclass(frozen=True, eq=False)
+class BandedMatrix:
+    """A symmetric matrix (n, n): a band, a border, and the corner where the border meets itself."""
+
+    order: BandOrder
+    band: Array  # (reach + 1, N), band[i - j, j] = D[i, j] for i >= j, stored column by column
+    between: Array  # (N, b)
+    corner: Array  # (b, b)
+
+    @staticmethod
+    def zeros(order: BandOrder) -> "BandedMatrix":
+        """Nothing yet."""
+        N, b = len(order.inner), len(order.border)
+        band = np.zeros((order.reach + 1, N), order="F")
+        return BandedMatrix(order, band, np.zeros((N, b), order="F"), np.zeros((b, b)))
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(n, n)."""
+        return self.order.size, self.order.size
+
+    def put(self, at: FramePlaces, some: slice, products: Array) -> None:
+        """Put in symmetric matrices (T, n, n) of some frames, each of which is put in once."""
+        at.put(self.band, self.between, self.corner, some, products)
+
+    def add_sparse(self, matrix: csc_array) -> None:
+        """Add a symmetric matrix (n, n), each of whose entries is in the band or in the border."""
+        rows, columns = matrix.indices, np.repeat(np.arange(len(matrix.indptr) - 1),
+                                                  np.diff(matrix.indptr))  # fmt: skip
+        i, j = self.order.position[rows], self.order.position[columns]
+        lower = (j >= 0) & (i >= j)
+        memory = self.band.reshape(-1, order="F")
+        i_low, j_low = i[lower], j[lower]
+        memory[i_low - j_low + j_low * (self.order.reach + 1)] += matrix.data[lower]
+        if self.order.border.size:
+            s = self.order.in_border
+            between = (i >= 0) & (j < 0)
+            self.between[i[between], s[columns[between]]] += matrix.data[between]
+            corner = (i < 0) & (j < 0)
+            self.corner[s[rows[corner]], s[columns[corner]]] += matrix.data[corner]
+
+    def diagonal(self) -> Array:
+        """(n,)."""
+        found = np.empty(self.order.size)
+        found[self.order.inner] = self.band[0]
+        found[self.order.border] = np.diag(self.corner)
+        return found
+
+    def __matmul__(self, x: Array) -> Array:
+        """Times a vector (n,)."""
+        order, found = self.order, np.empty(self.order.size)
+        inside, last = x[order.inner], x[order.border]
+        product = np.zeros(0)
+        if inside.size:
+            product = blas.dsbmv(order.reach, 1.0, self.band, inside, lower=1)
+        found[order.inner] = product + self.between @ last
+        found[order.border] = self.between.T @ inside + self.corner @ last
+        return found
+
+    __array_ufunc__ = None  # so that NumPy leaves a product from the left to `__rmatmul__`
+
+    def __rmatmul__(self, x: Array) -> Array:
+        """A vector (n,) times the matrix."""
+        return self @ x
+
+    @cached_property
+    def sparse(self) -> csc_array:
+        """By its nonzeros."""
+        order, (N, reach) = self.order, (len(self.order.inner), self.order.reach)
+        below = np.minimum(np.arange(reach + 1)[:, None] + np.arange(N), N)
+        k, j = np.nonzero((self.band != 0) & (below < N))
+        i, data = k + j, self.band[k, j]
+        off = i > j
+        bi, bj = np.nonzero(self.between)
+        ci, cj = np.nonzero(self.corner)
+        rows = [order.inner[i], order.inner[j[off]], order.inner[bi], order.border[bj]]
+        columns = [order.inner[j], order.inner[i[off]], order.border[bj], order.inner[bi]]
+        numbers = [data, data[off], self.between[bi, bj], self.between[bi, bj]]
+        at = (np.concatenate([*rows, order.border[ci]]),
+              np.concatenate([*columns, order.border[cj]]))  # fmt: skip
+        found = csr_array((np.concatenate([*numbers, self.corner[ci, cj]]), at), shape=self.shape)
+        return csc_array(found)
+
+    def factorized(self, raised: Array | float = 0.0) -> "BandedFactor | None":
+        """Cholesky's factor, with `raised` (n,) added to the diagonal.
+
+        None where the matrix is not definite, or too few digits are left.
+        """
+        order, diagonal = self.order, self.diagonal() + raised
+        if not (diagonal > 0).all() or not np.isfinite(diagonal).all():
+            return None
+        band, corner = self.band.copy(order="F"), self.corner.copy()
+        band[0] = diagonal[order.inner]
+        corner[np.diag_indices_from(corner)] = diagonal[order.border]
+        L, failed = lapack.dpbtrf(band, lower=1, overwrite_ab=1)
+        if failed or _lost(L[0], diagonal[order.inner]):
+            return None
+        answer = _forward(L, self.between)
+        corner, failed = lapack.dpotrf(corner - answer.T @ answer, lower=1, clean=1)
+        if failed or _lost(np.diag(corner), diagonal[order.border]):
+            return None
+        return BandedFactor(order, L, answer, np.asarray(corner))
+
+
+@dataclass(frozen=True, eq=False)
+class BandedFactor:
+    """D = L L', Y = L^-1 B, and Cholesky's factor of the Schur complement C - Y'Y."""
+
+    order: BandOrder
+    L: Array  # stored as the band is
+    answer: Array  # Y (N, b)
+    corner: Array  # lower, (b, b)
+
+    def solve(self, right: Array) -> Array:
+        """The answer (n,) or (n, k) of the linear system."""
+        order, found = self.order, np.empty_like(right, dtype=float)
+        first = _forward(self.L, right[order.inner])
+        rest = right[order.border] - self.answer.T @ first
+        last = scipy.linalg.cho_solve((self.corner, True), rest) if len(rest) else rest
+        found[order.border] = last
+        found[order.inner] = _backward(self.L, first - self.answer @ last)
+        return found
+
+    def half_times(self, w: Array) -> Array:
+        """M'^-1 w, where M M' is the matrix: a draw of N(0, its inverse) for w (n,) of N(0, 1).
+
+        Of an array (n, k) as well, column by column.
+        """
+        order, found = self.order, np.empty_like(w, dtype=float)
+        last = w[order.border]
+        if len(last):
+            last = scipy.linalg.solve_triangular(self.corner, last, lower=True, trans="T")
+        found[order.border] = last
+        found[order.inner] = _backward(self.L, w[order.inner] - self.answer @ last)
+        return found
+
+    @property
+    def border_covariance(self) -> Array:
+        """The inverse's part of the shared unknowns, (b, b): the Schur complement's inverse."""
+        return np.asarray(scipy.linalg.cho_solve((self.corner, True), np.eye(len(self.corner))))
+
+    def variances(self) -> Array:
+        """The diagonal of the inverse, (n,), in time and memory in proportion to the frames.
+
+        From the last frame to the first: the inverse near the diagonal follows from what is already
+        known of the frames after it (Takahashi, Fagan and Chen 1973), as in the smoothing of a
+        Kalman filter.
+        """
+        order = self.order
+        N, reach, edges = len(order.inner), order.reach, order.edges
+        found = np.zeros(order.size)
+        inner = np.zeros(N)
+        known, known_from = np.zeros((0, 0)), N  # the inverse of the band from here on
+        for t in range(len(edges) - 2, -1, -1):
+            a, b = int(edges[t]), int(edges[t + 1])
+            if a == b:
+                continue
+            end = min(N, b + reach)
+            L11, L21 = _dense(self.L, a, b, a, b), _dense(self.L, b, end, a, b)
+            inverse = scipy.linalg.solve_triangular(L11, np.eye(b - a), lower=True)
+            K = -L21 @ inverse  # (end - b, b - a)
+            Z = known[: end - b, : end - b] if known_from == b else known
+            across = Z @ K
+            own = inverse.T @ inverse + K.T @ across
+            inner[a:b] = np.diag(own)
+            keep = min(end - b, max(0, reach))
+            known = np.block([[own, across.T[:, :keep]], [across[:keep], Z[:keep, :keep]]])
+            known_from = a
+        answer = _backward(self.L, self.answer)  # D^-1 B
+        shared = self.border_covariance
+        found[order.inner] = inner + np.einsum("ij,jk,ik->i", answer, shared, answer)
+        found[order.border] = np.diag(shared)
+        return found
+
+
+def _lost(pivots: Array, diagonal: Array) -> bool:
+    return bool((pivots**2 < SMALLEST * diagonal).any())
+
+
+def _forward(L: Array, right: Array) -> Array:
+    """L^-1 times a vector or a matrix."""
+    return _triangular(L, right, 0)
+
+
+def _backward(L: Array, right: Array) -> Array:
+    """L'^-1 times a vector or a matrix."""
+    return _triangular(L, right, 1)
+
+
+def _triangular(L: Array, right: Array, transposed: int) -> Array:
+    if not right.size:
+        return right.copy()
+    wide = right if right.ndim == 2 else right[:, None]
+    found, _ = lapack.dtbtrs(L, wide, uplo="L", trans="T" if transposed else "N")
+    return np.asarray(found).reshape(right.shape)
+
+
+def _dense(L: Array, top: int, bottom: int, left: int, right: int) -> Array:
+    """Rows top to bottom and columns left to right of a lower band."""
+    i, j = np.arange(top, bottom)[:, None], np.arange(left, right)
+    k = i - j
+    inside = (k >= 0) & (k < len(L))
+    return np.where(inside, L[np.clip(k, 0, len(L) - 1), np.broadcast_to(j, k.shape)], 0.0)

@@ -1,0 +1,187 @@
+"""The Jacobian of a sequence: a dense block for each frame, single entries, and how they couple.
+
+With the unknowns of frame t called x_t and the shared ones s, the rows of frame t are
+r_t + J_t dx_t + B_t ds, and J'J is block diagonal but for a border: that of s. Residuals between
+neighbouring frames make the diagonal a band.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_array
+
+from workbench.problem.band_order import BandOrder
+from workbench.problem.banded import BandedMatrix
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+AT_ONCE = 64  # frames whose products are kept at a time
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Where the entries of frames that are alike stand: (T, m) rows, (T, n) columns of each."""
+
+    rows: Index
+    columns: Index
+
+
+@dataclass(frozen=True, eq=False)
+class BlockMatrix:
+    """A matrix (m, n): the `rest`, and dense blocks (T, m_t, n_t) in rows that the rest has empty.
+
+    `order` says in which order its columns make a band of its normal equations.
+    """
+
+    rest: csc_array  # (m, n)
+    blocks: tuple[Array, ...]
+    places: tuple[Rows, ...]
+    order: BandOrder
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(m, n)."""
+        m, n = self.rest.shape
+        return int(m), int(n)
+
+    @property
+    def nnz(self) -> int:
+        """How many entries are stored."""
+        return int(self.rest.nnz + sum(block.size for block in self.blocks))
+
+    __array_ufunc__ = None  # so that NumPy leaves products to this class
+
+    def __matmul__(self, x: Array) -> Array:
+        """Times a vector (n,) or an array (n, k): (m,) or (m, k)."""
+        found = np.asarray(self.rest @ x)
+        for block, at in zip(self.blocks, self.places, strict=True):
+            some = x[at.columns]
+            found[at.rows] = block @ some if x.ndim > 1 else (block @ some[:, :, None])[:, :, 0]
+        return found
+
+    @property
+    def T(self) -> "Transposed":
+        """Transposed: ready for a product with a vector."""
+        return Transposed(self)
+
+    def pulled(self, r: Array) -> Array:
+        """The matrix, transposed, times a vector (m,): (n,)."""
+        found = np.asarray(r @ self.rest)
+        for block, at in zip(self.blocks, self.places, strict=True):
+            part = (r[at.rows][:, None, :] @ block)[:, 0, :]
+            np.add.at(found, at.columns, part)
+        return found
+
+    @property
+    def entries(self) -> Array:
+        """What is stored, flat."""
+        return np.concatenate([self.rest.data, *(block.ravel() for block in self.blocks)])
+
+    @property
+    def finite(self) -> bool:
+        """Whether every number is."""
+        return bool(
+            np.isfinite(self.rest.data).all() and all(np.isfinite(b).all() for b in self.blocks)
+        )
+
+    def column_squares(self) -> Array:
+        """The sum of the squares of every column, (n,)."""
+        n = self.shape[1]
+        columns = np.repeat(np.arange(n), np.diff(self.rest.indptr))
+        found = np.bincount(columns, self.rest.data**2, minlength=n).astype(float)
+        for block, at in zip(self.blocks, self.places, strict=True):
+            np.add.at(found, at.columns, np.einsum("tij,tij->tj", block, block))
+        return found
+
+    def row_squares(self) -> Array:
+        """The sum of the squares of every row, (m,)."""
+        m = self.shape[0]
+        found = np.bincount(self.rest.indices, self.rest.data**2, minlength=m).astype(float)
+        for block, at in zip(self.blocks, self.places, strict=True):
+            found[at.rows] = np.einsum("tij,tij->ti", block, block)
+        return found
+
+    def scaled(self, factors: Array) -> "BlockMatrix":
+        """Every column times its factor, (n,)."""
+        data = self.rest.data * np.repeat(factors, np.diff(self.rest.indptr))
+        rest = csc_array((data, self.rest.indices, self.rest.indptr), shape=self.shape)
+        blocks = (
+            block * factors[at.columns][:, None, :]
+            for block, at in zip(self.blocks, self.places, strict=True)
+        )
+        return BlockMatrix(rest, tuple(blocks), self.places, self.order)
+
+    @property
+    def dense(self) -> Array:
+        """As an array, stored column by column."""
+        found = np.asarray(self.rest.toarray(order="F"))
+        for block, at in zip(self.blocks, self.places, strict=True):
+            found[at.rows[:, :, None], at.columns[:, None, :]] = block
+        return found
+
+    @cached_property
+    def sparse(self) -> csc_array:
+        """The same by its nonzeros."""
+        data, columns = [self.rest.data], [_columns_of(self.rest)]
+        rows = [self.rest.indices.astype(np.int64)]
+        for block, at in zip(self.blocks, self.places, strict=True):
+            data.append(block.ravel())
+            rows.append(np.broadcast_to(at.rows[:, :, None], block.shape).ravel())
+            columns.append(np.broadcast_to(at.columns[:, None, :], block.shape).ravel())
+        at_both = (np.concatenate(rows), np.concatenate(columns))
+        return csc_array((np.concatenate(data), at_both), shape=self.shape)
+
+    def normal(self) -> BandedMatrix:
+        """The matrix, transposed, times itself, (n, n)."""
+        found = BandedMatrix.zeros(self.order)
+        for block, at in zip(self.blocks, self.places, strict=True):
+            place = self.order.of_frames(at.columns)
+            for first in range(0, len(block), AT_ONCE):
+                some = slice(first, first + AT_ONCE)
+                J = block[some]
+                found.put(place, some, J.transpose(0, 2, 1) @ J)
+        if self.rest.nnz:  # at last: what was put before is added to
+            found.add_sparse(csc_array(self.rest.T @ self.rest))
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class Transposed:
+    """A block matrix, transposed."""
+
+    of: BlockMatrix
+
+    def __matmul__(self, r: Array) -> Array:
+        """Times a vector (m,): (n,)."""
+        return self.of.pulled(r)
+
+
+def _columns_of(matrix: csc_array) -> Index:
+    return np.repeat(np.arange(matrix.shape[1]), np.diff(matrix.indptr))
+
+
+def joined(parts: Sequence[tuple[Index, Index]], shape: tuple[int, int]) -> "Entries":
+    """Where single entries of several parts, (rows, columns) each, stand in one sparse matrix."""
+    rows = np.concatenate([np.zeros(0, dtype=np.int64), *(r.ravel() for r, _ in parts)])
+    columns = np.concatenate([np.zeros(0, dtype=np.int64), *(c.ravel() for _, c in parts)])
+    order = np.lexsort((rows, columns))
+    starts = np.searchsorted(columns[order], np.arange(shape[1] + 1))
+    return Entries(order, rows[order].astype(np.int32), starts.astype(np.int32), shape)
+
+
+@dataclass(frozen=True, eq=False)
+class Entries:
+    """A sparse matrix whose places are known and whose numbers come part by part."""
+
+    order: Index
+    rows: NDArray[np.int32]
+    starts: NDArray[np.int32]
+    shape: tuple[int, int]
+
+    def matrix(self, parts: Sequence[Array]) -> csc_array:
+        """With these numbers."""
+        data = np.concatenate([np.zeros(0), *(part.ravel() for part in parts)])[self.order]
+        return csc_array((data, self.rows, self.starts), shape=self.shape)

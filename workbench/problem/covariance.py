@@ -1,0 +1,50 @@
+"""Laplace's approximation of the spread of unknowns, by what is known of J'J."""
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+from scipy.sparse import csc_array, diags_array
+
+from workbench.problem.banded import BandedMatrix
+from workbench.problem.sparse_cholesky import factorized
+from workbench.problem.storage import Symmetric
+
+Array = NDArray[np.float64]
+HIDDEN = 1e-9  # of the square of an entry's part in the null space: below, it has none
+
+
+def covariance_of(R: Array, lengths: Array, relative: float, estimated: bool) -> Array:
+    """(J'J)^-1 (n, n) from the triangle R of J with columns of length 1, and their `lengths` (n,).
+
+    Directions whose singular value is below `relative` times the largest count as unseen; entries
+    with a part in them have infinite variance, and no covariance with others.
+    """
+    n = len(lengths)
+    _, s, Vt = np.linalg.svd(R, full_matrices=False)
+    seen = s > relative * s.max(initial=0.0)
+    if seen.sum() == n and not estimated:
+        half = scipy.linalg.solve_triangular(R, np.eye(n)) / lengths[:, None]
+        return np.asarray(half @ half.T)
+    s, Vt = s[seen], Vt[seen]
+    half = Vt.T / s / lengths[:, None]
+    blind = 1 - np.sum(Vt**2, axis=0) > HIDDEN
+    C: Array = half @ half.T
+    C[blind, :] = C[:, blind] = np.nan
+    C[blind, blind] = np.inf
+    return C
+
+
+def inverse_times(normal: Symmetric, right: Array, raised: Array | float = 0.0) -> Array | None:
+    """(A + diag(raised))^-1 times an array (n, k), A = J'J; None where too few digits are left."""
+    more = np.broadcast_to(np.asarray(raised, dtype=float), normal.shape[:1])
+    if isinstance(normal, BandedMatrix):
+        band = normal.factorized(more)
+        return None if band is None else band.solve(right)
+    if isinstance(normal, csc_array):
+        sparse = factorized(csc_array(normal + diags_array(more)))
+        return None if sparse is None else sparse.solve(right)
+    try:
+        lower = scipy.linalg.cho_factor(normal + np.diag(more), lower=True)
+    except np.linalg.LinAlgError:
+        return None
+    return np.asarray(scipy.linalg.cho_solve(lower, right))

@@ -1,0 +1,159 @@
+"""The nearest point that bounds and linear limits allow: a least-distance problem.
+
+Find the d nearest to a pull p with left <= d <= right and down <= A d <= up.
+"""
+
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+import scipy.optimize
+from numpy.typing import NDArray
+from scipy.sparse import csc_array, csr_array, diags_array
+from scipy.sparse.csgraph import connected_components
+
+from workbench.problem import storage
+from workbench.problem.storage import Stored, absolute, dense, row_norms
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Index = NDArray[np.signedinteger]
+MISSED = 1e-12  # of the lengths that meet in a row: by less it is not missed, but for rounding
+
+
+class Limits(NamedTuple):
+    """left <= d <= right and down <= A d <= up."""
+
+    left: Array  # (n,)
+    right: Array  # (n,)
+    A: Stored  # (k, n)
+    down: Array  # (k,)
+    up: Array  # (k,)
+
+
+def nearest(pull: Array, limits: Limits) -> Array:
+    """The d (n,) nearest to the pull that meets all limits; infinite where none does.
+
+    Small problems are solved at once, large ones part by part: see `at_once` and `by_parts`.
+    """
+    k, n = limits.A.shape
+    lengths = row_norms(limits.A)
+    flat = lengths == 0
+    if (flat & ((limits.down > 0) | (limits.up < 0))).any():
+        return np.full_like(pull, np.inf)
+    lengths = np.where(flat, 1.0, lengths)
+    down, up = limits.down / lengths, limits.up / lengths
+    if n * (n + k) <= storage.DENSE_FROM:
+        rows = dense(limits.A) / lengths[:, None]
+        return at_once(pull, Limits(limits.left, limits.right, rows, down, up))
+    A = csc_array(diags_array(1 / lengths) @ csc_array(limits.A))
+    return by_parts(pull, Limits(limits.left, limits.right, A, down, up))
+
+
+def at_once(pull: Array, limits: Limits) -> Array:
+    """The same for an array A whose rows have length 1, by nonnegative least squares.
+
+    These give the multipliers (Lawson and Hanson, Solving least squares problems, 1974, chapter
+    23). Infinite where no d meets the limits.
+    """
+    left, right, A, down, up = limits
+    bounded = np.isfinite(left) | np.isfinite(right)
+    rows = np.concatenate([np.eye(len(pull))[bounded], dense(A)])
+    lows, highs = np.concatenate([left[bounded], down]), np.concatenate([right[bounded], up])
+    # G z >= h for z = d - pull, in units of the farthest that d may have to go
+    reach = float(np.linalg.norm(pull)) + float(
+        np.max(np.concatenate([lows, -highs, [0.0]]), initial=0.0)
+    )
+    if reach == 0:
+        return np.zeros_like(pull)
+    at = rows @ pull
+    G = np.concatenate([rows, -rows])
+    h = np.concatenate([lows - at, at - highs]) / reach
+    near = h > -4.0 * np.sqrt(len(pull))  # a limit farther away than any d stops nothing
+    G, h = G[near], h[near]
+    if (h <= 0).all():
+        return pull
+    E = np.concatenate([G.T, h[None]])
+    u, distance = scipy.optimize.nnls(E, np.append(np.zeros(len(pull)), 1.0))
+    if distance < 1e-10:
+        return np.full_like(pull, np.inf)
+    active = u > 0
+    z = np.linalg.lstsq(G[active], h[active], rcond=None)[0]  # the same, to all digits
+    return np.asarray(pull + reach * z)
+
+
+def by_parts(pull: Array, limits: Limits) -> Array:
+    """The same for many unknowns and a sparse A whose rows have length 1.
+
+    First d is the pull, cut off by the bounds. Then the rows that it misses are imposed, the
+    problem is solved again, and so on, until no row is missed. This ends, for each row is imposed
+    at most once, and its end is the answer: the nearest point under some of the limits that meets
+    the others is the nearest point under all of them. Rows that share no unknown make problems of
+    their own, so that unknowns that no imposed row reads keep their pull. One part that has
+    thousands of rows which all hold still takes long: it is solved by arrays.
+    """
+    left, right, A, down, up = limits
+    by_rows, sizes = csr_array(A), absolute(A)
+    d = np.clip(pull, left, right)
+    imposed = np.zeros(A.shape[0], dtype=bool)
+    while True:
+        at, room = by_rows @ d, MISSED * (sizes @ (abs(d) + abs(pull)))
+        missed = ((at < down - room) | (at > up + room)) & ~imposed
+        if not missed.any():
+            return np.asarray(d)
+        imposed |= missed
+        for part in _parts(by_rows, np.flatnonzero(imposed)):
+            if not missed[part.rows].any():
+                continue  # it was solved before
+            rows, columns = part.rows, part.columns
+            box = left[columns], right[columns]
+            found = _one(pull[columns], Limits(*box, part.entries(), down[rows], up[rows]))
+            if not np.isfinite(found).all():
+                return np.full_like(pull, np.inf)
+            d[columns] = found
+
+
+def _one(pull: Array, limits: Limits) -> Array:
+    """The answer for one part; without bounds, a single row is met by moving along it."""
+    left, right, A, down, up = limits
+    if len(down) > 1 or np.isfinite(left).any() or np.isfinite(right).any():
+        return at_once(pull, limits)
+    row = dense(A)[0]
+    at = float(row @ pull)
+    return np.asarray(pull + row * (min(max(at, down[0]), up[0]) - at))
+
+
+class _Part(NamedTuple):
+    """Some rows, the columns that they read, and their entries, row by row."""
+
+    rows: Index
+    columns: Index
+    data: Array
+    at_row: Index  # of each entry, among the rows
+    at_column: Index  # among the columns
+
+    def entries(self) -> Array:
+        """As an array (rows, columns)."""
+        found = np.zeros((len(self.rows), len(self.columns)))
+        found[self.at_row, self.at_column] = self.data
+        return found
+
+
+def _parts(A: csr_array, chosen: Index) -> Iterator[_Part]:
+    """The chosen rows in groups that share no column."""
+    some, k = csr_array(A[chosen]), len(chosen)
+    some.eliminate_zeros()  # which would tie rows together
+    of_row = np.repeat(np.arange(k), np.diff(some.indptr))
+    meets = csr_array((np.ones(some.nnz), (of_row, k + some.indices)), shape=(k + A.shape[1],) * 2)
+    _, group = connected_components(meets, directed=False)
+    order = np.argsort(group[:k], kind="stable")
+    edges = [0, *(np.flatnonzero(np.diff(group[:k][order])) + 1).tolist(), k]
+    some = csr_array(some[order])  # the rows of a group stand together now
+    of_row = np.repeat(np.arange(k), np.diff(some.indptr))
+    for first, last in pairwise(edges):
+        stored = slice(int(some.indptr[first]), int(some.indptr[last]))
+        columns, places = np.unique(some.indices[stored], return_inverse=True)
+        yield _Part(
+            chosen[order[first:last]], columns, some.data[stored], of_row[stored] - first, places
+        )

@@ -1,0 +1,204 @@
+"""Many frames of one problem, as one problem: a video, a motion, the scans of one person."""
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from workbench.blocks import Block
+from workbench.blocks.checks import several, texts
+from workbench.blocks.frames import FrameBlocks, framed
+from workbench.errors import BadArgument, BadResidual, UnknownName
+from workbench.problem.constraint import Constraint
+from workbench.problem.problem import Problem
+from workbench.residuals import Residual
+from workbench.residuals.frames import Between, Frames
+
+Array = NDArray[np.float64]
+Part = TypeVar("Part", Residual, Constraint)
+
+
+def sequence(
+    frames: Iterable[Problem],
+    *,
+    shared: str | Iterable[str] = (),
+    between: Iterable[Between] = (),
+) -> Problem:
+    """The problem of all frames at once: minimise the sum of their costs, and of what is between.
+
+        video = sequence([frame] * 200, shared=("betas",), between=[smooth("pose", sigma=0.1)])
+
+    Every frame has its own pose, observations and other blocks, which are one block of the
+    sequence, `pose` (T, K, 3), whose entries are called `pose[12, left_knee, x]`. A block that is
+    named in `shared`, free or fixed, is one and the same for all frames: the shape of a person, the
+    focal length of a camera. A residual that reads nothing but shared blocks, such as a prior on
+    betas, is taken once where all frames have the same Residual; frames that have one each, under
+    the same name, are all counted. The frames may be one problem, repeated, or problems that
+    differ in their residuals; what a block is called, its shape, and whether it is free is the same
+    in all that read it.
+
+    The result is a Problem like others. Its Jacobian is never formed as an array where it is large:
+    frames meet each other only in shared blocks and in the residuals `between` them, so that the
+    normal equations are a band with a border (`BlockMatrix`), and time and memory grow in
+    proportion to the number of frames.
+
+    Raises BadArgument for no frames and for those that do not go together, UnknownName for a shared
+    block that no frame reads, and what Problem raises.
+    """
+    each = several("the frames of a sequence", frames, Problem, BadArgument)
+    if not each:
+        raise BadArgument("a sequence needs at least one frame")
+    if any(block.framed for _, problem in _distinct(each) for block in problem.known.values()):
+        raise BadArgument(
+            "one of the frames is a sequence itself; make one sequence of all the single frames"
+        )
+    names = texts("the names of shared blocks", shared)
+    whole = Frames(_blocks(each, names))
+    once = {name: block for name, block in whole.blocks.blocks.items() if not block.framed}
+    residuals = _gathered(
+        each, lambda one: one.residuals, once, lambda parts: whole.residual(_described(each, parts))
+    )
+    constraints = _gathered(
+        each, lambda one: one.constraints, once, lambda parts: _limited(whole, each, parts)
+    )
+    if callable(between):
+        raise BadArgument("what is between frames is a list of functions; put the one into a list")
+    for link in between:
+        if not callable(link):
+            raise BadArgument(
+                "what is between frames is a function from Frames to a Residual, such as "
+                f"smooth('pose', sigma=0.1), not something of type {type(link).__name__}"
+            )
+        found = link(whole)
+        if not isinstance(found, Residual):
+            raise BadResidual(
+                "what is between frames makes a Residual of them, not something of type "
+                f"{type(found).__name__}"
+            )
+        residuals.append(found)
+    free = _free(each, whole.blocks)
+    return Problem(residuals, free, _bounds(each, whole.blocks), _listed(whole), constraints)
+
+
+def _blocks(each: Sequence[Problem], shared: Sequence[str]) -> FrameBlocks:
+    """The blocks of the sequence. Raises BadArgument where frames have other shapes."""
+    first: dict[str, tuple[int, Block]] = {}
+    for t, problem in _distinct(each):
+        for name, block in problem.known.items():
+            s, known = first.setdefault(name, (t, block))
+            if known.shape != block.shape:
+                raise BadArgument(
+                    f"block {name!r} has the shape {block.shape} in frame {t} and {known.shape} in "
+                    f"frame {s}; a block has one shape in all frames"
+                )
+    for name in shared:
+        if name not in first:
+            raise UnknownName("block", name, first, more="a shared block is one that a frame reads")
+    return FrameBlocks(len(each), {
+        name: block if name in shared else framed(block, len(each))
+        for name, (_, block) in first.items()
+    })  # fmt: skip
+
+
+def _distinct(each: Sequence[Problem]) -> list[tuple[int, Problem]]:
+    """Each problem once, with the first frame that it stands for."""
+    first: dict[int, tuple[int, Problem]] = {}
+    for t, problem in enumerate(each):
+        first.setdefault(id(problem), (t, problem))
+    return list(first.values())
+
+
+def _gathered(
+    each: Sequence[Problem],
+    of: Callable[[Problem], Sequence[Part]],
+    once: dict[str, Block],
+    stack: Callable[[dict[int, Part]], Part],
+) -> list[Part]:
+    """Parts of one name in all frames as one; those that read only what is shared, once."""
+    found: dict[str, dict[int, Part]] = {}
+    for t, problem in enumerate(each):
+        for part in of(problem):
+            found.setdefault(part.name, {})[t] = part
+    gathered = []
+    for parts in found.values():
+        t, first = next(iter(parts.items()))
+        same = len({id(part) for part in parts.values()}) == 1
+        if not same or not once.keys() >= set(first.reads):
+            gathered.append(stack(parts))
+        elif all(_same(each[t].known[name], once[name]) for name in first.reads):
+            gathered.append(first)
+        else:  # the frame has symbols of its own for what is shared
+            gathered.append(stack({t: first}))
+    return gathered
+
+
+def _same(one: Block, other: Block) -> bool:
+    """Whether two descriptions are of one symbol."""
+    return bool(one.symbol.__hash__() == other.symbol.__hash__())
+
+
+def _described(
+    each: Sequence[Problem], parts: dict[int, Residual]
+) -> dict[int, tuple[Residual, dict[str, Block]]]:
+    return {t: (part, each[t].known) for t, part in parts.items()}
+
+
+def _limited(whole: Frames, each: Sequence[Problem], parts: dict[int, Constraint]) -> Constraint:
+    """The constraints of frames that have one name, as one."""
+    columns = {t: (c.expression, each[t].known, c.points) for t, c in parts.items()}
+    expression, points = whole.stacked(columns)
+    first = parts[min(parts)]
+    lower, upper = zip(*(parts[t].limits for t in sorted(parts)), strict=True)
+    return Constraint(
+        first.name, expression, np.concatenate(lower), np.concatenate(upper), first.unit,
+        points, min(c.tolerance for c in parts.values()),
+    )  # fmt: skip
+
+
+def _free(each: Sequence[Problem], blocks: FrameBlocks) -> list[str]:
+    """Names of the free entries in the sequence. Raises BadArgument where frames disagree."""
+    found: dict[str, tuple[int, tuple[int, ...]]] = {}
+    for t, problem in _distinct(each):
+        for name in problem.known:
+            places = tuple(problem.free[name].places) if name in problem.free.names else ()
+            s, known = found.setdefault(name, (t, places))
+            if known != places:
+                raise BadArgument(
+                    f"block {name!r} is not free in the same entries in frame {t} as in frame {s}; "
+                    "free it alike, or hold entries of single frames afterwards by freeing(...)"
+                )
+    order = dict.fromkeys(n for _, problem in _distinct(each) for n in problem.free.names)
+    names = []
+    for name in order:
+        block, (_, places) = blocks[name], found[name]
+        size = block.size // blocks.count if block.framed else block.size
+        if len(places) == size:
+            names.append(name)
+            continue
+        frames = range(blocks.count) if block.framed else range(1)
+        names += [name + block.entry(t * size + i) for t in frames for i in places]
+    return names
+
+
+def _bounds(each: Sequence[Problem], blocks: FrameBlocks) -> dict[str, tuple[ArrayLike, ArrayLike]]:
+    """Those of all frames; where a block is shared, the narrowest."""
+    low: dict[str, Array] = {}
+    high: dict[str, Array] = {}
+    for t, problem in enumerate(each):
+        if not problem.bounded:
+            continue
+        for part in problem.free.blocks:
+            at, block = problem.free.slices[part.name], blocks[part.name]
+            lower = low.setdefault(part.name, np.full(block.shape, -np.inf)).reshape(-1)
+            upper = high.setdefault(part.name, np.full(block.shape, np.inf)).reshape(-1)
+            places = np.array(part.places, dtype=np.int64)
+            places += t * part.base.size if block.framed else 0
+            lower[places] = np.maximum(lower[places], problem.lower[at])
+            upper[places] = np.minimum(upper[places], problem.upper[at])
+    limited = [n for n in low if np.isfinite(low[n]).any() or np.isfinite(high[n]).any()]
+    return {name: (low[name], high[name]) for name in limited}
+
+
+def _listed(whole: Frames) -> tuple[Block, ...]:
+    return tuple(whole.blocks.blocks.values())

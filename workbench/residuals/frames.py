@@ -1,0 +1,162 @@
+"""Residuals of single frames as those of a sequence, and what a residual between frames reads."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import casadi as cs
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from workbench.blocks import Block, Points
+from workbench.blocks.framed_points import FramedPoints
+from workbench.blocks.frames import FrameBlocks
+from workbench.errors import BadResidual
+from workbench.residuals.residual import Residual
+
+Array = NDArray[np.float64]
+Described = Mapping[str, Block]  # the blocks of a frame, by name
+Column = tuple[cs.MX, Described, tuple[Points, ...]]  # of one frame, in its blocks and points
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """The frames of a sequence, for whoever writes a residual that reads several of them.
+
+    `frames["pose"]` is the block of all frames, (T, K, 3), whose symbol has a column for each joint
+    of each frame, (3, K T). `frames.points(points)` are the points of a frame in all frames.
+    """
+
+    blocks: FrameBlocks
+    _made: dict[tuple[int, tuple[int, ...]], Points] = field(default_factory=dict, repr=False)
+
+    @property
+    def count(self) -> int:
+        """T."""
+        return self.blocks.count
+
+    def __getitem__(self, name: str) -> Block:
+        """A block of the sequence. Raises UnknownName."""
+        return self.blocks[name]
+
+    def points(self, points: Points, some: Sequence[int] | None = None) -> Points:
+        """Points of a frame in all frames, or in some: (3, N T), those of the first frame first."""
+        chosen = tuple(range(self.count)) if some is None else tuple(some)
+        key = points.symbol.__hash__(), chosen
+        if key not in self._made:
+            source = FramedPoints(points.source, self.blocks, chosen)
+            name = points.symbol.name().partition("(")[2].removesuffix(")")
+            self._made[key] = Points.of(source, f"{name} in {len(chosen)} frames")
+        return self._made[key]
+
+    def stacked(self, each: Mapping[int, Column]) -> tuple[cs.MX, tuple[Points, ...]]:
+        """Columns of single frames below each other, and the points of frames that they read.
+
+        Frames that have the same column, and not an equal one only, are evaluated by one map.
+        """
+        columns: dict[int, cs.MX] = {}
+        reads: list[Points] = []
+        groups = _alike(each)
+        for some in groups:
+            expression, blocks, points = each[some[0]]
+            pairs = [(p, self.points(p, some)) for p in points]
+            reads += [whole for _, whole in pairs]
+            symbols = [(own.symbol, whole.symbol) for own, whole in pairs]
+            read = {s.name() for s in cs.symvar(expression)}
+            own_blocks = [block for name, block in blocks.items() if name in read]
+            found = self.blocks.each(expression, own_blocks, some, symbols)
+            if len(groups) == 1:
+                return cs.vec(found), tuple(reads)
+            columns |= zip(some, cs.horzsplit(found), strict=True)
+        return cs.vertcat(*[columns[t] for t in sorted(columns)]), tuple(reads)
+
+    def residual(self, each: Mapping[int, tuple[Residual, Described]]) -> Residual:
+        """One residual for those that single frames have under one name.
+
+        Raises BadResidual where they differ in more than their rows, points and numbers.
+        """
+        order = sorted(each)
+        parts = [each[t][0] for t in order]
+        first = parts[0]
+        for t, one in zip(order, parts, strict=True):
+            for what in ("kernel", "unit", "rows_per_point"):
+                if getattr(one, what) != getattr(first, what):
+                    raise BadResidual(
+                        f"residual {one.name!r} has another {what} in frame {t} than in frame "
+                        f"{order[0]}; call it by another name there"
+                    )
+        expression, points = self.stacked({
+            t: (one.expression, blocks, one.points) for t, (one, blocks) in each.items()
+        })  # fmt: skip
+        weights, more = self._weights(each)
+        distinct = {id(one): one for one in parts}.values()
+        read = dict.fromkeys(name for one in distinct for name in one.reads)
+        return Residual(
+            first.name,
+            expression,
+            np.concatenate([_for_rows(one.sigma, one, one.size) for one in parts]),
+            first.unit,
+            first.kernel,
+            tuple({p.symbol.__hash__(): p for p in (*points, *more)}.values()),
+            None,
+            weights,
+            tuple(self[name] for name in read),
+            first.rows_per_point,
+            tuple(zip(order, parts, strict=True)),
+        )
+
+    def _weights(
+        self, each: Mapping[int, tuple[Residual, Described]]
+    ) -> tuple[cs.MX | Array | None, tuple[Points, ...]]:
+        """Of points where no frame has one for each row; numbers where no frame has symbols."""
+        parts = {t: each[t][0] for t in sorted(each)}
+        given = [one.weights for one in parts.values()]
+        if all(weights is None for weights in given):
+            return None, ()
+        by_row = any(_rows(w) not in (1, one.size // one.rows_per_point)
+                     for w, one in zip(given, parts.values(), strict=True))  # fmt: skip
+        counts = {t: one.size if by_row else one.size // one.rows_per_point
+                  for t, one in parts.items()}  # fmt: skip
+        if not any(isinstance(weights, cs.MX) for weights in given):
+            found = [_for_rows(one.weights, one, counts[t]) for t, one in parts.items()]
+            return np.concatenate(found), ()
+        made: dict[int, cs.MX] = {}  # once for each residual, so that frames stay alike
+        for t, one in parts.items():
+            made.setdefault(id(one), _symbols_for_rows(one.weights, one, counts[t]))
+        return self.stacked({
+            t: (made[id(one)], each[t][1], one.points) for t, one in parts.items()
+        })  # fmt: skip
+
+
+Between = Callable[[Frames], Residual]  # a residual that reads more than one frame
+
+
+def _alike(each: Mapping[int, Column]) -> list[tuple[int, ...]]:
+    """Frames with the same expression, in groups."""
+    groups: dict[int, list[int]] = {}
+    for t in sorted(each):
+        groups.setdefault(id(each[t][0]), []).append(t)
+    return [tuple(some) for some in groups.values()]
+
+
+def _rows(weights: cs.MX | ArrayLike | None) -> int:
+    if weights is None:
+        return 1
+    return int(weights.shape[0]) if isinstance(weights, cs.MX) else int(np.size(weights))
+
+
+def _for_rows(value: ArrayLike | None, one: Residual, count: int) -> Array:
+    """Numbers for `count` rows or points, (count,)."""
+    found = np.asarray(1.0 if value is None else value, dtype=float)
+    if found.ndim and len(found) != count:
+        found = np.repeat(found, one.rows_per_point)
+    return np.array(np.broadcast_to(found, (count,)))
+
+
+def _symbols_for_rows(weights: cs.MX | ArrayLike | None, one: Residual, count: int) -> cs.MX:
+    """The same as an expression, (count, 1)."""
+    if not isinstance(weights, cs.MX):
+        return cs.MX(cs.DM(_for_rows(weights, one, count)))
+    if weights.shape[0] == count:
+        return weights
+    times = count if weights.shape[0] == 1 else one.rows_per_point
+    return cs.vec(cs.repmat(weights.T, times, 1))
