@@ -87,10 +87,9 @@ def test_its_factor_is_that_of_the_dense_matrix(order: BandOrder) -> None:
     assert factor is not None
     np.testing.assert_allclose(factor.solve(b), np.linalg.solve(A, b), atol=1e-12)
     np.testing.assert_allclose(factor.solve(B), np.linalg.solve(A, B), atol=1e-12)
-    inverse = np.linalg.inv(A)
-    np.testing.assert_allclose(factor.variances(), np.diag(inverse), atol=1e-13)
-    expected = inverse[np.ix_(order.border, order.border)]
-    np.testing.assert_allclose(factor.border_covariance, expected, atol=1e-13)
+    half = factor.half_times(np.eye(order.size))
+    np.testing.assert_allclose(half @ half.T, np.linalg.inv(A), atol=1e-13)
+    np.testing.assert_allclose(factor.half_times(b), half @ b, atol=1e-13)
 
 
 @EACH
@@ -135,7 +134,6 @@ def test_the_order_of_unknowns_changes_nothing() -> None:
     assert factor is not None
     b = np.random.default_rng(0).standard_normal(one.size)
     np.testing.assert_allclose(P.T @ factor.solve(P @ b), np.linalg.solve(A, b), atol=1e-13)
-    np.testing.assert_allclose(P.T @ factor.variances(), np.diag(np.linalg.inv(A)), atol=1e-14)
 
 
 # Jacobians of sequences.
@@ -205,16 +203,16 @@ def test_a_step_is_the_dense_one(blocked: wb.Linearization, damping: float, unit
     np.testing.assert_allclose(step.p, expected, rtol=0, atol=1e-10 * np.abs(expected).max())
 
 
-def test_variances_of_a_sequence_are_those_of_the_inverse(blocked: wb.Linearization) -> None:
-    normal = blocked.normal
-    assert isinstance(normal, BandedMatrix)
-    factor = normal.factorized()
-    assert factor is not None
-    inverse = np.linalg.inv(storage.dense(normal))
-    np.testing.assert_allclose(factor.variances(), np.diag(inverse), rtol=1e-8)
-    border = normal.order.border
-    expected = inverse[np.ix_(border, border)]
-    np.testing.assert_allclose(factor.border_covariance, expected, rtol=1e-7, atol=1e-12)
+def test_columns_of_the_covariance_are_those_of_the_inverse(blocked: wb.Linearization) -> None:
+    inverse = np.linalg.inv(blocked.dense.T @ blocked.dense)
+    some = [0, 3, blocked.shape[1] - 1]
+    found = blocked.inverse_times(np.eye(len(inverse))[:, some])
+    assert found is not None
+    near = 1e-8 * np.abs(inverse).max()
+    np.testing.assert_allclose(found, inverse[:, some], rtol=0, atol=near)
+    by_array = as_array(blocked).inverse_times(np.eye(len(inverse))[:, some])
+    assert by_array is not None
+    np.testing.assert_allclose(by_array, inverse[:, some], rtol=0, atol=near)
 
 
 def test_frames_meet_only_their_neighbours(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -306,4 +304,5 @@ def test_a_single_smooth_number_is_a_tridiagonal_matrix(monkeypatch: pytest.Monk
     np.testing.assert_allclose(here.step(), np.linalg.solve(A, seen), atol=1e-14)
     factor = here.normal.factorized()
     assert factor is not None
-    np.testing.assert_allclose(factor.variances(), np.diag(np.linalg.inv(A)), atol=1e-14)
+    half = factor.half_times(np.eye(T))
+    np.testing.assert_allclose(half @ half.T, np.linalg.inv(A), atol=1e-14)

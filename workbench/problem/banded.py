@@ -157,44 +157,6 @@ class BandedFactor:
         found[order.inner] = _backward(self.L, w[order.inner] - self.answer @ last)
         return found
 
-    @property
-    def border_covariance(self) -> Array:
-        """The inverse's part of the shared unknowns, (b, b): the Schur complement's inverse."""
-        return np.asarray(scipy.linalg.cho_solve((self.corner, True), np.eye(len(self.corner))))
-
-    def variances(self) -> Array:
-        """The diagonal of the inverse, (n,), in time and memory in proportion to the frames.
-
-        From the last frame to the first: the inverse near the diagonal follows from what is already
-        known of the frames after it (Takahashi, Fagan and Chen 1973), as in the smoothing of a
-        Kalman filter.
-        """
-        order = self.order
-        N, reach, edges = len(order.inner), order.reach, order.edges
-        found = np.zeros(order.size)
-        inner = np.zeros(N)
-        known, known_from = np.zeros((0, 0)), N  # the inverse of the band from here on
-        for t in range(len(edges) - 2, -1, -1):
-            a, b = int(edges[t]), int(edges[t + 1])
-            if a == b:
-                continue
-            end = min(N, b + reach)
-            L11, L21 = _dense(self.L, a, b, a, b), _dense(self.L, b, end, a, b)
-            inverse = scipy.linalg.solve_triangular(L11, np.eye(b - a), lower=True)
-            K = -L21 @ inverse  # (end - b, b - a)
-            Z = known[: end - b, : end - b] if known_from == b else known
-            across = Z @ K
-            own = inverse.T @ inverse + K.T @ across
-            inner[a:b] = np.diag(own)
-            keep = min(end - b, max(0, reach))
-            known = np.block([[own, across.T[:, :keep]], [across[:keep], Z[:keep, :keep]]])
-            known_from = a
-        answer = _backward(self.L, self.answer)  # D^-1 B
-        shared = self.border_covariance
-        found[order.inner] = inner + np.einsum("ij,jk,ik->i", answer, shared, answer)
-        found[order.border] = np.diag(shared)
-        return found
-
 
 def _lost(pivots: Array, diagonal: Array) -> bool:
     return bool((pivots**2 < SMALLEST * diagonal).any())
@@ -216,11 +178,3 @@ def _triangular(L: Array, right: Array, transposed: int) -> Array:
     wide = right if right.ndim == 2 else right[:, None]
     found, _ = lapack.dtbtrs(L, wide, uplo="L", trans="T" if transposed else "N")
     return np.asarray(found).reshape(right.shape)
-
-
-def _dense(L: Array, top: int, bottom: int, left: int, right: int) -> Array:
-    """Rows top to bottom and columns left to right of a lower band."""
-    i, j = np.arange(top, bottom)[:, None], np.arange(left, right)
-    k = i - j
-    inside = (k >= 0) & (k < len(L))
-    return np.where(inside, L[np.clip(k, 0, len(L) - 1), np.broadcast_to(j, k.shape)], 0.0)
