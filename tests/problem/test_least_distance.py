@@ -39,7 +39,8 @@ def test_part_by_part_is_at_once(seed: int) -> None:
 def test_it_is_the_answer_of_a_quadratic_program(seed: int) -> None:
     pull, given = limits(seed, n=12, k=5)
     ended = minimize(
-        lambda d: 0.5 * np.sum((d - pull) ** 2), np.zeros(12), jac=lambda d: d - pull,
+        lambda d: 0.5 * np.sum((d - pull) ** 2), np.zeros(12),
+        jac=lambda d: d - pull, hess=lambda d: np.eye(12),
         method="trust-constr", options={"gtol": 1e-12, "xtol": 1e-14, "maxiter": 5000},
         constraints=[
             LinearConstraint(given.A, given.down, given.up),
