@@ -3,12 +3,11 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 import workbench as wb
+from workbench.arrays import Array
 
-Array = NDArray[np.float64]
 EMBEDDED = ("small", "default", "full")
 SIZES = (700, 1700, 6890)
 SIGMA = 0.01  # m, of the observed vertices

@@ -5,11 +5,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.bodies_made_up import SIGMA, Case
-
-Array = NDArray[np.float64]
+from workbench.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -96,9 +96,12 @@ def _scaling(ax: Axes, seconds: Mapping[str, Any]) -> None:
     ax.set(xscale="log", yscale="log", xlabel="vertices", ylabel="time per vertex (µs)")
     ax.grid(color=FAINT, alpha=0.3)
     ax.legend(
-        ncols=len(next(iter(seconds.values()))), fontsize=6.0, loc="lower left",
-        columnspacing=0.8, handlelength=2.0,
-    )  # fmt: skip
+        ncols=len(next(iter(seconds.values()))),
+        fontsize=6.0,
+        loc="lower left",
+        columnspacing=0.8,
+        handlelength=2.0,
+    )
     low, high = ax.get_ylim()
     ax.set_ylim(low / 12, high)
     _plain(ax.xaxis)

@@ -8,17 +8,16 @@ from typing import Any
 
 import numpy as np
 import scipy.optimize
-from numpy.typing import NDArray
 
 import workbench as wb
 from benchmarks import ours
 from benchmarks.bodies_made_up import SIGMA, Case, body_called
 from benchmarks.candidates import Disagreement
 from benchmarks.timing import side_by_side
+from workbench.arrays import Array
 from workbench.solvers import Status
 from workbench.solvers.limits import Stop
 
-Array = NDArray[np.float64]
 GOAL = 1e-6  # m, the largest distance of a vertex
 LM, GN, IPOPT = "Levenberg-Marquardt", "Gauss-Newton", "IPOPT"
 TO_THE_END, ALONE = "Levenberg-Marquardt to its own end", "its linearizations and solves alone"

@@ -1,13 +1,12 @@
 """What the hardware allows: the memory that has to move and the product that has to be formed."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg.blas import dsyrk
 
 from benchmarks.bodies_made_up import Case
 from benchmarks.candidates import Candidate
+from workbench.arrays import Array
 
-Array = NDArray[np.float64]
 FLOOR = "floor"
 
 

@@ -5,17 +5,14 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 import workbench as wb
 from benchmarks.bodies_made_up import Case, case_of
 from benchmarks.candidates import Candidate
-from workbench.bodies.arithmetic import arithmetic_of
-from workbench.bodies.compiled import CompiledArithmetic
-from workbench.bodies.kernels import kernels
+from workbench.arrays import Array
+from workbench.bodies.forward.arithmetic import arithmetic_of
+from workbench.bodies.forward.compiled import CompiledArithmetic
+from workbench.bodies.forward.kernels import kernels
 
-Array = NDArray[np.float64]
 NUMPY, COMPILED = "workbench", "workbench, compiled"
 SWITCH = "WORKBENCH_COMPILE"
 

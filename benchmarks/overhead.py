@@ -15,15 +15,14 @@ from typing import Any
 import casadi as cs
 import nlopt
 import numpy as np
-from numpy.typing import NDArray
 
 import workbench as wb
 from benchmarks import ours
 from benchmarks.bodies_made_up import SIGMA, Case, body_called
 from benchmarks.candidates import Disagreement
 from benchmarks.timing import side_by_side
+from workbench.arrays import Array
 
-Array = NDArray[np.float64]
 BODY = "default"
 IPOPT = wb.Ipopt()
 SOLVERS: dict[str, wb.solvers.Solver] = {"NLopt's L-BFGS": wb.Nlopt("LD_LBFGS"), "IPOPT": IPOPT}
@@ -135,10 +134,13 @@ def by_ipopt(case: Case, iterations: int | None) -> ByHand:
     derivatives = {
         "grad_f": cs.Function("g", [x, none], [cs.MX.nan(), g(x)], ["x", "p"], ["f", "grad_f_x"]),
         "hess_lag": cs.Function(
-            "h", [x, none, weight, none], [cs.triu(weight * h(x))],
-            ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"],
+            "h",
+            [x, none, weight, none],
+            [cs.triu(weight * h(x))],
+            ["x", "p", "lam_f", "lam_g"],
+            ["triu_hess_gamma_x_x"],
         ),
-    }  # fmt: skip
+    }
     quiet = {"print_level": 0, "sb": "yes", "tol": 1e-12}
     quiet |= {"nlp_scaling_method": "none", "acceptable_iter": 0}
     options = {"print_time": False, "no_nlp_grad": True, "error_on_fail": False, "ipopt": quiet}

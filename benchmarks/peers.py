@@ -10,13 +10,12 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
 from benchmarks import plain
 from benchmarks.bodies_made_up import SIGMA, Case
 from benchmarks.candidates import Candidate
+from workbench.arrays import Array
 
-Array = NDArray[np.float64]
 JAX, TORCH, DIFFERENCES = "JAX", "torch (smplx.lbs)", "NumPy, differences"
 
 

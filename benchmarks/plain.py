@@ -4,11 +4,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import workbench as wb
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

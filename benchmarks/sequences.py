@@ -18,18 +18,17 @@ from typing import Any
 from unittest.mock import patch
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import spsolve
 
 import workbench as wb
 from benchmarks.scaling import peak
 from benchmarks.timing import side_by_side
+from workbench.arrays import Array
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.problem import frame_chain
 from workbench.problem.storage import by_nonzeros
 
-Array = NDArray[np.float64]
 BODY = "default"
 JOINTS, COCO = "24 joints", "COCO landmarks"
 FRAMES, FEW, LENGTHS = 200, 6, (200, 500, 1000, 2000)
@@ -145,8 +144,12 @@ class Candidates:
         return np.asarray(spsolve(csc_array(N), -self.J.T @ (self.here.residual + shift)))
 
 
-def measure(rounds: int, seen: Sequence[str] = (JOINTS, COCO), frames: int = FRAMES,
-            lengths: Sequence[int] = LENGTHS) -> dict[str, Any]:  # fmt: skip
+def measure(
+    rounds: int,
+    seen: Sequence[str] = (JOINTS, COCO),
+    frames: int = FRAMES,
+    lengths: Sequence[int] = LENGTHS,
+) -> dict[str, Any]:
     """By what is seen: unknowns, rows, seconds by candidate, and how far a few frames are from the
     dense solution; by the number of frames, seconds and bytes of a process of its own.
     """

@@ -1,9 +1,10 @@
-"""The README's table of SMPL beside SCAPE and BlendSCAPE, from the page's own numbers.
+"""The table of SMPL beside SCAPE and BlendSCAPE in `workbench/studies/README.md`.
 
     workbench triangles WHEEL --mocap FILE
     python -m benchmarks.triangles runs/triangles
 
-keeps the numbers in `results/triangles.json` and writes the table between the README's marks.
+The second command keeps the page's numbers in `results/triangles.json` and writes the table between
+the marks of that file.
 """
 
 import argparse
@@ -15,7 +16,7 @@ from typing import Any
 from benchmarks.keeping import keep, write_between
 
 KEPT = Path(__file__).parent / "results" / "triangles.json"
-README = Path(__file__).parents[1] / "README.md"
+README = Path(__file__).parents[1] / "workbench" / "studies" / "README.md"
 BEGIN, END = "<!-- written by `python -m benchmarks.triangles` -->", "<!-- up to here -->"
 MODELS = ("SMPL", "SCAPE", "BlendSCAPE")
 SHOWN, LEVELS = (1, 5, 10), (0.9, 0.95, 0.99)
@@ -23,11 +24,11 @@ SHOWN, LEVELS = (1, 5, 10), (0.9, 0.95, 0.99)
 
 def table(found: dict[str, Any]) -> str:
     """As Markdown."""
-    by_name = {one["model"]: one for one in found["outcomes"]}
-    full = {one["model"]: one for one in found["costs"] if one["mesh"] == "full"}
+    by_name = {one["model"]: one for one in found["results"]}
+    full = {one["model"]: one for one in found["timings"] if one["mesh"] == "full"}
     alone = by_name["linear blend skinning"]["rms"]
 
-    def outcome(say: Callable[[dict[str, Any]], str], ending: str = "") -> list[str]:
+    def result(say: Callable[[dict[str, Any]], str], ending: str = "") -> list[str]:
         return [say(by_name[name + (ending if name != "SMPL" else "")]) for name in MODELS]
 
     def cost(say: Callable[[dict[str, Any]], str]) -> list[str]:
@@ -38,30 +39,34 @@ def table(found: dict[str, Any]) -> str:
         return [", ".join(f"{100 * s[k]:.1f}" for k in SHOWN) + " %" for s in each] + ["the same"]
 
     def counts() -> list[str]:
-        each = [found["explained"][f"{b}, learned"]["share"] for b in ("vertices", "triangles")]
+        each = [found["explained"][f"{b}, training"]["share"] for b in ("vertices", "triangles")]
         said = [", ".join(str(sum(x < level for x in s)) for level in LEVELS) for s in each]
         return [*said, "the same"]
 
     before = [by_name["linear blend skinning"], *(by_name[f"{m}, Q = I"] for m in MODELS[1:])]
     n = full["SMPL"]["n_faces"]
     rows = [
-        ("shape and pose together less each alone, rms mm", outcome(lambda o: f"{o['gap']:.2g}")),
-        ("numbers learned", outcome(lambda o: f"{o['parameters']:,}")),
-        ("variance of shape in 1, 5, 10 directions, learned from", shares("learned")),
-        ("the same, strangers", shares("strangers")),
-        ("directions for 90, 95, 99 % of it, learned from", counts()),
-        ("left of the meshes learned from, rms mm", outcome(lambda o: f"{o['learned']:.1f}")),
-        ("strangers at rest, rms mm", outcome(lambda o: f"{o['rest']:.1f}")),
-        (f"strangers in unseen poses, rms mm (linear blending alone {alone:.1f})",
-         outcome(lambda o: f"{o['rms']:.1f}")),
-        (f"jump of the deformation where parts meet (truth {found['true_jump']:.2f})",
-         outcome(lambda o: f"{o['crease']:.2f}")),
-        ("the same without what was learned of pose", [f"{o['crease']:.2f}" for o in before]),
+        ("shape and pose together minus each alone, rms mm", result(lambda o: f"{o['gap']:.2g}")),
+        ("parameters", result(lambda o: f"{o['parameters']:,}")),
+        ("training people: variance of shape in 1, 5, 10 directions", shares("training")),
+        ("held-out people: the same", shares("held out")),
+        ("training people: directions for 90, 95, 99 % of it", counts()),
+        ("training meshes, rms mm", result(lambda o: f"{o['training_rms']:.1f}")),
+        ("held-out people at rest, rms mm", result(lambda o: f"{o['rest_rms']:.1f}")),
+        (
+            f"held-out people in held-out poses, rms mm (linear blending alone {alone:.1f})",
+            result(lambda o: f"{o['rms']:.1f}"),
+        ),
+        (
+            f"jump where parts meet (test meshes: {found['true_seam_jump']:.2f})",
+            result(lambda o: f"{o['seam_jump']:.2f}"),
+        ),
+        ("the same without what was learned about pose", [f"{o['seam_jump']:.2f}" for o in before]),
         (f"surface of {n:,} triangles, ms", cost(lambda c: f"{c['vertices_ms']:.0f}")),
-        ("its residual and Jacobian, ms", cost(lambda c: f"{c['jacobian_ms']:,.0f}")),
-        ("of which is not zero", cost(lambda c: f"{100 * c['density']:.0f} %")),
-        ("as a skinned glTF", ["yes", "no", "no"]),
-    ]  # fmt: skip
+        ("residual and Jacobian of this surface, ms", cost(lambda c: f"{c['jacobian_ms']:,.0f}")),
+        ("share of this Jacobian that is not zero", cost(lambda c: f"{100 * c['density']:.0f} %")),
+        ("as a skinned glTF file", ["yes", "no", "no"]),
+    ]
     lines = ["| | " + " | ".join(MODELS) + " |", "| --- | ---: | ---: | ---: |"]
     return "\n".join([*lines, *(f"| {name} | {' | '.join(cells)} |" for name, cells in rows)])
 

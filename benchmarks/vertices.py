@@ -15,15 +15,14 @@ from typing import Any
 
 import casadi as cs
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import lsmr, spsolve
 
 import workbench as wb
 from benchmarks.scaling import peak
 from benchmarks.timing import side_by_side
+from workbench.arrays import Array
 
-Array = NDArray[np.float64]
 BODIES = ("small", "default", "full")
 OURS, DIRECT, KRYLOV = "workbench", "by hand, spsolve", "by hand, lsmr"
 DIGITS = 1e-10  # of lsmr

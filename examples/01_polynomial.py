@@ -16,9 +16,10 @@ t, y, w = wb.Block("t", (40,), "s"), wb.Block("y", (40,), "m"), wb.Block("w", (4
 cubic = sum(w.symbol[k] * t.symbol**k for k in range(4))
 residual = wb.Residual("cubic", cubic - y.symbol, sigma=0.1, unit="m")
 problem = wb.Problem([residual], free=["w"], blocks=[t, y, w])
-solution = wb.solve(problem, {"w": np.zeros(4), "t": times, "y": heights})
+start = {"w": np.zeros(4), "t": times, "y": heights}
+solution = wb.solve(problem, start)
 
-here = problem.linearize({"t": times, "y": heights} | solution.values)
+here = problem.linearize(start | solution.values)
 spread = np.sqrt(np.diag(here.covariance))
 
 if __name__ == "__main__":

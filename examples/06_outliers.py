@@ -31,8 +31,10 @@ for name, kernel in KERNELS.items():
     problem = wb.Problem([term], free=["pose", "trans"])
     # squares first: a kernel that ignores what is far away needs to start near
     start = body.start() | {"trans": observed.mean(axis=0) - body.template.mean(axis=0)}
-    nearly = wb.solve(wb.Problem([wb.residuals.vertices(points, observed, sigma=0.02)],
-                                 free=["pose", "trans"]), start)  # fmt: skip
+    nearly = wb.solve(
+        wb.Problem([wb.residuals.vertices(points, observed, sigma=0.02)], free=["pose", "trans"]),
+        start,
+    )
     solution = wb.solve(problem, start | nearly.values)
     found = body.vertices(**solution.values)
     errors[name] = 1e3 * np.linalg.norm(found - clean, axis=1)  # mm, to the clean surface

@@ -17,9 +17,17 @@ problem = wb.Problem([valley, wall], free=["x"], blocks=[x])
 start = {"x": np.array([-1.2, 1.0])}
 
 ASKED = (
-    "gauss-newton", "gauss-newton-full", "levenberg-marquardt", "dogleg", "newton",
-    "scipy-lm", "nlopt-lbfgs", "ipopt", "nlopt-bobyqa", "steepest-descent",
-)  # fmt: skip
+    "gauss-newton",
+    "gauss-newton-full",
+    "levenberg-marquardt",
+    "dogleg",
+    "newton",
+    "scipy-lm",
+    "nlopt-lbfgs",
+    "ipopt",
+    "nlopt-bobyqa",
+    "steepest-descent",
+)
 solutions = {name: wb.solve(problem, start, wb.SOLVERS[name]) for name in ASKED}
 calls = {name: solution.evaluations.total for name, solution in solutions.items()}
 ends = {name: solution.values["x"] for name, solution in solutions.items()}
@@ -28,8 +36,10 @@ if __name__ == "__main__":
     from workbench.plots import house_style, png, sheet
 
     for name, solution in sorted(solutions.items(), key=lambda pair: calls[pair[0]]):
-        print(f"{name:22}{solution.status.name:16}{calls[name]:6} calls, "
-              f"cost {solution.cost:8.1e}, at {solution.values['x'].round(6)}")  # fmt: skip
+        print(
+            f"{name:22}{solution.status.name:16}{calls[name]:6} calls, "
+            f"cost {solution.cost:8.1e}, at {solution.values['x'].round(6)}"
+        )
     with house_style():
         figure, (ax,) = sheet(7.5, 4.6)
         u, v = np.meshgrid(np.linspace(-1.6, 1.4, 200), np.linspace(-0.6, 2.0, 200))

@@ -36,8 +36,10 @@ if __name__ == "__main__":
 
     print(posterior)
     for name, true, one, other, off in zip("akc", truth, by_draws, by_laplace, lean, strict=True):
-        print(f"{name}: true {true:.2f}, emcee {one.round(2)}, Laplace {other.round(2)}, "
-              f"upper side over lower {off:.2f}")  # fmt: skip
+        print(
+            f"{name}: true {true:.2f}, emcee {one.round(2)}, Laplace {other.round(2)}, "
+            f"upper side over lower {off:.2f}"
+        )
     with house_style():
         figure, (left, right) = sheet(10, 4.0, columns=2)
         fine = np.linspace(0, 6, 100)
@@ -52,5 +54,7 @@ if __name__ == "__main__":
         right.set(xlabel="k (1/s)", ylabel="c")
         right.legend(markerscale=5)
     Path(__file__).with_name("posterior.png").write_bytes(png(figure))
-    print("Left: decays that the readings allow. Right: rate and end hang together, along a bow "
-          "that no Gaussian has.")  # fmt: skip
+    print(
+        "Left: decays that the readings allow. Right: rate and end hang together, along a bow "
+        "that no Gaussian has."
+    )

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 import workbench as wb
-from workbench.bodies.tubes import tube
+from workbench.course.shapes.tubes import tube
 from workbench.training.general_form import gauges, general_form
 
 rng = np.random.default_rng(0)
@@ -48,15 +48,18 @@ unseen = len(here.gradient) - here.rank
 known = gauges(form, form.start | solution.values, true.n_betas)
 noticed = {}
 for name, change in known.items():
-    step = np.concatenate([np.ravel(change.get(b.name, np.zeros(b.shape)))
-                           for b in form.problem.free.blocks])  # fmt: skip
+    step = np.concatenate(
+        [np.ravel(change.get(b.name, np.zeros(b.shape))) for b in form.problem.free.blocks]
+    )
     noticed[name] = np.linalg.norm(here.jacobian @ step) / np.linalg.norm(step)  # sigmas per unit
 
 if __name__ == "__main__":
     from workbench.plots import house_style, png, sheet
 
-    print(f"{len(here.gradient)} unknowns, {len(here.residual)} residuals: {solution.status.name} "
-          f"after {solution.iterations} iterations")  # fmt: skip
+    print(
+        f"{len(here.gradient)} unknowns, {len(here.residual)} residuals: {solution.status.name} "
+        f"after {solution.iterations} iterations"
+    )
     print(
         f"an unseen mesh is met to {1e3 * before:.2f} mm at first, {1e3 * after:.2f} mm in the end"
     )

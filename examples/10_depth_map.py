@@ -35,8 +35,9 @@ def cloud(vertices: np.ndarray, count: int) -> np.ndarray:
     """Random points of the faces that look towards the sensor, 3 mm of noise, no names."""
     seen = facing(vertices)[body.faces].all(axis=1)
     corners = vertices[body.faces[seen]]
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]),
-                          axis=1)  # fmt: skip
+    area = np.linalg.norm(
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+    )
     some = corners[rng.choice(len(corners), size=count, p=area / area.sum())]
     points = (rng.dirichlet([1, 1, 1], size=count)[..., None] * some).sum(axis=1)
     return points + 0.003 * rng.standard_normal(points.shape)
@@ -54,8 +55,10 @@ term = wb.Residual("closest", cs.vec(apart), SIGMA, "m", wb.residuals.geman_mccl
 prior = wb.residuals.gaussian(pose - cs.DM(rest.T), covariance=0.15**2, unit="rad", name="prior")
 problem = wb.Problem([term, prior], free=["pose", "trans"], blocks=[target, sure])
 
-values = body.start() | {"pose": rest, "trans": points.mean(axis=0) - body.vertices(rest)[
-    facing(body.vertices(rest))].mean(axis=0)}  # fmt: skip
+values = body.start() | {
+    "pose": rest,
+    "trans": points.mean(axis=0) - body.vertices(rest)[facing(body.vertices(rest))].mean(axis=0),
+}
 tree = KDTree(points)
 errors, gaps = [], []
 for turn in range(ROUNDS):

@@ -90,11 +90,13 @@ def off(found: list[np.ndarray]) -> np.ndarray:
 
 errors = {
     "frame by frame": off([body.joints(v["pose"], v["betas"], v["trans"]) for v in alone]),
-    "as a sequence": off([
-        body.joints(p, together.values["betas"], t)
-        for p, t in zip(together.values["pose"], together.values["trans"], strict=True)
-    ]),
-}  # fmt: skip
+    "as a sequence": off(
+        [
+            body.joints(p, together.values["betas"], t)
+            for p, t in zip(together.values["pose"], together.values["trans"], strict=True)
+        ]
+    ),
+}
 shapes = {
     "frame by frame": np.array([v["betas"] for v in alone]) - shape,
     "as a sequence": together.values["betas"][None] - shape,
@@ -110,8 +112,10 @@ if __name__ == "__main__":
             f"{name}: joints off by {shown.mean():.1f} mm in the mean, {error[hidden].mean():.0f} "
             f"mm where a camera sees nothing; betas by {np.sqrt(np.mean(shapes[name] ** 2)):.2f}"
         )
-    print(f"{video.free.size:,} unknowns, {together.trace[-1].linear_algebra}, "
-          f"{len(together.trace) - 1} iterations")  # fmt: skip
+    print(
+        f"{video.free.size:,} unknowns, {together.trace[-1].linear_algebra}, "
+        f"{len(together.trace) - 1} iterations"
+    )
     with house_style():
         figure, (ax,) = sheet(7, 3.8)
         ax.axvspan(hidden[0] - 0.5, hidden[-1] + 0.5, color="0.92", label="a camera sees nothing")

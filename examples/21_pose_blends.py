@@ -13,7 +13,7 @@ import numpy as np
 import workbench as wb
 from workbench.bodies.ablations import without_pose_blend_shapes
 from workbench.geometry.rotation import matrix_from_vector
-from workbench.training.blend_shapes.lesson import feature_matrix
+from workbench.studies.blend_shapes.posed_surfaces import feature_matrix
 
 body = wb.load_body()
 bare = without_pose_blend_shapes(body)
@@ -31,15 +31,15 @@ for name, degrees in {
     pose[joint[name]] = np.radians(degrees)
 
 features = feature_matrix(body, body.features, pose[None])[0]  # vec(R_k - I), 207 of them
-bulges = body.posedirs @ features  # (N, 3) m
-rest = body.template + bulges
+offsets = body.posedirs @ features  # (N, 3) m
+rest = body.template + offsets
 posed = {"SMPL": body, "linear blending alone": bare, "dual quaternions alone": dual}
 surfaces = {name: one.vertices(pose) for name, one in posed.items()}
 
 # only the joints that turned contribute, nine shapes each, and at rest nothing does
 turned = sorted(body.joint_names[1 + k] for k in set(np.flatnonzero(features) // 9))
 at_rest = body.posedirs @ feature_matrix(body, body.features, np.zeros((1, 24, 3)))[0]
-largest = 1e3 * np.linalg.norm(bulges, axis=1).max()  # mm
+largest = 1e3 * np.linalg.norm(offsets, axis=1).max()  # mm
 
 if __name__ == "__main__":
     from workbench.plots import caption_differences, house_style, plot_differences, png, sheet
@@ -52,8 +52,14 @@ if __name__ == "__main__":
     here, others = Path(__file__), {n: v for n, v in surfaces.items() if n != "SMPL"}
     with house_style():
         figure, (ax,) = sheet(11, 5)
-        plot_differences(body.template, {"with B_P, at rest": rest}, body.faces, ax=ax,
-                         look=aslant, name="the template")  # fmt: skip
+        plot_differences(
+            body.template,
+            {"with B_P, at rest": rest},
+            body.faces,
+            ax=ax,
+            look=aslant,
+            name="the template",
+        )
         here.with_name("pose_blends_at_rest.png").write_bytes(png(figure))
         figure, (ax,) = sheet(11, 5)
         plot_differences(surfaces["SMPL"], others, body.faces, ax=ax, look=aslant)

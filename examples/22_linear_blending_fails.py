@@ -12,8 +12,8 @@ import numpy as np
 
 import workbench as wb
 from workbench.bodies.ablations import without_pose_blend_shapes
-from workbench.bodies.limbs import Limb
-from workbench.bodies.tubes import linear_radius, tube, volume_lost_bent
+from workbench.course.shapes.limbs import Limb
+from workbench.course.shapes.tubes import linear_radius, tube, volume_lost_bent
 from workbench.geometry.solids import volume
 
 angles = np.radians(np.arange(0, 181, 10))

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 
 import workbench as wb
-from workbench.bodies.counting import SLIDE, SMPL_SIZE, counts, dense_counts, total
-from workbench.bodies.shapes import (
+from workbench.course.shapes.counting import SLIDE, SMPL_SIZE, counts, dense_counts, total
+from workbench.course.shapes.shape_directions import (
     along,
     joint_moves,
-    left_over,
+    reconstruction_errors,
     variances,
     with_joints_of_the_mean,
 )
@@ -32,7 +32,7 @@ shares = np.array(body.card["betas"]["explained_variance"])
 own = variances(body) / variances(body).sum()  # the same ratios, from shapedirs alone
 with np.load(Path(wb.__file__).parent / "data" / "bodies" / "strangers.npz") as file:
     strangers = file["default"].astype(float)  # four people it was not learned from
-left = left_over(body, strangers)  # (11, 4) m
+left = reconstruction_errors(body, strangers)  # (11, 4) m
 
 # joints: the tallest in the gallery, bent on the skeleton of the mean
 tall = along(body, 0, 3.0)
@@ -70,10 +70,14 @@ if __name__ == "__main__":
     print(caption_shape_gallery(gallery, "three"))
     print(caption_variances(shares), caption_left_over(left))
     worst = int(moved.argmax())
-    print(f"the tallest: {body.joint_names[worst]} moves {1e3 * moved[worst]:.0f} mm; bent on the "
-          f"mean's joints vertices are wrong by up to {1e3 * wrong.max():.0f} mm")  # fmt: skip
+    print(
+        f"the tallest: {body.joint_names[worst]} moves {1e3 * moved[worst]:.0f} mm; bent on the "
+        f"mean's joints vertices are wrong by up to {1e3 * wrong.max():.0f} mm"
+    )
     print(f"{'array':14}{'slide':>12}{'SMPL file':>12}{'this body':>12}{'not zero':>12}")
     for row, file, ours in zip(SLIDE, released, here, strict=True):
-        print(f"{row.name:14}{row.numbers:12,}{file.numbers:12,}{ours.numbers:12,}{ours.acting:12,}"
-              f"  {row.remark}")  # fmt: skip
+        print(
+            f"{row.name:14}{row.numbers:12,}{file.numbers:12,}{ours.numbers:12,}{ours.nonzero:12,}"
+            f"  {row.remark}"
+        )
     print(f"{'all':14}{total(SLIDE):12,}{total(released):12,}{total(here):12,}")

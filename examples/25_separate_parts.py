@@ -10,7 +10,7 @@ import numpy as np
 
 import workbench as wb
 from workbench.bodies.ablations import without_blend_weights, without_pose_blend_shapes
-from workbench.bodies.parts import SeparateParts
+from workbench.course.shapes.separate_parts import SeparateParts
 
 body = without_pose_blend_shapes(wb.load_body("small"))
 parts, tree = SeparateParts(body), without_blend_weights(body)
@@ -25,17 +25,27 @@ pose, betas, trans = (block.symbol for block in tree.blocks())
 
 def picked(of: wb.Points) -> wb.Residual:
     """The distance of the vertices that were seen."""
-    return wb.Residual("seen", (of.symbol[:, seen.tolist()] - points.T).reshape((-1, 1)),
-                       sigma=0.01, unit="m", points=(of,))  # fmt: skip
+    return wb.Residual(
+        "seen",
+        (of.symbol[:, seen.tolist()] - points.T).reshape((-1, 1)),
+        sigma=0.01,
+        unit="m",
+        points=(of,),
+    )
 
 
-apart = wb.Problem([picked(parts.points(turns, places)),
-                    wb.residuals.gaussian(turns, covariance=1.0),
-                    wb.residuals.gaussian(places, covariance=1.0)],
-                   free=["turns", "places"])  # fmt: skip
-together = wb.Problem([picked(tree.points(pose, betas, trans)),
-                       wb.residuals.gaussian(pose, covariance=1.0)],
-                      free=["pose", "trans"])  # fmt: skip
+apart = wb.Problem(
+    [
+        picked(parts.points(turns, places)),
+        wb.residuals.gaussian(turns, covariance=1.0),
+        wb.residuals.gaussian(places, covariance=1.0),
+    ],
+    free=["turns", "places"],
+)
+together = wb.Problem(
+    [picked(tree.points(pose, betas, trans)), wb.residuals.gaussian(pose, covariance=1.0)],
+    free=["pose", "trans"],
+)
 loose = wb.solve(apart, parts.articulated(np.zeros((24, 3)))).values
 held = wb.solve(together, tree.start()).values
 
@@ -53,12 +63,16 @@ errors = {
 if __name__ == "__main__":
     from workbench.plots import caption_differences, house_style, plot_differences, png, sheet
 
-    shown = {"separate parts": parts.vertices(loose["turns"], loose["places"]),
-             "a tree": tree.vertices(held["pose"], trans=held["trans"])}  # fmt: skip
+    shown = {
+        "separate parts": parts.vertices(loose["turns"], loose["places"]),
+        "a tree": tree.vertices(held["pose"], trans=held["trans"]),
+    }
     with house_style():
         figure, (ax,) = sheet(11, 4.8)
         plot_differences(clean, shown, body.faces, ax=ax, name="the truth", most=40)
     Path(__file__).with_name("separate_parts.png").write_bytes(png(figure))
     print(caption_differences(clean, shown, "the truth"))
-    print(f"{numbers[0]} and {numbers[1]} unknowns; joints torn by up to {1e3 * gaps.max():.0f} mm "
-          f"and {1e3 * no_gaps.max():.0e} mm")  # fmt: skip
+    print(
+        f"{numbers[0]} and {numbers[1]} unknowns; joints torn by up to {1e3 * gaps.max():.0f} mm "
+        f"and {1e3 * no_gaps.max():.0e} mm"
+    )

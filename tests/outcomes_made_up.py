@@ -7,7 +7,7 @@ import numpy as np
 from tests.bodies_made_up import smpl_like_body
 from workbench import Block, Camera, Problem, Values, residuals
 from workbench.experiments import Experiment, Outcome, Setup, run
-from workbench.experiments.experiment import Measure, View
+from workbench.fitting.setup import Measure, View
 
 NAMES = ("left/camera", "<b>right</b> & $x$ 左")
 SIZE = (640, 480)

@@ -103,8 +103,9 @@ def test_the_wheel_has_its_lectures_inside(tmp_path: Path) -> None:
     with zipfile.ZipFile(wheel) as packed:
         packed.extractall(place)
     assert {path.name for path in place.iterdir()} == {
-        "workbench", f"smpl_workbench-{VERSION}.dist-info"
-    }  # fmt: skip
+        "workbench",
+        f"smpl_workbench-{VERSION}.dist-info",
+    }
     for name in ("GUIDE.md", "AUTHORS.md", "outline.py", "lec02_rotations/checks.py"):
         assert (place / "workbench" / "lectures" / name).is_file(), name
     shown = typed("lecture", "show", "2", paths=(place,), cwd=tmp_path)
@@ -125,7 +126,11 @@ def typed(
     done = subprocess.run(
         [sys.executable, "-m", "workbench", *arguments],
         env=os.environ | {"PYTHONPATH": paths_of, "COLUMNS": "200"},
-        cwd=cwd, capture_output=True, text=True, timeout=240, check=False,
-    )  # fmt: skip
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        timeout=240,
+        check=False,
+    )
     assert done.returncode == code, done.stderr + done.stdout
     return done

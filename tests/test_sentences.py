@@ -32,12 +32,25 @@ X = wb.Block("x", (3,))
 PROBLEM = wb.Problem([gaussian(X.symbol)], "x")
 
 NONE_OF_IT: dict[str, Any] = {
-    "SX": cs.SX.sym("q", 3), "text": "abc", "None": None, "an int": 3, "NaN": np.full(3, np.nan),
-    "a table": np.zeros((2, 7)), "MX (2, 7)": cs.MX.sym("m", 2, 7), "a list": [1, 2],
-    "MX (24, 3)": cs.MX.sym("m", 24, 3), "a dict": {"a": 1}, "a block": X, "an object": object(),
-    "a negative": -1.0, "a function": len, "DM": cs.DM(2, 2), "points": JOINTS,
-    "nothing": np.zeros(0), "complex": np.ones(3) * 1j,
-}  # fmt: skip
+    "SX": cs.SX.sym("q", 3),
+    "text": "abc",
+    "None": None,
+    "an int": 3,
+    "NaN": np.full(3, np.nan),
+    "a table": np.zeros((2, 7)),
+    "MX (2, 7)": cs.MX.sym("m", 2, 7),
+    "a list": [1, 2],
+    "MX (24, 3)": cs.MX.sym("m", 24, 3),
+    "a dict": {"a": 1},
+    "a block": X,
+    "an object": object(),
+    "a negative": -1.0,
+    "a function": len,
+    "DM": cs.DM(2, 2),
+    "points": JOINTS,
+    "nothing": np.zeros(0),
+    "complex": np.ones(3) * 1j,
+}
 FACES = np.array([[0, 1, 2], [1, 2, 3]])
 
 # Each takes one thing, of which some of the above are good; whatever is not is told in a sentence.
@@ -124,11 +137,20 @@ CALLS: dict[str, Callable[[Any], object]] = {
     **{
         f"body, {name}": lambda v, name=name: replace(BODY, **{name: v})
         for name in (
-            "template", "shapedirs", "J_regressor", "weights", "parents", "faces", "joint_names",
-            "mirror", "landmarks", "bound_in", "free",
+            "template",
+            "shapedirs",
+            "J_regressor",
+            "weights",
+            "parents",
+            "faces",
+            "joint_names",
+            "mirror",
+            "landmarks",
+            "bound_in",
+            "free",
         )
     },
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("call", CALLS.values(), ids=list(CALLS))
@@ -201,7 +223,7 @@ def test_a_residual_is_derived_by_blocks_once_it_is_written_in_them() -> None:
     assert cs.jacobian(residual.expression, pose).nnz() == 0  # a placeholder is a symbol of its own
     assert "placeholder(joints)" in str(residual.expression)
     forwards = {"helper_options": {"ad_weight": 0}}
-    J = cs.jacobian(residual.in_blocks, pose, forwards)
+    J = cs.jacobian(residual.graph(), pose, forwards)
     assert J.nnz() > 0
     values = BODY.start() | {"pose": np.random.default_rng(0).normal(scale=0.3, size=(24, 3))}
     given = [values[block.name].T for block in BODY.blocks()]

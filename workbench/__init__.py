@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from workbench.blocks import Block, Layout, Points, Values, jacobian
     from workbench.bodies import Landmarks, SkinnedBody, dual_quaternion_blend, linear_blend
     from workbench.bodies.catalogue import load_body
-    from workbench.bodies.saving import save_body
+    from workbench.bodies.files.saving import save_body
     from workbench.bodies.triangles import TriangleBody
     from workbench.comparison import Budget, Comparison
     from workbench.comparison.compare import compare
@@ -38,7 +38,9 @@ if TYPE_CHECKING:
         SteepestDescent,
         solve,
     )
-    from workbench.training.training import train
+    from workbench.training.first_guess import Start
+    from workbench.training.registrations import InMemory, Registrations
+    from workbench.training.training import Trained, train
 
 __all__ = [
     "SOLVERS",
@@ -50,6 +52,7 @@ __all__ = [
     "Diagnosis",
     "Dogleg",
     "GaussNewton",
+    "InMemory",
     "Ipopt",
     "Landmarks",
     "Layout",
@@ -60,14 +63,17 @@ __all__ = [
     "Points",
     "Posterior",
     "Problem",
+    "Registrations",
     "Residual",
     "Scipy",
     "SkinnedBody",
     "Solution",
     "Sqp",
     "Staged",
+    "Start",
     "Status",
     "SteepestDescent",
+    "Trained",
     "TriangleBody",
     "Values",
     "WorkbenchError",
@@ -90,7 +96,7 @@ ROOMS = {  # where the names above live
     "blocks": ("Block", "Layout", "Points", "Values", "jacobian"),
     "bodies": ("Landmarks", "SkinnedBody", "dual_quaternion_blend", "linear_blend"),
     "bodies.catalogue": ("load_body",),
-    "bodies.saving": ("save_body",),
+    "bodies.files.saving": ("save_body",),
     "bodies.triangles": ("TriangleBody",),
     "comparison": ("Budget", "Comparison", "compare"),
     "diagnostics": ("Diagnosis", "diagnose"),
@@ -100,11 +106,25 @@ ROOMS = {  # where the names above live
     "residuals": ("Residual",),
     "sampling": ("Posterior", "laplace", "sample"),
     "solvers": (
-        "SOLVERS", "Dogleg", "GaussNewton", "Ipopt", "LevenbergMarquardt", "Newton", "Nlopt",
-        "Scipy", "Solution", "Sqp", "Staged", "Status", "SteepestDescent", "solve",
+        "SOLVERS",
+        "Dogleg",
+        "GaussNewton",
+        "Ipopt",
+        "LevenbergMarquardt",
+        "Newton",
+        "Nlopt",
+        "Scipy",
+        "Solution",
+        "Sqp",
+        "Staged",
+        "Status",
+        "SteepestDescent",
+        "solve",
     ),
-    "training.training": ("train",),
-}  # fmt: skip
+    "training.first_guess": ("Start",),
+    "training.registrations": ("InMemory", "Registrations"),
+    "training.training": ("Trained", "train"),
+}
 
 
 def __getattr__(name: str) -> Any:

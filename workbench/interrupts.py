@@ -7,11 +7,11 @@ and the interrupt is lost. So a signal is written down first, and raised where i
 
 import signal
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from types import FrameType
-from typing import Any, TypeVar
+from typing import Any
 
-T = TypeVar("T")
 Handler = Callable[[int, FrameType | None], Any]
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
@@ -77,22 +77,22 @@ class Interrupts:
         if self._heard.error is not None:
             raise self._heard.error
 
-    def through(self, function: Callable[[], T]) -> T:
-        """What a function gives during which an exception may be raised at once, since it comes
-        back to Python of ours. It may take long, or never end.
+    @contextmanager
+    def raised_at_once(self) -> Iterator[None]:
+        """Inside, an exception may be raised at once: Python code runs there that may take long,
+        or never end.
         """
         heard = self._heard
         self.check()
         before, heard.safe = heard.safe, True
         try:
-            found = function()
+            yield
         except Exception:
             self.check()  # C code on the way has made another error of it
             raise
         finally:
             heard.safe = before
         self.check()
-        return found
 
     def _note(self, number: int, frame: FrameType | None) -> None:
         heard = self._heard

@@ -68,10 +68,13 @@ def _throughput(asked: argparse.Namespace) -> dict[str, Any]:
 
 
 PARTS: dict[str, Callable[[argparse.Namespace], dict[str, Any]]] = {
-    "nuts": _nuts, "recorded": _recorded, "widened": _widened, "simulated": _simulated,
+    "nuts": _nuts,
+    "recorded": _recorded,
+    "widened": _widened,
+    "simulated": _simulated,
     "one-person": _one_person,
     "throughput": _throughput,
-}  # fmt: skip
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

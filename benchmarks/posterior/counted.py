@@ -5,11 +5,10 @@ from typing import Any
 
 import numpy as np
 import scipy.stats
-from numpy.typing import NDArray
 
 from benchmarks.posterior.held_out import LEVEL
+from workbench.arrays import Array
 
-Array = NDArray[np.float64]
 Found = Mapping[str, Any]
 UNLIKELY = 1e-3  # over all entries together
 

@@ -2,14 +2,9 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 import workbench as wb
 from workbench.experiments import find
-from workbench.experiments.experiment import Setup
-
-Array = NDArray[np.float64]
+from workbench.fitting.setup import Setup
 
 
 def arm(side: str) -> tuple[str, ...]:

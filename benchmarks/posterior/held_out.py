@@ -18,19 +18,18 @@ from typing import Any
 
 import numpy as np
 import scipy.stats
-from numpy.typing import NDArray
 
 import workbench as wb
 from benchmarks.posterior.nuts import Plan, nuts
+from workbench.arrays import Array, Index
 from workbench.blocks.entries import entries
 from workbench.experiments.balance import balance, balance_monocular, published
-from workbench.experiments.experiment import View
-from workbench.experiments.keypoint_fit import learned_poses
+from workbench.fitting.setup import View
+from workbench.priors.pose_gaussian import shipped_gaussian
 from workbench.sampling import sample
 from workbench.sampling.descent import Mode
 from workbench.threads import limited_threads
 
-Array = NDArray[np.float64]
 Interval = dict[str, Any]  # `ends` (2, 16), `mean`, `sd`, `usable`, and what else is known
 NAMES = ("pose[pelvis]", "betas", "trans")
 LEVEL = 0.9
@@ -52,7 +51,7 @@ class Case:
     truth: wb.Values  # and what is fixed
 
     @property
-    def places(self) -> NDArray[np.int64]:
+    def places(self) -> Index:
         """Of the 16 entries among all."""
         return entries(self.problem.free, NAMES)
 
@@ -116,20 +115,23 @@ def simulated(chosen: Sequence[int], seed: int = 0) -> Iterator[Case]:
     about = wb.solve(setup.problem, setup.start).values
     root, place = about["pose"][0], about["trans"]
     added = [
-        wb.residuals.gaussian(pose.symbol[:, 0], mean=root, covariance=ROOT**2, unit="rad",
-                              name="root"),
-        wb.residuals.gaussian(trans.symbol, mean=place, covariance=PLACE**2, unit="m",
-                              name="place"),
-    ]  # fmt: skip
+        wb.residuals.gaussian(
+            pose.symbol[:, 0], mean=root, covariance=ROOT**2, unit="rad", name="root"
+        ),
+        wb.residuals.gaussian(
+            trans.symbol, mean=place, covariance=PLACE**2, unit="m", name="place"
+        ),
+    ]
     blocks = setup.problem.fixed.blocks
-    problem = wb.Problem([*setup.problem.residuals, *added], setup.problem.free.names,
-                         blocks=blocks)  # fmt: skip
-    mean, covariance = learned_poses()
+    problem = wb.Problem(
+        [*setup.problem.residuals, *added], setup.problem.free.names, blocks=blocks
+    )
+    prior = shipped_gaussian()
     view = next(view for view in setup.views if not view.held_out)
     for frame in chosen:
         rng = np.random.default_rng([seed, frame])
         start = balance_monocular(frame).start
-        turns = rng.multivariate_normal(mean, covariance).reshape(-1, 3)
+        turns = rng.multivariate_normal(prior.mean, prior.covariance).reshape(-1, 3)
         truth = start | {
             "pose": np.vstack([root + ROOT * rng.standard_normal(3), turns]),
             "betas": rng.standard_normal(body.n_betas),
@@ -160,8 +162,7 @@ def by_laplace(case: Case) -> Interval:
     sd = np.linalg.norm(mode.half, axis=1)[case.places]
     z = x[case.places]
     ends = scipy.stats.norm.ppf([[(1 - LEVEL) / 2], [(1 + LEVEL) / 2]])
-    return {"ends": (z + ends * sd).tolist(), "mean": z.tolist(), "sd": sd.tolist(),
-            "usable": True}  # fmt: skip
+    return {"ends": (z + ends * sd).tolist(), "mean": z.tolist(), "sd": sd.tolist(), "usable": True}
 
 
 def _answer(case: Case) -> tuple[Array, Array, Mode]:
@@ -175,22 +176,29 @@ def _answer(case: Case) -> tuple[Array, Array, Mode]:
 def _of(flat: Array) -> Interval:
     tail = (1 - LEVEL) / 2
     ends = np.quantile(flat, [tail, 1 - tail], axis=0)
-    return {"ends": ends.tolist(), "mean": flat.mean(axis=0).tolist(),
-            "sd": flat.std(axis=0).tolist()}  # fmt: skip
+    return {
+        "ends": ends.tolist(),
+        "mean": flat.mean(axis=0).tolist(),
+        "sd": flat.std(axis=0).tolist(),
+    }
 
 
 WAYS: dict[str, Callable[[Case], Interval]] = {
-    "emcee": by_emcee, "NUTS": by_nuts, "Laplace": by_laplace,
-}  # fmt: skip
+    "emcee": by_emcee,
+    "NUTS": by_nuts,
+    "Laplace": by_laplace,
+}
 
 
 def asked(case: Case, place: int, ways: Sequence[str]) -> dict[str, Any]:
     """One case: its truth, and the intervals; NUTS takes its time, and is asked now and then."""
     began = time.perf_counter()
     found = {way: WAYS[way](case) for way in ways if way != "NUTS" or place % EVERY == 0}
-    print(f"{case.name}: {time.perf_counter() - began:.0f} s, "
-          + ", ".join(f"{way} {'' if one['usable'] else 'not '}usable"
-                      for way, one in found.items()), flush=True)  # fmt: skip
+    print(
+        f"{case.name}: {time.perf_counter() - began:.0f} s, "
+        + ", ".join(f"{way} {'' if one['usable'] else 'not '}usable" for way, one in found.items()),
+        flush=True,
+    )
     truth = case.problem.free.pack(case.truth)[case.places]
     return {"case": case.name, "truth": truth.tolist()} | found
 
@@ -204,21 +212,26 @@ def of_recorded(count: int, sigma: float, ways: Sequence[str]) -> dict[str, Any]
     residuals = np.array([one.residuals for one in seen])
     places = entries(case.problem.free, NAMES)
     return {
-        "labels": labels(case.problem), "sigma": sigma, "cases": cases,
+        "labels": labels(case.problem),
+        "sigma": sigma,
+        "cases": cases,
         "sigma of the residuals": implied(seen),
         "sd of four cameras": np.mean([one.sd[places] for one in seen], axis=0).tolist(),
-        "share of each camera's residuals that stays":
-            (np.mean(residuals.mean(axis=0) ** 2, axis=1)
-             / np.mean(residuals**2, axis=(0, 2))).tolist(),
+        "share of each camera's residuals that stays": (
+            np.mean(residuals.mean(axis=0) ** 2, axis=1) / np.mean(residuals**2, axis=(0, 2))
+        ).tolist(),
         "rms of each camera": np.sqrt(np.mean(residuals**2, axis=(0, 2))).tolist(),
-    }  # fmt: skip
+    }
 
 
 def of_simulated(count: int, ways: Sequence[str]) -> dict[str, Any]:
     """Of made-up truths."""
     every = list(simulated(frames(count)))
-    return {"labels": labels(every[0].problem), "sigma": SIGMA,
-            "cases": [asked(case, i, ways) for i, case in enumerate(every)]}  # fmt: skip
+    return {
+        "labels": labels(every[0].problem),
+        "sigma": SIGMA,
+        "cases": [asked(case, i, ways) for i, case in enumerate(every)],
+    }
 
 
 def labels(problem: wb.Problem) -> list[str]:

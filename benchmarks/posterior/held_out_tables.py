@@ -195,8 +195,9 @@ def _also_nuts(found: Found) -> str:
         return ""
     good = [case for case in some if case["NUTS"]["usable"]]
     part = dict(found) | {"cases": some}
-    rates = {way: held(part, way, all_of=True).sum() / (16 * len(some))
-             for way in ("NUTS", "Laplace")}  # fmt: skip
+    rates = {
+        way: held(part, way, all_of=True).sum() / (16 * len(some)) for way in ("NUTS", "Laplace")
+    }
     return (
         f"\nDraws of all 85 by NUTS ({NUTS.draws} of each of four chains) in {len(some)} of these: "
         f"{rates['NUTS']:.1%} covered, Laplace in the same {rates['Laplace']:.1%}. Only "

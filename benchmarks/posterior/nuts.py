@@ -16,17 +16,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import workbench as wb
 from benchmarks.posterior.fitted import BLOCKS, monocular
+from workbench.arrays import Array, Index
 from workbench.blocks.entries import entries
 from workbench.sampling import Posterior, sample
-from workbench.sampling.arviz_quietly import arviz
+from workbench.sampling.arviz_interface import arviz
 from workbench.sampling.descent import Mode
 from workbench.threads import limited_threads
 
-Array = NDArray[np.float64]
 ALLOWED_SD, ALLOWED_MEAN, TIMES = 0.05, 0.1, 50.0
 ENOUGH = 2000  # effective draws: a standard deviation is then known to 1.6 %
 SCALE = 1.01  # of R-hat
@@ -80,22 +79,32 @@ def beside(
     return {
         "entries": list(ours.labels),
         "emcee": {
-            "sd": ours.sd.tolist(), "times": float(ours.mixing.length), "seconds": ours.seconds,
-            "effective": float(ours.mixing.effective.min()), "usable": ours.mixing.usable,
+            "sd": ours.sd.tolist(),
+            "times": float(ours.mixing.length),
+            "seconds": ours.seconds,
+            "effective": float(ours.mixing.effective.min()),
+            "usable": ours.mixing.usable,
             "modes": [mode.share for mode in ours.modes],
         },
         "nuts": said | {"sd": flat.std(axis=0).tolist(), "seconds": seconds},
-        "sd ratio": ratio.tolist(), "mean apart": shift.tolist(),
-        "sd over Laplace's": (ours.sd / laplace).tolist(), "bent": bent(ours, seed),
+        "sd ratio": ratio.tolist(),
+        "mean apart": shift.tolist(),
+        "sd over Laplace's": (ours.sd / laplace).tolist(),
+        "bent": bent(ours, seed),
         "agree": bool(alike and ours.mixing.length >= TIMES),
         "reference": bool(said["R-hat"] <= SCALE and said["effective"] >= ENOUGH),
-    }  # fmt: skip
+    }
 
 
 def nuts(
-    problem: wb.Problem, x: Array, given: Array, places: NDArray[np.int64], mode: Mode,
-    plan: Plan, seed: int,
-) -> tuple[Array, dict[str, Any]]:  # fmt: skip
+    problem: wb.Problem,
+    x: Array,
+    given: Array,
+    places: Index,
+    mode: Mode,
+    plan: Plan,
+    seed: int,
+) -> tuple[Array, dict[str, Any]]:
     """Draws (4, N, k) of x's entries in these places, and what is known of them.
 
     Chains begin at draws of Laplace's approximation at the mode.
@@ -113,15 +122,24 @@ def nuts(
         return log_density
 
     model = from_pyfunc(
-        ndim=k, make_logp_fn=make_log_density,
+        ndim=k,
+        make_logp_fn=make_log_density,
         make_expand_fn=lambda *_: lambda u: {"z": mode.z + mode.half @ u},
-        expanded_dtypes=[np.dtype(np.float64)], expanded_shapes=[(k,)], expanded_names=["z"],
+        expanded_dtypes=[np.dtype(np.float64)],
+        expanded_shapes=[(k,)],
+        expanded_names=["z"],
         make_initial_point_fn=lambda s: np.random.default_rng(s).standard_normal(k),
-    )  # fmt: skip
+    )
     trace = nutpie.sample(
-        model, draws=plan.draws, tune=plan.warm, chains=4, cores=1, seed=seed, progress_bar=False,
+        model,
+        draws=plan.draws,
+        tune=plan.warm,
+        chains=4,
+        cores=1,
+        seed=seed,
+        progress_bar=False,
         target_accept=plan.accepted,
-    )  # fmt: skip
+    )
     az = arviz()
     return np.asarray(trace.posterior["z"]), {
         "R-hat": float(az.rhat(trace)["z"].max()),

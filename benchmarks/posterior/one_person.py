@@ -39,8 +39,13 @@ def of_people(people: int, count: int, seed: int = 0) -> dict[str, Any]:
         means.append(z.mean(axis=0).tolist())
         spreads.append(z.std(axis=0).tolist())
         print(f"person {person}: least {min(rates[-1]):.0%}", flush=True)
-    return {"labels": labels(setup.problem), "frames": count, "rates": rates,
-            "mean": means, "sd": spreads}  # fmt: skip
+    return {
+        "labels": labels(setup.problem),
+        "frames": count,
+        "rates": rates,
+        "mean": means,
+        "sd": spreads,
+    }
 
 
 def _off(problem: wb.Problem, case: Case, betas: Any, rng: Any, body: Any, view: Any) -> Any:

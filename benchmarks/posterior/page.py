@@ -20,10 +20,13 @@ keypoints in one camera, sigma 4 px, a Gaussian prior on pose and on shape.
 def text(results: Mapping[str, Found]) -> str:
     """The whole page."""
     writers = {
-        "nuts": _nuts, "recorded": tables.recorded, "widened": tables.widened,
+        "nuts": _nuts,
+        "recorded": tables.recorded,
+        "widened": tables.widened,
         "simulated": tables.simulated,
-        "one-person": tables.one_person, "throughput": _throughput,
-    }  # fmt: skip
+        "one-person": tables.one_person,
+        "throughput": _throughput,
+    }
     parts = [HEAD]
     for name, write in writers.items():
         if name in results:

@@ -8,16 +8,15 @@ from typing import Any
 import casadi as cs
 import emcee
 import numpy as np
-from numpy.typing import NDArray
 
 import workbench as wb
 from benchmarks.bodies_made_up import random_body
-from workbench.blocks.spread import TRIED
+from workbench.arrays import Array
+from workbench.blocks.threaded import TRIED
 from workbench.experiments import find
-from workbench.problem.batch import Way, compiled, interpreted
+from workbench.problem.batch import Evaluation, compiled, interpreted
 from workbench.threads import limited_threads
 
-Array = NDArray[np.float64]
 WALKERS = 192
 ALONE = "emcee alone"
 
@@ -30,7 +29,7 @@ def measured(seconds: float = 1.5, rounds: int = 4) -> dict[str, Any]:
     os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
     for name, (problem, start) in posteriors().items():
         x, given = problem.split(start)
-        ways: tuple[Way, ...] = (interpreted, compiled)
+        ways: tuple[Evaluation, ...] = (interpreted, compiled)
         densities = {ALONE: lambda z: np.zeros(len(z))} | {
             way.__name__: _density(problem.costs(x, given, None, way)) for way in ways
         }

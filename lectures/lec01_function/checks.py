@@ -238,10 +238,12 @@ ELSEWHERE = RNG.uniform(-3, 3, size=(20, 2))
 
 def hand(x, upper=0.31, lower=0.27):
     a, b = np.asarray(x).T
-    return np.column_stack([
-        0.2 + upper * np.cos(a) + lower * np.cos(a + b),
-        1.4 + upper * np.sin(a) + lower * np.sin(a + b),
-    ])  # fmt: skip
+    return np.column_stack(
+        [
+            0.2 + upper * np.cos(a) + lower * np.cos(a + b),
+            1.4 + upper * np.sin(a) + lower * np.sin(a + b),
+        ]
+    )
 
 
 def off(predict, new, **lengths):

@@ -15,15 +15,14 @@ import casadi as cs
 import numpy as np
 
 import workbench as wb
-from workbench.bodies import surface
-from workbench.bodies.features import rotation_elements
+from workbench.bodies.forward import surface
+from workbench.bodies.forward.features import rotation_elements
 from workbench.course import Picture, source
 from workbench.plots import house_style, plot_differences, sheet
-from workbench.training.blend_shapes.comparison import shipped_prior
-from workbench.training.blend_shapes.contest import School
-from workbench.training.blend_shapes.lesson import Lesson
-from workbench.training.embedded.fine_weights import pupil_of, teacher_of
-from workbench.training.pose_prior import draw_poses
+from workbench.priors.pose_gaussian import draw_poses, shipped_gaussian
+from workbench.studies.blend_shapes.posed_surfaces import PosedSurfaces
+from workbench.studies.blend_shapes.training_data import TrainingData
+from workbench.synthetic.fine_weights import body_on_teachers_rig, teacher_of
 
 # %% [markdown]
 # ## Input and output, in small
@@ -60,8 +59,10 @@ fits = {degree: np.polyfit(given, tip(given), degree) for degree in (1, 3)}
 for degree, w in fits.items():
     inside = np.abs(np.polyval(w, given) - tip(given)).max()
     once_more = np.abs(np.polyval(w, given + 2 * np.pi) - tip(given + 2 * np.pi)).max()
-    print(f"degree {degree}: off by up to {1e3 * inside:.0f} mm where examples are, "
-          f"{1e3 * once_more:,.0f} mm one turn further")  # fmt: skip
+    print(
+        f"degree {degree}: off by up to {1e3 * inside:.0f} mm where examples are, "
+        f"{1e3 * once_more:,.0f} mm one turn further"
+    )
 
 with house_style():
     figure, (ax,) = sheet(7.5, 3.8)
@@ -83,8 +84,10 @@ Picture(
 # looks like a detail. But then one number has to do for two, and the best fit is six times as far off:
 
 # %%
-for name, columns in (("w3, w2, w1, w0", [given**3, given**2, given, given**0]),
-                      ("w1, w2, w1, w0", [given**3 + given, given**2, given**0])):  # fmt: skip
+for name, columns in (
+    ("w3, w2, w1, w0", [given**3, given**2, given, given**0]),
+    ("w1, w2, w1, w0", [given**3 + given, given**2, given**0]),
+):
     A = np.column_stack(columns)
     w = np.linalg.lstsq(A, tip(given), rcond=None)[0]
     print(f"{name}: off by up to {1e3 * np.abs(A @ w - tip(given)).max():.1f} mm at the examples")
@@ -106,12 +109,12 @@ for name, columns in (("w3, w2, w1, w0", [given**3, given**2, given, given**0]),
 
 # %%
 rng = np.random.default_rng(0)
-teacher, bones = teacher_of(body), pupil_of(body)
+teacher, bones = teacher_of(body), body_on_teachers_rig(body)
 
 
 def examples(n):
     """Poses (n, 24, 3) rad, and the teacher's surfaces in them, (n, 369, 3) m."""
-    poses = draw_poses(shipped_prior(), n, rng)
+    poses = draw_poses(shipped_gaussian(), n, rng)
     poses[:, 0] = 0
     return poses, np.stack([teacher.vertices(pose) for pose in poses])
 
@@ -124,8 +127,9 @@ def powers(poses, degree):
 
 poses, surfaces = examples(400)
 test_poses, test_surfaces = examples(60)
-school = School(bones, Lesson(poses, surfaces), Lesson(*examples(40)))  # 40 to choose a ridge on
-posedirs, _ = school.fit(rotation_elements, school.bulges(bones))
+training, validation = PosedSurfaces(poses, surfaces), PosedSurfaces(*examples(40))
+data = TrainingData(bones, training, validation)  # the ridge is chosen by validation
+posedirs, _ = data.fit(rotation_elements, data.correctives(bones))
 
 
 def learned(degree, ridge=1.0):
@@ -169,8 +173,10 @@ Picture(
 # %%
 for alpha in (0.5, 1.0, 2.0, 3.0):
     ends = np.array([[np.cos(a), np.sin(a)] for a in (0, alpha)])
-    print(f"{alpha} rad apart: {np.linalg.norm(ends.mean(axis=0)):.3f} of the length, "
-          f"cos(alpha / 2) = {np.cos(alpha / 2):.3f}")  # fmt: skip
+    print(
+        f"{alpha} rad apart: {np.linalg.norm(ends.mean(axis=0)):.3f} of the length, "
+        f"cos(alpha / 2) = {np.cos(alpha / 2):.3f}"
+    )
 
 # %% [markdown]
 # ## The idea: put in what is known
@@ -198,9 +204,12 @@ source(surface.posed)
 # %%
 N, K, B = 6890, 24, 10
 counts = {
-    "template": 3 * N, "shapedirs": 3 * N * B, "posedirs": 3 * N * 9 * (K - 1),
-    "weights": N * K, "J_regressor": N * K,
-}  # fmt: skip
+    "template": 3 * N,
+    "shapedirs": 3 * N * B,
+    "posedirs": 3 * N * 9 * (K - 1),
+    "weights": N * K,
+    "J_regressor": N * K,
+}
 for name, n in counts.items():
     print(f"{name:12}{n:>10,}")
 print(f"{'together':12}{sum(counts.values()):>10,}")
@@ -222,8 +231,11 @@ def linear_in(*names):
     arguments = [block.symbol for block in freed.blocks()]
     some = freed.points(*arguments, vertices=[10, 200, finger]).source.expression
     symbols = {s.name(): s for s in cs.symvar(some)}
-    f = cs.Function("f", [symbols[name] for name in names]
-                    + [s for name, s in symbols.items() if name not in names], [cs.vec(some)])  # fmt: skip
+    f = cs.Function(
+        "f",
+        [symbols[name] for name in names] + [s for name, s in symbols.items() if name not in names],
+        [cs.vec(some)],
+    )
     f = f.expand()
     x = cs.SX.sym("x", sum(symbols[name].numel() for name in names))
     parts = cs.vertsplit(x, np.cumsum([0, *(symbols[name].numel() for name in names)]).tolist())
@@ -232,8 +244,18 @@ def linear_in(*names):
     return cs.is_linear(f(*inputs, *others), x)
 
 
-for names in (("template",), ("shapedirs",), ("posedirs",), ("weights",), ("betas",), ("trans",),
-              ("template", "posedirs"), ("weights", "posedirs"), ("shapedirs", "betas"), ("pose",)):  # fmt: skip
+for names in (
+    ("template",),
+    ("shapedirs",),
+    ("posedirs",),
+    ("weights",),
+    ("betas",),
+    ("trans",),
+    ("template", "posedirs"),
+    ("weights", "posedirs"),
+    ("shapedirs", "betas"),
+    ("pose",),
+):
     print(f"{' and '.join(names):24}{'linear' if linear_in(*names) else 'not linear'}")
 
 # %% [markdown]

@@ -59,8 +59,12 @@ def keeps_lengths(rodrigues):
 @check("rodrigues", points=1)
 def turns_the_right_way(rodrigues):
     """it is the matrix exponential of hat(w)"""
-    equal(rodrigues(np.array([0.0, 0.0, np.pi / 2])) @ [1.0, 0.0, 0.0], [0, 1, 0],
-          "a quarter turn about z, of (1, 0, 0)", 1e-7)  # fmt: skip
+    equal(
+        rodrigues(np.array([0.0, 0.0, np.pi / 2])) @ [1.0, 0.0, 0.0],
+        [0, 1, 0],
+        "a quarter turn about z, of (1, 0, 0)",
+        1e-7,
+    )
     for w in VECTORS:
         equal(rodrigues(w), scipy.linalg.expm(solutions.hat(w)), f"R for w = {w}", 1e-7)
 
@@ -72,8 +76,12 @@ def near_zero(rodrigues):
     for t in (1e-12, 1e-9, 1e-5):
         w = t * V
         off = np.abs(rodrigues(w) - np.eye(3) - solutions.hat(w)).max()
-        holds(off <= t**2 + 1e-16, f"R - I - hat(w) for |w| about {t}",
-              f"nothing above {t**2:.0e}: the next term is hat(w)^2 / 2", off)  # fmt: skip
+        holds(
+            off <= t**2 + 1e-16,
+            f"R - I - hat(w) for |w| about {t}",
+            f"nothing above {t**2:.0e}: the next term is hat(w)^2 / 2",
+            off,
+        )
     w = 1e-3 * V
     equal(rodrigues(w), scipy.linalg.expm(solutions.hat(w)), f"R for w = {w}", 1e-15)
 
@@ -159,8 +167,12 @@ def is_good_near_zero(angle_between):
     A = solutions.rodrigues(np.array([0.3, 1.1, -0.4]))
     for t in (1e-3, 1e-6):
         B = A @ solutions.rodrigues(t * V / np.linalg.norm(V))
-        holds(abs(angle_between(A, B) / t - 1) < 1e-8, f"a rotation by {t} rad", f"{t}",
-              f"{angle_between(A, B):.12g}")  # fmt: skip
+        holds(
+            abs(angle_between(A, B) / t - 1) < 1e-8,
+            f"a rotation by {t} rad",
+            f"{t}",
+            f"{angle_between(A, B):.12g}",
+        )
 
 
 @mistake(
@@ -209,8 +221,11 @@ def is_the_same_rotation(shorter):
     """it is the same rotation"""
     for t in (0.5, 3.0, 3.5, 6.0, 9.0, 12.0, 20.0):
         w = t * V / np.linalg.norm(V)
-        equal(solutions.rodrigues(shorter(w)), solutions.rodrigues(w),
-              f"the rotation by the answer, for |w| = {t}")  # fmt: skip
+        equal(
+            solutions.rodrigues(shorter(w)),
+            solutions.rodrigues(w),
+            f"the rotation by the answer, for |w| = {t}",
+        )
 
 
 @check("shorter", points=1)
@@ -272,8 +287,12 @@ def is_one(R, within, what):
     """Every matrix is near to itself: what is no rotation is not compared with rotations."""
     off = max(np.abs(R.T @ R - np.eye(3)).max(), abs(np.linalg.det(R) - 1))
     told = f"R'R is off by up to {np.abs(R.T @ R - np.eye(3)).max():.1g}, det R = "
-    holds(off <= within, f"{what} is not a rotation, so its distance was not compared",
-          "R'R = I and det R = 1", f"{told}{np.linalg.det(R):.6g}")  # fmt: skip
+    holds(
+        off <= within,
+        f"{what} is not a rotation, so its distance was not compared",
+        "R'R = I and det R = 1",
+        f"{told}{np.linalg.det(R):.6g}",
+    )
 
 
 @check("nearest_rotation", points=1)
@@ -295,8 +314,12 @@ def none_is_nearer(nearest_rotation):
         near = [R @ solutions.rodrigues(1e-3 * v) for v in (*np.eye(3), *-np.eye(3))]
         found = np.linalg.norm(R - M)
         least = np.linalg.norm([*others, *near] - M, axis=(1, 2)).min()
-        holds(found <= least + 1e-9, "the distance ||R - M||", f"at most {least:.6g}, at which "
-              "there is another rotation", found)  # fmt: skip
+        holds(
+            found <= least + 1e-9,
+            "the distance ||R - M||",
+            f"at most {least:.6g}, at which there is another rotation",
+            found,
+        )
 
 
 @mistake("nearest_rotation", "det R = -1 for a reflection: turn the last column of U around then")

@@ -57,8 +57,10 @@ pairs = [(i, j) for i in range(5) for j in range(i)]
 
 def stretch(M):
     """The longest and the shortest that M makes a distance in the hand, as a share."""
-    ratio = [np.linalg.norm(M @ (hand[i] - hand[j])) / np.linalg.norm(hand[i] - hand[j])
-             for i, j in pairs]  # fmt: skip
+    ratio = [
+        np.linalg.norm(M @ (hand[i] - hand[j])) / np.linalg.norm(hand[i] - hand[j])
+        for i, j in pairs
+    ]
     return max(ratio), min(ratio)
 
 
@@ -77,8 +79,11 @@ def mean_stretch(sigma, n=8, draws=200):
 
 spread = [mean_stretch(sigma) for sigma in sigmas]
 for n in (8, 16, 32):
-    print("{:2} markers, 5 mm of noise: the hand by {:.2f} to {:.2f} in the mean".format(
-        n, *mean_stretch(0.005, n)[::-1]))  # fmt: skip
+    print(
+        "{:2} markers, 5 mm of noise: the hand by {:.2f} to {:.2f} in the mean".format(
+            n, *mean_stretch(0.005, n)[::-1]
+        )
+    )
 
 with house_style():
     figure, (left, right) = sheet(10, 3.8, columns=2)
@@ -126,8 +131,10 @@ print("distances in the hand, times: {:.2f} to {:.2f}".format(*stretch(R)[::-1])
 print(f"R'R = I to {np.abs(R.T @ R - np.eye(3)).max():.0e}, det R = {np.linalg.det(R):.6f}")
 mirrored = np.diag([1.0, 1.0, -1.0])
 U, _, Vt = np.linalg.svd(mirrored)
-print(f"of a mirror, without the sign: det = {np.linalg.det(U @ Vt):+.0f};"
-      f" with it: {np.linalg.det(nearest_rotation(mirrored)):+.0f}")  # fmt: skip
+print(
+    f"of a mirror, without the sign: det = {np.linalg.det(U @ Vt):+.0f};"
+    f" with it: {np.linalg.det(nearest_rotation(mirrored)):+.0f}"
+)
 
 # %% [markdown]
 # As a repair this is right, and we shall use it (the rotation that best carries one set of points to
@@ -224,8 +231,10 @@ with house_style():
     for at in (1, np.pi / 3, 5 * np.pi / 3):
         ax.axvline(at, color="0.7", lw=0.8, zorder=0)
     ax.set(xlabel="angle t (rad)", ylabel="|R'R - I|", ylim=(1e-17, 1e4))
-    ax.set_xticks([0, 1, np.pi / 3, np.pi, 5 * np.pi / 3, 2 * np.pi],
-                  ["0", "1   ", "   π/3", "π", "5π/3", "2π"])  # fmt: skip
+    ax.set_xticks(
+        [0, 1, np.pi / 3, np.pi, 5 * np.pi / 3, 2 * np.pi],
+        ["0", "1   ", "   π/3", "π", "5π/3", "2π"],
+    )
     ax.legend(loc="lower center", bbox_to_anchor=(0.5, 0.25))
 Picture(
     figure,
@@ -272,8 +281,10 @@ hessian = np.asarray(derivatives(beginning)[2](0))
 for name, R in ways.items():
     value, jacobian, second = derivatives(R)
     print(f"{name}:")
-    print("  R'R - I at a random w   ",
-          f"{np.abs(np.asarray(value(w)).T @ np.asarray(value(w)) - np.eye(3)).max():.0e}")  # fmt: skip
+    print(
+        "  R'R - I at a random w   ",
+        f"{np.abs(np.asarray(value(w)).T @ np.asarray(value(w)) - np.eye(3)).max():.0e}",
+    )
     print("  Jacobian at 0 is finite ", bool(np.isfinite(np.asarray(jacobian(0))).all()))
     print(
         "  Hessian at 1e-8 rad, off by up to",

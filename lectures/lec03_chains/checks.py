@@ -64,14 +64,22 @@ def leaves_the_pelvis(turned_body):
     """the pelvis stays where it is"""
     for R in TURNS[:3]:
         equal(turned_body(JOINTS, JOINTS[0], R)[0], JOINTS[0], "a vertex at the pelvis")
-        equal(turned_body(CLOUD, np.zeros(3), R), CLOUD @ R.T, "the surface of a body whose pelvis is at the origin")  # fmt: skip
+        equal(
+            turned_body(CLOUD, np.zeros(3), R),
+            CLOUD @ R.T,
+            "the surface of a body whose pelvis is at the origin",
+        )
 
 
 @check("turned_body", points=1)
 def turns_the_right_way(turned_body):
     """it turns the right way, and rigidly"""
     came = turned_body(np.array([[1.0, 2.0, 0.0]]), np.array([0.0, 2.0, 0.0]), QUARTER)
-    equal(came[0], [0, 3, 0], "a vertex 1 m to the side of the pelvis (0, 2, 0), a quarter turn about z")  # fmt: skip
+    equal(
+        came[0],
+        [0, 3, 0],
+        "a vertex 1 m to the side of the pelvis (0, 2, 0), a quarter turn about z",
+    )
     came = turned_body(CLOUD, JOINTS[0], TURNS[0])
     equal(came, solutions.turned_body(CLOUD, JOINTS[0], TURNS[0]), "the turned surface")
 
@@ -117,7 +125,11 @@ def way_up(j):
 def are_in_the_right_order(world_rotations):
     """a joint's frame turns along with its parent"""
     for R in (TURNS, TURNS[::-1], TURNS @ QUARTER):
-        equal(world_rotations(R, PARENTS), solutions.world_rotations(R, PARENTS), "the world's rotations")  # fmt: skip
+        equal(
+            world_rotations(R, PARENTS),
+            solutions.world_rotations(R, PARENTS),
+            "the world's rotations",
+        )
 
 
 @mistake(
@@ -169,11 +181,17 @@ def are_those_of_the_chain(posed_joints):
     row = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]])
     R = REST[:3].copy()
     R[1] = QUARTER
-    equal(posed_joints(R, row, [-1, 0, 1]), [[0, 0, 0], [1, 0, 0], [1, 1, 0]],
-          "three joints in a row along x, when the middle one makes a quarter turn about z")  # fmt: skip
+    equal(
+        posed_joints(R, row, [-1, 0, 1]),
+        [[0, 0, 0], [1, 0, 0], [1, 1, 0]],
+        "three joints in a row along x, when the middle one makes a quarter turn about z",
+    )
     R[0] = QUARTER
-    equal(posed_joints(R, row, [-1, 0, 1]), [[0, 0, 0], [0, 1, 0], [-1, 1, 0]],
-          "the same when the first one does, too")  # fmt: skip
+    equal(
+        posed_joints(R, row, [-1, 0, 1]),
+        [[0, 0, 0], [0, 1, 0], [-1, 1, 0]],
+        "the same when the first one does, too",
+    )
     expected = solutions.posed_joints(TURNS, JOINTS, PARENTS)
     equal(posed_joints(TURNS, JOINTS, PARENTS), expected, "the joints of a tree in a random pose")
 
@@ -215,7 +233,10 @@ def by_the_parents_own(R, joints, parents):
     return np.array(posed)
 
 
-@mistake("posed_joints", "the root does not stay in its place: it was put to the origin, or turned about it")  # fmt: skip
+@mistake(
+    "posed_joints",
+    "the root does not stay in its place: it was put to the origin, or turned about it",
+)
 def from_the_origin(R, joints, parents):
     return solutions.posed_joints(R, joints, parents) - joints[0]
 
@@ -302,7 +323,10 @@ def the_other_way(R, joints, parents):
 
 # reach
 
-ARMS = [np.array([[0.3, 0, 0], [0.25, 0, 0]]), np.array([[0.15, 0.02, 0], [0.3, 0, 0.1], [0.2, -0.1, 0]])]  # fmt: skip
+ARMS = [
+    np.array([[0.3, 0, 0], [0.25, 0, 0]]),
+    np.array([[0.15, 0.02, 0], [0.3, 0, 0.1], [0.2, -0.1, 0]]),
+]
 NEAR = [np.array([0.2, 0.35, 0.1]), np.array([-0.3, -0.1, 0.2])]
 FAR = [np.array([0.5, 0.9, -0.3]), np.array([-2.0, 0.1, 0.4])]
 
@@ -313,7 +337,7 @@ def misses(reach, targets):
             length = np.linalg.norm(arm, axis=1).sum()
             least = max(0.0, np.linalg.norm(target) - length)
             off = np.linalg.norm(solutions.tip(reach(arm, target), arm) - target)
-            where = f"from the tip to {target}, {np.linalg.norm(target):.2f} m away, by an arm of {length:.2f} m"  # fmt: skip
+            where = f"from the tip to {target}, {np.linalg.norm(target):.2f} m away, by an arm of {length:.2f} m"
             holds(off <= least + 1e-4, where, f"at most {least:.4f} m", f"{off:.4f} m")
 
 
@@ -349,7 +373,9 @@ def pointing(bones, target):
 )
 def in_the_world(bones, target):
     pose = solutions.reach(bones, target)
-    R = solutions.world_rotations(Rotation.from_rotvec(pose).as_matrix(), list(range(-1, len(pose) - 1)))  # fmt: skip
+    R = solutions.world_rotations(
+        Rotation.from_rotvec(pose).as_matrix(), list(range(-1, len(pose) - 1))
+    )
     return Rotation.from_matrix(R).as_rotvec()
 
 

@@ -16,9 +16,9 @@ import numpy as np
 
 import workbench as wb
 from workbench.bodies.ablations import without_pose_blend_shapes
-from workbench.bodies.kinematics import binding_motions, world_motions
-from workbench.bodies.parts import SeparateParts
+from workbench.bodies.forward.kinematics import binding_motions, world_motions
 from workbench.course import Picture, source
+from workbench.course.shapes.separate_parts import SeparateParts
 from workbench.geometry.rigid import procrustes
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 from workbench.plots import house_style, sheet
@@ -64,8 +64,10 @@ print(
 )
 gaps = parts.gaps(turns, places)
 widest = np.argmax(gaps)
-print(f"joints are torn by {1e3 * gaps.mean():.0f} mm on average, "
-      f"the {names[1 + widest]} by {1e3 * gaps[widest]:.0f} mm")  # fmt: skip
+print(
+    f"joints are torn by {1e3 * gaps.mean():.0f} mm on average, "
+    f"the {names[1 + widest]} by {1e3 * gaps[widest]:.0f} mm"
+)
 
 # %% [markdown]
 # The markers are met to within their noise. But at a joint two parts meet, and each has its own opinion of
@@ -215,7 +217,11 @@ def own_rotation(R, joints):
 
 
 up = parents[1:]
-for name, f in (("right", lambda R, j: chained(R, j)[:, :3, 3]), ("order", other_order), ("bone", own_rotation)):  # fmt: skip
+for name, f in (
+    ("right", lambda R, j: chained(R, j)[:, :3, 3]),
+    ("order", other_order),
+    ("bone", own_rotation),
+):
     at = f(R, joints)
     bones = np.linalg.norm(at[1:] - at[up], axis=1) - np.linalg.norm(
         joints[1:] - joints[up], axis=1
@@ -247,8 +253,10 @@ for name, drawn in (
     turned = drawn.vertices(alone)
     about_pelvis = np.linalg.norm(turned - ((V - j0) @ R0.T + j0), axis=1).max()
     about_origin = np.linalg.norm(turned - V @ R0.T, axis=1).max()
-    print(f"{name:16} pelvis at {1e3 * j0.round(4) + 0.0} mm; a quarter turn, taken about the pelvis: "
-          f"off by {1e3 * about_pelvis:.0e} mm, about the origin: {1e3 * about_origin:.1f} mm")  # fmt: skip
+    print(
+        f"{name:16} pelvis at {1e3 * j0.round(4) + 0.0} mm; a quarter turn, taken about the pelvis: "
+        f"off by {1e3 * about_pelvis:.0e} mm, about the origin: {1e3 * about_origin:.1f} mm"
+    )
 
 # %% [markdown]
 # This body is drawn with the pelvis in the origin, whoever it is, and there the mistake does not show.
@@ -286,9 +294,10 @@ skin = np.einsum("nij,nj->ni", bound[part], rest4)[:, :3]
 with house_style():
     figure, (ax,) = sheet(9, 4.2)
     shown = [
-        Figurine("at rest", body.template), Figurine("at rest, not bound", twice),
+        Figurine("at rest", body.template),
+        Figurine("at rest, not bound", twice),
         Figurine("posed, bound", skin),
-    ]  # fmt: skip
+    ]
     line_up(shown, body.faces, ax=ax)
 Picture(
     figure,
@@ -310,8 +319,10 @@ lowered[names.index("left_shoulder")] = [0, 0, -np.pi / 4]
 lowered[names.index("right_shoulder")] = [0, 0, np.pi / 4]
 in_a_pose = replace(body, bound_in=lowered)
 print(f"in its own pose: off by {np.abs(in_a_pose.vertices(lowered) - body.template).max():.0e} m")
-print(f"in the pose 0: vertices moved by up to "
-      f"{np.linalg.norm(in_a_pose.vertices(np.zeros((24, 3))) - body.template, axis=1).max():.2f} m")  # fmt: skip
+print(
+    f"in the pose 0: vertices moved by up to "
+    f"{np.linalg.norm(in_a_pose.vertices(np.zeros((24, 3))) - body.template, axis=1).max():.2f} m"
+)
 
 # %% [markdown]
 # ## Where are the posed joints?
@@ -331,8 +342,10 @@ posed = body.vertices(truth)
 regressed = body.J_regressor @ posed
 gap = 1e3 * np.linalg.norm(regressed - body.joints(truth), axis=1)
 at_rest = 1e3 * np.linalg.norm(body.J_regressor @ body.template - joints, axis=1)
-print(f"at rest: {at_rest.max():.0e} mm; posed: {gap.mean():.1f} mm on average, "
-      f"{gap.max():.0f} mm at the {names[np.argmax(gap)]}")  # fmt: skip
+print(
+    f"at rest: {at_rest.max():.0e} mm; posed: {gap.mean():.1f} mm on average, "
+    f"{gap.max():.0f} mm at the {names[np.argmax(gap)]}"
+)
 turned = body.vertices(alone)  # the mean person
 print(
     f"if the root alone turns: {1e3 * np.abs(body.J_regressor @ turned - body.joints(alone)).max():.0e} mm"

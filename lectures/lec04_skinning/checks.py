@@ -74,7 +74,11 @@ def is_known_at_the_ends(radius_left):
             equal(
                 radius_left(weight, angle), 1, f"the share at weight {weight}, twisted by {angle}"
             )
-        equal(radius_left(0.5, angle), abs(np.cos(angle / 2)), f"the share at weight 1/2, twisted by {angle}")  # fmt: skip
+        equal(
+            radius_left(0.5, angle),
+            abs(np.cos(angle / 2)),
+            f"the share at weight 1/2, twisted by {angle}",
+        )
 
 
 @check("radius_left", points=1)
@@ -83,7 +87,11 @@ def is_right_between(radius_left):
     for weight in (0.1, 0.3, 0.8):
         for angle in (0.7, 2.5, np.pi):
             expected = abs(1 - weight + weight * np.exp(1j * angle))
-            equal(radius_left(weight, angle), expected, f"the share at weight {weight}, twisted by {angle}")  # fmt: skip
+            equal(
+                radius_left(weight, angle),
+                expected,
+                f"the share at weight {weight}, twisted by {angle}",
+            )
 
 
 @mistake("radius_left", "|cos(angle / 2)| is for the weight 1/2; at the ends nothing is lost")
@@ -101,7 +109,9 @@ def of_the_whole_angle(weight, angle):
     return np.sqrt(max(0, 1 - 4 * weight * (1 - weight) * np.sin(angle) ** 2))
 
 
-@mistake("radius_left", "the loss is not in proportion to the weight: a ring at weight 1 loses nothing")  # fmt: skip
+@mistake(
+    "radius_left", "the loss is not in proportion to the weight: a ring at weight 1 loses nothing"
+)
 def in_proportion(weight, angle):
     return 1 - weight + weight * abs(np.cos(angle / 2))
 
@@ -113,9 +123,17 @@ def in_proportion(weight, angle):
 def behaves(volume_lost):
     """none without a twist, most at half a turn, and in proportion to the tube"""
     equal(volume_lost(0.01, 0.2, 0.0), 0, "lost without a twist", 1e-12)
-    equal(1e6 * volume_lost(0.01, 0.2, np.pi), 1e6 * 0.002 * 2 / 3, "lost of 2000 cm^3 at half a turn, in cm^3")  # fmt: skip
+    equal(
+        1e6 * volume_lost(0.01, 0.2, np.pi),
+        1e6 * 0.002 * 2 / 3,
+        "lost of 2000 cm^3 at half a turn, in cm^3",
+    )
     first = volume_lost(0.01, 0.2, 1.0)
-    equal(1e6 * volume_lost(0.03, 0.1, 1.0), 1.5e6 * first, "lost of thrice the area over half the length, in cm^3")  # fmt: skip
+    equal(
+        1e6 * volume_lost(0.03, 0.1, 1.0),
+        1.5e6 * first,
+        "lost of thrice the area over half the length, in cm^3",
+    )
 
 
 @check("volume_lost", points=1)
@@ -124,10 +142,18 @@ def is_the_integral(volume_lost):
     w = (np.arange(2000) + 0.5) / 2000
     for angle in (0.6, 1.7, 2.8):
         lost = np.mean(1 - np.abs(1 - w + w * np.exp(1j * angle)) ** 2)
-        equal(volume_lost(2.0, 1.0, angle), 2 * lost, f"lost of 2 m^2 over 1 m, twisted by {angle}", 1e-6)  # fmt: skip
+        equal(
+            volume_lost(2.0, 1.0, angle),
+            2 * lost,
+            f"lost of 2 m^2 over 1 m, twisted by {angle}",
+            1e-6,
+        )
 
 
-@mistake("volume_lost", "that is the law of a bent tube; twisted, a cross-section shrinks in two directions, and loses twice as much")  # fmt: skip
+@mistake(
+    "volume_lost",
+    "that is the law of a bent tube; twisted, a cross-section shrinks in two directions, and loses twice as much",
+)
 def of_a_bent_tube(area, zone, angle):
     return solutions.volume_lost(area, zone, angle) / 2
 
@@ -138,7 +164,10 @@ def by_the_radius(area, zone, angle):
     return area * zone * (1 - np.mean(np.abs(1 - w + w * np.exp(1j * angle))))
 
 
-@mistake("volume_lost", "this takes the middle for the whole zone: the weight varies along it, and w (1 - w) is 1/6 on average, not 1/4")  # fmt: skip
+@mistake(
+    "volume_lost",
+    "this takes the middle for the whole zone: the weight varies along it, and w (1 - w) is 1/6 on average, not 1/4",
+)
 def of_the_middle(area, zone, angle):
     return area * zone * np.sin(angle / 2) ** 2
 
@@ -156,7 +185,11 @@ def is_known_at_ends_and_middle(blended_turn):
     """nothing, half and all of the angle, for the weights 0, 1/2 and 1"""
     for angle in (0.4, 1.5, 3.0):
         for weight in (0.0, 0.5, 1.0):
-            equal(blended_turn(weight, angle), weight * angle, f"the turn at weight {weight} of {angle} rad")  # fmt: skip
+            equal(
+                blended_turn(weight, angle),
+                weight * angle,
+                f"the turn at weight {weight} of {angle} rad",
+            )
 
 
 @check("blended_turn", points=1)
@@ -164,11 +197,20 @@ def is_that_of_the_mean_quaternion(blended_turn):
     """it is the angle of the averaged quaternion"""
     for angle in (0.8, 2.0, 3.1):
         for weight in (0.15, 0.35, 0.7):
-            q = (1 - weight) * np.array([1, 0]) + weight * np.array([np.cos(angle / 2), np.sin(angle / 2)])  # fmt: skip
-            equal(blended_turn(weight, angle), 2 * np.arctan2(q[1], q[0]), f"the turn at weight {weight} of {angle} rad")  # fmt: skip
+            q = (1 - weight) * np.array([1, 0]) + weight * np.array(
+                [np.cos(angle / 2), np.sin(angle / 2)]
+            )
+            equal(
+                blended_turn(weight, angle),
+                2 * np.arctan2(q[1], q[0]),
+                f"the turn at weight {weight} of {angle} rad",
+            )
 
 
-@mistake("blended_turn", "this is in proportion to the weight, as one would wish; the mean of two quaternions is not: its angle is up to 8 degrees off")  # fmt: skip
+@mistake(
+    "blended_turn",
+    "this is in proportion to the weight, as one would wish; the mean of two quaternions is not: its angle is up to 8 degrees off",
+)
 def in_proportion_to_the_weight(weight, angle):
     return weight * angle
 
@@ -178,12 +220,18 @@ def half_of_it(weight, angle):
     return solutions.blended_turn(weight, angle) / 2
 
 
-@mistake("blended_turn", "these are blended rotations, and not quaternions: take half of the angle in cos and sin")  # fmt: skip
+@mistake(
+    "blended_turn",
+    "these are blended rotations, and not quaternions: take half of the angle in cos and sin",
+)
 def of_linear_blending(weight, angle):
     return np.arctan2(weight * np.sin(angle), 1 - weight + weight * np.cos(angle))
 
 
-@mistake("blended_turn", "bring the mean to length one before you take its angle: its first entry alone is too small")  # fmt: skip
+@mistake(
+    "blended_turn",
+    "bring the mean to length one before you take its angle: its first entry alone is too small",
+)
 def without_length_one(weight, angle):
     return 2 * np.arccos(1 - weight + weight * np.cos(angle / 2))
 
@@ -230,7 +278,9 @@ def does_not_mind_signs(blend_quaternions):
             equal(came, expected, f"the blended rotation, given with the signs {signs}")
 
 
-@mistake("blend_quaternions", "q and -q are one rotation, but cancel in the sum: choose the signs first")  # fmt: skip
+@mistake(
+    "blend_quaternions", "q and -q are one rotation, but cancel in the sum: choose the signs first"
+)
 def with_any_signs(Q, weights):
     q = weights @ Q
     return q / np.linalg.norm(q)
@@ -242,7 +292,10 @@ def not_of_length_one(Q, weights):
     return (weights * side) @ Q
 
 
-@mistake("blend_quaternions", "w > 0 for each does not bring them to one side: 160 and 190 degrees about z are near, and have w of both signs. Compare with the one that weighs most")  # fmt: skip
+@mistake(
+    "blend_quaternions",
+    "w > 0 for each does not bring them to one side: 160 and 190 degrees about z are near, and have w of both signs. Compare with the one that weighs most",
+)
 def with_w_above_zero(Q, weights):
     q = weights @ (Q * np.where(Q[:, :1] < 0, -1.0, 1.0))
     return q / np.linalg.norm(q)
@@ -282,29 +335,45 @@ def do_not_tear(weights):
     placed = weights(ALONG) @ BONES
     step = np.degrees(np.abs(np.angle(placed[1:] * placed[:-1].conj())))
     k = np.argmax(step)
-    holds(step[k] <= 5, f"the turn between s = {ALONG[k]:.2f} and {ALONG[k + 1]:.2f}",
-          "at most 5 degrees", f"{step[k]:.1f} degrees")  # fmt: skip
+    holds(
+        step[k] <= 5,
+        f"the turn between s = {ALONG[k]:.2f} and {ALONG[k + 1]:.2f}",
+        "at most 5 degrees",
+        f"{step[k]:.1f} degrees",
+    )
 
 
-@mistake("weights", "the first and the last bone do it all: that is the candy wrapper again. Let the helpers help")  # fmt: skip
+@mistake(
+    "weights",
+    "the first and the last bone do it all: that is the candy wrapper again. Let the helpers help",
+)
 def of_the_ends(s):
     W = np.zeros((len(s), 5))
     W[:, 0], W[:, 4] = 1 - s, s
     return W
 
 
-@mistake("weights", "each ring follows its nearest bone alone: radii stay, but between two bones the skin is torn by 45 degrees")  # fmt: skip
+@mistake(
+    "weights",
+    "each ring follows its nearest bone alone: radii stay, but between two bones the skin is torn by 45 degrees",
+)
 def of_the_nearest(s):
     return np.eye(5)[np.round(4 * s + 1e-9).astype(int)]
 
 
-@mistake("weights", "the zones between two bones are too short: the skin must get from one to the next slowly")  # fmt: skip
+@mistake(
+    "weights",
+    "the zones between two bones are too short: the skin must get from one to the next slowly",
+)
 def in_short_zones(s):
     W = np.maximum(0, 0.5 - 8 * (np.abs(4 * s[:, None] - np.arange(5)) - 0.5)).clip(0, 1)
     return W / W.sum(axis=1, keepdims=True)
 
 
-@mistake("weights", "rings follow bones that are far away: what is turned by more than 45 degrees apart is not to be blended, and at the ends one bone alone counts")  # fmt: skip
+@mistake(
+    "weights",
+    "rings follow bones that are far away: what is turned by more than 45 degrees apart is not to be blended, and at the ends one bone alone counts",
+)
 def smeared_out(s):
     W = np.exp(-((s[:, None] - np.arange(5) / 4) ** 2) / 0.25**2)
     return W / W.sum(axis=1, keepdims=True)

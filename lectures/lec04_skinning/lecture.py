@@ -16,10 +16,10 @@ import numpy as np
 
 import workbench as wb
 from workbench.bodies.ablations import without_blend_weights, without_pose_blend_shapes
-from workbench.bodies.limbs import Limb
-from workbench.bodies.skinning import blended, dual_quaternion_blend, linear_blend
-from workbench.bodies.tubes import linear_radius, tube, volume_lost_bent, volume_lost_twisted
+from workbench.bodies.forward.skinning import blended, dual_quaternion_blend, linear_blend
 from workbench.course import Picture, source
+from workbench.course.shapes.limbs import Limb
+from workbench.course.shapes.tubes import linear_radius, tube, volume_lost_bent, volume_lost_twisted
 from workbench.geometry.solids import volume
 from workbench.plots import house_style, plot_by_angle, sheet
 
@@ -87,8 +87,10 @@ for d in (0.0, 1.0, 10.0):
     expected = pipe.template + [d, 0, 0]
     M = np.einsum("nk,kij->nij", short, np.tile(np.column_stack([np.eye(3), [d, 0, 0]]), (2, 1, 1)))
     came = np.einsum("nij,nj->ni", M[:, :, :3], pipe.template) + M[:, :, 3]
-    print(f"all bones moved by {d:4.0f} m: vertices off by up to "
-          f"{1e3 * np.linalg.norm(came - expected, axis=1).max():.0f} mm")  # fmt: skip
+    print(
+        f"all bones moved by {d:4.0f} m: vertices off by up to "
+        f"{1e3 * np.linalg.norm(came - expected, axis=1).max():.0f} mm"
+    )
 try:
     replace(pipe, weights=short)
 except wb.WorkbenchError as error:
@@ -131,8 +133,13 @@ with house_style():
         rings = posed[:-2].reshape(-1, 32, 3)
         reach = np.linalg.norm(rings[:, :, 1:], axis=2).mean(axis=1)
         for sign in (1, -1):
-            left.plot(1e2 * rings[:, 0, 0], sign * 1e2 * reach, dash, color="C0",
-                      label=f"{angle}°" if sign > 0 else None)  # fmt: skip
+            left.plot(
+                1e2 * rings[:, 0, 0],
+                sign * 1e2 * reach,
+                dash,
+                color="C0",
+                label=f"{angle}°" if sign > 0 else None,
+            )
     left.set(xlabel="x (cm)", ylabel="outline (cm)", xlim=(-12, 12), ylim=(-6, 9))
     left.legend(loc="upper center", ncols=3, title="twisted by")
     for w in (0.1, 0.25, 0.5):
@@ -170,8 +177,10 @@ for name, axis, law in (("bent", BEND, volume_lost_bent), ("twisted", TWIST, vol
         volume(finer.template, finer.faces) - np.array([volume(v, finer.faces) for v in posed])
     )
     said = 1e6 * law(area, 0.1, np.radians([90, 180]))
-    print(f"{name:8} by 90 and 180 degrees: {lost[0]:.0f} and {lost[1]:.0f} cm^3 lost; "
-          f"the laws say {said[0]:.0f} and {said[1]:.0f}")  # fmt: skip
+    print(
+        f"{name:8} by 90 and 180 degrees: {lost[0]:.0f} and {lost[1]:.0f} cm^3 lost; "
+        f"the laws say {said[0]:.0f} and {said[1]:.0f}"
+    )
 print(f"(the zone itself holds {1e6 * area * 0.1:.0f} cm^3)")
 
 # %% [markdown]
@@ -296,8 +305,10 @@ elbow = {
 }
 elbow = {name: 1e6 * (v - v[0]) for name, v in elbow.items()}  # cm^3
 for name in on_body:
-    print(f"{name:32} wrist at 90 degrees {wrist[name][3]:.2f} of its radius; "
-          f"arm bent by 90 degrees {elbow[name][3]:+.0f} cm^3")  # fmt: skip
+    print(
+        f"{name:32} wrist at 90 degrees {wrist[name][3]:.2f} of its radius; "
+        f"arm bent by 90 degrees {elbow[name][3]:+.0f} cm^3"
+    )
 with house_style():
     figure, axes = sheet(10, 3.8, columns=2)
     plot_by_angle(some, wrist, "radius of the twisted wrist (share)", ax=axes[0])

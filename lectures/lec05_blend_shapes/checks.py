@@ -33,11 +33,17 @@ def fall_as_they_should(shares):
     line = np.array([[0.0], [1.0]])
     for x, width in ((0.3, 0.5), (0.3, 2.0), (-1.0, 0.8)):
         s = shares(np.array([x]), line, width)
-        equal(np.log(s[0] / s[1]), ((x - 1) ** 2 - x**2) / width**2,
-              f"the logarithm of the ratio of two shares, at {x} between 0 and 1, width {width}")  # fmt: skip
+        equal(
+            np.log(s[0] / s[1]),
+            ((x - 1) ** 2 - x**2) / width**2,
+            f"the logarithm of the ratio of two shares, at {x} between 0 and 1, width {width}",
+        )
 
 
-@mistake("shares", "these do not sum to one: a source forgets to divide by the sum. Far from all examples they fade away")  # fmt: skip
+@mistake(
+    "shares",
+    "these do not sum to one: a source forgets to divide by the sum. Far from all examples they fade away",
+)
 def not_divided(x, examples, width):
     return solutions.kernels(x, examples, width)
 
@@ -67,7 +73,12 @@ def is_exact(exact):
     """at example i it is one for i and zero for all others"""
     for width in (0.5, 1.0):
         for x, expected in zip(EXAMPLES, np.eye(5), strict=True):
-            equal(exact(x, EXAMPLES, width), expected, f"the coefficients at an example, width {width}", 1e-7)  # fmt: skip
+            equal(
+                exact(x, EXAMPLES, width),
+                expected,
+                f"the coefficients at an example, width {width}",
+                1e-7,
+            )
 
 
 @check("exact", points=1)
@@ -78,7 +89,10 @@ def is_made_of_kernels(exact):
         equal(exact(x, EXAMPLES, 0.8), expected, "the coefficients between examples", 1e-7)
 
 
-@mistake("exact", "these are the kernels themselves: at one example those of its neighbours are not zero. Solve for the matrix of kernels between examples")  # fmt: skip
+@mistake(
+    "exact",
+    "these are the kernels themselves: at one example those of its neighbours are not zero. Solve for the matrix of kernels between examples",
+)
 def the_kernels(x, examples, width):
     return solutions.kernels(x, examples, width)
 
@@ -116,8 +130,11 @@ def are_in_order(features):
         f = features(R)
         for r in range(3):
             for c in range(3):
-                equal(f[9 * (k - 1) + 3 * r + c], TURNS[k][r, c] - (r == c),
-                      f"entry {9 * (k - 1) + 3 * r + c}, when joint {k} turns")  # fmt: skip
+                equal(
+                    f[9 * (k - 1) + 3 * r + c],
+                    TURNS[k][r, c] - (r == c),
+                    f"entry {9 * (k - 1) + 3 * r + c}, when joint {k} turns",
+                )
 
 
 @mistake(
@@ -167,8 +184,12 @@ def has_no_slope(learn):
 def is_bounded_where_examples_are_few(learn):
     """it has an answer with fewer poses than features, and a higher price makes it smaller"""
     sizes = [np.linalg.norm(learn(F[:2], D[:2], price)) for price in (1e-2, 1.0, 100.0)]
-    equal(sizes, [np.linalg.norm(solutions.learn(F[:2], D[:2], p)) for p in (1e-2, 1.0, 100.0)],
-          "the size of P, from two poses, for the prices 0.01, 1 and 100", 1e-7)  # fmt: skip
+    equal(
+        sizes,
+        [np.linalg.norm(solutions.learn(F[:2], D[:2], p)) for p in (1e-2, 1.0, 100.0)],
+        "the size of P, from two poses, for the prices 0.01, 1 and 100",
+        1e-7,
+    )
 
 
 @mistake("learn", "the price is missing: where poses are few, P follows every noise")
@@ -181,7 +202,9 @@ def with_the_price_squared(F, D, price):
     return solutions.learn(F, D, price**2)
 
 
-@mistake("learn", "squares are summed and not averaged: the price does not grow with the number of poses")  # fmt: skip
+@mistake(
+    "learn", "squares are summed and not averaged: the price does not grow with the number of poses"
+)
 def of_the_mean(F, D, price):
     return solutions.learn(F, D, price * len(F))
 
@@ -222,7 +245,10 @@ def are_in_standard_deviations(directions):
     equal(covariance, np.eye(3), "the covariance of the betas", 1e-7)
 
 
-@mistake("directions", "these columns have length one, so betas would be in metres: scale them by the standard deviation")  # fmt: skip
+@mistake(
+    "directions",
+    "these columns have length one, so betas would be in metres: scale them by the standard deviation",
+)
 def of_length_one(people, k):
     mean = people.mean(axis=0)
     return mean, np.linalg.svd(people - mean, full_matrices=False)[2][:k].T
@@ -236,7 +262,10 @@ def not_centred(people, k):
     return people.mean(axis=0), Vt[:k].T * s[:k] / np.sqrt(len(people) - 1)
 
 
-@mistake("directions", "singular values are root sums of squares over all people: divide by the root of n - 1")  # fmt: skip
+@mistake(
+    "directions",
+    "singular values are root sums of squares over all people: divide by the root of n - 1",
+)
 def by_the_singular_values(people, k):
     mean, S = solutions.directions(people, k)
     return mean, S * np.sqrt(len(people) - 1)
@@ -288,7 +317,10 @@ def finds_joints_of_strangers(regressor):
     )
 
 
-@mistake("regressor", "least squares alone: with more vertices than equations the noise is met, by weights of both signs")  # fmt: skip
+@mistake(
+    "regressor",
+    "least squares alone: with more vertices than equations the noise is met, by weights of both signs",
+)
 def of_least_squares(people, joints):
     A = people.transpose(0, 2, 1).reshape(-1, people.shape[1])
     return np.linalg.lstsq(A, joints.ravel(), rcond=None)[0]

@@ -14,13 +14,18 @@ from dataclasses import replace
 import numpy as np
 
 import workbench as wb
-from workbench.bodies import surface
-from workbench.bodies.features import rotation_elements, rotation_vectors
-from workbench.bodies.kinematics import pose_features
-from workbench.bodies.scattered import Examples, Gaussians, Shares, shapes_as_directions
-from workbench.bodies.shapes import along, joint_moves, with_joints_of_the_mean
-from workbench.bodies.tubes import tube
+from workbench.bodies.forward import surface
+from workbench.bodies.forward.features import rotation_elements, rotation_vectors
+from workbench.bodies.forward.kernel_features import (
+    Examples,
+    GaussianKernels,
+    NormalisedKernels,
+    as_posedirs,
+)
+from workbench.bodies.forward.kinematics import pose_features
 from workbench.course import Picture, source
+from workbench.course.shapes.shape_directions import along, joint_moves, with_joints_of_the_mean
+from workbench.course.shapes.tubes import tube
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.plots import caption_shape_gallery, house_style, plot_shape_gallery, sheet
 from workbench.plots.body import Figurine, line_up, side
@@ -73,8 +78,10 @@ def error(body, angle):
 
 shape = needed(np.pi / 2)
 repaired = replace(arm, template=arm.template + shape)
-print(f"bent by 90 degrees: off by {error(arm, np.pi / 2):.1f} mm; with the blend shape "
-      f"{error(repaired, np.pi / 2):.0e} mm")  # fmt: skip
+print(
+    f"bent by 90 degrees: off by {error(arm, np.pi / 2):.1f} mm; with the blend shape "
+    f"{error(repaired, np.pi / 2):.0e} mm"
+)
 print(
     f"the same at rest: off by {error(arm, 0):.1f} mm; with the blend shape {error(repaired, 0):.1f} mm"
 )
@@ -107,18 +114,20 @@ examples = Examples(places=np.array([[0, 0, angle] for angle in at]), width=np.s
 ways = {
     "none": arm,
     "divided by the sum": replace(
-        arm, features=Shares(examples), posedirs=shapes_as_directions(shapes)
+        arm, features=NormalisedKernels(examples), posedirs=as_posedirs(shapes)
     ),
-    "not divided": replace(
-        arm, features=Gaussians(examples), posedirs=shapes_as_directions(shapes)
-    ),
+    "not divided": replace(arm, features=GaussianKernels(examples), posedirs=as_posedirs(shapes)),
     "exact": replace(
-        arm, features=Gaussians(examples), posedirs=Gaussians(examples).exactly(shapes)
+        arm,
+        features=GaussianKernels(examples),
+        posedirs=GaussianKernels(examples).interpolating(shapes),
     ),
 }
 for name, body in ways.items():
-    print(f"{name:19}: at an example (80 degrees) {error(body, at[5]):5.2f} mm, between two (60) "
-          f"{error(body, np.radians(60)):5.2f} mm, beyond (150) {error(body, np.radians(150)):5.2f} mm")  # fmt: skip
+    print(
+        f"{name:19}: at an example (80 degrees) {error(body, at[5]):5.2f} mm, between two (60) "
+        f"{error(body, np.radians(60)):5.2f} mm, beyond (150) {error(body, np.radians(150)):5.2f} mm"
+    )
 
 # %%
 turns = np.radians(np.arange(-170, 171, 5))
@@ -193,8 +202,10 @@ for name, body in {"none": arm, **students}.items():
 # %%
 for name, body in students.items():
     moved = body.vertices(bent(0.6)) - body.vertices(bent(0.6 - 2 * np.pi))
-    print(f"{name:22}: 0.6 rad, and the same rotation a full turn further: vertices differ by up to "
-          f"{1e3 * np.linalg.norm(moved, axis=1).max():.0e} mm")  # fmt: skip
+    print(
+        f"{name:22}: 0.6 rad, and the same rotation a full turn further: vertices differ by up to "
+        f"{1e3 * np.linalg.norm(moved, axis=1).max():.0e} mm"
+    )
 around = np.linspace(-2 * np.pi, 2 * np.pi, 161)
 with house_style():
     figure, (ax,) = sheet(8, 3.6)
@@ -230,8 +241,11 @@ elbow = body.joint_names.index("left_elbow")
 one[elbow] = [0, -1.2, 0]
 R = matrix_from_vector(one)
 f = (R[1:] - np.eye(3)).ravel()
-print("features that are not zero when the left elbow turns:", np.flatnonzero(f),
-      f"; 9 (k - 1) = {9 * (elbow - 1)}")  # fmt: skip
+print(
+    "features that are not zero when the left elbow turns:",
+    np.flatnonzero(f),
+    f"; 9 (k - 1) = {9 * (elbow - 1)}",
+)
 N = 6890
 print(f"numbers in P for {N} vertices: 3 x {N} x 207 = {3 * N * 207}")
 
@@ -295,8 +309,10 @@ bend = np.zeros((24, 3))
 for k, angle in (("left_knee", 1.6), ("right_knee", 1.6), ("left_shoulder", -0.9)):
     bend[body.joint_names.index(k), 0 if "knee" in k else 2] = angle
 right, wrong = body.vertices(bend, tall), kept.vertices(bend)
-print(f"posed on the mean person's joints the skin is off by up to "
-      f"{1e3 * np.linalg.norm(right - wrong, axis=1).max():.0f} mm")  # fmt: skip
+print(
+    f"posed on the mean person's joints the skin is off by up to "
+    f"{1e3 * np.linalg.norm(right - wrong, axis=1).max():.0f} mm"
+)
 with house_style():
     figure, (ax,) = sheet(8, 4.4)
     shown = [

@@ -164,10 +164,14 @@ def wavy(x):
 
 def wavy_jacobian(x):
     c = np.cos(x[0] * x[1])
-    return np.array([
-        [c * x[1], c * x[0], 0], [2 * x[0], 0, -1], [0, 0, 0.3 * np.exp(0.3 * x[2])],
-        [0, 3 * x[1] ** 2, 0],
-    ])  # fmt: skip
+    return np.array(
+        [
+            [c * x[1], c * x[0], 0],
+            [2 * x[0], 0, -1],
+            [0, 0, 0.3 * np.exp(0.3 * x[2])],
+            [0, 3 * x[1] ** 2, 0],
+        ]
+    )
 
 
 @check("numeric_jacobian", points=1)
@@ -183,10 +187,14 @@ def bent(x):
 
 
 def bent_jacobian(x):
-    return np.array([
-        [2 * x[0] + x[1], x[0], 0], [0, 2 * x[1], 0], [-x[2], 0, 2 * x[2] - x[0]],
-        [0, x[2], x[1]],
-    ])  # fmt: skip
+    return np.array(
+        [
+            [2 * x[0] + x[1], x[0], 0],
+            [0, 2 * x[1], 0],
+            [-x[2], 0, 2 * x[2] - x[0]],
+            [0, x[2], x[1]],
+        ]
+    )
 
 
 @check("numeric_jacobian", points=1)
@@ -220,8 +228,9 @@ one_sided = mistake(
 one_sided_by_1e4, one_sided_by_1e5 = one_sided(from_one_side(1e-4)), one_sided(from_one_side(1e-5))
 one_sided_by_1e6, one_sided_by_1e7 = one_sided(from_one_side(1e-6)), one_sided(from_one_side(1e-7))
 one_sided_by_1e8, one_sided_by_root = (
-    one_sided(from_one_side(1e-8)), one_sided(from_one_side(np.sqrt(np.finfo(float).eps)))
-)  # fmt: skip
+    one_sided(from_one_side(1e-8)),
+    one_sided(from_one_side(np.sqrt(np.finfo(float).eps))),
+)
 
 too_long = mistake(
     "numeric_jacobian",
@@ -376,9 +385,7 @@ def arm():
     """
 
     def J(x):
-        return np.transpose([
-            placed(np.cumsum(x + 1e-30j * one)).imag / 1e-30 for one in np.eye(3)
-        ])  # fmt: skip
+        return np.transpose([placed(np.cumsum(x + 1e-30j * one)).imag / 1e-30 for one in np.eye(3)])
 
     return named("the_arm", lambda x: placed(np.cumsum(x)) - SEEN, J)
 
@@ -397,12 +404,20 @@ NOISE = np.array([0.02, -0.01, 0.03, -0.02, 0.01, 0.0, -0.02, 0.01])
 def ends(fit, f, J, start, what):
     x = fit(f, J, np.array(start))
     slope = np.abs(2 * J(x).T @ f(x)).max()
-    holds(slope < 1e-6, f"the gradient at the end, {what}",
-          "below 1e-6, where steepest descent takes too long to come: linearize and solve, and "
-          "halve what does not help", f"{slope:.1e}")  # fmt: skip
+    holds(
+        slope < 1e-6,
+        f"the gradient at the end, {what}",
+        "below 1e-6, where steepest descent takes too long to come: linearize and solve, and "
+        "halve what does not help",
+        f"{slope:.1e}",
+    )
     at_start, at_end = np.sum(f(np.array(start)) ** 2), np.sum(f(x) ** 2)
-    holds(at_end <= at_start, f"the sum of squares, {what}", f"below the start's {at_start:.4g}",
-          f"{at_end:.4g}")  # fmt: skip
+    holds(
+        at_end <= at_start,
+        f"the sum of squares, {what}",
+        f"below the start's {at_start:.4g}",
+        f"{at_end:.4g}",
+    )
 
 
 @check("fit", points=1)

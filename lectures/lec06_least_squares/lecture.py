@@ -235,9 +235,11 @@ J = np.random.default_rng(0).standard_normal((6, 2))
 J[:, 1] = J[:, 0] + 1e-6 * J[:, 1]  # two columns that are nearly alike
 answers = np.random.default_rng(1).standard_normal((20, 2))
 print(f"condition of J: {np.linalg.cond(J):.0e}, of J'J: {np.linalg.cond(J.T @ J):.0e}")
-for name, solved in (("normal equations", lambda y: np.linalg.solve(J.T @ J, J.T @ y)),
-                     ("np.linalg.lstsq", lambda y: np.linalg.lstsq(J, y, rcond=None)[0]),
-                     ("the library", lambda y: wb.Linearization(-y, J).step())):  # fmt: skip
+for name, solved in (
+    ("normal equations", lambda y: np.linalg.solve(J.T @ J, J.T @ y)),
+    ("np.linalg.lstsq", lambda y: np.linalg.lstsq(J, y, rcond=None)[0]),
+    ("the library", lambda y: wb.Linearization(-y, J).step()),
+):
     print(f"{name:17} off by up to {max(np.abs(solved(J @ p) - p).max() for p in answers):.0e}")
 
 # %% [markdown]
@@ -296,8 +298,10 @@ shares = (1.0, 1.2, 0.5, 1.9, 2.2)
 found = {share: errors(share) for share in shares} | {2.2: errors(2.2, angle=0.01)}
 for share in shares[1:4]:
     off = found[share]
-    print(f"rho = {share} u: factor {off[-1] / off[-2]:.3f}, the law says {abs(1 - share):.3f}"
-          f" (the error by then: {off[-1]:.0e} rad)")  # fmt: skip
+    print(
+        f"rho = {share} u: factor {off[-1] / off[-2]:.3f}, the law says {abs(1 - share):.3f}"
+        f" (the error by then: {off[-1]:.0e} rad)"
+    )
 
 with house_style():
     figure, (ax,) = sheet(7.5, 3.8)
@@ -325,9 +329,11 @@ Picture(
 far = {"a": np.array(0.5), "target": np.array([2.2 * UPPER, 0.0])}
 for name in ("gauss-newton-full", "gauss-newton"):
     solution = wb.solve(one_bone, far, wb.SOLVERS[name])
-    print(f"{name:17}: {solution.status.name:14} after {solution.iterations:3} iterations, "
-          f"the last at a = {float(solution.trace[-1].values['a']):+.3f} rad, "
-          f"handed back a = {float(solution.values['a']):+.3f} rad")  # fmt: skip
+    print(
+        f"{name:17}: {solution.status.name:14} after {solution.iterations:3} iterations, "
+        f"the last at a = {float(solution.trace[-1].values['a']):+.3f} rad, "
+        f"handed back a = {float(solution.values['a']):+.3f} rad"
+    )
 
 # %% [markdown]
 # Full steps go to and fro, and none of them was better than the start. A solver of the workbench

@@ -19,8 +19,11 @@ def is_least(damped_step):
     for e, J in LINEAR:
         for damping in DAMPINGS:
             p = damped_step(e, J, damping)
-            equal(J.T @ (e + J @ p) + damping * p, np.zeros(3),
-                  f"half the gradient of that sum, damping {damping}")  # fmt: skip
+            equal(
+                J.T @ (e + J @ p) + damping * p,
+                np.zeros(3),
+                f"half the gradient of that sum, damping {damping}",
+            )
 
 
 @check("damped_step", points=1)
@@ -107,8 +110,11 @@ def is_one_where_it_is_linear(gain):
     """it is 1 where the model is right, whatever the step"""
     for e, J in LINEAR:
         for p in (np.array([0.1, 0.0, -0.2]), np.array([-1.0, 2.0, 0.5])):
-            equal(gain(lambda y, e=e, J=J: e + J @ y, e, J, np.zeros(3), p), 1,
-                  "the gain of a residual that is linear")  # fmt: skip
+            equal(
+                gain(lambda y, e=e, J=J: e + J @ y, e, J, np.zeros(3), p),
+                1,
+                "the gain of a residual that is linear",
+            )
 
 
 @check("gain", points=1)
@@ -119,8 +125,11 @@ def is_right_where_it_is_not(gain):
         equal(asked(gain, wavy, wavy_jacobian, x, p), expected, f"the gain at x = {x}, p = {p}")
     x = np.array([1.5, 0.5])
     p = 4 * solutions.cauchy_point(wavy(x), wavy_jacobian(x)) / 2.2
-    equal(asked(gain, wavy, wavy_jacobian, x, p),
-          asked(solutions.gain, wavy, wavy_jacobian, x, p), "the gain of a step that is long")  # fmt: skip
+    equal(
+        asked(gain, wavy, wavy_jacobian, x, p),
+        asked(solutions.gain, wavy, wavy_jacobian, x, p),
+        "the gain of a step that is long",
+    )
 
 
 @mistake("gain", "upside down: what came stands above, what was promised below")
@@ -215,8 +224,11 @@ def stays_inside(dogleg_step):
         for share in (0.1, 0.6, 0.95):
             radius = share * np.linalg.norm(newton)
             equal(np.linalg.norm(dogleg_step(newton, cauchy, radius)), radius, "its length")
-        equal(dogleg_step(newton, cauchy, 1.5 * np.linalg.norm(newton)), newton,
-              "the step of a large radius")  # fmt: skip
+        equal(
+            dogleg_step(newton, cauchy, 1.5 * np.linalg.norm(newton)),
+            newton,
+            "the step of a large radius",
+        )
 
 
 @check("dogleg_step", points=2)
@@ -301,8 +313,12 @@ def makes_the_step_that_long(damping_for):
         for share in (0.03, 0.5, 0.99):
             damping = damping_for(e, J, share * whole)
             holds(damping > 0, f"the damping for {share} of the longest step", "above 0", damping)
-            equal(np.linalg.norm(solutions.damped_step(e, J, damping)) / whole, share,
-                  "the length of the step, over Gauss-Newton's", 1e-6)  # fmt: skip
+            equal(
+                np.linalg.norm(solutions.damped_step(e, J, damping)) / whole,
+                share,
+                "the length of the step, over Gauss-Newton's",
+                1e-6,
+            )
 
 
 @check("damping_for", points=1)
@@ -315,8 +331,9 @@ def is_zero_inside(damping_for):
     whole = np.linalg.norm(np.linalg.lstsq(steep, -e, rcond=None)[0])
     for share in (0.1, 0.9):
         right = solutions.damping_for(e, steep, share * whole)
-        equal(damping_for(e, steep, share * whole) / right, 1,
-              "the damping over the right one", 1e-6)  # fmt: skip
+        equal(
+            damping_for(e, steep, share * whole) / right, 1, "the damping over the right one", 1e-6
+        )
 
 
 @mistake("damping_for", "|J'e| / damping is the length for much damping only; this is an estimate")
@@ -344,8 +361,10 @@ def arm(reach):
 
     def f(x):
         a, b = x[0], x[0] + x[1]
-        return np.array([0.3 * np.cos(a) + 0.25 * np.cos(b),
-                         0.3 * np.sin(a) + 0.25 * np.sin(b)]) - seen  # fmt: skip
+        return (
+            np.array([0.3 * np.cos(a) + 0.25 * np.cos(b), 0.3 * np.sin(a) + 0.25 * np.sin(b)])
+            - seen
+        )
 
     def J(x):
         a, b = x[0], x[0] + x[1]

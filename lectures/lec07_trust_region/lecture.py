@@ -34,8 +34,9 @@ UPPER, LOWER = 0.30, 0.25  # m
 def wrist(x):
     """Where the wrist is, (2,) m."""
     a, b = x
-    return np.array([UPPER * np.cos(a) + LOWER * np.cos(a + b),
-                     UPPER * np.sin(a) + LOWER * np.sin(a + b)])  # fmt: skip
+    return np.array(
+        [UPPER * np.cos(a) + LOWER * np.cos(a + b), UPPER * np.sin(a) + LOWER * np.sin(a + b)]
+    )
 
 
 def jacobian(x):
@@ -65,9 +66,10 @@ angles, target = wb.Block("angles", (2,), "rad"), wb.Block("target", (2,), "m")
 a, b = angles.symbol[0], angles.symbol[1]
 tip = UPPER * cs.vertcat(cs.cos(a), cs.sin(a)) + LOWER * cs.vertcat(cs.cos(a + b), cs.sin(a + b))
 problem = wb.Problem(
-    [wb.Residual("wrist", tip - target.symbol, sigma=1.0, unit="m")], ["angles"],
+    [wb.Residual("wrist", tip - target.symbol, sigma=1.0, unit="m")],
+    ["angles"],
     blocks=[angles, target],
-)  # fmt: skip
+)
 starts = np.random.default_rng(7).uniform([-2, -2.5], [2, 2.5], (30, 2))  # rad
 
 
@@ -109,8 +111,10 @@ def gauss_newton_steps(x, seen, n=12):
 rows = gauss_newton_steps(start, beyond)
 for k, (x, p, length) in enumerate(rows):
     left = cost(x + p, beyond) / cost(x, beyond)
-    print(f"step {k:2}: |p| = {np.linalg.norm(p):10.3g} rad, promised to leave 0, would leave "
-          f"{left:.3g} of the cost, taken {length:.1e} of it")  # fmt: skip
+    print(
+        f"step {k:2}: |p| = {np.linalg.norm(p):10.3g} rad, promised to leave 0, would leave "
+        f"{left:.3g} of the cost, taken {length:.1e} of it"
+    )
 
 best = 0.5 * (np.linalg.norm(beyond) - UPPER - LOWER) ** 2
 x, p, _ = rows[0]
@@ -174,14 +178,16 @@ for damping in (0, 1e-5, 1e-3, 1e-1, 10):
 # and the cost fell by something. The **gain** is what came over what was promised:
 
 # %%
-source(wb.Linearization.promise)
+source(wb.Linearization.predicted_decrease)
 
 # %%
 for damping in (1e-5, 1e-3, 1e-2, 1e-1):
     p = here.step(damping)
     fell = cost(straight, beyond) - cost(straight + p, beyond)
-    print(f"lambda = {damping:5g}: |p| = {np.linalg.norm(p):7.3f} rad, promised "
-          f"{here.promise(p):.4f} m^2, gain {fell / here.promise(p):+.2f}")  # fmt: skip
+    print(
+        f"lambda = {damping:5g}: |p| = {np.linalg.norm(p):7.3f} rad, promised "
+        f"{here.predicted_decrease(p):.4f} m^2, gain {fell / here.predicted_decrease(p):+.2f}"
+    )
 
 # %% [markdown]
 # A gain near 1: the model can be trusted further, lower $\lambda$. A gain below 0: the step goes uphill;
@@ -196,8 +202,10 @@ source(wb.LevenbergMarquardt.solve)
 solution = wb.solve(problem, {"angles": start, "target": beyond}, wb.LevenbergMarquardt())
 for k, iterate in enumerate(solution.trace):
     if k < 4 or k % 4 == 0:
-        print(f"{k:2}: elbow {iterate.values['angles'][1]:+.4f} rad, cost above the least "
-              f"{iterate.cost - best:.1e} m^2, lambda {iterate.damping:.1e}")  # fmt: skip
+        print(
+            f"{k:2}: elbow {iterate.values['angles'][1]:+.4f} rad, cost above the least "
+            f"{iterate.cost - best:.1e} m^2, lambda {iterate.damping:.1e}"
+        )
 print(solution.status.name, "after", solution.iterations, "iterations")
 
 # %% [markdown]
@@ -235,8 +243,10 @@ for radius, p in zip(radii, doglegs, strict=True):
     exact = here.step(
         brentq(lambda damping, r=radius: np.linalg.norm(here.step(damping)) - r, 0, 1e3)
     )
-    print(f"radius {radius:.3f} rad: the dogleg keeps {here.promise(p) / here.promise(exact):.3f} "
-          "of the best promise there is in that ball")  # fmt: skip
+    print(
+        f"radius {radius:.3f} rad: the dogleg keeps {here.predicted_decrease(p) / here.predicted_decrease(exact):.3f} "
+        "of the best promise there is in that ball"
+    )
 
 grid = np.stack(np.meshgrid(np.linspace(-1.3, 0.5, 60), np.linspace(-0.5, 1.4, 60)), axis=-1)
 true = np.array([[cost(bent + p, in_reach) for p in row] for row in grid])
@@ -255,8 +265,13 @@ with house_style():
     for radius in radii:
         ax.plot(radius * np.cos(turn), radius * np.sin(turn), color="0.85", lw=0.8)
     ax.plot(*newton, "k*", ms=10, label="Gauss-Newton")
-    ax.set(xlabel="change of the shoulder (rad)", ylabel="change of the elbow (rad)",
-           aspect="equal", xlim=(-1.3, 0.5), ylim=(-0.5, 1.4))  # fmt: skip
+    ax.set(
+        xlabel="change of the shoulder (rad)",
+        ylabel="change of the elbow (rad)",
+        aspect="equal",
+        xlim=(-1.3, 0.5),
+        ylim=(-0.5, 1.4),
+    )
     ax.legend(loc="lower left", fontsize=8)
 Picture(
     figure,
@@ -288,8 +303,10 @@ in_degrees = wb.Linearization(here.residual, here.jacobian / unit)
 for name, scaling in (("Levenberg, D = I", np.ones(2)), ("Marquardt, D = |J_i|", None)):
     D, E = (here.column_norms, in_degrees.column_norms) if scaling is None else (scaling, scaling)
     damping = 0.1 * np.max((here.column_norms / D) ** 2)
-    print(f"{name:21} in radians {here.step(damping, D).round(4)}, "
-          f"by degrees {(in_degrees.step(damping, E) / unit).round(4)}")  # fmt: skip
+    print(
+        f"{name:21} in radians {here.step(damping, D).round(4)}, "
+        f"by degrees {(in_degrees.step(damping, E) / unit).round(4)}"
+    )
 
 # %% [markdown]
 # For the coefficients of a regression, which have all kinds of units, that is what one wants. For a body it

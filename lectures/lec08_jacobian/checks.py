@@ -228,8 +228,12 @@ def is_infinite_where_nothing_is_seen(sigmas):
     J = np.array([[1.0, 1.0, 0.0], [0.0, 0.0, 4.0]])
     finite = ["finite" if one else "infinite" for one in np.isfinite(sigmas(J))]
     expected = ["infinite", "infinite", "finite"]
-    holds(finite == expected, "the sigmas of x, y, z, if x + y and z are seen",
-          ", ".join(expected), ", ".join(finite))  # fmt: skip
+    holds(
+        finite == expected,
+        "the sigmas of x, y, z, if x + y and z are seen",
+        ", ".join(expected),
+        ", ".join(finite),
+    )
     equal(sigmas(J)[2], 0.25, "the sigma of z")
 
 
@@ -285,8 +289,12 @@ def tell_all(markers):
     chosen = markers()
     holds(len(chosen) <= 24, "how many vertices", "at most 24", len(chosen))
     within = all(float(v).is_integer() and 0 <= v < 369 for v in chosen)
-    holds(within, "vertices of the body", "whole numbers from 0 to 368",
-          ", ".join(f"{v:g}" for v in chosen))  # fmt: skip
+    holds(
+        within,
+        "vertices of the body",
+        "whole numbers from 0 to 368",
+        ", ".join(f"{v:g}" for v in chosen),
+    )
     vertices = np.asarray(chosen, dtype=int)
     for seed in (1, 2):
         by_joints, by_vertices = seen_by(seed)

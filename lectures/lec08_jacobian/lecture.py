@@ -50,8 +50,10 @@ for name, start in (
     found = answers[name] = solution.values["pose"]
     joints_off = np.linalg.norm(body.joints(found) - body.joints(truth), axis=1).max()
     skin_off = np.linalg.norm(body.vertices(found) - body.vertices(truth), axis=1).max()
-    print(f"{name:15}{solution.status.name}: joints off by {1e3 * joints_off:.0e} mm, "
-          f"pose by up to {np.abs(found - truth).max():.2f} rad, skin by up to {1e3 * skin_off:.0f} mm")  # fmt: skip
+    print(
+        f"{name:15}{solution.status.name}: joints off by {1e3 * joints_off:.0e} mm, "
+        f"pose by up to {np.abs(found - truth).max():.2f} rad, skin by up to {1e3 * skin_off:.0f} mm"
+    )
 
 # %% [markdown]
 # Both converged, both meet every joint, and both poses are wrong. So is the skin:
@@ -182,8 +184,10 @@ print(f"{diagnosis.nonzeros} of {72 * 72} entries: {diagnosis.density:.1%}")
 print("rank that the pattern alone allows:", diagnosis.structural_rank)
 print("rank of these numbers:", diagnosis.rank)
 largest = 6890 * 3 * (72 + 10)
-print(f"a fit of SMPL to 6,890 vertices, with 72 + 10 unknowns: {largest:,} entries, "
-      f"{8e-6 * largest:.0f} MB if all are kept")  # fmt: skip
+print(
+    f"a fit of SMPL to 6,890 vertices, with 72 + 10 unknowns: {largest:,} entries, "
+    f"{8e-6 * largest:.0f} MB if all are kept"
+)
 
 # %% [markdown]
 # The pattern knows of the leaves: 15 columns are empty, so the rank is at most 57. It does not know
@@ -209,15 +213,18 @@ print(f"a fit of SMPL to 6,890 vertices, with 72 + 10 unknowns: {largest:,} entr
 seen = wb.Block("seen", (body.n_vertices, 3), "m")
 on_skin = wb.Problem(
     [wb.residuals.vertices(body.points(pose, betas, trans), seen.symbol, sigma=0.01)],
-    ["pose"], blocks=[seen],
-)  # fmt: skip
+    ["pose"],
+    blocks=[seen],
+)
 skin = on_skin.linearize(there | {"seen": body.vertices(truth)})
 sigma = np.sqrt(np.diag(skin.covariance)).reshape(24, 3).max(axis=1)
 print("rank:", skin.rank, f"  condition: {skin.svd[1][0] / skin.svd[1][-1]:.0f}")
 for k in (*np.argsort(sigma)[:3], *np.argsort(sigma)[-3:]):
     hang = int((body.weights.argmax(axis=1) == k).sum())
-    print(f"  {body.joint_names[k]:15} known to {np.degrees(sigma[k]):5.2f} degrees (1 sigma), "
-          f"{hang:2} vertices hang on it most of all")  # fmt: skip
+    print(
+        f"  {body.joint_names[k]:15} known to {np.degrees(sigma[k]):5.2f} degrees (1 sigma), "
+        f"{hang:2} vertices hang on it most of all"
+    )
 
 # %% [markdown]
 # (Of the three numbers of a joint, the worst known.) The same centimetre tells the pelvis to less than 1
@@ -250,8 +257,10 @@ with_prior = wb.Problem([*problem.residuals, prior], ["pose"], blocks=[observed]
 regular = wb.diagnose(with_prior, there, priors=[prior.name])
 print("rank with a prior:", regular.rank)
 known = regular.identifiability
-print(f"directions that the data decide: {known.effective:.1f}, by the formula below: "
-      f"{np.sum(s**2 / (s**2 + 0.3**-2)):.1f}")  # fmt: skip
+print(
+    f"directions that the data decide: {known.effective:.1f}, by the formula below: "
+    f"{np.sum(s**2 / (s**2 + 0.3**-2)):.1f}"
+)
 for name in ("left_hand", "left_elbow", "pelvis"):
     left = known.shrinkage.reshape(24, 3)[body.joint_names.index(name)]
     print(f"{name:11} sigma with the data over sigma of the prior alone: {left.round(2)}")

@@ -43,7 +43,10 @@ def with_r_for_its_transpose(points, R, t, f, c):
     return solutions.project(points, R.T, t, f, c)
 
 
-@mistake("project", "t is where the world's origin is in the camera's frame, and not where the camera stands: R x + t")  # fmt: skip
+@mistake(
+    "project",
+    "t is where the world's origin is in the camera's frame, and not where the camera stands: R x + t",
+)
 def with_t_as_the_cameras_place(points, R, t, f, c):
     return solutions.project(points - t, R, np.zeros(3), f, c)
 
@@ -80,7 +83,11 @@ def is_exact_across(depth):
 def is_of_the_means(depth):
     """it takes the ratio of means, so that a short bone counts little"""
     pixels = np.array([100.0, 95, 1, 70])
-    equal(depth(TRUNK, pixels, 900.0), solutions.depth(TRUNK, pixels, 900.0), "the depth, one bone seen at its end")  # fmt: skip
+    equal(
+        depth(TRUNK, pixels, 900.0),
+        solutions.depth(TRUNK, pixels, 900.0),
+        "the depth, one bone seen at its end",
+    )
 
 
 @mistake("depth", "upside down: what is further away looks smaller, so pixels stand below")
@@ -113,8 +120,11 @@ CONFIDENCE = np.array([1.0, 0.5, 0.0, 0.9])
 def is_in_sigmas(keypoint_residual):
     """a sure point one sigma off is one"""
     off = np.array([[3.0, -6.0]])
-    equal(keypoint_residual(OBSERVED[:1] + off, OBSERVED[:1], np.ones(1), 3.0), [1, -2],
-          "of a point that the model has (3, -6) px off, sigma 3 px")  # fmt: skip
+    equal(
+        keypoint_residual(OBSERVED[:1] + off, OBSERVED[:1], np.ones(1), 3.0),
+        [1, -2],
+        "of a point that the model has (3, -6) px off, sigma 3 px",
+    )
     came = keypoint_residual(SEEN, OBSERVED, np.ones(4), 5.0)
     equal(came, ((SEEN - OBSERVED) / 5).ravel(), "the residual of four sure points")
 
@@ -124,7 +134,11 @@ def hears_confidence(keypoint_residual):
     """half the confidence is twice the sigma, and none no say"""
     r = keypoint_residual(SEEN, OBSERVED, CONFIDENCE, 5.0)
     equal(r[4:6], [0, 0], "the residual of a point of confidence 0")
-    equal(r, solutions.keypoint_residual(SEEN, OBSERVED, CONFIDENCE, 5.0), "the residual of four points")  # fmt: skip
+    equal(
+        r,
+        solutions.keypoint_residual(SEEN, OBSERVED, CONFIDENCE, 5.0),
+        "the residual of four points",
+    )
 
 
 @mistake("keypoint_residual", "confidence was not heard")
@@ -132,7 +146,10 @@ def without_confidence(seen, observed, confidence, sigma):
     return solutions.keypoint_residual(seen, observed, np.ones(len(seen)), sigma)
 
 
-@mistake("keypoint_residual", "sigma / c is the sigma of the residual, so c stands beside it as it is; a root would be right for a weight of the square")  # fmt: skip
+@mistake(
+    "keypoint_residual",
+    "sigma / c is the sigma of the residual, so c stands beside it as it is; a root would be right for a weight of the square",
+)
 def with_the_root(seen, observed, confidence, sigma):
     return solutions.keypoint_residual(seen, observed, np.sqrt(confidence), sigma)
 
@@ -181,7 +198,9 @@ def is_where_it_is(triangulate):
 
 
 def rows(cameras, seen):
-    return np.array([s[i] * P[2] - P[i] for P, s in zip(cameras, seen, strict=True) for i in range(2)])  # fmt: skip
+    return np.array(
+        [s[i] * P[2] - P[i] for P, s in zip(cameras, seen, strict=True) for i in range(2)]
+    )
 
 
 @mistake("triangulate", "four numbers stand for a point up to a factor: divide by the last")
@@ -189,7 +208,10 @@ def not_divided(cameras, seen):
     return np.linalg.svd(rows(cameras, seen))[2][-1][:3]
 
 
-@mistake("triangulate", "that is the direction that the equations notice most; the solution is the one that they do not notice, the last row")  # fmt: skip
+@mistake(
+    "triangulate",
+    "that is the direction that the equations notice most; the solution is the one that they do not notice, the last row",
+)
 def of_the_first_row(cameras, seen):
     h = np.linalg.svd(rows(cameras, seen))[2][0]
     return h[:3] / h[3]
@@ -203,7 +225,9 @@ def of_a_column(cameras, seen):
 
 @mistake("triangulate", "the translation of the cameras is missing: all would stand in one place")
 def without_translation(cameras, seen):
-    A = np.array([s[i] * P[2, :3] - P[i, :3] for P, s in zip(cameras, seen, strict=True) for i in range(2)])  # fmt: skip
+    A = np.array(
+        [s[i] * P[2, :3] - P[i, :3] for P, s in zip(cameras, seen, strict=True) for i in range(2)]
+    )
     return np.linalg.svd(A)[2][-1]
 
 
@@ -234,7 +258,12 @@ def is_least(place):
             best, best_shift = solutions.place(cloud, seen)
             least = np.sum((cloud @ best.T + best_shift - seen) ** 2)
             came = np.sum((cloud @ found.T + shift - seen) ** 2)
-            holds(came <= least + 1e-9, "the sum of squares", f"at most {least:.6f} m^2", f"{came:.6f} m^2")  # fmt: skip
+            holds(
+                came <= least + 1e-9,
+                "the sum of squares",
+                f"at most {least:.6f} m^2",
+                f"{came:.6f} m^2",
+            )
 
 
 @mistake(
@@ -293,7 +322,12 @@ def meets_the_joints(fit):
     """the joints are met to within twice the noise"""
     for body, seen in people():
         off = np.sqrt(np.mean((body.joints(*fit(seen)) - seen) ** 2))
-        holds(off < 2 * NOISE, "the root mean square of joints minus seen", f"below {2 * NOISE} m", f"{off:.3f} m")  # fmt: skip
+        holds(
+            off < 2 * NOISE,
+            "the root mean square of joints minus seen",
+            f"below {2 * NOISE} m",
+            f"{off:.3f} m",
+        )
 
 
 @check("fit", points=2)

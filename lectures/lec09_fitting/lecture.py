@@ -58,8 +58,10 @@ for noise in (0.0, NOISE):
     noisy = surface + noise * rng.standard_normal(surface.shape)
     solution = wb.solve(all_vertices, start | {"seen": noisy})
     rms = np.sqrt(np.mean(distances(solution.values) ** 2) / 3)
-    print(f"noise {1e3 * noise:.0f} mm: {solution.status.name} after {solution.iterations} iterations, "
-          f"skin off by {rms:.2g} mm a coordinate")  # fmt: skip
+    print(
+        f"noise {1e3 * noise:.0f} mm: {solution.status.name} after {solution.iterations} iterations, "
+        f"skin off by {rms:.2g} mm a coordinate"
+    )
 m, p = 3 * body.n_vertices, 72 + 10 + 3
 print(f"5 mm times the root of {p} / {m}: {5 * np.sqrt(p / m):.2f} mm")
 
@@ -88,9 +90,11 @@ for name, residuals in (("joints alone", [at_joints]), ("joints and priors", [at
     solution = wb.solve(problem, given)
     off = 1e3 * (body.joints(**solution.values) - given["seen_joints"])
     rank = problem.linearize(given | solution.values).rank
-    print(f"{name:18} rank {rank} of 85: joints met to {np.sqrt(np.mean(off**2)):.1f} mm, skin off by "
-          f"{distances(solution.values).mean():.0f} mm on average, "
-          f"worst beta off by {np.abs(solution.values['betas'] - truth['betas']).max():.1f}")  # fmt: skip
+    print(
+        f"{name:18} rank {rank} of 85: joints met to {np.sqrt(np.mean(off**2)):.1f} mm, skin off by "
+        f"{distances(solution.values).mean():.0f} mm on average, "
+        f"worst beta off by {np.abs(solution.values['betas'] - truth['betas']).max():.1f}"
+    )
 
 # %% [markdown]
 # The joints alone are met to *less* than their noise, which is no good sign: there are 72 equations for 85
@@ -213,8 +217,10 @@ for f_and_distance in ((F, DISTANCE), (20 * F, 20 * DISTANCE)):
 for lean in (0, 30, 60):
     k = lean // 5
     said = ", ".join(f"{name} {guess[k]:.2f}" for name, guess in wide.items())
-    print(f"leaning by {lean:2} degrees, the guess over the truth: {said}; 1 / cos is "
-          f"{1 / np.cos(np.radians(lean)):.2f}")  # fmt: skip
+    print(
+        f"leaning by {lean:2} degrees, the guess over the truth: {said}; 1 / cos is "
+        f"{1 / np.cos(np.radians(lean)):.2f}"
+    )
 
 with house_style():
     figure, (ax,) = sheet(7.5, 3.8)
@@ -246,13 +252,18 @@ for count in (1, 2, 4):
     off = 1e3 * np.sqrt(np.mean((body.joints(**solution.values) - joints) ** 2, axis=0))
     results[count] = solution
     x, y, z = 1e3 * np.sqrt(np.diag(covariance)[-3:])
-    print(f"{count} camera{'s' * (count > 1):1} joints off by {off[0]:3.0f}, {off[1]:3.0f}, "
-          f"{off[2]:4.0f} mm across, up and in depth; sigma of the place {x:.0f}, {y:.0f}, {z:.0f} mm")  # fmt: skip
+    print(
+        f"{count} camera{'s' * (count > 1):1} joints off by {off[0]:3.0f}, {off[1]:3.0f}, "
+        f"{off[2]:4.0f} mm across, up and in depth; sigma of the place {x:.0f}, {y:.0f}, {z:.0f} mm"
+    )
 
 # %%
 fitted = {count: body.joints(**found.values) for count, found in results.items()}
-drawn = (("truth", joints, "0.6", "-", 4.0), ("one camera", fitted[1], "C1", "-", 1.5),
-         ("four cameras", fitted[4], "C0", "--", 1.5))  # fmt: skip
+drawn = (
+    ("truth", joints, "0.6", "-", 4.0),
+    ("one camera", fitted[1], "C1", "-", 1.5),
+    ("four cameras", fitted[4], "C0", "--", 1.5),
+)
 with house_style():
     figure, (left, right) = sheet(9, 4.8, columns=2)
     camera, numbers = cameras[0]

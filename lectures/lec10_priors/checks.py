@@ -71,10 +71,17 @@ def is_geman_and_mcclures(rho):
     """it has the form of Geman and McClure"""
     for sigma in (0.1, 3.0):
         for share in (0.2, -0.7, 2.5):
-            equal(rho(share * sigma, sigma), share**2 / (1 + share**2), f"rho({share} sigma), sigma {sigma}")  # fmt: skip
+            equal(
+                rho(share * sigma, sigma),
+                share**2 / (1 + share**2),
+                f"rho({share} sigma), sigma {sigma}",
+            )
 
 
-@mistake("rho", "this has the unit of x^2: it is SMPLify's, which keeps a factor sigma^2. Without it, weights mean something else")  # fmt: skip
+@mistake(
+    "rho",
+    "this has the unit of x^2: it is SMPLify's, which keeps a factor sigma^2. Without it, weights mean something else",
+)
 def with_sigma_squared(x, sigma):
     return sigma**2 * solutions.rho(x, sigma)
 
@@ -127,7 +134,10 @@ def without_the_two(x, sigma):
     return solutions.influence(x, sigma) / 2
 
 
-@mistake("influence", "both x^2 above and x^2 below change with x: this took the one below for a constant")  # fmt: skip
+@mistake(
+    "influence",
+    "both x^2 above and x^2 below change with x: this took the one below for a constant",
+)
 def of_the_numerator(x, sigma):
     return 2 * x / (sigma**2 + x**2)
 
@@ -151,7 +161,11 @@ SOME = np.array([-40.0, -3.0, -0.2, 0.0, 0.1, 0.9, 25.0])
 def has_rho_as_its_square(shrunk):
     """its square is rho"""
     for sigma in (0.3, 5.0):
-        equal(shrunk(SOME, sigma) ** 2, [solutions.rho(x, sigma) for x in SOME], f"the square, sigma {sigma}")  # fmt: skip
+        equal(
+            shrunk(SOME, sigma) ** 2,
+            [solutions.rho(x, sigma) for x in SOME],
+            f"the square, sigma {sigma}",
+        )
 
 
 @check("shrunk", points=1)
@@ -163,7 +177,10 @@ def is_smooth_at_zero(shrunk):
         equal(1e5 * shrunk(near, sigma), [-1, 1], "at -1e-5 and 1e-5 sigma, times 1e5", 1e-6)
 
 
-@mistake("shrunk", "the sign got lost: a root of rho without it has a kink at zero, where no derivative is")  # fmt: skip
+@mistake(
+    "shrunk",
+    "the sign got lost: a root of rho without it has a kink at zero, where no derivative is",
+)
 def without_the_sign(x, sigma):
     return np.abs(solutions.shrunk(x, sigma))
 
@@ -210,21 +227,30 @@ def is_within_log_k(max_mixture):
         ]
         came = max_mixture(x, SHARES, MEANS, COVARIANCES)
         above = came + logsumexp(each)
-        holds(-1e-9 <= above <= np.log(3) + 1e-9, "the cost less -log of the sum",
-              "from 0 to log 3 = 1.099", above)  # fmt: skip
+        holds(
+            -1e-9 <= above <= np.log(3) + 1e-9,
+            "the cost less -log of the sum",
+            "from 0 to log 3 = 1.099",
+            above,
+        )
         equal(came, -max(each), "the cost", 1e-8)
 
 
 def costs(x, shares, means, covariances, with_log_det=1.0, with_share=1.0):
-    return np.array([
-        0.5 * np.sum(solutions.whitened(x, mean, C) ** 2)
-        + with_log_det * 0.5 * np.linalg.slogdet(C)[1]
-        - with_share * np.log(share)
-        for share, mean, C in zip(shares, means, covariances, strict=True)
-    ])  # fmt: skip
+    return np.array(
+        [
+            0.5 * np.sum(solutions.whitened(x, mean, C) ** 2)
+            + with_log_det * 0.5 * np.linalg.slogdet(C)[1]
+            - with_share * np.log(share)
+            for share, mean, C in zip(shares, means, covariances, strict=True)
+        ]
+    )
 
 
-@mistake("max_mixture", "the densities' heights are missing: a wide Gaussian is low, so 1/2 log det C belongs to each")  # fmt: skip
+@mistake(
+    "max_mixture",
+    "the densities' heights are missing: a wide Gaussian is low, so 1/2 log det C belongs to each",
+)
 def without_the_determinants(x, shares, means, covariances):
     return costs(x, shares, means, covariances, with_log_det=0.0).min()
 
@@ -266,7 +292,10 @@ def scene(seed, share, a, b):
 
 
 CLEAN = [scene(1, 0.0, 0.7, -0.2), scene(2, 0.0, -1.0, 0.5)]
-DIRTY = [(scene(seed, 0.3, a, b), (a, b)) for seed, a, b in ((3, 0.5, 0.1), (4, -0.8, 1.0), (5, 1.5, -1.0), (6, 0.3, 0.0))]  # fmt: skip
+DIRTY = [
+    (scene(seed, 0.3, a, b), (a, b))
+    for seed, a, b in ((3, 0.5, 0.1), (4, -0.8, 1.0), (5, 1.5, -1.0), (6, 0.3, 0.0))
+]
 
 
 @check("line", points=1)
@@ -288,19 +317,26 @@ def of_least_squares(x, y):
     return solutions.weighted(x, y, np.ones(len(x)))
 
 
-@mistake("line", "absolute values pull less than squares, but all far points at one end still turn the line")  # fmt: skip
+@mistake(
+    "line",
+    "absolute values pull less than squares, but all far points at one end still turn the line",
+)
 def of_absolute_values(x, y):
     n = len(x)
     A = np.column_stack([x, np.ones(n)])
     found = linprog(
         np.r_[0, 0, np.ones(n)],
-        A_ub=np.block([[A, -np.eye(n)], [-A, -np.eye(n)]]), b_ub=np.r_[y, -y],
+        A_ub=np.block([[A, -np.eye(n)], [-A, -np.eye(n)]]),
+        b_ub=np.r_[y, -y],
         bounds=[(None, None)] * 2 + [(0, None)] * n,
-    )  # fmt: skip
+    )
     return found.x[:2]
 
 
-@mistake("line", "this begins at the line of least squares, which is so far off that the kernel forgives the wrong points: begin elsewhere, or with a larger sigma")  # fmt: skip
+@mistake(
+    "line",
+    "this begins at the line of least squares, which is so far off that the kernel forgives the wrong points: begin elsewhere, or with a larger sigma",
+)
 def begun_at_least_squares(x, y):
     found = of_least_squares_line(x, y)
     for _ in range(50):

@@ -9,17 +9,15 @@
 # of poses were learned from motion capture.
 
 # %%
-from importlib.resources import files
-
 import numpy as np
 from scipy.special import logsumexp
 from scipy.stats import chi2
 
 import workbench as wb
 from workbench.course import Picture, source
-from workbench.experiments.keypoint_fit import learned_poses
 from workbench.plots import house_style, sheet
-from workbench.training.pose_mixture import read_pose_mixture
+from workbench.priors.pose_gaussian import shipped_gaussian
+from workbench.priors.pose_mixture import shipped_mixture
 
 body = wb.load_body("small")
 names = body.joint_names
@@ -37,8 +35,9 @@ pose, betas, trans = (block.symbol for block in body.blocks())
 seen_names = ("pelvis", "head", "left_wrist", "right_wrist", "left_ankle", "right_ankle")
 which = [names.index(name) for name in seen_names]
 rng = np.random.default_rng(0)
-mean, C = learned_poses()  # (69,) rad and (69, 69) rad^2, the pelvis left out
-mixture = read_pose_mixture(files("workbench") / "data" / "poses" / "cmu_mixture.npz")
+learned = shipped_gaussian()
+mean, C = learned.mean, learned.covariance  # (69,) rad and (69, 69) rad^2, no pelvis
+mixture = shipped_mixture()
 drawn = mixture.draw(4000, rng)
 knee, hip = names.index("left_knee"), names.index("left_hip")
 people = drawn[np.argsort(-drawn[:, knee, 0])[10:400:80]]  # five with a bent knee
@@ -64,8 +63,10 @@ for name, prior in priors.items():
         off[name].append(1e3 * np.linalg.norm(body.joints(**found) - joints, axis=1))
 for name, distances in off.items():
     unseen = np.delete(np.array(distances), which, axis=1)
-    print(f"{name:19}: joints that were seen off by {np.array(distances)[:, which].mean():.0f} mm, "
-          f"others by {unseen.mean():.0f} mm")  # fmt: skip
+    print(
+        f"{name:19}: joints that were seen off by {np.array(distances)[:, which].mean():.0f} mm, "
+        f"others by {unseen.mean():.0f} mm"
+    )
 
 # %% [markdown]
 # With the learned prior the fit meets what was seen to its noise (1 cm in each coordinate is 16 mm of
@@ -94,8 +95,10 @@ low, high = chi2.ppf([0.05, 0.95], 69)
 for name, poses in (("drawn from it", own), ("drawn from eight Gaussians", flat)):
     d2 = np.sum(np.linalg.solve(L, (poses - mean).T) ** 2, axis=0)
     inside = np.mean((low < d2) & (d2 < high))
-    print(f"{name:27} mean {d2.mean():5.1f}, between {low:.0f} and {high:.0f}: {100 * inside:.0f} %, "
-          f"expected 90")  # fmt: skip
+    print(
+        f"{name:27} mean {d2.mean():5.1f}, between {low:.0f} and {high:.0f}: {100 * inside:.0f} %, "
+        f"expected 90"
+    )
 
 # %%
 source(wb.residuals.gaussian)
@@ -111,8 +114,10 @@ source(wb.residuals.gaussian)
 for name, poses in (("one Gaussian", own), ("eight of them", flat)):
     bent_back = np.mean(poses.reshape(-1, 23, 3)[:, knee - 1, 0] < -0.1)
     likely = logsumexp(mixture.log_density(poses[:1000]), axis=1).mean()
-    print(f"drawn from {name}: left knee bent backwards by 0.1 rad and more in {100 * bent_back:.1f} %, "
-          f"mean log density by the eight {likely:.0f}")  # fmt: skip
+    print(
+        f"drawn from {name}: left knee bent backwards by 0.1 rad and more in {100 * bent_back:.1f} %, "
+        f"mean log density by the eight {likely:.0f}"
+    )
 
 with house_style():
     figure, axes = sheet(9.5, 4.0, columns=2)
@@ -122,8 +127,13 @@ with house_style():
         angle = poses[:1500].reshape(-1, 23, 3)[:, :, 0]
         ax.plot(angle[:, hip - 1], angle[:, knee - 1], ".", ms=2)
         ax.axhline(0, color="0.4", lw=0.8)
-        ax.set(title=name, xlabel="left hip, about x (rad)", ylabel="left knee, about x (rad)",
-               xlim=(-2.5, 1.2), ylim=(-1.2, 3))  # fmt: skip
+        ax.set(
+            title=name,
+            xlabel="left hip, about x (rad)",
+            ylabel="left knee, about x (rad)",
+            xlim=(-2.5, 1.2),
+            ylim=(-1.2, 3),
+        )
 Picture(
     figure,
     "1500 poses each. Below the line a knee is bent the wrong way. Eight Gaussians keep most people in a "
@@ -159,8 +169,10 @@ heights = np.array([0.5 * np.linalg.slogdet(c)[1] for c in mixture.covariances])
     mixture.shares
 )
 without = (-dense - heights).argmin(axis=1)
-print(f"without them, {100 * np.mean(without != dense.argmax(axis=1)):.0f} % of the poses are given to "
-      f"another component; the numbers range over {np.ptp(heights):.0f}")  # fmt: skip
+print(
+    f"without them, {100 * np.mean(without != dense.argmax(axis=1)):.0f} % of the poses are given to "
+    f"another component; the numbers range over {np.ptp(heights):.0f}"
+)
 
 # %% [markdown]
 # ## Wrong data
@@ -247,8 +259,10 @@ losses = {
     "Geman-McClure": (x**2 / (1 + x**2), 2 * x / (1 + x**2) ** 2),
 }
 peak = losses["Geman-McClure"][1]
-print(f"the influence is largest at {x[peak.argmax()]:.3f} sigma (1 / sqrt 3 = {1 / np.sqrt(3):.3f}): "
-      f"{peak.max():.4f} / sigma")  # fmt: skip
+print(
+    f"the influence is largest at {x[peak.argmax()]:.3f} sigma (1 / sqrt 3 = {1 / np.sqrt(3):.3f}): "
+    f"{peak.max():.4f} / sigma"
+)
 with house_style():
     figure, axes = sheet(12.5, 3.8, columns=3)
     for (name, (loss, pull)), dash in zip(losses.items(), ("-", "--", "-."), strict=True):
@@ -294,8 +308,10 @@ for name, start in (
     ("where Huber's ended", huber_end[0.2]),
 ):
     error, solution = fitted("Geman-McClure", 0.2, start)
-    print(f"Geman-McClure, begun {name:19}: {solution.status.name} after {solution.iterations} "
-          f"iterations, skin off by {error:.1f} mm")  # fmt: skip
+    print(
+        f"Geman-McClure, begun {name:19}: {solution.status.name} after {solution.iterations} "
+        f"iterations, skin off by {error:.1f} mm"
+    )
 
 # %% [markdown]
 # The first two have converged, truly: their gradients are zero. Most of the body can be an outlier to such a

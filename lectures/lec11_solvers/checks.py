@@ -6,9 +6,16 @@ from workbench.course import check, equal, holds, mistake
 from workbench.lectures.lec11_solvers import solutions
 
 INF = np.inf
-TIMES = np.array([
-    [10.0, 20, 40], [INF, 300, 100], [7, 7, 14], [50, INF, INF], [INF, INF, INF], [90, 30, 45],
-])  # fmt: skip
+TIMES = np.array(
+    [
+        [10.0, 20, 40],
+        [INF, 300, 100],
+        [7, 7, 14],
+        [50, INF, INF],
+        [INF, INF, INF],
+        [90, 30, 45],
+    ]
+)
 ALPHAS = np.array([1.0, 1.5, 2.0, 3.0, 4.0, 100.0])
 
 
@@ -103,8 +110,12 @@ def strictly_below(costs, efforts, goal):
 
 def as_told(came, expected, what):
     finite = np.isfinite(expected)
-    holds((np.isfinite(came) == finite).all(), what + ": infinite where a solver failed",
-          expected, came)  # fmt: skip
+    holds(
+        (np.isfinite(came) == finite).all(),
+        what + ": infinite where a solver failed",
+        expected,
+        came,
+    )
     equal(np.where(finite, came, 0), np.where(finite, expected, 0), what + ", infinite ones as 0")
 
 
@@ -200,8 +211,12 @@ def is_within_zero_and_one(wilson):
     """it lies within 0 and 1 and is no point, also where all or none succeed"""
     for k, n in ((0, 10), (10, 10), (1, 3), (16, 16)):
         low, high = wilson(k, n)
-        holds(-1e-12 <= low < high - 0.05 and high <= 1 + 1e-12, f"{k} of {n}",
-              "0 <= low < high <= 1, and not next to each other", (low, high))  # fmt: skip
+        holds(
+            -1e-12 <= low < high - 0.05 and high <= 1 + 1e-12,
+            f"{k} of {n}",
+            "0 <= low < high <= 1, and not next to each other",
+            (low, high),
+        )
         equal(wilson(n - k, n), (1 - high, 1 - low), f"the interval of failures, for {k} of {n}")
 
 
@@ -252,14 +267,26 @@ def turns_the_order(turned_round):
     times = turned_round()
     fair = np.isfinite(times).all() and (times > 0).all()
     holds(fair, "all efforts are finite and above 0", "", times)
-    holds(all(len(set(row)) == 3 for row in times), "no two efforts on one problem are equal", "",
-          times)  # fmt: skip
+    holds(
+        all(len(set(row)) == 3 for row in times),
+        "no two efforts on one problem are equal",
+        "",
+        times,
+    )
     a, b, c = np.bincount(times.argmin(axis=1), minlength=3)
-    holds(a > b, "how often A, B and C are the quickest, among three", "A more often than B",
-          f"{a}, {b} and {c}")  # fmt: skip
+    holds(
+        a > b,
+        "how often A, B and C are the quickest, among three",
+        "A more often than B",
+        f"{a}, {b} and {c}",
+    )
     a, b = np.bincount(times[:, :2].argmin(axis=1), minlength=2)
-    holds(b > a, "how often A and B are the quickest, without C", "B more often than A",
-          f"{a} and {b}")  # fmt: skip
+    holds(
+        b > a,
+        "how often A and B are the quickest, without C",
+        "B more often than A",
+        f"{a} and {b}",
+    )
 
 
 @mistake(

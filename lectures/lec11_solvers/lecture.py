@@ -31,10 +31,23 @@ from workbench.plots import house_style, sheet
 NAMES = ("gauss-newton", "levenberg-marquardt", "dogleg", "nlopt-lbfgs")
 every = {one.name.removeprefix("more-wild-"): one for one in MORE_WILD}
 PROBLEMS = [
-    "rosenbrock", "rosenbrock-far", "helical-valley", "helical-valley-far", "powell-singular",
-    "powell-singular-far", "freudenstein-roth", "freudenstein-roth-far", "bard", "bard-far",
-    "kowalik-osborne", "box", "jennrich-sampson", "brown-dennis", "brown-dennis-far", "osborne-1",
-]  # fmt: skip
+    "rosenbrock",
+    "rosenbrock-far",
+    "helical-valley",
+    "helical-valley-far",
+    "powell-singular",
+    "powell-singular-far",
+    "freudenstein-roth",
+    "freudenstein-roth-far",
+    "bard",
+    "bard-far",
+    "kowalik-osborne",
+    "box",
+    "jennrich-sampson",
+    "brown-dennis",
+    "brown-dennis-far",
+    "osborne-1",
+]
 setups = {name: every[name].setup() for name in PROBLEMS}
 solutions = {
     (name, solver): wb.solve(setup.problem, setup.start, wb.SOLVERS[solver])
@@ -169,8 +182,11 @@ print(f"{'median, - as infinite':24}" + "".join(f"{t:21.0f}" for t in np.median(
 # %%
 for tau in TAUS:
     count = np.isfinite(needed(tau)).sum(axis=0)
-    print(f"tau = {tau:5g}: met by "
-          + ", ".join(f"{s} {k}" for s, k in zip(NAMES, count, strict=True)) + " of 16")  # fmt: skip
+    print(
+        f"tau = {tau:5g}: met by "
+        + ", ".join(f"{s} {k}" for s, k in zip(NAMES, count, strict=True))
+        + " of 16"
+    )
 
 # %% [markdown]
 # ## Performance profiles
@@ -196,8 +212,12 @@ with house_style():
     figure, (ax,) = sheet(7.5, 4)
     for s, (solver, dash) in enumerate(zip(NAMES, ("-", "--", "-.", ":"), strict=True)):
         ax.step(alphas, 100 * shares[:, s], dash, where="post", label=solver)
-    ax.set(xscale="log", xlabel="effort over the least of all (ratio α)",
-           ylabel="share of the problems (%)", ylim=(0, 103))  # fmt: skip
+    ax.set(
+        xscale="log",
+        xlabel="effort over the least of all (ratio α)",
+        ylabel="share of the problems (%)",
+        ylim=(0, 103),
+    )
     ax.set_xticks([1, 2, 5, 10, 20], ["1", "2", "5", "10", "20"])
     ax.minorticks_off()
     ax.legend()
@@ -239,8 +259,10 @@ for price, said in ((1, "1 residual"), (10, "10 residuals")):
                 e = solutions[name, solver].trace[below[0]].evaluations
                 changed[p, s] = e.residual + 4 * e.gradient + price * e.jacobian
     first = performance_profile(changed, [1.0])[0]
-    print(f"a Jacobian for {said:12}: quickest "
-          + ", ".join(f"{s} {100 * share:.0f} %" for s, share in zip(NAMES, first, strict=True)))  # fmt: skip
+    print(
+        f"a Jacobian for {said:12}: quickest "
+        + ", ".join(f"{s} {100 * share:.0f} %" for s, share in zip(NAMES, first, strict=True))
+    )
 
 # %% [markdown]
 # (Shares may add up to more than 100 %: two can be the quickest at once.)
@@ -262,8 +284,10 @@ source(wilson)
 # %%
 for s, solver in enumerate(NAMES):
     found = wilson(int(met[:, s].sum()), len(PROBLEMS))
-    print(f"{solver:20} meets the target on {100 * found.value:3.0f} % of such problems, "
-          f"between {100 * found.low:.0f} and {100 * found.high:.0f} %")  # fmt: skip
+    print(
+        f"{solver:20} meets the target on {100 * found.value:3.0f} % of such problems, "
+        f"between {100 * found.low:.0f} and {100 * found.high:.0f} %"
+    )
 
 # %% [markdown]
 # The intervals overlap: sixteen problems do not tell these four apart by how sure they are. That is a result,
@@ -282,15 +306,18 @@ def worst(interval, trials):
     lowest = 1.0
     for p in np.linspace(0.001, 0.999, 999):
         inside = np.array([one.low <= p <= one.high for one in every])
-        chances = np.array([comb(trials, k) * p**k * (1 - p) ** (trials - k)
-                            for k in range(trials + 1)])  # fmt: skip
+        chances = np.array(
+            [comb(trials, k) * p**k * (1 - p) ** (trials - k) for k in range(trials + 1)]
+        )
         lowest = min(lowest, float(chances[inside].sum()))
     return lowest
 
 
 for interval in (wilson, rate):
-    print(f"{interval.__name__}: covers the worst share of 3 trials "
-          f"in {100 * worst(interval, 3):.1f} % of the cases")  # fmt: skip
+    print(
+        f"{interval.__name__}: covers the worst share of 3 trials "
+        f"in {100 * worst(interval, 3):.1f} % of the cases"
+    )
 
 # %% [markdown]
 # `rate` is the interval of Clopper and Pearson (1934), which promises 95 % whatever the share is and is wider for

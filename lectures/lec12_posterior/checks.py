@@ -69,8 +69,11 @@ JACOBIANS = [RNG.standard_normal((m, n)) for m, n in ((6, 2), (9, 3), (5, 4))]
 def knows_what_one_unknown_does(deviations):
     """of m measurements of one number it is sigma over the root of m"""
     for m, sigma in ((1, 3.0), (4, 2.0), (100, 0.5)):
-        equal(deviations(np.full((m, 1), 1 / sigma)), [sigma / np.sqrt(m)],
-              f"the deviation, {m} measurements with sigma = {sigma}")  # fmt: skip
+        equal(
+            deviations(np.full((m, 1), 1 / sigma)),
+            [sigma / np.sqrt(m)],
+            f"the deviation, {m} measurements with sigma = {sigma}",
+        )
 
 
 @check("deviations", points=1)
@@ -122,8 +125,12 @@ def holds_its_share(interval):
         came = interval(DRAWS, level)
         for (low, high), some in zip(came, DRAWS.T, strict=True):
             share = np.mean((low <= some) & (some <= high))
-            holds(abs(share - level) < 0.01, f"the share of draws in the {level} interval",
-                  f"{level}", f"{share:.3f}")  # fmt: skip
+            holds(
+                abs(share - level) < 0.01,
+                f"the share of draws in the {level} interval",
+                f"{level}",
+                f"{share:.3f}",
+            )
             below, above = np.mean(some < low), np.mean(some > high)
             holds(abs(below - above) < 0.01, "draws below and above", "as many", (below, above))
 
@@ -295,8 +302,9 @@ def has_moments(draw, density, start, mean, sd, what):
 def is_right_for_one_piece(draw):
     """means and deviations are right for a slanted bell and for a bent one"""
     has_moments(draw, slanted, [1.0, 1.0], np.zeros(2), np.ones(2), "a slanted bell")
-    has_moments(draw, bent, [0.0, 0.0], np.array([0.0, 0.5]), np.array([1.0, np.sqrt(0.75)]),
-                "a bent bell")  # fmt: skip
+    has_moments(
+        draw, bent, [0.0, 0.0], np.array([0.0, 0.5]), np.array([1.0, np.sqrt(0.75)]), "a bent bell"
+    )
 
 
 @check("draw", points=2)

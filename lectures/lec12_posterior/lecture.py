@@ -16,8 +16,8 @@ import workbench as wb
 from workbench.course import Picture, source
 from workbench.plots import house_style, sheet
 from workbench.sampling import laplace, sample
+from workbench.sampling.log_density import LogDensity
 from workbench.sampling.moves import propose_together
-from workbench.sampling.target import Target
 
 # %% [markdown]
 # ## A bone in one image
@@ -65,7 +65,7 @@ print(f"seen at {seen:.1f} px; least squares: {best:.2f} rad; the truth: {truth}
 # **posterior**, up to a constant. Least squares finds its highest point.
 
 # %%
-source(Target._density)
+source(LogDensity._density)
 
 # %% [markdown]
 # ## An error bar, the usual way
@@ -221,8 +221,10 @@ for size in (0.05, 1.5):
     chain = metropolis(log_p, np.array([0.9]), 4000, size, np.random.default_rng(0))[:, 0]
     values = np.exp(-cost(grid, pixel(0.9)))
     right = values[grid > 0].sum() / values.sum()
-    print(f"steps of {size:4} rad: {100 * (chain > 0).mean():3.0f} % of draws point away from the camera; "
-          f"by the grid {100 * right:.0f} %")  # fmt: skip
+    print(
+        f"steps of {size:4} rad: {100 * (chain > 0).mean():3.0f} % of draws point away from the camera; "
+        f"by the grid {100 * right:.0f} %"
+    )
 
 # %% [markdown]
 # With short steps the chain has not left the mode in which it began: of its 4000 draws none says anything
@@ -288,17 +290,35 @@ source(propose_together)
 draws = sample(one, found.values, walkers=32, steps=3000, seed=1)
 print(draws.verdict)
 print("mean      ", draws.mean.round(2), "by the grid", exact_mean.round(2), "rad")
-print("deviations", draws.sd.round(2), "by the grid", exact_sd.round(2), "by Laplace",
-      approximation.sd.round(2), "rad")  # fmt: skip
+print(
+    "deviations",
+    draws.sd.round(2),
+    "by the grid",
+    exact_sd.round(2),
+    "by Laplace",
+    approximation.sd.round(2),
+    "rad",
+)
 both = arm_problem("front", "side")
 clear = wb.solve(both, {"angles": np.zeros(2)})
 better = laplace(both, clear.values)
 density = np.exp(-both.costs(np.zeros(2), np.zeros(0), None)(places)).reshape(121, 121)
 density /= density.sum()
-exact = np.sqrt([density.sum(axis=1) @ axis**2 - (density.sum(axis=1) @ axis) ** 2,
-                 density.sum(axis=0) @ axis**2 - (density.sum(axis=0) @ axis) ** 2])  # fmt: skip
-print("with a second camera: least squares", clear.values["angles"].round(2),
-      "deviations by Laplace", better.sd.round(3), "by the grid", exact.round(3), "rad")  # fmt: skip
+exact = np.sqrt(
+    [
+        density.sum(axis=1) @ axis**2 - (density.sum(axis=1) @ axis) ** 2,
+        density.sum(axis=0) @ axis**2 - (density.sum(axis=0) @ axis) ** 2,
+    ]
+)
+print(
+    "with a second camera: least squares",
+    clear.values["angles"].round(2),
+    "deviations by Laplace",
+    better.sd.round(3),
+    "by the grid",
+    exact.round(3),
+    "rad",
+)
 
 with house_style():
     figure, (left, right) = sheet(10.5, 4.6, columns=2)
@@ -307,8 +327,14 @@ with house_style():
             *some.flat[:: max(1, len(some.flat) // 4000)].T, ".", ms=2, alpha=0.3, label="draws"
         )
         ax.plot(*true_angles, "k*", ms=12, label="truth")
-        ax.set(title=f"cameras: {name}", xlabel="upper arm out of the image (rad)",
-               ylabel="forearm (rad)", xlim=(-1.6, 1.6), ylim=(-1.6, 1.6), aspect="equal")  # fmt: skip
+        ax.set(
+            title=f"cameras: {name}",
+            xlabel="upper arm out of the image (rad)",
+            ylabel="forearm (rad)",
+            xlim=(-1.6, 1.6),
+            ylim=(-1.6, 1.6),
+            aspect="equal",
+        )
     left.plot(*found.values["angles"], "C1o", ms=6, label="least squares")
     for scale in (1, 2):
         turn = np.linspace(0, 2 * np.pi, 100)

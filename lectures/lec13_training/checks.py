@@ -21,8 +21,11 @@ def is_the_right_way_round(taught_by):
         holds(found[name] == right[name], f"what teaches {name}", right[name], str(found[name]))
 
 
-@mistake("taught_by", "the two are exchanged, as notes on SMPL print them: few people cannot show how people "
-         "differ, nor one pose how an elbow bulges")  # fmt: skip
+@mistake(
+    "taught_by",
+    "the two are exchanged, as notes on SMPL print them: few people cannot show how people "
+    "differ, nor one pose how an elbow bulges",
+)
 def exchanged():
     other = {"multi-pose": "multi-shape", "multi-shape": "multi-pose"}
     return {name: other[found] for name, found in solutions.taught_by().items()}
@@ -122,8 +125,12 @@ def has_no_slope(ridge):
 def shrinks(ridge):
     """it shrinks as the penalty grows, and works with fewer meshes than features"""
     sizes = [np.linalg.norm(ridge(FEATURES, SHAPES, one)) for one in (0.01, 1.0, 100.0, 1e4)]
-    holds(np.all(np.diff(sizes) < 0), "|P| for penalties 0.01, 1, 100, 10000", "falling",
-          ", ".join(f"{size:.3g}" for size in sizes))  # fmt: skip
+    holds(
+        np.all(np.diff(sizes) < 0),
+        "|P| for penalties 0.01, 1, 100, 10000",
+        "falling",
+        ", ".join(f"{size:.3g}" for size in sizes),
+    )
     few = ridge(FEATURES[:2], SHAPES[:2], 0.5)
     expected = solutions.ridge(FEATURES[:2], SHAPES[:2], 0.5)
     equal(few, expected, "P from two meshes, for penalty 0.5", 1e-8)
@@ -284,15 +291,21 @@ def free(reached, seen):
     return free_weights(reached, seen)
 
 
-@mistake("weights_of", "what was below zero was cut and the rest scaled: that has the right form, and is not "
-         "the least")  # fmt: skip
+@mistake(
+    "weights_of",
+    "what was below zero was cut and the rest scaled: that has the right form, and is not "
+    "the least",
+)
 def cut_and_scaled(reached, seen):
     w = free_weights(reached, seen).clip(0)
     return w / w.sum()
 
 
-@mistake("weights_of", "non-negative least squares, scaled afterwards, is not least with sum one: the sum has "
-         "to be in the problem")  # fmt: skip
+@mistake(
+    "weights_of",
+    "non-negative least squares, scaled afterwards, is not least with sum one: the sum has "
+    "to be in the problem",
+)
 def scaled_afterwards(reached, seen):
     A = reached.transpose(0, 2, 1).reshape(-1, reached.shape[1])
     w, _ = nnls(A, seen.ravel())
@@ -342,8 +355,12 @@ def is_the_true_shape(rest_shape):
     for turn in (0.4, 2.0):
         T, V = seen_often(0.0, turn)
         gap = np.sqrt(distance(rest_shape(V), T))
-        holds(gap < 1e-5, "distance to the true shape after the best rigid motion",
-              "below 1e-5 m", f"{gap:.2g} m")  # fmt: skip
+        holds(
+            gap < 1e-5,
+            "distance to the true shape after the best rigid motion",
+            "below 1e-5 m",
+            f"{gap:.2g} m",
+        )
 
 
 @check("rest_shape", points=2)

@@ -14,23 +14,23 @@ from dataclasses import replace
 import numpy as np
 
 import workbench as wb
-from workbench.bodies.tubes import tube
+from workbench.bodies.unposing import unpose
 from workbench.course import Picture, source
+from workbench.course.shapes.tubes import tube
+from workbench.geometry.mirror import Mirror
 from workbench.plots import house_style, sheet
-from workbench.plots.training import plot_costs
+from workbench.studies.ablations.figures import plot_costs
+from workbench.studies.ablations.study import aligned, pose_share
+from workbench.synthetic.made_up import draw_registrations, random_smpl, worm
 from workbench.training import blocks
-from workbench.training.ablations import aligned, pose_share
 from workbench.training.estimate import Estimate
 from workbench.training.general_form import gauges, general_form
 from workbench.training.joint_regressor import fit_joint_regressor
-from workbench.training.made_up import draw_registrations, random_smpl, worm
-from workbench.training.mirror import Mirror
 from workbench.training.plan import alternation
 from workbench.training.pose_training import first_estimate, train_poses
 from workbench.training.shape_space import learn_shape_space
 from workbench.training.simplex import shares_to_zero
 from workbench.training.skinning_pass import SkinningPass
-from workbench.training.unposing import unpose
 
 # %% [markdown]
 # ## Registrations
@@ -54,8 +54,10 @@ from workbench.training.unposing import unpose
 start = worm(11, 6)  # a mesh, its tree, and which segment each vertex belongs to
 true = random_smpl(start, 3, seed=0, shape=0.005)
 many, known = draw_registrations(true, 200, 1, seed=3, turn=0.3)  # multi-shape: nearly one pose
-print(f"{true.n_vertices} vertices, {true.n_joints} joints, {true.n_betas} directions of shape; "
-      f"{len(many.subject)} people")  # fmt: skip
+print(
+    f"{true.n_vertices} vertices, {true.n_joints} joints, {true.n_betas} directions of shape; "
+    f"{len(many.subject)} people"
+)
 
 # %% [markdown]
 # ## Principal components of what we have
@@ -75,10 +77,16 @@ def explained(people):
 
 raw = aligned(many)
 shares = pose_share(raw, known.poses)
-print("variance explained by 3 directions:", f"{explained(raw)[2]:.2f},",
-      "needed for 0.99:", 1 + np.argmax(explained(raw) > 0.99))  # fmt: skip
-print("of the first coordinates a linear function of pose explains:",
-      ", ".join(f"{share:.0%}" for share in shares))  # fmt: skip
+print(
+    "variance explained by 3 directions:",
+    f"{explained(raw)[2]:.2f},",
+    "needed for 0.99:",
+    1 + np.argmax(explained(raw) > 0.99),
+)
+print(
+    "of the first coordinates a linear function of pose explains:",
+    ", ".join(f"{share:.0%}" for share in shares),
+)
 
 # %% [markdown]
 # The first two directions are not shape: they are how people happened to bend. A model with
@@ -102,8 +110,10 @@ people = np.stack(
 )
 people -= people.mean(axis=1, keepdims=True)
 print("un-posed, variance explained by 3 directions:", f"{explained(people)[2]:.6f}")
-print("pose in the first coordinates:",
-      ", ".join(f"{share:+.0%}" for share in pose_share(people, known.poses)[:3]))  # fmt: skip
+print(
+    "pose in the first coordinates:",
+    ", ".join(f"{share:+.0%}" for share in pose_share(people, known.poses)[:3]),
+)
 
 with house_style():
     figure, (ax,) = sheet(7.5, 3.6)
@@ -159,7 +169,7 @@ def off_the_middle(*names):
     """How far points are from the middle, in mm, if these unknowns alone change."""
     change = {name: other[name] for name in names}
     begin, middle, end = (
-        SkinningPass(here.moved(change, share), slice(0, 16), few.subject).points
+        SkinningPass.of(here.moved(change, share), slice(0, 16), few.subject).points
         for share in (0, 0.5, 1)
     )
     return 1e3 * np.abs(middle - (begin + end) / 2).max()
@@ -205,8 +215,11 @@ source(SkinningPass.points)
 # %%
 mirror = start.mirror()
 alike = start.template  # the worm before anything was random: alike on both sides
-for name, U in {"both": mirror.points(alike), "x changes its sign": alike * [-1, 1, 1],
-                "left and right exchanged": alike[mirror.vertices]}.items():  # fmt: skip
+for name, U in {
+    "both": mirror.points(alike),
+    "x changes its sign": alike * [-1, 1, 1],
+    "left and right exchanged": alike[mirror.vertices],
+}.items():
     print(f"{name:25} |T - U(T)| = {np.linalg.norm(alike - U):.2f} m")
 
 # %%
@@ -235,8 +248,10 @@ print(
     f"registrations are met to {1e3 * model.objective.rms(model.estimate):.2f} mm per coordinate; noise is 1 mm"
 )
 W = model.estimate.weights
-print(f"weights: least {W.min():.0f}, rows sum to 1 within {np.abs(W.sum(axis=1) - 1).max():.0e}, "
-      f"at most {(W > 0).sum(axis=1).max()} for a vertex")  # fmt: skip
+print(
+    f"weights: least {W.min():.0f}, rows sum to 1 within {np.abs(W.sum(axis=1) - 1).max():.0e}, "
+    f"at most {(W > 0).sum(axis=1).max()} for a vertex"
+)
 
 with house_style():
     figure, (ax,) = sheet(8, 4.4)
@@ -278,8 +293,10 @@ def lesson(n, seed, noise):
     whole = Estimate(
         T[None], (true.J_regressor @ T)[None], true.posedirs, true.weights, poses, true.parents
     )
-    at = SkinningPass(whole, slice(0, n), np.zeros(n, dtype=int))
-    rest = np.linalg.solve(at.blended, (meshes - at.carried @ at.shifts)[..., None])[..., 0]
+    at = SkinningPass.of(whole, slice(0, n), np.zeros(n, dtype=int))
+    rest = np.linalg.solve(at.blended, (meshes - whole.subtree_weights @ at.shifts)[..., None])[
+        ..., 0
+    ]
     return at.features, (rest - T).reshape(n, -1)
 
 
@@ -294,8 +311,10 @@ for lam in lambdas:
     unseen.append(1e3 * np.sqrt(np.mean((F_test @ P - D_test) ** 2)))
 best = int(np.argmin(unseen))
 for i in (0, best, -1):
-    print(f"lambda {lambdas[i]:8.4f}: |P| {sizes[i]:.3f} m, in the lesson {learned[i]:.2f} mm, "
-          f"in unseen poses {unseen[i]:.2f} mm")  # fmt: skip
+    print(
+        f"lambda {lambdas[i]:8.4f}: |P| {sizes[i]:.3f} m, in the lesson {learned[i]:.2f} mm, "
+        f"in unseen poses {unseen[i]:.2f} mm"
+    )
 print("|P| falls all the way:", bool((np.diff(sizes) < 0).all()))
 print(f"no blend shapes: {1e3 * np.sqrt(np.mean(D_test**2)):.2f} mm in unseen poses")
 
@@ -344,9 +363,11 @@ for name, R in (("least squares", free), ("shares", as_shares)):
         1e3 * np.sqrt(np.mean((R @ t - j)[:, 1:] ** 2)) for t, j in ((T, J), (T_new, J_new))
     )
     away = np.linalg.norm((R @ (T[0] + [0, 1, 0]) - R @ T[0] - [0, 1, 0])[1:], axis=1)
-    print(f"{name:13} known people {seen:.2f} mm, new {new:.2f} mm; moved by 1 m, joints lag by up to "
-          f"{1e3 * away.max():.1f} mm; least entry {R.min():+.2f}, {np.mean((R[1:] != 0).sum(axis=1)):.0f} of 66 "
-          "entries")  # fmt: skip
+    print(
+        f"{name:13} known people {seen:.2f} mm, new {new:.2f} mm; moved by 1 m, joints lag by up to "
+        f"{1e3 * away.max():.1f} mm; least entry {R.min():+.2f}, {np.mean((R[1:] != 0).sum(axis=1)):.0f} of 66 "
+        "entries"
+    )
 
 # %% [markdown]
 # On people who stand where the others stood, the two are alike. But least squares has never seen anybody
@@ -380,8 +401,10 @@ form = general_form(dented, list(meshes), freed=("template",), sigma=0.001, shap
 solution = wb.solve(form.problem, form.start)
 values = form.start | solution.values
 here = form.problem.linearize(values)
-print(f"{len(here.gradient)} unknowns, {len(here.residual)} residuals: cost from "
-      f"{solution.trace[0].cost:.0f} to {solution.cost:.1e}")  # fmt: skip
+print(
+    f"{len(here.gradient)} unknowns, {len(here.residual)} residuals: cost from "
+    f"{solution.trace[0].cost:.0f} to {solution.cost:.1e}"
+)
 print(
     "rank of the Jacobian:",
     here.rank,

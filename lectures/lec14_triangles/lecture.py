@@ -21,11 +21,11 @@ from workbench.geometry.rotation import matrix_from_vector
 from workbench.geometry.stitching import Stitching
 from workbench.geometry.triangles import edges, frames, gradients, soup
 from workbench.plots import house_style, plot_stitching, sheet
-from workbench.training.triangles.comparison import (
-    additivity_gap,
+from workbench.studies.triangles.explained_variance import (
     explained_by_triangles,
     explained_by_vertices,
 )
+from workbench.studies.triangles.measures import additivity_gap
 
 body = wb.load_body("small")
 faces, template = body.faces, body.template
@@ -59,8 +59,10 @@ def gaps(corners):
 
 
 print(f"rotations alone: R'R = I to {np.abs(X.transpose(0, 2, 1) @ X - np.eye(3)).max():.0e}")
-print(f"corners that were one vertex are up to {gaps(torn).max():.0f} mm from their mean; at rest "
-      f"{gaps(template[faces]).max():.0f} mm")  # fmt: skip
+print(
+    f"corners that were one vertex are up to {gaps(torn).max():.0f} mm from their mean; at rest "
+    f"{gaps(template[faces]).max():.0f} mm"
+)
 
 # %% [markdown]
 # Every triangle is perfect and the surface is gone: the forearm has not even moved away from where it
@@ -81,8 +83,10 @@ moved = T @ true.T
 two = edges(T, np.array([[0, 1, 2]]))[0].T  # the edges as columns, (3, 2)
 two_moved = edges(moved, np.array([[0, 1, 2]]))[0].T
 by_edges = two_moved @ np.linalg.pinv(two)
-print(f"from two edges: edges are met to {np.abs(by_edges @ two - two_moved).max():.0e} m, "
-      f"but det X = {np.linalg.det(by_edges):.3f} and the true one is {np.linalg.det(true):.3f}")  # fmt: skip
+print(
+    f"from two edges: edges are met to {np.abs(by_edges @ two - two_moved).max():.0e} m, "
+    f"but det X = {np.linalg.det(by_edges):.3f} and the true one is {np.linalg.det(true):.3f}"
+)
 print("rank of that X:", np.linalg.matrix_rank(by_edges))
 
 # %% [markdown]
@@ -181,8 +185,10 @@ def crease(X):
 for name, deformed in (("SCAPE", X), ("BlendSCAPE", Y)):
     asked = edges(template, faces) @ deformed.transpose(0, 2, 1)
     left = 1e3 * np.linalg.norm(edges(stitching.vertices(asked), faces) - asked, axis=2)
-    print(f"{name:11} largest step between neighbours {crease(deformed):.2f}, stitching leaves up to "
-          f"{left.max():.0f} mm, least det {np.linalg.det(deformed).min():.2f}")  # fmt: skip
+    print(
+        f"{name:11} largest step between neighbours {crease(deformed):.2f}, stitching leaves up to "
+        f"{left.max():.0f} mm, least det {np.linalg.det(deformed).min():.2f}"
+    )
 
 # %% [markdown]
 # The crease is smaller, and something else has gone wrong, which lecture 4 knows already: a mean of

@@ -78,9 +78,16 @@ def test_what_is_covered_is_counted() -> None:
 
 
 MACHINE = {
-    "processor": "a made-up one", "cores": 2, "cores used": 1, "system": "none", "python": "3",
-    "versions": {}, "date": "2026-01-01T00:00", "load": [0.0], "load after": [0.0],
-}  # fmt: skip
+    "processor": "a made-up one",
+    "cores": 2,
+    "cores used": 1,
+    "system": "none",
+    "python": "3",
+    "versions": {},
+    "date": "2026-01-01T00:00",
+    "load": [0.0],
+    "load after": [0.0],
+}
 
 
 @pytest.mark.long

@@ -1,9 +1,9 @@
-"""The README's table of triangle models is drawn from the numbers that are kept."""
+"""The table of triangle models is drawn from the numbers that are kept."""
 
 import json
 
 from benchmarks.triangles import BEGIN, END, KEPT, README, table
-from workbench.training.triangles.people import RECORDED, Plan
+from workbench.studies.triangles.people import RECORDED, TrianglePlan
 
 
 def kept() -> dict:  # type: ignore[type-arg]
@@ -17,11 +17,11 @@ def test_the_table_says_what_the_kept_results_say() -> None:
 
 def test_the_kept_results_are_of_as_many_people_as_the_command_takes() -> None:
     found = kept()
-    assert Plan(**found["plan"]) == Plan()
+    assert TrianglePlan(**found["plan"]) == TrianglePlan()
     assert found["test"] == RECORDED
 
 
 def test_vertices_explain_at_least_as_much_for_every_k_that_was_kept() -> None:
     found = kept()["explained"]
-    v, t = (found[f"{name}, learned"]["share"] for name in ("vertices", "triangles"))
+    v, t = (found[f"{name}, training"]["share"] for name in ("vertices", "triangles"))
     assert all(a >= b - 1e-3 for a, b in zip(v, t, strict=True))  # four digits are kept

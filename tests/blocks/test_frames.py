@@ -39,9 +39,9 @@ def by_graph(source: FramedPoints, values: wb.Values) -> tuple[np.ndarray, dict[
     assert source.expression is not None
     column = cs.vec(source.expression)
     function = cs.Function("f", symbols, [column, *(cs.jacobian(column, s) for s in symbols)])
-    points, *slopes = function(*(
-        values[b.name].ravel().reshape(b.symbol_shape, order="F") for b in source.blocks
-    ))  # fmt: skip
+    points, *slopes = function(
+        *(values[b.name].ravel().reshape(b.symbol_shape, order="F") for b in source.blocks)
+    )
     found = {b.name: np.asarray(J) for b, J in zip(source.blocks, slopes, strict=True)}
     return np.asarray(points).reshape(-1, 3), found
 
@@ -73,8 +73,11 @@ def test_a_part_of_a_block_of_frames_names_its_entries() -> None:
     pose = framed(wb.Block("pose", (2, 3), "rad", ("hip", "knee")), 3)
     part = wb.Block.part(pose, [3, 4, 5, 15])
     assert [part.entry(i) for i in range(4)] == [
-        "[0, knee, x]", "[0, knee, y]", "[0, knee, z]", "[2, knee, x]"
-    ]  # fmt: skip
+        "[0, knee, x]",
+        "[0, knee, y]",
+        "[0, knee, z]",
+        "[2, knee, x]",
+    ]
     flat_block = framed(wb.Block("trans", (3,), "m", ("a", "b", "c")), 2)
     rows = wb.Block.part(flat_block, [3, 4, 5])
     assert rows.size == 3

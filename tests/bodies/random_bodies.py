@@ -4,10 +4,10 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from tests.bodies_made_up import SMPL_PARENTS
+from workbench.arrays import Array
 from workbench.bodies.skinned import Landmarks, SkinnedBody
 
 Entries = dict[str, Any]
@@ -28,7 +28,7 @@ def entries(N: int = 40, K: int = 24, B: int = 10, seed: int = 0) -> Entries:
     }
 
 
-def _rows(rng: np.random.Generator, rows: int, columns: int) -> NDArray[np.float64]:
+def _rows(rng: np.random.Generator, rows: int, columns: int) -> Array:
     """Sparse rows that sum to one."""
     found = rng.random((rows, columns)) * (rng.random((rows, columns)) < 4 / columns)
     found[np.arange(rows), rng.integers(columns, size=rows)] += 1
@@ -39,10 +39,11 @@ def decorated(body: SkinnedBody) -> SkinnedBody:
     """The body with everything that a file of ours can hold beside SMPL's arrays."""
     rng = np.random.default_rng(1)
     landmarks = {
-        name: Landmarks(tuple(f"{name}_{i}" for i in range(M)),
-                        csr_array(_rows(rng, M, body.n_vertices)))
+        name: Landmarks(
+            tuple(f"{name}_{i}" for i in range(M)), csr_array(_rows(rng, M, body.n_vertices))
+        )
         for name, M in (("coco", 5), ("one", 1))
-    }  # fmt: skip
+    }
     return replace(
         body,
         mirror=np.arange(body.n_vertices)[::-1].copy(),

@@ -14,16 +14,16 @@ from tests.outcomes_made_up import setup_made_up
 from tests.problem.test_chain import assert_same
 from workbench import residuals
 from workbench.blocks.affine import Affine, _by_scalars
-from workbench.bodies import arithmetic, surface
+from workbench.bodies.forward import arithmetic, surface
 from workbench.bodies.triangles.recipes import blend_scape
 from workbench.diagnostics import diagnose
 from workbench.experiments import Experiment, Setup, run
 from workbench.problem import batch
 from workbench.reports import write_report
 from workbench.reports.direction_pictures import pictures
+from workbench.sampling.log_density import LogDensity
+from workbench.sampling.rotations import shortest_rotations
 from workbench.sampling.subspace import fixed
-from workbench.sampling.target import Target
-from workbench.sampling.turns import shortest
 from workbench.solvers.wrapping import rewrapped
 
 RNG = np.random.default_rng(0)
@@ -96,9 +96,18 @@ def larger() -> Given:
 
 
 ALL = (
-    plain, pieces, pieces_that_cross, components, half_components, offsets, two_roles, mirrored,
-    held, flat, larger,
-)  # fmt: skip
+    plain,
+    pieces,
+    pieces_that_cross,
+    components,
+    half_components,
+    offsets,
+    two_roles,
+    mirrored,
+    held,
+    flat,
+    larger,
+)
 EACH = pytest.mark.parametrize("given", ALL, ids=lambda given: given.__name__)
 
 
@@ -305,7 +314,7 @@ def test_one_block_moves_two_bodies() -> None:
     problem = wb.Problem(stacked, [rest.name, *(b.name for b in others)], blocks=(rest, *others))
     assert_same(problem, values_of(problem))
     assert len(problem.trees) == 2
-    turned = [problem.free.label(at.start) for at in problem.turns]
+    turned = [problem.free.label(at.start) for at in problem.rotations]
     assert turned[:2] == ["a/root[joint0, x]", "rest[joint1, x]"]
     assert turned[-1] == "b/root[joint0, x]"
     assert len(turned) == K + 1  # what is shared is counted once
@@ -372,7 +381,9 @@ def test_long_rotation_vectors_are_wrapped_alike() -> None:
     for problem, values in ((whole, start), (cut, to_pieces(start))):
         z, given = problem.split(values)
         space = fixed(problem, problem.linearize_at(z, given), z, np.arange(problem.free.size))
-        np.testing.assert_array_equal(shortest(Target(problem, given, space), z), wrapped)
+        np.testing.assert_array_equal(
+            shortest_rotations(LogDensity(problem, given, space), z), wrapped
+        )
 
 
 def test_a_fit_of_pieces_walks_the_same_way() -> None:
@@ -399,7 +410,7 @@ def test_coefficients_have_no_joints_and_the_pieces_beside_them_do() -> None:
     (tree,) = problem.trees
     assert tree.places[:2] == (("front", 0), ("front", 3))
     assert tree.places[20:] == (None,) * 4
-    assert len(problem.turns) == 20
+    assert len(problem.rotations) == 20
     found = diagnose(problem, values_of(problem))
     assert found.rank_law is None  # it counts joints that turn by three numbers of their own
     for direction in found.null_directions:
@@ -411,7 +422,7 @@ def test_a_negative_or_shifted_copy_is_no_rotation_vector_of_its_own() -> None:
     for given, turned in ((mirrored, 1), (offsets, 0), (two_roles, K), (flat, K), (larger, K)):
         arguments = given()
         problem = wb.Problem(terms(BODY, arguments), names_of(arguments))
-        assert len(problem.turns) == turned, given.__name__
+        assert len(problem.rotations) == turned, given.__name__
 
 
 def test_a_run_whose_pose_is_in_pieces_is_shown(tmp_path: Path) -> None:

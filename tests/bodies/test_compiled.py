@@ -13,11 +13,12 @@ import pytest
 
 from tests.bodies_made_up import SMPL_PARENTS, random_body
 from workbench import compiling
-from workbench.bodies import SkinnedBody, arithmetic, surface
-from workbench.bodies.arithmetic import arithmetic_of
-from workbench.bodies.compiled import CompiledArithmetic
-from workbench.bodies.kernels import NAME, kernels
-from workbench.bodies.numeric import ChunkedArithmetic, chunks_of
+from workbench.bodies import SkinnedBody
+from workbench.bodies.forward import arithmetic, surface
+from workbench.bodies.forward.arithmetic import arithmetic_of
+from workbench.bodies.forward.compiled import CompiledArithmetic
+from workbench.bodies.forward.kernels import NAME, kernels
+from workbench.bodies.forward.numeric import ChunkedArithmetic, chunks_of
 
 COMPILER = next((c for c in ("gcc", "clang", "cc") if shutil.which(c)), None)
 NEEDS_COMPILER = pytest.mark.skipif(COMPILER is None, reason="no C compiler on the PATH")
@@ -284,7 +285,7 @@ def test_little_is_not_worth_compiling(monkeypatch: pytest.MonkeyPatch) -> None:
 @NEEDS_COMPILER
 def test_two_processes_at_once(tmp_path: Path) -> None:
     code = (
-        "from workbench.bodies.kernels import kernels\n"
+        "from workbench.bodies.forward.kernels import kernels\n"
         "library, why = kernels((-1, 0, 0, 1), 3)\n"
         "assert library is not None, why"
     )

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import workbench
 from workbench.bodies.catalogue import BODIES
-from workbench.bodies.embedded import EmbeddedBody, read_embedded
+from workbench.bodies.files.embedded import EmbeddedBody, read_embedded
 from workbench.errors import BadFile
 
 FOLDER = Path(workbench.__file__).parent / "data" / "bodies"

@@ -11,7 +11,7 @@ from tests.bodies.variants import SKINNINGS, variants, varied
 from tests.bodies_made_up import random_body, smpl_like_body
 from tests.differences import assert_hessian, assert_jacobian
 from workbench import SkinnedBody
-from workbench.bodies.features import CLASSICAL, Features, rotation_elements
+from workbench.bodies.forward.features import CLASSICAL, Features, rotation_elements
 from workbench.errors import BadBody, BadFile
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 

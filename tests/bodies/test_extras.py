@@ -13,16 +13,19 @@ from scipy.sparse import csc_matrix
 
 from tests.bodies.random_bodies import Entries, entries, same
 from workbench.bodies.catalogue import load_body
-from workbench.bodies.npz_files import read_npz
-from workbench.bodies.saving import save_body
-from workbench.bodies.smpl_layout import body_from
+from workbench.bodies.files.npz_files import read_npz
+from workbench.bodies.files.saving import save_body
+from workbench.bodies.files.smpl_layout import body_from
 from workbench.errors import BadBody, BadFile
 from workbench.reports import card_text
 from workbench.reports.card import card_page
 
 rng = np.random.default_rng(5)
-HAND = {"hands_components": rng.normal(size=(45, 45)), "hands_mean": rng.normal(size=45),
-        "hands_coeffs": rng.normal(size=(7, 45))}  # fmt: skip
+HAND = {
+    "hands_components": rng.normal(size=(45, 45)),
+    "hands_mean": rng.normal(size=45),
+    "hands_coeffs": rng.normal(size=(7, 45)),
+}
 BOTH_HANDS = {key + side: value for key, value in HAND.items() for side in "lr"}
 FACE = {
     "lmk_faces_idx": rng.integers(80, size=51).astype(np.uint32),
@@ -31,12 +34,18 @@ FACE = {
     "dynamic_lmk_bary_coords": rng.dirichlet(np.ones(3), size=(79, 17)),
 }
 LAYOUTS: dict[str, tuple[Entries, Entries]] = {  # the arrays of SMPL, and what comes beside them
-    "SMPL": (entries(), {"weights_prior": rng.random((40, 24)), "bs_type": np.array("lrotmin"),
-                         "gender": np.array("female")}),
+    "SMPL": (
+        entries(),
+        {
+            "weights_prior": rng.random((40, 24)),
+            "bs_type": np.array("lrotmin"),
+            "gender": np.array("female"),
+        },
+    ),
     "MANO": (entries(K=16), HAND),
     "SMPL-H": (entries(K=52, B=16), BOTH_HANDS),
     "SMPL-X": (entries(K=55, B=20), BOTH_HANDS | FACE),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("written", [".npz", ".pkl"])
@@ -81,10 +90,15 @@ def test_a_mirror_that_is_none_is_saved_as_it_was(tmp_path: Path) -> None:
 def test_what_cannot_be_kept_is_named_with_the_reason(tmp_path: Path) -> None:
     """The kinds of entries of SMPL's own files: objects, dictionaries, and what was computed."""
     raw = entries() | {
-        "pose_training_info": {"rms": 1.0}, "nothing": None, "J": np.zeros((24, 3)),
-        "J_regressor_prior": csc_matrix(np.eye(24, 40)), "bs_type": "lrotmin", "scale": 2.0,
-        "complex": np.zeros(3, complex), "landmarks/face": np.zeros((3, 40)),
-    }  # fmt: skip
+        "pose_training_info": {"rms": 1.0},
+        "nothing": None,
+        "J": np.zeros((24, 3)),
+        "J_regressor_prior": csc_matrix(np.eye(24, 40)),
+        "bs_type": "lrotmin",
+        "scale": 2.0,
+        "complex": np.zeros(3, complex),
+        "landmarks/face": np.zeros((3, 40)),
+    }
     (tmp_path / "m.pkl").write_bytes(pickle.dumps(raw, protocol=2))
     body = load_body(tmp_path / "m.pkl")
     told = {line.partition(",")[0]: line for line in body.card["left_out"]}
@@ -121,8 +135,12 @@ def test_two_arrays_of_one_name_are_refused(tmp_path: Path) -> None:
 def test_the_card_lists_what_travels_and_what_does_not() -> None:
     body = body_from(LAYOUTS["MANO"][0] | HAND | {"why": None}, "hand", "hand.npz")
     for text in (card_text(body), card_page(body)):
-        for word in ("hands_components (45 × 45)", "hands_mean (45)", "carried along",
-                     "why, which is empty"):  # fmt: skip
+        for word in (
+            "hands_components (45 × 45)",
+            "hands_mean (45)",
+            "carried along",
+            "why, which is empty",
+        ):
             assert word in text
     plain = card_text(body_from(LAYOUTS["MANO"][0], "hand", "hand.npz"))
     assert "carried" not in plain

@@ -15,10 +15,10 @@ from scipy.sparse import coo_matrix, csc_matrix, csr_matrix
 
 from tests.bodies.random_bodies import Entries, decorated, entries, same
 from workbench.bodies.catalogue import BODIES, load_body
-from workbench.bodies.npz_files import read_npz
-from workbench.bodies.saving import save_body
-from workbench.bodies.smpl_layout import body_from
-from workbench.bodies.smplx_vertices import extras, vertex_ids
+from workbench.bodies.files.npz_files import read_npz
+from workbench.bodies.files.saving import save_body
+from workbench.bodies.files.smpl_layout import body_from
+from workbench.bodies.files.smplx_vertices import extras, vertex_ids
 from workbench.errors import BadBody, BadFile
 from workbench.writing import replacing
 
@@ -30,8 +30,12 @@ def saved(path: Path, raw: Entries) -> Path:
 
 def equal_to(raw: Entries, path: Path) -> None:
     body = load_body(path)
-    for name, key in (("template", "v_template"), ("shapedirs", "shapedirs"),
-                      ("posedirs", "posedirs"), ("weights", "weights")):  # fmt: skip
+    for name, key in (
+        ("template", "v_template"),
+        ("shapedirs", "shapedirs"),
+        ("posedirs", "posedirs"),
+        ("weights", "weights"),
+    ):
         np.testing.assert_array_equal(getattr(body, name), raw[key])
         assert getattr(body, name).dtype == np.float64
     np.testing.assert_array_equal(body.J_regressor.toarray(), raw["J_regressor"])
@@ -144,9 +148,12 @@ VARIANTS: dict[str, Callable[[Entries], Entries]] = {
     "root 2^64 - 1": lambda e: {"kintree_table": _root(e, 2**64 - 1)},
     "float tree": lambda e: {"kintree_table": e["kintree_table"].astype(np.float32)},
     "float faces": lambda e: {"f": e["f"].astype(np.float64)},
-    "more keys": lambda e: {"vert_sym_idxs": np.arange(40), "bs_style": np.array("lbs"),
-                            "part2num": np.array({"head": 1}, dtype=object)},
-}  # fmt: skip
+    "more keys": lambda e: {
+        "vert_sym_idxs": np.arange(40),
+        "bs_style": np.array("lbs"),
+        "part2num": np.array({"head": 1}, dtype=object),
+    },
+}
 
 
 def _root(raw: Entries, parent: int) -> Any:

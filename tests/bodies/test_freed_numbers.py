@@ -8,8 +8,8 @@ import pytest
 
 import workbench as wb
 from tests.bodies_made_up import random_body
-from workbench.bodies.freed_numbers import BLOCKS, FreedSurface, FreedSurfaceAt
-from workbench.bodies.freed_points import FreedPoints
+from workbench.bodies.forward.freed_numbers import BLOCKS, FreedSurface, FreedSurfaceAt
+from workbench.bodies.forward.freed_points import FreedPoints
 
 PLAIN = random_body(4, n_vertices=9, n_joints=4, n_betas=2)
 BENT = replace(PLAIN, bound_in=np.random.default_rng(1).normal(scale=0.4, size=(4, 3)))

@@ -11,7 +11,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 import workbench as wb
-from workbench.bodies.gltf import write_gltf
+from workbench.bodies.files.gltf import write_gltf
 from workbench.bodies.triangles import scape
 from workbench.errors import BadBody
 

@@ -6,7 +6,12 @@ import pytest
 
 from tests.bodies_made_up import random_body
 from workbench import SkinnedBody
-from workbench.bodies.kinematics import binding_motions, bones_of, pose_features, world_motions
+from workbench.bodies.forward.kinematics import (
+    binding_motions,
+    bones_of,
+    pose_features,
+    world_motions,
+)
 from workbench.geometry.rotation import matrix_from_vector, rodrigues
 
 PARENTS = (-1, 0, 0, 1, 3, 2)

@@ -8,8 +8,8 @@ import pytest
 
 from tests.bodies_made_up import random_body
 from workbench import SkinnedBody
-from workbench.bodies.kinematics import binding_motions, pose_features
-from workbench.bodies.skinning import linear_blend
+from workbench.bodies.forward.kinematics import binding_motions, pose_features
+from workbench.bodies.forward.skinning import linear_blend
 from workbench.geometry.rotation import rodrigues
 
 N, K, B = 6, 3, 2
@@ -53,10 +53,15 @@ def test_the_surface_is_not_linear_in_the_pose() -> None:
 
 @pytest.mark.parametrize(
     "names",
-    [("weights", "posedirs"), ("weights", "template"), ("shapedirs", "betas"),
-     ("J_regressor", "template"), ("weights", "J_regressor")],
+    [
+        ("weights", "posedirs"),
+        ("weights", "template"),
+        ("shapedirs", "betas"),
+        ("J_regressor", "template"),
+        ("weights", "J_regressor"),
+    ],
     ids="+".join,
-)  # fmt: skip
+)
 def test_products_of_two_are_not_linear(names: tuple[str, str]) -> None:
     free = [name for name in names if name != "betas"]
     _, vertices, symbols = surface(*free)

@@ -17,10 +17,10 @@ from scipy.sparse import coo_matrix, csc_array, csc_matrix, csr_matrix
 
 from tests.bodies.random_bodies import Entries, entries
 from workbench.bodies.catalogue import load_body
-from workbench.bodies.pickle_records import KNOWN, Made
-from workbench.bodies.pickled_arrays import read_pickled_arrays
-from workbench.bodies.pickles import EFFECTS, LITERALS, OPCODES, run
-from workbench.bodies.raw import Unread
+from workbench.bodies.files.entries import Unread
+from workbench.bodies.files.pickle_records import KNOWN, Made
+from workbench.bodies.files.pickled_arrays import read_pickled_arrays
+from workbench.bodies.files.pickles import EFFECTS, LITERALS, OPCODES, run
 from workbench.errors import BadFile, UnsafePickle
 
 # A stand-in for the package chumpy, there while a file is written and gone when it is read.
@@ -43,8 +43,12 @@ class add(Ch):  # noqa: N801
     pass
 
 
-PLACES = ((Ch, "chumpy.ch"), (Select, "chumpy.reordering"), (transpose, "chumpy.reordering"),
-          (add, "chumpy.ch_ops"))  # fmt: skip
+PLACES = (
+    (Ch, "chumpy.ch"),
+    (Select, "chumpy.reordering"),
+    (transpose, "chumpy.reordering"),
+    (add, "chumpy.ch_ops"),
+)
 
 
 @pytest.fixture
@@ -86,8 +90,12 @@ def python_2_pickle(raw: dict[str, np.ndarray]) -> bytes:
 
 def equal_to(raw: Entries, path: Path) -> None:
     body = load_body(path)
-    for name, key in (("template", "v_template"), ("shapedirs", "shapedirs"),
-                      ("posedirs", "posedirs"), ("weights", "weights")):  # fmt: skip
+    for name, key in (
+        ("template", "v_template"),
+        ("shapedirs", "shapedirs"),
+        ("posedirs", "posedirs"),
+        ("weights", "weights"),
+    ):
         np.testing.assert_array_equal(getattr(body, name), raw[key])
     np.testing.assert_array_equal(body.J_regressor.toarray(), raw["J_regressor"])
     np.testing.assert_array_equal(body.faces, raw["f"])
@@ -253,7 +261,7 @@ def attacks(marker: Path) -> dict[str, tuple[bytes, str]]:
         "persistent id": (b"Pposix.system\n.", "PERSID"),
         "binary persistent id": (b"\x80\x02K\x01Q.", "BINPERSID"),
         "out-of-band buffer": (b"\x80\x05\x97.", "NEXT_BUFFER"),
-    }  # fmt: skip
+    }
 
 
 @pytest.mark.parametrize("name", attacks(Path("marker")))
@@ -305,8 +313,16 @@ def test_a_registered_extension_is_refused_too(tmp_path: Path) -> None:
 def test_a_state_cannot_change_what_a_record_does(tmp_path: Path) -> None:
     marker = tmp_path / "marker"
     value = np.arange(72.0).reshape(24, 3)
-    wild = Ch(x=value, __class__="os", __setstate__="os", name="Select", arguments=(), state=None,
-              __reduce__="posix.system", __dict__={"x": 1})  # fmt: skip
+    wild = Ch(
+        x=value,
+        __class__="os",
+        __setstate__="os",
+        name="Select",
+        arguments=(),
+        state=None,
+        __reduce__="posix.system",
+        __dict__={"x": 1},
+    )
     path = dumped({"a": wild}, tmp_path / "model.pkl")
     np.testing.assert_array_equal(read_pickled_arrays(path)["a"], value)
     assert not marker.exists()
@@ -386,7 +402,7 @@ def test_a_file_that_is_too_large_is_not_opened(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     dumped(entries(), tmp_path / "model.pkl")
-    monkeypatch.setattr("workbench.bodies.pickles.MOST_BYTES", 1000)
+    monkeypatch.setattr("workbench.bodies.files.pickles.MOST_BYTES", 1000)
     with pytest.raises(BadFile, match="over 2 GB are not read"):
         load_body(tmp_path / "model.pkl")
 

@@ -10,7 +10,7 @@ from scipy.sparse import csr_array
 
 import workbench as wb
 from tests.bodies_made_up import random_body, smpl_like_body
-from workbench.bodies import surface
+from workbench.bodies.forward import surface
 from workbench.errors import BadBody
 
 BODY = replace(

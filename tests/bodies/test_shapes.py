@@ -7,11 +7,11 @@ import pytest
 
 import workbench as wb
 from tests.bodies_made_up import smpl_like_body
-from workbench.bodies.counting import SLIDE, SMPL_SIZE, counts, dense_counts, total
-from workbench.bodies.shapes import (
+from workbench.course.shapes.counting import SLIDE, SMPL_SIZE, counts, dense_counts, total
+from workbench.course.shapes.shape_directions import (
     along,
     joint_moves,
-    left_over,
+    reconstruction_errors,
     variances,
     with_joints_of_the_mean,
 )
@@ -39,8 +39,8 @@ def test_counts_are_those_of_the_arrays() -> None:
     assert [count.numbers for count in counts(BODY)] == [
         count.numbers for count in dense_counts(369, 24, 10)
     ]
-    assert found["J_regressor"].acting == BODY.J_regressor.nnz
-    assert found["weights"].acting == np.count_nonzero(BODY.weights)
+    assert found["J_regressor"].nonzero == BODY.J_regressor.nnz
+    assert found["weights"].nonzero == np.count_nonzero(BODY.weights)
     assert found["posedirs"].shape == (369, 3, 207)
 
 
@@ -63,12 +63,16 @@ def test_betas_along_a_direction_move_the_surface_on_a_line() -> None:
 def test_nothing_is_left_of_people_of_the_space_wherever_they_stand() -> None:
     rng = np.random.default_rng(0)
     people = BODY.vertices(betas=rng.normal(size=(5, 10))) + rng.normal(size=(5, 1, 3))
-    left = left_over(BODY, people)
+    left = reconstruction_errors(BODY, people)
     assert left.shape == (11, 5)
     assert (np.diff(left, axis=0) <= 1e-15).all()
     assert left[-1].max() < 1e-12
     only_two = BODY.vertices(betas=[[1.0, -2.0]])
-    assert left_over(BODY, only_two)[2].max() < 1e-12 < left_over(BODY, only_two)[1].min()
+    assert (
+        reconstruction_errors(BODY, only_two)[2].max()
+        < 1e-12
+        < reconstruction_errors(BODY, only_two)[1].min()
+    )
 
 
 def test_joints_go_with_the_shape_and_can_be_kept_from_it() -> None:

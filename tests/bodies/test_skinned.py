@@ -295,8 +295,10 @@ def test_blocks_are_the_same_objects_each_time() -> None:
     assert body.blocks() is body.blocks()
     assert body.blocks("scan 3/") is body.blocks("scan 3/")
     assert [b.name for b in body.blocks("scan 3/")] == [
-        "scan 3/pose", "scan 3/betas", "scan 3/trans",
-    ]  # fmt: skip
+        "scan 3/pose",
+        "scan 3/betas",
+        "scan 3/trans",
+    ]
     assert body.blocks()[0].entry(3 * 8 + 2) == "[right_ankle, z]"
 
 

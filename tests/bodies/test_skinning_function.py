@@ -12,10 +12,10 @@ import pytest
 import workbench as wb
 from tests.bodies_made_up import random_body
 from workbench.bodies import skin, skin_vertices
-from workbench.bodies.saving import save_body
+from workbench.bodies.files.saving import save_body
 from workbench.bodies.triangles.recipes import blend_scape
+from workbench.bodies.unposing import unpose
 from workbench.errors import BadArgument, BadBody, BadFile
-from workbench.training.unposing import unpose
 
 N, K = 20, 4
 BODY = random_body(5, n_vertices=N, n_joints=K, n_betas=2)

@@ -9,9 +9,9 @@ import pytest
 
 from tests.bodies.random_bodies import decorated, entries
 from workbench.bodies.catalogue import load_body
-from workbench.bodies.saving import save_body
+from workbench.bodies.files.saving import save_body
+from workbench.bodies.files.smpl_layout import body_from
 from workbench.bodies.skinned import SkinnedBody
-from workbench.bodies.smpl_layout import body_from
 
 REASON = "smplx and torch are needed to compare with smplx: pip install '.[bench]'"
 smplx = pytest.importorskip("smplx", reason=REASON)

@@ -133,7 +133,7 @@ def put(**changed: Any) -> Callable[[dict[str, Any]], dict[str, Any]]:
         (put(card=np.array("{")), BadFile, "its card is no JSON"),
         (put(card=np.array("[1]")), BadFile, "its card is a list, not an object"),
     ],
-)  # fmt: skip
+)
 def test_damaged_files_get_a_sentence(
     damage: Any, error: type[Exception], text: str, tmp_path: Path
 ) -> None:
@@ -166,9 +166,14 @@ def test_a_triangle_body_has_a_card(tmp_path: Path) -> None:
     body = whole(BODIES["small, SCAPE"])
     text = card_text(body)
     for said in (
-        "TriangleBody, each triangle with one part, then stitched", "734", "faces moved",
-        "carried along", "joint_limits (3 × 2), gender", "made up", "at most 1 per face",
-    ):  # fmt: skip
+        "TriangleBody, each triangle with one part, then stitched",
+        "734",
+        "faces moved",
+        "carried along",
+        "joint_limits (3 × 2), gender",
+        "made up",
+        "at most 1 per face",
+    ):
         assert said in text
     assert "each triangle with several parts" in card_text(BODIES["small, BlendSCAPE"])
     # each face moves with one joint, so the table's column adds up to them

@@ -14,12 +14,19 @@ from scipy.sparse import coo_array, csr_array
 
 import workbench as wb
 from tests.bodies_made_up import random_body
-from workbench.bodies.owned import given_up, owned
+from workbench.bodies.readonly import locked, readonly
 from workbench.errors import BadBody
 
 ARRAYS = (
-    "template", "shapedirs", "posedirs", "weights", "faces", "mirror", "bound_in", "rest_joints",
-)  # fmt: skip
+    "template",
+    "shapedirs",
+    "posedirs",
+    "weights",
+    "faces",
+    "mirror",
+    "bound_in",
+    "rest_joints",
+)
 PARTS = ("data", "indices", "indptr")
 
 
@@ -99,7 +106,7 @@ def test_what_a_reader_gives_up_is_kept_as_it_is() -> None:
     """A view as well, as readers reshape: both it and what it looks at are locked."""
     base = np.zeros((4, 6))
     view = base.reshape(8, 3)
-    assert owned("points", given_up(view)) is view
+    assert readonly("points", locked(view)) is view
     assert not base.flags.writeable
 
 
@@ -107,7 +114,7 @@ def test_what_a_reader_gives_up_is_kept_as_it_is() -> None:
 @pytest.mark.parametrize("order", ["C", "F"])
 def test_any_precision_and_order_becomes_float64_in_one_piece(dtype: type, order: str) -> None:
     given = np.asarray(np.arange(12).reshape(4, 3), dtype=dtype, order=order)  # type: ignore[call-overload]
-    kept = owned("points", given)
+    kept = readonly("points", given)
     assert (kept.dtype, kept.flags.c_contiguous, kept.flags.writeable) == (np.float64, True, False)
     assert kept.base is None  # of its own size, not a view of more
     np.testing.assert_array_equal(kept, given)

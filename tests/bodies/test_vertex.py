@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from tests.bodies_made_up import random_body
-from workbench.bodies.vertex import motion_column, vertex_columns, vertex_functions
-from workbench.bodies.vertex_code import kernel
+from workbench.bodies.forward.vertex import motion_column, vertex_columns, vertex_functions
+from workbench.bodies.forward.vertex_code import kernel
 from workbench.errors import NotSupported
 
 
@@ -89,5 +89,5 @@ def test_constants_and_signs_have_code() -> None:
     x = cs.SX.sym("x", 2)
     text = kernel(cs.Function("f", [x], [cs.vertcat(-x[0], x[1] * 0.1)], ["motion"], ["out"]))
     assert "BROADCAST(0.1)" in text
-    assert "= -w" in text
+    assert "= -BROADCAST(i0[0])" in text
     assert "BROADCAST(i0[1])" in text

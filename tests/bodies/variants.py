@@ -6,7 +6,7 @@ import numpy as np
 
 from tests.bodies_made_up import random_body
 from workbench import SkinnedBody
-from workbench.bodies.features import (
+from workbench.bodies.forward.features import (
     Features,
     count_features,
     no_features,
@@ -14,7 +14,7 @@ from workbench.bodies.features import (
     rotation_elements,
     rotation_vectors,
 )
-from workbench.bodies.skinning import dual_quaternion_blend, linear_blend
+from workbench.bodies.forward.skinning import dual_quaternion_blend, linear_blend
 
 SKINNINGS = (linear_blend, dual_quaternion_blend)
 FEATURES: tuple[Features, ...] = (

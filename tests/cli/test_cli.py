@@ -11,15 +11,19 @@ import pytest
 import workbench as wb
 from workbench.bodies.triangles import scape
 from workbench.experiments.balance import observations
-from workbench.experiments.detector_layouts import OPENPOSE_25
+from workbench.fitting.detector_layouts import OPENPOSE_25
 from workbench.geometry.meshes import write_mesh
 
 
 def workbench(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [sys.executable, "-c", "from workbench.cli import main; main()", *arguments],
-        cwd=cwd, capture_output=True, text=True, timeout=240, check=False,
-    )  # fmt: skip
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        timeout=240,
+        check=False,
+    )
 
 
 def test_run_writes_a_whole_report(tmp_path: Path) -> None:
@@ -120,10 +124,12 @@ def test_fit_takes_openpose_files_and_a_calibration(tmp_path: Path) -> None:
         assert photo.R is not None
         assert photo.t is not None
         cameras[photo.name] = {
-            "K": photo.K.tolist(), "R": photo.R.tolist(), "t": photo.t.tolist(),
+            "K": photo.K.tolist(),
+            "R": photo.R.tolist(),
+            "t": photo.t.tolist(),
             "distortion": photo.distortion.tolist() if photo.distortion is not None else [],
             "size": list(photo.size),
-        }  # fmt: skip
+        }
     (tmp_path / "cameras.json").write_text(json.dumps(cameras))
     done = workbench("fit", *files, "--cameras", "cameras.json", cwd=tmp_path)
     assert done.returncode == 0, done.stderr

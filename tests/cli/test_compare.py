@@ -24,9 +24,20 @@ def test_own_problem_and_own_solver_from_the_command_to_the_page(tmp_path: Path)
     (tmp_path / "line.py").write_text(POLYNOMIAL)
     (tmp_path / "mine.py").write_text(SOLVER)
     command = (
-        "compare", "line.py", "nist-misra1a", "--solver", "mine.py", "--solver",
-        "levenberg-marquardt", "--seeds", "2", "--max-seconds", "5", "--out", "found",
-    )  # fmt: skip
+        "compare",
+        "line.py",
+        "nist-misra1a",
+        "--solver",
+        "mine.py",
+        "--solver",
+        "levenberg-marquardt",
+        "--seeds",
+        "2",
+        "--max-seconds",
+        "5",
+        "--out",
+        "found",
+    )
     done = workbench(*command, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "solving: 0 of 6" in done.stdout
@@ -126,11 +137,25 @@ def test_an_interrupt_keeps_what_was_finished(tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text(NAPPER)
     program = subprocess.Popen(
         [
-            sys.executable, "-c", f"{HEARD}; from workbench.cli import main; main()", "compare",
-            "line.py", "--solver", "mine.py", "--seeds", "40", "--workers", "2", "--out", "found",
+            sys.executable,
+            "-c",
+            f"{HEARD}; from workbench.cli import main; main()",
+            "compare",
+            "line.py",
+            "--solver",
+            "mine.py",
+            "--seeds",
+            "40",
+            "--workers",
+            "2",
+            "--out",
+            "found",
         ],
-        cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
     while len(list(tmp_path.glob("found/runs/run-*.npz"))) < 2:
         assert program.poll() is None
         time.sleep(0.05)

@@ -26,8 +26,11 @@ main()
 def test_an_interrupt_while_importing_is_a_sentence() -> None:
     done = subprocess.run(
         [sys.executable, "-c", EARLY, "run", "--list"],
-        capture_output=True, text=True, timeout=120, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
     assert done.returncode == 130
     assert done.stderr == "interrupted; nothing was written\n"
     assert done.stdout == ""

@@ -100,9 +100,9 @@ def test_notebooks_are_not_written_over(workbench: Run) -> None:
     assert len(list(Path("books").iterdir())) == 1
 
 
-def test_the_readme_shows_what_a_misprint_is_told(workbench: Run) -> None:
-    readme = (Path(__file__).parents[2] / "README.md").read_text()
-    shown = readme.partition("$ workbench lecture check 2\n")[2].partition("```")[0]
+def test_the_guide_shows_what_a_misprint_is_told(workbench: Run) -> None:
+    guide = (Path(__file__).parents[2] / "lectures" / "GUIDE.md").read_text()
+    shown = guide.partition("$ workbench lecture check 2\n")[2].partition("```")[0]
     workbench("lecture", "start", "2", ".")
     file = Path("lec02_rotations.py")
     misprint = """

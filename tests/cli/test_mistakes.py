@@ -119,9 +119,11 @@ def test_an_interrupt_of_the_comparison_keeps_the_rest(
 
 @pytest.mark.parametrize(
     ("number", "code", "said"),
-    [("SIGINT", 130, "interrupted; nothing was written"),
-     ("SIGTERM", 143, "terminated; nothing was written")],
-)  # fmt: skip
+    [
+        ("SIGINT", 130, "interrupted; nothing was written"),
+        ("SIGTERM", 143, "terminated; nothing was written"),
+    ],
+)
 def test_signals_end_it_with_a_sentence(
     workbench: Run, tmp_path: Path, number: str, code: int, said: str
 ) -> None:

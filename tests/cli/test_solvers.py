@@ -12,8 +12,11 @@ def said(*arguments: str, columns: int = 200) -> list[list[str]]:
     done = subprocess.run(
         [sys.executable, "-c", "from workbench.cli import main; main()", "solvers", *arguments],
         env=os.environ | {"COLUMNS": str(columns)},
-        capture_output=True, text=True, timeout=120, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     return [line.split() for line in done.stdout.splitlines()]
 

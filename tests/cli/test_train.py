@@ -13,8 +13,8 @@ import workbench as wb
 from tests.cli.test_cli import workbench
 from workbench.cli.train import train
 from workbench.errors import BadArgument, BadFile
+from workbench.synthetic.made_up import Spoiled, draw_registrations, random_smpl, worm
 from workbench.training.first_guess import write_start
-from workbench.training.made_up import Spoiled, draw_registrations, random_smpl, worm
 
 START = worm(7, 5)
 BODY = random_smpl(START, 2, seed=3)
@@ -63,7 +63,7 @@ def test_a_folder_becomes_a_body_with_a_card(tmp_path: Path) -> None:
     met = body.card["held_out"]
     assert (met["strangers"], met["registrations"]) == (3, 9)
     assert 0 < met["mean_mm"] < met["mean_without_posedirs_mm"]
-    assert "told_skinning_mean_mm" not in met  # nobody said how these were made
+    assert "ideal_skinning_mean_mm" not in met  # nobody said how these were made
     assert others.is_dir()
     assert "worst kkt" in (place / "card" / "index.html").read_text()
     again = workbench("train", "mine", *options, cwd=tmp_path)
@@ -114,8 +114,11 @@ def test_an_interrupt_says_that_it_goes_on_later(tmp_path: Path) -> None:
     made_folder(tmp_path / "mine")
     run = subprocess.Popen(
         [sys.executable, "-c", f"{HEARD}; from workbench.cli import main; main()", "train", "mine"],
-        cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
     assert run.stdout is not None
     assert any("surfaces" in line for line in run.stdout), "it ended before"
     run.send_signal(signal.SIGINT)

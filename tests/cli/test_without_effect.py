@@ -11,8 +11,8 @@ from tests.cli.conftest import Run
 from tests.cli.test_mistakes import KEYPOINTS, LINE
 from workbench.errors import WorkbenchError
 from workbench.experiments import Experiment, Setup
-from workbench.experiments.balance import COMPARED
 from workbench.experiments.own_file import BESIDE, ENOUGH
+from workbench.fitting.compared_solvers import MANY
 from workbench.geometry.meshes import write_mesh
 
 
@@ -62,7 +62,7 @@ def test_keypoints_are_compared_where_that_is_asked_for(
         code, out, _ = workbench("fit", "kp.json", "--focal", "1500", option)
         assert (code, out) == (0, "")
     assert [compare for _, compare in fitted] == [True, False]
-    assert set(fitted[0][0].compared) == set(COMPARED)
+    assert set(fitted[0][0].compared) == set(MANY)
 
 
 def test_starts_that_cannot_be_counted(workbench: Run, tmp_path: Path) -> None:
@@ -126,7 +126,7 @@ def test_where_there_is_no_rest_to_integrate_out(workbench: Run, tmp_path: Path)
     out = workbench(*asked, "--block", "a,b")[1]
     assert "--conditional changes nothing: a,b is all that there is to sample" in out
     out = workbench(*asked, "--directions", "1")[1]
-    assert "--conditional changes nothing: beside 1 directions, the rest never is fixed" in out
+    assert "--conditional changes nothing: beside 1 directions, the rest is never fixed" in out
     assert "changes nothing" not in workbench(*asked, "--block", "a")[1]
 
 
@@ -149,7 +149,7 @@ def test_poses_of_a_recording_are_not_drawn(
     def stop(*_: object) -> None:
         raise WorkbenchError("enough for this test")
 
-    monkeypatch.setattr("workbench.cli.blendshapes.compare_blend_shapes", stop)
+    monkeypatch.setattr("workbench.cli.blendshapes.predictor_study", stop)
     _, out, _ = workbench("blendshapes", "--mocap", "walk.npz", "--test", "70")
     assert "--test changes nothing: the poses of the recording are tested on" in out
     assert "changes nothing" not in workbench("blendshapes", "--test", "70")[1]

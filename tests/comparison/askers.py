@@ -5,13 +5,12 @@ from dataclasses import dataclass
 
 import casadi as cs
 import numpy as np
-from numpy.typing import NDArray
 
 from tests.comparison.problems import says
 from workbench import Problem, Solution, Values
+from workbench.arrays import Array
 from workbench.solvers import Callback
 
-Array = NDArray[np.float64]
 STEPS = 12
 Ways = tuple[Callable[[Array], float], Callable[[Array], Array]]  # the cost, and a step
 

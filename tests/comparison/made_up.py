@@ -7,9 +7,9 @@ import numpy as np
 from tests.comparison.problems import slide
 from workbench.comparison import Budget, Comparison, Ending, Record
 from workbench.comparison.description import Description
-from workbench.comparison.entrants import Entrant
-from workbench.comparison.judgement import Judgement
+from workbench.comparison.end_analysis import EndAnalysis
 from workbench.comparison.log import KINDS, ROW, Seen
+from workbench.comparison.named_solvers import NamedSolver
 from workbench.comparison.plan import Instance, Plan
 from workbench.experiments import Experiment
 from workbench.solvers import LevenbergMarquardt
@@ -36,9 +36,20 @@ def record(
     seen = Seen(counts, (0.0,) * len(KINDS), 0, 0.1 * len(costs), np.zeros(1), found, taken)
     end = costs[-1] if costs and ending is Ending.RETURNED else np.nan
     return Record(
-        solver, instance, ending, "", claim, end, end, optimality, np.nan, True,
-        np.zeros(1) if np.isfinite(end) else NOTHING, seen, "a machine",
-    )  # fmt: skip
+        solver,
+        instance,
+        ending,
+        "",
+        claim,
+        end,
+        end,
+        optimality,
+        np.nan,
+        True,
+        np.zeros(1) if np.isfinite(end) else NOTHING,
+        seen,
+        "a machine",
+    )
 
 
 def comparison(
@@ -70,17 +81,27 @@ def comparison(
             min((r.cost for r, w in zip(ended, where, strict=True) if w == k), default=0.0)
             for k in range(count)
         )
-        judged.append(Judgement(where, costs, (0.0,) * count, np.zeros((count, 1)), {}))
+        judged.append(EndAnalysis(where, costs, (0.0,) * count, np.zeros((count, 1)), {}))
     seconds = {"residual": 1.0, "gradient": 1.0, "jacobian": 1.0}
     described = {
         p: Description(
-            p, 1, 1, False, np.zeros(1), start, NOTHING, seconds, 0.0 if known else np.nan,
-            "known" if known else "", False, "made up",
+            p,
+            1,
+            1,
+            False,
+            np.zeros(1),
+            start,
+            NOTHING,
+            seconds,
+            0.0 if known else np.nan,
+            "known" if known else "",
+            False,
+            "made up",
         )
         for p in problems
-    }  # fmt: skip
-    entrants = tuple(Entrant(s, LevenbergMarquardt()) for s in solvers)
-    plan = Plan(instances, entrants, Budget(), 1)
+    }
+    named_solvers = tuple(NamedSolver(s, LevenbergMarquardt()) for s in solvers)
+    plan = Plan(instances, named_solvers, Budget(), 1)
     groups = tuple((p,) for p in problems)
     return Comparison(plan, instances, {}, described, records, groups, tuple(judged))
 

@@ -5,8 +5,8 @@ import pytest
 
 from tests.comparison.problems import STARTS, angle, lost_well, slide
 from workbench.comparison.basins import basins
+from workbench.comparison.end_analysis import analyse_ends
 from workbench.comparison.explanation import explain
-from workbench.comparison.judgement import judge
 from workbench.experiments import find
 from workbench.solvers import SOLVERS
 
@@ -42,7 +42,7 @@ def test_a_slide_is_explained_by_the_direction_along_which_it_went() -> None:
     told = explain(problem, fixed, found[1], found[0])
     assert told.length == pytest.approx(1 - lost_well())
     assert told.share == pytest.approx(1.0)
-    (part,) = told.parts
+    (part,) = told.components
     assert "x[b]" in part.name
     assert part.length == pytest.approx(1 - lost_well())
     assert part.change == pytest.approx(0.2, rel=0.05)  # |d(hardly seen)/db|
@@ -68,17 +68,17 @@ def test_a_body_in_one_image_slid_along_turns_that_the_image_hardly_shows() -> N
         SOLVERS[name].solve(setup.problem, setup.start)
         for name in ("levenberg-marquardt", "gauss-newton")
     ]
-    found = judge(setup, tuple(setup.problem.free.pack(s.values) for s in solutions))
+    found = analyse_ends(setup, tuple(setup.problem.free.pack(s.values) for s in solutions))
     assert found.where == (1, 0)
     told = found.explanations[1]
     assert told.cost - told.best == pytest.approx(solutions[0].cost - solutions[1].cost, rel=1e-3)
     assert 0.5 < told.share <= 1
-    assert all(part.change < 2 for part in told.parts)  # sigmas for a radian
-    assert "a turn of pose[" in told.parts[0].name
+    assert all(part.change < 2 for part in told.components)  # sigmas for a radian
+    assert "a turn of pose[" in told.components[0].name
 
 
 def test_a_start_where_nothing_is_finite_has_no_basin_to_explain() -> None:
     setup = slide()
-    found = judge(setup, (np.array([np.inf, 0.0]), np.array([0.0, 1.0])))
+    found = analyse_ends(setup, (np.array([np.inf, 0.0]), np.array([0.0, 1.0])))
     assert found.where[1] == 0
     assert not found.explanations

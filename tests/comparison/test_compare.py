@@ -16,7 +16,7 @@ import pytest
 import workbench as wb
 from tests.comparison import problems
 from tests.comparison.problems import ANGLE, LINE, NOWHERE, SLIDE, STARTS
-from workbench.comparison import Budget, Comparison, Verdict, compare, contained
+from workbench.comparison import Budget, Comparison, TargetOutcome, compare, workers
 from workbench.comparison.tidy import deterministic, rows, write_csv
 from workbench.errors import BadArgument, BadFile, UnknownName, WorkbenchError
 
@@ -43,23 +43,23 @@ def bad() -> Comparison:
 @pytest.mark.parametrize(
     ("solver", "verdict", "said"),
     [
-        ("liar", Verdict.FALSE_CLAIM, "trust me"),
-        ("raiser", Verdict.RAISED, "ValueError: out of ideas"),
-        ("not a number", Verdict.NO_SOLUTION, "block 'x' holds nan"),
-        ("forever", Verdict.NOT_STOPPING, "it took too long"),
-        ("in C", Verdict.NOT_STOPPING, "it took too long"),
-        ("dies", Verdict.CRASHED, "SIGABRT"),
-        ("leaves", Verdict.RAISED, "SystemExit: 3"),
-        ("spendthrift", Verdict.OUT_OF_BUDGET, "out of evaluations"),
-        ("levenberg-marquardt", Verdict.REACHED, ""),
-        ("gauss-newton", Verdict.REACHED, ""),
+        ("liar", TargetOutcome.FALSE_CLAIM, "trust me"),
+        ("raiser", TargetOutcome.RAISED, "ValueError: out of ideas"),
+        ("not a number", TargetOutcome.NO_SOLUTION, "block 'x' holds nan"),
+        ("forever", TargetOutcome.NOT_STOPPING, "it took too long"),
+        ("in C", TargetOutcome.NOT_STOPPING, "it took too long"),
+        ("dies", TargetOutcome.CRASHED, "SIGABRT"),
+        ("leaves", TargetOutcome.RAISED, "SystemExit: 3"),
+        ("spendthrift", TargetOutcome.OUT_OF_BUDGET, "out of evaluations"),
+        ("levenberg-marquardt", TargetOutcome.REACHED, ""),
+        ("gauss-newton", TargetOutcome.REACHED, ""),
     ],
 )
 def test_bad_solvers_are_told_for_what_they_are(
-    bad: Comparison, solver: str, verdict: Verdict, said: str
+    bad: Comparison, solver: str, verdict: TargetOutcome, said: str
 ) -> None:
     name = bad.instances[0].name
-    assert bad.verdicts[name, solver] is verdict
+    assert bad.outcomes[name, solver] is verdict
     assert said in bad.records[name, solver].message
 
 
@@ -141,9 +141,9 @@ def test_the_lost_start_of_the_slide_is_lost_by_both_and_explained(
 ) -> None:
     found = twice[0]
     for solver in GOOD:
-        verdicts = [found.verdicts[i.name, solver] for i in found.of("slide")]
-        assert verdicts == [Verdict.REACHED, Verdict.OTHER_BASIN, Verdict.REACHED]
-    told = found.judgement("slide, start 0").explanations
+        outcomes = [found.outcomes[i.name, solver] for i in found.of("slide")]
+        assert outcomes == [TargetOutcome.REACHED, TargetOutcome.OTHER_BASIN, TargetOutcome.REACHED]
+    told = found.end_analysis("slide, start 0").explanations
     assert list(told) == [1]
     assert "x[b]" in str(told[1])
 
@@ -168,9 +168,13 @@ def test_what_is_stored_is_not_run_again(twice: tuple[Comparison, Comparison, Pa
     seen: list[tuple[str, int, int]] = []
     began = time.perf_counter()
     again = compare(
-        (SLIDE, ANGLE, LINE), GOOD, seeds=3, budget=SHORT, folder=folder,
+        (SLIDE, ANGLE, LINE),
+        GOOD,
+        seeds=3,
+        budget=SHORT,
+        folder=folder,
         progress=lambda what, done, of: seen.append((what, done, of)),
-    )  # fmt: skip
+    )
     assert [(done, of) for what, done, of in seen if what == "solving"] == [(16, 16)]
     assert list(rows(again)) == list(rows(two))  # times, too
     assert time.perf_counter() - began < 20
@@ -198,7 +202,7 @@ def test_a_table_is_tidy(twice: tuple[Comparison, Comparison, Path], tmp_path: P
 def test_a_problem_without_a_finite_start_fails_everybody() -> None:
     found = compare(NOWHERE, GOOD, budget=SHORT)
     for solver in GOOD:
-        assert found.verdicts["nowhere", solver] is Verdict.NO_SOLUTION
+        assert found.outcomes["nowhere", solver] is TargetOutcome.NO_SOLUTION
         assert found.success(solver, 1e-1).value == 0
 
 
@@ -263,19 +267,23 @@ def test_mistakes_are_said_before_anything_runs(tmp_path: Path) -> None:
     with pytest.raises(BadFile, match="holds no comparison"):
         compare(SLIDE, GOOD, folder=tmp_path)
     made = problems.slide()
-    held = wb.experiments.Experiment("held", lambda: made, "") if hasattr(wb, "experiments") else (
-        replace(SLIDE, name="held", build=lambda: made)
-    )  # fmt: skip
+    held = (
+        wb.experiments.Experiment("held", lambda: made, "")
+        if hasattr(wb, "experiments")
+        else (replace(SLIDE, name="held", build=lambda: made))
+    )
     with pytest.raises(BadArgument, match="experiment held cannot go to another process"):
         compare(held, GOOD)
 
 
 def test_solvers_that_draw_draw_the_same_again_and_other_numbers_from_other_starts() -> None:
     ends = [
-        [r.end.tolist() for r in compare(LINE, problems.Drawer(), seeds=2, budget=SHORT)
-         .records.values()]
+        [
+            r.end.tolist()
+            for r in compare(LINE, problems.Drawer(), seeds=2, budget=SHORT).records.values()
+        ]
         for _ in range(2)
-    ]  # fmt: skip
+    ]
     assert ends[0] == ends[1]
     assert ends[0][0] != ends[0][1]
 
@@ -288,11 +296,12 @@ def test_if_nothing_can_be_built_that_is_an_error() -> None:
 def test_where_nothing_can_be_forked_processes_start_plainly(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(contained, "FORKING", False)
-    found = compare(replace(SLIDE, arguments={"start": 0}), {"dies": problems.Dies()} | GOOD,
-                    budget=SHORT)  # fmt: skip
-    said = [v for (_, solver), v in found.verdicts.items()]
-    assert said == [Verdict.CRASHED, Verdict.REACHED, Verdict.REACHED]
+    monkeypatch.setattr(workers, "FORKING", False)
+    found = compare(
+        replace(SLIDE, arguments={"start": 0}), {"dies": problems.Dies()} | GOOD, budget=SHORT
+    )
+    said = [v for (_, solver), v in found.outcomes.items()]
+    assert said == [TargetOutcome.CRASHED, TargetOutcome.REACHED, TargetOutcome.REACHED]
     assert "SIGABRT" in found.records["slide", "dies"].message
 
 

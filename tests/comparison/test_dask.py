@@ -9,7 +9,7 @@ from joblib import parallel_config
 
 from tests.comparison.problems import LINE, SLIDE, Forever
 from workbench import GaussNewton, LevenbergMarquardt
-from workbench.comparison import Budget, Verdict, compare
+from workbench.comparison import Budget, TargetOutcome, compare
 from workbench.comparison.tidy import deterministic, rows
 
 distributed = pytest.importorskip("distributed")
@@ -43,4 +43,4 @@ def test_a_cluster_gives_the_same_table_although_a_worker_is_killed() -> None:
     assert [{k: row.get(k) for k in names} for row in rows(found)] == [
         {k: row.get(k) for k in names} for row in rows(alone)
     ]
-    assert list(lost.verdicts.values()) == [Verdict.NOT_STOPPING]  # contained there, too
+    assert list(lost.outcomes.values()) == [TargetOutcome.NOT_STOPPING]  # contained there, too

@@ -10,9 +10,9 @@ import pytest
 from tests.comparison import askers
 from tests.comparison.problems import LINE, line
 from workbench import Block, Constraint, GaussNewton, Problem, Residual
-from workbench.comparison import Budget, Comparison, Verdict, compare
+from workbench.comparison import Budget, Comparison, TargetOutcome, compare
 from workbench.comparison.log import KINDS, Log, Seen
-from workbench.comparison.watch import Watch
+from workbench.comparison.metered import Metered
 from workbench.comparison.words import advice
 from workbench.solvers.limits import Stop
 
@@ -27,8 +27,8 @@ COUNTED: dict[str, Callable[[Problem, askers.Array, askers.Array], askers.Ways]]
 
 def watched(tmp_path: Path, most: int = 1000) -> tuple[Problem, Callable[[], Seen]]:
     log = tmp_path / "log"
-    watch = Watch(line().problem, NOTHING, most, 10.0, Log(log, 3))
-    return watch.watched(), lambda: Log.read(log)
+    watch = Metered(line().problem, NOTHING, most, 10.0, Log(log, 3))
+    return watch.metered(), lambda: Log.read(log)
 
 
 def counts(seen: Seen) -> dict[str, int]:
@@ -38,8 +38,10 @@ def counts(seen: Seen) -> dict[str, int]:
 @pytest.fixture(scope="module")
 def found() -> Comparison:
     solvers = {name: askers.Asker(ask) for name, ask in COUNTED.items()} | {
-        "embedded": askers.Embedded(), "own graph": askers.OwnGraph(), "house": GaussNewton(),
-    }  # fmt: skip
+        "embedded": askers.Embedded(),
+        "own graph": askers.OwnGraph(),
+        "house": GaussNewton(),
+    }
     return compare(LINE, solvers, budget=Budget(max_seconds=20.0))
 
 
@@ -58,9 +60,7 @@ def test_what_is_asked_of_graphs_and_batches_is_counted_timed_and_followed(
     """They were counted as 0 evaluations, and as 0 % success."""
     record = found.records[found.instances[0].name, name]
     assert counts(record.seen).keys() == kinds
-    assert all(
-        s > 0 for s, n in zip(record.seen.spent, record.seen.counts, strict=True) if n
-    )  # fmt: skip
+    assert all(s > 0 for s, n in zip(record.seen.spent, record.seen.counts, strict=True) if n)
     assert len(record.seen.trace) > 1
     assert record.lowest == pytest.approx(record.cost, rel=1e-9)  # whole way, to rounding
     assert found.success(name, 1e-3).value == 1
@@ -72,7 +72,7 @@ def test_what_is_asked_of_graphs_and_batches_is_counted_timed_and_followed(
 def test_what_cannot_be_counted_is_said_and_neither_nothing_nor_a_failure(
     found: Comparison, name: str
 ) -> None:
-    assert found.verdicts[found.instances[0].name, name] is Verdict.REACHED
+    assert found.outcomes[found.instances[0].name, name] is TargetOutcome.REACHED
     assert found.success(name, 1e-7).value == 1
     assert found.uncounted(found.instances[0].name, name)
     assert np.isnan(found.effort(name, 1e-5).value)
@@ -144,10 +144,12 @@ def test_graphs_and_batches_keep_to_the_limits(tmp_path: Path) -> None:
     for a in (4.0, 3.0, 2.0, 1.0, 0.5, 0.4, 0.3):
         problem.function(np.full(3, a), NOTHING)
     for ask in (
-        lambda: problem.function(X, NOTHING), lambda: problem.adjoint(X, NOTHING),
-        lambda: problem.hessian(X, NOTHING), lambda: problem.costs(X, NOTHING)(X[None]),
+        lambda: problem.function(X, NOTHING),
+        lambda: problem.adjoint(X, NOTHING),
+        lambda: problem.hessian(X, NOTHING),
+        lambda: problem.costs(X, NOTHING)(X[None]),
         lambda: problem.slopes(X, NOTHING)(X[None]),
-    ):  # fmt: skip
+    ):
         with pytest.raises(Stop):
             ask()
     assert counts(seen()) == {"residual": 7}
@@ -162,11 +164,11 @@ def test_graphs_and_batches_keep_to_the_limits(tmp_path: Path) -> None:
 def test_with_other_numbers_fixed_a_cost_is_another_one(tmp_path: Path) -> None:
     x, h = Block("x", (2,)), Block("h", (1,))
     problem = Problem((Residual("r", x.symbol - h.symbol, 1.0),), ("x",), blocks=(x, h))
-    watch = Watch(problem, np.ones(1), 99, 9.0, Log(tmp_path / "log", 2))
-    watch.watched().residual(np.full(2, 3.0), np.full(1, 3.0))
-    watch.watched().function(np.full(2, 3.0), np.full(1, 3.0))
+    watch = Metered(problem, np.ones(1), 99, 9.0, Log(tmp_path / "log", 2))
+    watch.metered().residual(np.full(2, 3.0), np.full(1, 3.0))
+    watch.metered().function(np.full(2, 3.0), np.full(1, 3.0))
     assert not len(Log.read(tmp_path / "log").trace)
-    watch.watched().function(np.full(2, 3.0), np.ones(1))
+    watch.metered().function(np.full(2, 3.0), np.ones(1))
     assert Log.read(tmp_path / "log").trace[-1, -1] == pytest.approx(4.0)
 
 
@@ -176,13 +178,13 @@ def test_graphs_of_a_part_are_completed_and_those_of_other_costs_make_no_progres
     x, y = Block("x", (1,)), Block("y", (1,))
     both = Residual("both", x.symbol + y.symbol - 3, 1.0), Residual("y", y.symbol, 1.0)
     problem = Problem(both, ("x", "y"), blocks=(x, y))
-    watch = Watch(problem, NOTHING, 99, 9.0, Log(tmp_path / "log", 2))
-    part = watch.watched().freeing("x")
+    watch = Metered(problem, NOTHING, 99, 9.0, Log(tmp_path / "log", 2))
+    part = watch.metered().freeing("x")
     part.adjoint(np.ones(1), np.ones(1))  # x = 1 is free, y = 1 fixed
     seen = Log.read(tmp_path / "log")
     np.testing.assert_array_equal(seen.best, [1.0, 1.0])
     assert seen.trace[-1, -1] == pytest.approx(0.5 * (1 + 1))
-    watch.watched().without("y").function(np.array([1.5, 1.5]), NOTHING)
+    watch.metered().without("y").function(np.array([1.5, 1.5]), NOTHING)
     seen = Log.read(tmp_path / "log")
     assert counts(seen) == {"residual": 1, "gradient": 1}
     assert len(seen.trace) == 1
@@ -192,8 +194,8 @@ def test_constraints_are_counted_by_kind(tmp_path: Path) -> None:
     x = Block("x", (2,)).symbol
     circle = Constraint("circle", cs.sumsqr(x), 1.0, 1.0)
     problem = Problem((Residual("r", x, 1.0),), ("x",), constraints=(circle,))
-    watch = Watch(problem, NOTHING, 99, 9.0, Log(tmp_path / "log", 2))
-    asked, at = watch.watched(), np.array([0.6, 0.8])
+    watch = Metered(problem, NOTHING, 99, 9.0, Log(tmp_path / "log", 2))
+    asked, at = watch.metered(), np.array([0.6, 0.8])
     there = asked.stacked_constraints
     assert there is not None
     there.values(at, NOTHING)
@@ -203,7 +205,10 @@ def test_constraints_are_counted_by_kind(tmp_path: Path) -> None:
     asked.residual(at, NOTHING)
     seen = Log.read(tmp_path / "log")
     assert counts(seen) == {
-        "residual": 1, "jacobian": 1, "constraint": 1, "constraint_jacobian": 2,
+        "residual": 1,
+        "jacobian": 1,
+        "constraint": 1,
+        "constraint_jacobian": 2,
         "constraint_hessian": 1,
-    }  # fmt: skip
+    }
     assert seen.evaluations.constraint == 4

@@ -9,7 +9,7 @@ from typing import cast
 
 import pytest
 
-from workbench.comparison.processes import FORKING, Forked, Nursery
+from workbench.processes.fork_server import FORKING, Forked, ForkServer
 
 SLEEPER = (sys.executable, "-c", "import time; time.sleep(30)")
 
@@ -18,6 +18,6 @@ SLEEPER = (sys.executable, "-c", "import time; time.sleep(30)")
 def test_one_forked_a_moment_ago_is_killed_though_it_leads_no_group_yet() -> None:
     """Between the fork and its setsid: whoever then waited for it waited for ever."""
     ours, theirs = socket.socketpair()
-    with theirs, subprocess.Popen(SLEEPER) as child:
+    with ours, theirs, subprocess.Popen(SLEEPER) as child:
         parent = SimpleNamespace(wait=lambda pid: child.wait(timeout=20))
-        assert Forked(cast(Nursery, parent), child.pid, ours).end() == -signal.SIGKILL
+        assert Forked(cast(ForkServer, parent), child.pid, ours).end() == -signal.SIGKILL

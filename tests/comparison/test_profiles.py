@@ -61,9 +61,13 @@ def test_taking_a_solver_out_can_turn_two_others_round() -> None:
 
 def test_effort_of_a_comparison_is_read_from_its_traces() -> None:
     found = comparison(
-        {("p", "a"): [50.0, 9.0, 0.0], ("p", "b"): [100.0, 10.0, 0.0], ("q", "a"): [100.0],
-         ("q", "b"): [5.0, 0.0]}
-    )  # fmt: skip
+        {
+            ("p", "a"): [50.0, 9.0, 0.0],
+            ("p", "b"): [100.0, 10.0, 0.0],
+            ("q", "a"): [100.0],
+            ("q", "b"): [5.0, 0.0],
+        }
+    )
     np.testing.assert_array_equal(found.needed(0.1), [[2, 2], [INF, 1]])
     np.testing.assert_array_equal(found.needed(1e-3), [[3, 3], [INF, 2]])
     duel = duels(found, 1e-3)["a", "b"]

@@ -140,8 +140,9 @@ def test_the_false_alarms_of_all_pairs_together_are_at_most_the_level() -> None:
     wrong = 0
     for _ in range(400):
         cost = rng.lognormal(size=(12, 5))
-        needed = {(i, j): duel(cost[:, i], cost[:, j], range(12)).p
-                  for i in range(5) for j in range(i)}  # fmt: skip
+        needed = {
+            (i, j): duel(cost[:, i], cost[:, j], range(12)).p for i in range(5) for j in range(i)
+        }
         wrong += min(holm(list(needed.values()))) <= LEVEL
     assert wrong / 400 <= LEVEL  # uncorrected it is 0.2
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from tests.comparison.made_up import comparison, record
-from workbench.comparison import Ending, Verdict
+from workbench.comparison import Ending, TargetOutcome
 from workbench.comparison.pairs import duels
-from workbench.comparison.targets import Yardstick, verdict
+from workbench.comparison.targets import Yardstick, target_outcome
 from workbench.comparison.words import advice
 
 YARD = Yardstick(start=100.0, best=1.0, origin="")
@@ -41,33 +41,40 @@ def test_without_a_finite_start_there_is_no_target() -> None:
 @pytest.mark.parametrize(
     ("run", "lowest", "expected"),
     [
-        (record("p", "s", [1.0]), True, Verdict.REACHED),
-        (record("p", "s", [1.0], claim="STALLED", optimality=1e-3), True, Verdict.REACHED),
-        (record("p", "s", [1.01], optimality=1e-8), True, Verdict.REACHED),  # flat, and settled
-        (record("p", "s", [5.0]), False, Verdict.OTHER_BASIN),
-        (record("p", "s", [5.0], claim="STALLED"), False, Verdict.OTHER_BASIN),
-        (record("p", "s", [5.0], optimality=0.1), True, Verdict.FALSE_CLAIM),
-        (record("p", "s", [5.0], optimality=np.nan), False, Verdict.FALSE_CLAIM),
-        (record("p", "s", [5.0], claim="STALLED", optimality=0.1), True, Verdict.STALLED),
-        (record("p", "s", [5.0], claim="MAX_SECONDS", optimality=0.1), None,
-         Verdict.OUT_OF_BUDGET),
-        (record("p", "s", [], ending=Ending.RAISED), None, Verdict.RAISED),
-        (record("p", "s", [1.0], ending=Ending.KILLED), None, Verdict.NOT_STOPPING),
-        (record("p", "s", [1.0], ending=Ending.CRASHED), None, Verdict.CRASHED),
-        (record("p", "s", [1.0], ending=Ending.REFUSED), None, Verdict.REFUSED),
-        (record("p", "s", [np.nan]), None, Verdict.NO_SOLUTION),
-        (record("p", "s", [np.nan], ending=Ending.CUT), None, Verdict.OUT_OF_BUDGET),
+        (record("p", "s", [1.0]), True, TargetOutcome.REACHED),
+        (record("p", "s", [1.0], claim="STALLED", optimality=1e-3), True, TargetOutcome.REACHED),
+        (
+            record("p", "s", [1.01], optimality=1e-8),
+            True,
+            TargetOutcome.REACHED,
+        ),  # flat, and settled
+        (record("p", "s", [5.0]), False, TargetOutcome.OTHER_BASIN),
+        (record("p", "s", [5.0], claim="STALLED"), False, TargetOutcome.OTHER_BASIN),
+        (record("p", "s", [5.0], optimality=0.1), True, TargetOutcome.FALSE_CLAIM),
+        (record("p", "s", [5.0], optimality=np.nan), False, TargetOutcome.FALSE_CLAIM),
+        (record("p", "s", [5.0], claim="STALLED", optimality=0.1), True, TargetOutcome.STALLED),
+        (
+            record("p", "s", [5.0], claim="MAX_SECONDS", optimality=0.1),
+            None,
+            TargetOutcome.OUT_OF_BUDGET,
+        ),
+        (record("p", "s", [], ending=Ending.RAISED), None, TargetOutcome.RAISED),
+        (record("p", "s", [1.0], ending=Ending.KILLED), None, TargetOutcome.NOT_STOPPING),
+        (record("p", "s", [1.0], ending=Ending.CRASHED), None, TargetOutcome.CRASHED),
+        (record("p", "s", [1.0], ending=Ending.REFUSED), None, TargetOutcome.REFUSED),
+        (record("p", "s", [np.nan]), None, TargetOutcome.NO_SOLUTION),
+        (record("p", "s", [np.nan], ending=Ending.CUT), None, TargetOutcome.OUT_OF_BUDGET),
     ],
-)  # fmt: skip
-def test_verdicts(run: object, lowest: bool | None, expected: Verdict) -> None:
-    assert verdict(run, YARD, lowest, 1e-6) is expected  # type: ignore[arg-type]
+)
+def test_verdicts(run: object, lowest: bool | None, expected: TargetOutcome) -> None:
+    assert target_outcome(run, YARD, lowest, 1e-6) is expected  # type: ignore[arg-type]
 
 
 def test_the_lowest_cost_of_anybody_is_the_yardstick_of_all() -> None:
     found = comparison({("p", "a"): [9.0, 3.0], ("p", "b"): [9.0, 4.0]}, basins={("p", "b"): 1})
     assert found.yardsticks["p"].best == 3
-    assert found.verdicts["p", "a"] is Verdict.REACHED
-    assert found.verdicts["p", "b"] is Verdict.OTHER_BASIN
+    assert found.outcomes["p", "a"] is TargetOutcome.REACHED
+    assert found.outcomes["p", "b"] is TargetOutcome.OTHER_BASIN
     assert found.success("b", 1e-3).value == 0
 
 
@@ -93,7 +100,7 @@ def test_the_only_end_is_not_praised_as_the_lowest() -> None:
     """Nothing else ended and no cost is known: neither lowest, nor on target, nor advised."""
     found = comparison({("p", "a"): [9.0, 1.0], ("q", "a"): [2.0]})
     assert found.comparable == ()
-    assert {*found.verdicts.values()} == {Verdict.ALONE}
+    assert {*found.outcomes.values()} == {TargetOutcome.ALONE}
     assert np.isnan(found.success("a", 1e-5).value)
     assert np.isnan(found.reached("a").value)
     (said,) = advice(found)

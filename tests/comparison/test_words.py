@@ -33,9 +33,13 @@ def test_a_solver_that_failed_a_problem_is_not_advised() -> None:
 
 def test_where_nobody_reached_it_everywhere_that_is_said_and_problems_are_told_apart() -> None:
     runs = {
-        ("p", "a"): QUICK, ("p", "b"): [], ("q", "a"): [], ("q", "b"): QUICK,
-        ("r", "a"): [], ("r", "b"): [],
-    }  # fmt: skip
+        ("p", "a"): QUICK,
+        ("p", "b"): [],
+        ("q", "a"): [],
+        ("q", "b"): QUICK,
+        ("r", "a"): [],
+        ("r", "b"): [],
+    }
     found = comparison(runs, known=True)
     runs_to_0 = {key: [*costs[:-1], 0.0] if costs else [] for key, costs in runs.items()}
     said = advice(comparison(runs_to_0, known=True))
@@ -98,8 +102,10 @@ def test_advice_among_equals_is_a_false_alarm_no_more_often_than_the_level() -> 
         usual = rng.integers(1, 40, (9, 4))  # what each needs on a problem, by chance
         runs = {
             (f"{p}, start {k}", "abcd"[s]): [9.0] * int(usual[p, s] + rng.integers(3)) + [1.0]
-            for p in range(9) for k in range(3) for s in range(4)
-        }  # fmt: skip
+            for p in range(9)
+            for k in range(3)
+            for s in range(4)
+        }
         alarms += any("take" in said for said in advice(comparison(runs)))
     assert alarms / 100 <= LEVEL
 

@@ -79,12 +79,17 @@ def scale_against_depth() -> Case:
     shape = cs.DM(rng.normal(scale=0.3, size=(8, 3)).T)
     seen = residuals.keypoints(
         scale.symbol * shape + cs.repmat(trans.symbol, 1, 8),
-        camera, observed.symbol, confidence.symbol, sigma=1.0,
-    )  # fmt: skip
+        camera,
+        observed.symbol,
+        confidence.symbol,
+        sigma=1.0,
+    )
     values = camera.values(K=[[1000, 0, 500], [0, 1000, 500], [0, 0, 1]]) | {
-        "scale": np.array(1.0), "trans": np.array([0.1, 0.2, 3.0]),
-        "observed": rng.normal(500, 100, size=(8, 2)), "confidence": np.ones(8),
-    }  # fmt: skip
+        "scale": np.array(1.0),
+        "trans": np.array([0.1, 0.2, 3.0]),
+        "observed": rng.normal(500, 100, size=(8, 2)),
+        "confidence": np.ones(8),
+    }
     return Problem((seen,), ("scale", "trans"), blocks=(scale, trans)), values
 
 
@@ -140,9 +145,18 @@ def uneven() -> Case:
 
 
 CASES = (
-    joints_only, full_turn, shape_without_effect, pose_that_nobody_reads, the_same_twice,
-    template_and_translation, scale_against_depth, one_piece, two_pieces, naive_rodrigues, uneven,
-)  # fmt: skip
+    joints_only,
+    full_turn,
+    shape_without_effect,
+    pose_that_nobody_reads,
+    the_same_twice,
+    template_and_translation,
+    scale_against_depth,
+    one_piece,
+    two_pieces,
+    naive_rodrigues,
+    uneven,
+)
 
 
 @cache

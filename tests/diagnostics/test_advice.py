@@ -73,8 +73,9 @@ def test_what_is_fixed_keeps_its_value_and_other_bounds_stay() -> None:
     assert set(found["fix scale"].problem.bounds) == {"trans"}
     assert found["fix scale"].at["scale"] == 1.0
     assert set(found["add a Gaussian prior on scale (sigma 1)"].problem.bounds) == {
-        "scale", "trans",
-    }  # fmt: skip
+        "scale",
+        "trans",
+    }
 
 
 def test_a_prior_stands_at_the_present_value() -> None:

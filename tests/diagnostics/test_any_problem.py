@@ -12,8 +12,14 @@ from workbench import Block, Problem, Residual, diagnose
 
 SHAPES = ((), (1,), (2,), (3,), (4,), (2, 3), (3, 2), (1, 3))
 BENT: tuple[Callable[[cs.MX], cs.MX], ...] = (
-    lambda r: r, lambda r: r**2, cs.sin, lambda r: r * r[0], cs.sqrt, lambda r: 1 / r, cs.floor,
-)  # fmt: skip
+    lambda r: r,
+    lambda r: r**2,
+    cs.sin,
+    lambda r: r * r[0],
+    cs.sqrt,
+    lambda r: 1 / r,
+    cs.floor,
+)
 
 
 def anything(rng: np.random.Generator) -> tuple[Problem, dict[str, np.ndarray]]:
@@ -59,16 +65,45 @@ def test_no_problem_is_too_odd_for_a_report(batch: int) -> None:
 
 
 KEYS = (
-    "schema", "version", "finite", "estimated", "shape", "nonzeros", "thick", "density",
-    "structural_rank", "blocks", "residuals", "terms", "structure", "not_finite", "findings",
+    "schema",
+    "version",
+    "finite",
+    "estimated",
+    "shape",
+    "nonzeros",
+    "thick",
+    "density",
+    "structural_rank",
+    "blocks",
+    "residuals",
+    "terms",
+    "structure",
+    "not_finite",
+    "findings",
     "suggestions",
-)  # fmt: skip
+)
 KEYS_OF_NUMBERS = (
-    "rank", "held", "tolerance", "condition", "singular_values", "scaled_rank", "ranks_nearby",
-    "weaker_here", "rank_law", "null_directions", "weak_directions", "parallel_columns", "turns",
-    "weakest", "entries", "effective_degrees_of_freedom", "better_from_data", "correlations",
-    "contributions", "derivatives",
-)  # fmt: skip
+    "rank",
+    "held",
+    "tolerance",
+    "condition",
+    "singular_values",
+    "scaled_rank",
+    "ranks_nearby",
+    "weaker_here",
+    "rank_law",
+    "null_directions",
+    "weak_directions",
+    "parallel_columns",
+    "turns",
+    "weakest",
+    "entries",
+    "effective_degrees_of_freedom",
+    "better_from_data",
+    "correlations",
+    "contributions",
+    "derivatives",
+)
 
 
 @pytest.mark.parametrize("case", cases.CASES, ids=lambda case: case.__name__)
@@ -83,8 +118,11 @@ def test_the_keys_of_version_one(case: Callable[[], cases.Case]) -> None:
 def test_the_keys_further_down() -> None:
     data = cases.diagnosed(cases.joints_only).data()
     assert diagnose(*cases.joints_only()).data() == data  # twice the same
-    inner = {key: tuple(value[0]) for key, value in data.items()
-             if isinstance(value, list) and value and isinstance(value[0], dict)}  # fmt: skip
+    inner = {
+        key: tuple(value[0])
+        for key, value in data.items()
+        if isinstance(value, list) and value and isinstance(value[0], dict)
+    }
     assert inner == {
         "blocks": ("name", "shape", "unit"),
         "residuals": ("name", "rows", "unit", "prior"),
@@ -98,8 +136,14 @@ def test_the_keys_further_down() -> None:
         "correlations": ("first", "second", "value"),
     }
     assert tuple(data["derivatives"]) == (
-        "passed", "wrong", "largest_error", "slope", "gradient_error", "hessian_error",
-        "neglected", "suspects",
-    )  # fmt: skip
+        "passed",
+        "wrong",
+        "largest_error",
+        "slope",
+        "gradient_error",
+        "hessian_error",
+        "neglected",
+        "suspects",
+    )
     assert data["rank_law"]["rank"] == data["rank"] == 43
     assert data["condition"] is None  # infinite

@@ -8,7 +8,7 @@ import pytest
 
 from tests.diagnostics import cases
 from workbench import Block, Problem, Residual, diagnose, residuals
-from workbench.diagnostics import Comparison
+from workbench.diagnostics import DiagnosisComparison
 from workbench.geometry.camera import Camera
 
 
@@ -30,32 +30,37 @@ def test_a_second_camera_tells_scale_from_distance() -> None:
     values |= camera.values(K=[[1000, 0, 500], [0, 1000, 500], [0, 0, 1]], R=sideways, t=[3, 0, 3])
     values |= {"left/observed": np.zeros((8, 2)), "left/confidence": np.ones(8)}
     one, two = diagnose(problem, values), diagnose(with_more(problem, seen), values)
-    change = Comparison(one, two)
+    change = DiagnosisComparison(one, two)
     (gained,) = change.gained
     assert gained.name.startswith("scale against trans")
     assert change.lost == ()
     text = change.report()
-    assert "1 direction gained by the second:\n  scale against trans" in text
+    assert "1 direction determined by the second only:\n  scale against trans" in text
     rows = {line.split("  ")[0]: line.split()[-2:] for line in text.splitlines()[1:] if line}
-    assert (rows["rank"], rows["not seen"]) == (["3", "4"], ["1", "0"])
-    back = Comparison(two, one)
+    assert (rows["rank"], rows["null directions"]) == (["3", "4"], ["1", "0"])
+    back = DiagnosisComparison(two, one)
     assert (len(back.gained), len(back.lost)) == (0, 1)
-    assert "1 direction lost:\n  scale against trans" in back.report()
+    assert "1 direction determined by the first only:\n  scale against trans" in back.report()
     # what was unknown and now is known has changed most
     assert {name for name, before, _ in change.sigmas[:4] if np.isinf(before)} == {
-        "scale", "trans[x]", "trans[y]", "trans[z]",
-    }  # fmt: skip
+        "scale",
+        "trans[x]",
+        "trans[y]",
+        "trans[z]",
+    }
 
 
 def test_a_prior_on_the_pose_uncovers_what_joints_hide() -> None:
     problem, values = cases.joints_only()
     prior = residuals.gaussian(problem.free["pose"].symbol, name="prior")
     fuller = with_more(problem, prior)
-    change = Comparison(diagnose(problem, values), diagnose(fuller, values, priors=("prior",)))
+    change = DiagnosisComparison(
+        diagnose(problem, values), diagnose(fuller, values, priors=("prior",))
+    )
     assert len(change.gained) == 32
     assert change.lost == ()
     text = change.report()
-    assert "32 directions gained by the second:" in text
+    assert "32 directions determined by the second only:" in text
     assert "pose[head, x y z]" in text
     assert "a turn of pose[left_elbow], undone at left_wrist" in text
 
@@ -63,14 +68,16 @@ def test_a_prior_on_the_pose_uncovers_what_joints_hide() -> None:
 def test_the_same_problem_elsewhere_loses_what_a_full_turn_hides() -> None:
     problem, values = cases.full_turn()
     unturned = values | {"pose": np.zeros((24, 3))}
-    change = Comparison(diagnose(problem, unturned), diagnose(problem, values))
+    change = DiagnosisComparison(diagnose(problem, unturned), diagnose(problem, values))
     assert change.gained == ()
     assert [d.joints for d in change.lost] == [("left_knee",)] * 2
 
 
 def test_unknowns_that_only_one_has_are_left_out() -> None:
     problem, values = cases.scale_against_depth()
-    change = Comparison(diagnose(problem, values), diagnose(problem.freeing("trans"), values))
+    change = DiagnosisComparison(
+        diagnose(problem, values), diagnose(problem.freeing("trans"), values)
+    )
     assert (change.gained, change.lost) == ((), ())
     assert {name for name, _, _ in change.sigmas} == {"trans[x]", "trans[y]", "trans[z]"}
 
@@ -79,7 +86,7 @@ def test_unknowns_that_only_one_has_are_left_out() -> None:
 def test_a_point_that_is_not_finite_can_be_compared(turned: bool) -> None:
     problem, values = cases.naive_rodrigues()
     two = [diagnose(problem, values), diagnose(problem, {"turn": np.ones(3)})]
-    change = Comparison(*two[:: -1 if turned else 1])
+    change = DiagnosisComparison(*two[:: -1 if turned else 1])
     assert (change.gained, change.lost, change.sigmas) == ((), (), ())
     (line,) = (line for line in change.report().splitlines() if line.startswith("rank"))
     assert sorted(line.split()) == ["-", "3", "rank"]
@@ -89,7 +96,7 @@ def test_a_point_that_is_not_finite_can_be_compared(turned: bool) -> None:
 def test_the_comparison_as_data() -> None:
     problem, values = cases.scale_against_depth()
     one = diagnose(problem, values)
-    data = json.loads(json.dumps(Comparison(one, one).data(), allow_nan=False))
+    data = json.loads(json.dumps(DiagnosisComparison(one, one).data(), allow_nan=False))
     assert list(data) == ["schema", "version", "first", "second", "gained", "lost"]
     assert data["first"] == data["second"] == json.loads(json.dumps(one.data()))
     assert (data["gained"], data["lost"]) == ([], [])

@@ -41,7 +41,7 @@ def test_a_t_pose_before_one_camera_is_nearly_degenerate_in_depth(distance: floa
     assert found.rank == 43  # the rank alone does not tell
     (text,) = nearly_degenerate(problem, values)
     assert text.startswith("nearly degenerate in depth: 14 of 14 joints (pelvis, left_hip, ")
-    shares = {turn.joint: turn.second / turn.best for turn in found.turns}
+    shares = {turn.joint: turn.second / turn.best for turn in found.joint_turns}
     assert shares["left_shoulder"] < 0.3 < shares["left_ankle"]  # the foot points to the camera
 
 
@@ -70,6 +70,6 @@ def test_a_point_where_the_weakest_direction_nearly_vanishes_is_told() -> None:
     r = Residual("r", cs.vertcat(x.symbol[0], x.symbol[1] ** 2), 0.01)
     problem = Problem((r,), ("x",), blocks=(x,))
     (text,) = nearly_degenerate(problem, {"x": np.array([1.0, 1e-6])})
-    assert "times weaker than a tenth of a yardstick away: 1.00 x[1]" in text
+    assert "times smaller here than a tenth of a yardstick away; its direction is 1.00 x[1]" in text
     assert nearly_degenerate(problem, {"x": np.array([1.0, 1.0])}) == []
     assert diagnose(problem, {"x": np.array([1.0, 0.0])}).rank == 1

@@ -8,7 +8,7 @@ import pytest
 
 from tests.diagnostics import cases
 from workbench import Block, Diagnosis, Problem, Residual, diagnose, residuals
-from workbench.diagnostics.identifiability import Verdict
+from workbench.diagnostics.identifiability import EntryIdentifiability
 from workbench.errors import UnknownName
 
 
@@ -47,7 +47,7 @@ def test_a_linear_problem_agrees_with_the_closed_forms(seed: int) -> None:
     np.testing.assert_allclose(np.sort(known.data_share)[::-1], np.clip(share, 0, 1), atol=1e-9)
     assert known.better_from_data == np.sum(share > 0.5)
     expected = [
-        Verdict.IDENTIFIED if told < 0.9 else Verdict.PRACTICAL
+        EntryIdentifiability.IDENTIFIED if told < 0.9 else EntryIdentifiability.PRACTICAL
         for told in np.sqrt(np.diag(posterior) / np.diag(C))
     ]
     assert list(known.verdicts) == expected
@@ -101,11 +101,12 @@ def test_verdicts_tell_the_ways_of_not_being_known_apart() -> None:
     found = diagnose(problem, {"x": np.zeros((2, 3))}, priors=("prior",))
     assert [v.name for v in found.identifiability.verdicts] == [
         "PRACTICAL",  # the data know it worse than the prior does
-        "NUMERICAL", "NUMERICAL",  # only their sum is seen
+        "NUMERICAL",
+        "NUMERICAL",  # only their sum is seen
         "PRACTICAL",  # seen by a ten thousandth of a sigma
         "IDENTIFIED",
         "STRUCTURAL",  # read by nobody
-    ]  # fmt: skip
+    ]
     np.testing.assert_allclose(
         found.identifiability.sigma[[0, 3, 4]], [1e-3 / np.sqrt(1 + 1e-6), 1e4, 0.01], rtol=1e-9
     )
@@ -118,17 +119,18 @@ def rms(found: Diagnosis, block: str) -> float:
     return float(np.sqrt(np.mean(found.identifiability.sigma[at] ** 2)))
 
 
-@pytest.mark.parametrize("case", [cases.the_same_twice, cases.template_and_translation,
-                                  cases.shape_without_effect])  # fmt: skip
+@pytest.mark.parametrize(
+    "case", [cases.the_same_twice, cases.template_and_translation, cases.shape_without_effect]
+)
 def test_what_a_residual_adds_is_what_is_lost_without_it(case: Callable[[], cases.Case]) -> None:
     problem, values = case()
     blocks = (*problem.free.blocks, *problem.fixed.blocks)
     extra = residuals.gaussian(problem.free.blocks[0].symbol, covariance=0.01, name="prior")
     problem = Problem((*problem.residuals, extra), problem.free.names, blocks=blocks)
     whole = diagnose(problem, values)
-    assert [c.term for c in whole.contributions] == list(problem.rows)
+    assert [c.residual for c in whole.contributions] == list(problem.rows)
     for contribution in whole.contributions:
-        less = problem.without(contribution.term)
+        less = problem.without(contribution.residual)
         without = diagnose(less, values)
         assert contribution.rank_with == whole.rank
         assert contribution.rank_without == without.rank

@@ -39,7 +39,7 @@ def test_a_joint_after_a_full_turn_has_one_axis_left() -> None:
         assert all(name.startswith("pose[left_knee, ") for name in entries(found, direction))
     assert len({d.name for d in found.null_directions}) == 2  # told apart
     assert found.nearby.ranks == (75, 75, 75, 75)
-    assert "the rank is 73 only here; a tenth of a yardstick away it is 75" in warned(found)
+    assert "the rank is 73 at this point, but 75 a tenth of a yardstick away" in warned(found)
     (turned_back,) = (s for s in found.suggestions if s.kind == "rewrap")
     assert turned_back.what == "take one turn of 2 pi off the rotation vector of left_knee"
     assert turned_back.cured
@@ -61,7 +61,7 @@ def test_a_free_block_that_nobody_reads_is_named() -> None:
     assert (found.rank, found.structural_rank) == (3, 3)
     assert {kind for kind, _ in unseen(found)} == {"entry"}
     assert len(found.null_directions) == 72
-    assert "read by no residual: all of pose" in warned(found)
+    assert "no residual depends on all of pose" in warned(found)
     assert found.free.label(int(found.structure.unread[0])) == "pose[pelvis, x]"
     assert suggested(found, "fix") == ["do not free pose"]
     assert "72 single entries: pose[pelvis, x y z]" in str(found)
@@ -71,7 +71,7 @@ def test_a_residual_that_is_there_twice_is_named_and_dropped() -> None:
     found = cases.diagnosed(cases.the_same_twice)
     assert found.rank == 4
     assert found.duplicates == (("first", "second"),)
-    assert "second says row for row what first says" in warned(found)
+    assert "second repeats first row by row" in warned(found)
     (drop,) = (s for s in found.suggestions if s.kind == "drop")
     assert drop.what == "drop the residual second"
     assert list(drop.problem.rows) == ["first", "other"]
@@ -129,8 +129,9 @@ def test_points_in_two_pieces_can_be_shifted_piece_by_piece() -> None:
     assert unseen(found) == [
         ("shift", f"a shift of {piece}, along {axis}") for piece in pieces for axis in "xyz"
     ]
-    for direction, rows in zip(found.null_directions, [range(4)] * 3 + [range(4, 9)] * 3,
-                               strict=True):  # fmt: skip
+    for direction, rows in zip(
+        found.null_directions, [range(4)] * 3 + [range(4, 9)] * 3, strict=True
+    ):
         moved = np.flatnonzero(abs(direction.vector.reshape(9, 3)).max(axis=1) > 1e-12)
         assert moved.tolist() == list(rows)
 
@@ -150,8 +151,9 @@ def test_a_derivative_made_by_hand_and_wrong_is_named() -> None:
     wrong = A.copy()
     wrong[1, 1] = 3.3
     X, Y = cs.MX.sym("X", 3), cs.MX.sym("Y", 3)
-    by_hand = cs.Function("jac_f", [X, Y], [cs.DM(wrong) @ cs.diag(cs.cos(X))], ["x", "out_y"],
-                          ["jac_y_x"])  # fmt: skip
+    by_hand = cs.Function(
+        "jac_f", [X, Y], [cs.DM(wrong) @ cs.diag(cs.cos(X))], ["x", "out_y"], ["jac_y_x"]
+    )
     options = {"custom_jacobian": by_hand, "never_inline": True, "jac_penalty": 0}
     f = cs.Function("f", [X], [cs.DM(A) @ cs.sin(X)], ["x"], ["y"], options)
     x = Block("x", (3,), "1", ("u", "v", "w"))
@@ -165,7 +167,7 @@ def test_a_derivative_made_by_hand_and_wrong_is_named() -> None:
     assert suspect.given == pytest.approx(33 * np.cos(0.2))
     assert suspect.differences == pytest.approx(30 * np.cos(0.2), rel=1e-7)
     assert check.slope == pytest.approx(1, abs=0.05)
-    assert "the worst is by hand[1] by x[v]: given 32.34" in warned(found)
+    assert "the worst is by hand[1] by x[v]: 32.34" in warned(found)
     with pytest.raises(AssertionError, match=r"by hand\[1\] by x\[v\]"):
         found.assert_no_warnings()
     right = Problem((Residual("r", cs.DM(A) @ cs.sin(x.symbol), 0.1),), ("x",), blocks=(x,))
@@ -217,13 +219,13 @@ def test_a_prior_alone_is_no_null_space() -> None:
     found = diagnose(problem, {"x": np.zeros(3)})
     found.assert_rank(3)
     found.assert_no_warnings()
-    assert "every direction is seen" in str(found)
-    with pytest.raises(AssertionError, match="the rank is 3, not 2; not seen: nothing"):
+    assert "full rank" in str(found)
+    with pytest.raises(AssertionError, match="the rank is 3, not 2; null directions: none"):
         found.assert_rank(2)
 
 
 def test_an_assertion_about_the_rank_names_what_is_not_seen() -> None:
-    with pytest.raises(AssertionError, match=r"the rank is 5, not 6; not seen: betas\[1\]"):
+    with pytest.raises(AssertionError, match=r"the rank is 5, not 6; null directions: betas\[1\]"):
         cases.diagnosed(cases.shape_without_effect).assert_rank(6)
-    with pytest.raises(AssertionError, match="no residual notices 1 of 6 directions"):
+    with pytest.raises(AssertionError, match="1 of 6 directions change no residual"):
         cases.diagnosed(cases.shape_without_effect).assert_no_warnings()

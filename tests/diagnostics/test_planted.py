@@ -67,7 +67,7 @@ def test_near_dependencies_are_ranked_by_how_near_they_are(seed: int) -> None:
     found = linear(A)
     assert found.rank == 20
     assert [{p.first, p.second} for p in found.parallel_columns] == [{c, d}, {a, b}]
-    nearest, next_ = (p.apart for p in found.parallel_columns)
+    nearest, next_ = (p.sine for p in found.parallel_columns)
     assert 1e-11 < nearest < 1e-9
     assert 1e-7 < next_ < 1e-5
     first, second = found.weakest[:2]
@@ -84,8 +84,10 @@ def test_dependencies_of_the_same_size_are_told_apart() -> None:
         A[:, b] = A[:, a] + apart * np.linalg.qr(rng.normal(size=(60, 1)))[0][:, 0]
     found = linear(A)
     assert {frozenset(w.columns) for w in found.weakest} == {
-        frozenset({3, 11}), frozenset({5, 17}), frozenset({8, 9}),
-    }  # fmt: skip
+        frozenset({3, 11}),
+        frozenset({5, 17}),
+        frozenset({8, 9}),
+    }
 
 
 def test_a_dependency_of_three_columns_is_no_parallel_pair_but_has_a_certificate() -> None:
@@ -95,9 +97,11 @@ def test_a_dependency_of_three_columns_is_no_parallel_pair_but_has_a_certificate
     found = linear(A)
     assert found.parallel_columns == ()
     assert set(found.weakest[0].columns) == {2, 5, 7}
-    np.testing.assert_allclose(found.weakest[0].vector[[2, 5, 7]] * np.sqrt(6),
-                               np.array([2, -1, -1]) * np.sign(found.weakest[0].vector[2]),
-                               rtol=1e-6)  # fmt: skip
+    np.testing.assert_allclose(
+        found.weakest[0].vector[[2, 5, 7]] * np.sqrt(6),
+        np.array([2, -1, -1]) * np.sign(found.weakest[0].vector[2]),
+        rtol=1e-6,
+    )
 
 
 def test_columns_that_are_equal_are_the_same_unknown_twice() -> None:
@@ -107,7 +111,7 @@ def test_columns_that_are_equal_are_the_same_unknown_twice() -> None:
     found = linear(A)
     (direction,) = found.null_directions
     assert direction.name == "within b0: 0.71 b0[1] - 0.71 b0[4]"
-    assert "1 pair of unknowns that do the same: b0[1] and b0[4]" in found.report()
+    assert "1 pair of unknowns with parallel columns: b0[1] and b0[4]" in found.report()
 
 
 def test_one_row_far_longer_than_all_others_does_not_hide_them() -> None:

@@ -9,7 +9,7 @@ import pytest
 from tests.bodies_made_up import SMPL_NAMES, smpl_like_body
 from workbench import Block, Diagnosis, Problem, Residual, Values, diagnose, residuals
 from workbench.blocks import Layout, Tree
-from workbench.diagnostics.motions import motions
+from workbench.diagnostics.named_subspaces import named_subspaces
 from workbench.diagnostics.null_space import Direction, directions
 from workbench.diagnostics.rank_law import law_in_words, rank_of_observed_joints
 from workbench.geometry.rotation import matrix_from_vector
@@ -43,9 +43,12 @@ def posed(
 
 
 def jacobian_of(
-    parents: tuple[int, ...], joints: np.ndarray, carried: list[np.ndarray],
-    observed: list[int], translation: bool,
-) -> np.ndarray:  # fmt: skip
+    parents: tuple[int, ...],
+    joints: np.ndarray,
+    carried: list[np.ndarray],
+    observed: list[int],
+    translation: bool,
+) -> np.ndarray:
     """Of the observed joints' positions by all rotation vectors, and by a translation."""
     J = np.zeros((3 * len(observed), 3 * len(parents) + 3 * translation))
     for i, joint in enumerate(observed):
@@ -63,7 +66,7 @@ def named(J: np.ndarray, parents: tuple[int, ...], translation: bool) -> tuple[D
     pose, trans = Block("pose", (len(parents), 3), "rad", names), Block("trans", (3,), "m")
     free = Layout((pose, trans) if translation else (pose,))
     here = Linearization(np.zeros(len(J)), J)
-    found = motions(free, (Tree("pose", names, parents),))
+    found = named_subspaces(free, (Tree("pose", names, parents),))
     return directions(here, free, found, here.spectrum.tolerance)
 
 
@@ -103,9 +106,10 @@ def test_the_words_of_the_law_add_up_to_the_law() -> None:
     joints = body.joints(np.zeros((24, 3)), np.zeros(4))
     everything = range(24)
     for translation, rank in ((False, 40), (True, 43)):
-        assert rank_of_observed_joints(
-            body.parents, joints, everything, translation=translation
-        ) == rank  # fmt: skip
+        assert (
+            rank_of_observed_joints(body.parents, joints, everything, translation=translation)
+            == rank
+        )
         words = law_in_words(body.parents, translation=translation)
         assert words.endswith(f"= {rank}")
         assert "3 x 2 joints with several children + 2 x 17 with one child" in words
@@ -134,7 +138,7 @@ def test_of_twenty_four_joints_fifteen_numbers_and_seventeen_twists_are_hidden(
     assert kinds(diagnosis) == {"entry": 15, "twist": 17}
     assert diagnosis.rank_law is not None
     assert diagnosis.rank_law[0] == diagnosis.rank == 40 + 3 * ("trans" in free)
-    assert f"the rank law of observed joints says {diagnosis.rank}" in diagnosis.report()
+    assert f"the kinematic tree predicts the rank {diagnosis.rank}" in diagnosis.report()
 
 
 @pytest.mark.parametrize("free", [("pose",), ("pose", "trans")], ids="+".join)

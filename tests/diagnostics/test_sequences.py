@@ -10,7 +10,7 @@ import pytest
 
 from workbench import Block, Problem, Values, diagnose, load_body, residuals, sequence
 from workbench.diagnostics import Diagnosis, SequenceDiagnosis, Undiagnosed
-from workbench.diagnostics.looked_at import looked_at
+from workbench.diagnostics.linearized import linearized
 from workbench.errors import BadArgument
 from workbench.problem import frame_chain, storage
 from workbench.reports import write_diagnosis
@@ -82,12 +82,15 @@ def somewhere(problem: Problem, seed: int = 0) -> Values:
 EVERY = range(24)
 
 
-@pytest.mark.parametrize("between", [
-    (),
-    (residuals.smooth("pose", sigma=0.1),),
-    (residuals.smooth("pose", sigma=0.1, order=2),),
-    (residuals.smooth("trans", sigma=0.1, order=2), residuals.smooth("pose", sigma=0.2)),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "between",
+    [
+        (),
+        (residuals.smooth("pose", sigma=0.1),),
+        (residuals.smooth("pose", sigma=0.1, order=2),),
+        (residuals.smooth("trans", sigma=0.1, order=2), residuals.smooth("pose", sigma=0.2)),
+    ],
+)
 @pytest.mark.parametrize("shared", [("betas",), ("betas", "trans"), ()])
 @pytest.mark.parametrize("observed", [EVERY, (0, 3, 6, 20)])
 def test_numbers_are_those_of_the_whole_jacobian(
@@ -105,10 +108,13 @@ def linear(
     """Frames whose residuals are A x + B s, x of three numbers."""
     x, s = Block("x", (3,), "rad"), Block("s", (shared[0].shape[1],), "sd")
     frames = [
-        Problem([Residual("seen", cs.DM(A) @ x.symbol + cs.DM(B) @ s.symbol, 0.5)],
-                ("x", "s"), blocks=(x, s))
+        Problem(
+            [Residual("seen", cs.DM(A) @ x.symbol + cs.DM(B) @ s.symbol, 0.5)],
+            ("x", "s"),
+            blocks=(x, s),
+        )
         for A, B in zip(rows, shared, strict=True)
-    ]  # fmt: skip
+    ]
     video = sequence(frames, shared=("s",), between=between)
     return long(video, somewhere(video))
 
@@ -236,8 +242,9 @@ def test_frames_without_data_and_missing_residuals_are_told() -> None:
     x = Block("x", (2,), "m")
     own = Residual("seen", x.symbol, 0.1, "m")
     other = Residual("prior", x.symbol[0], 1.0, "m")
-    frames = [Problem([own, other] if t not in (3, 4) else [other], ("x",), blocks=(x,))
-              for t in range(8)]  # fmt: skip
+    frames = [
+        Problem([own, other] if t not in (3, 4) else [other], ("x",), blocks=(x,)) for t in range(8)
+    ]
     d = long(sequence(frames), {"x": np.zeros((8, 2))})
     assert d.missing == {"seen": (3, 4)}
     assert "the residual seen is missing in 2 of 8 frames (3 to 4)" in str(d)
@@ -252,9 +259,9 @@ def test_frames_without_data_and_missing_residuals_are_told() -> None:
     assert tied.blind == {"x": (3,)}
     assert tied.rank == 16
     assert tied.warnings == ()
-    assert "1 of 8 frames (3) sees nothing of x: it is known there through smooth(x)" in str(tied)
+    assert "1 of 8 frames (3) sees nothing of x: there it is determined by smooth(x)" in str(tied)
     assert int(np.argmax(tied.largest_sigma["x"])) == 3
-    assert "x is worst known in frames 3 (" in tied.report()
+    assert "x is least certain in frames 3 (" in tied.report()
     lost = long(sequence(blank), at)
     assert any(f.warning and f.text.endswith("sees nothing of x") for f in lost.findings)
 
@@ -265,7 +272,7 @@ def test_a_frame_by_itself_is_diagnosed_as_its_problem_is() -> None:
     at = somewhere(video)
     found = long(video, at).frame(2)
     own = {"pose": at["pose"][2], "trans": at["trans"][2], "betas": at["betas"]}
-    here = looked_at(frame, own)
+    here = linearized(frame, own)
     assert isinstance(found, Diagnosis)
     assert found.rank == Diagnosis(frame, own, here).rank
     assert found.free.names == ("pose", "trans", "betas")
@@ -278,8 +285,11 @@ def test_priors_give_shared_unknowns_their_yardsticks() -> None:
     seen = Residual("seen", cs.vertcat(x.symbol, s.symbol), 0.5)
     prior = Residual("prior", s.symbol, 0.1)
     frame = Problem([seen, prior], ("x", "s"), blocks=(x, s))
-    d = long(sequence([frame] * 3, shared=("s",)), {"x": np.ones((3, 2)), "s": np.ones(1)},
-             priors=("prior",))  # fmt: skip
+    d = long(
+        sequence([frame] * 3, shared=("s",)),
+        {"x": np.ones((3, 2)), "s": np.ones(1)},
+        priors=("prior",),
+    )
     np.testing.assert_allclose(d.shared.yardsticks.sizes, [0.1])
     assert d.shared.frames_well.tolist() == [0]
     np.testing.assert_allclose(d.shared.sigma, [(100 + 3 * 4) ** -0.5])

@@ -10,7 +10,7 @@ import pytest
 from workbench import Problem, Values, diagnose, load_body, residuals, sequence
 from workbench.blocks import Tree
 from workbench.diagnostics import Diagnosis
-from workbench.diagnostics.motions import motions
+from workbench.diagnostics.named_subspaces import named_subspaces
 from workbench.diagnostics.turned_joints import named_by_joints
 from workbench.reports import write_diagnosis
 from workbench.residuals import Residual
@@ -41,7 +41,7 @@ def test_the_diagnosis_is_whole(tmp_path: Path, smooth: bool) -> None:
     if not smooth:
         assert "a turn of pose[2, left_wrist] alone" in names
         assert "pose[1, left_hand, y]" in names
-    assert "NOT SEEN" in found.report()
+    assert "NULL DIRECTIONS" in found.report()
     page = write_diagnosis(found, tmp_path / "found", title="short", body=load_body("small"))
     assert page.exists()
     json.loads((tmp_path / "found" / "diagnosis.json").read_text())
@@ -61,14 +61,16 @@ def forest() -> tuple[Tree, Problem]:
 
 def test_limbs_end_with_their_frame() -> None:
     tree, problem = forest()
-    limbs = {m.name: m.entries for m in motions(problem.free, (tree,)) if m.kind == "joint"}
+    limbs = {m.name: m.entries for m in named_subspaces(problem.free, (tree,)) if m.kind == "joint"}
     assert limbs["turns from 0, hip down"].tolist() == list(range(9))
     assert limbs["turns from 1, hip down"].tolist() == list(range(9, 18))
 
 
 def test_joints_of_several_frames_have_no_common_limb() -> None:
     tree, problem = forest()
-    motion = next(m for m in motions(problem.free, (tree,)) if m.name == "turns from 0, hip down")
+    motion = next(
+        m for m in named_subspaces(problem.free, (tree,)) if m.name == "turns from 0, hip down"
+    )
     v = np.zeros(18)
     v[[3, 12]] = np.sqrt(0.5)
     name, _ = named_by_joints(motion, v, np.zeros((1, 18)), problem.free, 0.1)

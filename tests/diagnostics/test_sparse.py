@@ -81,17 +81,17 @@ def test_the_numbers_are_those_of_the_dense_way(both: tuple[Diagnosis, Diagnosis
     assert [(t.nonzeros, pytest.approx(t.norm)) for t in sparse.terms] == [
         (t.nonzeros, t.norm) for t in dense.terms
     ]
-    assert {(p.first, p.second) for p in sparse.parallel_columns if p.apart == 0} == {(8, 9)}
+    assert {(p.first, p.second) for p in sparse.parallel_columns if p.sine == 0} == {(8, 9)}
     assert sparse.derivatives.passed
 
 
 def test_what_is_estimated_or_left_out_is_said(both: tuple[Diagnosis, Diagnosis]) -> None:
     _, sparse = both
     text = sparse.report()
-    assert "singular values are estimates from J'J" in text
-    assert "leverage, neighbours and contributions are left out" in text
-    assert "read by no residual: x[7]" in text
-    assert "1 pair of unknowns that do the same: x[8] and x[9]" in text
+    assert "singular values are estimated from J'J" in text
+    assert "leverage, nearby points and contributions are left out" in text
+    assert "no residual depends on x[7]" in text
+    assert "1 pair of unknowns with parallel columns: x[8] and x[9]" in text
     data = json.loads(json.dumps(sparse.data(), allow_nan=False))
     assert data["estimated"] is True
     assert (data["ranks_nearby"], data["contributions"]) == ([], [])
@@ -161,7 +161,7 @@ def test_fifty_thousand_rows_need_no_dense_array() -> None:
     assert found.rank == 1998
     assert tracemalloc.get_traced_memory()[1] < 0.5 * 8 * 50_000 * 2_000
     tracemalloc.stop()
-    assert "estimates from J'J" in found.report()
+    assert "estimated from J'J" in found.report()
     json.dumps(found.data(), allow_nan=False)
 
 
@@ -233,14 +233,15 @@ def test_sparse_constraints_hold_as_dense_ones_do(monkeypatch: pytest.MonkeyPatc
             Constraint("apart", x[8] - x[9], 0.2, 0.2),
             Constraint("squares", x[:5] ** 2 - cs.DM(values["x"][:5] ** 2), upper=[0, 1, 1, 1, 1]),
         )
-        held = Problem(problem.residuals, ("x", "y"), blocks=problem.free.blocks,
-                       constraints=limits)  # fmt: skip
+        held = Problem(
+            problem.residuals, ("x", "y"), blocks=problem.free.blocks, constraints=limits
+        )
         assert held.stacked_constraints is not None
         assert held.stacked_constraints.sparse == sparse
         found.append(diagnose(held, values, priors=("prior",)))
     dense, thin = found
-    assert dense.point.held.names == thin.point.held.names == ("apart", "squares[0]")
-    np.testing.assert_array_equal(dense.point.held.rows, thin.point.held.rows)
+    assert dense.point.active.names == thin.point.active.names == ("apart", "squares[0]")
+    np.testing.assert_array_equal(dense.point.active.rows, thin.point.active.rows)
     assert dense.rank == thin.rank == 59  # x[7] alone is not noticed
     assert [d.name for d in dense.null_directions] == [d.name for d in thin.null_directions]
     np.testing.assert_allclose(thin.identifiability.sigma, dense.identifiability.sigma)

@@ -8,9 +8,9 @@ from scipy.sparse.csgraph import maximum_bipartite_matching
 
 from workbench import Block, Problem, Residual, diagnose, load_body, residuals
 from workbench.blocks import Layout
-from workbench.diagnostics import looked_at, structure
-from workbench.diagnostics.looked_at import thick
-from workbench.diagnostics.structure import Structure, named_groups, named_rows, taken_apart
+from workbench.diagnostics import linearized, structure
+from workbench.diagnostics.linearized import thick
+from workbench.diagnostics.structure import Structure, decomposed, named_groups, named_rows
 from workbench.problem import Linearization
 
 
@@ -40,7 +40,7 @@ def test_the_parts_are_those_of_alternating_paths(batch: int) -> None:
         rng = np.random.default_rng([batch, case])
         m, n = (int(k) for k in rng.integers(1, 25, size=2))
         pattern = rng.random((m, n)) < rng.choice([0.03, 0.08, 0.15, 0.4])
-        structure = taken_apart(csc_array(pattern))
+        structure = decomposed(csc_array(pattern))
 
         matched = maximum_bipartite_matching(csr_array(pattern), perm_type="column")
         of_row = {i: int(j) for i, j in enumerate(matched) if j >= 0}
@@ -70,14 +70,17 @@ def test_too_few_rows_for_some_unknowns_are_named() -> None:
     assert (found.rank, found.structural_rank) == (4, 4)
     assert sets(structure, "under") == ({0, 1}, {0, 1, 2})
     assert sets(structure, "over") == ({2, 3, 4}, {3, 4})
-    assert "2 rows have to decide 3 unknowns: all of a" in found.warnings[0].text
+    assert "2 rows cannot determine 3 unknowns: all of a" in found.warnings[0].text
     assert "over-determined 3 x 2, square 0 x 0, under-determined 2 x 3" in found.report()
     assert found.data()["structure"]["under_determined"] == {
-        "rows": 2, "of": "2 of few", "unknowns": ["a[0]", "a[1]", "a[2]"],
-    }  # fmt: skip
+        "rows": 2,
+        "of": "2 of few",
+        "unknowns": ["a[0]", "a[1]", "a[2]"],
+    }
     assert [v.name for v in found.identifiability.verdicts] == ["STRUCTURAL"] * 3 + [
-        "IDENTIFIED", "IDENTIFIED",
-    ]  # fmt: skip
+        "IDENTIFIED",
+        "IDENTIFIED",
+    ]
 
 
 def test_a_residual_that_reads_nothing_free_is_named() -> None:
@@ -86,7 +89,7 @@ def test_a_residual_that_reads_nothing_free_is_named() -> None:
     found = diagnose(problem, {"a": np.zeros(2), "b": np.ones(2)})
     assert found.structure.idle.tolist() == [2, 3]
     (warning,) = found.warnings
-    assert warning.text == "the residual of b reads nothing that is free: it cannot change"
+    assert warning.text == "the residual of b depends on no free block, so it is constant"
 
 
 def test_the_structure_allows_more_than_the_numbers() -> None:
@@ -95,7 +98,10 @@ def test_the_structure_allows_more_than_the_numbers() -> None:
     problem = Problem((Residual("sums", cs.DM(A) @ x.symbol, 1.0),), ("x",))
     found = diagnose(problem, {"x": np.zeros(3)})
     assert (found.rank, found.structural_rank) == (1, 3)
-    assert "the pattern alone would allow 3: the other 2 are lost to the numbers" in found.report()
+    assert (
+        "the sparsity pattern allows 3: 2 of the null directions are due to the numbers"
+        in found.report()
+    )
 
 
 def test_entries_are_named_in_few_words() -> None:
@@ -127,9 +133,9 @@ def test_rows_that_read_the_same_need_not_all_be_looked_at(
     rng = np.random.default_rng(seed)
     kinds = rng.random((8, 6)) < 0.3
     pattern = csc_array(kinds[rng.integers(0, 8, int(rng.integers(1, 60)))])
-    found = structure.taken_apart(pattern)
+    found = structure.decomposed(pattern)
     monkeypatch.setattr(structure, "_enough", lambda pattern, reads: np.arange(pattern.shape[0]))
-    whole = structure.taken_apart(pattern)
+    whole = structure.decomposed(pattern)
     assert found.rank == whole.rank
     for part in ("over", "square", "under"):
         one, other = getattr(found, part), getattr(whole, part)
@@ -146,9 +152,9 @@ def test_a_very_large_mesh_has_its_pattern_from_the_chain_rule(
     points = body.points(*(block.symbol for block in body.blocks()))
     observed = np.zeros((body.n_vertices, 3))
     problem = Problem((residuals.vertices(points, observed, sigma=0.1),), ("pose", "trans"))
-    by_graph = looked_at.pattern_at(problem)
-    monkeypatch.setattr(looked_at, "BY_GRAPH", 0)
-    by_chain = looked_at.pattern_at(problem)
+    by_graph = linearized.pattern_at(problem)
+    monkeypatch.setattr(linearized, "BY_GRAPH", 0)
+    by_chain = linearized.pattern_at(problem)
     assert by_chain.nnz == problem.size * problem.free.size
     assert (by_chain.toarray() >= by_graph.toarray()).all()
     assert diagnose(problem, body.start()).structural_rank == problem.free.size

@@ -6,17 +6,17 @@ import numpy as np
 
 from workbench import diagnose
 from workbench.blocks import Block, Layout, Tree
-from workbench.diagnostics.motions import Motion
+from workbench.diagnostics.named_subspaces import NamedSubspace
 from workbench.diagnostics.turned_joints import named_by_joints
 from workbench.experiments.balance import balance_monocular
 
 NAMES = ("pelvis", "collar", "shoulder", "elbow", "wrist", "hand", "other_collar")
 TREE = Tree("pose", NAMES, (-1, 0, 1, 2, 3, 4, 0))
 FREE = Layout((Block("pose", (7, 3), "rad", NAMES), Block("trans", (3,), "m")))
-LIMB = Motion("joint", "turns from collar down", (), np.arange(3, 18), None, TREE)
+LIMB = NamedSubspace("joint", "turns from collar down", (), np.arange(3, 18), None, TREE)
 
 
-def name_of(motion: Motion, turns: dict[str, float], trans: float = 0.0) -> str:
+def name_of(motion: NamedSubspace, turns: dict[str, float], trans: float = 0.0) -> str:
     pose = np.zeros((7, 3))
     for joint, angle in turns.items():
         pose[NAMES.index(joint), 1] = angle
@@ -32,7 +32,7 @@ def test_a_turn_of_the_hand_is_no_turn_from_the_collar_down() -> None:
 
 
 def test_a_translation_that_takes_no_part_is_not_named() -> None:
-    near = Motion("joint", "turns near pelvis", (), np.arange(24), None, TREE, "trans")
+    near = NamedSubspace("joint", "turns near pelvis", (), np.arange(24), None, TREE, "trans")
     assert name_of(near, {"elbow": 1.0, "hand": 0.5}, 0.01) == "turns from elbow down"
     assert name_of(near, {"elbow": 1.0}, 0.5) == "a turn of pose[elbow], undone by trans"
 

@@ -6,7 +6,7 @@ import pytest
 
 from workbench import Block, Camera, Diagnosis, Problem, Residual, Values, diagnose, residuals
 from workbench.bodies.catalogue import load_body
-from workbench.diagnostics.identifiability import Verdict
+from workbench.diagnostics.identifiability import EntryIdentifiability
 
 RAYS = np.linspace(-0.4, 0.4, 20)
 
@@ -24,8 +24,8 @@ def focal_length(unit: str, scale: float, *, known_to: float = 5.0) -> Diagnosis
 def test_a_focal_length_known_to_half_a_percent_is_known(unit: str, scale: float) -> None:
     d = focal_length(unit, scale)
     assert d.identifiability.sigma[0] == pytest.approx(5 * scale)
-    assert d.identifiability.verdicts == (Verdict.IDENTIFIED,)
-    assert d.hardly_seen == 0
+    assert d.identifiability.verdicts == (EntryIdentifiability.IDENTIFIED,)
+    assert d.weak_count == 0
     assert not d.weak_directions
     assert not d.findings
 
@@ -33,8 +33,8 @@ def test_a_focal_length_known_to_half_a_percent_is_known(unit: str, scale: float
 @pytest.mark.parametrize(("unit", "scale"), [("px", 1.0), ("kpx", 1e-3)])
 def test_one_that_may_as_well_be_zero_is_not(unit: str, scale: float) -> None:
     d = focal_length(unit, scale, known_to=2000.0)
-    assert d.identifiability.verdicts == (Verdict.PRACTICAL,)
-    assert d.hardly_seen == 1
+    assert d.identifiability.verdicts == (EntryIdentifiability.PRACTICAL,)
+    assert d.weak_count == 1
     assert d.weak_directions[0].change == pytest.approx(0.5)  # sigmas for 1000 px
     said = f"({1000 * scale:.4g} {unit} (its size here) for focal)"
     assert said in d.findings[0].text
@@ -59,7 +59,7 @@ def body_in(unit: str, factor: float) -> Diagnosis:
 def test_millimetres_change_no_judgement() -> None:
     metres, millimetres = body_in("m", 1.0), body_in("mm", 1e3)
     assert metres.rank == millimetres.rank
-    assert metres.hardly_seen == millimetres.hardly_seen > 0
+    assert metres.weak_count == millimetres.weak_count > 0
     assert metres.identifiability.verdicts == millimetres.identifiability.verdicts
     found, other = ([x.change for x in d.weak_directions] for d in (metres, millimetres))
     np.testing.assert_allclose(found, other, rtol=1e-6)
@@ -70,7 +70,10 @@ def test_millimetres_change_no_judgement() -> None:
 
 def test_a_prior_is_the_yardstick_of_what_has_no_natural_one() -> None:
     """50 px of prior: data that know the focal length to 40 px tell something, to 500 px not."""
-    for known_to, verdict in ((40.0, Verdict.IDENTIFIED), (500.0, Verdict.PRACTICAL)):
+    for known_to, verdict in (
+        (40.0, EntryIdentifiability.IDENTIFIED),
+        (500.0, EntryIdentifiability.PRACTICAL),
+    ):
         f = Block("focal", (), "px")
         data = Residual("data", f.symbol - 1000, known_to, "px", blocks=(f,))
         prior = residuals.gaussian(f.symbol, mean=1000, covariance=50.0**2, name="prior")
@@ -78,7 +81,7 @@ def test_a_prior_is_the_yardstick_of_what_has_no_natural_one() -> None:
         assert d.identifiability.verdicts == (verdict,)
         assert d.point.yardsticks.sizes.tolist() == [pytest.approx(50.0)]
         assert "the standard deviation of its prior" in str(d.point.yardsticks)
-        assert d.hardly_seen == 0  # the prior knows it
+        assert d.weak_count == 0  # the prior knows it
 
 
 @pytest.mark.parametrize(
@@ -131,7 +134,7 @@ def test_pose_blend_shapes_are_spoken_of_where_there_are_some() -> None:
     assert "pose blend" not in diagnose(Problem([surface], "trans"), body.start()).report()
     assert "pose blend" not in diagnose(Problem([joints], "pose"), body.start()).report()
     thin = diagnose(Problem([line], "x"), {"x": np.zeros(2)}).report()
-    assert "2 of them are above a thousandth of their column's largest here; the others" in thin
+    assert "2 of them are above a thousandth of their column's largest entry; the others" in thin
     assert "pose blend" not in thin
 
 
@@ -140,5 +143,8 @@ def test_what_is_unknown_with_and_without_a_residual_is_called_so() -> None:
     terms = [Residual(name, x.symbol[0] - i, 1.0) for i, name in enumerate(("first", "second"))]
     report = diagnose(Problem(terms, "x"), {"x": np.zeros(2)}).report()
     assert "inf > inf" not in report
-    assert "inf" not in report.partition("WHAT EACH RESIDUAL ADDS")[2].partition("DERIVATIVES")[0]
+    assert (
+        "inf"
+        not in report.partition("WHAT EACH RESIDUAL CONTRIBUTES")[2].partition("DERIVATIVES")[0]
+    )
     assert report.count("unknown\n") >= 2

@@ -8,7 +8,7 @@ import pytest
 from workbench.errors import UnknownName
 from workbench.experiments import EXPERIMENTS, Outcome, find, run
 from workbench.experiments.balance import balance
-from workbench.experiments.observations import COCO
+from workbench.fitting.observations import COCO
 from workbench.plots import caption_overlay, plot_overlay, sheet
 from workbench.plots.overlay import reprojection
 from workbench.reports import write_report

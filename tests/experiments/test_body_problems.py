@@ -10,8 +10,8 @@ from scipy.optimize import least_squares
 from workbench.bodies.catalogue import load_body
 from workbench.errors import BadArgument, BadBounds, WorkbenchError
 from workbench.experiments import SUITES, Setup, find
-from workbench.experiments.known import Known
-from workbench.experiments.synthetic_people import beginning, bent_person
+from workbench.experiments.synthetic_people import bent_person, random_start
+from workbench.fitting.known import Known
 
 NAMES = [experiment.name for experiment in SUITES["bodies"]]
 EACH = pytest.mark.parametrize("name", NAMES)
@@ -65,16 +65,16 @@ def test_starts_are_paired_and_data_do_not_depend_on_them(name: str) -> None:
 
 def test_a_numbered_start_is_one_and_the_same() -> None:
     body = load_body("small")
-    third = beginning(body, 0, 3, 0.3)
+    third = random_start(body, 0, 3, 0.3)
     for block in body.blocks():
-        assert (beginning(body, 0, 0, 0.3)[block.name] == 0).all()
-        np.testing.assert_array_equal(third[block.name], beginning(body, 0, 3, 0.3)[block.name])
-        assert (third[block.name] != beginning(body, 0, 4, 0.3)[block.name]).all()
-    far = beginning(body, 0, 3, 1.0)
+        assert (random_start(body, 0, 0, 0.3)[block.name] == 0).all()
+        np.testing.assert_array_equal(third[block.name], random_start(body, 0, 3, 0.3)[block.name])
+        assert (third[block.name] != random_start(body, 0, 4, 0.3)[block.name]).all()
+    far = random_start(body, 0, 3, 1.0)
     np.testing.assert_allclose(far["pose"], third["pose"] / 0.3)
     # nobody's start is another's truth
     truth = bent_person(body, np.random.default_rng(0), 0.3)
-    assert all((beginning(body, 0, k, 0.3)["pose"] != truth["pose"]).all() for k in range(1, 5))
+    assert all((random_start(body, 0, k, 0.3)["pose"] != truth["pose"]).all() for k in range(1, 5))
 
 
 @pytest.mark.parametrize("name", ["body-vertices", "body-four-cameras"])
@@ -109,8 +109,11 @@ def test_bounds_are_active_at_the_answer_which_another_solver_finds_too() -> Non
         inside,
         lambda x: setup.problem.linearize_at(x, fixed).jacobian,
         (lower, upper),
-        ftol=1e-14, xtol=1e-14, gtol=1e-14, max_nfev=2000,
-    )  # fmt: skip
+        ftol=1e-14,
+        xtol=1e-14,
+        gtol=1e-14,
+        max_nfev=2000,
+    )
     assert peer.cost == pytest.approx(known.cost, rel=1e-6)
     assert peer.cost > known.cost * (1 - 1e-9)
 

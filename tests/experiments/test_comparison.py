@@ -9,7 +9,7 @@ import pytest
 
 from tests.outcomes_made_up import outcome_made_up, setup_made_up
 from workbench.experiments import EXPERIMENTS, Experiment, run
-from workbench.experiments.comparison import as_good, best_cost, excess
+from workbench.experiments.relative_costs import as_good, best_cost, excess
 from workbench.solvers import (
     SOLVERS,
     Evaluations,
@@ -94,8 +94,11 @@ def test_it_goes_by_its_name_in_the_catalogue() -> None:
     assert outcome.solver == "nlopt-lbfgs"
     assert list(outcome.compared) == ["nlopt-lbfgs"]
     short = run(MADE_UP, Nlopt("LD_LBFGS", max_iterations=3))
-    assert list(short.compared) == ["nlopt LD_LBFGS (with other options)", "gauss-newton",
-                                    "nlopt-lbfgs"]  # fmt: skip
+    assert list(short.compared) == [
+        "nlopt LD_LBFGS (with other options)",
+        "gauss-newton",
+        "nlopt-lbfgs",
+    ]
 
 
 @dataclass(frozen=True)

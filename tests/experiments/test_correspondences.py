@@ -8,7 +8,7 @@ from workbench.bodies import SkinnedBody
 from workbench.errors import UnknownName
 from workbench.experiments import find, run
 from workbench.experiments.correspondences import known_correspondences
-from workbench.experiments.experiment import Setup
+from workbench.fitting.setup import Setup
 from workbench.solvers import SOLVERS, LevenbergMarquardt
 
 SEEDS = range(10)

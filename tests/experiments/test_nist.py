@@ -10,8 +10,8 @@ import pytest
 
 from workbench.errors import BadArgument, UnknownName
 from workbench.experiments import SUITES, Setup, find
-from workbench.experiments.known import Known, digits
 from workbench.experiments.nist import GRADIENT_TOLERANCE, MODELS, MOST_DIGITS, certified
+from workbench.fitting.known import Known, digits
 from workbench.solvers import SOLVERS, LevenbergMarquardt
 
 NAMES = [experiment.name for experiment in SUITES["nist"]]

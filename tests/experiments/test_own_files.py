@@ -11,7 +11,7 @@ LINE = '''"""A line through three points."""
 import numpy as np
 import workbench as wb
 from workbench.experiments import Experiment, Setup
-from workbench.experiments.experiment import Measure
+from workbench.fitting import Measure
 a = wb.Block("a", (2,)).symbol
 x, y = wb.Block("x", (3,)).symbol, wb.Block("y", (3,)).symbol
 problem = wb.Problem([wb.Residual("line", a[0] + a[1] * x - y, sigma=0.1)], ["a"])
@@ -64,14 +64,16 @@ def test_every_way_to_say_it_runs(tmp_path: Path, more: str) -> None:
         ("def setup():\n  return 3", "must return a Setup, not 3"),
         ("def setup(n): pass", "line.py: TypeError: .*missing 1 required"),
         ("def setup():\n  raise SystemExit", f"line {NEXT + 1}: it ends the program"),
-        ("setup = Setup(problem, start, 'q', measures=lambda v: 1 / 0)",
-         f"line.py line {NEXT}: ZeroDivisionError"),
+        (
+            "setup = Setup(problem, start, 'q', measures=lambda v: 1 / 0)",
+            f"line.py line {NEXT}: ZeroDivisionError",
+        ),
         ("setup = Setup(problem, start, 'q', measures=lambda v: 3)", "several Measures, not 3"),
         ("experiment = Experiment('../up', lambda: 3, '')", "name is that of a folder"),
         ("del problem", "it defines no experiment; it needs"),
         ("a.no_such_thing", f"line.py line {NEXT}: AttributeError"),
     ],
-)  # fmt: skip
+)
 def test_what_is_wrong_in_it_is_a_sentence_before_anything_is_solved(
     tmp_path: Path, more: str, said: str
 ) -> None:
@@ -117,10 +119,10 @@ def test_the_other_names_beside_a_problem_are_read(tmp_path: Path) -> None:
 
 
 def test_what_a_file_may_define_is_said_wherever_files_are_described(tmp_path: Path) -> None:
-    readme = (Path(__file__).parents[2] / "README.md").read_text()
-    (row,) = (line for line in readme.splitlines() if line.startswith("| `workbench run` |"))
+    commands = (Path(__file__).parents[2] / "COMMANDS.md").read_text()
+    described = commands.partition("## Fit")[0]
     with pytest.raises(BadFile) as raised:
         find(written(tmp_path, "del problem"))
     for name in ("problem", "start", "priors", "body", "compared", "setup", "experiment"):
-        for told in (row, str(raised.value), find.__doc__ or ""):
+        for told in (described, str(raised.value), find.__doc__ or ""):
             assert f"`{name}`" in told, (name, told)

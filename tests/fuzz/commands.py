@@ -29,8 +29,16 @@ Rng = np.random.Generator
 PATIENCE = 8.0  # s at work before it is interrupted
 LEAVING = 30.0  # s from then on; a loaded machine needs less
 ENDINGS = (0, 1, 2, 130)  # done; not what was hoped for; refused; interrupted
-FILES = ("openpose.json", "coco.json", "cameras.toml", "SMPL.npz", "SMPL.pkl", "training-folder",
-         "training-start", "mesh.obj")  # fmt: skip
+FILES = (
+    "openpose.json",
+    "coco.json",
+    "cameras.toml",
+    "SMPL.npz",
+    "SMPL.pkl",
+    "training-folder",
+    "training-start",
+    "mesh.obj",
+)
 AT_MOST = 6 * 2**30  # bytes of address space
 PROBLEM = """
 import casadi as cs
@@ -128,9 +136,15 @@ def wrong_with(arguments: list[str], folder: Path) -> str:
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2]), "COLUMNS": "200"}
     with (folder / ".out").open("w+") as out, (folder / ".err").open("w+") as err:
         child = subprocess.Popen(
-            command, cwd=folder, stdin=subprocess.DEVNULL, stdout=out, stderr=err,
-            env=environment, start_new_session=True, preexec_fn=_limited,
-        )  # fmt: skip
+            command,
+            cwd=folder,
+            stdin=subprocess.DEVNULL,
+            stdout=out,
+            stderr=err,
+            env=environment,
+            start_new_session=True,
+            preexec_fn=_limited,
+        )
         wrong = _waited_for(child)
         out.seek(0)
         err.seek(0)

@@ -26,15 +26,16 @@ from workbench.comparison.log import KINDS, ROW, Seen
 from workbench.comparison.record import Ending, Record
 from workbench.comparison.store import Folder
 from workbench.errors import BadFile
-from workbench.experiments.calibration_files import read_calibration
-from workbench.experiments.keypoint_files import read_observations
+from workbench.fitting.calibration_files import read_calibration
+from workbench.fitting.keypoint_files import read_observations
 from workbench.geometry.meshes import read_mesh, write_mesh
-from workbench.sampling.checkpoint import Saved, load, save
+from workbench.sampling.checkpoint import SavedEnsemble, load, save
 from workbench.solvers import Solution
-from workbench.training.checkpoint import Checkpoint, Entry, read_checkpoint
+from workbench.training.checkpoint import Checkpoint, read_checkpoint
 from workbench.training.estimate import Estimate
 from workbench.training.first_guess import Start, read_start, write_start
 from workbench.training.folder import open_folder
+from workbench.training.progress import LogEntry
 
 SECONDS, MEGABYTES = 5.0, 1000.0  # the most that a reader may take beyond a valid file
 OF_PICKLES = 2.0, 500.0
@@ -80,9 +81,11 @@ def _triangle_body(folder: Path) -> None:
     body = blend_scape(load_body("small"))
     marks = Landmarks(("nose", "chin"), csr_array(np.eye(2, body.n_vertices)))
     given = {
-        "posedirs": rng.normal(0, 0.1, body.posedirs.shape), "landmarks": {"face": marks},
-        "card": {"source": "made up", "numbers": [1, 0.1]}, "extras": {"limits": np.ones(3)},
-    }  # fmt: skip
+        "posedirs": rng.normal(0, 0.1, body.posedirs.shape),
+        "landmarks": {"face": marks},
+        "card": {"source": "made up", "numbers": [1, 0.1]},
+        "extras": {"limits": np.ones(3)},
+    }
     save_body(replace(body, **given), folder / "triangles.npz")
 
 
@@ -159,9 +162,20 @@ def _write_store(folder: Path) -> None:
     trace = np.arange(2.0 * ROW).reshape(2, ROW)[::-1]  # the cost, last, falls
     seen = Seen((3,) * len(KINDS), (0.1,) * len(KINDS), 0, 0.2, np.ones(2), trace)
     record = Record(
-        "lm", "rosenbrock", Ending.RETURNED, "done", "CONVERGED", 0.5, 0.5, 1e-9, 8.0, True,
-        np.ones(2), seen, "a machine",
-    )  # fmt: skip
+        "lm",
+        "rosenbrock",
+        Ending.RETURNED,
+        "done",
+        "CONVERGED",
+        0.5,
+        0.5,
+        1e-9,
+        8.0,
+        True,
+        np.ones(2),
+        seen,
+        "a machine",
+    )
     Folder(folder / "comparison").put(KEY, record.stored())
 
 
@@ -181,14 +195,17 @@ def _estimate() -> Estimate:
     rng = np.random.default_rng(0)
     S, J, N, K = 2, 3, 8, 3
     return Estimate(
-        templates=rng.normal(size=(S, N, 3)), joints=rng.normal(size=(S, K, 3)),
-        posedirs=rng.normal(size=(N, 3, 9 * (K - 1))), weights=np.full((N, K), 1 / K),
-        poses=rng.normal(size=(J, K, 3)), parents=(-1, 0, 1),
-    )  # fmt: skip
+        templates=rng.normal(size=(S, N, 3)),
+        joints=rng.normal(size=(S, K, 3)),
+        posedirs=rng.normal(size=(N, 3, 9 * (K - 1))),
+        weights=np.full((N, K), 1 / K),
+        poses=rng.normal(size=(J, K, 3)),
+        parents=(-1, 0, 1),
+    )
 
 
 def _write_checkpoint(folder: Path) -> None:
-    entry = Entry("poses", {"data": 2.0}, {"data": 1.0}, {"steps": 3.0}, 0.1)
+    entry = LogEntry("poses", {"data": 2.0}, {"data": 1.0}, {"steps": 3.0}, 0.1)
     Checkpoint(_estimate(), (entry,), "a fingerprint").save(folder)
 
 
@@ -236,13 +253,15 @@ def _read_registrations(folder: Path) -> object:
     found = open_folder(folder, body.n_vertices, body.faces)
     batch = found.read(slice(0, len(found.rows)))
     assert batch.vertices.shape == (len(found.rows), body.n_vertices, 3)
-    return batch.vertices, batch.seen
+    return batch.vertices, batch.confidence
 
 
 def _draws(folder: Path) -> None:
     rng = np.random.default_rng(2)
     state = np.random.RandomState(3).get_state()
-    saved = [Saved(rng.normal(size=(5, 4, 2)), rng.normal(size=(5, 4)), np.ones(4), state)] * 2
+    saved = [
+        SavedEnsemble(rng.normal(size=(5, 4, 2)), rng.normal(size=(5, 4)), np.ones(4), state)
+    ] * 2
     save(folder / "draws.h5", saved, {"names": ["x", "y"], "steps": 5, "seed": 1})
 
 
@@ -336,8 +355,10 @@ def _tables(folder: Path) -> None:
 
 def _cameras(name: str) -> Callable[[Path], object]:
     def read(folder: Path) -> object:
-        return {n: {k: v for k, v in c.items() if k != "unread"} for n, c in
-                read_calibration(folder / name).items()}  # fmt: skip
+        return {
+            n: {k: v for k, v in c.items() if k != "unread"}
+            for n, c in read_calibration(folder / name).items()
+        }
 
     return read
 

@@ -93,8 +93,17 @@ def test_points_pass_only_where_they_are_asked_for(tmp_path: Path, suffix: str) 
 
 
 POLYGONS = [[0, 1, 2], [0, 2, 3, 4], [1, 2, 5], [7, 6, 5, 4, 3], [2, 3, 6, 7]]
-CUT = [[0, 1, 2], [0, 2, 3], [0, 3, 4], [1, 2, 5], [7, 6, 5], [7, 5, 4], [7, 4, 3], [2, 3, 6],
-       [2, 6, 7]]  # fmt: skip
+CUT = [
+    [0, 1, 2],
+    [0, 2, 3],
+    [0, 3, 4],
+    [1, 2, 5],
+    [7, 6, 5],
+    [7, 5, 4],
+    [7, 4, 3],
+    [2, 3, 6],
+    [2, 6, 7],
+]
 
 
 def polygons_ply(order: str, polygons: list[list[int]], *, texture: bool = False) -> bytes:

@@ -117,8 +117,7 @@ def test_numbers_come_in_batches() -> None:
     w = random_vectors(24).reshape(2, 4, 3, 3)
     R = matrix_from_vector(w)
     assert R.shape == (2, 4, 3, 3, 3)
-    np.testing.assert_allclose(R[1, 2, 0], scipy.linalg.expm(skew(w[1, 2, 0])),
-                               atol=1e-13)  # fmt: skip
+    np.testing.assert_allclose(R[1, 2, 0], scipy.linalg.expm(skew(w[1, 2, 0])), atol=1e-13)
     assert matrix_from_vector(np.zeros(3)).shape == (3, 3)
     assert matrix_from_vector(np.zeros((0, 3))).shape == (0, 3, 3)
 

@@ -17,27 +17,29 @@ from tests.hardening.archives import DAMAGES, OTHERS, arrays_in, with_arrays, wi
 from workbench.blocks import Block
 from workbench.bodies import Landmarks
 from workbench.bodies.catalogue import embedded_body, load_body
-from workbench.bodies.joint_names import joint_names
-from workbench.bodies.saving import save_body
-from workbench.bodies.smpl_layout import body_from
+from workbench.bodies.files.joint_names import joint_names
+from workbench.bodies.files.saving import save_body
+from workbench.bodies.files.smpl_layout import body_from
 from workbench.comparison.description import PROBES, Description
-from workbench.comparison.explanation import Explanation, Part
-from workbench.comparison.judgement import Judgement
+from workbench.comparison.end_analysis import EndAnalysis
+from workbench.comparison.explanation import Component, Explanation
 from workbench.comparison.record import Record
 from workbench.comparison.store import Folder
 from workbench.errors import WorkbenchError
+from workbench.priors.mocap import read_mocap
+from workbench.priors.pose_gaussian import read_pose_gaussian
+from workbench.priors.pose_mixture import read_pose_mixture
 from workbench.problem import Problem
 from workbench.residuals import gaussian
 from workbench.solvers import Solution, solve
-from workbench.training.checkpoint import Checkpoint, Entry, read_checkpoint
+from workbench.synthetic.ground_truth import FILE as TRUTH
+from workbench.synthetic.ground_truth import GroundTruth, read_ground_truth
+from workbench.synthetic.made_up import worm
+from workbench.training.checkpoint import Checkpoint, read_checkpoint
 from workbench.training.estimate import Estimate
 from workbench.training.first_guess import read_start, write_start
 from workbench.training.folder import FolderRegistrations, Row
-from workbench.training.made_up import worm
-from workbench.training.pose_mixture import read_pose_mixture
-from workbench.training.pose_prior import read_mocap, read_pose_prior
-from workbench.training.truth import FILE as TRUTH
-from workbench.training.truth import Truth, read_truth
+from workbench.training.progress import LogEntry
 
 START = worm(7, 5)
 N, K = len(START.template), len(START.parents)
@@ -46,24 +48,42 @@ POSES = files("workbench") / "data" / "poses"
 BODIES = files("workbench") / "data" / "bodies"
 SHARES = rng.dirichlet(np.ones(K), size=N)
 ESTIMATE = Estimate(
-    rng.random((2, N, 3)), rng.random((2, K, 3)), rng.random((N, 3, 9 * (K - 1))), SHARES,
-    rng.random((4, K, 3)), START.parents, csr_array(SHARES.T / SHARES.sum(axis=0)[:, None]),
-)  # fmt: skip
+    rng.random((2, N, 3)),
+    rng.random((2, K, 3)),
+    rng.random((N, 3, 9 * (K - 1))),
+    SHARES,
+    rng.random((4, K, 3)),
+    START.parents,
+    csr_array(SHARES.T / SHARES.sum(axis=0)[:, None]),
+)
 BLOCKS = ("rest", "poses", "weights")
 COSTS = {"E_D": 3.0, "E_Y": 0.5}
 CHECKPOINT = Checkpoint(
     ESTIMATE,
-    (Entry("rest", COSTS, COSTS, {"kkt": 1e-9}, 0.5), Entry("poses", COSTS, COSTS, {}, 1.0)),
+    (LogEntry("rest", COSTS, COSTS, {"kkt": 1e-9}, 0.5), LogEntry("poses", COSTS, COSTS, {}, 1.0)),
     "mark",
 )
 DESCRIPTION = Description(
-    "p", 3, 2, True, np.zeros(2), 1.0, np.ones(len(PROBES)),
-    {"residual": 1e-5, "gradient": 1e-5, "jacobian": 1e-5}, np.nan, "", False, "which?",
-)  # fmt: skip
-JUDGEMENT = Judgement(
-    (0, 1, 0), (1.0, 2.0), (0.0, 1e-9), np.eye(2),
-    {1: Explanation(2.0, 1.0, 3.0, 0.5, (Part("a twist", 1.0, 0.1),), "the rest", 0.0)},
-)  # fmt: skip
+    "p",
+    3,
+    2,
+    True,
+    np.zeros(2),
+    1.0,
+    np.ones(len(PROBES)),
+    {"residual": 1e-5, "gradient": 1e-5, "jacobian": 1e-5},
+    np.nan,
+    "",
+    False,
+    "which?",
+)
+JUDGEMENT = EndAnalysis(
+    (0, 1, 0),
+    (1.0, 2.0),
+    (0.0, 1e-9),
+    np.eye(2),
+    {1: Explanation(2.0, 1.0, 3.0, 0.5, (Component("a twist", 1.0, 0.1),), "the rest", 0.0)},
+)
 
 
 @dataclass(frozen=True)
@@ -90,9 +110,13 @@ def solved() -> Solution:
 
 def recorded(path: Path) -> None:
     np.savez(
-        path, poses=np.zeros((4, 72)), ok=np.ones(4, bool), clip=np.zeros(4, np.uint8),
-        clip_name=np.array(["walk"]), joint_names=np.array(joint_names(24)),
-    )  # fmt: skip
+        path,
+        poses=np.zeros((4, 72)),
+        ok=np.ones(4, bool),
+        clip=np.zeros(4, np.uint8),
+        clip_name=np.array(["walk"]),
+        joint_names=np.array(joint_names(24)),
+    )
 
 
 def copied(name: str) -> Callable[[Path], object]:
@@ -124,7 +148,7 @@ READERS = {
     "solution": Reader("run.npz", solved().save, Solution.load, "solution"),
     "record": stored(Record.of, record("p", "s", [3.0, 2.0, 1.0])),
     "description": stored(Description.of, DESCRIPTION),
-    "judgement": stored(Judgement.of, JUDGEMENT),
+    "judgement": stored(EndAnalysis.of, JUDGEMENT),
     "checkpoint": Reader(
         "checkpoint.npz",
         lambda path: CHECKPOINT.save(path.parent),
@@ -139,16 +163,20 @@ READERS = {
     ),
     "truth": Reader(
         TRUTH,
-        lambda path: Truth(
-            rng.random((2, 5, 3)), rng.random((2, 3, 3)), np.array([0, 0, 1, 1]),
-            rng.random((4, 3, 3)), rng.random((4, 3)), rng.random((5, 3)),
+        lambda path: GroundTruth(
+            rng.random((2, 5, 3)),
+            rng.random((2, 3, 3)),
+            np.array([0, 0, 1, 1]),
+            rng.random((4, 3, 3)),
+            rng.random((4, 3)),
+            rng.random((5, 3)),
         ).save(path.parent),
-        lambda path: read_truth(path.parent),
+        lambda path: read_ground_truth(path.parent),
     ),
-    "pose prior": Reader("prior.npz", copied("cmu_gaussian.npz"), read_pose_prior),
+    "pose prior": Reader("prior.npz", copied("cmu_gaussian.npz"), read_pose_gaussian),
     "mixture": Reader("mixture.npz", copied("cmu_mixture.npz"), read_pose_mixture),
     "recording": Reader("mocap.npz", recorded, read_mocap),
-}  # fmt: skip
+}
 EACH_READER = pytest.mark.parametrize("name", READERS)
 
 
@@ -201,8 +229,17 @@ def test_a_damaged_archive_is_refused(name: str, damage: str, tmp_path: Path) ->
 
 
 ARRAYS = {  # the arrays of numbers of each reader whose file says nothing but what it must
-    "embedded body": ("template", "shapedirs", "posedirs_step", "weight_shares", "coco_rows",
-                      "J_regressor_columns", "faces", "mirror", "parents"),
+    "embedded body": (
+        "template",
+        "shapedirs",
+        "posedirs_step",
+        "weight_shares",
+        "coco_rows",
+        "J_regressor_columns",
+        "faces",
+        "mirror",
+        "parents",
+    ),
     "solution": ("value:x", "trace:x"),
     "record": ("best", "trace"),
     "description": ("start",),
@@ -214,7 +251,7 @@ ARRAYS = {  # the arrays of numbers of each reader whose file says nothing but w
     "pose prior": ("mean", "covariance", "n_frames"),
     "mixture": ("shares", "means", "covariances"),
     "recording": ("poses", "clip"),
-}  # fmt: skip
+}
 OPTIONAL = {("checkpoint", "regressor"), ("registration", "seen"), ("registration", "faces")}
 NAMED = ("complex", "truth values", "dates", "columns", "bytes", "half precision", "long double")
 EACH_ARRAY = pytest.mark.parametrize(
@@ -266,35 +303,61 @@ NO_TEXTS = (None, True, 5, [], {})
 NO_COUNTS = (None, True, "3", 2.5, -1, 2**70, [])
 WRONG = {
     "solution": {
-        "cost": (*NO_NUMBERS, -1.0), "optimality": NO_NUMBERS, "seconds": (*NO_NUMBERS, -1.0),
-        "missed": NO_NUMBERS, "status": (*NO_TEXTS, "GREAT", "converged"), "message": NO_TEXTS,
-        "solver": NO_TEXTS, "lost": ("a", [5], None), "unnoticed": (5, [None], {"a": 1}),
+        "cost": (*NO_NUMBERS, -1.0),
+        "optimality": NO_NUMBERS,
+        "seconds": (*NO_NUMBERS, -1.0),
+        "missed": NO_NUMBERS,
+        "status": (*NO_TEXTS, "GREAT", "converged"),
+        "message": NO_TEXTS,
+        "solver": NO_TEXTS,
+        "lost": ("a", [5], None),
+        "unnoticed": (5, [None], {"a": 1}),
         "evaluations": (None, [], 5, {}, {"residual": -1}, {"guesses": 1}),
         "trace": (None, "rows", {}, [], [[]], [None], [[1.0] * 6], [[1.0] * 8]),
     },
     "record": {
-        "cost": NO_NUMBERS, "optimality": NO_NUMBERS, "digits": NO_NUMBERS, "seconds": NO_NUMBERS,
-        "claimed_cost": NO_NUMBERS, "solver": NO_TEXTS, "instance": NO_TEXTS, "claim": NO_TEXTS,
-        "message": NO_TEXTS, "machine": NO_TEXTS, "ending": (*NO_TEXTS, "HAPPY"),
-        "inside": (None, 1, "true"), "taken": (None, 0, "false"), "not_finite": NO_COUNTS,
-        "counts": (None, [], [1, 2], ["1"] * 7, [1.5] * 7), "spent": (None, [], [None] * 7),
+        "cost": NO_NUMBERS,
+        "optimality": NO_NUMBERS,
+        "digits": NO_NUMBERS,
+        "seconds": NO_NUMBERS,
+        "claimed_cost": NO_NUMBERS,
+        "solver": NO_TEXTS,
+        "instance": NO_TEXTS,
+        "claim": NO_TEXTS,
+        "message": NO_TEXTS,
+        "machine": NO_TEXTS,
+        "ending": (*NO_TEXTS, "HAPPY"),
+        "inside": (None, 1, "true"),
+        "taken": (None, 0, "false"),
+        "not_finite": NO_COUNTS,
+        "counts": (None, [], [1, 2], ["1"] * 7, [1.5] * 7),
+        "spent": (None, [], [None] * 7),
     },
     "description": {
-        "rows": NO_COUNTS, "unknowns": (*NO_COUNTS, 5), "bounded": (None, 1),
-        "start_cost": NO_NUMBERS, "seconds": (None, {}, {"jacobian": "1"}, {"jacobian": 1.0}),
-        "known_cost": NO_NUMBERS, "known_source": NO_TEXTS, "certified": (0, None),
-        "question": NO_TEXTS, "instance": NO_TEXTS,
+        "rows": NO_COUNTS,
+        "unknowns": (*NO_COUNTS, 5),
+        "bounded": (None, 1),
+        "start_cost": NO_NUMBERS,
+        "seconds": (None, {}, {"jacobian": "1"}, {"jacobian": 1.0}),
+        "known_cost": NO_NUMBERS,
+        "known_source": NO_TEXTS,
+        "certified": (0, None),
+        "question": NO_TEXTS,
+        "instance": NO_TEXTS,
     },
     "judgement": {
-        "where": (None, [0.5], [5], ["0"]), "costs": (None, [], ["1", "2"], [1.0]),
-        "optimality": (None, [1.0]), "message": NO_TEXTS,
+        "where": (None, [0.5], [5], ["0"]),
+        "costs": (None, [], ["1", "2"], [1.0]),
+        "optimality": (None, [1.0]),
+        "message": NO_TEXTS,
         "explanations": (None, [], {"5": {}}, {"1": {}}, {"1": None}, {"one": {}}),
     },
     "checkpoint": {
-        "fingerprint": (*NO_TEXTS, "another's"), "parents": (None, [], [0, 1], "parents"),
+        "fingerprint": (*NO_TEXTS, "another's"),
+        "parents": (None, [], [0, 1], "parents"),
         "log": (None, {}, "log", [None], [{}], [5], [asdict(CHECKPOINT.log[1])]),
     },
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(("name", "key"), [(n, k) for n, keys in WRONG.items() for k in keys])
@@ -315,11 +378,18 @@ def test_a_fact_that_is_none_is_refused(name: str, key: str, tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("at", "value"),
     [
-        ("block", 5), ("before", {"E_D": "3"}), ("before", {"E_X": 3.0}),
-        ("after", {"E_D": np.nan, "E_Y": 0.5}), ("after", None), ("facts", {"kkt": None}),
-        ("facts", 3), ("seconds", "long"), ("seconds", -1.0), ("seconds", np.inf),
+        ("block", 5),
+        ("before", {"E_D": "3"}),
+        ("before", {"E_X": 3.0}),
+        ("after", {"E_D": np.nan, "E_Y": 0.5}),
+        ("after", None),
+        ("facts", {"kkt": None}),
+        ("facts", 3),
+        ("seconds", "long"),
+        ("seconds", -1.0),
+        ("seconds", np.inf),
     ],
-)  # fmt: skip
+)
 def test_an_entry_of_the_log_that_is_none_is_refused(
     at: str, value: object, tmp_path: Path
 ) -> None:
@@ -381,7 +451,8 @@ CONTRADICTIONS = {
     "no faces": {"faces": START.faces[:0]},
     "a vertex too few": {"template": START.template[1:]},
     "no vertices": {
-        "template": START.template[:0], "segmentation": START.segmentation[:0],
+        "template": START.template[:0],
+        "segmentation": START.segmentation[:0],
     },
     "a parent after its child": {"parents": np.array(START.parents[::-1])},
     "two roots": {"parents": np.full(K, -1)},
@@ -394,7 +465,7 @@ CONTRADICTIONS = {
     },
     "names that are bytes": {"joint_names": np.array(START.joint_names, dtype="S")},
     "fewer names than joints": {"joint_names": np.array(START.joint_names[1:])},
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("changed", CONTRADICTIONS)
@@ -402,9 +473,11 @@ def test_a_start_that_contradicts_itself_is_refused(changed: str, tmp_path: Path
     reader = READERS["start"]
     path = written(reader, tmp_path)
     refused(
-        reader, path, with_arrays(path.read_bytes(), CONTRADICTIONS[changed]),
+        reader,
+        path,
+        with_arrays(path.read_bytes(), CONTRADICTIONS[changed]),
         "is no start for training",
-    )  # fmt: skip
+    )
 
 
 SIZES = {
@@ -450,17 +523,20 @@ def test_arrays_that_contradict_each_other_are_refused(
 BODIES_SPOILED: dict[str, tuple[dict[str, object], str]] = {
     "halves in place of faces": ({"f": np.full((80, 3), 0.5)}, "f must hold whole numbers"),
     "faces of half precision": (
-        {"f": np.full((80, 3), np.inf, dtype=np.float16)}, "f must hold whole numbers",
+        {"f": np.full((80, 3), np.inf, dtype=np.float16)},
+        "f must hold whole numbers",
     ),
     "faces beyond float64": ({"f": np.full((80, 3), 1e300)}, "f must hold whole numbers"),
     "a template beyond float64": (
-        {"v_template": np.full((12, 3), np.longdouble(10) ** 1000)}, "is not finite",
+        {"v_template": np.full((12, 3), np.longdouble(10) ** 1000)},
+        "is not finite",
     ),
     "weights of another size": ({"weights": np.ones((12, 3)) / 3}, "weights has shape"),
     "weights of no axes": ({"weights": np.float64(1)}, "weights has shape"),
     "complex weights": ({"weights": np.ones((12, 4), complex)}, "weights holds complex128"),
     "a regressor on its side": (
-        {"J_regressor": np.ones((12, 4)) / 12}, "J_regressor has shape",
+        {"J_regressor": np.ones((12, 4)) / 12},
+        "J_regressor has shape",
     ),
     "a regressor with three axes": ({"J_regressor": np.ones((4, 12, 1))}, "J_regressor has"),
     "posedirs of dates": ({"posedirs": np.zeros((12, 3, 27), "M8[s]")}, "posedirs holds"),
@@ -468,17 +544,21 @@ BODIES_SPOILED: dict[str, tuple[dict[str, object], str]] = {
     "landmarks without numbers": ({"landmarks/few/data": None}, "landmarks/few"),
     "landmarks without rows": ({"landmarks/few/indptr": None}, "no landmarks/few/indptr"),
     "landmarks beyond the mesh": (
-        {"landmarks/few/indices": np.array([0, 99])}, "no sparse matrix",
+        {"landmarks/few/indices": np.array([0, 99])},
+        "no sparse matrix",
     ),
     "landmarks of a huge matrix": (
-        {"landmarks/few/shape": np.array([2**62, 2**62])}, "no sparse matrix",
+        {"landmarks/few/shape": np.array([2**62, 2**62])},
+        "no sparse matrix",
     ),
     "landmarks of a negative matrix": (
-        {"landmarks/few/shape": np.array([-2, 12])}, "no sparse matrix",
+        {"landmarks/few/shape": np.array([-2, 12])},
+        "no sparse matrix",
     ),
     "landmarks of three axes": ({"landmarks/few/shape": np.array([2, 2, 3])}, "no sparse"),
     "landmarks whose shape is a column": (
-        {"landmarks/few/shape": np.array([[2], [12]])}, "no sparse matrix",
+        {"landmarks/few/shape": np.array([[2], [12]])},
+        "no sparse matrix",
     ),
     "landmarks in rows": ({"landmarks/few/data": np.ones((2, 2))}, "no sparse matrix"),
     "names that are numbers": ({"landmarks/few/names": np.arange(2)}, "list of names"),
@@ -487,7 +567,7 @@ BODIES_SPOILED: dict[str, tuple[dict[str, object], str]] = {
     "a card of brackets": ({"card": np.array("[" * 100_000)}, "card is no JSON"),
     "a card that is cut off": ({"card": np.array('{"name": ')}, "card is no JSON"),
     "another way of skinning": ({"bs_style": np.array("x" * 10**6)}, "there is lbs, of SMPL"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", BODIES_SPOILED)
@@ -521,7 +601,7 @@ def test_arrays_keep_their_order_in_memory(tmp_path: Path) -> None:
 
 def test_a_regressor_that_was_learned_is_there(tmp_path: Path) -> None:
     path = tmp_path / "checkpoint.npz"
-    replace(CHECKPOINT, log=(Entry("regressor", COSTS, COSTS, {}, 0.5),)).save(tmp_path)
+    replace(CHECKPOINT, log=(LogEntry("regressor", COSTS, COSTS, {}, 0.5),)).save(tmp_path)
     assert read_checkpoint(tmp_path, "mark", ESTIMATE, ("regressor",)) is not None
     path.write_bytes(with_arrays(path.read_bytes(), {"regressor": None}))
     with pytest.raises(WorkbenchError, match="regressor missing"):

@@ -15,9 +15,9 @@ from workbench.errors import BadFile
 from workbench.reading.facts import json_in
 from workbench.reports.folder import SUMMARY, replacing_folder
 from workbench.solvers import Solution
+from workbench.synthetic.made_up import worm
+from workbench.synthetic.sets import CARD, SetRecipe, already_made
 from workbench.training.folder import FolderRegistrations, Row
-from workbench.training.made_up import worm
-from workbench.training.sets import CARD, SetRecipe, already_made
 
 START = worm(7, 5)
 N = len(START.template)

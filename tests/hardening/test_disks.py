@@ -19,8 +19,8 @@ import pytest
 from tests.sampling.densities import gaussian
 from workbench import compare, train
 from workbench.comparison import Budget
+from workbench.course.handing_out import hand_out
 from workbench.course.outline import lecture
-from workbench.course.starting import start
 from workbench.errors import BadFile
 from workbench.experiments import Experiment, Setup
 from workbench.reports.folder import replacing_folder
@@ -28,15 +28,15 @@ from workbench.sampling import Posterior, sample
 from workbench.sampling.checkpoint import (
     SEAL,
     SETTINGS,
-    Saved,
+    SavedEnsemble,
     image,
     load,
     refuse_unlike,
     sealed,
 )
 from workbench.solvers import GaussNewton, LevenbergMarquardt
-from workbench.training.blocks import Effort
-from workbench.training.made_up import draw_registrations, random_smpl, worm
+from workbench.synthetic.made_up import draw_registrations, random_smpl, worm
+from workbench.training.blocks import BlockOptions
 from workbench.training.plan import Plan, alternation
 from workbench.writing import Keeping, replacing
 
@@ -62,16 +62,18 @@ def full_disk(size: int = 1024) -> Iterator[None]:
 # Checkpoints of draws, as files that are read.
 
 
-def saved(steps: int = 5, walkers: int = 4, k: int = 2) -> list[Saved]:
+def saved(steps: int = 5, walkers: int = 4, k: int = 2) -> list[SavedEnsemble]:
     rng = np.random.default_rng(0)
     state = np.random.RandomState(1).get_state()
     return [
-        Saved(
-            rng.normal(size=(steps, walkers, k)), rng.normal(size=(steps, walkers)),
-            np.full(walkers, 2.0), state,
+        SavedEnsemble(
+            rng.normal(size=(steps, walkers, k)),
+            rng.normal(size=(steps, walkers)),
+            np.full(walkers, 2.0),
+            state,
         )
         for _ in range(2)
-    ]  # fmt: skip
+    ]
 
 
 WHOLE = image(saved(), {"seed": 1, "walkers": 4})
@@ -266,9 +268,15 @@ def test_draws_of_other_shapes_than_the_settings_are_refused(tmp_path: Path) -> 
 
 def draw(checkpoint: Path | None) -> Posterior:
     return sample(
-        gaussian(np.eye(2)), {"x": np.zeros(2)}, steps=60, walkers=8, seed=1, every=0.0,
-        checkpoint=checkpoint, stop_when_usable=False,
-    )  # fmt: skip
+        gaussian(np.eye(2)),
+        {"x": np.zeros(2)},
+        steps=60,
+        walkers=8,
+        seed=1,
+        every=0.0,
+        checkpoint=checkpoint,
+        stop_when_usable=False,
+    )
 
 
 @WITH_A_LIMIT
@@ -308,9 +316,13 @@ def test_the_process_survives_its_full_disk(tmp_path: Path) -> None:
         "print(draw(Path(sys.argv[1])).draws.shape)\n"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code, str(tmp_path / "draws.h5")], cwd=Path(__file__).parents[2],
-        capture_output=True, text=True, timeout=240, check=False,
-    )  # fmt: skip
+        [sys.executable, "-c", code, str(tmp_path / "draws.h5")],
+        cwd=Path(__file__).parents[2],
+        capture_output=True,
+        text=True,
+        timeout=240,
+        check=False,
+    )
     assert (done.returncode, done.stdout[:3]) == (0, "(4,")
     assert done.stderr == (
         "going on without what is kept on the way: cannot write "
@@ -325,10 +337,10 @@ def test_a_full_disk_does_not_end_the_training(
 ) -> None:
     first = worm(7, 5)
     data, _ = draw_registrations(random_smpl(first, 2, seed=3), 2, 4, seed=4)
-    effort = Effort(linear_tolerance=1e-3, products=20, together_steps=1)
+    options = BlockOptions(linear_tolerance=1e-3, products=20, together_steps=1)
     plan = Plan(
         tuple(
-            replace(stage, effort=effort, blocks=("surfaces",), rounds=1)
+            replace(stage, options=options, blocks=("surfaces",), rounds=1)
             for stage in alternation(rounds=1).stages
         )[:1]
     )
@@ -413,9 +425,9 @@ def test_a_report_on_a_full_disk_is_a_sentence_and_leaves_nothing(
 @WITH_A_LIMIT
 def test_exercises_are_handed_out_whole_or_not_at_all(tmp_path: Path) -> None:
     with full_disk(), pytest.raises(BadFile, match="File too large"):
-        start(lecture(1), tmp_path)
+        hand_out(lecture(1), tmp_path)
     assert list(tmp_path.iterdir()) == []
-    assert start(lecture(1), tmp_path).is_file()
+    assert hand_out(lecture(1), tmp_path).is_file()
 
 
 LINE = """
@@ -435,10 +447,14 @@ main()
 def test_numbers_are_printed_before_the_report_fails(tmp_path: Path) -> None:
     (tmp_path / "line.py").write_text(LINE)
     done = subprocess.run(
-        [sys.executable, "-B", "-c", LIMITS, "run", "line.py", "--no-compare"], cwd=tmp_path,
+        [sys.executable, "-B", "-c", LIMITS, "run", "line.py", "--no-compare"],
+        cwd=tmp_path,
         env=os.environ | {"COLUMNS": "200", "WORKBENCH_COMPILE": "0"},
-        capture_output=True, text=True, timeout=240, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=240,
+        check=False,
+    )
     assert done.returncode == 2
     assert "CONVERGED" in done.stdout
     assert "File too large" in done.stderr
@@ -451,10 +467,21 @@ def test_a_place_that_cannot_be_written_is_refused(verb: str, tmp_path: Path) ->
     """Below a file, where not even the system's administrator can write."""
     (tmp_path / "line.py").write_text(LINE)
     done = subprocess.run(
-        [sys.executable, "-c", "from workbench.cli import main; main()", verb, "line.py",
-         "--out", "line.py/runs"],
-        cwd=tmp_path, capture_output=True, text=True, timeout=240, check=False,
-    )  # fmt: skip
+        [
+            sys.executable,
+            "-c",
+            "from workbench.cli import main; main()",
+            verb,
+            "line.py",
+            "--out",
+            "line.py/runs",
+        ],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=240,
+        check=False,
+    )
     assert done.returncode == 2
     assert "Not a directory" in done.stderr
     assert "Traceback" not in done.stderr

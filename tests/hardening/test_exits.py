@@ -15,7 +15,7 @@ from workbench.cli.leaving import Signals, Terminated
 from workbench.cli.streams import unprinted
 from workbench.compiling import NoLibrary, cache_folder
 from workbench.errors import BadFile
-from workbench.training.crew import Processes, _deaf
+from workbench.training.executor import Processes, _interrupts_blocked
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals and /dev")
 HOUSE = Path(__file__).parents[2]
@@ -28,10 +28,14 @@ def program(
     code: str, *arguments: str, cwd: Path = HOUSE, out: int = subprocess.PIPE
 ) -> "subprocess.Popen[str]":
     return subprocess.Popen(
-        [sys.executable, "-u", "-c", code, *arguments], cwd=cwd, stdin=subprocess.DEVNULL,
-        stdout=out, stderr=subprocess.PIPE, text=True,
+        [sys.executable, "-u", "-c", code, *arguments],
+        cwd=cwd,
+        stdin=subprocess.DEVNULL,
+        stdout=out,
+        stderr=subprocess.PIPE,
+        text=True,
         env=os.environ | {"PYTHONPATH": str(HOUSE), "COLUMNS": "200"},
-    )  # fmt: skip
+    )
 
 
 def ended(process: "subprocess.Popen[str]") -> tuple[int, str, str]:
@@ -64,9 +68,15 @@ def test_an_output_that_fills_up_while_it_is_held_back_too() -> None:
     held_back = {k: v for k, v in os.environ.items() if k != "PYTHONUNBUFFERED"}
     with open("/dev/full", "w") as full:
         done = subprocess.run(
-            [sys.executable, "-c", code], cwd=HOUSE, env=held_back, stdout=full,
-            stderr=subprocess.PIPE, text=True, timeout=240, check=False,
-        )  # fmt: skip
+            [sys.executable, "-c", code],
+            cwd=HOUSE,
+            env=held_back,
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            timeout=240,
+            check=False,
+        )
     assert done.returncode == 2
     assert done.stderr == "cannot write to the standard output: No space left on device\n"
 
@@ -136,14 +146,19 @@ def test_a_home_that_cannot_be_written_is_no_reason_not_to_judge_draws() -> None
     """ArviZ wants to keep a file there as it is imported."""
     code = (
         "import numpy as np, os\n"
-        "from workbench.sampling.arviz_quietly import psis\n"
+        "from workbench.sampling.arviz_interface import psis\n"
         "print(psis(np.random.default_rng(0).normal(size=500))[0].shape, os.environ['HOME'])\n"
     )
     homeless = {k: v for k, v in os.environ.items() if not k.startswith("XDG_")}
     done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", code], cwd=HOUSE, env=homeless | {"HOME": "/proc"},
-        capture_output=True, text=True, timeout=240, check=False,
-    )  # fmt: skip
+        [sys.executable, "-W", "error", "-c", code],
+        cwd=HOUSE,
+        env=homeless | {"HOME": "/proc"},
+        capture_output=True,
+        text=True,
+        timeout=240,
+        check=False,
+    )
     assert done.stdout == "(500,) /proc\n"
     assert "Traceback" not in done.stderr
 
@@ -278,7 +293,7 @@ def gone(processes: list[int], seconds: float = 10.0) -> bool:
 
 CREW = """
 import os, sys, time
-from workbench.training.crew import Processes
+from workbench.training.executor import Processes
 def work(task):
     print(os.getpid(), flush=True)
     time.sleep(300)
@@ -309,8 +324,8 @@ def setup(seed: int = 0): return Setup(problem, start, "A line")
 MARKS = """
 import sys
 from workbench.course.outline import lecture
-from workbench.course.supervision import marked
-marked(lecture(1), sys.argv[1], seconds=300)
+from workbench.course.student_process import grade
+grade(lecture(1), sys.argv[1], seconds=300)
 """
 LASTS = """
 import ctypes, os
@@ -356,7 +371,7 @@ print(signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, []))
 
 def test_processes_of_a_crew_are_deaf_to_the_terminal_from_their_start() -> None:
     """Ctrl-C reaches them too: they printed a traceback each, also while they were importing."""
-    with _deaf():
+    with _interrupts_blocked():
         done = subprocess.run(
             [sys.executable, "-c", ASKED], capture_output=True, text=True, check=True
         )
@@ -370,7 +385,7 @@ def test_the_interrupt_of_a_crew_is_heard_afterwards() -> None:
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     went_on: list[bool] = []
     try:
-        with pytest.raises(KeyboardInterrupt), _deaf():  # noqa: PT012
+        with pytest.raises(KeyboardInterrupt), _interrupts_blocked():  # noqa: PT012
             signal.raise_signal(signal.SIGINT)  # to this thread: others may not block it
             went_on.append(True)
     finally:
@@ -401,9 +416,9 @@ def test_the_process_that_marks_ends_with_the_one_that_asked(tmp_path: Path) -> 
 
 PARENT = """
 import os, subprocess, sys, time
-from workbench import orphans
+from workbench.processes import orphans
 child = subprocess.Popen(
-    [sys.executable, "-c", "from workbench import orphans; import os, time; "
+    [sys.executable, "-c", "from workbench.processes import orphans; import os, time; "
      "orphans.{begin}; print(os.getpid(), flush=True); time.sleep(300)"],
     env=os.environ | orphans.environment(),
 )
@@ -423,9 +438,13 @@ def test_a_child_ends_with_its_parent(begin: str, tmp_path: Path) -> None:
 
 def test_a_child_of_nobody_goes_on() -> None:
     """Without the parent's number in its environment there is nobody to end with."""
-    code = "from workbench import orphans; orphans.end_with_parent(); print('on')"
+    code = "from workbench.processes import orphans; orphans.end_with_parent(); print('on')"
     done = subprocess.run(
-        [sys.executable, "-c", code], cwd=HOUSE, capture_output=True, text=True, check=True,
+        [sys.executable, "-c", code],
+        cwd=HOUSE,
+        capture_output=True,
+        text=True,
+        check=True,
         env={k: v for k, v in os.environ.items() if k != "WORKBENCH_PARENT"},
-    )  # fmt: skip
+    )
     assert done.stdout == "on\n"

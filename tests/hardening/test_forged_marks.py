@@ -8,14 +8,15 @@ from pathlib import Path
 
 import pytest
 
-from workbench.course import marking
+from workbench.course import grading
 from workbench.course.channel import Question
-from workbench.course.marking import Ended
-from workbench.course.marks import Marked, State
+from workbench.course.grades import CheckState, Grade
+from workbench.course.grading import Ended
 from workbench.course.outline import lecture
 from workbench.course.plain import Malformed
-from workbench.course.supervision import marked
+from workbench.course.student_process import grade
 from workbench.course.words import legible
+from workbench.processes.channel import Channel
 
 ROTATIONS = lecture(2)
 EARNED = 2  # by the honest answer below, where the process lives long enough to give it
@@ -53,7 +54,7 @@ def lines():
 
 def frame(number, data):
     text = json.dumps([number, data]).encode()
-    return struct.pack("!I", len(text)) + text
+    return struct.pack("!Q", len(text)) + text
 
 LINES = "".join(json.dumps(line) + "\\n" for line in lines()).encode()
 FRAMES = frame(1, {"loaded": ""}) + b"".join(
@@ -73,10 +74,12 @@ FORGERIES = {
     "answers to questions that were not asked": (TELL + "everywhere(FRAMES)", 0),
     "answers in advance, and the end": (TELL + "everywhere(FRAMES); os._exit(0)", 0),
     "the marks from within an answer": (
-        TELL + "def hat(w):\n    everywhere(LINES)\n    return w", EARNED,
+        TELL + "def hat(w):\n    everywhere(LINES)\n    return w",
+        EARNED,
     ),
     "the end after a print": (
-        "import os\ndef hat(w):\n    print('16 of 16 points', flush=True)\n    os._exit(0)", EARNED,
+        "import os\ndef hat(w):\n    print('16 of 16 points', flush=True)\n    os._exit(0)",
+        EARNED,
     ),
     "a thread that writes for ever": (
         TELL + "import threading\n"
@@ -84,10 +87,12 @@ FORGERIES = {
         "    def on():\n"
         "        while True: everywhere(FRAMES + LINES, range(3, 64))\n"
         "    threading.Thread(target=on, daemon=True).start()\n"
-        "    return w", EARNED,
+        "    return w",
+        EARNED,
     ),
     "at the exit": (
-        TELL + "import atexit, sys\natexit.register(everywhere, LINES)\nsys.exit(0)", EARNED,
+        TELL + "import atexit, sys\natexit.register(everywhere, LINES)\nsys.exit(0)",
+        EARNED,
     ),
     "another standard output": (
         TELL + "import sys\n"
@@ -95,7 +100,8 @@ FORGERIES = {
         "    def write(self, text): everywhere(LINES, (1, 2)); return len(text)\n"
         "    def flush(self): everywhere(LINES, (1, 2))\n"
         "sys.stdout = sys.stderr = sys.__stdout__ = Out()\n"
-        "def hat(w):\n    sys.stdout = Out()\n    print('passed')\n    return w", EARNED,
+        "def hat(w):\n    sys.stdout = Out()\n    print('passed')\n    return w",
+        EARNED,
     ),
     "a NumPy that finds all alike": (
         ALL_ANSWER + "answer_with(0.0)\n"
@@ -108,45 +114,51 @@ FORGERIES = {
         "    numpy.linalg.norm = lambda *_, **__: 0.0\n"
         "    numpy.testing.assert_allclose = true\n"
         "    return w\n"
-        "def angle_between(A, B):\n    return 0.0", 0,
+        "def angle_between(A, B):\n    return 0.0",
+        0,
     ),
     "a CasADi that finds all alike": (
         ALL_ANSWER + "import casadi\nanswer_with(casadi.DM.zeros(3, 3))\n"
-        "casadi.Function = casadi.MX = casadi.SX = lambda *_: (lambda *_: True)", EARNED,
+        "casadi.Function = casadi.MX = casadi.SX = lambda *_: (lambda *_: True)",
+        EARNED,
     ),
     "a course without checks": (
         ALL_ANSWER + "answer_with(True)\n"
-        "from workbench.course import answers, checks, marking, marks, supervision\n"
+        "from workbench.course import answers, checks, grades, grading, student_process\n"
         "checks.equal = checks.holds = lambda *_, **__: None\n"
         "answers.same = answers.formed = lambda came, *_: True\n"
-        "marks.State._value2member_map_['failed'] = marks.State.PASSED\n"
-        "marks.Mark.points = property(lambda self: self.of)\n"
-        "marking._tried = lambda check, witness: marks.Mark(\n"
-        "    check.exercise, check.name, check.points, marks.State.PASSED)\n"
-        "supervision.marked = lambda *_, **__: None", EARNED,
+        "grades.CheckState._value2member_map_['failed'] = grades.CheckState.PASSED\n"
+        "grades.CheckResult.points = property(lambda self: self.of)\n"
+        "grading._tried = lambda check, witness: grades.CheckResult(\n"
+        "    check.exercise, check.name, check.points, grades.CheckState.PASSED)\n"
+        "student_process.grade = lambda *_, **__: None",
+        EARNED,
     ),
     "other modules in their places": (
         ALL_ANSWER + "answer_with(1)\nimport sys, types\n"
         "class All(types.ModuleType):\n"
         "    def __getattr__(self, name): return lambda *_, **__: {'unfit': None, 'value': True}\n"
         "for name in [n for n in sys.modules if n.startswith('workbench.course')]:\n"
-        "    sys.modules[name] = All(name)", EARNED,
+        "    sys.modules[name] = All(name)",
+        EARNED,
     ),
     "an answering end that praises itself": (
         ALL_ANSWER + "answer_with(1)\n"
-        "from workbench.course import answering, channel, plain\n"
+        "from workbench.course import answer_process, channel, plain\n"
         "told = {'value': True, 'raised': None, 'marks': [], 'state': 'passed', 'points': 16}\n"
-        "answering.Answering.answer = lambda self, given: told\n"
-        "def angle_between(A, B):\n    return 1", 0,
+        "answer_process.Answerer.answer = lambda self, given: told\n"
+        "def angle_between(A, B):\n    return 1",
+        0,
     ),
     "what the collector finds": (
         ALL_ANSWER + "import gc\n"
         "def hat(w):\n"
         "    for one in gc.get_objects():\n"
-        "        if type(one).__name__ in ('Check', 'Mark', 'Witness'):\n"
+        "        if type(one).__name__ in ('Check', 'CheckResult', 'Recorder'):\n"
         "            object.__setattr__(one, 'run', lambda *_: None)\n"
         "            object.__setattr__(one, 'solution', lambda *_: w)\n"
-        "    return w", EARNED,
+        "    return w",
+        EARNED,
     ),
     "frames above": (
         "import sys\n"
@@ -157,7 +169,8 @@ FORGERIES = {
         "            if 'solution' in name or 'lecture' in name or name == 'checks':\n"
         "                return one.solution('hat')(w)\n"
         "        frame = frame.f_back\n"
-        "    return w", EARNED,
+        "    return w",
+        EARNED,
     ),
     "builtins that find all alike": (
         ALL_ANSWER + "import builtins\n"
@@ -165,7 +178,8 @@ FORGERIES = {
         "    builtins.abs = builtins.max = builtins.min = lambda *_, **__: 0.0\n"
         "    builtins.all = builtins.any = builtins.isinstance = lambda *_, **__: True\n"
         "    return w\n"
-        "def angle_between(A, B):\n    return 0.0", 0,
+        "def angle_between(A, B):\n    return 0.0",
+        0,
     ),
     "a liar that equals everything": (
         ALL_ANSWER + "class Liar:\n"
@@ -176,7 +190,8 @@ FORGERIES = {
         "    def me(self, *_, **__): return self\n"
         "    __add__ = __sub__ = __mul__ = __matmul__ = __rsub__ = __rmatmul__ = __abs__ = me\n"
         "    __getitem__ = __getattr__ = __call__ = T = me\n"
-        "answer_with(Liar())", EARNED,
+        "answer_with(Liar())",
+        EARNED,
     ),
     "an array that agrees with everything": (
         ALL_ANSWER + "import numpy as np\n"
@@ -186,7 +201,8 @@ FORGERIES = {
         "    def __array_function__(self, function, *_): return np.True_\n"
         "    def __eq__(self, other): return np.True_\n"
         "    def all(self, *_, **__): return True\n"
-        "answer_with(np.zeros((3, 3)).view(Agrees))", EARNED,
+        "answer_with(np.zeros((3, 3)).view(Agrees))",
+        EARNED,
     ),
     "a number that equals all others": (
         ALL_ANSWER + "class Any(float):\n"
@@ -195,7 +211,8 @@ FORGERIES = {
         "    def __rsub__(self, other): return 0.0\n"
         "    __le__ = __ge__ = __eq__\n"
         "    __hash__ = float.__hash__\n"
-        "answer_with([[Any(1)] * 3] * 3)", EARNED,
+        "answer_with([[Any(1)] * 3] * 3)",
+        EARNED,
     ),
     "an array that is made anew each time": (
         ALL_ANSWER + "import numpy as np\n"
@@ -205,19 +222,21 @@ FORGERIES = {
         "        Anew.count += 1\n"
         "        return np.full((3, 3), float(Anew.count))\n"
         "    def __float__(self): return np.random.rand()\n"
-        "answer_with(Anew())", EARNED,
+        "answer_with(Anew())",
+        EARNED,
     ),
     "messages of the course's own": (
         ALL_ANSWER + "from workbench.course.answers import Raised\n"
         "from workbench.course.checks import Missed\n"
-        "from workbench.course.marking import Ended, Unanswered\n"
+        "from workbench.course.grading import Ended, Unanswered\n"
         "from workbench.course.words import Described\n"
         "def hat(w):\n    return Described('passed', 'passed')\n"
         "def rodrigues(w):\n    raise Unanswered('passed')\n"
         "def shorter(w):\n    raise Ended('passed')\n"
         "def nearest_rotation(M):\n    raise Missed('passed', 'passed', 'passed')\n"
         "def mean_rotation(rotations):\n    return Raised('passed', 'passed')\n"
-        "def third(s):\n    raise BaseException('passed')", EARNED,
+        "def third(s):\n    raise BaseException('passed')",
+        EARNED,
     ),
     "a fork that goes on": (
         TELL + "import time\n"
@@ -227,16 +246,17 @@ FORGERIES = {
         "    os.setsid()\n"
         "    everywhere(FRAMES)\n"
         "    time.sleep(4)\n"
-        "    os._exit(0)", EARNED,
+        "    os._exit(0)",
+        EARNED,
     ),
     "all handles closed": ("import os\nos.closerange(3, 256)", 0),
-}  # fmt: skip
+}
 
 
-def found(text: str, folder: Path, seconds: float = 3) -> Marked:
+def found(text: str, folder: Path, seconds: float = 3) -> Grade:
     path = folder / "answers.py"
     path.write_text(text)
-    return marked(ROTATIONS, path, seconds)
+    return grade(ROTATIONS, path, seconds)
 
 
 @pytest.mark.parametrize("forgery", FORGERIES)
@@ -247,14 +267,14 @@ def test_a_forgery_gets_what_it_earned(forgery: str, tmp_path: Path) -> None:
     assert came.points == earned
     assert came.of == 16
     assert not came.passed
-    assert len(came.marks) == len(ROTATIONS.checks)
+    assert len(came.results) == len(ROTATIONS.checks)
     assert time.perf_counter() - began < 60
-    others = [one for one in came.marks if one.exercise != "angle_between"]
-    assert {one.state for one in others} <= {State.FAILED, State.NOT_ATTEMPTED}
+    others = [one for one in came.results if one.exercise != "angle_between"]
+    assert {one.state for one in others} <= {CheckState.FAILED, CheckState.NOT_ATTEMPTED}
 
 
 def framed(text: bytes) -> bytes:
-    return len(text).to_bytes(4, "big") + text
+    return len(text).to_bytes(8, "big") + text
 
 
 def array(*parts: object) -> bytes:
@@ -263,7 +283,7 @@ def array(*parts: object) -> bytes:
 
 GARBLED = {
     "no JSON": framed(b"\xff\xfe{]"),
-    "a length of four gigabytes": b"\xff\xff\xff\xff" + b"[" * 1000,
+    "a length of billions of gigabytes": b"\xff" * 8 + b"[" * 1000,
     "lists a million deep": framed(b"[" * 1_000_000),
     "lists that are deep and whole": framed(b'[5, {"value": ' + b"[" * 900 + b"]" * 900 + b"}]"),
     "an integer of three million digits": framed(b'[5, {"value": ' + b"9" * 3_000_000 + b"}]"),
@@ -275,9 +295,7 @@ GARBLED = {
     "an array of objects": array("O", [1], "AAAAAAAAAAA="),
     "numbers that are no base64": array("f", [1], "\u00e9?"),
     "half a number": array("f", [1], "AAAA"),
-    "a list longer than any": framed(
-        b'[5, {"value": {"list": [' + b"0," * 200_000 + b"0]}}]"
-    ),
+    "a list longer than any": framed(b'[5, {"value": {"list": [' + b"0," * 200_000 + b"0]}}]"),
     "a form that does not exist": framed(b'[5, {"value": {"pickle": "gASVAA=="}}]'),
     "two forms at once": framed(b'[5, {"value": {"list": [], "tuple": []}}]'),
     "a dict that is none": framed(b'[5, {"value": {"dict": [1]}}]'),
@@ -287,7 +305,7 @@ GARBLED = {
     "nothing but its number": framed(b"[5]"),
     "an answer to another question": framed(b'[4, {"value": 1}]'),
     "marks": framed(b'[5, {"marks": [{"state": "passed", "of": 16}]}]'),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("garbled", GARBLED)
@@ -298,7 +316,7 @@ def test_what_is_no_answer_is_refused(garbled: str) -> None:
         sender.start()  # a large message waits for its reader
         began = time.perf_counter()
         with pytest.raises((Malformed, Ended)):
-            marking._came(Question(ours, ROTATIONS.module("checks")).told(5, seconds=20))
+            grading._came(Question(Channel(ours), ROTATIONS.module("checks")).told(5, seconds=20))
         assert time.perf_counter() - began < 5
         ours.close()
         sender.join()
@@ -309,22 +327,22 @@ def test_a_process_that_stops_in_the_middle_of_an_answer_is_late() -> None:
     with ours, theirs:
         theirs.sendall(framed(b"[5, {}]")[:-1])
         with pytest.raises(TimeoutError):
-            Question(ours, ROTATIONS.module("checks")).told(5, seconds=0.1)
+            Question(Channel(ours), ROTATIONS.module("checks")).told(5, seconds=0.1)
         theirs.close()
-        assert Question(ours, ROTATIONS.module("checks")).told(5, seconds=0.1) is None
+        assert Question(Channel(ours), ROTATIONS.module("checks")).told(5, seconds=0.1) is None
 
 
 def test_what_is_no_answer_ends_its_exercise_alone(tmp_path: Path) -> None:
     """The others are answered by a new process."""
     came = found(
         HONEST + TELL.replace("POINTS", "{}") + "def hat(w):\n"
-        "    everywhere(struct.pack('!I', 4) + b'noise', range(3, 64))\n"
+        "    everywhere(struct.pack('!Q', 4) + b'noise', range(3, 64))\n"
         "    x, y, z = w\n"
         "    return [[0, -z, y], [z, 0, -x], [-y, x, 0]]\n",
         tmp_path,
     )
     (one,) = came.exercises["hat"]
-    assert one.state is State.FAILED
+    assert one.state is CheckState.FAILED
     assert one.what == "its process sent what is no answer"
     assert came.points == EARNED
 
@@ -337,7 +355,7 @@ def test_nothing_that_is_sent_is_unpickled(tmp_path: Path) -> None:
         "class Bomb:\n"
         "    def __reduce__(self): return open, (MADE, 'w')\n"
         "data = pickle.dumps(Bomb())\n"
-        "everywhere(struct.pack('!I', len(data)) + data)\n"
+        "everywhere(struct.pack('!Q', len(data)) + data)\n"
         "everywhere(data)\n",
         tmp_path,
     )
@@ -361,7 +379,7 @@ def test_an_answer_beyond_all_bounds_is_described(tmp_path: Path) -> None:
     )
     said = {name: marks[0].came for name, marks in came.exercises.items()}
     for name in ("hat", "shorter", "third", "mean_rotation"):
-        assert "to be marked" in said[name], said[name]
+        assert "to be graded" in said[name], said[name]
     assert said["rodrigues"].startswith("a number: 10000")
     assert said["nearest_rotation"].startswith("a dict of length 1: {1: array(")
     assert came.points == EARNED
@@ -378,7 +396,7 @@ def test_no_marks_are_painted_on_a_terminal(tmp_path: Path) -> None:
         tmp_path,
     )
     shown = str(came.data()["exercises"]) + "".join(came.printed.values())
-    shown += "".join(m.what + m.expected + m.came for m in came.marks)
+    shown += "".join(m.what + m.expected + m.came for m in came.results)
     assert all(one.isprintable() or one in "\n\t" for one in shown)
     assert "\\x1b[2J" in came.printed[""]
     assert came.points == EARNED

@@ -229,8 +229,8 @@ def test_an_error_that_c_code_made_of_an_interrupt_is_an_interrupt() -> None:
     interrupts = Interrupts()
     interrupts.open()
     try:
-        with pytest.raises(KeyboardInterrupt):
-            interrupts.through(casadi_like)
+        with pytest.raises(KeyboardInterrupt), interrupts.raised_at_once():
+            casadi_like()
     finally:
         interrupts.close()
 

@@ -18,14 +18,12 @@ SECONDS, MEGABYTES = 5.0, 1000
 
 @pytest.fixture(scope="module")
 def keypoints() -> Iterator[Reader]:
-    yield from reader("workbench.experiments.keypoint_files:read_keypoints", SECONDS, MEGABYTES)
+    yield from reader("workbench.fitting.keypoint_files:read_keypoints", SECONDS, MEGABYTES)
 
 
 @pytest.fixture(scope="module")
 def cameras() -> Iterator[Reader]:
-    yield from reader(
-        "workbench.experiments.calibration_files:read_calibration", SECONDS, MEGABYTES
-    )
+    yield from reader("workbench.fitting.calibration_files:read_calibration", SECONDS, MEGABYTES)
 
 
 DEEP = "[" * 200_000 + "]" * 200_000

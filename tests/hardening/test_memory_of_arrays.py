@@ -59,58 +59,91 @@ def flushed(content: bytes, how: int) -> bytes:
 LISTS = "".join(f"{letter}\0\0\0" for letter in "[],").encode()  # an empty list, as numpy has it
 BOMBS: dict[str, tuple[str, Callable[[Path], None], str]] = {
     "bytes that would be widened": (
-        "body", lambda path: bomb(path, "shapedirs", "|i1", (12, 3, 4_000_000)), "in memory",
+        "body",
+        lambda path: bomb(path, "shapedirs", "|i1", (12, 3, 4_000_000)),
+        "in memory",
     ),
     "template of bytes": (
-        "body", lambda path: bomb(path, "v_template", "|i1", (50_000_000, 3)), "in memory",
+        "body",
+        lambda path: bomb(path, "v_template", "|i1", (50_000_000, 3)),
+        "in memory",
     ),
     "zeros beside a body": (
-        "body", lambda path: bomb(path, "further", "<f8", (80_000_000,)), "in memory",
+        "body",
+        lambda path: bomb(path, "further", "<f8", (80_000_000,)),
+        "in memory",
     ),
     "weights of another size": (
-        "body", lambda path: bomb(path, "weights", "<f4", (50_000_000, 1)), "weights has shape",
+        "body",
+        lambda path: bomb(path, "weights", "<f4", (50_000_000, 1)),
+        "weights has shape",
     ),
     "a card of empty lists": (
-        "body", lambda path: bomb(path, "card", "<U40000000", (), LISTS), "in memory",
+        "body",
+        lambda path: bomb(path, "card", "<U40000000", (), LISTS),
+        "in memory",
     ),
     "template of a start": (
-        "start", lambda path: bomb(path, "template", "<f4", (30_000_000, 3)), "in memory",
+        "start",
+        lambda path: bomb(path, "template", "<f4", (30_000_000, 3)),
+        "in memory",
     ),
     "segments as bytes": (
-        "start", lambda path: bomb(path, "segmentation", "|u1", (80_000_000,)), "in memory",
+        "start",
+        lambda path: bomb(path, "segmentation", "|u1", (80_000_000,)),
+        "in memory",
     ),
     "a trace of another length": (
-        "solution", lambda path: bomb(path, "trace:x", "<f8", (8_000_000, 2, 3)), "trace:x has",
+        "solution",
+        lambda path: bomb(path, "trace:x", "<f8", (8_000_000, 2, 3)),
+        "trace:x has",
     ),
     "facts of empty lists": (
-        "solution", lambda path: bomb(path, "solution", "<U40000000", (), LISTS), "in memory",
+        "solution",
+        lambda path: bomb(path, "solution", "<U40000000", (), LISTS),
+        "in memory",
     ),
     "facts of fewer empty lists": (
-        "solution", lambda path: bomb(path, "solution", "<U20000000", (), LISTS),
+        "solution",
+        lambda path: bomb(path, "solution", "<U20000000", (), LISTS),
         "lists and objects, too many",
     ),
     "a record's costs": (
-        "record", lambda path: bomb(path, "trace", "<f8", (8_000_000, 9)), "counts as none",
+        "record",
+        lambda path: bomb(path, "trace", "<f8", (8_000_000, 9)),
+        "counts as none",
     ),
     "poses of a checkpoint": (
-        "checkpoint", lambda path: bomb(path, "poses", "<f8", (3_000_000, 6, 3)), "(4, 6, 3)",
+        "checkpoint",
+        lambda path: bomb(path, "poses", "<f8", (3_000_000, 6, 3)),
+        "(4, 6, 3)",
     ),
     "vertices of a registration": (
-        "registration", lambda path: bomb(path, "vertices", "<f4", (20_000_000, 3)), f"({N}, 3)",
+        "registration",
+        lambda path: bomb(path, "vertices", "<f4", (20_000_000, 3)),
+        f"({N}, 3)",
     ),
     "blend shapes of an embedded body": (
-        "embedded body", lambda path: bomb(path, "shapedirs", "<i2", (369, 3, 90_000)), "in memory",
+        "embedded body",
+        lambda path: bomb(path, "shapedirs", "<i2", (369, 3, 90_000)),
+        "in memory",
     ),
     "angles of a recording": (
-        "recording", lambda path: bomb(path, "poses", "<f4", (1_200_000, 72)), "in memory",
+        "recording",
+        lambda path: bomb(path, "poses", "<f4", (1_200_000, 72)),
+        "in memory",
     ),
     "components of a mixture": (
-        "mixture", lambda path: bomb(path, "means", "<f4", (8, 9_000_000)), "in memory",
+        "mixture",
+        lambda path: bomb(path, "means", "<f4", (8, 9_000_000)),
+        "in memory",
     ),
     "as many members as there is room for": (
-        "truth", lambda path: members_without_number(path), "directory",
+        "truth",
+        lambda path: members_without_number(path),
+        "directory",
     ),
-}  # fmt: skip
+}
 
 
 def members_without_number(path: Path) -> None:
@@ -163,9 +196,13 @@ def answers(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[str, fl
         jobs.append((name, str(path), str(whole)))
     ended = subprocess.run(
         [sys.executable, "-c", textwrap.dedent(READ)],
-        input=json.dumps(jobs), capture_output=True, text=True, timeout=300, check=False,
+        input=json.dumps(jobs),
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
         cwd=Path(__file__).parents[2],
-    )  # fmt: skip
+    )
     said = [json.loads(line) for line in ended.stdout.splitlines()]
     assert len(said) == len(jobs), ended.stderr
     return dict(zip(BOMBS, said, strict=True))

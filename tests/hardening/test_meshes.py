@@ -98,20 +98,24 @@ HOSTILE: dict[str, tuple[Callable[[], bytes], str]] = {
     "lists in lists.glb": (lambda: glb(b"[" * 400_000), DAMAGED + "RecursionError"),
     "objects in objects.glb": (lambda: glb(b'{"a":' * 400_000), DAMAGED + "RecursionError"),
     "6 million lists.glb": (
-        lambda: glb(b"[" + b"[]," * 6_000_000 + b"0]"), "6,000,001 lists and objects, too many"
+        lambda: glb(b"[" + b"[]," * 6_000_000 + b"0]"),
+        "6,000,001 lists and objects, too many",
     ),
     "a list.glb": (lambda: glb([]), "its JSON is no object"),
     "a number of 5,000 digits.glb": (lambda: glb(b"9" * 5000), DAMAGED + ".*digits"),
     "entries of one name.glb": (
-        lambda: glb(b'{"nodes": [], "nodes": 5}'), "two entries called 'nodes'"
+        lambda: glb(b'{"nodes": [], "nodes": 5}'),
+        "two entries called 'nodes'",
     ),
     "3 billion numbers.glb": (lambda: positions(count=MANY), "holds 3,000,000,000 VEC3, but its"),
     "numbers of no bytes.glb": (
-        lambda: positions(count=MANY, bufferView=None), r"accessors\[0\] is sparse, or packed by an"
+        lambda: positions(count=MANY, bufferView=None),
+        r"accessors\[0\] is sparse, or packed by an",
     ),
     "sparse numbers.glb": (lambda: positions(sparse={"count": 1}), "is sparse, or packed by an"),
     "numbers before the bytes.glb": (
-        lambda: positions(byteOffset=-12), "its byteOffset is -12, but must be a whole number"
+        lambda: positions(byteOffset=-12),
+        "its byteOffset is -12, but must be a whole number",
     ),
     "numbers after the bytes.glb": (lambda: positions(byteOffset=4), "but its bytes are fewer"),
     "half a number.glb": (lambda: positions(count=1.5), "its count is 1.5, but must be a whole"),
@@ -120,7 +124,8 @@ HOSTILE: dict[str, tuple[Callable[[], bytes], str]] = {
     "no type of numbers.glb": (lambda: positions(componentType=[]), "accessors.0. holds 'VEC3'"),
     "an unknown type.glb": (lambda: positions(type="MAT4"), r"holds 'MAT4', but must hold VEC3"),
     "a view without end.glb": (
-        lambda: square(bufferViews=[{"buffer": 0, "byteLength": 2**50}] * 2), "its bytes are fewer"
+        lambda: square(bufferViews=[{"buffer": 0, "byteLength": 2**50}] * 2),
+        "its bytes are fewer",
     ),
     "rows on each other.glb": (
         lambda: square(bufferViews=[{"buffer": 0, "byteLength": 72, "byteStride": 1}] * 2),
@@ -136,17 +141,20 @@ HOSTILE: dict[str, tuple[Callable[[], bytes], str]] = {
     ),
     "no address.glb": (lambda: square(buffers=[{"uri": 5}]), "is in another file, 5, which"),
     "bad base64.glb": (
-        lambda: square(buffers=[{"uri": "data:;base64,A"}]), r"buffers\[0\] is no base64"
+        lambda: square(buffers=[{"uri": "data:;base64,A"}]),
+        r"buffers\[0\] is no base64",
     ),
     "no bytes.glb": (
-        lambda: square(bufferViews=[{"buffer": 1, "byteLength": 48}] * 2), r"no buffers\[1\]"
+        lambda: square(bufferViews=[{"buffer": 1, "byteLength": 48}] * 2),
+        r"no buffers\[1\]",
     ),
     "no such accessor.glb": (lambda: square(accessors=[]), r"there is no accessors\[0\]"),
     "no such mesh.glb": (lambda: square(nodes=[{"mesh": 7}]), r"there is no meshes\[7\]"),
     "a mesh by its name.glb": (lambda: square(nodes=[{"mesh": "0"}]), r"there is no meshes\['0'\]"),
     "no such scene.glb": (lambda: square(scene=[0]), r"there is no scenes\[\[0\]\]"),
     "nodes in a circle.glb": (
-        lambda: square(nodes=[{"children": [1]}, {"children": [0]}]), r"nodes\[0\] hangs on two"
+        lambda: square(nodes=[{"children": [1]}, {"children": [0]}]),
+        r"nodes\[0\] hangs on two",
     ),
     "nodes twice on every level.glb": (
         lambda: square(nodes=[*({"children": [i + 1] * 2} for i in range(60)), {"mesh": 0}]),
@@ -155,14 +163,24 @@ HOSTILE: dict[str, tuple[Callable[[], bytes], str]] = {
     "no list of nodes.glb": (lambda: square(nodes={"0": {}}), r"there is no nodes\[0\]"),
     "no list of children.glb": (lambda: square(nodes=[{"children": 5}]), "children are no list"),
     "a place of texts.glb": (
-        lambda: square(nodes=[{"mesh": 0, "translation": ["a", 0, 0]}]), "a node's place is"
+        lambda: square(nodes=[{"mesh": 0, "translation": ["a", 0, 0]}]),
+        "a node's place is",
     ),
     "a place of two numbers.glb": (
-        lambda: square(nodes=[{"mesh": 0, "scale": [1, 1]}]), r"is \[1, 1\], but must be 3 numbers"
+        lambda: square(nodes=[{"mesh": 0, "scale": [1, 1]}]),
+        r"is \[1, 1\], but must be 3 numbers",
     ),
     "an endless place.glb": (
-        lambda: square(nodes=[{"mesh": 0, "scale": [1e308, 1e308, 1e308],
-                               "rotation": [0.5, 0.5, 0.5, 0.5], "translation": [1e308] * 3}]),
+        lambda: square(
+            nodes=[
+                {
+                    "mesh": 0,
+                    "scale": [1e308, 1e308, 1e308],
+                    "rotation": [0.5, 0.5, 0.5, 0.5],
+                    "translation": [1e308] * 3,
+                }
+            ]
+        ),
         "cannot use the mesh .*: vertex .* is .*inf",
     ),
     "a matrix of infinity.glb": (
@@ -172,38 +190,48 @@ HOSTILE: dict[str, tuple[Callable[[], bytes], str]] = {
         "cannot use the mesh .*: vertex 0 is .*(nan|inf)",
     ),
     "a rotation of nothing.glb": (
-        lambda: square(nodes=[{"mesh": 0, "rotation": [0, 0, 0, 0]}]), "vertex 0 is .nan, nan, nan"
+        lambda: square(nodes=[{"mesh": 0, "rotation": [0, 0, 0, 0]}]),
+        "vertex 0 is .nan, nan, nan",
     ),
     "one mesh a million times.glb": (
         lambda: square(scenes=[{"nodes": list(range(200_000))}], nodes=[{"mesh": 0}] * 200_000),
         "shows the same parts again and again",
     ),
     "one part a million times.glb": (
-        lambda: square(meshes=[{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]
-                                * 200_000}]),
+        lambda: square(
+            meshes=[{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}] * 200_000}]
+        ),
         "shows the same parts again and again",
     ),
     "parts times nodes.glb": (
         lambda: square(
             meshes=[{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}] * 20_000}],
-            scenes=[{"nodes": list(range(20_000))}], nodes=[{"mesh": 0}] * 20_000,
+            scenes=[{"nodes": list(range(20_000))}],
+            nodes=[{"mesh": 0}] * 20_000,
         ),
         "shows the same parts again and again",
     ),
     "corners of no vertex.glb": (
-        lambda: square(accessors=[
-            {"bufferView": 0, "componentType": 5126, "count": 2, "type": "VEC3"},
-            {"bufferView": 1, "componentType": 5125, "count": 6, "type": "SCALAR"}]),
+        lambda: square(
+            accessors=[
+                {"bufferView": 0, "componentType": 5126, "count": 2, "type": "VEC3"},
+                {"bufferView": 1, "componentType": 5125, "count": 6, "type": "SCALAR"},
+            ]
+        ),
         "face 0 is .0, 1, 2., but there are 2 vertices",
     ),
     "half a triangle.glb": (
-        lambda: square(accessors=[
-            {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3"},
-            {"bufferView": 1, "componentType": 5125, "count": 4, "type": "SCALAR"}]),
+        lambda: square(
+            accessors=[
+                {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3"},
+                {"bufferView": 1, "componentType": 5125, "count": 4, "type": "SCALAR"},
+            ]
+        ),
         "4 corners are no triangles of three",
     ),
     "packed by Draco.glb": (
-        lambda: positions(bufferView=None, count=4), "such as Draco's, which is not read"
+        lambda: positions(bufferView=None, count=4),
+        "such as Draco's, which is not read",
     ),
     # .ply
     "nothing.ply": (lambda: b"", DAMAGED + "it has no header"),
@@ -211,25 +239,33 @@ HOSTILE: dict[str, tuple[Callable[[], bytes], str]] = {
     "no format.ply": (lambda: b"ply\nend_header\n", "its format is none of"),
     "an unknown format.ply": (lambda: ply("", kind="yaml"), "its header says 'format yaml 1.0'"),
     "3 billion vertices.ply": (
-        lambda: ply(claims(MANY), TRIANGLE), "claims 'vertex' 3,000,000,000 times, and there are"
+        lambda: ply(claims(MANY), TRIANGLE),
+        "claims 'vertex' 3,000,000,000 times, and there are",
     ),
     "3 billion vertices in binary.ply": (
-        lambda: ply(claims(MANY), bytes(99), LITTLE), "claims 'vertex' 3,000,000,000 times"
+        lambda: ply(claims(MANY), bytes(99), LITTLE),
+        "claims 'vertex' 3,000,000,000 times",
     ),
     "more digits than numbers have.ply": (
-        lambda: ply(claims(10**4000), TRIANGLE), r"its header says 'element vertex 1000.*\.\.\.'"
+        lambda: ply(claims(10**4000), TRIANGLE),
+        r"its header says 'element vertex 1000.*\.\.\.'",
     ),
     "fewer than none.ply": (lambda: ply(claims(-3), TRIANGLE), "says 'element vertex -3'"),
     "one vertex too many.ply": (
-        lambda: ply(claims(4), TRIANGLE), "says that it holds 4 times 'vertex', but has only 9"
+        lambda: ply(claims(4), TRIANGLE),
+        "says that it holds 4 times 'vertex', but has only 9",
     ),
     "one vertex too many in binary.ply": (
-        lambda: ply(claims(4) , bytes(40), LITTLE), "says that it holds 4 times 'vertex', but is"
+        lambda: ply(claims(4), bytes(40), LITTLE),
+        "says that it holds 4 times 'vertex', but is",
     ),
     "a million properties of a million rows.ply": (
         lambda: ply(
-            "element a 20000\n" + "".join(f"property list uchar int p{i}\n" for i in range(2000))
-            + claims(3), b"0\n" * 20_000 + TRIANGLE),
+            "element a 20000\n"
+            + "".join(f"property list uchar int p{i}\n" for i in range(2000))
+            + claims(3),
+            b"0\n" * 20_000 + TRIANGLE,
+        ),
         "claims 'a' 20,000 times",
     ),
     "a list of 4 billion.ply": (
@@ -245,29 +281,37 @@ HOSTILE: dict[str, tuple[Callable[[], bytes], str]] = {
         "a list of -1 numbers is cut off",
     ),
     "a list of 4 billion in text.ply": (
-        lambda: ply(claims(3, 1), TRIANGLE + b"4000000000 0 1 2\n"), "has 4e.09 entries"
+        lambda: ply(claims(3, 1), TRIANGLE + b"4000000000 0 1 2\n"),
+        "has 4e.09 entries",
     ),
     "lists of nothing.ply": (
-        lambda: ply(claims(3, 500_000), TRIANGLE + b"0\n" * 500_000), "list in row 0 has 0 entries"
+        lambda: ply(claims(3, 500_000), TRIANGLE + b"0\n" * 500_000),
+        "list in row 0 has 0 entries",
     ),
     "lists of nothing in binary.ply": (
-        lambda: ply(claims(3, 500_000), bytes(36 + 500_000), LITTLE), "face 0 has 0 corners"
+        lambda: ply(claims(3, 500_000), bytes(36 + 500_000), LITTLE),
+        "face 0 has 0 corners",
     ),
     "an endless list.ply": (
-        lambda: ply(claims(3, 1), TRIANGLE + b"inf 0 1 2\n"), "has inf entries"
+        lambda: ply(claims(3, 1), TRIANGLE + b"inf 0 1 2\n"),
+        "has inf entries",
     ),
     "no list at all.ply": (lambda: ply(claims(3, 1), TRIANGLE + b"nan 0 1 2\n"), "has nan entries"),
     "corners that are no numbers.ply": (
-        lambda: ply(claims(3, 1), TRIANGLE + b"3 0 nan 2\n"), "a face names the vertex nan"
+        lambda: ply(claims(3, 1), TRIANGLE + b"3 0 nan 2\n"),
+        "a face names the vertex nan",
     ),
     "corners far away.ply": (
-        lambda: ply(claims(3, 1), TRIANGLE + b"3 0 1e300 2\n"), r"a face names the vertex 1e\+300"
+        lambda: ply(claims(3, 1), TRIANGLE + b"3 0 1e300 2\n"),
+        r"a face names the vertex 1e\+300",
     ),
     "other columns than its header says.ply": (
-        lambda: ply(claims(3), b"0 0 0 1\n" * 3), "it holds more than its header says"
+        lambda: ply(claims(3), b"0 0 0 1\n" * 3),
+        "it holds more than its header says",
     ),
     "more bytes than its header says.ply": (
-        lambda: ply(claims(3), bytes(40), LITTLE), "it holds more than its header says"
+        lambda: ply(claims(3), bytes(40), LITTLE),
+        "it holds more than its header says",
     ),
     "words.ply": (lambda: ply(claims(3), b"zero zero zero\n"), "it holds what is no number"),
     "bytes as text.ply": (lambda: ply(claims(3), b"\xff\xfe" * 50), "it holds what is no number"),
@@ -282,14 +326,16 @@ HOSTILE: dict[str, tuple[Callable[[], bytes], str]] = {
     "a later list of 4 billion.ply": (
         lambda: ply(
             claims(3, 2).replace("uchar", "uint"),
-            bytes(36) + b"\3\0\0\0" + bytes(12) + b"\xff" * 4 + bytes(16), LITTLE,
+            bytes(36) + b"\3\0\0\0" + bytes(12) + b"\xff" * 4 + bytes(16),
+            LITTLE,
         ),
         "a list in row 1 has 4,294,967,295 entries",
     ),
     "a later list shorter than none.ply": (
         lambda: ply(
             claims(3, 2).replace("uchar", "int"),
-            bytes(36) + b"\0\0\0\3" + bytes(12) + b"\xff" * 4 + bytes(16), BIG,
+            bytes(36) + b"\0\0\0\3" + bytes(12) + b"\xff" * 4 + bytes(16),
+            BIG,
         ),
         "a list in row 1 has -1 entries",
     ),
@@ -308,7 +354,8 @@ HOSTILE: dict[str, tuple[Callable[[], bytes], str]] = {
     "a later list of no number.ply": (
         lambda: ply(
             claims(3, 2).replace("uchar", "float"),
-            bytes(36) + b"\0\0\x40\x40" + bytes(12) + b"\xff" * 4 + bytes(16), LITTLE,
+            bytes(36) + b"\0\0\x40\x40" + bytes(12) + b"\xff" * 4 + bytes(16),
+            LITTLE,
         ),
         "a list in row 1 has nan entries",
     ),
@@ -319,7 +366,8 @@ HOSTILE: dict[str, tuple[Callable[[], bytes], str]] = {
     "a million lists that nobody reads.ply": (
         lambda: ply(
             "element strip 1000001\nproperty list uchar int places\n" + claims(3),
-            b"\1" + bytes(4) + bytes(1_000_000), LITTLE,
+            b"\1" + bytes(4) + bytes(1_000_000),
+            LITTLE,
         ),
         "says that it holds 3 times 'vertex', but is",
     ),
@@ -335,37 +383,46 @@ HOSTILE: dict[str, tuple[Callable[[], bytes], str]] = {
     ),
     "a property of nothing.ply": (lambda: ply("property float x"), "its header says 'property"),
     "a type that is none.ply": (
-        lambda: ply("element vertex 1\nproperty text x"), "its header says 'property text x'"
+        lambda: ply("element vertex 1\nproperty text x"),
+        "its header says 'property text x'",
     ),
     "numbers beyond their type.ply": (
-        lambda: ply(claims(3, 1), b"1e300 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"), "vertex 0 is .inf"
+        lambda: ply(claims(3, 1), b"1e300 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"),
+        "vertex 0 is .inf",
     ),
     "a long line in the header.ply": (
-        lambda: b"ply\n" + b"x" * 10_000 + b"\nend_header\n", r"its header says 'xxx.*\.\.\.'"
+        lambda: b"ply\n" + b"x" * 10_000 + b"\nend_header\n",
+        r"its header says 'xxx.*\.\.\.'",
     ),
     # .off
     "nothing.off": (lambda: b"", DAMAGED + "it does not begin with OFF"),
     "3 billion vertices.off": (
-        lambda: b"OFF\n3000000000 1 0\n" + TRIANGLE, "claims to hold '3000000000' vertices"
+        lambda: b"OFF\n3000000000 1 0\n" + TRIANGLE,
+        "claims to hold '3000000000' vertices",
     ),
     "more digits than numbers have.off": (
-        lambda: b"OFF\n" + b"9" * 5000 + b" 1 0\n", r"claims to hold '999.*\.\.\.' vertices"
+        lambda: b"OFF\n" + b"9" * 5000 + b" 1 0\n",
+        r"claims to hold '999.*\.\.\.' vertices",
     ),
     "fewer than none.off": (lambda: b"OFF\n-3 1 0\n" + TRIANGLE, "claims to hold '-3' vertices"),
     "one vertex too many.off": (lambda: b"OFF\n4 0 0\n" + TRIANGLE, r"a position is \[\]"),
     "words.off": (lambda: b"OFF\n3 0 0\na b c\n", r"a position is \['a', 'b', 'c'\]"),
     "a face cut off.off": (
-        lambda: b"OFF\n3 1 0\n" + TRIANGLE + b"4 0 1\n", r"face 0 is \['4', '0', '1'\]"
+        lambda: b"OFF\n3 1 0\n" + TRIANGLE + b"4 0 1\n",
+        r"face 0 is \['4', '0', '1'\]",
     ),
     "a face of billions.off": (
-        lambda: b"OFF\n3 1 0\n" + TRIANGLE + b"4000000000 0 1 2\n", "face 0 is .'4000000000'"
+        lambda: b"OFF\n3 1 0\n" + TRIANGLE + b"4000000000 0 1 2\n",
+        "face 0 is .'4000000000'",
     ),
     "a face of nothing.off": (lambda: b"OFF\n3 1 0\n" + TRIANGLE + b"0\n", "face 0 has 0 corners"),
     "a corner beyond all numbers.off": (
-        lambda: b"OFF\n3 1 0\n" + TRIANGLE + b"3 0 1 99999999999999999999\n", "face 0 is"
+        lambda: b"OFF\n3 1 0\n" + TRIANGLE + b"3 0 1 99999999999999999999\n",
+        "face 0 is",
     ),
     "a line without end.off": (
-        lambda: b"OFF " + b"1 " * 2_000_000, "line 1 has more than 1,000,000 characters"
+        lambda: b"OFF " + b"1 " * 2_000_000,
+        "line 1 has more than 1,000,000 characters",
     ),
     # .stl
     "nothing.stl": (lambda: b"", "holds no vertices"),
@@ -374,38 +431,47 @@ HOSTILE: dict[str, tuple[Callable[[], bytes], str]] = {
         "its header counts 4,294,967,295 triangles, which 134 bytes do not hold",
     ),
     "cut off.stl": (
-        lambda: b"solid" + bytes(75) + struct.pack("<I", 2) + bytes(99), "holds no vertices"
+        lambda: b"solid" + bytes(75) + struct.pack("<I", 2) + bytes(99),
+        "holds no vertices",
     ),
     "words.stl": (
-        lambda: b"solid a\nvertex a b c\nendsolid", "line 2: .vertex a b c.* is no vertex"
+        lambda: b"solid a\nvertex a b c\nendsolid",
+        "line 2: .vertex a b c.* is no vertex",
     ),
     "half a triangle.stl": (
-        lambda: b"solid a\nvertex 0 0 0\nendsolid", "1 vertices are no triangles of three"
+        lambda: b"solid a\nvertex 0 0 0\nendsolid",
+        "1 vertices are no triangles of three",
     ),
     "a line without end.stl": (
-        lambda: b"solid " + b"x" * 2_000_000, "line 1 has more than 1,000,000 characters"
+        lambda: b"solid " + b"x" * 2_000_000,
+        "line 1 has more than 1,000,000 characters",
     ),
     "no end of a number.stl": (
-        lambda: b"solid a\n" + b"vertex 0 0 1e999\n" * 3, "cannot use the mesh .* is .0.0, 0.0, inf"
+        lambda: b"solid a\n" + b"vertex 0 0 1e999\n" * 3,
+        "cannot use the mesh .* is .0.0, 0.0, inf",
     ),
     # .obj
     "nothing.obj": (lambda: b"", "holds no vertices"),
     "a line without end.obj": (
-        lambda: b"v 0 0 0\nf" + b" 1" * 2_000_000, "line 2 has more than 1,000,000 characters"
+        lambda: b"v 0 0 0\nf" + b" 1" * 2_000_000,
+        "line 2 has more than 1,000,000 characters",
     ),
     "a comment without end.obj": (lambda: b"#" * 3_000_000, "line 1 has more than 1,000,000"),
     "a corner of 5,000 digits.obj": (
-        lambda: b"v 0 0 0\nf 1 1 " + b"9" * 5000, r"line 2: '999.*\.\.\.' is no corner"
+        lambda: b"v 0 0 0\nf 1 1 " + b"9" * 5000,
+        r"line 2: '999.*\.\.\.' is no corner",
     ),
     "a corner beyond all numbers.obj": (
-        lambda: b"v 0 0 0\nf 1 1 99999999999999999999", "there is no vertex 99999999999999999999"
+        lambda: b"v 0 0 0\nf 1 1 99999999999999999999",
+        "there is no vertex 99999999999999999999",
     ),
     "a long word.obj": (lambda: b"v " + b"x" * 900_000, r"line 1: 'xxx.*\.\.\.' is no position"),
     "half a face.obj": (lambda: b"v 0 0 0\nf", "line 2: a face"),
     "many far polygons.obj": (
-        lambda: b"v 0 0 0\n" + (b"f" + b" 9" * 400_000 + b"\n") * 4, "face 0 is .8, 8, 8., but"
+        lambda: b"v 0 0 0\n" + (b"f" + b" 9" * 400_000 + b"\n") * 4,
+        "face 0 is .8, 8, 8., but",
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", HOSTILE)
@@ -456,22 +522,26 @@ VALID: dict[str, Callable[[], bytes]] = {
         ],
         buffers=[
             {"byteLength": 72},
-            {"byteLength": 16, "uri": "data:;base64,"
-             + base64.b64encode(struct.pack("<4I", 0, 1, 2, 3)).decode()},
+            {
+                "byteLength": 16,
+                "uri": "data:;base64," + base64.b64encode(struct.pack("<4I", 0, 1, 2, 3)).decode(),
+            },
         ],
     ),
     "little.ply": lambda: binary(LITTLE),
     "big.ply": lambda: binary("binary_big_endian"),
     "triangles.ply": lambda: ply(claims(4, 2), SQUARE + b"3 0 1 2\n3 0 2 3\n"),
     "a quad.ply": lambda: ply(claims(4, 1), SQUARE + b"4 0 1 2 3\n").replace(b"\n", b"\r\n"),
-    "texture.ply": lambda: ply(
-        MIXED, SQUARE + b"3 0 1 2 6 0 0 1 0 1 1\n3 0 2 3 6 0 0 1 1 .5 .5\n"
+    "texture.ply": lambda: ply(MIXED, SQUARE + b"3 0 1 2 6 0 0 1 0 1 1\n3 0 2 3 6 0 0 1 1 .5 .5\n"),
+    "normals.off": lambda: (
+        b"NOFF\n4 2 0\n" + SQUARE.replace(b"\n", b" 0 0 1\n") + b"3 0 1 2\n3 0 2 3\n"
     ),
-    "normals.off": lambda: b"NOFF\n4 2 0\n"
-    + SQUARE.replace(b"\n", b" 0 0 1\n") + b"3 0 1 2\n3 0 2 3\n",
-    "colours.off": lambda: b"# made by hand\nCOFF 4 1 0\n"
-    + SQUARE.replace(b"\n", b" 255 0 0 255\n") + b"\n4 0 1 2 3 0.5 0.5\n",
-}  # fmt: skip
+    "colours.off": lambda: (
+        b"# made by hand\nCOFF 4 1 0\n"
+        + SQUARE.replace(b"\n", b" 255 0 0 255\n")
+        + b"\n4 0 1 2 3 0.5 0.5\n"
+    ),
+}
 
 
 @pytest.mark.parametrize("name", VALID)
@@ -500,13 +570,15 @@ def test_a_strip_turns_every_other_triangle(tmp_path: Path) -> None:
 def test_whole_numbers_may_stand_for_parts_of_one(tmp_path: Path) -> None:
     """KHR_mesh_quantization: of bytes, 255 stands for 1 m where they are normalized."""
     told = {
-        "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
         "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
-        "accessors": [{"bufferView": 0, "componentType": 5121, "count": 3, "type": "VEC3",
-                       "normalized": True}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5121, "count": 3, "type": "VEC3", "normalized": True}
+        ],
         "bufferViews": [{"buffer": 0, "byteLength": 12, "byteStride": 4}],
         "buffers": [{"byteLength": 12}],
-    }  # fmt: skip
+    }
     content = bytes([0, 0, 0, 9, 255, 0, 0, 9, 0, 255, 0, 9])
     (tmp_path / "small.glb").write_bytes(glb(told, content))
     vertices = read_mesh(tmp_path / "small.glb").vertices
@@ -540,8 +612,9 @@ def test_trimesh_reads_the_same(tmp_path: Path, suffix: str) -> None:
     rng = np.random.default_rng(0)
     scene = trimesh.Scene()
     for name in ("a", "b"):
-        part = trimesh.Trimesh(rng.normal(size=(9, 3)), rng.permutation(9).reshape(3, 3),
-                               process=False)  # fmt: skip
+        part = trimesh.Trimesh(
+            rng.normal(size=(9, 3)), rng.permutation(9).reshape(3, 3), process=False
+        )
         turn = trimesh.transformations.random_rotation_matrix(rng.random(3))
         turn[:3, 3] = rng.normal(size=3)
         scene.add_geometry(part, geom_name=name, transform=turn)

@@ -36,7 +36,8 @@ LONG = "x" * 1_000_000
 SAYING: dict[str, tuple[Callable[[], bytes], str]] = {
     "a long name": (lambda: pickled(b"cos\n" + LONG.encode() + b"\n"), "a name of 1,000,002 chara"),
     "a name of a million dots": (
-        lambda: pickled(b"cchumpy" + b".a" * 10**6 + b"\nb\n"), "a name of 2,000,007 characters"
+        lambda: pickled(b"cchumpy" + b".a" * 10**6 + b"\nb\n"),
+        "a name of 2,000,007 characters",
     ),
     "a name that no terminal prints": (
         lambda: pickled(text("os\x1b[31m\x07\n") + text("\ud800") + b"\x93"),
@@ -44,7 +45,8 @@ SAYING: dict[str, tuple[Callable[[], bytes], str]] = {
     ),
     "a long line that is no number": (lambda: pickled(b"I" + LONG.encode() + b"\n"), "damaged"),
     "a long line that is no real number": (
-        lambda: pickled(b"F" + LONG.encode() + b"\n"), "could not convert .*xxx\\.\\.\\."
+        lambda: pickled(b"F" + LONG.encode() + b"\n"),
+        "could not convert .*xxx\\.\\.\\.",
     ),
     "a long line of digits": (lambda: pickled(b"L" + b"9" * 10**6 + b"L\n"), "digits"),
     "a text without its quotes": (lambda: pickled(b"S" + LONG.encode() + b"\n"), "damaged"),
@@ -53,7 +55,8 @@ SAYING: dict[str, tuple[Callable[[], bytes], str]] = {
         "an array of type 'f8xxx.*xxx\\.\\.\\.', not of numbers",
     ),
     "the type of a column": (
-        lambda: body(weights=array_of(SIZES, dtype(text("V8")), ZEROS)), "type 'V8', not of numbers"
+        lambda: body(weights=array_of(SIZES, dtype(text("V8")), ZEROS)),
+        "type 'V8', not of numbers",
     ),
     "9,000 entries": (
         lambda: pickled(dictionary({f"e{i}": b"N" for i in range(9000)})),
@@ -64,29 +67,34 @@ SAYING: dict[str, tuple[Callable[[], bytes], str]] = {
         "0xxx.*xxx.*, and . more",
     ),
     "an entry that no terminal prints": (
-        lambda: pickled(dictionary({"\x1b[2J\x07": b"N"})), r"it has \\x1b\[2J\\x07\. "
+        lambda: pickled(dictionary({"\x1b[2J\x07": b"N"})),
+        r"it has \\x1b\[2J\\x07\. ",
     ),
     "an entry that is half a surrogate": (
-        lambda: pickled(dictionary({"\udc80": b"N"})), "surrogates not allowed"
+        lambda: pickled(dictionary({"\udc80": b"N"})),
+        "surrogates not allowed",
     ),
     "a style of skinning": (lambda: body(bs_style=text(LONG)), r"by bs_style 'xxx.*\.\.\.'; there"),
     "a body's name": (lambda: body(name=text(LONG)), "name holds a name of 1,000,000 characters"),
     "a gender": (lambda: body(gender=text(LONG)), "gender holds a name of 1,000,000 characters"),
     "a gender that no terminal prints": (
-        lambda: body(weights=b"N", gender=text("\ud800")), "weights is a NoneType"
+        lambda: body(weights=b"N", gender=text("\ud800")),
+        "weights is a NoneType",
     ),
     "names of joints": (
         lambda: body(joint_names=array(K, of="U9", holds=content(b"\xff" * 36 * K))),
         "joint_names must be a list of names",
     ),
     "a card of lists in lists": (
-        lambda: body(card=text("[" * 200_000)), "its card is no JSON .*recursion"
+        lambda: body(card=text("[" * 200_000)),
+        "its card is no JSON .*recursion",
     ),
     "a card of a long number": (
-        lambda: body(card=text('{"a": ' + "9" * 10**6 + "}")), "its card is no JSON .*digits"
+        lambda: body(card=text('{"a": ' + "9" * 10**6 + "}")),
+        "its card is no JSON .*digits",
     ),
     "a card that is a list": (lambda: body(card=text("[]")), "its card is a list, not an object"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", SAYING)
@@ -120,13 +128,26 @@ def single(value: object, of: str, *shape: int) -> bytes:
         ({"v_template": single(np.nan, "f8", N, 3)}, r"template\[0, 0\] is not finite \(18 such"),
         ({"weights": array(N, K, of="b1")}, "weights holds bool, but must hold numbers"),
         ({"weights": array(N, K, of="S8")}, r"weights holds \|S8, but must hold numbers"),
-        ({"weights": chumpy("Select", a=array(9, of="S8"), idxs=array(1, of="i8"))},
-         r"made of \|S8, not of numbers"),
-        ({"J_regressor": sparse("csc", 1, 1, data=array(1, of="S1"), indices=array(1, of="i4"),
-                                indptr=array(2, of="i4"))}, r"made of \|S1, not of numbers"),
+        (
+            {"weights": chumpy("Select", a=array(9, of="S8"), idxs=array(1, of="i8"))},
+            r"made of \|S8, not of numbers",
+        ),
+        (
+            {
+                "J_regressor": sparse(
+                    "csc",
+                    1,
+                    1,
+                    data=array(1, of="S1"),
+                    indices=array(1, of="i4"),
+                    indptr=array(2, of="i4"),
+                )
+            },
+            r"made of \|S1, not of numbers",
+        ),
     ],
     ids=lambda value: next(iter(value)) if isinstance(value, dict) else value[:30],
-)  # fmt: skip
+)
 def test_numbers_that_are_no_body_s(
     bodies: Reader, tmp_path: Path, changed: dict[str, bytes], says: str
 ) -> None:

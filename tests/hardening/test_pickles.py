@@ -87,18 +87,18 @@ PLACES: dict[str, tuple[Callable[[bytes], bytes], str]] = {
         "a name that is no text|a name of 300,001 characters|asks for",
     ),
     "a scalar": (
-        lambda bomb: b"cnumpy.core.multiarray\nscalar\n" + several(F8, bomb) + b"R", UNREAD
+        lambda bomb: b"cnumpy.core.multiarray\nscalar\n" + several(F8, bomb) + b"R",
+        UNREAD,
     ),
     "a buffer": (
-        lambda bomb: (
-            b"cnumpy.core.numeric\n_frombuffer\n" + several(bomb, F8, bomb, bomb) + b"R"
-        ),
+        lambda bomb: b"cnumpy.core.numeric\n_frombuffer\n" + several(bomb, F8, bomb, bomb) + b"R",
         UNREAD,
     ),
     "the value of a Ch": (lambda bomb: chumpy("Ch", x=bomb), NO_ARRAY),
     "the attributes of a Ch": (lambda bomb: b"cchumpy.ch\nCh\n)\x81" + bomb + b"b", UNREAD),
     "what is selected from": (
-        lambda bomb: chumpy("Select", a=bomb, idxs=array(1, of="i8")), UNREAD
+        lambda bomb: chumpy("Select", a=bomb, idxs=array(1, of="i8")),
+        UNREAD,
     ),
     "what is selected": (lambda bomb: chumpy("Select", a=array(3), idxs=bomb), UNREAD),
     "the shape of what is selected": (
@@ -107,16 +107,26 @@ PLACES: dict[str, tuple[Callable[[bytes], bytes], str]] = {
     ),
     "the axes of a transpose": (lambda bomb: chumpy("transpose", a=array(3, 6), axes=bomb), UNREAD),
     "a matrix's shape": (
-        lambda bomb: sparse("csc", 3, 6, data=array(0), indices=array(0, of="i4"),
-                            indptr=array(7, of="i4"), _shape=bomb), UNREAD
+        lambda bomb: sparse(
+            "csc",
+            3,
+            6,
+            data=array(0),
+            indices=array(0, of="i4"),
+            indptr=array(7, of="i4"),
+            _shape=bomb,
+        ),
+        UNREAD,
     ),
     "a matrix's numbers": (
-        lambda bomb: sparse("csc", 3, 6, data=bomb, indices=bomb, indptr=bomb), UNREAD
+        lambda bomb: sparse("csc", 3, 6, data=bomb, indices=bomb, indptr=bomb),
+        UNREAD,
     ),
     "a matrix's coordinates": (
-        lambda bomb: sparse("coo", 3, 6, data=array(0), coords=bomb), UNREAD
+        lambda bomb: sparse("coo", 3, 6, data=array(0), coords=bomb),
+        UNREAD,
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("bomb", BOMBS)
@@ -136,39 +146,47 @@ TOO_LONG = "it has more than 500,000 instructions"
 SMALL = bytes(8 * N * K)
 GREEDY: dict[str, tuple[Callable[[], bytes], str]] = {
     "chumpy's Select of Select, 16 deep": (
-        lambda: body(weights=selections(16)), r"weights has shape \(16000,\)"
+        lambda: body(weights=selections(16)),
+        r"weights has shape \(16000,\)",
     ),
     "chumpy's Select of Select, 500 deep": (
-        lambda: body(weights=selections(500)), "nested more than 16 deep"
+        lambda: body(weights=selections(500)),
+        "nested more than 16 deep",
     ),
     "one Select for 9,000 entries": (
-        lambda: body(weights=b"N", **repeated(selections(16), 9000)), "weights is a NoneType"
+        lambda: body(weights=b"N", **repeated(selections(16), 9000)),
+        "weights is a NoneType",
     ),
     "9,000 entries that each fail": (
-        lambda: body(**repeated(chumpy("Select", a=in_itself(), idxs=b"N"), 9000)), TOO_MANY
+        lambda: body(**repeated(chumpy("Select", a=in_itself(), idxs=b"N"), 9000)),
+        TOO_MANY,
     ),
     "the same bytes in 1,900 arrays": (lambda: body(**of_one_content(1900, 20_000)), TOO_MUCH),
     "the same text in 1,900 arrays": (lambda: body(**of_one_text(1900, 100_000)), TOO_MUCH),
     "the same text in 9,000 entries": (
-        lambda: body(**repeated(text("long " * 20_000), 9000)), TOO_MUCH
+        lambda: body(**repeated(text("long " * 20_000), 9000)),
+        TOO_MUCH,
     ),
     "the same bytes in 9,000 entries": (
-        lambda: body(**repeated(content(bytes(100_000)), 9000)), TOO_MUCH
+        lambda: body(**repeated(content(bytes(100_000)), 9000)),
+        TOO_MUCH,
     ),
     "one number selected 40 million times": (
-        lambda: body(**selected_again(400, 100_000)), TOO_MUCH
+        lambda: body(**selected_again(400, 100_000)),
+        TOO_MUCH,
     ),
-    "3,000 arrays of nothing": (
-        lambda: body(**{f"e{i}": array(0) for i in range(3000)}), TOO_MANY
-    ),
+    "3,000 arrays of nothing": (lambda: body(**{f"e{i}": array(0) for i in range(3000)}), TOO_MANY),
     "1,900 arrays with one state of 100,000": (
-        lambda: body(weights=b"N", **shared_state(1900, 100_000)), "weights is a NoneType"
+        lambda: body(weights=b"N", **shared_state(1900, 100_000)),
+        "weights is a NoneType",
     ),
     "1,900 matrices with one dictionary of 100,000": (
-        lambda: body(weights=b"N", **shared_attributes(1900, 100_000)), "weights is a NoneType"
+        lambda: body(weights=b"N", **shared_attributes(1900, 100_000)),
+        "weights is a NoneType",
     ),
     "20,000 calls with one list of 100,000": (
-        lambda: pickled(called_with_a_list(20_000, 100_000)), "object is called with a list"
+        lambda: pickled(called_with_a_list(20_000, 100_000)),
+        "object is called with a list",
     ),
     "a shape of a million sizes": (
         lambda: body(weights=array_of(several(whole(2**31 - 1) * 60_000), F8, content(SMALL))),
@@ -183,33 +201,41 @@ GREEDY: dict[str, tuple[Callable[[], bytes], str]] = {
         r"\(2147483647, 2147483647, .*numbers of 8 bytes, but 144 bytes",
     ),
     "nothing in very many rows": (
-        lambda: body(J_regressor=array(2**31 - 1, 0, holds=content(b""))), TOO_MUCH
+        lambda: body(J_regressor=array(2**31 - 1, 0, holds=content(b""))),
+        TOO_MUCH,
     ),
     "nothing selected in very many rows": (
         lambda: body(
             J_regressor=chumpy(
-                "Select", a=array(0), idxs=array(0, of="i8"),
+                "Select",
+                a=array(0),
+                idxs=array(0, of="i8"),
                 preferred_shape=several(whole(2**31 - 1), whole(0)),
             )
         ),
         TOO_MUCH,
     ),
-    "texts of no size": (
-        lambda: body(weights=array(10**9, of="S0", holds=content(b""))), TOO_MUCH
-    ),
+    "texts of no size": (lambda: body(weights=array(10**9, of="S0", holds=content(b""))), TOO_MUCH),
     "a matrix of 10 million rows, 100 times": (
-        lambda: body(**{f"e{i}": one_entry(10**7, 10**7) for i in range(100)}), TOO_MUCH
+        lambda: body(**{f"e{i}": one_entry(10**7, 10**7) for i in range(100)}),
+        TOO_MUCH,
     ),
     "a matrix of 2 billion rows": (
-        lambda: body(J_regressor=one_entry(2**31 - 1, 5)), "a matrix of 2,147,483,647 x 5"
+        lambda: body(J_regressor=one_entry(2**31 - 1, 5)),
+        "a matrix of 2,147,483,647 x 5",
     ),
     "a matrix of more rows than numbers have": (
-        lambda: body(J_regressor=one_entry(2**62, 5)), "no tuple of sizes from 0 to 2,147,483,647"
+        lambda: body(J_regressor=one_entry(2**62, 5)),
+        "no tuple of sizes from 0 to 2,147,483,647",
     ),
     "pointers of a matrix that point nowhere": (
         lambda: body(
             J_regressor=sparse(
-                "csc", 3, 4, data=array(0), indices=array(0, of="i4"),
+                "csc",
+                3,
+                4,
+                data=array(0),
+                indices=array(0, of="i4"),
                 indptr=array(5, of="i4", holds=content(struct.pack("<5i", 0, 0, 65536, 0, 0))),
             )
         ),
@@ -218,7 +244,11 @@ GREEDY: dict[str, tuple[Callable[[], bytes], str]] = {
     "a row of a matrix that is far away": (
         lambda: body(
             J_regressor=sparse(
-                "coo", 3, 6, data=array(1), col=array(1, of="i4"),
+                "coo",
+                3,
+                6,
+                data=array(1),
+                col=array(1, of="i4"),
                 row=array(1, of="i4", holds=content(b"\xff\xff\xff\x7f")),
             )
         ),
@@ -231,35 +261,43 @@ GREEDY: dict[str, tuple[Callable[[], bytes], str]] = {
     "2 million memories": (lambda: b"\x80\x04" + b"}\x94" * 1_000_000 + b".", TOO_LONG),
     "2 million copies of one value": (lambda: pickled(b"}" + b"2" * 2_000_000), TOO_LONG),
     "a million calls": (
-        lambda: pickled(b"cbuiltins\nobject\n" + b")R" * 1_000_000), "calls a Made"
+        lambda: pickled(b"cbuiltins\nobject\n" + b")R" * 1_000_000),
+        "calls a Made",
     ),
     "a number of a million bytes": (
-        lambda: pickled(dictionary({"a": whole(2**8_000_000)})), "a whole number of 8,000,001 bits"
+        lambda: pickled(dictionary({"a": whole(2**8_000_000)})),
+        "a whole number of 8,000,001 bits",
     ),
     "a long number as key, again and again": (
-        lambda: pickled(keys_of(whole(2**4_000_000), 90_000)), "a whole number of 4,000,001 bits"
+        lambda: pickled(keys_of(whole(2**4_000_000), 90_000)),
+        "a whole number of 4,000,001 bits",
     ),
     "a long text as key, again and again": (
-        lambda: pickled(keys_of(text("x" * 500_000), 90_000)), "an entry has 500,000 characters"
+        lambda: pickled(keys_of(text("x" * 500_000), 90_000)),
+        "an entry has 500,000 characters",
     ),
     "long bytes as key, again and again": (
-        lambda: pickled(keys_of(content(b"x" * 500_000), 90_000)), "an entry has 500,000 characters"
+        lambda: pickled(keys_of(content(b"x" * 500_000), 90_000)),
+        "an entry has 500,000 characters",
     ),
     "a tuple of tuples as key": (
-        lambda: pickled(b"}" + doubled_tuples() + b"Ns"), "has no v_template, .*it has nothing"
+        lambda: pickled(b"}" + doubled_tuples() + b"Ns"),
+        "has no v_template, .*it has nothing",
     ),
     "numbers as keys": (lambda: pickled(colliding(60_000)), "holds 60,000 entries"),
     "150,000 entries": (
-        lambda: pickled(dictionary({f"e{i}": b"N" for i in range(150_000)})), "150,000 entries"
+        lambda: pickled(dictionary({f"e{i}": b"N" for i in range(150_000)})),
+        "150,000 entries",
     ),
     "a million joints": (
-        lambda: body(kintree_table=array(2, 200_000, of="u1")), "kintree_table has 200,000 joints"
+        lambda: body(kintree_table=array(2, 200_000, of="u1")),
+        "kintree_table has 200,000 joints",
     ),
     "a million vertices that are not finite": (
         lambda: body(v_template=array(10**6, 3, of="f2", holds=content(b"\xff" * 6 * 10**6))),
         r"weights has shape \(6, 3\), but must be \(1000000, 3\)",
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", GREEDY)

@@ -6,8 +6,13 @@ from typing import SupportsFloat
 
 import numpy as np
 
-_SMALL = dict(zip(["a", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine"],
-                  (1, *range(1, 10)), strict=True))  # fmt: skip
+_SMALL = dict(
+    zip(
+        ["a", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine"],
+        (1, *range(1, 10)),
+        strict=True,
+    )
+)
 _TEENS = {
     word: k
     for k, word in enumerate(

@@ -9,7 +9,7 @@ from tests.lectures.answered import marks_here
 from tests.lectures.prose import run_of
 from workbench.course.answers import Raised, formed, outcome
 from workbench.course.cells import cells
-from workbench.course.marks import State
+from workbench.course.grades import CheckState
 from workbench.course.outline import FILES, Lecture
 from workbench.course.picture import Picture, Source
 from workbench.lectures.outline import COURSE
@@ -93,9 +93,9 @@ def test_no_name_is_taken_twice(lecture: Lecture) -> None:
 @EACH_EXERCISE
 def test_the_solution_passes_and_the_stub_is_unsolved(lecture: Lecture, exercise: str) -> None:
     for one in marks_here(lecture, exercise, lecture.solution(exercise)):
-        assert one.state is State.PASSED, one
+        assert one.state is CheckState.PASSED, one
     for one in marks_here(lecture, exercise, getattr(lecture.module("exercises"), exercise)):
-        assert one.state is State.NOT_ATTEMPTED
+        assert one.state is CheckState.NOT_ATTEMPTED
         assert one.points == 0
 
 
@@ -109,7 +109,7 @@ def test_every_mistake_is_rejected_by_its_name(lecture: Lecture, exercise: str) 
         failed = [
             one
             for one in marks_here(lecture, exercise, mistake.answer)
-            if one.state is not State.PASSED
+            if one.state is not CheckState.PASSED
         ]
         assert failed, f"no check rejects {name}"
         for one in failed:
@@ -125,7 +125,7 @@ def test_nonsense_is_rejected_fairly(lecture: Lecture, exercise: str) -> None:
     """None, a string and what has no shape come back with a sentence, not with a traceback."""
     for nonsense in (None, "42", object(), float("nan"), [], lambda *_: 0):
         for one in marks_here(lecture, exercise, lambda *_, it=nonsense: it):
-            assert one.state is State.FAILED
+            assert one.state is CheckState.FAILED
             assert one.what
             assert one.came
 

@@ -148,33 +148,57 @@ def by_kernel_ridge(F: Array, D: Array, penalty: float) -> Array:
 
 WAYS = {
     2: [
-        {"hat": lambda w: np.cross(np.eye(3), w), "rodrigues": series,
-         "angle_between": by_tangent, "shorter": turn_by_turn, "nearest_rotation": flipped,
-         "mean_rotation": climbed},
-        {"rodrigues": lambda w: scipy.linalg.expm(np.cross(np.eye(3), w)),
-         "angle_between": lambda A, B: Rotation.from_matrix(A.T @ B).magnitude(),
-         "shorter": lambda w: Rotation.from_rotvec(w).as_rotvec(),
-         "mean_rotation": lambda rotations: Rotation.from_matrix(rotations).mean().as_matrix()},
+        {
+            "hat": lambda w: np.cross(np.eye(3), w),
+            "rodrigues": series,
+            "angle_between": by_tangent,
+            "shorter": turn_by_turn,
+            "nearest_rotation": flipped,
+            "mean_rotation": climbed,
+        },
+        {
+            "rodrigues": lambda w: scipy.linalg.expm(np.cross(np.eye(3), w)),
+            "angle_between": lambda A, B: Rotation.from_matrix(A.T @ B).magnitude(),
+            "shorter": lambda w: Rotation.from_rotvec(w).as_rotvec(),
+            "mean_rotation": lambda rotations: Rotation.from_matrix(rotations).mean().as_matrix(),
+        },
     ],
     5: [
-        {"shares": by_softmax, "learn": by_the_small_side, "directions": by_eigenvectors,
-         "features": lambda R: np.concatenate([np.ravel(one - np.eye(3)) for one in R[1:]])},
+        {
+            "shares": by_softmax,
+            "learn": by_the_small_side,
+            "directions": by_eigenvectors,
+            "features": lambda R: np.concatenate([np.ravel(one - np.eye(3)) for one in R[1:]]),
+        },
         {"learn": by_rows_below},
     ],
     6: [
-        {"gradient": lambda e, J: 2 * e @ J, "numeric_jacobian": five_points,
-         "gauss_newton_step": by_qr, "fit": by_scipy},
+        {
+            "gradient": lambda e, J: 2 * e @ J,
+            "numeric_jacobian": five_points,
+            "gauss_newton_step": by_qr,
+            "fit": by_scipy,
+        },
         {"gauss_newton_step": lambda e, J: -np.linalg.pinv(J) @ e},
     ],
     8: [
-        {"rank": np.linalg.matrix_rank, "null_space": scipy.linalg.null_space,
-         "depends": handed_down, "sigmas": with_null_space, "markers": tried_out},
+        {
+            "rank": np.linalg.matrix_rank,
+            "null_space": scipy.linalg.null_space,
+            "depends": handed_down,
+            "sigmas": with_null_space,
+            "markers": tried_out,
+        },
     ],
     13: [
-        {"ridge": by_kernel_ridge, "shape_space": by_eigenvectors, "weights_of": by_slsqp,
-         "rest_shape": from_the_mean},
+        {
+            "ridge": by_kernel_ridge,
+            "shape_space": by_eigenvectors,
+            "weights_of": by_slsqp,
+            "rest_shape": from_the_mean,
+        },
     ],
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(

@@ -80,11 +80,14 @@ def on_the_simplex(people: Array, joints: Array) -> Array:
     A = people.transpose(0, 2, 1).reshape(-1, people.shape[1])
     y, n = joints.ravel(), people.shape[1]
     found = scipy.optimize.minimize(
-        lambda w: (np.sum((A @ w - y) ** 2), 2 * A.T @ (A @ w - y)), np.full(n, 1 / n), jac=True,
-        bounds=[(0, 1)] * n, constraints={"type": "eq", "fun": lambda w: w.sum() - 1,
-                                          "jac": lambda w: np.ones(n)},
-        method="SLSQP", options={"ftol": 1e-12, "maxiter": 500},
-    )  # fmt: skip
+        lambda w: (np.sum((A @ w - y) ** 2), 2 * A.T @ (A @ w - y)),
+        np.full(n, 1 / n),
+        jac=True,
+        bounds=[(0, 1)] * n,
+        constraints={"type": "eq", "fun": lambda w: w.sum() - 1, "jac": lambda w: np.ones(n)},
+        method="SLSQP",
+        options={"ftol": 1e-12, "maxiter": 500},
+    )
     return found.x
 
 

@@ -93,21 +93,32 @@ def on_a_grid(log_p, start: Array, count: int) -> Array:
 
 WAYS = {
     7: [
-        {"damped_step": by_normal_equations, "gain": over_the_promise,
-         "cauchy_point": searched_along, "dogleg_step": halved, "damping_for": by_bisection,
-         "fit": by_scipy},
+        {
+            "damped_step": by_normal_equations,
+            "gain": over_the_promise,
+            "cauchy_point": searched_along,
+            "dogleg_step": halved,
+            "damping_for": by_bisection,
+            "fit": by_scipy,
+        },
     ],
     11: [
         {"effort_until": one_by_one, "profile": by_counting, "wilson": by_stats},
-        {"target": lambda start, best, tau: tau * start + (1 - tau) * best,
-         "turned_round": lambda: [[2, 5, 9], [3, 4, 7], [8, 7, 1], [9, 6, 2], [5, 4, 1]]},
+        {
+            "target": lambda start, best, tau: tau * start + (1 - tau) * best,
+            "turned_round": lambda: [[2, 5, 9], [3, 4, 7], [8, 7, 1], [9, 6, 2], [5, 4, 1]],
+        },
     ],
     12: [
-        {"deviations": by_inverse, "interval": sorted_out, "next_point": by_ratio,
-         "draw": on_a_grid},
+        {
+            "deviations": by_inverse,
+            "interval": sorted_out,
+            "next_point": by_ratio,
+            "draw": on_a_grid,
+        },
         {"deviations": lambda J: np.linalg.norm(np.linalg.pinv(J), axis=1)},
     ],
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(

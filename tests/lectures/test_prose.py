@@ -76,12 +76,20 @@ def is_bound(answer: object, k: int) -> bool:
         (9, "skin off by 18 mm", "skin off by 21 mm", "The skin is hardly closer"),
         (9, "worst beta off by 0.5", "worst beta off by 0.9", "off by half a standard deviation"),
         (12, "3000 steps: 90 %", "3000 steps: there is no interval", "refuses an interval"),
-        (12, "uniform, the same factor:     standard deviation 1.16",
-         "uniform, the same factor:     standard deviation 1.00", "the draws are too wide"),
-        (3, "surface off the truth by 12.0 mm", "surface off the truth by 20.0 mm",
-         "Fewer numbers, and a better answer"),
+        (
+            12,
+            "uniform, the same factor:     standard deviation 1.16",
+            "uniform, the same factor:     standard deviation 1.00",
+            "the draws are too wide",
+        ),
+        (
+            3,
+            "surface off the truth by 12.0 mm",
+            "surface off the truth by 20.0 mm",
+            "Fewer numbers, and a better answer",
+        ),
     ],
-)  # fmt: skip
+)
 def test_a_comparison_that_the_run_turns_round_is_noticed(
     number: int, printed: str, instead: str, phrase: str
 ) -> None:

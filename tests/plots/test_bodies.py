@@ -22,9 +22,21 @@ from workbench.plots.sheets import shape_gallery_sheet
 
 CUBE = np.array([[x, y, z] for x in (0, 1) for y in (0, 2) for z in (0, 3)], dtype=float)
 FACES = np.array(
-    [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
-     [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
-)  # fmt: skip
+    [
+        [0, 1, 3],
+        [0, 3, 2],
+        [4, 6, 7],
+        [4, 7, 5],
+        [0, 4, 5],
+        [0, 5, 1],
+        [2, 3, 7],
+        [2, 7, 6],
+        [0, 2, 6],
+        [0, 6, 4],
+        [1, 5, 7],
+        [1, 7, 3],
+    ]
+)
 
 
 def painted(ax) -> list[np.ndarray]:
@@ -85,7 +97,7 @@ def test_distances_have_a_scale_in_millimetres() -> None:
     assert bar.get_ylabel() == "distance to the truth (mm)"
     assert bar.get_ylim() == (0.0, 7.0)
     assert len(painted(ax)) == 2
-    assert "farthest 7 mm" in caption_distances(distances)
+    assert "farthest is 7 mm off" in caption_distances(distances)
 
 
 def test_no_distance_at_all_can_be_drawn() -> None:

@@ -10,26 +10,25 @@ from workbench.plots import comparison_sheets as sheets
 from workbench.plots.accuracy import caption_accuracy, plot_accuracy
 from workbench.plots.cost_traces import LOWEST, UNITS, caption_cost_traces, plot_cost_traces
 from workbench.plots.decades import power
-from workbench.plots.duels import caption_duels, plot_duels
 from workbench.plots.figure import sheet
+from workbench.plots.pairwise_wins import caption_pairwise_wins, plot_pairwise_wins
 from workbench.plots.profiles import (
     caption_data_profile,
     caption_performance_profile,
     plot_data_profile,
     plot_performance_profile,
 )
-from workbench.plots.verdicts import (
-    caption_basins,
-    caption_verdicts,
-    plot_basins,
-    plot_verdicts,
-)
+from workbench.plots.verdicts import caption_basins, caption_verdicts, plot_basins, plot_verdicts
 from workbench.plots.waterfall import caption_waterfall, plot_waterfall
 
 RUNS = {
-    ("p", "good"): [50.0, 9.0, 0.0], ("p", "$x$ 左"): [100.0, 10.0, 4.0], ("p", "bad"): [],
-    ("q", "good"): [90.0, 0.0], ("q", "$x$ 左"): [0.0], ("q", "bad"): [],
-}  # fmt: skip
+    ("p", "good"): [50.0, 9.0, 0.0],
+    ("p", "$x$ 左"): [100.0, 10.0, 4.0],
+    ("p", "bad"): [],
+    ("q", "good"): [90.0, 0.0],
+    ("q", "$x$ 左"): [0.0],
+    ("q", "bad"): [],
+}
 
 
 @pytest.fixture
@@ -89,20 +88,22 @@ def test_the_caption_of_verdicts_explains_the_colours_that_are_there(
     there = set(ax.get_legend_handles_labels()[1])
     said = caption_verdicts(some).lower()
     for colour, label in (
-        ("green", "reached"), ("light blue", "other basin"), ("vermillion", "false claim"),
+        ("green", "reached"),
+        ("light blue", "other basin"),
+        ("vermillion", "false claim"),
         ("grey", "no answer"),
-    ):  # fmt: skip
+    ):
         assert (colour in said) == (label in there), colour
-    assert ("nobody claims" in said) == ("false claim" not in there)
+    assert ("no run claims" in said) == ("false claim" not in there)
 
 
 def test_pairs_are_read_from_rows_against_columns(found: Comparison, ax: Axes) -> None:
-    plot_duels(found, 1e-3, ax=ax)
+    plot_pairwise_wins(found, 1e-3, ax=ax)
     said = {text.get_position(): text.get_text() for text in ax.texts}
     assert said[1, 0] == "1:1\np 1"  # on q the other one was first
     assert said[2, 0] == "2:0\np 1"  # two problems: p = 0.5, of three pairs
     assert said[0, 2] == "0:2\np 1"
-    assert "same starts" in caption_duels(found)
+    assert "same starts" in caption_pairwise_wins(found)
 
 
 def test_a_waterfall_is_sorted(found: Comparison, ax: Axes) -> None:
@@ -119,8 +120,13 @@ def test_without_certified_answers_no_accuracy_is_drawn(found: Comparison, ax: A
 
 def test_powers_of_ten_are_short() -> None:
     assert [power(x) for x in (1e-5, 0.01, 1, 1000, 1e4, 2e5)] == [
-        "10⁻⁵", "0.01", "1", "1000", "10⁴", "200000",
-    ]  # fmt: skip
+        "10⁻⁵",
+        "0.01",
+        "1",
+        "1000",
+        "10⁴",
+        "200000",
+    ]
 
 
 @pytest.mark.parametrize(
@@ -138,10 +144,13 @@ def test_every_sheet_is_drawn_of_whatever_there_is(
 ) -> None:
     found = comparison(runs)
     for figure in (
-        sheets.verdicts_sheet(found), sheets.basins_sheet(found, "p"),
+        sheets.verdicts_sheet(found),
+        sheets.basins_sheet(found, "p"),
         sheets.performance_profile_sheet(found, found.taus[:2]),
-        sheets.data_profile_sheet(found, found.taus[:2]), sheets.cost_traces_sheet(found, "p"),
-        sheets.waterfall_sheet(found, "p"), sheets.duels_sheet(found),
+        sheets.data_profile_sheet(found, found.taus[:2]),
+        sheets.cost_traces_sheet(found, "p"),
+        sheets.waterfall_sheet(found, "p"),
+        sheets.pairwise_wins_sheet(found),
         sheets.accuracy_sheet(found),
-    ):  # fmt: skip
+    ):
         figure.draw_without_rendering()

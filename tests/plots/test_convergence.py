@@ -32,8 +32,9 @@ def test_every_iterate_is_drawn_at_its_share_of_the_way() -> None:
     np.testing.assert_allclose(second.get_ydata(), [1.0, 0.5])
     assert end.get_markerfacecolor() == "white"  # it did not converge
     assert [text.get_text() for text in ax.get_legend().get_texts()] == [
-        "a: converged", "b: stalled",
-    ]  # fmt: skip
+        "a: converged",
+        "b: stalled",
+    ]
     assert ax.get_yscale() == "log"
     assert ax.get_xlabel()
     assert ax.get_ylabel()
@@ -97,4 +98,4 @@ def test_the_caption_ranks_nobody_by_the_clock() -> None:
     quick, slow = solution([2.0, 1.0]), replace(solution([2.0, 1.0]), seconds=3.0)
     said = caption_convergence({"a": quick, "b": slow})
     assert said == caption_convergence({"a": slow, "b": quick})
-    assert "1.00 to 3.00 s, as measured" in said
+    assert "1.00 to 3.00 s as measured" in said

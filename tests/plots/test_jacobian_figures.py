@@ -16,7 +16,7 @@ from workbench.plots import (
     png,
     sheet,
 )
-from workbench.plots.lettering import apart
+from workbench.plots.labels import apart
 from workbench.plots.palette import VERMILLION
 from workbench.plots.sheets import singular_values_sheet, sparsity_sheet
 from workbench.plots.singular_values import MOST, unseen

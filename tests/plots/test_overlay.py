@@ -49,7 +49,7 @@ def test_the_image_stands_upright_and_the_title_says_what_was_held_out() -> None
         assert ("not fitted" in caption_overlay(outcome, i)) == overlay.held_out
 
 
-def test_reprojection_counts_what_was_seen_well() -> None:
+def test_reprojection_counts_confident_keypoints() -> None:
     overlay = outcome_made_up().overlays[0]
     off = np.zeros((24, 2))
     off[:, 0] = np.where(overlay.confidence > 0.2, 3.0, 1000.0)

@@ -6,7 +6,7 @@ import pytest
 from tests.sampling.densities import gaussian
 from workbench import laplace, load_body
 from workbench.plots import sheets, widest
-from workbench.plots.coverage import silhouette
+from workbench.plots.silhouettes import silhouette
 
 
 @pytest.fixture(scope="module")

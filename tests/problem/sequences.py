@@ -53,8 +53,9 @@ def values(count: int, seed: int = 0) -> wb.Values:
     trans = 0.1 * np.sin(times[:, :, 0] + rng.uniform(0, 6, 3))
     calibration = CAMERA.values(
         K=np.array([[600.0, 0, 320], [0, 600, 240], [0, 0, 1]]),
-        R=np.diag([1.0, -1, -1]), t=[0.0, 0, 4],
-    )  # fmt: skip
+        R=np.diag([1.0, -1, -1]),
+        t=[0.0, 0, 4],
+    )
     joints = np.array([BODY.joints(p, betas, t) for p, t in zip(pose, trans, strict=True)])
     skin = [BODY.vertices(p, betas, t) for p, t in zip(pose, trans, strict=True)]
     pixels = np.array([CAMERA.pixels(points, calibration) for points in skin])

@@ -167,7 +167,7 @@ def test_every_question_has_the_dense_answer(blocked: wb.Linearization) -> None:
     np.testing.assert_allclose(blocked.column_norms, dense.column_norms, rtol=1e-12)
     np.testing.assert_allclose(blocked.row_norms, dense.row_norms, rtol=1e-12)
     assert blocked.norm == pytest.approx(dense.norm, rel=1e-12)
-    assert blocked.promise(p) == pytest.approx(dense.promise(p), rel=1e-11)
+    assert blocked.predicted_decrease(p) == pytest.approx(dense.predicted_decrease(p), rel=1e-11)
     assert blocked.predicted_cost(p) == pytest.approx(dense.predicted_cost(p), rel=1e-11)
     assert blocked.rank == dense.rank == n
     assert blocked.finite
@@ -188,7 +188,7 @@ def test_every_question_has_the_dense_answer(blocked: wb.Linearization) -> None:
         np.testing.assert_allclose(one.residual, other.residual, rtol=0, atol=10 * near)
     for i in (0, n // 2, n - 1):
         np.testing.assert_allclose(blocked.column(i), J[:, i], rtol=0, atol=near)
-        np.testing.assert_array_equal(blocked.reached(i), J[:, i] != 0)
+        np.testing.assert_array_equal(blocked.rows_changed_by(i), J[:, i] != 0)
     np.testing.assert_allclose(blocked.row(50), J[50], rtol=0, atol=near)
 
 
@@ -282,7 +282,7 @@ def test_a_long_sequence_is_stored_by_blocks_of_itself() -> None:
     assert whole.sparse
     here = whole.linearize(values(150))
     assert isinstance(here.jacobian, BlockMatrix)
-    assert here.jacobian.nnz < here.shape[0] * here.shape[1] / 20
+    assert here.jacobian.entries.size < here.shape[0] * here.shape[1] / 20
     found = wb.solve(whole, values(150), wb.LevenbergMarquardt(max_iterations=10))
     assert found.cost < found.trace[0].cost / 3
     assert {i.linear_algebra for i in found.trace[1:]} == {"band cholesky"}

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from workbench.blocks.lanes import C_OF, lanes
-from workbench.blocks.many import Mapped
+from workbench.blocks.batched import Mapped
+from workbench.blocks.simd import C_OF, simd_function
 from workbench.compiling import NoLibrary, find_compiler
-from workbench.problem.batch import Way, compiled, interpreted
+from workbench.problem.batch import Evaluation, compiled, interpreted
 from workbench.residuals import geman_mcclure, huber
 
 
@@ -48,12 +48,17 @@ def problems() -> dict[str, tuple[wb.Problem, wb.Values]]:
             wb.Problem(
                 [
                     wb.residuals.keypoints(
-                        coco, camera, seen.symbol, np.linspace(0, 1, 23), sigma=4.0,
+                        coco,
+                        camera,
+                        seen.symbol,
+                        np.linspace(0, 1, 23),
+                        sigma=4.0,
                         kernel=geman_mcclure,
                     ),
                     prior,
                 ],
-                ("pose", "betas", "trans", "camera/focal"), blocks=[seen, *camera.blocks],
+                ("pose", "betas", "trans", "camera/focal"),
+                blocks=[seen, *camera.blocks],
             ),
             mixed,
         ),
@@ -64,13 +69,13 @@ def problems() -> dict[str, tuple[wb.Problem, wb.Values]]:
             ),
             start,
         ),
-    }  # fmt: skip
+    }
 
 
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("name", ["joints", "keypoints", "vertices"])
 @pytest.mark.parametrize("only", [None, "betas"])
-def test_costs_are_those_of_each(name: str, only: str | None, way: Way) -> None:
+def test_costs_are_those_of_each(name: str, only: str | None, way: Evaluation) -> None:
     problem, start = problems()[name]
     x, fixed = problem.split(start)
     at = problem.free.slices[only] if only else slice(None)
@@ -84,8 +89,9 @@ def test_costs_are_those_of_each(name: str, only: str | None, way: Way) -> None:
         np.testing.assert_allclose(costs(X[:, places]), each, rtol=1e-10)
 
 
-@pytest.mark.parametrize(("name", "only"), [("joints", None), ("keypoints", "betas"),
-                                            ("vertices", "betas")])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "only"), [("joints", None), ("keypoints", "betas"), ("vertices", "betas")]
+)
 def test_slopes_are_those_of_each(name: str, only: str | None) -> None:
     problem, start = problems()[name]
     x, fixed = problem.split(start)
@@ -118,21 +124,59 @@ def test_every_instruction_is_casadis() -> None:
     a, b, c = x[0], x[1], y[0]
     p = cs.fabs(a) + 0.1
     made = [
-        a + b, a - c, a * c, a / p, -a, a**2, a + a, 1 / p, a < b, a <= c, a == a * 1, cs.ne(a, b),
-        cs.logic_not(a < 0), cs.logic_and(a > 0, b > 0), cs.logic_or(a > 0, b > 0),
-        cs.if_else(a > 0, b, c), p**b, p**2.7, cs.sqrt(p), cs.sin(a), cs.cos(a), cs.tan(a),
-        cs.exp(a), cs.log(p), cs.asin(cs.tanh(a)), cs.acos(cs.tanh(a)), cs.atan(a), cs.fabs(a),
-        cs.sinh(a), cs.cosh(a), cs.floor(a), cs.ceil(a), cs.log1p(p), cs.expm1(a), cs.erf(a),
-        cs.sign(a), cs.atan2(a, b), cs.fmin(a, b), cs.fmax(a, c), cs.hypot(a, b),
-        cs.copysign(p, b), cs.fmod(a, p + 1), 0 * a + y[1], cs.SX(np.inf) * p, cs.SX(0.25),
-    ]  # fmt: skip
+        a + b,
+        a - c,
+        a * c,
+        a / p,
+        -a,
+        a**2,
+        a + a,
+        1 / p,
+        a < b,
+        a <= c,
+        a == a * 1,
+        cs.ne(a, b),
+        cs.logic_not(a < 0),
+        cs.logic_and(a > 0, b > 0),
+        cs.logic_or(a > 0, b > 0),
+        cs.if_else(a > 0, b, c),
+        p**b,
+        p**2.7,
+        cs.sqrt(p),
+        cs.sin(a),
+        cs.cos(a),
+        cs.tan(a),
+        cs.exp(a),
+        cs.log(p),
+        cs.asin(cs.tanh(a)),
+        cs.acos(cs.tanh(a)),
+        cs.atan(a),
+        cs.fabs(a),
+        cs.sinh(a),
+        cs.cosh(a),
+        cs.floor(a),
+        cs.ceil(a),
+        cs.log1p(p),
+        cs.expm1(a),
+        cs.erf(a),
+        cs.sign(a),
+        cs.atan2(a, b),
+        cs.fmin(a, b),
+        cs.fmax(a, c),
+        cs.hypot(a, b),
+        cs.copysign(p, b),
+        cs.fmod(a, p + 1),
+        0 * a + y[1],
+        cs.SX(np.inf) * p,
+        cs.SX(0.25),
+    ]
     f = cs.Function("all", [x, y], [cs.densify(cs.vertcat(*made)), cs.densify(a * y)])
     used = {f.instruction_id(i) for i in range(f.n_instructions())}
     assert len(used & set(C_OF)) >= 38
     rng = np.random.default_rng(1)
     X, Y = rng.standard_normal((21, 3)), rng.standard_normal(2)
     for fast, slow in zip(
-        lanes(f, (False, True))(X, Y), Mapped(f, (False, True))(X, Y), strict=True
+        simd_function(f, (False, True))(X, Y), Mapped(f, (False, True))(X, Y), strict=True
     ):
         np.testing.assert_allclose(fast, slow, rtol=1e-13, atol=1e-15)
 
@@ -145,7 +189,7 @@ def test_long_functions_are_cut_into_pieces() -> None:
         value = cs.sin(value) * x[i % 4] + 1e-3 * i
     f = cs.Function("long", [x], [value + early])
     X = np.random.default_rng(0).standard_normal((9, 4))
-    (fast,), (slow,) = lanes(f, (False,))(X), Mapped(f, (False,))(X)
+    (fast,), (slow,) = simd_function(f, (False,))(X), Mapped(f, (False,))(X)
     np.testing.assert_allclose(fast, slow, rtol=1e-9)
 
 

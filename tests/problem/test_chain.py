@@ -9,7 +9,8 @@ import pytest
 import workbench as wb
 from tests.bodies_made_up import random_body, smpl_like_body
 from workbench import residuals
-from workbench.bodies import SkinnedBody, arithmetic
+from workbench.bodies import SkinnedBody
+from workbench.bodies.forward import arithmetic
 from workbench.residuals import geman_mcclure, huber
 
 POINTS = ("zero", "near zero", "pi", "anywhere")

@@ -75,9 +75,9 @@ def test_a_miss_is_counted_in_tolerances_and_said() -> None:
         Constraint("a", x[0], upper=1.0, unit="m", tolerance=0.1), Constraint("b", x[1], 0.0, 0.0)
     ).stacked_constraints
     assert there is not None
-    assert there.missed(np.array([1.25, 1e-6])) == pytest.approx(2.5)
-    assert there.missed(np.array([0.5, 0.0])) == 0
-    assert there.missed(np.array([np.nan, 0.0])) == np.inf
+    assert there.violation(np.array([1.25, 1e-6])) == pytest.approx(2.5)
+    assert there.violation(np.array([0.5, 0.0])) == 0
+    assert there.violation(np.array([np.nan, 0.0])) == np.inf
     assert there.worst(np.array([1.25, 1e-6])) == "a is 1.25 m, above its limit 1"
     assert there.worst(np.array([1.0, -3.0])) == "b is -3, below its limit 0"
     np.testing.assert_array_equal(there.equal, [False, True])
@@ -106,9 +106,10 @@ def test_a_part_of_a_problem_keeps_the_constraints_that_it_can_move() -> None:
     y = Block("y").symbol
     residual = Residual("near", cs.vertcat(x, y), 1.0)
     problem = Problem(
-        (residual,), ("x", "y"),
+        (residual,),
+        ("x", "y"),
         constraints=(Constraint("of x", x[0], 0.0), Constraint("of y", y, 0.0)),
-    )  # fmt: skip
+    )
     assert [c.name for c in problem.freeing("x").constraints] == ["of x"]
     assert problem.freeing("y").freeing("x").constraints == ()  # as with bounds
 

@@ -17,7 +17,7 @@ from workbench.blocks import Layout
 from workbench.blocks.entries import entries
 from workbench.comparison.basins import polished
 from workbench.comparison.log import Log
-from workbench.comparison.watch import Watch
+from workbench.comparison.metered import Metered
 from workbench.diagnostics import diagnose
 from workbench.errors import BadBounds, MissingValue, ShapeMismatch, UnknownName
 from workbench.experiments import Experiment, Setup, run
@@ -77,9 +77,9 @@ def of_the_whole(free: tuple[str, ...]) -> np.ndarray:
 def in_its_order(part: wb.Problem) -> np.ndarray:
     """The same in the order of a problem's own free numbers."""
     whole = problem(("pose", "betas", "trans")).free
-    return np.concatenate([
-        [whole.place(block.name, entry) for entry in block.places] for block in part.free.blocks
-    ])  # fmt: skip
+    return np.concatenate(
+        [[whole.place(block.name, entry) for entry in block.places] for block in part.free.blocks]
+    )
 
 
 # Names.
@@ -378,8 +378,8 @@ def test_a_comparison_counts_stages_of_entries(tmp_path: Path) -> None:
         part, values = problem(free), start()
         x, fixed = part.split(values)
         log = tmp_path / str(len(free))
-        watch = Watch(part, fixed, 1000, 60.0, Log(log, x.size))
-        found = Staged((("trans", "pose[pelvis]"),)).solve(watch.watched(), values)
+        watch = Metered(part, fixed, 1000, 60.0, Log(log, x.size))
+        found = Staged((("trans", "pose[pelvis]"),)).solve(watch.metered(), values)
         seen = Log.read(log)
         end = part.split(values | found.values)[0]
         np.testing.assert_allclose(seen.best, end, atol=1e-9)
@@ -435,7 +435,7 @@ LOOKS: dict[str, Callable[[wb.Diagnosis], object]] = {
     "weak directions": lambda d: d.weak_directions,
     "rank nearby": lambda d: {d.rank} == set(d.nearby.ranks) or None,
     "derivatives": lambda d: d.derivatives,
-    "turns": lambda d: [turn.joint for turn in d.turns] == ["pelvis"] or None,
+    "turns": lambda d: [turn.joint for turn in d.joint_turns] == ["pelvis"] or None,
 }
 
 
@@ -468,8 +468,12 @@ def test_a_layout_of_parts() -> None:
     row = replace(block, name="q", labels=None)
     layout = Layout((wb.Block.part(block, (3, 4, 5)), wb.Block.part(row, (8, 0))))
     assert [layout.label(i) for i in range(5)] == [
-        "p[b, x]", "p[b, y]", "p[b, z]", "q[0, x]", "q[2, z]",
-    ]  # fmt: skip
+        "p[b, x]",
+        "p[b, y]",
+        "p[b, z]",
+        "q[0, x]",
+        "q[2, z]",
+    ]
     assert layout.spelled() == ("p[b]", "q[0, x]", "q[2, z]")
     values = {"p": np.arange(9.0).reshape(3, 3), "q": -np.arange(9.0).reshape(3, 3)}
     assert layout.pack(values).tolist() == [3, 4, 5, 0, -8]

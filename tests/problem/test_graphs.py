@@ -13,10 +13,10 @@ import workbench as wb
 from tests.bodies_made_up import random_body
 from tests.residuals.test_every_residual import CASES, Case, near
 from workbench import residuals
-from workbench.blocks.backwards import written_out
+from workbench.blocks.backwards import scalars_repeated
 from workbench.bodies.triangles.recipes import blend_scape
 from workbench.comparison.log import Log
-from workbench.comparison.watch import Watch
+from workbench.comparison.metered import Metered
 from workbench.errors import BadBody, BadResidual, TwoSymbolsOneName
 from workbench.problem import Constraint
 from workbench.residuals import huber
@@ -104,9 +104,12 @@ def test_casadi_still_loses_it() -> None:
     x = cs.MX.sym("x")
     row = cs.MX.sym("row", 4) + x
     assert np.count_nonzero(np.asarray(cs.evalf(cs.jacobian(row, x, BACKWARDS)))) == 1
-    assert np.count_nonzero(np.asarray(cs.evalf(cs.jacobian(written_out(row), x, BACKWARDS)))) == 4
+    assert (
+        np.count_nonzero(np.asarray(cs.evalf(cs.jacobian(scalars_repeated(row), x, BACKWARDS))))
+        == 4
+    )
     other = cs.vertcat(x, 2 * x)
-    assert written_out(other) is other
+    assert scalars_repeated(other) is other
 
 
 # What it is good for.
@@ -159,8 +162,8 @@ def test_c_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_graph_that_was_taken_away_is_told(tmp_path: Path) -> None:
     asked, values = problem(), somewhere()
     x, fixed = asked.split(values)
-    watch = Watch(asked, fixed, 10, 10.0, Log(tmp_path / "log", x.size))
-    watched = watch.watched()
+    watch = Metered(asked, fixed, 10, 10.0, Log(tmp_path / "log", x.size))
+    watched = watch.metered()
     assert not Log.read(tmp_path / "log").taken
     assert watched.graph().shape == (asked.size, 1)
     assert Log.read(tmp_path / "log").taken

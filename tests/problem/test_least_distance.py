@@ -39,17 +39,21 @@ def test_part_by_part_is_at_once(seed: int) -> None:
 def test_it_is_the_answer_of_a_quadratic_program(seed: int) -> None:
     pull, given = limits(seed, n=12, k=5)
     ended = minimize(
-        lambda d: 0.5 * np.sum((d - pull) ** 2), np.zeros(12),
-        jac=lambda d: d - pull, hess=lambda d: np.eye(12),
-        method="trust-constr", options={"gtol": 1e-12, "xtol": 1e-14, "maxiter": 5000},
+        lambda d: 0.5 * np.sum((d - pull) ** 2),
+        np.zeros(12),
+        jac=lambda d: d - pull,
+        hess=lambda d: np.eye(12),
+        method="trust-constr",
+        options={"gtol": 1e-12, "xtol": 1e-14, "maxiter": 5000},
         constraints=[
             LinearConstraint(given.A, given.down, given.up),
             LinearConstraint(np.eye(12), given.left, given.right),
         ],
-    )  # fmt: skip
+    )
     np.testing.assert_allclose(at_once(pull, given), ended.x, atol=1e-4)
-    np.testing.assert_allclose(by_parts(pull, given._replace(A=csc_array(given.A))), ended.x,
-                               atol=1e-4)  # fmt: skip
+    np.testing.assert_allclose(
+        by_parts(pull, given._replace(A=csc_array(given.A))), ended.x, atol=1e-4
+    )
 
 
 def test_unknowns_that_no_limit_stops_keep_their_pull() -> None:

@@ -219,8 +219,10 @@ def test_rounding_explains_what_is_left_without_noise_and_nothing_more(seed: int
     )
     rng = np.random.default_rng(seed)
     truth = {
-        "pose": rng.normal(size=(5, 3)), "betas": rng.normal(size=3), "trans": rng.normal(size=3),
-    }  # fmt: skip
+        "pose": rng.normal(size=(5, 3)),
+        "betas": rng.normal(size=3),
+        "trans": rng.normal(size=3),
+    }
     values = truth | {"observed": body.vertices(*truth.values())}
     x, fixed = problem.split(values)
     rounding = problem.rounding(x, fixed, problem.residual(x, fixed))

@@ -272,9 +272,10 @@ def test_a_camera_of_unknown_lens_loses_no_derivative() -> None:
     )
     problem = Problem((residual,), [block.name for block in camera.blocks])
     values = camera.values(
-        K=[[900, 0, 640], [0, 950, 360], [0, 0, 1]], t=(0.1, 0.0, 4.0),
+        K=[[900, 0, 640], [0, 950, 360], [0, 0, 1]],
+        t=(0.1, 0.0, 4.0),
         distortion=(-0.2, 0.05, 0.003, -0.002, 0.01),
-    )  # fmt: skip
+    )
     rng = np.random.default_rng(0)
     values |= {"points": rng.normal(size=(3, 3)), "confidence": np.ones(3)}
     x, fixed = problem.split(values | {"seen": np.full((3, 2), 500.0)})

@@ -73,8 +73,10 @@ def test_a_constant_row_says_nothing_about_how_near_a_minimum_is(constant: float
     alone = Problem((Residual("fit", x - 1, 1.0),), "x")
     beside = Problem((Residual("fit", x - 1, 1.0), Residual("c", cs.MX(constant), 1.0)), "x")
     for value in (0.0, 0.5, 1.0):
-        both = [p.optimality(p.split({"x": value})[0], p.linearize({"x": value}))
-                for p in (alone, beside)]  # fmt: skip
+        both = [
+            p.optimality(p.split({"x": value})[0], p.linearize({"x": value}))
+            for p in (alone, beside)
+        ]
         assert both[0] == both[1] == (value != 1.0)
 
 

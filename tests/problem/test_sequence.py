@@ -204,11 +204,16 @@ def test_what_reads_only_what_is_shared_counts_once() -> None:
     assert alone.rows["shape prior"].stop - alone.rows["shape prior"].start == 8
     # Frames that say different things about what they share are all heard.
     said = [
-        wb.Problem((*frame().without("shape prior").residuals,
-                    residuals.gaussian(BETAS.symbol, mean=float(t), name="shape prior")), FREE,
-                   blocks=(SEEN, PIXELS, SURE))
+        wb.Problem(
+            (
+                *frame().without("shape prior").residuals,
+                residuals.gaussian(BETAS.symbol, mean=float(t), name="shape prior"),
+            ),
+            FREE,
+            blocks=(SEEN, PIXELS, SURE),
+        )
         for t in range(3)
-    ]  # fmt: skip
+    ]
     heard = wb.sequence(said, shared=SHARED)
     assert heard.rows["shape prior"].stop - heard.rows["shape prior"].start == 6
     assert_frames(heard, said, values(3), ())
@@ -260,8 +265,12 @@ def test_frames_that_are_free_in_part_make_a_sequence_that_is(storage: str) -> N
     one = frame().freeing("pose[joint1]", "betas[1]", "trans")
     whole = wb.sequence([one] * 3, shared=SHARED, between=SMOOTH)
     labels = [whole.free.label(i) for i in range(whole.free.size)]
-    assert labels[:4] == ["pose[0, joint1, x]", "pose[0, joint1, y]", "pose[0, joint1, z]",
-                          "pose[1, joint1, x]"]  # fmt: skip
+    assert labels[:4] == [
+        "pose[0, joint1, x]",
+        "pose[0, joint1, y]",
+        "pose[0, joint1, z]",
+        "pose[1, joint1, x]",
+    ]
     assert len(labels) == 9 + 1 + 9
     assert "betas[1]" in labels
     assert_numbers(whole, values(3))
@@ -357,18 +366,32 @@ def test_constraints_of_frames_are_constraints_of_the_sequence() -> None:
     given = values(3)
     here = whole.linearize(given).constraints
     assert here is not None
-    expected = np.concatenate([
-        given["trans"][:, 1],
-        [np.sum((j[2] - j[0]) ** 2) for j in (
-            BODY.joints(p, given["betas"], t)
-            for p, t in zip(given["pose"], given["trans"], strict=True))],
-        [given["betas"][0]],
-    ])  # fmt: skip
-    function = cs.Function("c", [b.symbol for b in whole.known.values()],
-                           [cs.vertcat(*(c.graph() for c in whole.constraints))])  # fmt: skip
-    by_graph = function(*(given[name].reshape(-1, 3).T if block.shape[-1:] == (3,) and block.framed
-                          else given[name].reshape(block.symbol_shape, order="F")
-                          for name, block in whole.known.items()))  # fmt: skip
+    expected = np.concatenate(
+        [
+            given["trans"][:, 1],
+            [
+                np.sum((j[2] - j[0]) ** 2)
+                for j in (
+                    BODY.joints(p, given["betas"], t)
+                    for p, t in zip(given["pose"], given["trans"], strict=True)
+                )
+            ],
+            [given["betas"][0]],
+        ]
+    )
+    function = cs.Function(
+        "c",
+        [b.symbol for b in whole.known.values()],
+        [cs.vertcat(*(c.graph() for c in whole.constraints))],
+    )
+    by_graph = function(
+        *(
+            given[name].reshape(-1, 3).T
+            if block.shape[-1:] == (3,) and block.framed
+            else given[name].reshape(block.symbol_shape, order="F")
+            for name, block in whole.known.items()
+        )
+    )
     np.testing.assert_allclose(np.asarray(by_graph).ravel(), expected, atol=1e-12)
     for solver in (wb.Ipopt(), wb.Sqp()):
         found = solver.solve(whole, given)
@@ -440,8 +463,10 @@ def test_between_frames_stands_whatever_is_written(storage: str) -> None:
     r = whole.residual(*whole.split(given))
     steps = np.sum(np.diff(given["trans"], axis=0) ** 2, axis=1)
     np.testing.assert_allclose(r[whole.rows["speed"]], (steps - 0.01) / 0.01, atol=1e-9)
-    joints = [BODY.joints(p, given["betas"], t)
-              for p, t in zip(given["pose"], given["trans"], strict=True)]  # fmt: skip
+    joints = [
+        BODY.joints(p, given["betas"], t)
+        for p, t in zip(given["pose"], given["trans"], strict=True)
+    ]
     gap = (joints[0][2] - joints[2][2]) / 0.01
     np.testing.assert_allclose(r[whole.rows["feet"]], gap, atol=1e-9)
     changes = np.diff(joints, axis=0).ravel() / 0.05
@@ -522,9 +547,10 @@ def test_rotation_vectors_of_a_frame_are_wrapped() -> None:
     y = whole.free.pack(turned)
     np.testing.assert_allclose(
         np.sum(whole.residual(y, fixed) ** 2) - np.sum(whole.residual(x, fixed) ** 2),
-        np.sum((turned["pose"][1, 2] / 0.3) ** 2) - np.sum((v / 0.3) ** 2), atol=1e-8,
-    )  # fmt: skip
-    assert len(whole.turns) == 9
+        np.sum((turned["pose"][1, 2] / 0.3) ** 2) - np.sum((v / 0.3) ** 2),
+        atol=1e-8,
+    )
+    assert len(whole.rotations) == 9
     back = rewrapped(whole, y, lambda _: True)
     np.testing.assert_allclose(whole.free.unpack(back)["pose"], given["pose"], atol=1e-9)
 

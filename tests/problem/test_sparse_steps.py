@@ -156,7 +156,7 @@ def test_every_question_has_the_dense_answer() -> None:
     np.testing.assert_allclose(sparse.covariance, dense.covariance, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(sparse.row_norms, dense.row_norms, rtol=1e-14)
     np.testing.assert_allclose(sparse.svd[1], dense.svd[1], rtol=1e-12)
-    assert sparse.promise(p) == pytest.approx(dense.promise(p), rel=1e-12)
+    assert sparse.predicted_decrease(p) == pytest.approx(dense.predicted_decrease(p), rel=1e-12)
     assert sparse.predicted_cost(p) == pytest.approx(dense.predicted_cost(p), rel=1e-12)
     part = np.array([3, 1, 7])
     for one, other in (

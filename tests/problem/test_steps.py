@@ -101,4 +101,6 @@ def test_the_promise_is_the_fall_of_the_model() -> None:
         here = conditioned(10.0)
         if known:
             _ = here.normal
-        assert here.promise(p) == pytest.approx(here.cost - here.predicted_cost(p), rel=1e-12)
+        assert here.predicted_decrease(p) == pytest.approx(
+            here.cost - here.predicted_cost(p), rel=1e-12
+        )

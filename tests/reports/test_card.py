@@ -26,8 +26,10 @@ def test_the_page_holds_sizes_joints_and_provenance(tmp_path: Path) -> None:
     page = write_card(body, tmp_path / "card")
     text = page.read_text(encoding="utf-8")
     assert {path.name for path in page.parent.iterdir()} == {
-        "index.html", "card.txt", "summary.json",
-    }  # fmt: skip
+        "index.html",
+        "card.txt",
+        "summary.json",
+    }
     for word in ("left_wrist", "vertices moved", "CC0 &lt;1.0&gt;", "not measured", "0.1, 0.2"):
         assert word in text
     assert '<a href="https://example.org/body?a=1&amp;b=2">' in text
@@ -100,9 +102,15 @@ def test_shapes_are_two_standard_deviations_from_the_mean() -> None:
     body = random_body()
     found = shapes(body)
     assert list(found) == [
-        "mean", "betas[0] +2 sd", "betas[1] +2 sd", "betas[2] +2 sd",
-        "mean, side", "betas[0] −2 sd", "betas[1] −2 sd", "betas[2] −2 sd",
-    ]  # fmt: skip
+        "mean",
+        "betas[0] +2 sd",
+        "betas[1] +2 sd",
+        "betas[2] +2 sd",
+        "mean, side",
+        "betas[0] −2 sd",
+        "betas[1] −2 sd",
+        "betas[2] −2 sd",
+    ]
     np.testing.assert_allclose(
         found["betas[1] −2 sd"], body.template - 2 * body.shapedirs[:, :, 1], atol=1e-12
     )

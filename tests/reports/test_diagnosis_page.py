@@ -85,10 +85,7 @@ def test_the_page_of_a_robot_speaks_of_robots(tmp_path: Path) -> None:
     for file in ("index.html", "diagnosis.txt"):
         text = (folder / file).read_text(encoding="utf-8")
         assert "blend shapes" not in text
-        assert (
-            "1 direction is fixed by constraints that are active here (level) and counts as noticed"
-            in text
-        )
+        assert "active constraints (level) fix 1 direction, which counts towards the rank" in text
         assert "a radian for angles" in text
         other = (tmp_path / "loose" / file).read_text(encoding="utf-8")
         for page in (text, other):

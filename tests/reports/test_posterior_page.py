@@ -11,19 +11,21 @@ import pytest
 import workbench as wb
 from tests.sampling.densities import conditioned, gaussian
 from workbench.experiments import find
-from workbench.experiments.experiment import Setup
+from workbench.fitting.setup import Setup
 from workbench.plots.palette import INK, VERMILLION
 from workbench.reports import write_posterior
-from workbench.reports.posterior_page import Part
+from workbench.reports.posterior_page import BlockPosterior
 from workbench.sampling import laplace, sample
 
 C = conditioned(3, 30.0, seed=3)
 
 
-def written(folder: Path, names: object, made_of: object, **how: int) -> tuple[Path, Part]:
+def written(
+    folder: Path, names: object, made_of: object, **how: int
+) -> tuple[Path, BlockPosterior]:
     problem, at = gaussian(C), {"x": np.zeros(3)}
     posterior = sample(problem, at, names, walkers=16, **how)  # type: ignore[arg-type]
-    part = Part("part", posterior, laplace(problem, at, names))  # type: ignore[arg-type]
+    part = BlockPosterior("part", posterior, laplace(problem, at, names))  # type: ignore[arg-type]
     setup = Setup(problem, at, "How well is x known?")
     if made_of is not None:
         setup = replace(setup, made_of=made_of)
@@ -39,7 +41,7 @@ def words(page: str) -> str:
 def test_a_conditional_posterior_says_so_everywhere(tmp_path: Path) -> None:
     folder, part = written(tmp_path / "p", "x[1]", None, steps=1000)
     assert not part.posterior.usable
-    ratio = part.posterior.held.ratios[0]
+    ratio = part.posterior.conditioning.ratios[0]
     assert ratio > 1.2
     page = words((folder / "index.html").read_text())
     for said in (page, (folder / "posterior.txt").read_text()):
@@ -75,7 +77,7 @@ def test_what_synthetic_data_were_made_of_is_marked(tmp_path: Path) -> None:
     folder, _ = written(tmp_path / "p", None, truth, steps=2000)
     page, text = words((folder / "index.html").read_text()), (folder / "posterior.txt").read_text()
     assert "The data are synthetic" in page
-    assert page.count("what they were made of is marked:") == 3  # figures
+    assert page.count("the values that they were made of are marked") == 3  # figures
     for number in ("0.123", "0.457", "0.789"):
         assert number in page
         assert number in text

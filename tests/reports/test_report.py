@@ -17,8 +17,13 @@ from workbench.solvers import Solution, Status
 from workbench.writing import write_arrays
 
 FILES = {
-    "index.html", "values.npz", "solution.npz", "body.glb", "diagnosis.txt", "summary.json",
-}  # fmt: skip
+    "index.html",
+    "values.npz",
+    "solution.npz",
+    "body.glb",
+    "diagnosis.txt",
+    "summary.json",
+}
 
 
 @pytest.fixture(scope="module")
@@ -96,8 +101,15 @@ def test_names_are_escaped(folder: Path) -> None:
 
 def test_the_page_has_every_section_and_number(folder: Path) -> None:
     text = (folder / "index.html").read_text(encoding="utf-8")
-    for heading in ("Measures", "Views", "Distances to the truth", "Convergence", "The Jacobian",
-                    "Values", "Files"):  # fmt: skip
+    for heading in (
+        "Measures",
+        "Views",
+        "Distances to the truth",
+        "Convergence",
+        "The Jacobian",
+        "Values",
+        "Files",
+    ):
         assert f">{heading}</h2>" in text
     assert text.count("<figure") == text.count("<figcaption>") == 6
     outcome = outcome_made_up()
@@ -113,9 +125,14 @@ def test_a_problem_without_a_body_has_a_page_too(tmp_path: Path) -> None:
     setup = replace(outcome.setup, body=None, views=(), truth=None)
     late = replace(outcome.solution, status=Status.MAX_SECONDS, message="it took long")
     bare = replace(
-        outcome, setup=setup, overlays=(), surface=None, measures=(), solution=late,
+        outcome,
+        setup=setup,
+        overlays=(),
+        surface=None,
+        measures=(),
+        solution=late,
         compared={outcome.solver: late},
-    )  # fmt: skip
+    )
     page = write_report(bare, tmp_path / "bare")
     text = page.read_text(encoding="utf-8")
     assert "Views" not in text
@@ -170,9 +187,11 @@ def test_the_data_alone_are_in_every_file(tmp_path: Path) -> None:
     assert str(alone) in second
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     assert summary["data_alone"] == {
-        "without": ["shape <prior>", "place"], "rows": alone.shape[0], "unknowns": alone.shape[1],
+        "without": ["shape <prior>", "place"],
+        "rows": alone.shape[0],
+        "unknowns": alone.shape[1],
         "rank": alone.rank,
-    }  # fmt: skip
+    }
 
 
 def test_an_interrupted_comparison_is_said(tmp_path: Path) -> None:

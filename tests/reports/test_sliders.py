@@ -75,9 +75,14 @@ def answers(tmp_path_factory: pytest.TempPathFactory) -> Any:
     asking = text.replace("</main>", ASKED % json.dumps(questions) + "</main>")
     page.write_text(asking, encoding="utf-8")
     options = (
-        "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run",
-        f"--user-data-dir={folder / 'profile'}", "--virtual-time-budget=5000", "--dump-dom",
-    )  # fmt: skip
+        "--headless",
+        "--no-sandbox",
+        "--disable-gpu",
+        "--no-first-run",
+        f"--user-data-dir={folder / 'profile'}",
+        "--virtual-time-budget=5000",
+        "--dump-dom",
+    )
     ran = subprocess.run([BROWSER, *options, page.as_uri()], capture_output=True, timeout=120)
     found = re.search(r'<pre id="answers">(.*?)</pre>', ran.stdout.decode(), re.DOTALL)
     assert found, ran.stderr.decode()[-1000:]

@@ -21,8 +21,10 @@ ARGUMENTS: Values = {
     "trans": np.array([0.1, 0.2, 4.0]),
 }
 KERNELS: dict[str, Kernel] = {
-    "quadratic": quadratic, "geman-mcclure": geman_mcclure, "huber": huber(0.7),
-}  # fmt: skip
+    "quadratic": quadratic,
+    "geman-mcclure": geman_mcclure,
+    "huber": huber(0.7),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,9 +106,15 @@ def stitching() -> Case:
 
 
 CASES: list[Callable[[], Case]] = [
-    vertices, edges, stitching, landmarks, keypoints,
-    gaussian_scalar, gaussian_vector, gaussian_matrix,
-]  # fmt: skip
+    vertices,
+    edges,
+    stitching,
+    landmarks,
+    keypoints,
+    gaussian_scalar,
+    gaussian_vector,
+    gaussian_matrix,
+]
 POINTS = [vertices, edges, stitching, landmarks, keypoints]
 EACH_CASE = pytest.mark.parametrize("build", CASES, ids=lambda build: build.__name__)
 EACH_OF_POINTS = pytest.mark.parametrize("build", POINTS, ids=lambda build: build.__name__)
@@ -184,7 +192,15 @@ def test_huber_was_looked_at_on_both_sides() -> None:
 
 def test_reads_lists_blocks_of_points_and_of_numbers() -> None:
     assert set(keypoints().residual.reads) == {
-        "pose", "betas", "trans", "observed", "confidence",
-        "cam/focal", "cam/centre", "cam/distortion", "cam/rotation", "cam/translation",
-    }  # fmt: skip
+        "pose",
+        "betas",
+        "trans",
+        "observed",
+        "confidence",
+        "cam/focal",
+        "cam/centre",
+        "cam/distortion",
+        "cam/rotation",
+        "cam/translation",
+    }
     assert not any(cs.is_equal(s, keypoints().residual.points[0].symbol) for s in SYMBOLS)

@@ -25,9 +25,14 @@ K = [[500, 0, 320], [0, 500, 240], [0, 0, 1]]
 
 def cost(kernel: Kernel, at: np.ndarray, seen: np.ndarray = SEEN, **further: Any) -> float:
     term = Residual(
-        "points", cs.vec(POINTS.symbol - cs.DM(seen.T)), SIGMA, "m", kernel, rows_per_point=3,
+        "points",
+        cs.vec(POINTS.symbol - cs.DM(seen.T)),
+        SIGMA,
+        "m",
+        kernel,
+        rows_per_point=3,
         **further,
-    )  # fmt: skip
+    )
     return Problem([term], "points").linearize({"points": at}).cost
 
 
@@ -73,8 +78,10 @@ def test_squares_stay_squares() -> None:
 @EACH_ROBUST
 def test_gauss_newton_sees_three_directions_of_every_point(kernel: Kernel) -> None:
     """By the product rule: g across the residual, and the slope of |r| g(|r|^2) along it."""
-    problem = Problem([Residual("p", cs.vec(POINTS.symbol), 1.0, "m", of_norms(kernel),
-                                rows_per_point=3)], "points")  # fmt: skip
+    problem = Problem(
+        [Residual("p", cs.vec(POINTS.symbol), 1.0, "m", of_norms(kernel), rows_per_point=3)],
+        "points",
+    )
     at = np.random.default_rng(1).normal(size=(7, 3))
     at[0] = 0.0  # where |r| has no derivative
     J = problem.linearize({"points": at}).jacobian
@@ -141,9 +148,13 @@ def test_keypoints_and_edges_keep_one_weight_for_each_point() -> None:
     assert found == pytest.approx(0.5 * trust @ (s / (1 + s)), rel=1e-10)
     pairs = [[0, 1], [2, 3], [1, 3]]
     edges = residuals.edges(
-        points.symbol, np.zeros((4, 3)), pairs, sigma=0.1, confidence=trust[:3],
+        points.symbol,
+        np.zeros((4, 3)),
+        pairs,
+        sigma=0.1,
+        confidence=trust[:3],
         kernel=of_norms(geman_mcclure),
-    )  # fmt: skip
+    )
     lengths = np.array([at["points"][a] - at["points"][b] for a, b in pairs])
     s = np.sum(lengths**2, axis=1) / 0.01
     assert Problem([edges], "points").linearize(at).cost == pytest.approx(
@@ -189,12 +200,15 @@ def test_the_fast_path_agrees_with_the_whole_graph() -> None:
         ({"rows_per_point": 4}, "21 rows, which are no points of 4 rows each"),
         ({"rows_per_point": 0}, "21 rows, which are no points of 0 rows each"),
         ({"rows_per_point": 3.0}, r"21 rows, which are no points of 3\.0 rows each"),
-        ({"weights": np.ones(21)}, r"one weight or 7 of them, not an array of shape \(21,\); its "
-         "kernel is one of norms, and a point has one weight"),
+        (
+            {"weights": np.ones(21)},
+            r"one weight or 7 of them, not an array of shape \(21,\); its "
+            "kernel is one of norms, and a point has one weight",
+        ),
         ({"weights": cs.MX.sym("w", 21)}, "a point has one weight"),
         ({"sigma": np.ones(3)}, "one or 21 or 7 of them"),
     ],
-)  # fmt: skip
+)
 def test_points_that_are_none_are_refused(further: dict[str, Any], text: str) -> None:
     given = {"sigma": 1.0, "kernel": of_norms(huber()), "rows_per_point": 3} | further
     with pytest.raises(BadResidual, match=text):

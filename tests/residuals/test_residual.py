@@ -178,9 +178,7 @@ def test_observations_may_be_arrays_as_users_see_them() -> None:
     body, rng = random_body(), np.random.default_rng(0)
     symbols = [block.symbol for block in body.blocks()]
     points, joints, camera = body.points(*symbols), body.joint_points(*symbols), Camera("c/")
-    v, j, u, c = (
-        rng.normal(size=shape) for shape in ((30, 3), (5, 3), (5, 2), (5,))
-    )  # fmt: skip
+    v, j, u, c = (rng.normal(size=shape) for shape in ((30, 3), (5, 3), (5, 2), (5,)))
     observed = {"v": v, "j": j, "u": u, "c": abs(c)}
     blocks = {name: Block(name, array.shape).symbol for name, array in observed.items()}
 

@@ -9,14 +9,16 @@ import pytest
 from workbench import Block, Camera, Problem, Residual, Status, residuals, solve
 from workbench.bodies.catalogue import load_body
 from workbench.errors import BadResidual, NotNumbers
-from workbench.experiments.keypoint_fit import keypoint_fit
-from workbench.experiments.observations import Observations, photograph
+from workbench.fitting.keypoints import keypoint_fit
+from workbench.fitting.observations import Observations, photograph
 from workbench.residuals import Kernel, geman_mcclure, huber, quadratic
-from workbench.training.poses import OnEdges, OnVertices
+from workbench.training.poses import EdgeTerm, VertexTerm
 
 KERNELS: dict[str, Kernel] = {
-    "quadratic": quadratic, "geman-mcclure": geman_mcclure, "huber": huber(0.7),
-}  # fmt: skip
+    "quadratic": quadratic,
+    "geman-mcclure": geman_mcclure,
+    "huber": huber(0.7),
+}
 EACH_KERNEL = pytest.mark.parametrize("kernel", KERNELS.values(), ids=list(KERNELS))
 K = [[500, 0, 320], [0, 500, 240], [0, 0, 1]]
 
@@ -144,5 +146,5 @@ def test_a_detectors_confidence_divides_sigma_where_nothing_is_robust() -> None:
 def test_training_trusts_vertices_and_edges_as_they_were_seen() -> None:
     """The trust of a vertex is its weight: half the trust is half the cost."""
     seen, faces = np.array([1.0, 0.5, 0.25]), np.array([[0, 1, 2]])
-    assert OnVertices().trust(seen).tolist() == [1.0, 0.5, 0.25]
-    assert sorted(OnEdges(faces).trust(seen).tolist()) == [0.25, 0.25, 0.5]
+    assert VertexTerm().confidence(seen).tolist() == [1.0, 0.5, 0.25]
+    assert sorted(EdgeTerm(faces).confidence(seen).tolist()) == [0.25, 0.25, 0.5]

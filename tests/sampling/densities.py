@@ -2,11 +2,9 @@
 
 import casadi as cs
 import numpy as np
-from numpy.typing import NDArray
 
 import workbench as wb
-
-Array = NDArray[np.float64]
+from workbench.arrays import Array
 
 
 def gaussian(covariance: Array, mean: Array | float = 0.0) -> wb.Problem:

@@ -11,9 +11,17 @@ from workbench.sampling import Posterior, sample
 
 def run(path: str | None, pause: float = 0.0) -> Posterior:
     return sample(
-        rosenbrock(), {"x": np.ones(2)}, steps=400, walkers=16, thin=2, seed=7, checkpoint=path,
-        every=0.0, stop_when_usable=False, callback=lambda progress: time.sleep(pause),
-    )  # fmt: skip
+        rosenbrock(),
+        {"x": np.ones(2)},
+        steps=400,
+        walkers=16,
+        thin=2,
+        seed=7,
+        checkpoint=path,
+        every=0.0,
+        stop_when_usable=False,
+        callback=lambda progress: time.sleep(pause),
+    )
 
 
 if __name__ == "__main__":

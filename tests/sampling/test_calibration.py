@@ -6,11 +6,12 @@ import scipy.stats
 
 import workbench as wb
 from workbench.problem.batch import compiled
-from workbench.sampling import Verdict, sample
-from workbench.sampling.ensembles import Plan, run
+from workbench.sampling import Usability, sample
+from workbench.sampling.ensemble_settings import EnsembleSettings
+from workbench.sampling.ensembles import run
+from workbench.sampling.log_density import LogDensity
 from workbench.sampling.moves import differential_evolution
-from workbench.sampling.subspace import chosen, fixed
-from workbench.sampling.target import Target
+from workbench.sampling.subspace import fixed, subspace_of
 
 REPLICATIONS = 200
 DRAWS = 99  # kept of each
@@ -36,8 +37,9 @@ def ranks(replications: int, seed: int = 0) -> tuple[tuple[str, ...], np.ndarray
             wb.residuals.gaussian(pose.symbol[:, 0], covariance=ROOT**2, unit="rad", name="root"),
             wb.residuals.gaussian(trans.symbol, covariance=PLACE**2, unit="m", name="place"),
         ],
-        ("pose", "betas", "trans"), blocks=[seen, *camera.blocks],
-    )  # fmt: skip
+        ("pose", "betas", "trans"),
+        blocks=[seen, *camera.blocks],
+    )
     K = [[1000.0, 0, 500], [0, 1000, 500], [0, 0, 1]]
     photo = camera.values(K=K, R=np.diag([1.0, -1.0, -1.0]), t=[0.0, 0.0, 3.0])
     names = ("pose[pelvis]", "betas", "trans")
@@ -55,8 +57,8 @@ def ranks(replications: int, seed: int = 0) -> tuple[tuple[str, ...], np.ndarray
         x, given = problem.split(at)
         here = problem.linearize_at(x, given)
         space = fixed(problem, here, x, chosen_entries(problem, x, given, names))
-        target = Target(problem, given, space, compiled)
-        plan = Plan(40, 1, 1600, 40, replication, differential_evolution(), whole=True)
+        target = LogDensity(problem, given, space, compiled)
+        plan = EnsembleSettings(40, 1, 1600, 40, replication, differential_evolution(), whole=True)
         chain = run(target, plan).chain[0, 8:]  # of 40 kept, every 40th step
         draws = rng.permutation(chain.reshape(-1, space.size))[:DRAWS]
         below = np.sum(draws < space.centre, axis=0)
@@ -66,7 +68,7 @@ def ranks(replications: int, seed: int = 0) -> tuple[tuple[str, ...], np.ndarray
 
 
 def chosen_entries(problem: wb.Problem, x: np.ndarray, given: np.ndarray, names: object) -> object:
-    return chosen(problem, x, given, names, fixed).entries  # type: ignore[arg-type]
+    return subspace_of(problem, x, given, names, fixed).entries  # type: ignore[arg-type]
 
 
 @pytest.mark.long
@@ -100,6 +102,6 @@ def test_the_whole_body_is_not_called_converged() -> None:
     for steps in (2000, 8000):
         posterior = sample(setup.problem, at, steps=steps, seed=0)
         assert posterior.size == 85
-        assert posterior.mixing.verdict is not Verdict.USABLE
+        assert posterior.mixing.verdict is not Usability.USABLE
         assert str(posterior).startswith("NOT CONVERGED")
         print(posterior.verdict)

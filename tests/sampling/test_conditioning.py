@@ -5,7 +5,7 @@ import pytest
 
 import workbench as wb
 from tests.sampling.densities import conditioned, gaussian
-from workbench.sampling import NotConverged, Verdict, conditional, laplace, sample
+from workbench.sampling import NotConverged, Usability, conditional, laplace, sample
 
 C, MEAN = conditioned(4, 30.0, seed=3), np.array([1.0, -2.0, 0.5, 3.0])
 TWO = [1, 3]
@@ -26,9 +26,11 @@ def test_the_ratio_is_the_gaussians_and_above_the_limit_nothing_is_usable() -> N
     for posterior in (laplace(problem, {"x": MEAN}, NAMES), drawn):
         assert posterior.mixing.usable
         assert not posterior.usable
-        np.testing.assert_allclose(posterior.held.ratios, exact(), rtol=1e-9)
-        np.testing.assert_allclose(posterior.held.marginal, np.sqrt(np.diag(C)[TWO]), rtol=1e-9)
-        assert posterior.judged[0] is Verdict.CONDITIONAL
+        np.testing.assert_allclose(posterior.conditioning.ratios, exact(), rtol=1e-9)
+        np.testing.assert_allclose(
+            posterior.conditioning.marginal, np.sqrt(np.diag(C)[TWO]), rtol=1e-9
+        )
+        assert posterior.judgement[0] is Usability.CONDITIONAL
         said = str(posterior)
         assert not said.startswith("usable")
         assert "Held fixed: 2 of the 4 numbers of x (2 numbers)" in said
@@ -42,7 +44,7 @@ def test_the_ratio_is_the_gaussians_and_above_the_limit_nothing_is_usable() -> N
 def test_what_is_hardly_narrower_is_usable_and_still_says_what_is_held() -> None:
     nearly = np.eye(4) + 0.1
     posterior = laplace(gaussian(nearly), {"x": np.zeros(4)}, NAMES)
-    assert 1 < posterior.held.ratios.max() < RATIO
+    assert 1 < posterior.conditioning.ratios.max() < RATIO
     assert posterior.usable, posterior.verdict
     table = next(line for line in str(posterior).splitlines() if line.startswith("entry"))
     assert table.endswith("if free   ratio")
@@ -55,8 +57,8 @@ def test_what_is_sampled_or_integrated_out_is_not_held() -> None:
         laplace(problem, {"x": MEAN}),
         laplace(problem, {"x": MEAN}, NAMES, rest=conditional),
     ):
-        assert posterior.held.count == 0
-        assert (posterior.held.ratios == 1).all()
+        assert posterior.conditioning.count == 0
+        assert (posterior.conditioning.ratios == 1).all()
         assert "Held fixed: nothing" in str(posterior)
         assert posterior.usable, posterior.verdict
         assert "ratio" not in str(posterior)
@@ -66,7 +68,7 @@ def test_a_direction_that_is_seen_only_because_the_rest_is_held_is_infinite() ->
     x, y = wb.Block("x"), wb.Block("y")
     problem = wb.Problem([wb.Residual("sum", x.symbol + y.symbol, 0.1)], ("x", "y"), blocks=[x, y])
     posterior = laplace(problem, {"x": 0.0, "y": 0.0}, "x")
-    assert np.isinf(posterior.held.ratios).all()
+    assert np.isinf(posterior.conditioning.ratios).all()
     assert "do not determine x at all" in posterior.verdict
     assert not posterior.usable
 
@@ -75,12 +77,10 @@ def test_bounds_and_equations_hold_the_rest_too() -> None:
     x, y, z = (wb.Block(name) for name in "xyz")
     total = wb.Residual("sum", x.symbol + y.symbol + z.symbol, 0.1)
     tie = wb.Constraint("tie", y.symbol - z.symbol, 0.0, 0.0)
-    problem = wb.Problem(
-        [total], ("x", "y", "z"), {"y": (-1.0, 1.0)}, [x, y, z], [tie]
-    )  # fmt: skip
+    problem = wb.Problem([total], ("x", "y", "z"), {"y": (-1.0, 1.0)}, [x, y, z], [tie])
     posterior = laplace(problem, {"x": 0.0, "y": 0.0, "z": 0.0}, "x")
     # y = z, uniform on (-1, 1) at the most: x has the variance 0.1^2 + 4 / 3
-    assert posterior.held.marginal[0] == pytest.approx(np.sqrt(0.01 + 4 / 3), rel=1e-9)
+    assert posterior.conditioning.marginal[0] == pytest.approx(np.sqrt(0.01 + 4 / 3), rel=1e-9)
 
 
 def test_the_place_of_a_person_in_one_image_is_told_with_what_it_rests_on() -> None:
@@ -92,10 +92,10 @@ def test_the_place_of_a_person_in_one_image_is_told_with_what_it_rests_on() -> N
     posterior = laplace(setup.problem, at, "trans")
     joint = np.sqrt(np.diag(setup.problem.linearize(at).covariance))
     place = setup.problem.free.slices["trans"]
-    np.testing.assert_allclose(posterior.held.marginal, joint[place], rtol=1e-3)
-    assert posterior.held.held == ("pose", "betas")
-    assert (posterior.held.ratios > 10).all()
-    assert posterior.judged[0] is Verdict.CONDITIONAL
+    np.testing.assert_allclose(posterior.conditioning.marginal, joint[place], rtol=1e-3)
+    assert posterior.conditioning.names == ("pose", "betas")
+    assert (posterior.conditioning.ratios > 10).all()
+    assert posterior.judgement[0] is Usability.CONDITIONAL
     assert "cam01/observed" in str(posterior)  # and what the problem takes as given
 
 
@@ -110,6 +110,6 @@ def test_directions_of_a_choice_of_ones_own() -> None:
         return Subspace(x, way, np.zeros(1), np.empty((2, 0)), ("both",), ("1",))
 
     posterior = laplace(gaussian(covariance), {"x": np.zeros(2)}, along)
-    assert posterior.held.held == ("1 direction",)
-    assert posterior.held.ratios[0] == pytest.approx(1.0)  # the other axis is independent
+    assert posterior.conditioning.names == ("1 direction",)
+    assert posterior.conditioning.ratios[0] == pytest.approx(1.0)  # the other axis is independent
     assert posterior.coordinates({"x": [2.0, 2.0]}) == pytest.approx([2.0])

@@ -7,16 +7,16 @@ import pytest
 from workbench import Block, Constraint, Problem, Residual, laplace
 from workbench.errors import BadArgument
 from workbench.sampling.conditioning import conditioning
-from workbench.sampling.descent import descended, log_scaled_tail
-from workbench.sampling.subspace import chosen, fixed
-from workbench.sampling.target import Target
+from workbench.sampling.descent import log_scaled_tail, mode_from
+from workbench.sampling.log_density import LogDensity
+from workbench.sampling.subspace import fixed, subspace_of
 
 
 def mass(problem: Problem, at: float) -> float:
     """By the mode next to a point of a problem in x alone."""
     x, given = problem.split({"x": at})
-    target = Target(problem, given, chosen(problem, x, given, "x", fixed))
-    return descended(target, np.array([at])).log_mass
+    target = LogDensity(problem, given, subspace_of(problem, x, given, "x", fixed))
+    return mode_from(target, np.array([at])).log_mass
 
 
 def test_a_mode_on_a_bound_has_the_mass_that_the_bound_leaves() -> None:
@@ -50,7 +50,7 @@ def test_limits_of_a_constraint_say_as_much_as_bounds() -> None:
     limited = Problem((rows,), ("x", "y"), constraints=(Constraint("c", y, -1e-6, 1e-6),))
     for problem in (bounded, limited):
         at, given = problem.split({"x": 1.0, "y": 0.0})
-        space = chosen(problem, at, given, "x", fixed)
+        space = subspace_of(problem, at, given, "x", fixed)
         assert conditioning(problem, given, space, np.array([1.0])).ratios[0] < 1.001
 
 

@@ -10,7 +10,7 @@ import scipy.stats
 import workbench as wb
 from tests.sampling.densities import conditioned, gaussian
 from workbench.problem import storage
-from workbench.sampling import Posterior, conditional, directions, following, laplace, sample
+from workbench.sampling import Posterior, conditional, determined, directions, laplace, sample
 
 UNLIKELY = 1e-3  # of a test of draws that are right, the seeds being fixed
 
@@ -36,8 +36,12 @@ def test_laplace_on_a_bound_is_the_truncated_gaussian(away: float) -> None:
 def test_laplace_within_two_bounds_is_uniform_where_nothing_else_is_known() -> None:
     x = wb.Block("x", (2,))
     one = wb.Residual("first", x.symbol[0], 1.0)
-    problem = wb.Problem([one, wb.Residual("none", 0 * x.symbol[1], 1.0)], "x",
-                         {"x": ([-np.inf, 2.0], [np.inf, 5.0])}, [x])  # fmt: skip
+    problem = wb.Problem(
+        [one, wb.Residual("none", 0 * x.symbol[1], 1.0)],
+        "x",
+        {"x": ([-np.inf, 2.0], [np.inf, 5.0])},
+        [x],
+    )
     posterior = laplace(problem, {"x": [0.0, 3.0]})
     assert posterior.usable, posterior.verdict
     second = scipy.stats.uniform(2, 3)
@@ -46,12 +50,12 @@ def test_laplace_within_two_bounds_is_uniform_where_nothing_else_is_known() -> N
 
 def test_a_gaussian_cut_by_bounds_in_five_dimensions() -> None:
     """Against rejection, which is exact: means and spreads, corner included."""
-    from workbench.sampling.truncated import truncated
+    from workbench.sampling.truncated_normal import truncated_normal
 
     C = conditioned(5, 20.0, seed=2)
     half, mean, rng = np.linalg.cholesky(C), np.full(5, 0.5), np.random.default_rng(0)
     start = np.linalg.solve(half, -mean)  # in the corner of the orthant
-    drawn = mean + truncated(half, mean, start, 20_000, rng) @ half.T
+    drawn = mean + truncated_normal(half, mean, start, 20_000, rng) @ half.T
     assert drawn.min() > -1e-9
     proposed = mean + rng.standard_normal((2_000_000, 5)) @ half.T
     right = proposed[(proposed >= 0).all(axis=1)]
@@ -84,13 +88,14 @@ def test_laplace_meets_constraints_or_says_how_many_draws_do_not() -> None:
     posterior = laplace(ring(), {"y": [0.71, 0.71]})
     beyond = float(np.mean(np.sum(posterior.flat**2, axis=1) < 1 - 1e-6))
     assert beyond == posterior.importance.outside == 0  # a circle is outside of its tangent
-    assert posterior.importance.cut_away > 0.2  # which leaves out what the circle allows
+    assert posterior.importance.cut_off > 0.2  # which leaves out what the circle allows
     assert not posterior.usable
     assert "of what they allow" in posterior.verdict
     within = wb.Block("y", (2,))
     disc = wb.Constraint("disc", cs.sumsqr(within.symbol), -np.inf, 1.0)
-    problem = wb.Problem([wb.Residual("r", within.symbol - 0.9, 0.5)], "y",
-                         blocks=[within], constraints=[disc])  # fmt: skip
+    problem = wb.Problem(
+        [wb.Residual("r", within.symbol - 0.9, 0.5)], "y", blocks=[within], constraints=[disc]
+    )
     posterior = laplace(problem, {"y": [0.7, 0.7]})
     beyond = float(np.mean(np.sum(posterior.flat**2, axis=1) > 1 + 1e-6))
     assert posterior.importance.outside == pytest.approx(beyond)
@@ -129,8 +134,9 @@ def test_an_equation_is_refused_where_it_reads_what_is_drawn(way: object) -> Non
 
 def test_an_entry_with_equal_bounds_is_refused() -> None:
     problem = gaussian(np.eye(2))
-    pinned = wb.Problem(problem.residuals, "x", {"x": ([0.0, -1.0], [0.0, 1.0])},
-                        problem.free.blocks)  # fmt: skip
+    pinned = wb.Problem(
+        problem.residuals, "x", {"x": ([0.0, -1.0], [0.0, 1.0])}, problem.free.blocks
+    )
     for way in (sample, laplace):
         with pytest.raises(wb.WorkbenchError, match=r"x\[0\] has equal bounds"):
             way(pinned, {"x": np.zeros(2)})
@@ -178,7 +184,7 @@ def test_directions_stay_within_bounds(way: object, count: int) -> None:
     problem, at = orthant(conditioned(3, 5.0, seed=1)), {"x": np.full(3, 0.2)}
     further = {"steps": 200, "walkers": 32} if way is sample else {}
     posterior = way(problem, at, directions(count, ("prior",)), **further)  # type: ignore[operator]
-    for z in (posterior.flat, posterior.found.modes[0].z[None]):
+    for z in (posterior.flat, posterior.mode_search.modes[0].z[None]):
         # a direction moves all three; they are sums of four numbers of order one
         assert posterior.subspace.points(z).min() >= -1e-14
 
@@ -236,7 +242,7 @@ def tied_gaussian() -> tuple[wb.Problem, np.ndarray, np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("names", [["x[0]", "x[2]", "y[1]"], ["x[1]", "y"]])
 def test_what_follows_by_equations_is_the_gaussian_given_these(names: list[str]) -> None:
     problem, A, mean, C = tied_gaussian()
-    posterior = laplace(problem, {"x": [1, 0, 0], "y": [0.5, 0]}, names, rest=following)
+    posterior = laplace(problem, {"x": [1, 0, 0], "y": [0.5, 0]}, names, rest=determined)
     assert posterior.usable, posterior.verdict
     x = posterior.subspace.points(posterior.flat)
     np.testing.assert_allclose(x @ A.T, np.broadcast_to([1, 0.5], (len(x), 2)), atol=1e-12)
@@ -244,14 +250,22 @@ def test_what_follows_by_equations_is_the_gaussian_given_these(names: list[str])
     assert (abs(x.mean(axis=0) - mean) < 4 * error).all()
     spread = np.sqrt(np.outer(np.diag(C), np.diag(C)))
     np.testing.assert_allclose(np.cov(x.T) / spread, C / spread, atol=4 * np.sqrt(2 / len(x)))
-    assert posterior.held.count == 0
-    assert str(posterior.held).endswith("every free number is sampled or follows by equations.")
+    assert posterior.conditioning.count == 0
+    assert str(posterior.conditioning).endswith(
+        "every free number is sampled or follows by equations."
+    )
 
 
 def test_emcee_draws_on_equations_as_laplace_does() -> None:
     problem, A, mean, C = tied_gaussian()
-    posterior = sample(problem, {"x": [1, 0, 0], "y": [0.5, 0]}, ["x[0]", "y"], rest=following,
-                       walkers=32, steps=1500)  # fmt: skip
+    posterior = sample(
+        problem,
+        {"x": [1, 0, 0], "y": [0.5, 0]},
+        ["x[0]", "y"],
+        rest=determined,
+        walkers=32,
+        steps=1500,
+    )
     x = posterior.subspace.points(posterior.flat)
     np.testing.assert_allclose(x @ A.T, np.broadcast_to([1, 0.5], (len(x), 2)), atol=1e-12)
     assert posterior.usable, posterior.verdict
@@ -261,20 +275,23 @@ def test_emcee_draws_on_equations_as_laplace_does() -> None:
 
 def test_what_is_named_beside_equations_is_held_as_before() -> None:
     problem, _, _, C = tied_gaussian()
-    posterior = laplace(problem, {"x": [1, 0, 0], "y": [0.5, 0]}, ["x[0]", "x[2]"], rest=following)
-    assert posterior.held.held == ("1 of the 2 numbers of y",)
-    assert posterior.held.count == 1
+    posterior = laplace(problem, {"x": [1, 0, 0], "y": [0.5, 0]}, ["x[0]", "x[2]"], rest=determined)
+    assert posterior.conditioning.names == ("1 of the 2 numbers of y",)
+    assert posterior.conditioning.count == 1
     # with y[1] free as well the standard deviations are those of the Gaussian given the equations
-    np.testing.assert_allclose(posterior.held.marginal, np.sqrt(np.diag(C))[[0, 2]], rtol=1e-9)
+    np.testing.assert_allclose(
+        posterior.conditioning.marginal, np.sqrt(np.diag(C))[[0, 2]], rtol=1e-9
+    )
 
 
 def test_bounds_hold_for_what_follows() -> None:
     """x + y = 1 and y >= 0: x ends at 1."""
     x, y = wb.Block("x"), wb.Block("y")
     tie = wb.Constraint("tie", x.symbol + y.symbol, 1.0, 1.0)
-    problem = wb.Problem([wb.Residual("x", x.symbol - 1, 1.0)], ("x", "y"), {"y": (0.0, np.inf)},
-                         [x, y], [tie])  # fmt: skip
-    posterior = laplace(problem, {"x": 0.5, "y": 0.5}, "x", rest=following)
+    problem = wb.Problem(
+        [wb.Residual("x", x.symbol - 1, 1.0)], ("x", "y"), {"y": (0.0, np.inf)}, [x, y], [tie]
+    )
+    posterior = laplace(problem, {"x": 0.5, "y": 0.5}, "x", rest=determined)
     assert posterior.flat.max() <= 1 + 1e-9
     found = scipy.stats.halfnorm().cdf(1 - np.quantile(posterior.flat, [0.05, 0.5, 0.95]))
     np.testing.assert_allclose(found, [0.95, 0.5, 0.05], atol=4 * 0.5 / np.sqrt(4000))
@@ -290,7 +307,7 @@ def test_bounds_hold_for_what_follows() -> None:
 def test_names_that_equations_leave_open_or_tie_are_refused(names: list[str], text: str) -> None:
     problem = tied_gaussian()[0]
     with pytest.raises(wb.WorkbenchError, match=text):
-        laplace(problem, {"x": [1, 0, 0], "y": [0.5, 0]}, names, rest=following)
+        laplace(problem, {"x": [1, 0, 0], "y": [0.5, 0]}, names, rest=determined)
 
 
 def test_equations_that_are_not_linear_are_refused_still() -> None:
@@ -298,7 +315,7 @@ def test_equations_that_are_not_linear_are_refused_still() -> None:
     tie = wb.Constraint("tie", y.symbol[0] - y.symbol[1] ** 2, 0.0, 0.0)
     problem = wb.Problem([wb.Residual("r", y.symbol, 0.5)], "y", blocks=[y], constraints=[tie])
     with pytest.raises(wb.WorkbenchError, match="Where it is linear, name the entries"):
-        laplace(problem, {"y": np.zeros(3)}, ["y[1]", "y[2]"], rest=following)
+        laplace(problem, {"y": np.zeros(3)}, ["y[1]", "y[2]"], rest=determined)
 
 
 # Constraints whose derivatives are sparse.
@@ -320,7 +337,7 @@ def ways(request: pytest.FixtureRequest) -> Callable[[], Posterior]:
 
     def followed() -> Posterior:
         at = {"x": [1, 0, 0], "y": [0.5, 0]}
-        return laplace(tied_gaussian()[0], at, ["x[0]", "y"], rest=following, draws=500)
+        return laplace(tied_gaussian()[0], at, ["x[0]", "y"], rest=determined, draws=500)
 
     def named() -> Posterior:
         y = wb.Block("y", (3,))
@@ -340,6 +357,6 @@ def test_sparse_constraints_give_the_same_draws(
     monkeypatch.setattr(storage, "DENSE_FROM", 0)
     monkeypatch.setattr(storage, "SPARSE_UP_TO", 2.0)
     sparse = ways()
-    assert str(sparse.held) == str(dense.held)
+    assert str(sparse.conditioning) == str(dense.conditioning)
     # the same random numbers through matrices of condition below ten, in double precision
     np.testing.assert_allclose(sparse.flat, dense.flat, rtol=0, atol=1e-6)

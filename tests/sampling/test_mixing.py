@@ -5,7 +5,7 @@ import pytest
 import scipy.signal
 
 from workbench.sampling.autocorrelation import disagreement, integrated_time, potential_scale
-from workbench.sampling.mixing import Mixing, Verdict
+from workbench.sampling.mixing import Mixing, Usability
 
 
 def autoregressive(rho: float, shape: tuple[int, int, int], seed: int = 0) -> np.ndarray:
@@ -23,7 +23,7 @@ def test_the_time_of_an_autoregressive_chain(rho: float) -> None:
 
 
 def test_the_scale_is_arvizs() -> None:
-    from workbench.sampling.arviz_quietly import arviz
+    from workbench.sampling.arviz_interface import arviz
 
     draws = autoregressive(0.9, (4, 500, 1))
     draws[0] *= 1.3  # wider
@@ -42,9 +42,9 @@ def mixing(draws: np.ndarray, acceptance: float = 0.3) -> Mixing:
 
 
 def test_a_long_chain_is_usable_and_a_short_one_is_not() -> None:
-    assert mixing(autoregressive(0.9, (4, 4000, 8))).verdict is Verdict.USABLE
-    assert mixing(autoregressive(0.9, (4, 300, 8))).verdict is Verdict.TOO_SHORT
-    assert mixing(autoregressive(0.9999, (4, 2000, 8))).verdict is Verdict.NOT_MIXING
+    assert mixing(autoregressive(0.9, (4, 4000, 8))).verdict is Usability.USABLE
+    assert mixing(autoregressive(0.9, (4, 300, 8))).verdict is Usability.TOO_SHORT
+    assert mixing(autoregressive(0.9999, (4, 2000, 8))).verdict is Usability.NOT_MIXING
 
 
 def test_many_effective_draws_that_agree_are_not_refused_for_a_few_steps() -> None:
@@ -55,10 +55,10 @@ def test_many_effective_draws_that_agree_are_not_refused_for_a_few_steps() -> No
     assert found.effective.min() > 7500
     assert found.scales.max() < 1.001
     assert found.growth < 1.2
-    assert found.verdict is Verdict.USABLE, str(found)
+    assert found.verdict is Usability.USABLE, str(found)
     few = mixing(autoregressive(0.9, (4, 300, 64)))  # as many walkers, but 16 times
     assert few.effective.min() > 4000
-    assert few.verdict is Verdict.TOO_SHORT
+    assert few.verdict is Usability.TOO_SHORT
     assert "below 20 not even that time can be believed" in str(few)
 
 
@@ -69,26 +69,26 @@ def test_a_memory_that_still_grows_is_not_believed() -> None:
     draws[:, 300:] += 0.7 * rng.standard_normal((4, 1, 64))  # walkers that settle apart, late
     found = mixing(draws)
     assert found.growth > 1.2
-    assert found.verdict is not Verdict.USABLE
+    assert found.verdict is not Usability.USABLE
 
 
 def test_walkers_that_stay_where_they_began_have_an_endless_memory() -> None:
     draws = autoregressive(0.5, (4, 3000, 8))
     draws[:, :, ::2] += 8.0  # half of them in another mode, for ever
     judged = mixing(draws)
-    assert judged.verdict is not Verdict.USABLE
+    assert judged.verdict is not Usability.USABLE
     assert judged.times.max() > 500
 
 
 def test_ensembles_that_disagree_are_not_mixed() -> None:
     draws = autoregressive(0.5, (4, 3000, 8))
     draws[0] += 1.0
-    assert mixing(draws).verdict is Verdict.NOT_MIXING
+    assert mixing(draws).verdict is Usability.NOT_MIXING
     assert "different places" in str(mixing(draws))
     slightly = autoregressive(0.5, (4, 3000, 8))
     slightly[0] += 0.08  # far less than R-hat notices
     assert mixing(slightly).scales.max() < 1.01
-    assert mixing(slightly).verdict is Verdict.NOT_MIXING
+    assert mixing(slightly).verdict is Usability.NOT_MIXING
 
 
 def test_stuck_walkers_and_rejected_proposals_are_seen() -> None:
@@ -100,4 +100,4 @@ def test_stuck_walkers_and_rejected_proposals_are_seen() -> None:
 
 
 def test_one_step_is_no_chain() -> None:
-    assert mixing(autoregressive(0.5, (4, 1, 8))).verdict is Verdict.TOO_SHORT
+    assert mixing(autoregressive(0.5, (4, 1, 8))).verdict is Usability.TOO_SHORT

@@ -7,30 +7,30 @@ import pytest
 import workbench as wb
 from tests.sampling.densities import gaussian, two_modes
 from workbench.residuals import geman_mcclure
-from workbench.sampling import Verdict, laplace, sample
+from workbench.sampling import Usability, laplace, sample
+from workbench.sampling.log_density import LogDensity
 from workbench.sampling.subspace import fixed
-from workbench.sampling.target import Target
 
 
-def target_of(problem: wb.Problem, at: dict[str, object]) -> Target:
+def target_of(problem: wb.Problem, at: dict[str, object]) -> LogDensity:
     x, given = problem.split(at)  # type: ignore[arg-type]
     every = np.arange(problem.free.size)
-    return Target(problem, given, fixed(problem, problem.linearize_at(x, given), x, every))
+    return LogDensity(problem, given, fixed(problem, problem.linearize_at(x, given), x, every))
 
 
 @pytest.mark.parametrize("apart", [20.0, 50.0, 100.0, 300.0])
 def test_equal_wells_are_found_on_both_sides(apart: float) -> None:
-    from workbench.sampling.descent import descended
+    from workbench.sampling.descent import mode_from
     from workbench.sampling.modes import modes
     from workbench.sampling.starts import REACH
 
     target = target_of(two_modes(apart), {"x": [apart, 0.0]})
-    first = descended(target, target.subspace.centre)
+    first = mode_from(target, target.subspace.centre)
     for seed in range(10):
         found = modes(target, first, np.random.default_rng(seed))
         assert sorted(mode.z[0] for mode in found.modes) == pytest.approx([-apart, apart])
-        assert found.search.starts >= 16
-        assert found.search.farthest == REACH[1]
+        assert found.extent.starts >= 16
+        assert found.extent.farthest == REACH[1]
 
 
 def test_draws_of_equal_wells_hold_both_or_are_not_usable() -> None:
@@ -43,23 +43,23 @@ def test_draws_of_equal_wells_hold_both_or_are_not_usable() -> None:
 
 
 def test_a_mode_that_draws_do_not_visit_is_missed() -> None:
-    from workbench.sampling.descent import descended
-    from workbench.sampling.modes import missed, modes
+    from workbench.sampling.descent import mode_from
+    from workbench.sampling.modes import missed_mode, modes
 
     target = target_of(two_modes(30.0), {"x": [30.0, 0.0]})
-    found = modes(target, descended(target, target.subspace.centre), np.random.default_rng(0))
+    found = modes(target, mode_from(target, target.subspace.centre), np.random.default_rng(0))
     rng = np.random.default_rng(1)
     here = rng.standard_normal((4000, 2)) + [30.0, 0.0]
-    assert missed(found.modes, here) == pytest.approx((0.5, 0.0), abs=1e-6)
+    assert missed_mode(found.modes, here) == pytest.approx((0.5, 0.0), abs=1e-6)
     both = here * np.where(rng.uniform(size=(4000, 1)) < 0.5, 1, -1)
-    assert missed(found.modes, both) is None
-    assert missed(found.modes[:1], here) is None
+    assert missed_mode(found.modes, both) is None
+    assert missed_mode(found.modes[:1], here) is None
 
 
 def test_laplace_of_one_of_two_wells_is_not_usable() -> None:
     posterior = laplace(two_modes(50.0), {"x": [50.0, 0.0]})
     assert not posterior.usable
-    assert posterior.judged[0] is Verdict.MODE_MISSED
+    assert posterior.judgement[0] is Usability.MODE_MISSED
     assert "another mode with 50% of the mass" in posterior.verdict
     alone = laplace(gaussian(np.eye(2)), {"x": np.zeros(2)})
     assert alone.usable
@@ -77,7 +77,7 @@ def test_a_robust_fit_of_two_clusters_has_two_modes() -> None:
     at = wb.solve(problem, {"z": 0.0}).values
     one = laplace(problem, at)
     assert not one.usable, one.verdict
-    assert one.judged[0] is Verdict.MODE_MISSED, one.verdict
+    assert one.judgement[0] is Usability.MODE_MISSED, one.verdict
     places = sorted(float(mode.z[0]) for mode in one.modes)
     assert places == pytest.approx([0.0, apart], abs=1.0)
     both = sample(problem, at, steps=2000, walkers=32, seed=0)
@@ -98,7 +98,7 @@ def test_a_plateau_is_no_mode() -> None:
 
 
 def test_a_turn_more_is_no_other_mode() -> None:
-    from workbench.sampling.turns import shortest
+    from workbench.sampling.rotations import shortest_rotations
 
     body = wb.load_body("small")
     pose, betas, trans = body.blocks()
@@ -113,8 +113,10 @@ def test_a_turn_more_is_no_other_mode() -> None:
     posterior = laplace(problem, at, "pose[pelvis]")
     assert len(posterior.modes) == 1, [mode.z for mode in posterior.modes]
     x, given = problem.split(at)
-    target = Target(problem, given, posterior.subspace)
+    target = LogDensity(problem, given, posterior.subspace)
     np.testing.assert_allclose(
-        shortest(target, np.array([0.0, 3.5, 0.0])), [0.0, 3.5 - 2 * np.pi, 0.0], atol=1e-12
+        shortest_rotations(target, np.array([0.0, 3.5, 0.0])),
+        [0.0, 3.5 - 2 * np.pi, 0.0],
+        atol=1e-12,
     )
     assert not np.isnan(x).any()

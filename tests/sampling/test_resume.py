@@ -13,7 +13,7 @@ import pytest
 from tests.sampling.densities import gaussian
 from tests.sampling.interrupted_run import run
 from workbench import Problem, WorkbenchError
-from workbench.blocks import spread
+from workbench.blocks import threaded
 from workbench.sampling import Progress, sample
 from workbench.sampling.checkpoint import load
 
@@ -52,9 +52,15 @@ def test_a_callback_stops_and_the_run_can_be_taken_up(tmp_path: Path) -> None:
 
     def some(path: Path | None, stop: int) -> object:
         return sample(
-            problem, at, steps=200, walkers=8, seed=1, checkpoint=path, stop_when_usable=False,
+            problem,
+            at,
+            steps=200,
+            walkers=8,
+            seed=1,
+            checkpoint=path,
+            stop_when_usable=False,
             callback=lambda p: p.step >= stop,
-        )  # fmt: skip
+        )
 
     first = some(tmp_path / "a.h5", 50)
     assert first.interrupted  # type: ignore[attr-defined]
@@ -118,9 +124,9 @@ def test_seeds_reproduce() -> None:
 
 def test_draws_are_the_same_on_any_number_of_cores(monkeypatch: pytest.MonkeyPatch) -> None:
     drawn = []
-    monkeypatch.setattr(spread, "WORTH", 0.0)  # so that short rows are shared out too
+    monkeypatch.setattr(threaded, "WORTH", 0.0)  # so that short rows are shared out too
     for count in (1, 2, 3):
-        monkeypatch.setattr(spread, "cores", lambda count=count: count)
+        monkeypatch.setattr(threaded, "available_cores", lambda count=count: count)
         drawn.append(
             sample(gaussian(np.eye(2)), {"x": np.zeros(2)}, steps=60, walkers=20, seed=3).draws
         )

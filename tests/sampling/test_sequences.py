@@ -9,7 +9,7 @@ from workbench.errors import TooLarge
 from workbench.sampling import conditional
 from workbench.sampling.banded_rest import BandedRest
 from workbench.sampling.conditioning import conditioning
-from workbench.sampling.subspace import Improper, chosen, fixed
+from workbench.sampling.subspace import Improper, fixed, subspace_of
 
 T = 5
 
@@ -32,12 +32,12 @@ def test_what_is_integrated_out(
     if names == "pose[3, pelvis]":
         names = f"pose[3, {plain.free['pose'].labels[0]}]"  # type: ignore[index]
     x, given = plain.split(at)
-    by_array = chosen(plain, x, given, names, conditional)
-    by_band = chosen(blocked, x, given, names, conditional)
+    by_array = subspace_of(plain, x, given, names, conditional)
+    by_band = subspace_of(blocked, x, given, names, conditional)
     assert isinstance(by_band.rest, BandedRest)
     assert by_band.rest.shape == by_array.rest.shape
     np.testing.assert_allclose(by_band.along, by_array.along, atol=1e-9)
-    half = np.eye(by_band.rest.shape[1]) @ by_band.rest.T  # rows: what each w moves
+    half = by_band.rest.times(np.eye(by_band.rest.shape[1]))  # rows: what each w moves
     covariance = np.asarray(by_array.rest) @ np.asarray(by_array.rest).T
     np.testing.assert_allclose(half.T @ half, covariance, atol=1e-9 * covariance.max())
     assert not half[:, by_band.entries].any()
@@ -56,13 +56,13 @@ def test_what_holding_the_rest_fixed_narrows(
     x, given = plain.split(at)
     told = []
     for problem in (plain, blocked):
-        space = chosen(problem, x, given, "betas", fixed)
+        space = subspace_of(problem, x, given, "betas", fixed)
         told.append(conditioning(problem, given, space, space.centre))
     by_array, by_band = told
     np.testing.assert_allclose(by_band.conditional, by_array.conditional, rtol=1e-6)
     np.testing.assert_allclose(by_band.marginal, by_array.marginal, rtol=1e-6)
     assert (by_band.ratios > 1.001).all()
-    assert by_band.held == by_array.held
+    assert by_band.names == by_array.names
     assert by_band.count == by_array.count
 
 
@@ -93,4 +93,4 @@ def test_nothing_is_integrated_out_that_nothing_holds(monkeypatch: pytest.Monkey
     for problem in both_storages(build, monkeypatch):
         x, given = problem.split(at)
         with pytest.raises(Improper, match="no width"):
-            chosen(problem, x, given, "shape", conditional)
+            subspace_of(problem, x, given, "shape", conditional)

@@ -10,14 +10,14 @@ from workbench.blocks.entries import entries
 from workbench.sampling import (
     Improper,
     NotConverged,
-    beside_laplace,
-    blocks_of,
+    compared_with_laplace,
     conditional,
     directions,
     laplace,
     sample,
+    sampling_blocks,
 )
-from workbench.sampling.entries import limbs
+from workbench.sampling.limbs import limbs
 
 C, MEAN = conditioned(4, 30.0, seed=3), np.array([1.0, -2.0, 0.5, 3.0])
 TWO = ("x[1]", "x[3]")
@@ -59,8 +59,9 @@ def curved(scale: float) -> wb.Problem:
     wide = 1 + scale * x.symbol**2
     return wb.Problem(
         [wb.Residual("x", x.symbol, 1.0), wb.Residual("y", y.symbol * wide, 1.0)],
-        ("x", "y"), blocks=[x, y],
-    )  # fmt: skip
+        ("x", "y"),
+        blocks=[x, y],
+    )
 
 
 def test_a_conditional_that_does_not_hold_is_noticed() -> None:
@@ -73,8 +74,9 @@ def test_a_conditional_that_does_not_hold_is_noticed() -> None:
             wb.Residual("tails", cs.sqrt(3 * cs.log(1 + tail.symbol**2 / 2) + 1e-12), 1.0),
             wb.Residual("pull", tail.symbol, 30.0),
         ],
-        "tail", blocks=[tail],
-    )  # fmt: skip
+        "tail",
+        blocks=[tail],
+    )
     found = laplace(heavy, {"tail": np.full(8, 1e-3)}, "tail[0]", rest=conditional)
     assert found.importance is not None
     assert not found.importance.holds, str(found.importance)
@@ -133,7 +135,7 @@ def test_parts_of_a_body_are_small_and_cover_it() -> None:
     layout = wb.Layout(body.blocks())
     tree = body.points(*(b.symbol for b in body.blocks())).source.tree
     assert tree is not None
-    parts = blocks_of(layout, (tree,))
+    parts = sampling_blocks(layout, (tree,))
     assert parts["shape and place"] == ("betas", "trans", "pose[pelvis]")
     meant = np.concatenate([entries(layout, names) for names in parts.values()])
     assert sorted(meant) == list(range(layout.size))
@@ -143,18 +145,18 @@ def test_parts_of_a_body_are_small_and_cover_it() -> None:
 
 def test_draws_beside_laplace() -> None:
     agrees = [laplace(gaussian(np.eye(2)), {"x": np.zeros(2)}, seed=s) for s in (0, 1)]
-    assert [row.said for row in beside_laplace(*agrees)] == ["agrees", "agrees"]
+    assert [row.remark for row in compared_with_laplace(*agrees)] == ["agrees", "agrees"]
     from tests.sampling.densities import rosenbrock, two_modes
 
     curved_one = sample(rosenbrock(), {"x": np.ones(2)}, steps=1600, walkers=16, seed=2)
-    rows = beside_laplace(curved_one, laplace(rosenbrock(), {"x": np.ones(2)}))
-    assert "curved" in rows[1].said
+    rows = compared_with_laplace(curved_one, laplace(rosenbrock(), {"x": np.ones(2)}))
+    assert "curved" in rows[1].remark
     both = sample(two_modes(3.0), {"x": [3.0, 0.0]}, steps=2000, walkers=16, seed=4)
-    rows = beside_laplace(both, laplace(two_modes(3.0), {"x": [3.0, 0.0]}))
-    assert rows[0].said == "2 modes"
-    assert rows[1].said == "agrees"
+    rows = compared_with_laplace(both, laplace(two_modes(3.0), {"x": [3.0, 0.0]}))
+    assert rows[0].remark == "2 modes"
+    assert rows[1].remark == "agrees"
     with pytest.raises(wb.WorkbenchError, match="different entries"):
-        beside_laplace(both, laplace(gaussian(np.eye(3)), {"x": np.zeros(3)}))
+        compared_with_laplace(both, laplace(gaussian(np.eye(3)), {"x": np.zeros(3)}))
 
 
 @pytest.mark.parametrize(

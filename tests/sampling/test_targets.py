@@ -5,7 +5,7 @@ import pytest
 import scipy.stats
 
 from tests.sampling.densities import bounded, conditioned, gaussian, rosenbrock, two_modes
-from workbench.sampling import Posterior, Verdict, sample
+from workbench.sampling import Posterior, Usability, sample
 
 
 def within_bands(posterior: Posterior, mean: np.ndarray, covariance: np.ndarray) -> None:
@@ -32,7 +32,7 @@ def test_gaussians(k: int, condition: float) -> None:
     C, mean = conditioned(k, condition), np.arange(k) - 2.0
     problem = gaussian(C, mean)
     posterior = sample(problem, {"x": mean}, steps=10_000, seed=1)
-    assert posterior.mixing.verdict is Verdict.USABLE, posterior.verdict
+    assert posterior.mixing.verdict is Usability.USABLE, posterior.verdict
     assert posterior.mixing.effective.min() > 3000
     within_bands(posterior, mean, C)
 
@@ -76,14 +76,14 @@ def test_two_modes_that_no_move_joins_are_not_called_usable() -> None:
     from workbench.sampling.moves import stretch
 
     posterior = sample(two_modes(12.0), {"x": [12.0, 0.0]}, steps=2000, seed=4, moves=stretch())
-    assert posterior.mixing.verdict is Verdict.NOT_MIXING, posterior.verdict
+    assert posterior.mixing.verdict is Usability.NOT_MIXING, posterior.verdict
     assert "NOT CONVERGED" in str(posterior)
     assert "95 %" not in str(posterior)  # no interval without a verdict that carries it
 
 
 def test_too_short_is_said_with_what_would_do() -> None:
     posterior = sample(gaussian(np.eye(20)), {"x": np.zeros(20)}, steps=300, seed=5)
-    assert posterior.mixing.verdict is not Verdict.USABLE
+    assert posterior.mixing.verdict is not Usability.USABLE
     assert "take" in posterior.verdict or "fewer" in posterior.verdict
 
 
@@ -97,5 +97,5 @@ def test_three_ensembles_vouch_for_nothing() -> None:
     posterior = sample(
         gaussian(np.eye(2)), {"x": np.zeros(2)}, steps=1000, walkers=16, ensembles=3, seed=5
     )
-    assert posterior.mixing.verdict is Verdict.TOO_SHORT
+    assert posterior.mixing.verdict is Usability.TOO_SHORT
     assert "at least 4" in posterior.verdict

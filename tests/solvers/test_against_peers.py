@@ -9,10 +9,17 @@ from workbench.experiments.catalogue import find
 from workbench.problem import Problem
 
 PROBLEMS = (
-    "nist-misra1a", "nist-rat42", "nist-gauss1", "nist-kirby2",
-    "more-wild-watson-9", "more-wild-kowalik-osborne",
-    "body-vertices", "body-joints", "body-four-cameras", "body-outliers-huber",
-)  # fmt: skip
+    "nist-misra1a",
+    "nist-rat42",
+    "nist-gauss1",
+    "nist-kirby2",
+    "more-wild-watson-9",
+    "more-wild-kowalik-osborne",
+    "body-vertices",
+    "body-joints",
+    "body-four-cameras",
+    "body-outliers-huber",
+)
 OURS = ("levenberg-marquardt-columns", "scipy-trf")
 BASINS = {"body-outliers-huber": ("levenberg-marquardt", "scipy-trf")}  # columns end in another one
 
@@ -37,8 +44,11 @@ def test_scipy_asked_directly(name: str) -> None:
         x,
         jac=lambda x: problem.linearize_at(x, fixed).jacobian,
         x_scale="jac",
-        ftol=1e-15, xtol=1e-15, gtol=1e-15, max_nfev=1000,
-    )  # fmt: skip
+        ftol=1e-15,
+        xtol=1e-15,
+        gtol=1e-15,
+        max_nfev=1000,
+    )
     assert_same_cost(problem, start, found.cost, name)
 
 

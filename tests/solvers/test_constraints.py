@@ -47,8 +47,13 @@ EQUATIONS = [name for name, s in LOCAL.items() if s.abilities.equations]
 
 def test_the_table_knows_who_takes_what() -> None:
     assert EQUATIONS == [
-        "ipopt", "ipopt-exact", "ipopt-lbfgs", "sqp", "nlopt-slsqp", "nlopt-cobyla",
-    ]  # fmt: skip
+        "ipopt",
+        "ipopt-exact",
+        "ipopt-lbfgs",
+        "sqp",
+        "nlopt-slsqp",
+        "nlopt-cobyla",
+    ]
     assert set(INEQUALITIES) == {*EQUATIONS, "nlopt-mma", "nlopt-ccsaq"}
 
 
@@ -71,7 +76,7 @@ def test_inequalities_are_honoured(name: str, constraint: Constraint, length: fl
     solution = LOCAL[name].solve(problem, feasible)
     assert_at_the_end(name, solution)
     np.testing.assert_allclose(solution.values["x"], length * SOLUTION, atol=1e-5)
-    assert solution.missed <= 1
+    assert solution.violation <= 1
 
 
 @pytest.mark.parametrize("name", EQUATIONS)
@@ -86,7 +91,7 @@ def test_equations_are_honoured(name: str) -> None:
 def test_a_constraint_that_is_not_in_the_way_changes_nothing(name: str) -> None:
     solution = LOCAL[name].solve(near(Constraint("disc", cs.sumsqr(X), upper=9.0)), START)
     np.testing.assert_allclose(solution.values["x"], [2.0, 1.0], atol=1e-5)
-    assert solution.missed == 0
+    assert solution.violation == 0
 
 
 @pytest.mark.parametrize("name", INEQUALITIES)
@@ -95,7 +100,7 @@ def test_what_cannot_be_met_is_said(name: str) -> None:
     problem = near(Constraint("never", cs.sumsqr(X), upper=-1.0))
     solution = replace(LOCAL[name], max_seconds=1.0).solve(problem, START)  # type: ignore[type-var]
     assert solution.status is not Status.CONVERGED
-    assert solution.missed > 1
+    assert solution.violation > 1
     assert np.linalg.norm(solution.values["x"]) < np.linalg.norm(START["x"])
     if solution.status is Status.INFEASIBLE:
         assert "never" in solution.message or "constraints" in solution.message
@@ -119,7 +124,7 @@ def test_a_feasible_point_is_better_than_a_cheap_one() -> None:
     start = {"x": np.array([2.0, 1.0])}
     solution = LOCAL["ipopt"].solve(near(INSIDE), start)
     assert solution.trace[0].cost == 0 < solution.cost
-    assert solution.missed <= 1
+    assert solution.violation <= 1
 
 
 def test_nan_in_a_constraint_is_survived_or_said() -> None:
@@ -160,7 +165,7 @@ def test_a_body_stays_above_the_floor() -> None:
 def test_nlopts_own_come_near(name: str) -> None:
     """The global ones too, as far as they come."""
     solution = Nlopt(name, max_evaluations=3000, max_seconds=5.0).solve(near(INSIDE), START)
-    assert solution.missed <= 1
+    assert solution.violation <= 1
     np.testing.assert_allclose(solution.values["x"], SOLUTION, atol=0.1)
 
 

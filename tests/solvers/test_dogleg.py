@@ -79,8 +79,9 @@ def test_the_cauchy_point_is_the_least_along_the_gradient() -> None:
     rng = np.random.default_rng(1)
     here, D = Linearization(rng.normal(size=9), rng.normal(size=(9, 4))), rng.uniform(1, 2, 4)
     p = cauchy_point(here, D)
-    np.testing.assert_allclose(p / np.linalg.norm(p) * np.linalg.norm(here.gradient / D**2),
-                               -here.gradient / D**2)  # fmt: skip
+    np.testing.assert_allclose(
+        p / np.linalg.norm(p) * np.linalg.norm(here.gradient / D**2), -here.gradient / D**2
+    )
     for share in (0.99, 1.01):
         assert here.predicted_cost(share * p) > here.predicted_cost(p)
 

@@ -10,7 +10,7 @@ from tests.solvers.problems import decay
 from workbench import SOLVERS, Block, Nlopt, Problem, Residual, Solution, Status, solve
 from workbench.errors import NotSupported
 from workbench.experiments import find
-from workbench.experiments.more_wild_observations import MEYER
+from workbench.experiments.more_wild_formulas import observed
 
 LOCAL = [name for name in SOLVERS if name != "nlopt-mlsl"]  # which needs bounds
 
@@ -91,7 +91,9 @@ def meyer() -> Problem:
     """MGH10 of NIST, problem 10 of Moré, Garbow and Hillstrom (1981)."""
     b = Block("b", (3,)).symbol
     t = 45 + 5 * np.arange(1.0, 17.0)
-    return Problem((Residual("fit", b[0] * cs.exp(b[1] / (t + b[2])) - cs.DM(MEYER), 1.0),), "b")
+    return Problem(
+        (Residual("fit", b[0] * cs.exp(b[1] / (t + b[2])) - cs.DM(observed("meyer")), 1.0),), "b"
+    )
 
 
 @pytest.mark.parametrize("name", ["gauss-newton", "dogleg", "ipopt"])

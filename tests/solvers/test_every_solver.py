@@ -317,9 +317,18 @@ def test_the_start_is_left_alone(name: str) -> None:
 
 
 COME_BACK = (
-    "gauss-newton", "levenberg-marquardt", "levenberg-marquardt-columns", "dogleg", "newton",
-    "dogleg-chumpy", "steepest-descent", "ipopt", "ipopt-exact", "scipy-lm", "nlopt-bobyqa",
-)  # fmt: skip
+    "gauss-newton",
+    "levenberg-marquardt",
+    "levenberg-marquardt-columns",
+    "dogleg",
+    "newton",
+    "dogleg-chumpy",
+    "steepest-descent",
+    "ipopt",
+    "ipopt-exact",
+    "scipy-lm",
+    "nlopt-bobyqa",
+)
 
 
 def root() -> Problem:

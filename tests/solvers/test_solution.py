@@ -18,7 +18,7 @@ def some_solution() -> Solution:
 
 
 def assert_same(a: Solution, b: Solution) -> None:
-    for field in ("cost", "optimality", "seconds", "missed"):
+    for field in ("cost", "optimality", "seconds", "violation"):
         np.testing.assert_equal(getattr(a, field), getattr(b, field))
     for field in ("status", "message", "solver", "evaluations", "converged", "iterations"):
         assert getattr(a, field) == getattr(b, field)
@@ -39,7 +39,7 @@ def assert_same(a: Solution, b: Solution) -> None:
 
 def test_what_was_saved_is_loaded(tmp_path: Path) -> None:
     solution = some_solution()
-    solution = replace(solution, missed=0.25)
+    solution = replace(solution, violation=0.25)
     assert set(solution.linear_algebra) <= {"cholesky", "qr", "svd"}
     solution.save(tmp_path / "run.npz")
     assert_same(Solution.load(tmp_path / "run.npz"), solution)
@@ -88,9 +88,15 @@ def test_a_missing_folder_is_said(tmp_path: Path) -> None:
 def facts(**changes: object) -> dict[str, np.ndarray]:
     solution = some_solution()
     good = {
-        "cost": 1.0, "optimality": 0.0, "status": "CONVERGED", "message": "", "solver": "s",
-        "evaluations": asdict(solution.evaluations), "seconds": 0.0, "trace": [],
-    }  # fmt: skip
+        "cost": 1.0,
+        "optimality": 0.0,
+        "status": "CONVERGED",
+        "message": "",
+        "solver": "s",
+        "evaluations": asdict(solution.evaluations),
+        "seconds": 0.0,
+        "trace": [],
+    }
     return {"solution": np.array(json.dumps(good | changes))}
 
 
@@ -148,5 +154,5 @@ def test_files_from_before_there_were_constraints_are_read(tmp_path: Path) -> No
     np.savez(tmp_path / "old.npz", **arrays)
     old = Solution.load(tmp_path / "old.npz")
     assert old.cost == solution.cost
-    assert old.missed == 0
+    assert old.violation == 0
     assert old.trace[-1].linear_algebra == ""

@@ -14,6 +14,7 @@ from workbench import Status
 from workbench.errors import TooLarge
 from workbench.problem import storage
 from workbench.problem.bounds import Bounds
+from workbench.problem.nonzeros import entries_at
 from workbench.solvers import Solver, exact_hessian
 from workbench.solvers.convexity import raised
 from workbench.solvers.oracle import Oracle
@@ -74,7 +75,7 @@ def test_the_sparse_way_ends_where_the_dense_one_does(
     always_sparse(monkeypatch)
     found = solver.solve(frames(bounds=bounds), start())
     assert found.status is Status.CONVERGED is expected.status, (found.message, expected.message)
-    assert found.missed <= 1
+    assert found.violation <= 1
     # the gradient is zero to 1e-6 of the residual in both, and the cost is quadratic there
     np.testing.assert_allclose(found.values["q"], expected.values["q"], rtol=0, atol=1e-5)
     assert found.cost == pytest.approx(expected.cost, rel=1e-6)
@@ -130,7 +131,7 @@ def test_questions_are_answered_alike(monkeypatch: pytest.MonkeyPatch) -> None:
     assert isinstance(sparse.jacobian, csc_array)
     np.testing.assert_array_equal(sparse.rows(some), dense.rows(some))
     np.testing.assert_array_equal(sparse.usable, dense.usable)
-    for ask in ("along", "terms_along"):
+    for ask in ("along", "magnitudes_along"):
         np.testing.assert_allclose(
             getattr(sparse, ask)(directions), getattr(dense, ask)(directions), atol=1e-14
         )
@@ -217,7 +218,7 @@ def test_what_cannot_be_met_is_still_said(monkeypatch: pytest.MonkeyPatch) -> No
         assert "relax them" in found.message
     found = SOLVERS["lbfgs"].solve(frames(FRAMES, *against), start())
     assert found.status is not Status.CONVERGED  # when it gives up is a matter of rounding
-    assert found.missed > 1
+    assert found.violation > 1
     many = wb.Constraint("many", cs.repmat(q, 2) * cs.DM(np.arange(1.0, 81)), 1.0, 1.0)
     found = wb.Ipopt().solve(frames(FRAMES, many), start())
     assert found.status is Status.INFEASIBLE
@@ -289,7 +290,7 @@ def test_entries_at_the_places_of_a_pattern(seed: int) -> None:
     A = pattern.toarray() * rng.integers(-1, 2, (7, 9))
     rows, columns = pattern.tocoo().row, pattern.tocoo().col
     for given in (A, csc_array(A)):
-        np.testing.assert_array_equal(storage.at_places(given, pattern), A[rows, columns])
+        np.testing.assert_array_equal(entries_at(given, pattern), A[rows, columns])
 
 
 def test_newton_takes_a_sparse_hessian(monkeypatch: pytest.MonkeyPatch) -> None:

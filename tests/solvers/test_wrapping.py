@@ -119,6 +119,6 @@ def test_a_constraint_on_the_pose_itself_keeps_it_long() -> None:
     long = Constraint("long", SYMBOLS[0][0, 1], lower=3.6)
     case = Problem((DATA,), ("pose", "trans"), constraints=(long,))
     solution = SOLVERS["ipopt"].solve(case, at(LONG + 0.01))
-    assert solution.missed <= 1
+    assert solution.violation <= 1
     assert solution.values["pose"][1, 0] >= 3.6 - 1e-6
     assert np.linalg.norm(solution.values["pose"][2]) <= np.pi * 1.001

@@ -6,26 +6,29 @@ from math import inf
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.spatial.transform import Rotation
 
 from workbench import SkinnedBody, load_body
-from workbench.bodies.kinematics import ancestors
+from workbench.arrays import Array
+from workbench.bodies.forward.kinematics import ancestors
+from workbench.bodies.forward.posing import Posing
+from workbench.bodies.unposing import unpose
 from workbench.errors import BadArgument
-from workbench.training.blocks import BLOCKS, Effort
+from workbench.geometry.mesh_graph import NoMirror, find_mirror
+from workbench.geometry.solids import volume
+from workbench.synthetic.made_up import Spoiled, draw_registrations, random_smpl, worm
+from workbench.training.blocks import BLOCKS, BlockOptions
 from workbench.training.conjugate_gradients import dot, solve
-from workbench.training.crew import Hands, Processes, alone
 from workbench.training.estimate import NAMES, TERMS, Estimate, Sigmas
+from workbench.training.executor import Execution, Processes
 from workbench.training.first_guess import Start
 from workbench.training.joint_regressor import fit_joint_regressor
-from workbench.training.made_up import Spoiled, draw_registrations, random_smpl, worm
-from workbench.training.mesh_graph import NoMirror, find_mirror, signed_volume
 from workbench.training.normal_equations import NormalEquations, within
 from workbench.training.objective import Objective
-from workbench.training.poses import OnVertices, Sitting, body_of_subjects, fitted_poses
-from workbench.training.posing import Posing
-from workbench.training.registrations import InMemory, held
+from workbench.training.poses import VertexTerm, body_of_subjects, fitted_poses
+from workbench.training.progress import Progress
+from workbench.training.registrations import InMemory, in_memory
 from workbench.training.rotation_centres import (
     SegmentMotions,
     joint_guess,
@@ -34,9 +37,7 @@ from workbench.training.rotation_centres import (
 )
 from workbench.training.simplex import few_shares, kkt_residual, shares, shares_to_zero
 from workbench.training.skinning_pass import SkinningPass
-from workbench.training.unposing import unpose
 
-Array = NDArray[np.float64]
 START = worm(7, 5)
 BODY = random_smpl(START, 2, seed=3)
 DATA, TRUTH = draw_registrations(BODY, 3, 4, seed=4)
@@ -65,7 +66,7 @@ def a_change(estimate: Estimate, size: float = 0.01) -> dict[str, Array]:
 
 
 def test_posing_is_the_body_s_own() -> None:
-    passed = SkinningPass(true_estimate(), slice(0, 12), DATA.subject)
+    passed = SkinningPass.of(true_estimate(), slice(0, 12), DATA.subject)
     points = passed.points + TRUTH.trans[:, None]
     np.testing.assert_allclose(points, DATA.vertices, atol=1e-13)
 
@@ -76,7 +77,7 @@ def bend(*names: str) -> float:
     change = {n: d for n, d in a_change(here, 0.1).items() if n in names}
 
     def points(share: float) -> Array:
-        return SkinningPass(here.moved(change, share), slice(0, 12), DATA.subject).points
+        return SkinningPass.of(here.moved(change, share), slice(0, 12), DATA.subject).points
 
     return float(np.abs(points(0) - 2 * points(1) + points(2)).max())
 
@@ -105,9 +106,9 @@ def test_tangent_against_differences_and_its_adjoint() -> None:
     change = a_change(estimate)
 
     def points(share: float) -> Array:
-        return SkinningPass(estimate.moved(change, share), slice(0, 12), DATA.subject).points
+        return SkinningPass.of(estimate.moved(change, share), slice(0, 12), DATA.subject).points
 
-    passed = SkinningPass(estimate, slice(0, 12), DATA.subject)
+    passed = SkinningPass.of(estimate, slice(0, 12), DATA.subject)
     moved = passed.tangent(change)
     h = 1e-5
     np.testing.assert_allclose(moved, (points(h) - points(-h)) / (2 * h), atol=1e-9)
@@ -251,17 +252,30 @@ def test_shares_to_zero_are_the_least() -> None:
 # The blocks.
 
 
+class Told:
+    """A report that remembers how many parts were finished."""
+
+    def __init__(self, done: list[int]) -> None:
+        self.done = done
+
+    def block(self, progress: Progress) -> None:
+        raise AssertionError("no block has ended")
+
+    def part(self, doing: str, done: int, of: int) -> None:
+        self.done.append(done)
+
+
 @pytest.mark.parametrize("block", ["poses", "surfaces", "weights", "together"])
 def test_a_block_lowers_the_cost_and_stays_at_the_truth(block: str) -> None:
     held = objective(replace(Sigmas(data=0.001), **OFF))
     away = true_estimate().moved(a_change(true_estimate(), 0.005))
     kept = away.weights.clip(0)
     away = replace(away, weights=kept / kept.sum(axis=1, keepdims=True))
-    found = BLOCKS[block](held, away, START.faces, Effort()).estimate
+    found = BLOCKS[block](held, away, START.faces, BlockOptions()).estimate
     assert held.cost(found) < 0.999 * held.cost(away)
     np.testing.assert_allclose(found.weights.sum(axis=1), 1, atol=1e-13)
     assert found.weights.min() >= 0
-    at = BLOCKS[block](held, true_estimate(), START.faces, Effort()).estimate
+    at = BLOCKS[block](held, true_estimate(), START.faces, BlockOptions()).estimate
     assert held.cost(at) < 1e-15
 
 
@@ -269,7 +283,9 @@ def test_surfaces_are_one_linear_problem() -> None:
     """From anywhere, one block ends where the slope of the cost is zero."""
     held = objective(Sigmas(), mirror=True)
     away = true_estimate().moved(a_change(true_estimate(), 0.02))
-    found = BLOCKS["surfaces"](held, away, START.faces, Effort(linear_tolerance=1e-11)).estimate
+    found = BLOCKS["surfaces"](
+        held, away, START.faces, BlockOptions(linear_tolerance=1e-11)
+    ).estimate
     names = ("templates", "posedirs", "joints")
     before, after = (NormalEquations(held, e, names).slope for e in (away, found))
     for name in names:
@@ -280,7 +296,7 @@ def test_posedirs_shrink_as_their_sigma_does() -> None:
     sizes = []
     for sigma in (1.0, 0.1, 0.01, 0.001):
         held = objective(replace(Sigmas(), posedirs=sigma))
-        found = BLOCKS["surfaces"](held, true_estimate(), START.faces, Effort()).estimate
+        found = BLOCKS["surfaces"](held, true_estimate(), START.faces, BlockOptions()).estimate
         sizes.append(float(np.linalg.norm(found.posedirs)))
     assert sizes == sorted(sizes, reverse=True)
     assert sizes[-1] < 0.5 * sizes[0]
@@ -288,22 +304,14 @@ def test_posedirs_shrink_as_their_sigma_does() -> None:
 
 def test_weights_follow_their_prior_where_it_is_tight() -> None:
     held = objective(replace(Sigmas(), weights=1e-7))
-    found = BLOCKS["weights"](held, true_estimate(), START.faces, Effort())
+    found = BLOCKS["weights"](held, true_estimate(), START.faces, BlockOptions())
     np.testing.assert_allclose(found.estimate.weights, held.first_weights, atol=1e-6)
     assert found.facts["kkt"] < 1e-8
 
 
-def sitting(estimate: Estimate) -> Sitting:
-    return Sitting(
-        estimate.templates, estimate.joints, estimate.posedirs, estimate.weights,
-        estimate.parents, START.faces, OnVertices(), 0.002, 4,
-        DATA.subject, estimate.poses, DATA.vertices, np.ones((12, 35)),
-    )  # fmt: skip
-
-
 def test_the_body_of_all_subjects_is_the_estimate() -> None:
     estimate = true_estimate()
-    body = body_of_subjects(sitting(estimate))
+    body = body_of_subjects(estimate, START.faces)
     for j, s in enumerate(DATA.subject):
         np.testing.assert_allclose(
             body.vertices(estimate.poses[j], np.eye(3)[s])[:35],
@@ -315,19 +323,19 @@ def test_the_body_of_all_subjects_is_the_estimate() -> None:
 @pytest.mark.parametrize("rows", [5, 100])
 def test_poses_are_the_same_whoever_finds_them(monkeypatch: pytest.MonkeyPatch, rows: int) -> None:
     estimate = replace(true_estimate(), poses=TRUTH.poses + 0.05)
-    fit = partial(fitted_poses, estimate, DATA, START.faces, OnVertices(), 0.002, 3)
+    fit = partial(fitted_poses, estimate, DATA, START.faces, VertexTerm(), 0.002, 3)
     whole = fit().poses
     assert np.abs(whole - TRUTH.poses).max() < 0.02
-    monkeypatch.setattr("workbench.training.poses.SITTING", rows)
+    monkeypatch.setattr("workbench.training.poses.JOB_SIZE", rows)
     told: list[int] = []
-    crowd = Hands(Processes(2), lambda done, of: told.append(done))
+    crowd = Execution(Processes(2), Told(told))
     np.testing.assert_allclose(fit(crowd).poses, whole, atol=1e-12)
     assert told[-1] == 12
 
 
-def test_a_crew_is_in_order_and_has_somebody() -> None:
+def test_results_are_in_order_and_an_executor_has_a_process() -> None:
     numbers = range(7)
-    assert list(alone(abs, numbers)) == list(Processes(1)(abs, numbers)) == list(numbers)
+    assert list(Processes(1)(abs, numbers)) == list(numbers)
     assert list(Processes(2)(abs, (-n for n in numbers))) == list(numbers)
     with pytest.raises(BadArgument, match="1 process or more"):
         Processes(0)
@@ -342,9 +350,9 @@ def test_joints_are_where_two_rigid_segments_turn_about_each_other() -> None:
     joints = START.rings() @ START.template
     poses = rng.uniform(-1, 1, (12, 6, 3))
     posing = Posing.of(poses, START.parents)
-    shifts = np.einsum("km,jma->jka", ancestors(START.parents), np.einsum(
-        "jmab,mb->jma", posing.levers, joints
-    ))  # fmt: skip
+    shifts = np.einsum(
+        "km,jma->jka", ancestors(START.parents), np.einsum("jmab,mb->jma", posing.levers, joints)
+    )
     motions = SegmentMotions(posing.world, shifts + rng.standard_normal((12, 1, 3)))
     wrong = joints + 0.01 * rng.standard_normal(joints.shape)
     found = rotation_centres(motions, DATA.subject, START.parents, wrong)
@@ -377,7 +385,7 @@ def test_means_at_points_inside_are_exact_and_even() -> None:
 
 def test_a_regressor_is_learned_and_lowers_the_cost() -> None:
     estimate, held = true_estimate(), objective(Sigmas())
-    found = BLOCKS["regressor"](held, estimate, START.faces, Effort())
+    found = BLOCKS["regressor"](held, estimate, START.faces, BlockOptions())
     assert held.cost(found.estimate) < held.cost(estimate)
     regressor = found.estimate.regressor
     assert regressor is not None
@@ -398,7 +406,7 @@ def test_templates_stay_about_the_first_one_where_they_are_held() -> None:
     estimate = true_estimate()
     away = float(np.sum((estimate.templates - first) ** 2))
     assert loose.costs(estimate)["E_T"] == pytest.approx(0.5 * away / 0.03**2)
-    found = BLOCKS["rest"](tight, estimate, START.faces, Effort()).estimate
+    found = BLOCKS["rest"](tight, estimate, START.faces, BlockOptions()).estimate
     np.testing.assert_allclose(found.templates, first[None].repeat(3, axis=0), atol=1e-4)
 
 
@@ -430,7 +438,7 @@ def test_weights_start_near_the_segments_and_rings_between_them() -> None:
     np.testing.assert_allclose(np.asarray(rings.sum(axis=1)), 1, atol=1e-12)
     left, right = (rings @ START.template)[[1, 2]]
     np.testing.assert_allclose(left, right * [-1, 1, 1], atol=1e-12)
-    assert signed_volume(START.template, START.faces) > 0
+    assert volume(START.template, START.faces) > 0
 
 
 # Un-posing.
@@ -472,8 +480,8 @@ def test_spoiling_is_the_same_for_the_same_seed_however_it_is_read() -> None:
     spoiled = Spoiled(DATA, seed=7, noise=0.002, missing=0.2, outliers=0.1)
     whole = spoiled.read(slice(0, 12))
     np.testing.assert_array_equal(spoiled.read(slice(5, 8)).vertices, whole.vertices[5:8])
-    assert (whole.seen == 0).mean() == pytest.approx(0.2, abs=0.01)
-    away = np.linalg.norm(whole.vertices - DATA.vertices, axis=2)[whole.seen > 0]
+    assert (whole.confidence == 0).mean() == pytest.approx(0.2, abs=0.01)
+    away = np.linalg.norm(whole.vertices - DATA.vertices, axis=2)[whole.confidence > 0]
     assert 0.05 < (away > 0.05).mean() < 0.2
     assert np.median(away) < 0.006
     assert not np.array_equal(
@@ -523,20 +531,20 @@ def test_a_joint_that_carries_no_vertex_most_has_one_all_the_same() -> None:
 
 def test_held_registrations_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     hidden = Spoiled(DATA, seed=7, missing=0.2)
-    kept = held(hidden)
+    kept = in_memory(hidden)
     assert isinstance(kept, InMemory)
     some = slice(3, 9)
-    for name in ("vertices", "seen", "subject"):
+    for name in ("vertices", "confidence", "subject"):
         np.testing.assert_array_equal(
             getattr(kept.read(some), name), getattr(hidden.read(some), name)
         )
     monkeypatch.setattr("workbench.training.registrations.HELD_BYTES", 1000)
-    assert held(hidden) is hidden
+    assert in_memory(hidden) is hidden
 
 
 def test_in_memory_registrations_are_views() -> None:
     data = InMemory(DATA.vertices, DATA.subject, np.full((12, 35), 0.5))
     batch = data.read(slice(2, 4))
-    assert batch.seen.shape == (2, 35)
+    assert batch.confidence.shape == (2, 35)
     assert data.n_vertices == 35
     assert csr_array(START.rings()).shape == (6, 35)

@@ -11,20 +11,20 @@ from scipy.sparse import csr_array, eye_array
 
 import workbench as wb
 from workbench.errors import BadArgument
-from workbench.training.blocks import Effort, fit_poses
-from workbench.training.carrying import carried_over, finishing, train_coarse_first
-from workbench.training.embedded.collapsing import collapsed
-from workbench.training.embedded.topology import Topology
+from workbench.geometry.mesh_graph import find_mirror
+from workbench.geometry.solids import mesh_edges
+from workbench.synthetic.collapsing import collapsed
+from workbench.synthetic.topology import Topology
+from workbench.training.blocks import BlockOptions, fit_poses
 from workbench.training.estimate import Estimate, Sigmas
 from workbench.training.first_guess import Start
-from workbench.training.lanes import in_lanes
-from workbench.training.mesh_graph import edges_of, find_mirror
-from workbench.training.noticing import ByPattern, noticed
+from workbench.training.locality import MaskedCholesky, local_features
 from workbench.training.objective import Objective
 from workbench.training.plan import NO_LIMIT, QUICK, Plan, Stage, alternation
-from workbench.training.registrations import InMemory
+from workbench.training.registrations import InMemory, halves
 from workbench.training.skinning_pass import SkinningPass
-from workbench.training.thinning import thinned
+from workbench.training.subsampling import subsample
+from workbench.training.upsampling import finishing, train_coarse_first, upsampled
 
 BODY = wb.load_body("small")
 BALL = trimesh.creation.icosphere(3)  # 642 vertices
@@ -33,25 +33,25 @@ BALL = trimesh.creation.icosphere(3)  # 642 vertices
 def test_a_thinned_ball_is_a_ball() -> None:
     """Evenly spread, closed, and no vertex of the ball is far from those that were kept."""
     points, faces = np.asarray(BALL.vertices), np.asarray(BALL.faces)
-    few = thinned(points, faces, 120)
+    few = subsample(points, faces, 120)
     kept = points[few.vertices]
     assert len(few.vertices) == 120
     assert np.linalg.norm(points[:, None] - kept, axis=2).min(axis=1).max() < 0.3
     apart = np.linalg.norm(kept[:, None] - kept, axis=2) + 9 * np.eye(120)
     assert apart.min() > 0.15
     assert len(few.faces) == 2 * 120 - 4  # Euler: closed, without handles
-    assert len(edges_of(few.faces)) == 3 * 120 - 6
+    assert len(mesh_edges(few.faces)) == 3 * 120 - 6
 
 
 def test_few_enough_vertices_stay_as_they_are() -> None:
-    few = thinned(BODY.template, BODY.faces)
+    few = subsample(BODY.template, BODY.faces)
     assert np.array_equal(few.vertices, np.arange(BODY.n_vertices))
     assert few.faces is BODY.faces
 
 
 def test_a_thinned_body_moves_as_the_body_does() -> None:
     """Its joints too, though the vertices that they were means of are gone."""
-    few = thinned(BODY.template, BODY.faces, 90)
+    few = subsample(BODY.template, BODY.faces, 90)
     rng = np.random.default_rng(0)
     pose, betas = 0.4 * rng.normal(size=(24, 3)), rng.normal(size=10)
     whole, sparse = BODY.vertices(pose, betas), few.body(BODY).vertices(pose, betas)
@@ -64,7 +64,7 @@ def _posed() -> tuple[Estimate, Objective]:
     templates = BODY.template + 0.01 * rng.normal(size=(2, 1, 1)) * BODY.template
     joints = np.stack([BODY.J_regressor @ T for T in templates])
     truth = Estimate(templates, joints, BODY.posedirs, BODY.weights, poses, BODY.parents)
-    data = InMemory(SkinningPass(truth, slice(0, 4), subject).points, subject)
+    data = InMemory(SkinningPass.of(truth, slice(0, 4), subject).points, subject)
     sigmas = Sigmas(rings=np.inf)
     return truth, Objective(data, BODY.J_regressor, BODY.weights, None, sigmas, BODY.template)
 
@@ -73,19 +73,14 @@ def test_poses_come_back_from_some_of_the_vertices() -> None:
     truth, objective = _posed()
     near = truth.moved({"poses": 0.02 * np.random.default_rng(2).normal(size=truth.poses.shape)})
     for _ in range(4):
-        near = fit_poses(objective, near, BODY.faces, Effort(pose_vertices=200)).estimate
+        near = fit_poses(objective, near, BODY.faces, BlockOptions(pose_vertices=200)).estimate
     assert objective.rms(near) < 1e-7
 
 
-def test_two_threads_keep_the_order_and_one_item_needs_no_second() -> None:
-    assert in_lanes(list, [1, 2, 3, 4, 5]) == [[1, 2], [3, 4, 5]]
-    assert in_lanes(list, [7]) == [[7]]
-    assert in_lanes(list, []) == [[]]
-
-
-def test_what_fails_in_a_thread_is_told() -> None:
-    with pytest.raises(ZeroDivisionError):
-        in_lanes(lambda some: [1 / x for x in some], [1, 2, 3, 0])
+def test_two_threads_have_a_half_each_and_one_item_needs_no_second() -> None:
+    assert halves([1, 2, 3, 4, 5]) == [[1, 2], [3, 4, 5]]
+    assert halves([7]) == [[7]]
+    assert halves([]) == [[]]
 
 
 def test_a_vertex_notices_joints_so_many_bones_away() -> None:
@@ -94,7 +89,7 @@ def test_a_vertex_notices_joints_so_many_bones_away() -> None:
     weights[2] = 0.99, 0.01, 0, 0  # too little to count
     parents = (-1, 0, 1, 2)
     for reach, far in ((0, "001 000 000"), (1, "011 100 100"), (3, "111 111 111")):
-        found = noticed(weights, parents, reach)
+        found = local_features(weights, parents, reach)
         wanted = [[x == "1" for x in row] for row in far.split()]
         assert np.array_equal(found, np.repeat(wanted, 9, axis=1))
 
@@ -104,7 +99,7 @@ def test_few_columns_of_a_system_are_a_system() -> None:
     A = rng.normal(size=(30, 8))
     gram, own = A.T @ A, rng.random((12, 8)) < 0.6
     right = rng.normal(size=(12, 3, 8))
-    found = ByPattern.of(gram, own).solved(right)
+    found = MaskedCholesky.of(gram, own).solved(right)
     for x, b, mine in zip(found, right, own, strict=True):
         assert not x[:, ~mine].any()
         assert x[:, mine] @ gram[np.ix_(mine, mine)] == pytest.approx(b[:, mine])
@@ -131,7 +126,7 @@ def test_short_edges_collapse_alike_on_both_sides() -> None:
 def test_an_estimate_carried_over_to_its_own_mesh_is_the_same() -> None:
     truth, _ = _posed()
     start = Start.of(BODY)
-    again = carried_over(truth, start, start)
+    again = upsampled(truth, start, start)
     for name in ("templates", "posedirs", "weights", "joints", "poses"):
         assert getattr(again, name) == pytest.approx(getattr(truth, name), abs=1e-12)
 
@@ -147,7 +142,7 @@ def test_a_large_mesh_is_trained_on_some_of_its_vertices_first(tmp_path: Path) -
     assert len(found.log) > 6
     assert found.estimate.templates.shape == truth.templates.shape
     assert found.objective.rms(found.estimate) < 0.002
-    near = found.objective.noticed
+    near = found.objective.locality
     assert near is not None
     assert 0.05 < near.mean() < 0.5
     assert not found.estimate.posedirs[~near[:, None] & np.ones((1, 3, 1), bool)].any()
@@ -157,10 +152,10 @@ def test_a_large_mesh_is_trained_on_some_of_its_vertices_first(tmp_path: Path) -
 
 
 def test_a_large_mesh_is_finished_under_the_plan_s_own_sigmas() -> None:
-    last = Stage(Sigmas(posedirs=0.123), ("surfaces",), 1, Effort(products=7))
+    last = Stage(Sigmas(posedirs=0.123), ("surfaces",), 1, BlockOptions(products=7))
     (stage,) = finishing(last).stages
     assert stage.sigmas == last.sigmas
-    assert stage.effort == Effort(products=7, pose_vertices=NO_LIMIT)
+    assert stage.options == BlockOptions(products=7, pose_vertices=NO_LIMIT)
     (usual,) = finishing().stages
     assert usual.sigmas == alternation().stages[-1].sigmas
 
@@ -175,7 +170,7 @@ def test_a_segment_that_thinning_loses_is_no_reason_to_refuse() -> None:
     odd = replace(start, segmentation=segmentation)
     sides = odd.mirror()
     assert sides is not None
-    chosen = {n: thinned(odd.template, odd.faces, n, sides.vertices) for n in range(60, 200, 20)}
+    chosen = {n: subsample(odd.template, odd.faces, n, sides.vertices) for n in range(60, 200, 20)}
     lost = [n for n, few in chosen.items() if whole[-1] not in few.vertices]
     plan = Plan((Stage(Sigmas(), ("rest",), 1, QUICK),), 2)
     found = train_coarse_first(objective.registrations, odd, plan, coarse=lost[-1])
@@ -183,11 +178,11 @@ def test_a_segment_that_thinning_loses_is_no_reason_to_refuse() -> None:
 
 
 def test_a_scan_that_shows_nothing_of_the_chosen_vertices_is_refused() -> None:
-    few = thinned(BODY.template, BODY.faces, 50)
-    seen = np.ones((2, BODY.n_vertices))
-    seen[1, few.vertices] = 0
-    data = InMemory(np.repeat(BODY.template[None], 2, axis=0), np.zeros(2, int), seen)
-    assert few.registrations(data).read(slice(0, 1)).seen.all()
+    few = subsample(BODY.template, BODY.faces, 50)
+    confidence = np.ones((2, BODY.n_vertices))
+    confidence[1, few.vertices] = 0
+    data = InMemory(np.repeat(BODY.template[None], 2, axis=0), np.zeros(2, int), confidence)
+    assert few.registrations(data).read(slice(0, 1)).confidence.all()
     with pytest.raises(BadArgument, match="registration 1 shows so little"):
         few.registrations(data).read(slice(0, 2))
 
@@ -195,7 +190,7 @@ def test_a_scan_that_shows_nothing_of_the_chosen_vertices_is_refused() -> None:
 def test_a_thinned_mesh_keeps_its_sides() -> None:
     mirror = Start.of(BODY).mirror()
     assert mirror is not None
-    few = thinned(BODY.template, BODY.faces, 101, mirror.vertices)
+    few = subsample(BODY.template, BODY.faces, 101, mirror.vertices)
     own = few.mirror(mirror)
     assert np.array_equal(own.vertices[own.vertices], np.arange(len(few.vertices)))
     reflected = own.points(BODY.template[few.vertices])

@@ -11,26 +11,24 @@ from math import inf
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from workbench import SkinnedBody, load_body
 from workbench.geometry.rigid import procrustes
-from workbench.training.blocks import BLOCKS, Effort, Found
-from workbench.training.estimate import Estimate, Sigmas
-from workbench.training.first_guess import Start
-from workbench.training.held_out import generalization
-from workbench.training.made_up import (
+from workbench.synthetic.made_up import (
     Spoiled,
     Truth,
     draw_registrations,
     random_smpl,
     worm,
 )
+from workbench.training.blocks import BLOCKS, BlockOptions, BlockResult
+from workbench.training.estimate import Estimate, Sigmas
+from workbench.training.evaluation import generalization_errors
+from workbench.training.first_guess import Start
 from workbench.training.objective import Objective
 from workbench.training.plan import annealed
 from workbench.training.training import Trained, train
 
-Array = NDArray[np.float64]
 FACTORS = (1.0, 10.0, 100.0)
 TURN = 1.6  # rad, the largest
 SIGMAS = Sigmas(
@@ -50,7 +48,7 @@ class Recovery:
     def held_out(self) -> float:
         """The largest distance of other people in other poses, m."""
         others, _ = draw_registrations(self.body, 4, 2, seed=99, turn=TURN)
-        return generalization(self.trained.body, others).largest
+        return generalization_errors(self.trained.body, others).largest
 
     def joints(self) -> float:
         """How far joints of held-out bodies of the same shape space are off, but the root, m."""
@@ -114,9 +112,9 @@ class Near:
     start: Start
     estimate: Estimate
 
-    def together(self, estimate: Estimate, **effort: float) -> Found:
-        """As long as the effort has it."""
-        given = replace(Effort(), **effort)
+    def together(self, estimate: Estimate, **options: float) -> BlockResult:
+        """The block with these options."""
+        given = replace(BlockOptions(), **options)
         return BLOCKS["together"](self.objective, estimate, self.start.faces, given)
 
 
@@ -196,7 +194,7 @@ def template_error(start: Start, body: SkinnedBody, poses: int, noise: float = 0
     exact = Objective(data, start.rings(), start.weights(), None, FREE)
     fitted = Objective(noisy, start.rings(), start.weights(), None, FREE)
     at = at_the_truth(body, truth)
-    found = BLOCKS["surfaces"](fitted, at, start.faces, Effort(products=400)).estimate
+    found = BLOCKS["surfaces"](fitted, at, start.faces, BlockOptions(products=400)).estimate
     return exact.rms(found)
 
 

@@ -13,15 +13,16 @@ import pytest
 
 from workbench import SkinnedBody, load_body, save_body
 from workbench.errors import BadArgument, BadFile
+from workbench.synthetic.made_up import Spoiled, draw_registrations, random_smpl, worm
 from workbench.training import blocks
-from workbench.training.blocks import Effort, Found
+from workbench.training.blocks import BlockOptions, BlockResult
 from workbench.training.checkpoint import FILE
 from workbench.training.estimate import Estimate
-from workbench.training.held_out import generalization
-from workbench.training.made_up import Spoiled, draw_registrations, random_smpl, worm
+from workbench.training.evaluation import generalization_errors
 from workbench.training.objective import Objective
 from workbench.training.plan import Plan, alternation
-from workbench.training.pose_training import NotLowered, Progress
+from workbench.training.pose_training import NotLowered
+from workbench.training.progress import Progress
 from workbench.training.training import train
 
 START = worm(7, 5)
@@ -33,8 +34,8 @@ SHAPES, _ = draw_registrations(BODY, 12, 1, seed=6, turn=0.1)
 
 def short_plan() -> Plan:
     plan = alternation(rounds=1)
-    effort = Effort(linear_tolerance=1e-3, products=20, together_steps=2)
-    return Plan(tuple(replace(stage, effort=effort) for stage in plan.stages))
+    options = BlockOptions(linear_tolerance=1e-3, products=20, together_steps=2)
+    return Plan(tuple(replace(stage, options=options) for stage in plan.stages))
 
 
 @dataclass
@@ -76,7 +77,7 @@ def test_it_explains_others_better_than_its_start_does() -> None:
     found = train(DATA, START, plan=short_plan(), n_betas=2).body
     others, _ = draw_registrations(BODY, 3, 2, seed=9)
     plain = replace(found, posedirs=0 * found.posedirs)
-    trained, without = (generalization(b, others).rms for b in (found, plain))
+    trained, without = (generalization_errors(b, others).rms for b in (found, plain))
     assert trained < 0.9 * without
 
 
@@ -88,9 +89,9 @@ def test_one_subject_teaches_no_shape() -> None:
 
 def test_a_block_that_raises_the_cost_stops_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
     def worse(
-        objective: Objective, estimate: Estimate, faces: object, effort: Effort, say: object
-    ) -> Found:
-        return Found(replace(estimate, templates=1.01 * estimate.templates), {})
+        objective: Objective, estimate: Estimate, faces: object, options: BlockOptions, say: object
+    ) -> BlockResult:
+        return BlockResult(replace(estimate, templates=1.01 * estimate.templates), {})
 
     monkeypatch.setitem(blocks.BLOCKS, "weights", worse)
     with pytest.raises(NotLowered, match="'weights' raised the cost"):
@@ -104,6 +105,12 @@ def test_a_checkpoint_of_another_training_is_refused(tmp_path: Path) -> None:
         train(other, START, plan=short_plan(), folder=tmp_path)
     with pytest.raises(BadFile, match="another plan"):
         train(DATA, START, plan=alternation(rounds=2), folder=tmp_path)
+    with np.load(tmp_path / FILE) as archive:
+        arrays = dict(archive)
+    arrays["said"] = np.array(str(arrays["said"]).replace('"2:', '"'))  # as the version before
+    np.savez(tmp_path / FILE, **arrays)
+    with pytest.raises(BadFile, match=r"another version .*remove it to start anew"):
+        train(DATA, START, plan=short_plan(), folder=tmp_path)
     (tmp_path / FILE).write_bytes(b"PK nothing")
     with pytest.raises(BadFile, match="is no checkpoint"):
         train(DATA, START, plan=short_plan(), folder=tmp_path)
@@ -114,7 +121,7 @@ import sys
 from pathlib import Path
 from tests.training.test_training import DATA, START, short_plan
 from workbench.training.training import train
-from workbench.bodies.saving import save_body
+from workbench.bodies.files.saving import save_body
 class Say:
     def block(self, p):
         print(p.number, p.entry.block, flush=True)

@@ -11,8 +11,8 @@ from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.training.registrations import InMemory
 from workbench.training.triangles.alternation import (
     SMOOTHNESS,
-    Effort,
-    State,
+    TriangleEstimate,
+    TriangleOptions,
     bends,
     persons,
     shapes,
@@ -23,11 +23,11 @@ from workbench.training.triangles.stitched_fit import Direct, neighbour_differen
 
 SMALL = wb.load_body("small")
 BY = Direct()
-ONCE = Effort(rounds=1, bends=BY, persons=BY)
+ONCE = TriangleOptions(rounds=1, bends=BY, persons=BY)
 RIDGE = 1e-7
 
 
-def made(blended: bool) -> tuple[TriangleBody, State, InMemory, InMemory]:
+def made(blended: bool) -> tuple[TriangleBody, TriangleEstimate, InMemory, InMemory]:
     """A generator, a start that knows poses to 0.1 rad and nothing of Q, and its meshes."""
     true, rng = generator(blended), np.random.default_rng(0)
     betas = rng.normal(size=(P, B))
@@ -37,7 +37,7 @@ def made(blended: bool) -> tuple[TriangleBody, State, InMemory, InMemory]:
     posed = InMemory(true.vertices(poses, betas[who], rng.normal(size=(24, 3))), who)
     D = np.eye(3) + np.moveaxis(true.shapedirs @ betas.T, 3, 0)
     off = [p + rng.normal(scale=0.1, size=p.shape) for p in (poses, still)]
-    return true, State(untrained(true), D, *off), standing, posed
+    return true, TriangleEstimate(untrained(true), D, *off), standing, posed
 
 
 @pytest.mark.parametrize("blended", [False, True], ids=["SCAPE", "BlendSCAPE"])
@@ -59,7 +59,7 @@ def test_no_block_raises_what_all_of_them_lower(blended: bool) -> None:
     assert left[0] > 0.01  # m
 
 
-def cost(true: TriangleBody, state: State, posed: InMemory) -> float:
+def cost(true: TriangleBody, state: TriangleEstimate, posed: InMemory) -> float:
     """The meshes', E_Q and E_D, m^2."""
     data = posed.vertices.size / 3 * state.fits(posed, 0).rms(posed.vertices) ** 2
     tied = neighbour_differences(true.faces)
@@ -69,7 +69,7 @@ def cost(true: TriangleBody, state: State, posed: InMemory) -> float:
 
 def test_rounds_of_all_blocks_find_a_model_that_explains_its_meshes() -> None:
     _, begun, standing, posed = made(blended=False)
-    end = train_triangles(begun, standing, posed, n_betas=B, ridge=RIDGE, effort=ONCE)
+    end = train_triangles(begun, standing, posed, n_betas=B, ridge=RIDGE, options=ONCE)
     before, after = (s.fits(posed, 10).rms(posed.vertices) for s in (begun, end))
     assert after < 0.2 * before
     assert end.body.n_betas == B

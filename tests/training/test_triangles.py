@@ -13,13 +13,11 @@ from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.errors import BadArgument
 from workbench.geometry.stitching import Stitching
 from workbench.geometry.triangles import edges, gradients
-from workbench.training.triangles.comparison import (
-    additivity_gap,
+from workbench.studies.triangles.explained_variance import (
     explained_by_triangles,
     explained_by_vertices,
-    n_parameters,
-    unposed,
 )
+from workbench.studies.triangles.measures import additivity_gap, n_parameters, unposed
 from workbench.training.triangles.learning import PosedMeshes, learn, learn_bends, learn_person
 from workbench.training.triangles.shape_space import learn_shapes, stitched_directions
 from workbench.training.triangles.stitched_fit import (
@@ -97,10 +95,12 @@ def test_fitting_each_triangle_alone_would_not_do() -> None:
     X = gradients(true.template, posed.vertices, true.faces)
     Q = np.linalg.solve(np.stack([a.B @ a.D for a in at]), X) - np.eye(3)
     twists = np.stack([a.twists for a in at])
-    posedirs = np.stack([
-        np.linalg.lstsq(twists[:, f], Q[:, f].reshape(len(Q), 9))[0].T.reshape(3, 3, -1)
-        for f in range(true.n_faces)
-    ])  # fmt: skip
+    posedirs = np.stack(
+        [
+            np.linalg.lstsq(twists[:, f], Q[:, f].reshape(len(Q), 9))[0].T.reshape(3, 3, -1)
+            for f in range(true.n_faces)
+        ]
+    )
     alone = replace(true, posedirs=posedirs)
     poses = np.random.default_rng(3).normal(scale=0.5, size=(10, 3, 3))
     assert abs(alone.vertices(poses) - true.vertices(poses)).max() > 1e-3
@@ -172,13 +172,13 @@ def test_the_fit_is_the_dense_least_squares_solution(
 def test_closing_edges_is_an_orthogonal_projection() -> None:
     stitching, rng = Stitching(SMALL.faces, SMALL.n_vertices), np.random.default_rng(7)
     a, b = rng.normal(size=(2, 2 * len(SMALL.faces), 3))
-    closed = ClosedEdges(stitching).seen
+    closed = ClosedEdges(stitching).observed
     np.testing.assert_allclose(closed(closed(a)), closed(a), atol=1e-12)
     np.testing.assert_allclose((closed(a) * b).sum(), (a * closed(b)).sum(), atol=1e-9)
     mesh = edges(SMALL.template, SMALL.faces).reshape(-1, 3)
     np.testing.assert_allclose(closed(mesh), mesh, atol=1e-13)
     centred = SMALL.template - SMALL.template.mean(axis=0)
-    np.testing.assert_allclose(CentredVertices(stitching).seen(mesh), centred, atol=1e-12)
+    np.testing.assert_allclose(CentredVertices(stitching).observed(mesh), centred, atol=1e-12)
 
 
 def test_neighbours_of_a_tetrahedron_are_all_pairs() -> None:
@@ -213,8 +213,13 @@ def test_what_does_not_fit_together_is_refused() -> None:
     with pytest.raises(BadArgument, match="must be as many"):
         PosedMeshes(posed.vertices, posed.poses[:1], posed.person)
     with pytest.raises(BadArgument, match="persons 0 to 2, no others"):
-        learn(true, true.vertices(betas=betas[:3]), PosedMeshes(
-            posed.vertices, posed.poses, np.full(3, 3)), n_betas=1, ridge=0.0)  # fmt: skip
+        learn(
+            true,
+            true.vertices(betas=betas[:3]),
+            PosedMeshes(posed.vertices, posed.poses, np.full(3, 3)),
+            n_betas=1,
+            ridge=0.0,
+        )
 
 
 # SMPL's way beside SCAPE's.

@@ -18,10 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from workbench.arrays import Array, Index
 from workbench.blocks.buffered import Buffered
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 FILLED = 0.2  # of a matrix: above, dense products are faster than sparse ones
 SMALL = 10_000  # entries of a matrix: below, they are as well
 BENT = 1e-6  # of the largest number in it: by more no rounding errors make a map of sums bent
@@ -33,10 +32,15 @@ class Affine:
     """offset + sum over blocks of matrix @ block, as an array of `shape`.
 
     `terms` has a matrix (size, size of the block) by the name of each block.
+
+    Attributes:
+        shape: the shape of the array that the map makes, as a user sees it.
+        offset: (size,) the array where all blocks are zero, flat, row by row.
+        terms: for each block's name the matrix (size, size of the block) that multiplies it.
     """
 
     shape: tuple[int, ...]
-    offset: Array  # (size,)
+    offset: Array
     terms: Mapping[str, csr_array]
 
     @staticmethod
@@ -172,7 +176,7 @@ def alone(maps: Sequence[Affine]) -> tuple[tuple[tuple[str, int] | None, ...], .
 
 
 def place_of(rows: Sequence[tuple[str, int] | None]) -> tuple[str, int] | None:
-    """Where rows stand that are entries of one block, one after the other; None if they do not."""
+    """Where consecutive rows stand that are consecutive entries of one block; None otherwise."""
     first = rows[0]
     if first is None:
         return None
@@ -201,7 +205,7 @@ def _by_matrices(column: cs.MX, symbols: Sequence[cs.MX]) -> list[csr_array] | N
 
 
 def _by_scalars(column: cs.MX, symbols: Sequence[cs.MX]) -> list[csr_array] | None:
-    """The same by SX, one instruction for each entry, which simplifies more and loses nothing."""
+    """The derivatives by SX, one instruction per entry, which simplifies more and is exact."""
     try:
         function = cs.Function("argument", symbols, [column]).expand()
     except (RuntimeError, NotImplementedError):  # it calls what has no scalar instructions

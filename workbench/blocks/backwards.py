@@ -10,7 +10,7 @@ import casadi as cs
 LOSES = (cs.OP_ADD, cs.OP_SUB, cs.OP_FMOD, cs.OP_REMAINDER)
 
 
-def written_out(expression: cs.MX) -> cs.MX:
+def scalars_repeated(expression: cs.MX) -> cs.MX:
     """The same expression, every scalar repeated that is added to a matrix.
 
     casadi.jacobian of it by a symbol is right in both directions. A function that the expression

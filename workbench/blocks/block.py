@@ -9,8 +9,9 @@ from typing import Any
 
 import casadi as cs
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from workbench.arrays import Array, Mask
 from workbench.blocks.checks import texts
 from workbench.errors import BadBlock
 
@@ -26,14 +27,23 @@ class Block:
     given as a single number. Where the block is `framed`, its first axis counts the frames of a
     sequence, and labels name the rows of each frame. Raises BadBlock for a shape or labels that
     make no sense.
+
+    Attributes:
+        name: the block's name, which labels and error messages use.
+        shape: the shape of the array, as a user sees it.
+        unit: what each entry measures, such as `rad`; `1` for a number without a unit.
+        labels: a name for each row, or None.
+        whole: the block of which this one is a part, under the same name; None for a whole block.
+        entries: which entries of the whole block are in this part, counted row by row, rising.
+        framed: whether the first axis counts the frames of a sequence.
     """
 
     name: str
     shape: tuple[int, ...] = ()
     unit: str = "1"
     labels: tuple[str, ...] | None = None
-    whole: "Block | None" = None  # of which it is a part, under the same name
-    entries: tuple[int, ...] | None = None  # of the whole's, row by row, rising
+    whole: "Block | None" = None
+    entries: tuple[int, ...] | None = None
     framed: bool = False
 
     def __post_init__(self) -> None:
@@ -74,17 +84,17 @@ class Block:
 
     @property
     def places(self) -> Sequence[int]:
-        """Where its numbers stand among those of the `base`."""
+        """Where the numbers of this block stand among those of the `base`."""
         return range(self.size) if self.entries is None else self.entries
 
-    def taken(self, value: ArrayLike) -> NDArray[np.float64]:
+    def taken(self, value: ArrayLike) -> Array:
         """Its numbers, of its own shape, out of a value of the `base`."""
         flat = np.asarray(value, dtype=float).reshape(-1)
         return (flat if self.entries is None else flat[list(self.entries)]).reshape(self.shape)
 
     @property
     def size(self) -> int:
-        """How many numbers it holds."""
+        """The number of entries."""
         return prod(self.shape)
 
     @property
@@ -117,8 +127,8 @@ class Block:
             names[-1] = AXES[last]
         return f"[{', '.join(names)}]"
 
-    def where(self, found: NDArray[np.bool_]) -> str:
-        """Where in the array (of this block's shape) the first true entry stands."""
+    def where(self, found: Mask) -> str:
+        """The name of the first true entry of an array of this block's shape."""
         return self.entry(int(np.argmax(found.ravel()))) or "its only entry"
 
     def __getstate__(self) -> dict[str, Any]:

@@ -4,9 +4,8 @@ from threading import Lock
 
 import casadi as cs
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from workbench.arrays import Array
 
 
 class Buffered:

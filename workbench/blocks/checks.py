@@ -43,7 +43,7 @@ def mapping(what: str, given: object, error: Error = BadArgument) -> Mapping[str
 
 
 def _iterable(given: object) -> bool:
-    """Whether it can be gone through: CasADi's matrices have __iter__, and refuse."""
+    """Whether a value can be iterated over; CasADi's matrices have __iter__, but refuse."""
     try:
         iter(given)  # type: ignore[call-overload]  # that is the question
     except TypeError:

@@ -12,18 +12,18 @@ import re
 from collections.abc import Collection, Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Index
 from workbench.blocks.block import Block
 from workbench.blocks.layout import Layout
 from workbench.errors import BadArgument, UnknownName
 
-Indices = NDArray[np.int64]
+Indices = Index
 ROWS = re.compile(r"(\d+)|(\d*):(\d*)")  # a number, or a run of them
 
 
 def entries(layout: Layout, names: str | Iterable[str], kind: str = "free block") -> Indices:
-    """Where the named entries stand in the flat vector of a layout, rising.
+    """The places of the named entries in the flat vector of a layout, rising.
 
     Raises UnknownName, which lists what exists, or BadArgument if nothing is named.
     """
@@ -54,6 +54,8 @@ def meant(layout: Layout, name: str, kind: str = "free block") -> list[int]:
     at = layout.slices[block]
     if block == name:
         return list(range(at.start, at.stop))
+    if name in layout.single_labels:
+        return [layout.single_labels[name]]
     labels = {i: layout.label(i) for i in range(at.start, at.stop)}
     row = name.removesuffix("]")
     found = [i for i, label in labels.items() if label == name or label.startswith(row + ", ")]

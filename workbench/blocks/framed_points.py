@@ -6,29 +6,33 @@ from functools import cached_property
 
 import casadi as cs
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_array, vstack
 
+from workbench.arrays import Array
 from workbench.blocks.block import Block
 from workbench.blocks.frames import FrameBlocks
 from workbench.blocks.points import NumericPoints, PointsAt, PointSource
 from workbench.blocks.sparse_points import jacobian_of, pattern_of
 from workbench.blocks.tree import Tree
 
-Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True, eq=False)
 class FramedPoints:
-    """The points of one source in some frames, those of the first frame first; see PointSource."""
+    """The points of one source in some frames, those of the first frame first; see PointSource.
+
+    Attributes:
+        source: where the points of a single frame come from.
+        frames: the blocks of the sequence.
+        some: the numbers of the frames whose points these are.
+    """
 
     source: PointSource
     frames: FrameBlocks
-    some: tuple[int, ...]  # which frames
+    some: tuple[int, ...]
 
     @property
     def count(self) -> int:
-        """N for each of the frames."""
+        """The number of points in all of these frames together."""
         return self.source.count * len(self.some)
 
     @cached_property
@@ -39,7 +43,7 @@ class FramedPoints:
 
     @property
     def blocks(self) -> tuple[Block, ...]:
-        """Those of the source, in the sequence."""
+        """The blocks of the sequence that the points depend on."""
         return tuple(self.frames[block.name] for block in self.source.blocks)
 
     @cached_property
@@ -75,7 +79,7 @@ class FramedPoints:
 
     @cached_property
     def numeric(self) -> NumericPoints | None:
-        """By the arithmetic of the source, frame after frame."""
+        """The arithmetic of the source, applied frame after frame; None if it has none."""
         found = self.source.numeric
         if found is None:
             return None
@@ -85,12 +89,19 @@ class FramedPoints:
 
 @dataclass(frozen=True, eq=False)
 class NumericFrames:
-    """Arithmetic for such points; see NumericPoints."""
+    """Arithmetic for such points; see NumericPoints.
+
+    Attributes:
+        source: the arithmetic for the points of a single frame.
+        blocks: the blocks of the sequence that the points depend on, by name.
+        some: the numbers of the frames whose points these are.
+        count: N, the number of points in one frame.
+    """
 
     source: NumericPoints
-    blocks: Mapping[str, Block]  # of the sequence
+    blocks: Mapping[str, Block]
     some: Sequence[int]
-    count: int  # N, the points of one frame
+    count: int
 
     @cached_property
     def framed(self) -> dict[str, bool]:
@@ -109,11 +120,11 @@ class NumericFrames:
 
     @property
     def reads(self) -> tuple[str, ...]:
-        """As the source."""
+        """The names of the blocks that the points depend on."""
         return self.source.reads
 
     def at(self, values: Mapping[str, Array]) -> "FramesAt":
-        """Where the blocks of the sequence have these values."""
+        """The points where the blocks of the sequence have these values."""
         each = [
             self.source.at(
                 {n: values[n][t] if own else values[n] for n, own in self.framed.items()}
@@ -146,11 +157,11 @@ class FramesAt:
 
     @cached_property
     def points(self) -> Array:
-        """(N len(some), 3) m."""
+        """The points, (N len(some), 3) m."""
         return np.concatenate([here.points for here in self.each])
 
     def jacobian(self, name: str) -> csc_array:
-        """By a block that has a pattern, (3 N len(some), size)."""
+        """The derivative by a block that has a pattern, (3 N len(some), size)."""
         block = self.of.blocks[name]
         if pattern_of(self.of.source, name) is not None:
             each = [jacobian_of(here, name) for here in self.each]
@@ -179,7 +190,7 @@ class FramesAt:
             here.tangent(rooms, None if scale is None else scale[at])
 
     def adjoint(self, pull: Array) -> dict[str, Array]:
-        """By every block that is read, flat."""
+        """The gradient by every block that is read, flat."""
         found = {name: np.zeros(block.size) for name, block in self.of.blocks.items()}
         pulls = pull.reshape(len(self.each), -1)
         for t, here, own in zip(self.of.some, self.each, pulls, strict=True):
@@ -192,11 +203,19 @@ class FramesAt:
 
 
 def on_the_diagonal(each: Sequence[csc_array], some: Sequence[int], count: int) -> csc_array:
-    """A matrix whose rows are those of some frames, and whose columns are those of all frames."""
+    """A matrix whose rows are those of some frames, and whose columns are those of all frames.
+
+    The frames may come in any order, and more than once.
+    """
     rows, size = each[0].shape
-    lengths = np.zeros((count, size), dtype=np.int64)
-    lengths[list(some)] = [np.diff(one.indptr) for one in each]
-    indices = np.concatenate([one.indices + i * rows for i, one in enumerate(each)])
-    starts = np.concatenate([[0], np.cumsum(lengths.ravel())])
+    i = np.concatenate([one.indices + k * rows for k, one in enumerate(each)])
+    j = np.concatenate(
+        [
+            np.repeat(np.arange(size), np.diff(one.indptr)) + t * size
+            for t, one in zip(some, each, strict=True)
+        ]
+    )
     data = np.concatenate([one.data for one in each])
-    return csc_array((data, indices, starts), shape=(rows * len(each), size * count))
+    found = csc_array((data, (i, j)), shape=(rows * len(each), size * count))
+    found.sort_indices()
+    return found

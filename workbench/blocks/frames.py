@@ -14,9 +14,13 @@ class FrameBlocks:
     """T frames. A block of each frame, of a shape such as (K, 3), is one of shape (T, K, 3) here.
 
     `blocks` has every block of the sequence by name; a block that is not `framed` is shared.
+
+    Attributes:
+        count: T, the number of frames.
+        blocks: every block of the sequence, by name.
     """
 
-    count: int  # T
+    count: int
     blocks: Mapping[str, Block]
 
     def __getitem__(self, name: str) -> Block:

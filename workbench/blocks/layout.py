@@ -7,14 +7,15 @@ from itertools import pairwise
 
 import casadi as cs
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from workbench.arrays import Array, Index
 from workbench.blocks.block import Block
 from workbench.blocks.checks import mapping, several
 from workbench.blocks.reals import reals
 from workbench.errors import BadBlock, MissingValue, NonFiniteValue, ShapeMismatch, UnknownName
 
-Values = dict[str, NDArray[np.float64]]
+Values = dict[str, Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,20 +38,34 @@ class Layout:
 
     @cached_property
     def size(self) -> int:
-        """The length of the vector."""
+        """The length of the flat vector."""
         return int(self._edges[-1])
 
     @cached_property
-    def _edges(self) -> NDArray[np.int64]:
+    def _edges(self) -> Index:
         return np.cumsum([0, *(block.size for block in self.blocks)])
 
     @cached_property
     def slices(self) -> dict[str, slice]:
-        """Where each block lies in the vector."""
+        """The places of each block in the flat vector."""
         return {
             b.name: slice(int(i), int(j))
             for b, (i, j) in zip(self.blocks, pairwise(self._edges), strict=True)
         }
+
+    @cached_property
+    def single_labels(self) -> dict[str, int]:
+        """The place of each label that no other label continues: of `pose[12, head, x]`, say."""
+        found: dict[str, int] = {}
+        several: set[str] = set()
+        for i in range(self.size):
+            label = self.label(i)
+            several |= {label} if label in found else set()
+            found[label] = i
+            while ", " in label:
+                label = label.rpartition(", ")[0]
+                several.add(label + "]")
+        return {label: i for label, i in found.items() if label not in several}
 
     def __getitem__(self, name: str) -> Block:
         for block in self.blocks:
@@ -58,7 +73,7 @@ class Layout:
                 return block
         raise UnknownName("block", name, self.names)
 
-    def pack(self, values: Mapping[str, ArrayLike]) -> NDArray[np.float64]:
+    def pack(self, values: Mapping[str, ArrayLike]) -> Array:
         """The named arrays as one vector (size,); checks every name, shape and number.
 
         Raises MissingValue, NotNumbers, ShapeMismatch, NonFiniteValue, or BadArgument for what is
@@ -81,9 +96,7 @@ class Layout:
             flat[self.slices[block.name]] = taken.ravel()
         return flat
 
-    def unpack(
-        self, flat: NDArray[np.float64], around: Mapping[str, ArrayLike] | None = None
-    ) -> Values:
+    def unpack(self, flat: Array, around: Mapping[str, ArrayLike] | None = None) -> Values:
         """Undo `pack`; the arrays are parts of one copy.
 
         The other entries of a block that stands here in part are those `around`, where the whole
@@ -102,7 +115,7 @@ class Layout:
             found[block.name] = value
         return found
 
-    def placed(self, flat: NDArray[np.float64]) -> Values:
+    def placed(self, flat: Array) -> Values:
         """The numbers in arrays of whole blocks, zero where entries are not in the vector."""
         return self.unpack(flat, {b.name: np.zeros(b.base.shape) for b in self.parts})
 
@@ -127,11 +140,15 @@ class Layout:
         for place in places:
             block, i = self.block_of(int(place))
             taken.setdefault(block.name, []).append(block.places[i])
-        return Layout(tuple(
-            b.base if len(set(taken[b.name])) == b.base.size else Block.part(b.base, taken[b.name])
-            for b in self.blocks
-            if b.name in taken
-        ))  # fmt: skip
+        return Layout(
+            tuple(
+                b.base
+                if len(set(taken[b.name])) == b.base.size
+                else Block.part(b.base, taken[b.name])
+                for b in self.blocks
+                if b.name in taken
+            )
+        )
 
     def pieces(self, flat: cs.MX) -> list[cs.MX]:
         """A symbolic vector (size, 1) cut into one matrix per block, axes reversed."""
@@ -148,7 +165,7 @@ class Layout:
         return self.blocks[which], index - int(self._edges[which])
 
     def place(self, name: str, entry: int) -> int | None:
-        """Where an entry of a block stands in the vector; None if it does not."""
+        """The place of a block's entry in the flat vector; None if it is not in it."""
         at = self.slices.get(name)
         if at is None:
             return None
@@ -176,9 +193,7 @@ class Layout:
         return Layout(tuple(self[name] for name in names))
 
 
-def all_values(
-    free: Layout, x: NDArray[np.float64], fixed: Layout, given: NDArray[np.float64]
-) -> Values:
+def all_values(free: Layout, x: Array, fixed: Layout, given: Array) -> Values:
     """The values of all blocks, from their free and fixed numbers x and `given`.
 
     A block that is free in part stands in both layouts, in the fixed one as a whole.

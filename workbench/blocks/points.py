@@ -5,15 +5,13 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import casadi as cs
-import numpy as np
-from numpy.typing import NDArray
 
-from workbench.blocks.backwards import written_out
+from workbench.arrays import Array
+from workbench.blocks.backwards import scalars_repeated
 from workbench.blocks.block import Block
 from workbench.blocks.tree import Tree
 from workbench.errors import BadResidual, NotSupported, TwoSymbolsOneName
 
-Array = NDArray[np.float64]
 PLACEHOLDER = "placeholder("  # how the names of placeholders begin, for whoever prints a graph
 
 
@@ -71,7 +69,7 @@ class PointSource(Protocol):
 
     @property
     def count(self) -> int:
-        """N, the number of points."""
+        """The number of points, N."""
 
     @property
     def expression(self) -> cs.MX | None:
@@ -137,11 +135,11 @@ def in_blocks(expression: cs.MX, points: Iterable[Points]) -> cs.MX:
     """
     listed = tuple(points)
     if not listed:
-        return written_out(expression)
+        return scalars_repeated(expression)
     replaced = cs.graph_substitute(
         expression, [p.symbol for p in listed], [_said(p) for p in listed]
     )
-    return written_out(replaced)
+    return scalars_repeated(replaced)
 
 
 def jacobian(expression: cs.MX, by: cs.MX | Block) -> cs.MX:
@@ -169,7 +167,7 @@ def jacobian(expression: cs.MX, by: cs.MX | Block) -> cs.MX:
     for other in cs.symvar(symbol):
         if other.__hash__() not in read and other.name() in read.values():
             raise TwoSymbolsOneName(other.name())
-    return cs.jacobian(written_out(expression), symbol)
+    return cs.jacobian(scalars_repeated(expression), symbol)
 
 
 def _said(points: Points) -> cs.MX:

@@ -6,6 +6,7 @@ import casadi as cs
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.arrays import Array
 from workbench.errors import NotNumbers
 
 KINDS = {"U": "text", "S": "text", "c": "complex numbers", "M": "dates", "m": "time spans"}
@@ -28,6 +29,6 @@ def numbers(what: str, value: object) -> NDArray[Any]:
     return found
 
 
-def reals(what: str, value: object) -> NDArray[np.float64]:
+def reals(what: str, value: object) -> Array:
     """`value` as float64, itself if it is that already. Raises NotNumbers."""
     return numbers(what, value).astype(np.float64, copy=False)

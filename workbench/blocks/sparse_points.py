@@ -35,7 +35,7 @@ class SparsePointsAt(Protocol):
 
 
 def pattern_of(source: NumericPoints, name: str) -> csc_array | None:
-    """Where the derivative of these points by a block can be nonzero; None if it is dense."""
+    """Where the points' derivative by a block can be nonzero; None if it is dense."""
     if not hasattr(source, "pattern"):
         return None
     return cast(SparsePoints, source).pattern(name)

@@ -3,12 +3,8 @@
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
-from numpy.typing import NDArray
-
 from workbench.blocks.layout import Layout
 
-Index = NDArray[np.int64]
 Place = tuple[str, int]  # a block's name, and the first of three entries in a row
 
 
@@ -20,16 +16,19 @@ class Tree:
     `parents[k] < k` is the parent of joint k, -1 for the root. `at[k]` says where the three numbers
     of joint k stand; None where they stand nowhere as such, as those that are made of coefficients
     of principal components. Without `at`, they stand one after the other in the block `pose`.
+    `rigid_bones` says whether each joint keeps its place on the bone of its parent, as the rank law
+    of observed joints requires; joints found on a surface that deforms do not.
     """
 
     pose: str
     names: tuple[str, ...]
     parents: tuple[int, ...]
     at: tuple[Place | None, ...] | None = None
+    rigid_bones: bool = True
 
     @cached_property
     def places(self) -> tuple[Place | None, ...]:
-        """Where the numbers of each joint stand."""
+        """The block and first entry of each joint's three numbers; None where there are none."""
         if self.at is not None:
             return self.at
         return tuple((self.pose, 3 * k) for k in range(len(self.names)))
@@ -49,7 +48,7 @@ class Tree:
         return f"{self.pose if place is None else place[0]}[{self.names[joint]}]"
 
     def entries(self, joint: int, free: Layout) -> list[int]:
-        """Where those of the joint's three numbers that are free stand among all free numbers."""
+        """Where those of the joint's three numbers that are free stand among the free numbers."""
         place = self.places[joint]
         if place is None or place[0] not in free.slices:
             return []

@@ -1,7 +1,7 @@
-"""A body with one thing taken away, to see what it was good for.
+"""Bodies with one part of the model taken away, to see what that part does.
 
-Each is a function from a body to a body that takes the same pose, betas and trans, so that it can
-be drawn beside the whole one, fitted, diagnosed and sampled like it.
+Each ablation is a function from a body to a body with the same pose, betas and trans, which can be
+drawn beside the whole body, fitted, diagnosed and sampled like it.
 """
 
 from collections.abc import Callable, Mapping
@@ -16,21 +16,21 @@ Ablation = Callable[[SkinnedBody], SkinnedBody]
 
 
 def without_blend_weights(body: SkinnedBody) -> SkinnedBody:
-    """Every vertex rides on the one joint that weighs most in it: rigid parts, torn at joints."""
+    """Every vertex follows the one joint with its largest weight: rigid parts, torn at joints."""
     _refuse_free(body, "weights")
     parts = np.eye(body.n_joints)[body.weights.argmax(axis=1)]
     return replace(body, weights=parts, name=f"{body.name} without blend weights")
 
 
 def without_pose_blend_shapes(body: SkinnedBody) -> SkinnedBody:
-    """Skinning alone: the rest surface does not notice the pose."""
+    """Skinning alone: the rest surface does not depend on the pose."""
     _refuse_free(body, "posedirs")
     none = np.zeros_like(body.posedirs)
     return replace(body, posedirs=none, name=f"{body.name} without pose blend shapes")
 
 
 def without_shape_blend_shapes(body: SkinnedBody) -> SkinnedBody:
-    """Everybody is the mean person, joints included; betas are taken and change nothing."""
+    """Everybody is the mean person, joints included: betas are accepted and change nothing."""
     _refuse_free(body, "shapedirs")
     none = np.zeros_like(body.shapedirs)
     return replace(body, shapedirs=none, name=f"{body.name} without shape blend shapes")

@@ -1,16 +1,15 @@
 """What every body is: named blocks in, points out."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Protocol, TypeVar
 
 import casadi as cs
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from workbench.arrays import Array
 from workbench.blocks import Block, Points, Values
 from workbench.errors import BadBlock, UnknownName
 
-Array = NDArray[np.float64]
 Blocks = tuple[Block, Block, Block]
 T = TypeVar("T")
 
@@ -88,19 +87,20 @@ class Body(Protocol):
         """The posed joints (..., K, 3) m."""
 
 
-def blocks_of(prefix: str, joint_names: Sequence[str], n_betas: int) -> Blocks:
-    """The three blocks that a body is written in, made anew."""
-    return (
-        Block(prefix + "pose", (len(joint_names), 3), "rad", tuple(joint_names)),
-        Block(prefix + "betas", (n_betas,), "sd"),
-        Block(prefix + "trans", (3,), "m", ("x", "y", "z")),
-    )
+def blocks_of(body: Body, prefix: str, made: dict[str, Blocks]) -> Blocks:
+    """The three blocks that a body is written in: those in `made`, or new ones kept there.
 
-
-def check_prefix(prefix: object) -> None:
-    """Raise BadBlock unless names can begin with it."""
+    Raises BadBlock for a prefix that is no text.
+    """
     if not isinstance(prefix, str):
         raise BadBlock(f"the prefix of a body's blocks is a text, not a {type(prefix).__name__}")
+    if prefix not in made:
+        made[prefix] = (
+            Block(prefix + "pose", (body.n_joints, 3), "rad", body.joint_names),
+            Block(prefix + "betas", (body.n_betas,), "sd"),
+            Block(prefix + "trans", (3,), "m", ("x", "y", "z")),
+        )
+    return made[prefix]
 
 
 def landmark_set(sets: Mapping[str, T], name: str) -> T:

@@ -5,21 +5,27 @@ from os import PathLike
 from pathlib import Path
 from typing import Literal, get_args, overload
 
-from workbench.bodies.embedded import read_embedded
+from workbench.bodies.files.embedded import read_embedded
+from workbench.bodies.files.npz_files import read_npz
+from workbench.bodies.files.pickled_arrays import read_pickled_arrays
+from workbench.bodies.files.smpl_layout import body_from
+from workbench.bodies.files.triangle_layout import is_triangle_body, triangle_body_from
 from workbench.bodies.landmarks import Landmarks
-from workbench.bodies.npz_files import read_npz
-from workbench.bodies.owned import given_up
-from workbench.bodies.pickled_arrays import read_pickled_arrays
+from workbench.bodies.readonly import locked
 from workbench.bodies.skinned import SkinnedBody
-from workbench.bodies.smpl_layout import body_from
 from workbench.bodies.triangles import TriangleBody
-from workbench.bodies.triangles.layout import is_triangle_body, triangle_body_from
 from workbench.errors import BadBody, BadFile, listed
 from workbench.homes import expanded
 
 Name = Literal[  # in workbench/data/bodies, each read when it is asked for; neutral unless they say
-    "default", "default-female", "default-male", "small", "full", "full-female", "full-male",
-]  # fmt: skip
+    "default",
+    "default-female",
+    "default-male",
+    "small",
+    "full",
+    "full-female",
+    "full-male",
+]
 BODIES: tuple[str, ...] = get_args(Name)
 NPZ = b"PK\x03\x04"
 PICKLES = (b"\x80", b"(", b"}", b"]", b"c")  # protocol 2 and later; Python 2's own
@@ -99,11 +105,11 @@ def embedded_body(path: Path) -> SkinnedBody:
     """A body in the form in which those of the workbench are packed. Raises BadFile."""
     arrays = read_embedded(path)
     return SkinnedBody(
-        template=given_up(arrays["template"]),
-        shapedirs=given_up(arrays["shapedirs"]),
-        posedirs=given_up(arrays["posedirs"]),
+        template=locked(arrays["template"]),
+        shapedirs=locked(arrays["shapedirs"]),
+        posedirs=locked(arrays["posedirs"]),
         J_regressor=arrays["J_regressor"],
-        weights=given_up(arrays["weights"]),
+        weights=locked(arrays["weights"]),
         parents=arrays["parents"],
         faces=arrays["faces"],
         joint_names=arrays["joint_names"],

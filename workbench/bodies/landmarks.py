@@ -7,7 +7,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from workbench.blocks.checks import texts
-from workbench.bodies.owned import owned_matrix
+from workbench.bodies.readonly import readonly_matrix
 from workbench.errors import BadBody
 
 
@@ -19,7 +19,7 @@ class Landmarks:
     regressor: csr_array
 
     def __post_init__(self) -> None:
-        regressor = owned_matrix("the regressor of landmarks", self.regressor)
+        regressor = readonly_matrix("the regressor of landmarks", self.regressor)
         names = texts("the names of landmarks", self.names, BadBody)
         self.__dict__.update(names=names, regressor=regressor)
 

@@ -10,32 +10,24 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 
+from workbench.arrays import Array, Index
 from workbench.blocks import Block, Layout, Points, Values
-from workbench.blocks.checks import texts
-from workbench.bodies import evaluation
-from workbench.bodies.arguments import Arguments
-from workbench.bodies.arrays import ALL, SkinnedArrays
-from workbench.bodies.body import blocks_of, check_prefix, landmark_set
-from workbench.bodies.features import Features, rotation_elements
-from workbench.bodies.freeing import FREEABLE, check_freeable
+from workbench.bodies.body import blocks_of, landmark_set
+from workbench.bodies.forward import evaluation
+from workbench.bodies.forward.arguments import Arguments
+from workbench.bodies.forward.arrays import ALL, SkinnedArrays
+from workbench.bodies.forward.features import Features, rotation_elements
+from workbench.bodies.forward.freeing import FREEABLE, check_freeable
+from workbench.bodies.forward.motion import Kinematics
+from workbench.bodies.forward.packed import PackedBody
+from workbench.bodies.forward.skinning import Skinning, linear_blend
+from workbench.bodies.forward.sources import JointPoints, LandmarkPoints, SurfacePoints
 from workbench.bodies.landmarks import Landmarks
-from workbench.bodies.motion import Kinematics
-from workbench.bodies.owned import (
-    given_up,
-    owned,
-    owned_extras,
-    owned_index,
-    owned_mapping,
-    owned_matrix,
-)
-from workbench.bodies.packed import PackedBody
-from workbench.bodies.skinning import Skinning, linear_blend
-from workbench.bodies.sources import JointPoints, LandmarkPoints, SurfacePoints
+from workbench.bodies.readonly import locked, parts_of, readonly_parts, remade
 from workbench.bodies.validation import check, chosen_vertices
-from workbench.errors import BadBody, NotNumbers, UnknownName
+from workbench.errors import BadBody, UnknownName
 
-Array = NDArray[np.float64]
-REALS = ("template", "shapedirs", "posedirs", "weights")
+REALS = ("template", "shapedirs", "posedirs", "weights", "bound_in", "rest_joints")
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,9 +51,9 @@ class SkinnedBody:
     J_regressor: csr_array  # (K, N), rows sum to one: joints from rest vertices
     weights: Array  # (N, K), rows sum to one
     parents: tuple[int, ...]  # parents[0] == -1, and parents[k] < k
-    faces: NDArray[np.int64]  # (F, 3)
+    faces: Index  # (F, 3)
     joint_names: tuple[str, ...]
-    mirror: NDArray[np.int64] | None = None  # (N,): the vertex on the other side of each
+    mirror: Index | None = None  # (N,): the vertex on the other side of each
     landmarks: Mapping[str, Landmarks] = field(default_factory=dict)
     skinning: Skinning = linear_blend
     features: Features = rotation_elements  # of the pose, that posedirs are multiplied with
@@ -76,39 +68,19 @@ class SkinnedBody:
     )
 
     def __post_init__(self) -> None:
-        try:
-            self.__dict__.update(self._owned())
-        except NotNumbers as error:
-            raise BadBody(f"body {self.name!r}: {error}") from None
-        check(self)
-
-    def _owned(self) -> dict[str, Any]:
-        kept: dict[str, Any] = {n: owned(n, getattr(self, n)) for n in REALS}
-        kept["J_regressor"] = owned_matrix("J_regressor", self.J_regressor)
-        kept["faces"] = owned_index("faces", self.faces)
-        kept["parents"] = tuple(owned_index("parents", self.parents).ravel().tolist())
-        kept["joint_names"] = texts(f"body {self.name!r}: joint_names", self.joint_names, BadBody)
         for name in ("skinning", "features"):
             if not callable(getattr(self, name)):
                 raise BadBody(
                     f"body {self.name!r}: {name} is a function, such as linear_blend for skinning "
                     f"and rotation_elements for features, not {getattr(self, name)!r:.80}"
                 )
-        if self.mirror is not None:
-            kept["mirror"] = owned_index("mirror", self.mirror)
-        for name in ("bound_in", "rest_joints"):
-            if getattr(self, name) is not None:
-                kept[name] = owned(name, getattr(self, name))
-        kept["extras"] = owned_mapping("extras", owned_extras(self.extras))
-        for name in ("landmarks", "free"):
-            kept[name] = owned_mapping(f"body {self.name!r}: {name}", getattr(self, name))
-        return kept
+        matrices, indices = ("J_regressor",), ("faces", "mirror")
+        self.__dict__.update(readonly_parts(self, REALS, matrices, indices, ("landmarks", "free")))
+        check(self)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Its parts, without the blocks it made and what it computed with."""
-        parts = {part.name: getattr(self, part.name) for part in fields(self) if part.init}
-        plain = {name: dict(getattr(self, name)) for name in ("landmarks", "free", "extras")}
-        return _made_of, (parts | plain,)
+        return remade, (SkinnedBody, parts_of(self))
 
     @property
     def n_vertices(self) -> int:
@@ -139,10 +111,7 @@ class SkinnedBody:
 
     def blocks(self, prefix: str = "") -> tuple[Block, Block, Block]:
         """`pose` (K, 3) rad, `betas` (B,), `trans` (3,) m: the same objects for the same prefix."""
-        check_prefix(prefix)
-        if prefix not in self._made:
-            self._made[prefix] = blocks_of(prefix, self.joint_names, self.n_betas)
-        return self._made[prefix]
+        return blocks_of(self, prefix, self._made)
 
     @property
     def known_blocks(self) -> tuple[Block, ...]:
@@ -172,7 +141,7 @@ class SkinnedBody:
         where the arrays no longer fit together, as weights that do not sum to one.
         """
         found: dict[str, Any] = {
-            name: given_up(Layout((block,)).pack(values).reshape(block.shape))
+            name: locked(Layout((block,)).pack(values).reshape(block.shape))
             for name, block in self.free.items()
         }
         if "joints" in found:
@@ -281,9 +250,16 @@ class SkinnedBody:
         return self.packed.kinematics
 
 
-def _made_of(parts: dict[str, Any]) -> SkinnedBody:
-    """A body of parts that are nobody else's, as a pickle or a copy hands them over."""
-    for part in parts.values():
-        if isinstance(part, np.ndarray):
-            given_up(part)
-    return SkinnedBody(**parts)
+def not_skinned(body: object, what: str, instead: str) -> str:
+    """Why `what` cannot be had of this body, which is no SkinnedBody; empty if it is one.
+
+    `instead` says what to do with a body of another kind.
+    """
+    if isinstance(body, SkinnedBody):
+        return ""
+    kind, name = type(body).__name__, getattr(body, "name", None)
+    if not hasattr(body, "joint_names"):
+        return (
+            f"{what} is made of a SkinnedBody, not of something of type {kind}; load_body has one"
+        )
+    return f"{what} is made of a SkinnedBody, but body {name!r} is a {kind}; {instead}"

@@ -8,11 +8,12 @@ from typing import Any, NoReturn, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.arrays import Array, Index
 from workbench.blocks.reals import numbers
-from workbench.bodies.arrays import SkinnedArrays
 from workbench.bodies.body import Body
-from workbench.bodies.extras import SKINNED, clashes
-from workbench.bodies.features import count_features, rotation_elements
+from workbench.bodies.files.extras import SKINNED, clashes
+from workbench.bodies.forward.arrays import SkinnedArrays
+from workbench.bodies.forward.features import count_features, rotation_elements
 from workbench.bodies.landmarks import Landmarks
 from workbench.errors import BadBody, NotNumbers
 
@@ -24,11 +25,11 @@ class Parts(SkinnedArrays, Protocol):
     """All that a skinned body is made of."""
 
     @property
-    def faces(self) -> NDArray[np.int64]:
+    def faces(self) -> Index:
         """(F, 3)."""
 
     @property
-    def mirror(self) -> NDArray[np.int64] | None:
+    def mirror(self) -> Index | None:
         """(N,), or None."""
 
     @property
@@ -118,12 +119,12 @@ def chosen_vertices(body: Body, vertices: object) -> list[int]:
     return [int(vertex) for vertex in found]
 
 
-def _swaps_pairs(mirror: NDArray[np.int64], N: int) -> bool:
+def _swaps_pairs(mirror: Index, N: int) -> bool:
     fits = mirror.shape == (N,) and bool(((mirror >= 0) & (mirror < N)).all())
     return fits and np.array_equal(mirror[mirror], np.arange(N))
 
 
-def check_rows(refuse: Refuse, name: str, sums: NDArray[np.float64], row: str) -> None:
+def check_rows(refuse: Refuse, name: str, sums: Array, row: str) -> None:
     """Refuse an array whose rows do not sum to one; `row` is what each belongs to."""
     worst = int(np.argmax(abs(sums - 1)))
     if not abs(sums[worst] - 1) <= ROW_SUM_TOLERANCE:  # nor NaN, of numbers that overflow

@@ -16,11 +16,12 @@ from workbench.cli.info import info
 from workbench.cli.leaving import Interrupted, Terminated
 from workbench.cli.run import run
 from workbench.cli.sample import sample
+from workbench.cli.site import site
 from workbench.cli.sliders import sliders
 from workbench.cli.solvers import solvers
 from workbench.cli.train import train
 from workbench.cli.triangles import triangles
-from workbench.experiments.blame import caused_by
+from workbench.experiments.user_errors import caused_by
 from workbench.installation import DISTRIBUTION, VERSION
 
 P = ParamSpec("P")
@@ -33,7 +34,7 @@ app = typer.Typer(
 
 
 def tell_version(wanted: bool) -> None:
-    """Print the distribution's name and its version, and be done."""
+    """Print the distribution's name and version, and exit."""
     if wanted:
         typer.echo(f"{DISTRIBUTION} {VERSION}")
         raise typer.Exit
@@ -44,15 +45,18 @@ def options(
     version: Annotated[
         bool,
         typer.Option(
-            "--version", callback=tell_version, is_eager=True, help="Print name and version."
+            "--version",
+            callback=tell_version,
+            is_eager=True,
+            help="Print the name and the version.",
         ),
     ] = False,
 ) -> None:
-    """A symbolic SMPL body model: fit it, and see what the fit cannot know."""
+    """Fit a symbolic SMPL body model, and see what the fit cannot determine."""
 
 
 def interruptible(command: Callable[P, None]) -> Callable[P, None]:
-    """The same, and an interrupt from the keyboard comes out as Interrupted, wherever it hit."""
+    """A command that raises Interrupted for an interrupt from the keyboard, wherever it occurs."""
 
     @wraps(command)
     def run_it(*arguments: P.args, **options: P.kwargs) -> None:
@@ -69,9 +73,20 @@ def interruptible(command: Callable[P, None]) -> Callable[P, None]:
 
 
 for command in (
-    run, fit, diagnose, sample, compare, train, body, sliders, blendshapes, triangles, solvers,
+    run,
+    fit,
+    diagnose,
+    sample,
+    compare,
+    train,
+    body,
+    site,
+    sliders,
+    blendshapes,
+    triangles,
+    solvers,
     info,
-):  # fmt: skip
+):
     app.command()(interruptible(command))
 
 lectures = typer.Typer(help=lecture.HELP, no_args_is_help=True)

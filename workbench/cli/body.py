@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from workbench.bodies.catalogue import BODIES, load_body
-from workbench.cli.run import make_folder
+from workbench.cli.output import folder_to_write, print_page
 from workbench.homes import expanded
 from workbench.reports import card_text, write_card
 
@@ -17,13 +17,14 @@ def body(
     name: Annotated[
         str, typer.Argument(help=f"An embedded body ({', '.join(BODIES)}), or a file of your own.")
     ] = "default",
-    out: Annotated[Path, typer.Option(help="Folder that the card is written into.")] = Path("runs"),
+    out: Annotated[Path, typer.Option(help="Folder in which the card's folder is made.")] = Path(
+        "runs"
+    ),
 ) -> None:
-    """Print a body's model card and draw it: front, side, and shapes at plus and minus 2 sd."""
+    """Print a body's model card, and draw it from two sides and in several shapes."""
     console = Console()
     model = load_body(name)
     console.print(escape(card_text(model)), highlight=False, soft_wrap=True)
-    make_folder(out)
     source = "" if name in BODIES else str(expanded(name).resolve())
-    page = write_card(model, out / f"body-{Path(name).stem}", source)
-    console.print(f"card: [bold]{escape(str(page))}[/]", soft_wrap=True)
+    folder = folder_to_write(out, f"body-{Path(name).stem}", source)
+    print_page(console, "card", write_card(model, folder, source))

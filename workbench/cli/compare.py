@@ -16,17 +16,17 @@ from rich.table import Table
 
 from workbench import comparison
 from workbench.cli.leaving import Interrupted
+from workbench.cli.output import warn_without_effect
 from workbench.cli.run import Setting, settings
-from workbench.cli.without_effect import changes_nothing
 from workbench.comparison.comparison import MAIN
 from workbench.comparison.measured import seconds_of_runs
 from workbench.comparison.plan import chosen, numbering
-from workbench.comparison.targets import Verdict, named
+from workbench.comparison.targets import TargetOutcome, named
 from workbench.comparison.words import advice, prices_sentence
 from workbench.errors import WorkbenchError
 from workbench.experiments import EXPERIMENTS, SUITES
-from workbench.experiments.blame import caused_by
 from workbench.experiments.own_file import ENOUGH
+from workbench.experiments.user_errors import caused_by
 from workbench.installation import pip_install
 from workbench.reports import write_comparison
 from workbench.solvers import SOLVERS
@@ -77,21 +77,28 @@ def compare(
     budget = comparison.Budget(max_evaluations=max_evaluations, max_seconds=max_seconds)
     single = [experiment.name for experiment in experiments if not numbering(experiment)]
     if seeds > 1 and single:
-        changes_nothing(
+        warn_without_effect(
             console,
             f"--seeds {seeds}",
             f"there is one start of {', '.join(single)}, which has no argument `start` or `seed` "
             "that is left to be counted up",
         )
     if workers > 1 and dask is not None:
-        changes_nothing(console, "--workers", "with --dask, the cluster says how many there are")
+        warn_without_effect(
+            console, "--workers", "with --dask, the cluster says how many there are"
+        )
     told = _Told(console)
     try:
         with _cluster(dask), told:
             found = comparison.compare(
-                experiments, solver or USUAL, seeds=seeds, budget=budget, workers=workers,
-                folder=out, progress=told,
-            )  # fmt: skip
+                experiments,
+                solver or USUAL,
+                seeds=seeds,
+                budget=budget,
+                workers=workers,
+                folder=out,
+                progress=told,
+            )
     except (KeyboardInterrupt, SystemError) as error:
         if not caused_by(error, KeyboardInterrupt):
             raise
@@ -137,9 +144,12 @@ class _Told:
     def __init__(self, console: Console) -> None:
         self._console = console
         self._bars = Progress(
-            TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(),
-            TimeRemainingColumn(), console=console,
-        )  # fmt: skip
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeRemainingColumn(),
+            console=console,
+        )
         self._tasks: dict[str, int] = {}
         self._tenths: dict[str, int] = {}
         self.last = "starting"
@@ -171,11 +181,11 @@ def _table(found: comparison.Comparison) -> Table:
     for head in (f"met {named(MAIN)}", "lowest", "effort", "elsewhere", "false claims", "failed"):
         table.add_column(head, justify="right")
     for solver in found.solvers:
-        verdicts = [found.verdicts[i.name, solver] for i in found.comparable]
-        runs, counts = len(verdicts), Counter(verdicts)
+        outcomes = [found.outcomes[i.name, solver] for i in found.comparable]
+        runs, counts = len(outcomes), Counter(outcomes)
         met = sum(found.solved(i.name, solver, MAIN) for i in found.comparable)
-        reached, elsewhere = counts[Verdict.REACHED], counts[Verdict.OTHER_BASIN]
-        wrong = counts[Verdict.FALSE_CLAIM]
+        reached, elsewhere = counts[TargetOutcome.REACHED], counts[TargetOutcome.OTHER_BASIN]
+        wrong = counts[TargetOutcome.FALSE_CLAIM]
         cells = f"{met}/{runs}", f"{reached}/{runs}", _effort(found, solver)
         rest = str(elsewhere), str(wrong), str(runs - reached - elsewhere - wrong)
         if not runs:
@@ -199,6 +209,6 @@ def _times(found: comparison.Comparison) -> Table:
         table.add_column(head, justify="right")
     for solver in found.solvers:
         spread = seconds_of_runs(found, solver)
-        numbers = (spread.least, spread.middle, spread.most)
+        numbers = (spread.minimum, spread.median, spread.maximum)
         table.add_row(escape(solver), *(f"{s:.3g}" for s in numbers))
     return table

@@ -8,21 +8,20 @@ from rich.console import Console
 from rich.markup import escape
 
 from workbench import diagnostics
+from workbench.cli.output import folder_to_write, print_page, warn_without_effect
 from workbench.cli.run import (
     SOLVER,
     Name,
     Out,
     Setting,
     SolverName,
-    make_folder,
     settings,
     solver_named,
 )
-from workbench.cli.without_effect import changes_nothing
 from workbench.errors import BadArgument
 from workbench.experiments import Experiment, find
-from workbench.experiments.experiment import Setup
-from workbench.reports import refuse_foreign, write_diagnosis
+from workbench.fitting.setup import Setup
+from workbench.reports import write_diagnosis
 from workbench.solvers import SOLVERS, Solver
 
 WARNED = 1  # the exit code if there are warnings
@@ -33,11 +32,13 @@ def diagnose(
     setting: Setting = None,
     against: Annotated[
         str | None,
-        typer.Option(help="A second experiment or file, to compare with; --set is for the first."),
+        typer.Option(
+            help="A second experiment or file to compare with; --set applies to the first."
+        ),
     ] = None,
     at_start: Annotated[
         bool,
-        typer.Option("--at-start", help="Look at the start; else the problem is solved first."),
+        typer.Option("--at-start", help="Diagnose at the start instead of at the solution."),
     ] = False,
     data_alone: Annotated[
         bool, typer.Option("--data-alone", help="Leave the priors out of the Jacobian.")
@@ -45,29 +46,32 @@ def diagnose(
     solver: SolverName = SOLVER,
     out: Out = Path("runs"),
 ) -> None:
-    """Look at a fit's Jacobian: size, rank, what it cannot see, and what to do about it.
+    """Diagnose a fit's Jacobian: its rank, what it cannot determine, and what to do about it.
 
-    Exits with 1 if there are warnings, so that a script notices.
+    The exit code is 1 if there are warnings.
     """
     console = Console()
     experiment = find(name, settings(setting))
     other = find(against) if against is not None else None
     by = solver_named(solver)
     if at_start and by != SOLVERS[SOLVER]:
-        changes_nothing(console, "--solver", "with --at-start nothing is solved")
-    make_folder(out)
-    folder = out / f"{experiment.name}-diagnosis"
-    refuse_foreign(folder, experiment.source)
+        warn_without_effect(console, "--solver", "with --at-start nothing is solved")
+    folder = folder_to_write(out, f"{experiment.name}-diagnosis", experiment.source)
     solving = None if at_start else by
     first, setup = _looked_at(console, experiment, solving, data_alone)
     second = _looked_at(console, other, solving, data_alone)[0] if other else None
     console.print(escape(first.report()), highlight=False, soft_wrap=True)
     console.print("[dim]writing the page[/]")
     page = write_diagnosis(
-        first, folder, title=experiment.name, question=setup.question, body=setup.body,
-        against=second, source=experiment.source,
-    )  # fmt: skip
-    console.print(f"report: [bold]{escape(str(page))}[/]", soft_wrap=True)
+        first,
+        folder,
+        title=experiment.name,
+        question=setup.question,
+        body=setup.body,
+        against=second,
+        source=experiment.source,
+    )
+    print_page(console, "report", page)
     if first.warnings:
         raise typer.Exit(WARNED)
 
@@ -100,7 +104,7 @@ def _mind_priors(console: Console, experiment: Experiment, setup: Setup) -> None
         if experiment.source.endswith(".py"):
             several = ", ".join(setup.problem.rows)
             because += f"; name those of {several} that are, in `priors` of the file or its Setup"
-        changes_nothing(console, "--data-alone", because)
+        warn_without_effect(console, "--data-alone", because)
     if set(setup.priors) == set(setup.problem.rows):
         raise BadArgument(
             f"--data-alone leaves nothing to look at: every residual of {experiment.name} is a "

@@ -9,14 +9,14 @@ import typer
 from rich.console import Console
 
 from workbench.bodies.catalogue import load_skinned
+from workbench.cli.output import warn_without_effect
 from workbench.cli.run import SOLVER, Compare, Out, SolverName, carry_out, solver_named
-from workbench.cli.without_effect import changes_nothing
 from workbench.errors import BadArgument, BadFile
 from workbench.experiments import Experiment
-from workbench.experiments.balance import COMPARED
-from workbench.experiments.correspondences import own_mesh
-from workbench.experiments.keypoint_files import read_observations
-from workbench.experiments.keypoint_fit import keypoint_fit
+from workbench.fitting.compared_solvers import MANY
+from workbench.fitting.keypoint_files import read_observations
+from workbench.fitting.keypoints import keypoint_fit
+from workbench.fitting.meshes import own_mesh
 from workbench.geometry.meshes import READERS, REGISTERED
 
 
@@ -37,14 +37,21 @@ def fit(
     ] = None,
     size: Annotated[str | None, typer.Option(help="The image's size, WIDTHxHEIGHT in px.")] = None,
     focal: Annotated[
-        float | None, typer.Option(help="Focal length in px; unknown: it is estimated too.")
+        float | None,
+        typer.Option(help="Focal length in px; without it, the focal length is estimated too."),
     ] = None,
     person: Annotated[
-        int | None, typer.Option(help="Which person of the file, from 0; else the best seen.")
+        int | None,
+        typer.Option(
+            help="Number of the person in the file, from 0; without it, the one seen best."
+        ),
     ] = None,
-    body: Annotated[str, typer.Option(help="An embedded body, or a file.")] = "default",
+    body: Annotated[str, typer.Option(help="An embedded body, or a file of your own.")] = "default",
     sigma: Annotated[
-        float | None, typer.Option(help="What is ordinary: 4 px for keypoints, 0.002 m for a mesh.")
+        float | None,
+        typer.Option(
+            help="Standard deviation of the data; by default 4 px, or 0.002 m for a mesh."
+        ),
     ] = None,
     solver: SolverName = SOLVER,
     compare: Compare = False,
@@ -62,20 +69,22 @@ def fit(
             raise BadFile("give one mesh at a time")
         given = {"--cameras": cameras, "--size": size, "--focal": focal, "--person": person}
         for option in (option for option, value in given.items() if value is not None):
-            changes_nothing(console, option, "it is for keypoints, and this is a mesh")
+            warn_without_effect(console, option, "it is for keypoints, and this is a mesh")
         setup = own_mesh(files[0], model, 0.002 if sigma is None else sigma)
     else:
         observed = read_observations(
             files, calibration=cameras, size=image, focal=focal, person=person
         )
         if focal is not None and cameras is not None:
-            changes_nothing(console, "--focal", f"{cameras} says the focal length of each camera")
+            warn_without_effect(
+                console, "--focal", f"{cameras} says the focal length of each camera"
+            )
         question = (
             f"Which pose, shape and place of the body explain the keypoints of "
             f"{', '.join(str(f.name) for f in files)}?"
         )
         setup = keypoint_fit(
-            observed, model, question, sigma=4.0 if sigma is None else sigma, compared=COMPARED
+            observed, model, question, sigma=4.0 if sigma is None else sigma, compared=MANY
         )
     experiment = Experiment(
         files[0].stem, lambda: setup, "a user's own file", source=str(files[0].resolve())

@@ -9,9 +9,9 @@ from rich.console import Console
 from rich.logging import RichHandler
 from rich.table import Table
 
-from workbench.bodies.arithmetic import WORTH_COMPILING
 from workbench.bodies.catalogue import load_skinned
-from workbench.bodies.kernels import kernels
+from workbench.bodies.forward.arithmetic import WORTH_COMPILING
+from workbench.bodies.forward.kernels import kernels
 from workbench.comparison.machine import processor
 from workbench.compiling import NoLibrary, cache_folder, find_compiler
 from workbench.installation import DISTRIBUTION, version_of
@@ -19,13 +19,18 @@ from workbench.threads import blas_libraries, thread_count
 
 PACKAGES = (DISTRIBUTION, "casadi", "numpy", "scipy", "nlopt", "emcee", "trimesh", "matplotlib")
 VARIABLES = (
-    "WORKBENCH_COMPILE", "WORKBENCH_CACHE", "WORKBENCH_THREADS", "CC", "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS",
-)  # fmt: skip
+    "WORKBENCH_COMPILE",
+    "WORKBENCH_CACHE",
+    "WORKBENCH_THREADS",
+    "CC",
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+)
 
 
 def info(
-    body: str = typer.Option("default", help="The body whose arithmetic is asked about."),
+    body: str = typer.Option("default", help="The body whose arithmetic is reported."),
 ) -> None:
     """Print versions, threads, the compiler, the cache, and how surfaces are computed."""
     console = Console()

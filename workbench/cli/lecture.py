@@ -1,4 +1,4 @@
-"""`workbench lecture`: the course, its exercises and their marks."""
+"""`workbench lecture`: the course, its exercises and how they are graded."""
 
 import json
 import re
@@ -14,20 +14,24 @@ from rich.syntax import Syntax
 from rich.table import Table
 
 from workbench import course
-from workbench.cli.run import make_folder
+from workbench.cli.output import make_folder
 from workbench.course.cells import Cell, carried_out
-from workbench.course.marks import Mark, Marked, State
+from workbench.course.grades import CheckResult, CheckState, Grade
+from workbench.course.handing_out import hand_out
 from workbench.course.notebooks import executed, notebook, write_notebook
 from workbench.course.outline import course as outline
 from workbench.course.outline import lecture
-from workbench.course.site import write_site
-from workbench.course.starting import start
-from workbench.course.supervision import SECONDS, marked
+from workbench.course.student_process import SECONDS, grade
 from workbench.errors import BadArgument, BadFile
+from workbench.site import write_course_site
 from workbench.writing import replacing
 
 NOT_ALL_PASSED = 1  # the exit code of `check`
-COLOUR = {State.PASSED: "green", State.FAILED: "bold red", State.NOT_ATTEMPTED: "dim"}
+COLOUR = {
+    CheckState.PASSED: "green",
+    CheckState.FAILED: "bold red",
+    CheckState.NOT_ATTEMPTED: "dim",
+}
 
 Folder = Annotated[Path, typer.Argument(help="Where to write; it is made.")]
 Number = Annotated[int, typer.Argument(help="The number of a lecture; `list` names them.")]
@@ -53,9 +57,11 @@ def show(number: Number) -> None:
     one, console = lecture(number), Console()
     console.print(f"[bold]{number} {escape(one.title)}[/]\n{escape(one.question)}\n")
     for title, text in (
-        ("assumes", one.assumes), ("teaches", one.teaches), ("minutes", str(one.minutes)),
+        ("assumes", one.assumes),
+        ("teaches", one.teaches),
+        ("minutes", str(one.minutes)),
         ("text", str(one.folder / "lecture.py")),
-    ):  # fmt: skip
+    ):
         console.print(f"[dim]{title:8}[/] {escape(text)}", highlight=False, soft_wrap=True)
     exercises = one.module("exercises")
     for k, name in enumerate(one.exercises, 1):
@@ -120,7 +126,7 @@ def begin(
     folder: Annotated[Path, typer.Argument(help="Where to put the file; it is made.")],
 ) -> None:
     """Copy the exercises of a lecture into a folder of yours. Nothing there is written over."""
-    path = start(lecture(number), folder)
+    path = hand_out(lecture(number), folder)
     console = Console()
     console.print(f"exercises: [bold]{escape(str(path))}[/]", soft_wrap=True)
     console.print(
@@ -152,10 +158,10 @@ def check(
     paths = [
         path / f"{one.folder_name}.py" if path.is_dir() else path for path in files or [Path()]
     ]
-    every: list[Marked] = []
+    every: list[Grade] = []
     for path in paths:
         with Console(stderr=True).status(f"checking {escape(str(path))}, some seconds"):
-            found = marked(one, path, seconds)
+            found = grade(one, path, seconds)
         every.append(found)
         if not as_json:
             _print(console, found)
@@ -186,26 +192,32 @@ def notebooks(folder: Folder) -> None:
 def site(folder: Folder) -> None:
     """Write the course as a static site, with every lecture run. Needs the extra `course`."""
     console = Console()
-    page = write_site(folder, lambda said: console.print(f"[dim]{escape(said)}[/]"))
+    page = write_course_site(folder, lambda said: console.print(f"[dim]{escape(said)}[/]"))
     console.print(f"site: [bold]{escape(str(page))}[/]", soft_wrap=True)
 
 
-def _print(console: Console, found: Marked) -> None:
-    console.print(f"[bold]{found.lecture.number} {escape(found.lecture.title)}[/] "
-                  f"[dim]{escape(found.file)}[/]", soft_wrap=True)  # fmt: skip
+def _print(console: Console, found: Grade) -> None:
+    console.print(
+        f"[bold]{found.lecture.number} {escape(found.lecture.title)}[/] "
+        f"[dim]{escape(found.file)}[/]",
+        soft_wrap=True,
+    )
     if found.trouble:
-        console.print(f"[bold red]the file could not be loaded:[/] {escape(found.trouble)}\n"
-                      "nothing was marked",
-                      highlight=False, soft_wrap=True)  # fmt: skip
+        console.print(
+            f"[bold red]the file could not be loaded:[/] {escape(found.trouble)}\n"
+            "nothing was graded",
+            highlight=False,
+            soft_wrap=True,
+        )
     table = Table(box=None, padding=(0, 2, 0, 0), show_header=False)
     table.add_column()
     table.add_column()
     table.add_column(justify="right")
-    for k, (name, marks) in enumerate(found.exercises.items(), 1):
-        reached, of = sum(m.points for m in marks), sum(m.of for m in marks)
+    for k, (name, results) in enumerate(found.exercises.items(), 1):
+        reached, of = sum(m.points for m in results), sum(m.of for m in results)
         table.add_row(f"[bold]{found.lecture.number}.{k} {name}[/]", "", f"[bold]{reached}/{of}[/]")
         told: list[str] = []
-        for mark in [] if found.trouble else marks:
+        for mark in [] if found.trouble else results:
             table.add_row(_state(mark), escape(mark.check), f"[dim]{mark.points}/{mark.of}[/]")
             lines = _lines(mark)
             if lines:  # once, if all checks meet with the same
@@ -218,11 +230,11 @@ def _print(console: Console, found: Marked) -> None:
     console.print(f"[bold]{found.points} of {_points(found.of)}[/]\n", highlight=False)
 
 
-def _state(mark: Mark) -> str:
+def _state(mark: CheckResult) -> str:
     return f"  [{COLOUR[mark.state]}]{mark.state.value}[/]"
 
 
-def _lines(mark: Mark) -> list[str]:
+def _lines(mark: CheckResult) -> list[str]:
     told = (("", mark.what), ("expected  ", mark.expected), ("came      ", mark.came))
     lines = [
         f"[dim]{title}[/]" + escape(text).replace("\n", "\n" + " " * len(title))

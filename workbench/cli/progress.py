@@ -9,7 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from workbench.diagnostics import Diagnosis
-from workbench.experiments.experiment import Outcome
+from workbench.experiments.running import Outcome
 from workbench.reports import tables
 from workbench.solvers import Iterate, Status
 
@@ -56,9 +56,13 @@ class LiveTrace:
             table.add_column(column, justify="right")
         for number, i in self._iterates:
             table.add_row(
-                str(number), f"{i.cost:.6g}", f"{i.optimality:.1e}", f"{i.step_norm:.1e}",
-                f"{i.damping:.1e}", f"{i.seconds:.2f}",
-            )  # fmt: skip
+                str(number),
+                f"{i.cost:.6g}",
+                f"{i.optimality:.1e}",
+                f"{i.step_norm:.1e}",
+                f"{i.damping:.1e}",
+                f"{i.seconds:.2f}",
+            )
         return table
 
 
@@ -124,8 +128,8 @@ def _seen(what: str, d: Diagnosis) -> str:
     said = "every direction is seen"
     if d.null_directions:
         said = f"{len(d.null_directions)} directions are not seen"
-    if d.hardly_seen:
-        said += f", {d.hardly_seen} hardly (less than one sigma for a whole yardstick)"
+    if d.weak_count:
+        said += f", {d.weak_count} hardly (less than one sigma for a whole yardstick)"
     short = [x.name for x in (*d.null_directions, *d.weak_directions) if x.joints][:3]
     if short:
         said += f"; among them {', '.join(short)} (see the report)"

@@ -9,13 +9,14 @@ from rich.console import Console
 from rich.markup import escape
 
 from workbench.cli.leaving import Interrupted
+from workbench.cli.output import folder_to_write, print_page
 from workbench.cli.progress import LiveTrace, print_outcome
-from workbench.errors import BadArgument, UnknownName, WorkbenchError
+from workbench.errors import BadArgument, UnknownName
 from workbench.experiments import EXPERIMENTS, SUITES, Experiment, find
 from workbench.experiments import run as run_experiment
 from workbench.experiments.own_file import BESIDE, ENOUGH
 from workbench.experiments.suites import SUMMARIES
-from workbench.reports import refuse_foreign, write_report
+from workbench.reports import write_report
 from workbench.solvers import SOLVERS, Solver
 
 Name = Annotated[
@@ -27,12 +28,19 @@ Name = Annotated[
 ]
 Setting = Annotated[
     list[str] | None,
-    typer.Option("--set", help="An argument of the experiment: frame=60, noise=0.001, ..."),
+    typer.Option(
+        "--set",
+        help="An argument of the experiment, such as frame=60 or noise=0.001; may be repeated.",
+    ),
 ]
-Out = Annotated[Path, typer.Option(help="Folder that the run's own folder is written into.")]
+Out = Annotated[
+    Path, typer.Option(help="Folder in which the command makes a folder for its results.")
+]
 SolverName = Annotated[str, typer.Option("--solver", help=f"One of {', '.join(SOLVERS)}.")]
-SOLVER = "levenberg-marquardt"  # that is taken if none is named
-Compare = Annotated[bool, typer.Option(help="Solve with the other solvers as well.")]
+SOLVER = "levenberg-marquardt"  # the default
+Compare = Annotated[
+    bool, typer.Option(help="Also solve with the solvers that the experiment compares.")
+]
 
 
 def run(
@@ -42,7 +50,10 @@ def run(
     compare: Compare = True,
     out: Out = Path("runs"),
     listing: Annotated[
-        bool, typer.Option("--list", help="Name the experiments, or those of a suite; run nothing.")
+        bool,
+        typer.Option(
+            "--list", help="List the experiments, or the problems of a suite, and run nothing."
+        ),
     ] = False,
 ) -> None:
     """Run an experiment and write its report to runs/NAME/."""
@@ -59,7 +70,7 @@ def run(
 
 
 def print_list(console: Console, suite: Sequence[Experiment] | None) -> None:
-    """The problems of a suite; or the experiments, and the suites as such."""
+    """Print the problems of a suite, or else the experiments and the suites."""
     shown = EXPERIMENTS.values() if suite is None else suite
     width = 2 + max(len(experiment.name) for experiment in shown)
     for experiment in shown:
@@ -70,19 +81,18 @@ def print_list(console: Console, suite: Sequence[Experiment] | None) -> None:
         "\nsuites, to compare solvers on (workbench run SUITE --list names their problems)"
     )
     for name, members in SUITES.items():
-        told = f"{len(members)} {SUMMARIES[name]}"
-        console.print(f"[bold]{name:{width}}[/]{told}", highlight=False)
+        text = f"{len(members)} {SUMMARIES[name]}"
+        console.print(f"[bold]{name:{width}}[/]{text}", highlight=False)
 
 
 def carry_out(
     console: Console, experiment: Experiment, solver: Solver, compare: bool, out: Path
 ) -> None:
-    """Run, print the summary, write the report, say where it is.
+    """Run an experiment, print its summary, and write its report.
 
-    After an interrupt the report holds what there was by then, and the exit code is 130.
+    After an interrupt the report holds what was found until then, and the exit code is 130.
     """
-    make_folder(out)
-    refuse_foreign(out / experiment.name, experiment.source)  # before the work, not after it
+    folder = folder_to_write(out, experiment.name, experiment.source)
     with LiveTrace(console) as trace:
         outcome = run_experiment(
             experiment,
@@ -93,31 +103,20 @@ def carry_out(
         )
     print_outcome(console, outcome)
     console.print("[dim]writing the report[/]")
-    page = write_report(outcome, out / experiment.name)
-    console.print(f"report: [bold]{escape(str(page))}[/]", soft_wrap=True)
+    print_page(console, "report", write_report(outcome, folder))
     if outcome.interrupted:
         raise Interrupted("interrupted; the report holds what was found until then")
 
 
 def solver_named(name: str) -> Solver:
-    """A solver of the catalogue."""
+    """A solver of the catalogue. Raises UnknownName."""
     if name not in SOLVERS:
         raise UnknownName("solver", name, SOLVERS)
     return SOLVERS[name]
 
 
-def make_folder(folder: Path) -> None:
-    """Make the folder that runs go to."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise WorkbenchError(
-            f"cannot make the folder {folder}: {error.strerror}; give another with --out"
-        ) from error
-
-
 def settings(texts: list[str] | None) -> dict[str, str]:
-    """What was typed after each --set, by name."""
+    """The values typed after each --set, by name. Raises BadArgument without an equals sign."""
     found = {}
     for text in texts or []:
         name, equals, value = text.partition("=")

@@ -13,12 +13,12 @@ from rich.progress import Progress as Bar
 
 from workbench import sampling
 from workbench.cli.leaving import Interrupted
-from workbench.cli.run import Name, Out, Setting, SolverName, make_folder, settings, solver_named
-from workbench.cli.without_effect import changes_nothing
+from workbench.cli.output import folder_to_write, make_folder, print_page, warn_without_effect
+from workbench.cli.run import Name, Out, Setting, SolverName, settings, solver_named
 from workbench.errors import UnknownName
 from workbench.experiments import find
-from workbench.reports import refuse_foreign, write_posterior
-from workbench.reports.posterior_page import Part, truth_of
+from workbench.reports import write_posterior
+from workbench.reports.posterior_page import BlockPosterior, truth_of
 from workbench.sampling import MOVES
 
 NOT_CONVERGED = 1  # the exit code if a block is not usable
@@ -30,22 +30,26 @@ def sample(
     block: Annotated[
         list[str] | None,
         typer.Option(
-            help="What to sample together: betas,trans,pose[left_elbow]; `everything`. "
-            "May be repeated; else parts of up to 21 entries are chosen."
+            help="What to sample together, such as betas,trans,pose[left_elbow], or everything. "
+            "May be repeated; without it, parts of up to 21 entries are chosen."
         ),
     ] = None,
     directions: Annotated[
-        int | None, typer.Option(help="Sample so many directions that the data know best instead.")
+        int | None,
+        typer.Option(
+            help="Sample this number of directions instead, those that the data know best."
+        ),
     ] = None,
     conditional: Annotated[
         bool,
         typer.Option(
-            "--conditional", help="Integrate the rest out, by its Gaussian; else it is fixed."
+            "--conditional",
+            help="Integrate the other unknowns out, by their Gaussian; without it, they are fixed.",
         ),
     ] = False,
-    steps: Annotated[int, typer.Option(help="Of each walker, at most.")] = 20_000,
-    walkers: Annotated[int | None, typer.Option(help="In each ensemble.")] = None,
-    ensembles: Annotated[int, typer.Option(help="Independent ones.")] = 4,
+    steps: Annotated[int, typer.Option(help="Largest number of steps of each walker.")] = 20_000,
+    walkers: Annotated[int | None, typer.Option(help="Number of walkers in each ensemble.")] = None,
+    ensembles: Annotated[int, typer.Option(help="Number of independent ensembles.")] = 4,
     seed: Annotated[int, typer.Option(help="The same seed gives the same draws.")] = 0,
     move: Annotated[str, typer.Option(help=f"One of {', '.join(MOVES)}.")] = "de",
     fresh: Annotated[
@@ -54,18 +58,17 @@ def sample(
     solver: SolverName = "levenberg-marquardt",
     out: Out = Path("runs"),
 ) -> None:
-    """Sample the posterior of a fit, block by block, and say whether the draws are worth anything.
+    """Sample the posterior of a fit, block by block, and judge whether the draws can be used.
 
-    Draws are kept in runs/NAME-draws/ while they are made; the same command goes on after an
-    interrupt. Exits with 1 if a block is not usable.
-    """  # fmt: skip
+    Draws are saved in runs/NAME-draws/ while they are made; after an interrupt the same command
+    continues from them. The exit code is 1 if a block is not usable.
+    """
     console = Console()
     if move not in MOVES:
         raise UnknownName("move", move, MOVES)
     experiment = find(name, settings(setting))
-    make_folder(out)
-    folder, kept = out / f"{experiment.name}-posterior", out / f"{experiment.name}-draws"
-    refuse_foreign(folder, experiment.source)
+    folder = folder_to_write(out, f"{experiment.name}-posterior", experiment.source)
+    kept = out / f"{experiment.name}-draws"
     make_folder(kept)
     console.print(f"[dim]building {escape(experiment.name)}[/]")
     setup = experiment.setup()
@@ -83,10 +86,10 @@ def sample(
     if directions is not None:
         chosen[f"{directions} directions"] = sampling.directions(directions, setup.priors)
     if not chosen:
-        chosen |= sampling.blocks_of(problem.free, problem.trees)
+        chosen |= sampling.sampling_blocks(problem.free, problem.trees)
     if conditional:
         _mind_rests(console, chosen, problem.free.names)
-    parts: list[Part] = []
+    parts: list[BlockPosterior] = []
     interrupted = False
     for part, names in chosen.items():
         path = kept / (re.sub(r"[^A-Za-z0-9]+", "-", part).strip("-") + ".h5")
@@ -102,13 +105,22 @@ def sample(
                 )
 
             posterior = sampling.sample(
-                problem, at, names, rest=rest, walkers=walkers, steps=steps, ensembles=ensembles,
-                seed=seed, moves=MOVES[move](), checkpoint=path, callback=tell,
-            )  # fmt: skip
+                problem,
+                at,
+                names,
+                rest=rest,
+                walkers=walkers,
+                steps=steps,
+                ensembles=ensembles,
+                seed=seed,
+                moves=MOVES[move](),
+                checkpoint=path,
+                callback=tell,
+            )
         approximation = sampling.laplace(problem, at, names, rest=rest, seed=seed)
-        parts.append(Part(part, posterior, approximation))
-        told = sampling.summary(posterior, truth_of(posterior, setup))
-        console.print(escape(told), highlight=False, soft_wrap=True)
+        parts.append(BlockPosterior(part, posterior, approximation))
+        text = posterior.summary(truth_of(posterior, setup))
+        console.print(escape(text), highlight=False, soft_wrap=True)
         _print_beside(console, posterior, approximation)
         if posterior.interrupted:
             interrupted = True
@@ -117,14 +129,14 @@ def sample(
     page = write_posterior(
         parts, folder, title=experiment.name, setup=setup, source=experiment.source
     )
-    console.print(f"report: [bold]{escape(str(page))}[/]", soft_wrap=True)
+    print_page(console, "report", page)
     if interrupted and parts[-1].posterior.unsaved:
         raise Interrupted(
-            f"interrupted; these draws are on the page, but not kept to go on with: "
+            f"interrupted; these draws are on the page, but could not be saved to continue from: "
             f"{parts[-1].posterior.unsaved}"
         )
     if interrupted:
-        raise Interrupted(f"interrupted; the same command goes on with what {kept} holds")
+        raise Interrupted(f"interrupted; the same command continues with what {kept} holds")
     if not all(part.posterior.usable for part in parts):
         raise typer.Exit(NOT_CONVERGED)
 
@@ -135,9 +147,9 @@ def _mind_rests(
     """Where --conditional changes nothing: nothing is left, or directions are sampled."""
     for part, names in chosen.items():
         if callable(names):
-            changes_nothing(console, "--conditional", f"beside {part}, the rest never is fixed")
+            warn_without_effect(console, "--conditional", f"beside {part}, the rest is never fixed")
         elif names is None or set(free) <= set(names):
-            changes_nothing(console, "--conditional", f"{part} is all that there is to sample")
+            warn_without_effect(console, "--conditional", f"{part} is all that there is to sample")
 
 
 def _names(text: str) -> tuple[str, ...]:
@@ -147,10 +159,16 @@ def _names(text: str) -> tuple[str, ...]:
 
 def _bar(console: Console) -> Bar:
     return Bar(
-        TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed}/{task.total}"),
-        TextColumn("{task.fields[info]}"), TimeElapsedColumn(), TimeRemainingColumn(),
-        console=console, transient=True, disable=not console.is_terminal,
-    )  # fmt: skip
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.completed}/{task.total}"),
+        TextColumn("{task.fields[info]}"),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
+    )
 
 
 def _print_beside(
@@ -159,10 +177,11 @@ def _print_beside(
     """What Laplace's approximation is worth by itself, and where it does not do."""
     console.print(
         f"Laplace's approximation by itself: {escape(approximation.verdict)}",
-        highlight=False, soft_wrap=True,
-    )  # fmt: skip
-    rows = sampling.beside_laplace(posterior, approximation)
-    unlike = [row for row in rows if row.said != "agrees"]
+        highlight=False,
+        soft_wrap=True,
+    )
+    rows = sampling.compared_with_laplace(posterior, approximation)
+    unlike = [row for row in rows if row.remark != "agrees"]
     if not posterior.mixed:
         return
     console.print(
@@ -171,7 +190,8 @@ def _print_beside(
     )
     for row in unlike:
         console.print(
-            f"  {escape(row.label)}: {row.said} (sd {row.ratio:.2f} times Laplace's, mean "
+            f"  {escape(row.label)}: {row.remark} (sd {row.ratio:.2f} times Laplace's, mean "
             f"{row.shift:+.2f} of them off)",
-            highlight=False, soft_wrap=True,
-        )  # fmt: skip
+            highlight=False,
+            soft_wrap=True,
+        )

@@ -1,4 +1,4 @@
-"""`workbench solvers`: who there is, what each needs and what it can."""
+"""`workbench solvers`: the solvers, what each needs and what each can."""
 
 from collections.abc import Mapping
 
@@ -6,7 +6,9 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from workbench.experiments import find
 from workbench.solvers import SOLVERS, Abilities, Boxes, Derivative
+from workbench.solvers.choice import recommend
 from workbench.solvers.nlopt_algorithms import ALGORITHMS
 
 ASKED = {
@@ -20,9 +22,22 @@ BOUNDS = {Boxes.UNKNOWN: "no", Boxes.TAKEN: "yes", Boxes.NEEDED: "needed"}
 
 
 def solvers(
-    nlopt: bool = typer.Option(False, help="The algorithms of NLopt, by NLopt's own names."),
+    nlopt: bool = typer.Option(
+        False, help="List the algorithms of NLopt instead, by NLopt's own names."
+    ),
+    problem: str | None = typer.Option(
+        None, "--for", help="Recommend solvers for an experiment or a Python file, with reasons."
+    ),
 ) -> None:
-    """List the solvers: derivatives asked for, bounds, constraints, where they look, sources."""
+    """List the solvers: their derivatives, bounds, constraints, kind of search, and sources.
+
+    With --for, recommend one for a problem from its size, structure, bounds and conditioning.
+    benchmarks/SOLVERS.md compares solvers on problems of each kind.
+    """
+    if problem is not None:
+        setup = find(problem).setup()
+        print(recommend(setup.problem, setup.start))
+        return
     listed = ALGORITHMS if nlopt else {name: s.abilities for name, s in SOLVERS.items()}
     console = Console()
     wide = console.width >= WIDE

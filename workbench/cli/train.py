@@ -9,32 +9,28 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
-from workbench.bodies.saving import save_body
+from workbench.bodies.files.saving import save_body
 from workbench.cli.leaving import Interrupted
-from workbench.cli.run import Out, make_folder
-from workbench.cli.without_effect import changes_nothing
+from workbench.cli.output import make_folder, warn_without_effect
+from workbench.cli.run import Out
 from workbench.errors import BadArgument, BadFile
 from workbench.reading.facts import json_in
 from workbench.reports import write_card
+from workbench.synthetic.ground_truth import FILE as TRUTH
+from workbench.synthetic.ground_truth import read_ground_truth
+from workbench.synthetic.ideal_skinning import best_linear, ideal_skinning_errors
+from workbench.synthetic.made_up import noisy_worms
+from workbench.synthetic.sets import CARD
 from workbench.threads import limited_threads
 from workbench.training.checkpoint import FILE as CHECKPOINT
-from workbench.training.crew import Hands, Processes
+from workbench.training.evaluation import held_out_errors, shapes_explained
+from workbench.training.executor import Execution, Processes
 from workbench.training.first_guess import Start, read_start
 from workbench.training.folder import GENDERS, open_folder
-from workbench.training.made_up import noisy_worms
 from workbench.training.plan import REACH, alternation
-from workbench.training.pose_training import Progress
+from workbench.training.progress import Progress
 from workbench.training.registrations import Registrations
-from workbench.training.sets import CARD
-from workbench.training.strangers import (
-    best_linear,
-    shapes_explained,
-    standing,
-    standing_when_told,
-)
 from workbench.training.training import train as train_body
-from workbench.training.truth import FILE as TRUTH
-from workbench.training.truth import read_truth
 
 START = "start.npz"
 EVERY = 5.0  # s
@@ -90,11 +86,11 @@ def train(
         _mind_unused(console, start, gender, reach)
         gender = None
     name, guess, poses, shapes = _data(console, folder, start, gender)
-    strangers = None
+    people = None
     if held_out is not None:
         unknown = open_folder(held_out, len(guess.template), guess.faces)
-        strangers, still = unknown.only("poses"), unknown.only("shapes")
-        if not strangers.rows:
+        people, standing = unknown.only("poses"), unknown.only("shapes")
+        if not people.rows:
             raise BadArgument(f"{held_out} has no registrations of the set 'poses'")
     plan = alternation(rounds=rounds, reach=None if folder is None else reach)
     make_folder(out)
@@ -102,9 +98,16 @@ def train(
     make_folder(place)
     try:
         trained = train_body(
-            poses, guess, multi_shape=shapes, plan=plan, n_betas=betas, folder=place,
-            report=Lines(console), card=_origin(folder), crew=Processes(jobs),
-        )  # fmt: skip
+            poses,
+            guess,
+            multi_shape=shapes,
+            plan=plan,
+            n_betas=betas,
+            folder=place,
+            report=Lines(console),
+            card=_origin(folder),
+            executor=Processes(jobs),
+        )
     except KeyboardInterrupt:
         raise Interrupted(
             f"interrupted; what was found until the last block is in {place}, and the same "
@@ -113,15 +116,16 @@ def train(
             else f"interrupted; there is no checkpoint in {place}, so nothing was kept"
         ) from None
     body = trained.body
-    if strangers is not None and held_out is not None:
-        console.print("[dim]meeting strangers[/]")
+    if people is not None and held_out is not None:
+        console.print("[dim]fitting the held-out people[/]")
+        execution = Execution(Processes(jobs))
         with limited_threads():
-            met = standing(body, strangers, Hands(Processes(jobs)))
-            if still.rows:
-                met |= shapes_explained(body, still, Hands(Processes(jobs)))
-        met |= _when_told(folder, held_out, guess, poses, strangers)
-        body = replace(body, card={**body.card, "held_out": met})
-        for said, number in met.items():
+            errors = held_out_errors(body, people, execution)
+            if standing.rows:
+                errors |= shapes_explained(body, standing, execution)
+        errors |= _ideal_errors(folder, held_out, guess, poses, people)
+        body = replace(body, card={**body.card, "held_out": errors})
+        for said, number in errors.items():
             console.print(f"  {said}: {number:g}")
     save_body(body, place / "body.npz")
     page = write_card(body, place / "card", str((place / "body.npz").resolve()))
@@ -132,11 +136,13 @@ def train(
 def _mind_unused(console: Console, start: str | None, gender: str | None, reach: int) -> None:
     """Name the options that do not apply to registrations that are made up."""
     if start is not None:
-        changes_nothing(console, "--start", "the made-up worm begins from a template of its own")
+        warn_without_effect(
+            console, "--start", "the made-up worm begins from a template of its own"
+        )
     if gender is not None:
-        changes_nothing(console, "--gender", "the made-up worms have none")
+        warn_without_effect(console, "--gender", "the made-up worms have none")
     if reach != REACH:
-        changes_nothing(console, "--reach", "every joint of the made-up worm bends its surface")
+        warn_without_effect(console, "--reach", "every joint of the made-up worm bends its surface")
 
 
 def _data(
@@ -163,20 +169,20 @@ def _data(
     return folder.resolve().name, guess, poses, shapes if shapes.rows else None
 
 
-def _when_told(
+def _ideal_errors(
     folder: Path | None,
     held_out: Path,
     guess: Start,
     poses: Registrations,
-    strangers: Registrations,
+    people: Registrations,
 ) -> dict[str, float]:
-    """What skinning comes to that knows how the strangers were made, if that is known."""
+    """The errors of ideal skinning on held-out people whose ground truth is known."""
     if not (held_out / TRUTH).is_file():
         return {}
     linear = None
     if folder is not None and (folder / TRUTH).is_file():
-        linear = best_linear(read_truth(folder), poses, guess)
-    return standing_when_told(read_truth(held_out), strangers, guess, linear)
+        linear = best_linear(read_ground_truth(folder), poses, guess)
+    return ideal_skinning_errors(read_ground_truth(held_out), people, guess, linear)
 
 
 def _origin(folder: Path | None) -> dict[str, Any]:

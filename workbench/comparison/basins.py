@@ -9,15 +9,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array
 from workbench.comparison.feasible import feasible
 from workbench.comparison.running import look
-from workbench.experiments.comparison import AS_GOOD
+from workbench.experiments.relative_costs import AS_GOOD
 from workbench.problem import Problem
 from workbench.solvers import Ipopt, LevenbergMarquardt, Solver
 
-Array = NDArray[np.float64]
 POLISH_SECONDS = 20.0  # at most, per end
 POLISH_TO = 1e-13  # of Problem.optimality
 FAR_ABOVE_ROUNDING = 1e3  # of |r|

@@ -10,14 +10,14 @@ from joblib import Parallel, delayed
 
 from workbench.comparison.budget import Budget
 from workbench.comparison.comparison import Comparison, ended
-from workbench.comparison.contained import answered, pool
 from workbench.comparison.description import Description
-from workbench.comparison.entrants import Entrant, Given, entrants
-from workbench.comparison.jobs import Answer, Describe, Failed, Job, Judge, Solve
-from workbench.comparison.judgement import Judgement, unjudged
+from workbench.comparison.end_analysis import EndAnalysis, not_analysed
+from workbench.comparison.jobs import AnalyseEnds, Answer, Describe, Failed, Job, Solve
+from workbench.comparison.named_solvers import Given, NamedSolver, named_solvers
 from workbench.comparison.plan import Experiments, Instance, Plan, plan
 from workbench.comparison.record import Record, Stored
 from workbench.comparison.store import Folder, Memory, Store
+from workbench.comparison.workers import answered, pool
 from workbench.errors import BadArgument, WorkbenchError
 from workbench.writing import Keeping
 
@@ -52,7 +52,7 @@ def compare(
     Raises UnknownName, BadFile or BadArgument before anything runs; WorkbenchError if no
     experiment can be built. What a solver does wrong is in its records.
     """
-    chosen = plan(experiments, entrants(solvers), seeds, budget or Budget())
+    chosen = plan(experiments, named_solvers(solvers), seeds, budget or Budget())
     if workers < 1:
         raise BadArgument(f"workers is how many runs go side by side, 1 or more; not {workers}")
     store: Store = Memory() if folder is None else Folder(folder)
@@ -105,15 +105,15 @@ def _carried_out(chosen: Plan, hands: _Hands) -> Comparison:
         first = next(iter(unbuilt.items()))
         raise WorkbenchError(f"no experiment can be built; {first[0]}: {first[1]}")
     jobs = {
-        (instance.name, entrant.name): _solve(chosen, instance, entrant, described[instance.name])
+        (instance.name, named.name): _solve(chosen, instance, named, described[instance.name])
         for instance in instances
-        for entrant in chosen.entrants
+        for named in chosen.named_solvers
     }
     found, _ = hands.do("solving", jobs.values(), Record.of)
     records = {names: found[job.key] for names, job in jobs.items()}
     groups = _groups(instances, described)
-    judgements = _judged(chosen, hands, instances, groups, records)
-    return Comparison(chosen, instances, unbuilt, described, records, groups, judgements)
+    end_analyses = _judged(chosen, hands, instances, groups, records)
+    return Comparison(chosen, instances, unbuilt, described, records, groups, end_analyses)
 
 
 def _described(chosen: Plan, hands: _Hands) -> tuple[dict[str, Description], dict[str, str]]:
@@ -131,16 +131,16 @@ def _described(chosen: Plan, hands: _Hands) -> tuple[dict[str, Description], dic
     return {name: found[job.key] for name, job in jobs.items() if job.key in found}, unbuilt
 
 
-def _solve(chosen: Plan, instance: Instance, entrant: Entrant, about: Description) -> Solve:
+def _solve(chosen: Plan, instance: Instance, named: NamedSolver, about: Description) -> Solve:
     return Solve(
-        key=chosen.run_key(instance, entrant),
+        key=chosen.run_key(instance, named),
         experiment=instance.sent(),
-        solver=entrant.sent(),
+        solver=named.sent(),
         instance=instance.name,
         repetition=instance.repetition,
         budget=chosen.budget,
         grace=max(chosen.budget.grace, SLOW * about.seconds["jacobian"]),
-        own="" if entrant.of_the_house else entrant.name,
+        own="" if named.of_the_house else named.name,
     )
 
 
@@ -166,10 +166,10 @@ def _judged(
     instances: tuple[Instance, ...],
     groups: tuple[tuple[str, ...], ...],
     records: dict[tuple[str, str], Record],
-) -> tuple[Judgement, ...]:
+) -> tuple[EndAnalysis, ...]:
     by_name = {instance.name: instance for instance in instances}
-    names = tuple(entrant.name for entrant in chosen.entrants)
-    jobs: dict[int, Judge] = {}
+    names = tuple(named.name for named in chosen.named_solvers)
+    jobs: dict[int, AnalyseEnds] = {}
     for k, group in enumerate(groups):
         ends = [records[key].end for key in ended(group, names, records)]
         runs = [records[name, solver] for name in group for solver in names]
@@ -181,11 +181,11 @@ def _judged(
         if ends:
             instance = by_name[group[0]]
             key = chosen.key("judgement", instance.identity(), ends)
-            jobs[k] = Judge(key, instance.sent(), tuple(ends), chosen.budget)
-    found, failed = hands.do("looking at the ends", jobs.values(), Judgement.of)
+            jobs[k] = AnalyseEnds(key, instance.sent(), tuple(ends), chosen.budget)
+    found, failed = hands.do("looking at the ends", jobs.values(), EndAnalysis.of)
     return tuple(
         found[jobs[k].key]
         if k in jobs and jobs[k].key in found
-        else unjudged(failed[jobs[k].key].message if k in jobs else "")
+        else not_analysed(failed[jobs[k].key].message if k in jobs else "")
         for k in range(len(groups))
     )

@@ -5,20 +5,19 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array
 from workbench.comparison import statistics
 from workbench.comparison.description import Description
-from workbench.comparison.entrants import Entrant
-from workbench.comparison.judgement import Judgement
+from workbench.comparison.end_analysis import EndAnalysis
 from workbench.comparison.log import KINDS
+from workbench.comparison.named_solvers import NamedSolver
 from workbench.comparison.plan import Instance, Plan
 from workbench.comparison.prices import prices, units
 from workbench.comparison.record import Ending, Record
-from workbench.comparison.targets import NEARLY, TAUS, Verdict, Yardstick, verdict
-from workbench.experiments.comparison import way_left
+from workbench.comparison.targets import NEARLY, TAUS, TargetOutcome, Yardstick, target_outcome
+from workbench.experiments.relative_costs import share_left
 
-Array = NDArray[np.float64]
 MAIN = 1e-5  # the target by which solvers are told apart where one number has to do
 
 
@@ -32,18 +31,18 @@ class Comparison:
     described: dict[str, Description] = field(repr=False)
     records: dict[tuple[str, str], Record] = field(repr=False)  # by instance and solver
     groups: tuple[tuple[str, ...], ...]  # instances of one problem, which differ in the start
-    judgements: tuple[Judgement, ...] = field(repr=False)  # by group
+    end_analyses: tuple[EndAnalysis, ...] = field(repr=False)  # by group
     taus: tuple[float, ...] = TAUS
 
     @property
     def solvers(self) -> tuple[str, ...]:
         """Their names, in the order in which they were given."""
-        return tuple(entrant.name for entrant in self.plan.entrants)
+        return tuple(named.name for named in self.plan.named_solvers)
 
     @property
-    def entrants(self) -> tuple[Entrant, ...]:
+    def named_solvers(self) -> tuple[NamedSolver, ...]:
         """The solvers themselves."""
-        return self.plan.entrants
+        return self.plan.named_solvers
 
     @cached_property
     def problems(self) -> tuple[str, ...]:
@@ -76,12 +75,12 @@ class Comparison:
     def yardsticks(self) -> dict[str, Yardstick]:
         """By instance."""
         found = {}
-        for group, judgement in zip(self.groups, self.judgements, strict=True):
+        for group, end_analysis in zip(self.groups, self.end_analyses, strict=True):
             runs = [self.records[name, s] for name in group for s in self.solvers]
             known = [self.described[name].known_cost for name in group]
             costs = [self.records[key].cost for key in ended(group, self.solvers, self.records)]
             candidates = {
-                "the lowest end, polished": min((*judgement.costs, *costs), default=np.inf),
+                "the lowest end, polished": min((*end_analysis.costs, *costs), default=np.inf),
                 "the lowest point that a run visited": min(r.lowest for r in runs),
                 self.described[group[0]].known_source: float(np.nanmin([np.inf, *known])),
             }
@@ -91,9 +90,11 @@ class Comparison:
             alone = len(costs) == 1 and others <= 1 and not np.isfinite(known).any()
             for name in group:
                 found[name] = Yardstick(
-                    self.described[name].start_cost, best if np.isfinite(best) else np.nan,
-                    "the only end: nothing to compare it with" if alone else origin, alone,
-                )  # fmt: skip
+                    self.described[name].start_cost,
+                    best if np.isfinite(best) else np.nan,
+                    "the only end: nothing to compare it with" if alone else origin,
+                    alone,
+                )
         return found
 
     @cached_property
@@ -112,26 +113,26 @@ class Comparison:
     def basins(self) -> dict[tuple[str, str], int]:
         """The basin of each end that has one, by instance and solver; 0 is the lowest."""
         found: dict[tuple[str, str], int] = {}
-        for group, judgement in zip(self.groups, self.judgements, strict=True):
+        for group, end_analysis in zip(self.groups, self.end_analyses, strict=True):
             found |= dict(
-                zip(ended(group, self.solvers, self.records), judgement.where, strict=False)
+                zip(ended(group, self.solvers, self.records), end_analysis.where, strict=False)
             )
         return found
 
-    def judgement(self, instance: str) -> Judgement:
+    def end_analysis(self, instance: str) -> EndAnalysis:
         """Of the problem that an instance is of."""
         k = next(k for k, group in enumerate(self.groups) if instance in group)
-        return self.judgements[k]
+        return self.end_analyses[k]
 
     @cached_property
-    def verdicts(self) -> dict[tuple[str, str], Verdict]:
+    def outcomes(self) -> dict[tuple[str, str], TargetOutcome]:
         """What became of each run."""
         found = {}
         for (instance, solver), record in self.records.items():
             yardstick, basin = self.yardsticks[instance], self.basins.get((instance, solver))
-            costs = self.judgement(instance).costs
+            costs = self.end_analysis(instance).costs
             lowest = None if basin is None else yardstick.near(costs[basin])
-            found[instance, solver] = verdict(
+            found[instance, solver] = target_outcome(
                 record, yardstick, lowest, self.plan.budget.stationary
             )
         return found
@@ -151,7 +152,10 @@ class Comparison:
         """Whether a run gave an answer by itself that meets a target, in no worse basin."""
         record = self.records[instance, solver]
         meets = self.yardsticks[instance].ends_below(record, tau)
-        fine = self.verdicts[instance, solver] not in (Verdict.OTHER_BASIN, Verdict.ALONE)
+        fine = self.outcomes[instance, solver] not in (
+            TargetOutcome.OTHER_BASIN,
+            TargetOutcome.ALONE,
+        )
         return record.ending is Ending.RETURNED and meets and fine
 
     def uncounted(self, instance: str, solver: str, tau: float = MAIN) -> bool:
@@ -209,7 +213,7 @@ class Comparison:
             return np.zeros((0, 3))
         last = (*record.seen.counts, record.seen.seconds, end if hidden else lowest)
         rows = np.vstack([rows, last])
-        gap = way_left(np.minimum.accumulate(rows[:, -1]), yardstick.best, yardstick.start)
+        gap = share_left(np.minimum.accumulate(rows[:, -1]), yardstick.best, yardstick.start)
         effort = self.units(instance.problem, rows[:, : len(KINDS)])
         if hidden:
             effort[-1] = np.nan
@@ -252,14 +256,14 @@ class Comparison:
         problems = [i.problem for i in chosen]
         return len(set(problems)) in (1, len(problems))
 
-    def counted(self, solver: str) -> Counter[Verdict]:
+    def counted(self, solver: str) -> Counter[TargetOutcome]:
         """How many of its runs came to what."""
-        return Counter(v for (_, name), v in self.verdicts.items() if name == solver)
+        return Counter(v for (_, name), v in self.outcomes.items() if name == solver)
 
     def reached(self, solver: str) -> statistics.Interval:
         """The share of its comparable runs that ended at the lowest cost known."""
-        verdicts = [self.verdicts[i.name, solver] for i in self.comparable]
-        share = statistics.rate(verdicts.count(Verdict.REACHED), len(verdicts))
+        outcomes = [self.outcomes[i.name, solver] for i in self.comparable]
+        share = statistics.rate(outcomes.count(TargetOutcome.REACHED), len(outcomes))
         return share if self._independent(self.comparable) else statistics.Interval(share.value)
 
     def digits(self, solver: str) -> Array:

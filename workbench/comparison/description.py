@@ -6,16 +6,15 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array
 from workbench.comparison.record import Stored, array_of, finite_array_of
 from workbench.comparison.running import look, warm
 from workbench.errors import BadFile, listed
-from workbench.experiments.experiment import Setup
+from workbench.fitting.setup import Setup
 from workbench.reading.facts import Facts, amount
 from workbench.threads import limited_threads
 
-Array = NDArray[np.float64]
 PROBES = (0.0, 1e-3, 0.1, 1.0)  # sizes of the points at which two problems are told apart
 TIMED = ("residual", "gradient", "jacobian")
 SAME = 1e-9  # relative difference of costs there, for problems that are the same

@@ -4,17 +4,16 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array
 from workbench.comparison.basins import Basin
 from workbench.diagnostics import Diagnosis, diagnose_whole
-from workbench.diagnostics.motions import motions
-from workbench.diagnostics.null_space import HARDLY, Direction, directions, dominant
+from workbench.diagnostics.named_subspaces import named_subspaces
+from workbench.diagnostics.null_space import WEAK, Direction, directions, dominant
 from workbench.problem import Problem
 from workbench.problem.rounding import half_squared
 from workbench.reading.facts import facts
 
-Array = NDArray[np.float64]
 THIN = 0.1  # of the median singular value: below, a direction counts as weak here
 NAMED = 3  # directions that are told
 SMALL = 0.1  # of the way: what goes less far along a direction is not worth its name
@@ -23,7 +22,7 @@ ENOUGH = 0.5  # of the way, for weak directions to explain it
 
 
 @dataclass(frozen=True)
-class Part:
+class Component:
     """How far the way goes along one weak direction."""
 
     name: str
@@ -39,7 +38,7 @@ class Explanation:
     best: float
     length: float  # of the way: radians, metres, standard deviations, as the unknowns have them
     share: float  # of its square that lies along weak directions of the lost end, 0 to 1
-    parts: tuple[Part, ...]  # the longest, first
+    components: tuple[Component, ...]  # the longest, first
     rest: str  # the largest entries of the way
     ridge: float  # how much the cost rises above the lost end on the straight line
 
@@ -56,7 +55,7 @@ class Explanation:
             best=told.number("best"),
             length=told.number("length"),
             share=told.number("share"),
-            parts=told.several("parts", _part),
+            components=told.several("components", _component),
             rest=told.text("rest"),
             ridge=told.number("ridge"),
         )
@@ -67,10 +66,10 @@ class Explanation:
             f"{self.best:.6g}). "
         )
         way = f"{self.share:.0%} of the way from here to there ({self.length:.3g} units)"
-        if self.share >= ENOUGH and self.parts:
+        if self.share >= ENOUGH and self.components:
             named = "; ".join(
                 f"{p.name.partition(': ')[0]} ({p.length:.2g} units, {p.change:.2g} sigma for one)"
-                for p in self.parts
+                for p in self.components
             )
             said += (
                 f"{way} goes along weak directions, so the data did little to keep a solver from "
@@ -89,9 +88,9 @@ class Explanation:
         return said + "On the straight line between them the cost only falls."
 
 
-def _part(given: object, name: str) -> Part:
+def _component(given: object, name: str) -> Component:
     told = facts(given, name)
-    return Part(told.text("name"), told.number("length"), told.number("change"))
+    return Component(told.text("name"), told.number("length"), told.number("change"))
 
 
 def explain(
@@ -108,14 +107,14 @@ def explain(
     values = problem.values(lost.x, fixed)
     data = problem.without(*priors) if 0 < len(priors) < len(problem.residuals) else problem
     seen = diagnose_whole(data, values)
-    along, parts = _along(way, _weak(seen, data, problem))
+    along, components = _along(way, _weak(seen, data, problem))
     costs = [_cost(problem, lost.x + s * way, fixed) for s in np.linspace(0, 1, POINTS)]
     return Explanation(
         cost=lost.cost,
         best=best.cost,
         length=length,
         share=along,
-        parts=parts,
+        components=components,
         rest=dominant(way, problem.free) if length > 0 else "nothing",
         ridge=max(0.0, float(np.nanmax(costs)) - lost.cost),
     )
@@ -126,8 +125,8 @@ def _weak(seen: Diagnosis, data: Problem, whole: Problem) -> tuple[Direction, ..
     if seen.here.estimated or not seen.here.finite:
         return ()
     s = seen.here.spectrum.s
-    thin = max(THIN * float(np.median(s)), min(HARDLY, THIN * float(s.max(initial=0.0))))
-    dictionary = motions(data.free, data.trees, seen.structure.pattern)
+    thin = max(THIN * float(np.median(s)), min(WEAK, THIN * float(s.max(initial=0.0))))
+    dictionary = named_subspaces(data.free, data.trees, seen.structure.pattern)
     least = max(thin, seen.here.spectrum.tolerance)
     found = list(directions(seen.here, data.free, dictionary, least))
     for k, direction in enumerate(found):
@@ -138,7 +137,7 @@ def _weak(seen: Diagnosis, data: Problem, whole: Problem) -> tuple[Direction, ..
     return tuple(found)
 
 
-def _along(way: Array, weak: tuple[Direction, ...]) -> tuple[float, tuple[Part, ...]]:
+def _along(way: Array, weak: tuple[Direction, ...]) -> tuple[float, tuple[Component, ...]]:
     """The share of |way|^2 in the span of the directions, and the few that make most of it.
 
     Named directions are not orthogonal: all of them together would tell of large moves that
@@ -160,10 +159,11 @@ def _along(way: Array, weak: tuple[Direction, ...]) -> tuple[float, tuple[Part, 
         chosen.append(int(np.argmax(nearness)))
         c = np.asarray(np.linalg.lstsq(V[:, chosen], within)[0], dtype=float)
         left = within - V[:, chosen] @ c
-    parts = [
-        Part(weak[i].name, float(abs(x)), weak[i].change) for i, x in zip(chosen, c, strict=True)
+    components = [
+        Component(weak[i].name, float(abs(x)), weak[i].change)
+        for i, x in zip(chosen, c, strict=True)
     ]
-    return min(1.0, share), tuple(sorted(parts, key=lambda part: -part.length))
+    return min(1.0, share), tuple(sorted(components, key=lambda part: -part.length))
 
 
 def _cost(problem: Problem, x: Array, fixed: Array) -> float:

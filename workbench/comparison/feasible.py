@@ -1,11 +1,10 @@
 """Whether a point is one that a problem allows."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array
 from workbench.problem import Problem
 
-Array = NDArray[np.float64]
 ROOM = 1e-9  # of a number: rounding on a bound
 
 
@@ -15,4 +14,4 @@ def feasible(problem: Problem, x: Array, fixed: Array) -> bool:
     if not ((problem.lower <= x + room) & (x - room <= problem.upper)).all():
         return False
     there = problem.stacked_constraints
-    return there is None or there.missed(there.values(x, fixed)) <= 1
+    return there is None or there.violation(there.values(x, fixed)) <= 1

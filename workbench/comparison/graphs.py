@@ -5,23 +5,57 @@ from typing import Any
 
 import casadi as cs
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from workbench.arrays import Array
+
 Outputs = list[cs.DM]
 Call = Callable[[Callable[[], Any], Array, Array, Callable[[Any], Array]], Any]
 # questions about a function that evaluate nothing
 HARMLESS = {
-    "name", "n_in", "n_out", "name_in", "name_out", "index_in", "index_out", "size_in",
-    "size_out", "size1_in", "size1_out", "size2_in", "size2_out", "nnz_in", "nnz_out",
-    "numel_in", "numel_out", "sparsity_in", "sparsity_out", "jac_sparsity", "is_diff_in",
-    "is_diff_out", "default_in", "max_in", "min_in", "nominal_in", "nominal_out", "info",
-    "class_name", "is_a", "is_null", "n_instructions", "n_nodes", "sx_in", "mx_in", "sx_out",
-    "mx_out", "has_free", "get_free", "type_name",
-}  # fmt: skip
+    "name",
+    "n_in",
+    "n_out",
+    "name_in",
+    "name_out",
+    "index_in",
+    "index_out",
+    "size_in",
+    "size_out",
+    "size1_in",
+    "size1_out",
+    "size2_in",
+    "size2_out",
+    "nnz_in",
+    "nnz_out",
+    "numel_in",
+    "numel_out",
+    "sparsity_in",
+    "sparsity_out",
+    "jac_sparsity",
+    "is_diff_in",
+    "is_diff_out",
+    "default_in",
+    "max_in",
+    "min_in",
+    "nominal_in",
+    "nominal_out",
+    "info",
+    "class_name",
+    "is_a",
+    "is_null",
+    "n_instructions",
+    "n_nodes",
+    "sx_in",
+    "mx_in",
+    "sx_out",
+    "mx_out",
+    "has_free",
+    "get_free",
+    "type_name",
+}
 
 
-class WatchedFunction:
+class MeteredFunction:
     """A function (x, fixed) -> outputs of a problem, in the place of the function itself.
 
     Called with numbers, also for several points side by side, and also after `map(count)` or
@@ -87,8 +121,8 @@ class WatchedFunction:
             self._taken()
         return getattr(self._function, name)
 
-    def _of(self, changed: cs.Function) -> "WatchedFunction":
-        made = WatchedFunction(lambda: changed, self._sizes, self._call, self._costs, self._taken)
+    def _of(self, changed: cs.Function) -> "MeteredFunction":
+        made = MeteredFunction(lambda: changed, self._sizes, self._call, self._costs, self._taken)
         return made
 
     def _answered(

@@ -18,9 +18,17 @@ import workbench
 DEEP = 8  # levels that are looked into
 NOT_COUNTED = {"plots", "reports", "cli", "lectures"}  # rooms that no stored result depends on
 DERIVED = {  # of ours
-    "comparison", "measured", "pairs", "prices", "profiles", "statistics", "store", "targets",
-    "tidy", "words",
-}  # fmt: skip
+    "comparison",
+    "measured",
+    "pairs",
+    "prices",
+    "profiles",
+    "statistics",
+    "store",
+    "targets",
+    "tidy",
+    "words",
+}
 COMPUTE = ("casadi", "numpy", "scipy", "nlopt")
 
 

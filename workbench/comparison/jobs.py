@@ -4,15 +4,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from workbench.arrays import Array
 from workbench.comparison.budget import Budget
-from workbench.comparison.entrants import Sent
+from workbench.comparison.named_solvers import SentSolver
 from workbench.comparison.plan import SentExperiment
 
-Array = NDArray[np.float64]
-Say = Callable[[str, float], None]  # what begins, and how many seconds it may take
+Announce = Callable[[str, float], None]  # what begins, and how many seconds it may take
 
 
 @dataclass(frozen=True)
@@ -32,7 +29,7 @@ class Solve:
 
     key: str
     experiment: SentExperiment
-    solver: Sent
+    solver: SentSolver
     instance: str  # its name
     repetition: int
     budget: Budget
@@ -43,7 +40,7 @@ class Solve:
 
 
 @dataclass(frozen=True, eq=False)
-class Judge:
+class AnalyseEnds:
     """Look at all ends of one problem: where each leads to, and what keeps it from the best."""
 
     key: str
@@ -53,7 +50,7 @@ class Judge:
     own: str = ""
 
 
-Job = Describe | Solve | Judge
+Job = Describe | Solve | AnalyseEnds
 
 
 @dataclass(frozen=True)

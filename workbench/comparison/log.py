@@ -4,15 +4,19 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array
 from workbench.solvers import Evaluations
 
-Array = NDArray[np.float64]
 KINDS = (  # of evaluations
-    "residual", "gradient", "jacobian", "hessian",
-    "constraint", "constraint_jacobian", "constraint_hessian",
-)  # fmt: skip
+    "residual",
+    "gradient",
+    "jacobian",
+    "hessian",
+    "constraint",
+    "constraint_jacobian",
+    "constraint_hessian",
+)
 LIMITED = 4  # of them a budget limits: all but those of the constraints
 COUNTS = slice(2, 2 + len(KINDS))
 SPENT = slice(COUNTS.stop, COUNTS.stop + len(KINDS))
@@ -84,7 +88,11 @@ class Log:
         trace = numbers[HEAD + n : HEAD + n + ROW * rows].reshape(rows, ROW)
         best = numbers[HEAD : HEAD + n] if rows else numbers[:0]
         return Seen(
-            tuple(int(c) for c in numbers[COUNTS]), tuple(float(s) for s in numbers[SPENT]),
-            int(numbers[NOT_FINITE]), float(numbers[SECONDS]), best.copy(), trace.copy(),
+            tuple(int(c) for c in numbers[COUNTS]),
+            tuple(float(s) for s in numbers[SPENT]),
+            int(numbers[NOT_FINITE]),
+            float(numbers[SECONDS]),
+            best.copy(),
+            trace.copy(),
             bool(numbers[TAKEN]),
-        )  # fmt: skip
+        )

@@ -5,44 +5,43 @@ run to the next, and so they stand apart, with their spread, and rank nobody.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from workbench.comparison.comparison import Comparison
 from workbench.comparison.log import KINDS
 
-Array = NDArray[np.float64]
 TIMED = 3  # kinds of evaluations that are timed at the start: residual, gradient and Jacobian
 
 
 @dataclass(frozen=True)
-class Spread:
+class Timing:
     """The smallest, the middle and the largest of some seconds; NaN of none."""
 
-    least: float
-    middle: float
-    most: float
+    minimum: float
+    median: float
+    maximum: float
 
     @staticmethod
-    def of(seconds: ArrayLike) -> "Spread":
+    def of(seconds: ArrayLike) -> "Timing":
         """Of any number of them."""
         s = np.asarray(seconds, dtype=float)
         if not s.size:
-            return Spread(np.nan, np.nan, np.nan)
-        return Spread(float(s.min()), float(np.median(s)), float(s.max()))
+            return Timing(np.nan, np.nan, np.nan)
+        return Timing(float(s.min()), float(np.median(s)), float(s.max()))
 
 
 def seconds_to(
     comparison: Comparison, solver: str, tau: float, problem: str | None = None
-) -> Spread:
+) -> Timing:
     """Until a target, over the starts from which a run was seen to meet it."""
     chosen = comparison.starts(problem)
     rows = [comparison.met(i.name, solver, tau) for i in chosen]
-    return Spread.of([row[-2] for row in rows if row is not None])
+    return Timing.of([row[-2] for row in rows if row is not None])
 
 
-def seconds_of_runs(comparison: Comparison, solver: str) -> Spread:
+def seconds_of_runs(comparison: Comparison, solver: str) -> Timing:
     """Of whole runs, over all starts."""
-    return Spread.of(
+    return Timing.of(
         [comparison.records[i.name, solver].seen.seconds for i in comparison.instances]
     )
 

@@ -3,12 +3,11 @@
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array
 from workbench.comparison.comparison import MAIN, Comparison
 from workbench.comparison.statistics import Duel, among, duel
 
-Array = NDArray[np.float64]
 Duels = dict[tuple[str, str], Duel]  # by two names, both ways round
 
 

@@ -7,8 +7,8 @@ from inspect import Parameter
 from typing import Any
 
 from workbench.comparison.budget import Budget
-from workbench.comparison.entrants import Entrant, pickled
 from workbench.comparison.identity import code_version, digest, file_digest, identity
+from workbench.comparison.named_solvers import NamedSolver, pickled
 from workbench.errors import BadArgument, UnknownName
 from workbench.experiments import SUITES, Experiment, find
 from workbench.experiments.arguments import converted, parameters
@@ -65,7 +65,7 @@ class Plan:
     """Every instance by every entrant, within one budget."""
 
     instances: tuple[Instance, ...]
-    entrants: tuple[Entrant, ...]
+    named_solvers: tuple[NamedSolver, ...]
     budget: Budget
     seeds: int
 
@@ -73,9 +73,9 @@ class Plan:
         """Of a stored result: it changes with whatever the result depends on."""
         return f"{kind}-{digest([kind, code_version(), identity(self.budget), *parts])}"
 
-    def run_key(self, instance: Instance, entrant: Entrant) -> str:
+    def run_key(self, instance: Instance, named: NamedSolver) -> str:
         """Of one run."""
-        return self.key("run", instance.identity(), entrant.identity(), instance.repetition)
+        return self.key("run", instance.identity(), named.identity(), instance.repetition)
 
 
 Experiments = str | Experiment | Iterable[str | Experiment]
@@ -110,7 +110,7 @@ def _named(name: str) -> tuple[Experiment, ...]:
 
 
 def plan(
-    experiments: Experiments, entrants: tuple[Entrant, ...], seeds: int, budget: Budget
+    experiments: Experiments, named_solvers: tuple[NamedSolver, ...], seeds: int, budget: Budget
 ) -> Plan:
     """Raises UnknownName, BadFile, or BadArgument for what cannot be planned."""
     if seeds < 1:
@@ -135,7 +135,7 @@ def plan(
     twice = [label for label in labels if labels.count(label) > 1]
     if twice:
         raise BadArgument(f"{twice[0]} is there twice; give each experiment once")
-    return Plan(tuple(instances), entrants, budget, seeds)
+    return Plan(tuple(instances), named_solvers, budget, seeds)
 
 
 def _repeated(label: str, experiment: Experiment, seeds: int) -> list[Instance]:
@@ -149,10 +149,12 @@ def _repeated(label: str, experiment: Experiment, seeds: int) -> list[Instance]:
         Instance(
             label,
             replace(experiment, arguments={**experiment.arguments, name: first + k}),
-            name, first + k, k,
+            name,
+            first + k,
+            k,
         )
         for k in range(seeds)
-    ]  # fmt: skip
+    ]
 
 
 def numbering(experiment: Experiment) -> str:

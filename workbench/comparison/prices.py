@@ -23,11 +23,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from workbench.arrays import Array
 from workbench.comparison.log import KINDS, LIMITED
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -6,14 +6,13 @@ from enum import Enum
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array
 from workbench.comparison.log import KINDS, ROW, ROWS, Seen
 from workbench.errors import BadFile
 from workbench.reading.facts import Facts, amount, whole
 from workbench.solvers import Evaluations
 
-Array = NDArray[np.float64]
 Stored = tuple[dict[str, Any], dict[str, Array]]  # facts, and arrays by name
 
 
@@ -66,13 +65,23 @@ class Record:
         """As facts and arrays."""
         seen = self.seen
         facts = {
-            "solver": self.solver, "instance": self.instance, "ending": self.ending.name,
-            "message": self.message, "claim": self.claim, "claimed_cost": self.claimed_cost,
-            "cost": self.cost, "optimality": self.optimality, "inside": self.inside,
-            "digits": self.digits, "machine": self.machine, "counts": list(seen.counts),
-            "spent": list(seen.spent), "taken": seen.taken,
-            "not_finite": seen.not_finite, "seconds": seen.seconds,
-        }  # fmt: skip
+            "solver": self.solver,
+            "instance": self.instance,
+            "ending": self.ending.name,
+            "message": self.message,
+            "claim": self.claim,
+            "claimed_cost": self.claimed_cost,
+            "cost": self.cost,
+            "optimality": self.optimality,
+            "inside": self.inside,
+            "digits": self.digits,
+            "machine": self.machine,
+            "counts": list(seen.counts),
+            "spent": list(seen.spent),
+            "taken": seen.taken,
+            "not_finite": seen.not_finite,
+            "seconds": seen.seconds,
+        }
         return facts, {"end": self.end, "best": seen.best, "trace": seen.trace}
 
     @staticmethod
@@ -92,17 +101,28 @@ class Record:
         if not len(counts) == len(spent) == len(KINDS) or not np.isfinite(spent).all():
             raise BadFile(f"counts are {counts} and times {spent}, of {len(KINDS)} kinds")
         return Record(
-            solver=facts.text("solver"), instance=facts.text("instance"),
+            solver=facts.text("solver"),
+            instance=facts.text("instance"),
             ending=Ending[facts.among("ending", Ending.__members__)],
-            message=facts.text("message"), claim=facts.text("claim"),
-            claimed_cost=facts.number("claimed_cost"), cost=cost,
-            optimality=facts.amount("optimality"), inside=facts.truth("inside"),
-            digits=facts.number("digits"), end=end, machine=facts.text("machine"),
+            message=facts.text("message"),
+            claim=facts.text("claim"),
+            claimed_cost=facts.number("claimed_cost"),
+            cost=cost,
+            optimality=facts.amount("optimality"),
+            inside=facts.truth("inside"),
+            digits=facts.number("digits"),
+            end=end,
+            machine=facts.text("machine"),
             seen=Seen(
-                counts, spent, facts.whole("not_finite"), facts.duration("seconds"), best,
-                trace.reshape(-1, ROW), facts.truth("taken"),
+                counts,
+                spent,
+                facts.whole("not_finite"),
+                facts.duration("seconds"),
+                best,
+                trace.reshape(-1, ROW),
+                facts.truth("taken"),
             ),
-        )  # fmt: skip
+        )
 
 
 def array_of(arrays: Mapping[str, Array], name: str, axes: int) -> Array:

@@ -9,15 +9,15 @@ import numpy as np
 
 from workbench.blocks import Values
 from workbench.comparison.feasible import feasible
-from workbench.comparison.jobs import Say, Solve
+from workbench.comparison.jobs import Announce, Solve
 from workbench.comparison.log import Log
 from workbench.comparison.machine import machine
+from workbench.comparison.metered import Metered
 from workbench.comparison.record import Ending, Record, ended_early
-from workbench.comparison.watch import Watch
 from workbench.errors import NotSupported, WorkbenchError
-from workbench.experiments.blame import blaming
-from workbench.experiments.experiment import Setup
-from workbench.experiments.known import digits
+from workbench.experiments.user_errors import user_errors
+from workbench.fitting.known import digits
+from workbench.fitting.setup import Setup
 from workbench.problem import Problem
 from workbench.solvers import Solution, Solver
 from workbench.solvers.limits import Stop
@@ -26,7 +26,7 @@ from workbench.threads import limited_threads
 REHEARSED = 10  # evaluations: enough to load what a solver loads, and to build what it builds
 
 
-def carry_out(job: Solve, setup: Setup, say: Say) -> Record:
+def run_solver(job: Solve, setup: Setup, say: Announce) -> Record:
     """Run it once for a few evaluations, without a clock, and then in earnest.
 
     The problem says what the returned point is worth; the solver's own word is kept beside it.
@@ -39,17 +39,17 @@ def carry_out(job: Solve, setup: Setup, say: Say) -> Record:
     if job.rehearse:
         say("rehearsing", longest)
         log = Log(job.log + ".rehearsal", problem.free.size)
-        watch = Watch(problem, fixed, REHEARSED, budget.max_seconds, log)
-        _ask(solver, watch.watched(), setup.start, job)
+        watch = Metered(problem, fixed, REHEARSED, budget.max_seconds, log)
+        _ask(solver, watch.metered(), setup.start, job)
         Path(job.log + ".rehearsal").unlink(missing_ok=True)
     log = Log(job.log, problem.free.size)
     random.seed(job.repetition)
     np.random.seed(job.repetition)  # for solvers that draw from the common generator
     say("solving", longest)
-    watch = Watch(
+    watch = Metered(
         problem, fixed, budget.max_evaluations, budget.max_seconds, log, closing=job.grace / 2
     )
-    ending, message, found = _ask(solver, watch.watched(), setup.start, job)
+    ending, message, found = _ask(solver, watch.metered(), setup.start, job)
     seconds = watch.seconds
     say("looking at its end", budget.build_seconds)
     log.ended(seconds)
@@ -79,14 +79,14 @@ def warm(problem: Problem, start: Values) -> None:
 
 
 def _opened(job: Solve) -> Solver:
-    with blaming(job.solver.source):
+    with user_errors(job.solver.source):
         return job.solver.opened()
 
 
 def _ask(solver: Solver, problem: Problem, start: Values, job: Solve) -> tuple[Ending, str, Any]:
     """How it ended, why, and what was returned; whatever a solver raises ends here."""
     try:
-        with limited_threads(), blaming(job.solver.source):
+        with limited_threads(), user_errors(job.solver.source):
             return Ending.RETURNED, "", solver.solve(problem, deepcopy(dict(start)))
     except Stop as stop:
         return Ending.CUT, stop.message, None
@@ -112,9 +112,15 @@ def _numbers(found: Solution) -> Values:
 
 
 def _at(
-    job: Solve, setup: Setup, ending: Ending, message: str, end: np.ndarray, claim: str,
-    claimed: float, seen: Any,
-) -> Record:  # fmt: skip
+    job: Solve,
+    setup: Setup,
+    ending: Ending,
+    message: str,
+    end: np.ndarray,
+    claim: str,
+    claimed: float,
+    seen: Any,
+) -> Record:
     problem = setup.problem
     cost, optimality, agree, inside = np.nan, np.nan, np.nan, True
     if end.size and np.isfinite(end).all():
@@ -124,9 +130,20 @@ def _at(
             agree = digits(problem.free.unpack(end, setup.start), setup.known.values)
         inside = feasible(problem, end, fixed)
     return Record(
-        job.solver.name, job.instance, ending, message, claim, claimed, cost, optimality, agree,
-        inside, end, seen, machine(),
-    )  # fmt: skip
+        job.solver.name,
+        job.instance,
+        ending,
+        message,
+        claim,
+        claimed,
+        cost,
+        optimality,
+        agree,
+        inside,
+        end,
+        seen,
+        machine(),
+    )
 
 
 def look(problem: Problem, x: np.ndarray, fixed: np.ndarray) -> tuple[float, float]:

@@ -9,10 +9,9 @@ from dataclasses import dataclass, replace
 from math import comb
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import betaincinv
 
-Array = NDArray[np.float64]
 LEVEL = 0.05  # of every test; intervals have the confidence 1 - LEVEL
 Z = 1.959963984540054  # of the standard normal, two-sided 95 %
 FEWEST = 6  # numbers for an interval of their median, and decided problems for a test
@@ -178,7 +177,4 @@ def duel(a: ArrayLike, b: ArrayLike, problems: Sequence[Hashable], tie: float = 
 
 def among(duels: Sequence[Duel]) -> list[Duel]:
     """The same, corrected for their number."""
-    return [
-        replace(d, corrected=p)
-        for d, p in zip(duels, holm([d.p for d in duels]), strict=True)
-    ]  # fmt: skip
+    return [replace(d, corrected=p) for d, p in zip(duels, holm([d.p for d in duels]), strict=True)]

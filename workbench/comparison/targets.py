@@ -10,13 +10,12 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array
 from workbench.comparison.record import Ending, Record
-from workbench.experiments.comparison import AS_GOOD, SMALLEST, share_above
+from workbench.experiments.relative_costs import AS_GOOD, SMALLEST, relative_excess
 from workbench.solvers import Status
 
-Array = NDArray[np.float64]
 TAUS = (1e-1, 1e-3, 1e-5, 1e-7)
 NEARLY = 1e-9  # of the whole way: nearer than that, a run is at the lowest cost
 
@@ -26,7 +25,7 @@ def named(tau: float) -> str:
     return f"{tau:g}".replace("e-0", "e-")
 
 
-class Verdict(Enum):
+class TargetOutcome(Enum):
     """What became of a run, by the problem's own numbers."""
 
     REACHED = "ended at the lowest cost known"
@@ -45,11 +44,11 @@ class Verdict(Enum):
 
 LIMITS = {Status.MAX_EVALUATIONS.name, Status.MAX_ITERATIONS.name, Status.MAX_SECONDS.name}
 EARLY = {
-    Ending.KILLED: Verdict.NOT_STOPPING,
-    Ending.CRASHED: Verdict.CRASHED,
-    Ending.RAISED: Verdict.RAISED,
-    Ending.BROKEN: Verdict.NO_SOLUTION,
-    Ending.REFUSED: Verdict.REFUSED,
+    Ending.KILLED: TargetOutcome.NOT_STOPPING,
+    Ending.CRASHED: TargetOutcome.CRASHED,
+    Ending.RAISED: TargetOutcome.RAISED,
+    Ending.BROKEN: TargetOutcome.NO_SOLUTION,
+    Ending.REFUSED: TargetOutcome.REFUSED,
 }
 
 
@@ -85,7 +84,9 @@ class Yardstick:
 
     def near(self, cost: float) -> bool:
         """Whether a cost is the lowest one: a millionth above, or 1e-9 of the whole way."""
-        return share_above(cost, self.best, self.start) <= AS_GOOD or cost <= self.target(NEARLY)
+        return relative_excess(cost, self.best, self.start) <= AS_GOOD or cost <= self.target(
+            NEARLY
+        )
 
 
 def stationary(record: Record, tolerance: float) -> bool:
@@ -105,7 +106,9 @@ def ended_by_clock(record: Record) -> bool:
     return out_of_time or cut or record.ending is Ending.KILLED
 
 
-def verdict(record: Record, yardstick: Yardstick, lowest: bool | None, tolerance: float) -> Verdict:
+def target_outcome(
+    record: Record, yardstick: Yardstick, lowest: bool | None, tolerance: float
+) -> TargetOutcome:
     """What became of it; `lowest` says whether its end leads to the lowest cost known, None if that
     is not known.
     """
@@ -113,20 +116,20 @@ def verdict(record: Record, yardstick: Yardstick, lowest: bool | None, tolerance
         return EARLY[record.ending]
     if not record.finite:
         spent = record.ending is Ending.CUT or record.claim in LIMITS
-        return Verdict.OUT_OF_BUDGET if spent else Verdict.NO_SOLUTION
+        return TargetOutcome.OUT_OF_BUDGET if spent else TargetOutcome.NO_SOLUTION
     if not record.inside:
-        return Verdict.NOT_ALLOWED
+        return TargetOutcome.NOT_ALLOWED
     settled = stationary(record, tolerance)
     if yardstick.alone:
-        return Verdict.ALONE
+        return TargetOutcome.ALONE
     if lowest is not False and yardstick.near(record.cost):
-        return Verdict.REACHED
+        return TargetOutcome.REACHED
     if settled and lowest:
-        return Verdict.REACHED
+        return TargetOutcome.REACHED
     if settled:
-        return Verdict.OTHER_BASIN
+        return TargetOutcome.OTHER_BASIN
     if claims(record):
-        return Verdict.FALSE_CLAIM
+        return TargetOutcome.FALSE_CLAIM
     if record.ending is Ending.CUT or record.claim in LIMITS:
-        return Verdict.OUT_OF_BUDGET
-    return Verdict.STALLED
+        return TargetOutcome.OUT_OF_BUDGET
+    return TargetOutcome.STALLED

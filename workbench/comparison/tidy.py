@@ -14,10 +14,26 @@ from workbench.comparison.targets import claims, named, stationary
 from workbench.writing import replacing
 
 RUN = (
-    "problem", "argument", "number", "solver", "verdict", "ending", "claim", "claim_holds", "cost",
-    "claimed_cost", "lowest_visited", "optimality", "basin", "best_known_cost", "start_cost",
-    "digits", *KINDS, "all_counted", "not_finite",
-)  # fmt: skip
+    "problem",
+    "argument",
+    "number",
+    "solver",
+    "verdict",
+    "ending",
+    "claim",
+    "claim_holds",
+    "cost",
+    "claimed_cost",
+    "lowest_visited",
+    "optimality",
+    "basin",
+    "best_known_cost",
+    "start_cost",
+    "digits",
+    *KINDS,
+    "all_counted",
+    "not_finite",
+)
 MEASURED = ("seconds", "machine")  # not the same on another machine, or a second time
 
 
@@ -56,16 +72,27 @@ def _row(comparison: Comparison, instance: Instance, solver: str) -> dict[str, A
     holds = stationary(record, comparison.plan.budget.stationary) if claims(record) else None
     basin = comparison.basins.get((instance.name, solver))
     found: dict[str, Any] = {
-        "problem": instance.problem, "argument": instance.argument,
-        "number": instance.number if instance.argument else None, "solver": solver,
-        "verdict": comparison.verdicts[instance.name, solver].name, "ending": record.ending.name,
-        "claim": record.claim, "claim_holds": holds, "cost": record.cost,
-        "claimed_cost": record.claimed_cost, "lowest_visited": record.lowest,
-        "optimality": record.optimality, "basin": None if basin is None else basin + 1,
-        "best_known_cost": yardstick.best, "start_cost": yardstick.start, "digits": record.digits,
-        "not_finite": record.seen.not_finite, "message": record.message,
-        "seconds": record.seen.seconds, "machine": record.machine,
-    }  # fmt: skip
+        "problem": instance.problem,
+        "argument": instance.argument,
+        "number": instance.number if instance.argument else None,
+        "solver": solver,
+        "verdict": comparison.outcomes[instance.name, solver].name,
+        "ending": record.ending.name,
+        "claim": record.claim,
+        "claim_holds": holds,
+        "cost": record.cost,
+        "claimed_cost": record.claimed_cost,
+        "lowest_visited": record.lowest,
+        "optimality": record.optimality,
+        "basin": None if basin is None else basin + 1,
+        "best_known_cost": yardstick.best,
+        "start_cost": yardstick.start,
+        "digits": record.digits,
+        "not_finite": record.seen.not_finite,
+        "message": record.message,
+        "seconds": record.seen.seconds,
+        "machine": record.machine,
+    }
     found |= dict(zip(KINDS, record.seen.counts, strict=True))
     found["all_counted"] = not comparison.uncounted(instance.name, solver)
     for tau in comparison.taus:

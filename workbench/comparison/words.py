@@ -7,7 +7,7 @@ from workbench.comparison.comparison import MAIN, Comparison
 from workbench.comparison.pairs import duels, surer
 from workbench.comparison.prices import SOURCE, said
 from workbench.comparison.statistics import FEWEST, LEVEL, Interval
-from workbench.comparison.targets import Verdict, ended_by_clock, named
+from workbench.comparison.targets import TargetOutcome, ended_by_clock, named
 
 LISTED = 5  # groups of problems that are told one by one
 
@@ -134,10 +134,14 @@ def _none(comparison: Comparison, compared: tuple[str, ...], tau: float) -> list
     """Nobody reached it everywhere: who did so on which problems."""
     out = [
         f"No solver returned a point within the target τ = {named(tau)} from "
-        + (f"all {len(comparison.comparable)} starts" if len(comparison.comparable) > 1 else
-           "the one start")
-        + ", so none is advised" + (" for all of these problems." if len(compared) > 1 else ".")
-    ]  # fmt: skip
+        + (
+            f"all {len(comparison.comparable)} starts"
+            if len(comparison.comparable) > 1
+            else "the one start"
+        )
+        + ", so none is advised"
+        + (" for all of these problems." if len(compared) > 1 else ".")
+    ]
     if len(compared) == 1:
         return out
     groups: dict[tuple[str, ...], list[str]] = {}
@@ -173,13 +177,13 @@ def _lost(comparison: Comparison) -> list[str]:
     for solver in comparison.solvers:
         counts = comparison.counted(solver)
         runs = counts.total()
-        wrong = counts[Verdict.FALSE_CLAIM]
+        wrong = counts[TargetOutcome.FALSE_CLAIM]
         if wrong:
             out.append(
                 f"{solver} claims convergence where the cost still slopes, in {wrong} of {runs} "
                 "runs: do not believe its status."
             )
-        elsewhere = counts[Verdict.OTHER_BASIN]
+        elsewhere = counts[TargetOutcome.OTHER_BASIN]
         if elsewhere and elsewhere >= runs / 2:
             out.append(
                 f"In {elsewhere} of {runs} runs {solver} ends in a basin of higher cost: start it "
@@ -224,7 +228,7 @@ def _and(names: tuple[str, ...]) -> str:
 def basin_sentence(comparison: Comparison, problem: str) -> str:
     """How many basins the ends of a problem fall into, and how many runs ended in the lowest."""
     chosen = [i.name for i in comparison.of(problem)]
-    found = {n: comparison.judgement(n) for n in chosen}
+    found = {n: comparison.end_analysis(n) for n in chosen}
     several = max((len(j.costs) for j in found.values()), default=0)
     counted = [b for (i, _), b in comparison.basins.items() if i in found]
     lowest = sum(1 for b in counted if b == 0)

@@ -1,4 +1,4 @@
-"""What lectures are made of, and what marks their exercises.
+"""What lectures are made of, and what grades their exercises.
 
 A lecture is a folder of four files in `lectures/`; what they import from here is short.
 """

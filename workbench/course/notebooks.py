@@ -1,13 +1,14 @@
 """Lectures as notebooks: the same script, its exercises at the end, carried out in a kernel."""
 
 import inspect
+import os
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from workbench.course.outline import Lecture
-from workbench.course.supervision import environment
+from workbench.course.student_process import environment
 from workbench.errors import BadFile
 from workbench.installation import pip_install
 from workbench.writing import replacing
@@ -70,12 +71,14 @@ def executed(made: Any, lecture: Lecture, folder: Path) -> Any:
     nbclient = tool("nbclient")
     tool("ipykernel")
     client = nbclient.NotebookClient(
-        made, timeout=SECONDS, kernel_name="python3",
+        made,
+        timeout=SECONDS,
+        kernel_name="python3",
         extra_arguments=["--IPKernelApp.log_level=ERROR"],  # it warns of its own machine's network
         resources={"metadata": {"path": str(folder)}},
-    )  # fmt: skip
+    )
     try:
-        done = client.execute(env=environment())
+        done = client.execute(env={**os.environ, **environment()})
     except nbclient.exceptions.CellExecutionError as error:
         told = f"{error.ename}: {error.evalue}"
         raise CellFailed(f"lecture {lecture.number} stops as a notebook: {told}") from error

@@ -55,7 +55,7 @@ def sealed(value: Any, depth: int = 0) -> Any:
 def _parts(value: Any, depth: int) -> Any:
     """Of a list, tuple or dict."""
     if depth >= DEEPEST or len(value) > LONGEST_LIST:
-        return _in_words(value, "too long, or too deep, to be marked")
+        return _in_words(value, "too long, or too deep, to be graded")
     if isinstance(value, dict):
         if not all(isinstance(key, str) for key in value):
             return _in_words(value)

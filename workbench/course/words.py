@@ -69,7 +69,7 @@ def legible(text: str) -> str:
     """A text of somebody else's as it may be printed: cut, and control characters spelled out.
 
     A terminal obeys control characters: with a few of them a text could wipe the screen and paint
-    marks of its own.
+    results of its own.
     """
     return "".join(
         c if c.isprintable() or c in "\n\t" else c.encode("unicode_escape").decode("ascii")

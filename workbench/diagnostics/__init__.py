@@ -1,14 +1,14 @@
 """What a problem's Jacobian can see, the names of what it cannot, and what to do about it."""
 
-from workbench.diagnostics.comparison import Comparison
+from workbench.diagnostics.diagnose import diagnose, diagnose_whole
 from workbench.diagnostics.diagnosis import Diagnosis, Undiagnosed
-from workbench.diagnostics.looking import diagnose, diagnose_whole
+from workbench.diagnostics.diagnosis_comparison import DiagnosisComparison
 from workbench.diagnostics.null_space import Direction
 from workbench.diagnostics.sequences import SequenceDiagnosis
 
 __all__ = [
-    "Comparison",
     "Diagnosis",
+    "DiagnosisComparison",
     "Direction",
     "SequenceDiagnosis",
     "Undiagnosed",

@@ -5,14 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
+from workbench.arrays import Array
 from workbench.blocks import Layout, Tree
-from workbench.diagnostics.held import Tied
+from workbench.diagnostics.active_set import ConstrainedJacobian
 from workbench.diagnostics.null_space import sparsest
 from workbench.problem import Linearization
 
-Array = NDArray[np.float64]
 PARALLEL = 1e-8  # 1 - |cosine| of columns that say the same
 NEARLY = 1e-3
 SAME_ROW = 1.5e-4  # sine of the angle of rows that ask the same: 1 - cosine is 1e-8
@@ -21,30 +20,37 @@ MOST = 20  # pairs, rows or columns that are listed
 
 
 @dataclass(frozen=True)
-class Pair:
+class ParallelPair:
     """Two columns (or rows) by index; `apart` is the sine of their angle."""
 
     first: int
     second: int
-    apart: float
+    sine: float
 
 
 @dataclass(frozen=True, eq=False)
-class Weakest:
+class WeakestDirection:
     """A certificate of ill-conditioning: few columns that nearly cancel, and the rows that object.
 
     |J d| is small although d has length 1; `columns` carry d, `rows` carry J d.
+
+    Attributes:
+        singular_value: the singular value, in sigmas per yardstick.
+        vector: d (n,), in yardsticks.
+        change: |J d|, in sigmas.
+        columns: the unknowns that make up most of d.
+        rows: the rows that make up most of J d.
     """
 
     singular_value: float
-    vector: Array  # d (n,)
-    change: float  # |J d|
+    vector: Array
+    change: float
     columns: tuple[int, ...]
     rows: tuple[int, ...]
 
 
 @dataclass(frozen=True)
-class Turn:
+class JointTurn:
     """How well a joint is seen to turn about its best axis and the next: sigmas per radian."""
 
     joint: str
@@ -52,8 +58,8 @@ class Turn:
     second: float
 
 
-def turns(here: Linearization, free: Layout, trees: Sequence[Tree]) -> tuple[Turn, ...]:
-    """Of every joint that is seen to turn, all other joints at rest.
+def joint_turns(here: Linearization, free: Layout, trees: Sequence[Tree]) -> tuple[JointTurn, ...]:
+    """The strongest two turns of each joint, all other joints at rest.
 
     In space a bone shows two turns alike. In one image it shows one only, if it lies across the
     line of sight: the other moves its end in depth.
@@ -64,11 +70,11 @@ def turns(here: Linearization, free: Layout, trees: Sequence[Tree]) -> tuple[Tur
             columns = here.R[:, place]
             best, second, *_ = *np.linalg.svd(columns, compute_uv=False), 0.0, 0.0
             if best > here.spectrum.tolerance:
-                found.append(Turn(tree.names[k], float(best), float(second)))
+                found.append(JointTurn(tree.names[k], float(best), float(second)))
     return tuple(found)
 
 
-def parallel_columns(here: Linearization, within: float = NEARLY) -> tuple[Pair, ...]:
+def parallel_columns(here: Linearization, within: float = NEARLY) -> tuple[ParallelPair, ...]:
     """Pairs of columns whose angle has a sine of at most `within`, the nearest first."""
     norms = here.column_norms
     read = np.flatnonzero(norms > 1e-14 * norms.max(initial=0.0))
@@ -80,11 +86,11 @@ def parallel_columns(here: Linearization, within: float = NEARLY) -> tuple[Pair,
         a, b = int(read[i[k]]), int(read[j[k]])
         # a sine, for a cosine cannot tell 1e-9 from 1e-10; of J itself where R is an estimate
         x, y = (here.column(a), here.column(b)) if here.estimated else (here.R[:, a], here.R[:, b])
-        pairs.append(Pair(a, b, _sine(x / norms[a], y / norms[b])))
-    return tuple(sorted((p for p in pairs if p.apart <= within), key=lambda p: p.apart)[:MOST])
+        pairs.append(ParallelPair(a, b, _sine(x / norms[a], y / norms[b])))
+    return tuple(sorted((p for p in pairs if p.sine <= within), key=lambda p: p.sine)[:MOST])
 
 
-def parallel_rows(here: Linearization, within: float = SAME_ROW) -> tuple[Pair, ...]:
+def parallel_rows(here: Linearization, within: float = SAME_ROW) -> tuple[ParallelPair, ...]:
     """Pairs of rows whose angle has a sine of at most `within`, in their order.
 
     Repeated observations are no fault; they are listed because they count twice. Of more than
@@ -108,7 +114,7 @@ def parallel_rows(here: Linearization, within: float = SAME_ROW) -> tuple[Pair, 
     for first, second in zip(read[a].tolist(), read[b].tolist(), strict=True):
         apart = _sine(here.row(first) / norms[first], here.row(second) / norms[second])
         if apart <= within:
-            found.append(Pair(min(first, second), max(first, second), apart))
+            found.append(ParallelPair(min(first, second), max(first, second), apart))
     return tuple(sorted(found, key=lambda p: (p.first, p.second))[:MOST])
 
 
@@ -116,13 +122,13 @@ def _sine(a: Array, b: Array) -> float:
     return float(min(np.linalg.norm(a - b), np.linalg.norm(a + b)))
 
 
-def weakest(tied: Tied, most: int = 3) -> tuple[Weakest, ...]:
+def weakest(tied: ConstrainedJacobian, most: int = 3) -> tuple[WeakestDirection, ...]:
     """What the smallest singular values above the tolerance are made of, as far as it may move.
 
     Directions about as weak, within a factor of three, are told apart by having few entries each.
     """
     s, Vt = tied.reduced.spectrum.s, tied.reduced.spectrum.Vt
-    found: list[Weakest] = []
+    found: list[WeakestDirection] = []
     k = tied.reduced.spectrum.rank - 1
     while k >= 0 and len(found) < most:
         group = np.flatnonzero(s[: k + 1] < 3 * s[k])[::-1]
@@ -133,7 +139,7 @@ def weakest(tied: Tied, most: int = 3) -> tuple[Weakest, ...]:
         for i, d in zip(group[: most - len(found)], basis.T, strict=False):
             moved = tied.here.along(d)
             change = float(np.linalg.norm(moved))
-            found.append(Weakest(float(s[i]), d, change, _main(d), _main(moved)))
+            found.append(WeakestDirection(float(s[i]), d, change, _main(d), _main(moved)))
         k -= group.size
     return tuple(found)
 

@@ -4,14 +4,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from workbench.arrays import Array, Index
 from workbench.errors import NotSupported
 from workbench.problem import Linearization, Problem
 from workbench.problem.steps import EPS
 from workbench.problem.storage import dense
 
-Array = NDArray[np.float64]
 WRONG = 1e-5  # of the largest entry of its column and of what differences can resolve
 STEPS_OF_DIFFERENCES = tuple(2e-4 / 32**k for k in range(5))  # of a unit, or of a larger number
 NOISE = 8 * EPS
@@ -23,33 +23,55 @@ STEPS = np.logspace(-1, -5, 9)
 
 @dataclass(frozen=True)
 class Suspect:
-    """One entry of the Jacobian that differences do not confirm."""
+    """One entry of the Jacobian that differences do not confirm.
+
+    Attributes:
+        row: its row.
+        column: its column.
+        given: the value in the Jacobian.
+        differences: the value by central differences.
+        error: how far the two are apart, over what rounding allows; above 1 it is wrong.
+    """
 
     row: int
     column: int
     given: float
     differences: float
-    error: float  # of the difference, over what it may be; above 1 is wrong
+    error: float
 
 
 @dataclass(frozen=True, eq=False)
 class DerivativeCheck:
-    """What was compared, and what did not agree."""
+    """What was compared, and what did not agree.
 
-    columns: NDArray[np.int64] = field(repr=False)  # that were differenced
-    largest_error: float  # |J - differences| over the largest entry of the column
-    suspects: tuple[Suspect, ...]  # worst first
-    wrong: int  # how many entries there are like these
+    Attributes:
+        columns: the columns that were compared with differences.
+        largest_error: the largest |J - differences|, over the largest entry of its column.
+        suspects: the entries that are wrong, the worst first, ten at most.
+        wrong: how many entries are wrong.
+        steps: the step lengths h of the Taylor test.
+        taylor: |r(x + h d) - r(x) - h J d| for each step h.
+        slope: the slope of log(taylor) over log(h): 2 is right, 1 is wrong; None where r is linear.
+        gradient_error: the relative difference between the adjoint gradient and J'r.
+        hessian_error: the relative difference between the exact Hessian and differences of the
+            gradient.
+        neglected: |H - J'J| / |H|, the share of the Hessian that Gauss and Newton's leaves out.
+    """
+
+    columns: Index = field(repr=False)
+    largest_error: float
+    suspects: tuple[Suspect, ...]
+    wrong: int
     steps: Array = field(repr=False)
-    taylor: Array = field(repr=False)  # |r(x + h d) - r(x) - h J d| for each step h
-    slope: float | None  # of log taylor by log h: 2 is right, 1 is wrong; None: r is linear
-    gradient_error: float  # adjoint gradient against J'r, relative
-    hessian_error: float | None  # exact Hessian against differences of the gradient, relative
-    neglected: float | None  # |H - J'J| / |H|, what Gauss and Newton leave out
+    taylor: Array = field(repr=False)
+    slope: float | None
+    gradient_error: float
+    hessian_error: float | None
+    neglected: float | None
 
     @property
     def passed(self) -> bool:
-        """Whether nothing is wrong."""
+        """Whether no entry, slope, gradient or Hessian is wrong."""
         return (
             self.wrong == 0
             and self.gradient_error < 1e-8
@@ -74,9 +96,9 @@ def _checked(
     problem: Problem, x: Array, fixed: Array, here: Linearization, rng: np.random.Generator
 ) -> DerivativeCheck:
     n = x.size
-    columns = np.arange(n) if n <= MOST_COLUMNS else np.sort(
-        rng.choice(n, MOST_COLUMNS, replace=False)
-    )  # fmt: skip
+    columns = (
+        np.arange(n) if n <= MOST_COLUMNS else np.sort(rng.choice(n, MOST_COLUMNS, replace=False))
+    )
     suspects: list[Suspect] = []
     wrong, largest = 0, 0.0
     scale = here.column_norms.max(initial=0.0) / np.sqrt(max(here.shape[0], 1))
@@ -93,11 +115,16 @@ def _checked(
         ]
     taylor, slope = _taylor(problem, x, fixed, here, rng)
     return DerivativeCheck(
-        columns, largest,
-        tuple(sorted(suspects, key=lambda s: -s.error)[:10]), wrong,
-        STEPS, taylor, slope, _gradient_error(problem, x, fixed, here),
+        columns,
+        largest,
+        tuple(sorted(suspects, key=lambda s: -s.error)[:10]),
+        wrong,
+        STEPS,
+        taylor,
+        slope,
+        _gradient_error(problem, x, fixed, here),
         *_second(problem, x, fixed, here),
-    )  # fmt: skip
+    )
 
 
 def _compared(
@@ -137,10 +164,14 @@ def _taylor(
     d = rng.standard_normal(x.size)
     d /= max(float(np.linalg.norm(d)), 1e-300)
     slope_of_r = here.along(d)
-    left = np.array([
-        float(np.linalg.norm(problem.residual(x + h * d, fixed) - here.residual - h * slope_of_r))
-        for h in STEPS
-    ])  # fmt: skip
+    left = np.array(
+        [
+            float(
+                np.linalg.norm(problem.residual(x + h * d, fixed) - here.residual - h * slope_of_r)
+            )
+            for h in STEPS
+        ]
+    )
     rounding = 100 * EPS * (1 + float(np.linalg.norm(here.residual)) + here.norm)
     clear = np.isfinite(left) & (left > 10 * rounding)
     if clear.sum() < 3:

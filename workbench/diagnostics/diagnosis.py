@@ -5,8 +5,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array, Mask
 from workbench.blocks import Layout, Values
 from workbench.diagnostics import conditioning, null_space, structure
 from workbench.diagnostics.advice import advise
@@ -18,7 +18,7 @@ from workbench.diagnostics.identifiability import (
     contributions,
     identifiability,
 )
-from workbench.diagnostics.looked_at import not_finite, pattern_at, thick
+from workbench.diagnostics.linearized import not_finite, pattern_at, thick
 from workbench.diagnostics.neighbourhood import Neighbourhood
 from workbench.diagnostics.null_space import Direction
 from workbench.diagnostics.point import Point
@@ -26,12 +26,10 @@ from workbench.diagnostics.rank_law import law_of
 from workbench.diagnostics.report import report
 from workbench.diagnostics.schema import as_data
 from workbench.diagnostics.structure import Structure, TermBlock
-from workbench.diagnostics.suggestion import State, Suggestion, state_of
+from workbench.diagnostics.suggestion import RankAndCondition, Suggestion, rank_and_condition
 from workbench.diagnostics.summary import summary
 from workbench.errors import WorkbenchError
 from workbench.problem import Linearization, Problem
-
-Array = NDArray[np.float64]
 
 
 class Undiagnosed(WorkbenchError, AssertionError):
@@ -45,23 +43,30 @@ class Diagnosis:
     What bounds and constraints forbid here counts as noticed: in rank, null directions and sigmas.
     What is hardly noticed is so relative to yardsticks: see `point`.
 
-    `str` of it is a summary, `report()` everything in words, `data()` the same as JSON."""
+    `str` of it is a summary, `report()` everything in words, `data()` the same as JSON.
+
+    Attributes:
+        problem: the problem.
+        at: the values of all blocks that it reads.
+        here: its linearization at these values, without columns of rounding errors.
+        priors: the names of the residuals that are priors, not data.
+    """
 
     problem: Problem = field(repr=False)
     at: Values = field(repr=False)
     here: Linearization = field(repr=False)
-    priors: tuple[str, ...] = ()  # residuals that are no data
+    priors: tuple[str, ...] = ()
 
     # Size and structure.
 
     @property
     def free(self) -> Layout:
-        """The unknowns."""
+        """The layout of the unknowns."""
         return self.problem.free
 
     @property
     def shape(self) -> tuple[int, int]:
-        """(m, n)."""
+        """(m, n), rows and unknowns."""
         return self.here.shape
 
     @cached_property
@@ -72,16 +77,16 @@ class Diagnosis:
     @cached_property
     def structure(self) -> Structure:
         """The pattern, taken apart; what bounds and constraints hold is part of it."""
-        return structure.taken_apart(pattern_at(self.problem), self.point.held_pattern)
+        return structure.decomposed(pattern_at(self.problem), self.point.active_pattern)
 
     @property
-    def pattern(self) -> NDArray[np.bool_]:
+    def pattern(self) -> Mask:
         """(m, n): structurally nonzero."""
         return np.asarray(self.structure.pattern.toarray())
 
     @property
     def nonzeros(self) -> int:
-        """Structural nonzeros."""
+        """How many entries of the Jacobian can be nonzero."""
         return int(self.structure.pattern.nnz)
 
     @property
@@ -91,7 +96,7 @@ class Diagnosis:
 
     @property
     def structural_rank(self) -> int:
-        """Of any matrix with this pattern, at most."""
+        """The largest rank that a matrix with this sparsity pattern can have."""
         return self.structure.rank
 
     @cached_property
@@ -101,17 +106,17 @@ class Diagnosis:
 
     @property
     def row_edges(self) -> tuple[int, ...]:
-        """Where each residual's rows begin, and m."""
+        """The first row of each residual, and m at the end."""
         return (*(rows.start for rows in self.problem.rows.values()), self.problem.size)
 
     @cached_property
     def terms(self) -> tuple[TermBlock, ...]:
-        """Residuals by blocks."""
+        """The Jacobian's parts: each residual's rows in each block's columns."""
         return structure.term_blocks(self.problem, self.structure, self.here)
 
     @cached_property
     def duplicates(self) -> tuple[tuple[str, str], ...]:
-        """Pairs of residuals that say the same."""
+        """Pairs of residuals whose rows repeat each other."""
         return structure.duplicates(self.problem, self.here) if self.here.finite else ()
 
     @cached_property
@@ -123,23 +128,23 @@ class Diagnosis:
 
     @property
     def singular_values(self) -> Array:
-        """Of the Jacobian, (min(m, n),), falling; in fewer directions where constraints hold."""
-        return self.point.tied.reduced.spectrum.s
+        """The singular values of the (reduced) Jacobian, (min(m, n),), falling."""
+        return self.point.constrained.reduced.spectrum.s
 
     @property
     def tolerance(self) -> float:
-        """The singular value below which a direction counts as null_space."""
-        return self.point.tied.reduced.spectrum.tolerance
+        """The singular value below which a direction counts as null."""
+        return self.point.constrained.reduced.spectrum.tolerance
 
     @property
     def rank(self) -> int:
-        """How many directions the residuals notice here, or constraints forbid."""
-        return self.point.tied.rank
+        """How many independent directions change a residual or are forbidden by constraints."""
+        return self.point.constrained.rank
 
     @property
-    def noticed(self) -> int:
-        """How many of the singular values are above the tolerance: the rank but for constraints."""
-        return self.point.tied.reduced.spectrum.rank
+    def reduced_rank(self) -> int:
+        """How many singular values are above the tolerance: the rank without constraints' part."""
+        return self.point.constrained.reduced.spectrum.rank
 
     @property
     def condition(self) -> float:
@@ -147,18 +152,18 @@ class Diagnosis:
         return self.state.condition
 
     @cached_property
-    def state(self) -> State:
+    def state(self) -> RankAndCondition:
         """Unknowns, rank and condition."""
-        return state_of(self.point.tied)
+        return rank_and_condition(self.point.constrained)
 
     @cached_property
     def scaled_singular_values(self) -> Array:
-        """With every column of length 1."""
-        return self.point.tied.stacked.singular_values
+        """The singular values with every column scaled to length 1."""
+        return self.point.constrained.stacked.singular_values
 
     @cached_property
     def scaled_rank(self) -> int:
-        """The rank of the same."""
+        """The rank with every column scaled to length 1."""
         s = self.scaled_singular_values
         relative = self.tolerance / max(float(self.singular_values.max(initial=0.0)), 1e-300)
         return int(np.sum(s > relative * s.max(initial=0.0)))
@@ -170,7 +175,7 @@ class Diagnosis:
 
     @cached_property
     def null_directions(self) -> tuple[Direction, ...]:
-        """What no residual notices, in names."""
+        """The directions that change no residual, with their names."""
         return null_space.null_directions(self.point, self.structure.pattern)
 
     @cached_property
@@ -182,76 +187,80 @@ class Diagnosis:
         return null_space.weak_directions(self.point, self.structure.pattern)
 
     @property
-    def hardly_seen(self) -> int:
-        """How many directions change the residuals by less than a sigma for a whole yardstick."""
-        return null_space.hardly_seen(self.point)
+    def weak_count(self) -> int:
+        """How many directions change the residuals by less than a sigma per yardstick."""
+        return null_space.count_weak(self.point)
 
     @cached_property
     def rank_law(self) -> tuple[int, str] | None:
         """The rank that the tree predicts, and why; None unless only joints are looked at."""
-        if self.point.held.any:
+        if self.point.active.any:
             return None
         return law_of(self.problem, self.at)
 
     # Conditioning.
 
     @cached_property
-    def parallel_columns(self) -> tuple[conditioning.Pair, ...]:
-        """Pairs of unknowns that do nearly the same."""
-        return conditioning.parallel_columns(self.point.tied.stacked)
+    def parallel_columns(self) -> tuple[conditioning.ParallelPair, ...]:
+        """Pairs of unknowns whose columns are nearly parallel."""
+        return conditioning.parallel_columns(self.point.constrained.stacked)
 
     @cached_property
-    def parallel_rows(self) -> tuple[conditioning.Pair, ...]:
-        """Pairs of rows that ask the same."""
+    def parallel_rows(self) -> tuple[conditioning.ParallelPair, ...]:
+        """Pairs of rows that are nearly parallel."""
         return conditioning.parallel_rows(self.here)
 
     @cached_property
-    def turns(self) -> tuple[conditioning.Turn, ...]:
-        """Of each joint that is seen to turn, how well about its best two axes."""
-        return conditioning.turns(self.here, self.free, self.problem.trees)
+    def joint_turns(self) -> tuple[conditioning.JointTurn, ...]:
+        """The strongest two turns of each joint that the residuals depend on."""
+        return conditioning.joint_turns(self.here, self.free, self.problem.trees)
 
     @cached_property
-    def weakest(self) -> tuple[conditioning.Weakest, ...]:
-        """Which few columns and rows the smallest singular values come from, by yardsticks."""
+    def weakest(self) -> tuple[conditioning.WeakestDirection, ...]:
+        """The directions of the smallest nonzero singular values, in yardsticks."""
         return conditioning.weakest(self.point.measured)
 
     @cached_property
     def leverage(self) -> Array | None:
-        """(m,) how much each row decides by itself."""
-        return conditioning.leverage(self.point.tied.reduced)
+        """(m,) the leverage of each row, 0 to 1; None for a large sparse Jacobian."""
+        return conditioning.leverage(self.point.constrained.reduced)
 
     # What is known of each number.
 
     @cached_property
     def identifiability(self) -> Identifiability:
-        """Sigmas, correlations, the data's share, a verdict per entry."""
+        """Standard deviations, correlations, the data's share, and what is identified."""
         return identifiability(
-            self.point.tied, self.point.is_prior, self.point.prior_sigma,
-            self.point.yardsticks.sizes, self.structure.unread, self.structure.under.columns,
-        )  # fmt: skip
+            self.point.constrained,
+            self.point.is_prior,
+            self.point.prior_sigma,
+            self.point.yardsticks.sizes,
+            self.structure.unread,
+            self.structure.under.columns,
+        )
 
     @cached_property
     def contributions(self) -> tuple[Contribution, ...]:
-        """What each residual adds."""
+        """What each residual contributes, found by leaving it out."""
         if self.here.estimated or len(self.problem.rows) < 2:
             return ()
-        return contributions(self.point.tied, self.problem.rows, self.free)
+        return contributions(self.point.constrained, self.problem.rows, self.free)
 
     @cached_property
     def derivatives(self) -> DerivativeCheck:
-        """Whether the Jacobian is right."""
+        """A check of the derivatives against finite differences."""
         return check_derivatives(self.problem, self.at, self.here)
 
     # What to make of it.
 
     @cached_property
     def suggestions(self) -> tuple[Suggestion, ...]:
-        """What to do, each carried out already."""
+        """What to do; each suggestion was tried out."""
         return advise(self)
 
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
-        """Warnings first, then what is worth knowing."""
+        """All findings, warnings first."""
         return findings(self)
 
     @property
@@ -264,8 +273,8 @@ class Diagnosis:
         if not self.here.finite:
             raise Undiagnosed(f"there is no rank: {self.findings[0].text}")
         if self.rank != rank:
-            unseen = "; ".join(d.name for d in self.null_directions) or "nothing"
-            raise Undiagnosed(f"the rank is {self.rank}, not {rank}; not seen: {unseen}")
+            unseen = "; ".join(d.name for d in self.null_directions) or "none"
+            raise Undiagnosed(f"the rank is {self.rank}, not {rank}; null directions: {unseen}")
 
     def assert_no_warnings(self) -> None:
         """Raise an AssertionError that lists the warnings, if there are any."""

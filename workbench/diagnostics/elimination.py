@@ -15,41 +15,53 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_array, csr_array
 
+from workbench.arrays import Array, Index, Mask
 from workbench.diagnostics.frame_rows import FrameRows, in_columns, triangle
+from workbench.problem.nonzeros import rows_of_nonzeros
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 NOTHING = 1e-9  # of a vector of length 1: smaller entries are rounding errors of the elimination
 TAKES_PART = 1e-9  # squared entries of null vectors from which on an unknown is not known at all
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
-    """u = answer @ w + half @ z + unseen @ y: z has the covariance I, and y may be anything."""
+class EliminationStep:
+    """u = answer @ w + half @ z + unseen @ y: z has the covariance I, and y may be anything.
 
-    u: Index  # places among all unknowns
+    Attributes:
+        u: the places of the eliminated unknowns among all unknowns.
+        w: the places of the unknowns that are left and that these rows read.
+        answer: (u, w) how u follows w.
+        half: (u, r) a square root of the covariance of u given w.
+        unseen: (u, d) orthonormal directions of u that no row sees.
+    """
+
+    u: Index
     w: Index
-    answer: Array  # (u, w)
-    half: Array  # (u, r)
-    unseen: Array  # (u, d), orthonormal
+    answer: Array
+    half: Array
+    unseen: Array
 
 
 @dataclass(frozen=True, eq=False)
-class Eliminated:
-    """The steps of all frames, and at last that of the shared unknowns, in columns of length 1."""
+class Elimination:
+    """The steps of all frames, and at last that of the shared unknowns, in columns of length 1.
 
-    size: int  # n
-    steps: tuple[Step, ...]
+    Attributes:
+        size: n, the number of unknowns.
+        steps: one step for each frame, then one for the shared unknowns.
+    """
+
+    size: int
+    steps: tuple[EliminationStep, ...]
 
     @staticmethod
-    def of(rows: FrameRows) -> "Eliminated":
-        """Of the rows of a sequence."""
+    def of(rows: FrameRows) -> "Elimination":
+        """The elimination of the rows of a sequence."""
         place = np.full(rows.shape[1], -1)
         parts = _by_first_frame(rows)
-        steps: list[Step] = []
+        steps: list[EliminationStep] = []
         w, left = rows.shared, np.zeros((0, len(rows.shared)))
         for t, u in enumerate(rows.own):
             rest = parts[t]
@@ -57,17 +69,19 @@ class Eliminated:
             old, w = w, np.setdiff1d(others, u)
             every = np.concatenate([u, w])
             place[every] = np.arange(len(every))
-            A = np.vstack([
-                _wide(left, place[old], len(every)),
-                _wide(rows.triangles[t], place[np.concatenate([u, rows.shared])], len(every)),
-                in_columns(rest, place, len(every)),
-            ])  # fmt: skip
+            A = np.vstack(
+                [
+                    _wide(left, place[old], len(every)),
+                    _wide(rows.triangles[t], place[np.concatenate([u, rows.shared])], len(every)),
+                    in_columns(rest, place, len(every)),
+                ]
+            )
             step, left = _eliminated(A, u, w, rows.tolerance)
             steps.append(step)
         place[w] = np.arange(len(w))
         A = np.vstack([left, in_columns(parts[rows.count], place, len(w))])
         last, _ = _eliminated(A, w, np.zeros(0, dtype=np.int64), rows.tolerance)
-        return Eliminated(rows.shape[1], (*steps, last))
+        return Elimination(rows.shape[1], (*steps, last))
 
     @property
     def rank(self) -> int:
@@ -91,7 +105,7 @@ class Eliminated:
         starts = np.cumsum([0, *(len(numbers) for _, numbers in found)])
         return csc_array((data, at, starts), shape=(self.size, len(found)))
 
-    def _turned(self, k: int, step: Step) -> Array:
+    def _turned(self, k: int, step: EliminationStep) -> Array:
         """What the step does not see, in a basis of which as few as possible reach further back."""
         if not k or not step.unseen.shape[1]:
             return step.unseen
@@ -132,13 +146,13 @@ class Eliminated:
         return found
 
     @cached_property
-    def takes_part(self) -> NDArray[np.bool_]:
+    def takes_part(self) -> Mask:
         """Which unknowns a null vector moves, (n,)."""
         V = self.null_vectors
         return np.asarray(np.bincount(V.indices, V.data**2, minlength=self.size) > TAKES_PART)
 
 
-def _eliminated(A: Array, u: Index, w: Index, tolerance: float) -> tuple[Step, Array]:
+def _eliminated(A: Array, u: Index, w: Index, tolerance: float) -> tuple[EliminationStep, Array]:
     """The step of eliminating the first columns of A (m, u + w), and the rows left for w."""
     k, n = len(u), len(u) + len(w)
     R = np.zeros((n, n))
@@ -150,7 +164,9 @@ def _eliminated(A: Array, u: Index, w: Index, tolerance: float) -> tuple[Step, A
     half = Vt[:rank].T / s[:rank]
     answer = -half @ (U[:, :rank].T @ R[:k, k:])
     left = np.vstack([U[:, rank:].T @ R[:k, k:], R[k:, k:]])
-    return Step(u, w, answer, half, np.array(Vt[rank:].T)), left[: k - rank + max(len(A) - k, 0)]
+    return EliminationStep(u, w, answer, half, np.array(Vt[rank:].T)), left[
+        : k - rank + max(len(A) - k, 0)
+    ]
 
 
 def _by_first_frame(rows: FrameRows) -> list[csr_array]:
@@ -159,8 +175,7 @@ def _by_first_frame(rows: FrameRows) -> list[csr_array]:
     for t, own in enumerate(rows.own):
         frame_of[own] = t
     first = np.full(rows.shape[0], rows.count)
-    of_entries = np.repeat(np.arange(rows.shape[0]), np.diff(rows.rest.indptr))
-    np.minimum.at(first, of_entries, frame_of[rows.rest.indices])
+    np.minimum.at(first, rows_of_nonzeros(rows.rest), frame_of[rows.rest.indices])
     some = np.flatnonzero(np.diff(rows.rest.indptr))
     some = some[np.argsort(first[some], kind="stable")]
     edges = np.searchsorted(first[some], np.arange(rows.count + 2))

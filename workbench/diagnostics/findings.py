@@ -1,12 +1,13 @@
-"""What deserves a sentence: warnings, which make a fit's answer arbitrary, and remarks."""
+"""Findings of a diagnosis: warnings, where a fit's answer is arbitrary, and notes."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from workbench.diagnostics.conditioning import PARALLEL
-from workbench.diagnostics.known import Known
 from workbench.diagnostics.null_space import dominant
+from workbench.diagnostics.results import DiagnosisResults
 from workbench.diagnostics.structure import counted, named_groups
 
 ILL = 1e8  # condition of J from which half of the digits are gone
@@ -20,14 +21,20 @@ ALONE = 0.999  # leverage of a row that alone decides something
 
 @dataclass(frozen=True)
 class Finding:
-    """One sentence; `part` says where more is to be read."""
+    """One sentence about a problem.
+
+    Attributes:
+        part: the section of the report that says more.
+        text: the sentence.
+        warning: whether it is a warning, or else a note.
+    """
 
     part: str
     text: str
     warning: bool
 
 
-def findings(d: Known) -> tuple[Finding, ...]:
+def findings(d: DiagnosisResults) -> tuple[Finding, ...]:
     """All of them, warnings first."""
     found = [*_values(d)]
     if d.here.finite:
@@ -36,129 +43,133 @@ def findings(d: Known) -> tuple[Finding, ...]:
     return tuple(sorted(found, key=lambda finding: not finding.warning))
 
 
-def _values(d: Known) -> list[Finding]:
+def _values(d: DiagnosisResults) -> list[Finding]:
     if d.here.finite:
         return []
     found = []
+    label, free = d.problem.row_label, d.free
     for what, here in (
-        ("the residual", [row for row, column in d.not_finite if column < 0]),
-        ("the Jacobian", [entry for entry in d.not_finite if entry[1] >= 0]),
+        ("the residual", [label(i) for i, j in d.not_finite if j < 0]),
+        ("the Jacobian", [f"{label(i)} by {free.label(j)}" for i, j in d.not_finite if j >= 0]),
     ):
-        names = [
-            d.problem.row_label(entry) if isinstance(entry, int)
-            else f"{d.problem.row_label(entry[0])} by {d.free.label(entry[1])}"
-            for entry in here[:5]
-        ]  # fmt: skip
-        more = f" and {len(here) - 5} more" if len(here) > 5 else ""
         if here:
-            found.append(Finding("values", f"{what} is not finite: {', '.join(names)}{more}", True))
+            found.append(Finding("values", f"{what} is not finite: {some_of(here)}", True))
     return found
 
 
-def _structure(d: Known) -> list[Finding]:
+def some_of(names: Sequence[str], most: int = 5) -> str:
+    """The first of several names, and how many more there are."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
+
+
+def listed(found: Sequence[Finding]) -> list[str]:
+    """Each finding as a line of a report."""
+    return [f"{'warning' if f.warning else 'note'}: {f.text}" for f in found] or ["no warnings"]
+
+
+def _structure(d: DiagnosisResults) -> list[Finding]:
     found = []
     if d.structure.unread.size:
         found.append(Finding("structure", unread(d), True))
     under = np.setdiff1d(d.structure.under.columns, d.structure.unread)
     if under.size:
         text = (
-            f"{len(d.structure.under.rows)} rows have to decide {under.size} unknowns: "
-            f"{named_groups(d.free, under)}"
+            f"{counted(len(d.structure.under.rows), 'row')} cannot determine {under.size} "
+            f"unknowns: {named_groups(d.free, under)}"
         )
         found.append(Finding("structure", text, True))
     for name, rows in d.problem.rows.items():
         idle = np.sum((d.structure.idle >= rows.start) & (d.structure.idle < rows.stop))
         if idle == rows.stop - rows.start > 0:
-            text = f"the residual {name} reads nothing that is free: it cannot change"
+            text = f"the residual {name} depends on no free block, so it is constant"
             found.append(Finding("structure", text, True))
     for first, second in d.duplicates:
-        text = f"{second} says row for row what {first} says: it is counted twice"
+        text = f"{second} repeats {first} row by row, so that these rows count twice"
         found.append(Finding("structure", text, True))
     return found
 
 
-def _rank(d: Known) -> list[Finding]:
+def _rank(d: DiagnosisResults) -> list[Finding]:
     n = d.shape[1]
     found = []
     if d.rank < n:
-        text = f"no residual notices {n - d.rank} of {n} directions"
-        text += f" and no {_one(d)} forbids them" if d.point.held.any else ""
+        text = f"{n - d.rank} of {n} directions change no residual"
+        text += f", and no active {_one(d)} forbids them" if d.point.active.any else ""
         found.append(Finding("rank", text, True))
-    if d.point.held.any:
+    if d.point.active.any:
         found.append(Finding("rank", held(d), False))
     if d.nearby.ranks and max(d.nearby.ranks) > d.rank:
         there = max(d.nearby.ranks)
-        text = f"the rank is {d.rank} only here; a tenth of a yardstick away it is {there}"
+        text = f"the rank is {d.rank} at this point, but {there} a tenth of a yardstick away"
         found.append(Finding("rank", text, True))
     weaker = d.nearby.weaker_here
     if weaker > WEAKER:
         which = dominant(d.weakest[0].vector, d.free)
         text = (
-            f"nearly degenerate here: the weakest direction that is seen is {weaker:.0f} times "
-            f"weaker than a tenth of a yardstick away: {which}"
+            f"nearly degenerate: the smallest nonzero singular value is {weaker:.0f} times smaller "
+            f"here than a tenth of a yardstick away; its direction is {which}"
         )
         found.append(Finding("rank", text, False))
     found += _depth(d)
-    if d.hardly_seen:
+    if d.weak_count:
         text = (
-            f"{counted(d.hardly_seen, 'direction')} hardly noticed: less than one sigma for a "
-            f"whole yardstick ({d.point.yardsticks})"
+            f"{counted(d.weak_count, 'weak direction')}: a whole yardstick ({d.point.yardsticks}) "
+            "changes the residuals by less than one sigma"
         )
         found.append(Finding("rank", text, False))
     return found
 
 
-def unread(d: Known) -> str:
-    """The unknowns that nothing reads, in a sentence."""
-    who = f"residual and no {_one(d)} that holds" if d.point.held.any else "residual"
-    return f"read by no {who}: {named_groups(d.free, d.structure.unread)}"
+def unread(d: DiagnosisResults) -> str:
+    """The unknowns that no residual depends on, in a sentence."""
+    who = f"residual and no active {_one(d)}" if d.point.active.any else "residual"
+    return f"no {who} depends on {named_groups(d.free, d.structure.unread)}"
 
 
-def _one(d: Known) -> str:
+def _one(d: DiagnosisResults) -> str:
     """`bound`, `constraint`, or `bound or constraint`."""
-    return " or ".join(word.removesuffix("s") for word in d.point.held.what.split(" and "))
+    return " or ".join(word.removesuffix("s") for word in d.point.active.what.split(" and "))
 
 
-def held(d: Known) -> str:
+def held(d: DiagnosisResults) -> str:
     """What bounds and constraints add to the rank, in a sentence."""
-    names, count, what = d.point.held.names, d.point.tied.count, d.point.held.what
-    more = f" and {len(names) - 5} more" if len(names) > 5 else ""
+    names, count, what = d.point.active.names, d.point.constrained.count, d.point.active.what
     return (
-        f"{counted(count, 'direction')} {'is' if count == 1 else 'are'} fixed by {what} that "
-        f"are active here ({', '.join(names[:5])}{more}) and "
-        f"{'counts' if count == 1 else 'count'} as noticed"
+        f"active {what} ({some_of(names)}) fix {counted(count, 'direction')}, which "
+        f"{'counts' if count == 1 else 'count'} towards the rank"
     )
 
 
-def _depth(d: Known) -> list[Finding]:
+def _depth(d: DiagnosisResults) -> list[Finding]:
     """A body that lies flat across the view of one camera shows one turn of each bone only."""
-    felt = FELT * max((turn.best for turn in d.turns), default=0.0)
-    seen = [turn for turn in d.turns if turn.best > felt]
+    felt = FELT * max((turn.best for turn in d.joint_turns), default=0.0)
+    seen = [turn for turn in d.joint_turns if turn.best > felt]
     flat = [turn.joint for turn in seen if turn.second < FLAT * turn.best]
     if len(seen) < 3 or len(flat) < MOSTLY * len(seen):
         return []
     text = (
         f"nearly degenerate in depth: {len(flat)} of {len(seen)} joints ({', '.join(flat[:3])}, "
-        f"...) show a turn about one axis well and about the next less than {FLAT:g} as well, as "
-        "where a body lies flat across the view of one camera: what bends towards it or away "
-        "hardly shows"
+        f"...) change the residuals strongly when they turn about one axis, and less than {FLAT:g} "
+        "times as strongly about any other, as happens when a body lies flat across the view of a "
+        "single camera: bending towards the camera or away from it changes the image little"
     )
     return [Finding("rank", text, False)]
 
 
-def _conditioning(d: Known) -> list[Finding]:
+def _conditioning(d: DiagnosisResults) -> list[Finding]:
     found = []
     if ILL < d.condition < np.inf:
-        text = f"the condition is {d.condition:.1e}: half of the digits and more are lost"
+        text = f"the condition is {d.condition:.1e}: at least half of the digits are lost"
         found.append(Finding("conditioning", text, True))
     norms = d.here.column_norms[d.here.column_norms > 0]
     if norms.size and norms.max() > UNEVEN * norms.min():
         text = f"the columns differ in length by a factor of {norms.max() / norms.min():.1e}"
         found.append(Finding("conditioning", text, False))
-    same = [p for p in d.parallel_columns if p.apart <= PARALLEL]
+    same = [p for p in d.parallel_columns if p.sine <= PARALLEL]
     if same:
         pairs = ", ".join(f"{d.free.label(p.first)} and {d.free.label(p.second)}" for p in same[:3])
-        text = f"{counted(len(same), 'pair')} of unknowns that do the same: {pairs}"
+        text = f"{counted(len(same), 'pair')} of unknowns with parallel columns: {pairs}"
         found.append(Finding("conditioning", text, True))
     if d.leverage is not None:
         alone = np.flatnonzero(d.leverage > ALONE)
@@ -166,46 +177,46 @@ def _conditioning(d: Known) -> list[Finding]:
         if data:
             named = ", ".join(d.problem.row_label(i) for i in data[:3])
             text = (
-                f"{counted(len(data), 'row')} that alone decide a direction, so that no outlier "
-                f"shows: {named}"
+                f"{counted(len(data), 'row')} with a leverage of 1: each determines a direction "
+                f"alone, so that an outlier there cannot be detected: {named}"
             )
             found.append(Finding("conditioning", text, False))
     return found
 
 
-def _priors(d: Known) -> list[Finding]:
+def _priors(d: DiagnosisResults) -> list[Finding]:
     if not d.priors:
         return []
     known = d.identifiability
     text = (
-        f"the data decide {known.effective:.1f} of {d.shape[1]} directions, the priors the rest; "
-        f"{known.better_from_data} are better known from the data than from the priors"
+        f"the data determine {known.effective:.1f} of {d.shape[1]} directions, the priors the "
+        f"rest; the data say more than the priors about {known.better_from_data} directions"
     )
     return [Finding("identifiability", text, False)]
 
 
-def _is_prior(d: Known, row: int) -> bool:
+def _is_prior(d: DiagnosisResults, row: int) -> bool:
     return any(d.problem.rows[name].start <= row < d.problem.rows[name].stop for name in d.priors)
 
 
-def _derivatives(d: Known) -> list[Finding]:
+def _derivatives(d: DiagnosisResults) -> list[Finding]:
     check = d.derivatives
     found = []
     if check.wrong:
         worst = check.suspects[0]
         text = (
-            f"{check.wrong} of the Jacobian's entries not as differences say; the worst is "
-            f"{d.problem.row_label(worst.row)} by {d.free.label(worst.column)}: given "
-            f"{worst.given:.6g}, differences {worst.differences:.6g}"
+            f"{check.wrong} of the Jacobian's entries disagree with finite differences; the worst "
+            f"is {d.problem.row_label(worst.row)} by {d.free.label(worst.column)}: "
+            f"{worst.given:.6g}, by differences {worst.differences:.6g}"
         )
         found.append(Finding("derivatives", text, True))
     if check.slope is not None and check.slope < 1.5:
-        text = f"the linear model errs like h^{check.slope:.1f}, not like h^2"
+        text = f"the error of the linear model falls like h^{check.slope:.1f}, not like h^2"
         found.append(Finding("derivatives", text, True))
     if check.gradient_error >= 1e-8:
-        text = f"the gradient is not J'r: they differ by {check.gradient_error:.1e}"
+        text = f"the gradient differs from J'r by {check.gradient_error:.1e}"
         found.append(Finding("derivatives", text, True))
     if check.hessian_error is not None and check.hessian_error >= 1e-4:
-        text = f"the exact Hessian is {check.hessian_error:.1e} off differences of the gradient"
+        text = f"the exact Hessian differs by {check.hessian_error:.1e} from finite differences"
         found.append(Finding("derivatives", text, True))
     return found

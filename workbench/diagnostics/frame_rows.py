@@ -11,15 +11,13 @@ from functools import cached_property
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from workbench.arrays import Array, Index
 from workbench.problem import Linearization
 from workbench.problem.block_matrix import BlockMatrix
+from workbench.problem.nonzeros import rows_of_nonzeros
 from workbench.residuals import Residual
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,27 +26,34 @@ class FrameRows:
 
     `own[t]` are the places of the unknowns of frame t, `shared` those of the unknowns that all
     frames share. `triangles[t]` (k, n_t + b) is R of [J_t B_t] by QR, with k <= n_t + b.
+
+    Attributes:
+        matrix: the Jacobian with columns of length 1, or zero.
+        lengths: (n,) the lengths of its columns before; 1 where a column is zero.
+        frame_of_row: (m,) the frame of each row; -1 for rows that belong to no single frame.
+        own: for each frame the places of its unknowns.
+        shared: (b,) the places of the unknowns that all frames share.
     """
 
-    matrix: BlockMatrix  # columns of length 1, or zero
-    lengths: Array  # (n,) of the columns before, 1 where one is zero
-    frame_of_row: Index  # (m,), -1 for rows that belong to no single frame
+    matrix: BlockMatrix
+    lengths: Array
+    frame_of_row: Index
     own: tuple[Index, ...]
-    shared: Index  # (b,)
+    shared: Index
 
     @staticmethod
-    def of(here: Linearization, residuals: Sequence[Residual]) -> "FrameRows":
-        """Of a linearization whose Jacobian is a BlockMatrix, of these residuals."""
+    def of(here: Linearization, frame_of_row: Index) -> "FrameRows":
+        """The rows of a linearization whose Jacobian is a BlockMatrix; see `frames_of_rows`."""
         assert isinstance(here.jacobian, BlockMatrix)
         lengths = np.where(here.column_norms > 0, here.column_norms, 1.0)
         order = here.jacobian.order
         own = tuple(np.split(order.inner, order.edges[1:-1]))
-        rows = frames_of_rows(residuals)
-        return FrameRows(here.jacobian.scaled(1 / lengths), lengths, rows, own, order.border)
+        matrix = here.jacobian.scaled(1 / lengths)
+        return FrameRows(matrix, lengths, frame_of_row, own, order.border)
 
     @property
     def count(self) -> int:
-        """T."""
+        """T, the number of frames."""
         return len(self.own)
 
     @property
@@ -60,7 +65,7 @@ class FrameRows:
     def rest(self) -> csr_array:
         """The rows that belong to no single frame; all others are empty here."""
         data = csr_array(self.matrix.rest)
-        rows = np.repeat(np.arange(data.shape[0]), np.diff(data.indptr))
+        rows = rows_of_nonzeros(data)
         keep = (self.frame_of_row[rows] < 0) & (data.data != 0)
         at = rows[keep], data.indices[keep]
         return csr_array((data.data[keep], at), shape=data.shape)
@@ -128,8 +133,7 @@ def frames_of_rows(residuals: Sequence[Residual]) -> Index:
 def in_columns(rows: csr_array, place: Index, width: int) -> Array:
     """Sparse rows as an array (m, width), each column at its `place`."""
     found = np.zeros((rows.shape[0], width))
-    at = np.repeat(np.arange(rows.shape[0]), np.diff(rows.indptr))
-    found[at, place[rows.indices]] = rows.data
+    found[rows_of_nonzeros(rows), place[rows.indices]] = rows.data
     return found
 
 

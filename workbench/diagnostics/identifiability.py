@@ -1,9 +1,11 @@
-"""What is known of each number, and from whom: Laplace's approximation, the data and the priors.
+"""Each unknown's standard deviation, and where the information comes from: data or priors.
+
+Standard deviations are those of Laplace's approximation.
 
 With J_d the data's rows and J_p the priors', (J_d; J_p) = (Q_d; Q_p) R, and the singular values
-c of Q_d say of every direction which share of its information comes from the data: c^2 = 1 where
-the priors say nothing, 0 where only they do. Their sum is the number of directions that the data
-really decide, the effective degrees of freedom.
+c of Q_d tell for every direction the share of its information that comes from the data: c^2 is 1
+where the priors say nothing, and 0 where the data say nothing. The sum of c^2 is the effective
+number of degrees of freedom, the directions that the data determine.
 """
 
 from collections.abc import Mapping
@@ -11,34 +13,41 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Layout
-from workbench.diagnostics.held import Tied
+from workbench.diagnostics.active_set import ConstrainedJacobian
 from workbench.problem import Linearization
 
-Array = NDArray[np.float64]
 UNCHANGED = 0.9  # posterior over prior sigma from which on the data have told nothing
 
 
-class Verdict(Enum):
-    """How well one entry is known; the value says what it means."""
+class EntryIdentifiability(Enum):
+    """How well one entry is identified; the value says what that means."""
 
-    STRUCTURAL = "no residual reads it, or too few rows read it and its neighbours"
-    NUMERICAL = "it takes part in a direction that no residual notices"
-    PRACTICAL = "the residuals notice it, but know it no better than its prior or its yardstick"
-    IDENTIFIED = "known"
+    STRUCTURAL = "no residual depends on it, or too few rows depend on it and its neighbours"
+    NUMERICAL = "it takes part in a null direction"
+    PRACTICAL = "the residuals depend on it, but tell it no better than its prior or yardstick"
+    IDENTIFIED = "the residuals determine it"
 
 
 @dataclass(frozen=True, eq=False)
 class Identifiability:
-    """Per entry of the free vector, at one point. Sigmas are in the entries' own units."""
+    """Per entry of the free vector, at one point. Sigmas are in the entries' own units.
 
-    sigma: Array  # (n,) posterior; infinite where the null space takes part
-    prior_sigma: Array  # (n,) by the priors alone; infinite where they say nothing
-    correlations: tuple[tuple[int, int, float], ...]  # the strongest, largest first
-    data_share: Array = field(repr=False)  # c^2 (rank,), falling
-    verdicts: tuple[Verdict, ...] = field(repr=False)
+    Attributes:
+        sigma: (n,) posterior standard deviations; infinite where a null direction takes part.
+        prior_sigma: (n,) standard deviations by the priors alone; infinite where they say nothing.
+        correlations: pairs of entries and their correlation, the strongest first.
+        data_share: c^2 (rank,), falling: the data's share of the information on each direction.
+        verdicts: how well each entry is identified.
+    """
+
+    sigma: Array
+    prior_sigma: Array
+    correlations: tuple[tuple[int, int, float], ...]
+    data_share: Array = field(repr=False)
+    verdicts: tuple[EntryIdentifiability, ...] = field(repr=False)
 
     @property
     def effective(self) -> float:
@@ -61,9 +70,13 @@ class Identifiability:
 
 
 def identifiability(
-    tied: Tied, prior_rows: NDArray[np.bool_], prior: Array, yardsticks: Array,
-    unread: NDArray[np.int64], under: NDArray[np.int64],
-) -> Identifiability:  # fmt: skip
+    tied: ConstrainedJacobian,
+    prior_rows: Mask,
+    prior: Array,
+    yardsticks: Array,
+    unread: Index,
+    under: Index,
+) -> Identifiability:
     """Which entries are known; `prior_rows` (m,) says which rows are priors.
 
     An entry is held against what the priors alone say of it, `prior` (n,), or against its
@@ -76,7 +89,7 @@ def identifiability(
     return Identifiability(sigma, prior, _correlated(half, blind), share, verdicts)
 
 
-def _data_share(here: Linearization, prior_rows: NDArray[np.bool_], half: Array) -> Array:
+def _data_share(here: Linearization, prior_rows: Mask, half: Array) -> Array:
     if not prior_rows.any():
         return np.ones(half.shape[1])
     from_priors = here.rows(np.flatnonzero(prior_rows)).along(half)  # Q_p, rotated
@@ -84,37 +97,42 @@ def _data_share(here: Linearization, prior_rows: NDArray[np.bool_], half: Array)
     return np.asarray(np.clip(1 - left, 0.0, 1.0))
 
 
-def prior_sigma(here: Linearization, prior_rows: NDArray[np.bool_]) -> Array:
+def prior_sigma(here: Linearization, prior_rows: Mask) -> Array:
     """What the priors alone say of each entry (n,), infinite where they say nothing."""
     sigma = np.full(here.shape[1], np.inf)
     if not prior_rows.any():
         return sigma
     rows = here.rows(np.flatnonzero(prior_rows))
     read = np.flatnonzero(rows.column_norms)
-    sigma[read] = Tied(rows.columns(read), np.zeros((0, read.size))).laplace[0]
+    sigma[read] = ConstrainedJacobian(rows.columns(read), np.zeros((0, read.size))).laplace[0]
     return sigma
 
 
 def _verdicts(
-    sigma: Array, prior: Array, yardsticks: Array, blind: NDArray[np.bool_],
-    unread: NDArray[np.int64], under: NDArray[np.int64],
-) -> tuple[Verdict, ...]:  # fmt: skip
+    sigma: Array,
+    prior: Array,
+    yardsticks: Array,
+    blind: Mask,
+    unread: Index,
+    under: Index,
+) -> tuple[EntryIdentifiability, ...]:
     structural = np.zeros(sigma.size, dtype=bool)
     structural[unread] = True
     structural[under] |= blind[under]
     told = np.where(np.isfinite(prior), sigma < UNCHANGED * prior, sigma < yardsticks)
     return tuple(
-        Verdict.STRUCTURAL if structural[i]
-        else Verdict.NUMERICAL if blind[i]
-        else Verdict.IDENTIFIED if told[i]
-        else Verdict.PRACTICAL
+        EntryIdentifiability.STRUCTURAL
+        if structural[i]
+        else EntryIdentifiability.NUMERICAL
+        if blind[i]
+        else EntryIdentifiability.IDENTIFIED
+        if told[i]
+        else EntryIdentifiability.PRACTICAL
         for i in range(sigma.size)
-    )  # fmt: skip
+    )
 
 
-def _correlated(half: Array, blind: NDArray[np.bool_], most: int = 20) -> tuple[
-    tuple[int, int, float], ...
-]:  # fmt: skip
+def _correlated(half: Array, blind: Mask, most: int = 20) -> tuple[tuple[int, int, float], ...]:
     known = np.flatnonzero(~blind)
     rows = half[known] / np.maximum(np.linalg.norm(half[known], axis=1), 1e-300)[:, None]
     C = np.triu(rows @ rows.T, 1)
@@ -127,18 +145,30 @@ def _correlated(half: Array, blind: NDArray[np.bool_], most: int = 20) -> tuple[
 
 @dataclass(frozen=True, eq=False)
 class Contribution:
-    """What one residual adds to all the others."""
+    """What one residual adds to all the others.
 
-    term: str
+    Attributes:
+        residual: its name.
+        rank_without: the rank of the problem without it.
+        rank_with: the rank of the whole problem.
+        singular_values_without: the singular values without it.
+        singular_values_with: the singular values of the whole problem.
+        sigma_without: by block, the root mean square of the standard deviations without it.
+        sigma_with: the same for the whole problem.
+    """
+
+    residual: str
     rank_without: int
     rank_with: int
     singular_values_without: Array = field(repr=False)
     singular_values_with: Array = field(repr=False)
-    sigma_without: Mapping[str, float] = field(repr=False)  # by block: root mean square of sigma
+    sigma_without: Mapping[str, float] = field(repr=False)
     sigma_with: Mapping[str, float] = field(repr=False)
 
 
-def contributions(tied: Tied, rows: Mapping[str, slice], free: Layout) -> tuple[Contribution, ...]:
+def contributions(
+    tied: ConstrainedJacobian, rows: Mapping[str, slice], free: Layout
+) -> tuple[Contribution, ...]:
     """Each residual left out in turn; nothing is solved again."""
     m = tied.here.shape[0]
     s, rank, sigma = _known(tied, free)
@@ -151,7 +181,7 @@ def contributions(tied: Tied, rows: Mapping[str, slice], free: Layout) -> tuple[
     return tuple(found)
 
 
-def _known(tied: Tied, free: Layout) -> tuple[Array, int, dict[str, float]]:
+def _known(tied: ConstrainedJacobian, free: Layout) -> tuple[Array, int, dict[str, float]]:
     if not tied.here.shape[0]:
         return np.zeros(0), tied.count, dict.fromkeys(free.names, np.inf)
     variance = tied.laplace[0] ** 2

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from workbench.diagnostics.held import tied_at
+from workbench.arrays import Array
+from workbench.diagnostics.active_set import constrained_jacobian_at
 from workbench.diagnostics.point import Point
 
 NEIGHBOURS = 4
@@ -24,8 +24,8 @@ class Neighbourhood:
     here: Point
 
     @cached_property
-    def points(self) -> tuple[tuple[int, NDArray[np.float64]], ...]:
-        """Of each, the rank and the singular values (min(m, n),)."""
+    def points(self) -> tuple[tuple[int, Array], ...]:
+        """The rank and the singular values (min(m, n),) at each point."""
         if self.here.here.estimated or not self.here.problem.free.size:
             return ()
         rng = np.random.default_rng(0)
@@ -38,7 +38,7 @@ class Neighbourhood:
                 + NEARBY * sizes[block.name] * rng.standard_normal(np.shape(at[block.name]))
                 for block in problem.free.blocks
             }
-            there = tied_at(problem, at | moved, self.here.held)
+            there = constrained_jacobian_at(problem, at | moved, self.here.active)
             if there.here.finite and np.isfinite(there.rows).all():
                 there = there.measured(steps)
                 found.append((there.rank, there.reduced.spectrum.s))

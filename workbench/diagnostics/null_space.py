@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 from scipy.optimize import linprog
 from scipy.sparse import csc_array
 
+from workbench.arrays import Array
 from workbench.blocks import Layout
-from workbench.diagnostics.motions import MANY, Motion, motions
+from workbench.diagnostics.named_subspaces import MANY, NamedSubspace, named_subspaces
 from workbench.diagnostics.point import Point
 from workbench.diagnostics.turned_joints import named_by_joints
 from workbench.problem import Linearization
 
-Array = NDArray[np.float64]
-HARDLY = 0.99  # sigmas per yardstick; a prior as wide as the yardstick has 1
+WEAK = 0.99  # sigmas per yardstick; a prior as wide as the yardstick has 1
 FRESH = 1e-6  # sine of the angle to what is known, above which a direction is another one
 CLEARLY_FRESH = 0.1
 ALIKE = 1e-6  # entries of a direction that differ by less are of one size
@@ -24,23 +24,31 @@ ALIKE = 1e-6  # entries of a direction that differ by less are of one size
 
 @dataclass(frozen=True, eq=False)
 class Direction:
-    """A unit vector (n,) of free numbers, and how much the whitened residual changes along it."""
+    """A unit vector (n,) of free numbers, and how much the whitened residual changes along it.
+
+    Attributes:
+        name: what the direction is called in reports.
+        kind: `entry`, `twist`, `joint`, `shift`, `block` or `mixed`.
+        joints: the joints that it turns, as far as they are known.
+        vector: (n,) the direction.
+        change: |J d|, in sigmas per unit of the direction.
+    """
 
     name: str
-    kind: str  # entry, twist, joint, shift, block or mixed
-    joints: tuple[str, ...]  # that it turns, as far as it is known
+    kind: str
+    joints: tuple[str, ...]
     vector: Array = field(repr=False)
-    change: float  # |J d|: sigmas per unit of the direction
+    change: float
 
 
 def null_directions(point: Point, pattern: csc_array) -> tuple[Direction, ...]:
-    """What no residual notices and no constraint forbids, in names.
+    """Directions that change no residual and that no constraint forbids, with names.
 
     `pattern` (m, n) is where the Jacobian can be nonzero.
     """
-    if point.tied.rank == point.here.shape[1]:
+    if point.constrained.rank == point.here.shape[1]:
         return ()
-    here = point.tied.stacked
+    here = point.constrained.stacked
     named = _dictionary(point, pattern)
     return directions(here, point.problem.free, named, here.spectrum.tolerance)
 
@@ -50,25 +58,25 @@ def weak_directions(point: Point, pattern: csc_array) -> tuple[Direction, ...]:
 
     The vectors have length 1 once every unknown is measured by its own yardstick.
     """
-    nothing = point.tied.rank == point.here.shape[1] and not hardly_seen(point)
+    nothing = point.constrained.rank == point.here.shape[1] and not count_weak(point)
     if point.here.estimated or nothing:
         return ()
     here, sizes = point.measured.stacked, point.yardsticks.sizes
-    found = directions(here, point.problem.free, _dictionary(point, pattern), HARDLY)
+    found = directions(here, point.problem.free, _dictionary(point, pattern), WEAK)
     noticed = (d for d in found if d.change > here.spectrum.tolerance)
     return tuple(
         replace(d, vector=d.vector * sizes) for d in sorted(noticed, key=lambda d: d.change)
     )
 
 
-def hardly_seen(point: Point) -> int:
-    """How many directions change the residuals by less than a sigma for a whole yardstick."""
-    noticed = point.tied.reduced.spectrum.rank
-    return int(np.sum(point.measured.reduced.spectrum.s[:noticed] < HARDLY))
+def count_weak(point: Point) -> int:
+    """How many directions change the residuals by less than a sigma per yardstick."""
+    noticed = point.constrained.reduced.spectrum.rank
+    return int(np.sum(point.measured.reduced.spectrum.s[:noticed] < WEAK))
 
 
-def _dictionary(point: Point, pattern: csc_array) -> Iterator[Motion]:
-    return motions(point.problem.free, point.problem.trees, pattern)
+def _dictionary(point: Point, pattern: csc_array) -> Iterator[NamedSubspace]:
+    return named_subspaces(point.problem.free, point.problem.trees, pattern)
 
 
 def null_basis(A: Array, tolerance: float) -> Array:
@@ -82,7 +90,7 @@ def null_basis(A: Array, tolerance: float) -> Array:
 
 
 def directions(
-    here: Linearization, free: Layout, dictionary: Iterable[Motion], tolerance: float
+    here: Linearization, free: Layout, dictionary: Iterable[NamedSubspace], tolerance: float
 ) -> tuple[Direction, ...]:
     """A basis of what J maps below `tolerance` times the length: named motions first.
 
@@ -144,7 +152,7 @@ def directions(
 
 
 def _all_seen(gram: Array, basis: Array | None, tolerance: float) -> bool:
-    """Whether J surely notices all of a subspace, from its part of J'J: quick, never wrong."""
+    """Whether all of a subspace surely changes the residuals, by its part of J'J."""
     G = gram if basis is None else basis.T @ gram @ basis
     return bool(np.linalg.eigvalsh(G)[0] > tolerance**2 + 1e-12 * np.trace(gram))
 
@@ -185,9 +193,12 @@ def sparsest(basis: Array, known: Array) -> Array:
         equal = np.hstack([space, -np.eye(n), np.eye(n)])
         at_pivot = np.concatenate([space[pivot], np.zeros(2 * n)])
         answer = linprog(
-            cost, A_eq=np.vstack([equal, at_pivot]), b_eq=np.append(np.zeros(n), 1.0),
-            bounds=[(None, None)] * k + [(0, None)] * (2 * n), method="highs",
-        )  # fmt: skip
+            cost,
+            A_eq=np.vstack([equal, at_pivot]),
+            b_eq=np.append(np.zeros(n), 1.0),
+            bounds=[(None, None)] * k + [(0, None)] * (2 * n),
+            method="highs",
+        )
         v = np.zeros(n) if answer.x is None else space @ answer.x[:k]
         fresh = _beyond(done, v[:, None] / (float(np.linalg.norm(v)) or 1.0))[0]
         if fresh.shape[1]:
@@ -198,7 +209,7 @@ def sparsest(basis: Array, known: Array) -> Array:
 
 
 def _echelon(basis: Array, pivots: NDArray[np.signedinteger]) -> Array:
-    """The same space, each vector 1 at its own pivot and 0 at those of the others."""
+    """A basis of the same space, each vector 1 at its own pivot and 0 at the others'."""
     vectors = np.linalg.solve(basis[pivots].T, basis.T).T
     vectors[abs(vectors) < 1e-7 * abs(vectors).max(axis=0)] = 0
     return np.asarray(vectors / np.linalg.norm(vectors, axis=0))
@@ -225,7 +236,13 @@ def _polished(v: Array, space: Array) -> Array:
 
 
 def _direction(
-    motion: Motion, v: Array, here: Linearization, free: Layout, limit: float, *, several: bool
+    motion: NamedSubspace,
+    v: Array,
+    here: Linearization,
+    free: Layout,
+    limit: float,
+    *,
+    several: bool,
 ) -> Direction:
     v = signed(v)
     name, joints = named_by_joints(motion, v, here.R, free, limit)
@@ -243,12 +260,12 @@ def _mixed(v: Array, here: Linearization, free: Layout) -> Direction:
 
 
 def signed(v: Array) -> Array:
-    """Of length 1, the first of its largest entries positive."""
+    """The vector scaled to length 1, the first of its largest entries positive."""
     v = v / np.linalg.norm(v)
     return np.asarray(v * np.sign(v[np.argmax(abs(v) > (1 - ALIKE) * abs(v).max())]))
 
 
-def along_axes(v: Array, motion: Motion) -> str:
+def along_axes(v: Array, motion: NamedSubspace) -> str:
     """`x`, or `0.60 x + 0.80 z`, of a shift's first block."""
     first = v[motion.entries[:3]]
     first = first / (float(np.linalg.norm(first)) or 1.0)

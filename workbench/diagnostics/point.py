@@ -4,46 +4,51 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_array
 
+from workbench.arrays import Array, Mask
 from workbench.blocks import Layout, Values
-from workbench.diagnostics.held import Held, Tied, held_at
+from workbench.diagnostics.active_set import ActiveSet, ConstrainedJacobian, active_set_at
 from workbench.diagnostics.identifiability import prior_sigma
 from workbench.diagnostics.yardsticks import Yardsticks, yardsticks
 from workbench.problem import Linearization, Problem
 
-Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """What a diagnosis is computed from."""
+    """What a diagnosis is computed from.
+
+    Attributes:
+        problem: the problem.
+        at: the values of all blocks that it reads.
+        here: its linearization at these values, without columns of rounding errors.
+        priors: the names of the residuals that are priors, not data.
+    """
 
     problem: Problem = field(repr=False)
     at: Values = field(repr=False)
     here: Linearization = field(repr=False)
-    priors: tuple[str, ...] = ()  # residuals that are no data
+    priors: tuple[str, ...] = ()
 
     @cached_property
-    def held(self) -> Held:
+    def active(self) -> ActiveSet:
         """What the problem's constraints hold here."""
-        return held_at(self.problem, self.at)
+        return active_set_at(self.problem, self.at)
 
     @property
-    def held_pattern(self) -> csc_array:
+    def active_pattern(self) -> csc_array:
         """Which unknowns these read, (k, n), by structure."""
-        return self.held.pattern(self.problem)
+        return self.active.pattern(self.problem)
 
     @cached_property
-    def tied(self) -> Tied:
+    def constrained(self) -> ConstrainedJacobian:
         """The Jacobian with the gradients of what is held."""
-        return Tied(self.here, self.held.rows)
+        return ConstrainedJacobian(self.here, self.active.rows)
 
     @cached_property
-    def measured(self) -> Tied:
-        """The same with every unknown in units of its yardstick."""
-        return self.tied.measured(self.yardsticks.sizes)
+    def measured(self) -> ConstrainedJacobian:
+        """The constrained Jacobian with every unknown in units of its yardstick."""
+        return self.constrained.measured(self.yardsticks.sizes)
 
     @cached_property
     def yardsticks(self) -> Yardsticks:
@@ -53,12 +58,9 @@ class Point:
         return yardsticks(self.problem.free, both, self.at, self.prior_sigma)
 
     @cached_property
-    def is_prior(self) -> NDArray[np.bool_]:
+    def is_prior(self) -> Mask:
         """Which rows are priors, (m,)."""
-        found = np.zeros(self.here.shape[0], dtype=bool)
-        for name in self.priors:
-            found[self.problem.rows[name]] = True
-        return found
+        return self.problem.rows_named(self.priors)
 
     @cached_property
     def prior_sigma(self) -> Array:
@@ -69,6 +71,6 @@ class Point:
 
     @property
     def rows(self) -> dict[str, slice]:
-        """Where each residual's rows are, and after them those of constraints that hold."""
+        """The rows of each residual, followed by those of active bounds and constraints."""
         m, found = self.here.shape[0], dict(self.problem.rows)
-        return found | {name: slice(m + i, m + i + 1) for i, name in enumerate(self.held.names)}
+        return found | {name: slice(m + i, m + i + 1) for i, name in enumerate(self.active.names)}

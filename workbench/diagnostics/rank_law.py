@@ -10,12 +10,12 @@ twist about the bone is hidden), 0 for a leaf.
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from workbench.arrays import Array
 from workbench.diagnostics.structure import only_joints
 from workbench.problem import Problem
 
-Array = NDArray[np.float64]
 SMALL = 1e-9  # of a singular value, bones having length 1
 
 

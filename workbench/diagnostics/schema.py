@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from workbench.diagnostics.findings import Finding
-from workbench.diagnostics.known import Known
 from workbench.diagnostics.null_space import Direction
+from workbench.diagnostics.results import DiagnosisResults
 from workbench.diagnostics.structure import named_rows
 from workbench.diagnostics.suggestion import Suggestion
 
@@ -16,8 +16,14 @@ SCHEMA = "workbench.diagnosis"
 VERSION = 1  # raised whenever a key goes or changes its meaning; new keys may come without
 
 
+CHECKED = (
+    *("passed", "wrong", "largest_error", "slope"),
+    *("gradient_error", "hessian_error", "neglected"),
+)
+
+
 def as_data(
-    d: Known, findings: Iterable[Finding], suggestions: Iterable[Suggestion]
+    d: DiagnosisResults, findings: Iterable[Finding], suggestions: Iterable[Suggestion]
 ) -> dict[str, Any]:
     """Everything but pictures; infinite and undefined numbers are null."""
     data: dict[str, Any] = {
@@ -25,23 +31,17 @@ def as_data(
         "version": VERSION,
         "finite": d.here.finite,
         "estimated": d.here.estimated,
-        "shape": list(d.shape),
+        "shape": d.shape,
         "nonzeros": d.nonzeros,
         "thick": d.thick if d.here.finite else None,
         "density": d.density,
         "structural_rank": d.structural_rank,
-        "blocks": [
-            {"name": b.name, "shape": list(b.shape), "unit": b.unit} for b in d.free.blocks
-        ],
+        "blocks": [{"name": b.name, "shape": b.shape, "unit": b.unit} for b in d.free.blocks],
         "residuals": [
             {"name": r.name, "rows": r.size, "unit": r.unit, "prior": r.name in d.priors}
             for r in d.problem.residuals
         ],
-        "terms": [
-            {"residual": t.term, "block": t.block, "rows": t.rows, "columns": t.columns,
-             "nonzeros": t.nonzeros, "norm": t.norm}
-            for t in d.terms
-        ],
+        "terms": [vars(term) for term in d.terms],
         "structure": {
             "unread": _labels(d, d.structure.unread),
             "under_determined": {
@@ -51,9 +51,10 @@ def as_data(
             },
             "square": len(d.structure.square.columns),
             "over_determined": {
-                "rows": len(d.structure.over.rows), "unknowns": len(d.structure.over.columns),
+                "rows": len(d.structure.over.rows),
+                "unknowns": len(d.structure.over.columns),
             },
-            "duplicates": [list(pair) for pair in d.duplicates],
+            "duplicates": d.duplicates,
         },
         "not_finite": {
             "count": len(d.not_finite),
@@ -62,48 +63,60 @@ def as_data(
                 for i, j in d.not_finite[:100]
             ],
         },
-        "findings": [
-            {"part": f.part, "text": f.text, "warning": f.warning} for f in findings
-        ],
+        "findings": [vars(finding) for finding in findings],
         "suggestions": [
-            {"what": s.what, "why": s.why, "costs": s.cost, "kind": s.kind,
-             "before": vars(s.before), "after": vars(s.after)}
+            {
+                "what": s.what,
+                "why": s.why,
+                "costs": s.cost,
+                "kind": s.kind,
+                "before": vars(s.before),
+                "after": vars(s.after),
+            }
             for s in suggestions
         ],
-    }  # fmt: skip
+    }
     if d.here.finite:
         data |= _numbers(d)
-    return _plain(data)  # type: ignore[no-any-return]
+    return plain(data)  # type: ignore[no-any-return]
 
 
-def _numbers(d: Known) -> dict[str, Any]:
+def _numbers(d: DiagnosisResults) -> dict[str, Any]:
     known, check, law = d.identifiability, d.derivatives, d.rank_law
     return {
         "rank": d.rank,
-        "held": list(d.point.held.names),
+        "held": d.point.active.names,
         "tolerance": d.tolerance,
         "condition": d.condition,
         "singular_values": d.singular_values,
         "scaled_rank": d.scaled_rank,
-        "ranks_nearby": list(d.nearby.ranks),
+        "ranks_nearby": d.nearby.ranks,
         "weaker_here": d.nearby.weaker_here,
         "rank_law": None if law is None else {"rank": law[0], "because": law[1]},
         "null_directions": [_direction(d, x) for x in d.null_directions],
         "weak_directions": [_direction(d, x) for x in d.weak_directions],
         "parallel_columns": [
-            {"first": d.free.label(p.first), "second": d.free.label(p.second), "sine": p.apart}
+            {"first": d.free.label(p.first), "second": d.free.label(p.second), "sine": p.sine}
             for p in d.parallel_columns
         ],
-        "turns": [vars(turn) for turn in d.turns],
+        "turns": [vars(turn) for turn in d.joint_turns],
         "weakest": [
-            {"singular_value": w.singular_value, "change": w.change,
-             "columns": [d.free.label(i) for i in w.columns],
-             "rows": [d.problem.row_label(i) for i in w.rows]}
+            {
+                "singular_value": w.singular_value,
+                "change": w.change,
+                "columns": [d.free.label(i) for i in w.columns],
+                "rows": [d.problem.row_label(i) for i in w.rows],
+            }
             for w in d.weakest
         ],
         "entries": [
-            {"name": d.free.label(i), "unit": d.free.unit(i), "sigma": known.sigma[i],
-             "prior_sigma": known.prior_sigma[i], "verdict": known.verdicts[i].name.lower()}
+            {
+                "name": d.free.label(i),
+                "unit": d.free.unit(i),
+                "sigma": known.sigma[i],
+                "prior_sigma": known.prior_sigma[i],
+                "verdict": known.verdicts[i].name.lower(),
+            }
             for i in range(d.free.size)
         ],
         "effective_degrees_of_freedom": known.effective,
@@ -113,40 +126,41 @@ def _numbers(d: Known) -> dict[str, Any]:
             for a, b, c in known.correlations
         ],
         "contributions": [
-            {"residual": c.term, "rank_without": c.rank_without, "rank_with": c.rank_with,
-             "sigma_without": c.sigma_without, "sigma_with": c.sigma_with}
+            {key: value for key, value in vars(c).items() if not key.startswith("singular")}
             for c in d.contributions
         ],
         "derivatives": {
-            "passed": check.passed, "wrong": check.wrong, "largest_error": check.largest_error,
-            "slope": check.slope, "gradient_error": check.gradient_error,
-            "hessian_error": check.hessian_error, "neglected": check.neglected,
+            **{key: getattr(check, key) for key in CHECKED},
             "suspects": [
-                {"row": d.problem.row_label(s.row), "column": d.free.label(s.column),
-                 "given": s.given, "differences": s.differences}
+                {
+                    "row": d.problem.row_label(s.row),
+                    "column": d.free.label(s.column),
+                    "given": s.given,
+                    "differences": s.differences,
+                }
                 for s in check.suspects
             ],
         },
-    }  # fmt: skip
+    }
 
 
-def _direction(d: Known, x: Direction) -> dict[str, Any]:
+def _direction(d: DiagnosisResults, x: Direction) -> dict[str, Any]:
     entries = {d.free.label(int(i)): x.vector[i] for i in np.flatnonzero(x.vector)}
     return {"name": x.name, "kind": x.kind, "change": x.change, "entries": entries}
 
 
-def _labels(d: Known, columns: np.ndarray) -> list[str]:
+def _labels(d: DiagnosisResults, columns: np.ndarray) -> list[str]:
     return [d.free.label(int(i)) for i in columns]
 
 
-def _plain(value: Any) -> Any:
-    """Only what JSON knows."""
+def plain(value: Any) -> Any:
+    """Numbers, texts, lists and dicts alone; numbers that are not finite become None."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
+        return plain(value.tolist())
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     if isinstance(value, float | np.floating):
         return float(value) if math.isfinite(value) else None
     if isinstance(value, np.integer):

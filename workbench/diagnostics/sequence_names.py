@@ -4,22 +4,21 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_array
 
+from workbench.arrays import Array, Mask
 from workbench.blocks import Layout
-from workbench.diagnostics.motions import Motion, motions
+from workbench.diagnostics.named_subspaces import NamedSubspace, named_subspaces
 from workbench.diagnostics.null_space import FRESH, dominant
 from workbench.diagnostics.single_frames import SingleFrames
 from workbench.diagnostics.structure import counted, gathered
 
-Array = NDArray[np.float64]
 OUTSIDE = 1e-10  # squared part of a direction outside of a motion's entries, up to rounding
 TAKES_PART = 1e-6  # of a direction's length: less is rounding
 
 
 @dataclass(frozen=True)
-class Unseen:
+class NullDirections:
     """Directions of one name that no residual notices.
 
     Where they are `tied`, each of them moves several frames at once. Else each moves one frame, and
@@ -46,7 +45,7 @@ class Unseen:
         return f"{self.name}, in {where}{more}"
 
 
-def named(vectors: csc_array, frames: SingleFrames) -> tuple[Unseen, ...]:
+def named(vectors: csc_array, frames: SingleFrames) -> tuple[NullDirections, ...]:
     """Names of the null vectors (n, d) of a sequence."""
     frame_of, place = frames.places
     local: dict[int, list[int]] = {}
@@ -59,8 +58,8 @@ def named(vectors: csc_array, frames: SingleFrames) -> tuple[Unseen, ...]:
             tied.append(j)
         else:
             local.setdefault(int(reached[0]), []).append(j)
-    dictionary = Dictionary.of(frames.layout, motions(frames.layout, frames.trees))
-    found: list[Unseen] = _of_shared(csc_array(vectors[:, shared]), frames)
+    dictionary = Dictionary.of(frames.layout, named_subspaces(frames.layout, frames.trees))
+    found: list[NullDirections] = _of_shared(csc_array(vectors[:, shared]), frames)
     if tied:
         found += _tied(csc_array(vectors[:, tied]), frames, dictionary)
     groups: dict[tuple[str, tuple[str, ...], str], dict[int, int]] = {}
@@ -78,12 +77,12 @@ class Dictionary:
     """Motions of one frame, and which unknowns each of them moves, (M, n)."""
 
     layout: Layout
-    motions: Sequence[Motion]
-    moves: NDArray[np.bool_]
+    subspaces: Sequence[NamedSubspace]
+    moves: Mask
 
     @staticmethod
-    def of(layout: Layout, found: Iterable[Motion]) -> "Dictionary":
-        """Those motions whose entries may each move by itself."""
+    def of(layout: Layout, found: Iterable[NamedSubspace]) -> "Dictionary":
+        """The dictionary of those subspaces whose entries may each move by itself."""
         kept = [motion for motion in found if motion.basis is None]
         moves = np.zeros((len(kept), layout.size), dtype=bool)
         for row, motion in zip(moves, kept, strict=True):
@@ -102,8 +101,8 @@ class Dictionary:
         parts = self.moves.astype(float) @ np.einsum("eii->e", gram)
         found, known = [], np.zeros((d, 0))
         others = (~self.moves).astype(float)
-        inside = np.zeros(len(self.motions))  # how many of those that are known a motion has
-        for k, motion in enumerate(self.motions):
+        inside = np.zeros(len(self.subspaces))  # how many of those that are known a motion has
+        for k, motion in enumerate(self.subspaces):
             if known.shape[1] == d:
                 break
             if parts[k] < inside[k] + 1 - OUTSIDE:
@@ -130,7 +129,9 @@ class Dictionary:
         return found
 
 
-def _gathered(groups: dict[tuple[str, tuple[str, ...], str], dict[int, int]]) -> list[Unseen]:
+def _gathered(
+    groups: dict[tuple[str, tuple[str, ...], str], dict[int, int]],
+) -> list[NullDirections]:
     """Groups of one name; single entries of the same frames in one."""
     entries: dict[tuple[int, ...], list[tuple[str, tuple[str, ...]]]] = {}
     found = []
@@ -139,21 +140,21 @@ def _gathered(groups: dict[tuple[str, tuple[str, ...], str], dict[int, int]]) ->
         if kind == "entry":
             entries.setdefault(some, []).append((name, joints))
         else:
-            found.append(Unseen(name, joints, some, sum(counts.values())))
+            found.append(NullDirections(name, joints, some, sum(counts.values())))
     first = []
     for some, several in entries.items():
         joints = tuple(dict.fromkeys(joint for _, of in several for joint in of))
         name = ", ".join(gathered([name for name, _ in several]))
-        first.append(Unseen(name, joints, some, len(several) * len(some)))
+        first.append(NullDirections(name, joints, some, len(several) * len(some)))
     return [*first, *found]
 
 
-def _tied(vectors: csc_array, frames: SingleFrames, dictionary: Dictionary) -> list[Unseen]:
-    groups: dict[tuple[int, ...], list[Unseen]] = {}
+def _tied(vectors: csc_array, frames: SingleFrames, dictionary: Dictionary) -> list[NullDirections]:
+    groups: dict[tuple[int, ...], list[NullDirections]] = {}
     found = []
     for name, joints, kind, count, moved in dictionary.names(_by_frames(vectors, frames)):
         some = tuple(np.flatnonzero(np.linalg.norm(moved, axis=(1, 2)) > TAKES_PART).tolist())
-        one = Unseen(name, joints, some, count, tied=True)
+        one = NullDirections(name, joints, some, count, tied=True)
         if kind == "entry":
             groups.setdefault(some, []).append(one)
         else:
@@ -162,18 +163,20 @@ def _tied(vectors: csc_array, frames: SingleFrames, dictionary: Dictionary) -> l
     for some, several in groups.items():
         joints = tuple(dict.fromkeys(joint for one in several for joint in one.joints))
         name = ", ".join(gathered([one.name for one in several]))
-        entries.append(Unseen(name, joints, some, sum(one.count for one in several), tied=True))
+        entries.append(
+            NullDirections(name, joints, some, sum(one.count for one in several), tied=True)
+        )
     return [*entries, *found]
 
 
-def _of_shared(vectors: csc_array, frames: SingleFrames) -> list[Unseen]:
-    """Of unknowns that all frames share, and what undoes them in the frames."""
+def _of_shared(vectors: csc_array, frames: SingleFrames) -> list[NullDirections]:
+    """Null directions of shared unknowns, and what compensates them in the frames."""
     if not vectors.shape[1]:
         return []
     frame_of, place = frames.places
     S = np.zeros((frames.shared.size, vectors.shape[1]))
     S[place[frame_of < 0]] = vectors.toarray()[frame_of < 0]
-    dictionary = Dictionary.of(frames.shared, motions(frames.shared, ()))
+    dictionary = Dictionary.of(frames.shared, named_subspaces(frames.shared, ()))
     V = _by_frames(vectors, frames)
     found = []
     for name, joints, kind, count, moved in dictionary.names(S[None]):
@@ -188,7 +191,7 @@ def _of_shared(vectors: csc_array, frames: SingleFrames) -> list[Unseen]:
             where = f"{int(there.sum())} of {frames.count} frames"
             name = f"{name}, undone by {' and '.join(blocks)} in {where}"
         some = tuple(np.flatnonzero(there).tolist())
-        found.append(Unseen(name, joints, some, count, tied=True, shared=True))
+        found.append(NullDirections(name, joints, some, count, tied=True, shared=True))
     return found
 
 

@@ -4,24 +4,24 @@ from collections.abc import Iterable
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array
 from workbench.blocks import Layout
-from workbench.diagnostics.findings import Finding
-from workbench.diagnostics.sequence_names import Unseen
+from workbench.diagnostics.findings import Finding, listed, some_of
+from workbench.diagnostics.schema import plain
+from workbench.diagnostics.sequence_names import NullDirections
 from workbench.diagnostics.shared_unknowns import SharedUnknowns
 from workbench.diagnostics.structure import counted
-from workbench.diagnostics.tables import table
+from workbench.diagnostics.tables import sections, table
 from workbench.problem import Linearization, Problem
 
-Array = NDArray[np.float64]
 SCHEMA = "workbench.sequence-diagnosis"
 VERSION = 1  # raised whenever a key goes or changes its meaning; new keys may come without
 FEW = 0.1  # of the frames: a shared unknown that no more of them see deserves a warning
 WORST = 5  # frames of each block that a report lists
 
 
-class KnownOfSequence(Protocol):
+class SequenceResults(Protocol):
     """The numbers of the diagnosis of a sequence; what each means is said at SequenceDiagnosis."""
 
     # ruff: noqa: D102
@@ -43,7 +43,7 @@ class KnownOfSequence(Protocol):
     @property
     def rank(self) -> int: ...
     @property
-    def null_directions(self) -> tuple[Unseen, ...]: ...
+    def null_directions(self) -> tuple[NullDirections, ...]: ...
     @property
     def shared(self) -> SharedUnknowns: ...
     @property
@@ -58,68 +58,69 @@ class KnownOfSequence(Protocol):
     def findings(self) -> tuple[Finding, ...]: ...
 
 
-def findings(d: KnownOfSequence) -> tuple[Finding, ...]:
+def findings(d: SequenceResults) -> tuple[Finding, ...]:
     """What deserves a sentence, warnings first."""
     found = []
     n, T = d.shape[1], d.count
     if not d.here.finite:
         return (Finding("values", f"not finite: {_not_finite(d)}", True),)
     if d.rank < n:
-        found.append(Finding("rank", f"no residual notices {n - d.rank} of {n} directions", True))
+        found.append(Finding("rank", f"{n - d.rank} of {n} directions change no residual", True))
     for i, count in enumerate(d.shared.frames_seen):
         if count == T:
             continue
         told = np.isfinite(d.shared.sigma[i])
         text = f"{d.shared.layout.label(i)} is seen in {count} of {T} frames"
         if not count and told:
-            text += ": it is known from residuals alone that belong to no frame"
+            text += ": only residuals that belong to no single frame determine it"
         found.append(Finding("shared", text, bool(count <= FEW * T)))
     for name, some in d.blind.items():
         if some:
-            text = f"{said(some, T)} see{'s' if len(some) == 1 else ''} nothing of {name}"
+            text = (
+                f"{frames_in_words(some, T)} see{'s' if len(some) == 1 else ''} nothing of {name}"
+            )
             inside = d.largest_sigma[name][list(some)]
             warning = bool(np.isinf(inside).any())
-            text += "" if warning else f": it is known there through {' and '.join(d.between)}"
+            text += "" if warning else f": there it is determined by {' and '.join(d.between)}"
             found.append(Finding("frames", text, warning))
     for name, some in d.missing.items():
-        found.append(Finding("frames", f"the residual {name} is missing in {said(some, T)}", False))
+        found.append(
+            Finding(
+                "frames", f"the residual {name} is missing in {frames_in_words(some, T)}", False
+            )
+        )
     if d.problem.bounded or d.problem.constraints:
-        text = "bounds and constraints are not looked at in a sequence of this size"
+        text = "bounds and constraints are ignored in a sequence of this size"
         found.append(Finding("rank", text, False))
     return tuple(sorted(found, key=lambda finding: not finding.warning))
 
 
-def summary(d: KnownOfSequence) -> str:
+def summary(d: SequenceResults) -> str:
     """Size, rank, and what is not seen."""
     n = d.shape[1]
     lines = _size(d)
     if not d.here.finite:
         return "\n".join([*lines, *(finding.text for finding in d.findings)])
     lines.append(f"numerical rank {d.rank} of {n}")
-    lines += _unseen(d) if d.rank < n else ["every direction is seen"]
+    lines += _unseen(d) if d.rank < n else ["full rank"]
     lines += [finding.text for finding in d.findings if finding.part != "rank"]
     return "\n".join(lines)
 
 
-def report(d: KnownOfSequence) -> str:
+def report(d: SequenceResults) -> str:
     """Everything in words, section by section."""
-    told = [f"{'warning' if f.warning else 'note'}: {f.text}" for f in d.findings]
-    sections = [("findings", told or ["no warnings"]), ("size", _size(d))]
+    parts = [("findings", listed(d.findings)), ("size", _size(d))]
     if d.here.finite:
-        sections += [
+        parts += [
             ("rank", _rank(d)),
-            ("not seen", _unseen(d) if d.rank < d.shape[1] else []),
+            ("null directions", _unseen(d) if d.rank < d.shape[1] else []),
             ("shared unknowns", _shared(d)),
             ("frames", _frames(d)),
         ]
-    return "\n\n".join(
-        "\n".join([title.upper(), *(f"  {line}" for line in lines)])
-        for title, lines in sections
-        if lines
-    )
+    return sections(parts)
 
 
-def _size(d: KnownOfSequence) -> list[str]:
+def _size(d: SequenceResults) -> list[str]:
     m, n = d.shape
     shared = d.shared.layout.size if d.here.finite else 0
     each = f"{d.count} frames" + (f", {counted(shared, 'shared unknown')}" if shared else "")
@@ -127,7 +128,7 @@ def _size(d: KnownOfSequence) -> list[str]:
     return [f"Jacobian {m} x {n}: {each}", between if d.between else "nothing couples frames"]
 
 
-def _rank(d: KnownOfSequence) -> list[str]:
+def _rank(d: SequenceResults) -> list[str]:
     n = d.shape[1]
     lines = [f"numerical rank {d.rank} of {n}, columns of length 1; tolerance {d.tolerance:.1e}"]
     for name, rank in d.shared.ranks.items():
@@ -136,40 +137,48 @@ def _rank(d: KnownOfSequence) -> list[str]:
     return lines
 
 
-def _unseen(d: KnownOfSequence) -> list[str]:
-    lines = [f"{counted(d.shape[1] - d.rank, 'direction')} that no residual notices:"]
+def _unseen(d: SequenceResults) -> list[str]:
+    lines = [f"{counted(d.shape[1] - d.rank, 'null direction')} (no residual changes along them):"]
     return [*lines, *(f"  {x.said(d.count)}" for x in d.null_directions)]
 
 
-def _shared(d: KnownOfSequence) -> list[str]:
+def _shared(d: SequenceResults) -> list[str]:
     known = d.shared
     if not known.layout.size:
         return []
     return [
-        "a frame sees an unknown where its own unknowns cannot undo a change of it, and well where",
-        f"a whole yardstick changes it by a sigma ({known.yardsticks})",
+        "a frame sees an unknown if its own unknowns cannot compensate a change of it, and sees it",
+        f"well if a whole yardstick ({known.yardsticks}) changes the rest by a sigma or more",
         *table(
-            ("unknown", "frames that see it", "that see it well", "sigma", "unit"),
+            ("unknown", "frames that see it", "see it well", "sigma", "unit"),
             [
-                (known.layout.label(i), f"{known.frames_seen[i]} of {d.count}",
-                 f"{known.frames_well[i]} of {d.count}", f"{known.sigma[i]:.3g}",
-                 known.layout.unit(i))
+                (
+                    known.layout.label(i),
+                    f"{known.frames_seen[i]} of {d.count}",
+                    f"{known.frames_well[i]} of {d.count}",
+                    f"{known.sigma[i]:.3g}",
+                    known.layout.unit(i),
+                )
                 for i in range(known.layout.size)
             ],
         ),
-    ]  # fmt: skip
+    ]
 
 
-def _frames(d: KnownOfSequence) -> list[str]:
+def _frames(d: SequenceResults) -> list[str]:
     lines = []
     for name, sigma in d.largest_sigma.items():
         unknown = np.flatnonzero(np.isinf(sigma))
         if unknown.size:
-            lines.append(f"{name} is not wholly known in {said(unknown.tolist(), d.count)}")
+            lines.append(
+                f"{name} is not fully identified in {frames_in_words(unknown.tolist(), d.count)}"
+            )
         order = worst(sigma)
         if order:
             told = ", ".join(f"{t} ({sigma[t]:.3g})" for t in order)
-            lines.append(f"{name} is worst known in frames {told}: largest sigma, {_unit(d, name)}")
+            lines.append(
+                f"{name} is least certain in frames {told}: largest sigma, {_unit(d, name)}"
+            )
     return lines
 
 
@@ -179,12 +188,12 @@ def worst(sigma: Array) -> list[int]:
     return [int(t) for t in order if np.isfinite(sigma[t]) and sigma[t] > 0]
 
 
-def _unit(d: KnownOfSequence, name: str) -> str:
+def _unit(d: SequenceResults, name: str) -> str:
     unit = d.free[name].unit
     return "no unit" if unit == "1" else unit
 
 
-def said(frames: Iterable[int], total: int) -> str:
+def frames_in_words(frames: Iterable[int], total: int) -> str:
     """`3 of 40 frames (0 to 1, 7)`."""
     some = list(frames)
     runs: list[list[int]] = []
@@ -199,57 +208,67 @@ def said(frames: Iterable[int], total: int) -> str:
     return f"{len(some)} of {total} frames{where}"
 
 
-def _not_finite(d: KnownOfSequence) -> str:
+def _not_finite(d: SequenceResults) -> str:
     rows = [d.problem.row_label(int(i)) for i in np.flatnonzero(~np.isfinite(d.here.residual))]
     entries = (f"{d.problem.row_label(i)} by {d.free.label(j)}" for i, j in d.here.not_finite)
-    found = [*rows, *entries]
-    return ", ".join(found[:5]) + (f" and {len(found) - 5} more" if len(found) > 5 else "")
+    return some_of([*rows, *entries])
 
 
-def as_data(d: KnownOfSequence) -> dict[str, Any]:
+def as_data(d: SequenceResults) -> dict[str, Any]:
     """Everything; infinite numbers are null."""
     data: dict[str, Any] = {
         "schema": SCHEMA,
         "version": VERSION,
         "finite": d.here.finite,
-        "shape": list(d.shape),
+        "shape": d.shape,
         "frames": d.count,
         "blocks": [
-            {"name": b.name, "shape": list(b.shape), "unit": b.unit, "shared": not b.base.framed}
+            {"name": b.name, "shape": b.shape, "unit": b.unit, "shared": not b.base.framed}
             for b in d.free.blocks
         ],
         "residuals": [
-            {"name": r.name, "rows": r.size, "unit": r.unit, "prior": r.name in d.priors,
-             "frames": len({t for t, _ in r.each}), "between": r.name in d.between}
+            {
+                "name": r.name,
+                "rows": r.size,
+                "unit": r.unit,
+                "prior": r.name in d.priors,
+                "frames": len({t for t, _ in r.each}),
+                "between": r.name in d.between,
+            }
             for r in d.problem.residuals
         ],
-        "findings": [{"part": f.part, "text": f.text, "warning": f.warning} for f in d.findings],
-    }  # fmt: skip
+        "findings": [vars(finding) for finding in d.findings],
+    }
     if not d.here.finite:
-        return data
+        return plain(data)  # type: ignore[no-any-return]
     known = d.shared
-    return data | {
+    data |= {
         "rank": d.rank,
         "tolerance": d.tolerance,
         "null_directions": [
-            {"name": x.name, "joints": list(x.joints), "frames": list(x.frames),
-             "directions": x.count, "tied": x.tied, "shared": x.shared}
+            {
+                "name": x.name,
+                "joints": x.joints,
+                "frames": x.frames,
+                "directions": x.count,
+                "tied": x.tied,
+                "shared": x.shared,
+            }
             for x in d.null_directions
         ],
         "shared": [
-            {"name": known.layout.label(i), "unit": known.layout.unit(i),
-             "frames_seen": int(known.frames_seen[i]),
-             "frames_seen_well": int(known.frames_well[i]), "sigma": _number(known.sigma[i])}
+            {
+                "name": known.layout.label(i),
+                "unit": known.layout.unit(i),
+                "frames_seen": known.frames_seen[i],
+                "frames_seen_well": known.frames_well[i],
+                "sigma": known.sigma[i],
+            }
             for i in range(known.layout.size)
         ],
         "shared_ranks": known.ranks,
-        "largest_sigma": {
-            name: [_number(x) for x in sigma] for name, sigma in d.largest_sigma.items()
-        },
-        "blind": {name: list(some) for name, some in d.blind.items() if some},
-        "missing": {name: list(some) for name, some in d.missing.items()},
-    }  # fmt: skip
-
-
-def _number(x: float) -> float | None:
-    return float(x) if np.isfinite(x) else None
+        "largest_sigma": d.largest_sigma,
+        "blind": {name: some for name, some in d.blind.items() if some},
+        "missing": d.missing,
+    }
+    return plain(data)  # type: ignore[no-any-return]

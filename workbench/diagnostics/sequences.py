@@ -5,24 +5,23 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_array
 
+from workbench.arrays import Array
 from workbench.blocks import Layout, Values
 from workbench.diagnostics import sequence_words
 from workbench.diagnostics.diagnosis import Diagnosis, Undiagnosed
-from workbench.diagnostics.elimination import Eliminated
+from workbench.diagnostics.elimination import Elimination
 from workbench.diagnostics.findings import Finding
-from workbench.diagnostics.frame_rows import FrameRows
+from workbench.diagnostics.frame_rows import FrameRows, frames_of_rows
 from workbench.diagnostics.identifiability import prior_sigma
-from workbench.diagnostics.looked_at import looked_at
-from workbench.diagnostics.sequence_names import Unseen, named
+from workbench.diagnostics.linearized import linearized
+from workbench.diagnostics.sequence_names import NullDirections, named
 from workbench.diagnostics.shared_unknowns import SharedUnknowns
 from workbench.diagnostics.single_frames import SingleFrames
 from workbench.diagnostics.yardsticks import yardsticks
 from workbench.problem import Linearization, Problem
-
-Array = NDArray[np.float64]
+from workbench.problem.nonzeros import columns_of_nonzeros
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,26 +35,32 @@ class SequenceDiagnosis:
 
     `str` of it is a summary, `report()` everything in words, `data()` the same as JSON, and
     `frame(t)` the full diagnosis of one frame by itself.
+
+    Attributes:
+        problem: the sequence.
+        at: the values of all blocks that it reads.
+        here: its linearization at these values, without columns of rounding errors.
+        priors: the names of the residuals that are priors, not data.
     """
 
     problem: Problem = field(repr=False)
     at: Values = field(repr=False)
     here: Linearization = field(repr=False)
-    priors: tuple[str, ...] = ()  # residuals that are no data
+    priors: tuple[str, ...] = ()
 
     @property
     def free(self) -> Layout:
-        """The unknowns."""
+        """The layout of the unknowns."""
         return self.problem.free
 
     @property
     def shape(self) -> tuple[int, int]:
-        """(m, n)."""
+        """(m, n), rows and unknowns."""
         return self.here.shape
 
     @cached_property
     def frames(self) -> SingleFrames:
-        """The frames, one by one."""
+        """The frames, to be looked at one by one."""
         return SingleFrames(self.problem, self.at)
 
     @property
@@ -70,28 +75,28 @@ class SequenceDiagnosis:
         """
         problem, values = self.frames.alone(t)
         priors = tuple(name for name in self.priors if name in problem.rows)
-        return Diagnosis(problem, values, looked_at(problem, values), priors)
+        return Diagnosis(problem, values, linearized(problem, values), priors)
 
     # Rank, and what is not seen.
 
     @cached_property
     def rows(self) -> FrameRows:
         """The rows of each frame, and those between frames, in columns of length 1."""
-        return FrameRows.of(self.here, self.problem.residuals)
+        return FrameRows.of(self.here, frames_of_rows(self.problem.residuals))
 
     @cached_property
-    def eliminated(self) -> Eliminated:
+    def eliminated(self) -> Elimination:
         """The unknowns eliminated frame after frame."""
-        return Eliminated.of(self.rows)
+        return Elimination.of(self.rows)
 
     @property
     def tolerance(self) -> float:
-        """Of the singular values of the Jacobian with columns of length 1."""
+        """The tolerance for singular values of the Jacobian with columns of length 1."""
         return self.rows.tolerance
 
     @property
     def rank(self) -> int:
-        """How many directions the residuals notice here."""
+        """How many independent directions change a residual."""
         return self.eliminated.rank
 
     @cached_property
@@ -101,14 +106,14 @@ class SequenceDiagnosis:
         Each vector has length 1; most of them move a single frame.
         """
         found = self.eliminated.null_vectors
-        columns = np.repeat(np.arange(found.shape[1]), np.diff(found.indptr))
+        columns = columns_of_nonzeros(found)
         numbers = found.data / self.rows.lengths[found.indices]
         sizes = np.sqrt(np.bincount(columns, numbers**2, minlength=found.shape[1]))
         return csc_array((numbers / sizes[columns], found.indices, found.indptr), found.shape)
 
     @cached_property
-    def null_directions(self) -> tuple[Unseen, ...]:
-        """The same in names, gathered over the frames that share them."""
+    def null_directions(self) -> tuple[NullDirections, ...]:
+        """The null directions with names, gathered over the frames that share them."""
         return named(self.null_vectors, self.frames)
 
     # What is known of each number.
@@ -138,7 +143,7 @@ class SequenceDiagnosis:
 
     @cached_property
     def largest_sigma(self) -> dict[str, Array]:
-        """By block: the largest sigma of its entries in each frame (T,), 0 where none is free."""
+        """By block, the largest sigma of its entries in each frame (T,), 0 where none is free."""
         frame_of, place = self.frames.places
         own = frame_of >= 0
         found = {}
@@ -150,7 +155,7 @@ class SequenceDiagnosis:
 
     @cached_property
     def blind(self) -> dict[str, tuple[int, ...]]:
-        """By block: the frames whose own residuals see nothing of it, though it is free there."""
+        """By block, the frames where it is free but whose own residuals do not depend on it."""
         frame_of, place = self.frames.places
         length = np.zeros(self.shape[1])
         for own, R in zip(self.rows.own, self.rows.triangles, strict=True):
@@ -166,7 +171,7 @@ class SequenceDiagnosis:
 
     @cached_property
     def missing(self) -> dict[str, tuple[int, ...]]:
-        """By residual of single frames: the frames that have none of that name."""
+        """By name of a residual of single frames, the frames that have none of that name."""
         every = range(self.count)
         found = {}
         for residual in self.problem.residuals:
@@ -180,9 +185,10 @@ class SequenceDiagnosis:
         """The residuals that couple frames."""
         known = self.problem.known
         return tuple(
-            r.name for r in self.problem.residuals
+            r.name
+            for r in self.problem.residuals
             if not r.each and any(known[name].framed for name in r.reads)
-        )  # fmt: skip
+        )
 
     # What to make of it.
 
@@ -201,8 +207,8 @@ class SequenceDiagnosis:
         if not self.here.finite:
             raise Undiagnosed(f"there is no rank: {self.findings[0].text}")
         if self.rank != rank:
-            unseen = "; ".join(d.said(self.count) for d in self.null_directions) or "nothing"
-            raise Undiagnosed(f"the rank is {self.rank}, not {rank}; not seen: {unseen}")
+            unseen = "; ".join(d.said(self.count) for d in self.null_directions) or "none"
+            raise Undiagnosed(f"the rank is {self.rank}, not {rank}; null directions: {unseen}")
 
     def assert_no_warnings(self) -> None:
         """Raise an AssertionError that lists the warnings, if there are any."""

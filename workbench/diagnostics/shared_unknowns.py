@@ -3,15 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_array
 
+from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Layout
 from workbench.diagnostics.frame_rows import FrameRows
-from workbench.diagnostics.null_space import FRESH, HARDLY
+from workbench.diagnostics.null_space import FRESH, WEAK
 from workbench.diagnostics.yardsticks import Yardsticks
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,37 +20,47 @@ class SharedUnknowns:
     them by P_t, which is at right angles to the range of J_t. Unknown i is *seen* in frame t where
     the length of column i of P_t B_t is above the tolerance of the rank; it is seen *well* where a
     whole yardstick of it changes P_t B_t s by at least one sigma.
+
+    Attributes:
+        layout: the shared unknowns.
+        yardsticks: what changes of them are compared with.
+        seen: (T, b) in which frames each unknown is seen.
+        well: (T, b) in which frames each unknown is seen well.
+        sigma: (b,) posterior standard deviations by all residuals; infinite where not identified.
+        ranks: by block, its rank once all other unknowns are eliminated.
     """
 
     layout: Layout
     yardsticks: Yardsticks
-    seen: NDArray[np.bool_]  # (T, b)
-    well: NDArray[np.bool_]  # (T, b)
-    sigma: Array  # (b,) from all frames and what is between them; infinite where not known
-    ranks: dict[str, int]  # by block: the directions that are seen once all else is eliminated
+    seen: Mask
+    well: Mask
+    sigma: Array
+    ranks: dict[str, int]
 
     @staticmethod
     def of(
         rows: FrameRows, layout: Layout, sizes: Yardsticks, sigma: Array, null_vectors: csc_array
     ) -> "SharedUnknowns":
-        """Of the rows of a sequence and its null vectors (n, d)."""
-        lengths = np.array([
-            _beside(R, len(own), rows.tolerance)
-            for own, R in zip(rows.own, rows.triangles, strict=True)
-        ]).reshape(rows.count, len(rows.shared))  # fmt: skip
+        """The shared unknowns of a sequence's rows and its null vectors (n, d)."""
+        lengths = np.array(
+            [
+                _beside(R, len(own), rows.tolerance)
+                for own, R in zip(rows.own, rows.triangles, strict=True)
+            ]
+        ).reshape(rows.count, len(rows.shared))
         per_unit = lengths * rows.lengths[rows.shared] * sizes.sizes
         hidden = null_vectors.tocsr()[rows.shared].toarray()
         ranks = {name: at.stop - at.start - _rank(hidden[at]) for name, at in layout.slices.items()}
         seen = lengths > rows.tolerance
-        return SharedUnknowns(layout, sizes, seen, seen & (per_unit >= HARDLY), sigma, ranks)
+        return SharedUnknowns(layout, sizes, seen, seen & (per_unit >= WEAK), sigma, ranks)
 
     @property
-    def frames_seen(self) -> NDArray[np.int64]:
+    def frames_seen(self) -> Index:
         """In how many frames each unknown is seen, (b,)."""
         return np.asarray(self.seen.sum(axis=0), dtype=np.int64)
 
     @property
-    def frames_well(self) -> NDArray[np.int64]:
+    def frames_well(self) -> Index:
         """In how many frames each unknown is seen well, (b,)."""
         return np.asarray(self.well.sum(axis=0), dtype=np.int64)
 
@@ -66,5 +74,5 @@ def _beside(R: Array, own: int, tolerance: float) -> Array:
 
 
 def _rank(A: Array) -> int:
-    """Of parts of vectors of length 1."""
+    """The rank of parts of vectors of length 1."""
     return int(np.sum(np.linalg.svd(A, compute_uv=False) > FRESH)) if A.size else 0

@@ -5,14 +5,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Index
 from workbench.blocks import Block, Layout, Tree, Values
 from workbench.errors import BadArgument
 from workbench.problem import Problem
 from workbench.residuals import Residual
-
-Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +22,7 @@ class SingleFrames:
 
     @cached_property
     def count(self) -> int:
-        """T."""
+        """T, the number of frames."""
         return max((b.shape[0] for b in self.problem.known.values() if b.framed), default=0)
 
     @cached_property
@@ -40,7 +38,7 @@ class SingleFrames:
 
     @cached_property
     def places(self) -> tuple[Index, Index]:
-        """Of each unknown (n,): its frame, -1 if it is shared; and its place in that layout."""
+        """The frame of each unknown (n,), -1 if it is shared, and its place in that layout."""
         free = self.problem.free
         frame, place = np.full(free.size, -1), np.zeros(free.size, dtype=np.int64)
         for block in free.blocks:

@@ -12,32 +12,40 @@ from itertools import pairwise
 import casadi as cs
 import numpy as np
 from numpy.linalg import norm
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.sparse import csc_array, vstack
 
+from workbench.arrays import Array, Index
 from workbench.blocks import Layout, Tree
-from workbench.bodies.sources import JointPoints, LandmarkPoints, SurfacePoints
+from workbench.bodies.forward.sources import JointPoints, LandmarkPoints, SurfacePoints
 from workbench.problem import Linearization, Problem
 from workbench.problem.storage import distance
-
-Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class TermBlock:
-    """One residual's part of the Jacobian in one block's columns."""
+    """One residual's part of the Jacobian in one block's columns.
 
-    term: str
+    Attributes:
+        residual: the residual's name.
+        block: the block's name.
+        rows: how many rows the residual has.
+        columns: how many free numbers the block has.
+        nonzeros: how many entries can be nonzero.
+        norm: the Frobenius norm in the whitened Jacobian.
+    """
+
+    residual: str
     block: str
     rows: int
     columns: int
-    nonzeros: int  # structural
-    norm: float  # Frobenius, of the whitened Jacobian
+    nonzeros: int
+    norm: float
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
-    """Rows and columns that belong together, by their indices."""
+class Submatrix:
+    """Rows and columns of a part of the decomposition, by their indices."""
 
     rows: Index
     columns: Index
@@ -49,18 +57,27 @@ class Structure:
 
     Rows of constraints that hold come after the m of the residuals: they decide unknowns as well,
     so they count in the rank and in the three parts.
+
+    Attributes:
+        pattern: (m, n) where the Jacobian can be nonzero.
+        rank: the structural rank, the largest rank that a matrix with this pattern can have.
+        under: the under-determined part, with more columns than rows.
+        square: the well-determined part, with as many rows as columns.
+        over: the over-determined part, with more rows than columns.
+        unread: the columns that no residual and no active constraint reads.
+        idle: the rows that read nothing that is free.
     """
 
     pattern: csc_array = field(repr=False)
-    rank: int  # of any matrix with this pattern, at most
-    under: Part  # more columns than rows: something in here cannot be determined
-    square: Part
-    over: Part  # more rows than columns: fitted, not solved
-    unread: Index  # columns that no residual and no constraint that holds reads
-    idle: Index  # rows that read nothing free
+    rank: int
+    under: Submatrix
+    square: Submatrix
+    over: Submatrix
+    unread: Index
+    idle: Index
 
 
-def taken_apart(residuals: csc_array, held: csc_array | None = None) -> Structure:
+def decomposed(residuals: csc_array, held: csc_array | None = None) -> Structure:
     """A pattern (m, n), cut by Dulmage's and Mendelsohn's decomposition.
 
     The rows of `held` (k, n) are those of bounds and constraints, below the others.
@@ -85,9 +102,9 @@ def taken_apart(residuals: csc_array, held: csc_array | None = None) -> Structur
     return Structure(
         residuals,
         rank=n - (c[4] - c[3]),
-        over=Part(np.sort(np.concatenate([p[r[0] : r[2]], left])), np.sort(q[c[0] : c[1]])),
-        square=Part(np.sort(p[r[2] : r[3]]), np.sort(q[c[1] : c[2]])),
-        under=Part(np.sort(p[r[3] : r[4]]), np.sort(q[c[2] : c[4]])),
+        over=Submatrix(np.sort(np.concatenate([p[r[0] : r[2]], left])), np.sort(q[c[0] : c[1]])),
+        square=Submatrix(np.sort(p[r[2] : r[3]]), np.sort(q[c[1] : c[2]])),
+        under=Submatrix(np.sort(p[r[3] : r[4]]), np.sort(q[c[2] : c[4]])),
         unread=np.flatnonzero(np.diff(pattern.indptr) == 0),
         idle=np.flatnonzero(reads[: residuals.shape[0]] == 0),
     )
@@ -131,12 +148,16 @@ def term_blocks(
         counts[column] = high - low
     return tuple(
         TermBlock(
-            term, block, rows.stop - rows.start, columns.stop - columns.start,
-            int(counts[columns, k].sum()), here.block(rows, columns).norm,
+            term,
+            block,
+            rows.stop - rows.start,
+            columns.stop - columns.start,
+            int(counts[columns, k].sum()),
+            here.block(rows, columns).norm,
         )
         for k, (term, rows) in enumerate(problem.rows.items())
         for block, columns in problem.free.slices.items()
-    )  # fmt: skip
+    )
 
 
 def duplicates(problem: Problem, here: Linearization) -> tuple[tuple[str, str], ...]:
@@ -175,7 +196,7 @@ def _same(here: Linearization, rows: slice, others: slice) -> bool:
     )
 
 
-def bulges(problem: Problem) -> bool:
+def pose_moves_template(problem: Problem) -> bool:
     """Whether a free pose moves the surface of a body that has pose blend shapes."""
     free = set(problem.free.names)
     sources = [p.source for residual in problem.residuals for p in residual.points]
@@ -201,7 +222,7 @@ def named_groups(layout: Layout, columns: Index) -> str:
 
 
 def counted(number: int, noun: str) -> str:
-    """`1 row`, `2 rows`."""
+    """A number with its noun: `1 row`, `2 rows`."""
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
@@ -225,7 +246,7 @@ def gathered(entries: list[str]) -> list[str]:
 
 def only_joints(
     problem: Problem, at: Mapping[str, ArrayLike]
-) -> tuple[Tree, NDArray[np.float64], tuple[int, ...]] | None:
+) -> tuple[Tree, Array, tuple[int, ...]] | None:
     """The tree, the posed joints (K, 3) m and which of them are read, if nothing else is there.
 
     None unless all residuals read the joints of one body, coordinate by coordinate, and nothing is
@@ -236,7 +257,9 @@ def only_joints(
         return None
     (found,) = points.values()
     tree, free = found.source.tree, problem.free
-    if tree is None or found.labels != tree.names or sum(p < 0 for p in tree.parents) != 1:
+    if tree is None or not tree.rigid_bones or found.labels != tree.names:
+        return None
+    if sum(p < 0 for p in tree.parents) != 1:
         return None
     poses = [block for block in free.blocks if block.name in tree.blocks]
     if not len(tree.turned(free)) == len(tree.names) == sum(block.size for block in poses) / 3:
@@ -263,9 +286,15 @@ def only_joints(
     seen = reads.all(axis=1)
     if (reads.any(axis=1) != seen).any():
         return None
-    value = cs.Function("joints", [b.symbol for b in found.source.blocks],
-                        [found.source.expression])  # fmt: skip
-    joints = value(*(np.asarray(at[b.name], dtype=float).reshape(b.symbol_shape, order="F")
-                     if len(b.shape) < 2 else np.asarray(at[b.name], dtype=float).T
-                     for b in found.source.blocks))  # fmt: skip
+    value = cs.Function(
+        "joints", [b.symbol for b in found.source.blocks], [found.source.expression]
+    )
+    joints = value(
+        *(
+            np.asarray(at[b.name], dtype=float).reshape(b.symbol_shape, order="F")
+            if len(b.shape) < 2
+            else np.asarray(at[b.name], dtype=float).T
+            for b in found.source.blocks
+        )
+    )
     return tree, np.asarray(joints).T, tuple(int(k) for k in np.flatnonzero(seen))

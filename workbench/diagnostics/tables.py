@@ -1,10 +1,19 @@
-"""Tables in plain text."""
+"""Reports in plain text: sections under their titles, and tables."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+
+
+def sections(parts: Iterable[tuple[str, Sequence[str]]]) -> str:
+    """Titles in capitals, the lines of each indented; a section without lines is left out."""
+    return "\n\n".join(
+        "\n".join([title.upper(), *(f"  {line}" for line in lines)])
+        for title, lines in parts
+        if lines
+    )
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """Columns under each other, the first to the left and the others to the right."""
+    """Lines of a table: the first column is aligned left, the others right."""
     widths = [max(len(row[i]) for row in (header, *rows)) for i in range(len(header))]
     return [
         "  ".join(

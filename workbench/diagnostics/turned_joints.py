@@ -9,17 +9,17 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.arrays import Array
 from workbench.blocks import Layout, Tree
-from workbench.diagnostics.motions import Motion
+from workbench.diagnostics.named_subspaces import NamedSubspace
 
-Array = NDArray[np.float64]
 MOVES = 0.1  # of the largest entry: a joint of a limb that turns less gives a motion no name
 TAKES_PART = 1e-6  # of it: less is rounding
 AS_LITTLE = 1.5  # times what is noticed of a whole direction
 
 
 def named_by_joints(
-    motion: Motion, v: Array, R: Array, free: Layout, limit: float
+    motion: NamedSubspace, v: Array, R: Array, free: Layout, limit: float
 ) -> tuple[str, tuple[str, ...]]:
     """The name of a direction v (n,) that was found as this motion, and the joints that it turns.
 

@@ -19,11 +19,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from workbench.arrays import Array
 from workbench.blocks import Block, Layout
 
-Array = NDArray[np.float64]
 NATURAL = {  # how many of the unit are one of what is said
     "rad": (1.0, "a radian"),
     "deg": (180 / np.pi, "a radian"),
@@ -39,10 +39,15 @@ NATURAL = {  # how many of the unit are one of what is said
 
 @dataclass(frozen=True, eq=False)
 class Yardsticks:
-    """One per entry of the free vector, in the entry's unit, and in words by block."""
+    """One per entry of the free vector, in the entry's unit, and in words by block.
 
-    sizes: Array  # (n,), above zero
-    words: Mapping[str, str]  # by block: `a radian`, `1000 px (its size here)`
+    Attributes:
+        sizes: (n,) the yardstick of each entry, above zero.
+        words: by block, such as `a radian` or `1000 px (its size here)`.
+    """
+
+    sizes: Array
+    words: Mapping[str, str]
 
     def __str__(self) -> str:
         """`a radian for pose; 1000 px (its size here) for focal`."""
@@ -55,7 +60,7 @@ class Yardsticks:
 def yardsticks(
     free: Layout, read: Layout, at: Mapping[str, ArrayLike], prior_sigma: Array
 ) -> Yardsticks:
-    """Of each entry of `free` at these values; `read` are all blocks, free and fixed.
+    """The yardsticks of the entries of `free` here; `read` are all blocks, free and fixed.
 
     `prior_sigma` (n,) is infinite where the priors say nothing.
     """

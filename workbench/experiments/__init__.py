@@ -1,8 +1,10 @@
 """Named problems with a start and, where there is one, a known answer."""
 
 from workbench.experiments.catalogue import EXPERIMENTS, find
-from workbench.experiments.experiment import Experiment, Outcome, Setup, run
-from workbench.experiments.known import Known
+from workbench.experiments.experiment import Experiment
+from workbench.experiments.running import Outcome, run
 from workbench.experiments.suites import SUITES
+from workbench.fitting.known import Known
+from workbench.fitting.setup import Setup
 
 __all__ = ["EXPERIMENTS", "SUITES", "Experiment", "Known", "Outcome", "Setup", "find", "run"]

@@ -12,13 +12,7 @@ from typing import Any, Union, get_args, get_origin
 import numpy as np
 
 from workbench.errors import BadArgument, shown
-from workbench.residuals import Residual
-
-
-def names(given: str | Residual | Iterable[str | Residual]) -> tuple[str, ...]:
-    """Several names, or a single one; a residual stands for its name."""
-    several = (given,) if isinstance(given, str | Residual) else tuple(given)
-    return tuple(one.name if isinstance(one, Residual) else one for one in several)
+from workbench.fitting.setup import names
 
 
 def parameters(build: Callable[..., object]) -> Mapping[str, Parameter]:

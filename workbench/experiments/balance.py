@@ -7,17 +7,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.arrays import Array
 from workbench.bodies.catalogue import load_skinned
 from workbench.errors import UnknownName, listed
-from workbench.experiments.arguments import names
-from workbench.experiments.experiment import Setup
-from workbench.experiments.keypoint_fit import keypoint_fit, landmark_set
-from workbench.experiments.observations import Observations, photograph
+from workbench.fitting.compared_solvers import MANY
+from workbench.fitting.keypoints import keypoint_fit, landmark_set
+from workbench.fitting.observations import Observations, photograph
+from workbench.fitting.setup import Setup, names
 from workbench.reading.archive import open_arrays
 from workbench.reading.damage import taken_for
 from workbench.reading.expected import Expected, any_reals, read_expected, reals, texts
 
-Array = NDArray[np.float64]
 NAMES = {  # of the file -> of the body's landmarks; neck and crown have none
     "Nose": "nose",
     **{
@@ -31,9 +31,6 @@ NAMES = {  # of the file -> of the body's landmarks; neck and crown have none
         for size in ("Big", "Small")
     },
 }
-COMPARED = ("gauss-newton", "levenberg-marquardt", "ipopt", "ipopt-exact", "nlopt-lbfgs",
-            "nlopt-tnewton", "nlopt-slsqp")  # fmt: skip
-
 
 PUBLISHED = {
     "camera": texts("C"),
@@ -51,7 +48,7 @@ FITTED = 40  # the frame of the main experiment
 
 
 def published() -> dict[str, NDArray[Any]]:
-    """The arrays of `data/keypoints/balance.npz`, as PROVENANCE.md beside it describes them."""
+    """The arrays of `data/keypoints/balance.npz`, which PROVENANCE.md beside it describes."""
     return _shipped("balance.npz", PUBLISHED)
 
 
@@ -71,9 +68,9 @@ def _shipped(name: str, expected: Mapping[str, Expected]) -> dict[str, NDArray[A
 
 
 def observations(frame: int = FITTED, *, adjusted: bool = True) -> tuple[Observations, Array]:
-    """One frame of the four-camera keypoints, and the file's own triangulation of it (M, 3) m.
+    """The keypoints of one frame, and the file's own triangulation of them (M, 3) m.
 
-    The cameras are the published ones, or `adjusted`.
+    The four cameras are the `adjusted` ones, or else the published ones. Raises UnknownName.
     """
     data = published()
     if not 0 <= frame < len(data["keypoints"]):
@@ -100,11 +97,12 @@ def balance(
     held_out: Sequence[str] = (),
     sigma: float = 4.0,
     adjusted: bool = True,
-    compared: Sequence[str] = COMPARED,
+    compared: Sequence[str] = MANY,
 ) -> Setup:
     """Pose, betas and trans of a body from the 2D keypoints; `sigma` in px.
 
-    The cameras are those of balance_cameras.py, or the published ones if not `adjusted`.
+    The cameras are the `adjusted` ones, or else the published ones; those in `held_out` are only
+    measured. Raises UnknownName for a frame or a camera that does not exist.
     """
     seen, triangulated = observations(frame, adjusted=adjusted)
     known = [p.name for p in seen.photographs]
@@ -113,11 +111,9 @@ def balance(
         if name not in known:
             raise UnknownName("camera", name, known)
     model = load_skinned(body)
-    where = {name: i for i, name in enumerate(seen.names)}
-    reference = np.full((len(model.landmark_names(landmark_set(model))), 3), np.nan)
-    for i, name in enumerate(model.landmark_names(landmark_set(model))):
-        if name in where:
-            reference[i] = triangulated[where[name]]
+    places = dict(zip(seen.names, triangulated, strict=True))
+    landmarks = model.landmark_names(landmark_set(model))
+    reference = np.array([places.get(name, np.full(3, np.nan)) for name in landmarks])
     alone = f" of {listed(set(known) - set(held_out))} alone" if held_out else ""
     return keypoint_fit(
         seen,
@@ -133,7 +129,7 @@ def balance(
 
 
 def balance_monocular(frame: int = FITTED, body: str = "default", camera: str = "cam01") -> Setup:
-    """One camera is fitted; the other three are held out and tell how far off the depth is."""
+    """One camera is fitted; the other three are held out, and measure how far off the depth is."""
     known = [p.name for p in observations(frame)[0].photographs]
     if camera not in known:
         raise UnknownName("camera", camera, known)

@@ -1,40 +1,38 @@
 """Fits of bodies of graded difficulty, for comparing solvers.
 
 Every builder takes the body's name, the `seed` of the person and of the noise, and the number of
-the `start`: 0 is the template at the origin, every other one is a random start, the same for each
+the `start`: 0 is the template at the origin, any other number is a random start, the same for each
 solver. All data are synthetic.
 """
 
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from workbench.blocks import Block, Values
-from workbench.bodies import SkinnedBody
+from workbench.blocks import Values
 from workbench.bodies.catalogue import load_skinned
 from workbench.experiments.body_video import body_video
-from workbench.experiments.correspondences import MADE_OF_THE_MODEL, mesh_fit
-from workbench.experiments.experiment import Experiment, Measure, Setup
-from workbench.experiments.keypoint_fit import keypoint_fit, landmark_set, pose_prior
-from workbench.experiments.known import Known
-from workbench.experiments.observations import Observations, photograph
+from workbench.experiments.experiment import Experiment
 from workbench.experiments.synthetic_cameras import SIZE, looking_in
 from workbench.experiments.synthetic_people import (
-    beginning,
+    MADE_OF_THE_MODEL,
     bent_person,
+    exact_answer,
     likely_person,
-    made_of,
-    polished,
+    random_start,
+    start_said,
+    with_refined_answer,
 )
+from workbench.fitting.body_priors import pose_prior, shape_prior
+from workbench.fitting.compared_solvers import BOUNDED, GRADED
+from workbench.fitting.keypoints import keypoint_fit, landmark_set
+from workbench.fitting.known import Known
+from workbench.fitting.landmarks import joint_fit
+from workbench.fitting.meshes import mesh_fit
+from workbench.fitting.observations import Observations, photograph
+from workbench.fitting.setup import Setup
 from workbench.geometry.camera import Camera
-from workbench.problem import Problem
-from workbench.residuals import Residual, gaussian, landmarks
 from workbench.residuals.kernels import Kernel, geman_mcclure, huber, quadratic
-
-Array = NDArray[np.float64]
-COMPARED = ("gauss-newton", "levenberg-marquardt", "ipopt", "ipopt-exact", "nlopt-lbfgs")
-WITH_BOUNDS = ("ipopt", "ipopt-exact", "nlopt-lbfgs", "nlopt-slsqp")
 
 
 def body_vertices(
@@ -45,7 +43,7 @@ def body_vertices(
     noise: float = 0.0,
     start_sigma: float = 0.3,
 ) -> Setup:
-    """Every vertex known: pose_sigma and start_sigma in rad, noise in m."""
+    """Every vertex is known: pose_sigma and start_sigma in rad, noise in m."""
     model = load_skinned(body)
     rng = np.random.default_rng(seed)
     truth = bent_person(model, rng, pose_sigma)
@@ -56,34 +54,37 @@ def body_vertices(
         observed,
         f"The vertices of a synthetic body (pose {pose_sigma} rad, noise {1e3 * noise:g} mm, seed "
         f"{seed}) are known, each with its partner. Does the fit find its pose and shape"
-        f"{_from(start, start_sigma)}?",
+        f"{start_said(start, start_sigma)}?",
         sigma=noise or 1e-3,
-        start=beginning(model, seed, start, start_sigma),
+        start=random_start(model, seed, start, start_sigma),
         truth=surface,
         synthetic=MADE_OF_THE_MODEL,
-        compared=COMPARED,
+        compared=GRADED,
     )
     if noise == 0:
-        return replace(setup, known=made_of(model, truth), made_of=truth)
-    return replace(setup, known=polished(setup.problem, setup.start, truth), made_of=truth)
+        return replace(setup, known=exact_answer(model, truth), made_of=truth)
+    return with_refined_answer(setup, truth)
 
 
 def body_outliers(body: str = "small", seed: int = 0, start: int = 0, share: float = 0.2) -> Setup:
-    """A `share` of the vertices lies 0.3 m off, the rest 5 mm: squares believe them all."""
+    """A `share` of the vertices is 0.3 m off, the rest 5 mm; squares trust them all."""
     return _with_outliers(body, seed, start, share, quadratic, 0.005)
 
 
 def body_outliers_huber(
     body: str = "small", seed: int = 0, start: int = 0, share: float = 0.2
 ) -> Setup:
-    """The same data; far vertices pull no harder than near ones."""
+    """The data of `body_outliers` with Huber's kernel: far ones pull no harder than near ones."""
     return _with_outliers(body, seed, start, share, huber(), 0.005)
 
 
 def body_outliers_geman_mcclure(
     body: str = "small", seed: int = 0, start: int = 0, share: float = 0.2
 ) -> Setup:
-    """The same data; far vertices hardly pull at all, also where it is the start that is off."""
+    """The data of `body_outliers` with Geman and McClure's kernel: far vertices hardly pull.
+
+    That also holds for good vertices that are only far from where the fit starts.
+    """
     return _with_outliers(body, seed, start, share, geman_mcclure, 0.05)
 
 
@@ -99,20 +100,23 @@ def _with_outliers(
         model,
         surface + off[:, None] * rng.standard_normal(surface.shape),
         f"Of the vertices of a synthetic body (seed {seed}), {100 * share:g} % lie 30 cm off, the "
-        f"others 5 mm. Does the fit see past them{_from(start, 0.3)}?",
+        f"others 5 mm. Does the fit see past them{start_said(start)}?",
         sigma=sigma,
         kernel=kernel,
-        priors=(gaussian(model.blocks()[1].symbol, name="shape prior"),),
-        start=beginning(model, seed, start, 0.3),
+        priors=(shape_prior(model),),
+        start=random_start(model, seed, start),
         truth=surface,
         synthetic=MADE_OF_THE_MODEL,
-        compared=COMPARED,
+        compared=GRADED,
     )
-    return replace(setup, known=polished(setup.problem, setup.start, truth), made_of=truth)
+    return with_refined_answer(setup, truth)
 
 
 def body_bounds(body: str = "small", seed: int = 0, start: int = 0, limit: float = 0.4) -> Setup:
-    """Every vertex known, but no angle may exceed `limit` rad, nor a beta 1: many would have to."""
+    """Every vertex is known, but angles are bounded by `limit` rad and betas by 1.
+
+    Many of the true values lie outside of these bounds.
+    """
     model = load_skinned(body)
     truth = bent_person(model, np.random.default_rng(seed), 0.3)
     pose, betas, _ = (block.name for block in model.blocks())
@@ -127,90 +131,62 @@ def body_bounds(body: str = "small", seed: int = 0, start: int = 0, limit: float
         surface,
         f"The vertices of a synthetic body (pose 0.3 rad, seed {seed}) are known, but its angles "
         f"are bounded by {limit:g} rad and its betas by 1 sd. Which of them end at their bounds"
-        f"{_from(start, 0.3)}?",
+        f"{start_said(start)}?",
         sigma=0.005,
         bounds=bounds,
-        start=inside(beginning(model, seed, start, 0.3)),
+        start=inside(random_start(model, seed, start)),
         truth=surface,
         synthetic=MADE_OF_THE_MODEL,
-        compared=WITH_BOUNDS,
+        compared=BOUNDED,
     )
-    return replace(setup, known=polished(setup.problem, setup.start, inside(truth)), made_of=truth)
+    return with_refined_answer(setup, truth, inside(truth))
 
 
 def body_joints(body: str = "small", seed: int = 0, start: int = 0, noise: float = 0.01) -> Setup:
-    """All joints known to `noise` m, priors on pose and shape."""
+    """All joints are known to `noise` m, with priors on pose and shape."""
     model = load_skinned(body)
     rng = np.random.default_rng(seed)
     truth = likely_person(model, rng)
     joints = model.joints(**truth)
-    priors = (pose_prior(model), gaussian(model.blocks()[1].symbol, name="shape prior"))
-    setup = _joint_fit(
+    setup = joint_fit(
         model,
         joints + noise * rng.standard_normal(joints.shape),
         f"The joints of a synthetic body (seed {seed}) are known to {1e3 * noise:g} mm, and priors "
-        f"say the rest. Which body is the likeliest{_from(start, 0.3)}?",
-        noise,
-        priors,
-        beginning(model, seed, start, 0.3),
+        f"say the rest. Which body is the likeliest{start_said(start)}?",
+        sigma=noise,
+        priors=(pose_prior(model), shape_prior(model)),
+        start=random_start(model, seed, start),
+        compared=GRADED,
+        synthetic=MADE_OF_THE_MODEL,
     )
-    return replace(setup, known=polished(setup.problem, setup.start, truth), made_of=truth)
+    return with_refined_answer(setup, truth)
 
 
 def body_joints_alone(
     body: str = "small", seed: int = 0, start: int = 0, pose_sigma: float = 0.3
 ) -> Setup:
-    """All joints known exactly and no prior: many bodies explain them, and J has no full rank."""
+    """All joints are known exactly, without priors: J has no full rank, and many bodies fit."""
     model = load_skinned(body)
     truth = bent_person(model, np.random.default_rng(seed), pose_sigma)
-    setup = _joint_fit(
+    setup = joint_fit(
         model,
         model.joints(**truth),
         f"The joints of a synthetic body (pose {pose_sigma} rad, seed {seed}) are known exactly, "
-        f"and nothing else is. Is one of the bodies found that explain them{_from(start, 0.3)}?",
-        0.01,
-        (),
-        beginning(model, seed, start, 0.3),
+        f"and nothing else is. Is one of the bodies found that explain them{start_said(start)}?",
+        sigma=0.01,
+        start=random_start(model, seed, start),
+        compared=GRADED,
+        synthetic=MADE_OF_THE_MODEL,
     )
     return replace(
         setup, known=Known("the joints are those of a synthetic person", 0.0), made_of=truth
     )
 
 
-def _joint_fit(
-    body: SkinnedBody,
-    observed: Array,
-    question: str,
-    sigma: float,
-    priors: tuple[Residual, ...],
-    start: Values,
-) -> Setup:
-    pose, betas, trans = (block.symbol for block in body.blocks())
-    target = Block("observed", observed.shape, "m", body.joint_names)
-    data = landmarks(body.joint_points(pose, betas, trans), target.symbol, sigma=sigma)
-
-    def measures(values: Values) -> tuple[Measure, ...]:
-        found = body.joints(*(values[block.name] for block in body.blocks()))
-        off = 1e3 * np.linalg.norm(found - observed, axis=1)
-        rms = float(np.sqrt(np.mean(off**2)))
-        return (Measure("joint to observation, rms", rms, "mm"),)
-
-    return Setup(
-        problem=Problem((data, *priors), ("pose", "betas", "trans"), blocks=(target,)),
-        start=start | {target.name: observed},
-        question=question,
-        body=body,
-        measures=measures,
-        priors=tuple(prior.name for prior in priors),
-        compared=COMPARED,
-        synthetic=MADE_OF_THE_MODEL,
-    )
-
-
 def body_cameras(
     body: str = "small", seed: int = 0, start: int = 0, cameras: int = 4, noise: float = 4.0
 ) -> Setup:
-    """Keypoints in images of 1000 px from all around, priors on pose and shape; noise in px."""
+    """Keypoints in images of 1000 px from all around, with the usual priors; noise in px."""
     model = load_skinned(body)
     rng = np.random.default_rng(seed)
     truth = likely_person(model, rng)
@@ -229,17 +205,14 @@ def body_cameras(
         model,
         f"{cameras} synthetic image{'s' * (cameras > 1)} (seed {seed}) show the keypoints of a "
         f"synthetic body to {noise:g} px, and priors say the rest. Which body is the likeliest"
-        f"{_from(start, 0.3)}?",
+        f"{start_said(start)}?",
         sigma=noise,
-        compared=COMPARED,
+        compared=GRADED,
     )
-    start_values = setup.start | beginning(model, seed, start, 0.3)
-    setup = replace(setup, start=start_values, synthetic=MADE_OF_THE_MODEL)
-    return replace(setup, known=polished(setup.problem, setup.start, truth), made_of=truth)
-
-
-def _from(start: int, sigma: float) -> str:
-    return f", from random start {start} ({sigma:g} rad)" if start else ", from the template"
+    start_values = setup.start | random_start(model, seed, start)
+    return with_refined_answer(
+        replace(setup, start=start_values, synthetic=MADE_OF_THE_MODEL), truth
+    )
 
 
 BODIES = (
@@ -248,11 +221,15 @@ BODIES = (
         "body-vertices-noisy", body_vertices, "every vertex known to 2 mm", {"noise": 0.002}
     ),
     Experiment(
-        "body-vertices-bent", body_vertices, "the same, joints bent by 1 rad per axis",
+        "body-vertices-bent",
+        body_vertices,
+        "the same, joints bent by 1 rad per axis",
         {"pose_sigma": 1.0},
     ),
     Experiment(
-        "body-vertices-far", body_vertices, "the same, starts 1 rad off per axis",
+        "body-vertices-far",
+        body_vertices,
+        "the same, starts 1 rad off per axis",
         {"start": 1, "start_sigma": 1.0},
     ),
     Experiment("body-joints", body_joints, "joints known to 10 mm, and priors"),
@@ -265,8 +242,9 @@ BODIES = (
     Experiment("body-outliers", body_outliers, "a fifth of the vertices 30 cm off, squares"),
     Experiment("body-outliers-huber", body_outliers_huber, "the same, Huber's kernel"),
     Experiment(
-        "body-outliers-geman-mcclure", body_outliers_geman_mcclure,
+        "body-outliers-geman-mcclure",
+        body_outliers_geman_mcclure,
         "the same, Geman and McClure's kernel",
     ),
     Experiment("body-bounds", body_bounds, "every vertex known, bounds active at the answer"),
-)  # fmt: skip
+)

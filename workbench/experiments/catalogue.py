@@ -8,13 +8,14 @@ from typing import Any
 from workbench.errors import BadArgument, BadFile, UnknownName
 from workbench.experiments.arguments import converted, parameters
 from workbench.experiments.balance import balance, balance_monocular
-from workbench.experiments.blame import blaming
 from workbench.experiments.correspondences import known_correspondences
-from workbench.experiments.experiment import Experiment, Setup
+from workbench.experiments.experiment import Experiment
 from workbench.experiments.landmarks import shape_from_landmarks
 from workbench.experiments.own_file import BESIDE, ENOUGH, loaded
 from workbench.experiments.registration import registration
 from workbench.experiments.suites import SUITES
+from workbench.experiments.user_errors import user_errors
+from workbench.fitting.setup import Setup
 
 EXPERIMENTS: Mapping[str, Experiment] = {
     experiment.name: experiment
@@ -56,7 +57,7 @@ def find(name: str, arguments: Mapping[str, Any] | None = None) -> Experiment:
         others = "the members of suites (workbench run --list says which), or give a FILE.py"
         raise UnknownName("experiment", name, EXPERIMENTS, hint=others)
     changed = dict(arguments or {})
-    with blaming(experiment.source):
+    with user_errors(experiment.source):
         known = parameters(experiment.build)
     for argument, given in changed.items():
         if argument not in known:
@@ -68,7 +69,7 @@ def find(name: str, arguments: Mapping[str, Any] | None = None) -> Experiment:
 
 def _from_file(path: Path) -> Experiment:
     module, source = loaded(path, f"one of {', '.join(EXPERIMENTS)}")
-    with blaming(source):
+    with user_errors(source):
         return replace(_described(module, path), source=source)
 
 
@@ -87,9 +88,12 @@ def _described(module: Any, path: Path) -> Experiment:
     if hasattr(module, "problem") and hasattr(module, "start"):
         question = (module.__doc__ or f"The problem of {path.name}.").strip()
         made = Setup(
-            module.problem, module.start, question,
-            body=getattr(module, "body", None), priors=getattr(module, "priors", ()),
+            module.problem,
+            module.start,
+            question,
+            body=getattr(module, "body", None),
+            priors=getattr(module, "priors", ()),
             compared=getattr(module, "compared", ()),
-        )  # fmt: skip
+        )
         return Experiment(path.stem, lambda: made, path.name)
     raise BadFile(f"it defines no experiment; it needs {ENOUGH}; {BESIDE}")

@@ -5,16 +5,22 @@ ACM TOMS 7(1), 1981; the last five: Moré and Wild, Benchmarking derivative-free
 algorithms, SIAM J. Optimization 20(1), 2009, after CUTEr.
 """
 
-from functools import reduce
+import json
+from functools import cache, reduce
+from importlib.resources import files
 from operator import mul
 
 import casadi as cs
 import numpy as np
-from numpy.typing import NDArray
 
-from workbench.experiments.more_wild_observations import BARD, KOWALIK, MEYER, OSBORNE_1, OSBORNE_2
+from workbench.arrays import Array
 
-Array = NDArray[np.float64]
+
+@cache
+def observed(problem: str) -> Array:
+    """The observations of a problem, as PROVENANCE.md beside the file describes them."""
+    file = files("workbench") / "data" / "more_wild" / "observations.json"
+    return np.array(json.loads(file.read_text("utf-8"))[problem], dtype=float)
 
 
 def up_to(m: int) -> cs.DM:
@@ -72,18 +78,18 @@ def bard(x: cs.MX, m: int) -> cs.MX:
     """y - (x1 + u / (v x2 + w x3)), u = i, v = 16 - i, w = min(u, v)."""
     u = np.arange(1.0, m + 1)
     v = u[::-1]
-    return cs.DM(BARD) - (x[0] + cs.DM(u) / (v * x[1] + np.minimum(u, v) * x[2]))
+    return cs.DM(observed("bard")) - (x[0] + cs.DM(u) / (v * x[1] + np.minimum(u, v) * x[2]))
 
 
 def kowalik_osborne(x: cs.MX, m: int) -> cs.MX:
     """y - x1 (u^2 + u x2) / (u^2 + u x3 + x4)."""
-    u, y = (cs.DM(column) for column in np.transpose(KOWALIK))
+    u, y = (cs.DM(column) for column in observed("kowalik-osborne").T)
     return y - x[0] * (u**2 + u * x[1]) / (u**2 + u * x[2] + x[3])
 
 
 def meyer(x: cs.MX, m: int) -> cs.MX:
     """x1 exp(x2 / (t + x3)) - y, t = 45 + 5 i."""
-    return x[0] * cs.exp(x[1] / (45 + 5 * up_to(m) + x[2])) - cs.DM(MEYER)
+    return x[0] * cs.exp(x[1] / (45 + 5 * up_to(m) + x[2])) - cs.DM(observed("meyer"))
 
 
 def watson(x: cs.MX, m: int) -> cs.MX:
@@ -135,14 +141,16 @@ def brown_almost_linear(x: cs.MX, m: int) -> cs.MX:
 def osborne_1(x: cs.MX, m: int) -> cs.MX:
     """Two decays over a floor: y - (x1 + x2 exp(-t x4) + x3 exp(-t x5)), t = 10 (i - 1)."""
     t = 10 * (up_to(m) - 1)
-    return cs.DM(OSBORNE_1) - (x[0] + x[1] * cs.exp(-t * x[3]) + x[2] * cs.exp(-t * x[4]))
+    return cs.DM(observed("osborne-1")) - (
+        x[0] + x[1] * cs.exp(-t * x[3]) + x[2] * cs.exp(-t * x[4])
+    )
 
 
 def osborne_2(x: cs.MX, m: int) -> cs.MX:
     """A decay and three peaks, t = (i - 1) / 10."""
     t = (up_to(m) - 1) / 10
     peaks = [x[k] * cs.exp(-x[k + 4] * (t - x[k + 7]) ** 2) for k in (1, 2, 3)]
-    return cs.DM(OSBORNE_2) - (x[0] * cs.exp(-x[4] * t) + sum(peaks))
+    return cs.DM(observed("osborne-2")) - (x[0] * cs.exp(-x[4] * t) + sum(peaks))
 
 
 def bdqrtic(x: cs.MX, m: int) -> cs.MX:

@@ -18,15 +18,16 @@ import numpy as np
 
 from workbench.blocks import Block, Values
 from workbench.errors import UnknownName
-from workbench.experiments.experiment import Experiment, Measure, Setup
-from workbench.experiments.known import Known, digits
+from workbench.experiments.experiment import Experiment
+from workbench.fitting.compared_solvers import GRADED
+from workbench.fitting.known import Known, digits
+from workbench.fitting.setup import Measure, Setup
 from workbench.problem import Problem
 from workbench.residuals import Residual
 
 Model = Callable[[Sequence[cs.MX], cs.DM], cs.MX]
 GRADIENT_TOLERANCE = 1e-12
 MOST_DIGITS = ("levenberg-marquardt-columns", "ipopt-exact")
-COMPARED = ("gauss-newton", "levenberg-marquardt", "ipopt", "ipopt-exact", "nlopt-lbfgs")
 
 
 def _peak(b: Sequence[cs.MX], x: cs.DM) -> cs.MX:
@@ -97,14 +98,16 @@ def nist(problem: str = "Misra1a", start: int = 1) -> Setup:
             residual_deviation=facts["rsd"],
         ),
         measures=measures,
-        compared=COMPARED,
+        compared=GRADED,
     )
 
 
 NIST = tuple(
     Experiment(
-        f"nist-{name.lower()}", nist, f"NIST's regression {name}, answer certified",
+        f"nist-{name.lower()}",
+        nist,
+        f"NIST's regression {name}, answer certified",
         {"problem": name},
     )
     for name in MODELS
-)  # fmt: skip
+)

@@ -6,7 +6,7 @@ from pathlib import Path
 from types import ModuleType
 
 from workbench.errors import BadFile
-from workbench.experiments.blame import blaming
+from workbench.experiments.user_errors import user_errors
 
 # What such a file may define, for --help and for the error of one that defines nothing.
 ENOUGH = (
@@ -34,6 +34,6 @@ def loaded(path: Path, instead: str) -> tuple[ModuleType, str]:
     folder = str(path.resolve().parent)  # where its own imports are, as under `python FILE.py`
     if folder not in sys.path:
         sys.path.insert(0, folder)
-    with blaming(source):
+    with user_errors(source):
         spec.loader.exec_module(module)
     return module, source

@@ -1,4 +1,4 @@
-"""Registering a person whom the shape space does not hold: what is left is the model's limit."""
+"""Registering a person outside the shape space: the distance that remains is the model's error."""
 
 from dataclasses import replace
 from importlib.resources import as_file, files
@@ -7,13 +7,14 @@ import numpy as np
 
 from workbench.bodies.catalogue import load_skinned
 from workbench.errors import UnknownName
-from workbench.experiments.correspondence_start import placed
-from workbench.experiments.correspondences import COMPARED, mesh_fit
-from workbench.experiments.experiment import Setup
+from workbench.fitting.body_priors import shape_prior
+from workbench.fitting.compared_solvers import LARGE
+from workbench.fitting.mesh_start import placed
+from workbench.fitting.meshes import mesh_fit
+from workbench.fitting.setup import Setup
 from workbench.reading.archive import open_arrays
 from workbench.reading.damage import taken_for
 from workbench.reading.expected import read_expected, reals
-from workbench.residuals import gaussian
 from workbench.solvers import solve
 
 
@@ -22,9 +23,12 @@ def registration(
     person: int = 0,
     seed: int = 0,
     pose_sigma: float = 0.2,
-    compared: tuple[str, ...] = COMPARED,
+    compared: tuple[str, ...] = LARGE,
 ) -> Setup:
-    """A posed stranger with every correspondence known; pose_sigma in rad."""
+    """A posed person who was not among the training subjects, every correspondence given.
+
+    `pose_sigma` in rad. Raises UnknownName for a body without such people, or another person.
+    """
     model = load_skinned(body)
     with (
         as_file(files("workbench") / "data" / "bodies" / "strangers.npz") as path,
@@ -44,7 +48,7 @@ def registration(
         "trans": rng.normal(0.0, 0.2, 3),
     }
     observed = stranger.vertices(**truth)
-    prior = gaussian(model.blocks()[1].symbol, name="shape prior")
+    prior = shape_prior(model)
     setup = mesh_fit(
         model,
         observed,

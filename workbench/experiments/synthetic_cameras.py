@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from workbench.arrays import Array
+
 SIZE, FOCAL, AWAY = 1000, 1200.0, 4.0  # px, px, m
 
 

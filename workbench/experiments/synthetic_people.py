@@ -1,54 +1,62 @@
-"""People drawn from the model itself, where to begin looking for them, and what is then known.
+"""People drawn from the model itself, random starts, and the known answers of fits to them.
 
 All of them are synthetic: nobody was measured.
 """
 
-import numpy as np
-from numpy.typing import NDArray
+from dataclasses import replace
 
+import numpy as np
+
+from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadArgument
-from workbench.experiments.keypoint_fit import learned_poses
-from workbench.experiments.known import Known
+from workbench.fitting.known import Known
+from workbench.fitting.setup import Setup
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
-from workbench.problem import Problem
+from workbench.priors.pose_gaussian import shipped_gaussian
 from workbench.solvers import Ipopt, LevenbergMarquardt
 
-Array = NDArray[np.float64]
 TRANS_SIGMA = 0.2  # m
-TIGHT = 1e-9  # of the gradient: costs are then known to more digits than anybody compares
+TIGHT = 1e-9  # gradient tolerance, with which costs have more digits than are ever compared
+MADE_OF_THE_MODEL = (
+    "the observed body is the model itself, in a pose and a shape drawn at random, with noise "
+    "where the question names some; nobody was measured, and a real person is no body of the model"
+)
+
+
+def person_at_origin(body: SkinnedBody, rng: np.random.Generator, pose_sigma: float) -> Values:
+    """Every joint turned by pose_sigma rad per axis from the bind pose, a shape of 1 sd."""
+    names = (block.name for block in body.blocks())
+    pose = body.bind_pose + pose_sigma * rng.standard_normal((body.n_joints, 3))
+    return dict(zip(names, (pose, rng.standard_normal(body.n_betas), np.zeros(3)), strict=True))
 
 
 def bent_person(body: SkinnedBody, rng: np.random.Generator, pose_sigma: float) -> Values:
-    """Every joint turned by pose_sigma rad per axis, shape 1 sd, moved by 0.2 m per axis."""
-    return _named(
-        body,
-        body.bind_pose + pose_sigma * rng.standard_normal((body.n_joints, 3)),
-        rng.standard_normal(body.n_betas),
-        TRANS_SIGMA * rng.standard_normal(3),
-    )
+    """A `person_at_origin`, moved by 0.2 m per axis."""
+    trans = body.blocks()[2].name
+    return person_at_origin(body, rng, pose_sigma) | {trans: TRANS_SIGMA * rng.standard_normal(3)}
 
 
 def likely_person(body: SkinnedBody, rng: np.random.Generator) -> Values:
-    """A draw from what the priors of a keypoint fit say: nobody is surprised by the answer.
+    """A draw from the priors of a keypoint fit, so that these are right about this person.
 
     The root, which has no prior, is turned by 0.3 rad per axis.
     """
     found = bent_person(body, rng, 0.3)
     pose = body.blocks()[0].name
     if body.n_joints == 24:
-        mean, covariance = learned_poses()
-        drawn = mean + np.linalg.cholesky(covariance) @ rng.standard_normal(mean.size)
+        prior = shipped_gaussian()
+        drawn = prior.mean + np.linalg.cholesky(prior.covariance) @ rng.standard_normal(69)
         found[pose] = np.vstack([found[pose][:1], drawn.reshape(23, 3)])
     return found
 
 
-def beginning(body: SkinnedBody, seed: int, start: int, sigma: float) -> Values:
-    """Start 0 is the template at the origin; the k-th other one is `sigma` rad off it per axis.
+def random_start(body: SkinnedBody, seed: int, start: int, sigma: float = 0.3) -> Values:
+    """Start 0 is the template at the origin; start k > 0 is a random person, `sigma` rad per axis.
 
-    It also has another shape and place, and depends on the person's seed, and on nothing else:
-    every solver begins there.
+    It depends on the person's `seed` and on `start` alone, so that all solvers begin there.
+    Raises BadArgument for a negative number.
     """
     if start < 0:
         raise BadArgument(f"start must be from 0 on, not {start}")
@@ -57,25 +65,34 @@ def beginning(body: SkinnedBody, seed: int, start: int, sigma: float) -> Values:
     return bent_person(body, np.random.default_rng((seed, start)), sigma)
 
 
-def made_of(body: SkinnedBody, truth: Values) -> Known:
-    """That data without noise are explained by the person that they were made of.
+def start_said(start: int, sigma: float = 0.3) -> str:
+    """The start that `random_start` returns, for the end of a question."""
+    return f", from random start {start} ({sigma:g} rad)" if start else ", from the template"
 
-    Rotations are told by angles up to half a turn: a whole turn more is the same body.
+
+def exact_answer(body: SkinnedBody, truth: Values) -> Known:
+    """The person whom data without noise were made of explains them at a cost of 0.
+
+    Rotation vectors are shortened to at most half a turn, since a whole turn changes nothing.
     """
     pose = body.blocks()[0].name
-    turns = vector_from_matrix(matrix_from_vector(truth[pose]))
+    turns: Array = vector_from_matrix(matrix_from_vector(truth[pose]))
     return Known("the synthetic person that the data were made of", 0.0, truth | {pose: turns})
 
 
-def polished(problem: Problem, start: Values, truth: Values) -> Known:
-    """What a solver finds that begins at the person whom noisy data were made of."""
-    solver = Ipopt(gradient_tolerance=TIGHT) if problem.bounded else LevenbergMarquardt(
-        gradient_tolerance=TIGHT, max_iterations=500
-    )  # fmt: skip
-    found = solver.solve(problem, start | truth)
-    how = f"{found.solver} from the synthetic person that the data were made of"
-    return Known(f"{how}; no proof that there is none lower", found.cost, found.values)
+def with_refined_answer(setup: Setup, truth: Values, begin: Values | None = None) -> Setup:
+    """A setup of noisy data made of `truth`, with the minimum that a solver finds from there.
 
-
-def _named(body: SkinnedBody, *numbers: Array) -> Values:
-    return dict(zip((block.name for block in body.blocks()), numbers, strict=True))
+    `begin` is where the solver begins if `truth` violates the bounds.
+    """
+    solver = (
+        Ipopt(gradient_tolerance=TIGHT)
+        if setup.problem.bounded
+        else LevenbergMarquardt(gradient_tolerance=TIGHT, max_iterations=500)
+    )
+    found = solver.solve(setup.problem, setup.start | (begin or truth))
+    source = (
+        f"{found.solver} from the synthetic person that the data were made of; no proof that there "
+        "is none lower"
+    )
+    return replace(setup, known=Known(source, found.cost, found.values), made_of=truth)

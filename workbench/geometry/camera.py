@@ -6,8 +6,9 @@ from functools import cache, cached_property
 
 import casadi as cs
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from workbench.arrays import Array
 from workbench.blocks import Block, Layout, Values
 from workbench.blocks.reals import reals
 from workbench.errors import BadCamera
@@ -117,7 +118,7 @@ class Camera:
         numbers = (K[[0, 1], [0, 1]], K[:2, 2], k, vector_from_matrix(R), t.copy())
         return {block.name: n for block, n in zip(self.blocks, numbers, strict=True)}
 
-    def pixels(self, points: ArrayLike, values: Mapping[str, ArrayLike]) -> NDArray[np.float64]:
+    def pixels(self, points: ArrayLike, values: Mapping[str, ArrayLike]) -> Array:
         """World points (..., 3) in metres -> pixels (..., 2), with this camera's numbers.
 
         Raises BadCamera for points of another shape, and what Layout.pack raises for values.
@@ -126,7 +127,7 @@ class Camera:
         flat = where.reshape(-1, 3)
         return np.asarray(_numeric(len(flat))(flat.T, *numbers)).T.reshape(*where.shape[:-1], 2)
 
-    def depths(self, points: ArrayLike, values: Mapping[str, ArrayLike]) -> NDArray[np.float64]:
+    def depths(self, points: ArrayLike, values: Mapping[str, ArrayLike]) -> Array:
         """How far in front of the camera world points (..., 3) are: (...) m, negative behind it.
 
         Raises as `pixels` does.
@@ -134,7 +135,7 @@ class Camera:
         *_, rotation, t = self._numbers(values)
         return np.asarray(_places(points) @ matrix_from_vector(rotation)[2] + t[2])
 
-    def _numbers(self, values: Mapping[str, ArrayLike]) -> list[NDArray[np.float64]]:
+    def _numbers(self, values: Mapping[str, ArrayLike]) -> list[Array]:
         layout = Layout(self.blocks)
         return list(layout.unpack(layout.pack(values)).values())
 
@@ -159,7 +160,7 @@ def project(
     return cs.vertcat(focal[0] * u + centre[0], focal[1] * v + centre[1])
 
 
-def _check_rotation(R: NDArray[np.float64]) -> None:
+def _check_rotation(R: Array) -> None:
     off = float(np.abs(R @ R.T - np.eye(3)).max())
     if not off <= ROTATION_TOLERANCE:  # nor NaN
         raise BadCamera(f"R must be a rotation, but R R' differs from the identity by {off:.2g}")
@@ -170,7 +171,7 @@ def _check_rotation(R: NDArray[np.float64]) -> None:
         )
 
 
-def _places(points: ArrayLike) -> NDArray[np.float64]:
+def _places(points: ArrayLike) -> Array:
     found = reals("points", points)
     if found.shape[-1:] != (3,):
         raise BadCamera(f"a camera sees points of shape (..., 3), not {found.shape}")
@@ -190,7 +191,7 @@ def triangulate(
     values: Mapping[str, ArrayLike],
     pixels: Sequence[ArrayLike],
     confidence: Sequence[ArrayLike],
-) -> NDArray[np.float64]:
+) -> Array:
     """World points (N, 3) from their pixels (N, 2) in several cameras, each view weighed by
     its confidence (N,), 0 where a pixel is NaN; NaN where fewer than two cameras see a point.
 

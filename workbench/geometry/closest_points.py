@@ -2,12 +2,11 @@
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
+from workbench.arrays import Array, Index
+
 SAME = 1e-5  # m: a point nearer to a vertex follows it alone
 
 

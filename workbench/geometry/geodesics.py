@@ -1,14 +1,11 @@
 """Distances along a surface."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from workbench.geometry.solids import edges, lengths
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
+from workbench.arrays import Array, Index
+from workbench.geometry.solids import lengths, mesh_edges
 
 
 def along_edges(vertices: Array, triangles: Index, sources: list[Index]) -> Array:
@@ -17,7 +14,7 @@ def along_edges(vertices: Array, triangles: Index, sources: list[Index]) -> Arra
     Dijkstra's shortest paths: never shorter than the surface's own, and longer where edges zigzag.
     Infinite where there is no way.
     """
-    pairs = edges(triangles)
+    pairs = mesh_edges(triangles)
     N, weights = len(vertices), lengths(vertices, pairs)
     graph = csr_array((weights, (pairs[:, 0], pairs[:, 1])), shape=(N, N))
     return np.array(

@@ -14,11 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.arrays import Array, Index
 from workbench.errors import shown
 from workbench.reading.facts import parsed
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 MAGIC, JSON, BINARY = b"glTF", b"JSON", b"BIN\0"
 COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}

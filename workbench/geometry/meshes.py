@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 import trimesh
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from workbench.arrays import Array, Index
 from workbench.errors import BadFile, BadMesh, cut, listed
 from workbench.geometry.glb import parse_glb
 from workbench.geometry.obj import obj_text, parse_obj
@@ -20,8 +21,6 @@ from workbench.geometry.ply import parse_ply
 from workbench.geometry.polygons import text_lines
 from workbench.geometry.stl import parse_stl
 from workbench.writing import replacing
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +31,7 @@ class Mesh:
     """
 
     vertices: Array
-    faces: NDArray[np.int64]
+    faces: Index
 
     def __post_init__(self) -> None:
         for name, array in (("vertices", self.vertices), ("faces", self.faces)):
@@ -92,12 +91,12 @@ def read_registered(path: str | Path, *, points_alone: bool = False) -> Mesh:
     return read_mesh(path, points_alone=points_alone)
 
 
-def same_faces(one: NDArray[np.int64], other: NDArray[np.int64]) -> bool:
+def same_faces(one: Index, other: Index) -> bool:
     """Whether faces (F, 3) are the same, in any order and each from any of its corners."""
     return _canonical(one) == _canonical(other)
 
 
-def _canonical(faces: NDArray[np.int64]) -> bytes:
+def _canonical(faces: Index) -> bytes:
     """The same for the same faces in any order, each from any of its corners."""
     first = faces.argmin(axis=1)
     turned = np.stack(
@@ -165,7 +164,7 @@ def _write_with_trimesh(kind: str) -> Callable[[Mesh], bytes]:
     return write
 
 
-READERS: dict[str, Callable[[bytes], tuple[Array, NDArray[np.int64]]]] = {
+READERS: dict[str, Callable[[bytes], tuple[Array, Index]]] = {
     ".obj": lambda content: parse_obj(text_lines(content)),
     ".ply": parse_ply,
     ".glb": parse_glb,

@@ -9,12 +9,12 @@ from collections.abc import Iterable
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array, Index
 from workbench.errors import shown
 
 
-def parse_obj(lines: Iterable[str]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def parse_obj(lines: Iterable[str]) -> tuple[Array, Index]:
     """Vertices (N, 3) and triangles (F, 3), from 0; a polygon is a fan around its first corner.
 
     Raises ValueError with the number of a line that cannot be read.
@@ -55,7 +55,7 @@ def _corner(corner: str, so_far: int, line: int) -> int:
     return index - 1 if index > 0 else so_far + index
 
 
-def obj_text(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> str:
+def obj_text(vertices: Array, faces: Index) -> str:
     """The mesh as an OBJ, every number with all its digits."""
     positions = (f"v {x!r} {y!r} {z!r}\n" for x, y, z in vertices.tolist())
     triangles = (f"f {a} {b} {c}\n" for a, b, c in (faces + 1).tolist())

@@ -7,15 +7,15 @@ from array import array
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array, Index
 from workbench.errors import shown
-from workbench.geometry.polygons import Index, fans, text_lines, vertex_numbers
+from workbench.geometry.polygons import fans, text_lines, vertex_numbers
 
 NAMES = tuple(f"{st}{c}{n}OFF" for st in ("", "ST") for c in ("", "C") for n in ("", "N"))
 
 
-def parse_off(content: bytes) -> tuple[NDArray[np.float64], Index]:
+def parse_off(content: bytes) -> tuple[Array, Index]:
     """Vertices (N, 3) and triangles (F, 3); a polygon is a fan around its first corner.
 
     Raises ValueError with what is wrong.

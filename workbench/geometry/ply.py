@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.arrays import Array, Index
 from workbench.errors import shown
-from workbench.geometry.polygons import Index, fans, vertex_numbers
+from workbench.geometry.polygons import fans, vertex_numbers
 
-Array = NDArray[np.float64]
 LONGEST_HEADER = 2**16
 TYPES = {
     **{"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4"},
@@ -156,10 +156,14 @@ class _Bytes:
         """Row by row, for each may be of a length of its own; a face has at least 3 corners."""
         main = element.corners if element.name == "face" else -1
         plan = [
-            (p.dtype.itemsize, 0 if p.count is None else p.count.itemsize,
-             None if p.count is None else _length(p.count), 3 if k == main else 0)
+            (
+                p.dtype.itemsize,
+                0 if p.count is None else p.count.itemsize,
+                None if p.count is None else _length(p.count),
+                3 if k == main else 0,
+            )
             for k, p in enumerate(element.properties)
-        ]  # fmt: skip
+        ]
         found = [bytearray() for _ in plan]
         counts = [array("q") for _ in plan]
         at, left, end = 0, self.left, len(self.left)

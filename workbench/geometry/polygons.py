@@ -6,7 +6,8 @@ from io import BytesIO, TextIOWrapper
 import numpy as np
 from numpy.typing import NDArray
 
-Index = NDArray[np.int64]
+from workbench.arrays import Index
+
 LONGEST_LINE = 10**6  # characters; a line is split into its words before these are looked at
 
 

@@ -3,8 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from workbench.arrays import Array
 from workbench.geometry.rotation import nearest_rotation
 
 
@@ -12,11 +13,11 @@ from workbench.geometry.rotation import nearest_rotation
 class Similarity:
     """p -> scale R p + t; rigid when the scale is 1."""
 
-    R: NDArray[np.float64]  # (3, 3)
-    t: NDArray[np.float64]  # (3,) m
+    R: Array  # (3, 3)
+    t: Array  # (3,) m
     scale: float = 1.0
 
-    def __call__(self, points: ArrayLike) -> NDArray[np.float64]:
+    def __call__(self, points: ArrayLike) -> Array:
         """Move points (..., 3)."""
         return self.scale * np.asarray(points, dtype=float) @ self.R.T + self.t
 
@@ -34,6 +35,11 @@ def procrustes(
     p0, q0 = w @ p, w @ q
     R = nearest_rotation((q - q0).T @ (w[:, None] * (p - p0)))
     return Similarity(R, q0 - R @ p0)
+
+
+def segment_motions(source: Array, target: Array, weights: Array) -> list[Similarity]:
+    """The rigid motion of each of K segments, by `procrustes` with its row of weights (K, N)."""
+    return [procrustes(source, target, w) for w in weights]
 
 
 def umeyama(source: ArrayLike, target: ArrayLike) -> Similarity:

@@ -6,8 +6,10 @@ from typing import TypeVar
 
 import casadi as cs
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
+
+from workbench.arrays import Array
 
 Matrix = TypeVar("Matrix", cs.MX, cs.SX, cs.DM)
 
@@ -35,10 +37,16 @@ def rodrigues(w: Matrix) -> Matrix:
     b = cs.if_else(near, _series(t2, 2), 2 * (cs.sin(t / 2) / t) ** 2)
     c = cs.if_else(near, _series(t2, 0), cs.cos(t))
     columns_of_each = cs.vertcat(
-        c + b * x * x, b * x * y + a * z, b * x * z - a * y,
-        b * x * y - a * z, c + b * y * y, b * y * z + a * x,
-        b * x * z + a * y, b * y * z - a * x, c + b * z * z,
-    )  # (9, K): each rotation column by column  # fmt: skip
+        c + b * x * x,
+        b * x * y + a * z,
+        b * x * z - a * y,
+        b * x * y - a * z,
+        c + b * y * y,
+        b * y * z + a * x,
+        b * x * z + a * y,
+        b * y * z - a * x,
+        c + b * z * z,
+    )  # (9, K): each rotation column by column
     return cs.reshape(columns_of_each, 3, 3 * w.shape[1])
 
 
@@ -68,7 +76,7 @@ def _numeric() -> cs.Function:
     return cs.Function("rodrigues", [w], [rodrigues(w)], ["w"], ["R"])
 
 
-def matrix_from_vector(w: ArrayLike) -> NDArray[np.float64]:
+def matrix_from_vector(w: ArrayLike) -> Array:
     """Rotation vectors (..., 3) in radians -> rotation matrices (..., 3, 3)."""
     w = np.asarray(w, dtype=float)
     if not w.size:
@@ -77,13 +85,13 @@ def matrix_from_vector(w: ArrayLike) -> NDArray[np.float64]:
     return R.reshape(3, -1, 3).transpose(1, 0, 2).reshape(*w.shape[:-1], 3, 3)
 
 
-def vector_from_matrix(R: ArrayLike) -> NDArray[np.float64]:
+def vector_from_matrix(R: ArrayLike) -> Array:
     """Rotation matrices (..., 3, 3) -> rotation vectors (..., 3), angle in [0, pi]."""
     R = np.asarray(R, dtype=float)
     return Rotation.from_matrix(R.reshape(-1, 3, 3)).as_rotvec().reshape(*R.shape[:-2], 3)
 
 
-def nearest_rotation(M: ArrayLike) -> NDArray[np.float64]:
+def nearest_rotation(M: ArrayLike) -> Array:
     """The rotation nearest to each 3 x 3 matrix in the Frobenius norm: (..., 3, 3).
 
     U diag(1, 1, det(U V')) V' from the singular value decomposition; a reflection becomes
@@ -95,7 +103,7 @@ def nearest_rotation(M: ArrayLike) -> NDArray[np.float64]:
     return np.asarray((U * np.sign(signs)[..., None, :]) @ Vt)
 
 
-def shortest(rotations: NDArray[np.float64]) -> NDArray[np.float64]:
+def shortest(rotations: Array) -> Array:
     """The same rotations by vectors (..., 3) rad of at most pi: theta - 2 pi k theta / |theta|.
 
     At |theta| = 2 pi the exponential map has rank 1: whoever comes near sits there for ever.

@@ -1,10 +1,10 @@
 """Screw interpolation: the steadiest way from one rigid motion to another."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-Array = NDArray[np.float64]
+from workbench.arrays import Array
 
 
 def screw(motion: ArrayLike, share: float) -> Array:

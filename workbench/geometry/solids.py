@@ -1,25 +1,23 @@
 """What a triangle mesh encloses, and its edges."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
+from workbench.arrays import Array, Index
 
 
 def volume(vertices: Array, triangles: Index) -> float:
     """Inside a closed surface, m^3: positive if its triangles face outwards.
 
     Where the surface runs through itself, what is inside twice counts twice, and what is turned
-    inside out counts negative.
+    inside out counts negative. An open surface is closed by cones from the mean of its vertices.
     """
-    a, b, c = (vertices[triangles[:, i]] for i in range(3))
+    a, b, c = ((vertices - vertices.mean(axis=0))[triangles[:, i]] for i in range(3))
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
 
 
-def edges(triangles: Index) -> Index:
+def mesh_edges(triangles: Index) -> Index:
     """Every edge once, (E, 2), the smaller number first."""
     both = triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     return np.unique(np.sort(both, axis=1), axis=0)

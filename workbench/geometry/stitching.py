@@ -13,16 +13,14 @@ from typing import Any
 
 import casadi as cs
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.sparse import csc_array, csr_array
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import SuperLU, splu
 
+from workbench.arrays import Array, Index
 from workbench.errors import BadMesh
 from workbench.geometry.triangles import edge_matrix
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,9 +107,11 @@ class Stitching:
         normal = csc_array(self.A.T @ self.A)[kept][:, kept]
         # positive definite: no pivoting, and an order for symmetric matrices, keep it sparse
         lu = splu(
-            csc_array(normal), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
+            csc_array(normal),
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.0,
             options={"SymmetricMode": True, "Equil": False},
-        )  # fmt: skip
+        )
         return lu, kept
 
 

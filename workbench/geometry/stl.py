@@ -3,15 +3,15 @@
 from array import array
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array, Index
 from workbench.errors import shown
-from workbench.geometry.polygons import Index, text_lines
+from workbench.geometry.polygons import text_lines
 
 HEADER, ROW = 84, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
-def parse_stl(content: bytes) -> tuple[NDArray[np.float64], Index]:
+def parse_stl(content: bytes) -> tuple[Array, Index]:
     """Vertices (3 F, 3), three for every triangle, and triangles (F, 3).
 
     A file is binary if it is as long as its header says; many of those begin with `solid`, as the
@@ -33,7 +33,7 @@ def parse_stl(content: bytes) -> tuple[NDArray[np.float64], Index]:
     return vertices, np.arange(len(vertices)).reshape(-1, 3)
 
 
-def _spoken(content: bytes) -> NDArray[np.float64]:
+def _spoken(content: bytes) -> Array:
     found = array("d")
     for number, line in enumerate(text_lines(content), start=1):
         words = line.split()

@@ -9,13 +9,12 @@ of twice its area, so that it grows with the triangle (Sumner and Popovic 2004).
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
+from workbench.arrays import Array, Index
 from workbench.errors import BadMesh
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 FLAT = 1e-12  # of the longest edge squared: twice the area of a triangle that is a line
 
 

@@ -8,23 +8,21 @@ from workbench.plots.body import (
     plot_body,
     plot_shape_gallery,
 )
+from workbench.plots.by_angle import caption_by_angle, plot_by_angle
 from workbench.plots.convergence import (
     ITERATIONS,
     SECONDS,
     caption_convergence,
     plot_convergence,
 )
-from workbench.plots.differences import caption_differences, plot_differences
 from workbench.plots.direction import caption_direction, plot_direction
-from workbench.plots.distances import caption_distances, plot_distances
-from workbench.plots.figure import house_style, png, sheet, smallest, svg
-from workbench.plots.knowledge import (
-    caption_data_share,
-    caption_sigmas,
-    plot_data_share,
-    plot_sigmas,
+from workbench.plots.distances import (
+    caption_differences,
+    caption_distances,
+    plot_differences,
+    plot_distances,
 )
-from workbench.plots.limbs import caption_by_angle, plot_by_angle
+from workbench.plots.figure import house_style, png, sheet, smallest, svg
 from workbench.plots.overlay import caption_overlay, plot_overlay
 from workbench.plots.posterior import (
     caption_beside_laplace,
@@ -42,6 +40,12 @@ from workbench.plots.singular_values import caption_singular_values, plot_singul
 from workbench.plots.sparsity import caption_sparsity, plot_sparsity
 from workbench.plots.stitching import caption_stitching, plot_stitching
 from workbench.plots.taylor import caption_taylor, plot_taylor
+from workbench.plots.uncertainty import (
+    caption_data_share,
+    caption_sigmas,
+    plot_data_share,
+    plot_sigmas,
+)
 from workbench.plots.variance import (
     caption_left_over,
     caption_variances,

@@ -1,13 +1,12 @@
-"""How many digits of a known answer each solver attained."""
+"""The number of correct digits that each solver attained, where the answer is known."""
 
 import numpy as np
 from matplotlib.axes import Axes
 
 from workbench.comparison import Comparison
-from workbench.experiments.known import CERTIFIED_DIGITS
-from workbench.plots.lettering import plain
-from workbench.plots.palette import FAINT, INK
-from workbench.plots.solver_lines import line, marker
+from workbench.fitting.known import CERTIFIED_DIGITS
+from workbench.plots.labels import plain
+from workbench.plots.palette import FAINT, INK, solver_line, solver_mark
 
 ENOUGH = 4  # digits, for a fit to count as right
 
@@ -20,9 +19,14 @@ def plot_accuracy(comparison: Comparison, *, ax: Axes) -> Axes:
         digits = comparison.digits(solver)
         at = y[k] + 0.28 * rng.uniform(-1, 1, digits.size)
         ax.plot(
-            digits, at, marker(k), color=line(k)["color"], markersize=4, alpha=0.7,
+            digits,
+            at,
+            solver_mark(k),
+            color=solver_line(k)["color"],
+            markersize=4,
+            alpha=0.7,
             linestyle="none",
-        )  # fmt: skip
+        )
         if digits.size:
             ax.plot([digits.mean()] * 2, [y[k] - 0.38, y[k] + 0.38], color=INK, linewidth=1.6)
     ax.axvline(ENOUGH, color=FAINT, linewidth=1.0, linestyle="--")
@@ -37,8 +41,8 @@ def plot_accuracy(comparison: Comparison, *, ax: Axes) -> Axes:
 def caption_accuracy(comparison: Comparison) -> str:
     """What `plot_accuracy` shows."""
     return (
-        "Attained accuracy where the answer is known beforehand: a mark per run, the number of "
-        f"digits of the worst parameter, {CERTIFIED_DIGITS} at most; a run without an answer has "
-        f"0. The bar is the mean. Right of the dashed line, at {ENOUGH} digits, a fit counts as "
-        "right."
+        "The accuracy of each run on problems whose answer is known beforehand: the number of "
+        f"correct digits of the worst parameter, at most {CERTIFIED_DIGITS}, and 0 for a run "
+        "without an answer. A bar marks the mean of a solver. Right of the dashed line, at "
+        f"{ENOUGH} digits, a fit counts as correct."
     )

@@ -8,13 +8,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.textpath import TextPath
 from matplotlib.ticker import MultipleLocator
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from workbench.plots.lettering import plain
+from workbench.arrays import Array, Index
+from workbench.plots.labels import plain
 from workbench.plots.palette import FAINT
 from workbench.plots.shading import painted
 
-Array = NDArray[np.float64]
 LETTERS = 9.0  # points, of labels
 NARROW = 0.6  # of the axes' width: names that take more in all go on more lines
 WHOLE = 0.9  # of it: more than all names together get
@@ -24,33 +24,40 @@ Look = Callable[[Array], Array]  # vertices (N, 3) m -> right, up, towards the v
 
 
 def front(vertices: Array) -> Array:
-    """As seen by who stands before it: the body faces +z."""
+    """The view from the front: the body faces +z."""
     return vertices
 
 
 def side(vertices: Array) -> Array:
-    """As seen from its right hand: it looks to the right."""
+    """The view from the body's right side; it faces to the right."""
     x, y, z = vertices.T
     return np.column_stack([z, y, -x])
 
 
 def back(vertices: Array) -> Array:
-    """As seen from behind."""
+    """The view from behind."""
     x, y, z = vertices.T
     return np.column_stack([-x, y, -z])
 
 
 @dataclass(frozen=True, eq=False)
 class Figurine:
-    """One drawing of a body in a line-up."""
+    """One drawing of a body in a line-up.
+
+    Attributes:
+        label: the text below it.
+        vertices: (N, 3) in metres.
+        look: from which side it is drawn.
+        colours: (F, 3) of the faces, or one for all; None for the colour of skin.
+    """
 
     label: str
-    vertices: Array  # (N, 3) m
+    vertices: Array
     look: Look = front
-    colours: ArrayLike | None = None  # (F, 3)
+    colours: ArrayLike | None = None
 
 
-def plot_body(vertices: Array, faces: NDArray[np.int64], *, ax: Axes) -> Axes:
+def plot_body(vertices: Array, faces: Index, *, ax: Axes) -> Axes:
     """A body (N, 3) m from the front and from the side."""
     shown = (Figurine("front", vertices), Figurine("side", vertices, side))
     return line_up(shown, faces, ax=ax)
@@ -65,7 +72,7 @@ def caption_body(vertices: Array, what: str = "The template") -> str:
     )
 
 
-def plot_shape_gallery(shapes: Mapping[str, Array], faces: NDArray[np.int64], *, ax: Axes) -> Axes:
+def plot_shape_gallery(shapes: Mapping[str, Array], faces: Index, *, ax: Axes) -> Axes:
     """Several shapes (N, 3) m of one body by name, from the front, on one scale."""
     return line_up([Figurine(name, v) for name, v in shapes.items()], faces, ax=ax)
 
@@ -77,14 +84,14 @@ def caption_shape_gallery(
     heights = {name: float(np.ptp(v[:, 1])) for name, v in shapes.items()}
     low, high = min(heights, key=heights.__getitem__), max(heights, key=heights.__getitem__)
     return (
-        f"{drawn} alone, at plus and minus {ends} standard deviations. The tallest, "
-        f"{high}, has {heights[high]:.2f} m; the shortest, {low}, {heights[low]:.2f} m."
+        f"{drawn} alone, at plus and minus {ends} standard deviations. The tallest body, "
+        f"{high}, is {heights[high]:.2f} m tall, and the shortest, {low}, {heights[low]:.2f} m."
     )
 
 
 def line_up(
     figurines: tuple[Figurine, ...] | list[Figurine],
-    faces: NDArray[np.int64],
+    faces: Index,
     *,
     ax: Axes,
     contrast: float = 0.5,
@@ -114,7 +121,7 @@ def line_up(
     ax.yaxis.set_major_locator(MultipleLocator(_step(high - low)))
     ax.grid(axis="y", color=FAINT, alpha=0.25, linewidth=0.6)
     ax.set_ylabel("y (m)")
-    ax.set_xlabel("the same scale across as up")
+    ax.set_xlabel("the horizontal scale is the same as the vertical one")
     ax.spines["bottom"].set_visible(False)
     return ax
 

@@ -1,104 +1,88 @@
-"""Figures of a comparison of solvers, on sheets of their own."""
+"""Figures of a comparison of solvers, in the size and style in which its report shows them."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from workbench.comparison import Comparison
 from workbench.plots.accuracy import plot_accuracy
 from workbench.plots.cost_traces import SECONDS, UNITS, plot_cost_traces
-from workbench.plots.duels import plot_duels
-from workbench.plots.figure import house_style, sheet
+from workbench.plots.figure import drawn, house_style, sheet
+from workbench.plots.pairwise_wins import plot_pairwise_wins
 from workbench.plots.profiles import plot_data_profile, plot_performance_profile
 from workbench.plots.verdicts import plot_basins, plot_verdicts
 from workbench.plots.waterfall import plot_waterfall
 
 WIDE = 8.0  # inches
+Plot = Callable[..., object]  # called with ax=
 
 
 def verdicts_sheet(comparison: Comparison) -> Figure:
-    """A bar per solver."""
-    return _bars(comparison, lambda ax: plot_verdicts(comparison, ax=ax))
+    """The verdicts on the runs, a bar per solver."""
+    return _bars(comparison, partial(plot_verdicts, comparison))
 
 
 def basins_sheet(comparison: Comparison, problem: str) -> Figure:
-    """A bar per solver, for one problem."""
-    return _bars(comparison, lambda ax: plot_basins(comparison, problem, ax=ax))
+    """The basins in which runs on one problem ended, a bar per solver."""
+    return _bars(comparison, partial(plot_basins, comparison, problem))
 
 
 def performance_profile_sheet(comparison: Comparison, taus: Sequence[float]) -> Figure:
-    """One axes for each target."""
-    return _for_targets(comparison, taus, plot_performance_profile)
+    """The performance profiles at several targets, side by side."""
+    return _curves(comparison, [partial(plot_performance_profile, comparison, t) for t in taus])
 
 
 def data_profile_sheet(comparison: Comparison, taus: Sequence[float]) -> Figure:
-    """One axes for each target."""
-    return _for_targets(comparison, taus, plot_data_profile)
-
-
-def _for_targets(
-    comparison: Comparison, taus: Sequence[float], plot: Callable[..., Axes]
-) -> Figure:
-    with house_style():
-        figure, axes = sheet(WIDE, 3.6 + _rows(comparison), len(taus))
-        for ax, tau in zip(axes, taus, strict=True):
-            plot(comparison, tau, ax=ax)
-        _legend(figure, axes)
-    return figure
+    """The data profiles at several targets, side by side."""
+    return _curves(comparison, [partial(plot_data_profile, comparison, t) for t in taus])
 
 
 def cost_traces_sheet(comparison: Comparison, problem: str) -> Figure:
-    """Against effort and against time."""
-    with house_style():
-        figure, axes = sheet(WIDE, 3.6 + _rows(comparison), 2)
-        for ax, against in zip(axes, (UNITS, SECONDS), strict=True):
-            plot_cost_traces(comparison, problem, ax=ax, against=against)
-        _legend(figure, axes)
-    return figure
+    """The cost of every run against effort and against time."""
+    plot = partial(plot_cost_traces, comparison, problem)
+    return _curves(comparison, [partial(plot, against=column) for column in (UNITS, SECONDS)])
 
 
 def waterfall_sheet(comparison: Comparison, problem: str) -> Figure:
-    """The sorted ends."""
-    with house_style():
-        figure, axes = sheet(6.0, 3.6 + _rows(comparison), 1)
-        plot_waterfall(comparison, problem, ax=axes[0])
-        _legend(figure, axes)
-    return figure
+    """The sorted ends of every solver's runs."""
+    return _curves(comparison, [partial(plot_waterfall, comparison, problem)], 6.0)
 
 
-def duels_sheet(comparison: Comparison) -> Figure:
-    """As large as there are solvers."""
+def pairwise_wins_sheet(comparison: Comparison) -> Figure:
+    """The wins of each solver over each other one, as large as there are solvers."""
     n = len(comparison.solvers)
-    with house_style():
-        figure, (ax,) = sheet(min(WIDE, 2.6 + 0.75 * n), min(7.5, 1.8 + 0.5 * n))
-        plot_duels(comparison, ax=ax)
-        ax.set_aspect("auto")
+    plot = partial(plot_pairwise_wins, comparison)
+    figure = drawn(plot, min(WIDE, 2.6 + 0.75 * n), min(7.5, 1.8 + 0.5 * n))
+    figure.axes[0].set_aspect("auto")
     return figure
 
 
 def accuracy_sheet(comparison: Comparison) -> Figure:
-    """A row per solver."""
+    """The digits that every solver attained, a row per solver."""
+    return drawn(partial(plot_accuracy, comparison), WIDE, 1.0 + 0.42 * len(comparison.solvers))
+
+
+def _bars(comparison: Comparison, plot: Plot) -> Figure:
     with house_style():
-        figure, (ax,) = sheet(WIDE, 1.0 + 0.42 * len(comparison.solvers))
-        plot_accuracy(comparison, ax=ax)
+        figure = drawn(plot, WIDE, 1.5 + 0.36 * len(comparison.solvers))
+        _legend(figure, 4)
     return figure
 
 
-def _bars(comparison: Comparison, plot: Callable[[Axes], object]) -> Figure:
+def _curves(comparison: Comparison, plots: Sequence[Plot], width: float = WIDE) -> Figure:
+    """Plots side by side, with one label of the y-axis, and one legend below them."""
+    legend = 0.2 * ((len(comparison.solvers) + 2) // 3)  # inches
     with house_style():
-        figure, (ax,) = sheet(WIDE, 1.5 + 0.36 * len(comparison.solvers))
-        plot(ax)
-        figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=4)
+        figure, axes = sheet(width, 3.6 + legend, len(plots))
+        for ax, plot in zip(axes, plots, strict=True):
+            plot(ax=ax)
+        for ax in axes[1:]:
+            ax.set_ylabel("")
+        _legend(figure, 3)
     return figure
 
 
-def _rows(comparison: Comparison) -> float:
-    """Inches that the legend below takes."""
-    return 0.2 * ((len(comparison.solvers) + 2) // 3)
-
-
-def _legend(figure: Figure, axes: Sequence[Axes]) -> None:
-    for ax in axes[1:]:
-        ax.set_ylabel("")
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+def _legend(figure: Figure, columns: int) -> None:
+    handles, labels = figure.axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=columns)

@@ -1,4 +1,4 @@
-"""How solvers got to their ends: the cost above the best known one, on the way."""
+"""Convergence of solvers: the cost above the lowest one found, iterate by iterate."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -6,21 +6,31 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
-from numpy.typing import NDArray
 
-from workbench.experiments.comparison import SMALLEST, as_good, best_cost, start_cost, way_left
-from workbench.plots.lettering import plain
+from workbench.arrays import Array
+from workbench.experiments.relative_costs import (
+    SMALLEST,
+    as_good,
+    best_cost,
+    share_left,
+    start_cost,
+)
+from workbench.plots.labels import plain
 from workbench.plots.palette import DASHES, FAINT, LINES, MARKERS
 from workbench.solvers import Iterate, Solution, Status
-
-Array = NDArray[np.float64]
 
 TWO_DECADES = 100.0  # an axis of less has ticks at 1, 2 and 5, a longer one at powers of ten
 
 
 @dataclass(frozen=True)
-class Against:
-    """What a cost is drawn against."""
+class Abscissa:
+    """What the cost is drawn against.
+
+    Attributes:
+        label: of the axis.
+        of: its number for an iterate and the index of that.
+        scale: sets the axis up, given its largest number.
+    """
 
     label: str
     of: Callable[[int, Iterate], float]
@@ -31,11 +41,9 @@ def _count(ax: Axes, longest: float) -> None:
     if longest > 60:
         ax.set_xscale("symlog", linthresh=10)
         ax.xaxis.set_minor_locator(LogLocator(subs=(2, 4, 6, 8)))
-    else:
-        ax.xaxis.set_major_locator(MaxNLocator(integer=True))
-    if longest > 60:
         ax.set_xlim(0, 1.5 * longest)
     else:
+        ax.xaxis.set_major_locator(MaxNLocator(integer=True))
         ax.set_xlim(-0.04 * max(longest, 1), 1.04 * max(longest, 1))
 
 
@@ -50,12 +58,12 @@ def _logarithmic(ax: Axes, longest: float) -> None:
         ax.xaxis.set_major_formatter(FuncFormatter(lambda seconds, _: f"{seconds:g}"))
 
 
-ITERATIONS = Against("iteration", lambda i, iterate: float(i), _count)
-SECONDS = Against("time (s)", lambda i, iterate: max(iterate.seconds, 1e-4), _logarithmic)
+ITERATIONS = Abscissa("iteration", lambda i, iterate: float(i), _count)
+SECONDS = Abscissa("time (s)", lambda i, iterate: max(iterate.seconds, 1e-4), _logarithmic)
 
 
 def plot_convergence(
-    solutions: Mapping[str, Solution], *, ax: Axes, against: Against = ITERATIONS
+    solutions: Mapping[str, Solution], *, ax: Axes, against: Abscissa = ITERATIONS
 ) -> Axes:
     """(cost - best) / (cost at the start - best) of every iterate, one line per solver.
 
@@ -75,14 +83,25 @@ def plot_convergence(
         longest = max(longest, float(x.max(initial=0.0)))
         colour, marker = LINES[k % len(LINES)], MARKERS[k % len(MARKERS)]
         ax.plot(
-            x, np.maximum(y, floor), color=colour, linestyle=DASHES[k // 2 % len(DASHES)],
-            linewidth=1.5, marker=marker, markersize=4, markevery=max(1, len(x) // 12),
+            x,
+            np.maximum(y, floor),
+            color=colour,
+            linestyle=DASHES[k // 2 % len(DASHES)],
+            linewidth=1.5,
+            marker=marker,
+            markersize=4,
+            markevery=max(1, len(x) // 12),
             label=plain(f"{name}: {_ending(solution)}"),
-        )  # fmt: skip
+        )
         ax.plot(
-            x[-1:], np.maximum(y[-1:], floor), color=colour, marker=marker, markersize=8,
-            markerfacecolor=colour if solution.converged else "white", linestyle="none",
-        )  # fmt: skip
+            x[-1:],
+            np.maximum(y[-1:], floor),
+            color=colour,
+            marker=marker,
+            markersize=8,
+            markerfacecolor=colour if solution.converged else "white",
+            linestyle="none",
+        )
     ax.set_yscale("log")
     ax.set_ylim(floor / 100, 5.0)
     ticks = [float(t) for t in ax.get_yticks() if 5 * floor < t <= 1]  # the floor stands for 0
@@ -91,9 +110,15 @@ def plot_convergence(
     ax.axhline(floor, color=FAINT, linewidth=0.8, linestyle=(0, (1, 2)))
     against.scale(ax, longest)
     ax.annotate(
-        "0: the lowest cost found", (0.01, floor), xycoords=("axes fraction", "data"),
-        xytext=(0, -4), textcoords="offset points", color=FAINT, fontsize=8, va="top",
-    )  # fmt: skip
+        "0: the lowest cost found",
+        (0.01, floor),
+        xycoords=("axes fraction", "data"),
+        xytext=(0, -4),
+        textcoords="offset points",
+        color=FAINT,
+        fontsize=8,
+        va="top",
+    )
     ax.grid(color=FAINT, alpha=0.25, linewidth=0.6)
     ax.set_xlabel(against.label)
     ax.set_ylabel("(cost − best) / (start − best)")
@@ -108,24 +133,24 @@ def caption_convergence(solutions: Mapping[str, Solution]) -> str:
         return "No solver found a point of finite cost."
     same = as_good(solutions)
     text = (
-        f"How far the cost still was above the lowest that was found here, {best:.6g}, as a share "
-        "of the whole way down from the start."
+        f"How far the cost was above the lowest one found here, {best:.6g}, as a share of the "
+        "difference between that and the cost at the start."
     )
     if len(solutions) > 1:
         took = [solutions[name].seconds for name in same]
         spread = f"{min(took):.2f} to {max(took):.2f} s" if len(took) > 1 else f"{took[0]:.2f} s"
         text += (
             f" {len(same)} of {len(solutions)} solvers end within one millionth of it, after "
-            f"{spread}, as measured: times differ from run to run."
+            f"{spread} as measured; times differ from run to run."
         )
     if not all(solution.converged for solution in solutions.values()):
-        text += " Solvers whose last mark is hollow did not converge."
+        text += " A hollow last mark means that the solver did not converge."
     return text
 
 
 def gap(solution: Solution, among: Mapping[str, Solution]) -> Array:
     """What is drawn: (cost - best) / (start - best) of each iterate; 0 where nothing was lost."""
-    return way_left([i.cost for i in solution.trace], best_cost(among), start_cost(among))
+    return share_left([i.cost for i in solution.trace], best_cost(among), start_cost(among))
 
 
 def _floor(gaps: Mapping[str, Array]) -> float:

@@ -8,28 +8,33 @@ from matplotlib.axes import Axes
 from workbench.comparison import Comparison
 from workbench.comparison.targets import named
 from workbench.plots.decades import decades
-from workbench.plots.lettering import plain
-from workbench.plots.palette import FAINT
-from workbench.plots.solver_lines import line
+from workbench.plots.labels import plain
+from workbench.plots.palette import FAINT, solver_line
 
-LOWEST = 1e-12  # of the whole way; what is below is drawn there
+LOWEST = 1e-12  # of the way from the start to the lowest cost; smaller values are drawn there
 
 
 @dataclass(frozen=True)
-class Effort:
-    """What the cost is drawn against: a column of `Comparison.trace`."""
+class TraceColumn:
+    """A column of `Comparison.trace` against which the cost is drawn.
+
+    Attributes:
+        column: its index.
+        label: of the axis.
+        least: the smallest number on the axis.
+    """
 
     column: int
     label: str
-    least: float  # on the axis
+    least: float
 
 
-UNITS = Effort(0, "effort (evaluations of the residual)", 0.8)
-SECONDS = Effort(1, "measured time (s)", 1e-4)
+UNITS = TraceColumn(0, "effort (evaluations of the residual)", 0.8)
+SECONDS = TraceColumn(1, "measured time (s)", 1e-4)
 
 
 def plot_cost_traces(
-    comparison: Comparison, problem: str, *, ax: Axes, against: Effort = UNITS
+    comparison: Comparison, problem: str, *, ax: Axes, against: TraceColumn = UNITS
 ) -> Axes:
     """(f - f*) / (f_0 - f*) of the best point so far: a line per run, a colour per solver."""
     instances = comparison.of(problem)
@@ -43,21 +48,26 @@ def plot_cost_traces(
             x = np.maximum(trace[:, against.column], against.least)
             longest = max(longest, float(np.max(x, where=np.isfinite(x), initial=0.0)))
             y = np.maximum(trace[:, 2], LOWEST)
-            ax.step(x, y, where="post", linewidth=1.3, alpha=alpha, **line(k))
-            ax.plot(x[-1:], y[-1:], ".", color=line(k)["color"], alpha=alpha, markersize=5)
-        ax.plot([], [], linewidth=1.6, label=plain(solver), **line(k))
-    for tau in comparison.taus:
-        ax.axhline(tau, color=FAINT, linewidth=0.7, linestyle=(0, (1, 3)))
+            ax.step(x, y, where="post", linewidth=1.3, alpha=alpha, **solver_line(k))
+            ax.plot(x[-1:], y[-1:], ".", color=solver_line(k)["color"], alpha=alpha, markersize=5)
+        ax.plot([], [], linewidth=1.6, label=plain(solver), **solver_line(k))
+    relative_cost_axis(comparison, ax)
     ax.set_xscale("log")
-    ax.set_yscale("log")
-    ax.set_ylim(LOWEST / 3, 5)
     ax.set_xlim(against.least, 1.5 * longest)
     decades(ax.xaxis, against.least, 1.5 * longest)
-    decades(ax.yaxis, LOWEST, 1.0)
     ax.set_xlabel(against.label)
+    return ax
+
+
+def relative_cost_axis(comparison: Comparison, ax: Axes) -> None:
+    """Label the y-axis with (f - f*) / (f_0 - f*), and mark the targets on it."""
+    for tau in comparison.taus:
+        ax.axhline(tau, color=FAINT, linewidth=0.7, linestyle=(0, (1, 3)))
+    ax.set_yscale("log")
+    ax.set_ylim(LOWEST / 3, 5)
+    decades(ax.yaxis, LOWEST, 1.0)
     ax.set_ylabel("(f − f*) / (f₀ − f*)")
     ax.grid(color=FAINT, alpha=0.2, linewidth=0.6)
-    return ax
 
 
 def caption_cost_traces(comparison: Comparison, problem: str) -> str:
@@ -65,9 +75,10 @@ def caption_cost_traces(comparison: Comparison, problem: str) -> str:
     instances = comparison.of(problem)
     runs = "one run of each solver" if len(instances) == 1 else f"{len(instances)} runs of each"
     return (
-        f"{problem}: how far the best point so far was still above the lowest cost known, as a "
-        f"share of the whole way down; {runs}, a dot where a run ended. Dotted lines are the "
-        f"targets. What is below {named(LOWEST)} is drawn there. A line that runs flat above "
-        "the targets sits in another basin, or is stuck. Effort is counted at fixed prices; "
-        "time is as measured, and differs from machine to machine and from run to run."
+        f"{problem}: how far the best point so far was above the lowest known cost, as a share of "
+        f"the difference between that and the cost at the start; {runs}, with a dot where a run "
+        "ended. Dotted lines are the targets. Values below "
+        f"{named(LOWEST)} are drawn there. A line that stays flat above the targets is in another "
+        "basin, or stuck. Effort is counted at fixed prices; time is measured, and differs from "
+        "machine to machine and from run to run."
     )

@@ -5,15 +5,13 @@ from collections.abc import Mapping
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
-from numpy.typing import NDArray
 
+from workbench.arrays import Array, Index
 from workbench.plots.body import Figurine, front, line_up, side
 from workbench.plots.palette import SKIN, VERMILLION
 
-Array = NDArray[np.float64]
 
-
-def plot_direction(moved: Mapping[str, Array], faces: NDArray[np.int64], *, ax: Axes) -> Axes:
+def plot_direction(moved: Mapping[str, Array], faces: Index, *, ax: Axes) -> Axes:
     """Surfaces (N, 3) m by label, the second of three being where the fit is.
 
     What moves is red, as red as it moves far, on one scale for all; front, then side.
@@ -41,6 +39,6 @@ def caption_direction(name: str, moved: Mapping[str, Array], amount: float, unit
     here = surfaces[len(surfaces) // 2]
     most = max(float(np.linalg.norm(s - here, axis=1).max()) for s in surfaces)
     return (
-        f"{name}: the body moved {amount:.3g} {unit} along it, both ways. The reddest point moves "
-        f"{100 * most:.3g} cm."
+        f"{name}: the body moved {amount:.3g} {unit} along it, both ways. The reddest "
+        f"point moves {100 * most:.3g} cm."
     )

@@ -1,6 +1,6 @@
-"""Figures without a screen: sheets of paper, and their bytes as SVG or PNG."""
+"""Figures without a screen, in the house style, and their bytes as SVG or PNG."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from io import BytesIO
 
@@ -36,7 +36,7 @@ STYLE = {
 
 @contextmanager
 def house_style() -> Iterator[None]:
-    """Matplotlib's defaults with our changes, whatever the user's own; restored afterwards."""
+    """Matplotlib's defaults with the changes of STYLE, until the context ends."""
     with style.context(["default", STYLE]):
         yield
 
@@ -48,23 +48,31 @@ def sheet(width: float, height: float, columns: int = 1) -> tuple[Figure, list[A
     return figure, list(axes[0])
 
 
+def drawn(plot: Callable[..., object], width: float, height: float) -> Figure:
+    """A figure of that many inches in the house style; `plot(ax=...)` draws on its axes."""
+    with house_style():
+        figure, (ax,) = sheet(width, height)
+        plot(ax=ax)
+    return figure
+
+
 def svg(figure: Figure) -> bytes:
-    """Letters as outlines, so that it looks the same everywhere."""
+    """The figure as SVG, its letters as outlines, so that it looks the same everywhere."""
     return _saved(figure, "svg", {"Date": None})
 
 
 def png(figure: Figure) -> bytes:
-    """150 pixels to the inch."""
+    """The figure as PNG with 150 pixels to the inch."""
     return _saved(figure, "png", {})
 
 
 def smallest(figure: Figure) -> tuple[bytes, str]:
-    """SVG or PNG, whichever is shorter, and its media type."""
-    drawn = png(figure), "image/png"
+    """The figure as SVG or PNG, whichever is shorter, and its media type."""
+    pixels = png(figure), "image/png"
     if any(artist.get_rasterized() for artist in figure.findobj()):
-        return drawn  # paint inside an SVG is a PNG in itself
+        return pixels  # paint inside an SVG is a PNG in itself
     lines = svg(figure), "image/svg+xml"
-    return lines if len(lines[0]) < len(drawn[0]) else drawn
+    return lines if len(lines[0]) < len(pixels[0]) else pixels
 
 
 def _saved(figure: Figure, format: str, metadata: dict[str, None]) -> bytes:

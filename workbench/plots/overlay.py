@@ -6,15 +6,14 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
 from matplotlib.patches import Rectangle
 from matplotlib.transforms import ScaledTranslation
-from numpy.typing import NDArray
 
-from workbench.experiments.experiment import Outcome, Overlay
-from workbench.experiments.keypoint_fit import SEEN, SEEN_WELL, seen_well
-from workbench.plots.lettering import plain
+from workbench.arrays import Array
+from workbench.experiments.running import Outcome, Overlay
+from workbench.fitting.keypoints import COUNTED, LEAST_CONFIDENCE, reprojection_errors
+from workbench.plots.labels import plain
 from workbench.plots.palette import BLUE, FAINT, OUTSIDE, VERMILLION
 from workbench.plots.shading import painted
 
-Array = NDArray[np.float64]
 BELOW = 36  # points that the numbers and the label of the axis take
 
 
@@ -40,13 +39,26 @@ def plot_overlay(outcome: Outcome, view: int, *, ax: Axes, shape: float = 1.25) 
     )
     ax.add_collection(pairs).set_zorder(2)
     ax.scatter(
-        overlay.projected[:, 0], overlay.projected[:, 1], marker="x", s=30, c=BLUE,
-        linewidths=1.4, zorder=3, label="fitted",
-    )  # fmt: skip
+        overlay.projected[:, 0],
+        overlay.projected[:, 1],
+        marker="x",
+        s=30,
+        c=BLUE,
+        linewidths=1.4,
+        zorder=3,
+        label="fitted",
+    )
     ax.scatter(
-        observed[:, 0], observed[:, 1], marker="o", s=42, facecolors="none", edgecolors=faded,
-        linewidths=1.7, zorder=4, label="observed",
-    )  # fmt: skip
+        observed[:, 0],
+        observed[:, 1],
+        marker="o",
+        s=42,
+        facecolors="none",
+        edgecolors=faded,
+        linewidths=1.7,
+        zorder=4,
+        label="observed",
+    )
     (left, right), (top, bottom) = window(overlay, shape)
     ax.set_xlim(left, right)
     ax.set_ylim(bottom, top)  # v down
@@ -56,9 +68,13 @@ def plot_overlay(outcome: Outcome, view: int, *, ax: Axes, shape: float = 1.25) 
     ax.set_title(_title(overlay), loc="left")
     below = ScaledTranslation(0, -BELOW / 72, ax.figure.dpi_scale_trans)
     legend = ax.legend(
-        loc="upper left", bbox_to_anchor=(0, 0), bbox_transform=ax.transAxes + below,
-        ncols=2, borderaxespad=0, columnspacing=1.2,
-    )  # fmt: skip
+        loc="upper left",
+        bbox_to_anchor=(0, 0),
+        bbox_transform=ax.transAxes + below,
+        ncols=2,
+        borderaxespad=0,
+        columnspacing=1.2,
+    )
     for handle in legend.legend_handles[1:]:
         if handle is not None:
             handle.set_edgecolor(VERMILLION)  # type: ignore[attr-defined]  # whatever the first one's confidence
@@ -71,22 +87,25 @@ def caption_overlay(outcome: Outcome, view: int) -> str:
     error, count = reprojection(overlay)
     unseen = int(np.sum(overlay.confidence <= 0))
     if not count:
-        return f"{overlay.name}: no keypoint was seen with a confidence above {SEEN}."
+        return (
+            f"{overlay.name}: no keypoint was observed with a confidence above {LEAST_CONFIDENCE}."
+        )
     off = np.linalg.norm(overlay.projected - overlay.observed, axis=1)
-    off = np.where(overlay.confidence > SEEN, off, -1.0)
+    off = np.where(overlay.confidence > LEAST_CONFIDENCE, off, -1.0)
     worst = int(np.argmax(off))
-    told = "; this view was not fitted" if overlay.held_out else ""
-    missing = f" Not seen at all: {unseen}." if unseen else ""
+    held_out = "; this view was not fitted" if overlay.held_out else ""
+    were = "was" if unseen == 1 else "were"
+    missing = f" {unseen} {were} not observed at all." if unseen else ""
     return (
-        f"{overlay.name}{told}. {count} {SEEN_WELL} lie on average {error:.1f} px "
-        f"from their fitted places; the farthest, "
-        f"{overlay.landmarks[worst].replace('_', ' ')}, {off[worst]:.1f} px.{missing}"
+        f"{overlay.name}{held_out}. {count} {COUNTED} lie on average {error:.1f} px "
+        f"from those of the fitted body; the farthest, "
+        f"{overlay.landmarks[worst].replace('_', ' ')}, by {off[worst]:.1f} px.{missing}"
     )
 
 
 def reprojection(overlay: Overlay) -> tuple[float, int]:
     """Mean distance (px) of the keypoints that were seen well, and how many those are."""
-    off = seen_well(overlay.observed, overlay.projected, overlay.confidence)
+    off = reprojection_errors(overlay.observed, overlay.projected, overlay.confidence)
     return (float(off.mean()) if off.size else float("nan")), off.size
 
 

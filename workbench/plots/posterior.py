@@ -7,15 +7,14 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from workbench.arrays import Array, Index
 from workbench.plots.body import Look, front, side
-from workbench.plots.coverage import draw_coverage, draw_outline
-from workbench.plots.lettering import plain
+from workbench.plots.labels import plain
 from workbench.plots.palette import BLUE, FAINT, INK, LINES, VERMILLION
+from workbench.plots.silhouettes import draw_outline, draw_silhouettes
 from workbench.sampling import Posterior
 
-Array = NDArray[np.float64]
 MOST = 6  # entries in a corner: more cannot be read
 SHOWN = 5000  # draws
 
@@ -51,10 +50,18 @@ def plot_corner(
         for i in chosen
     ]
     _corner()(
-        flat, fig=figure, labels=labels, color=BLUE, truth_color=VERMILLION,
-        truths=None if truth is None else list(truth[chosen]), max_n_ticks=3, labelpad=0.1,
-        label_kwargs={"fontsize": 8}, plot_datapoints=True, hist_kwargs={"linewidth": 1.2},
-    )  # fmt: skip
+        flat,
+        fig=figure,
+        labels=labels,
+        color=BLUE,
+        truth_color=VERMILLION,
+        truths=None if truth is None else list(truth[chosen]),
+        max_n_ticks=3,
+        labelpad=0.1,
+        label_kwargs={"fontsize": 8},
+        plot_datapoints=True,
+        hist_kwargs={"linewidth": 1.2},
+    )
     for ax in figure.axes:
         ax.tick_params(labelsize=7)
     figure.subplots_adjust(left=0.13, bottom=0.15, right=0.99, top=0.99)
@@ -116,7 +123,7 @@ def plot_beside_laplace(
 
 def plot_spray(
     bodies: Array,
-    faces: NDArray[np.int64],
+    faces: Index,
     truth: Array | None = None,
     *,
     ax: Axes,
@@ -138,7 +145,7 @@ def plot_spray(
     high = everything.max(axis=(0, 1)) + 0.05
     for seen in placed:
         own = [seen.min(axis=(0, 1)) - 0.05, seen.max(axis=(0, 1)) + 0.05]
-        draw_coverage(seen[: len(bodies)], faces, *own, ax=ax)
+        draw_silhouettes(seen[: len(bodies)], faces, *own, ax=ax)
         if truth is not None:
             draw_outline(seen[-1], faces, *own, ax=ax)
     ax.set_aspect("equal")
@@ -151,7 +158,7 @@ def plot_spray(
 
 def plot_spray_in_view(
     pixels: Array,
-    faces: NDArray[np.int64],
+    faces: Index,
     observed: Array,
     confidence: Array,
     truth: Array | None = None,
@@ -166,11 +173,19 @@ def plot_spray_in_view(
     shown = np.vstack([pixels.reshape(-1, 2), seen])
     low, high = np.quantile(shown[np.isfinite(shown).all(axis=1)], [0.001, 0.999], axis=0)
     low, high = low - 0.08 * (high - low), high + 0.08 * (high - low)
-    draw_coverage(pixels, faces, low, high, ax=ax)
+    draw_silhouettes(pixels, faces, low, high, ax=ax)
     if truth is not None:
         draw_outline(truth, faces, low, high, ax=ax)
-    ax.plot(seen[:, 0], seen[:, 1], "o", color=VERMILLION, markersize=5, markerfacecolor="none",
-            linestyle="none", label="observed")  # fmt: skip
+    ax.plot(
+        seen[:, 0],
+        seen[:, 1],
+        "o",
+        color=VERMILLION,
+        markersize=5,
+        markerfacecolor="none",
+        linestyle="none",
+        label="observed",
+    )
     ax.set_xlim(low[0], high[0])
     ax.set_ylim(high[1], low[1])  # v down
     ax.set_aspect("equal")
@@ -180,15 +195,15 @@ def plot_spray_in_view(
     return ax
 
 
-MADE_OF = " The data are synthetic; what they were made of is marked"
+MADE_OF = " The data are synthetic, and the values that they were made of are marked"
 
 
 def caption_corner(posterior: Posterior, shown: int, synthetic: bool = False) -> str:
     """What `plot_corner` shows."""
     some = f"{shown} of {posterior.size} entries" if shown < posterior.size else "every entry"
     return (
-        f"The draws of {some}, in pairs: a round cloud says that two entries are known "
-        "independently, a long one that only a combination of them is. Contours hold 12, 39, 68 "
+        f"The draws of {some}, in pairs. In a round cloud two entries are known "
+        "independently; in a long one only a combination of them is. Contours hold 12, 39, 68 "
         "and 86 % of the draws." + (f"{MADE_OF}: red lines." if synthetic else "")
     )
 
@@ -196,9 +211,9 @@ def caption_corner(posterior: Posterior, shown: int, synthetic: bool = False) ->
 def caption_traces(posterior: Posterior, synthetic: bool = False) -> str:
     """What `plot_traces` shows."""
     return (
-        f"Each ensemble's median and the span of nine tenths of its walkers, after "
-        f"{posterior.mixing.discarded} steps that were discarded. Mixed chains look like noise "
-        "about one level, the same for all ensembles."
+        f"The median of each ensemble and the range of nine tenths of its walkers, after "
+        f"{posterior.mixing.discarded} discarded steps. Chains that have mixed look like noise "
+        "around one level, the same for all ensembles."
         + (f"{MADE_OF}: a dashed black line." if synthetic else "")
     )
 
@@ -216,7 +231,8 @@ def caption_beside_laplace(said: Sequence[str], synthetic: bool = False) -> str:
 def caption_spray(count: int, where: str, synthetic: bool = False) -> str:
     """What `plot_spray` and `plot_spray_in_view` show."""
     return (
-        f"{count} bodies drawn from the posterior, {where}: white is in none of them, full blue in "
-        "all. Where the outline blurs, the data leave the body open; what was not sampled is the "
-        "same in all of them." + (f"{MADE_OF}: the red outline of that body." if synthetic else "")
+        f"{count} bodies drawn from the posterior, {where}: white pixels are covered by none, "
+        "full blue by all. Where the outline is blurred, the data leave the body open; what "
+        "was not sampled is the same in all of them."
+        + (f"{MADE_OF}: the red outline of that body." if synthetic else "")
     )

@@ -3,17 +3,15 @@
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import PercentFormatter
-from numpy.typing import NDArray
 
+from workbench.arrays import Array
 from workbench.comparison import Comparison
 from workbench.comparison.profiles import data_profile, performance_profile, ratios
 from workbench.comparison.targets import named
 from workbench.plots.decades import decades
-from workbench.plots.lettering import plain
-from workbench.plots.palette import FAINT
-from workbench.plots.solver_lines import line
+from workbench.plots.labels import plain
+from workbench.plots.palette import FAINT, solver_line
 
-Array = NDArray[np.float64]
 POINTS = 400
 
 
@@ -53,11 +51,11 @@ def _curves(
     count = len(comparison.solvers)
     for k, solver in enumerate(comparison.solvers):
         if solver not in names:
-            ax.plot([], [], linewidth=1.6, label=plain(f"{solver}: not counted"), **line(k))
+            ax.plot([], [], linewidth=1.6, label=plain(f"{solver}: not counted"), **solver_line(k))
             continue
         lift = 0.012 * (k / max(1, count - 1) - 0.5)  # so that equal curves do not hide each other
         y = shares[:, names.index(solver)] + lift
-        ax.step(x, y, where="post", linewidth=1.6, label=plain(solver), **line(k))
+        ax.step(x, y, where="post", linewidth=1.6, label=plain(solver), **solver_line(k))
     ax.set_xscale("log")
     ax.set_xlim(x[0], x[-1])
     decades(ax.xaxis, x[0], x[-1])
@@ -72,18 +70,18 @@ def caption_performance_profile(comparison: Comparison) -> str:
     """What `plot_performance_profile` shows."""
     warning = (
         " With more than two solvers this figure must not be read as a ranking: the ratio is taken "
-        "to the best of those present, and taking one solver out can turn the order of two others "
-        "round (Gould and Scott, ACM Trans. Math. Softw. 43, 2016). Who beats whom is in the table "
-        "of pairs."
+        "to the best of those present, and leaving one solver out can reverse the order of two "
+        "others (Gould and Scott, ACM Trans. Math. Softw. 43, 2016). The table of pairs compares "
+        "two solvers at a time."
         if len(comparison.solvers) > 2
         else ""
     )
     return (
         "Performance profiles (Dolan and Moré 2002). At the left edge: the share of the "
         f"{len(comparison.comparable)} starts on which a solver needed the least effort of all. At "
-        "the right edge: the share on which it met the target at all. Higher is better; a curve "
-        "that starts high is cheap, one that ends high is sure. Effort is counted in evaluations "
-        "of the residual, at fixed prices." + warning
+        "the right edge: the share on which it met the target at all. Higher is better: a curve "
+        "that starts high is of a cheap solver, one that ends high of a reliable one. Effort "
+        "is counted in evaluations of the residual, at fixed prices." + warning
     )
 
 
@@ -92,7 +90,7 @@ def caption_data_profile(comparison: Comparison) -> str:
     return (
         "Data profiles (Moré and Wild 2009): the share of the "
         f"{len(comparison.comparable)} starts that a solver has brought to the target once it has "
-        "spent a given effort, in simplex gradients: n + 1 residuals for n unknowns. To be read at "
-        "the effort that you can afford; it does not depend on who else takes part. A curve that "
-        "stops rising below 100 % says which share is never solved within the budget."
+        "spent a given effort, in simplex gradients: n + 1 residuals for n unknowns. Read it at "
+        "the effort that you can afford; no curve depends on the other solvers. Where a curve "
+        "stops rising below 100 %, the rest is never solved within the budget."
     )

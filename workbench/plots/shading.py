@@ -3,18 +3,18 @@
 import numpy as np
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from workbench.arrays import Array, Index
 from workbench.plots.palette import SKIN
 
-Array = NDArray[np.float64]
 LIGHT = np.array([-0.35, 0.55, 0.76])  # from the upper left, behind the viewer; right, up, towards
 
 
 def painted(
     flat: Array,
     solid: Array,
-    faces: NDArray[np.int64],
+    faces: Index,
     colours: ArrayLike | None = None,
     contrast: float = 0.5,
 ) -> PolyCollection:
@@ -39,7 +39,7 @@ def painted(
     )
 
 
-def lightness(solid: Array, faces: NDArray[np.int64]) -> Array:
+def lightness(solid: Array, faces: Index) -> Array:
     """How much each face is turned to the light, (F,) from 0 to 1, smoothed over its vertices."""
     a, b, c = (solid[faces[:, i]] for i in range(3))
     normals = np.cross(b - a, c - a)  # as long as the face is large

@@ -1,22 +1,21 @@
-"""Each plot on a sheet of its own, in the size and style in which reports show it."""
+"""Each plot as a figure of its own, in the size and style in which reports show it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from itertools import islice
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from workbench.arrays import Array, Index
 from workbench.diagnostics import Diagnosis
-from workbench.experiments.experiment import Outcome
+from workbench.experiments.running import Outcome
 from workbench.plots.body import plot_body, plot_shape_gallery
 from workbench.plots.convergence import ITERATIONS, SECONDS, plot_convergence
 from workbench.plots.direction import plot_direction
 from workbench.plots.distances import plot_distances
-from workbench.plots.figure import house_style, sheet
-from workbench.plots.knowledge import plot_data_share, plot_sigmas
-from workbench.plots.lettering import plain
+from workbench.plots.figure import drawn, house_style, sheet
+from workbench.plots.labels import plain
 from workbench.plots.overlay import plot_overlay
 from workbench.plots.posterior import (
     plot_beside_laplace,
@@ -28,22 +27,18 @@ from workbench.plots.posterior import (
 from workbench.plots.singular_values import plot_singular_values, unseen
 from workbench.plots.sparsity import plot_sparsity
 from workbench.plots.taylor import plot_taylor
+from workbench.plots.uncertainty import plot_data_share, plot_sigmas
 from workbench.sampling import Posterior
 from workbench.solvers import Solution
 
-Array = NDArray[np.float64]
-
 
 def overlay_sheet(outcome: Outcome, view: int) -> Figure:
-    """One camera's view."""
-    with house_style():
-        figure, (ax,) = sheet(4.8, 6.2)
-        plot_overlay(outcome, view, ax=ax)
-    return figure
+    """The fitted body in one camera's image."""
+    return drawn(partial(plot_overlay, outcome, view), 4.8, 6.2)
 
 
 def convergence_sheet(solutions: Mapping[str, Solution]) -> Figure:
-    """Against iterations and against time, with one legend."""
+    """Convergence against iterations and against time, with one legend."""
     with house_style():
         figure, axes = sheet(8.0, 3.7 + 0.2 * ((len(solutions) + 1) // 2), 2)
         for ax, against in zip(axes, (ITERATIONS, SECONDS), strict=True):
@@ -52,71 +47,51 @@ def convergence_sheet(solutions: Mapping[str, Solution]) -> Figure:
             if legend is not None:
                 legend.remove()
         axes[1].set_ylabel("")
-        handles, labels = axes[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=2)
+        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return figure
 
 
 def sparsity_sheet(diagnosis: Diagnosis) -> Figure:
-    """The Jacobian's pattern."""
-    with house_style():
-        figure, (ax,) = sheet(8.0, 5.4)
-        plot_sparsity(diagnosis, ax=ax)
-    return figure
+    """The sparsity pattern of the Jacobian."""
+    return drawn(partial(plot_sparsity, diagnosis), 8.0, 5.4)
 
 
 def singular_values_sheet(diagnosis: Diagnosis) -> Figure:
-    """The spectrum, as tall as the words beside it need."""
-    with house_style():
-        figure, (ax,) = sheet(8.0, max(4.2, 0.9 + 0.185 * len(unseen(diagnosis))))
-        plot_singular_values(diagnosis, ax=ax)
-    return figure
+    """The singular values, as tall as the text beside them needs."""
+    return drawn(
+        partial(plot_singular_values, diagnosis),
+        8.0,
+        max(4.2, 0.9 + 0.185 * len(unseen(diagnosis))),
+    )
 
 
 def sigmas_sheet(diagnosis: Diagnosis) -> Figure:
-    """How well each unknown is known."""
-    with house_style():
-        figure, (ax,) = sheet(8.0, 4.4)
-        plot_sigmas(diagnosis, ax=ax)
-    return figure
+    """The standard deviation of each unknown."""
+    return drawn(partial(plot_sigmas, diagnosis), 8.0, 4.4)
 
 
 def data_share_sheet(diagnosis: Diagnosis) -> Figure:
-    """Data against priors."""
-    with house_style():
-        figure, (ax,) = sheet(8.0, 3.4)
-        plot_data_share(diagnosis, ax=ax)
-    return figure
+    """How much of the information the data bring, and how much the priors."""
+    return drawn(partial(plot_data_share, diagnosis), 8.0, 3.4)
 
 
 def taylor_sheet(diagnosis: Diagnosis) -> Figure:
-    """The order of the linear model's error."""
-    with house_style():
-        figure, (ax,) = sheet(6.0, 3.8)
-        plot_taylor(diagnosis, ax=ax)
-    return figure
+    """The error of the linear model against the step."""
+    return drawn(partial(plot_taylor, diagnosis), 6.0, 3.8)
 
 
-def direction_sheet(moved: Mapping[str, Array], faces: NDArray[np.int64]) -> Figure:
-    """A body moved along a direction."""
-    with house_style():
-        figure, (ax,) = sheet(8.0, 4.0)
-        plot_direction(moved, faces, ax=ax)
-        figure.set_figheight(_height(ax, 7.2))
-    return figure
+def direction_sheet(moved: Mapping[str, Array], faces: Index) -> Figure:
+    """A body moved along a direction of the unknowns."""
+    return _to_scale(partial(plot_direction, moved, faces), 4.0)
 
 
-def body_sheet(vertices: Array, faces: NDArray[np.int64]) -> Figure:
-    """Front and side."""
-    with house_style():
-        figure, (ax,) = sheet(8.0, 5.6)
-        plot_body(vertices, faces, ax=ax)
-        figure.set_figheight(_height(ax, 7.2))
-    return figure
+def body_sheet(vertices: Array, faces: Index) -> Figure:
+    """A body from the front and from the side."""
+    return _to_scale(partial(plot_body, vertices, faces), 5.6)
 
 
-def shape_gallery_sheet(shapes: Mapping[str, Array], faces: NDArray[np.int64]) -> Figure:
-    """The shapes in two rows on one scale: the first half above the second."""
+def shape_gallery_sheet(shapes: Mapping[str, Array], faces: Index) -> Figure:
+    """Shapes in two rows on one scale."""
     half = (len(shapes) + 1) // 2
     rows = [dict(islice(shapes.items(), half)), dict(islice(shapes.items(), half, None))]
     rows = [row for row in rows if row]
@@ -137,20 +112,17 @@ def shape_gallery_sheet(shapes: Mapping[str, Array], faces: NDArray[np.int64]) -
 
 
 def distances_sheet(
-    vertices: Array, distances: Array, faces: NDArray[np.int64], truth: str = "truth"
+    vertices: Array, distances: Array, faces: Index, truth: str = "truth"
 ) -> Figure:
-    """Front and back, with the scale in mm."""
-    with house_style():
-        figure, (ax,) = sheet(8.0, 4.8)
-        plot_distances(vertices, distances, faces, ax=ax, truth=truth)
-        figure.set_figheight(_height(ax, 6.2))
-    return figure
+    """A body from the front and the back, coloured by distances in mm."""
+    plot = partial(plot_distances, vertices, distances, faces, truth=truth)
+    return _to_scale(plot, 4.8, 6.2)
 
 
 def corner_sheet(
     posterior: Posterior, entries: Sequence[int], truth: Array | None = None
 ) -> Figure:
-    """Entries in pairs, and the truth (k,) of synthetic data."""
+    """Draws of pairs of entries; `truth` (k,) is marked if it is known."""
     with house_style():
         size = max(3.6, 1.25 * len(entries) + 0.6)
         figure = Figure(figsize=(size, size))
@@ -161,7 +133,7 @@ def corner_sheet(
 def traces_sheet(
     posterior: Posterior, entries: Sequence[int], truth: Array | None = None
 ) -> Figure:
-    """Entries along the chain, one above the other, and the truth (k,) of synthetic data."""
+    """Entries along the chain, one above the other; `truth` (k,) is marked if it is known."""
     with house_style():
         figure = Figure(figsize=(8.0, 0.5 + 1.1 * len(entries)), layout="constrained")
         axes = list(figure.subplots(len(entries), 1, squeeze=False, sharex=True)[:, 0])
@@ -172,40 +144,45 @@ def traces_sheet(
 def beside_laplace_sheet(
     posterior: Posterior, approximation: Posterior, truth: Array | None = None
 ) -> Figure:
-    """Every entry against Laplace's approximation, and the truth (k,) of synthetic data."""
-    with house_style():
-        figure, (ax,) = sheet(8.0, 1.3 + 0.2 * posterior.size)
-        plot_beside_laplace(posterior, approximation, truth, ax=ax)
-    return figure
+    """Every entry beside Laplace's approximation; `truth` (k,) is marked if it is known."""
+    return drawn(
+        partial(plot_beside_laplace, posterior, approximation, truth),
+        8.0,
+        1.3 + 0.2 * posterior.size,
+    )
 
 
-def spray_sheet(bodies: Array, faces: NDArray[np.int64], truth: Array | None = None) -> Figure:
-    """Bodies over each other from the front and from the side, and a true one (N, 3) m."""
-    with house_style():
-        figure, (ax,) = sheet(8.0, 5.6)
-        plot_spray(bodies, faces, truth, ax=ax)
-        figure.set_figheight(_height(ax, 7.2))
-    return figure
+def spray_sheet(bodies: Array, faces: Index, truth: Array | None = None) -> Figure:
+    """Drawn bodies over each other from the front and the side, and the true one (N, 3) m."""
+    return _to_scale(partial(plot_spray, bodies, faces, truth), 5.6)
 
 
 def spray_in_view_sheet(
     pixels: Array,
-    faces: NDArray[np.int64],
+    faces: Index,
     observed: Array,
     confidence: Array,
     title: str,
     truth: Array | None = None,
 ) -> Figure:
-    """The same as a camera sees them; the true body's pixels are (N, 2)."""
+    """Drawn bodies over each other as a camera sees them, and the true one (N, 2) px."""
+    plot = partial(plot_spray_in_view, pixels, faces, observed, confidence, truth)
+    figure = drawn(plot, 4.8, 6.2)
     with house_style():
-        figure, (ax,) = sheet(4.8, 6.2)
-        plot_spray_in_view(pixels, faces, observed, confidence, truth, ax=ax)
-        ax.set_title(plain(title), loc="left")
+        figure.axes[0].set_title(plain(title), loc="left")
+    return figure
+
+
+def _to_scale(plot: Callable[..., object], height: float, width: float = 7.2) -> Figure:
+    """A figure as high as axes of equal aspect need that have `width` inches across."""
+    figure = drawn(plot, 8.0, height)
+    with house_style():
+        figure.set_figheight(_height(figure.axes[0], width))
     return figure
 
 
 def _height(ax: Axes, width: float) -> float:
-    """Inches that axes of equal aspect need, `width` inches being free across, labels included."""
+    """The height in inches of axes of equal aspect, labels included, `width` inches across."""
     (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
     lines = max((label.get_text().count("\n") for label in ax.get_xticklabels()), default=0)
     return min(7.0, width * (top - bottom) / (right - left) + 0.7 + 0.15 * lines)

@@ -1,4 +1,4 @@
-"""The spectrum of a Jacobian: what the residuals see well, badly, and not at all."""
+"""The singular values of a Jacobian: which directions the residuals notice, and how well."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -6,7 +6,7 @@ from matplotlib.ticker import MaxNLocator
 
 from workbench.diagnostics import Diagnosis, Direction
 from workbench.diagnostics.structure import counted
-from workbench.plots.lettering import plain, shortened
+from workbench.plots.labels import plain, shortened
 from workbench.plots.palette import BLUE, FAINT, VERMILLION
 
 MOST = 26  # lines of text beside the spectrum
@@ -21,21 +21,32 @@ def plot_singular_values(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
     """
     s, n, rank = diagnosis.singular_values, diagnosis.shape[1], diagnosis.rank
     floor = _floor(diagnosis)
-    index = np.arange(1, s.size + 1) + rank - diagnosis.noticed  # after what constraints forbid
+    index = (
+        np.arange(1, s.size + 1) + rank - diagnosis.reduced_rank
+    )  # after what constraints forbid
     seen = index <= rank
     drawn = np.maximum(s, floor)
     ax.plot(index[seen], drawn[seen], "o", color=BLUE, markersize=4, label="seen")
     ax.plot(
-        index[~seen], drawn[~seen], "o", color=VERMILLION, markersize=5, markerfacecolor="none",
+        index[~seen],
+        drawn[~seen],
+        "o",
+        color=VERMILLION,
+        markersize=5,
+        markerfacecolor="none",
         label="below the tolerance",
-    )  # fmt: skip
+    )
     if diagnosis.tolerance > floor:
         ax.axhline(diagnosis.tolerance, color=VERMILLION, linewidth=1.0, linestyle="--")
         ax.annotate(
-            f"tolerance {diagnosis.tolerance:.1e}", (0.02, diagnosis.tolerance),
-            xycoords=("axes fraction", "data"), xytext=(0, 4), textcoords="offset points",
-            color=VERMILLION, fontsize=9,
-        )  # fmt: skip
+            f"tolerance {diagnosis.tolerance:.1e}",
+            (0.02, diagnosis.tolerance),
+            xycoords=("axes fraction", "data"),
+            xytext=(0, 4),
+            textcoords="offset points",
+            color=VERMILLION,
+            fontsize=9,
+        )
     ax.set_yscale("log")
     ax.set_ylim(floor / 3, 10 * max(float(s.max(initial=0.0)), 10 * floor))
     ax.set_xlim(0.0, n + 1.0)
@@ -51,16 +62,21 @@ def plot_singular_values(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
         return ax
     ax.set_title(f"rank {rank} of {n}", loc="left")
     ax.text(
-        1.03, 1.0, "\n".join(plain(line) for line in unseen(diagnosis)),
-        transform=ax.transAxes, va="top", fontsize=9, linespacing=1.35,
-    )  # fmt: skip
+        1.03,
+        1.0,
+        "\n".join(plain(line) for line in unseen(diagnosis)),
+        transform=ax.transAxes,
+        va="top",
+        fontsize=9,
+        linespacing=1.35,
+    )
     return ax
 
 
 def caption_singular_values(diagnosis: Diagnosis) -> str:
     """What `plot_singular_values` shows."""
     s, n, rank = diagnosis.singular_values, diagnosis.shape[1], diagnosis.rank
-    k = diagnosis.noticed
+    k = diagnosis.reduced_rank
     first = f"Constraints forbid {rank - k} of {n} directions. " if rank > k else ""
     if rank == n and s.size:
         return (
@@ -72,7 +88,7 @@ def caption_singular_values(diagnosis: Diagnosis) -> str:
     where = f"{gap} at the rank." if gap else ""
     return (
         f"{first}The residuals notice {k} of {n} directions; along the other {n - rank} the free "
-        f"numbers can change and no residual does.{where} The table below names them all."
+        f"numbers can change without changing any residual.{where} The table below names them all."
     )
 
 

@@ -1,4 +1,4 @@
-"""Where a Jacobian is not zero: which residuals see which numbers."""
+"""Where a Jacobian is not zero: which residuals depend on which unknowns."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -6,10 +6,10 @@ from itertools import pairwise
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
-from numpy.typing import NDArray
 
+from workbench.arrays import Index, Mask
 from workbench.diagnostics import Diagnosis
-from workbench.plots.lettering import apart, plain, shortened
+from workbench.plots.labels import apart, plain, shortened
 from workbench.plots.palette import BLUE, FAINT
 
 LINES = 720  # that the drawing has, top to bottom
@@ -31,9 +31,14 @@ def plot_sparsity(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
     ]
     image = np.vstack(drawn) if drawn else np.zeros((1, max(n, 1)), dtype=bool)
     ax.imshow(
-        image, extent=(0, max(n, 1), len(image), 0), aspect="auto", interpolation="nearest",
-        cmap=ListedColormap(["white", BLUE]), vmin=0, vmax=1,
-    )  # fmt: skip
+        image,
+        extent=(0, max(n, 1), len(image), 0),
+        aspect="auto",
+        interpolation="nearest",
+        cmap=ListedColormap(["white", BLUE]),
+        vmin=0,
+        vmax=1,
+    )
     rows = np.cumsum([0, *heights])
     columns = [0, *(part.stop for part in diagnosis.free.slices.values())]
     for edge in rows[1:-1]:
@@ -57,11 +62,11 @@ def caption_sparsity(diagnosis: Diagnosis) -> str:
     m, n = diagnosis.shape
     sizes = np.diff(diagnosis.row_edges)
     text = (
-        f"Blue where one of the {m:,} residuals depends on one of the {n:,} free numbers, by "
-        f"structure: {diagnosis.density:.1%} of the entries."
+        f"An entry is blue where one of the {m:,} residuals depends on one of the {n:,} free "
+        f"numbers by structure: {diagnosis.density:.1%} of the entries."
     )
     if (sizes > np.array(lines(sizes))).any():
-        text += " Several rows share a line; it is blue where any of them is."
+        text += " Several rows share a line, which is blue where any of them is."
     if (sizes < THINNEST * m).any():
         text += " Small terms are drawn taller than to scale."
     return text
@@ -69,10 +74,10 @@ def caption_sparsity(diagnosis: Diagnosis) -> str:
 
 def term_names(diagnosis: Diagnosis) -> list[str]:
     """The residuals, from the top down."""
-    return list(dict.fromkeys(term.term for term in diagnosis.terms))
+    return list(dict.fromkeys(term.residual for term in diagnosis.terms))
 
 
-def lines(sizes: Sequence[int] | NDArray[np.int64]) -> list[int]:
+def lines(sizes: Sequence[int] | Index) -> list[int]:
     """How many lines of the drawing each term gets: to scale, but never too thin to see."""
     share = np.maximum(
         np.asarray(sizes, dtype=float), min(THINNEST, 0.5 / max(len(sizes), 1)) * np.sum(sizes)
@@ -81,7 +86,7 @@ def lines(sizes: Sequence[int] | NDArray[np.int64]) -> list[int]:
     return [max(1, round(LINES * float(s))) for s in share]
 
 
-def squeezed(pattern: NDArray[np.bool_], height: int) -> NDArray[np.bool_]:
+def squeezed(pattern: Mask, height: int) -> Mask:
     """Rows (m, n) on `height` lines: any nonzero where rows share a line, else repeated."""
     m = len(pattern)
     if m == 0:
@@ -92,9 +97,7 @@ def squeezed(pattern: NDArray[np.bool_], height: int) -> NDArray[np.bool_]:
     return np.logical_or.reduceat(pattern, starts, axis=0)
 
 
-def _label_rows(
-    ax: Axes, names: Sequence[str], edges: NDArray[np.int64], sizes: NDArray[np.int64]
-) -> None:
+def _label_rows(ax: Axes, names: Sequence[str], edges: Index, sizes: Index) -> None:
     middles = [(a + b) / 2 for a, b in pairwise(edges.tolist())]
     kept = apart(middles, np.diff(edges).tolist(), 0.035 * float(edges[-1]))
     labels = [plain(f"{shortened(names[i], 24)}: {sizes[i]:,}") for i in kept]
@@ -122,7 +125,7 @@ def _label_joints(ax: Axes, diagnosis: Diagnosis) -> None:
         above.spines[:].set_visible(False)
 
 
-def _label_columns(ax: Axes, names: Sequence[str], edges: NDArray[np.int64]) -> None:
+def _label_columns(ax: Axes, names: Sequence[str], edges: Index) -> None:
     middles = [(a + b) / 2 for a, b in pairwise(edges.tolist())]
     sizes = np.diff(edges)
     kept = apart(middles, sizes.tolist(), 0.03 * float(edges[-1]))

@@ -4,11 +4,9 @@ from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
+from workbench.arrays import Array
 from workbench.plots.body import Figurine, line_up
-
-Array = NDArray[np.float64]
 
 
 def plot_stitching(stages: Mapping[str, Array], *, ax: Axes) -> Axes:

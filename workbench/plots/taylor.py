@@ -1,4 +1,4 @@
-"""Whether a derivative is right: what the linear model misses has to shrink like the square."""
+"""Whether a derivative is right: the linear model's error must shrink like the step squared."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,10 +16,15 @@ def plot_taylor(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
     if drawn.any():
         top = error[drawn][0] * (h / h[drawn][0]) ** 2
         ax.loglog(h, top, color=FAINT, linestyle="--", label="slope 2: right")
-        ax.loglog(h, error[drawn][0] * (h / h[drawn][0]), color=FAINT, linestyle=":",
-                  label="slope 1: wrong")  # fmt: skip
+        ax.loglog(
+            h,
+            error[drawn][0] * (h / h[drawn][0]),
+            color=FAINT,
+            linestyle=":",
+            label="slope 1: wrong",
+        )
     ax.set_xlabel("step h (units of the unknowns)")
-    ax.set_ylabel("what the linear model misses (sigmas)")
+    ax.set_ylabel("error of the linear model (sigmas)")
     ax.grid(color=FAINT, alpha=0.25, linewidth=0.6)
     ax.legend(loc="upper left")
     return ax
@@ -30,8 +35,8 @@ def caption_taylor(diagnosis: Diagnosis) -> str:
     slope = diagnosis.derivatives.slope
     if slope is None:
         return "The residual is linear, or too nearly so for its second order to be seen."
-    verdict = "as it must" if slope > 1.5 else "but should like h^2: a derivative is wrong"
+    verdict = "as it must" if slope > 1.5 else "but should shrink like h^2: a derivative is wrong"
     return (
-        f"A step of length h in a random direction: what is left after the linear model shrinks "
-        f"like h^{slope:.2f}, {verdict}. At the smallest steps rounding takes over."
+        f"The error of the linear model for a step of length h in a random direction shrinks like "
+        f"h^{slope:.2f}, {verdict}. At the smallest steps rounding dominates."
     )

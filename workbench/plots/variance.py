@@ -1,12 +1,10 @@
-"""How much of shape the first directions hold."""
+"""How much of people's shape the first directions explain."""
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
+from workbench.arrays import Array
 from workbench.plots.palette import BLUE, FAINT, VERMILLION
-
-Array = NDArray[np.float64]
 
 
 def plot_left_over(left: Array, *, ax: Axes) -> Axes:
@@ -26,9 +24,9 @@ def caption_left_over(left: Array) -> str:
     """What `plot_left_over` shows."""
     mean = 1e3 * left.mean(axis=1)
     return (
-        f"{left.shape[1]} people whom the shape space was not learned from, at rest: the mean "
-        f"person is {mean[0]:.1f} mm off, one direction leaves {mean[1]:.1f} mm, "
-        f"{len(mean) - 1} leave {mean[-1]:.1f} mm. Thin lines are single people."
+        f"{left.shape[1]} held-out people at rest: the mean person is {mean[0]:.1f} mm off, one "
+        f"direction leaves {mean[1]:.1f} mm, and {len(mean) - 1} leave {mean[-1]:.1f} mm. Thin "
+        "lines are single people."
     )
 
 

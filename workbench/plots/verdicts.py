@@ -6,17 +6,17 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from workbench.comparison import Comparison, Verdict
-from workbench.plots.lettering import plain
+from workbench.comparison import Comparison, TargetOutcome
+from workbench.plots.labels import plain
 from workbench.plots.palette import BLUE, FAINT, GREEN, INK, ORANGE, PURPLE, SKY, VERMILLION
 
 COLOURS = {
-    Verdict.REACHED: GREEN,
-    Verdict.ALONE: BLUE,
-    Verdict.OTHER_BASIN: SKY,
-    Verdict.STALLED: ORANGE,
-    Verdict.OUT_OF_BUDGET: PURPLE,
-    Verdict.FALSE_CLAIM: VERMILLION,
+    TargetOutcome.REACHED: GREEN,
+    TargetOutcome.ALONE: BLUE,
+    TargetOutcome.OTHER_BASIN: SKY,
+    TargetOutcome.STALLED: ORANGE,
+    TargetOutcome.OUT_OF_BUDGET: PURPLE,
+    TargetOutcome.FALSE_CLAIM: VERMILLION,
 }
 NO_ANSWER = "#c9cdd3"
 SHOWN_BASINS = 5
@@ -39,30 +39,25 @@ def plot_verdicts(comparison: Comparison, *, ax: Axes) -> Axes:
 
 def caption_verdicts(comparison: Comparison) -> str:
     """What `plot_verdicts` shows; a colour is explained where it is there."""
-    came = Counter[Verdict]()
+    came = Counter[TargetOutcome]()
     for solver in comparison.solvers:
         came.update(comparison.counted(solver))
     text = (
-        f"What became of the {len(comparison.instances)} runs of each solver, judged by the "
-        "problem's own cost and slope at the point that was returned, never by what the solver "
-        "says."
+        f"How the {len(comparison.instances)} runs of each solver ended, judged by the problem's "
+        "own cost and gradient at the returned point, never by what the solver reports."
     )
-    if came[Verdict.REACHED]:
+    if came[TargetOutcome.REACHED]:
         text += " The longer the green bar, the better."
-    if came[Verdict.OTHER_BASIN]:
-        text += " Light blue is honest work in the wrong place (another basin)."
-    if came[Verdict.FALSE_CLAIM]:
-        text += " Vermillion claims convergence where the cost still slopes."
+    if came[TargetOutcome.OTHER_BASIN]:
+        text += " Light blue runs converged in another basin."
+    if came[TargetOutcome.FALSE_CLAIM]:
+        text += " Vermillion runs claim convergence where the cost still slopes."
     else:
-        text += " Nobody claims convergence where the cost still slopes."
-    if came[Verdict.ALONE]:
-        text += (
-            " Blue is the only end of a problem of which no cost is known: it may be low or high."
-        )
+        text += " No run claims convergence where the cost still slopes."
+    if came[TargetOutcome.ALONE]:
+        text += " Blue is the only end on a problem whose lowest cost is unknown: low or high."
     if any(n for verdict, n in came.items() if verdict not in COLOURS):
-        text += (
-            " Grey is whoever gave no answer, or refused because the problem is not made for it."
-        )
+        text += " Grey runs gave no answer, or refused a problem that the solver is not made for."
     return text
 
 
@@ -90,8 +85,8 @@ def plot_basins(comparison: Comparison, problem: str, *, ax: Axes) -> Axes:
 
 def caption_basins(comparison: Comparison, problem: str) -> str:
     """What `plot_basins` shows."""
-    own = len({id(comparison.judgement(i.name)) for i in comparison.of(problem)})
-    each = " Every number has data, and so basins, of its own." if own > 1 else ""
+    own = len({id(comparison.end_analysis(i.name)) for i in comparison.of(problem)})
+    each = " Every start has data, and therefore basins, of its own." if own > 1 else ""
     return (
         f"{problem}: the basin that each end leads to, by Levenberg-Marquardt from there, the "
         "lowest first. Two ends are in one basin if the residuals cannot tell them apart, whatever "

@@ -4,24 +4,29 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
+from workbench.arrays import Array, Index
 
 
 @dataclass(frozen=True, eq=False)
 class BandOrder:
-    """Which unknowns make the band, in this order, and which the border."""
+    """Which unknowns make the band, in this order, and which the border.
 
-    inner: Index  # (N,) places among all unknowns, frame after frame
-    border: Index  # (b,) places of shared unknowns
-    reach: int  # how far from the diagonal entries may stand
-    edges: Index  # (T + 1,) where the unknowns of each frame begin among the inner ones
+    Attributes:
+        inner: (N,) the places of the unknowns in the band among all unknowns, frame after frame.
+        border: (b,) the places of the shared unknowns among all unknowns.
+        reach: the half-width of the band, how far from the diagonal its entries may stand.
+        edges: (T + 1,) where the unknowns of each frame begin among those of the band.
+    """
+
+    inner: Index
+    border: Index
+    reach: int
+    edges: Index
 
     @property
     def size(self) -> int:
-        """n = N + b."""
+        """n = N + b, the number of unknowns."""
         return len(self.inner) + len(self.border)
 
     @cached_property
@@ -38,31 +43,40 @@ class BandOrder:
         found[self.border] = np.arange(len(self.border))
         return found
 
-    def of_frames(self, columns: Index) -> "FramePlaces":
-        """Where matrices of the unknowns `columns` (T, n) of frames are added."""
+    def of_frames(self, columns: Index) -> "BandPlaces":
+        """Where matrices of the unknowns `columns` (T, n) of frames stand."""
         key = id(columns)
         if key not in self._known:
-            self._known[key] = FramePlaces.of(self, columns)
+            self._known[key] = BandPlaces.of(self, columns)
         return self._known[key]
 
     @cached_property
-    def _known(self) -> dict[int, "FramePlaces"]:
+    def _known(self) -> dict[int, "BandPlaces"]:
         return {}
 
 
 @dataclass(frozen=True, eq=False)
-class FramePlaces:
-    """Where the entries of matrices (n, n) of frames that are alike go."""
+class BandPlaces:
+    """Where the entries of matrices (n, n) of similar frames stand in a banded matrix.
 
-    columns: Index  # kept, so that its identity is not given to another
-    inner: Index | slice  # which of the n are inner unknowns, in the order of the band
-    border: Index  # which are in the border
-    positions: Index  # (T, k) of the inner ones, among all inner unknowns
-    below: tuple[Index | slice, ...]  # how far below each of the k the others stand
-    shared: Index  # of those in the border, in the border
+    Attributes:
+        columns: (T, n) the unknowns of each frame; kept so that its identity is not reused.
+        inner: which of the n unknowns of a frame are in the band, in the order of the band.
+        border: which of the n unknowns of a frame are in the border.
+        positions: (T, k) where the k unknowns in the band stand in it.
+        below: for each of the k unknowns, how far below its diagonal entry the others stand.
+        shared: where the unknowns in the border stand in it.
+    """
+
+    columns: Index
+    inner: Index | slice
+    border: Index
+    positions: Index
+    below: tuple[Index | slice, ...]
+    shared: Index
 
     @staticmethod
-    def of(order: BandOrder, columns: Index) -> "FramePlaces":
+    def of(order: BandOrder, columns: Index) -> "BandPlaces":
         """For the unknowns `columns` (T, n) of each frame."""
         at = order.position[columns]
         inner, border = np.flatnonzero(at[0] >= 0), np.flatnonzero(at[0] < 0)
@@ -71,7 +85,7 @@ class FramePlaces:
         apart = (positions[:, j:] - positions[:, [j]] for j in range(len(inner)))
         below = tuple(run_of(d[0]) if (d == d[0]).all() else d for d in apart)
         shared = order.in_border[columns[0, border]]
-        return FramePlaces(columns, run_of(inner), border, positions, below, shared)
+        return BandPlaces(columns, run_of(inner), border, positions, below, shared)
 
     def put(self, band: Array, between: Array, corner: Array, some: slice, products: Array) -> None:
         """Put the symmetric matrices (T, n, n) of some of the frames into their places.

@@ -11,28 +11,35 @@ from functools import cached_property
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 from scipy.linalg import blas, lapack
 from scipy.sparse import csc_array, csr_array
 
-from workbench.problem.band_order import BandOrder, FramePlaces
+from workbench.arrays import Array
+from workbench.problem.band_order import BandOrder, BandPlaces
+from workbench.problem.nonzeros import columns_of_nonzeros
 
-Array = NDArray[np.float64]
 SMALLEST = 1e-8  # of a pivot's square, beside the diagonal: below, half of the digits are lost
 
 
 @dataclass(frozen=True, eq=False)
 class BandedMatrix:
-    """A symmetric matrix (n, n): a band, a border, and the corner where the border meets itself."""
+    """A symmetric matrix (n, n): a band, a border, and the corner where the border meets itself.
+
+    Attributes:
+        order: which unknowns make the band and which the border.
+        band: (reach + 1, N) with band[i - j, j] = D[i, j] for i >= j, stored column by column.
+        between: B (N, b), the band's rows in the border's columns.
+        corner: C (b, b), the border's rows and columns.
+    """
 
     order: BandOrder
-    band: Array  # (reach + 1, N), band[i - j, j] = D[i, j] for i >= j, stored column by column
-    between: Array  # (N, b)
-    corner: Array  # (b, b)
+    band: Array
+    between: Array
+    corner: Array
 
     @staticmethod
     def zeros(order: BandOrder) -> "BandedMatrix":
-        """Nothing yet."""
+        """A matrix of zeros."""
         N, b = len(order.inner), len(order.border)
         band = np.zeros((order.reach + 1, N), order="F")
         return BandedMatrix(order, band, np.zeros((N, b), order="F"), np.zeros((b, b)))
@@ -42,14 +49,13 @@ class BandedMatrix:
         """(n, n)."""
         return self.order.size, self.order.size
 
-    def put(self, at: FramePlaces, some: slice, products: Array) -> None:
+    def put(self, at: BandPlaces, some: slice, products: Array) -> None:
         """Put in symmetric matrices (T, n, n) of some frames, each of which is put in once."""
         at.put(self.band, self.between, self.corner, some, products)
 
     def add_sparse(self, matrix: csc_array) -> None:
         """Add a symmetric matrix (n, n), each of whose entries is in the band or in the border."""
-        rows, columns = matrix.indices, np.repeat(np.arange(len(matrix.indptr) - 1),
-                                                  np.diff(matrix.indptr))  # fmt: skip
+        rows, columns = matrix.indices, columns_of_nonzeros(matrix)
         i, j = self.order.position[rows], self.order.position[columns]
         lower = (j >= 0) & (i >= j)
         memory = self.band.reshape(-1, order="F")
@@ -63,14 +69,14 @@ class BandedMatrix:
             self.corner[s[rows[corner]], s[columns[corner]]] += matrix.data[corner]
 
     def diagonal(self) -> Array:
-        """(n,)."""
+        """The diagonal, (n,)."""
         found = np.empty(self.order.size)
         found[self.order.inner] = self.band[0]
         found[self.order.border] = np.diag(self.corner)
         return found
 
     def __matmul__(self, x: Array) -> Array:
-        """Times a vector (n,)."""
+        """The product with a vector (n,)."""
         order, found = self.order, np.empty(self.order.size)
         inside, last = x[order.inner], x[order.border]
         product = np.zeros(0)
@@ -88,7 +94,7 @@ class BandedMatrix:
 
     @cached_property
     def sparse(self) -> csc_array:
-        """By its nonzeros."""
+        """The matrix by its nonzeros."""
         order, (N, reach) = self.order, (len(self.order.inner), self.order.reach)
         below = np.minimum(np.arange(reach + 1)[:, None] + np.arange(N), N)
         k, j = np.nonzero((self.band != 0) & (below < N))
@@ -99,8 +105,10 @@ class BandedMatrix:
         rows = [order.inner[i], order.inner[j[off]], order.inner[bi], order.border[bj]]
         columns = [order.inner[j], order.inner[i[off]], order.border[bj], order.inner[bi]]
         numbers = [data, data[off], self.between[bi, bj], self.between[bi, bj]]
-        at = (np.concatenate([*rows, order.border[ci]]),
-              np.concatenate([*columns, order.border[cj]]))  # fmt: skip
+        at = (
+            np.concatenate([*rows, order.border[ci]]),
+            np.concatenate([*columns, order.border[cj]]),
+        )
         found = csr_array((np.concatenate([*numbers, self.corner[ci, cj]]), at), shape=self.shape)
         return csc_array(found)
 
@@ -127,12 +135,19 @@ class BandedMatrix:
 
 @dataclass(frozen=True, eq=False)
 class BandedFactor:
-    """D = L L', Y = L^-1 B, and Cholesky's factor of the Schur complement C - Y'Y."""
+    """D = L L', Y = L^-1 B, and Cholesky's factor of the Schur complement C - Y'Y.
+
+    Attributes:
+        order: which unknowns make the band and which the border.
+        L: Cholesky's factor of the band, stored as the band is.
+        answer: Y (N, b).
+        corner: Cholesky's factor of the Schur complement, lower, (b, b).
+    """
 
     order: BandOrder
-    L: Array  # stored as the band is
-    answer: Array  # Y (N, b)
-    corner: Array  # lower, (b, b)
+    L: Array
+    answer: Array
+    corner: Array
 
     def solve(self, right: Array) -> Array:
         """The answer (n,) or (n, k) of the linear system."""
@@ -142,6 +157,16 @@ class BandedFactor:
         last = scipy.linalg.cho_solve((self.corner, True), rest) if len(rest) else rest
         found[order.border] = last
         found[order.inner] = _backward(self.L, first - self.answer @ last)
+        return found
+
+    def half_answer(self, right: Array) -> Array:
+        """M^-1 times a vector (n,), where M M' is the matrix."""
+        order, found = self.order, np.empty_like(right, dtype=float)
+        first = _forward(self.L, right[order.inner])
+        last = right[order.border] - self.answer.T @ first
+        if len(last):
+            last = scipy.linalg.solve_triangular(self.corner, last, lower=True)
+        found[order.inner], found[order.border] = first, last
         return found
 
     def half_times(self, w: Array) -> Array:

@@ -12,20 +12,20 @@ from typing import Any
 
 import casadi as cs
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array, Index
 from workbench.blocks import Layout, NumericPoints
+from workbench.blocks.batched import LONGEST, Batched, Mapped, OneByOne, scalar
 from workbench.blocks.buffered import Buffered
-from workbench.blocks.lanes import lanes
-from workbench.blocks.many import LONGEST, Many, Mapped, OneByOne, scalar
-from workbench.blocks.spread import Spread
+from workbench.blocks.simd import simd_function
+from workbench.blocks.threaded import Threaded
 from workbench.compiling import NoLibrary
 from workbench.errors import NotSupported
 from workbench.problem.graph import Graph
 
-Array = NDArray[np.float64]
-Places = NDArray[np.int64]
+Places = Index
 Costs = Callable[[Array], Array]  # z (M, k) -> (M,)
+Slope = Callable[[Array], tuple[float, Array]]  # x (n,) -> cost, (n,)
 Slopes = Callable[[Array], tuple[Array, Array]]  # z (M, k) -> (M,), (M, k)
 EXPANDED_UP_TO = 100_000  # instructions
 COMPILED_UP_TO = 60_000  # of those that vary: half a minute of the compiler's
@@ -38,84 +38,90 @@ class Batch:
 
     There is no `whole` one where only arithmetic has the points of a source. `made` keeps what was
     derived or compiled, by the places that vary.
+
+    Attributes:
+        whole: the residual as one graph; None where only arithmetic has the points of a source.
+        split: the residual as a graph of points that come from arithmetic.
+        sources: the arithmetic for the points of the split graph.
+        free: the layout of the free numbers.
+        fixed: the layout of the fixed numbers.
+        made: what was derived or compiled already, by the places that vary.
     """
 
     whole: Graph | None
     split: Graph
-    sources: Sequence[NumericPoints]  # of the split graph's points
+    sources: Sequence[NumericPoints]
     free: Layout
     fixed: Layout
     made: dict[tuple[str, bytes], Any] = field(default_factory=dict, repr=False)
 
 
-Way = Callable[[Batch, Array, Array, Places], Costs]
+Evaluation = Callable[[Batch, Array, Array, Places], Costs]
 
 
 def interpreted(batch: Batch, x: Array, fixed: Array, places: Places) -> Costs:
-    """Without a compiler."""
+    """A function of z to costs that CasADi or NumPy evaluates, without a compiler."""
     graph = _varying(batch, places)
     long = graph is None or (batch.sources and graph[0].n_instructions() > INTERPRETED_UP_TO)
     if graph is None or long:
         return _arithmetic(batch, x, fixed, places)
     shared = False, True
-    return _called(Spread(lambda: Mapped(graph[0], shared), shared), graph[1], x, fixed)
+    return _called(Threaded(lambda: Mapped(graph[0], shared), shared), graph[1], x, fixed)
 
 
 def compiled(batch: Batch, x: Array, fixed: Array, places: Places) -> Costs:
-    """With one, where there is one and the graph is short enough; else without."""
+    """A function of z to costs that is compiled, where that is possible and worth it."""
     graph = _varying(batch, places)
     if graph is None or graph[0].n_instructions() > COMPILED_UP_TO:
         return interpreted(batch, x, fixed, places)
     key = "compiled", places.tobytes()
     if key not in batch.made:
         try:
-            batch.made[key] = lanes(graph[0], (False, True))
+            batch.made[key] = simd_function(graph[0], (False, True))
         except (NoLibrary, NotSupported):
             return interpreted(batch, x, fixed, places)
     return _called(batch.made[key], graph[1], x, fixed)
 
 
-def slopes(batch: Batch, x: Array, fixed: Array, places: Places) -> Slopes | None:
-    """Costs and their gradients by z, compiled where that works; None where the graph is long."""
+def slopes(batch: Batch, x: Array, fixed: Array, places: Places, one_by_one: Slope) -> Slopes:
+    """Costs and their gradients by z, compiled where that works.
+
+    Where the graph is too long, `one_by_one` is asked for the cost and its gradient (n,) at each x.
+    """
     graph = _varying(batch, places)
     if graph is None or graph[0].n_instructions() > COMPILED_UP_TO:
-        return None
+
+        def each(z: Array) -> tuple[Array, Array]:
+            X = np.repeat(x[None], len(z), axis=0)
+            X[:, places] = z
+            told = [one_by_one(row) for row in X]
+            return np.array([cost for cost, _ in told]), np.array([g[places] for _, g in told])
+
+        return each
     key = "slopes", places.tobytes()
     if key not in batch.made:
         batch.made[key] = _derived(graph[0])
-    run: Many = batch.made[key]
+    run: Batched = batch.made[key]
     numbers = _numbers(graph[1], x, fixed)
 
-    def found(z: Array) -> tuple[Array, Array]:
+    def together(z: Array) -> tuple[Array, Array]:
         cost, gradient = run(z, numbers)
         return cost[:, 0], gradient
 
-    return found
+    return together
 
 
-def one_by_one(slope: Callable[[Array], tuple[float, Array]], x: Array, places: Places) -> Slopes:
-    """The same for points that are x but for z in these places, a call for each."""
-
-    def found(z: Array) -> tuple[Array, Array]:
-        X = np.repeat(x[None], len(z), axis=0)
-        X[:, places] = z
-        each = [slope(one) for one in X]
-        return np.array([cost for cost, _ in each]), np.array([g[places] for _, g in each])
-
-    return found
-
-
-def _derived(cost: cs.Function) -> Many:
+def _derived(cost: cs.Function) -> Batched:
     z, still = (cs.SX.sym(name, cost.nnz_in(i)) for i, name in enumerate(("z", "still")))
     c = cost(z, still)
     both = cs.Function("slope", [z, still], [c, cs.densify(cs.gradient(c, z))])
     try:
-        return lanes(both, (False, True))
+        return simd_function(both, (False, True))
     except (NoLibrary, NotSupported):
         return Mapped(both, (False, True))
 
 
-def _called(run: Many, still: cs.Function, x: Array, fixed: Array) -> Costs:
+def _called(run: Batched, still: cs.Function, x: Array, fixed: Array) -> Costs:
     numbers = _numbers(still, x, fixed)
     return lambda z: run(z, numbers)[0][:, 0]
 
@@ -164,10 +170,10 @@ def _arithmetic(batch: Batch, x: Array, fixed: Array, places: Places) -> Costs:
     shared = (False, True, *(False for _ in graph.points))
     scalars = scalar(cost, LONGEST)
 
-    def make() -> Many:
+    def make() -> Batched:
         return OneByOne(Buffered(cost), shared) if scalars is None else Mapped(scalars, shared)
 
-    run = Spread(make, shared)
+    run = Threaded(make, shared)
 
     def costs(z: Array) -> Array:
         X = np.repeat(x[None], len(z), axis=0)

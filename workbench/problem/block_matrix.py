@@ -13,17 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_array
 
+from workbench.arrays import Array, Index
 from workbench.problem.band_order import BandOrder
 from workbench.problem.banded import BandedMatrix
+from workbench.problem.nonzeros import columns_of_nonzeros
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 AT_ONCE = 64  # frames whose products are kept at a time
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
-    """Where the entries of frames that are alike stand: (T, m) rows, (T, n) columns of each."""
+class BlockPlaces:
+    """The rows (T, m) and columns (T, n) of the blocks of similar frames."""
 
     rows: Index
     columns: Index
@@ -34,11 +34,17 @@ class BlockMatrix:
     """A matrix (m, n): the `rest`, and dense blocks (T, m_t, n_t) in rows that the rest has empty.
 
     `order` says in which order its columns make a band of its normal equations.
+
+    Attributes:
+        rest: (m, n) all entries that stand in no block.
+        blocks: dense blocks (T, m_t, n_t), one array for each group of frames.
+        places: for each of these arrays the rows and columns of its blocks.
+        order: in which order the columns make a band of the normal equations.
     """
 
-    rest: csc_array  # (m, n)
+    rest: csc_array
     blocks: tuple[Array, ...]
-    places: tuple[Rows, ...]
+    places: tuple[BlockPlaces, ...]
     order: BandOrder
 
     @property
@@ -46,11 +52,6 @@ class BlockMatrix:
         """(m, n)."""
         m, n = self.rest.shape
         return int(m), int(n)
-
-    @property
-    def nnz(self) -> int:
-        """How many entries are stored."""
-        return int(self.rest.nnz + sum(block.size for block in self.blocks))
 
     __array_ufunc__ = None  # so that NumPy leaves products to this class
 
@@ -77,12 +78,12 @@ class BlockMatrix:
 
     @property
     def entries(self) -> Array:
-        """What is stored, flat."""
+        """All stored numbers, flat."""
         return np.concatenate([self.rest.data, *(block.ravel() for block in self.blocks)])
 
     @property
     def finite(self) -> bool:
-        """Whether every number is."""
+        """Whether every stored number is finite."""
         return bool(
             np.isfinite(self.rest.data).all() and all(np.isfinite(b).all() for b in self.blocks)
         )
@@ -90,8 +91,9 @@ class BlockMatrix:
     def column_squares(self) -> Array:
         """The sum of the squares of every column, (n,)."""
         n = self.shape[1]
-        columns = np.repeat(np.arange(n), np.diff(self.rest.indptr))
-        found = np.bincount(columns, self.rest.data**2, minlength=n).astype(float)
+        found = np.bincount(columns_of_nonzeros(self.rest), self.rest.data**2, minlength=n).astype(
+            float
+        )
         for block, at in zip(self.blocks, self.places, strict=True):
             np.add.at(found, at.columns, np.einsum("tij,tij->tj", block, block))
         return found
@@ -116,7 +118,7 @@ class BlockMatrix:
 
     @property
     def dense(self) -> Array:
-        """As an array, stored column by column."""
+        """The matrix as an array, stored column by column."""
         found = np.asarray(self.rest.toarray(order="F"))
         for block, at in zip(self.blocks, self.places, strict=True):
             found[at.rows[:, :, None], at.columns[:, None, :]] = block
@@ -124,8 +126,8 @@ class BlockMatrix:
 
     @cached_property
     def sparse(self) -> csc_array:
-        """The same by its nonzeros."""
-        data, columns = [self.rest.data], [_columns_of(self.rest)]
+        """The matrix by its nonzeros."""
+        data, columns = [self.rest.data], [columns_of_nonzeros(self.rest)]
         rows = [self.rest.indices.astype(np.int64)]
         for block, at in zip(self.blocks, self.places, strict=True):
             data.append(block.ravel())
@@ -155,25 +157,21 @@ class Transposed:
     of: BlockMatrix
 
     def __matmul__(self, r: Array) -> Array:
-        """Times a vector (m,): (n,)."""
+        """The product with a vector (m,): (n,)."""
         return self.of.pulled(r)
 
 
-def _columns_of(matrix: csc_array) -> Index:
-    return np.repeat(np.arange(matrix.shape[1]), np.diff(matrix.indptr))
-
-
-def joined(parts: Sequence[tuple[Index, Index]], shape: tuple[int, int]) -> "Entries":
-    """Where single entries of several parts, (rows, columns) each, stand in one sparse matrix."""
+def joined(parts: Sequence[tuple[Index, Index]], shape: tuple[int, int]) -> "SparsePlaces":
+    """The places of single entries of several parts, (rows, columns) each, in one sparse matrix."""
     rows = np.concatenate([np.zeros(0, dtype=np.int64), *(r.ravel() for r, _ in parts)])
     columns = np.concatenate([np.zeros(0, dtype=np.int64), *(c.ravel() for _, c in parts)])
     order = np.lexsort((rows, columns))
     starts = np.searchsorted(columns[order], np.arange(shape[1] + 1))
-    return Entries(order, rows[order].astype(np.int32), starts.astype(np.int32), shape)
+    return SparsePlaces(order, rows[order].astype(np.int32), starts.astype(np.int32), shape)
 
 
 @dataclass(frozen=True, eq=False)
-class Entries:
+class SparsePlaces:
     """A sparse matrix whose places are known and whose numbers come part by part."""
 
     order: Index
@@ -182,6 +180,6 @@ class Entries:
     shape: tuple[int, int]
 
     def matrix(self, parts: Sequence[Array]) -> csc_array:
-        """With these numbers."""
+        """The sparse matrix with these numbers."""
         data = np.concatenate([np.zeros(0), *(part.ravel() for part in parts)])[self.order]
         return csc_array((data, self.rows, self.starts), shape=self.shape)

@@ -3,14 +3,14 @@
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from workbench.arrays import Array
 from workbench.blocks import Block, Layout
 from workbench.blocks.entries import meant
 from workbench.blocks.reals import reals
 from workbench.errors import BadBounds, ShapeMismatch
 
-Array = NDArray[np.float64]
 Bounds = Mapping[str, tuple[ArrayLike, ArrayLike]]
 
 
@@ -64,7 +64,7 @@ def _bounded(name: str, known: Layout) -> Block:
 
 
 def _limit(name: str, pair: object, side: int, block: Block) -> Array:
-    """One of the two, flat."""
+    """The lower or the upper limit of a pair, flat."""
     if not isinstance(pair, (tuple, list, np.ndarray)) or len(pair) != 2:
         raise BadBounds(f"bounds of {name!r} are a pair (lower, upper), not {pair!r}")
     limit = reals(f"a bound of {name!r}", pair[side])

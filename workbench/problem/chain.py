@@ -15,9 +15,9 @@ from functools import cached_property
 
 import casadi as cs
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_array, csr_array
 
+from workbench.arrays import Array
 from workbench.blocks import Layout, NumericPoints, PointsAt
 from workbench.blocks.buffered import Buffered
 from workbench.blocks.layout import all_values
@@ -25,13 +25,12 @@ from workbench.blocks.sparse_points import jacobian_of, pattern_of
 from workbench.problem.graph import FORWARD, Graph, split
 from workbench.problem.memory import check_fits
 from workbench.problem.naming import distinct
+from workbench.problem.nonzeros import columns_of_nonzeros
 from workbench.problem.pattern import Assembly, Part, Pattern, Scattered, merged
 from workbench.problem.rounding import Support, half_squared
 from workbench.problem.storage import Stored, is_sparse
 from workbench.residuals import Residual
 
-Array = NDArray[np.float64]
-INSTEAD = "free fewer blocks at a time, or divide the problem, as a long sequence into short ones"
 SUMS = 3  # of what a row is made of, with random weights: one alone may cancel
 
 
@@ -76,14 +75,14 @@ class Chain:
         return Chain(*split(whitened, points, free, fixed), free, fixed)
 
     def residual(self, x: Array, fixed: Array) -> Array:
-        """r (m,)."""
+        """The whitened residual, (m,)."""
         return self.to_residual(x, fixed, *self._points(x, fixed))[0]
 
     def linearize(self, x: Array, fixed: Array) -> tuple[Array, Stored]:
         """r (m,) and J (m, n): sparse, or an array stored column by column. Raises TooLarge."""
         m, n = self.by_x.shape
         if not self.sparse:
-            check_fits(m, n, "a dense Jacobian", INSTEAD)
+            check_fits(m, n)
         places = self._at(x, fixed)
         if self._slopes is None:
             r, direct, *by_points = self.to_derivative(x, fixed, *(here.points for here in places))
@@ -102,7 +101,7 @@ class Chain:
 
     @property
     def pattern(self) -> csc_array:
-        """Where the Jacobian may be nonzero: as far as the residuals tell, and sources of points.
+        """Where the Jacobian can be nonzero, (m, n).
 
         Where a source has no pattern, each of its points reads all numbers of its blocks.
         """
@@ -138,7 +137,7 @@ class Chain:
     def _sparse(
         self, places: Sequence[PointsAt], direct: Array, by_points: list[Array]
     ) -> csc_array:
-        """The same by its nonzeros; each part of the sum is put into its places."""
+        """The Jacobian by its nonzeros; each part of the sum is written to its places."""
         assembly = self._assembly
         found = assembly.zeros()
         for i, (here, pattern, own, entries) in enumerate(
@@ -249,7 +248,7 @@ class Chain:
                     group[pattern.rows] = True
         group_of = group_of.ravel()
         single = merged(self.by_x, scattered)
-        columns, rows = np.repeat(np.arange(n), np.diff(single.indptr)), single.indices
+        columns, rows = columns_of_nonzeros(single), single.indices
         alone = ~groups[group_of[columns], rows]  # not counted twice
         ones = np.ones(int(alone.sum()))
         own = csr_array((ones, (columns[alone], rows[alone])), shape=(n, m))

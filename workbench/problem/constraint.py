@@ -4,15 +4,14 @@ from dataclasses import dataclass
 
 import casadi as cs
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from workbench.arrays import Array
 from workbench.blocks import Points, in_blocks
 from workbench.blocks.checks import several
 from workbench.blocks.reals import reals
 from workbench.errors import BadConstraint, BadResidual
 from workbench.residuals.residual import blocks_read, check_listed, check_symbolic
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,15 +21,24 @@ class Constraint:
     One number or one per row; equal limits make an equation, an infinite one is none. `points`
     are the placeholders that the expression reads. A point that misses a limit by no more than
     `tolerance`, in `unit`, counts as feasible. Raises BadConstraint or NotNumbers.
+
+    Attributes:
+        name: the constraint's name, unique in a problem.
+        expression: c(x), (k, 1) in `unit`.
+        lower: the lower limit in `unit`, one or (k,); minus infinity for none.
+        upper: the upper limit in `unit`, one or (k,); infinity for none.
+        unit: what a row measures.
+        points: the placeholders that the expression reads.
+        tolerance: by how much, in `unit`, a feasible point may violate a limit.
     """
 
     name: str
-    expression: cs.MX  # (k, 1) in `unit`
+    expression: cs.MX
     lower: ArrayLike = -np.inf
     upper: ArrayLike = np.inf
     unit: str = "1"
     points: tuple[Points, ...] = ()
-    tolerance: float = 1e-6  # in `unit`
+    tolerance: float = 1e-6
 
     def __post_init__(self) -> None:
         try:
@@ -64,7 +72,7 @@ class Constraint:
 
     @property
     def size(self) -> int:
-        """k."""
+        """k, the number of rows."""
         return int(self.expression.shape[0])
 
     @property

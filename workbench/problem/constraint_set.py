@@ -7,38 +7,43 @@ from itertools import accumulate
 
 import casadi as cs
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_array, csr_array
 
+from workbench.arrays import Array, Mask
 from workbench.blocks import Layout, in_blocks
 from workbench.blocks.buffered import Buffered
 from workbench.problem.chain import Chain
 from workbench.problem.constraint import Constraint
 from workbench.problem.graph import Graph, split
+from workbench.problem.naming import distinct, row_label
 from workbench.problem.pattern import Pattern
 from workbench.problem.storage import Stored, absolute, dense, entries, is_sparse, scaled_sparse
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-
 
 @dataclass(frozen=True, eq=False)
-class Constrained:
+class LinearizedConstraints:
     """c(x + p) ~ values + jacobian p, to be kept between lower and upper, (k,) each.
 
     The Jacobian is an array, or sparse where it is large and most of it is zero, by the same rule
     as that of a residual (`storage.is_sparse`).
+
+    Attributes:
+        values: c(x) (k,), each in its unit.
+        jacobian: (k, n).
+        lower: (k,) the lower limits.
+        upper: (k,) the upper limits.
+        tolerance: (k,) violations up to which a limit counts as met.
     """
 
-    values: Array  # (k,)
-    jacobian: Stored  # (k, n)
+    values: Array
+    jacobian: Stored
     lower: Array
     upper: Array
-    tolerance: Array  # (k,), of a miss that counts as none
+    tolerance: Array
 
     @property
     def finite(self) -> bool:
-        """Whether every number is."""
+        """Whether all values and derivatives are finite."""
         return bool(np.isfinite(self.values).all() and np.isfinite(entries(self.jacobian)).all())
 
     @property
@@ -63,12 +68,12 @@ class Constrained:
         """The Jacobian times directions (n, d): by how much each value changes, (k, d)."""
         return np.asarray(self.jacobian @ directions)
 
-    def terms_along(self, directions: Array) -> Array:
+    def magnitudes_along(self, directions: Array) -> Array:
         """The sums of the absolute terms of these products, (k, d): what rounding is held to."""
         return np.asarray(absolute(self.jacobian) @ abs(directions))
 
     @property
-    def way_left(self) -> tuple[Array, Array]:
+    def allowed_changes(self) -> tuple[Array, Array]:
         """How far down and up each value may still go, (k,) each; a miss makes it a demand.
 
         A miss within the tolerance demands nothing.
@@ -88,8 +93,7 @@ class ConstraintSet:
 
     def __init__(self, constraints: Sequence[Constraint], free: Layout, fixed: Layout) -> None:
         self.constraints, self._layouts = tuple(constraints), (free, fixed)
-        read = {p.symbol.__hash__(): p for c in self.constraints for p in c.points}
-        self._points = tuple(read.values())
+        self._points = distinct(p for c in self.constraints for p in c.points)
         limits = [c.limits for c in self.constraints]
         self.lower = np.concatenate([lower for lower, _ in limits])
         self.upper = np.concatenate([upper for _, upper in limits])
@@ -98,21 +102,17 @@ class ConstraintSet:
 
     @property
     def size(self) -> int:
-        """k."""
+        """k, the number of rows."""
         return len(self.lower)
 
     @property
-    def equal(self) -> NDArray[np.bool_]:
+    def equal(self) -> Mask:
         """Which rows are equations, (k,)."""
         return np.asarray(self.lower == self.upper)
 
     def label(self, row: int) -> str:
         """The name of one row."""
-        for constraint in self.constraints:
-            if row < constraint.size:
-                return constraint.label(row)
-            row -= constraint.size
-        raise IndexError(f"row {row} of {self.size} constraints")
+        return row_label(self.constraints, row)
 
     @cached_property
     def function(self) -> cs.Function:
@@ -121,12 +121,14 @@ class ConstraintSet:
         return cs.Function("constraints", [g.x, g.fixed], [g.residual], ["x", "fixed"], ["c"])
 
     def values(self, x: Array, fixed: Array) -> Array:
-        """c (k,), each in its unit."""
+        """The constraints' values c(x), (k,), each in its unit."""
         return self._chain.residual(x, fixed)
 
-    def linearize(self, x: Array, fixed: Array) -> Constrained:
+    def linearize(self, x: Array, fixed: Array) -> LinearizedConstraints:
         """c and its Jacobian (k, n), dense or sparse."""
-        return Constrained(*self._chain.linearize(x, fixed), self.lower, self.upper, self.tolerance)
+        return LinearizedConstraints(
+            *self._chain.linearize(x, fixed), self.lower, self.upper, self.tolerance
+        )
 
     @property
     def sparse(self) -> bool:
@@ -135,12 +137,12 @@ class ConstraintSet:
 
     @property
     def pattern(self) -> csc_array:
-        """Where the Jacobian may be nonzero, (k, n), each point reading all of its blocks."""
+        """Where the Jacobian can be nonzero, (k, n); points depend on all of their blocks."""
         return self._chain.pattern
 
     @cached_property
     def hessian_pattern(self) -> csc_array:
-        """Where the Hessian of multipliers' c may be nonzero, (n, n), by the whole graph."""
+        """Where the Hessian of multipliers' c can be nonzero, (n, n), by the whole graph."""
         places = Pattern(self._bend.sparsity())
         return places.matrix(np.ones(len(places.rows)))
 
@@ -152,13 +154,13 @@ class ConstraintSet:
         there = self.hessian_pattern
         return csc_array((found, there.indices, there.indptr), shape=there.shape)
 
-    def missed(self, values: Array) -> float:
-        """By how many tolerances the worst limit is missed; at most 1 is feasible, NaN is not."""
+    def violation(self, values: Array) -> float:
+        """The largest violation of a limit, in tolerances; the point is feasible up to 1."""
         miss = np.maximum(self.lower - values, values - self.upper) / self.tolerance
         return float(np.max(miss)) if np.isfinite(values).all() else np.inf
 
     def worst(self, values: Array) -> str:
-        """The most missed limit in words."""
+        """The most violated limit in words."""
         row = int(np.argmax(np.maximum(self.lower - values, values - self.upper) / self.tolerance))
         below = self.lower[row] - values[row] > values[row] - self.upper[row]
         unit = next(c.unit for i, c in enumerate(self.constraints) if self._edges[i + 1] > row)

@@ -2,14 +2,11 @@
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
-from scipy.sparse import csc_array, diags_array
 
-from workbench.problem.banded import BandedMatrix
-from workbench.problem.sparse_cholesky import factorized
+from workbench.arrays import Array
+from workbench.problem.normal_factors import factor_of
 from workbench.problem.storage import Symmetric
 
-Array = NDArray[np.float64]
 HIDDEN = 1e-9  # of the square of an entry's part in the null space: below, it has none
 
 
@@ -37,12 +34,9 @@ def covariance_of(R: Array, lengths: Array, relative: float, estimated: bool) ->
 def inverse_times(normal: Symmetric, right: Array, raised: Array | float = 0.0) -> Array | None:
     """(A + diag(raised))^-1 times an array (n, k), A = J'J; None where too few digits are left."""
     more = np.broadcast_to(np.asarray(raised, dtype=float), normal.shape[:1])
-    if isinstance(normal, BandedMatrix):
-        band = normal.factorized(more)
-        return None if band is None else band.solve(right)
-    if isinstance(normal, csc_array):
-        sparse = factorized(csc_array(normal + diags_array(more)))
-        return None if sparse is None else sparse.solve(right)
+    if not isinstance(normal, np.ndarray):
+        factor = factor_of(normal, more)
+        return None if factor is None else factor.solve(right)
     try:
         lower = scipy.linalg.cho_factor(normal + np.diag(more), lower=True)
     except np.linalg.LinAlgError:

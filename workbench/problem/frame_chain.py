@@ -2,56 +2,26 @@
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_array, csr_array
 
+from workbench.arrays import Array, Index
 from workbench.blocks import Layout, PointsAt
 from workbench.blocks.layout import all_values
 from workbench.blocks.sparse_points import pattern_of
-from workbench.problem.alike import Alike
-from workbench.problem.alone import Alone, InSequence
 from workbench.problem.band_order import BandOrder
-from workbench.problem.block_matrix import BlockMatrix, Entries, Rows, joined
+from workbench.problem.block_matrix import BlockMatrix, BlockPlaces, SparsePlaces, joined
 from workbench.problem.chain import Chain
+from workbench.problem.frame_group import FrameGroup
 from workbench.problem.naming import rows_of
+from workbench.problem.nonzeros import columns_of_nonzeros, entries_at, rows_of_nonzeros
 from workbench.problem.rounding import Support, half_squared
-from workbench.problem.storage import Matrix, entries_at, is_sparse
+from workbench.problem.single_frame import FramePlaces, SingleFrame
+from workbench.problem.storage import Matrix, is_sparse
 from workbench.residuals import Residual
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 WORTH = 8  # numbers of a band for each entry of the Jacobian: of more, most are zero
-
-
-class Numbers(Protocol):
-    """How a problem computes; see Chain and FrameChain."""
-
-    def residual(self, x: Array, fixed: Array) -> Array:
-        """r (m,)."""
-
-    def linearize(self, x: Array, fixed: Array) -> tuple[Array, Matrix]:
-        """r (m,) and J (m, n)."""
-
-    def gradient(self, x: Array, fixed: Array) -> tuple[float, Array]:
-        """The cost and its gradient (n,)."""
-
-    def made_of(self, x: Array, fixed: Array) -> Array:
-        """The size of what each row is made of (m,)."""
-
-    @property
-    def sparse(self) -> bool:
-        """Whether the Jacobian is no array."""
-
-    @property
-    def pattern(self) -> csc_array:
-        """Where it may be nonzero."""
-
-    @property
-    def support(self) -> "Support":
-        """Which rows each free number can change."""
 
 
 class FrameChain:
@@ -73,18 +43,12 @@ class FrameChain:
         self._last: tuple[bytes, list[list[list[PointsAt]]]] = (b"", [])
 
     def residual(self, x: Array, fixed: Array) -> Array:
-        """r (m,)."""
-        return self._gathered(
-            x, fixed, lambda group, places: group.residual(x, fixed, places),
-            lambda rest: rest.residual(x, fixed),
-        )  # fmt: skip
+        """The whitened residual, (m,)."""
+        return self._gathered(x, fixed, FrameGroup.residual, Chain.residual)
 
     def made_of(self, x: Array, fixed: Array) -> Array:
-        """The size of what each row is made of (m,); see Chain."""
-        return self._gathered(
-            x, fixed, lambda group, places: group.made_of(x, fixed, places),
-            lambda rest: rest.made_of(x, fixed),
-        )  # fmt: skip
+        """The size of the terms that each row is made of, (m,); see `Chain.made_of`."""
+        return self._gathered(x, fixed, FrameGroup.made_of, Chain.made_of)
 
     def gradient(self, x: Array, fixed: Array) -> tuple[float, Array]:
         """The cost and its gradient (n,); no Jacobian is formed."""
@@ -104,7 +68,7 @@ class FrameChain:
             parts.append(single)
         if self._rest is not None:
             r[self._rest_rows], J = self._rest.linearize(x, fixed)
-            parts.append(_entries(J, self._rest_pattern))
+            parts.append(entries_at(J, self._rest_pattern))
         rest = self._entries.matrix(parts)
         found = BlockMatrix(rest, tuple(blocks), self._block_places, self._order)
         if not self.sparse:
@@ -114,12 +78,17 @@ class FrameChain:
     @cached_property
     def sparse(self) -> bool:
         """Whether the Jacobian is stored by the blocks of its frames, or by its nonzeros."""
+        return is_sparse(self._size, self._free.size, self._stored)
+
+    @cached_property
+    def _stored(self) -> int:
+        """How many entries of the Jacobian are stored by blocks and single entries."""
         whole = sum(g.whole_rows.size * g.columns.shape[1] for g in self._groups)
-        return is_sparse(self._size, self._free.size, whole + len(self._entries.rows))
+        return int(whole) + len(self._entries.rows)
 
     @cached_property
     def pattern(self) -> csc_array:
-        """Where the Jacobian may be nonzero, as far as residuals tell: points by whole blocks."""
+        """Where the Jacobian can be nonzero, (m, n); points depend on all of their blocks."""
         rows, columns = [], []
         for group in self._groups:
             one = group.chain.pattern.tocoo()
@@ -147,14 +116,14 @@ class FrameChain:
         self,
         x: Array,
         fixed: Array,
-        of_group: Callable[[Alike, list[list[PointsAt]]], Array],
-        of_rest: Callable[[Chain], Array],
+        of_group: Callable[[FrameGroup, Array, Array, list[list[PointsAt]]], Array],
+        of_rest: Callable[[Chain, Array, Array], Array],
     ) -> Array:
         found = np.empty(self._size)
         for group, places in zip(self._groups, self._places(x, fixed), strict=True):
-            found[group.rows] = of_group(group, places)
+            found[group.rows] = of_group(group, x, fixed, places)
         if self._rest is not None:
-            found[self._rest_rows] = of_rest(self._rest)
+            found[self._rest_rows] = of_rest(self._rest, x, fixed)
         return found
 
     def _places(self, x: Array, fixed: Array) -> list[list[list[PointsAt]]]:
@@ -177,18 +146,17 @@ class FrameChain:
         return self._rest.pattern
 
     @cached_property
-    def _entries(self) -> Entries:
-        """Where the entries stand that are in no block."""
+    def _entries(self) -> SparsePlaces:
+        """The places of the entries that are in no block."""
         parts = [group.single for group in self._groups]
         if self._rest is not None:
             one = self._rest_pattern
-            columns = np.repeat(np.arange(one.shape[1]), np.diff(one.indptr))
-            parts.append((self._rest_rows[one.indices], columns))
+            parts.append((self._rest_rows[one.indices], columns_of_nonzeros(one)))
         return joined(parts, (self._size, self._free.size))
 
     @cached_property
-    def _block_places(self) -> tuple[Rows, ...]:
-        return tuple(Rows(group.whole_rows, group.columns) for group in self._groups)
+    def _block_places(self) -> tuple[BlockPlaces, ...]:
+        return tuple(BlockPlaces(group.whole_rows, group.columns) for group in self._groups)
 
     @cached_property
     def _order(self) -> BandOrder:
@@ -198,18 +166,7 @@ class FrameChain:
     @cached_property
     def _banded(self) -> bool:
         """Whether normal equations of a band are worth it: of long bands, most is zero."""
-        stored = len(self._entries.rows)
-        stored += sum(g.whole_rows.size * g.columns.shape[1] for g in self._groups)
-        return bool((self._order.reach + 1) * len(self._order.inner) <= WORTH * stored)
-
-
-def _entries(J: Matrix, pattern: csc_array) -> Array:
-    """The entries of a Jacobian in the places of its pattern, column by column."""
-    if isinstance(J, np.ndarray):
-        columns = np.repeat(np.arange(pattern.shape[1]), np.diff(pattern.indptr))
-        return np.asarray(J[pattern.indices, columns])
-    assert isinstance(J, csc_array)
-    return entries_at(J, pattern)
+        return bool((self._order.reach + 1) * len(self._order.inner) <= WORTH * self._stored)
 
 
 def _order(free: Layout, rest: csc_array) -> BandOrder:
@@ -221,14 +178,14 @@ def _order(free: Layout, rest: csc_array) -> BandOrder:
             frame_of[free.slices[block.name]] = np.array(block.places, dtype=np.int64) // size
     inner = np.flatnonzero(frame_of >= 0)
     inner = inner[np.argsort(frame_of[inner], kind="stable")]
-    count = int(frame_of.max(initial=-1)) + 1
+    count = max((b.base.shape[0] for b in free.blocks if b.base.framed), default=0)
     edges = np.searchsorted(frame_of[inner], np.arange(count + 1))
     position = np.full(free.size, -1)
     position[inner] = np.arange(len(inner))
     reach = int(np.diff(edges).max(initial=1)) - 1
     by_rows = csr_array(rest)
     at = position[by_rows.indices]
-    rows = np.repeat(np.arange(by_rows.shape[0]), np.diff(by_rows.indptr))[at >= 0]
+    rows = rows_of_nonzeros(by_rows)[at >= 0]
     at = at[at >= 0]
     if len(at):
         starts = np.flatnonzero(np.diff(rows, prepend=-1))
@@ -239,7 +196,7 @@ def _order(free: Layout, rest: csc_array) -> BandOrder:
 
 def _grouped(
     residuals: Sequence[Residual], free: Layout, fixed: Layout
-) -> tuple[list[Alike], list[Residual]]:
+) -> tuple[list[FrameGroup], list[Residual]]:
     """Frames that are alike, and the residuals that are of no such frames.
 
     All are of none where a frame alone has a sparse Jacobian: its blocks would be full of zeros.
@@ -251,12 +208,12 @@ def _grouped(
         for t, one in residual.each:
             parts.setdefault(t, []).append((one, np.arange(first, first + one.size)))
             first += one.size
-    known: dict[object, Alone] = {}
-    chains: dict[object, tuple[Chain, list[tuple[int, Index, InSequence]]]] = {}
+    known: dict[object, SingleFrame] = {}
+    chains: dict[object, tuple[Chain, list[tuple[int, Index, FramePlaces]]]] = {}
     for t in sorted(parts):
         own = tuple(one for one, _ in parts[t])
         key = tuple(map(id, own))
-        frame = known.setdefault(key, Alone.of(own)) if key not in known else known[key]
+        frame = known[key] = known.get(key) or SingleFrame.of(own)
         at = frame.at(t, free, fixed)
         whole = key, at.entries
         if whole not in chains:
@@ -268,7 +225,7 @@ def _grouped(
             chains[whole] = chain, []
         chains[whole][1].append((t, np.concatenate([r for _, r in parts[t]]), at))
     groups = [
-        Alike(
+        FrameGroup(
             chain,
             np.array([t for t, _, _ in members]),
             np.array([r for _, r, _ in members]),

@@ -2,11 +2,9 @@
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
+from workbench.arrays import Array
 from workbench.problem.steps import EPS
-
-Array = NDArray[np.float64]
 
 
 def graded_svd(R: Array, lengths: Array, relative: float) -> tuple[Array, Array]:

@@ -19,16 +19,23 @@ FORWARD = {"helper_options": {"ad_weight": 0.0}}
 
 @dataclass(frozen=True, eq=False)
 class Graph:
-    """The residual in symbols: flat free and fixed numbers, and the points left as they are."""
+    """The residual in symbols: flat free and fixed numbers, and the points left as they are.
 
-    x: cs.MX  # (n, 1)
+    Attributes:
+        x: (n, 1) the free numbers.
+        fixed: (h, 1) the fixed numbers.
+        points: placeholders of points, (3, N) each.
+        residual: (m, 1) whitened.
+    """
+
+    x: cs.MX
     fixed: cs.MX
-    points: tuple[cs.MX, ...]  # (3, N) each
-    residual: cs.MX  # (m, 1), whitened
+    points: tuple[cs.MX, ...]
+    residual: cs.MX
 
     @staticmethod
     def of(expression: cs.MX, free: Layout, fixed: Layout, points: Sequence[cs.MX] = ()) -> "Graph":
-        """Of an expression in the blocks of both layouts and in placeholders of points.
+        """The graph of an expression in the blocks of both layouts and in placeholders of points.
 
         A block that is free in part stands in both: whole among the fixed ones, where the free
         numbers take the places of some.
@@ -48,7 +55,7 @@ class Graph:
 
     @cached_property
     def function(self) -> cs.Function:
-        """(x, fixed) -> r, (m, 1)."""
+        """(x, fixed) -> r, the residual (m, 1)."""
         return self._function("residual", {"r": self.residual})
 
     @cached_property

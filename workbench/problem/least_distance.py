@@ -13,23 +13,30 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_array, csr_array, diags_array
 from scipy.sparse.csgraph import connected_components
 
+from workbench.arrays import Array
 from workbench.problem import storage
 from workbench.problem.storage import Stored, absolute, dense, row_norms
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Index = NDArray[np.signedinteger]
 MISSED = 1e-12  # of the lengths that meet in a row: by less it is not missed, but for rounding
 
 
 class Limits(NamedTuple):
-    """left <= d <= right and down <= A d <= up."""
+    """left <= d <= right and down <= A d <= up.
 
-    left: Array  # (n,)
-    right: Array  # (n,)
-    A: Stored  # (k, n)
-    down: Array  # (k,)
-    up: Array  # (k,)
+    Attributes:
+        left: (n,) lower bounds.
+        right: (n,) upper bounds.
+        A: (k, n) the gradients of the linear limits.
+        down: (k,) their lower limits.
+        up: (k,) their upper limits.
+    """
+
+    left: Array
+    right: Array
+    A: Stored
+    down: Array
+    up: Array
 
 
 def nearest(pull: Array, limits: Limits) -> Array:
@@ -52,7 +59,7 @@ def nearest(pull: Array, limits: Limits) -> Array:
 
 
 def at_once(pull: Array, limits: Limits) -> Array:
-    """The same for an array A whose rows have length 1, by nonnegative least squares.
+    """`nearest` for an array A whose rows have length 1, by nonnegative least squares.
 
     These give the multipliers (Lawson and Hanson, Solving least squares problems, 1974, chapter
     23). Infinite where no d meets the limits.
@@ -84,7 +91,7 @@ def at_once(pull: Array, limits: Limits) -> Array:
 
 
 def by_parts(pull: Array, limits: Limits) -> Array:
-    """The same for many unknowns and a sparse A whose rows have length 1.
+    """`nearest` for many unknowns and a sparse A whose rows have length 1.
 
     First d is the pull, cut off by the bounds. Then the rows that it misses are imposed, the
     problem is solved again, and so on, until no row is missed. This ends, for each row is imposed
@@ -125,16 +132,24 @@ def _one(pull: Array, limits: Limits) -> Array:
 
 
 class _Part(NamedTuple):
-    """Some rows, the columns that they read, and their entries, row by row."""
+    """Some rows, the columns that they read, and their entries, row by row.
+
+    Attributes:
+        rows: the numbers of the rows.
+        columns: the numbers of the columns that the rows read.
+        data: the entries, row by row.
+        at_row: the row of each entry, counted among `rows`.
+        at_column: the column of each entry, counted among `columns`.
+    """
 
     rows: Index
     columns: Index
     data: Array
-    at_row: Index  # of each entry, among the rows
-    at_column: Index  # among the columns
+    at_row: Index
+    at_column: Index
 
     def entries(self) -> Array:
-        """As an array (rows, columns)."""
+        """The entries as an array (rows, columns)."""
         found = np.zeros((len(self.rows), len(self.columns)))
         found[self.at_row, self.at_column] = self.data
         return found

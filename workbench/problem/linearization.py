@@ -6,13 +6,13 @@ from math import isfinite
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 from scipy.sparse import csc_array, csr_array
 
+from workbench.arrays import Array, Index, Mask
 from workbench.errors import NotFinite
 from workbench.problem import storage
 from workbench.problem.block_matrix import BlockMatrix
-from workbench.problem.constraint_set import Constrained
+from workbench.problem.constraint_set import LinearizedConstraints
 from workbench.problem.covariance import covariance_of, inverse_times
 from workbench.problem.graded import graded_svd
 from workbench.problem.rounding import half_squared
@@ -20,7 +20,6 @@ from workbench.problem.spectrum import Spectrum
 from workbench.problem.steps import EPS, UNEVEN, automatic
 from workbench.problem.storage import Matrix, Symmetric
 
-Array = NDArray[np.float64]
 TOGETHER = 2**14  # rows of J in one QR: so many stay near the processor, and need little memory
 ESTIMATED = 1e-7  # of the largest singular value: the others come from J'J, with half the digits
 
@@ -29,21 +28,24 @@ ESTIMATED = 1e-7  # of the largest singular value: the others come from J'J, wit
 class Linearization:
     """r(x + p) ~ r + J p, whitened, and the textbook formulas on it.
 
-    J is an array, or, where it is large and most of it is zero, sparse or made of the blocks of
-    frames (`estimated`). All questions are asked alike. The geometry of the columns is asked of R
-    (min(m, n), n), R'R = J'J. R comes from J by QR; where J is no array, to keep memory small, from
-    the eigenvalues of J'J, which resolve singular values only down to 1e-8 of the largest.
+    J is an array, or, where it is large and most of it is zero, sparse or made of blocks of frames.
+    Ranks and directions come from R (min(m, n), n) with R'R = J'J, by QR of an array J. Otherwise,
+    to save memory, R comes from the eigenvalues of J'J, and singular values are `estimated`.
+
+    Attributes:
+        residual: r (m,), whitened.
+        jacobian: J (m, n), whitened.
+        constraints: the problem's constraints, linearized at the same point.
     """
 
-    residual: Array  # (m,)
-    jacobian: Matrix  # (m, n)
-    constraints: Constrained | None = None  # of the problem, seen from the same point
+    residual: Array
+    jacobian: Matrix
+    constraints: LinearizedConstraints | None = None
 
     @property
     def shape(self) -> tuple[int, int]:
         """(m, n)."""
-        m, n = self.jacobian.shape
-        return int(m), int(n)
+        return self.jacobian.shape
 
     @property
     def estimated(self) -> bool:
@@ -51,7 +53,7 @@ class Linearization:
         return not storage.is_array(self.jacobian)
 
     @property
-    def in_blocks(self) -> bool:
+    def by_frames(self) -> bool:
         """Whether J is stored by the frames of a sequence."""
         return isinstance(self.jacobian, BlockMatrix)
 
@@ -67,62 +69,60 @@ class Linearization:
 
     @cached_property
     def gradient(self) -> Array:
-        """J' r, (n,): the factor 2 of |r|^2 is gone with the half. Infinite like `normal`."""
+        """J' r, (n,), the gradient of the cost; infinite where it is too large to be a number."""
         with np.errstate(over="ignore", invalid="ignore"):
             return self.jacobian.T @ self.residual
 
     @cached_property
     def normal(self) -> Symmetric:
-        """J' J, (n, n): Gauss and Newton's Hessian, sparse if J is; infinite where too large."""
+        """J' J, (n, n), Gauss and Newton's Hessian, sparse if J is; infinite where too large."""
         with np.errstate(over="ignore", invalid="ignore"):
             return storage.gram(self.jacobian)
 
     @cached_property
     def column_norms(self) -> Array:
-        """|J_i|, (n,): what one unit of each entry does to the residual."""
+        """|J_i|, (n,): by how many sigmas one unit of each unknown changes the residual."""
         return storage.column_norms(self.jacobian)
 
     @cached_property
     def row_norms(self) -> Array:
-        """Of every row, (m,)."""
+        """The length of every row, (m,)."""
         return storage.row_norms(self.jacobian)
 
     @property
     def norm(self) -> float:
-        """Frobenius' norm of J."""
+        """The Frobenius norm of J."""
         return float(np.linalg.norm(self.column_norms))
 
     def along(self, direction: Array) -> Array:
-        """J d (m,)."""
+        """The directional derivative J d, (m,)."""
         return np.asarray(self.jacobian @ direction)
 
     def column(self, i: int) -> Array:
-        """One column, (m,)."""
+        """Column i of J, (m,)."""
         return storage.dense(storage.columns_of(self.jacobian, np.array([i]))).ravel()
 
     def row(self, i: int) -> Array:
-        """One row, (n,)."""
+        """Row i of J, (n,)."""
         return self.block(slice(i, i + 1), slice(None)).dense.ravel()
 
     def block(self, rows: slice, columns: slice) -> "Linearization":
-        """Some rows and columns."""
+        """The problem with some rows and some unknowns only."""
         part = storage.by_columns(self._by_rows[rows][:, columns])
         return Linearization(self.residual[rows], part)
 
-    def reached(self, i: int) -> NDArray[np.bool_]:
-        """The rows (m,) in which column i of the Jacobian is not zero."""
+    def rows_changed_by(self, i: int) -> Mask:
+        """Which rows (m,) unknown i changes: where its column of the Jacobian is not zero."""
         return np.asarray(self.column(i) != 0)
 
     @cached_property
     def finite(self) -> bool:
-        """Whether every number of the residual and the Jacobian is.
-
-        One of the Jacobian that is not would be seen in J' r, even beside a residual of zero.
-        """
+        """Whether every number of the residual, the Jacobian and the constraints is finite."""
         if not (isfinite(self.cost) or np.isfinite(self.residual).all()):
             return False
         if self.constraints is not None and not self.constraints.finite:
             return False
+        # NaN or infinity in the Jacobian shows in J' r, even beside a residual of zero
         return bool(np.isfinite(self.gradient).all()) or storage.finite(self.jacobian)
 
     @property
@@ -139,24 +139,25 @@ class Linearization:
 
     @cached_property
     def singular_values(self) -> Array:
-        """Of the Jacobian with columns of length 1, (k,): so no unknown's unit matters."""
+        """The singular values of J with columns of length 1, (k,), so that no unit matters."""
         return np.asarray(np.linalg.svd(self.unit_triangle, compute_uv=False), dtype=float)
 
     @property
     def tolerance(self) -> float:
-        """The singular value below which a direction counts as unseen: eps max(m, n) s_1."""
+        """The singular value below which a direction counts as null: eps max(m, n) s_1."""
         return float(self._relative * self.singular_values.max(initial=0.0))
 
     @property
     def rank(self) -> int:
-        """How many directions the residual notices."""
+        """How many independent directions change the residual."""
         return int(np.sum(self.singular_values > self.tolerance))
 
     @cached_property
     def triangle(self) -> tuple[Array, Array, Array]:
-        """`d, R, b`: |(R / d^-1) p + b| is |J p + r| but for a constant; R (k, n) of J / d by QR.
+        """`d, R, b` such that |R (d p) + b|^2 is |J p + r|^2 up to a constant.
 
-        d are the column norms, 1 where one is zero; b (k,) is Q'r; k = min(m, n).
+        d (n,) are the column norms, 1 where one is zero. J / d = Q R by QR, R (k, n) with
+        k = min(m, n), and b (k,) is Q'r.
         """
         m, n = self.shape
         d, J, k = self._lengths, self.dense, min(self.shape)
@@ -191,13 +192,12 @@ class Linearization:
 
     @cached_property
     def spectrum(self) -> Spectrum:
-        """The singular values of J in the units that its columns have, and its directions.
+        """The singular values of J, its columns in their own units, and its directions.
 
-        Where some columns are a million times as long as others, by Jacobi's rotations, which
-        find small singular values to as many digits as large ones (Drmac and Veselic, New fast and
-        accurate Jacobi SVD algorithm, 2008); else a short column would be lost in the rounding
-        errors of the long ones. There the rule of the tolerance is kept for columns of length 1,
-        and what is unseen has the singular value 0: see `graded_svd`.
+        Where some columns are a million times as long as others, Jacobi's rotations find small
+        singular values to as many digits as large ones (Drmac and Veselic, New fast and accurate
+        Jacobi SVD algorithm, 2008); otherwise the rounding errors of long columns would hide
+        short ones. The tolerance is then applied to columns of length 1; see `graded_svd`.
         """
         if self.uneven:
             s, Vt = graded_svd(self.R, self.column_norms, self._relative)
@@ -208,13 +208,13 @@ class Linearization:
 
     @cached_property
     def uneven(self) -> bool:
-        """Whether columns differ so much that one tolerance does not serve all."""
+        """Whether the columns differ so much in length that no one tolerance suits all."""
         read = self.column_norms[self.column_norms > 0]
         return bool(read.size and read.max() > UNEVEN * read.min())
 
     @cached_property
     def _lengths(self) -> Array:
-        """Of the columns, 1 where one is zero, (n,)."""
+        """The lengths of the columns (n,), 1 where a column is zero."""
         return np.where(self.column_norms > 0, self.column_norms, 1.0)
 
     @cached_property
@@ -237,8 +237,8 @@ class Linearization:
         D = np.array(np.broadcast_to(scaling, self.gradient.shape), dtype=float)
         return automatic(self, damping, D).p
 
-    def without(self, held: NDArray[np.bool_], p: Array) -> "Linearization":
-        """The problem in the entries that are not held, once the held ones have moved by p."""
+    def without(self, held: Mask, p: Array) -> "Linearization":
+        """The problem in the unknowns that are not held, after the held ones have moved by p."""
         rest = ~held
         moved = self.residual + self.along(np.where(held, p, 0.0))
         smaller = Linearization(moved, storage.columns_of(self.jacobian, rest))
@@ -246,33 +246,33 @@ class Linearization:
             smaller.__dict__["normal"] = storage.part(self.normal, rest)
         return smaller
 
-    def holding(self, held: NDArray[np.bool_], p: Array) -> "Linearization":
-        """The same in all entries; those that are held have moved by p, and have no slope."""
+    def holding(self, held: Mask, p: Array) -> "Linearization":
+        """The problem in all unknowns after the held ones have moved by p; their columns are 0."""
         moved = self.residual + self.along(np.where(held, p, 0.0))
         return Linearization(moved, storage.scaled(self.jacobian, np.where(held, 0.0, 1.0)))
 
-    def rows(self, part: NDArray[np.int64]) -> "Linearization":
-        """Some rows alone."""
+    def rows(self, part: Index) -> "Linearization":
+        """The problem with some rows only."""
         return Linearization(self.residual[part], storage.by_columns(self._by_rows[part]))
 
-    def columns(self, part: NDArray[np.int64]) -> "Linearization":
-        """Some columns alone."""
+    def columns(self, part: Index) -> "Linearization":
+        """The problem with some unknowns only; the others stay at their values."""
         return Linearization(self.residual, storage.columns_of(self.jacobian, part))
 
     def along_columns(self, basis: Array) -> "Linearization":
-        """In unknowns y, x = basis @ y, basis (n, k)."""
+        """The problem in unknowns y with x = basis @ y, basis (n, k)."""
         return Linearization(self.residual, storage.times(self.jacobian, basis))
 
     def scaled(self, factors: Array) -> "Linearization":
-        """In unknowns y, x = factors * y, of which factors (n,) have the units."""
+        """The problem in unknowns y with x = factors * y, factors (n,)."""
         found = Linearization(self.residual, storage.scaled(self.jacobian, factors))
         if "triangle" in self.__dict__ and (factors > 0).all():  # units change its lengths alone
             _, R, b = self.triangle
             found.__dict__["triangle"] = found._lengths, R, b
         return found
 
-    def promise(self, p: Array) -> float:
-        """By how much the linear model says that a step lowers the cost."""
+    def predicted_decrease(self, p: Array) -> float:
+        """By how much the linear model predicts that the step p (n,) lowers the cost."""
         if "normal" in self.__dict__:  # known already, and small: no need to read J again
             bend = float(p @ self.normal @ p)
         else:
@@ -280,21 +280,21 @@ class Linearization:
         return -float(self.gradient @ p) - 0.5 * bend
 
     def predicted_cost(self, step: Array) -> float:
-        """1/2 |r + J p|^2."""
+        """The cost that the linear model predicts after a step p (n,): 1/2 |r + J p|^2."""
         return half_squared(self.residual + self.along(step))
 
     @property
     def covariance(self) -> Array:
         """Laplace's approximation to the posterior covariance, (J' J)^-1, (n, n).
 
-        R^-1 R^-T from the triangle R of J with its columns scaled to length 1, never from the
-        normal equations: no entry's unit costs a digit. What is not seen has infinite variance.
+        It is computed as R^-1 R^-T, with columns of length 1, and not from the normal equations,
+        which would cost half of the digits. What is not identified has infinite variance.
         """
         return covariance_of(self.unit_triangle, self._lengths, self._relative, self.estimated)
 
     def inverse_times(self, right: Array, raised: Array | float = 0.0) -> Array | None:
-        """(J'J + diag(raised))^-1 times an array (n, k): columns of a covariance, as many as asked.
+        """(J'J + diag(raised))^-1 times an array (n, k), such as some columns of the covariance.
 
-        By Cholesky's factor of the normal equations; None where that leaves too few digits.
+        Computed by Cholesky's factor; None where that leaves too few digits.
         """
         return inverse_times(self.normal, right, raised)

@@ -8,21 +8,19 @@ from workbench.errors import TooLarge
 
 SMALL = 2**28  # bytes: not worth asking for
 GIGA = 1e9
+INSTEAD = "free fewer blocks at a time, or divide the problem, as a long sequence into short ones"
 
 
-def check_fits(rows: int, columns: int, what: str, instead: str) -> None:
-    """Nothing, if a matrix of double numbers fits twice into the memory that is free.
-
-    `what` begins the sentence, `instead` ends it: what to do. Raises TooLarge.
-    """
+def check_fits(rows: int, columns: int) -> None:
+    """Raise TooLarge unless a dense Jacobian fits twice into the memory that is free."""
     size = 8 * rows * columns
     if size <= SMALL:
         return
     free = free_memory()
     if free is not None and 2 * size > free:  # a factorization of it takes as much again
         raise TooLarge(
-            f"{what} of {rows:,} x {columns:,} takes {size / GIGA:.3g} GB, and a step "
-            f"with it as much again; {free / GIGA:.2g} GB of memory are free; {instead}"
+            f"a dense Jacobian of {rows:,} x {columns:,} takes {size / GIGA:.3g} GB, and a step "
+            f"with it as much again; {free / GIGA:.2g} GB of memory are free; {INSTEAD}"
         )
 
 

@@ -45,9 +45,19 @@ def parts_of(
 
 
 def rows_of(residuals: Sequence[Residual]) -> dict[str, slice]:
-    """Where each residual sits in the stacked vector."""
+    """The rows of each residual in the stacked residual."""
     edges = np.cumsum([0, *(r.size for r in residuals)]).tolist()
     return {r.name: slice(*edge) for r, edge in zip(residuals, pairwise(edges), strict=True)}
+
+
+def row_label(parts: Sequence[Residual | Constraint], row: int) -> str:
+    """The name of one row of residuals, or of constraints, that are stacked. Raises IndexError."""
+    left = row
+    for part in parts:
+        if 0 <= left < part.size:
+            return part.label(left)
+        left -= part.size
+    raise IndexError(f"row {row} of {row - left}")
 
 
 def check_names(asked: Iterable[str], read: Collection[str], named: Iterable[Block]) -> None:
@@ -104,5 +114,5 @@ def blocks_behind(
 
 
 def distinct(points: Iterable[Points]) -> tuple[Points, ...]:
-    """Each placeholder once."""
+    """The points without repetition."""
     return tuple({p.symbol.__hash__(): p for p in points}.values())

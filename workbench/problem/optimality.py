@@ -1,13 +1,12 @@
 """How far a point is from stationary, free of units: one measure for every solver."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array
 from workbench.problem.least_distance import Limits, nearest
 from workbench.problem.linearization import Linearization
 from workbench.problem.rounding import Rounding, Support
 
-Array = NDArray[np.float64]
 Box = tuple[Array, Array]
 IMMATERIAL = 1e-6  # of a sigma, or of an unknown's own size: rounding that harms nobody
 
@@ -46,10 +45,10 @@ def optimality(
         scale = np.where(norms > 0, norms, norms.max(initial=0.0) or 1.0)
         A = here.constraints.per(scale)
         box = (lower - x) * scale, (upper - x) * scale
-        d = nearest(-here.gradient / scale, Limits(*box, A, *here.constraints.way_left))
+        d = nearest(-here.gradient / scale, Limits(*box, A, *here.constraints.allowed_changes))
     way = np.abs(d)
     if rounding is not None:
-        way = np.maximum(way - excused(x, here, support, rounding), 0.0)
+        way = np.maximum(way - explained_by_rounding(x, here, support, rounding), 0.0)
     sizes = np.maximum(support.norms(r), min(float(np.linalg.norm(r)), 1.0))
     missed = (way > 0) & (sizes == 0)  # a constraint, where there is no residual
     return (
@@ -57,7 +56,9 @@ def optimality(
     )
 
 
-def excused(x: Array, here: Linearization, support: Support, rounding: Rounding) -> Array:
+def explained_by_rounding(
+    x: Array, here: Linearization, support: Support, rounding: Rounding
+) -> Array:
     """How much of each d_i, (n,), rounding errors of the rows that x_i can change may explain.
 
     Nothing where rounding hides an unknown: see `hidden`. There it explains why no better point
@@ -74,7 +75,7 @@ def excused(x: Array, here: Linearization, support: Support, rounding: Rounding)
 
 
 def hidden(x: Array, here: Linearization, support: Support, rounding: Rounding) -> Array:
-    """By how much rounding leaves each x_i unknown, (n,), in its unit; 0 where that is harmless.
+    """By how much rounding leaves each x_i undetermined, (n,), in its unit; 0 if harmless.
 
     It is harmless up to a millionth of a sigma, or of x_i itself.
     """

@@ -4,14 +4,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_array
 
+from workbench.arrays import Array, Index
 from workbench.blocks import Layout, NumericPoints, PointsAt
 from workbench.blocks.sparse_points import jacobian_of, pattern_of
 
-Array = NDArray[np.float64]
-Entries = Mapping[str, NDArray[np.int64]]
+Entries = Mapping[str, Index]
 
 
 def by_free_entries(source: NumericPoints, free: Layout) -> NumericPoints:
@@ -21,12 +20,12 @@ def by_free_entries(source: NumericPoints, free: Layout) -> NumericPoints:
     if not wanted:
         return source
     only = getattr(source, "only", None)  # a source that can leave out what nobody wants
-    found: NumericPoints = only(wanted) if only is not None else Chosen(source, wanted)
+    found: NumericPoints = only(wanted) if only is not None else PartlyFreePoints(source, wanted)
     return found
 
 
 @dataclass(frozen=True, eq=False)
-class Chosen:
+class PartlyFreePoints:
     """Points with derivatives by some entries of some blocks; see NumericPoints, SparsePoints."""
 
     source: NumericPoints
@@ -34,11 +33,11 @@ class Chosen:
 
     @property
     def reads(self) -> tuple[str, ...]:
-        """As the source."""
+        """The names of the blocks that the points depend on."""
         return self.source.reads
 
     def many(self, values: Mapping[str, Array]) -> Array:
-        """As the source."""
+        """The points (M, N, 3) m for M values of each block."""
         return self.source.many(values)
 
     def pattern(self, name: str) -> csc_array | None:
@@ -46,13 +45,13 @@ class Chosen:
         found = pattern_of(self.source, name)
         return None if found is None else _columns(found, self.wanted.get(name))
 
-    def at(self, values: Mapping[str, Array]) -> "ChosenAt":
-        """Where whole blocks have these values."""
-        return ChosenAt(self.source.at(values), self.wanted, values)
+    def at(self, values: Mapping[str, Array]) -> "PartlyFreePointsAt":
+        """The points where whole blocks have these values."""
+        return PartlyFreePointsAt(self.source.at(values), self.wanted, values)
 
 
 @dataclass(frozen=True, eq=False)
-class ChosenAt:
+class PartlyFreePointsAt:
     """The points at one set of values; see PointsAt, SparsePointsAt."""
 
     here: PointsAt
@@ -61,7 +60,7 @@ class ChosenAt:
 
     @property
     def points(self) -> Array:
-        """(N, 3) m."""
+        """The points, (N, 3) m."""
         return self.here.points
 
     def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
@@ -82,10 +81,10 @@ class ChosenAt:
         return _columns(jacobian_of(self.here, name), self.wanted.get(name))
 
     def adjoint(self, pull: Array) -> dict[str, Array]:
-        """By the wanted entries of each block, flat."""
+        """The gradient by the wanted entries of each block, flat."""
         found = self.here.adjoint(pull)
         return {n: g[self.wanted[n]] if n in self.wanted else g for n, g in found.items()}
 
 
-def _columns(matrix: csc_array, wanted: NDArray[np.int64] | None) -> csc_array:
+def _columns(matrix: csc_array, wanted: Index | None) -> csc_array:
     return matrix if wanted is None else csc_array(matrix[:, wanted])

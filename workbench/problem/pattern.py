@@ -7,17 +7,14 @@ from typing import NamedTuple
 
 import casadi as cs
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_array
 
-from workbench.problem.storage import entries_at
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
+from workbench.arrays import Array, Index
+from workbench.problem.nonzeros import columns_of_nonzeros, entries_at
 
 
 class Pattern:
-    """Where the entries of a sparse Jacobian stand, in CasADi's order: column by column."""
+    """The places of the entries of a sparse Jacobian, column by column, as in CasADi."""
 
     def __init__(self, sparsity: cs.Sparsity) -> None:
         self.shape: tuple[int, int] = sparsity.shape
@@ -55,16 +52,21 @@ class Pattern:
         return found
 
     def reached(self, other: csc_array) -> csc_array:
-        """Where such a product can be nonzero, whatever the entries of both are."""
+        """Where the product `times` can be nonzero, whatever the entries of both are."""
         ones = np.ones(other.nnz)  # sums of which never cancel
         there = csc_array((ones, other.indices, other.indptr), shape=other.shape)
         return self.times(np.ones(len(self.rows)), there)
 
 
 class Part(NamedTuple):
-    """A dense part of a matrix: some rows of some columns, every entry of them."""
+    """A dense part of a matrix: some rows of some columns, every entry of them.
 
-    rows: Index  # rising
+    Attributes:
+        rows: the numbers of the rows, rising.
+        columns: the columns.
+    """
+
+    rows: Index
     columns: slice
 
     @property
@@ -74,9 +76,14 @@ class Part(NamedTuple):
 
 
 class Scattered(NamedTuple):
-    """A sparse part of a matrix: the entries of some columns that `pattern` (m, size) stores."""
+    """A sparse part of a matrix: the entries of some columns that `pattern` (m, size) stores.
 
-    pattern: csc_array  # rows rising in each column
+    Attributes:
+        pattern: (m, size) where entries are stored; in each column, rows rise.
+        columns: the columns.
+    """
+
+    pattern: csc_array
     columns: slice
 
     @property
@@ -87,11 +94,11 @@ class Scattered(NamedTuple):
     @property
     def entry_columns(self) -> Index:
         """The column of the whole matrix in which each entry stands."""
-        return np.asarray(_columns(self.pattern) + self.columns.start)
+        return np.asarray(columns_of_nonzeros(self.pattern) + self.columns.start)
 
 
 def merged(pattern: Pattern, parts: Sequence[Part | Scattered]) -> csc_array:
-    """Where a sum of single entries and parts can be nonzero, (m, n), in as little memory."""
+    """Where a sum of single entries and parts can be nonzero, (m, n)."""
     m, n = pattern.shape
     scattered = [part for part in parts if isinstance(part, Scattered)]
     keys = [pattern.columns * m + pattern.rows, *(_keys(part, m) for part in scattered)]
@@ -188,11 +195,6 @@ def _once(keys: Index) -> Index:
     """Each of them once, rising, as np.unique, which takes five times as long for millions."""
     keys.sort()
     return keys[np.concatenate([[True], keys[1:] != keys[:-1]])] if keys.size else keys
-
-
-def _columns(matrix: csc_array) -> Index:
-    """Of every stored entry."""
-    return np.repeat(np.arange(matrix.shape[1]), np.diff(matrix.indptr))
 
 
 def _keys(part: Part | Scattered, m: int) -> Index:

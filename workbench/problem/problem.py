@@ -5,57 +5,39 @@ from functools import cached_property
 
 import casadi as cs
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.sparse import csc_array
 
+from workbench.arrays import Array, Mask
 from workbench.blocks import Block, Layout, Points, Tree, Values, in_blocks
 from workbench.blocks.checks import mapping, texts
 from workbench.blocks.layout import all_values
 from workbench.errors import UnknownName
-from workbench.problem.batch import (
-    Batch,
-    Costs,
-    Places,
-    Slopes,
-    Way,
-    interpreted,
-    one_by_one,
-    slopes,
-)
+from workbench.problem import naming
+from workbench.problem.batch import Batch, Costs, Evaluation, Places, Slopes, interpreted, slopes
 from workbench.problem.bounds import Bounds, flat_bounds, of_free
 from workbench.problem.chain import Chain
 from workbench.problem.constraint import Constraint
 from workbench.problem.constraint_set import ConstraintSet
-from workbench.problem.frame_chain import FrameChain, Numbers
+from workbench.problem.frame_chain import FrameChain
 from workbench.problem.graph import Graph, split, stored
 from workbench.problem.linearization import Linearization
-from workbench.problem.naming import (
-    blocks_behind,
-    check_names,
-    distinct,
-    free_and_fixed,
-    parts_of,
-    rows_of,
-)
 from workbench.problem.optimality import optimality
 from workbench.problem.rounding import Rounding, Support
 from workbench.problem.storage import Stored
 from workbench.residuals import Residual
 from workbench.threads import limited_threads
 
-Array = NDArray[np.float64]
-
 
 class Problem:
     """Minimise 1/2 sum over residuals of |r(x, fixed) / sigma|^2 over the blocks named `free`.
 
-    Every other block that the residuals read is fixed at the value that it is given: a
-    measurement, or an unknown whose turn has not come. `free` holds names, or is one: of blocks, or
-    of entries such as `pose[pelvis]`, `betas[0:3]` and `pose[pelvis, x]`. A block that is free in
-    part is also among the `fixed` ones, and its value is always the whole array. `bounds` map names
-    of free blocks or entries to (lower, upper), numbers or arrays. Units and labels of blocks come
-    with the bodies' points; `blocks` adds those of others. A problem is never changed; `freeing`
-    makes another.
+    Every other block that the residuals read is fixed at the value that it is given. `free` is one
+    name or several, of blocks or of entries: `betas`, `pose[pelvis]`, `betas[0:3]`,
+    `pose[pelvis, x]`. A block that is free in part is also among the `fixed` ones, and its value is
+    always the whole array. `bounds` map names of free blocks or entries to (lower, upper). Points
+    of bodies bring units and labels of their blocks; `blocks` gives those of others. A problem is
+    never changed; `freeing` makes another.
 
     Raises DuplicateResidual, TwoSymbolsOneName, UnknownName, UnreadBlock, BadBounds, NotNumbers,
     BadResidual, or BadArgument for names that are none.
@@ -69,12 +51,13 @@ class Problem:
         blocks: Iterable[Block] = (),
         constraints: Iterable[Constraint] = (),
     ) -> None:
-        self.residuals, self.constraints, self._named = parts_of(residuals, constraints, blocks)
+        parts = naming.parts_of(residuals, constraints, blocks)
+        self.residuals, self.constraints, self._named = parts
         free = texts("the names of free blocks", free)
         self.bounds = dict(mapping("the bounds of a problem", {} if bounds is None else bounds))
-        check_names((*free, *self.bounds), self.known, self._named)
+        naming.check_names((*free, *self.bounds), self.known, self._named)
         self._known = Layout(tuple(self.known.values()))
-        self.free, self.fixed = free_and_fixed(self._known, free)
+        self.free, self.fixed = naming.free_and_fixed(self._known, free)
         self.lower, self.upper = flat_bounds(self.bounds, self.free, self._known)
         self.stacked_constraints = (
             ConstraintSet(self.constraints, *self._layouts) if self.constraints else None
@@ -83,28 +66,34 @@ class Problem:
     def freeing(self, *names: str) -> "Problem":
         """The same residuals with these blocks, or entries of blocks, free instead.
 
-        Bounds of others are dropped, and constraints that read none of these blocks.
+        Bounds of other blocks are dropped, and so are constraints that read none of these.
         """
         names = texts("the names of free blocks", names)
-        check_names(names, self.known, self._named)
+        naming.check_names(names, self.known, self._named)
         return self._with(self.residuals, names)
 
     def without(self, *residuals: str) -> "Problem":
-        """The same but for the named residuals; what then nobody reads is no longer free."""
-        for name in texts("the names of residuals", residuals):
-            if name not in self.rows:
-                raise UnknownName("residual", name, self.rows)
+        """The problem without the named residuals; blocks that no other reads are not free."""
+        self.rows_named(texts("the names of residuals", residuals))
         left = [residual for residual in self.residuals if residual.name not in residuals]
         reads = [r.reads for r in left] + [c.reads for c in self.constraints]
         return self._with(left, self.free.spelled(set(self.free.names).difference(*reads)))
 
     def _with(self, residuals: Iterable[Residual], names: Iterable[str]) -> "Problem":
-        free, _ = free_and_fixed(self._known, names)
+        free, _ = naming.free_and_fixed(self._known, names)
         bounds = of_free(self.bounds, free, self._known)
         kept = [c for c in self.constraints if not set(free.names).isdisjoint(c.reads)]
         return Problem(residuals, names, bounds, self._named, kept)
 
     # Values in and out.
+
+    def read(self, values: Mapping[str, ArrayLike]) -> Values:
+        """The values of the blocks that the problem reads, as arrays.
+
+        Blocks that have no value are left out.
+        """
+        names = (*self.free.names, *self.fixed.names)
+        return {n: np.asarray(values[n], dtype=float) for n in names if n in values}
 
     def split(self, values: Mapping[str, ArrayLike]) -> tuple[Array, Array]:
         """The free and the fixed numbers among `values`, each as a flat vector.
@@ -117,13 +106,22 @@ class Problem:
         return x, fixed
 
     def values(self, x: Array, fixed: Array) -> Values:
-        """Undo `split`: the arrays of all blocks."""
+        """The arrays of all blocks from their free and fixed numbers; the inverse of `split`."""
         return all_values(self.free, x, self.fixed, fixed)
 
     @cached_property
     def rows(self) -> dict[str, slice]:
-        """Where each residual sits in the stacked vector."""
-        return rows_of(self.residuals)
+        """The rows of each residual in the stacked residual."""
+        return naming.rows_of(self.residuals)
+
+    def rows_named(self, residuals: Iterable[str]) -> Mask:
+        """The rows (m,) of the named residuals. Raises UnknownName for a name that none has."""
+        found = np.zeros(self.size, dtype=bool)
+        for name in residuals:
+            if name not in self.rows:
+                raise UnknownName("residual", name, self.rows)
+            found[self.rows[name]] = True
+        return found
 
     @property
     def size(self) -> int:
@@ -132,11 +130,7 @@ class Problem:
 
     def row_label(self, row: int) -> str:
         """The name of one entry of the stacked residual."""
-        for residual in self.residuals:
-            if row < residual.size:
-                return residual.label(row)
-            row -= residual.size
-        raise IndexError(f"row {row} of a residual of {self.size}")
+        return naming.row_label(self.residuals, row)
 
     @cached_property
     def trees(self) -> tuple[Tree, ...]:
@@ -145,14 +139,14 @@ class Problem:
         return tuple({tree.places: tree for tree in trees if tree is not None}.values())
 
     @cached_property
-    def turns(self) -> tuple[slice, ...]:
-        """Where the rotation vectors of joints stand that are free, among the free numbers."""
+    def rotations(self) -> tuple[slice, ...]:
+        """Where free rotation vectors of joints stand among the free numbers."""
         found = {at.start: at for tree in self.trees for at in tree.turned(self.free).values()}
         return tuple(found.values())
 
     @cached_property
     def bounded(self) -> bool:
-        """Whether any entry has a bound."""
+        """Whether any free number has a bound."""
         return bool(np.isfinite(self.lower).any() or np.isfinite(self.upper).any())
 
     # The graphs.
@@ -182,7 +176,7 @@ class Problem:
         return in_blocks(self._whitened, self._points)
 
     def prepare(self) -> None:
-        """Build what the numbers below need, before a clock starts."""
+        """Build the functions that evaluations need, so that the first one takes no longer."""
         _ = self._chain
 
     # The numbers, for flat vectors: by the chain rule, or from the graphs above.
@@ -192,22 +186,25 @@ class Problem:
         return self._chain.residual(x, fixed)
 
     def costs(
-        self, x: Array, fixed: Array, entries: Places | None = None, by: Way = interpreted
+        self, x: Array, fixed: Array, entries: Places | None = None, by: Evaluation = interpreted
     ) -> Costs:
-        """A function of numbers z (M, k) to the costs (M,) of points that are x but for them.
+        """A function of z (M, k) to the costs (M,) at M points that differ from x in z only.
 
-        z stand in the places `entries` of x, or are all of it. `by` is `interpreted`, or
+        z are the numbers at the places `entries` of x (all, if None). `by` is `interpreted`, or
         `compiled`, which takes seconds once and is many times as fast.
         """
-        places = np.arange(self.free.size) if entries is None else entries.astype(np.int64)
-        return by(self._batch, x, fixed, places)
+        return by(self._batch, x, fixed, self._places(entries))
 
     def slopes(self, x: Array, fixed: Array, entries: Places | None = None) -> Slopes:
-        """The same for costs (M,) and their gradients (M, k) by z: what NUTS wants of a problem."""
-        places = np.arange(self.free.size) if entries is None else entries.astype(np.int64)
-        return slopes(self._batch, x, fixed, places) or one_by_one(
-            lambda one: self.cost_and_gradient(one, fixed), x, places
-        )
+        """A function of z (M, k) to the costs (M,) and their gradients (M, k); see `costs`."""
+
+        def one(at: Array) -> tuple[float, Array]:
+            return self.cost_and_gradient(at, fixed)
+
+        return slopes(self._batch, x, fixed, self._places(entries), one)
+
+    def _places(self, entries: Places | None) -> Places:
+        return np.arange(self.free.size) if entries is None else entries.astype(np.int64)
 
     def cost_and_gradient(self, x: Array, fixed: Array) -> tuple[float, Array]:
         """The cost and its gradient (n,), without a Jacobian of the points."""
@@ -237,13 +234,13 @@ class Problem:
         """Where the Jacobian may be nonzero, (m, n): each point reads all of its body's blocks."""
         return self._chain.pattern
 
-    # What convergence means, for every solver.
+    # Convergence.
 
     def rounding(self, x: Array, fixed: Array, residual: Array) -> Rounding:
-        """How much of each row of the residual (m,) at x may be rounding error.
+        """How large the rounding error of each row of the residual (m,) at x may be.
 
-        A row is made of the free numbers, the fixed ones and the points, each through its
-        derivative; that is measured at x, for far from a minimum rows are made of larger numbers.
+        It is estimated from the size of the terms that make up the row at x: derivatives times
+        free numbers, fixed numbers and points.
         """
         return Rounding.of(residual, self._chain.made_of(x, fixed))
 
@@ -253,17 +250,17 @@ class Problem:
         return self._chain.support
 
     def optimality(self, x: Array, here: Linearization, rounding: Rounding | None = None) -> float:
-        """How far from a stationary point, free of units: see `optimality.optimality`."""
+        """How far x is from stationary, without units; see `optimality.optimality`."""
         box = (self.lower, self.upper) if self.bounded else None
         return optimality(x, here, self.support, box, rounding)
 
     @cached_property
     def _points(self) -> tuple[Points, ...]:
-        return distinct(p for r in self.residuals for p in r.points)
+        return naming.distinct(p for r in self.residuals for p in r.points)
 
     @cached_property
     def _points_of_all(self) -> tuple[Points, ...]:
-        return distinct((*self._points, *(p for c in self.constraints for p in c.points)))
+        return naming.distinct((*self._points, *(p for c in self.constraints for p in c.points)))
 
     @cached_property
     def _whitened(self) -> cs.MX:
@@ -272,19 +269,21 @@ class Problem:
 
     @cached_property
     def known(self) -> dict[str, Block]:
-        """Every block that is read, by name, the best known description of each."""
+        """Every block that is read, by name, with the unit and labels that are known of it."""
         of_residuals = (b for r in self.residuals for b in r.blocks)
         of_points = (b for p in self._points_of_all for b in p.source.blocks)
-        described = (*of_points, *of_residuals, *self._named)  # by whoever made it, at last
-        stacked = cs.vertcat(self._whitened, *(c.expression for c in self.constraints))
-        return blocks_behind(stacked, self._points_of_all, described)
+        described = (*of_points, *of_residuals, *self._named)  # the last one counts
+        limited = [constraint.expression for constraint in self.constraints]
+        weightless = [one.expression for one in self.residuals]  # read also where a weight is 0
+        stacked = cs.veccat(self._whitened, *limited, *weightless)
+        return naming.blocks_behind(stacked, self._points_of_all, described)
 
     @cached_property
     def _graph(self) -> Graph:
         return Graph.of(in_blocks(self._whitened, self._points), *self._layouts)
 
     @cached_property
-    def _chain(self) -> Numbers:
+    def _chain(self) -> Chain | FrameChain:
         by_frames = any(residual.each for residual in self.residuals)
         return (FrameChain if by_frames else Chain.of)(self.residuals, *self._layouts)
 

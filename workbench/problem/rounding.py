@@ -8,18 +8,21 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from workbench.arrays import Array, Index, Mask
 from workbench.problem.steps import EPS
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 FACTOR = 10.0  # of eps: a row is the end of a chain of operations, not of one
 
 
 @dataclass(frozen=True, eq=False)
 class Rounding:
-    """The rounding error that each row of a whitened residual may carry, in its sigma."""
+    """The rounding error that each row of a whitened residual may carry, in its sigma.
 
-    rows: Array  # (m,)
+    Attributes:
+        rows: (m,) the rounding error of each row, in sigmas.
+    """
+
+    rows: Array
 
     @staticmethod
     def of(residual: Array, made_of: Array) -> "Rounding":
@@ -30,15 +33,15 @@ class Rounding:
 
     @cached_property
     def norm(self) -> float:
-        """Of all rows together."""
+        """The length of the vector of all rows' rounding errors."""
         return float(np.linalg.norm(self.rows))
 
     def of_cost(self, residual: Array) -> float:
-        """By how much rounding may have changed 1/2 |r|^2: |r|' e + 1/2 |e|^2, e the rows."""
+        """How far rounding may have changed 1/2 |r|^2: |r|' e + 1/2 |e|^2, e the rows' errors."""
         return float(np.abs(residual) @ self.rows) + 0.5 * self.norm**2
 
-    def of_fall(self, residual: Array, moved: NDArray[np.bool_]) -> float:
-        """The same of a difference of costs, where only some rows (m,) are not the same."""
+    def of_fall(self, residual: Array, moved: Mask) -> float:
+        """How far rounding may have changed a difference of costs that differ in some rows."""
         return Rounding(self.rows[moved]).of_cost(residual[moved])
 
 
@@ -66,7 +69,7 @@ class Support:
 
     def __init__(
         self,
-        groups: NDArray[np.bool_] | csr_array,
+        groups: Mask | csr_array,
         group_of: NDArray[np.signedinteger],
         own: csr_array,
     ) -> None:
@@ -116,7 +119,7 @@ class Support:
 
     @property
     def explicit(self) -> csr_array:
-        """The same without groups: row i (n, m) marks all that number i can change."""
+        """The support without groups: row i (n, m) marks all rows that number i can change."""
         kind, row = self._of_groups
         groups = _marked(kind, row, self._groups.shape)
         return csr_array(groups[self._group_of] + self._own)
@@ -132,7 +135,7 @@ class Support:
         squares = rows**2
         return np.asarray(np.sqrt((self._groups @ squares)[self._group_of] + self._own @ squares))
 
-    def rows(self, numbers: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def rows(self, numbers: Mask) -> Mask:
         """The rows (m,) that some of the free numbers (n,) can change."""
         marked = np.zeros(self._groups.shape[0])
         marked[self._group_of[numbers]] = 1.0
@@ -141,12 +144,12 @@ class Support:
         return read
 
     @cached_property
-    def read(self) -> NDArray[np.bool_]:
+    def read(self) -> Mask:
         """Which free numbers can change any row at all, (n,)."""
         return self.norms(np.ones(self._groups.shape[1])) > 0
 
     @cached_property
-    def changing(self) -> NDArray[np.bool_]:
+    def changing(self) -> Mask:
         """The rows that any free number can change, (m,)."""
         return self.rows(np.ones(len(self._group_of), dtype=bool))
 

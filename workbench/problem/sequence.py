@@ -4,18 +4,18 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from workbench.arrays import Array
 from workbench.blocks import Block
 from workbench.blocks.checks import several, texts
 from workbench.blocks.frames import FrameBlocks, framed
-from workbench.errors import BadArgument, BadResidual, UnknownName
+from workbench.errors import BadArgument, BadConstraint, BadResidual, UnknownName
 from workbench.problem.constraint import Constraint
 from workbench.problem.problem import Problem
 from workbench.residuals import Residual
 from workbench.residuals.frames import Between, Frames
 
-Array = NDArray[np.float64]
 Part = TypeVar("Part", Residual, Constraint)
 
 
@@ -62,7 +62,7 @@ def sequence(
     constraints = _gathered(
         each, lambda one: one.constraints, once, lambda parts: _limited(whole, each, parts)
     )
-    if callable(between):
+    if callable(between) or not isinstance(between, Iterable):
         raise BadArgument("what is between frames is a list of functions; put the one into a list")
     for link in between:
         if not callable(link):
@@ -95,10 +95,13 @@ def _blocks(each: Sequence[Problem], shared: Sequence[str]) -> FrameBlocks:
     for name in shared:
         if name not in first:
             raise UnknownName("block", name, first, more="a shared block is one that a frame reads")
-    return FrameBlocks(len(each), {
-        name: block if name in shared else framed(block, len(each))
-        for name, (_, block) in first.items()
-    })  # fmt: skip
+    return FrameBlocks(
+        len(each),
+        {
+            name: block if name in shared else framed(block, len(each))
+            for name, (_, block) in first.items()
+        },
+    )
 
 
 def _distinct(each: Sequence[Problem]) -> list[tuple[int, Problem]]:
@@ -124,8 +127,11 @@ def _gathered(
     for parts in found.values():
         t, first = next(iter(parts.items()))
         same = len({id(part) for part in parts.values()}) == 1
-        if not same or not once.keys() >= set(first.reads):
+        if not once.keys() >= set(first.reads):
             gathered.append(stack(parts))
+        elif not same:  # each of the different ones once
+            distinct = {id(part): t for t, part in reversed(parts.items())}
+            gathered.append(stack({t: parts[t] for t in sorted(distinct.values())}))
         elif all(_same(each[t].known[name], once[name]) for name in first.reads):
             gathered.append(first)
         else:  # the frame has symbols of its own for what is shared
@@ -145,15 +151,30 @@ def _described(
 
 
 def _limited(whole: Frames, each: Sequence[Problem], parts: dict[int, Constraint]) -> Constraint:
-    """The constraints of frames that have one name, as one."""
+    """The constraints of frames that have one name, as one, with the smallest tolerance.
+
+    Raises BadConstraint where their units differ.
+    """
     columns = {t: (c.expression, each[t].known, c.points) for t, c in parts.items()}
     expression, points = whole.stacked(columns)
-    first = parts[min(parts)]
+    order = min(parts)
+    first = parts[order]
+    for t, one in parts.items():
+        if one.unit != first.unit:
+            raise BadConstraint(
+                f"constraint {one.name!r} has the unit {one.unit} in frame {t} and {first.unit} "
+                f"in frame {order}; call it by another name there"
+            )
     lower, upper = zip(*(parts[t].limits for t in sorted(parts)), strict=True)
     return Constraint(
-        first.name, expression, np.concatenate(lower), np.concatenate(upper), first.unit,
-        points, min(c.tolerance for c in parts.values()),
-    )  # fmt: skip
+        first.name,
+        expression,
+        np.concatenate(lower),
+        np.concatenate(upper),
+        first.unit,
+        points,
+        min(c.tolerance for c in parts.values()),
+    )
 
 
 def _free(each: Sequence[Problem], blocks: FrameBlocks) -> list[str]:
@@ -182,7 +203,7 @@ def _free(each: Sequence[Problem], blocks: FrameBlocks) -> list[str]:
 
 
 def _bounds(each: Sequence[Problem], blocks: FrameBlocks) -> dict[str, tuple[ArrayLike, ArrayLike]]:
-    """Those of all frames; where a block is shared, the narrowest."""
+    """The bounds of all frames; for a shared block, the narrowest."""
     low: dict[str, Array] = {}
     high: dict[str, Array] = {}
     for t, problem in enumerate(each):

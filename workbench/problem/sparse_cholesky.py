@@ -10,13 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import SuperLU, splu
 
+from workbench.arrays import Array, Mask
 from workbench.problem.storage import crowded, dense
 
-Array = NDArray[np.float64]
 # SuperLU factorizes by LU. Told that the matrix is symmetric, and to take pivots from the diagonal,
 # it orders columns by minimum degree and fills in what Cholesky's factorization would.
 SYMMETRIC = {"SymmetricMode": True}
@@ -25,17 +24,26 @@ SMALLEST = 1e-8  # of a pivot, where the diagonal is one: below that half of the
 
 @dataclass(frozen=True, eq=False)
 class SparseFactor:
-    """A positive definite matrix A (n, n) in units in which its diagonal is one, factorized."""
+    """A positive definite matrix A (n, n) in units in which its diagonal is one, factorized.
 
-    units: Array  # (n,): the roots of A's diagonal
-    border: NDArray[np.bool_]  # (n,): the unknowns that come last, b of them
-    inner: SuperLU | None  # S; None where all unknowns are in the border
-    between: Array  # B (n - b, b)
-    answer: Array  # S^-1 B
-    corner: Array  # Cholesky's factor of the Schur complement, lower (b, b)
+    Attributes:
+        units: (n,) the square roots of A's diagonal.
+        border: (n,) which unknowns come last; there are b of them.
+        inner: the factor of S; None where all unknowns are in the border.
+        between: B (n - b, b).
+        answer: S^-1 B, (n - b, b).
+        corner: Cholesky's factor of the Schur complement, lower, (b, b).
+    """
+
+    units: Array
+    border: Mask
+    inner: SuperLU | None
+    between: Array
+    answer: Array
+    corner: Array
 
     def solve(self, b: Array) -> Array:
-        """A^-1 b, (n,) or (n, k)."""
+        """The solution A^-1 b for b (n,) or (n, k)."""
         units = self.units if b.ndim == 1 else self.units[:, None]
         right = b / units
         found = np.empty_like(right)
@@ -67,7 +75,7 @@ def factorized(A: csc_array) -> SparseFactor | None:
     return SparseFactor(units, border, inner, between, answer, np.asarray(L))
 
 
-def _inner(even: csc_array, part: NDArray[np.bool_]) -> SuperLU | None:
+def _inner(even: csc_array, part: Mask) -> SuperLU | None:
     """S of a matrix with ones on its diagonal; None if its pivots are too small, or it is empty."""
     if not part.any():
         return None

@@ -5,19 +5,19 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
-from scipy.sparse import csc_array, diags_array
-from scipy.sparse.linalg import lsmr
+from scipy.sparse.linalg import LinearOperator, lsmr
 
+from workbench.arrays import Array
 from workbench.problem.banded import BandedMatrix
-from workbench.problem.sparse_cholesky import factorized
+from workbench.problem.normal_factors import factor_of
 from workbench.problem.storage import Matrix, Symmetric, scaled_sparse
 
-Array = NDArray[np.float64]
 EPS = float(np.finfo(float).eps)
 CHOLESKY_UP_TO = 1e4  # of the condition of the columns; its square is what Cholesky meets
 UNEVEN = 1e6  # times the shortest column: a longer one would hide it among its rounding errors
 DIGITS, PRODUCTS = 1e-12, 2000  # of LSMR: its tolerances, and products at most
+TOO_MANY = 7  # LSMR's reason to stop where `PRODUCTS` were not enough
+RAISED = 1e-7  # of the squared length of each column: what makes the band's factor safe
 LEAST_DAMPED = 1e-5  # inverse condition, with its damping, of columns that are dependent
 
 
@@ -65,7 +65,7 @@ class LinearModel(Protocol):
 
     @property
     def svd(self) -> tuple[Array, Array, Array]:
-        """`U, s, Vt` of J, thin."""
+        """The shortest step, by the singular values of J / D; null directions are left out."""
 
     @property
     def jacobian(self) -> Matrix:
@@ -76,15 +76,15 @@ LinearAlgebra = Callable[[LinearModel, float, Array], Step | None]
 
 
 def cholesky(here: LinearModel, damping: float, D: Array) -> Step | None:
-    """By the normal equations J'J + damping D^2, made free of units: quick for tall Jacobians.
+    """The step by the normal equations J'J + damping D^2, without units; fast for tall Jacobians.
 
     Their condition is the square of the Jacobian's; None where that leaves too few digits.
     """
     normal = here.normal
-    if isinstance(normal, BandedMatrix):
-        return _banded(normal, here.gradient, damping * D**2)
-    if isinstance(normal, csc_array):
-        return _sparse(normal, here.gradient, damping * D**2)
+    if not isinstance(normal, np.ndarray):
+        factor = factor_of(normal, damping * D**2)
+        which = "band" if isinstance(normal, BandedMatrix) else "sparse"
+        return None if factor is None else Step(-factor.solve(here.gradient), f"{which} cholesky")
     A = normal + damping * np.diag(D**2)
     d = np.sqrt(np.diag(A))
     if not (d > 0).all() or not np.isfinite(d).all():
@@ -100,18 +100,8 @@ def cholesky(here: LinearModel, damping: float, D: Array) -> Step | None:
     return Step(-scipy.linalg.cho_solve((L, True), here.gradient / d) / d, "cholesky")
 
 
-def _sparse(normal: csc_array, gradient: Array, damped: Array) -> Step | None:
-    factor = factorized(csc_array(normal + diags_array(damped)) if damped.any() else normal)
-    return None if factor is None else Step(-factor.solve(gradient), "sparse cholesky")
-
-
-def _banded(normal: BandedMatrix, gradient: Array, damped: Array) -> Step | None:
-    factor = normal.factorized(damped)
-    return None if factor is None else Step(-factor.solve(gradient), "band cholesky")
-
-
 def qr(here: LinearModel, damping: float, D: Array) -> Step | None:
-    """By the orthogonal triangle of J, then of it above sqrt(damping) D (Moré 1978).
+    """The step by QR of J, then of its triangle above sqrt(damping) D (Moré 1978).
 
     The condition is not squared. None where the columns are dependent to rounding and the damping
     does not outweigh it: there it would magnify rounding errors; and for a sparse Jacobian.
@@ -136,7 +126,7 @@ def _inverse_condition(R: Array) -> float:
 
 
 def svd(here: LinearModel, damping: float, D: Array) -> Step:
-    """By the singular values of J / D; of what no residual notices, nothing: the shortest step.
+    """The shortest step, by the singular values of J / D; null directions are left out.
 
     Always an answer. There damping below eps would magnify rounding errors. Without damping, the
     length of columns takes the place of D where some are a million times as long as others.
@@ -161,16 +151,52 @@ def _even(lengths: Array) -> Array:
 
 
 def krylov(here: LinearModel, damping: float, D: Array) -> Step:
-    """By products with J and J' alone (Fong and Saunders, LSMR, 2011): the shortest step.
+    """The shortest step by products with J and J' alone (Fong and Saunders, LSMR, 2011).
 
-    For a sparse Jacobian whose columns are dependent. Where it needs too many products it gives the
-    best step so far, which goes downhill like all of them.
+    For a sparse Jacobian whose columns are dependent. Where it needs too many products, those of a
+    sequence are preconditioned; otherwise it gives the best step so far, which goes downhill like
+    all of them.
     """
     if damping == 0:
         D = _even(here.column_norms)
     A = scaled_sparse(here.jacobian, 1 / D)
-    p = lsmr(A, -here.residual, np.sqrt(damping), DIGITS, DIGITS, conlim=0, maxiter=PRODUCTS)[0]
+    p, why = lsmr(A, -here.residual, np.sqrt(damping), DIGITS, DIGITS, conlim=0, maxiter=PRODUCTS)[
+        :2
+    ]
+    if why == TOO_MANY and isinstance(here.normal, BandedMatrix):
+        found = _preconditioned(here, here.normal, damping, D)
+        if found is not None:
+            return found
     return Step(np.asarray(p) / D, "lsmr")
+
+
+def _preconditioned(
+    here: LinearModel, normal: BandedMatrix, damping: float, D: Array
+) -> Step | None:
+    """`krylov` in the unknowns M'p, where M M' is J'J with a slightly raised diagonal.
+
+    What the data determine well is found in a few products, and the rest is no longer hidden
+    behind it. None where even the raised matrix has no factor.
+    """
+    lengths = here.column_norms
+    raised = RAISED * np.where(lengths > 0, lengths, 1.0) ** 2
+    factor = normal.factorized(damping * D**2 + raised)
+    if factor is None:
+        return None
+    J, (m, n) = here.jacobian, here.shape
+    own = np.sqrt(damping) * D
+
+    def product(y: Array) -> Array:
+        p = factor.half_times(y.ravel())
+        return np.concatenate([J @ p, own * p])
+
+    def pulled(r: Array) -> Array:
+        return factor.half_answer(J.T @ r.ravel()[:m] + own * r.ravel()[m:])
+
+    A = LinearOperator((m + n, n), matvec=product, rmatvec=pulled, dtype=float)
+    right = np.concatenate([-here.residual, np.zeros(n)])
+    y = lsmr(A, right, 0.0, DIGITS, DIGITS, conlim=0, maxiter=PRODUCTS)[0]
+    return Step(factor.half_times(np.asarray(y)), "lsmr")
 
 
 def automatic(here: LinearModel, damping: float, D: Array) -> Step:

@@ -7,16 +7,15 @@ equations are an array, sparse or a `BandedMatrix`.
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import block_array, csc_array, csr_array, vstack
 
+from workbench.arrays import Array, Index, Mask
 from workbench.errors import TooLarge
 from workbench.problem.banded import BandedMatrix
 from workbench.problem.block_matrix import BlockMatrix
 from workbench.problem.memory import check_fits
+from workbench.problem.nonzeros import columns_of_nonzeros
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Stored: TypeAlias = Array | csc_array  # with all zeros, or by the nonzeros
 Matrix: TypeAlias = Stored | BlockMatrix
 Symmetric: TypeAlias = Stored | BandedMatrix
@@ -34,7 +33,7 @@ def dense(matrix: Matrix | Symmetric) -> Array:
     """The matrix as an array. Raises TooLarge where that does not fit into memory."""
     if isinstance(matrix, np.ndarray):
         return matrix
-    check_fits(*matrix.shape, "a dense Jacobian", "free fewer blocks at a time")
+    check_fits(*matrix.shape)
     if isinstance(matrix, BlockMatrix):
         return matrix.dense
     return np.asarray(by_nonzeros(matrix).toarray())
@@ -51,7 +50,7 @@ def by_columns(some: Array | csr_array) -> Stored:
 
 
 def unblocked(matrix: Matrix | Symmetric) -> Stored:
-    """The same as an array, if it is one, or else by its nonzeros."""
+    """The matrix as an array, if it is one, or else by its nonzeros."""
     return matrix if isinstance(matrix, np.ndarray) else by_nonzeros(matrix)
 
 
@@ -110,7 +109,7 @@ def scaled(matrix: Matrix, factors: Array) -> Matrix:
 
 
 def scaled_sparse(matrix: Matrix, factors: Array) -> csc_array:
-    """The same by its nonzeros."""
+    """Every column times its factor (n,), by its nonzeros."""
     if isinstance(matrix, np.ndarray):
         return csc_array(matrix * factors)
     found = by_nonzeros(matrix)
@@ -134,7 +133,7 @@ def stacked(matrix: Matrix, below: Array) -> Matrix:
     return csc_array(vstack([by_nonzeros(matrix), csc_array(below)]))
 
 
-def columns_of(matrix: Matrix, part: NDArray[np.int64] | Mask) -> Stored:
+def columns_of(matrix: Matrix, part: Index | Mask) -> Stored:
     """Some columns; as an array where they are few, or no longer sparse."""
     some = (matrix.sparse if isinstance(matrix, BlockMatrix) else matrix)[:, part]
     if isinstance(some, csc_array) and not is_sparse(*some.shape, some.nnz):
@@ -176,7 +175,7 @@ def gram(matrix: Matrix) -> Symmetric:
 
 
 def gram_of_nonzeros(matrix: csc_array) -> csc_array:
-    """The same of a sparse matrix."""
+    """A sparse matrix, transposed, times itself, (n, n)."""
     full = crowded(matrix)
     if not full.any():
         found = csc_array(matrix.T @ matrix)
@@ -208,28 +207,6 @@ def times(matrix: Matrix, other: Array) -> Matrix:
     return csc_array(by_nonzeros(matrix) @ csc_array(other))
 
 
-def entries_at(matrix: csc_array, pattern: csc_array) -> Array:
-    """The entries of a matrix in the places of a pattern, column by column; it has no others."""
-    if matrix.nnz == pattern.nnz:
-        return np.asarray(matrix.data)
-    m = matrix.shape[0]
-    places, there = (
-        np.repeat(np.arange(one.shape[1]), np.diff(one.indptr)) * m + one.indices
-        for one in (matrix, pattern)
-    )
-    found = np.zeros(pattern.nnz)
-    found[np.searchsorted(there, places)] = matrix.data
-    return found
-
-
-def at_places(matrix: Stored, pattern: csc_array) -> Array:
-    """The same of an array too, which is not looked at in other places."""
-    if isinstance(matrix, csc_array):
-        return entries_at(matrix, pattern)
-    columns = np.repeat(np.arange(pattern.shape[1]), np.diff(pattern.indptr))
-    return np.asarray(matrix[pattern.indices, columns])
-
-
 def distance(one: Matrix, a: float, other: Matrix, b: float) -> float:
     """Frobenius' norm of a times one matrix minus b times another of the same kind."""
     if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
@@ -238,6 +215,6 @@ def distance(one: Matrix, a: float, other: Matrix, b: float) -> float:
 
 
 def _sums(matrix: csc_array, values: Array) -> Array:
-    """Of each column of values that stand where the matrix has its nonzeros, (n,)."""
-    columns = np.repeat(np.arange(matrix.shape[1]), np.diff(matrix.indptr))
+    """The sum in each column (n,) of values in the places of the matrix's nonzeros."""
+    columns = columns_of_nonzeros(matrix)
     return np.bincount(columns, values, minlength=matrix.shape[1]).astype(float, copy=False)

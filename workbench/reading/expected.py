@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.arrays import Array, Index, Mask
 from workbench.errors import BadFile, listed
 from workbench.reading.archive import Archive
 from workbench.reading.npy import Header, widened
@@ -114,7 +115,7 @@ def nothing_else(archive: Archive, expected: Iterable[str]) -> None:
         raise BadFile(f"it also holds {listed(others)}, which do not belong there")
 
 
-def check_numbers(name: str, numbers: NDArray[np.int64], end: int) -> None:
+def check_numbers(name: str, numbers: Index, end: int) -> None:
     """Raise BadFile unless all numbers of things are from 0 to `end` - 1."""
     if numbers.size and not 0 <= numbers.min() <= numbers.max() < end:
         raise BadFile(f"{name} holds {numbers.min()} to {numbers.max()}, not 0 to {end - 1} alone")
@@ -148,7 +149,7 @@ def _told(shape: tuple[Size, ...]) -> str:
     return f"({', '.join(map(str, shape))}{',' if len(shape) == 1 else ''})"
 
 
-def _finite(array: NDArray[Any]) -> NDArray[np.float64]:
+def _finite(array: NDArray[Any]) -> Array:
     finite = np.isfinite(array)
     if not finite.all():
         at = np.unravel_index(int(finite.argmin()), array.shape)
@@ -156,13 +157,13 @@ def _finite(array: NDArray[Any]) -> NDArray[np.float64]:
     return widened(array)
 
 
-def _counted(array: NDArray[Any]) -> NDArray[np.int64]:
+def _counted(array: NDArray[Any]) -> Index:
     if array.size and not -LARGEST <= int(array.min()) <= int(array.max()) <= LARGEST:
         raise BadFile(f"holds numbers from {array.min()} to {array.max()}, which count nothing")
     return array.astype(np.int64)
 
 
-def _true(array: NDArray[Any]) -> NDArray[np.bool_]:
+def _true(array: NDArray[Any]) -> Mask:
     return array.astype(np.bool_)  # a byte of a file may hold more than 0 and 1
 
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.arrays import Array
 from workbench.errors import BadFile
 from workbench.reading.damage import damage, refuse_what_is_no_file
 
@@ -67,7 +68,7 @@ def header_of(head: bytes) -> Header:
     return Header(shape, dtype, fortran, stream.tell())
 
 
-def widened(array: NDArray[Any]) -> NDArray[np.float64]:
+def widened(array: NDArray[Any]) -> Array:
     """Numbers as float64; a long double beyond its range becomes infinite.
 
     The order of axes in memory stays what it was: sums depend on it in their last digits.

@@ -3,14 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
-from workbench.bodies.extras import told
+from workbench.bodies.files.extras import shapes_in_words
 from workbench.bodies.triangles import TriangleBody
 from workbench.plots.body import side
 
-Array = NDArray[np.float64]
 LOWERED = 1.15  # rad that the arms hang down from a T-pose, so that shapes stand closer together
 ENDS = 2.0  # standard deviations at which shapes are drawn
 NOT_READ = "arrays of its file that nothing here computes with; save_body writes them back"
@@ -45,7 +44,7 @@ def facts(body: SkinnedBody | TriangleBody) -> dict[str, str]:
         **(_mirrored(body) if isinstance(body, SkinnedBody) else {}),
         "landmarks": ", ".join(["joints", *sets]),
         **({"synthetic": str(body.card["synthetic"])} if "synthetic" in body.card else {}),
-        **({"carried along": f"{told(body.extras)}: {NOT_READ}"} if body.extras else {}),
+        **({"carried along": f"{shapes_in_words(body.extras)}: {NOT_READ}"} if body.extras else {}),
     }
 
 
@@ -87,11 +86,15 @@ def joints(body: SkinnedBody | TriangleBody) -> list[Joint]:
     read = np.diff(body.J_regressor.indptr)
     return [
         Joint(
-            k, name, "–" if parent < 0 else body.joint_names[parent],
-            (float(rest[k, 0]), float(rest[k, 1]), float(rest[k, 2])), int(moved[k]), int(read[k]),
+            k,
+            name,
+            "–" if parent < 0 else body.joint_names[parent],
+            (float(rest[k, 0]), float(rest[k, 1]), float(rest[k, 2])),
+            int(moved[k]),
+            int(read[k]),
         )
         for k, (name, parent) in enumerate(zip(body.joint_names, body.parents, strict=True))
-    ]  # fmt: skip
+    ]
 
 
 def shapes(body: SkinnedBody | TriangleBody) -> dict[str, Array]:

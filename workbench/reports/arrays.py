@@ -1,16 +1,16 @@
 """The numbers of a run as one `.npz`: what was found, and what is drawn."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-from workbench.experiments.experiment import Outcome
+from workbench.arrays import Array
+from workbench.experiments.running import Outcome
 
 
-def arrays(outcome: Outcome) -> dict[str, NDArray[np.float64]]:
+def arrays(outcome: Outcome) -> dict[str, Array]:
     """Every block under its own name, and per view `projected:`, `observed:` (M, 2) px and
     `confidence:` (M,), exactly as drawn; `surface` (N, 3) m where there is a body.
     """
-    found: dict[str, NDArray[np.float64]] = {}
+    found: dict[str, Array] = {}
     if outcome.surface is not None:
         found["surface"] = outcome.surface
     for overlay in outcome.overlays:

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from workbench.bodies import SkinnedBody
-from workbench.bodies.kinds import not_skinned
+from workbench.bodies.skinned import not_skinned
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadBody
 from workbench.plots import caption_body, caption_shape_gallery, sheets
@@ -57,11 +57,13 @@ def card_page(body: SkinnedBody | TriangleBody) -> str:
         gallery=shown(
             sheets.shape_gallery_sheet(gallery, body.faces),
             caption_shape_gallery(gallery, drawn=directions_drawn(body)),
-        ) if body.n_betas else None,
+        )
+        if body.n_betas
+        else None,
         joints=joint_table(body),
         card=dict(body.card),
         versions=versions(),
-    )  # fmt: skip
+    )
 
 
 def card_text(body: SkinnedBody | TriangleBody) -> str:
@@ -99,11 +101,15 @@ def joint_table(body: SkinnedBody | TriangleBody) -> Table:
     """The joints with their parents and places."""
     rows = tuple(
         (
-            str(j.index), j.name, j.parent, *(f"{round(x, 3) + 0.0:.3f}" for x in j.rest),
-            f"{j.moved:,}", f"{j.regressor:,}",
+            str(j.index),
+            j.name,
+            j.parent,
+            *(f"{round(x, 3) + 0.0:.3f}" for x in j.rest),
+            f"{j.moved:,}",
+            f"{j.regressor:,}",
         )
         for j in joints(body)
-    )  # fmt: skip
+    )
     moved = "vertices moved" if isinstance(body, SkinnedBody) else "faces moved"
     head = ("k", "joint", "parent", "x (m)", "y (m)", "z (m)", moved, "regressed from")
     return Table(head, rows, (0, 3, 4, 5, 6, 7))

@@ -11,13 +11,13 @@ from workbench.comparison.measured import ratios
 from workbench.comparison.prices import SOURCE
 from workbench.comparison.statistics import FEWEST, LEVEL
 from workbench.comparison.store import MARK, RUNS
-from workbench.comparison.targets import Verdict, ended_by_clock, named
+from workbench.comparison.targets import TargetOutcome, ended_by_clock, named
 from workbench.comparison.tidy import write_csv
 from workbench.comparison.words import advice, basin_sentence, reliable
 from workbench.plots import comparison_sheets as sheets
 from workbench.plots.accuracy import caption_accuracy
 from workbench.plots.cost_traces import caption_cost_traces
-from workbench.plots.duels import caption_duels
+from workbench.plots.pairwise_wins import caption_pairwise_wins
 from workbench.plots.profiles import caption_data_profile, caption_performance_profile
 from workbench.plots.verdicts import caption_basins, caption_verdicts
 from workbench.plots.waterfall import caption_waterfall
@@ -31,8 +31,8 @@ from workbench.writing import replacing
 RESULTS = "results.csv"
 FILES = {
     "index.html": "this page",
-    RESULTS: "every run as one row: costs, evaluations, times, verdict, and each target",
-    MARK: "machine, versions, options, prices (fixed, measured), targets, basins, for programs",
+    RESULTS: "one row per run: costs, evaluations, times, verdict, and each target",
+    MARK: "machine, versions, options, fixed and measured prices, targets and basins, for programs",
 }
 FEW = 3  # runs that a waterfall needs
 
@@ -63,32 +63,30 @@ def comparison_data(comparison: Comparison) -> dict[str, Any]:
         "problems": comparison.problems,
         "solvers": {
             e.name: identity(plan.budget.given(e.solver)) | {"file": e.source}
-            for e in comparison.entrants
+            for e in comparison.named_solvers
         },
         "budget": asdict(plan.budget),
         "seeds": plan.seeds,
         "targets": comparison.taus,
         "prices": comparison.prices,
         "measured_prices": {p: ratios(comparison, p) for p in comparison.problems},
-        "starts": {
-            name: asdict(yardstick) for name, yardstick in comparison.yardsticks.items()
-        },
+        "starts": {name: asdict(yardstick) for name, yardstick in comparison.yardsticks.items()},
         "basins": [
             {
                 "starts": group,
-                "costs": judgement.costs,
-                "optimality": judgement.optimality,
-                "explanations": {k + 1: e.data() for k, e in judgement.explanations.items()},
-                "message": judgement.message,
+                "costs": end_analysis.costs,
+                "optimality": end_analysis.optimality,
+                "explanations": {k + 1: e.data() for k, e in end_analysis.explanations.items()},
+                "message": end_analysis.message,
             }
-            for group, judgement in zip(comparison.groups, comparison.judgements, strict=True)
+            for group, end_analysis in zip(comparison.groups, comparison.end_analyses, strict=True)
         ],
         "unbuilt": comparison.unbuilt,
         "machines": machines(comparison),
         "code": code_version(),
         "versions": versions(),
         "files": list(FILES),
-    }  # fmt: skip
+    }
 
 
 def machines(comparison: Comparison) -> list[str]:
@@ -100,8 +98,11 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
     """The page; `kept` if the runs themselves are beside it."""
     taus = comparison.taus[1], comparison.taus[-1]
     budget = comparison.plan.budget
-    files = FILES | ({f"{RUNS}/": "every run with its trace; the same command goes on from them"}
-                     if kept else {})  # fmt: skip
+    files = FILES | (
+        {f"{RUNS}/": "every run with its trace; the same command continues from them"}
+        if kept
+        else {}
+    )
     pairs = len(comparison.solvers) > 1 and len(comparison.comparable) > 0
     return page(
         "comparison.html",
@@ -113,7 +114,7 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
         main=named(MAIN),
         verdicts=shown(sheets.verdicts_sheet(comparison), caption_verdicts(comparison)),
         outcomes=tables.verdicts_table(comparison),
-        meanings={v.name.lower().replace("_", " "): v.value for v in Verdict},
+        meanings={v.name.lower().replace("_", " "): v.value for v in TargetOutcome},
         success=tables.success_table(comparison),
         effort=tables.effort_table(comparison),
         prices=tables.prices_table(),
@@ -129,8 +130,12 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
         performance_profile=shown(
             sheets.performance_profile_sheet(comparison, taus),
             caption_performance_profile(comparison),
-        ) if pairs else None,
-        duels=shown(sheets.duels_sheet(comparison), caption_duels(comparison)) if pairs else None,
+        )
+        if pairs
+        else None,
+        pairwise=shown(sheets.pairwise_wins_sheet(comparison), caption_pairwise_wins(comparison))
+        if pairs
+        else None,
         accuracy=_accuracy(comparison),
         each=[_of(comparison, problem) for problem in comparison.problems],
         table=tables.problems_table(comparison),
@@ -144,7 +149,7 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
         runs=len(comparison.records),
         versions=versions(),
         files=files,
-    )  # fmt: skip
+    )
 
 
 def _accuracy(comparison: Comparison) -> Shown | None:
@@ -156,13 +161,13 @@ def _accuracy(comparison: Comparison) -> Shown | None:
 def _of(comparison: Comparison, problem: str) -> dict[str, Any]:
     """What the page says of one problem."""
     instances = comparison.of(problem)
-    several = any(len(comparison.judgement(i.name).costs) > 1 for i in instances)
-    own = len({id(comparison.judgement(i.name)) for i in instances}) > 1  # data for each start
+    several = any(len(comparison.end_analysis(i.name).costs) > 1 for i in instances)
+    own = len({id(comparison.end_analysis(i.name)) for i in instances}) > 1  # data for each start
     explained = {
         (f"{group[0]}, basin {k + 1}" if own else f"basin {k + 1}"): str(e)
-        for group, judgement in zip(comparison.groups, comparison.judgements, strict=True)
+        for group, end_analysis in zip(comparison.groups, comparison.end_analyses, strict=True)
         if group[0] in {i.name for i in instances}
-        for k, e in judgement.explanations.items()
+        for k, e in end_analysis.explanations.items()
     }
     return {
         "name": problem,
@@ -173,11 +178,14 @@ def _of(comparison: Comparison, problem: str) -> dict[str, Any]:
         ),
         "waterfall": shown(
             sheets.waterfall_sheet(comparison, problem), caption_waterfall(comparison, problem)
-        ) if len(instances) >= FEW else None,
+        )
+        if len(instances) >= FEW
+        else None,
         "sentence": basin_sentence(comparison, problem),
         "basins": tables.basins_table(comparison, problem) if several else None,
         "bars": shown(sheets.basins_sheet(comparison, problem), caption_basins(comparison, problem))
-        if several else None,
+        if several
+        else None,
         "explained": explained,
-        "unjudged": [m for i in instances if (m := comparison.judgement(i.name).message)],
-    }  # fmt: skip
+        "unjudged": [m for i in instances if (m := comparison.end_analysis(i.name).message)],
+    }

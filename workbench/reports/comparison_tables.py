@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from workbench.comparison import Comparison, Verdict
+from workbench.comparison import Comparison, TargetOutcome
 from workbench.comparison.comparison import MAIN
 from workbench.comparison.identity import identity
 from workbench.comparison.log import KINDS, LIMITED
-from workbench.comparison.measured import Spread, ratios, seconds_of_runs, seconds_to
+from workbench.comparison.measured import Timing, ratios, seconds_of_runs, seconds_to
 from workbench.comparison.plan import Instance
 from workbench.comparison.prices import PRICES
 from workbench.comparison.statistics import median
@@ -15,11 +15,14 @@ from workbench.comparison.words import percent
 from workbench.reports.tables import Row, Table, number
 
 PLURAL = {
-    "residual": "residuals", "gradient": "gradients", "jacobian": "Jacobians",
-    "hessian": "Hessians", "constraint": "constraints",
+    "residual": "residuals",
+    "gradient": "gradients",
+    "jacobian": "Jacobians",
+    "hessian": "Hessians",
+    "constraint": "constraints",
     "constraint_jacobian": "Jacobians of constraints",
     "constraint_hessian": "Hessians of constraints",
-}  # fmt: skip
+}
 
 
 def success_table(comparison: Comparison) -> Table:
@@ -37,16 +40,18 @@ def success_table(comparison: Comparison) -> Table:
         for solver in comparison.solvers
     )
     head = (
-        "solver", *(f"τ = {named(tau)}" for tau in comparison.taus), "ended at the lowest cost",
+        "solver",
+        *(f"τ = {named(tau)}" for tau in comparison.taus),
+        "ended at the lowest cost",
         *([f"problems, τ = {named(MAIN)}"] if several else []),
-    )  # fmt: skip
+    )
     return Table(head, rows, tuple(range(1, len(head))))
 
 
 def verdicts_table(comparison: Comparison) -> Table:
     """How many runs came to what; verdicts that nobody met are left out."""
     counts = [comparison.counted(solver) for solver in comparison.solvers]
-    there = [v for v in Verdict if any(c[v] for c in counts)]
+    there = [v for v in TargetOutcome if any(c[v] for c in counts)]
     rows = tuple(
         (solver, *(str(c[v]) for v in there))
         for solver, c in zip(comparison.solvers, counts, strict=True)
@@ -68,10 +73,12 @@ def effort_table(comparison: Comparison, tau: float = MAIN) -> Table:
         met = sum(comparison.solved(i.name, solver, tau) for i in comparison.comparable)
         rows.append(
             (
-                solver, f"{met} of {len(comparison.comparable)}",
-                *_counts(comparison, solver, tau, kinds), _effort(comparison, solver, tau),
+                solver,
+                f"{met} of {len(comparison.comparable)}",
+                *_counts(comparison, solver, tau, kinds),
+                _effort(comparison, solver, tau),
             )
-        )  # fmt: skip
+        )
     head = ("solver", "met", *(PLURAL[kind] for kind in kinds), "effort")
     return Table(head, tuple(rows), tuple(range(1, len(head))))
 
@@ -79,12 +86,18 @@ def effort_table(comparison: Comparison, tau: float = MAIN) -> Table:
 def seconds_table(comparison: Comparison, tau: float = MAIN) -> Table:
     """Seconds as they were measured, with their spread."""
     rows = tuple(
-        (solver, *_spread(seconds_to(comparison, solver, tau)),
-         *_spread(seconds_of_runs(comparison, solver)))
+        (
+            solver,
+            *_spread(seconds_to(comparison, solver, tau)),
+            *_spread(seconds_of_runs(comparison, solver)),
+        )
         for solver in comparison.solvers
-    )  # fmt: skip
-    head = ("solver", *(f"until τ = {named(tau)}, {s}" for s in ("least", "median", "most")),
-            *(f"whole run, {s}" for s in ("least", "median", "most")))  # fmt: skip
+    )
+    head = (
+        "solver",
+        *(f"until τ = {named(tau)}, {s}" for s in ("least", "median", "most")),
+        *(f"whole run, {s}" for s in ("least", "median", "most")),
+    )
     return Table(head, rows, tuple(range(1, len(head))))
 
 
@@ -97,17 +110,24 @@ def problem_table(comparison: Comparison, problem: str, tau: float = MAIN) -> Ta
         lowest = min((r.cost for r in ends if r.finite), default=np.nan)
         rows.append(
             (
-                solver, percent(comparison.success(solver, tau, problem)),
+                solver,
+                percent(comparison.success(solver, tau, problem)),
                 *_counts(comparison, solver, tau, kinds, problem),
-                _effort(comparison, solver, tau, problem), number(lowest, 7),
+                _effort(comparison, solver, tau, problem),
+                number(lowest, 7),
                 _verdicts(comparison, chosen, solver),
                 " / ".join(_spread(seconds_to(comparison, solver, tau, problem))),
             )
-        )  # fmt: skip
+        )
     head = (
-        "solver", f"met τ = {named(tau)}", *(PLURAL[kind] for kind in kinds), "effort",
-        "lowest end", "what its runs came to", "measured seconds",
-    )  # fmt: skip
+        "solver",
+        f"met τ = {named(tau)}",
+        *(PLURAL[kind] for kind in kinds),
+        "effort",
+        "lowest end",
+        "what its runs came to",
+        "measured seconds",
+    )
     return Table(head, tuple(rows), (*range(1, len(head) - 2), len(head) - 1))
 
 
@@ -127,15 +147,26 @@ def problems_table(comparison: Comparison) -> Table:
         residual = 1e6 * float(np.median([d.seconds["residual"] for d in about]))
         rows.append(
             (
-                problem, str(len(chosen)), f"{about[0].rows:,}", str(about[0].unknowns),
+                problem,
+                str(len(chosen)),
+                f"{about[0].rows:,}",
+                str(about[0].unknowns),
                 *(f"{number(prices[k], 4)} ({number(measured[k], 2)})" for k in kinds),
-                number(residual, 3), told, ", ".join(dict.fromkeys(y.origin for y in yard)),
+                number(residual, 3),
+                told,
+                ", ".join(dict.fromkeys(y.origin for y in yard)),
             )
-        )  # fmt: skip
+        )
     head = (
-        "problem", "starts", "m", "n", *(PRICES[kind].name for kind in kinds),
-        "residual, µs", "lowest cost known, f*", "from",
-    )  # fmt: skip
+        "problem",
+        "starts",
+        "m",
+        "n",
+        *(PRICES[kind].name for kind in kinds),
+        "residual, µs",
+        "lowest cost known, f*",
+        "from",
+    )
     return Table(head, tuple(rows), tuple(range(1, len(head) - 1)))
 
 
@@ -144,17 +175,21 @@ def failures_table(comparison: Comparison) -> Table:
     rows = []
     for instance in comparison.instances:
         for solver in comparison.solvers:
-            verdict = comparison.verdicts[instance.name, solver]
-            if verdict in (Verdict.REACHED, Verdict.ALONE):
+            verdict = comparison.outcomes[instance.name, solver]
+            if verdict in (TargetOutcome.REACHED, TargetOutcome.ALONE):
                 continue
             record = comparison.records[instance.name, solver]
             said = f"{record.claim.lower().replace('_', ' ')}: " if record.claim else ""
             rows.append(
                 (
-                    instance.name, solver, verdict.value, number(record.cost, 6),
-                    number(record.optimality, 2), f"{said}{record.message}",
+                    instance.name,
+                    solver,
+                    verdict.value,
+                    number(record.cost, 6),
+                    number(record.optimality, 2),
+                    f"{said}{record.message}",
                 )
-            )  # fmt: skip
+            )
     head = ("start", "solver", "it", "cost at its end", "optimality", "what it said itself")
     return Table(head, tuple(rows), (3, 4))
 
@@ -164,23 +199,30 @@ def basins_table(comparison: Comparison, problem: str) -> Table:
     rows: list[Row] = []
     seen: set[int] = set()
     for instance in comparison.of(problem):
-        judgement = comparison.judgement(instance.name)
-        if id(judgement) in seen:
+        end_analysis = comparison.end_analysis(instance.name)
+        if id(end_analysis) in seen:
             continue
-        seen.add(id(judgement))
+        seen.add(id(end_analysis))
         best = comparison.yardsticks[instance.name].best
-        same = [i for i in comparison.of(problem) if comparison.judgement(i.name) is judgement]
+        same = [
+            i for i in comparison.of(problem) if comparison.end_analysis(i.name) is end_analysis
+        ]
         names = {i.name for i in same}
         of = problem if len(names) > 1 else instance.name
-        for k, cost in enumerate(judgement.costs):
+        for k, cost in enumerate(end_analysis.costs):
             who = [s for (name, s), b in comparison.basins.items() if b == k and name in names]
             each = ", ".join(f"{s} {who.count(s)}" for s in dict.fromkeys(who))
             rows.append(
                 (
-                    of, str(k + 1), number(cost, 8), number(cost - best, 3),
-                    number(judgement.optimality[k], 2), str(len(who)), each,
+                    of,
+                    str(k + 1),
+                    number(cost, 8),
+                    number(cost - best, 3),
+                    number(end_analysis.optimality[k], 2),
+                    str(len(who)),
+                    each,
                 )
-            )  # fmt: skip
+            )
     head = ("start", "basin", "cost", "above f*", "optimality", "ends", "whose")
     if len(seen) == 1:  # of the problem as a whole
         return Table(head[1:], tuple(row[1:] for row in rows), (0, 1, 2, 3, 4))
@@ -190,22 +232,22 @@ def basins_table(comparison: Comparison, problem: str) -> Table:
 def options_table(comparison: Comparison) -> Table:
     """The solvers with all their options, as they ran."""
     rows = []
-    for entrant in comparison.entrants:
-        told = identity(comparison.plan.budget.given(entrant.solver))
+    for each in comparison.named_solvers:
+        told = identity(comparison.plan.budget.given(each.solver))
         options = ", ".join(f"{k}={v}" for k, v in told.items() if k != "type")
-        rows.append((entrant.name, str(told["type"]).split()[0], options, entrant.source))
+        rows.append((each.name, str(told["type"]).split()[0], options, each.source))
     return Table(("solver", "class", "options", "file"), tuple(rows), ())
 
 
 def _verdicts(comparison: Comparison, chosen: tuple[Instance, ...], solver: str) -> str:
-    found = [comparison.verdicts[i.name, solver] for i in chosen]
+    found = [comparison.outcomes[i.name, solver] for i in chosen]
     names = dict.fromkeys(found)
     if len(chosen) == 1:
         return _verdict(found[0])
     return ", ".join(f"{found.count(v)} {_verdict(v)}" for v in names)
 
 
-def _verdict(verdict: Verdict) -> str:
+def _verdict(verdict: TargetOutcome) -> str:
     return verdict.name.lower().replace("_", " ")
 
 
@@ -232,8 +274,8 @@ def _counts(
     )
 
 
-def _spread(spread: Spread) -> tuple[str, str, str]:
-    return number(spread.least, 2), number(spread.middle, 2), number(spread.most, 2)
+def _spread(spread: Timing) -> tuple[str, str, str]:
+    return number(spread.minimum, 2), number(spread.median, 2), number(spread.maximum, 2)
 
 
 def _effort(comparison: Comparison, solver: str, tau: float, problem: str | None = None) -> str:

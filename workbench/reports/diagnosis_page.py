@@ -3,14 +3,10 @@
 import json
 from pathlib import Path
 
-import numpy as np
-
 from workbench.bodies import SkinnedBody
-from workbench.diagnostics import Comparison, Diagnosis, SequenceDiagnosis
-from workbench.diagnostics.conditioning import PARALLEL
+from workbench.diagnostics import Diagnosis, DiagnosisComparison, SequenceDiagnosis
 from workbench.diagnostics.findings import held
-from workbench.diagnostics.report import changed
-from workbench.diagnostics.structure import bulges, gathered, named_groups, named_rows
+from workbench.diagnostics.structure import pose_moves_template
 from workbench.errors import BadArgument
 from workbench.plots import (
     caption_data_share,
@@ -21,18 +17,27 @@ from workbench.plots import (
     sheets,
 )
 from workbench.reports import tables
+from workbench.reports.diagnosis_tables import (
+    conditioning_table,
+    contributions_table,
+    derivatives_table,
+    entries_table,
+    known_table,
+    parts_table,
+    ranks_table,
+    suggestions_table,
+)
 from workbench.reports.direction_pictures import pictures
 from workbench.reports.figures import shown
 from workbench.reports.folder import MAKER, SUMMARY, replacing_folder
 from workbench.reports.page import page
 from workbench.reports.summary import as_json, versions
-from workbench.reports.tables import Table, number
 
 FILES = {
     "index.html": "this page",
-    "diagnosis.txt": "the same in words",
-    "diagnosis.json": "the same as data, for programs; its schema has a version",
-    SUMMARY: "what was asked, in a file that programs read",
+    "diagnosis.txt": "the diagnosis as text",
+    "diagnosis.json": "the diagnosis as data, for programs; its schema has a version",
+    SUMMARY: "the title and the number of warnings, for programs",
 }
 
 
@@ -68,22 +73,26 @@ def write_diagnosis(
             html = diagnosis_page(diagnosis, title, question, body, compared)
         (fresh / "index.html").write_text(html, encoding="utf-8")
         summary = {
-            "made_by": MAKER, "source": source or "", "files": list(FILES), "title": title,
-            "warnings": len(diagnosis.warnings), "versions": versions(),
-        }  # fmt: skip
+            "made_by": MAKER,
+            "source": source or "",
+            "files": list(FILES),
+            "title": title,
+            "warnings": len(diagnosis.warnings),
+            "versions": versions(),
+        }
         (fresh / SUMMARY).write_text(as_json(summary), encoding="utf-8")
     return target / "index.html"
 
 
 def _compared(
     first: Diagnosis | SequenceDiagnosis, second: Diagnosis | SequenceDiagnosis
-) -> Comparison:
+) -> DiagnosisComparison:
     if isinstance(first, SequenceDiagnosis) or isinstance(second, SequenceDiagnosis):
         raise BadArgument(
-            "diagnoses are compared by their singular values, which a long sequence has not; "
+            "diagnoses are compared by their singular values, which a long sequence does not have; "
             "compare frames of it instead: diagnosis.frame(t)"
         )
-    return Comparison(first, second)
+    return DiagnosisComparison(first, second)
 
 
 def sequence_page(d: SequenceDiagnosis, title: str, question: str) -> str:
@@ -103,9 +112,13 @@ def sequence_page(d: SequenceDiagnosis, title: str, question: str) -> str:
 
 
 def diagnosis_page(
-    d: Diagnosis, title: str, question: str, body: SkinnedBody | None, compared: Comparison | None
+    d: Diagnosis,
+    title: str,
+    question: str,
+    body: SkinnedBody | None,
+    compared: DiagnosisComparison | None,
 ) -> str:
-    """The page."""
+    """The page of a diagnosis."""
     finite = d.here.finite
     return page(
         "diagnosis.html",
@@ -120,9 +133,9 @@ def diagnosis_page(
         nonzeros=f"{d.nonzeros:,}",
         thick=f"{d.thick:,}" if finite else "",
         thin=finite and d.thick < d.nonzeros,
-        bulges=bulges(d.problem),
+        pose_moves_template=pose_moves_template(d.problem),
         yardsticks=str(d.point.yardsticks) if finite else "",
-        held=held(d) if d.point.held.any else "",
+        held=held(d) if d.point.active.any else "",
         sparsity=None if d.here.estimated else shown(sheets.sparsity_sheet(d), caption_sparsity(d)),
         terms=tables.terms_table(d),
         parts=parts_table(d),
@@ -151,145 +164,3 @@ def diagnosis_page(
         files=FILES,
         versions=versions(),
     )
-
-
-def suggestions_table(d: Diagnosis) -> Table:
-    """What to do, and what it did."""
-    rows = tuple((s.what, str(s.before), str(s.after), s.why, s.cost) for s in d.suggestions)
-    return Table(("suggestion", "before", "after", "why", "what it costs"), rows, ())
-
-
-def parts_table(d: Diagnosis) -> Table:
-    """Dulmage and Mendelsohn's three parts."""
-    s = d.structure
-    parts = (("over-determined", s.over), ("square", s.square), ("under-determined", s.under))
-    rows = tuple(
-        (
-            name, f"{len(p.rows):,}", f"{len(p.columns):,}",
-            named_rows(d.point.rows, p.rows) or "–", named_groups(d.free, p.columns) or "–",
-        )
-        for name, p in parts
-    )  # fmt: skip
-    return Table(("part", "rows", "unknowns", "which rows", "which unknowns"), rows, (1, 2))
-
-
-def ranks_table(d: Diagnosis) -> Table:
-    """The rank from several sides."""
-    n = d.shape[1]
-    rows = [
-        ("structural rank", str(d.structural_rank), "the most that this pattern of zeros allows"),
-        (
-            "numerical rank",
-            str(d.rank),
-            f"singular values above {number(d.tolerance, 2)} at this point",
-        ),
-        ("with columns of length 1", str(d.scaled_rank), "the same whatever the units are"),
-    ]
-    if d.nearby.ranks:
-        near = ", ".join(map(str, d.nearby.ranks))
-        rows.append(("nearby", near, "at random points a tenth of a yardstick away"))
-    if d.rank_law:
-        rows.append(("rank law of observed joints", str(d.rank_law[0]), d.rank_law[1]))
-    rows.append(("unknowns", str(n), "what the rank would have to be"))
-    return Table(("which", "rank", "what it says"), tuple(rows), (1,))
-
-
-def conditioning_table(d: Diagnosis) -> Table:
-    """Column lengths, near-parallel pairs, the weakest direction, leverage."""
-    norms = d.here.column_norms
-    rows: list[tuple[str, str, str]] = []
-    if norms.size:
-        longest, shortest = int(np.argmax(norms)), int(np.argmin(norms))
-        rows += [
-            ("condition", number(d.condition, 3), "largest over smallest singular value"),
-            ("longest column", number(float(norms[longest]), 3), d.free.label(longest)),
-            ("shortest column", number(float(norms[shortest]), 3), d.free.label(shortest)),
-        ]
-    for pair in d.parallel_columns[:8]:
-        what = f"{d.free.label(pair.first)} and {d.free.label(pair.second)}"
-        label = "the same column" if pair.apart <= PARALLEL else "nearly parallel (sine)"
-        rows.append((label, number(pair.apart, 2), what))
-    for weak in d.weakest[:2]:
-        columns = ", ".join(gathered([d.free.label(i) for i in weak.columns[:8]]))
-        seen_by = ", ".join(d.problem.row_label(i) for i in weak.rows[:3])
-        more = " and others" if len(weak.rows) > 3 else ""
-        rows.append(
-            ("weakest seen (|J d|)", number(weak.change, 2), f"{columns}; seen by {seen_by}{more}")
-        )
-    if d.leverage is not None:
-        for i in np.argsort(-d.leverage)[:3]:
-            row = d.problem.row_label(int(i))
-            rows.append(("leverage", number(float(d.leverage[i]), 2), f"{row}, of at most 1"))
-    return Table(("what", "value", "where"), tuple(rows), (1,))
-
-
-def known_table(d: Diagnosis) -> Table:
-    """Verdicts by block."""
-    known = d.identifiability
-    names = np.array([v.name for v in known.verdicts])
-    rows = []
-    for block in d.free.blocks:
-        at = d.free.slices[block.name]
-        counts = [
-            str(int(np.sum(names[at] == name)))
-            for name in ("IDENTIFIED", "PRACTICAL", "NUMERICAL", "STRUCTURAL")
-        ]
-        rows.append((block.name, block.unit, *counts))
-    head = ("block", "unit", "identified", "practically not", "numerically not", "structurally not")
-    return Table(head, tuple(rows), (2, 3, 4, 5))
-
-
-def entries_table(d: Diagnosis) -> Table:
-    """Every unknown."""
-    known, sizes = d.identifiability, d.point.yardsticks.sizes
-    rows = tuple(
-        (
-            d.free.label(i), d.free.unit(i), number(float(known.sigma[i]), 3),
-            number(float(known.prior_sigma[i]), 3), number(float(sizes[i]), 3),
-            known.verdicts[i].value,
-        )
-        for i in range(min(d.free.size, tables.MOST))
-    )  # fmt: skip
-    head = ("unknown", "unit", "sigma", "prior sigma", "yardstick", "verdict")
-    return Table(head, rows, (2, 3, 4))
-
-
-def contributions_table(d: Diagnosis) -> Table | None:
-    """What each residual adds."""
-    if not d.contributions:
-        return None
-    rows = tuple(
-        (
-            c.term, str(c.rank_without), str(c.rank_with),
-            number(float(c.singular_values_without.min(initial=np.inf)), 2),
-            number(float(c.singular_values_with.min(initial=np.inf)), 2),
-            *(changed(c.sigma_without[n], c.sigma_with[n], lambda sigma: number(sigma, 2))
-              for n in d.free.names),
-        )
-        for c in d.contributions
-    )  # fmt: skip
-    head = (
-        "residual", "rank without", "with", "least singular value without", "with",
-        *(f"sigma of {n}" for n in d.free.names),
-    )  # fmt: skip
-    return Table(head, rows, tuple(range(1, len(head))))
-
-
-def derivatives_table(d: Diagnosis) -> Table:
-    """What was checked and how far off it is."""
-    check = d.derivatives
-    rows = [
-        ("entries not confirmed by differences", str(check.wrong), f"{len(check.columns)} columns"),
-        ("largest error", number(check.largest_error, 2), "of the column's largest entry"),
-        ("gradient against J'r", number(check.gradient_error, 2), "relative"),
-    ]
-    if check.hessian_error is not None:
-        rows.append(("exact Hessian", number(check.hessian_error, 2), "against differences"))
-    if check.neglected is not None:
-        share = f"{check.neglected:.1%}"
-        rows.append(("left out by J'J", share, "of the exact Hessian, by Gauss and Newton"))
-    for s in check.suspects:
-        where = f"{d.problem.row_label(s.row)} by {d.free.label(s.column)}"
-        said = f"given {number(s.given, 6)}, differences {number(s.differences, 6)}"
-        rows.append(("suspect", said, where))
-    return Table(("what", "value", "where"), tuple(rows), (1,))

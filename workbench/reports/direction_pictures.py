@@ -3,17 +3,16 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
-from workbench.bodies.behind import arguments_behind
+from workbench.bodies.forward.arguments import arguments_from_values
 from workbench.diagnostics import Diagnosis, Direction
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.plots import caption_direction, sheets
 from workbench.reports.figures import Shown, shown
 
-Array = NDArray[np.float64]
 PICTURES = 4  # of directions that are not seen, and as many of hardly seen ones
 UNSEEN_MOVE = 0.5  # units along a direction that nothing holds
 MOST_MOVE = 1.0  # units: two sigmas may be far out of the linear world
@@ -43,7 +42,7 @@ def pictures(d: Diagnosis, found: Sequence[Direction], body: SkinnedBody | None)
 
 def _moved(
     d: Diagnosis, direction: Direction, body: SkinnedBody, amount: float
-) -> dict[str, NDArray[np.float64]]:
+) -> dict[str, Array]:
     """Surfaces (N, 3) m by label, the person upright whatever the world's axes are."""
     free = d.free
     x = free.pack(d.at)
@@ -60,4 +59,4 @@ def _moved(
 def _arguments(
     d: Diagnosis, body: SkinnedBody, values: Values
 ) -> tuple[Array, Array, Array] | None:
-    return arguments_behind(body, (p for r in d.problem.residuals for p in r.points), values)
+    return arguments_from_values(body, (p for r in d.problem.residuals for p in r.points), values)

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
-from workbench.bodies.behind import arguments_behind
-from workbench.experiments.experiment import Setup
+from workbench.bodies.forward.arguments import arguments_from_values
+from workbench.fitting.setup import Setup
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.plots import (
     caption_beside_laplace,
@@ -26,16 +26,19 @@ from workbench.reports.folder import MAKER, SUMMARY, replacing_folder
 from workbench.reports.page import page
 from workbench.reports.summary import as_json, versions
 from workbench.reports.tables import Table, number
-from workbench.sampling import Compared, Posterior, beside_laplace, searched, summary
-
-Array = NDArray[np.float64]
+from workbench.sampling import (
+    EntryComparison,
+    Posterior,
+    compared_with_laplace,
+    search_in_words,
+)
 
 DRAWN = 24  # bodies in a spray
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
-    """One block's posterior, and Laplace's approximation to it."""
+class BlockPosterior:
+    """The posterior of one block, by draws and by Laplace's approximation."""
 
     name: str
     posterior: Posterior
@@ -44,19 +47,34 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Section:
-    """What the page says of a part."""
+    """What the page shows of one block's posterior.
+
+    Attributes:
+        name: the block's name.
+        anchor: its name in the page's address.
+        good: whether the draws are usable.
+        mixed: whether intervals are shown, at least as conditional ones.
+        verdict: the verdict on the draws, in a sentence.
+        how: how they were made.
+        modes: the minima that were found.
+        approximation: the verdict on Laplace's approximation.
+        held: what is held fixed, and how much wider intervals are if it is free.
+        given: the blocks that the problem takes as given.
+        synthetic: whether the truth is known and marked.
+        table: every entry.
+    """
 
     name: str
     anchor: str
     good: bool
-    mixed: bool  # whether intervals are shown, at least as conditional ones
+    mixed: bool
     verdict: str
     how: str
     modes: str
-    approximation: str  # Laplace's own verdict
-    held: str  # what is held fixed, and how much wider intervals are without that
-    given: str  # blocks that the problem takes as given
-    synthetic: bool  # whether the truth is known and marked
+    approximation: str
+    held: str
+    given: str
+    synthetic: bool
     table: Table
     spray: Shown | None
     views: list[Shown]
@@ -66,31 +84,45 @@ class Section:
 
 
 def write_posterior(
-    parts: list[Part], folder: str | Path, *, title: str, setup: Setup, source: str | None = None
+    parts: list[BlockPosterior],
+    folder: str | Path,
+    *,
+    title: str,
+    setup: Setup,
+    source: str | None = None,
 ) -> Path:
     """Write the folder, whole or not at all, and return its page. Raises BadFile."""
     target = Path(folder)
     sections = [_section(part, setup) for part in parts]
-    files = {"index.html": "this page", "posterior.txt": "the same in words"}
+    files = {"index.html": "this page", "posterior.txt": "the verdicts and numbers as text"}
     files |= {f"{s.anchor}.npz": f"the draws of {s.name}, with their names" for s in sections}
-    files |= {SUMMARY: "verdicts and numbers, in a file that programs read"}
+    files |= {SUMMARY: "verdicts and numbers, for programs"}
     with replacing_folder(target, source) as fresh:
         words = [
-            f"{part.name}\n\n{summary(part.posterior, truth_of(part.posterior, setup))}\n"
+            f"{part.name}\n\n{part.posterior.summary(truth_of(part.posterior, setup))}\n"
             for part in parts
         ]
         (fresh / "posterior.txt").write_text("\n".join(words), encoding="utf-8")
         for part, section in zip(parts, sections, strict=True):
             p = part.posterior
             np.savez_compressed(
-                fresh / f"{section.anchor}.npz", draws=p.draws, log_prob=p.log_prob,
-                entries=np.array(p.labels), units=np.array(p.units), verdict=np.array(p.verdict),
-                held_fixed=np.array(p.held.held), ratio=p.held.ratios,
-            )  # fmt: skip
+                fresh / f"{section.anchor}.npz",
+                draws=p.draws,
+                log_prob=p.log_prob,
+                entries=np.array(p.labels),
+                units=np.array(p.units),
+                verdict=np.array(p.verdict),
+                held_fixed=np.array(p.conditioning.names),
+                ratio=p.conditioning.ratios,
+            )
         html = page(
-            "posterior.html", title=title, question=setup.question, sections=sections, files=files,
+            "posterior.html",
+            title=title,
+            question=setup.question,
+            sections=sections,
+            files=files,
             versions=versions(),
-        )  # fmt: skip
+        )
         (fresh / "index.html").write_text(html, encoding="utf-8")
         (fresh / SUMMARY).write_text(as_json(_summary(parts, setup, files, title, source)), "utf-8")
     return target / "index.html"
@@ -101,38 +133,50 @@ def truth_of(p: Posterior, setup: Setup) -> Array | None:
     return None if setup.made_of is None else p.coordinates(setup.made_of)
 
 
-def _section(part: Part, setup: Setup) -> Section:
+def _section(part: BlockPosterior, setup: Setup) -> Section:
     p, laplace = part.posterior, part.approximation
-    rows, truth = beside_laplace(p, laplace), truth_of(p, setup)
+    rows, truth = compared_with_laplace(p, laplace), truth_of(p, setup)
     entries, known = widest(p, laplace), truth is not None
     E, _, W, k = p.draws.shape
     m = p.mixing
     return Section(
-        name=part.name, anchor=_anchor(part.name), good=p.usable, mixed=p.mixed,
+        name=part.name,
+        anchor=_anchor(part.name),
+        good=p.usable,
+        mixed=p.mixed,
         verdict=p.verdict,
         how=f"{k} entries; {E} independent ensembles of {W} walkers, {m.steps:,} steps after "
         f"{m.discarded:,} that were discarded, {m.acceptance:.0%} of the proposals accepted, "
         f"{p.seconds:.0f} s" + ("; interrupted" if p.interrupted else ""),
-        modes=_modes(p), approximation=laplace.verdict, held=str(p.held),
-        given=", ".join(p.held.given), synthetic=known,
+        modes=_modes(p),
+        approximation=laplace.verdict,
+        held=str(p.conditioning),
+        given=", ".join(p.conditioning.given),
+        synthetic=known,
         table=entries_table(p, rows, truth),
         spray=_spray(p, setup) if p.mixed else None,
         views=_views(p, setup) if p.mixed else [],
-        beside=shown(sheets.beside_laplace_sheet(p, laplace, truth),
-                     caption_beside_laplace([row.said for row in rows], known))
-        if p.mixed else None,
-        corner=shown(sheets.corner_sheet(p, entries, truth),
-                     caption_corner(p, len(entries), known)) if p.mixed else None,
+        beside=shown(
+            sheets.beside_laplace_sheet(p, laplace, truth),
+            caption_beside_laplace([row.remark for row in rows], known),
+        )
+        if p.mixed
+        else None,
+        corner=shown(sheets.corner_sheet(p, entries, truth), caption_corner(p, len(entries), known))
+        if p.mixed
+        else None,
         traces=shown(sheets.traces_sheet(p, entries, truth), caption_traces(p, known)),
-    )  # fmt: skip
+    )
 
 
-def entries_table(p: Posterior, rows: tuple[Compared, ...], truth: Array | None = None) -> Table:
+def entries_table(
+    p: Posterior, rows: tuple[EntryComparison, ...], truth: Array | None = None
+) -> Table:
     """Every entry; intervals only where the verdict carries them, and how much is due to the rest.
 
     `if free` is the standard deviation with what is held fixed free as well, by J'J.
     """
-    held = p.held
+    held = p.conditioning
     columns: dict[str, list[str]] = {"entry": list(p.labels), "unit": list(p.units)}
     if p.mixed:
         ends = p.conditional_interval(0.9)
@@ -151,12 +195,12 @@ def entries_table(p: Posterior, rows: tuple[Compared, ...], truth: Array | None 
     numbers = tuple(range(2, len(columns) + p.mixed))
     if p.mixed:
         columns["sd / Laplace's"] = [number(row.ratio, 2) for row in rows]
-        columns["beside Laplace"] = [row.said for row in rows]
+        columns["beside Laplace"] = [row.remark for row in rows]
     return Table(tuple(columns), tuple(zip(*columns.values(), strict=True)), numbers)
 
 
 def _modes(p: Posterior) -> str:
-    said = f"Modes: {searched(p.found)}."
+    said = f"Modes: {search_in_words(p.mode_search)}."
     if len(p.modes) < 2:
         return said
     shares = ", ".join(f"{mode.share:.0%}" for mode in p.modes)
@@ -202,7 +246,7 @@ def _views(p: Posterior, setup: Setup) -> list[Shown]:
 
 
 def _arguments(p: Posterior, body: SkinnedBody, values: Mapping[str, Any]) -> Any:
-    return arguments_behind(body, (q for r in p.problem.residuals for q in r.points), values)
+    return arguments_from_values(body, (q for r in p.problem.residuals for q in r.points), values)
 
 
 def _surface(p: Posterior, body: SkinnedBody, values: Mapping[str, Any]) -> Any:
@@ -214,14 +258,22 @@ def _anchor(name: str) -> str:
 
 
 def _summary(
-    parts: list[Part], setup: Setup, files: Mapping[str, str], title: str, source: str | None
+    parts: list[BlockPosterior],
+    setup: Setup,
+    files: Mapping[str, str],
+    title: str,
+    source: str | None,
 ) -> dict[str, Any]:
     return {
-        "made_by": MAKER, "kind": "posterior", "source": source or "", "files": list(files),
-        "title": title, "versions": versions(),
+        "made_by": MAKER,
+        "kind": "posterior",
+        "source": source or "",
+        "files": list(files),
+        "title": title,
+        "versions": versions(),
         "parts": {
             part.name: {
-                "verdict": part.posterior.judged[0].name,
+                "verdict": part.posterior.judgement[0].name,
                 "usable": part.posterior.usable,
                 "why": part.posterior.verdict,
                 "entries": list(part.posterior.labels),
@@ -229,12 +281,12 @@ def _summary(
                 "r_hat": part.posterior.mixing.scales.tolist(),
                 "mean": part.posterior.mean.tolist() if part.posterior.usable else None,
                 "sd": part.posterior.sd.tolist() if part.posterior.usable else None,
-                "held_fixed": list(part.posterior.held.held),
-                "ratio": part.posterior.held.ratios.tolist(),
-                "searches": part.posterior.found.search.starts,
+                "held_fixed": list(part.posterior.conditioning.names),
+                "ratio": part.posterior.conditioning.ratios.tolist(),
+                "searches": part.posterior.mode_search.extent.starts,
                 "truth": None if truth is None else truth.tolist(),
             }
             for part in parts
             for truth in [truth_of(part.posterior, setup)]
         },
-    }  # fmt: skip
+    }

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from workbench.experiments.experiment import Outcome
-from workbench.experiments.keypoint_fit import SEEN
+from workbench.experiments.running import Outcome
+from workbench.fitting.keypoints import LEAST_CONFIDENCE
 from workbench.geometry.meshes import write_mesh
 from workbench.plots import (
     caption_convergence,
@@ -25,11 +25,11 @@ from workbench.writing import write_arrays
 
 FILES = {
     "index.html": "this page",
-    "values.npz": "every block by its name, free and fixed, and the points as drawn in each view",
-    "solution.npz": "the solution with its trace: Solution.load reads it",
+    "values.npz": "every block by its name, free and fixed, and the points drawn in each view",
+    "solution.npz": "the solution with its trace, for Solution.load",
     "body.glb": "the fitted, posed body, in metres",
-    "diagnosis.txt": "what the Jacobian sees, with and without the priors, as text",
-    SUMMARY: "how it ended, in a file that programs read",
+    "diagnosis.txt": "the diagnosis with and without the priors, as text",
+    SUMMARY: "how the run ended, for programs",
 }
 
 
@@ -55,7 +55,7 @@ def write_report(outcome: Outcome, folder: str | Path) -> Path:
 
 
 def diagnosis_text(outcome: Outcome) -> str:
-    """What the Jacobian sees, with and without the priors."""
+    """The diagnosis with and without the priors, as text."""
     text = f"{outcome.diagnosis}\n"
     if outcome.data_alone is not None:
         heading = f"The data alone, without {' and '.join(outcome.setup.priors)}"
@@ -89,7 +89,7 @@ def run_page(outcome: Outcome, files: dict[str, str]) -> str:
         iterations=solution.iterations,
         seconds=f"{solution.seconds:.2f}",
         overlays=overlay_figures(outcome),
-        seen=SEEN,
+        seen=LEAST_CONFIDENCE,
         distances=distance_figure(outcome),
         convergence=shown(
             sheets.convergence_sheet(outcome.compared), caption_convergence(outcome.compared)
@@ -116,7 +116,7 @@ def run_page(outcome: Outcome, files: dict[str, str]) -> str:
 
 
 def data_alone(outcome: Outcome) -> dict[str, object] | None:
-    """What the data see without the priors, where there are priors."""
+    """The diagnosis of the data alone, where there are priors."""
     found = outcome.data_alone
     if found is None:
         return None
@@ -131,7 +131,7 @@ def data_alone(outcome: Outcome) -> dict[str, object] | None:
 
 
 def overlay_figures(outcome: Outcome) -> list[Shown]:
-    """One per view."""
+    """The fitted body over the keypoints, one figure per view."""
     return [
         shown(sheets.overlay_sheet(outcome, i), caption_overlay(outcome, i))
         for i in range(len(outcome.overlays))
@@ -139,7 +139,7 @@ def overlay_figures(outcome: Outcome) -> list[Shown]:
 
 
 def distance_figure(outcome: Outcome) -> Shown | None:
-    """Where the true surface is known."""
+    """The distances to the true surface, where it is known."""
     truth, surface, body = outcome.setup.truth, outcome.surface, outcome.setup.body
     if truth is None or surface is None or body is None:
         return None
@@ -150,5 +150,5 @@ def distance_figure(outcome: Outcome) -> Shown | None:
 
 
 def truth_called(outcome: Outcome) -> str:
-    """What the true surface is called: by what it is, where it was made up."""
+    """The name of the true surface, which says so if it was made up."""
     return "synthetic truth" if outcome.setup.synthetic else "truth"

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.bodies import SkinnedBody
-from workbench.bodies.kinds import not_skinned
+from workbench.bodies.skinned import not_skinned
 from workbench.errors import BadArgument
 from workbench.reports.page import page
 from workbench.reports.summary import versions
@@ -16,9 +16,10 @@ from workbench.writing import replacing
 
 MOST_WEIGHTS = 4  # per vertex, as in SMPL
 NOTE = (
-    "The page computes in double precision what the workbench computes; only the pose blend shapes "
-    "are stored in single precision. A test holds its vertices in a browser against Python's: they "
-    "differ by less than 0.00001 mm. The address keeps what was set, to be passed on."
+    "This page computes what the workbench computes, in double precision; only the pose blend "
+    "shapes are stored in single precision. A test compares its vertices in a browser with those "
+    "of Python: they differ by less than 0.00001 mm. The page's address keeps the settings, so "
+    "that a link to it shows the same body."
 )
 
 

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from typing import Any
 
 from workbench.diagnostics import Diagnosis
-from workbench.experiments.experiment import Outcome
+from workbench.experiments.running import Outcome
 from workbench.installation import DISTRIBUTION, version_of
 from workbench.reports.folder import MAKER
 from workbench.solvers import Solution

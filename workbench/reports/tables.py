@@ -9,7 +9,8 @@ import numpy as np
 from workbench.blocks import Block
 from workbench.diagnostics import Diagnosis, Direction
 from workbench.diagnostics.structure import gathered
-from workbench.experiments.experiment import Measure, Outcome
+from workbench.experiments.running import Outcome
+from workbench.fitting.setup import Measure
 from workbench.solvers import Status
 
 SMALL = 24  # entries of a block that is listed number by number
@@ -46,12 +47,16 @@ def residuals_table(outcome: Outcome) -> Table:
     whole = sum(outcome.costs.values())
     rows = tuple(
         (
-            r.name, "prior" if r.name in outcome.setup.priors else "data", f"{r.size:,}",
-            _sigma(r.sigma), _told(r.unit), number(outcome.costs[r.name]),
+            r.name,
+            "prior" if r.name in outcome.setup.priors else "data",
+            f"{r.size:,}",
+            _sigma(r.sigma),
+            _told(r.unit),
+            number(outcome.costs[r.name]),
             f"{outcome.costs[r.name] / whole:.1%}" if whole else "–",
         )
         for r in outcome.setup.problem.residuals
-    )  # fmt: skip
+    )
     return Table(("residual", "kind", "rows", "sigma", "unit", "cost", "share"), rows, (2, 3, 5, 6))
 
 
@@ -98,31 +103,52 @@ def solvers_table(outcome: Outcome) -> Table:
         counts = s.evaluations
         rows.append(
             (
-                name, s.status.name.lower().replace("_", " "), f"{s.seconds:.2f}", f"{s.cost:.8g}",
-                number(above, 2), number(s.optimality, 2),
-                str(s.iterations), str(counts.residual), str(counts.gradient),
-                str(counts.jacobian), str(counts.hessian),
+                name,
+                s.status.name.lower().replace("_", " "),
+                f"{s.seconds:.2f}",
+                f"{s.cost:.8g}",
+                number(above, 2),
+                number(s.optimality, 2),
+                str(s.iterations),
+                str(counts.residual),
+                str(counts.gradient),
+                str(counts.jacobian),
+                str(counts.hessian),
             )
-        )  # fmt: skip
+        )
     return Table(
         (
-            "solver", "status", "seconds", "cost", "above the best", "optimality", "iterations",
-            "residuals", "gradients", "Jacobians", "Hessians",
+            "solver",
+            "status",
+            "seconds",
+            "cost",
+            "above the best",
+            "optimality",
+            "iterations",
+            "residuals",
+            "gradients",
+            "Jacobians",
+            "Hessians",
         ),
         tuple(rows),
         tuple(range(2, 11)),
-    )  # fmt: skip
+    )
 
 
 def terms_table(diagnosis: Diagnosis) -> Table:
     """The Jacobian by term and block."""
     rows = tuple(
         (
-            t.term, t.block, f"{t.rows:,}", f"{t.columns:,}", f"{t.nonzeros:,}",
-            f"{t.nonzeros / max(1, t.rows * t.columns):.1%}", number(t.norm),
+            t.residual,
+            t.block,
+            f"{t.rows:,}",
+            f"{t.columns:,}",
+            f"{t.nonzeros:,}",
+            f"{t.nonzeros / max(1, t.rows * t.columns):.1%}",
+            number(t.norm),
         )
         for t in diagnosis.terms
-    )  # fmt: skip
+    )
     return Table(
         ("term", "block", "rows", "columns", "nonzeros", "density", "norm"),
         rows,
@@ -132,9 +158,7 @@ def terms_table(diagnosis: Diagnosis) -> Table:
 
 def directions_table(diagnosis: Diagnosis) -> Table:
     """What no residual notices, by name."""
-    rows = tuple(
-        (d.name, d.kind, number(d.change, 2)) for d in diagnosis.null_directions
-    )  # fmt: skip
+    rows = tuple((d.name, d.kind, number(d.change, 2)) for d in diagnosis.null_directions)
     return Table(("null direction", "kind", "change of the whitened residual"), rows, (2,))
 
 

@@ -5,10 +5,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.blocks import Points
-from workbench.blocks.reals import numbers
-from workbench.errors import BadResidual
+from workbench.residuals.arguments import (
+    confidences,
+    expressed,
+    given,
+    named_after,
+    numbered,
+    same_shape,
+)
 from workbench.residuals.kernels import Kernel, quadratic
-from workbench.residuals.residual import Residual, expressed, given, named_after, same_shape
+from workbench.residuals.residual import Residual
 
 
 def edges(
@@ -34,23 +40,13 @@ def edges(
     name = name or named_after("edges", observed, points)
     target = given(name, "what was observed", observed, predicted.shape[::-1])
     same_shape(name, predicted, target)
-    N, found = predicted.shape[1], numbers(f"residual {name!r}: pairs", pairs)
-    if found.ndim != 2 or found.shape[1] != 2 or found.dtype.kind not in "iu":
-        raise BadResidual(f"residual {name!r} needs pairs (E, 2) of whole numbers")
-    if found.size and not 0 <= found.min() <= found.max() < N:
-        raise BadResidual(f"residual {name!r} needs vertices from 0 to {N - 1} in its pairs")
+    N = predicted.shape[1]
+    found = numbered(name, "pairs (E", pairs, 2, N)
     E = len(found)
     rows, entries = np.repeat(np.arange(E), 2).tolist(), np.tile([1.0, -1.0], E)
     ends = cs.DM.triplet(rows, found.ravel().tolist(), cs.DM(entries), E, N)
     difference = (predicted - target) @ ends.T  # (3, E) m
-    trust = None
-    if confidence is not None:
-        trust = given(name, "the confidence", confidence, (E,))
-        if trust.shape != (E, 1):
-            raise BadResidual(
-                f"residual {name!r} has {E} pairs, but confidences of shape {trust.shape}; give "
-                "one for each"
-            )
+    weights = None if confidence is None else confidences(name, confidence, E, "pairs")
     return Residual(
-        name, cs.vec(difference), sigma, "m", kernel, reads, weights=trust, rows_per_point=3
+        name, cs.vec(difference), sigma, "m", kernel, reads, weights=weights, rows_per_point=3
     )

@@ -5,15 +5,15 @@ from dataclasses import dataclass, field
 
 import casadi as cs
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from workbench.arrays import Array
 from workbench.blocks import Block, Points
 from workbench.blocks.framed_points import FramedPoints
 from workbench.blocks.frames import FrameBlocks
 from workbench.errors import BadResidual
 from workbench.residuals.residual import Residual
 
-Array = NDArray[np.float64]
 Described = Mapping[str, Block]  # the blocks of a frame, by name
 Column = tuple[cs.MX, Described, tuple[Points, ...]]  # of one frame, in its blocks and points
 
@@ -31,7 +31,7 @@ class Frames:
 
     @property
     def count(self) -> int:
-        """T."""
+        """T, the number of frames."""
         return self.blocks.count
 
     def __getitem__(self, name: str) -> Block:
@@ -39,8 +39,14 @@ class Frames:
         return self.blocks[name]
 
     def points(self, points: Points, some: Sequence[int] | None = None) -> Points:
-        """Points of a frame in all frames, or in some: (3, N T), those of the first frame first."""
+        """Points of a frame in all frames, or in some: (3, N T), those of the first frame first.
+
+        `some` are numbers of frames, in any order. Raises BadResidual for one that does not exist.
+        """
         chosen = tuple(range(self.count)) if some is None else tuple(some)
+        for t in chosen:
+            if not 0 <= t < self.count:
+                raise BadResidual(f"there is no frame {t}; the frames are 0 to {self.count - 1}")
         key = points.symbol.__hash__(), chosen
         if key not in self._made:
             source = FramedPoints(points.source, self.blocks, chosen)
@@ -84,9 +90,9 @@ class Frames:
                         f"residual {one.name!r} has another {what} in frame {t} than in frame "
                         f"{order[0]}; call it by another name there"
                     )
-        expression, points = self.stacked({
-            t: (one.expression, blocks, one.points) for t, (one, blocks) in each.items()
-        })  # fmt: skip
+        expression, points = self.stacked(
+            {t: (one.expression, blocks, one.points) for t, (one, blocks) in each.items()}
+        )
         weights, more = self._weights(each)
         distinct = {id(one): one for one in parts}.values()
         read = dict.fromkeys(name for one in distinct for name in one.reads)
@@ -107,24 +113,27 @@ class Frames:
     def _weights(
         self, each: Mapping[int, tuple[Residual, Described]]
     ) -> tuple[cs.MX | Array | None, tuple[Points, ...]]:
-        """Of points where no frame has one for each row; numbers where no frame has symbols."""
+        """The weights of all frames, for points unless a frame has one for each row."""
         parts = {t: each[t][0] for t in sorted(each)}
         given = [one.weights for one in parts.values()]
         if all(weights is None for weights in given):
             return None, ()
-        by_row = any(_rows(w) not in (1, one.size // one.rows_per_point)
-                     for w, one in zip(given, parts.values(), strict=True))  # fmt: skip
-        counts = {t: one.size if by_row else one.size // one.rows_per_point
-                  for t, one in parts.items()}  # fmt: skip
+        by_row = any(
+            _rows(w) not in (1, one.size // one.rows_per_point)
+            for w, one in zip(given, parts.values(), strict=True)
+        )
+        counts = {
+            t: one.size if by_row else one.size // one.rows_per_point for t, one in parts.items()
+        }
         if not any(isinstance(weights, cs.MX) for weights in given):
             found = [_for_rows(one.weights, one, counts[t]) for t, one in parts.items()]
             return np.concatenate(found), ()
         made: dict[int, cs.MX] = {}  # once for each residual, so that frames stay alike
         for t, one in parts.items():
             made.setdefault(id(one), _symbols_for_rows(one.weights, one, counts[t]))
-        return self.stacked({
-            t: (made[id(one)], each[t][1], one.points) for t, one in parts.items()
-        })  # fmt: skip
+        return self.stacked(
+            {t: (made[id(one)], each[t][1], one.points) for t, one in parts.items()}
+        )
 
 
 Between = Callable[[Frames], Residual]  # a residual that reads more than one frame
@@ -153,7 +162,7 @@ def _for_rows(value: ArrayLike | None, one: Residual, count: int) -> Array:
 
 
 def _symbols_for_rows(weights: cs.MX | ArrayLike | None, one: Residual, count: int) -> cs.MX:
-    """The same as an expression, (count, 1)."""
+    """Weights for `count` rows or points as an expression, (count, 1)."""
     if not isinstance(weights, cs.MX):
         return cs.MX(cs.DM(_for_rows(weights, one, count)))
     if weights.shape[0] == count:

@@ -2,11 +2,13 @@
 
 import casadi as cs
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from workbench.arrays import Array
 from workbench.blocks.reals import reals
 from workbench.errors import BadResidual
-from workbench.residuals.residual import Residual, check_symbolic, named
+from workbench.residuals.arguments import named
+from workbench.residuals.residual import Residual, check_symbolic
 
 
 def gaussian(
@@ -56,7 +58,7 @@ def gaussian(
     return Residual(name, difference, np.sqrt(C), unit)
 
 
-def _whitening(C: NDArray[np.float64], name: str) -> NDArray[np.float64]:
+def _whitening(C: Array, name: str) -> Array:
     rounding = 1e-12 * np.abs(C).max(initial=0)  # of what was computed in two orders
     # Cholesky would read the lower half only
     if not (np.isfinite(C).all() and np.allclose(C, C.T, rtol=1e-9, atol=rounding)):

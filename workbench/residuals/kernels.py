@@ -55,14 +55,26 @@ def huber(threshold: float = 1.345) -> Kernel:
             f"huber takes a threshold above zero, in sigmas, not {threshold}; the kernel is "
             "huber() or huber(threshold)"
         )
+    return Huber(float(threshold))
 
-    def kernel(s: cs.MX) -> cs.MX:
-        far = s > threshold**2
+
+@dataclass(frozen=True)
+class Huber:
+    """Huber's kernel as a value, so that two of one threshold are equal: `huber`.
+
+    Attributes:
+        threshold: k, in sigmas, from which on rho is linear.
+    """
+
+    threshold: float
+
+    def __call__(self, s: cs.MX) -> cs.MX:
+        """The factors g(s) of squares s."""
+        k = self.threshold
+        far = s > k**2
         size = cs.sqrt(cs.if_else(far, s, 1))  # guarded: both branches are evaluated
-        shrunk = cs.sqrt(cs.if_else(far, 2 * threshold * size - threshold**2, 1)) / size
+        shrunk = cs.sqrt(cs.if_else(far, 2 * k * size - k**2, 1)) / size
         return cs.if_else(far, shrunk, 1)
-
-    return kernel
 
 
 @dataclass(frozen=True)

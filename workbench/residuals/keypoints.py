@@ -6,15 +6,16 @@ from numpy.typing import ArrayLike
 from workbench.blocks import Points
 from workbench.errors import BadResidual
 from workbench.geometry.camera import Camera
-from workbench.residuals.kernels import Kernel, quadratic
-from workbench.residuals.residual import (
-    Residual,
+from workbench.residuals.arguments import (
+    confidences,
     expressed,
     given,
     named_after,
     row_labels,
     same_shape,
 )
+from workbench.residuals.kernels import Kernel, quadratic
+from workbench.residuals.residual import Residual
 
 
 def keypoints(
@@ -53,12 +54,7 @@ def keypoints(
     M = pixels.shape[1]
     target = given(name, "what was observed", observed, (M, 2))
     same_shape(name, pixels, target)
-    sure = given(name, "the confidence", confidence, (M,))
-    if sure.shape != (M, 1):
-        raise BadResidual(
-            f"residual {name!r} has {M} keypoints, but confidences of shape "
-            f"{sure.shape}; give one for each"
-        )
+    weights = confidences(name, confidence, M, "keypoints")
     off = cs.vec(pixels - target)  # (2 M, 1) px
     labels = row_labels(points, "uv")
-    return Residual(name, off, sigma, "px", kernel, reads, labels, sure, camera.blocks, 2)
+    return Residual(name, off, sigma, "px", kernel, reads, labels, weights, camera.blocks, 2)

@@ -1,26 +1,20 @@
 """Points in space against where they were seen: vertices, joints, landmarks."""
 
 import casadi as cs
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from workbench.arrays import Array
 from workbench.blocks import Points
+from workbench.residuals.arguments import expressed, given, named_after, row_labels, same_shape
 from workbench.residuals.kernels import Kernel, quadratic
-from workbench.residuals.residual import (
-    Residual,
-    expressed,
-    given,
-    named_after,
-    row_labels,
-    same_shape,
-)
+from workbench.residuals.residual import Residual
 
 
 def vertices(
     points: Points | cs.MX,
     observed: cs.MX | ArrayLike,
     *,
-    sigma: float | NDArray[np.float64],
+    sigma: float | Array,
     kernel: Kernel = quadratic,
     name: str | None = None,
 ) -> Residual:
@@ -36,7 +30,7 @@ def landmarks(
     points: Points | cs.MX,
     observed: cs.MX | ArrayLike,
     *,
-    sigma: float | NDArray[np.float64],
+    sigma: float | Array,
     kernel: Kernel = quadratic,
     name: str | None = None,
 ) -> Residual:
@@ -52,7 +46,7 @@ def _difference(
     function: str,
     points: Points | cs.MX,
     observed: cs.MX | ArrayLike,
-    sigma: float | NDArray[np.float64],
+    sigma: float | Array,
     kernel: Kernel,
     name: str | None,
 ) -> Residual:

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 
 import casadi as cs
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from workbench.arrays import Array
 from workbench.blocks import Block, Points, in_blocks
 from workbench.blocks.checks import several, texts
 from workbench.blocks.points import unlisted
@@ -41,19 +42,32 @@ class Residual:
     points, has no positive and finite sigma, weights that are negative or do not fit, a kernel
     that is no function, or one of norms where each row stands alone; NotNumbers for a sigma or
     weights of text and the like.
+
+    Attributes:
+        name: the residual's name, unique in a problem.
+        expression: (m, 1) in `unit`, an expression in symbols of blocks and placeholders of points.
+        sigma: the standard deviation in `unit`: one for all rows, (m,), or (m / d,).
+        unit: what a row measures.
+        kernel: the robust kernel; `quadratic` for none.
+        points: the placeholders that the expression reads.
+        labels: a name for each row, or None.
+        weights: one for all rows, (m,), or (m / d,); None where every row has the weight 1.
+        blocks: units and labels of symbols that the expression reads.
+        rows_per_point: d, how many successive rows are the coordinates of one point.
+        each: in a sequence, the frames and their residuals; empty otherwise.
     """
 
     name: str
-    expression: cs.MX  # (m, 1) in `unit`
-    sigma: float | NDArray[np.float64]  # one for all rows, (m,) or (m / d,), in `unit`
+    expression: cs.MX
+    sigma: float | Array
     unit: str = "1"
     kernel: Kernel = quadratic
     points: tuple[Points, ...] = ()
     labels: tuple[str, ...] | None = None
-    weights: cs.MX | ArrayLike | None = None  # one for all rows, (m,) or (m / d,); None: 1
+    weights: cs.MX | ArrayLike | None = None
     blocks: tuple[Block, ...] = ()
-    rows_per_point: int = 1  # d
-    each: tuple[tuple[int, "Residual"], ...] = ()  # of a sequence: frames, and their residuals
+    rows_per_point: int = 1
+    each: tuple[tuple[int, "Residual"], ...] = ()
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):
@@ -105,7 +119,7 @@ class Residual:
 
     @property
     def size(self) -> int:
-        """m."""
+        """m, the number of rows."""
         return int(self.expression.shape[0])
 
     @property
@@ -122,11 +136,6 @@ class Residual:
         if numbers.shape[0] in (1, self.size):
             return numbers
         return cs.vec(cs.repmat(numbers.T, self.rows_per_point, 1))
-
-    @property
-    def in_blocks(self) -> cs.MX:
-        """The same as `graph()`."""
-        return self.graph()
 
     def graph(self) -> cs.MX:
         """The expression in the symbols of blocks alone, (m, 1) in `unit`, not whitened.
@@ -187,78 +196,4 @@ def check_listed(what: str, expression: cs.MX, points: Sequence[Points]) -> None
         raise BadResidual(
             f"{what} reads {name}, a symbol that stands for points of a body, but does not say "
             "which; give the Points themselves, as in points=(points,), and not their .symbol alone"
-        )
-
-
-def expressed(points: Points | cs.MX) -> tuple[cs.MX, tuple[Points, ...]]:
-    """Points or a bare matrix (3, N), as an expression and what it reads; raises BadResidual."""
-    if isinstance(points, Points):
-        return points.symbol, (points,)
-    check_symbolic("the points of a residual", points)
-    if points.shape[0] != 3:
-        raise BadResidual(
-            f"the points of a residual are a matrix (3, N), one column each, not {points.shape}; "
-            + ("transpose it" if points.shape[1] == 3 else "take the symbol of a block (N, 3)")
-        )
-    return points, ()
-
-
-def given(name: str, what: str, value: cs.MX | ArrayLike, shape: tuple[int, ...]) -> cs.MX:
-    """What was observed, axes reversed: a symbol as it is, numbers of `shape` as a constant.
-
-    Raises NotNumbers, or BadResidual for an array of another shape or with a row that is not
-    finite.
-    """
-    if isinstance(value, cs.MX):
-        return value
-    if isinstance(value, (Block, Points)):
-        check_symbolic(f"residual {name!r}: {what}", value)
-    if isinstance(value, cs.DM):
-        value = np.asarray(value).T  # as a user sees it
-        value = value[0] if len(shape) == len(value) == 1 else value
-    found = reals(f"residual {name!r}: {what}", value)
-    if found.shape != shape:
-        raise BadResidual(
-            f"residual {name!r} needs {what} as a block's symbol or an array of shape {shape}, "
-            f"not of {found.shape}"
-        )
-    bad = ~np.isfinite(found).all(axis=tuple(range(1, found.ndim)))
-    if bad.any():
-        row = int(np.argmax(bad))
-        raise BadResidual(
-            f"residual {name!r}: row {row} of {what} is {found[row]}, and {bad.sum()} of "
-            f"{len(found)} rows are not finite; leave them out, or give them confidence 0 and "
-            "any number where there is a confidence"
-        )
-    return cs.MX(cs.DM(found.T))
-
-
-def row_labels(points: Points | cs.MX, axes: Sequence[str]) -> tuple[str, ...] | None:
-    """`left_wrist, x` for each coordinate of points that have names."""
-    names = points.labels if isinstance(points, Points) else None
-    return None if names is None else tuple(f"{n}, {a}" for n in names for a in axes)
-
-
-def named(function: str, *symbols: cs.MX) -> str:
-    """`function(block, block)`; pieces and expressions go by the blocks that they read."""
-    blocks = dict.fromkeys(s.name() for symbol in symbols for s in cs.symvar(symbol))
-    return f"{function}({', '.join(blocks)})"
-
-
-def named_after(function: str, observed: cs.MX | ArrayLike, points: Points | cs.MX) -> str:
-    """The same for observations; numbers have no name, so the blocks behind the points serve."""
-    if isinstance(observed, cs.MX):
-        return named(function, observed)
-    if isinstance(points, Points):
-        return f"{function}({', '.join(block.name for block in points.source.blocks)})"
-    return named(function, points)
-
-
-def same_shape(name: str, expression: cs.MX, observed: cs.MX) -> None:
-    """Raise BadResidual unless the two can be subtracted entry by entry."""
-    if expression.shape != observed.shape:
-        (a, n), (b, m) = expression.shape, observed.shape
-        raise BadResidual(
-            f"residual {name!r} compares {n} points ({n}, {a}) with a block of shape ({m}, {b}); "
-            "they must be the same"
         )

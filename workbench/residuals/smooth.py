@@ -42,12 +42,20 @@ def smooth(
             f"something of type {type(what).__name__}"
         )
 
+    of = _called(what) if isinstance(what, Points) else str(what)
+    called = f"smooth({of})" if order == 1 else f"smooth({of}, order 2)"
+    given = reals(f"the sigma of residual {name or called!r}", sigma)
+    if not ((given > 0) & np.isfinite(given)).all():
+        raise BadResidual(
+            f"residual {name or called!r} needs a finite sigma above zero, not {given}"
+        )
+
     def between(frames: Frames) -> Residual:
         read: tuple[Points, ...] = ()
         blocks: tuple[Block, ...] = ()
         if isinstance(what, Points):
             whole = frames.points(what)
-            values, called, measured, read = whole.symbol, _called(what), "m", (whole,)
+            values, measured, read = whole.symbol, "m", (whole,)
             names = what.labels or tuple(map(str, range(what.count)))
             labels = [f", {point}, {axis}" for point in names for axis in "xyz"]
         else:
@@ -57,7 +65,7 @@ def smooth(
                     f"all frames share the block {what!r}, so nothing changes between them; "
                     "smoothness is of a block that each frame has for itself, or of points"
                 )
-            values, called, measured, blocks = block.symbol, what, block.unit, (block,)
+            values, measured, blocks = block.symbol, block.unit, (block,)
             labels = _entries(block)
         T = frames.count
         if order >= T:
@@ -69,12 +77,15 @@ def smooth(
         if order == 2:
             difference = difference[:, 1:] - difference[:, :-1]
         size = int(difference.shape[0])
-        by_rule = f"smooth({called})" if order == 1 else f"smooth({called}, order 2)"
-        given = reals(f"the sigma of residual {name or by_rule!r}", sigma)
+        if given.size not in (1, size):
+            raise BadResidual(
+                f"residual {name or called!r} takes one sigma, or one for each of the {size} "
+                f"entries of a frame, not {given.size} of them"
+            )
         return Residual(
-            name or by_rule,
+            name or called,
             cs.vec(difference),
-            np.tile(given.ravel(), T - order) if given.size == size > 1 else given,
+            np.tile(given.ravel(), T - order) if given.size > 1 else float(given.ravel()[0]),
             measured,
             kernel,
             read,

@@ -1,21 +1,21 @@
 """The edges of a mesh against edges that belong to no mesh."""
 
 import casadi as cs
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from workbench.arrays import Index
 from workbench.blocks import Points
-from workbench.blocks.reals import numbers
 from workbench.errors import BadResidual
 from workbench.geometry.triangles import edge_matrix
+from workbench.residuals.arguments import expressed, given, named_after, numbered
 from workbench.residuals.kernels import Kernel, quadratic
-from workbench.residuals.residual import Residual, expressed, given, named_after
+from workbench.residuals.residual import Residual
 
 
 def stitching(
     vertices: Points | cs.MX,
     edges: cs.MX | ArrayLike,
-    faces: NDArray[np.int64],
+    faces: Index,
     *,
     sigma: float,
     kernel: Kernel = quadratic,
@@ -30,13 +30,7 @@ def stitching(
     """
     placed, reads = expressed(vertices)
     name = name or named_after("stitching", edges, vertices)
-    found = numbers(f"residual {name!r}: faces", faces)
-    if found.ndim != 2 or found.shape[1] != 3 or found.dtype.kind not in "iu":
-        raise BadResidual(f"residual {name!r} needs faces (F, 3) of whole numbers")
-    if found.size and not 0 <= found.min() <= found.max() < placed.shape[1]:
-        raise BadResidual(
-            f"residual {name!r} needs vertices from 0 to {placed.shape[1] - 1} in its faces"
-        )
+    faces = numbered(name, "faces (F", faces, 3, placed.shape[1])
     target = given(name, "the edges", edges, (2 * len(faces), 3))
     if target.shape != (3, 2 * len(faces)):
         raise BadResidual(
@@ -44,7 +38,11 @@ def stitching(
             f"({2 * len(faces)}, 3), not {target.shape[::-1]}"
         )
     A = cs.MX(cs.DM(edge_matrix(faces, placed.shape[1]).T.tocsc()))
-    labels = tuple(f"face {f}, {e}, {a}" for f in range(len(faces)) for e in ("T2 - T0", "T1 - T0")
-                   for a in "xyz")  # fmt: skip
+    labels = tuple(
+        f"face {f}, {e}, {a}"
+        for f in range(len(faces))
+        for e in ("T2 - T0", "T1 - T0")
+        for a in "xyz"
+    )
     off = cs.vec(placed @ A - target)
     return Residual(name, off, sigma, "m", kernel, reads, labels, rows_per_point=3)

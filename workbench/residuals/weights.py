@@ -2,8 +2,9 @@
 
 import casadi as cs
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from workbench.arrays import Array
 from workbench.blocks.reals import reals
 from workbench.errors import BadResidual
 
@@ -44,7 +45,7 @@ def check_weights(
         _check_numbers(name, known)
 
 
-def _check_numbers(name: str, known: NDArray[np.float64]) -> None:
+def _check_numbers(name: str, known: Array) -> None:
     bad = ~((known >= 0) & np.isfinite(known))
     if bad.any():
         raise BadResidual(

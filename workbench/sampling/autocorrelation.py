@@ -7,9 +7,9 @@ from each other and are no independent chains; ensembles are.
 import numpy as np
 import scipy.fft
 import scipy.special
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from workbench.arrays import Array
+
 TOGETHER = 64  # chains in one transform
 WINDOW = 5.0  # autocorrelation times: Sokal's compromise between bias and noise
 

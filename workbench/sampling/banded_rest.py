@@ -3,46 +3,34 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array, Index
 from workbench.problem import Linearization
 from workbench.problem.banded import BandedFactor, BandedMatrix
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
 class BandedRest:
-    """The matrix (n, c) that makes of w ~ N(0, 1) what is integrated out; it is never stored."""
+    """The matrix (n, c) that makes of w ~ N(0, 1) what is integrated out; it is never stored.
+
+    Attributes:
+        factor: Cholesky's factor of the normal equations.
+        others: (c,) the unknowns that are integrated out.
+    """
 
     factor: BandedFactor
-    others: Index  # (c,) the unknowns that are integrated out
+    others: Index
 
     @property
     def shape(self) -> tuple[int, int]:
         """(n, c)."""
         return self.factor.order.size, len(self.others)
 
-    @property
-    def T(self) -> "Transposed":
-        """Transposed: ready to stand behind w."""
-        return Transposed(self)
-
-
-@dataclass(frozen=True, eq=False)
-class Transposed:
-    """Such a matrix, transposed, (c, n)."""
-
-    of: BandedRest
-    __array_ufunc__ = None  # so that NumPy leaves a product from the left to `__rmatmul__`
-
-    def __rmatmul__(self, w: Array) -> Array:
-        """(M, n) for w (M, c)."""
-        n, _ = self.of.shape
-        whole = np.zeros((n, len(w)))
-        whole[self.of.others] = w.T
-        return self.of.factor.half_times(whole).T
+    def times(self, w: Array) -> Array:
+        """The matrix times each row of w (M, c): (M, n)."""
+        whole = np.zeros((self.shape[0], len(w)))
+        whole[self.others] = w.T
+        return self.factor.half_times(whole).T
 
 
 def banded_rest(here: Linearization, named: Index) -> tuple[Array, BandedRest] | None:

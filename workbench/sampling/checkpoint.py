@@ -11,12 +11,11 @@ from typing import Any
 import emcee
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array
 from workbench.errors import BadFile
 from workbench.writing import Keeping, replacing
 
-Array = NDArray[np.float64]
 SETTINGS = "workbench"  # the attribute that says what was sampled, and how
 SEAL = b"\nworkbench sha256 "  # after the end of the HDF5 file, with the digest of all before it
 LONGEST = 1_000_000  # characters of settings
@@ -24,13 +23,20 @@ TWISTER = 624  # words in the state of NumPy's RandomState
 
 
 @dataclass(frozen=True, eq=False)
-class Saved:
-    """One ensemble as it was after its last step that was kept."""
+class SavedEnsemble:
+    """One ensemble as it was after its last step that was kept.
 
-    chain: Array  # (S, W, k)
-    log_prob: Array  # (S, W)
-    accepted: Array  # (W,)
-    random_state: Sequence[Any]  # of NumPy's RandomState
+    Attributes:
+        chain: (S, W, k) the draws: steps, walkers, entries.
+        log_prob: (S, W) their log densities.
+        accepted: (W,) how many proposals of each walker were accepted.
+        random_state: the state of NumPy's RandomState.
+    """
+
+    chain: Array
+    log_prob: Array
+    accepted: Array
+    random_state: Sequence[Any]
 
 
 class Checkpoint:
@@ -55,7 +61,7 @@ class Checkpoint:
             self._took = self._written - began
 
     def save(self) -> None:
-        """Replace the file."""
+        """Write the file anew."""
         path = self._path
         if path is not None:
             self._keeping(lambda: self._write(path))
@@ -66,7 +72,7 @@ def group(ensemble: int) -> str:
     return f"ensemble {ensemble}"
 
 
-def save(path: Path, ensembles: Sequence[Saved], settings: Mapping[str, Any]) -> None:
+def save(path: Path, ensembles: Sequence[SavedEnsemble], settings: Mapping[str, Any]) -> None:
     """Replace the file by another that is complete. Raises BadFile if it cannot be written.
 
     The file is made in memory: if HDF5 itself cannot write, it ends the process later.
@@ -76,7 +82,7 @@ def save(path: Path, ensembles: Sequence[Saved], settings: Mapping[str, Any]) ->
         temporary.write_bytes(content)
 
 
-def image(ensembles: Sequence[Saved], settings: Mapping[str, Any]) -> bytes:
+def image(ensembles: Sequence[SavedEnsemble], settings: Mapping[str, Any]) -> bytes:
     """What is in the file: an HDF5 file, and its seal."""
     with h5py.File("in memory", "w", driver="core", backing_store=False) as file:
         file.attrs[SETTINGS] = json.dumps(dict(settings))
@@ -100,7 +106,7 @@ def sealed(content: bytes) -> bytes:
     return content + SEAL + hashlib.sha256(content).hexdigest().encode()
 
 
-def load(path: Path) -> tuple[list[Saved], dict[str, Any]]:
+def load(path: Path) -> tuple[list[SavedEnsemble], dict[str, Any]]:
     """What `save` wrote; raises BadFile if that is not what the file holds.
 
     A damaged file can make the HDF5 library hang, or end the process. So it is shown nothing that
@@ -114,8 +120,18 @@ def load(path: Path) -> tuple[list[Saved], dict[str, Any]]:
             settings = _settings(file)
             return [_ensemble(file, e, len(content)) for e in range(len(file))], settings
     # what h5py raises of a file whose parts are missing or of other kinds, and ours
-    except (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeError,
-            OverflowError, RecursionError, MemoryError, BadFile) as error:  # fmt: skip
+    except (
+        OSError,
+        RuntimeError,
+        KeyError,
+        ValueError,
+        TypeError,
+        AttributeError,
+        OverflowError,
+        RecursionError,
+        MemoryError,
+        BadFile,
+    ) as error:
         raise BadFile(
             f"{path} is no checkpoint of `sample` ({error}); give another file, or remove it to "
             "begin anew"
@@ -132,7 +148,7 @@ def _settings(file: h5py.File) -> dict[str, Any]:
     return settings
 
 
-def _ensemble(file: h5py.File, e: int, size: int) -> Saved:
+def _ensemble(file: h5py.File, e: int, size: int) -> SavedEnsemble:
     inside = file.get(group(e))
     if not isinstance(inside, h5py.Group):
         raise BadFile(f"it has no group {group(e)!r}, but {len(file)} groups")
@@ -149,7 +165,7 @@ def _ensemble(file: h5py.File, e: int, size: int) -> Saved:
         )
     if not ((accepted >= 0) & (accepted <= S)).all():
         raise BadFile(f"{group(e)} has accepted more or less moves than there were steps")
-    return Saved(chain, log_prob, accepted, _random_state(inside, e))
+    return SavedEnsemble(chain, log_prob, accepted, _random_state(inside, e))
 
 
 def _numbers(inside: h5py.Group, name: str, dimensions: int, size: int) -> Array:
@@ -169,7 +185,7 @@ def _numbers(inside: h5py.Group, name: str, dimensions: int, size: int) -> Array
 
 
 def _random_state(inside: h5py.Group, e: int) -> Sequence[Any]:
-    """As NumPy takes it: its name, 624 words, a position, and a normal number that is left."""
+    """NumPy's state: its name, 624 words, a position, and a normal number that is left."""
     found = [inside.attrs.get(f"random_state_{i}") for i in range(5)]
     try:
         return tuple(_given(found))
@@ -199,7 +215,7 @@ def refuse_other(path: Path, before: Mapping[str, Any], now: Mapping[str, Any]) 
 
 
 def refuse_unlike(
-    path: Path, ensembles: Sequence[Saved], count: int, shape: tuple[int, int, int]
+    path: Path, ensembles: Sequence[SavedEnsemble], count: int, shape: tuple[int, int, int]
 ) -> None:
     """Raise BadFile unless there are so many ensembles, each with at most so many steps (S, W, k)
     of so many walkers in so many dimensions.
@@ -214,7 +230,7 @@ def refuse_unlike(
         )
 
 
-def memory(saved: Saved) -> emcee.backends.Backend:
+def memory(saved: SavedEnsemble) -> emcee.backends.Backend:
     """A backend in memory that goes on from there."""
     steps, walkers, k = saved.chain.shape
     backend = emcee.backends.Backend()

@@ -9,29 +9,42 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
+from scipy.sparse import csc_array, vstack
 
+from workbench.arrays import Array, Index, Mask
+from workbench.diagnostics.elimination import Elimination
+from workbench.diagnostics.frame_rows import FrameRows, frames_of_rows
 from workbench.errors import TooLarge
 from workbench.problem import Linearization, Problem
+from workbench.problem.block_matrix import BlockMatrix
 from workbench.sampling.subspace import Subspace
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 RATIO = 1.2  # of the standard deviations: above it, intervals are of another question
 UNNAMED = 6  # blocks in a sentence
 
 
 @dataclass(frozen=True, eq=False)
 class Conditioning:
-    """What is held fixed, and Laplace's standard deviations with and without it, (k,) each."""
+    """What is held fixed, and Laplace's standard deviations with and without it, (k,) each.
+
+    Attributes:
+        labels: the entries that are sampled.
+        names: what is held fixed, such as `betas` or `66 of the 72 numbers of pose`.
+        count: how many numbers are held fixed.
+        given: the blocks that are fixed in the problem itself.
+        conditional: (k,) standard deviations with these numbers held fixed.
+        marginal: (k,) standard deviations with all numbers free; infinite where nothing determines
+            them.
+        following: how many numbers equations determine from what is sampled.
+    """
 
     labels: tuple[str, ...]
-    held: tuple[str, ...]  # `betas`, `66 of the 72 numbers of pose`
-    count: int  # numbers that are held
-    given: tuple[str, ...]  # blocks that are no unknowns of the problem
-    conditional: Array  # standard deviations with these held
-    marginal: Array  # and with all free numbers free; infinite where the residuals say nothing
-    following: int = 0  # numbers that equations tie to what is sampled
+    names: tuple[str, ...]
+    count: int
+    given: tuple[str, ...]
+    conditional: Array
+    marginal: Array
+    following: int = 0
 
     @property
     def ratios(self) -> Array:
@@ -50,10 +63,10 @@ class Conditioning:
 
     @property
     def what(self) -> str:
-        """The names of what is held."""
-        if len(self.held) > UNNAMED:
-            return f"{', '.join(self.held[:UNNAMED])} and {len(self.held) - UNNAMED} blocks more"
-        return " and ".join([", ".join(self.held[:-1]), self.held[-1]][len(self.held) < 2 :])
+        """The names of what is held fixed."""
+        if len(self.names) > UNNAMED:
+            return f"{', '.join(self.names[:UNNAMED])} and {len(self.names) - UNNAMED} blocks more"
+        return " and ".join([", ".join(self.names[:-1]), self.names[-1]][len(self.names) < 2 :])
 
     def __str__(self) -> str:
         if not self.count:
@@ -99,7 +112,7 @@ def conditioning(problem: Problem, given: Array, space: Subspace, z: Array) -> C
     here = problem.linearize_at(x, given)
     width = problem.upper - problem.lower
     boxed = np.isfinite(width) & (width > 0)
-    if here.in_blocks and space.entries is not None:
+    if here.by_frames and space.entries is not None:
         return _of_a_sequence(problem, here, space, space.entries, boxed)
     span = space.span
     held = np.flatnonzero(~(span != 0).any(axis=1))
@@ -126,15 +139,20 @@ def conditioning(problem: Problem, given: Array, space: Subspace, z: Array) -> C
     conditional = _deviations(J @ span)[: space.size]
     marginal = _deviations(J @ np.hstack([span, others]))[: space.size] if count else conditional
     return Conditioning(
-        space.labels, _named(problem, held, count), count, problem.fixed.names, conditional,
-        np.maximum(marginal, conditional), tied,
-    )  # fmt: skip
+        space.labels,
+        _named(problem, held, count),
+        count,
+        problem.fixed.names,
+        conditional,
+        np.maximum(marginal, conditional),
+        tied,
+    )
 
 
 def _of_a_sequence(
-    problem: Problem, here: Linearization, space: Subspace, at: NDArray[np.int64], boxed: Mask
+    problem: Problem, here: Linearization, space: Subspace, at: Index, boxed: Mask
 ) -> Conditioning:
-    """The same for the entries `at` of many frames, whose Jacobian is no array: by its band."""
+    """`conditioning` for the entries `at` of a long sequence, by its banded normal equations."""
     if problem.stacked_constraints is not None:
         raise TooLarge(
             "what holding frames fixed does to the spread is not known for a long sequence with "
@@ -145,8 +163,9 @@ def _of_a_sequence(
     own = np.zeros((problem.free.size, len(at)))
     own[at, np.arange(len(at))] = 1.0
     found = here.inverse_times(own, between)
-    marginal = np.full(len(at), np.inf)
-    if found is not None:
+    if found is None:  # something is not determined, and perhaps not what is sampled
+        marginal = _by_elimination(problem, here, between)[at]
+    else:
         marginal = np.sqrt(found[at, np.arange(len(at))])
     if space.rest.shape[1]:  # all others are integrated out
         return Conditioning(space.labels, (), 0, problem.fixed.names, marginal, marginal)
@@ -154,9 +173,30 @@ def _of_a_sequence(
     rows = np.vstack([here.jacobian @ own, np.diag(np.sqrt(between[at]))])
     conditional = _deviations(rows)
     return Conditioning(
-        space.labels, _named(problem, held, len(held)), len(held), problem.fixed.names,
-        conditional, np.maximum(marginal, conditional),
-    )  # fmt: skip
+        space.labels,
+        _named(problem, held, len(held)),
+        len(held),
+        problem.fixed.names,
+        conditional,
+        np.maximum(marginal, conditional),
+    )
+
+
+def _by_elimination(problem: Problem, here: Linearization, between: Array) -> Array:
+    """The standard deviations of all unknowns (n,), infinite where nothing determines them.
+
+    Rows that weigh entries by sqrt(`between`) are added to those of the residuals.
+    """
+    J = here.jacobian
+    assert isinstance(J, BlockMatrix)
+    weighed = np.flatnonzero(between)
+    at = np.arange(len(weighed)), weighed
+    more = csc_array((np.sqrt(between[weighed]), at), shape=(len(weighed), J.shape[1]))
+    taller = BlockMatrix(csc_array(vstack([J.rest, more])), J.blocks, J.places, J.order)
+    found = Linearization(np.zeros(taller.shape[0]), taller)
+    frames = np.concatenate([frames_of_rows(problem.residuals), np.full(len(weighed), -1)])
+    rows = FrameRows.of(found, frames)
+    return np.asarray(np.sqrt(Elimination.of(rows).variances) / rows.lengths)
 
 
 def _deviations(J: Array) -> Array:
@@ -164,7 +204,7 @@ def _deviations(J: Array) -> Array:
     return np.asarray(np.sqrt(np.diag(Linearization(np.zeros(len(J)), J).covariance)))
 
 
-def _named(problem: Problem, held: NDArray[np.int64], count: int) -> tuple[str, ...]:
+def _named(problem: Problem, held: Index, count: int) -> tuple[str, ...]:
     names = []
     for name, place in problem.free.slices.items():
         size = place.stop - place.start

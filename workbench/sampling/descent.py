@@ -6,14 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.optimize
 import scipy.special
-from numpy.typing import NDArray
 
+from workbench.arrays import Array
 from workbench.errors import WorkbenchError
-from workbench.sampling.feasible import outside_said
+from workbench.sampling.feasible import violation_in_words
+from workbench.sampling.log_density import LogDensity
 from workbench.sampling.subspace import Improper
-from workbench.sampling.target import Target
 
-Array = NDArray[np.float64]
 Vector = Callable[[Array], Array]
 SETTLED = 0.1  # of the cost that the linear model still promises: less, and it is a minimum
 AT_A_BOUND = 1e-6  # of the scale of an entry: it is held there
@@ -27,22 +26,32 @@ class NoMinimum(WorkbenchError):
 
 @dataclass(frozen=True, eq=False)
 class Mode:
-    """A minimum of the cost in z, and Laplace's approximation there."""
+    """A minimum of the cost in z, and Laplace's approximation there.
 
-    z: Array  # (k,)
+    Attributes:
+        z: (k,) where the cost is least.
+        cost: the cost there.
+        half: (k, k) such that half @ half.T is the covariance.
+        log_mass: the log of its integral, up to a constant that all modes share.
+        share: its share of the mass of all modes.
+        found: how many searches ended here.
+        settled: whether the linear model predicts almost no further decrease of the cost.
+    """
+
+    z: Array
     cost: float
-    half: Array  # (k, k): half @ half.T is the covariance
-    log_mass: float  # log of its integral, up to the constant that all share
-    share: float = 1.0  # of the mass of all modes
-    found: int = 1  # how many searches ended here
-    settled: bool = True  # whether the linear model promises next to nothing more
+    half: Array
+    log_mass: float
+    share: float = 1.0
+    found: int = 1
+    settled: bool = True
 
     def away(self, z: Array) -> float:
         """How many standard deviations a point is away, as a root mean square over entries."""
         return float(np.linalg.norm(np.linalg.solve(self.half, z - self.z)) / np.sqrt(len(z)))
 
 
-def descended(target: Target, start: Array) -> Mode:
+def mode_from(target: LogDensity, start: Array) -> Mode:
     """The minimum that least squares reaches from z = start, inside bounds and constraints.
 
     Raises Improper where a direction is held by nothing, and NoMinimum where no point that
@@ -56,7 +65,7 @@ def descended(target: Target, start: Array) -> Mode:
     def jacobian(z: Array) -> Array:
         return problem.linearize_at(_x(target, z), target.fixed).jacobian @ space.along
 
-    low, high = box(target)
+    low, high = bounds_of(target)
     gap = 1e-10 * np.maximum(1.0, abs(start))
     thin = high - low <= 4 * gap  # trf wants room
     start = np.where(thin, start, np.clip(start, low + gap, high - gap))
@@ -65,7 +74,7 @@ def descended(target: Target, start: Array) -> Mode:
         residual, start, jacobian, bounds=wide, x_scale="jac", max_nfev=200
     )
     z, settled = np.asarray(ended.x), True
-    limited = problem.stacked_constraints is not None or len(carried(target)[0])
+    limited = problem.stacked_constraints is not None or len(dependent_bounds(target)[0])
     if not limited or target.allows(space.points(z[None]))[0]:
         settled = _promise(residual(z), jacobian(z), z, low, high) < SETTLED
     else:
@@ -102,7 +111,7 @@ def log_scaled_tail(u: Array) -> Array:
     return np.asarray(np.log(scipy.special.erfcx(u / np.sqrt(2)) / 2))
 
 
-def box(target: Target) -> tuple[Array, Array]:
+def bounds_of(target: LogDensity) -> tuple[Array, Array]:
     """The bounds of z, (k,) each; infinite where z are directions and no entries."""
     space, problem = target.subspace, target.problem
     if space.entries is None:
@@ -110,7 +119,7 @@ def box(target: Target) -> tuple[Array, Array]:
     return problem.lower[space.entries], problem.upper[space.entries]
 
 
-def carried(target: Target) -> tuple[Array, Array, Array]:
+def dependent_bounds(target: LogDensity) -> tuple[Array, Array, Array]:
     """Bounds on numbers that move with z without being among its entries: low <= A z <= high.
 
     Such are all numbers where z are directions, and those on the ridge of what is integrated out.
@@ -127,21 +136,21 @@ def carried(target: Target) -> tuple[Array, Array, Array]:
     return A, problem.lower[bounded] - there, problem.upper[bounded] - there
 
 
-def covariance_half(target: Target, J: Array) -> Array:
-    """Of (J'J)^-1; a bound on both sides counts as a uniform distribution's variance."""
+def covariance_half(target: LogDensity, J: Array) -> Array:
+    """A square root of (J'J)^-1; an entry with two bounds has a uniform variance at most."""
     return inverse_half(target, np.vstack([J, bound_rows(target, np.sqrt(12))]))
 
 
-def bound_rows(target: Target, scale: float) -> Array:
+def bound_rows(target: LogDensity, scale: float) -> Array:
     """For every entry with two bounds, a row that weighs it by `scale` over their distance."""
-    low, high = box(target)
+    low, high = bounds_of(target)
     width = high - low
     known = np.isfinite(width) & (width > 0)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(np.diag(np.where(known, scale / width, 0.0))[known])
 
 
-def inverse_half(target: Target, J: Array) -> Array:
+def inverse_half(target: LogDensity, J: Array) -> Array:
     """A half (k, k) with half half' = (J'J)^-1. Raises Improper if J has no full rank."""
     space = target.subspace
     lengths = np.linalg.norm(J, axis=0)  # of no matter, so that no unit decides what is seen
@@ -156,7 +165,7 @@ def inverse_half(target: Target, J: Array) -> Array:
     return np.asarray(Vt.T / s / lengths[:, None])
 
 
-def into_bounds(target: Target, allowed: Array, z: Array) -> Array:
+def into_bounds(target: LogDensity, allowed: Array, z: Array) -> Array:
     """z, or so much of the way to it from an allowed point that it has a density."""
     for _ in range(60):
         if np.isfinite(target(z[None])[0]):
@@ -165,16 +174,16 @@ def into_bounds(target: Target, allowed: Array, z: Array) -> Array:
     return allowed.copy()
 
 
-def _x(target: Target, z: Array) -> Array:
+def _x(target: LogDensity, z: Array) -> Array:
     return np.asarray(target.subspace.points(z[None])[0])
 
 
-def _constrained(target: Target, start: Array, residual: Vector, jacobian: Vector) -> Array:
+def _constrained(target: LogDensity, start: Array, residual: Vector, jacobian: Vector) -> Array:
     """The minimum from there by SciPy's SLSQP, in units of the Jacobian's columns."""
     space, there = target.subspace, target.problem.stacked_constraints
     lengths = np.linalg.norm(jacobian(start), axis=0)
     scale = 1 / np.where(lengths > 0, lengths, 1.0)
-    G, low, high = carried(target)
+    G, low, high = dependent_bounds(target)
     low, high = low + _inside(low), high - _inside(high)
     moving = np.zeros(0, dtype=bool)
     if there is not None:
@@ -204,18 +213,21 @@ def _constrained(target: Target, start: Array, residual: Vector, jacobian: Vecto
         z = start + scale * u
         return np.asarray(scale * (jacobian(z).T @ residual(z)))
 
-    least, most = ((side - start) / scale for side in box(target))
+    least, most = ((side - start) / scale for side in bounds_of(target))
     ended = scipy.optimize.minimize(
-        cost, np.zeros(len(start)), method="SLSQP", jac=gradient,
+        cost,
+        np.zeros(len(start)),
+        method="SLSQP",
+        jac=gradient,
         bounds=scipy.optimize.Bounds(least, most),
         constraints=scipy.optimize.NonlinearConstraint(margins, 0.0, np.inf, jac=slopes),
         options={"maxiter": 500, "ftol": 1e-10},
-    )  # fmt: skip
+    )
     z = np.asarray(start + scale * ended.x)
     if not target.allows(space.points(z[None]))[0]:
+        why = violation_in_words(target.problem, target.fixed, _x(target, z))
         raise NoMinimum(
-            "no point next to the start meets the bounds and constraints "
-            f"({outside_said(target.problem, target.fixed, _x(target, z))}); solve the problem "
+            f"no point near the start meets the bounds and constraints ({why}); solve the problem "
             "with a solver that takes constraints, and start at its answer"
         )
     return z
@@ -227,7 +239,7 @@ def _inside(limit: Array) -> Array:
 
 
 def _promise(r: Array, J: Array, z: Array, low: Array, high: Array) -> float:
-    """By how much the linear model says that the cost can still fall, entries at bounds held."""
+    """By how much the linear model predicts that the cost can fall, entries at bounds fixed."""
     near = AT_A_BOUND * np.maximum(1.0, abs(z))
     free = (z - low > near) & (high - z > near)
     if not free.any() or not np.isfinite(J).all():

@@ -3,109 +3,71 @@
 import hashlib
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
-from functools import partial
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import emcee
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array
 from workbench.errors import BadFile
 from workbench.interrupts import Interrupts
 from workbench.sampling.checkpoint import (
     Checkpoint,
-    Saved,
+    SavedEnsemble,
     load,
     memory,
     refuse_other,
     refuse_unlike,
     save,
 )
-from workbench.sampling.descent import Mode, descended
-from workbench.sampling.mixing import TIMES, Mixing
-from workbench.sampling.modes import Found, modes, walkers_at
-from workbench.sampling.moves import Moves, refuse_biased
-from workbench.sampling.target import Target
+from workbench.sampling.descent import Mode, mode_from
+from workbench.sampling.ensemble_settings import (
+    Callback,
+    EnsembleSettings,
+    Progress,
+    without_burn_in,
+)
+from workbench.sampling.log_density import LogDensity
+from workbench.sampling.mixing import TIMES
+from workbench.sampling.modes import ModeSearch, modes, walkers_at
+from workbench.sampling.moves import refuse_biased
 from workbench.threads import limited_threads
-
-Array = NDArray[np.float64]
-KEPT = 2e7  # numbers in memory: 160 MB
-CHECKED = (1 / 16, 1 / 8, 1 / 4, 1 / 2)  # of the steps: when usable then, that is enough
-BURNT = 0.1  # of the steps are discarded, or
-BURNT_TIMES = 5.0  # so many autocorrelation times, but no more than half
-
-
-@dataclass(frozen=True)
-class Progress:
-    """How far a run is."""
-
-    step: int  # of each walker
-    steps: int  # at most
-    acceptance: float
-    seconds: float
-
-
-Callback = Callable[[Progress], object]  # called now and then; stops the run if it says True
-
-
-@dataclass(frozen=True)
-class Plan:
-    """How to sample: `ensembles` independent ones of `walkers`, at most `steps` each.
-
-    A run ends early, after 1/16, 1/8, 1/4 or 1/2 of the steps, once it is usable, unless `whole`.
-    Every `thin`-th step is kept.
-    """
-
-    walkers: int
-    ensembles: int
-    steps: int
-    thin: int
-    seed: int
-    moves: Moves = field(repr=False)
-    whole: bool = False
-
-    @property
-    def kept(self) -> int:
-        """Of each walker."""
-        return self.steps // self.thin
-
-    @property
-    def checks(self) -> list[int]:
-        """Numbers of kept steps after which it is asked whether that is enough; and all."""
-        early = [] if self.whole else [int(self.kept * share) for share in CHECKED]
-        return [*(n for n in early if n >= 20), self.kept]
-
-
-def thinning(walkers: int, ensembles: int, steps: int, size: int) -> int:
-    """Every how manieth step to keep, so that all that is kept fits into memory."""
-    kept = np.clip(KEPT / (walkers * ensembles * size), 200, 4000)
-    return max(1, int(np.ceil(steps / kept)))
 
 
 @dataclass(frozen=True, eq=False)
-class Drawn:
-    """What a run has drawn."""
+class EnsembleRun:
+    """What a run has drawn.
 
-    chain: Array  # (E, S, W, k)
-    log_prob: Array  # (E, S, W)
+    Attributes:
+        chain: (E, S, W, k) the draws: ensembles, steps, walkers, entries.
+        log_prob: (E, S, W) their log densities.
+        acceptance: the share of the proposals that were accepted.
+        mode_search: the modes that were found before sampling.
+        seconds: how long the run took.
+        interrupted: whether it was stopped early.
+        unsaved: why the last checkpoint could not be written; empty if it was.
+    """
+
+    chain: Array
+    log_prob: Array
     acceptance: float
-    found: Found
+    mode_search: ModeSearch
     seconds: float
     interrupted: bool
-    unsaved: str  # why the last checkpoint could not be written; empty if it was
+    unsaved: str
 
 
 def run(
-    target: Target,
-    plan: Plan,
+    target: LogDensity,
+    plan: EnsembleSettings,
     *,
     checkpoint: Path | None = None,
     every: float = 30.0,
     callback: Callback | None = None,
     settings: dict[str, Any] | None = None,
-) -> Drawn:
+) -> EnsembleRun:
     """Sample, or go on with what the checkpoint holds; every so many seconds it is replaced.
 
     A run that was killed and is taken up ends bit for bit as one that was not. An interrupt from
@@ -119,7 +81,7 @@ def run(
     began = time.perf_counter()
     *seeds, search = np.random.SeedSequence(plan.seed).spawn(plan.ensembles + 1)
     with limited_threads():
-        first = descended(target, target.subspace.centre)
+        first = mode_from(target, target.subspace.centre)
         found = modes(target, first, np.random.default_rng(search))
         told = _settings(target, plan) | (settings or {})
         if checkpoint is not None and checkpoint.exists():
@@ -144,15 +106,22 @@ def run(
 
 
 def _drawn(
-    team: "_Team", plan: Plan, kept: Checkpoint, interrupts: Interrupts, callback: Callback | None
+    team: "_Team",
+    plan: EnsembleSettings,
+    kept: Checkpoint,
+    interrupts: Interrupts,
+    callback: Callback | None,
 ) -> bool:
     """Draw until there is enough; whether it ended before that, by the callback or by Ctrl-C."""
     began = time.perf_counter()
     try:
         for progress in team.advance(began, interrupts.check):
             kept.save_now_and_then()
-            if callback is not None and _true(interrupts.through(partial(callback, progress))):
-                return progress.step < plan.steps
+            if callback is not None:
+                with interrupts.raised_at_once():
+                    stop = _true(callback(progress))
+                if stop:
+                    return progress.step < plan.steps
     except KeyboardInterrupt:
         return True
     return False
@@ -161,19 +130,23 @@ def _drawn(
 class _Team:
     """The samplers, and the last complete step of each."""
 
-    def __init__(self, samplers: list[tuple[emcee.EnsembleSampler, Any]], plan: Plan) -> None:
+    def __init__(
+        self, samplers: list[tuple[emcee.EnsembleSampler, Any]], plan: EnsembleSettings
+    ) -> None:
         self._plan = plan
         self._backends = [sampler.backend for sampler, _ in samplers]
         self._done = [self._mark(backend) for backend in self._backends]
         self._ahead: list[Iterator[Any]] = [
             sampler.sample(
-                state, iterations=plan.kept - sampler.backend.iteration, thin_by=plan.thin,
+                state,
+                iterations=plan.kept - sampler.backend.iteration,
+                thin_by=plan.thin,
                 skip_initial_state_check=True,
             )
             if sampler.backend.iteration < plan.kept
             else iter(())
             for sampler, state in samplers
-        ]  # fmt: skip
+        ]
 
     @staticmethod
     def _mark(backend: Any) -> tuple[int, Array, Any]:
@@ -200,48 +173,38 @@ class _Team:
 
     @property
     def acceptance(self) -> float:
-        """Of all that was proposed; emcee counts it in steps that are kept."""
+        """The share of all proposals that were accepted; emcee counts in kept steps."""
         steps = sum(done[0] for done in self._done)
         taken = sum(float(done[1].mean()) for done in self._done)
         return taken / steps if steps else 0.0
 
     def _enough(self, goal: int) -> bool:
         draws = np.stack([backend.chain[:goal] for backend in self._backends])
-        mixing = burnt(draws, self._plan.thin, self.acceptance, ())
+        mixing = without_burn_in(draws, self._plan.thin, self.acceptance, ())
         return mixing.usable and mixing.length >= TIMES  # an early end leaves nothing in doubt
 
     def save(self, path: Path, settings: dict[str, Any]) -> None:
         """Each ensemble after its last complete step, once each has one."""
         if min(done[0] for done in self._done):
             pairs = zip(self._backends, self._done, strict=True)
-            each = [Saved(b.chain[:n], b.log_prob[:n], *rest) for b, (n, *rest) in pairs]
+            each = [SavedEnsemble(b.chain[:n], b.log_prob[:n], *rest) for b, (n, *rest) in pairs]
             save(path, each, settings)
 
-    def drawn(self, found: Found, seconds: float, interrupted: bool, unsaved: str) -> Drawn:
+    def drawn(
+        self, found: ModeSearch, seconds: float, interrupted: bool, unsaved: str
+    ) -> EnsembleRun:
         """All that all ensembles have."""
         n = min(done[0] for done in self._done)
         chain, log_prob = (
             np.stack([getattr(backend, name)[:n] for backend in self._backends])
             for name in ("chain", "log_prob")
         )
-        return Drawn(chain, log_prob, self.acceptance, found, seconds, interrupted, unsaved)
+        return EnsembleRun(chain, log_prob, self.acceptance, found, seconds, interrupted, unsaved)
 
 
-def burnt(chain: Array, thin: int, acceptance: float, labels: tuple[str, ...]) -> Mixing:
-    """The mixing of what is left of chains (E, S, W, k) without their beginning."""
-    _, S, _, k = chain.shape
-    labels = labels or tuple(map(str, range(k)))
-    first = int(np.ceil(BURNT * S))
-    before = Mixing(labels, chain[:, first:], acceptance, first * thin, thin)
-    longest = before.times.max() / thin if S - first > 1 else 0.0
-    wanted = min(BURNT_TIMES * longest, S / 2)
-    if wanted <= first:
-        return before
-    first = int(np.ceil(wanted))
-    return Mixing(labels, chain[:, first:], acceptance, first * thin, thin)
-
-
-def _fresh(target: Target, plan: Plan, found: tuple[Mode, ...], seed: Any) -> tuple[Any, Any]:
+def _fresh(
+    target: LogDensity, plan: EnsembleSettings, found: tuple[Mode, ...], seed: Any
+) -> tuple[Any, Any]:
     rng = np.random.default_rng(seed)
     start = walkers_at(target, found, plan.walkers, rng)
     random = np.random.RandomState(rng.integers(2**32, size=8, dtype=np.uint32))
@@ -249,12 +212,12 @@ def _fresh(target: Target, plan: Plan, found: tuple[Mode, ...], seed: Any) -> tu
     return sampler, emcee.State(start, log_prob=target(start), random_state=random.get_state())
 
 
-def _taken_up(target: Target, plan: Plan, saved: Saved) -> tuple[Any, Any]:
+def _taken_up(target: LogDensity, plan: EnsembleSettings, saved: SavedEnsemble) -> tuple[Any, Any]:
     sampler = _sampler(target, plan, memory(saved))
     return sampler, sampler.get_last_sample()
 
 
-def _sampler(target: Target, plan: Plan, backend: Any) -> Any:
+def _sampler(target: LogDensity, plan: EnsembleSettings, backend: Any) -> Any:
     k = target.subspace.size
     sampler = emcee.EnsembleSampler(
         plan.walkers, k, target, moves=list(plan.moves), backend=backend, vectorize=True
@@ -264,8 +227,8 @@ def _sampler(target: Target, plan: Plan, backend: Any) -> Any:
     return sampler
 
 
-def _settings(target: Target, plan: Plan) -> dict[str, Any]:
-    """By which a checkpoint is known to be of the same run."""
+def _settings(target: LogDensity, plan: EnsembleSettings) -> dict[str, Any]:
+    """The settings by which a checkpoint is known to belong to the same run."""
     space = target.subspace
     digest = hashlib.sha256()
     for part in (space.origin, space.along, space.centre, target.fixed):
@@ -277,12 +240,16 @@ def _settings(target: Target, plan: Plan) -> dict[str, Any]:
         digest.update("\n".join(there.label(row) for row in range(there.size)).encode())
         digest.update(there.lower.tobytes() + there.upper.tobytes() + there.tolerance.tobytes())
     return {
-        "walkers": plan.walkers, "ensembles": plan.ensembles, "steps": plan.steps,
-        "thin": plan.thin, "seed": plan.seed, "entries": list(space.labels),
+        "walkers": plan.walkers,
+        "ensembles": plan.ensembles,
+        "steps": plan.steps,
+        "thin": plan.thin,
+        "seed": plan.seed,
+        "entries": list(space.labels),
         "moves": [f"{type(m).__name__} {weight:.4g}" for m, weight in plan.moves],
         "log density at the start": float(target(space.centre[None])[0]).hex(),
         "numbers": digest.hexdigest()[:24],
-    }  # fmt: skip
+    }
 
 
 def _true(said: object) -> bool:

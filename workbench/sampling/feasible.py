@@ -1,13 +1,12 @@
 """Problems and points that no posterior can be drawn from, each refused with its reason."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array
 from workbench.errors import BadArgument, NotSupported
 from workbench.problem import Problem
 from workbench.sampling.subspace import Subspace
 
-Array = NDArray[np.float64]
 ROUNDED = 1e-10  # of the terms of a sum: zero, but for rounding
 NUDGED = 1e-3  # of the size of an entry: far enough from a point where a derivative vanishes
 
@@ -21,7 +20,7 @@ def refuse_undefined(problem: Problem, given: Array, x: Array) -> None:
         )
 
 
-def outside_said(problem: Problem, given: Array, x: Array) -> str:
+def violation_in_words(problem: Problem, given: Array, x: Array) -> str:
     """The first bound or the worst constraint that a point x (n,) misses, in words; "" if none."""
     out = np.flatnonzero((x < problem.lower) | (x > problem.upper))
     if out.size:
@@ -31,7 +30,7 @@ def outside_said(problem: Problem, given: Array, x: Array) -> str:
     there = problem.stacked_constraints
     if there is not None:
         values = there.values(x, given)
-        if there.missed(values) > 1.0:
+        if there.violation(values) > 1.0:
             return there.worst(values)
     return ""
 
@@ -42,7 +41,7 @@ def refuse_flat(problem: Problem, given: Array, space: Subspace) -> None:
     The points that meet an equation have no volume in the space of the draws, so a density on them
     is none in that space, and no proposal ever lands on them. An equation between numbers that
     all stay where they are is no obstacle, nor is a linear one that all draws meet because other
-    numbers follow them (see `following`). Whether it changes along what moves is asked of its
+    numbers follow them (see `determined`). Whether it changes along what moves is asked of its
     Jacobian at three points, for at a single one a derivative may vanish.
     """
     if space.entries is not None:
@@ -61,7 +60,7 @@ def refuse_flat(problem: Problem, given: Array, space: Subspace) -> None:
     for size in (0.0, NUDGED, NUDGED):
         x = space.origin + size * (1 + abs(space.origin)) * rng.standard_normal(len(space.origin))
         seen = there.linearize(x, given)
-        read |= (abs(seen.along(moves)) > ROUNDED * seen.terms_along(moves)).any(axis=1)
+        read |= (abs(seen.along(moves)) > ROUNDED * seen.magnitudes_along(moves)).any(axis=1)
     wrong = np.flatnonzero(read & there.equal)
     if wrong.size:
         raise NotSupported(
@@ -69,5 +68,5 @@ def refuse_flat(problem: Problem, given: Array, space: Subspace) -> None:
             "be drawn; the points that meet it have no volume, so no draw can lie on it. Replace "
             "it by a residual with a sigma that says how exactly it holds, or draw entries that "
             "it does not depend on. Where it is linear, name the entries that determine the "
-            "others, and let these follow (in Python rest=following)"
+            "others, and let these follow (in Python rest=determined)"
         )

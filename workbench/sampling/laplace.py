@@ -3,23 +3,22 @@
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from workbench.errors import BadArgument
 from workbench.problem import Problem
 from workbench.sampling.conditioning import conditioning
-from workbench.sampling.cut import cut, cut_away, drawn_from
-from workbench.sampling.descent import box, descended
+from workbench.sampling.descent import bounds_of, mode_from
 from workbench.sampling.feasible import refuse_flat, refuse_undefined
 from workbench.sampling.importance import of_laplace
+from workbench.sampling.log_density import LogDensity
 from workbench.sampling.mixing import Mixing
 from workbench.sampling.modes import modes
-from workbench.sampling.posterior import Posterior, as_values
-from workbench.sampling.subspace import Names, Rest, chosen, fixed
-from workbench.sampling.target import Target
+from workbench.sampling.posterior import Posterior
+from workbench.sampling.subspace import Names, Rest, fixed, subspace_of
+from workbench.sampling.truncated_gaussian import draws_from, share_cut_off, truncated_laplace
 from workbench.threads import limited_threads
 
-Array = NDArray[np.float64]
 CHAINS = 4  # as many as there are ensembles, so that both are looked at alike
 
 
@@ -43,20 +42,27 @@ def laplace(
     if draws < CHAINS:
         raise BadArgument(f"{draws} draws are too few to judge by; ask for {CHAINS} or more")
     with limited_threads():
-        subspace = chosen(problem, x, given, names, rest)
+        subspace = subspace_of(problem, x, given, names, rest)
         refuse_flat(problem, given, subspace)
-        target = Target(problem, given, subspace)
+        target = LogDensity(problem, given, subspace)
         refuse_undefined(problem, given, subspace.points(subspace.centre[None])[0])
         rng = np.random.default_rng(seed)
-        mode = descended(target, subspace.centre)
-        gaussian = cut(target, mode)
-        z, log_q = drawn_from(gaussian, CHAINS * (draws // CHAINS), rng)
-        z = np.clip(z, *box(target))  # a draw on a bound may be beyond it by rounding
+        mode = mode_from(target, subspace.centre)
+        gaussian = truncated_laplace(target, mode)
+        z, log_q = draws_from(gaussian, CHAINS * (draws // CHAINS), rng)
+        z = np.clip(z, *bounds_of(target))  # a draw on a bound may be beyond it by rounding
         drawn = z.reshape(CHAINS, -1, 1, subspace.size)
-        weighed = of_laplace(target, z, log_q, cut_away(target, gaussian, rng), rng)
+        weighed = of_laplace(target, z, log_q, share_cut_off(target, gaussian, rng), rng)
         found = modes(target, mode, np.random.default_rng(np.random.SeedSequence([seed, 1])))
         return Posterior(
-            problem, as_values(problem, at), subspace, drawn, log_q.reshape(drawn.shape[:3]),
-            Mixing(subspace.labels, drawn, 1.0, 0, exact=True), "laplace", found,
-            conditioning(problem, given, subspace, mode.z), weighed,
-        )  # fmt: skip
+            problem,
+            problem.read(at),
+            subspace,
+            drawn,
+            log_q.reshape(drawn.shape[:3]),
+            Mixing(subspace.labels, drawn, 1.0, 0, exact=True),
+            "laplace",
+            found,
+            conditioning(problem, given, subspace, mode.z),
+            weighed,
+        )

@@ -6,11 +6,10 @@ from enum import Enum
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array
 from workbench.sampling.autocorrelation import disagreement, integrated_time, potential_scale
 
-Array = NDArray[np.float64]
 TIMES = 50.0  # autocorrelation times that a chain must be long before its time is believed
 LEAST = 20.0  # and where the time has settled, by what the first half alone says of it
 SETTLED = 1.2  # of the time with twice the length: more, and it is still growing
@@ -25,7 +24,7 @@ FAR = 2.0  # times as long: no Gaussian's, and growing
 SLOW = 0.01  # of the proposals accepted
 
 
-class Verdict(Enum):
+class Usability(Enum):
     """Whether intervals from draws mean something."""
 
     USABLE = "usable"
@@ -38,18 +37,27 @@ class Verdict(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Mixing:
-    """What is known of chains (E, S, W, k) after `discarded` steps each; times are in steps."""
+    """What is known of chains (E, S, W, k) after `discarded` steps each; times are in steps.
+
+    Attributes:
+        labels: the entries.
+        draws: (E, S, W, k) ensembles, steps, walkers, entries.
+        acceptance: the share of all proposals that were accepted.
+        discarded: how many steps were discarded as burn-in.
+        thin: how many steps lie between two draws that are kept.
+        exact: whether the draws are independent by construction.
+    """
 
     labels: tuple[str, ...]
     draws: Array = field(repr=False)
-    acceptance: float  # of all proposals
-    discarded: int  # steps
-    thin: int = 1  # steps from a draw that was kept to the next
-    exact: bool = False  # draws that are independent by their making
+    acceptance: float
+    discarded: int
+    thin: int = 1
+    exact: bool = False
 
     @property
     def steps(self) -> int:
-        """Of each walker, after what was discarded."""
+        """How many steps of each walker are left after the burn-in."""
         return int(self.draws.shape[1]) * self.thin
 
     @cached_property
@@ -95,12 +103,12 @@ class Mixing:
 
     @cached_property
     def scales(self) -> Array:
-        """R-hat of each entry (k,)."""
+        """The R-hat of each entry, (k,)."""
         return np.array([potential_scale(one) for one in self._each])
 
     @cached_property
     def chances(self) -> Array:
-        """That ensembles are as far apart as these by chance, for each entry (k,)."""
+        """The chance that ensembles differ as much as these, for each entry, (k,)."""
         times = self.times / self.thin
         return np.array([disagreement(o, t) for o, t in zip(self._each, times, strict=True)])
 
@@ -124,57 +132,57 @@ class Mixing:
         return [np.ascontiguousarray(self.draws[..., i]) for i in range(self.draws.shape[3])]
 
     @cached_property
-    def judged(self) -> tuple[Verdict, str]:
+    def judgement(self) -> tuple[Usability, str]:
         """The verdict, and its reason with what to do."""
         E, S, W, k = self.draws.shape
         if self.exact:
             count = E * S * W
             if count < DRAWS:
-                return Verdict.TOO_SHORT, f"{count} draws, where {DRAWS:.0f} are asked; draw more"
-            return Verdict.USABLE, f"{count} draws"
+                return Usability.TOO_SHORT, f"{count} draws, where {DRAWS:.0f} are asked; draw more"
+            return Usability.USABLE, f"{count} draws"
         if S < 2:
-            return Verdict.TOO_SHORT, "there is nothing to judge by; take more steps"
+            return Usability.TOO_SHORT, "there is nothing to judge by; take more steps"
         if self.acceptance < SLOW:
-            return Verdict.NOT_MIXING, (
+            return Usability.NOT_MIXING, (
                 f"only {self.acceptance:.1%} of the proposals are accepted; sample fewer entries"
             )
         if self.stuck:
-            return Verdict.NOT_MIXING, (
+            return Usability.NOT_MIXING, (
                 f"{self.stuck} of {E * W} walkers did not move at all in the second half; start "
                 "nearer to the mode, or sample fewer entries"
             )
         worst, scale = int(np.argmax(self.scales)), float(self.scales.max())
         if scale > APART:
-            return Verdict.NOT_MIXING, (
+            return Usability.NOT_MIXING, (
                 f"independent ensembles are in different places (R-hat {scale:.2f} of "
                 f"{self.labels[worst]}): several modes, or far too few steps. Look at the traces, "
                 "and sample a block that holds the modes together"
             )
         if E < ENSEMBLES:
-            return Verdict.TOO_SHORT, (
+            return Usability.TOO_SHORT, (
                 f"{E} ensembles cannot vouch for each other; run at least {ENSEMBLES}"
             )
         if not self.long_enough:
             return self._short()
         chance = np.nan_to_num(self.chances, nan=1.0)
         if chance.min() < UNLIKELY / k:
-            return Verdict.NOT_MIXING, (
+            return Usability.NOT_MIXING, (
                 f"ensembles differ by more than their memory explains in "
                 f"{self.labels[int(np.argmin(chance))]} (a chance of {chance.min():.0e}): they "
                 "remember longer than it looks. Sample fewer entries"
             )
         if scale > SCALE or self.effective.min() < DRAWS:
-            return Verdict.TOO_SHORT, (
+            return Usability.TOO_SHORT, (
                 f"R-hat is {scale:.3f} and the least effective number of draws "
                 f"{self.effective.min():.0f}, where {SCALE} and {DRAWS:.0f} are asked; take more "
                 "steps"
             )
-        return Verdict.USABLE, (
+        return Usability.USABLE, (
             f"{self.length:.0f} autocorrelation times, R-hat {scale:.3f}, at least "
             f"{self.effective.min():.0f} effective draws"
         )
 
-    def _short(self) -> tuple[Verdict, str]:
+    def _short(self) -> tuple[Usability, str]:
         said = (
             f"{self.steps} steps are {self.length:.0f} autocorrelation times of {self.slowest} "
             f"({self.times.max():.0f} steps), and "
@@ -186,25 +194,25 @@ class Mixing:
         )
         k = len(self.labels)
         if self.growth > GROWTH and self.times.max() > FAR * GAUSSIAN * k:
-            return Verdict.NOT_MIXING, (
+            return Usability.NOT_MIXING, (
                 f"{said}: it grew by a factor of {self.growth:.1f} when chains grew twice as long. "
                 "More steps alone will not do; sample fewer entries (about 20), or the directions "
                 "that the data know"
             )
         least = max(self.times.max(), GAUSSIAN * k)  # of a short chain, times come out too short
         wanted = int(np.ceil(1.3 * TIMES * least / 1000) * 1000)
-        return Verdict.TOO_SHORT, f"{said}; take {wanted} steps or more"
+        return Usability.TOO_SHORT, f"{said}; take {wanted} steps or more"
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> Usability:
         """Usable, too short, or not mixing."""
-        return self.judged[0]
+        return self.judgement[0]
 
     @property
     def usable(self) -> bool:
         """Whether intervals mean something."""
-        return self.verdict is Verdict.USABLE
+        return self.verdict is Usability.USABLE
 
     def __str__(self) -> str:
-        verdict, why = self.judged
+        verdict, why = self.judgement
         return f"{verdict.value}: {why}"

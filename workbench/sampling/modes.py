@@ -3,15 +3,14 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from workbench.sampling.descent import Mode, NoMinimum, descended, into_bounds
-from workbench.sampling.starts import Search, wide_starts
+from workbench.arrays import Array
+from workbench.sampling.descent import Mode, NoMinimum, into_bounds, mode_from
+from workbench.sampling.log_density import LogDensity
+from workbench.sampling.rotations import shortest_rotations
+from workbench.sampling.starts import SearchExtent, wide_starts
 from workbench.sampling.subspace import Improper
-from workbench.sampling.target import Target
-from workbench.sampling.turns import shortest
 
-Array = NDArray[np.float64]
 APART = 1.0  # standard deviations: minima that are nearer to each other are one
 NEGLIGIBLE = 1e-4  # of the largest mass
 SETTLED = 0.01  # of the mass of all: in smaller modes no walker begins, for it would never leave
@@ -21,14 +20,14 @@ ASSIGNED = 20_000  # draws that are looked at
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class ModeSearch:
     """The modes that were found, the largest first, and how widely they were looked for."""
 
     modes: tuple[Mode, ...]
-    search: Search
+    extent: SearchExtent
 
 
-def modes(target: Target, first: Mode, rng: np.random.Generator) -> Found:
+def modes(target: LogDensity, first: Mode, rng: np.random.Generator) -> ModeSearch:
     """The modes that least squares finds from wide starts, beside the first, best first.
 
     A search that ends on a plateau, where the linear model still promises to lower the cost, has
@@ -39,19 +38,20 @@ def modes(target: Target, first: Mode, rng: np.random.Generator) -> Found:
     starts, search = wide_starts(target, first, rng)
     for start in starts:
         try:
-            mode = descended(target, shortest(target, start))
-            turned = shortest(target, mode.z)
+            mode = mode_from(target, shortest_rotations(target, start))
+            turned = shortest_rotations(target, mode.z)
             if not np.array_equal(turned, mode.z):
-                mode = descended(target, turned)
+                mode = mode_from(target, turned)
         except (Improper, NoMinimum, np.linalg.LinAlgError, ValueError):
             continue
         if not mode.settled:
             continue
         same = [
-            j for j, known in enumerate(found)
+            j
+            for j, known in enumerate(found)
             if abs(known.cost - mode.cost) < 0.1
-            and min(known.away(mode.z), mode.away(shortest(target, known.z))) < APART
-        ]  # fmt: skip
+            and min(known.away(mode.z), mode.away(shortest_rotations(target, known.z))) < APART
+        ]
         if same:
             j = same[0]
             best = min(found[j], mode, key=lambda m: m.cost)
@@ -65,18 +65,18 @@ def modes(target: Target, first: Mode, rng: np.random.Generator) -> Found:
         for mode, share in zip(found, shares / shares.sum(), strict=True)
         if share > NEGLIGIBLE * shares.max()
     ]
-    return Found(tuple(sorted(kept, key=lambda mode: -mode.share)), search)
+    return ModeSearch(tuple(sorted(kept, key=lambda mode: -mode.share)), search)
 
 
-def searched(found: Found) -> str:
+def search_in_words(found: ModeSearch) -> str:
     """How widely other modes were looked for, and how many modes are known."""
     count = len(found.modes)
-    if not found.search.starts:
-        return str(found.search)
-    return f"{found.search}, {'found none' if count == 1 else f'led to {count} modes in all'}"
+    if not found.extent.starts:
+        return str(found.extent)
+    return f"{found.extent}, {'found none' if count == 1 else f'led to {count} modes in all'}"
 
 
-def missed(known: tuple[Mode, ...], draws: Array) -> tuple[float, float] | None:
+def missed_mode(known: tuple[Mode, ...], draws: Array) -> tuple[float, float] | None:
     """The largest mode of comparable mass that draws (N, k) hardly visit, or None.
 
     It is said by its share of the mass of all modes and of the draws. A draw belongs to the mode
@@ -100,7 +100,7 @@ def missed(known: tuple[Mode, ...], draws: Array) -> tuple[float, float] | None:
 
 
 def walkers_at(
-    target: Target, found: tuple[Mode, ...], count: int, rng: np.random.Generator
+    target: LogDensity, found: tuple[Mode, ...], count: int, rng: np.random.Generator
 ) -> Array:
     """Draws (count, k) of the modes' Laplace approximations, each mode by its share, in bounds."""
     shares = np.array([mode.share for mode in found])

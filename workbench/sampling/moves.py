@@ -13,11 +13,10 @@ from typing import Any
 
 import emcee
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array, Index, Mask
 from workbench.errors import WorkbenchError
 
-Array = NDArray[np.float64]
 Moves = Sequence[tuple[emcee.moves.Move, float]]  # with weights
 SNOOKER_GAMMA = 1.7  # ter Braak and Vrugt 2008
 JUMPS = 0.1  # of the steps
@@ -27,7 +26,7 @@ class BiasedMove(WorkbenchError):
     """A move that does not leave the posterior as it is."""
 
 
-def propose_together(move: Any, model: Any, state: Any) -> tuple[Any, NDArray[np.bool_]]:
+def propose_together(move: Any, model: Any, state: Any) -> tuple[Any, Mask]:
     """emcee's red-blue step in array operations, of the same random numbers in the same order."""
     walkers = len(state.coords)
     move.setup(state.coords)
@@ -86,7 +85,7 @@ class Snooker(emcee.moves.RedBlueMove):  # type: ignore[misc]
         return y, (k - 1) * factor if k > 1 else np.zeros(len(s))
 
 
-def _three(n: int, count: int, random: np.random.RandomState) -> tuple[NDArray[np.int64], ...]:
+def _three(n: int, count: int, random: np.random.RandomState) -> tuple[Index, ...]:
     """`count` times three different ones of n."""
     i, j, m = (random.randint(n - gone, size=count) for gone in range(3))
     j = j + (j >= i)
@@ -102,7 +101,7 @@ def differential_evolution() -> Moves:
 
 
 def with_snooker() -> Moves:
-    """The same with a fifth of snooker moves."""
+    """Differential evolution with a fifth of snooker moves."""
     return (*((move, 0.8 * weight) for move, weight in differential_evolution()), (Snooker(), 0.2))
 
 

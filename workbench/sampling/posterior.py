@@ -1,26 +1,26 @@
 """A posterior as draws, with what is known of their worth."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.errors import WorkbenchError
 from workbench.problem import Problem
-from workbench.sampling.arviz_quietly import inference_data
+from workbench.sampling.arviz_interface import inference_data
 from workbench.sampling.conditioning import Conditioning
 from workbench.sampling.descent import Mode
 from workbench.sampling.importance import Importance
-from workbench.sampling.mixing import Mixing, Verdict
-from workbench.sampling.modes import Found, missed, searched
+from workbench.sampling.mixing import Mixing, Usability
+from workbench.sampling.modes import ModeSearch, missed_mode, search_in_words
 from workbench.sampling.subspace import Subspace
-from workbench.sampling.text import summary
 
-Array = NDArray[np.float64]
+MOST = 40  # entries in a summary
 
 
 class NotConverged(WorkbenchError):
@@ -35,21 +35,36 @@ class Posterior:
     held fixed, and how much wider intervals are without that), and by `importance` where a
     Gaussian stands for the posterior. The verdict draws on all of them; it stands before
     everything that is printed, and `interval` asks it.
+
+    Attributes:
+        problem: the problem.
+        at: the values of every block that the problem reads.
+        subspace: what was sampled.
+        draws: (E, S, W, k).
+        log_prob: (E, S, W) log densities, up to a constant.
+        mixing: whether the chains have mixed.
+        method: `emcee` or `laplace`.
+        mode_search: the modes that least squares found.
+        conditioning: what was held fixed, and how much wider intervals are without that.
+        importance: how well a Gaussian stands for what was not sampled; None if there is none.
+        seconds: how long the sampling took.
+        interrupted: whether it was stopped early.
+        unsaved: why the last checkpoint could not be written; empty if it was.
     """
 
     problem: Problem = field(repr=False)
-    at: Values = field(repr=False)  # of every block that the problem reads
+    at: Values = field(repr=False)
     subspace: Subspace = field(repr=False)
     draws: Array = field(repr=False)
-    log_prob: Array = field(repr=False)  # (E, S, W), up to a constant
+    log_prob: Array = field(repr=False)
     mixing: Mixing
-    method: str  # `emcee` or `laplace`
-    found: Found = field(repr=False)
-    held: Conditioning = field(repr=False)
+    method: str
+    mode_search: ModeSearch = field(repr=False)
+    conditioning: Conditioning = field(repr=False)
     importance: Importance | None = None
     seconds: float = 0.0
     interrupted: bool = False
-    unsaved: str = ""  # why the last checkpoint could not be written; empty if it was
+    unsaved: str = ""
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -58,12 +73,12 @@ class Posterior:
 
     @property
     def units(self) -> tuple[str, ...]:
-        """Of each of them."""
+        """The unit of each entry."""
         return self.subspace.units
 
     @property
     def size(self) -> int:
-        """k."""
+        """k, the number of entries."""
         return self.subspace.size
 
     @cached_property
@@ -73,42 +88,42 @@ class Posterior:
 
     @property
     def mean(self) -> Array:
-        """(k,)."""
+        """The mean of each entry, (k,)."""
         return np.asarray(self.flat.mean(axis=0))
 
     @property
     def sd(self) -> Array:
-        """(k,)."""
+        """The standard deviation of each entry, (k,)."""
         return np.asarray(self.flat.std(axis=0))
 
     @property
     def covariance(self) -> Array:
-        """(k, k)."""
+        """The covariance of the entries, (k, k)."""
         return np.atleast_2d(np.cov(self.flat.T))
 
     @property
     def modes(self) -> tuple[Mode, ...]:
         """The minima of the cost that were found, the one with the largest mass first."""
-        return self.found.modes
+        return self.mode_search.modes
 
     @cached_property
-    def missed(self) -> tuple[float, float] | None:
+    def missed_mode(self) -> tuple[float, float] | None:
         """A mode that the draws hardly visit: its share of the mass, and of the draws; or None."""
-        return missed(self.modes, self.flat)
+        return missed_mode(self.modes, self.flat)
 
     @cached_property
-    def judged(self) -> tuple[Verdict, str]:
+    def judgement(self) -> tuple[Usability, str]:
         """The verdict, and its reason: the first thing that is wrong, or what was looked at.
 
         In this order: chains that have not mixed; modes that draws miss; a Gaussian that does not
         hold; intervals that are narrow because of what was held fixed.
         """
-        verdict, why = self.mixing.judged
-        if verdict is not Verdict.USABLE:
+        verdict, why = self.mixing.judgement
+        if verdict is not Usability.USABLE:
             return verdict, why
-        if self.missed is not None:
-            share, here = self.missed
-            return Verdict.MODE_MISSED, (
+        if self.missed_mode is not None:
+            share, here = self.missed_mode
+            return Usability.MODE_MISSED, (
                 f"least squares finds another mode with {share:.0%} of the mass (by Laplace's "
                 f"approximation), where {here:.1%} of the draws are. "
                 + (
@@ -118,31 +133,31 @@ class Posterior:
                 )
             )
         if self.importance is not None and not self.importance.holds:
-            return Verdict.NOT_GAUSSIAN, str(self.importance)
-        if not self.held.holds:
+            return Usability.NOT_GAUSSIAN, str(self.importance)
+        if not self.conditioning.holds:
             mixed = "" if self.mixing.exact else f"the chains have mixed ({why}), but "
-            return Verdict.CONDITIONAL, mixed + self.held.failed
+            return Usability.CONDITIONAL, mixed + self.conditioning.failed
         told = [
             why,
             *([] if self.importance is None else [str(self.importance)]),
-            searched(self.found),
+            search_in_words(self.mode_search),
         ]
         return verdict, "; ".join(told)
 
     @property
     def usable(self) -> bool:
         """Whether intervals from these draws may be used as they are."""
-        return self.judged[0] is Verdict.USABLE
+        return self.judgement[0] is Usability.USABLE
 
     @property
     def mixed(self) -> bool:
         """Whether intervals mean something at least where what is held fixed is known exactly."""
-        return self.judged[0] in (Verdict.USABLE, Verdict.CONDITIONAL)
+        return self.judgement[0] in (Usability.USABLE, Usability.CONDITIONAL)
 
     @property
     def verdict(self) -> str:
         """What the draws are worth, in a sentence or two."""
-        verdict, why = self.judged
+        verdict, why = self.judgement
         return f"{verdict.value}: {why}"
 
     def interval(self, level: float = 0.9) -> Array:
@@ -156,7 +171,7 @@ class Posterior:
         return self._central(level)
 
     def conditional_interval(self, level: float = 0.9) -> Array:
-        """The same for readers who know that it holds only if `held.what` is known exactly.
+        """The central interval of each entry, (k, 2), given what is held fixed.
 
         (k, 2). Raises NotConverged if the draws are worth nothing even so.
         """
@@ -186,19 +201,84 @@ class Posterior:
         return self.subspace.points(z, rng.standard_normal((count, self.subspace.rest.shape[1])))
 
     def values(self, count: int, seed: int = 0) -> list[Values]:
-        """The same by block, with the fixed blocks: what a body takes."""
+        """Random draws as values of all blocks, fixed ones included, as a body takes them."""
         fixed = {name: np.asarray(self.at[name], dtype=float) for name in self.problem.fixed.names}
         return [fixed | self.problem.free.unpack(x, fixed) for x in self.points(count, seed)]
 
     def inference_data(self) -> Any:
-        """As arviz.InferenceData; a chain is an ensemble, not a walker. See `arviz_quietly`."""
+        """The draws as arviz.InferenceData; a chain is an ensemble, not a walker."""
         return inference_data(self.draws, self.log_prob, self.labels, self.verdict)
 
     def __str__(self) -> str:
-        return summary(self)
+        return self.summary()
+
+    def summary(self, truth: Array | None = None) -> str:
+        """The verdict, how the draws were made, what is held fixed, and a line for each entry.
+
+        `truth` (k,) holds the values that synthetic data were made with; it is printed beside the
+        entries.
+        """
+        lines = [self.verdict, _how(self), f"Modes: {search_in_words(self.mode_search)}."]
+        if truth is not None:
+            lines.append("The data are synthetic; `truth` is what they were made of")
+        if len(self.modes) > 1:
+            shares = ", ".join(f"{mode.share:.0%}" for mode in self.modes)
+            lines.append(f"Least squares finds {len(self.modes)} modes, with {shares} of the mass")
+        lines.append(str(self.conditioning))
+        if self.conditioning.given:
+            lines.append(f"Taken as given by the problem: {', '.join(self.conditioning.given)}.")
+        lines += list(_intervals(self, truth))
+        if self.size > MOST:
+            lines.append(f"and {self.size - MOST} entries more")
+        return "\n".join(lines)
 
 
-def as_values(problem: Problem, at: Mapping[str, ArrayLike]) -> Values:
-    """The blocks that a problem reads, as arrays."""
-    read = (*problem.free.names, *problem.fixed.names)
-    return {name: np.asarray(at[name], dtype=float) for name in read if name in at}
+def _how(posterior: Posterior) -> str:
+    E, S, W, k = posterior.draws.shape
+    if posterior.method == "laplace":
+        return f"Laplace's approximation, {E * S} independent draws of {k} entries"
+    mixing = posterior.mixing
+    return (
+        f"emcee: {E} ensembles of {W} walkers, {mixing.steps} steps after {mixing.discarded}, "
+        f"{mixing.acceptance:.0%} accepted, {posterior.seconds:.1f} s"
+        + (", interrupted" if posterior.interrupted else "")
+    )
+
+
+def _intervals(posterior: Posterior, truth: Array | None) -> Iterator[str]:
+    """The table of entries: intervals where they mean something, else how chains went."""
+    p, wide = posterior, max([5, *(len(label) for label in posterior.labels[:MOST])])
+    some = range(min(p.size, MOST))
+    if p.mixed:
+        held = p.conditioning.count > 0
+        if held:
+            yield (
+                "The intervals hold only if what is held fixed is known exactly; `if free` is the "
+                "sd by J'J if that is left free too, and `ratio` is `if free` over the sd by J'J "
+                "with it fixed"
+            )
+        yield (
+            f"{'entry':{wide}} {'mean':>10} {'sd':>9} {'5 %':>10} {'95 %':>10}  {'unit':6}"
+            + (f" {'if free':>9} {'ratio':>7}" if held else "")
+            + (f" {'truth':>10}" if truth is not None else "")
+        ).rstrip()
+        ends = p.conditional_interval(0.9)
+        for i in some:
+            yield (
+                f"{p.labels[i]:{wide}} {p.mean[i]:>10.4g} {p.sd[i]:>9.3g} {ends[i, 0]:>10.4g} "
+                f"{ends[i, 1]:>10.4g}  {p.units[i]:6}"
+                + (
+                    f" {p.conditioning.marginal[i]:>9.3g} {p.conditioning.ratios[i]:>7.3g}"
+                    if held
+                    else ""
+                )
+                + (f" {truth[i]:>10.4g}" if truth is not None else "")
+            ).rstrip()
+    elif p.mixing.exact:
+        yield "No intervals are given."
+    else:
+        yield "No intervals are given. The memory of each entry, in steps:"
+        for i in np.argsort(-p.mixing.times)[:MOST]:
+            yield (
+                f"{p.labels[i]:{wide}} {p.mixing.times[i]:>8.0f}   R-hat {p.mixing.scales[i]:.3f}"
+            )

@@ -10,13 +10,19 @@ from workbench.errors import BadArgument
 from workbench.problem import Problem
 from workbench.problem.batch import compiled, interpreted
 from workbench.sampling.conditioning import conditioning
-from workbench.sampling.ensembles import Callback, Plan, burnt, run, thinning
-from workbench.sampling.feasible import outside_said, refuse_flat
+from workbench.sampling.ensemble_settings import (
+    Callback,
+    EnsembleSettings,
+    thinning,
+    without_burn_in,
+)
+from workbench.sampling.ensembles import run
+from workbench.sampling.feasible import refuse_flat, violation_in_words
 from workbench.sampling.importance import of_the_rest
+from workbench.sampling.log_density import LogDensity
 from workbench.sampling.moves import Moves, differential_evolution
-from workbench.sampling.posterior import Posterior, as_values
-from workbench.sampling.subspace import Names, Rest, chosen, fixed
-from workbench.sampling.target import Target
+from workbench.sampling.posterior import Posterior
+from workbench.sampling.subspace import Names, Rest, fixed, subspace_of
 from workbench.threads import limited_threads
 
 WORTH_COMPILING = 300_000  # evaluations: compiling takes seconds, once
@@ -44,7 +50,7 @@ def sample(
     `names` are blocks and entries (`betas[0:3]`, `pose[left_elbow]`, `pose[left_elbow, x]`), or a
     choice such as `directions(20, priors)`. All else stays where it is (`rest=fixed`), or is
     integrated out by its Gaussian conditional (`rest=conditional`), or moves with what is named as
-    linear equations among the constraints tell (`rest=following`). Holding it fixed makes
+    linear equations among the constraints tell (`rest=determined`). Holding it fixed makes
     intervals narrower; `Posterior.held` says by how much, and above a factor of 1.2 they are not
     called usable. Up to about 20 entries can be sampled; more are allowed, and the verdict will
     say what came of it.
@@ -65,7 +71,7 @@ def sample(
     """
     x, given = problem.split(at)
     with limited_threads():
-        subspace = chosen(problem, x, given, names, rest)
+        subspace = subspace_of(problem, x, given, names, rest)
         refuse_flat(problem, given, subspace)
         k = subspace.size
         walkers = max(64, 2 * (k + 11)) if walkers is None else walkers
@@ -74,11 +80,13 @@ def sample(
         thin = thinning(walkers, ensembles, steps, k) if thin is None else thin
         if not 1 <= thin <= steps:
             raise BadArgument(f"every {thin}th of {steps} steps cannot be kept; give 1 to {steps}")
-        plan = Plan(walkers, ensembles, steps, thin, seed, moves, whole=not stop_when_usable)
+        plan = EnsembleSettings(
+            walkers, ensembles, steps, thin, seed, moves, whole=not stop_when_usable
+        )
         worth = walkers * ensembles * steps >= WORTH_COMPILING
-        target = Target(problem, given, subspace, compiled if worth else interpreted)
+        target = LogDensity(problem, given, subspace, compiled if worth else interpreted)
         if not np.isfinite(target(subspace.centre[None])).all():
-            missed = outside_said(problem, given, subspace.points(subspace.centre[None])[0])
+            missed = violation_in_words(problem, given, subspace.points(subspace.centre[None])[0])
             raise BadArgument(
                 "the posterior has no density where it is to begin: "
                 f"{missed or 'the residual is not finite there'}; solve the problem first, and "
@@ -88,16 +96,25 @@ def sample(
         drawn = run(target, plan, checkpoint=path, every=every, callback=callback)
         if not drawn.chain.shape[1]:
             raise KeyboardInterrupt  # before there was anything to keep
-        mixing = burnt(drawn.chain, thin, drawn.acceptance, subspace.labels)
+        mixing = without_burn_in(drawn.chain, thin, drawn.acceptance, subspace.labels)
         kept = mixing.draws
         log_prob = drawn.log_prob[:, -kept.shape[1] :]
         search = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(ensembles + 1,)))
         return Posterior(
-            problem, as_values(problem, at), subspace, kept, log_prob, mixing, "emcee",
-            drawn.found, conditioning(problem, given, subspace, drawn.found.modes[0].z),
-            of_the_rest(target, kept.reshape(-1, k), search), drawn.seconds, drawn.interrupted,
+            problem,
+            problem.read(at),
+            subspace,
+            kept,
+            log_prob,
+            mixing,
+            "emcee",
+            drawn.mode_search,
+            conditioning(problem, given, subspace, drawn.mode_search.modes[0].z),
+            of_the_rest(target, kept.reshape(-1, k), search),
+            drawn.seconds,
+            drawn.interrupted,
             drawn.unsaved,
-        )  # fmt: skip
+        )
 
 
 def _check(walkers: int, steps: int, ensembles: int, k: int) -> None:

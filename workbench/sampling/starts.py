@@ -4,24 +4,29 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-from workbench.sampling.descent import Mode, box
-from workbench.sampling.target import Target
+from workbench.arrays import Array
+from workbench.sampling.descent import Mode, bounds_of
+from workbench.sampling.log_density import LogDensity
 
-Array = NDArray[np.float64]
 REACH = (3.0, 1000.0)  # standard deviations of Laplace's approximation that starts are away
 SHELLS = 8  # of distances, in equal ratios
 TRIED = 128  # points in each of them
 
 
 @dataclass(frozen=True)
-class Search:
-    """How widely other modes were looked for."""
+class SearchExtent:
+    """How widely other modes were looked for.
 
-    starts: int  # how many searches
-    farthest: float  # standard deviations of Laplace's approximation, at the most
-    boxed: int  # entries over whose bounds they were spread as well
+    Attributes:
+        starts: how many searches there were.
+        farthest: the largest distance of a start, in Laplace's standard deviations.
+        boxed: how many entries have two bounds, over which starts were spread as well.
+    """
+
+    starts: int
+    farthest: float
+    boxed: int
 
     def __str__(self) -> str:
         if not self.starts:
@@ -32,8 +37,8 @@ class Search:
 
 
 def wide_starts(
-    target: Target, first: Mode, rng: np.random.Generator
-) -> tuple[list[Array], Search]:
+    target: LogDensity, first: Mode, rng: np.random.Generator
+) -> tuple[list[Array], SearchExtent]:
     """Starts (k,) for searches, and how far they reach.
 
     Each shell of distances gives two: of many random points the one with the least cost, and the
@@ -42,7 +47,7 @@ def wide_starts(
     bounds, two more come from points all over these. Points without a density are left out.
     """
     k = target.subspace.size
-    low, high = box(target)
+    low, high = bounds_of(target)
     edges = np.geomspace(*REACH, SHELLS + 1)
     covariance = first.half @ first.half.T
     alone = covariance / np.sqrt(np.diag(covariance))  # columns: one entry by 1 sd, all along
@@ -64,10 +69,10 @@ def wide_starts(
         share = rng.uniform(size=(TRIED, int(two_sided.sum())))
         z[:, two_sided] = low[two_sided] + share * (high - low)[two_sided]
         found += _lowest(target, first, np.clip(z, low, high))
-    return found, Search(len(found), farthest, int(two_sided.sum()))
+    return found, SearchExtent(len(found), farthest, int(two_sided.sum()))
 
 
-def _lowest(target: Target, first: Mode, z: Array) -> list[Array]:
+def _lowest(target: LogDensity, first: Mode, z: Array) -> list[Array]:
     """The point of least cost among z (M, k), and that on the other side of the first mode."""
     value = target(z)
     known = np.isfinite(value)

@@ -14,15 +14,13 @@ from functools import cached_property
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
+from workbench.arrays import Array
 from workbench.blocks import Layout
 from workbench.blocks.entries import Indices, entries
-from workbench.errors import BadArgument, TooLarge, UnknownName, WorkbenchError
+from workbench.errors import BadArgument, TooLarge, WorkbenchError
 from workbench.problem import Linearization, Problem
 from workbench.sampling.banded_rest import BandedRest, banded_rest
-
-Array = NDArray[np.float64]
 
 
 class Improper(WorkbenchError):
@@ -31,19 +29,29 @@ class Improper(WorkbenchError):
 
 @dataclass(frozen=True, eq=False)
 class Subspace:
-    """See the module; n free numbers, k of them (or directions) sampled."""
+    """See the module; n free numbers, k of them (or directions) sampled.
 
-    origin: Array  # (n,)
-    along: Array  # (n, k)
-    centre: Array  # (k,)
-    rest: Array | BandedRest  # (n, c)
-    labels: tuple[str, ...]  # of z
+    Attributes:
+        origin: (n,) the point at z = centre and w = 0.
+        along: (n, k) how the unknowns move with z.
+        centre: (k,) z at the origin.
+        rest: (n, c) how the unknowns move with w.
+        labels: a name for each entry of z.
+        units: the unit of each entry of z.
+        entries: the places of z among the unknowns; None where z are directions.
+    """
+
+    origin: Array
+    along: Array
+    centre: Array
+    rest: Array | BandedRest
+    labels: tuple[str, ...]
     units: tuple[str, ...]
-    entries: Indices | None = None  # the places of z in x, where it is entries
+    entries: Indices | None = None
 
     @property
     def size(self) -> int:
-        """k."""
+        """k, the number of entries of z."""
         return len(self.centre)
 
     @property
@@ -57,7 +65,7 @@ class Subspace:
         )
 
     @cached_property
-    def still(self) -> bool:
+    def entries_only(self) -> bool:
         """Whether z are entries and all else stays where it is."""
         if self.entries is None or self.rest.shape[1]:
             return False
@@ -68,7 +76,9 @@ class Subspace:
         x = self.origin + (z - self.centre) @ self.along.T
         if self.entries is not None:
             x[:, self.entries] = z  # and not their sum with the origin, to the last bit
-        return x if w is None else x + w @ self.rest.T
+        if w is None:
+            return x
+        return x + (w @ self.rest.T if isinstance(self.rest, np.ndarray) else self.rest.times(w))
 
 
 Rest = Callable[[Problem, Linearization, Array, Indices], Subspace]
@@ -76,7 +86,7 @@ Choice = Callable[[Problem, Array, Array], Subspace]  # of a problem, free and f
 Names = str | Iterable[str] | Choice | None
 
 
-def chosen(problem: Problem, x: Array, given: Array, names: Names, rest: Rest) -> Subspace:
+def subspace_of(problem: Problem, x: Array, given: Array, names: Names, rest: Rest) -> Subspace:
     """The subspace that is meant: by a choice, or by names and what becomes of the rest."""
     if callable(names):
         return names(problem, x, given)
@@ -98,7 +108,7 @@ def conditional(problem: Problem, here: Linearization, x: Array, named: Indices)
     """
     others = np.setdiff1d(np.arange(len(x)), named)
     along = fixed(problem, here, x, named).along
-    if here.in_blocks and others.size:
+    if here.by_frames and others.size:
         found = banded_rest(here, named)
         if found is None:
             raise Improper(
@@ -140,13 +150,8 @@ def informed(
     n = problem.free.size
     if not 0 < count <= n:
         raise BadArgument(f"1 to {n} directions can be sampled, not {count}")
-    is_prior = np.zeros(problem.size, dtype=bool)
-    for name in priors:
-        if name not in problem.rows:
-            raise UnknownName("residual", name, problem.rows)
-        is_prior[problem.rows[name]] = True
     W = scipy.linalg.solve_triangular(_triangle(here.dense, problem.free, np.arange(n)), np.eye(n))
-    told = here.dense[is_prior] @ W
+    told = here.dense[problem.rows_named(priors)] @ W
     share, Q = np.linalg.eigh(told.T @ told)  # of the priors, rising
     V = W @ Q
     V *= np.where(V[np.argmax(abs(V), axis=0), np.arange(n)] < 0, -1.0, 1.0)  # one of two signs
@@ -161,10 +166,14 @@ def _entries(
     layout: Layout, x: Array, named: Indices, along: Array, rest: Array | BandedRest
 ) -> Subspace:
     return Subspace(
-        x, along, x[named].copy(), rest,
-        tuple(layout.label(int(i)) for i in named), tuple(layout.unit(int(i)) for i in named),
+        x,
+        along,
+        x[named].copy(),
+        rest,
+        tuple(layout.label(int(i)) for i in named),
+        tuple(layout.unit(int(i)) for i in named),
         named,
-    )  # fmt: skip
+    )
 
 
 def _triangle(J: Array, layout: Layout, columns: Indices) -> Array:

@@ -1,9 +1,8 @@
 """The best point of a run, by our own account and nobody else's."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from workbench.arrays import Array
 
 
 class Best:
@@ -14,25 +13,27 @@ class Best:
     """
 
     def __init__(self, start: Array) -> None:
-        self.x, self.cost, self.missed = start.copy(), np.inf, np.inf
+        self.x, self.cost, self.violation = start.copy(), np.inf, np.inf
         self._settled: tuple[Array, float, float, float] | None = None  # and its optimality
         self._noise = 0.0  # of the cost there
 
-    def offer(self, x: Array, cost: float, missed: float) -> None:
+    def offer(self, x: Array, cost: float, violation: float) -> None:
         """A point with a finite cost that misses constraints by so many tolerances."""
-        if missed <= 1 and self.missed <= 1:
+        if violation <= 1 and self.violation <= 1:
             better = cost < self.cost
         else:
-            better = (missed, cost) < (self.missed, self.cost)
+            better = (violation, cost) < (self.violation, self.cost)
         if better:
-            self.x, self.cost, self.missed = x.copy(), cost, missed
+            self.x, self.cost, self.violation = x.copy(), cost, violation
 
-    def settle(self, x: Array, cost: float, missed: float, optimality: float, noise: float) -> None:
+    def settle(
+        self, x: Array, cost: float, violation: float, optimality: float, noise: float
+    ) -> None:
         """A point of which it is known how stationary it is, and how rough its cost."""
-        if missed > 1 or self.missed > 1 or not cost <= self.cost + noise:
+        if violation > 1 or self.violation > 1 or not cost <= self.cost + noise:
             return
         if self._settled is None or optimality < self._settled[2] or self._settled_is_worse():
-            self._settled, self._noise = (x.copy(), cost, optimality, missed), noise
+            self._settled, self._noise = (x.copy(), cost, optimality, violation), noise
 
     def decide(self, optimality: float) -> float:
         """Prefer the settled point, if it costs the same and is more stationary than the best.
@@ -41,7 +42,7 @@ class Best:
         """
         if self._settled is None or self._settled_is_worse() or optimality <= self._settled[2]:
             return optimality
-        self.x, self.cost, optimality, self.missed = self._settled
+        self.x, self.cost, optimality, self.violation = self._settled
         return optimality
 
     def _settled_is_worse(self) -> bool:

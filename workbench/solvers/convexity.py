@@ -4,13 +4,12 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_array, diags_array
 
+from workbench.arrays import Array
 from workbench.problem.sparse_cholesky import factorized
 from workbench.problem.storage import Stored
 
-Array = NDArray[np.float64]
 LEAST = 1e-8  # of the largest eigenvalue: the least that a direction's curvature is taken for
 SHARES = (0.0, 1 / 64, 1 / 16, 1 / 4)  # of what is certain to be enough, tried in this order
 

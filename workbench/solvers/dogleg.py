@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.problem import Linearization, Problem
 from workbench.problem.steps import LinearAlgebra, automatic
@@ -12,8 +12,6 @@ from workbench.solvers.abilities import Abilities, Boxes, Derivative, refuse
 from workbench.solvers.run import Run
 from workbench.solvers.scaling import Scaling, identity
 from workbench.solvers.solution import Callback, Solution
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -100,13 +98,13 @@ class Dogleg:
                 cauchy = cauchy_point(here, D)
                 while True:
                     p = dogleg_step(newton.p, cauchy, D, radius)
-                    trial = run.gain(x, here, x + p, here.promise(p))
+                    trial = run.gain_ratio(x, here, x + p, here.predicted_decrease(p))
                     length = float(np.linalg.norm(D * p))
-                    if trial.gain > self.rule.good:
+                    if trial.gain_ratio > self.rule.good:
                         radius = max(radius, self.rule.growth * length)
-                    elif trial.gain < self.rule.poor:
+                    elif trial.gain_ratio < self.rule.poor:
                         radius *= self.rule.shrinkage
-                    if trial.gain > 0:
+                    if trial.gain_ratio > 0:
                         break
                     shortest = 1e-16 * np.linalg.norm(D * x)
                     if not shortest <= radius < np.inf or np.array_equal(x + p, x):

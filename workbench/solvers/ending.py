@@ -3,21 +3,20 @@
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array, Mask
 from workbench.blocks import Layout
 from workbench.problem import Linearization, Problem
 from workbench.problem.optimality import hidden
 from workbench.problem.rounding import half_squared
 from workbench.solvers.best import Best
-from workbench.solvers.latest import Latest
 from workbench.solvers.limits import Limits, Stop
-from workbench.solvers.roughness import Roughness
-from workbench.solvers.sight import Sight, lost
+from workbench.solvers.linearization_cache import LinearizationCache
+from workbench.solvers.rounding_noise import RoundingNoise
+from workbench.solvers.sensitivity import Sensitivity, lost
 from workbench.solvers.solution import Status
 from workbench.solvers.wrapping import rewrapped
 
-Array = NDArray[np.float64]
 NAMED = 6  # unknowns in a message; there may be thousands
 
 
@@ -29,9 +28,9 @@ class Ended(Protocol):
     x: Array  # where it began, (n,)
     fixed: Array
     best: Best
-    latest: Latest
-    sight: Sight
-    roughness: Roughness
+    linearizations: LinearizationCache
+    sensitivity: Sensitivity
+    rounding_noise: RoundingNoise
 
 
 class Ending(NamedTuple):
@@ -52,7 +51,7 @@ def ending(run: Ended, stop: Stop) -> Ending:
     try:
         cheapest = best.x
         here = _judged(run, cheapest)
-        optimality = best.decide(run.roughness.optimality(cheapest, here))
+        optimality = best.decide(run.rounding_noise.optimality(cheapest, here))
         if best.x is not cheapest:
             here = _judged(run, best.x)
         here, optimality = _wrapped(run, here, optimality)
@@ -60,12 +59,12 @@ def ending(run: Ended, stop: Stop) -> Ending:
     except Exception as error:  # the residual is the user's; the best point is still ours
         return Ending(status, f"{message} (no gradient at the best point: {error})")
     free = run.problem.free
-    never, read = run.sight.never, run.problem.support.read
+    never, read = run.sensitivity.never, run.problem.support.read
     labels, unread, unnoticed = (_labels(free, m) for m in (gone, never & ~read, never & read))
     converged = optimality <= run.limits.gradient_tolerance
-    if best.missed > 1:
+    if best.violation > 1:
         if status in (Status.CONVERGED, Status.STALLED):
-            status, message = Status.INFEASIBLE, _missed(run)
+            status, message = Status.INFEASIBLE, _violation(run)
     elif gone.any() and (converged or status in (Status.CONVERGED, Status.STALLED)):
         status, message = Status.LOST, Status.LOST.value.replace("some unknowns", _named(labels))
     elif converged:
@@ -83,14 +82,14 @@ def ending(run: Ended, stop: Stop) -> Ending:
 
 def _judged(run: Ended, x: Array) -> Linearization:
     """Residual and Jacobian at x; an evaluation that no limit counts, for the run is over."""
-    known = run.latest.at(x)
+    known = run.linearizations.at(x)
     return run.problem.linearize_at(x, run.fixed) if known is None else known
 
 
-def _lost(run: Ended, here: Linearization) -> NDArray[np.bool_]:
+def _lost(run: Ended, here: Linearization) -> Mask:
     """Which unknowns (n,) the residual noticed on the way, and at the best point does not."""
-    x, rounding = run.best.x, run.roughness.at(run.best.x, here)
-    gone = run.sight.gone(x, run.x, here, run.problem.support, rounding)
+    x, rounding = run.best.x, run.rounding_noise.at(run.best.x, here)
+    gone = run.sensitivity.gone(x, run.x, here, run.problem.support, rounding)
     if not gone.any():
         return gone
     start = _judged(run, run.x)
@@ -108,22 +107,25 @@ def _wrapped(run: Ended, here: Linearization, optimality: float) -> tuple[Linear
     """
     problem, best, fixed = run.problem, run.best, run.fixed
     there = problem.stacked_constraints
-    at_most = best.cost + run.roughness.noise(best.x, here)
+    at_most = best.cost + run.rounding_noise.of_cost(best.x, here)
 
     def is_free(x: Array) -> bool:
-        kept = there is None or there.missed(there.values(x, fixed)) <= max(best.missed, 1.0)
+        kept = there is None or there.violation(there.values(x, fixed)) <= max(best.violation, 1.0)
         return kept and half_squared(problem.residual(x, fixed)) <= at_most
 
     turned = rewrapped(problem, best.x, is_free)
     if turned is best.x:
         return here, optimality
     at_turned = problem.linearize_at(turned, fixed)
-    found, tolerance = run.roughness.optimality(turned, at_turned), run.limits.gradient_tolerance
+    found, tolerance = (
+        run.rounding_noise.optimality(turned, at_turned),
+        run.limits.gradient_tolerance,
+    )
     if found > tolerance >= optimality:
         nearer = np.clip(turned + at_turned.step(), problem.lower, problem.upper)
         if is_free(nearer):
             closer = problem.linearize_at(nearer, fixed)
-            by_step = run.roughness.optimality(nearer, closer)
+            by_step = run.rounding_noise.optimality(nearer, closer)
             if by_step <= tolerance:
                 turned, at_turned, found = nearer, closer, by_step
     if found > tolerance >= optimality:
@@ -132,7 +134,7 @@ def _wrapped(run: Ended, here: Linearization, optimality: float) -> tuple[Linear
     return at_turned, found
 
 
-def _missed(run: Ended) -> str:
+def _violation(run: Ended) -> str:
     there = run.problem.stacked_constraints
     if there is None:
         return Status.INFEASIBLE.value
@@ -142,7 +144,7 @@ def _missed(run: Ended) -> str:
 
 def _hidden(run: Ended, here: Linearization, free: Layout) -> str:
     """What rounding errors leave unknown at a point that no step improves; empty if nothing."""
-    left = hidden(run.best.x, here, run.problem.support, run.roughness.at(run.best.x, here))
+    left = hidden(run.best.x, here, run.problem.support, run.rounding_noise.at(run.best.x, here))
     if not left.any():
         return ""
     i = int(np.argmax(left))
@@ -157,7 +159,7 @@ def _hidden(run: Ended, here: Linearization, free: Layout) -> str:
     )
 
 
-def _labels(free: Layout, marked: NDArray[np.bool_]) -> tuple[str, ...]:
+def _labels(free: Layout, marked: Mask) -> tuple[str, ...]:
     return tuple(free.label(int(i)) for i in np.flatnonzero(marked))
 
 

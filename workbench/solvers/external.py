@@ -5,11 +5,10 @@ from typing import Any
 
 import casadi as cs
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array
 from workbench.solvers.run import Run
 
-Array = NDArray[np.float64]
 Compute = Callable[[Array, Array], float | Array]  # of x and the multipliers
 
 
@@ -26,9 +25,15 @@ class External(cs.Callback):  # type: ignore[misc]  # casadi's way of calling ba
     """
 
     def __init__(
-        self, name: str, sizes: tuple[int, int], shape: tuple[int, ...], compute: Compute,
-        run: Run, kept: Kept, sparsity: cs.Sparsity | None = None,
-    ) -> None:  # fmt: skip
+        self,
+        name: str,
+        sizes: tuple[int, int],
+        shape: tuple[int, ...],
+        compute: Compute,
+        run: Run,
+        kept: Kept,
+        sparsity: cs.Sparsity | None = None,
+    ) -> None:
         super().__init__()
         self._sizes, self._shape = sizes, shape
         self._sparsity = cs.Sparsity.dense(*(shape or (1,))) if sparsity is None else sparsity

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import casadi as cs
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.problem import Problem
 from workbench.solvers.abilities import Abilities, Boxes, Derivative
@@ -13,8 +13,6 @@ from workbench.solvers.limits import Stop
 from workbench.solvers.oracle import Hessian, Oracle, exact_hessian, gauss_newton_hessian
 from workbench.solvers.run import Run
 from workbench.solvers.solution import Callback, Solution, Status
-
-Array = NDArray[np.float64]
 
 MEANING = {  # of the return codes; `Run.solution` decides about convergence itself
     "Solve_Succeeded": Status.CONVERGED,
@@ -118,18 +116,24 @@ class Ipopt:
         if there is not None:
             nlp["g"] = oracle.constraints(x, none)
             derivatives["jac_g"] = cs.Function(
-                "j", [x, p], [nlp["g"], oracle.constraint_jacobian(x, none)],
-                ["x", "p"], ["g", "jac_g_x"],
-            )  # fmt: skip
+                "j",
+                [x, p],
+                [nlp["g"], oracle.constraint_jacobian(x, none)],
+                ["x", "p"],
+                ["g", "jac_g_x"],
+            )
             limits |= {"lbg": there.lower, "ubg": there.upper}
         if self.hessian is not None:
             bend = weight * oracle.hessian(x, none)
             if there is not None:
                 bend += oracle.constraint_hessian(x, y)
             derivatives["hess_lag"] = cs.Function(
-                "h", [x, p, weight, y], [cs.triu(bend)],
-                ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"],
-            )  # fmt: skip
+                "h",
+                [x, p, weight, y],
+                [cs.triu(bend)],
+                ["x", "p", "lam_f", "lam_g"],
+                ["triu_hess_gamma_x_x"],
+            )
         solver = cs.nlpsol(
             "ipopt",
             "ipopt",

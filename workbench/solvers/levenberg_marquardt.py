@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array, Mask
 from workbench.blocks import Values
 from workbench.problem import Linearization, Problem
 from workbench.problem.steps import EPS, LinearAlgebra, Step, automatic
@@ -13,7 +13,6 @@ from workbench.solvers.run import Run
 from workbench.solvers.scaling import Scaling, identity
 from workbench.solvers.solution import Callback, Solution
 
-Array = NDArray[np.float64]
 FASTEST_FALL = 0.1  # of the damping in one step; the paper's 1/3 needs 4 more on a noiseless body
 STIFFEST = 1e140  # of a column in the units of its step: the square, damped, is still a number
 ROUNDS = 20  # of holding and releasing, before what is there is taken: it is feasible in any case
@@ -70,18 +69,22 @@ class LevenbergMarquardt:
                 step = box_step(here, damping, D, low, high, self.linear_algebra)
                 if step is not None:
                     to = np.clip(x + step.p, problem.lower, problem.upper)
-                    promised = here.promise(step.p)
-                    if growth == 2.0 and damping > least and run.roughness.hides(promised, x, here):
+                    predicted = here.predicted_decrease(step.p)
+                    if (
+                        growth == 2.0
+                        and damping > least
+                        and run.rounding_noise.hides(predicted, x, here)
+                    ):
                         damping *= FASTEST_FALL  # a longer step may promise what can be seen
                         continue
-                    trial = run.gain(x, here, to, promised)
-                    if trial.gain > 0:
+                    trial = run.gain_ratio(x, here, to, predicted)
+                    if trial.gain_ratio > 0:
                         if (there := trial.there) is None:
                             del here  # first: its memory serves the next one
                             there = run.linearize(to)
                         x, here = run.wrapped(to, there)
                         D = np.maximum(D, self.scaling(here))
-                        damping *= max(FASTEST_FALL, 1 - (2 * trial.gain - 1) ** 3)
+                        damping *= max(FASTEST_FALL, 1 - (2 * trial.gain_ratio - 1) ** 3)
                         growth = 2.0
                         run.record(x, here.cost, run.optimality(x, here), damping, step.by)
                         continue
@@ -129,11 +132,15 @@ def box_step(
 
 
 def _in_the_rest(
-    here: Linearization, held: NDArray[np.bool_], p: Array, damping: float, D: Array,
+    here: Linearization,
+    held: Mask,
+    p: Array,
+    damping: float,
+    D: Array,
     solve: LinearAlgebra,
-) -> Step | None:  # fmt: skip
+) -> Step | None:
     """The step in the entries that are not held, once the held ones have moved by p."""
-    if not here.in_blocks:
+    if not here.by_frames:
         return solve(here.without(held, p), damping, D[~held])
     whole = solve(here.holding(held, p), damping, D)  # frames stay alike; what is held stays
     return None if whole is None else Step(whole.p[~held], whole.by)

@@ -1,15 +1,14 @@
 """How far a run may go, and the end of one."""
 
-from collections.abc import Callable
-from typing import Protocol, TypeVar
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Protocol
 
 import numpy as np
 
 from workbench.errors import TooLarge
-from workbench.problem.chain import INSTEAD
+from workbench.problem.memory import INSTEAD
 from workbench.solvers.solution import Status
-
-T = TypeVar("T")
 
 
 class Limits(Protocol):
@@ -50,10 +49,11 @@ def stop_of(error: BaseException | None) -> Stop | None:
     return error if isinstance(error, Stop) else None
 
 
-def guarded(function: Callable[[], T]) -> T:
-    """What a function of the user's gives; what it raises is a Stop that quotes it."""
+@contextmanager
+def guarded() -> Iterator[None]:
+    """Inside, a function of the user's is called; what it raises becomes a Stop that quotes it."""
     try:
-        return function()
+        yield
     except (Stop, KeyboardInterrupt):
         raise
     except TooLarge as error:

@@ -2,13 +2,10 @@
 
 from collections.abc import Callable
 
-import numpy as np
-from numpy.typing import NDArray
-
+from workbench.arrays import Array
 from workbench.problem import Linearization
 from workbench.solvers.run import Run
 
-Array = NDArray[np.float64]
 LineSearch = Callable[[Run, Array, Linearization, Array], float]
 
 
@@ -22,8 +19,8 @@ def backtracking(run: Run, x: Array, here: Linearization, p: Array) -> float:
     does. Where rounding would hide the promise, 1 if the full step ends at a more stationary point.
     """
     slope = float(here.gradient @ p)
-    if run.roughness.hides(-slope / 2, x, here):
-        return 1.0 if run.gain(x, here, x + p, -slope / 2).gain > 0 else 0.0
+    if run.rounding_noise.hides(-slope / 2, x, here):
+        return 1.0 if run.gain_ratio(x, here, x + p, -slope / 2).gain_ratio > 0 else 0.0
     length = 1.0
     while length > 1e-10:
         if run.cost(x + length * p) <= here.cost + 1e-4 * length * slope:

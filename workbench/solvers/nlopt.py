@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import nlopt
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.errors import UnknownName
 from workbench.problem import Problem
@@ -17,7 +17,6 @@ from workbench.solvers.nlopt_objective import Objective
 from workbench.solvers.run import Run
 from workbench.solvers.solution import Callback, Solution, Status
 
-Array = NDArray[np.float64]
 MEANING = {  # of the result codes that end a run by themselves
     nlopt.FAILURE: (Status.STALLED, "it gave up; try another algorithm"),
     nlopt.INVALID_ARGS: (Status.STALLED, "it does not take this problem; try another algorithm"),
@@ -133,9 +132,9 @@ class Nlopt:
         while True:
             optimizer.optimize(np.clip(x * scale, problem.lower * scale, problem.upper * scale))
             gave_up = optimizer.last_optimize_result() in GAVE_UP
-            if not (descends and gave_up and run.best.missed <= 1 and run.best.cost < cost):
+            if not (descends and gave_up and run.best.violation <= 1 and run.best.cost < cost):
                 return
-            noise = run.roughness.noise(run.best.x, run.linearize(run.best.x))
+            noise = run.rounding_noise.of_cost(run.best.x, run.linearize(run.best.x))
             if run.best.cost >= cost - noise:
                 return
             x, cost = run.best.x, run.best.cost

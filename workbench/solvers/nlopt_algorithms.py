@@ -35,7 +35,11 @@ ALGORITHMS: Mapping[str, Abilities] = {
     "LD_TNEWTON_PRECOND": Abilities(GRADIENT, TAKEN, source=_TNEWTON),
     "LD_TNEWTON_PRECOND_RESTART": Abilities(GRADIENT, TAKEN, source=_TNEWTON),
     "LD_SLSQP": Abilities(
-        GRADIENT, TAKEN, equations=True, inequalities=True, source="Kraft 1994",
+        GRADIENT,
+        TAKEN,
+        equations=True,
+        inequalities=True,
+        source="Kraft 1994",
         note="O(n^3) per iteration",
     ),
     "LD_MMA": Abilities(GRADIENT, TAKEN, inequalities=True, source="Svanberg 2002"),
@@ -44,7 +48,11 @@ ALGORITHMS: Mapping[str, Abilities] = {
     "LN_NEWUOA": Abilities(COST, UNKNOWN, source="Powell 2004", note="two unknowns at least"),
     "LN_NEWUOA_BOUND": Abilities(COST, TAKEN, source="Powell 2004", note="two unknowns at least"),
     "LN_COBYLA": Abilities(
-        COST, TAKEN, equations=True, inequalities=True, source="Powell 1994",
+        COST,
+        TAKEN,
+        equations=True,
+        inequalities=True,
+        source="Powell 1994",
         note="NaN would make it run for ever; it is never shown one",
     ),
     "LN_PRAXIS": Abilities(COST, TAKEN, stochastic=True, source="Brent 1972"),
@@ -68,9 +76,14 @@ ALGORITHMS: Mapping[str, Abilities] = {
     "GN_ORIG_DIRECT_L": _everywhere(_DIRECT_L),
     "GN_CRS2_LM": _everywhere("Kaelo and Ali 2006", stochastic=True),
     "GN_ISRES": Abilities(
-        COST, NEEDED, equations=True, inequalities=True, is_global=True, stochastic=True,
+        COST,
+        NEEDED,
+        equations=True,
+        inequalities=True,
+        is_global=True,
+        stochastic=True,
         source="Runarsson and Yao 2005",
     ),
     "GN_ESCH": _everywhere("da Silva Santos 2010", stochastic=True),
     "GN_AGS": _everywhere("Sergeyev and Markin 1995", note="to about 10 unknowns"),
-}  # fmt: skip
+}

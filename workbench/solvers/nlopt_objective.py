@@ -5,14 +5,13 @@ from math import sqrt
 
 import nlopt
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array, Mask
 from workbench.problem import Linearization
 from workbench.problem.constraint_set import ConstraintSet
 from workbench.solvers.abilities import Abilities, Derivative
 from workbench.solvers.run import BOUGHT, Run
 
-Array = NDArray[np.float64]
 LOOK = 3.0  # times the tolerance: an estimate of the optimality at which it is worth a Jacobian
 
 
@@ -40,7 +39,7 @@ class Objective:
         self._last = run.x * scale, run.best.cost  # the last good point
         self._worst = run.best.cost
         self._norms = np.where(scale > 0, scale, np.inf)
-        self._error = run.problem.support.norms(run.roughness.at(run.x, here).rows)
+        self._error = run.problem.support.norms(run.rounding_noise.at(run.x, here).rows)
 
     def cost(self, y: Array, gradient: Array) -> float:
         """The cost at y, its gradient written into `gradient`, if that has a length."""
@@ -53,7 +52,7 @@ class Objective:
         return float(self._last[1])
 
     def rows(
-        self, there: ConstraintSet, wanted: NDArray[np.bool_], sign: float, limit: Array
+        self, there: ConstraintSet, wanted: Mask, sign: float, limit: Array
     ) -> Callable[[Array, Array, Array], None]:
         """sign (c - limit) of some rows of the constraints, as NLopt asks for them."""
 
@@ -111,7 +110,7 @@ class Objective:
         best = self.run.best
         if self.run.problem.stacked_constraints is None:
             return cost < self._lowest
-        return best.cost == cost or (best.missed <= 1 and cost <= (1 + BOUGHT) * best.cost)
+        return best.cost == cost or (best.violation <= 1 and cost <= (1 + BOUGHT) * best.cost)
 
     def _cone(self, y: Array, gradient: Array) -> float:
         """Higher than anything seen, and falling towards the last good point."""
@@ -143,5 +142,5 @@ class Objective:
         here = run.linearize(x)
         self._look = 1.0  # from here on the norms are good
         self._norms = np.where(here.column_norms > 0, here.column_norms, np.inf)
-        self._error = problem.support.norms(run.roughness.at(x, here).rows)
+        self._error = problem.support.norms(run.rounding_noise.at(x, here).rows)
         return run.optimality(x, here)

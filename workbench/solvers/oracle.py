@@ -6,14 +6,14 @@ from typing import TypeVar
 
 import casadi as cs
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_array, eye_array
 
+from workbench.arrays import Array
 from workbench.problem import Linearization, Problem
+from workbench.problem.nonzeros import entries_at
 from workbench.problem.pattern import Pattern
 from workbench.problem.storage import (
     Stored,
-    at_places,
     dense,
     gram_of_nonzeros,
     is_sparse,
@@ -23,7 +23,6 @@ from workbench.solvers.convexity import raised, reflected
 from workbench.solvers.external import Compute, External, Kept, Recorder
 from workbench.solvers.run import Run
 
-Array = NDArray[np.float64]
 Hessian = Callable[[Run, Array, Linearization], Stored]
 T = TypeVar("T")
 
@@ -122,9 +121,11 @@ class Oracle:
 
         if self._places is None:
             return self._external(
-                "convex", self._square,
-                lambda x, y: reflected(dense(of_both(x, y))).matrix, multiplied=True,
-            )  # fmt: skip
+                "convex",
+                self._square,
+                lambda x, y: reflected(dense(of_both(x, y))).matrix,
+                multiplied=True,
+            )
         places = self._places + eye_array(self._sizes[0])
         if there is not None:
             places = places + there.hessian_pattern
@@ -169,7 +170,7 @@ class Oracle:
         sparsity = cs.Sparsity(*pattern.shape, pattern.indptr.tolist(), pattern.indices.tolist())
 
         def entries(x: Array, multipliers: Array) -> Array:
-            return at_places(of(x, multipliers), pattern)
+            return entries_at(of(x, multipliers), pattern)
 
         sizes = n, k if multiplied else 0
         return External(name, sizes, (pattern.nnz,), entries, run, self._kept, sparsity)

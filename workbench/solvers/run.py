@@ -9,8 +9,8 @@ from types import TracebackType
 from typing import NamedTuple, NoReturn, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.interrupts import Interrupts
 from workbench.problem import Linearization, Problem
@@ -18,15 +18,14 @@ from workbench.problem.rounding import fall, half_squared
 from workbench.problem.storage import Stored, entries
 from workbench.solvers.best import Best
 from workbench.solvers.ending import ending
-from workbench.solvers.latest import Latest
 from workbench.solvers.limits import Limits, Stop, guarded, stop_of, unwarned
-from workbench.solvers.roughness import Roughness
-from workbench.solvers.sight import Sight
+from workbench.solvers.linearization_cache import LinearizationCache
+from workbench.solvers.rounding_noise import RoundingNoise
+from workbench.solvers.sensitivity import Sensitivity
 from workbench.solvers.solution import Callback, Evaluations, Iterate, Solution, Status
 from workbench.solvers.wrapping import rewrapped
 from workbench.threads import limited_threads
 
-Array = NDArray[np.float64]
 T = TypeVar("T")
 NOT_FINITE_IN_A_ROW = 100  # a line search that halves has long met rounding by then
 BOUGHT = 1e-5  # of the cost: points that are cheaper by less, and no more, may owe it to a miss
@@ -38,7 +37,7 @@ POLISHED = 0.99  # of the optimality before, at most, where costs no longer tell
 class Trial(NamedTuple):
     """What a step gained, as a share of its promise, and the linearization if it was needed."""
 
-    gain: float
+    gain_ratio: float
     there: Linearization | None = None
 
 
@@ -63,10 +62,10 @@ class Run:
         self.stopped: Stop | None = None
         self.not_finite = 0  # points in a row at which the residual was NaN or infinite
         self.met_not_finite = -2  # how long the trace was when the last of them was met
-        self.sight = Sight(self.x.size)
+        self.sensitivity = Sensitivity(self.x.size)
         self._unpolished = 0  # tries in a row that did not lead to a more stationary point
-        self.latest = Latest()
-        self.roughness = Roughness(problem, self.fixed, self.latest)
+        self.linearizations = LinearizationCache()
+        self.rounding_noise = RoundingNoise(problem, self.fixed, self.linearizations)
         self._recorded: Array | None = None  # the last one
         self._threads = ExitStack()
         self._interrupts, self._interrupted = Interrupts(), False
@@ -99,7 +98,7 @@ class Run:
 
     def cost_and_residual(self, x: Array) -> tuple[float, Array]:
         """The same, and the residual (m,) that it is the cost of."""
-        known = self.latest.at(x)
+        known = self.linearizations.at(x)
         if known is not None:
             self.check()
             return known.cost, known.residual  # the best point knows of it
@@ -115,17 +114,17 @@ class Run:
 
     def linearize(self, x: Array) -> Linearization:
         """Residual and Jacobian at x; stops the run where they are not finite."""
-        known = self.latest.at(x)
+        known = self.linearizations.at(x)
         if known is not None:
             return known
         self.check()
-        self.latest.forget()  # first: memory that is used again is already there, and near
+        self.linearizations.forget()  # first: memory that is used again is already there, and near
         here = self.evaluate("jacobian", lambda: self.problem.linearize_at(x, self.fixed))
         if not isfinite(self._kept(x, here.cost if here.finite else np.inf, here)):
             raise Stop(Status.NOT_FINITE)
-        self.sight.see(here)
-        self.roughness.age += 1
-        return self.latest.keep(x, here)
+        self.sensitivity.observe(here)
+        self.rounding_noise.age += 1
+        return self.linearizations.keep(x, here)
 
     def hessian(self, x: Array) -> Stored:
         """The exact Hessian of the cost at x; stops the run where it is not finite."""
@@ -153,44 +152,45 @@ class Run:
         """What a function of the user's gives, counted, within the limits."""
         self.check()
         self.counts[kind] += 1
-        return guarded(lambda: self._interrupts.through(function))
+        with guarded(), self._interrupts.raised_at_once():
+            return function()
 
     def _kept(self, x: Array, cost: float, here: Linearization | None = None) -> float:
-        there, missed = self.problem.stacked_constraints, 0.0
+        there, violation = self.problem.stacked_constraints, 0.0
         if there is not None and isfinite(cost):
             known = None if here is None else here.constraints
             values = self.constraints(x) if known is None else known.values
-            missed = there.missed(values)
-        if not (isfinite(cost) and isfinite(missed)):
+            violation = there.violation(values)
+        if not (isfinite(cost) and isfinite(violation)):
             self.not_finite, self.met_not_finite = self.not_finite + 1, len(self.trace)
             if self.not_finite >= NOT_FINITE_IN_A_ROW:
                 raise Stop(Status.NOT_FINITE)
             return np.inf
         self.not_finite = 0
-        self.best.offer(x, cost, missed)
+        self.best.offer(x, cost, violation)
         return cost
 
     # The way.
 
     def optimality(self, x: Array, here: Linearization) -> float:
         """The problem's measure, less what rounding explains there."""
-        return self.roughness.optimality(x, here)
+        return self.rounding_noise.optimality(x, here)
 
-    def gain(self, x: Array, here: Linearization, to: Array, promised: float) -> Trial:
+    def gain_ratio(self, x: Array, here: Linearization, to: Array, predicted: float) -> Trial:
         """The fall of the cost from x to another point, as a share of what was promised.
 
         A promise that rounding would hide is kept by a point that is more stationary; if
         several in a row are not, there is nothing more to gain and the run ends.
         """
         self.check()  # whoever tries shorter and shorter steps may never evaluate anything
-        if not promised > 0:
+        if not predicted > 0:
             return Trial(-np.inf)
         cost, residual = self.cost_and_residual(to)
         if not np.isfinite(cost):
             return Trial(-np.inf)
         moved = residual != here.residual
-        if not self.roughness.hides(promised, x, here, moved):
-            return Trial(fall(here.residual, residual) / promised)
+        if not self.rounding_noise.hides(predicted, x, here, moved):
+            return Trial(fall(here.residual, residual) / predicted)
         there = self.linearize(to)
         if self.optimality(to, there) <= POLISHED * self.optimality(x, here):
             self._unpolished = 0
@@ -212,52 +212,63 @@ class Run:
         A prior on the pose may have it otherwise, and so may bounds.
         """
         turned = rewrapped(
-            self.problem, x, lambda to: self.cost(to) <= here.cost + self.roughness.noise(x, here)
+            self.problem,
+            x,
+            lambda to: self.cost(to) <= here.cost + self.rounding_noise.of_cost(x, here),
         )
         return (x, here) if turned is x else (turned, self.linearize(turned))
 
     def record(
-        self, x: Array, cost: float, optimality: float = np.nan, damping: float = 0.0,
+        self,
+        x: Array,
+        cost: float,
+        optimality: float = np.nan,
+        damping: float = 0.0,
         linear_algebra: str = "",
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Add an iterate to the trace; stop if it is good enough, or limit or callback say so."""
         step = 0.0 if self._recorded is None else float(np.linalg.norm(x - self._recorded))
         self._recorded = x.copy()
         iterate = Iterate(
-            self.problem.free.unpack(x, self._around), cost, optimality, step, damping,
-            Evaluations(**self.counts), time.perf_counter() - self.began, linear_algebra,
-        )  # fmt: skip
+            self.problem.free.unpack(x, self._around),
+            cost,
+            optimality,
+            step,
+            damping,
+            Evaluations(**self.counts),
+            time.perf_counter() - self.began,
+            linear_algebra,
+        )
         self.trace.append(iterate)
         if not isnan(optimality):
             self._settle(x, cost, optimality)
-        callback, stop = self.callback, False
-        if callback is not None:
-            says = self._interrupts.through(lambda: callback(iterate))
-            stop = isinstance(says, bool | np.bool_) and bool(says)
+        stop: object = False
+        if self.callback is not None:
+            with self._interrupts.raised_at_once():
+                stop = self.callback(iterate)
         self._interrupts.check()
         if optimality <= self.limits.gradient_tolerance:
             raise Stop(Status.CONVERGED)
-        if stop:
+        if isinstance(stop, bool | np.bool_) and stop:
             raise Stop(Status.STOPPED, "stopped by the callback")
         if len(self.trace) > self.limits.max_iterations:
             raise Stop(Status.MAX_ITERATIONS)
 
     def _settle(self, x: Array, cost: float, optimality: float) -> None:
-        """Let the best point be one that costs the same and is more stationary.
+        """Prefer this point to the best one if it costs the same and is more stationary.
 
-        The same is what rounding hides, what a step of a converged point may still promise,
-        1/2 (tolerance |r|)^2, or what the tolerances of constraints may buy.
+        Rounding, 1/2 (tolerance |r|)^2 and the tolerances of constraints make costs the same.
         """
-        here, there = self.latest.at(x), self.problem.stacked_constraints
+        here, there = self.linearizations.at(x), self.problem.stacked_constraints
         if here is None:
             return
-        noise = self.roughness.about(x, here).of_cost(here.residual)
+        noise = self.rounding_noise.about(x, here).of_cost(here.residual)
         noise += self.limits.gradient_tolerance**2 * cost
         if there is None:
             self.best.settle(x, cost, 0.0, optimality, noise)
         elif here.constraints is not None:
-            missed = there.missed(here.constraints.values)
-            self.best.settle(x, cost, missed, optimality, BOUGHT * cost + noise)
+            violation = there.violation(here.constraints.values)
+            self.best.settle(x, cost, violation, optimality, BOUGHT * cost + noise)
 
     def stall(self, message: str = "") -> NoReturn:
         """End the run for want of a better point, or for what stood in the way of one."""
@@ -273,10 +284,17 @@ class Run:
         if self._interrupted or self._interrupts.pressed:
             late = ", after it had converged" if status is Status.CONVERGED else ""
             status, message = Status.STOPPED, INTERRUPTED + late
-        best = self.best
         return Solution(
-            self.problem.free.unpack(best.x, self._around), best.cost, optimality, status, message,
-            self.name, Evaluations(**self.counts), time.perf_counter() - self.began,
-            tuple(self.trace), max(best.missed, 0.0) if np.isfinite(best.cost) else 0.0,
-            lost, unnoticed,
-        )  # fmt: skip
+            self.problem.free.unpack(self.best.x, self._around),
+            self.best.cost,
+            optimality,
+            status,
+            message,
+            self.name,
+            Evaluations(**self.counts),
+            time.perf_counter() - self.began,
+            tuple(self.trace),
+            max(self.best.violation, 0.0) if np.isfinite(self.best.cost) else 0.0,
+            lost,
+            unnoticed,
+        )

@@ -3,11 +3,10 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array
 from workbench.problem import Linearization
 
-Array = NDArray[np.float64]
 Scaling = Callable[[Linearization], Array]
 
 

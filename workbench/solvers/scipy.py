@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 import scipy.optimize
-from numpy.typing import NDArray
 
+from workbench.arrays import Array, Mask
 from workbench.blocks import Values
 from workbench.errors import UnknownName
 from workbench.problem import Problem
@@ -16,7 +16,6 @@ from workbench.solvers.run import Run
 from workbench.solvers.scaling import Scaling, identity
 from workbench.solvers.solution import Callback, Solution, Status
 
-Array = NDArray[np.float64]
 METHODS = {
     "trf": Abilities(Derivative.JACOBIAN, Boxes.TAKEN, source="Branch, Coleman and Li 1999; SciPy"),
     "dogbox": Abilities(Derivative.JACOBIAN, Boxes.TAKEN, source="Voglis and Lagaris 2004; SciPy"),
@@ -60,13 +59,17 @@ class Scipy:
             functions = _Functions(run, x0, loose)
             D = self.scaling(functions.here)[loose]
             answer: Any = scipy.optimize.least_squares(
-                functions.residual, x0[loose],
+                functions.residual,
+                x0[loose],
                 functions.dense_jacobian if self.method == "lm" else functions.jacobian,
                 bounds=(problem.lower[loose], problem.upper[loose]),
                 method=self.method,  # type: ignore[arg-type]  # one of METHODS
-                x_scale=1 / D, ftol=TOLERANCE, xtol=TOLERANCE, gtol=TOLERANCE,
+                x_scale=1 / D,
+                ftol=TOLERANCE,
+                xtol=TOLERANCE,
+                gtol=TOLERANCE,
                 max_nfev=2 * self.max_evaluations,
-            )  # fmt: skip
+            )
             run.stall(f"{Status.STALLED.value} (scipy: {answer.message})")
         return run.solution()
 
@@ -78,7 +81,7 @@ class _Functions:
     becomes the largest seen, ten times: MINPACK believes a NaN.
     """
 
-    def __init__(self, run: Run, x0: Array, loose: NDArray[np.bool_]) -> None:
+    def __init__(self, run: Run, x0: Array, loose: Mask) -> None:
         self.run, self.x0, self.loose = run, x0, loose
         self.here = run.linearize(x0)
         self._known: Array | None = x0

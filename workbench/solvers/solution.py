@@ -88,7 +88,7 @@ class Solution:
     evaluations: Evaluations
     seconds: float
     trace: tuple[Iterate, ...] = field(repr=False)
-    missed: float = 0.0  # by how many tolerances the worst constraint is missed; up to 1 is met
+    violation: float = 0.0  # by how many tolerances the worst constraint is missed; up to 1 is met
     lost: tuple[str, ...] = ()  # unknowns that the residual noticed on the way, and here no longer
     unnoticed: tuple[str, ...] = ()  # unknowns whose columns were zero wherever they were seen
 
@@ -118,7 +118,7 @@ class Solution:
             "solver": self.solver,
             "evaluations": asdict(self.evaluations),
             "seconds": self.seconds,
-            "missed": self.missed,
+            "missed": self.violation,
             "lost": self.lost,
             "unnoticed": self.unnoticed,
             "trace": [
@@ -179,7 +179,7 @@ def _solution(facts: Facts, rows: Sequence[Row], arrays: Values, names: Sequence
             Iterate({name: arrays[TRACE + name][i] for name in names}, *row)
             for i, row in enumerate(rows)
         ),
-        missed=facts.amount("missed") if "missed" in facts.told else 0.0,
+        violation=facts.amount("missed") if "missed" in facts.told else 0.0,
         lost=facts.several("lost", text) if "lost" in facts.told else (),
         unnoticed=facts.several("unnoticed", text) if "unnoticed" in facts.told else (),
     )

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import casadi as cs
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.problem import Problem
 from workbench.solvers.abilities import Abilities, Boxes, Derivative
@@ -13,8 +13,6 @@ from workbench.solvers.limits import Stop
 from workbench.solvers.oracle import Hessian, Oracle, gauss_newton_hessian
 from workbench.solvers.run import Run
 from workbench.solvers.solution import Callback, Solution, Status
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -72,12 +70,18 @@ class Sqp:
             {"x": x, "f": cost, "g": c},
             {
                 "jac_fg": cs.Function(
-                    "jac_fg", [x, p], [cost, gradient, c, A],
-                    ["x", "p"], ["f", "grad_f_x", "g", "jac_g_x"],
+                    "jac_fg",
+                    [x, p],
+                    [cost, gradient, c, A],
+                    ["x", "p"],
+                    ["f", "grad_f_x", "g", "jac_g_x"],
                 ),
                 "hess_lag": cs.Function(
-                    "hess_lag", [x, p, weight, y], [oracle.convex_hessian(x, y)],
-                    ["x", "p", "lam_f", "lam_g"], ["hess_gamma_x_x"],
+                    "hess_lag",
+                    [x, p, weight, y],
+                    [oracle.convex_hessian(x, y)],
+                    ["x", "p", "lam_f", "lam_g"],
+                    ["hess_gamma_x_x"],
                 ),
                 "iteration_callback": oracle.recorder,
                 "no_nlp_grad": True,
@@ -90,7 +94,9 @@ class Sqp:
                 "elastic_mode": True,  # where the linearized constraints contradict each other
                 "qpsol": "qrqp",
                 "qpsol_options": {
-                    "print_iter": False, "print_header": False, "print_info": False,
+                    "print_iter": False,
+                    "print_header": False,
+                    "print_info": False,
                     "error_on_fail": False,
                 },
                 "print_header": False,
@@ -100,7 +106,7 @@ class Sqp:
                 "show_eval_warnings": False,
                 "error_on_fail": False,
             },
-        )  # fmt: skip
+        )
         try:
             solver(x0=x0, lbx=problem.lower, ubx=problem.upper, **limits)
         except RuntimeError as error:  # of the quadratic program, if not of ours

@@ -3,12 +3,11 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array
 from workbench.geometry.rotation import shortest
 from workbench.problem import Problem
 
-Array = NDArray[np.float64]
 BEYOND = np.pi * (1 + 1e-6)  # at half a turn exactly there are two, and no reason to change
 
 
@@ -34,7 +33,7 @@ def rewrapped(problem: Problem, x: Array, is_free: Callable[[Array], bool]) -> A
 
 def _shorter(problem: Problem, x: Array) -> list[tuple[slice, Array]]:
     """Where the joints lie that are turned by more than pi, and their shorter vectors."""
-    first = np.array([at.start for at in problem.turns], dtype=np.int64)
+    first = np.array([at.start for at in problem.rotations], dtype=np.int64)
     if not first.size:
         return []
     angles = np.linalg.norm(x[first[:, None] + np.arange(3)], axis=1)

@@ -1,13 +1,13 @@
-"""The blocks of the alternation: each frees other names, and none lets the cost rise.
+"""The blocks of the alternation: each frees other names, and only `cut` may raise the cost.
 
 rest       templates and joints, the pose blend shapes held: a linear least-squares problem
 poses      theta_j, one registration at a time (Levenberg and Marquardt on a Problem)
 surfaces   templates, pose blend shapes and joints: one linear least-squares problem
 weights    one vertex at a time: least squares over shares, at most four above zero
-regressor  joints from templates: shares again, one joint at a time
-cut        the largest four weights alone, where more were allowed before
+regressor  joints from templates: least squares over shares, one joint at a time
+cut        only the largest four weights are kept, where more were allowed before
 people     templates, joints and poses at once: steps of Gauss and Newton in a trust region
-together   all names: a step of Gauss and Newton within a trust region
+together   all names at once: steps of Gauss and Newton in a trust region
 """
 
 from collections.abc import Callable
@@ -15,125 +15,159 @@ from dataclasses import dataclass, replace
 from math import inf
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array, Index
 from workbench.training.conjugate_gradients import solve
-from workbench.training.crew import ONE, Hands
 from workbench.training.estimate import NAMES, Estimate
+from workbench.training.executor import SERIAL, Execution
 from workbench.training.first_guess import MOST_WEIGHTS, at_most
 from workbench.training.joint_regressor import fit_joint_regressor
 from workbench.training.normal_equations import NormalEquations
 from workbench.training.objective import Objective
-from workbench.training.poses import OnVertices, fitted_poses
+from workbench.training.poses import VertexTerm, fitted_poses
 from workbench.training.simplex import few_shares
-from workbench.training.thinning import ENOUGH, thinned
+from workbench.training.subsampling import ENOUGH, subsample
 from workbench.training.weight_grams import weight_grams
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 REST = ("templates", "joints")
 PEOPLE = ("templates", "joints", "poses")
 SURFACES = ("templates", "posedirs", "joints")
 POSE_STEPS = 2  # of Levenberg and Marquardt in a round: the next round changes the model anyway
 LARGEST_TURN = 0.3  # rad, of the first step: beyond, rotations are not nearly linear
-GOOD, POOR = 0.75, 0.25  # shares of the predicted fall that let the region grow, and shrink
-SMALLEST_RADIUS = 1e-8  # of the longest step: nothing more is to be had
+GOOD, POOR = 0.75, 0.25  # gain ratios above which the region grows, and below which it shrinks
+SMALLEST_RADIUS = 1e-8  # of the longest step: no further decrease is to be expected
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
-    """What a block left: the estimate, and what it has to say about how it got there."""
+class BlockResult:
+    """The result of a block.
+
+    Attributes:
+        estimate: what it found.
+        facts: numbers about how it was found, such as how many products that took.
+    """
 
     estimate: Estimate
     facts: dict[str, float]
 
 
 @dataclass(frozen=True)
-class Effort:
-    """When the inner iterations of a block may stop."""
+class BlockOptions:
+    """When the inner iterations of a block may stop, and how many numbers it uses.
 
-    linear_tolerance: float = 1e-6  # of the equations of `surfaces`, on the preconditioned slope
+    Attributes:
+        linear_tolerance: of the equations of `surfaces` and `rest`, on the preconditioned slope.
+        together_tolerance: of the equations of `together` and `people`.
+        together_steps: the largest number of steps of Gauss and Newton.
+        together_stop: a step that lowers the cost by a smaller share is the last.
+        enough: in metres; no step is made once the root mean square of E_D is below it.
+        products: the largest number of passes over all registrations in one step.
+        most_weights: the largest number of weights above zero per vertex.
+        pose_vertices: how many vertices, spread over the mesh, poses are found from.
+    """
+
+    linear_tolerance: float = 1e-6
     together_tolerance: float = 1e-2
-    together_steps: int = 10  # of Gauss and Newton
-    together_stop: float = 1e-3  # of the cost: a step that gains less is the last
-    enough: float = 0.0  # m, rms of E_D: below it no step is made any more
-    products: int = 300  # passes over all registrations, at most, in one step
-    most_weights: int = MOST_WEIGHTS  # above zero, per vertex
-    pose_vertices: int = ENOUGH  # spread over the mesh, that poses are found from
+    together_steps: int = 10
+    together_stop: float = 1e-3
+    enough: float = 0.0
+    products: int = 300
+    most_weights: int = MOST_WEIGHTS
+    pose_vertices: int = ENOUGH
 
 
 def fit_poses(
-    objective: Objective, estimate: Estimate, faces: Index, effort: Effort, hands: Hands = ONE
-) -> Found:
-    """Each registration's pose, from vertices enough; where all of them say worse, it is kept."""
+    objective: Objective,
+    estimate: Estimate,
+    faces: Index,
+    options: BlockOptions,
+    execution: Execution = SERIAL,
+) -> BlockResult:
+    """Fit each registration's pose to some vertices; keep it if all vertices fit worse then."""
     template = estimate.templates.mean(axis=0) if objective.template is None else objective.template
-    few = thinned(template, faces, effort.pose_vertices)
+    few = subsample(template, faces, options.pose_vertices)
     found = fitted_poses(
         few.estimate(estimate),
         few.registrations(objective.registrations),
         few.faces,
-        OnVertices(),
+        VertexTerm(),
         objective.sigmas.data,
         POSE_STEPS,
-        hands,
+        execution,
     ).poses
     fitted = objective.by_registration(replace(estimate, poses=found))
     better = fitted < objective.by_registration(estimate)
     poses = np.where(better[:, None, None], found, estimate.poses)
-    return Found(replace(estimate, poses=poses), {"poses changed": float(better.mean())})
+    return BlockResult(replace(estimate, poses=poses), {"poses changed": float(better.mean())})
 
 
 def fit_surfaces(
-    objective: Objective, estimate: Estimate, faces: Index, effort: Effort, hands: Hands = ONE
-) -> Found:
-    """Templates, pose blend shapes and joints: the cost is a parabola in them."""
-    return _linear(objective, estimate, effort, SURFACES)
+    objective: Objective,
+    estimate: Estimate,
+    faces: Index,
+    options: BlockOptions,
+    execution: Execution = SERIAL,
+) -> BlockResult:
+    """Fit templates, pose blend shapes and joints, in which the cost is quadratic."""
+    return _linear(objective, estimate, options, SURFACES)
 
 
 def fit_rest(
-    objective: Objective, estimate: Estimate, faces: Index, effort: Effort, hands: Hands = ONE
-) -> Found:
-    """Templates and joints alone.
+    objective: Objective,
+    estimate: Estimate,
+    faces: Index,
+    options: BlockOptions,
+    execution: Execution = SERIAL,
+) -> BlockResult:
+    """Fit templates and joints alone.
 
-    While poses are rough, blend shapes would learn what the poses have wrong, and then hold them
-    to it for many rounds.
+    While poses are rough, blend shapes would learn the errors of the poses, and then keep the
+    poses wrong for many rounds.
     """
-    return _linear(objective, estimate, effort, REST)
+    return _linear(objective, estimate, options, REST)
 
 
 def _linear(
-    objective: Objective, estimate: Estimate, effort: Effort, names: tuple[str, ...]
-) -> Found:
+    objective: Objective, estimate: Estimate, options: BlockOptions, names: tuple[str, ...]
+) -> BlockResult:
     equations = NormalEquations(objective, estimate, names)
     step = solve(
         equations.product,
         equations.preconditioned,
         equations.slope,
-        tolerance=effort.linear_tolerance,
-        most=effort.products,
+        tolerance=options.linear_tolerance,
+        most=options.products,
     )
     facts = {"products": float(step.iterations), "predicted": step.predicted}
     moved = estimate.moved(step.change)
     if objective.cost(moved) > objective.cost(estimate):  # the slope was rounding
-        return Found(estimate, facts)
-    return Found(moved, facts)
+        return BlockResult(estimate, facts)
+    return BlockResult(moved, facts)
 
 
 def fit_regressor(
-    objective: Objective, estimate: Estimate, faces: Index, effort: Effort, hands: Hands = ONE
-) -> Found:
-    """The joint regressor; from here on E_J holds joints to it instead of to their rings."""
+    objective: Objective,
+    estimate: Estimate,
+    faces: Index,
+    options: BlockOptions,
+    execution: Execution = SERIAL,
+) -> BlockResult:
+    """Fit the joint regressor; from here on E_J compares joints with it, not with their rings."""
     found = fit_joint_regressor(estimate.templates, estimate.joints, objective.rings)
     kept = replace(estimate, regressor=found.matrix)
     if objective.cost(kept) > objective.cost(estimate):  # rings may reach farther than it does
-        return Found(estimate, {"kkt": found.kkt})
-    return Found(kept, {"kkt": found.kkt})
+        return BlockResult(estimate, {"kkt": found.kkt})
+    return BlockResult(kept, {"kkt": found.kkt})
 
 
 def fit_weights(
-    objective: Objective, estimate: Estimate, faces: Index, effort: Effort, hands: Hands = ONE
-) -> Found:
-    """Each vertex's weights, exactly, as many above zero as the effort allows.
+    objective: Objective,
+    estimate: Estimate,
+    faces: Index,
+    options: BlockOptions,
+    execution: Execution = SERIAL,
+) -> BlockResult:
+    """Each vertex's weights, exactly, as many above zero as the options allows.
 
     `kkt` is the worst residual of the conditions.
     """
@@ -143,52 +177,64 @@ def fit_weights(
     rights += precision * objective.first_weights
     weights, worst = np.empty_like(estimate.weights), 0.0
     for i, start in enumerate(estimate.weights):
-        weights[i], kkt = few_shares(grams[i], rights[i], start, effort.most_weights)
+        weights[i], kkt = few_shares(grams[i], rights[i], start, options.most_weights)
         worst = max(worst, kkt)
-    return Found(replace(estimate, weights=weights), {"kkt": worst})
+    return BlockResult(replace(estimate, weights=weights), {"kkt": worst})
 
 
 def cut_weights(
-    objective: Objective, estimate: Estimate, faces: Index, effort: Effort, hands: Hands = ONE
-) -> Found:
-    """The largest weights of each vertex alone: the one block that may let the cost rise.
+    objective: Objective,
+    estimate: Estimate,
+    faces: Index,
+    options: BlockOptions,
+    execution: Execution = SERIAL,
+) -> BlockResult:
+    """Keep only the largest weights of each vertex; only this block may raise the cost.
 
     From here on fewer weights are allowed than before. On noiseless data the others are zero by
     then, and nothing changes.
     """
-    weights = at_most(estimate.weights, effort.most_weights)
+    weights = at_most(estimate.weights, options.most_weights)
     change = float(np.abs(weights - estimate.weights).max())
-    return Found(replace(estimate, weights=weights), {"largest change": change})
+    return BlockResult(replace(estimate, weights=weights), {"largest change": change})
 
 
 def fit_together(
-    objective: Objective, estimate: Estimate, faces: Index, effort: Effort, hands: Hands = ONE
-) -> Found:
-    """All names at once, a few steps, each within a region where the linear model can be trusted.
+    objective: Objective,
+    estimate: Estimate,
+    faces: Index,
+    options: BlockOptions,
+    execution: Execution = SERIAL,
+) -> BlockResult:
+    """Fit all names at once, in a few steps within a trust region.
 
-    What alternation takes thousands of rounds for, a twist of all poses that the pose blend
-    shapes make up for, this takes in a few steps. Weights stay shares.
+    Alternation needs thousands of rounds to undo a twist of all poses for which the pose blend
+    shapes compensate; this block needs a few steps. Weights remain shares.
     """
-    return _trusted(objective, estimate, effort, NAMES, hands)
+    return _in_trust_region(objective, estimate, options, NAMES, execution)
 
 
 def fit_people(
-    objective: Objective, estimate: Estimate, faces: Index, effort: Effort, hands: Hands = ONE
-) -> Found:
-    """Templates, joints and poses at once, as in `together`; blend shapes and weights are held."""
-    return _trusted(objective, estimate, effort, PEOPLE, hands)
-
-
-def _trusted(
     objective: Objective,
     estimate: Estimate,
-    effort: Effort,
+    faces: Index,
+    options: BlockOptions,
+    execution: Execution = SERIAL,
+) -> BlockResult:
+    """Fit templates, joints and poses at once, as `together` does; all else is held."""
+    return _in_trust_region(objective, estimate, options, PEOPLE, execution)
+
+
+def _in_trust_region(
+    objective: Objective,
+    estimate: Estimate,
+    options: BlockOptions,
     names: tuple[str, ...],
-    hands: Hands,
-) -> Found:
+    execution: Execution,
+) -> BlockResult:
     cost, radius, longest = objective.cost(estimate), inf, 0.0
     facts = {"steps": 0.0, "products": 0.0}
-    while facts["steps"] < effort.together_steps and not _near(objective, estimate, effort):
+    while facts["steps"] < options.together_steps and not _near(objective, estimate, options):
         equations = NormalEquations(objective, estimate, names)
         slope = equations.slope
         while True:
@@ -197,8 +243,8 @@ def _trusted(
                 equations.preconditioned,
                 slope,
                 radius=radius,
-                tolerance=effort.together_tolerance,
-                most=effort.products,
+                tolerance=options.together_tolerance,
+                most=options.products,
             )
             longest = max(longest, step.length)
             facts["products"] += step.iterations
@@ -217,18 +263,18 @@ def _trusted(
             if fall > 0:
                 break
             if radius <= SMALLEST_RADIUS * longest:
-                return Found(estimate, facts)
+                return BlockResult(estimate, facts)
         estimate, cost = moved, cost - fall
         facts["steps"] += 1
-        hands.say(int(facts["steps"]), effort.together_steps)
-        if fall < effort.together_stop * cost:
+        execution.finished(int(facts["steps"]), options.together_steps)
+        if fall < options.together_stop * cost:
             break
-    return Found(estimate, facts)
+    return BlockResult(estimate, facts)
 
 
-def _near(objective: Objective, estimate: Estimate, effort: Effort) -> bool:
-    """Whether the data are met as closely as was asked for, which takes a pass over them."""
-    return effort.enough > 0 and objective.rms(estimate) < effort.enough
+def _near(objective: Objective, estimate: Estimate, options: BlockOptions) -> bool:
+    """Whether the data are fitted closely enough; asking takes a pass over them."""
+    return options.enough > 0 and objective.rms(estimate) < options.enough
 
 
 def _as_shares(weights: Array) -> Array:
@@ -236,7 +282,7 @@ def _as_shares(weights: Array) -> Array:
     return np.asarray(kept / kept.sum(axis=1, keepdims=True))
 
 
-Block = Callable[[Objective, Estimate, Index, Effort, Hands], Found]
+Block = Callable[[Objective, Estimate, Index, BlockOptions, Execution], BlockResult]
 BLOCKS: dict[str, Block] = {
     "poses": fit_poses,
     "rest": fit_rest,
@@ -247,4 +293,4 @@ BLOCKS: dict[str, Block] = {
     "people": fit_people,
     "together": fit_together,
 }
-MAY_RISE = ("cut",)  # what is allowed shrinks there
+MAY_RISE = ("cut",)  # blocks that may raise the cost

@@ -1,4 +1,4 @@
-"""What a training run leaves on disk after every block, so that nothing is lost."""
+"""The checkpoint that a training writes after every block, so that it can be continued."""
 
 import hashlib
 import json
@@ -19,35 +19,32 @@ from workbench.reading.damage import taken_for
 from workbench.reading.expected import doubles, nothing_else, optional, read_expected, texts
 from workbench.reading.facts import amount, facts, facts_in, number
 from workbench.training.estimate import Estimate
+from workbench.training.progress import LogEntry
 from workbench.training.registrations import FARTHEST, Registrations, batches
 from workbench.writing import replacing
 
+VERSION = "2:"  # of fingerprints
 FILE, FACTS = "checkpoint.npz", "said"
 SHARES = ("weights", "regressor")  # the arrays whose rows sum to one
 REMOVE = "remove it to start anew, or choose another folder"
 
 
-@dataclass(frozen=True)
-class Entry:
-    """One block that has run."""
-
-    block: str
-    before: dict[str, float]  # costs by term
-    after: dict[str, float]
-    facts: dict[str, float]
-    seconds: float
-
-
 @dataclass(frozen=True, eq=False)
 class Checkpoint:
-    """Where a run is."""
+    """The state of a training after a block.
+
+    Attributes:
+        estimate: what was found so far.
+        log: the blocks that have run.
+        fingerprint: identifies the training, see `fingerprint`.
+    """
 
     estimate: Estimate
-    log: tuple[Entry, ...]
+    log: tuple[LogEntry, ...]
     fingerprint: str
 
     def save(self, folder: Path) -> None:
-        """Whole or not at all."""
+        """Write the file in `folder`, completely or not at all."""
         said = {
             "fingerprint": self.fingerprint,
             "parents": list(self.estimate.parents),
@@ -61,19 +58,23 @@ class Checkpoint:
 def read_checkpoint(
     folder: Path, fingerprint: str, first: Estimate, blocks: Sequence[str]
 ) -> Checkpoint | None:
-    """What an earlier run left, or None if there is no file.
+    """The checkpoint of an earlier run in `folder`, or None if there is no file.
 
-    `first` is the estimate that the run began with, whose sizes and tree an estimate keeps;
-    `blocks` are those of its plan, in order. Raises BadFile if the file was another training's,
-    or is damaged.
+    `first` is the estimate that the run began with, whose sizes and tree do not change; `blocks`
+    are those of its plan, in order. Raises BadFile if the file belongs to another training, was
+    written by another version, or is damaged.
     """
     path = folder / FILE
     if not path.exists():
         return None
     with taken_for(path, "checkpoint of this training", REMOVE), open_arrays(path) as archive:
         said = facts_in(read_expected(archive, {FACTS: texts()})[FACTS])
-        if said.text("fingerprint") != fingerprint:
-            raise BadFile("it is of other registrations, another start or another plan")
+        if (told := said.text("fingerprint")) != fingerprint:
+            raise BadFile(
+                "it is of other registrations, another start or another plan"
+                if told.startswith(VERSION)
+                else "another version of the workbench wrote it, which cannot be continued"
+            )
         if said.several("parents", lambda parent, _: parent) != first.parents:
             raise BadFile(f"its tree has the parents {shown(said.told['parents'])}")
         log = said.several("log", _entry)
@@ -97,10 +98,10 @@ def read_checkpoint(
     return Checkpoint(estimate, log, fingerprint)
 
 
-def _entry(given: object, name: str) -> Entry:
-    """An entry of the log; raises BadFile if it is something else."""
+def _entry(given: object, name: str) -> LogEntry:
+    """An entry of the log. Raises BadFile if it is none."""
     told = facts(given, name)
-    found = Entry(
+    found = LogEntry(
         block=told.text("block"),
         before=told.named("before", amount),
         after=told.named("after", amount),
@@ -115,13 +116,18 @@ def _entry(given: object, name: str) -> Entry:
 
 
 def fingerprint(
-    registrations: Registrations, first: Estimate, plan: object, *fixed: NDArray[Any]
+    registrations: Registrations, first: Estimate, settings: object, *fixed: NDArray[Any]
 ) -> str:
-    """The same for the same training: a digest of all that goes in, `fixed` being what stays."""
-    digest = hashlib.sha256(repr((plan, first.parents)).encode())
+    """A digest of all that determines a training, which is the same for the same training.
+
+    `first` is the estimate that it begins with; `settings` is a text, or a tuple of numbers and
+    texts as `dataclasses.astuple` makes it, so that no name of a class is in the digest; `fixed`
+    are further arrays.
+    """
+    digest = hashlib.sha256(repr((settings, first.parents)).encode())
     for array in (*first.arrays().values(), *fixed):
         digest.update(np.ascontiguousarray(array).tobytes())
     for batch in batches(registrations):
-        for array in (batch.vertices, batch.seen, batch.subject):
+        for array in (batch.vertices, batch.confidence, batch.subject):
             digest.update(np.ascontiguousarray(array).tobytes())
-    return digest.hexdigest()
+    return VERSION + digest.hexdigest()

@@ -1,7 +1,7 @@
 """Conjugate gradients within a trust region, on named arrays.
 
-Steihaug (1983): the step grows with every iteration, and stops where it leaves the region, where
-it is small against what the system asks for, or where the arithmetic has no more digits.
+The step grows with every iteration (Steihaug 1983). It ends where it leaves the region, where the
+residual is small enough, or where rounding leaves no curvature.
 """
 
 from collections.abc import Callable
@@ -17,13 +17,21 @@ Operator = Callable[[Change], Change]
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """A step, its length in the preconditioner's norm, and the fall of the cost it predicts."""
+    """A step of conjugate gradients.
+
+    Attributes:
+        change: the change of each name.
+        length: in the norm of the preconditioner.
+        predicted: the decrease of the cost that the linear model predicts.
+        iterations: how many products it took.
+        inside: whether it is shorter than the trust region's radius.
+    """
 
     change: Change
     length: float
     predicted: float
     iterations: int
-    inside: bool  # of the trust region
+    inside: bool
 
 
 def solve(
@@ -35,7 +43,10 @@ def solve(
     tolerance: float = 1e-10,
     most: int = 500,
 ) -> Step:
-    """The step that lowers -slope . x + x . A x / 2; `tolerance` is on |r| / |slope|."""
+    """The step x that minimises -slope . x + x . A x / 2 within the radius.
+
+    `tolerance` is on |r| / |slope| in the norm of the preconditioner, `most` on the iterations.
+    """
     x = {name: np.zeros_like(g) for name, g in slope.items()}
     r = slope
     z = preconditioned(r)
@@ -67,10 +78,10 @@ def solve(
 
 
 def dot(a: Change, b: Change) -> float:
-    """The sum of all products."""
+    """The inner product of two changes."""
     return sum(float(np.vdot(a[name], b[name])) for name in a)
 
 
 def plus(a: Change, b: Change, share: float) -> Change:
-    """a + share b."""
+    """The change a + share b."""
     return {name: a[name] + share * b[name] for name in a}

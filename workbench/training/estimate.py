@@ -1,82 +1,105 @@
-"""What training finds, and how far from ordinary each of its terms may be."""
+"""The unknowns of training, and the standard deviation of each of its terms."""
 
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from math import inf
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from workbench.training.posing import Posing
+from workbench.arrays import Array
+from workbench.bodies.forward.kinematics import ancestors
+from workbench.bodies.forward.posing import Posing
 
-Array = NDArray[np.float64]
 Change = dict[str, Array]
 NAMES = ("templates", "posedirs", "joints", "poses", "weights")
 
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """S subjects in J registrations of N vertices on K joints; F = 9 (K - 1) pose features."""
+    """What training looks for: S subjects in J registrations of N vertices on K joints.
 
-    templates: Array  # (S, N, 3) m: each subject at rest
-    joints: Array  # (S, K, 3) m: each subject's joints at rest
-    posedirs: Array  # (N, 3, F) m per unit of pose feature
-    weights: Array  # (N, K), rows sum to one
-    poses: Array  # (J, K, 3) rad
+    There are F = 9 (K - 1) pose features.
+
+    Attributes:
+        templates: (S, N, 3) in metres, each subject at rest.
+        joints: (S, K, 3) in metres, each subject's joints at rest.
+        posedirs: (N, 3, F) in metres per unit of pose feature.
+        weights: (N, K) skinning weights; rows sum to one.
+        poses: (J, K, 3) in radians, the pose of each registration.
+        parents: the tree of the joints.
+        regressor: (K, N) joints from templates; None until it is learned.
+    """
+
+    templates: Array
+    joints: Array
+    posedirs: Array
+    weights: Array
+    poses: Array
     parents: tuple[int, ...]
-    regressor: csr_array | None = None  # (K, N): joints from templates, once it is learned
+    regressor: csr_array | None = None
 
     @cached_property
     def posing(self) -> Posing:
-        """The rotations of every registration."""
+        """The joints' rotations in every registration."""
         return Posing.of(self.poses, self.parents)
 
+    @cached_property
+    def subtree_weights(self) -> Array:
+        """Each vertex's weight at or below each joint, (N, K)."""
+        return self.weights @ ancestors(self.parents)
+
     def moved(self, change: Change, share: float = 1.0) -> "Estimate":
-        """After a step; poses are turned, everything else is added."""
+        """The estimate after a share of a step; poses are turned, everything else is added."""
         found = {n: getattr(self, n) + share * d for n, d in change.items() if n != "poses"}
         if "poses" in change:
             found["poses"] = self.posing.turned(share * change["poses"]).poses
         return replace(self, **found)
 
     def zero_change(self, names: tuple[str, ...]) -> Change:
-        """No step."""
+        """A step of length zero in these names."""
         return {name: np.zeros_like(getattr(self, name)) for name in names}
 
     def arrays(self) -> dict[str, Array]:
-        """By name, as a checkpoint stores them."""
+        """The arrays by name, as a checkpoint stores them."""
         found = {name: getattr(self, name) for name in NAMES}
         return found if self.regressor is None else found | {"regressor": self.regressor.toarray()}
 
 
 @dataclass(frozen=True)
 class Sigmas:
-    """What is ordinary in each term; infinite switches a term off.
+    """The standard deviation that each term expects; infinity switches a term off.
 
-    The lectures' weights are ratios of variances: lambda_P = (data / posedirs)^2 and so on, so
-    that E = E_D + lambda_Y E_Y + lambda_J E_J + lambda_P E_P + lambda_W E_W is 2 data^2 times
+    The weights of the lectures are ratios of variances: lambda_P = (data / posedirs)^2 and so on,
+    so that E = E_D + lambda_Y E_Y + lambda_J E_J + lambda_P E_P + lambda_W E_W is 2 data^2 times
     the cost.
+
+    Attributes:
+        data: in metres (E_D), of a registration from the model.
+        symmetry: in metres (E_Y), of a template from its mirror image.
+        joint_symmetry: in metres (E_Y), of the joints from their mirror image.
+        rings: in metres (E_J), of the joints from the mean of the ring of vertices around them,
+            and from the regressor once it is learned.
+        posedirs: in metres per unit of pose feature (E_P), of posedirs from zero.
+        weights: of the weights from the initial ones (E_W).
+        subjects: in metres (E_T), of a subject's template from the first template.
     """
 
-    data: float = 0.002  # m, E_D: a registration from the model
-    symmetry: float = 0.01  # m, E_Y: a template from its mirror image
-    joint_symmetry: float = 0.01  # m, E_Y: joints from theirs
-    rings: float = 0.01  # m, E_J: joints from the middle of their ring of vertices, later regressed
-    posedirs: float = 0.01  # m per unit of feature, E_P: about zero
-    weights: float = 0.3  # E_W: about the initial ones
-    subjects: float = 0.03  # m, E_T: a template from the first one
+    data: float = 0.002
+    symmetry: float = 0.01
+    joint_symmetry: float = 0.01
+    rings: float = 0.01
+    posedirs: float = 0.01
+    weights: float = 0.3
+    subjects: float = 0.03
 
     @property
     def lambdas(self) -> dict[str, float]:
-        """The lectures' weights."""
-        names = (f.name for f in fields(self) if f.name != "data")
-        return {name: (self.data / getattr(self, name)) ** 2 for name in names}
+        """The weights of the lectures, by term."""
+        return {name: (self.data / getattr(self, name)) ** 2 for name in TERMS}
 
     def loosened(self, factor: float) -> "Sigmas":
-        """Every term but the data's this many times as loose."""
-        names = [f.name for f in fields(self) if f.name != "data"]
-        return replace(self, **{name: factor * getattr(self, name) for name in names})
+        """Every sigma but the data's multiplied by a factor."""
+        return replace(self, **{name: factor * getattr(self, name) for name in TERMS})
 
 
 TERMS = tuple(f.name for f in fields(Sigmas) if f.name != "data")
-NO_TERMS = dict.fromkeys(TERMS, inf)

@@ -1,30 +1,29 @@
-"""What training starts from: a template cut into segments, and what follows from that alone."""
+"""What training starts from: a template that is divided into segments."""
 
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from workbench.arrays import Array, Index
 from workbench.bodies import SkinnedBody
 from workbench.bodies.catalogue import load_skinned
 from workbench.bodies.validation import check_tree
 from workbench.errors import BadBody, BadFile
+from workbench.geometry.mesh_graph import find_mirror, heat
+from workbench.geometry.mirror import Mirror, opposite, opposites
+from workbench.geometry.solids import mesh_edges
 from workbench.homes import expanded
 from workbench.reading.archive import open_arrays
 from workbench.reading.damage import taken_for
 from workbench.reading.expected import read_expected, reals, texts, wholes
-from workbench.training.mesh_graph import edges_of, find_mirror, heat
-from workbench.training.mirror import Mirror, opposite, opposites
 from workbench.training.registrations import FARTHEST
 from workbench.writing import replacing
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
-MOST_WEIGHTS = 4  # joints that carry one vertex
-SPREAD = 0.03  # m: how far the border between two segments is blurred
+MOST_WEIGHTS = 4  # joints that move one vertex
+BORDER = 0.03  # m: the width of the blurred border between two segments
 EXPECTED = {
     "template": reals("N", 3),
     "faces": wholes("F", 3),
@@ -36,13 +35,21 @@ EXPECTED = {
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """A template, its tree, and the joint that carries each vertex. Raises BadBody."""
+    """A template, the tree of its joints, and its segments. Raises BadBody.
 
-    template: Array  # (N, 3) m, y up, facing +z, left = +x
-    faces: Index  # (F, 3)
+    Attributes:
+        template: (N, 3) in metres, y up, facing +z, left = +x.
+        faces: (F, 3) the triangles.
+        parents: the parent of each of K joints.
+        joint_names: their names.
+        segmentation: (N,) the number of the joint that moves each vertex most.
+    """
+
+    template: Array
+    faces: Index
     parents: tuple[int, ...]
     joint_names: tuple[str, ...]
-    segmentation: Index  # (N,): a joint's number for each vertex
+    segmentation: Index
 
     def __post_init__(self) -> None:
         check_tree(_refuse, self.parents)
@@ -88,9 +95,10 @@ class Start:
 
     @staticmethod
     def of(body: SkinnedBody) -> "Start":
-        """A body's template and tree; each vertex goes with the joint that carries it most.
+        """The start of a body: the segment of a vertex is that of its largest weight.
 
-        A joint that carries no vertex most has the one of which it carries the largest share.
+        A joint that has the largest weight of no vertex gets the vertex where its weight is
+        largest.
         """
         carrier = body.weights.argmax(axis=1)
         for k in set(range(len(body.parents))) - set(carrier.tolist()):
@@ -99,7 +107,7 @@ class Start:
         return Start(body.template, body.faces, body.parents, body.joint_names, carrier)
 
     def mirror(self) -> Mirror | None:
-        """Vertices and joints on the other side; None if no joint has a side.
+        """The vertices and joints on the other side; None if no joint has a side.
 
         Raises NoMirror, or BadBody if a vertex of a left segment lies opposite to another's.
         """
@@ -115,20 +123,23 @@ class Start:
             )
         return mirror
 
-    def weights(self, spread: float = SPREAD) -> Array:
-        """W_I (N, K): the segmentation after heat has spread about so many metres, cut to four."""
+    def weights(self, border: float = BORDER) -> Array:
+        """The initial weights W_I (N, K): the segmentation after heat has diffused `border` metres.
+
+        Each vertex keeps its four largest weights.
+        """
         segments = np.eye(len(self.parents))[self.segmentation]
-        warm = heat(self.template, self.faces, spread).solve(segments)
+        warm = heat(self.template, self.faces, border).solve(segments)
         return at_most(warm.clip(0), MOST_WEIGHTS)
 
     def rings(self) -> csr_array:
-        """Where two segments meet, in the mean: (K, N), the joint's first guess (E_J).
+        """The mean of the vertices where two segments meet, (K, N): a first guess of the joints.
 
-        The root's is the mean of its children's rings; where a segment does not touch its
-        parent's, the vertices of either that are closest to the other's.
+        The root's row is the mean of its children's rows. Where a segment does not touch its
+        parent's, its row has the vertices of either that are closest to the other.
         """
         K, N = len(self.parents), len(self.template)
-        edges = edges_of(self.faces)
+        edges = mesh_edges(self.faces)
         rows = np.zeros((K, N))
         for k, parent in enumerate(self.parents[1:], start=1):
             ends = self.segmentation[edges]
@@ -152,7 +163,7 @@ def _refuse(reason: str) -> NoReturn:
 
 
 def at_most(weights: Array, most: int) -> Array:
-    """The largest shares of each row, summing to one."""
+    """The `most` largest shares of each row, scaled to sum to one."""
     order = np.argsort(-weights, axis=1, kind="stable")[:, :most]
     kept = np.zeros_like(weights)
     np.put_along_axis(kept, order, np.take_along_axis(weights, order, axis=1), axis=1)
@@ -161,7 +172,7 @@ def at_most(weights: Array, most: int) -> Array:
 
 
 def read_start(name: str | Path) -> Start:
-    """The start in an .npz of yours, or that of a body by its name or file.
+    """Read a start from an .npz, or make that of a body from its name or file.
 
     The .npz holds template (N, 3) m, faces (F, 3), parents (K,), joint_names (K,) and
     segmentation (N,). Raises BadFile or BadBody.
@@ -188,7 +199,7 @@ def read_start(name: str | Path) -> Start:
 
 
 def write_start(start: Start, path: Path) -> None:
-    """As `read_start` reads it."""
+    """Write a start as an .npz that `read_start` reads."""
     with replacing(path) as temporary, temporary.open("wb") as file:
         np.savez_compressed(
             file,

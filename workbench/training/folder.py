@@ -1,13 +1,14 @@
-"""A folder of a user's own registrations, with a table of whose they are.
+"""A folder of registrations, with a table of their subjects.
 
     registrations.csv    file,subject[,gender][,set]
     walk_001.ply         a mesh (.obj, .ply, .off, .glb) in metres, vertices in one order
-    jump.npz             vertices (N, 3) m, and maybe faces (F, 3) and seen (N,) from 0 to 1
+    jump.npz             vertices (N, 3) m, and optionally faces (F, 3) and seen (N,), the
+                         confidence of each vertex from 0 to 1
     many.npy#17          row 17 of a stack (J, N, 3) m, which is read a few at a time
 
 `gender` is female, male or neutral; `set` is poses (some people, many poses each) or shapes (many
 people, about one pose). Other columns are refused; other arrays of an .npz are not read.
-Everything is looked at before any work begins.
+All files are checked before any work begins.
 """
 
 import csv
@@ -21,21 +22,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.arrays import Array, Index
 from workbench.errors import BadFile, WorkbenchError, listed, shown, some
 from workbench.geometry.meshes import READERS, REGISTERED, read_registered, same_faces
+from workbench.geometry.solids import volume
 from workbench.reading.archive import open_arrays
 from workbench.reading.damage import taken_for
 from workbench.reading.expected import any_reals, optional, read_expected, wholes
 from workbench.reading.npy import mapped_array, widened
-from workbench.training.mesh_graph import signed_volume
 from workbench.training.registrations import FARTHEST, Batch
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 TABLE = "registrations.csv"
 GENDERS, SETS = ("female", "male", "neutral"), ("poses", "shapes")
-LARGEST, SMALLEST = 10.0, 0.02  # m across: no body that registers with millimetres is as large
-UNLIKE = 3.0  # times as large as most of the others
+LARGEST, SMALLEST = 10.0, 0.02  # m across: larger or smaller bodies are in another unit
+UNLIKE = 3.0  # how many times larger or smaller than most others a mesh may be
 COLUMNS = ("file", "subject", "gender", "set")
 MOST_TOLD = 10  # bad files in one message
 LONGEST = 300  # letters of a file's or a subject's name: file systems take 255
@@ -43,7 +43,14 @@ LONGEST = 300  # letters of a file's or a subject's name: file systems take 255
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the table."""
+    """One line of the table.
+
+    Attributes:
+        file: the name of the mesh's file, with `#` and a row for a stack.
+        subject: the name of the person.
+        gender: one of `GENDERS`.
+        set: one of `SETS`.
+    """
 
     file: str
     subject: str
@@ -53,53 +60,59 @@ class Row:
 
 @dataclass(frozen=True, eq=False)
 class FolderRegistrations:
-    """Rows of the table, read as they are asked for."""
+    """The registrations of a folder, which are read when they are needed.
+
+    Attributes:
+        folder: where the files are.
+        rows: the lines of the table.
+        n_vertices: the number of vertices of each mesh.
+        faces: (F, 3) those of the topology, which meshes with faces are compared with.
+    """
 
     folder: Path
     rows: tuple[Row, ...]
     n_vertices: int
-    faces: Index | None  # of the body that they register, to be compared with the meshes'
+    faces: Index | None
 
     @cached_property
     def subjects(self) -> tuple[str, ...]:
-        """The people, in the order in which they come first."""
+        """The names of the subjects, in the order of their first rows."""
         return tuple(dict.fromkeys(row.subject for row in self.rows))
 
     @cached_property
     def subject(self) -> Index:
-        """Whose each is, (J,)."""
+        """The number of each registration's subject, (J,)."""
         number = {name: s for s, name in enumerate(self.subjects)}
         return np.array([number[row.subject] for row in self.rows], dtype=np.int64)
 
     def only(self, set: str, gender: str | None = None) -> "FolderRegistrations":
-        """Those of one set, and of one gender."""
+        """The registrations of one set and, if given, of one gender."""
         rows = (r for r in self.rows if r.set == set and gender in (None, r.gender))
         return FolderRegistrations(self.folder, tuple(rows), self.n_vertices, self.faces)
 
     def read(self, some: slice) -> Batch:
-        """From their files; raises BadFile."""
-        read = [self.one(row) for row in self.rows[some]]
-        vertices = np.stack([v for v, _ in read])
-        return Batch(some, self.subject[some], vertices, np.stack([seen for _, seen in read]))
+        """The registrations of these rows, read from their files. Raises BadFile."""
+        vertices, confidence = zip(*(self.one(row) for row in self.rows[some]), strict=True)
+        return Batch(some, self.subject[some], np.stack(vertices), np.stack(confidence))
 
     def one(self, row: Row) -> tuple[Array, Array]:
-        """Vertices (N, 3) m and their trust (N,)."""
+        """The vertices (N, 3) m of a row, and their confidence (N,)."""
         name, _, number = row.file.partition("#")
         path = self.folder / name
         suffix = path.suffix.lower()
-        seen, faces = np.ones(self.n_vertices), None
+        confidence, faces = np.ones(self.n_vertices), None
         if suffix == ".npy":
             vertices = _from_stack(path, number, self.n_vertices)
         elif suffix == ".npz":
             with taken_for(row.file, "registration", "repair it, or leave it out of the table"):
                 arrays = self._arrays(path)
             vertices, faces = arrays["vertices"], arrays.get("faces")
-            seen = arrays.get("seen", seen)
+            confidence = arrays.get("seen", confidence)
         else:
             mesh = read_registered(path, points_alone=True)
             vertices, faces = mesh.vertices, mesh.faces if len(mesh.faces) else None
-        self._refuse(row, vertices, seen, faces)
-        return vertices, seen
+        self._refuse(row, vertices, confidence, faces)
+        return vertices, confidence
 
     def _arrays(self, path: Path) -> dict[str, NDArray[Any]]:
         with open_arrays(path) as archive:
@@ -112,7 +125,7 @@ class FolderRegistrations:
                 },
             )
 
-    def _refuse(self, row: Row, vertices: Array, seen: Array, faces: Index | None) -> None:
+    def _refuse(self, row: Row, vertices: Array, confidence: Array, faces: Index | None) -> None:
         N = self.n_vertices
         if vertices.shape != (N, 3):
             raise BadFile(
@@ -126,7 +139,8 @@ class FolderRegistrations:
             )
         if (far := float(abs(vertices).max())) > FARTHEST:
             raise BadFile(f"{row.file} reaches {far:.3g} m far; metres are expected")
-        if seen.shape != (N,) or not ((seen >= 0) & (seen <= 1)).all() or not seen.any():
+        within = (confidence >= 0) & (confidence <= 1)
+        if confidence.shape != (N,) or not within.all() or not confidence.any():
             raise BadFile(f"{row.file}: seen must be ({N},) numbers from 0 to 1, not all zero")
         if self.faces is None or faces is None:
             return
@@ -138,7 +152,7 @@ class FolderRegistrations:
 
 
 def open_folder(folder: Path, n_vertices: int, faces: Index) -> FolderRegistrations:
-    """The registrations of a folder, every one of them looked at.
+    """Open a folder of registrations and check every one of them.
 
     Raises BadFile that names what cannot be used and why: another topology, numbers that are not
     finite, a mirrored mesh, another unit than metres.
@@ -149,13 +163,13 @@ def open_folder(folder: Path, n_vertices: int, faces: Index) -> FolderRegistrati
     sizes, volumes = np.full(len(rows), np.nan), np.full(len(rows), np.nan)
     for i, row in enumerate(rows):
         try:
-            vertices, seen = found.one(row)
+            vertices, confidence = found.one(row)
         except (WorkbenchError, OSError, ValueError) as error:
             bad.append(str(error))
             continue
-        there = vertices[seen > 0]
+        there = vertices[confidence > 0]
         sizes[i] = np.linalg.norm(np.ptp(there, axis=0))
-        volumes[i] = signed_volume(vertices, faces)
+        volumes[i] = volume(vertices, faces)
     bad += list(_out_of_size(rows, sizes)) + list(_mirrored(rows, volumes))
     if bad:
         more = f"\nand {len(bad) - MOST_TOLD} more" if len(bad) > MOST_TOLD else ""
@@ -179,8 +193,8 @@ def _out_of_size(rows: tuple[Row, ...], sizes: Array) -> Iterator[str]:
 
 
 def _mirrored(rows: tuple[Row, ...], volumes: Array) -> Iterator[str]:
-    for row, volume in zip(rows, volumes, strict=True):
-        if volume < 0:
+    for row, inside in zip(rows, volumes, strict=True):
+        if inside < 0:
             yield (
                 f"{row.file} is mirrored: its faces look inwards; turn the sign of one coordinate "
                 "back"
@@ -188,7 +202,7 @@ def _mirrored(rows: tuple[Row, ...], volumes: Array) -> Iterator[str]:
 
 
 def read_table(path: Path) -> tuple[Row, ...]:
-    """The subject table. Raises BadFile with the line that cannot be read."""
+    """Read the subject table. Raises BadFile, which names the line that cannot be read."""
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             reader = csv.DictReader(file)
@@ -241,7 +255,7 @@ def _row(path: Path, number: int, line: dict[str, str | None]) -> Row:
 
 
 def _from_stack(path: Path, number: str, n_vertices: int) -> Array:
-    """One mesh of a stack, read from where it lies in the file."""
+    """One mesh of a stack, of which only this part is read."""
     with taken_for(path, "stack of registrations", "save it as float32 or float64 with np.save"):
         stack = mapped_array(path)
         if stack.dtype.kind != "f" or stack.dtype.itemsize not in (4, 8):

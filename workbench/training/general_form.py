@@ -1,8 +1,8 @@
 """Training as one sentence: Phi = argmin over Phi of sum_j min over theta_j, beta_j (lecture 5.1).
 
-Nothing here is new: it is a `Problem` in which the body's own arrays are free as well. For a tiny
-body it can be solved, differentiated and diagnosed as it stands; `blocks` does the same for a
-body of thousands of vertices, whose Jacobian nobody could store.
+This is a `Problem` in which the body's own arrays are free as well. For a tiny body it can be
+solved, differentiated and diagnosed as it is; `blocks` does the same for a body of thousands of
+vertices, whose Jacobian is too large to store.
 """
 
 from collections.abc import Sequence
@@ -10,20 +10,25 @@ from dataclasses import dataclass
 from math import isfinite
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.problem import Problem
 from workbench.residuals import gaussian, vertices
 from workbench.solvers import LevenbergMarquardt, Solver
 
-Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True, eq=False)
 class GeneralForm:
-    """The problem over Phi and everybody's theta, beta; `shared` names Phi, `own` the others."""
+    """The problem over Phi and everybody's theta and beta.
+
+    Attributes:
+        problem: in which all are free.
+        start: a value of each name.
+        shared: the names of Phi.
+        own: the names of everybody's theta, beta and trans.
+    """
 
     problem: Problem
     start: Values
@@ -31,7 +36,7 @@ class GeneralForm:
     own: tuple[str, ...]
 
     def inner(self, values: Values, solver: Solver | None = None) -> Values:
-        """The minimum over theta and beta at fixed Phi, from the given values."""
+        """The minimum over theta and beta at fixed Phi, beginning at the given values."""
         chosen = LevenbergMarquardt(gradient_tolerance=1e-12) if solver is None else solver
         return values | chosen.solve(self.problem.freeing(*self.own), values).values
 
@@ -55,7 +60,7 @@ def general_form(
     sigma: float = 0.002,
     shape_sigma: float = 1.0,
 ) -> GeneralForm:
-    """Meshes (N, 3) m, each of somebody else in another pose, and a body whose arrays are freed.
+    """The general form of meshes (N, 3) m of different people, and a body whose arrays are freed.
 
     Blocks are called `scan 0/pose`, `scan 0/betas`, `scan 0/trans` and so on; betas are ordinary
     at `shape_sigma` standard deviations, infinite for no prior. Raises UnknownName for an array
@@ -83,7 +88,7 @@ def general_form(
 
 
 def gauges(form: GeneralForm, values: Values, n_betas: int) -> dict[str, Values]:
-    """Changes of the names that change no mesh, to first order: what training cannot find out.
+    """Changes of the names that change no mesh to first order, so that training cannot find them.
 
     For a form with `template` free, and maybe `shapedirs`, without a shape prior. Each is a
     direction at `values`, by names; names that it does not move are left out.

@@ -1,23 +1,28 @@
-"""Joints from vertices: shares of few of them, by least squares."""
+"""Joints as weighted means of few vertices, by least squares."""
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from workbench.arrays import Array
 from workbench.training.simplex import kkt_residual, shares_to_zero
 
-Array = NDArray[np.float64]
-FEWEST = 60  # vertices that a joint may be the mean of
+FEWEST = 60  # vertices that a row may use at least
 
 
 @dataclass(frozen=True, eq=False)
 class JointRegressor:
-    """Rows (K, N) of shares; how far the regressed joints are from those asked for; and KKT."""
+    """Joints from vertices.
+
+    Attributes:
+        matrix: (K, N) rows of shares.
+        rms: (K,) in metres, the distance of each regressed joint from the given ones.
+        kkt: the largest residual of the Karush-Kuhn-Tucker conditions.
+    """
 
     matrix: csr_array
-    rms: Array  # (K,) m
+    rms: Array
     kkt: float
 
 

@@ -1,39 +1,38 @@
-"""Gauss and Newton's equations of training, never formed: products and a preconditioner.
+"""The normal equations of training, which are never formed: products and a preconditioner.
 
-A `Linearization` stores its Jacobian, and `LevenbergMarquardt` factorizes J'J. Here the poses meet
-every number of every vertex, so that the factors fill in: their size grows with vertices times
-registrations, where a product needs one piece of the registrations at a time.
+A `Linearization` stores its Jacobian, and `LevenbergMarquardt` factorizes J'J. In training every
+pose is coupled with every number of every vertex, so the factors fill in: their size grows with
+vertices times registrations. A product needs one piece of the registrations at a time.
 """
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
+from workbench.arrays import Array, Mask
+from workbench.bodies.forward.posing import crossed
 from workbench.training.estimate import Change, Estimate
-from workbench.training.lanes import in_lanes
-from workbench.training.noticing import ByPattern
+from workbench.training.locality import MaskedCholesky
 from workbench.training.objective import Objective, centred
-from workbench.training.posing import crossed
-from workbench.training.registrations import Batch, pieces
+from workbench.training.registrations import Batch, halves, pieces
 from workbench.training.skinning_pass import SkinningPass
 from workbench.training.weight_grams import weight_grams
 
-Array = NDArray[np.float64]
 Passed = tuple[Batch, SkinningPass]
-KEPT_BYTES = 2**32  # of what is kept between products: it is computed anew where there is more
+KEPT_BYTES = 2**32  # kept between products; where more would be needed, it is computed anew
 BYTES_EACH = 160  # of a vertex in a pose: its blended rotation, place at rest, target
 RIDGE = 1e-10  # of the mean diagonal, so that a block that nothing is known of has an inverse
 
 
 @dataclass(frozen=True, eq=False)
 class NormalEquations:
-    """(J'J) step = slope for the named parts of an estimate, one pass over the data a product.
+    """(J'J) step = slope for the named parts of an estimate; each product passes over the data.
 
-    Weights move within their support, their sum kept.
+    Weights change only where they are above zero, and their sums stay one.
     """
 
     objective: Objective
@@ -41,7 +40,7 @@ class NormalEquations:
     names: tuple[str, ...]
 
     @cached_property
-    def support(self) -> NDArray[np.bool_]:
+    def support(self) -> Mask:
         """Where weights may change, (N, K)."""
         return self.estimate.weights > 0
 
@@ -50,51 +49,57 @@ class NormalEquations:
         """Minus the gradient of the cost."""
         found = self.objective.prior_slope(self.estimate, self.names)
 
-        def lane(some: Sequence[slice]) -> Change:
+        def of_data(some: Sequence[slice]) -> Change:
             data = self.estimate.zero_change(self.names)
             for passed, pull, _ in self.objective.residuals(self.estimate, some):
                 passed.adjoint(pull, data)
             return data
 
-        return self._sum(found, in_lanes(lane, pieces(self.objective.registrations)))
+        with ThreadPoolExecutor() as threads:
+            data = list(threads.map(of_data, halves(pieces(self.objective.registrations))))
+        return self._sum(found, data)
 
     def product(self, change: Change) -> Change:
         """J'J times a change."""
 
-        def lane(passes: Sequence[Callable[[], Passed]]) -> Change:
+        def of_data(passes: Sequence[Callable[[], Passed]]) -> Change:
             data = self.estimate.zero_change(self.names)
             for one in passes:
                 batch, passed = one()
                 moved, _ = centred(batch, passed.tangent(change))
-                passed.adjoint(batch.seen[..., None] * moved, data)
+                passed.adjoint(batch.confidence[..., None] * moved, data)
             return data
 
-        data = in_lanes(lane, self._passes)
+        with ThreadPoolExecutor() as threads:
+            data = list(threads.map(of_data, halves(self._passes)))
         return self._sum(self.objective.prior_curvature(self.estimate, change), data)
 
     def _passed(self, some: slice) -> Passed:
         batch = self.objective.registrations.read(some)
-        return batch, SkinningPass(self.estimate, some, batch.subject)
+        return batch, SkinningPass.of(self.estimate, some, batch.subject)
 
     @cached_property
     def _passes(self) -> list[Callable[[], Passed]]:
-        """How to come by each pass: kept with what it computed if they are few, else anew."""
+        """A function for each pass, which returns it from memory or, if there are many, anew."""
         source = self.objective.registrations
         anew = [partial(self._passed, some) for some in pieces(source)]
         small = len(source.subject) * source.n_vertices * BYTES_EACH < KEPT_BYTES
         return [partial(_given, one()) for one in anew] if small else list(anew)
 
-    def _sum(self, prior: Change, lanes: list[Change]) -> Change:
+    def _sum(self, prior: Change, of_data: list[Change]) -> Change:
         scale = self.objective.sigmas.data**-2
-        found = {name: prior[name] + scale * sum(d[name] for d in lanes) for name in self.names}
+        found = {name: prior[name] + scale * sum(d[name] for d in of_data) for name in self.names}
         if "weights" in found:
             found["weights"] = within(found["weights"], self.support)
-        if "posedirs" in found and self.objective.noticed is not None:
-            found["posedirs"] *= self.objective.noticed[:, None]
+        if "posedirs" in found and self.objective.locality is not None:
+            found["posedirs"] *= self.objective.locality[:, None]
         return found
 
     def preconditioned(self, change: Change) -> Change:
-        """About the inverse of J'J: exact where blending keeps lengths and parts are apart."""
+        """Approximately the inverse of J'J times a change.
+
+        It would be exact if blended rotations were rotations, and if the names were independent.
+        """
         found: Change = {}
         if {"templates", "posedirs"} & set(self.names):
             found |= self._surfaces(change)
@@ -118,7 +123,7 @@ class NormalEquations:
     def _surfaces(self, change: Change) -> Change:
         """Templates and posedirs: one matrix for all coordinates of all vertices.
 
-        A vertex and its mirror image are taken apart into what they agree in and what not.
+        Each vertex and its mirror image are split into their symmetric and antisymmetric parts.
         """
         both = []
         if "templates" in self.names:
@@ -127,8 +132,8 @@ class NormalEquations:
             both.append(change["posedirs"])
         x = np.concatenate(both, axis=2)
         mirror = self.objective.mirror
-        if self.objective.noticed is not None and "posedirs" in self.names:
-            found = self._by_pattern.solved(x)
+        if self.objective.locality is not None and "posedirs" in self.names:
+            found = self._local_factors.solved(x)
         elif mirror is None or "templates" not in self.names:
             found = _by_cholesky(self._gram_factors[0], x)
         else:
@@ -145,18 +150,18 @@ class NormalEquations:
 
     @cached_property
     def _gram_factors(self) -> tuple[Array, Array]:
-        """Without and with E_Y."""
+        """Cholesky factors without and with E_Y."""
         gram, odd = self._grams
         return scipy.linalg.cholesky(gram, lower=True), scipy.linalg.cholesky(odd, lower=True)
 
     @cached_property
-    def _by_pattern(self) -> ByPattern:
-        """Of the few features that each vertex notices, E_Y's halves taken alike."""
-        own = self.objective.noticed
-        assert own is not None  # else nothing is by pattern
+    def _local_factors(self) -> MaskedCholesky:
+        """Where posedirs are local: one factor for each set of features, E_Y being averaged."""
+        own = self.objective.locality
+        assert own is not None  # or nobody asks for these factors
         if "templates" in self.names:
             own = np.concatenate([np.ones((len(own), len(self.estimate.templates)), bool), own], 1)
-        return ByPattern.of(np.mean(self._grams, axis=0), own)
+        return MaskedCholesky.of(np.mean(self._grams, axis=0), own)
 
     @cached_property
     def _grams(self) -> tuple[Array, Array]:
@@ -180,11 +185,10 @@ class NormalEquations:
 
     @cached_property
     def _joint_blocks(self) -> Array:
-        """(S, 3 K, 3 K), inverted."""
+        """The inverse blocks of the joints, (S, 3 K, 3 K)."""
         S, K = self.estimate.joints.shape[:2]
         s = self.objective.sigmas
-        carried = SkinningPass(self.estimate, slice(0), np.zeros(0, np.int64)).carried
-        away = carried - carried.mean(axis=0)
+        away = self._subtree_weights
         D = self.estimate.posing.levers  # (J, K, 3, 3)
         counts = np.bincount(self.objective.registrations.subject)
         blocks = np.zeros((S, 3 * K, 3 * K))
@@ -200,23 +204,28 @@ class NormalEquations:
         if self.objective.mirror is not None:
             held += 2 / s.joint_symmetry**2
         inverses = _inverses(blocks + held * np.eye(3 * K))
-        if not held:  # about which point the root turns, no registration shows: it stays
+        if not held:  # no registration shows about which point the root turns, so it stays
             inverses[:, :3] = inverses[:, :, :3] = 0
         return inverses
 
     @cached_property
-    def _answers(self) -> Array | None:
-        """What a template does (S, 3 N, 3 K), less its sign, where its joints move: the least.
+    def _subtree_weights(self) -> Array:
+        """Each vertex's weight at or below each joint, less the mean over vertices, (N, K)."""
+        weights = self.estimate.subtree_weights
+        return np.asarray(weights - weights.mean(axis=0))
 
-        Skinning shifts vertex i by sum_m c_im D_m j_m, and M_i t_i can make up for it; the best t
-        over a subject's n registrations is the mean of M_i' sum_m c_im D_m j_m, M being nearly a
-        rotation. Without this joints and templates would have to be found in turn.
+    @cached_property
+    def _answers(self) -> Array | None:
+        """How a template answers best when its joints move, (S, 3 N, 3 K), with opposite sign.
+
+        Skinning shifts vertex i by sum_m c_im D_m j_m, and M_i t_i can compensate for that. The
+        best t over a subject's n registrations is the mean of M_i' sum_m c_im D_m j_m, as M is
+        nearly a rotation. Without this, joints and templates could only be found in turn.
         """
         if not {"templates", "joints"} <= set(self.names):
             return None
         W, subject = self.estimate.weights, self.objective.registrations.subject
-        carried = SkinningPass(self.estimate, slice(0), np.zeros(0, np.int64)).carried
-        away = carried - carried.mean(axis=0)
+        away = self._subtree_weights
         (N, K), S = W.shape, len(self.estimate.templates)
         found = np.empty((S, N, 3, K, 3))
         D, R = self.estimate.posing.levers, self.estimate.posing.world
@@ -228,28 +237,31 @@ class NormalEquations:
 
     @cached_property
     def _pose_blocks(self) -> Array:
-        """(J, 3 K, 3 K), inverted: what small turns do."""
+        """The inverse blocks of the poses, for small turns of each joint, (J, 3 K, 3 K)."""
         J, K, _ = self.estimate.poses.shape
         blocks = np.empty((J, 3 * K, 3 * K))
 
-        def lane(some_of: Sequence[slice]) -> None:
+        def fill(some_of: Sequence[slice]) -> None:
             for some in some_of:
                 batch = self.objective.registrations.read(some)
                 for j in range(len(batch.subject)):
                     at = batch.some.start + j
-                    one = SkinningPass(self.estimate, slice(at, at + 1), batch.subject[j : j + 1])
+                    one = SkinningPass.of(
+                        self.estimate, slice(at, at + 1), batch.subject[j : j + 1]
+                    )
                     turns = -crossed(one.arms()[0]) @ one.posing.above[0]  # (N, K, 3, 3)
                     turns[:, 1:] += one.bulging()[0]
-                    turns -= np.average(turns, axis=0, weights=batch.seen[j])
+                    turns -= np.average(turns, axis=0, weights=batch.confidence[j])
                     rows = turns.transpose(0, 2, 1, 3).reshape(-1, 3 * K)
-                    blocks[at] = rows.T @ (np.repeat(batch.seen[j], 3)[:, None] * rows)
+                    blocks[at] = rows.T @ (np.repeat(batch.confidence[j], 3)[:, None] * rows)
 
-        in_lanes(lane, pieces(self.objective.registrations))
+        with ThreadPoolExecutor() as threads:
+            list(threads.map(fill, halves(pieces(self.objective.registrations))))
         return _inverses(blocks / self.objective.sigmas.data**2)
 
     @cached_property
     def _weight_blocks(self) -> Array:
-        """(N, K, K), inverted within the support and the sum."""
+        """The inverse blocks of the weights, (N, K, K), within their support and sum."""
         grams = weight_grams(self.objective, self.estimate)[0]
         grams += np.eye(grams.shape[1]) / self.objective.sigmas.weights**2
         inverses = np.zeros_like(grams)
@@ -265,8 +277,8 @@ def _given(passed: Passed) -> Passed:
     return passed
 
 
-def within(weights: Array, support: NDArray[np.bool_]) -> Array:
-    """A change of weights (N, K) within its support, keeping the sum."""
+def within(weights: Array, support: Mask) -> Array:
+    """The change of weights (N, K) projected on its support and on row sums of zero."""
     kept = np.where(support, weights, 0.0)
     return np.where(
         support, kept - kept.sum(axis=1, keepdims=True) / support.sum(axis=1, keepdims=True), 0.0

@@ -1,47 +1,52 @@
-"""E = E_D + E_Y + E_J + E_P + E_W + E_T as half a sum of whitened squares, each with its sigma.
+"""The cost of training: E_D + E_Y + E_J + E_P + E_W + E_T, each half a sum of whitened squares.
 
-E_T is not in the lectures: templates stay about the first one. Without it nothing says which pose
-is zero, and each subject finds one of its own that is bent towards what it was seen in.
+E_T is not in the lectures. It keeps the subjects' templates near the first template. Without it
+nothing says which pose is the zero pose, and each subject finds one of its own that is bent
+towards the poses in which it was scanned.
 
-The translation of a registration is always at its best: E_D is least over it.
+The translation of each registration is always the one that makes E_D least.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from math import inf
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from workbench.arrays import Array, Mask
+from workbench.geometry.mirror import REFLECTION, Mirror
 from workbench.training.estimate import Change, Estimate, Sigmas
-from workbench.training.lanes import in_lanes
-from workbench.training.mirror import REFLECTION, Mirror
-from workbench.training.registrations import Batch, Registrations, pieces
+from workbench.training.registrations import Batch, Registrations, halves, pieces
 from workbench.training.skinning_pass import SkinningPass
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Objective:
-    """What training minimises over an `Estimate`."""
+    """What training minimises over an `Estimate`.
+
+    Attributes:
+        registrations: the data of E_D.
+        rings: (K, N) the first guess of the joints, for E_J; rows sum to one.
+        first_weights: (N, K) the initial skinning weights, for E_W.
+        mirror: the vertices and joints on the other side, for E_Y; None switches E_Y off.
+        sigmas: the standard deviation of each term.
+        template: (N, 3) in metres, the first template, for E_T; None switches E_T off.
+        locality: (N, F) which posedirs may differ from zero; None allows all.
+    """
 
     registrations: Registrations
-    rings: csr_array  # (K, N), rows sum to one: the first guess of the joints, for E_J
-    first_weights: Array  # (N, K): for E_W
-    mirror: Mirror | None  # for E_Y; None: the mesh has no sides
+    rings: csr_array
+    first_weights: Array
+    mirror: Mirror | None
     sigmas: Sigmas
-    template: Array | None = None  # (N, 3) m: for E_T; None: whatever the rest pose is
-    noticed: NDArray[np.bool_] | None = None  # (N, F): what posedirs may be above zero; None: all
-
-    def with_sigmas(self, sigmas: Sigmas) -> "Objective":
-        """The same terms, held otherwise."""
-        return replace(self, sigmas=sigmas)
+    template: Array | None = None
+    locality: Mask | None = None
 
     @property
-    def held_even(self) -> Mirror | None:
-        """The mirror, if templates are held to it at all."""
+    def active_mirror(self) -> Mirror | None:
+        """The mirror, unless the symmetry of templates is switched off."""
         return self.mirror if self.sigmas.symmetry < inf else None
 
     def cost(self, estimate: Estimate) -> float:
@@ -49,7 +54,7 @@ class Objective:
         return sum(self.costs(estimate).values())
 
     def costs(self, estimate: Estimate) -> dict[str, float]:
-        """Half a sum of whitened squares by term: E_D, E_Y, E_J, E_P, E_W, E_T."""
+        """The terms E_D, E_Y, E_J, E_P, E_W and E_T, each half a sum of whitened squares."""
         s = self.sigmas
         found = {"E_D": float(self.by_registration(estimate).sum())}
         found["E_Y"] = 0.0
@@ -66,7 +71,7 @@ class Objective:
         return found
 
     def rms(self, estimate: Estimate) -> float:
-        """Of the residuals behind E_D, per coordinate, m."""
+        """The root mean square of the data's residuals per coordinate, in metres."""
         count = 3 * len(self.registrations.subject) * self.registrations.n_vertices
         return self.sigmas.data * float(np.sqrt(2 * self.by_registration(estimate).sum() / count))
 
@@ -74,25 +79,28 @@ class Objective:
         """E_D of each registration, (J,)."""
         found = np.empty(len(self.registrations.subject))
 
-        def lane(some: Sequence[slice]) -> None:
+        def fill(some: Sequence[slice]) -> None:
             for passed, pull, residual in self.residuals(estimate, some):
                 found[passed.some] = np.einsum("jna,jna->j", pull, residual)
 
-        in_lanes(lane, pieces(self.registrations))
+        with ThreadPoolExecutor() as threads:
+            list(threads.map(fill, halves(pieces(self.registrations))))
         return 0.5 * found / self.sigmas.data**2
 
     def residuals(
         self, estimate: Estimate, some: Sequence[slice] | None = None
     ) -> Iterator[tuple[SkinningPass, Array, Array]]:
-        """Per batch: how it is posed, the trust in each residual times it, and the residual."""
+        """For each batch its pass, the residuals times their confidence, and the residuals
+        (c, N, 3) in metres.
+        """
         for rows in pieces(self.registrations) if some is None else some:
             batch = self.registrations.read(rows)
-            passed = SkinningPass(estimate, batch.some, batch.subject)
+            passed = SkinningPass.of(estimate, batch.some, batch.subject)
             residual, _ = centred(batch, batch.vertices - passed.points)
-            yield passed, batch.seen[..., None] * residual, residual
+            yield passed, batch.confidence[..., None] * residual, residual
 
     def regressor(self, estimate: Estimate) -> csr_array:
-        """What E_J holds joints to, (K, N): what was learned, and the rings until then."""
+        """The regressor (K, N) that E_J compares joints with: the rings until one is learned."""
         return self.rings if estimate.regressor is None else estimate.regressor
 
     def prior_slope(self, estimate: Estimate, names: tuple[str, ...]) -> Change:
@@ -136,7 +144,7 @@ class Objective:
 
 
 def half(residual: Array, sigma: float) -> float:
-    """Half the sum of squares in sigmas."""
+    """Half the sum of squares of residual / sigma."""
     return 0.5 * float(np.vdot(residual, residual)) / sigma**2
 
 
@@ -148,12 +156,12 @@ def regressed(regressor: csr_array, templates: Array) -> Array:
 
 
 def reflected_joints(joints: Array, mirror: Mirror) -> Array:
-    """Joints (..., K, 3) as seen in a mirror."""
+    """The mirror image of joints (..., K, 3)."""
     reflected: Array = joints[..., mirror.joints, :] * REFLECTION
     return reflected
 
 
 def centred(batch: Batch, points: Array) -> tuple[Array, Array]:
-    """Points (c, N, 3) less their mean over what is seen; and that mean (c, 3)."""
-    mean = np.einsum("jn,jna->ja", batch.seen, points) / batch.seen.sum(axis=1)[:, None]
+    """Points (c, N, 3) minus their mean, weighted by confidence; and that mean (c, 3)."""
+    mean = np.einsum("jn,jna->ja", batch.confidence, points) / batch.confidence.sum(axis=1)[:, None]
     return points - mean[:, None], mean

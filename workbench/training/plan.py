@@ -1,43 +1,56 @@
-"""What training does in which order, and how tightly it holds each term meanwhile."""
+"""The plan of a training: which blocks run in which order, and with which sigmas."""
 
 from dataclasses import dataclass, field, replace
 from math import inf
 
-from workbench.training.blocks import Effort
+from workbench.training.blocks import BlockOptions
 from workbench.training.estimate import Sigmas
 from workbench.training.first_guess import MOST_WEIGHTS
 
 NO_LIMIT = 10**6
-# Of registrations with noise: digits beyond the next block's doing are not worth their passes.
-QUICK = Effort(linear_tolerance=1e-4, together_tolerance=0.1, together_steps=3, products=40)
+# For registrations with noise: digits that the next block changes are not worth their passes.
+QUICK = BlockOptions(linear_tolerance=1e-4, together_tolerance=0.1, together_steps=3, products=40)
 ROUND = ("regressor", "surfaces", "poses")
 FREE_ROUND = ("surfaces", "weights", "poses")
 REACH = 2  # bones between a vertex and the farthest joint that its blend shapes follow
-ROUGH, TIED = 2.5, 0.2  # of what is ordinary in E_D at first, and in E_J later
-TO_THE_END = 3000  # products in a step: what the data hardly notice takes that many
-EXACT = 1e-9  # m, rms of E_D: a thousandth of what is asked of the model
+ROUGH, TIED = 2.5, 0.2  # factors on the sigma of E_D at first, and on that of E_J later
+TO_THE_END = 3000  # products in a step: directions that hardly change the data need that many
+EXACT = 1e-9  # m, rms of E_D: a thousandth of the accuracy that the model should have
 
 
 @dataclass(frozen=True)
 class Stage:
-    """Blocks in order, so many times, under these sigmas and with this effort."""
+    """Blocks that are run a number of times, with the same sigmas and options.
+
+    Attributes:
+        sigmas: the standard deviation of each term.
+        blocks: the names of the blocks, in order.
+        rounds: how often they are run.
+        options: when the blocks stop.
+    """
 
     sigmas: Sigmas
     blocks: tuple[str, ...]
     rounds: int = 1
-    effort: Effort = field(default_factory=Effort)
+    options: BlockOptions = field(default_factory=BlockOptions)
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Stages in order."""
+    """Stages in order.
+
+    Attributes:
+        stages: the stages.
+        reach: how many bones away joints may be that bend a vertex, see
+            `locality.local_features`; None allows all joints.
+    """
 
     stages: tuple[Stage, ...]
-    reach: int | None = None  # bones: see noticing.noticed; None: blend shapes of all joints
+    reach: int | None = None
 
     @property
     def steps(self) -> list[tuple[Stage, str]]:
-        """Every block that will run, in order, with the stage that it is in."""
+        """All blocks in the order in which they run, each with its stage."""
         return [
             (stage, block)
             for stage in self.stages
@@ -47,12 +60,13 @@ class Plan:
 
 
 def alternation(sigmas: Sigmas | None = None, rounds: int = 2, reach: int | None = None) -> Plan:
-    """The lectures' alternation, and all names at once near its end.
+    """The alternation of the lectures, with all names at once near its end.
 
-    First templates and joints alone, the data being trusted less: skinning without blend shapes
-    cannot be right to millimetres. Blend shapes come in when poses are near. Then the joints are
-    held to the regressor that a body has in the end, and no longer to their rings; so many
-    rounds of that. Blend shapes follow joints within `reach` bones; as in the paper, all.
+    First only templates and joints are fitted, with a larger sigma of the data: skinning without
+    blend shapes cannot be right to millimetres. Blend shapes are added when poses are nearly
+    right. Then, for a number of rounds, the joints are compared with the regressor that the body
+    will have, and no longer with their rings. A vertex is bent by the joints within `reach`
+    bones; None allows all joints, as in the paper.
     """
     held = Sigmas() if sigmas is None else sigmas
     rough = replace(held, data=ROUGH * held.data)
@@ -70,21 +84,21 @@ def alternation(sigmas: Sigmas | None = None, rounds: int = 2, reach: int | None
 
 
 def annealed(sigmas: Sigmas, factors: tuple[float, ...] = (1.0, 10.0, 1e2, 1e3, inf)) -> Plan:
-    """Every term but E_D loosened to nothing, for registrations without noise.
+    """A plan for registrations without noise, which switches every term but E_D off step by step.
 
-    Each lambda falls with the square of its factor; the end is a fit of the data alone. How
-    many weights a vertex has is limited at the end only: which of them are zero shows by then.
-    Steps are cut short until then, and the last ones are not: joints that hardly any vertex
-    notices come right last.
+    Each lambda falls with the square of its factor; the last stage fits the data alone. Only
+    there the number of weights of a vertex is limited, because by then it is clear which of them
+    are zero. Only the last steps are solved to the end: joints that move few vertices are found
+    last.
     """
-    free = Effort(together_tolerance=1e-3, together_steps=12, most_weights=NO_LIMIT)
+    free = BlockOptions(together_tolerance=1e-3, together_steps=12, most_weights=NO_LIMIT)
     first = Stage(sigmas, FREE_ROUND, 3, free)
-    rest = [Stage(sigmas.loosened(f), ("weights", "together"), effort=free) for f in factors]
+    rest = [Stage(sigmas.loosened(f), ("weights", "together"), options=free) for f in factors]
     limited = replace(free, most_weights=MOST_WEIGHTS, products=TO_THE_END, enough=EXACT)
-    last = Stage(sigmas.loosened(inf), ("cut", "weights", "together"), effort=limited)
+    last = Stage(sigmas.loosened(inf), ("cut", "weights", "together"), options=limited)
     return Plan((first, *rest, last))
 
 
 def without(sigmas: Sigmas, *terms: str) -> Sigmas:
-    """The same with some terms switched off, by the names of their sigmas."""
+    """The sigmas with some terms switched off, given by the names of their sigmas."""
     return replace(sigmas, **dict.fromkeys(terms, inf))

@@ -1,38 +1,38 @@
 """Training of all that has to do with pose: {templates, joints, posedirs, weights, poses}.
 
-From registrations of some people in many poses, by an alternation of blocks (SMPL, section 4.1;
-Body Models II). What was published were the equations; the code was not.
+The input are registrations of some people in many poses; blocks of unknowns are optimised in turn
+(Loper et al., SMPL, section 4.1; the lectures Body Models II). The equations are published, but
+the code is not.
 """
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from functools import partial
 from math import isfinite
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from workbench.arrays import Array
 from workbench.errors import BadFile, WorkbenchError
+from workbench.geometry.mirror import Mirror
 from workbench.threads import limited_threads
-from workbench.training.blocks import BLOCKS, MAY_RISE, Effort
-from workbench.training.checkpoint import Checkpoint, Entry, fingerprint, read_checkpoint
-from workbench.training.crew import Crew, Hands, alone
+from workbench.training.blocks import BLOCKS, MAY_RISE
+from workbench.training.checkpoint import Checkpoint, fingerprint, read_checkpoint
 from workbench.training.estimate import Estimate
+from workbench.training.executor import SERIAL, Execution
 from workbench.training.first_guess import Start
-from workbench.training.mirror import Mirror
-from workbench.training.noticing import noticed
+from workbench.training.locality import local_features
 from workbench.training.objective import Objective
-from workbench.training.plan import Plan
-from workbench.training.poses import Compared, OnEdges, fitted_poses, segments_turned
-from workbench.training.registrations import Batch, Registrations, batches, held
+from workbench.training.plan import Plan, Stage
+from workbench.training.poses import DataTerm, EdgeTerm, fitted_poses, poses_of_segments
+from workbench.training.progress import LogEntry, Progress
+from workbench.training.registrations import Registrations, batches, in_memory
 from workbench.training.rotation_centres import joint_guess, means_at
-from workbench.training.thinning import thinned
+from workbench.training.subsampling import subsample
 from workbench.writing import Keeping
 
-Array = NDArray[np.float64]
 ROUNDING = 1e-9  # of the cost: what a block may add by rounding
 KKT = 1e-8  # the conditions of the weights hold to this
 FIRST_STEPS = 5  # of the first fit of a pose
@@ -44,45 +44,18 @@ class NotLowered(WorkbenchError):
 
 
 @dataclass(frozen=True, eq=False)
-class Progress:
-    """What a run says after a block."""
-
-    number: int  # of this block, from 1
-    of: int
-    entry: Entry
-    seconds_left: float
-
-
-@dataclass(frozen=True, eq=False)
 class PoseModel:
-    """What was found, the objective it was found under, and how."""
+    """The result of pose training.
+
+    Attributes:
+        estimate: what was found.
+        objective: the objective with the sigmas of the last stage.
+        log: the blocks that ran, in order.
+    """
 
     estimate: Estimate
     objective: Objective
-    log: tuple[Entry, ...]
-
-
-class Report(Protocol):
-    """Who is told how a run goes."""
-
-    def block(self, progress: Progress) -> None:
-        """A block has ended."""
-
-    def part(self, doing: str, done: int, of: int) -> None:
-        """One more of many small things, within something long."""
-
-
-class Silent:
-    """Tells nobody."""
-
-    def block(self, progress: Progress) -> None:
-        """Nothing."""
-
-    def part(self, doing: str, done: int, of: int) -> None:
-        """Nothing."""
-
-
-SILENT = Silent()
+    log: tuple[LogEntry, ...]
 
 
 def train_poses(
@@ -91,75 +64,78 @@ def train_poses(
     plan: Plan,
     *,
     folder: Path | None = None,
-    report: Report = SILENT,
-    compared: Compared | None = None,
-    crew: Crew = alone,
-    begun: Estimate | None = None,
-    sides: Mirror | None = None,
+    execution: Execution = SERIAL,
+    data_term: DataTerm | None = None,
+    initial: Estimate | None = None,
+    mirror: Mirror | None = None,
 ) -> PoseModel:
-    """Run a plan, from a start that knows a template, a tree and segments only, or as `begun`.
+    """Run a plan from a template, a tree and segments, or from an `initial` estimate.
 
-    With a `folder` the run is on disk after every block and goes on from there when called
-    again; the end is the same to the last bit. What cannot be written there is told in the log
-    once, and the run goes on. First poses are fitted to edges, or as `compared`
-    says. Raises NotLowered if a block raises the cost: every block is checked as it ends; BadFile
-    if there is no such folder, or it holds another training's checkpoint.
+    With a `folder`, the run is saved there after every block, and continues from there when it is
+    called again; the result is the same to the last bit. If a checkpoint cannot be written, the
+    log warns once and the run continues. The first poses are fitted to edges, or by `data_term`.
+    `mirror` is that of `start` where it is not given.
+
+    Raises NotLowered if a block raises the cost, which is checked after every block, and BadFile
+    if there is no such folder, or it holds a checkpoint of another training.
     """
     if folder is not None and not folder.is_dir():
         raise BadFile(f"cannot keep a checkpoint in {folder}: there is no such folder; make it")
     keep = Keeping()
-    registrations = held(registrations)
+    registrations = in_memory(registrations)
     weights = start.weights()
-    sides = start.mirror() if sides is None else sides
-    if begun is None:
+    mirror = start.mirror() if mirror is None else mirror
+    if initial is None:
         rings = joint_guess(start, weights, registrations)
         first = first_estimate(registrations, start, weights=weights, rings=rings)
     else:
-        rings, first = means_at(start.template, begun.joints.mean(axis=0)), begun
-    near = None if plan.reach is None else noticed(first.weights, start.parents, plan.reach)
-    if near is not None:
-        first = replace(first, posedirs=first.posedirs * near[:, None])
+        rings, first = means_at(start.template, initial.joints.mean(axis=0)), initial
+    locality = None
+    if plan.reach is not None:
+        locality = local_features(first.weights, start.parents, plan.reach)
+        first = replace(first, posedirs=first.posedirs * locality[:, None])
     fixed = [start.template, start.faces, start.segmentation]
-    if sides is not None:
-        fixed += [sides.vertices, sides.joints]
-    mark = fingerprint(registrations, first, plan, *fixed)
+    if mirror is not None:
+        fixed += [mirror.vertices, mirror.joints]
+    identity = fingerprint(registrations, first, astuple(plan), *fixed)
     steps = plan.steps
-    known = read_checkpoint(folder, mark, first, [b for _, b in steps]) if folder else None
+    at = read_checkpoint(folder, identity, first, [b for _, b in steps]) if folder else None
     with limited_threads():
-        if known is None:
-            if begun is None:
-                first = first_poses(first, registrations, start, compared, report, crew)
-            known = Checkpoint(first, (), mark)
+        if at is None:
+            if initial is None:
+                first = first_poses(first, registrations, start, data_term, execution)
+            at = Checkpoint(first, (), identity)
             if folder:
-                keep(partial(known.save, folder))
+                keep(partial(at.save, folder))
         sigmas = steps[0][0].sigmas
-        objective = Objective(registrations, rings, weights, sides, sigmas, start.template, near)
-        began, already = time.perf_counter(), len(known.log)
+        objective = Objective(
+            registrations, rings, weights, mirror, sigmas, start.template, locality
+        )
+        began, already = time.perf_counter(), len(at.log)
         for number in range(already, len(steps)):
             stage, block = steps[number]
-            objective = objective.with_sigmas(stage.sigmas)
-            known = _carried_out(objective, known, block, start, stage.effort, report, crew)
+            objective = replace(objective, sigmas=stage.sigmas)
+            at = _after_block(objective, at, block, start, stage, execution)
             if folder:
-                keep(partial(known.save, folder))
+                keep(partial(at.save, folder))
             each = (time.perf_counter() - began) / (number + 1 - already)
             left = each * (len(steps) - number - 1)
-            report.block(Progress(number + 1, len(steps), known.log[-1], left))
-    return PoseModel(known.estimate, objective.with_sigmas(steps[-1][0].sigmas), known.log)
+            execution.report.block(Progress(number + 1, len(steps), at.log[-1], left))
+    return PoseModel(at.estimate, replace(objective, sigmas=steps[-1][0].sigmas), at.log)
 
 
-def _carried_out(
+def _after_block(
     objective: Objective,
-    known: Checkpoint,
+    at: Checkpoint,
     block: str,
     start: Start,
-    effort: Effort,
-    report: Report,
-    crew: Crew,
+    stage: Stage,
+    execution: Execution,
 ) -> Checkpoint:
     began = time.perf_counter()
-    before = objective.costs(known.estimate)
-    hands = Hands(crew, partial(report.part, block))
-    found = BLOCKS[block](objective, known.estimate, start.faces, effort, hands)
+    before = objective.costs(at.estimate)
+    execution = replace(execution, task=block)
+    found = BLOCKS[block](objective, at.estimate, start.faces, stage.options, execution)
     after = objective.costs(found.estimate)
     total, was = sum(after.values()), sum(before.values())
     lowered = total <= was + ROUNDING * (1 + was) or block in MAY_RISE
@@ -170,14 +146,14 @@ def _carried_out(
             f"block {block!r} left weights with a KKT residual of {found.facts['kkt']:.1e}, "
             f"above {KKT:g}"
         )
-    entry = Entry(block, before, after, found.facts, time.perf_counter() - began)
-    return replace(known, estimate=found.estimate, log=(*known.log, entry))
+    entry = LogEntry(block, before, after, found.facts, time.perf_counter() - began)
+    return replace(at, estimate=found.estimate, log=(*at.log, entry))
 
 
 def first_estimate(
     registrations: Registrations, start: Start, *, weights: Array, rings: csr_array
 ) -> Estimate:
-    """Everybody is the template, unbent."""
+    """The estimate in which every subject is the template, in the zero pose."""
     S = int(registrations.subject.max()) + 1
     K, N = len(start.parents), len(start.template)
     return Estimate(
@@ -194,52 +170,26 @@ def first_poses(
     first: Estimate,
     registrations: Registrations,
     start: Start,
-    compared: Compared | None = None,
-    report: Report = SILENT,
-    crew: Crew = alone,
+    data_term: DataTerm | None = None,
+    execution: Execution = SERIAL,
 ) -> Estimate:
-    """Poses by turning each segment onto its vertices, then on edges, the template being alike.
+    """Poses by turning each segment onto its vertices, then by fitting edges of the template.
 
-    Edges do not say where the body stands, and tell a bent knee from a long shin better than
+    Edges ignore where the body stands, and distinguish a bent knee from a long shin better than
     vertices do.
     """
-    few = thinned(start.template, start.faces)
+    few = subsample(start.template, start.faces)
     registrations, sparse = few.registrations(registrations), few.estimate(first)
     poses = first.poses.copy()
+    template, weights = start.template[few.vertices], sparse.weights
     for batch in batches(registrations):
-        for at in range(len(batch.subject)):
-            poses[batch.some.start + at] = segments_turned(
-                start.template[few.vertices],
-                sparse.weights,
-                start.parents,
-                batch.vertices[at],
-                batch.seen[at],
-            )
-    data = OnEdges(few.faces) if compared is None else compared.on(few.faces)
-    one = replace(sparse, poses=poses, templates=sparse.templates[:1], joints=first.joints[:1])
-    alike = AsOneSubject(registrations)
-    hands = Hands(crew, partial(report.part, "first poses"))
-    found = fitted_poses(one, alike, few.faces, data, FIRST_SIGMA, FIRST_STEPS, hands)
+        for at, (V, confidence) in enumerate(zip(batch.vertices, batch.confidence, strict=True)):
+            guess = poses_of_segments(template, weights, start.parents, V, confidence)
+            poses[batch.some.start + at] = guess
+    term = EdgeTerm(few.faces) if data_term is None else data_term.on(few.faces)
+    execution = replace(execution, task="first poses")
+    turned = replace(sparse, poses=poses)
+    found = fitted_poses(
+        turned, registrations, few.faces, term, FIRST_SIGMA, FIRST_STEPS, execution
+    )
     return replace(first, poses=found.poses)
-
-
-@dataclass(frozen=True, eq=False)
-class AsOneSubject:
-    """Registrations as if all were of one person."""
-
-    of: Registrations
-
-    @property
-    def subject(self) -> NDArray[np.int64]:
-        """Zeros."""
-        return np.zeros(len(self.of.subject), dtype=np.int64)
-
-    @property
-    def n_vertices(self) -> int:
-        """N."""
-        return self.of.n_vertices
-
-    def read(self, some: slice) -> Batch:
-        """The same meshes."""
-        batch = self.of.read(some)
-        return replace(batch, subject=np.zeros_like(batch.subject))

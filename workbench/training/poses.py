@@ -1,105 +1,118 @@
 """The pose of each registration, by Levenberg and Marquardt on a `Problem` of its subject.
 
-What is free here are the names `pose` and `trans`; templates, blend shapes, joints and weights
-are fixed at the estimate's.
+The free names are `pose` and `trans`; templates, blend shapes, joints and weights are fixed at
+those of the estimate.
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import casadi as cs
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array, eye_array, hstack
 
+from workbench.arrays import Array, Index
 from workbench.blocks import Block, Points, Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
-from workbench.geometry.rigid import procrustes
+from workbench.bodies.forward.posing import local_rotations
+from workbench.geometry.rigid import segment_motions
 from workbench.geometry.rotation import vector_from_matrix
+from workbench.geometry.solids import mesh_edges
 from workbench.problem import Problem
 from workbench.residuals import Residual, edges, gaussian
-from workbench.solvers import LevenbergMarquardt, Solver
-from workbench.training.crew import ONE, Hands
+from workbench.solvers import LevenbergMarquardt
 from workbench.training.estimate import Estimate
-from workbench.training.mesh_graph import edges_of
-from workbench.training.registrations import Registrations
+from workbench.training.executor import SERIAL, Execution
+from workbench.training.registrations import Batch, Registrations, rows_of_jobs
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
-SITTING = 64  # registrations of one sitting: what a process is given at a time
+JOB_SIZE = 64  # registrations whose poses one job finds
 TOLERANCE = 1e-10  # of the solver: poses of noiseless meshes are exact
 FIRST_DAMPING = 1e-7  # of the stiffest turn, the root's: a wrist moves a thousandth as much
 
 
 @dataclass(frozen=True, eq=False)
-class OnVertices:
-    """The vertices' distances: what E_D is made of. Where the body stands is sought as well."""
+class VertexTerm:
+    """The data term E_D: distances of vertices, which determine the pose and the translation.
+
+    Attributes:
+        free: the names that are sought.
+    """
 
     free: tuple[str, ...] = ("pose", "trans")
 
-    def on(self, faces: Index) -> "OnVertices":
-        """The same on another mesh."""
+    def on(self, faces: Index) -> "VertexTerm":
+        """The same term on another mesh, with faces (F, 3)."""
         return self
 
-    def residual(self, points: Points, observed: Block, trust: Block, sigma: float) -> Residual:
-        """v - v^, in m, weighted by trust."""
+    def residual(
+        self, points: Points, observed: Block, confidence: Block, sigma: float
+    ) -> Residual:
+        """The residual v - v^ in metres, weighted by confidence."""
         away = cs.vec(points.symbol - observed.symbol)
-        weights = cs.vec(cs.repmat(trust.symbol.T, 3, 1))
+        weights = cs.vec(cs.repmat(confidence.symbol.T, 3, 1))
         return Residual("vertices", away, sigma, "m", points=(points,), weights=weights)
 
-    def trust(self, seen: Array) -> Array:
-        """Of each vertex: what it is seen with divides its variance."""
-        return seen
+    def confidence(self, of_vertices: Array) -> Array:
+        """The confidence of each compared thing, here of each vertex, (N,)."""
+        return of_vertices
 
 
 @dataclass(frozen=True, eq=False)
-class OnEdges:
-    """The edges' differences: where the body stands does not matter, and hardly its shape."""
+class EdgeTerm:
+    """A data term of edge vectors, which ignores the translation and depends little on shape.
+
+    Attributes:
+        faces: (F, 3) the triangles whose edges are compared.
+        free: the names that are sought.
+    """
 
     faces: Index
     free: tuple[str, ...] = ("pose",)
 
-    def on(self, faces: Index) -> "OnEdges":
-        """The same on another mesh."""
-        return OnEdges(faces, self.free)
+    def on(self, faces: Index) -> "EdgeTerm":
+        """The same term on another mesh, with faces (F, 3)."""
+        return EdgeTerm(faces, self.free)
 
     @cached_property
     def pairs(self) -> Index:
         """The ends of each edge, (E, 2)."""
-        return edges_of(self.faces)
+        return mesh_edges(self.faces)
 
-    def residual(self, points: Points, observed: Block, trust: Block, sigma: float) -> Residual:
-        """See residuals.edges."""
+    def residual(
+        self, points: Points, observed: Block, confidence: Block, sigma: float
+    ) -> Residual:
+        """The residual of `residuals.edges`, in metres."""
+        weights = confidence.symbol
         return edges(
-            points, observed.symbol, self.pairs, sigma=sigma, confidence=trust.symbol, name="edges"
+            points, observed.symbol, self.pairs, sigma=sigma, confidence=weights, name="edges"
         )
 
-    def trust(self, seen: Array) -> Array:
-        """Of each edge: the less of its ends."""
-        return np.asarray(seen[self.pairs].min(axis=1))
+    def confidence(self, of_vertices: Array) -> Array:
+        """The confidence of each edge (E,), which is the smaller one of its ends."""
+        return np.asarray(of_vertices[self.pairs].min(axis=1))
 
 
-Compared = OnVertices | OnEdges
+DataTerm = VertexTerm | EdgeTerm
 
 
-def body_of_subjects(sitting: "Sitting") -> SkinnedBody:
-    """Some subjects as one body: the betas of subject s are one at s, and zero elsewhere.
+def body_of_subjects(estimate: Estimate, faces: Index) -> SkinnedBody:
+    """All subjects of an estimate as one body: for subject s, beta s is one and the others zero.
 
-    Joints are vertices of their own, after the N of the surface, and the regressor reads them
+    The joints are additional vertices after the N of the surface, and the regressor reads them
     off, so that they are where the estimate has them.
     """
-    N, K = sitting.weights.shape
-    P = sitting.posedirs
-    everybody = np.concatenate([sitting.templates, sitting.joints], axis=1)
+    N, K = estimate.weights.shape
+    P = estimate.posedirs
+    everybody = np.concatenate([estimate.templates, estimate.joints], axis=1)
     return SkinnedBody(
         template=np.zeros((N + K, 3)),
         shapedirs=np.ascontiguousarray(np.moveaxis(everybody, 0, 2)),
         posedirs=np.concatenate([P, np.zeros((K, *P.shape[1:]))]),
         J_regressor=csr_array(hstack([csr_array((K, N)), eye_array(K)])),
-        weights=np.concatenate([sitting.weights, np.eye(K)]),
-        parents=sitting.parents,
-        faces=sitting.faces,
+        weights=np.concatenate([estimate.weights, np.eye(K)]),
+        parents=estimate.parents,
+        faces=faces,
         joint_names=tuple(f"joint {k}" for k in range(K)),
         name="subjects",
     )
@@ -107,91 +120,132 @@ def body_of_subjects(sitting: "Sitting") -> SkinnedBody:
 
 @dataclass(frozen=True)
 class ShapePrior:
-    """Betas are free as well, ordinary at so many standard deviations."""
+    """A prior that makes betas free as well.
+
+    Attributes:
+        sigma: in standard deviations of the population, from zero.
+    """
 
     sigma: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
+class Fits:
+    """A body fitted to M meshes.
+
+    Attributes:
+        poses: (M, K, 3) in radians.
+        betas: (M, B) in standard deviations.
+        surfaces: (M, N, 3) in metres, all vertices of the body.
+    """
+
+    poses: Array
+    betas: Array
+    surfaces: Array
+
+    def rms(self, meshes: Array) -> float:
+        """The root mean square distance of the vertices from meshes (M, N, 3), in their unit."""
+        return float(np.sqrt(np.mean(np.sum((self.surfaces - meshes) ** 2, axis=-1))))
+
+
+@dataclass(frozen=True, eq=False)
 class PoseFit:
-    """Poses of one body from meshes of its first N vertices; its shape too, given a prior."""
+    """Finds the poses of one body in meshes of its first N vertices, and betas given a prior.
+
+    Attributes:
+        body: the body, whose arrays are held.
+        n_vertices: N.
+        data_term: what of a mesh is compared.
+        sigma: the standard deviation of the data term, in metres.
+        steps: the largest number of steps of Levenberg and Marquardt for a mesh.
+        shapes: the prior on betas; None holds them at given values.
+        tolerance: on the gradient, see `LevenbergMarquardt`.
+    """
 
     body: Body
     n_vertices: int
-    compared: Compared
-    sigma: float  # m
-    solver: Solver
+    data_term: DataTerm
+    sigma: float
+    steps: int
     shapes: ShapePrior | None = None
+    tolerance: float = TOLERANCE
 
     @cached_property
     def _blocks(self) -> tuple[Block, Block]:
         N = self.n_vertices
-        n = len(self.compared.trust(np.ones(N)))
-        return Block("observed", (N, 3), "m"), Block("trust", (n,))
+        n = len(self.data_term.confidence(np.ones(N)))
+        return Block("observed", (N, 3), "m"), Block("confidence", (n,))
 
     @cached_property
     def problem(self) -> Problem:
-        """The same for every mesh: what was observed is a fixed block."""
-        observed, trust = self._blocks
+        """The problem of any mesh: the observation is a fixed block."""
+        observed, confidence = self._blocks
         symbols = [block.symbol for block in self.body.blocks()]
         points = self.body.points(*symbols, vertices=range(self.n_vertices))
-        residuals = [self.compared.residual(points, observed, trust, self.sigma)]
-        free = self.compared.free
+        residuals = [self.data_term.residual(points, observed, confidence, self.sigma)]
+        free = self.data_term.free
         if self.shapes is not None:
             residuals.append(gaussian(symbols[1], covariance=self.shapes.sigma**2))
             free = (*free, "betas")
         return Problem(residuals, free, blocks=self._blocks)
 
     def values(
-        self, start: Array, vertices: Array, seen: Array, betas: Array | None = None
+        self, start: Array, vertices: Array, confidence: Array, betas: Array | None = None
     ) -> Values:
-        """Pose (K, 3) rad, betas and trans from a first guess of the pose; not worse than it.
+        """The pose (K, 3) rad, betas and trans of one mesh; never worse than the start.
 
-        Betas are those given, or zero, where they are not free.
+        `start` is a first guess of the pose. Betas begin, or stay, at the given ones or zero.
         """
         values: Values = self.body.start() | {"pose": start, "observed": vertices}
         if betas is not None:
             values["betas"] = betas
-        values["trust"] = self.compared.trust(seen)
-        values["trans"] = self._trans(values, vertices, seen)
-        solution = self.solver.solve(self.problem, values)
+        values["confidence"] = self.data_term.confidence(confidence)
+        values["trans"] = self._trans(values, vertices, confidence)
+        solver = LevenbergMarquardt(
+            max_iterations=self.steps,
+            gradient_tolerance=self.tolerance,
+            first_damping=FIRST_DAMPING,
+        )
+        solution = solver.solve(self.problem, values)
         found = {name: values[name] for name in ("pose", "betas", "trans")} | solution.values
-        return found | {"trans": self._trans(found, vertices, seen)}
+        return found | {"trans": self._trans(found, vertices, confidence)}
 
-    def _trans(self, values: Values, vertices: Array, seen: Array) -> Array:
-        """Where the body stands, given how."""
+    def fits(
+        self,
+        starts: Array,
+        meshes: Array,
+        *,
+        confidence: Array | None = None,
+        betas: Array | None = None,
+    ) -> Fits:
+        """The body fitted to each mesh (M, N, 3) m, from poses (M, K, 3) rad.
+
+        `confidence` (M, N) is one and betas (M, B) are zero where they are not given.
+        """
+        M = len(meshes)
+        trusted = np.ones((M, self.n_vertices)) if confidence is None else confidence
+        shapes = np.zeros((M, self.body.n_betas)) if betas is None else betas
+        each = zip(starts, meshes, trusted, shapes, strict=True)
+        found = [self.values(*one) for one in each]
+        poses, of_shape = (np.stack([v[name] for v in found]) for name in ("pose", "betas"))
+        surfaces = [self.body.vertices(v["pose"], v["betas"], v["trans"]) for v in found]
+        return Fits(poses, of_shape, np.stack(surfaces))
+
+    def _trans(self, values: Values, vertices: Array, confidence: Array) -> Array:
+        """The best translation (3,) m of a given pose and shape."""
         posed = self.body.vertices(values["pose"], values["betas"])[: self.n_vertices]
-        return np.average(vertices - posed, axis=0, weights=seen)
+        return np.average(vertices - posed, axis=0, weights=confidence)
 
 
-@dataclass(frozen=True, eq=False)
-class Sitting:
-    """Some registrations whose poses are to be found, and their S subjects."""
-
-    templates: Array  # (S, N, 3) m
-    joints: Array  # (S, K, 3) m
-    posedirs: Array
-    weights: Array
-    parents: tuple[int, ...]
-    faces: Index
-    compared: Compared
-    sigma: float  # m
-    steps: int  # of Levenberg and Marquardt, at most, each
-    subject: Index  # (c,), from 0 to S - 1
-    poses: Array  # (c, K, 3) rad: where to start
-    vertices: Array  # (c, N, 3) m
-    seen: Array  # (c, N)
-
-
-def poses_of(sitting: Sitting) -> Array:
-    """(c, K, 3) rad."""
-    body = body_of_subjects(sitting)
-    solver = LevenbergMarquardt(
-        max_iterations=sitting.steps, gradient_tolerance=TOLERANCE, first_damping=FIRST_DAMPING
-    )
-    fit = PoseFit(body, sitting.vertices.shape[1], sitting.compared, sitting.sigma, solver)
-    who = np.eye(len(sitting.templates))[sitting.subject]
-    each = zip(sitting.poses, sitting.vertices, sitting.seen, who, strict=True)
+def poses_of(
+    faces: Index, data_term: DataTerm, sigma: float, steps: int, job: tuple[Estimate, Batch]
+) -> Array:
+    """The poses (c, K, 3) rad of the registrations of one job, from those of its estimate."""
+    estimate, batch = job
+    body = body_of_subjects(estimate, faces)
+    fit = PoseFit(body, batch.vertices.shape[1], data_term, sigma, steps)
+    betas = np.eye(len(estimate.templates))[batch.subject]
+    each = zip(estimate.poses, batch.vertices, batch.confidence, betas, strict=True)
     return np.stack([fit.values(*one)["pose"] for one in each])
 
 
@@ -199,37 +253,42 @@ def fitted_poses(
     estimate: Estimate,
     registrations: Registrations,
     faces: Index,
-    compared: Compared,
+    data_term: DataTerm,
     sigma: float,
     steps: int,
-    hands: Hands = ONE,
+    execution: Execution = SERIAL,
 ) -> Estimate:
-    """Every registration's pose fitted anew, the estimate's as the start; `steps` at most each."""
-    J = len(registrations.subject)
-    some = [slice(at, min(at + SITTING, J)) for at in range(0, J, SITTING)]
+    """The estimate with every pose fitted anew, in at most `steps` steps each."""
 
-    def task(rows: slice) -> Sitting:
+    def job(rows: slice) -> tuple[Estimate, Batch]:
         batch = registrations.read(rows)
-        own, subject = np.unique(registrations.subject[rows], return_inverse=True)
-        return Sitting(
-            estimate.templates[own], estimate.joints[own], estimate.posedirs, estimate.weights,
-            estimate.parents, faces, compared, sigma, steps,
-            subject, estimate.poses[rows], batch.vertices, batch.seen,
-        )  # fmt: skip
+        own, subject = np.unique(batch.subject, return_inverse=True)
+        theirs = replace(
+            estimate,
+            templates=estimate.templates[own],
+            joints=estimate.joints[own],
+            poses=estimate.poses[rows],
+            regressor=None,
+        )
+        return theirs, replace(batch, subject=subject)
 
     poses = estimate.poses.copy()
-    for rows, found in zip(some, hands.crew(poses_of, map(task, some)), strict=True):
+    jobs = rows_of_jobs(len(poses), JOB_SIZE)
+    work = partial(poses_of, faces, data_term, sigma, steps)
+    for rows, found in zip(jobs, execution.executor(work, map(job, jobs)), strict=True):
         poses[rows] = found
-        hands.say(rows.stop, len(poses))
+        execution.finished(rows.stop, len(poses))
     return replace(estimate, poses=poses)
 
 
-def segments_turned(
-    template: Array, weights: Array, parents: tuple[int, ...], vertices: Array, seen: Array
+def poses_of_segments(
+    template: Array,
+    weights: Array,
+    parents: tuple[int, ...],
+    vertices: Array,
+    confidence: Array,
 ) -> Array:
     """A first guess (K, 3) rad: each segment of the template turned onto its own vertices."""
-    world = np.stack([procrustes(template, vertices, w * seen + 1e-9 * seen).R for w in weights.T])
-    local = world.copy()
-    for k, parent in enumerate(parents[1:], start=1):
-        local[k] = world[parent].T @ world[k]
-    return vector_from_matrix(local)
+    each = segment_motions(template, vertices, weights.T * confidence + 1e-9 * confidence)
+    world = np.stack([motion.R for motion in each])
+    return vector_from_matrix(local_rotations(world, parents))

@@ -1,131 +1,201 @@
 """Registrations: meshes of one topology, of people in poses, read a few at a time."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Protocol
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array, Index
 from workbench.errors import BadArgument
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
-FARTHEST = 1e6  # m: numbers beyond are no metres, and sums of their powers may overflow
-HELD_BYTES, HELD_EACH = 2**29, 32  # of registrations in memory; of a vertex, and its trust
-FEWEST = 64  # registrations in a piece: each reads and writes all posedirs once
-HELD_BACK = 5  # one subject of so many, and at least one, where something is chosen
+Item = TypeVar("Item")
+FARTHEST = 1e6  # m: larger numbers are no metres, and sums of their powers may overflow
+HELD_BYTES, HELD_EACH = 2**29, 32  # bytes of registrations kept in memory; bytes per vertex
+FEWEST = 64  # registrations in a piece: each piece reads and writes all posedirs once
+HELD_BACK = 5  # one subject in so many is held back, and at least one
 PIECE_BYTES = 2**23  # of a piece's largest array, (c, N, 3, 3): what a pass keeps in memory
 
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """c registrations in a row."""
+    """c consecutive registrations, read at once.
 
-    some: slice  # which
-    subject: Index  # (c,): whose
-    vertices: Array  # (c, N, 3) m
-    seen: Array  # (c, N): how far each vertex is trusted, from 0 (missing) to 1
+    Attributes:
+        some: their rows among all registrations.
+        subject: (c,) the number of each registration's subject.
+        vertices: (c, N, 3) in metres.
+        confidence: (c, N) how far each vertex is trusted, from 0 (missing) to 1.
+    """
+
+    some: slice
+    subject: Index
+    vertices: Array
+    confidence: Array
 
 
 class Registrations(Protocol):
-    """A source of registrations, in a fixed order; subjects are numbered from 0."""
+    """A source of registrations in a fixed order."""
 
     @property
     def subject(self) -> Index:
-        """Whose each is, (J,)."""
+        """The number of each registration's subject, (J,), counted from 0."""
 
     @property
     def n_vertices(self) -> int:
-        """N."""
+        """The number of vertices of each mesh, N."""
 
     def read(self, some: slice) -> Batch:
-        """Those in a row."""
+        """The registrations of these rows."""
 
 
 @dataclass(frozen=True, eq=False)
 class InMemory:
-    """Registrations as arrays."""
+    """Registrations as arrays.
 
-    vertices: Array  # (J, N, 3) m
-    subject: Index  # (J,)
-    seen: Array | None = None  # (J, N), from 0 to 1; None: every vertex is trusted
+    Attributes:
+        vertices: (J, N, 3) in metres.
+        subject: (J,) the number of each registration's subject.
+        confidence: (J, N) from 0 to 1; None trusts every vertex.
+    """
+
+    vertices: Array
+    subject: Index
+    confidence: Array | None = None
 
     @property
     def n_vertices(self) -> int:
-        """N."""
+        """The number of vertices of each mesh, N."""
         return int(self.vertices.shape[1])
 
     def read(self, some: slice) -> Batch:
-        """Views and copies of the arrays."""
+        """The registrations of these rows, converted to float64 where they are something else."""
         vertices = np.asarray(self.vertices[some], dtype=np.float64)
-        seen = np.ones(vertices.shape[:2]) if self.seen is None else self.seen[some].astype(float)
-        return Batch(some, self.subject[some], vertices, seen)
+        given = self.confidence
+        confidence = np.ones(vertices.shape[:2]) if given is None else given[some].astype(float)
+        return Batch(some, self.subject[some], vertices, confidence)
 
 
 @dataclass(frozen=True, eq=False)
-class Picked:
-    """Some registrations of a source, in an order of their own; subjects keep their numbers."""
+class RegistrationSubset:
+    """Some registrations of a source, in any order; subjects keep their numbers.
 
-    of: Registrations
+    Attributes:
+        source: the registrations that are chosen from.
+        rows: the chosen rows of the source.
+    """
+
+    source: Registrations
     rows: Index
 
     @property
     def subject(self) -> Index:
-        """Whose each is."""
-        return self.of.subject[self.rows]
+        """The number of each registration's subject, (J,)."""
+        return self.source.subject[self.rows]
 
     @property
     def n_vertices(self) -> int:
-        """N."""
-        return self.of.n_vertices
+        """The number of vertices of each mesh, N."""
+        return self.source.n_vertices
 
     def read(self, some: slice) -> Batch:
-        """One by one."""
-        each = [self.of.read(slice(row, row + 1)) for row in self.rows[some].tolist()]
-        vertices, seen = (
-            np.concatenate([getattr(batch, name) for batch in each])
-            for name in ("vertices", "seen")
-        )
-        return Batch(some, self.subject[some], vertices, seen)
+        """The registrations of these rows of the subset, which are read one by one."""
+        each = (self.source.read(slice(row, row + 1)) for row in self.rows[some].tolist())
+        return replace(_joined(each), some=some)
 
 
-def kept_and_held_back(subject: Index) -> tuple[Index, Index]:
-    """Rows of registrations (J,): of most subjects, and of the last fifth of them, at least one.
+@dataclass(frozen=True, eq=False)
+class VertexSubset:
+    """Some of the vertices of every registration of a source.
 
-    Where all are of one subject, the last fifth of his registrations. Raises BadArgument if there
-    are not two.
+    Attributes:
+        source: the registrations that are chosen from.
+        vertices: (n,) the numbers of the chosen vertices.
+    """
+
+    source: Registrations
+    vertices: Index
+
+    @property
+    def subject(self) -> Index:
+        """The number of each registration's subject, (J,)."""
+        return self.source.subject
+
+    @property
+    def n_vertices(self) -> int:
+        """The number of chosen vertices, n."""
+        return len(self.vertices)
+
+    def read(self, some: slice) -> Batch:
+        """The registrations of these rows. Raises BadArgument for one without a visible vertex."""
+        batch = self.source.read(some)
+        confidence = batch.confidence[:, self.vertices]
+        for j in np.flatnonzero(~confidence.any(axis=1)):
+            raise BadArgument(
+                f"registration {batch.some.start + j} shows so little of its mesh that none of "
+                f"{self.n_vertices} vertices spread over it is seen; leave it out"
+            )
+        return replace(batch, vertices=batch.vertices[:, self.vertices], confidence=confidence)
+
+
+def training_and_held_out(subject: Index) -> tuple[Index, Index]:
+    """The rows of registrations (J,) to train on, and those to hold out.
+
+    The last fifth of the subjects, and at least one, is held out. Where all registrations are of
+    one subject, the last fifth of them is. Raises BadArgument for fewer than two registrations.
     """
     if len(subject) < 2:
         raise BadArgument("of fewer than two registrations none can be held back; add some")
-    who, apart = np.unique(subject, return_inverse=True)
+    who, group = np.unique(subject, return_inverse=True)
     if len(who) == 1:
-        apart = np.arange(len(subject))
-    n = int(apart.max()) + 1
-    back = apart >= n - max(1, n // HELD_BACK)
-    return np.flatnonzero(~back), np.flatnonzero(back)
+        group = np.arange(len(subject))
+    n = int(group.max()) + 1
+    held_out = group >= n - max(1, n // HELD_BACK)
+    return np.flatnonzero(~held_out), np.flatnonzero(held_out)
 
 
-def held(registrations: Registrations) -> Registrations:
-    """In memory where they are few enough: files take longer to read than a pass to compute."""
+def in_memory(registrations: Registrations) -> Registrations:
+    """The registrations read into memory if they are few enough: reading files takes longer than
+    a pass over them.
+    """
     J, N = len(registrations.subject), registrations.n_vertices
     if J * N * HELD_EACH > HELD_BYTES:
         return registrations
-    read = list(batches(registrations))
-    vertices, seen = (
-        np.concatenate([getattr(batch, name) for batch in read]) for name in ("vertices", "seen")
-    )
-    return InMemory(vertices, registrations.subject, seen)
+    every = _joined(batches(registrations))
+    return InMemory(every.vertices, registrations.subject, every.confidence)
 
 
 def batches(registrations: Registrations) -> Iterator[Batch]:
-    """All of them once, as many at a time as memory likes."""
+    """All registrations once, as many at a time as fit into memory easily."""
     for some in pieces(registrations):
         yield registrations.read(some)
 
 
 def pieces(registrations: Registrations) -> list[slice]:
     """The rows of each batch."""
-    J = len(registrations.subject)
     step = max(FEWEST, PIECE_BYTES // (72 * registrations.n_vertices))
-    return [slice(first, min(first + step, J)) for first in range(0, J, step)]
+    return rows_of_jobs(len(registrations.subject), step)
+
+
+def rows_of_jobs(count: int, size: int) -> list[slice]:
+    """The rows from 0 to `count` in slices of at most `size`."""
+    return [slice(first, min(first + size, count)) for first in range(0, count, size)]
+
+
+def halves(items: Sequence[Item]) -> list[Sequence[Item]]:
+    """The items of the first thread and those of the second.
+
+    Each thread adds up its half in order, and the two sums are added last: the same numbers
+    come out whichever thread is faster. A single item is not divided.
+    """
+    middle = len(items) // 2
+    return [items[:middle], items[middle:]] if middle else [items]
+
+
+def _joined(read: Iterator[Batch]) -> Batch:
+    each = list(read)
+    subject, vertices, confidence = (
+        np.concatenate([getattr(batch, name) for batch in each])
+        for name in ("subject", "vertices", "confidence")
+    )
+    return Batch(slice(0, len(subject)), subject, vertices, confidence)

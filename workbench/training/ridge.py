@@ -1,4 +1,4 @@
-"""Pose blend shapes by ridge regression of what linear blend skinning gets wrong at rest."""
+"""Pose blend shapes by ridge regression of the un-posed errors of linear blend skinning."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -6,29 +6,36 @@ from functools import reduce
 from operator import add
 
 import numpy as np
-from numpy.typing import NDArray
 
-from workbench.training.mirror import Mirror
-from workbench.training.noticing import ByPattern, Mask
+from workbench.arrays import Array, Mask
+from workbench.geometry.mirror import Mirror
+from workbench.training.locality import MaskedCholesky
 
-Array = NDArray[np.float64]
 Pair = tuple[Array, Array]  # of n poses: features (n, F), and un-posed errors (n, N, 3) m
 
 
 @dataclass(frozen=True, eq=False)
 class Sums:
-    """Sums over poses of features and un-posed errors: all that least squares needs."""
+    """Sums over poses of features f and un-posed errors, which is all that least squares needs.
 
-    features: Array  # (F, F): sum of f f^T
-    products: Array  # (N, 3, F): sum of error f^T
-    energy: float  # sum of squared errors, m^2
+    Attributes:
+        features: (F, F) the sum of f f^T.
+        products: (N, 3, F) the sum of error f^T.
+        energy: the sum of squared errors, in m^2.
+        n_poses: the number of poses.
+    """
+
+    features: Array
+    products: Array
+    energy: float
     n_poses: int
 
     @staticmethod
-    def of(seen: Iterable[Pair]) -> "Sums":
-        """The sums over pairs, some poses at a time."""
+    def of(pairs: Iterable[Pair]) -> "Sums":
+        """The sums over pairs, each of some poses."""
         each = (
-            Sums(f.T @ f, np.tensordot(e, f, (0, 0)), float(np.vdot(e, e)), len(f)) for f, e in seen
+            Sums(f.T @ f, np.tensordot(e, f, (0, 0)), float(np.vdot(e, e)), len(f))
+            for f, e in pairs
         )
         return reduce(add, each)
 
@@ -41,12 +48,12 @@ class Sums:
         )
 
     def error(self, posedirs: Array) -> float:
-        """The share of the energy that posedirs (N, 3, F) leave."""
+        """The share of the energy that posedirs (N, 3, F) do not explain."""
         explained = 2 * self.products - posedirs @ self.features
         return float(1 - np.vdot(posedirs, explained) / self.energy)
 
     def with_reflections(self, mirror: Mirror | None) -> "Sums":
-        """As if every pose had also been seen in a mirror; the same without one."""
+        """The sums as if every pose had a mirror image too; unchanged without a mirror."""
         if mirror is None:
             return self
         turned = self.features[np.ix_(mirror.features, mirror.features)]
@@ -56,14 +63,17 @@ class Sums:
 
 
 def solve_ridge(sums: Sums, support: Mask, ridge: float) -> Array:
-    """Posedirs (N, 3, F) m: least squares on each vertex's own features (N, F), else zero."""
+    """Posedirs (N, 3, F) m by least squares on the features that each vertex has (N, F).
+
+    The other posedirs are zero. `ridge` is per pose.
+    """
     gram = sums.features + ridge * sums.n_poses * np.eye(len(sums.features))
-    return ByPattern.of(gram, support).solved(sums.products)
+    return MaskedCholesky.of(gram, support).solved(sums.products)
 
 
 def ridge_learned(
-    learned: Sums, held_back: Sums, support: Mask, ridges: Sequence[float]
+    learned: Sums, held_out: Sums, support: Mask, ridges: Sequence[float]
 ) -> tuple[Array, float]:
-    """Posedirs (N, 3, F) m of both, and the ridge: what leaves least of that held back."""
-    ridge = min(ridges, key=lambda r: held_back.error(solve_ridge(learned, support, r)))
-    return solve_ridge(learned + held_back, support, ridge), ridge
+    """Posedirs (N, 3, F) m from all sums, and the ridge that explains the held-out ones best."""
+    ridge = min(ridges, key=lambda r: held_out.error(solve_ridge(learned, support, r)))
+    return solve_ridge(learned + held_out, support, ridge), ridge

@@ -1,54 +1,60 @@
 """Where joints are, from how the segments on both sides of them move.
 
-The symmetrical centre of rotation (Ehrig, Taylor, Duda and Heller 2006): the point that is
-carried to the same place by the motions of two segments, sought in the frame of each,
+The symmetrical centre of rotation (Ehrig, Taylor, Duda and Heller 2006) is the point that the
+motions of two segments take to the same place. It is sought in the frame of each,
 
     min over a, b of sum_j |R_parent,j a + t_parent,j - R_child,j b - t_child,j|^2.
 
-A hinge leaves its axis open; there, and where a segment hardly turns, the middle of the ring of
-vertices between the two is kept.
+A hinge does not determine the position along its axis. There, and where a segment hardly turns,
+the estimate stays at the middle of the ring of vertices between the two segments.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from workbench.geometry.rigid import procrustes
+from workbench.arrays import Array, Index
+from workbench.geometry.rigid import segment_motions
 from workbench.training.first_guess import Start
 from workbench.training.registrations import Registrations, batches
 from workbench.training.simplex import shares
 
-Array = NDArray[np.float64]
 FIT, RING = 0.01, 0.05  # m: how far a segment is from rigid, and a ring's middle from the joint
 NEAREST = 80  # vertices that a joint is a mean of
 
 
 @dataclass(frozen=True, eq=False)
 class SegmentMotions:
-    """The rotation (J, K, 3, 3) and the translation (J, K, 3) m of each segment of a template."""
+    """The rigid motion of each segment of a template in each registration.
+
+    Attributes:
+        R: (J, K, 3, 3) the rotations.
+        t: (J, K, 3) the translations in metres.
+    """
 
     R: Array
     t: Array
 
 
-def segment_motions(start: Start, weights: Array, registrations: Registrations) -> SegmentMotions:
-    """Each segment of the template laid onto its own vertices of each registration."""
+def motions_of_segments(
+    start: Start, weights: Array, registrations: Registrations
+) -> SegmentMotions:
+    """The motions that take each segment of the template to its vertices in each registration."""
     J, K = len(registrations.subject), len(start.parents)
     R, t = np.empty((J, K, 3, 3)), np.empty((J, K, 3))
     for batch in batches(registrations):
-        for at, (V, seen) in enumerate(zip(batch.vertices, batch.seen, strict=True)):
-            for k, w in enumerate(weights.T):
-                found = procrustes(start.template, V, w * seen + 1e-9 * seen)
-                R[batch.some.start + at, k], t[batch.some.start + at, k] = found.R, found.t
+        for at, (V, confidence) in enumerate(zip(batch.vertices, batch.confidence, strict=True)):
+            trusted = weights.T * confidence + 1e-9 * confidence
+            for k, motion in enumerate(segment_motions(start.template, V, trusted)):
+                R[batch.some.start + at, k], t[batch.some.start + at, k] = motion.R, motion.t
     return SegmentMotions(R, t)
 
 
 def rotation_centres(
-    motions: SegmentMotions, subject: NDArray[np.int64], parents: tuple[int, ...], rings: Array
+    motions: SegmentMotions, subject: Index, parents: tuple[int, ...], rings: Array
 ) -> Array:
-    """Joints (K, 3) m on the template, the mean of all subjects; `rings` (K, 3) where unseen."""
+    """Joints (K, 3) m on the template, the mean of all subjects; `rings` (K, 3) m are the prior."""
     found = rings.copy()
     prior = (FIT / RING) * np.eye(6)
     for k, parent in enumerate(parents[1:], start=1):
@@ -65,9 +71,9 @@ def rotation_centres(
 
 
 def means_at(template: Array, points: Array) -> csr_array:
-    """Rows (K, N) of shares, as even as can be, that give the points (K, 3) on the template.
+    """Rows (K, N) of shares, as even as possible, that give the points (K, 3) on the template.
 
-    A point outside of the hull of the vertices nearest to it is given as well as it can be.
+    A point outside of the convex hull of the vertices nearest to it is approximated.
     """
     rows = np.zeros((len(points), len(template)))
     for k, point in enumerate(points):
@@ -80,8 +86,8 @@ def means_at(template: Array, points: Array) -> csr_array:
 
 
 def joint_guess(start: Start, weights: Array, registrations: Registrations) -> csr_array:
-    """The first guess of the joints as rows (K, N) on the template: E_J's until one is learned."""
+    """The first guess of the joint regressor (K, N), which E_J uses until one is learned."""
     middles = start.rings() @ start.template
-    motions = segment_motions(start, weights, registrations)
+    motions = motions_of_segments(start, weights, registrations)
     centres = rotation_centres(motions, registrations.subject, start.parents, middles)
     return means_at(start.template, centres)

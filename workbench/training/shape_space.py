@@ -4,24 +4,28 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
+from workbench.arrays import Array, Index
+from workbench.geometry.mirror import Mirror
 from workbench.geometry.solids import volume
-from workbench.training.mirror import Mirror
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class ShapeSpace:
-    """T(betas) = template + shapedirs betas; betas in standard deviations of the population."""
+    """T(betas) = template + shapedirs betas; betas in standard deviations of the population.
 
-    template: Array  # (N, 3) m
-    shapedirs: Array  # (N, 3, B) m
-    explained: Array  # (B,): the share of the population's variance
+    Attributes:
+        template: (N, 3) in metres.
+        shapedirs: (N, 3, B) in metres per unit of betas.
+        explained: (B,) the share of the population's variance.
+    """
+
+    template: Array
+    shapedirs: Array
+    explained: Array
 
     def betas(self, people: Array) -> Array:
-        """The closest betas (P, B) to people (P, N, 3)."""
+        """The betas (P, B) of the shapes closest to people (P, N, 3) m."""
         basis = self.shapedirs.reshape(-1, self.shapedirs.shape[2])
         deviations = (people - self.template).reshape(len(people), -1)
         closest: Array = deviations @ basis / (basis**2).sum(axis=0)
@@ -29,11 +33,11 @@ class ShapeSpace:
 
 
 def learn_shape_space(
-    people: Array, faces: NDArray[np.int64], mirror: Mirror | None, n_betas: int = 10
+    people: Array, faces: Index, mirror: Mirror | None, n_betas: int = 10
 ) -> ShapeSpace:
-    """Principal components of un-posed people (P, N, 3) in m, alike on both sides if mirrored.
+    """The principal components of un-posed people (P, N, 3) m, symmetric if there is a mirror.
 
-    The first is turned so that a positive beta is taller, the others so that it is heavier.
+    The sign of the first makes a positive beta taller; those of the others make it heavier.
     """
     P, N, _ = people.shape
     mean = people.mean(axis=0)
@@ -53,7 +57,7 @@ def learn_shape_space(
     )
 
 
-def _signs(template: Array, directions: Array, faces: NDArray[np.int64]) -> Array:
+def _signs(template: Array, directions: Array, faces: Index) -> Array:
     def stature(v: Array) -> float:
         return float(np.ptp(v[:, 1]))
 

@@ -1,54 +1,55 @@
 """Training of shape: registrations of many people, un-posed, and their principal directions."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from workbench.arrays import Array, Index
 from workbench.bodies import SkinnedBody
+from workbench.bodies.unposing import unpose
 from workbench.errors import BadArgument
-from workbench.solvers import LevenbergMarquardt
-from workbench.training.crew import ONE, Hands
+from workbench.geometry.mirror import Mirror
+from workbench.training.executor import SERIAL, Execution
 from workbench.training.first_guess import Start
 from workbench.training.joint_regressor import JointRegressor, fit_joint_regressor
-from workbench.training.mirror import Mirror
-from workbench.training.pose_training import FIRST_SIGMA, NotLowered, PoseModel
+from workbench.training.pose_training import FIRST_SIGMA, KKT, NotLowered, PoseModel
 from workbench.training.poses import (
-    FIRST_DAMPING,
-    SITTING,
-    TOLERANCE,
-    Compared,
-    OnEdges,
+    JOB_SIZE,
+    DataTerm,
+    EdgeTerm,
     PoseFit,
     ShapePrior,
-    segments_turned,
+    poses_of_segments,
 )
-from workbench.training.registrations import Registrations, pieces
+from workbench.training.registrations import Batch, Registrations, rows_of_jobs
 from workbench.training.shape_space import ShapeSpace, learn_shape_space
-from workbench.training.thinning import thinned
-from workbench.training.unposing import unpose
+from workbench.training.subsampling import subsample
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 STEPS = 6  # of the fit of one pose in a round
-KKT = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
-class Shapes:
-    """Un-posed people, and what was found on the way."""
+class ShapeModel:
+    """The result of shape training.
+
+    Attributes:
+        space: the template and the shape directions.
+        people: (P, N, 3) in metres, un-posed, with the root joint at the origin.
+        poses: (P, K, 3) in radians, in which the people stood.
+    """
 
     space: ShapeSpace
-    people: Array  # (P, N, 3) m, the root joint at the origin
-    poses: Array  # (P, K, 3) rad
+    people: Array
+    poses: Array
 
 
 def body_of(model: PoseModel, start: Start, space: ShapeSpace, regressor: csr_array) -> SkinnedBody:
-    """The arrays together."""
+    """The body of what was learned."""
     estimate = model.estimate
-    mirror = model.objective.held_even
+    mirror = model.objective.active_mirror
     return SkinnedBody(
         template=space.template,
         shapedirs=space.shapedirs,
@@ -64,10 +65,11 @@ def body_of(model: PoseModel, start: Start, space: ShapeSpace, regressor: csr_ar
 
 
 def regressor_of(model: PoseModel) -> JointRegressor:
-    """J from the subjects' templates and joints. Raises NotLowered if it is not a minimum.
+    """The joint regressor of the subjects' templates and joints. Raises NotLowered if it is no
+    minimum.
 
-    Where the root joint is, no registration shows: turning about another point is a translation
-    more. So its row is that of its ring.
+    No registration shows where the root joint is: turning about another point only adds a
+    translation. So its row is that of its ring.
     """
     templates, joints = model.estimate.templates, model.estimate.joints
     found = fit_joint_regressor(templates, joints, model.objective.rings)
@@ -79,7 +81,7 @@ def regressor_of(model: PoseModel) -> JointRegressor:
 def subjects_space(
     model: PoseModel, regressor: csr_array, faces: Index, n_betas: int, mirror: Mirror | None
 ) -> ShapeSpace:
-    """The principal directions of the subjects' own templates, each about its root joint."""
+    """The principal directions of the subjects' templates, each about its root joint."""
     templates = model.estimate.templates
     n = min(n_betas, len(templates) - 1)
     if n < 1:
@@ -95,40 +97,41 @@ def about_root(people: Array, regressor: csr_array) -> Array:
     return np.asarray(people - (root @ people)[:, None])
 
 
-@dataclass(frozen=True, eq=False)
-class Visit:
-    """Some people, each to be un-posed."""
-
-    body: SkinnedBody
-    compared: Compared
-    shapes: ShapePrior | None
-    poses: Array | None  # (c, K, 3) rad: where to start; None: segments are turned
-    vertices: Array  # (c, N, 3) m
-    seen: Array  # (c, N)
+UnposingJob = tuple[Batch, Array | None]  # and the poses (c, K, 3) rad to start from, if known
 
 
-def unposed_people(visit: Visit) -> tuple[Array, Array]:
-    """Their poses (c, K, 3) rad, and them at rest (c, N, 3) m."""
-    body = visit.body
-    solver = LevenbergMarquardt(
-        max_iterations=STEPS, gradient_tolerance=TOLERANCE, first_damping=FIRST_DAMPING
-    )
-    few = thinned(body.template, body.faces)
+def unposing_jobs(
+    registrations: Registrations, poses: Array | None = None
+) -> Iterator[UnposingJob]:
+    """The registrations in jobs, with their poses (J, K, 3) rad where these are known."""
+    for rows in rows_of_jobs(len(registrations.subject), JOB_SIZE):
+        yield registrations.read(rows), None if poses is None else poses[rows]
+
+
+def unposed_people(
+    body: SkinnedBody, data_term: DataTerm, prior: ShapePrior | None, job: UnposingJob
+) -> tuple[Array, Array]:
+    """The poses (c, K, 3) rad of people, and the people at rest (c, N, 3) m.
+
+    Poses are fitted, with betas too given a `prior`. Where no pose is known, the segments are
+    turned first. Vertices that were not scanned are those of the body.
+    """
+    batch, starts = job
+    few = subsample(body.template, body.faces)
     sparse, n = few.body(body), len(few.vertices)
-    compared = visit.compared.on(few.faces)
-    fit = PoseFit(sparse, n, compared, FIRST_SIGMA, solver, visit.shapes)
+    fit = PoseFit(sparse, n, data_term.on(few.faces), FIRST_SIGMA, STEPS, prior)
     poses, people = [], []
-    for i, (V, seen) in enumerate(zip(visit.vertices, visit.seen, strict=True)):
-        own, trust = V[few.vertices], seen[few.vertices]
+    for i, (V, confidence) in enumerate(zip(batch.vertices, batch.confidence, strict=True)):
+        own, trusted = V[few.vertices], confidence[few.vertices]
         start = (
-            segments_turned(sparse.template[:n], sparse.weights[:n], body.parents, own, trust)
-            if visit.poses is None
-            else visit.poses[i]
+            poses_of_segments(sparse.template[:n], sparse.weights[:n], body.parents, own, trusted)
+            if starts is None
+            else starts[i]
         )
-        found = fit.values(start, own, trust)
-        if not seen.all():  # what was not scanned is taken from the model
+        found = fit.values(start, own, trusted)
+        if not confidence.all():
             filled = body.vertices(found["pose"], found["betas"], found["trans"])
-            V = np.where(seen[:, None] > 0, V, filled)
+            V = np.where(confidence[:, None] > 0, V, filled)
         poses.append(found["pose"])
         people.append(unpose(body, found["pose"], V).vertices)
     return np.stack(poses), np.stack(people)
@@ -141,79 +144,61 @@ def learn_shapes(
     n_betas: int,
     mirror: Mirror | None,
     rounds: int = 2,
-    compared: Compared | None = None,
+    data_term: DataTerm | None = None,
     prior: float = 1.0,
-    hands: Hands = ONE,
-) -> Shapes:
-    """Pose-normalise, un-pose and find the principal directions; then with those once more.
+    execution: Execution = SERIAL,
+) -> ShapeModel:
+    """Fit poses, un-pose the people and find the principal directions, in a few rounds.
 
-    In the first round poses are fitted with the body's mean shape, as in the paper; in later
-    ones with its shape directions as well, betas ordinary at `prior` standard deviations.
+    The first round fits poses with the body's mean shape, as the paper does. Later rounds fit
+    the shape directions of the round before as well, betas having a standard deviation of
+    `prior`.
     """
-    data = OnEdges(body.faces) if compared is None else compared
+    data = EdgeTerm(body.faces) if data_term is None else data_term
     J, N, K = len(registrations.subject), body.n_vertices, body.n_joints
     poses, people = np.zeros((J, K, 3)), np.zeros((J, N, 3))
-    runs = [slice(at, min(at + SITTING, J)) for at in range(0, J, SITTING)]
     space: ShapeSpace | None = None
     for number in range(rounds):
         shaped, shapes = body, None
         if space is not None:
             shaped = replace(body, template=space.template, shapedirs=space.shapedirs)
             shapes = ShapePrior(prior)
-        visit = partial(_visit, shaped, registrations, data, shapes, poses if number else None)
-        found = hands.crew(unposed_people, map(visit, runs))
-        for some, (own_poses, own_people) in zip(runs, found, strict=True):
+        work = partial(unposed_people, shaped, data, shapes)
+        jobs = unposing_jobs(registrations, poses if number else None)
+        done = 0
+        for own_poses, own_people in execution.executor(work, jobs):
+            some = slice(done, done + len(own_poses))
             poses[some], people[some] = own_poses, own_people
-            hands.say(number * J + some.stop, rounds * J)
+            done = some.stop
+            execution.report.part("shapes", number * J + done, rounds * J)
         people = about_root(people, body.J_regressor)
         space = learn_shape_space(people, body.faces, mirror, min(n_betas, J - 1))
     assert space is not None  # there is a first round
-    return Shapes(space, people, poses)
-
-
-def _visit(
-    body: SkinnedBody,
-    registrations: Registrations,
-    compared: Compared,
-    shapes: ShapePrior | None,
-    poses: Array | None,
-    some: slice,
-) -> Visit:
-    batch = registrations.read(some)
-    own = None if poses is None else poses[some]
-    return Visit(body, compared, shapes, own, batch.vertices, batch.seen)
+    return ShapeModel(space, people, poses)
 
 
 def unposed_at(
-    body: SkinnedBody, registrations: Registrations, poses: Array, hands: Hands = ONE
+    body: SkinnedBody, registrations: Registrations, poses: Array, execution: Execution = SERIAL
 ) -> Array:
-    """People (P, N, 3) m about their root joints, from poses (P, K, 3) rad found elsewhere.
+    """People (P, N, 3) m about their root joints, un-posed from known poses (P, K, 3) rad.
 
-    Every vertex of theirs must have been seen.
+    Every vertex must have been scanned.
     """
-    runs = pieces(registrations)
-    visits = (AtPoses(body, poses[some], registrations.read(some).vertices) for some in runs)
-    people = np.concatenate(list(hands.crew(unposed_visit, visits)))
+    jobs = unposing_jobs(registrations, poses)
+    people = np.concatenate(list(execution.executor(partial(_unposed, body), jobs)))
     return about_root(people, body.J_regressor)
 
 
-@dataclass(frozen=True, eq=False)
-class AtPoses:
-    """Some people, whose poses are known."""
-
-    body: SkinnedBody
-    poses: Array  # (c, K, 3) rad
-    vertices: Array  # (c, N, 3) m
-
-
-def unposed_visit(visit: AtPoses) -> Array:
-    """Them at rest, (c, N, 3) m."""
-    each = zip(visit.poses, visit.vertices, strict=True)
-    return np.stack([unpose(visit.body, pose, V).vertices for pose, V in each])
+def _unposed(body: SkinnedBody, job: UnposingJob) -> Array:
+    batch, poses = job
+    assert poses is not None  # they are known
+    each = zip(poses, batch.vertices, strict=True)
+    return np.stack([unpose(body, pose, V).vertices for pose, V in each])
 
 
 def start_shape(model: PoseModel, start: Start, n_betas: int) -> tuple[SkinnedBody, JointRegressor]:
-    """The body with the shapes of the multi-pose subjects alone."""
+    """The body whose shape directions are those of the multi-pose subjects, and its regressor."""
     regressor = regressor_of(model)
-    space = subjects_space(model, regressor.matrix, start.faces, n_betas, model.objective.held_even)
+    mirror = model.objective.active_mirror
+    space = subjects_space(model, regressor.matrix, start.faces, n_betas, mirror)
     return body_of(model, start, space, regressor.matrix), regressor

@@ -1,35 +1,35 @@
 """Least squares over shares: numbers that are not negative and sum to one.
 
 An active-set method that ends at the exact solution (Nocedal and Wright, Numerical Optimization,
-2nd ed., algorithm 16.3): on the shares above zero the equations of Lagrange are solved; a share
-that would become negative is held at zero; the one at zero that would lower the cost most is let
-go. Each lets the cost fall, so no set comes twice.
+2nd ed., algorithm 16.3). It solves the Lagrange equations for the shares above zero. A share that
+would become negative is fixed at zero; of the shares at zero, the one that lowers the cost most is
+freed. Every change lowers the cost, so that no active set occurs twice.
 """
 
 import numpy as np
 import scipy.linalg
 import scipy.optimize
-from numpy.typing import NDArray
 
+from workbench.arrays import Array, Mask
 from workbench.errors import WorkbenchError
 
-Array = NDArray[np.float64]
-PULL = 1e-13  # of the largest diagonal entry: a gradient below it is rounding
+PULL = 1e-13  # of the largest diagonal entry: a smaller gradient is rounding
 
 
 class NoShares(WorkbenchError):
-    """The active set went on changing: the numbers are not what they should be."""
+    """The active set did not settle, as happens with numbers that are not finite."""
 
 
 def shares(gram: Array, right: Array, start: Array) -> Array:
-    """The w (n,) least in w.G w / 2 - right.w, w >= 0, sum w = 1, from a w that is such.
+    """The w (n,) that minimises w.G w / 2 - right.w with w >= 0 and sum w = 1.
 
-    `gram` (n, n) is symmetric and not indefinite, `right` in its range, as B'B and B'v are.
+    `gram` (n, n) is symmetric and not indefinite, and `right` is in its range, as B'B and B'v are.
+    `start` (n,) fulfils the constraints.
     """
     scale = float(np.diag(gram).max()) or 1.0
     G, c, w = gram / scale, right / scale, start.copy()
     free = w > 0
-    barred = np.zeros_like(free)  # were let go and came back at once: their pull is rounding
+    barred = np.zeros_like(free)  # freed and fixed again at once: their gradient is rounding
     for _ in range(20 * len(w) + 20):
         own = np.flatnonzero(free)
         best = np.zeros_like(w)
@@ -57,11 +57,11 @@ def shares(gram: Array, right: Array, start: Array) -> Array:
 
 
 def shares_to_zero(A: Array) -> Array:
-    """The w (n,) least in |A w|, w >= 0, sum w = 1, for A (m, n) that may have any rank.
+    """The w (n,) that minimises |A w| with w >= 0 and sum w = 1, for A (m, n) of any rank.
 
-    Without the sum, least squares of [A; 1] w = [0; 1] over w >= 0 has the same direction: for
-    w = t s with shares s it is t^2 |A s|^2 + (t - 1)^2, whose least over t grows with |A s|.
-    Lawson and Hanson's method then needs no products of A, and half the digits are not lost.
+    Least squares of [A; 1] w = [0; 1] over w >= 0 has a solution in the same direction: for
+    w = t s with shares s the cost is t^2 |A s|^2 + (t - 1)^2, whose minimum over t grows with
+    |A s|. Lawson and Hanson's method then needs no product A'A, which would lose half the digits.
     """
     n = A.shape[1]
     size = float(np.abs(A).max()) or 1.0
@@ -71,7 +71,7 @@ def shares_to_zero(A: Array) -> Array:
 
 
 def _balanced(G: Array, c: Array) -> Array:
-    """The w least in w.G w / 2 - c.w with sum w = 1; the shortest where there are many."""
+    """The w that minimises w.G w / 2 - c.w with sum w = 1; the shortest if there are several."""
     n = len(c)
     K = np.ones((n + 1, n + 1))
     K[:n, :n], K[n, n] = G, 0
@@ -85,10 +85,10 @@ def _balanced(G: Array, c: Array) -> Array:
     return np.asarray(np.linalg.lstsq(K, right, rcond=None)[0][:n])
 
 
-def kkt_residual(gram: Array, right: Array, w: Array, allowed: NDArray[np.bool_]) -> float:
-    """How far w is from the conditions of Karush, Kuhn and Tucker, within what is allowed.
+def kkt_residual(gram: Array, right: Array, w: Array, allowed: Mask) -> float:
+    """The residual of the Karush-Kuhn-Tucker conditions at w, for the shares that are allowed.
 
-    Free of units: gradients are over the largest diagonal entry of the matrix.
+    It has no unit: gradients are divided by the largest diagonal entry of the matrix.
     """
     scale = float(np.diag(gram).max()) or 1.0
     slope = (gram @ w - right) / scale
@@ -103,10 +103,10 @@ def kkt_residual(gram: Array, right: Array, w: Array, allowed: NDArray[np.bool_]
 
 
 def few_shares(gram: Array, right: Array, start: Array, most: int) -> tuple[Array, float]:
-    """At most `most` shares above zero, not worse than the start's; and their KKT residual.
+    """Shares of which at most `most` are above zero, and their KKT residual.
 
-    Which of them is a choice among C(n, most) sets: tried are those that are largest without the
-    limit and those of the start, which has no more than `most`.
+    They are not worse than those of the start. Of the C(n, most) sets of shares two are tried:
+    the largest ones without the limit, and those of the start, which has at most `most`.
     """
     every = np.ones(len(right), dtype=bool)
     whole = shares(gram, right, start)

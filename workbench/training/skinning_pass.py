@@ -1,70 +1,69 @@
-"""Skinning a few registrations: their points, how those change with everything, and back."""
+"""Linear blend skinning of a few registrations, its derivative and the adjoint of that."""
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from workbench.bodies.kinematics import ancestors
-from workbench.bodies.skinning import blend_matrices
+from workbench.arrays import Array, Index
+from workbench.bodies.forward.kinematics import ancestors
+from workbench.bodies.forward.posing import Posing, crossed
+from workbench.bodies.forward.skinning import blend_matrices
 from workbench.training.estimate import Change, Estimate
-from workbench.training.once import once
-from workbench.training.posing import Posing, crossed
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
 class SkinningPass:
-    """c registrations as an estimate poses them, before translation."""
+    """c registrations as an estimate poses them, before translation.
+
+    Attributes:
+        estimate: the templates, joints, posedirs, weights and poses.
+        some: the rows of these registrations.
+        subject: (c,) the number of each registration's subject.
+        posing: their joints' rotations.
+        rest: (c, N, 3) in metres, T_s + P f.
+        blended: (c, N, 3, 3) sum_k w_ik R_k.
+        shifts: (c, K, 3) in metres, D_m j_m.
+    """
 
     estimate: Estimate
     some: slice
-    subject: Index  # (c,)
+    subject: Index
+    posing: Posing
+    rest: Array
+    blended: Array
+    shifts: Array
 
-    @once
-    def posing(self) -> Posing:
-        """Theirs."""
-        return self.estimate.posing.only(self.some)
+    @classmethod
+    def of(cls, estimate: Estimate, some: slice, subject: Index) -> "SkinningPass":
+        """The pass over the registrations of these rows, whose subjects are given."""
+        posing = estimate.posing.only(some)
+        return cls(
+            estimate,
+            some,
+            subject,
+            posing,
+            estimate.templates[subject] + bent(estimate.posedirs, posing.features),
+            blend_matrices(estimate.weights, posing.world),
+            _apply(posing.levers, estimate.joints[subject]),
+        )
 
-    @once
+    @property
     def features(self) -> Array:
-        """(c, F)."""
+        """The pose features, (c, F)."""
         return self.posing.features
 
-    @once
-    def carried(self) -> Array:
-        """The weight at or below each joint, (N, K)."""
-        return self.estimate.weights @ ancestors(self.estimate.parents)
-
-    @once
-    def rest(self) -> Array:
-        """T_s + P f, (c, N, 3) m."""
-        return self.estimate.templates[self.subject] + bent(self.estimate.posedirs, self.features)
-
-    @once
-    def blended(self) -> Array:
-        """sum_k w_ik R_k, (c, N, 3, 3)."""
-        return blend_matrices(self.estimate.weights, self.posing.world)
-
-    @once
-    def shifts(self) -> Array:
-        """D_m j_m, (c, K, 3) m."""
-        return (self.posing.levers @ self.estimate.joints[self.subject][..., None])[..., 0]
-
-    @once
+    @property
     def points(self) -> Array:
-        """The posed vertices, (c, N, 3) m."""
-        return _apply(self.blended, self.rest) + self.carried @ self.shifts
+        """The posed vertices, (c, N, 3) m, computed anew each time."""
+        return _apply(self.blended, self.rest) + self.estimate.subtree_weights @ self.shifts
 
     def at_rest(self, away: Array) -> Array:
-        """What must be added at rest, (c, N, 3) m, to move the posed vertices by `away`."""
+        """The displacement at rest (c, N, 3) m that moves the posed vertices by `away`."""
         return np.asarray(np.linalg.solve(self.blended, away[..., None])[..., 0])
 
     def tangent(self, change: Change) -> Array:
         """How the points move with a small change of the estimate, (c, N, 3) m."""
-        rest, shifts, blended, carried = (None,) * 4
+        rest, shifts, blended, subtree_weights = (None,) * 4
         if "templates" in change:
             rest = change["templates"][self.subject]
         if "posedirs" in change:
@@ -85,20 +84,20 @@ class SkinningPass:
         if "weights" in change:
             more = blend_matrices(change["weights"], self.posing.world)
             blended = more if blended is None else blended + more
-            carried = change["weights"] @ ancestors(self.estimate.parents)
+            subtree_weights = change["weights"] @ ancestors(self.estimate.parents)
         moved = np.zeros((len(self.subject), len(self.estimate.weights), 3))
         if rest is not None:
             moved += _apply(self.blended, rest)
         if blended is not None:
             moved += _apply(blended, self.rest)
         if shifts is not None:
-            moved += self.carried @ shifts
-        if carried is not None:
-            moved += carried @ self.shifts
+            moved += self.estimate.subtree_weights @ shifts
+        if subtree_weights is not None:
+            moved += subtree_weights @ self.shifts
         return moved
 
     def adjoint(self, pull: Array, into: Change) -> None:
-        """Add the gradient of sum(pull * points), pull (c, N, 3), by each name of `into`."""
+        """Add the gradients of sum(pull * points), for pull (c, N, 3), to the names of `into`."""
         names, c = into.keys(), len(pull)
         if names & {"templates", "posedirs", "poses"}:
             on_rest = np.einsum("jnab,jna->jnb", self.blended, pull, optimize=False)
@@ -109,7 +108,7 @@ class SkinningPass:
             flat = on_rest.reshape(c, -1).T @ self.features
             into["posedirs"] += flat.reshape(into["posedirs"].shape)
         if names & {"joints", "poses"}:
-            on_shifts = self.carried.T @ pull  # (c, K, 3)
+            on_shifts = self.estimate.subtree_weights.T @ pull  # (c, K, 3)
         if "joints" in into:
             on_joints = (self.posing.levers.swapaxes(-1, -2) @ on_shifts[..., None])[..., 0]
             np.add.at(into["joints"], self.subject, on_joints)
@@ -120,8 +119,8 @@ class SkinningPass:
         if "weights" in into:
             world = self.posing.world.reshape(c, -1, 9)
             into["weights"] += _summed(outer, world)
-            A = ancestors(self.estimate.parents)
-            into["weights"] += _summed(pull, self.shifts) @ A.T
+            below = _summed(pull, self.shifts) @ ancestors(self.estimate.parents).T
+            into["weights"] += below
 
     def _on_poses(self, outer: Array, on_shifts: Array, on_rest: Array) -> Array:
         c, K = on_shifts.shape[:2]
@@ -143,7 +142,7 @@ class SkinningPass:
         return np.asarray(moved)
 
     def arms(self) -> Array:
-        """From each posed joint to what hangs below it, weighted: (c, N, K, 3) m.
+        """The vectors from each posed joint to the vertices below it, weighted, (c, N, K, 3) m.
 
         A small turn u of joint k in the world moves vertex i by u x arm_ik.
         """
@@ -152,12 +151,12 @@ class SkinningPass:
         posed = self.by_each() * self.estimate.weights[..., None]
         at = (self.posing.world @ self.estimate.joints[self.subject][..., None])[..., 0] + offsets
         below = np.einsum("km,jnka->jnma", A, posed, optimize=True)
-        return np.asarray(below - self.carried[..., None] * at[:, None])
+        return np.asarray(below - self.estimate.subtree_weights[..., None] * at[:, None])
 
     def bulging(self) -> Array:
-        """How small turns of all joints but the root move vertices through their blend shapes.
+        """How small turns of all joints but the root move vertices by pose blend shapes.
 
-        (c, N, K - 1, 3, 3) m per rad, the last axis being the turn's.
+        The shape is (c, N, K - 1, 3, 3) in metres per radian; the last axis is that of the turn.
         """
         local, P = self.posing.local[:, 1:], self.estimate.posedirs
         (c, m), N = local.shape[:2], len(P)

@@ -1,35 +1,39 @@
-"""Registrations in, a body out."""
+"""The training of a body from registrations."""
 
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from workbench.bodies import SkinnedBody
 from workbench.threads import limited_threads
-from workbench.training.carrying import train_coarse_first
-from workbench.training.crew import Crew, Hands, alone
+from workbench.training.executor import Execution, Executor
 from workbench.training.first_guess import Start
 from workbench.training.joint_regressor import JointRegressor
 from workbench.training.plan import Plan, alternation
-from workbench.training.pose_training import SILENT, PoseModel, Report
+from workbench.training.pose_training import PoseModel
+from workbench.training.progress import SILENT, Report
 from workbench.training.registrations import Registrations
-from workbench.training.shape_training import Shapes, learn_shapes, start_shape
-
-Array = NDArray[np.float64]
+from workbench.training.shape_training import ShapeModel, learn_shapes, start_shape
+from workbench.training.upsampling import train_coarse_first
 
 
 @dataclass(frozen=True, eq=False)
 class Trained:
-    """A body, and all that was found on the way to it."""
+    """The result of training.
+
+    Attributes:
+        body: the trained body, with its model card.
+        poses: what was learned from the multi-pose set.
+        regressor: the joint regressor, and how well it fits.
+        shapes: what was learned from the multi-shape set; None without one.
+    """
 
     body: SkinnedBody
     poses: PoseModel
     regressor: JointRegressor
-    shapes: Shapes | None
+    shapes: ShapeModel | None
 
 
 def train(
@@ -43,29 +47,30 @@ def train(
     folder: Path | None = None,
     report: Report = SILENT,
     card: dict[str, Any] | None = None,
-    crew: Crew = alone,
+    executor: Executor = map,
 ) -> Trained:
-    """A body from some people in many poses and, if there are, many people in one.
+    """Train a body from a few people in many poses and, if given, many people in one pose.
 
-    `start` is a template cut into segments. Without `multi_shape` the shape directions are those
-    of the subjects themselves, at most one less than they are. With a `folder` the run can be
-    killed at any time and goes on from there. A mesh of very many vertices is trained on some of
-    them first. Raises NotLowered, NoMirror or BadFile.
+    `start` is a template divided into segments. Without `multi_shape`, the shape directions are
+    those of the subjects themselves, at most one fewer than there are subjects. With a `folder`,
+    the run can be killed at any time, and continues from there. A mesh of very many vertices is
+    trained on some of them first. `executor` runs the fits of poses, in this process as `map`
+    does, or in several by `Processes`. Raises NotLowered, NoMirror or BadFile.
     """
     chosen = alternation() if plan is None else plan
-    model = train_coarse_first(multi_pose, start, chosen, folder=folder, report=report, crew=crew)
+    execution = Execution(executor, report)
+    model = train_coarse_first(multi_pose, start, chosen, folder=folder, execution=execution)
     with limited_threads():
         body, regressor = start_shape(model, start, n_betas)
         shapes = None
         if multi_shape is not None:
-            mirror = model.objective.held_even
             shapes = learn_shapes(
                 body,
                 multi_shape,
                 n_betas=n_betas,
-                mirror=mirror,
+                mirror=model.objective.active_mirror,
                 rounds=shape_rounds,
-                hands=Hands(crew, partial(report.part, "shapes")),
+                execution=execution,
             )
             body = replace(body, template=shapes.space.template, shapedirs=shapes.space.shapedirs)
     facts = card_of(model, regressor, shapes, chosen) | (card or {})
@@ -73,9 +78,9 @@ def train(
 
 
 def card_of(
-    model: PoseModel, regressor: JointRegressor, shapes: Shapes | None, plan: Plan
+    model: PoseModel, regressor: JointRegressor, shapes: ShapeModel | None, plan: Plan
 ) -> dict[str, Any]:
-    """What a trained body says about itself, from the run's own numbers."""
+    """The model card of a trained body, from the numbers of its training."""
     registrations = model.objective.registrations
     estimate, sigmas = model.estimate, model.objective.sigmas
     worst = max([regressor.kkt, *(e.facts["kkt"] for e in model.log if "kkt" in e.facts)])

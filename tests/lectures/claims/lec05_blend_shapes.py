@@ -97,7 +97,7 @@ SAYS = {
     "with it, $\\beta$ is in standard deviations": lambda run: np.allclose(
         run["betas"].std(axis=1, ddof=1), 1
     ),
-    "The tallest, 1, +3 sd, has 1.97 m; the shortest, 1, -3 sd, 1.39 m.": lambda run: (
+    "The tallest body, 1, +3 sd, is 1.97 m tall, and the shortest, 1, -3 sd, 1.39 m.": lambda run: (
         1,
         +3,
         tallest_and_shortest(run)[0],

@@ -91,7 +91,7 @@ SAYS = {
         np.allclose(step_of_ten(run, 2), 10, rtol=0.1),
         np.allclose(step_of_ten(run, 1), 100, rtol=0.1),
     ),
-    "Blue where one of the 72 residuals depends on one of the 72 free numbers, by structure: 16.5% of "
+    "An entry is blue where one of the 72 residuals depends on one of the 72 free numbers by structure: 16.5% of "
     "the entries.": lambda run: (
         run["here"].jacobian.shape[0],
         run["here"].jacobian.shape[1],

@@ -47,8 +47,9 @@ def place(run: Run) -> list[float]:
 def unseen_turns(run: Run) -> float:
     """The share of the skin's error that turns make which the joints do not see, to first order."""
     wb = run["wb"]
-    both = wb.Problem([run["at_joints"], *run["priors"]], ["pose", "betas", "trans"],
-                      blocks=[run["seen_joints"]])  # fmt: skip
+    both = wb.Problem(
+        [run["at_joints"], *run["priors"]], ["pose", "betas", "trans"], blocks=[run["seen_joints"]]
+    )
     values = run["given"] | wb.solve(both, run["given"]).values
     by_pose = wb.Problem([run["at_joints"]], ["pose"], blocks=[run["seen_joints"]])
     here = by_pose.linearize(values)

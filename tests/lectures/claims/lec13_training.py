@@ -3,7 +3,7 @@
 import numpy as np
 
 from tests.lectures.prose import Run
-from workbench.training.made_up import draw_registrations
+from workbench.synthetic.made_up import draw_registrations
 
 
 def turns(run: Run) -> tuple[float, float]:

@@ -14,15 +14,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from workbench.arrays import Array, Index
 from workbench.bodies.triangles.arrays import TriangleArrays
 from workbench.bodies.triangles.turning import Turning
 from workbench.geometry.triangles import edges
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,15 +3,13 @@
 from collections.abc import Mapping
 from typing import Any, Protocol
 
-import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from workbench.arrays import Array, Index
 from workbench.bodies.body import Body
 from workbench.bodies.landmarks import Landmarks
 from workbench.geometry.stitching import Stitching
-
-Array = NDArray[np.float64]
 
 
 class TriangleArrays(Body, Protocol):
@@ -26,7 +24,7 @@ class TriangleArrays(Body, Protocol):
         """(N, 3) m."""
 
     @property
-    def faces(self) -> NDArray[np.int64]:
+    def faces(self) -> Index:
         """(F, 3)."""
 
     @property
@@ -38,7 +36,7 @@ class TriangleArrays(Body, Protocol):
         """(F, 3, 3, 3 J) per rad."""
 
     @property
-    def near(self) -> NDArray[np.int64]:
+    def near(self) -> Index:
         """(F, J)."""
 
     @property

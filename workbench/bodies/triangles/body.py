@@ -1,7 +1,7 @@
 """A body whose triangles deform one by one and are stitched: SCAPE and BlendSCAPE."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -10,29 +10,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 
+from workbench.arrays import Array, Index
 from workbench.blocks import Block, Points, Values
-from workbench.blocks.checks import texts
-from workbench.bodies import evaluation
-from workbench.bodies.arguments import Arguments
-from workbench.bodies.body import Blocks, blocks_of, check_prefix, landmark_set
+from workbench.bodies.body import Blocks, blocks_of, landmark_set
+from workbench.bodies.forward import evaluation
+from workbench.bodies.forward.arguments import Arguments
 from workbench.bodies.landmarks import Landmarks
-from workbench.bodies.owned import (
-    given_up,
-    owned,
-    owned_extras,
-    owned_index,
-    owned_mapping,
-    owned_matrix,
-)
+from workbench.bodies.readonly import parts_of, readonly_parts, remade
 from workbench.bodies.triangles.arithmetic import Arithmetic
 from workbench.bodies.triangles.arrays import TriangleArrays
 from workbench.bodies.triangles.sources import SurfaceMeans, TriangleSurface
 from workbench.bodies.triangles.validation import check
 from workbench.bodies.validation import chosen_vertices
-from workbench.errors import BadBody, NotNumbers
 from workbench.geometry.stitching import Stitching
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,10 +49,10 @@ class TriangleBody:
     """
 
     template: Array  # (N, 3) m
-    faces: NDArray[np.int64]  # (F, 3), one connected surface
+    faces: Index  # (F, 3), one connected surface
     shapedirs: Array  # (F, 3, 3, B) per unit of betas
     posedirs: Array  # (F, 3, 3, 3 J) per rad, joint by joint of `near`
-    near: NDArray[np.int64]  # (F, J): the joints, never the root, whose twists a face feels
+    near: Index  # (F, J): the joints, never the root, whose twists a face feels
     weights: csr_array  # (F, K), rows sum to one
     J_regressor: csr_array  # (K, N), rows sum to one: joints from vertices, rest or posed
     parents: tuple[int, ...]  # parents[0] == -1, and parents[k] < k
@@ -74,26 +64,14 @@ class TriangleBody:
     _made: dict[str, Blocks] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
-        try:
-            kept: dict[str, Any] = {
-                n: owned(n, getattr(self, n)) for n in ("template", "shapedirs", "posedirs")
-            }
-            kept |= {n: owned_matrix(n, getattr(self, n)) for n in ("weights", "J_regressor")}
-            kept |= {n: owned_index(n, getattr(self, n)) for n in ("faces", "near")}
-            kept["parents"] = tuple(owned_index("parents", self.parents).ravel().tolist())
-            kept["landmarks"] = owned_mapping(f"body {self.name!r}: landmarks", self.landmarks)
-            kept["extras"] = owned_mapping("extras", owned_extras(self.extras))
-        except NotNumbers as error:
-            raise BadBody(f"body {self.name!r}: {error}") from None
-        kept["joint_names"] = texts(f"body {self.name!r}: joint_names", self.joint_names, BadBody)
-        self.__dict__.update(kept)
+        reals, matrices = ("template", "shapedirs", "posedirs"), ("weights", "J_regressor")
+        parts = readonly_parts(self, reals, matrices, ("faces", "near"), ("landmarks",))
+        self.__dict__.update(parts)
         check(self)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Its parts, without the blocks it made and what it computed with."""
-        parts = {part.name: getattr(self, part.name) for part in fields(self) if part.init}
-        plain = {name: dict(getattr(self, name)) for name in ("landmarks", "extras")}
-        return _made_of, (parts | plain,)
+        return remade, (TriangleBody, parts_of(self))
 
     @property
     def n_vertices(self) -> int:
@@ -124,10 +102,7 @@ class TriangleBody:
 
     def blocks(self, prefix: str = "") -> Blocks:
         """`pose` (K, 3) rad, `betas` (B,), `trans` (3,) m: the same objects for the same prefix."""
-        check_prefix(prefix)
-        if prefix not in self._made:
-            self._made[prefix] = blocks_of(prefix, self.joint_names, self.n_betas)
-        return self._made[prefix]
+        return blocks_of(self, prefix, self._made)
 
     @property
     def known_blocks(self) -> tuple[Block, ...]:
@@ -154,9 +129,7 @@ class TriangleBody:
     def joint_points(self, pose: cs.MX, betas: cs.MX, trans: cs.MX) -> Points:
         """The joints as the posed surface has them, (3, K) m: J_regressor times its vertices."""
         surface = self._surface(pose, betas, trans)
-        # not the bare names: the rank law of a chain of bones does not hold for these
-        labels = tuple(f"{name} of the surface" for name in self.joint_names)
-        return Points.of(SurfaceMeans(surface, self.J_regressor, labels), "joints")
+        return Points.of(SurfaceMeans(surface, self.J_regressor, self.joint_names), "joints")
 
     def landmark_points(self, name: str, pose: cs.MX, betas: cs.MX, trans: cs.MX) -> Points:
         """A named set of landmarks on the posed surface, (3, M) m; `joints` are always there."""
@@ -225,11 +198,3 @@ class TriangleBody:
     def arithmetic(self) -> Arithmetic:
         """The arrays packed for arithmetic."""
         return Arithmetic(self)
-
-
-def _made_of(parts: dict[str, Any]) -> TriangleBody:
-    """A body of parts that are nobody else's, as a pickle or a copy hands them over."""
-    for part in parts.values():
-        if isinstance(part, np.ndarray):
-            given_up(part)
-    return TriangleBody(**parts)

@@ -12,14 +12,14 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.spatial.transform import Rotation
+
+from workbench.arrays import Array
 
 if TYPE_CHECKING:
     from workbench.bodies.triangles.arithmetic import Arithmetic
 
-Array = NDArray[np.float64]
 TOGETHER = 16  # surfaces that are worked on at a time: more of them do not fit into a cache
 
 

@@ -3,16 +3,13 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from workbench.arrays import Array, Index
 from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.triangles.body import TriangleBody
 from workbench.errors import BadBody
 from workbench.geometry.triangles import gradient_slopes
-
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 
 def blend_scape(body: SkinnedBody, n_near: int = 2) -> TriangleBody:

@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import casadi as cs
-import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from workbench.arrays import Array
 from workbench.blocks import Block, Tree
-from workbench.bodies.arguments import Arguments
-from workbench.bodies.numeric_sources import Named, NumericLandmarks
+from workbench.bodies.forward.arguments import Arguments
+from workbench.bodies.forward.numeric_sources import Named, NumericMeans
 from workbench.bodies.triangles import surface
 from workbench.bodies.triangles.arithmetic import Arithmetic, SurfaceNumbers
 from workbench.bodies.triangles.arrays import TriangleArrays
 from workbench.bodies.triangles.many import ManySurfaces
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,8 +88,9 @@ class SurfaceMeans:
 
     @property
     def tree(self) -> Tree | None:
-        """The body's."""
-        return self.surface.tree
+        """The body's; the joints of a surface that deforms are on no rigid bones."""
+        tree = self.surface.tree
+        return None if tree is None else replace(tree, rigid_bones=False)
 
     @cached_property
     def numeric(self) -> Named | None:
@@ -100,7 +98,7 @@ class SurfaceMeans:
         maps = self.surface.at.maps
         if maps is None:
             return None
-        return Named(NumericLandmarks(self.surface.arithmetic, self.regressor), maps)
+        return Named(NumericMeans(self.surface.arithmetic, self.regressor), maps)
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import casadi as cs
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_array
 
-from workbench.bodies.kinematics import world_rotations
+from workbench.arrays import Array
+from workbench.bodies.forward.kinematics import world_rotations
 from workbench.bodies.triangles.arithmetic import Arithmetic
 from workbench.bodies.triangles.arrays import TriangleArrays
 
@@ -38,7 +38,7 @@ def posed(
     return (V + cs.repmat(shift, body.n_vertices, 1)).T
 
 
-def _twists(body: TriangleArrays, bends: NDArray[np.float64]) -> csc_array:
+def _twists(body: TriangleArrays, bends: Array) -> csc_array:
     """(6 F, 3 K): what vec(pose) adds to Q_f e_fi, in the rows (i, a, f)."""
     F, J = body.near.shape
     slopes = bends.reshape(F, 2, 3, J, 3)

@@ -2,13 +2,11 @@
 
 import casadi as cs
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array
 from workbench.blocks.buffered import Buffered
-from workbench.bodies.kinematics import local_slopes, turning_axes, world_rotations
+from workbench.bodies.forward.kinematics import local_slopes, turning_axes, world_rotations
 from workbench.geometry.rotation import rodrigues
-
-Array = NDArray[np.float64]
 
 
 class Turning:

@@ -6,7 +6,7 @@ from typing import NoReturn
 
 import numpy as np
 
-from workbench.bodies.extras import TRIANGLES, clashes
+from workbench.bodies.files.extras import TRIANGLES, clashes
 from workbench.bodies.triangles.arrays import TriangleArrays
 from workbench.bodies.validation import check_landmarks, check_rows, check_tree
 from workbench.errors import BadBody, BadMesh
@@ -50,8 +50,10 @@ def check(body: TriangleArrays) -> None:
     outside = (body.near < 1) | (body.near >= K)
     if outside.any():
         face = int(np.argmax(outside.any(axis=1)))
-        refuse(f"face {face} is near the joints {body.near[face].tolist()}, but joints that bend "
-               f"are 1 to {K - 1}")  # fmt: skip
+        refuse(
+            f"face {face} is near the joints {body.near[face].tolist()}, but joints that bend "
+            f"are 1 to {K - 1}"
+        )
     twice = np.diff(np.sort(body.near, axis=1), axis=1) == 0
     if twice.any():
         face = int(np.argmax(twice.any(axis=1)))

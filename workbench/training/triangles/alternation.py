@@ -1,144 +1,169 @@
-"""SCAPE and BlendSCAPE from registrations in poses that nobody knows.
+"""SCAPE and BlendSCAPE from registrations whose poses are not known.
 
-What SMPL's training found in the same registrations is where it begins: the weights and the joint
-regressor, which it keeps, everybody's pose and each subject's rest shape, which it finds anew for
-itself. Then blocks in turn, all else held:
+It begins with what SMPL's training found in the same registrations. The weights and the joint
+regressor stay; everybody's pose and each subject's rest shape are found anew, in blocks that hold
+everything else:
 
-shapes   everybody who stands: pose by the pose solver, un-posed triangle by triangle; the mean and
-         the principal directions of deformation gradients, S
-bends    Q by ridge least squares, E_Q being its magnitude
-poses    every registration's pose by the same pose solver, each subject having a D of its own
-persons  each subject's D by least squares, E_D being its smoothness over neighbours
+shapes   the poses of the multi-shape set, whose people are un-posed triangle by triangle; then
+         the mean and the principal directions of their deformation gradients, S
+bends    Q by ridge least squares; E_Q is its magnitude
+poses    the pose of every registration, each subject having a D of its own
+persons  each subject's D by least squares; E_D is its smoothness over neighbours
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import Array
 from workbench.bodies.triangles import TriangleBody
 from workbench.geometry.triangles import edges, frames_on, gradients
 from workbench.training.blocks import POSE_STEPS
 from workbench.training.pose_training import FIRST_SIGMA
-from workbench.training.poses import OnEdges, OnVertices, ShapePrior
-from workbench.training.registrations import InMemory, kept_and_held_back
+from workbench.training.poses import EdgeTerm, Fits, PoseFit, ShapePrior, VertexTerm
+from workbench.training.registrations import InMemory, training_and_held_out
+from workbench.training.selection import Selection
 from workbench.training.training import Trained
-from workbench.training.triangles.choice import Choice
-from workbench.training.triangles.fitting import Fits, Search
+from workbench.training.triangles.fitting import SIGMA
 from workbench.training.triangles.learning import PosedMeshes, learn_bends, learn_person
 from workbench.training.triangles.shape_space import learn_shapes
 from workbench.training.triangles.stitched_fit import CentredVertices, LeastSquares, Lsqr
 
-Array = NDArray[np.float64]
 SMOOTHNESS = 1e-6  # m^2, E_D
-ROUGH = Lsqr(3e-3)  # for Q: beyond, subjects held back are explained no better
+ROUGH = Lsqr(3e-3)  # for Q: a smaller tolerance explains held-out subjects no better
 FINE = Lsqr(1e-3)  # for D
 
 
 @dataclass(frozen=True)
-class Effort:
-    """How long the blocks go on, and which ridges of Q are tried."""
+class TriangleOptions:
+    """How long the alternation goes on.
+
+    Attributes:
+        rounds: how often the blocks are run in turn.
+        ridges: the ridges of Q (E_Q) to choose from, in m^2 per squared unit of posedirs.
+        bends: the least-squares method for Q.
+        persons: the least-squares method for D.
+    """
 
     rounds: int = 2
-    ridges: tuple[float, ...] = (1e-2, 1e-3, 1e-4, 1e-5)  # m^2 per squared unit of posedirs, E_Q
+    ridges: tuple[float, ...] = (1e-2, 1e-3, 1e-4, 1e-5)
     bends: LeastSquares = ROUGH
     persons: LeastSquares = FINE
 
 
-QUICK = Effort()
+QUICK = TriangleOptions()
 
 
 @dataclass(frozen=True, eq=False)
-class State:
-    """What the blocks hand on."""
+class TriangleEstimate:
+    """What the alternation looks for.
 
-    body: TriangleBody  # with the template and shape directions of everybody
-    D: Array  # (S, F, 3, 3): the subjects of the multi-pose set, on the template
-    poses: Array  # (J, K, 3) rad: of that set
-    standing: Array  # (P, K, 3) rad: of the multi-shape set
+    Attributes:
+        body: the triangle body, with the template and shape directions of everybody.
+        D: (S, F, 3, 3) the deformation gradients of the multi-pose subjects, on the template.
+        poses: (J, K, 3) in radians, of the multi-pose set.
+        standing: (P, K, 3) in radians, of the multi-shape set.
+    """
+
+    body: TriangleBody
+    D: Array
+    poses: Array
+    standing: Array
 
     @staticmethod
-    def begin(untrained: TriangleBody, smpl: Trained) -> "State":
-        """From the end of SMPL's training with shapes; `untrained` has its weights."""
+    def begin(untrained: TriangleBody, smpl: Trained) -> "TriangleEstimate":
+        """The end of SMPL's training with shapes; `untrained` has the weights found there."""
         assert smpl.shapes is not None
         found, body = smpl.poses.estimate, untrained
         D = gradients(body.template, found.templates, body.faces)
-        return State(body, D, found.poses, smpl.shapes.poses)
+        return TriangleEstimate(body, D, found.poses, smpl.shapes.poses)
 
     @property
     def subjects(self) -> TriangleBody:
-        """The body whose betas are one at a subject and zero elsewhere."""
+        """The body of all subjects: for subject s, beta s is one and the others are zero."""
         return replace(self.body, shapedirs=np.moveaxis(self.D - np.eye(3), 0, 3))
 
     def fits(self, posed: InMemory, steps: int = POSE_STEPS) -> Fits:
-        """The subjects in registrations of theirs, poses sought from where they were."""
-        who = np.eye(len(self.D))[posed.subject]
-        return Search(OnVertices(), steps).of(self.subjects, posed.vertices, self.poses, who)
+        """The subjects fitted to their registrations, from the poses of the estimate."""
+        fit = PoseFit(self.subjects, posed.n_vertices, VertexTerm(), SIGMA, steps)
+        return fit.fits(self.poses, posed.vertices, betas=np.eye(len(self.D))[posed.subject])
 
 
 def train_triangles(
-    begun: State,
+    start: TriangleEstimate,
     standing: InMemory,
     posed: InMemory,
     *,
     n_betas: int,
     ridge: float,
-    effort: Effort = QUICK,
-) -> State:
-    """Blocks in turn, so many rounds of them, and shapes and bends once more."""
-    state = begun
-    for _ in range(effort.rounds):
-        state = shapes(state, standing, n_betas)
-        state = bends(state, posed, ridge, effort.bends)
-        state = replace(state, poses=state.fits(posed).poses)
-        state = persons(state, posed, effort.persons)
-    return bends(shapes(state, standing, n_betas), posed, ridge, effort.bends)
+    options: TriangleOptions = QUICK,
+) -> TriangleEstimate:
+    """Run all blocks in turn, in a number of rounds, and `shapes` and `bends` once more."""
+    estimate = start
+    for _ in range(options.rounds):
+        estimate = shapes(estimate, standing, n_betas)
+        estimate = bends(estimate, posed, ridge, options.bends)
+        estimate = replace(estimate, poses=estimate.fits(posed).poses)
+        estimate = persons(estimate, posed, options.persons)
+    return bends(shapes(estimate, standing, n_betas), posed, ridge, options.bends)
 
 
-def shapes(state: State, standing: InMemory, n_betas: int) -> State:
-    """Template and shapedirs; from the poses known so far, then from those sought with them."""
-    roughly = _with_shapes(state, standing, n_betas)
-    seek = Search(OnEdges(state.body.faces), POSE_STEPS, FIRST_SIGMA, ShapePrior())
-    poses = seek.of(roughly.body, standing.vertices, state.standing).poses
+def shapes(estimate: TriangleEstimate, standing: InMemory, n_betas: int) -> TriangleEstimate:
+    """Learn template and shapedirs from the poses known so far, then from poses fitted again."""
+    roughly = _with_shapes(estimate, standing, n_betas)
+    body = roughly.body
+    term = EdgeTerm(body.faces)
+    fit = PoseFit(body, body.n_vertices, term, FIRST_SIGMA, POSE_STEPS, ShapePrior())
+    poses = fit.fits(estimate.standing, standing.vertices).poses
     return _with_shapes(replace(roughly, standing=poses), standing, n_betas)
 
 
-def bends(state: State, posed: InMemory, ridge: float, by: LeastSquares) -> State:
-    """posedirs."""
-    meshes = PosedMeshes(posed.vertices, state.poses, posed.subject)
-    each = np.eye(len(state.D))
-    learned = learn_bends(state.subjects, meshes, each, ridge=ridge, by=by, measure=CentredVertices)
-    return replace(state, body=replace(state.body, posedirs=learned.posedirs))
+def bends(
+    estimate: TriangleEstimate, posed: InMemory, ridge: float, by: LeastSquares
+) -> TriangleEstimate:
+    """Learn posedirs, all else being held."""
+    meshes = PosedMeshes(posed.vertices, estimate.poses, posed.subject)
+    each = np.eye(len(estimate.D))
+    learned = learn_bends(
+        estimate.subjects, meshes, each, ridge=ridge, by=by, measure=CentredVertices
+    )
+    return replace(estimate, body=replace(estimate.body, posedirs=learned.posedirs))
 
 
-def persons(state: State, posed: InMemory, by: LeastSquares) -> State:
-    """Each subject's D, from what is seen of him in all his poses."""
+def persons(estimate: TriangleEstimate, posed: InMemory, by: LeastSquares) -> TriangleEstimate:
+    """Learn each subject's D from all registrations of the subject."""
     D = []
-    for i in range(len(state.D)):
+    for i in range(len(estimate.D)):
         own = np.flatnonzero(posed.subject == i)
-        meshes = PosedMeshes(posed.vertices[own], state.poses[own], posed.subject[own])
+        meshes = PosedMeshes(posed.vertices[own], estimate.poses[own], posed.subject[own])
         D.append(
-            learn_person(state.body, meshes, smoothness=SMOOTHNESS, by=by, measure=CentredVertices)
+            learn_person(
+                estimate.body, meshes, smoothness=SMOOTHNESS, by=by, measure=CentredVertices
+            )
         )
-    return replace(state, D=np.stack(D))
+    return replace(estimate, D=np.stack(D))
 
 
-def choose_ridge(begun: State, posed: InMemory, effort: Effort = QUICK) -> Choice:
-    """Q's ridge: learned from some subjects, judged on those held back, their poses sought anew."""
-    kept, back = kept_and_held_back(posed.subject)
-    first, second = (replace(begun, poses=begun.poses[rows]) for rows in (kept, back))
-    shown, asked = (InMemory(posed.vertices[rows], posed.subject[rows]) for rows in (kept, back))
-    left = []
-    for ridge in effort.ridges:
-        body = bends(first, shown, ridge, effort.bends).body
-        left.append(1e3 * replace(second, body=body).fits(asked).rms(asked.vertices))
-    return Choice(effort.ridges, tuple(left))
+def choose_ridge(
+    start: TriangleEstimate, posed: InMemory, options: TriangleOptions = QUICK
+) -> Selection:
+    """Choose the ridge of Q: learn it from most subjects, and fit the poses of the others."""
+    halves = []
+    for rows in training_and_held_out(posed.subject):
+        own = InMemory(posed.vertices[rows], posed.subject[rows])
+        halves.append((replace(start, poses=start.poses[rows]), own))
+    (first, training), (second, held_out) = halves
+    errors = []
+    for ridge in options.ridges:
+        body = bends(first, training, ridge, options.bends).body
+        errors.append(1e3 * replace(second, body=body).fits(held_out).rms(held_out.vertices))
+    return Selection(options.ridges, tuple(errors))
 
 
 def unposed(body: TriangleBody, pose: Array, vertices: Array) -> Array:
-    """The person at rest (N, 3) m, its mean at the origin, whom a body takes to a posed mesh.
+    """The person (N, 3) m at rest, about its mean, that a body takes to a posed mesh.
 
-    D_f takes Q_f e_f to B_f^-1 times the mesh's edges; what these D_f ask for is stitched.
+    D_f takes Q_f e_f to B_f^-1 times the mesh's edges; the triangles of these D_f are stitched.
     """
     at = body.arithmetic.at(pose, np.zeros(body.n_betas))
     straight = np.linalg.solve(at.B, edges(vertices, body.faces).transpose(0, 2, 1))
@@ -148,12 +173,12 @@ def unposed(body: TriangleBody, pose: Array, vertices: Array) -> Array:
     return np.asarray(V - V.mean(axis=0))
 
 
-def _with_shapes(state: State, standing: InMemory, n_betas: int) -> State:
-    body = state.body
-    each = zip(state.standing, standing.vertices, strict=True)
+def _with_shapes(estimate: TriangleEstimate, standing: InMemory, n_betas: int) -> TriangleEstimate:
+    body = estimate.body
+    each = zip(estimate.standing, standing.vertices, strict=True)
     people = np.stack([unposed(body, pose, V) for pose, V in each])
     found = learn_shapes(people, body.faces, n_betas)
-    D = state.D @ gradients(found.template, body.template, body.faces)  # the same subjects
+    D = estimate.D @ gradients(found.template, body.template, body.faces)  # the same subjects
     return replace(
-        state, D=D, body=replace(body, template=found.template, shapedirs=found.shapedirs)
+        estimate, D=D, body=replace(body, template=found.template, shapedirs=found.shapedirs)
     )

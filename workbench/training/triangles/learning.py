@@ -4,8 +4,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from workbench.arrays import Array, Index
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadArgument
 from workbench.geometry.stitching import Stitching
@@ -19,17 +20,20 @@ from workbench.training.triangles.stitched_fit import (
     StitchedFit,
 )
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
-
 
 @dataclass(frozen=True, eq=False)
 class PosedMeshes:
-    """M meshes of one topology in known poses; raises BadArgument if they do not fit together."""
+    """M meshes of one topology in known poses. Raises BadArgument if they do not fit together.
 
-    vertices: Array  # (M, N, 3) m
-    poses: Array  # (M, K, 3) rad
-    person: Index  # (M,): whose each is, from 0
+    Attributes:
+        vertices: (M, N, 3) in metres.
+        poses: (M, K, 3) in radians.
+        person: (M,) the number of each mesh's person, from 0.
+    """
+
+    vertices: Array
+    poses: Array
+    person: Index
 
     def __post_init__(self) -> None:
         M = len(self.vertices)
@@ -50,10 +54,10 @@ def learn(
     by: LeastSquares = LSQR,
     measure: Callable[[Stitching], Measure] = ClosedEdges,
 ) -> TriangleBody:
-    """SCAPE or BlendSCAPE, as the weights of `start` have it, from two sets of meshes.
+    """Learn SCAPE or BlendSCAPE, depending on the weights of `start`, from two sets of meshes.
 
-    `people` (P, N, 3) m at rest give the template and D; `posed` meshes of them give Q, with each
-    person's betas as found at rest. As in SCAPE, which has one set of people and one of poses.
+    `people` (P, N, 3) m at rest give the template and D; `posed` meshes of them give Q, with the
+    betas that each person has at rest. SCAPE also has one set of people and one of poses.
     """
     shapes = learn_shapes(people, start.faces, n_betas)
     shaped = replace(start, template=shapes.template, shapedirs=shapes.shapedirs)
@@ -71,7 +75,7 @@ def learn_bends(
     by: LeastSquares = LSQR,
     measure: Callable[[Stitching], Measure] = ClosedEdges,
 ) -> TriangleBody:
-    """The body with the posedirs that fit the meshes best, everything else as it is.
+    """The body with the posedirs that fit the meshes best; everything else is held.
 
     `betas` (P, B) of each person. E_Q, how far Q_f is from the identity, is `ridge` (m^2) times
     the sum of squares of posedirs per rad.
@@ -111,7 +115,7 @@ def learn_person(
 
 
 def _missing(body: TriangleBody, posed: PosedMeshes, known: Array) -> Array:
-    """Edges of the meshes less what is known of them (F, 2, M, 3) m."""
+    """The edges of the meshes minus the known part of the model, (F, 2, M, 3) m."""
     return np.asarray(edges(posed.vertices, body.faces).transpose(1, 2, 0, 3) - known)
 
 

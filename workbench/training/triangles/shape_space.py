@@ -4,32 +4,37 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from workbench.arrays import Array, Index
 from workbench.errors import BadArgument
 from workbench.geometry.stitching import Stitching
 from workbench.geometry.triangles import edges, gradient_slopes
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
-
 
 @dataclass(frozen=True, eq=False)
 class TriangleShapes:
-    """D_f = I + shapedirs[f] betas about the mean of some people; betas in standard deviations."""
+    """D_f = I + shapedirs[f] betas about the mean of some people; betas in standard deviations.
 
-    template: Array  # (N, 3) m, the mean
-    shapedirs: Array  # (F, 3, 3, B)
-    betas: Array  # (P, B) of the people that it was learned from
-    explained: Array  # (B,): the share of the gradients' variance
+    Attributes:
+        template: (N, 3) in metres, the mean.
+        shapedirs: (F, 3, 3, B) per unit of betas.
+        betas: (P, B) those of the people that it was learned from.
+        explained: (B,) the share of the gradients' variance.
+    """
+
+    template: Array
+    shapedirs: Array
+    betas: Array
+    explained: Array
 
 
 def learn_shapes(people: ArrayLike, faces: Index, n_betas: int) -> TriangleShapes:
     """Principal components of the gradients X_f of people (P, N, 3) at rest, about their mean.
 
     The third axis of X_f is taken to first order, so that X_f is linear in the vertices: people
-    who fill k dimensions then have k components and not more. Raises BadArgument for more betas
-    than P - 1 people can tell apart.
+    who span k dimensions then have k components and no more. Raises BadArgument for more than
+    P - 1 betas.
     """
     v = np.asarray(people, dtype=float)
     P = len(v)
@@ -51,7 +56,7 @@ def learn_shapes(people: ArrayLike, faces: Index, n_betas: int) -> TriangleShape
 
 
 def stitched_directions(shapes: TriangleShapes, faces: Index) -> Array:
-    """What each beta does to the vertices once stitched, centroids at rest: (N, 3, B) m."""
+    """How each beta moves the stitched vertices about their mean, (N, 3, B) m per unit."""
     stitching = Stitching(faces, len(shapes.template))
     e = edges(shapes.template, faces)
     moved = np.einsum("facb,fic->bfia", shapes.shapedirs, e, optimize=True)

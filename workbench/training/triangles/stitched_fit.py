@@ -1,4 +1,4 @@
-"""Per-triangle matrices by ridge least squares, seen through the stitching.
+"""Per-triangle matrices by ridge least squares on the stitched mesh.
 
 Fitting X_f to each triangle of a mesh alone would be wrong: what a model's triangles ask for never
 quite closes, and the mesh shows only what is left of it after stitching. So the unknown C_f (3, q)
@@ -19,27 +19,24 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import lstsq
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import LinearOperator, lsqr
 
+from workbench.arrays import Array, Index
 from workbench.errors import BadArgument, WorkbenchError
 from workbench.geometry.stitching import Stitching
 
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
-
 
 class NotConverged(WorkbenchError):
-    """The least squares were stopped before they met their tolerance."""
+    """The least squares were stopped before they reached their tolerance."""
 
 
 class LeastSquares(Protocol):
     """A way to minimise |A x - b|^2; where that leaves x open, the shortest."""
 
     def solve(self, A: LinearOperator, b: Array) -> Array:
-        """x."""
+        """The minimum x."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +47,7 @@ class Lsqr:
     most: int = 4000
 
     def solve(self, A: LinearOperator, b: Array) -> Array:
-        """x."""
+        """The minimum x."""
         x, stopped, count = lsqr(
             A, b, atol=self.tolerance, btol=self.tolerance, conlim=0, iter_lim=self.most
         )[:3]
@@ -66,11 +63,11 @@ class Lsqr:
 class Direct:
     """By QR with pivots of the matrix itself. Raises BadArgument for more than `most` unknowns."""
 
-    cutoff: float = 1e-13  # of the largest singular value: what counts as not seen at all
+    cutoff: float = 1e-13  # of the largest singular value: smaller ones count as zero
     most: int = 3000
 
     def solve(self, A: LinearOperator, b: Array) -> Array:
-        """x."""
+        """The minimum x."""
         n = A.shape[1]
         if n > self.most:
             raise BadArgument(
@@ -85,13 +82,13 @@ LSQR = Lsqr()
 
 
 class Measure(Protocol):
-    """What of a stitched mesh is compared: linear in the edges (2 F, k) that were asked for."""
+    """What of a stitched mesh is data_term: linear in the edges (2 F, k) that were asked for."""
 
-    def seen(self, edges: Array) -> Array:
-        """(rows, k) m."""
+    def observed(self, edges: Array) -> Array:
+        """What is compared, (rows, k) m."""
 
     def adjoint(self, pull: Array) -> Array:
-        """The gradient (2 F, k) of sum(pull * seen(edges))."""
+        """The gradient (2 F, k) of sum(pull * observed(edges)) by the edges."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,13 +97,13 @@ class ClosedEdges:
 
     stitching: Stitching
 
-    def seen(self, edges: Array) -> Array:
-        """(2 F, k) m."""
+    def observed(self, edges: Array) -> Array:
+        """The edges of the stitched mesh, (2 F, k) m."""
         return np.asarray(self.stitching.A @ self.stitching.solve(self.stitching.A.T @ edges))
 
     def adjoint(self, pull: Array) -> Array:
-        """Pi is its own."""
-        return self.seen(pull)
+        """The adjoint of Pi, which is Pi itself."""
+        return self.observed(pull)
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,24 +112,32 @@ class CentredVertices:
 
     stitching: Stitching
 
-    def seen(self, edges: Array) -> Array:
-        """(N, k) m."""
+    def observed(self, edges: Array) -> Array:
+        """The centred vertices, (N, k) m."""
         V = self.stitching.solve(self.stitching.A.T @ edges)
         return np.asarray(V - V.mean(axis=0))
 
     def adjoint(self, pull: Array) -> Array:
-        """(2 F, k)."""
+        """The gradient (2 F, k) by the edges, see `Measure`."""
         return np.asarray(self.stitching.A @ self.stitching.solve(pull - pull.mean(axis=0)))
 
 
 @dataclass(frozen=True, eq=False)
 class StitchedFit:
-    """M meshes whose edges before stitching are L_f C_f h_fi + what is known."""
+    """The least-squares problem of M meshes, whose C_f are unknown.
+
+    Attributes:
+        stitching: how triangles make a mesh.
+        left: (F, M, 3, 3) L.
+        features: (F, 2, M, q) h.
+        wanted: (F, 2, M, 3) r in metres, the edges of the meshes minus the known part.
+        measure: what of the stitched mesh is compared.
+    """
 
     stitching: Stitching
-    left: Array  # L (F, M, 3, 3)
-    features: Array  # h (F, 2, M, q)
-    wanted: Array  # r (F, 2, M, 3) m: edges of the meshes less what is known of them
+    left: Array
+    features: Array
+    wanted: Array
     measure: Callable[[Stitching], Measure] = ClosedEdges
 
     def solve(self, ridge: float = 0.0, smoothness: float = 0.0, by: LeastSquares = LSQR) -> Array:
@@ -147,19 +152,22 @@ class StitchedFit:
         white = h @ U.transpose(0, 2, 1)
         tied = neighbour_differences(self.stitching.faces)[: None if smoothness else 0]
         measure = self.measure(self.stitching)
-        target = measure.seen(self.wanted.reshape(2 * F, 3 * M))
-        seen, held = target.size, 3 * q * F if ridge else 0
-        rows = seen + held + 3 * q * tied.shape[0]
+        target = measure.observed(self.wanted.reshape(2 * F, 3 * M))
+        compared, held = target.size, 3 * q * F if ridge else 0
+        rows = compared + held + 3 * q * tied.shape[0]
 
         def forth(x: Array) -> Array:
             X = x.reshape(F, 3, q)
             C = (X @ U).reshape(F, 3 * q)
-            parts = [measure.seen(self._edges(X, white)), np.sqrt(ridge) * C[: F if ridge else 0],
-                     np.sqrt(smoothness) * (tied @ C)]  # fmt: skip
+            parts = [
+                measure.observed(self._edges(X, white)),
+                np.sqrt(ridge) * C[: F if ridge else 0],
+                np.sqrt(smoothness) * (tied @ C),
+            ]
             return np.concatenate([part.ravel() for part in parts])
 
         def back(pull: Array) -> Array:
-            on_edges, on_C, on_tied = np.split(pull.ravel(), [seen, seen + held])
+            on_edges, on_C, on_tied = np.split(pull.ravel(), [compared, compared + held])
             by_C = np.sqrt(smoothness) * (tied.T @ on_tied.reshape(-1, 3 * q))
             if ridge:
                 by_C += np.sqrt(ridge) * on_C.reshape(F, 3 * q)
@@ -168,7 +176,7 @@ class StitchedFit:
             return np.asarray(self._back(on_edges, white) + by_C).ravel()
 
         operator = LinearOperator((rows, 3 * q * F), matvec=forth, rmatvec=back, dtype=np.float64)
-        right = np.concatenate([target.ravel(), np.zeros(rows - seen)])
+        right = np.concatenate([target.ravel(), np.zeros(rows - compared)])
         return by.solve(operator, right).reshape(F, 3, q) @ U
 
     def _edges(self, X: Array, white: Array) -> Array:

@@ -1,0 +1,1 @@
+"""Which solver for which problem: comparisons behind the advice of `workbench solvers --for`."""

@@ -1,0 +1,79 @@
+"""The page that helps to choose a solver, written from the numbers that were kept."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from workbench.comparison.statistics import rate
+
+INTRODUCTION = """# Choosing a solver
+
+`workbench solvers --for FILE.py` looks at a problem and recommends solvers with reasons. This page
+has the comparisons behind its advice. Each section is one kind of problem. All solvers began at the
+same starts, with at most 5,000 evaluations and 20 seconds a run. A start is *solved* if the run
+visited a point that leaves at most the share *tau* of the way from the cost at the start to the
+lowest cost known. *Effort* is the median over the starts, in evaluations of the residual at the
+prices that `workbench.comparison.prices` gives with their source; a dash means that the median
+start was not solved. Intervals are exact 95 % intervals of Clopper and Pearson for independent
+starts; several starts of one problem are alike, and then the truth is less certain than they say.
+
+`python -m benchmarks.choosing` makes the page.
+"""
+ADVICE = {
+    "well-behaved": "Use Levenberg-Marquardt, the default, or Gauss-Newton. Solvers that see only "
+    "the gradient need about three times the effort of Levenberg-Marquardt, or more.",
+    "far start": "Use Levenberg-Marquardt: no solver solves more, and none needs less effort.",
+    "noisy": "Noise of this size does not stop Levenberg-Marquardt: it solves most, with less than "
+    "half of the effort of BOBYQA, which needs no derivatives.",
+    "bounds": "Levenberg-Marquardt projects its steps on the bounds and solves all; so do SLSQP, "
+    "SQP, NLopt's L-BFGS, SciPy's trf and IPOPT. SLSQP needs the least effort here.",
+    "constraints": "Use IPOPT with the exact Hessian. Approximations of the Hessian from gradients "
+    "(ipopt-lbfgs) solve none of these starts.",
+    "many unknowns": "Gauss-Newton, Levenberg-Marquardt and IPOPT use the Jacobian's sparsity. "
+    "NLopt's L-BFGS needs the fewest evaluations; SLSQP, whose memory is dense, solves none.",
+    "no derivatives": "Levenberg-Marquardt with finite differences solves more than BOBYQA, with a "
+    "quarter of its effort.",
+    "several minima": "No solver reaches the lowest minimum known from more than a quarter of the "
+    "starts. Start from several places and keep the best end.",
+}
+
+
+def read(path: Path) -> dict[str, Any]:
+    """The numbers as they were kept."""
+    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return found
+
+
+def write(path: Path, kept: dict[str, Any]) -> None:
+    """The whole page as Markdown."""
+    path.write_text("\n".join(lines(kept)) + "\n", encoding="utf-8")
+
+
+def lines(kept: dict[str, Any]) -> Iterator[str]:
+    """Line by line."""
+    yield INTRODUCTION
+    for name, one in kept["found"].items():
+        yield f"## {name.capitalize()}\n"
+        yield f"{one['meaning'][0].upper()}{one['meaning'][1:]}. {ADVICE[name]}\n"
+        starts = f"{one['seeds']} starts each" if one["seeds"] > 1 else "one start each"
+        count = len(one["problems"])
+        yield f"{count} problem{'s' if count > 1 else ''}, {starts}; tau = {one['tau']:g}.\n"
+        yield "| solver | solved | 95 % interval | effort |"
+        yield "| --- | --: | --: | --: |"
+        for solver, row in ordered(one["solvers"]):
+            share = rate(row["solved"], row["starts"])
+            between = f"{share.low:.0%} to {share.high:.0%}"
+            effort = "–" if row["effort"] is None else f"{row['effort']:,.0f}"
+            yield f"| {solver} | {row['solved']} of {row['starts']} | {between} | {effort} |"
+        yield ""
+    facts = kept["machine"]
+    if facts:
+        yield f"Measured on {facts.get('processor', 'one machine')}, {facts.get('date', '')}."
+
+
+def ordered(rows: dict[str, dict[str, Any]]) -> list[tuple[str, dict[str, Any]]]:
+    """The solvers that solved most first; among equals the one with the least effort."""
+    return sorted(
+        rows.items(), key=lambda item: (-item[1]["solved"], item[1]["effort"] or float("inf"))
+    )

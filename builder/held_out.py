@@ -1,0 +1,27 @@
+"""Held-out people at rest, from whom no shape space was learned."""
+
+from pathlib import Path
+
+import numpy as np
+
+from builder.packing import write_arrays
+from workbench.synthetic.fine_weights import BODIES
+from workbench.synthetic.sources import Sources
+from workbench.synthetic.topology import read_topology
+
+PEOPLE, SEED = 4, 1000  # how many, and a seed with which nobody else was drawn
+
+
+def write_held_out_people(sources: Sources, folder: Path) -> Path:
+    """Write `strangers.npz`: for each body the rest vertices (4, N, 3) m of new people.
+
+    `sources` must hold a population of its own, drawn with another seed.
+    """
+    people = sources.population.vertices[:PEOPLE]
+    arrays = {
+        name: read_topology(sources.wheel, name, sources.mesh).vertices(people).astype(np.float32)
+        for name in BODIES
+    }
+    path = folder / "strangers.npz"
+    write_arrays(path, arrays)
+    return path

@@ -1,0 +1,285 @@
+"""Files that students hand in: what each gets is fair, and nothing else is harmed."""
+
+import os
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.lectures.answered import marks_here
+from workbench.course import answer_process, answers
+from workbench.course.checks import Missed, equal
+from workbench.course.grades import CheckResult, CheckState, Grade
+from workbench.course.handing_out import hand_out
+from workbench.course.outline import course, lecture
+from workbench.course.student_process import grade
+from workbench.errors import BadArgument, BadFile, UnknownName
+
+ROTATIONS = lecture(2)
+HEAD = "import numpy as np\nfrom workbench.course import Unsolved\n"
+HOSTILE = """
+import os, sys, time
+import numpy as np
+
+def hat(w):
+    while True:
+        pass
+
+def rodrigues(w):
+    sys.exit(3)
+
+def angle_between(A, B):
+    print("x" * 1_000_000)
+    return 2 * np.arcsin(min(1.0, np.linalg.norm(A - B) / np.sqrt(8)))
+
+def shorter(w, turns):
+    return w
+
+def nearest_rotation(M):
+    os._exit(7)
+
+def mean_rotation(rotations):
+    rotations[:] = 0
+    return nothing_of_that_name
+"""
+
+
+def said(found: Grade, exercise: str) -> str:
+    return " ".join(f"{m.what} {m.expected} {m.came}" for m in found.exercises[exercise])
+
+
+def marks_of(number: int, **answer: Any) -> list[CheckResult]:
+    ((name, function),) = answer.items()
+    return marks_here(lecture(number), name, function)
+
+
+def test_what_prints_alike_is_told_by_how_far_it_is_off() -> None:
+    off = np.eye(3)
+    off[1, 2] = 5e-9
+    with pytest.raises(Missed) as small:
+        equal(off, np.eye(3), "it", 1e-12)
+    assert "off by up to 5e-09 at entry [1, 2], allowed 1e-12" in small.value.came
+    with pytest.raises(Missed) as large:
+        equal(off + 1, np.eye(3), "it", 1e-12)
+    assert "off by" not in large.value.came
+    with pytest.raises(Missed) as number:
+        equal(1 + 1e-8, 1, "it")
+    assert "off by up to 1e-08, allowed 1e-09" in number.value.came
+
+
+def test_what_is_no_rotation_is_not_compared_with_rotations() -> None:
+    near = [m for m in marks_of(2, nearest_rotation=lambda M: M) if "nearer" in m.check]
+    mean = [m for m in marks_of(2, mean_rotation=lambda rotations: rotations.mean(0))]
+    for one in (*near, mean[1]):
+        assert one.state is CheckState.FAILED
+        assert "not a rotation" in one.what
+        assert "det R = " in one.came
+
+
+def test_nan_has_its_own_hint_also_beside_another_mistake() -> None:
+    def misprinted(w):
+        t = np.linalg.norm(w)
+        n = np.cross(np.eye(3), w / t)
+        return np.eye(3) + np.sin(t) * n + np.cos(t) * n @ n
+
+    lengths, turns, zero = marks_of(2, rodrigues=misprinted)
+    assert "1 - cos t" in lengths.hint
+    assert "1 - cos t" in turns.hint
+    assert "nan" in zero.came
+    assert "divides 0 by 0" in zero.hint
+
+
+@pytest.mark.parametrize(
+    ("h", "sides", "told"),
+    [(1e-3, 2, "too long"), (7e-4, 2, "too long"), (1e-6, 1, "one-sided"), (1e-7, 1, "one-sided")],
+)
+def test_a_step_that_is_too_long_is_told_from_a_one_sided_one(h, sides, told) -> None:
+    def quotient(f, x):
+        back = h if sides == 2 else 0
+        return np.transpose([(f(x + h * d) - f(x - back * d)) / (h + back) for d in np.eye(3)])
+
+    _, good = marks_of(6, numeric_jacobian=quotient)
+    assert good.state is CheckState.FAILED
+    assert told in good.hint
+
+
+def test_whatever_one_answer_does_the_others_are_marked(tmp_path: Path) -> None:
+    path = tmp_path / "answers.py"
+    path.write_text(HOSTILE)
+    began = time.perf_counter()
+    found = grade(ROTATIONS, path, seconds=2)
+    assert time.perf_counter() - began < 60
+    assert "stopped after 2 s" in said(found, "hat")
+    assert "sys.exit(3)" in said(found, "rodrigues")
+    assert [m.state for m in found.exercises["angle_between"]] == [CheckState.PASSED] * 2
+    assert "characters more" in found.printed["angle_between"]
+    assert len(found.printed["angle_between"]) < 1000
+    assert "signature" in said(found, "shorter")
+    assert "shorter(w)" in said(found, "shorter")
+    assert "shorter(w, turns)" in said(found, "shorter")
+    assert "exit code 7" in said(found, "nearest_rotation")
+    assert "line 24: NameError" in said(found, "mean_rotation")
+    assert found.points == 2
+    assert [p.name for p in tmp_path.iterdir()] == ["answers.py"]  # no __pycache__ either
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("import numpy as np\ndef hat(w:\n    return w\n", "line 2: SyntaxError"),
+        ("import nothing_of_that_name\n", "line 1: ModuleNotFoundError: No module named"),
+        ("import sys\nsys.exit('enough')\n", "line 2: it ends the program (sys.exit(enough))"),
+        ("\x00", "SyntaxError"),
+        ("def f():\n    return f()\nf()\n", "line 2: RecursionError"),
+    ],
+)
+def test_why_a_file_cannot_be_loaded(
+    text: str, told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "answers.py"
+    path.write_text(text)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    monkeypatch.setitem(sys.modules, "answers", sys)  # what loading puts there is taken out again
+    with pytest.raises(BaseException) as raised:  # noqa: PT011  # also SystemExit
+        answer_process.load(str(path))
+    assert told in answers.said(raised.value, file=str(path))
+
+
+def test_a_file_that_never_ends_being_loaded(tmp_path: Path) -> None:
+    path = tmp_path / "answers.py"
+    path.write_text("while True:\n    print('still here')\n")
+    found = grade(ROTATIONS, path, seconds=2)
+    assert "stopped after 2 s" in found.trouble
+    assert found.points == 0
+    assert found.of == sum(check.points for check in ROTATIONS.checks)
+    assert {m.state for m in found.results} == {CheckState.FAILED}
+
+
+def test_a_file_that_answers_a_part(tmp_path: Path) -> None:
+    path = hand_out(ROTATIONS, tmp_path / "new" / "folder")
+    text = path.read_text()
+    here = 'raise Unsolved("hat")'
+    assert here in text
+    turned = "return np.array([[0, w[2], -w[1]], [-w[2], 0, w[0]], [w[1], -w[0], 0]])"
+    path.write_text(
+        text.replace(here, turned).replace('raise Unsolved("shorter")', "return hat(w)")
+    )
+    found = grade(ROTATIONS, path)
+    states = {name: {m.state for m in results} for name, results in found.exercises.items()}
+    assert states.pop("hat") == {CheckState.FAILED}
+    assert states.pop("shorter") == {CheckState.FAILED}
+    assert set.union(*states.values()) == {CheckState.NOT_ATTEMPTED}
+    (one,) = found.exercises["hat"]
+    assert "v x w" in one.hint
+    with pytest.raises(BadFile, match="is there already and was left as it is"):
+        hand_out(ROTATIONS, path.parent)
+    assert turned in path.read_text()
+
+
+@pytest.mark.parametrize("number", [one.number for one in course() if one.there])
+def test_the_solutions_reach_all_points_in_a_process_of_their_own(number: int) -> None:
+    """Functions that an exercise hands out are sent there, without any of our answers in them."""
+    one = lecture(number)
+    found = grade(one, one.folder / "solutions.py", seconds=60)
+    assert [m for m in found.results if m.state is not CheckState.PASSED] == []
+    assert found.points == found.of
+
+
+def test_the_exercises_as_they_are_handed_out_are_not_attempted() -> None:
+    found = grade(lecture(12), lecture(12).folder / "exercises.py")
+    assert {m.state for m in found.results} == {CheckState.NOT_ATTEMPTED}
+    assert found.points == 0
+
+
+def test_a_function_that_is_handed_out_answers_as_it_does_in_the_checks(tmp_path: Path) -> None:
+    """With whatever it takes there; and the mistake is known by what it answers."""
+    path = tmp_path / "answers.py"
+    path.write_text(
+        "import numpy as np\n"
+        "def numeric_jacobian(f, x):\n"
+        "    return np.transpose([f(x + 1e-30j * d).imag / 1e-30 for d in np.eye(len(x))])\n"
+        "def fit(f, J, x):\n"
+        "    return x - np.linalg.lstsq(J(x), f(x), rcond=None)[0]\n"
+    )
+    found = grade(lecture(6), path, seconds=60)
+    assert {m.state for m in found.exercises["numeric_jacobian"]} == {CheckState.PASSED}
+    assert all("one step is not the end of it" in m.hint for m in found.exercises["fit"])
+
+
+def test_what_is_expected_may_be_an_array(tmp_path: Path) -> None:
+    """A check that expects one once ended the process, and its exercise lost all points."""
+    path = tmp_path / "answers.py"
+    path.write_text(
+        "import numpy as np\n"
+        "def ratios(times):\n"
+        "    least = times.min(axis=1, keepdims=True)\n"
+        "    with np.errstate(invalid='ignore'):\n"
+        "        return np.where(np.isinf(least), 1.0, times / least)\n"
+    )
+    best, nobody = grade(lecture(11), path).exercises["ratios"]
+    assert best.state is CheckState.PASSED
+    assert "[inf inf inf]" in nobody.expected
+    assert "infinity over infinity is not 1 there" in nobody.hint
+
+
+def test_numbers_with_an_imaginary_part_are_none(tmp_path: Path) -> None:
+    for imaginary, states in ((1e-17, {CheckState.PASSED}), (0.5, {CheckState.FAILED})):
+        found = marks_of(2, hat=lambda w, i=imaginary: np.cross(np.eye(3), -w).T + 1j * i)
+        assert {m.state for m in found} == states
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals are those of POSIX")
+def test_a_signal_without_a_name(tmp_path: Path) -> None:
+    path = tmp_path / "answers.py"
+    path.write_text("import os, signal\nos.kill(os.getpid(), signal.SIGRTMIN + 3)\n")
+    assert grade(ROTATIONS, path).trouble.startswith("its process was ended by signal ")
+
+
+def test_an_answer_may_not_reach_into_the_next_one(tmp_path: Path) -> None:
+    """What is changed in the arguments, or printed to the process's own output, stays there."""
+    path = tmp_path / "answers.py"
+    path.write_text(
+        HEAD + "import os\n"
+        "def hat(w):\n"
+        "    os.write(1, b'{\"done\": true}\\n')\n"
+        "    x, y, z = w\n"
+        "    w[:] = 0\n"
+        "    return [[0, -z, y], [z, 0, -x], [-y, x, 0]]\n"
+    )
+    found = grade(ROTATIONS, path)
+    assert [m.state for m in found.exercises["hat"]] == [CheckState.PASSED]
+    assert "no such name in the file" in said(found, "shorter")
+
+
+def test_bad_questions(tmp_path: Path) -> None:
+    with pytest.raises(BadFile, match="there is no file"):
+        grade(ROTATIONS, tmp_path / "nothing.py")
+    with pytest.raises(BadArgument, match="above 0"):
+        grade(ROTATIONS, tmp_path, seconds=float("nan"))
+    with pytest.raises(
+        UnknownName, match=r"no lecture is called '99'; there are 1, 2, .*`workbench lec"
+    ):
+        lecture(99)
+    with pytest.raises(BadArgument, match="lecture 16, Fitting images, is still to come"):
+        lecture(16)
+
+
+def test_a_file_that_ends_the_program_after_its_answers_is_marked(tmp_path: Path) -> None:
+    path = tmp_path / "answers.py"
+    path.write_text(
+        HEAD + "import os, sys\ndef hat(w):\n    return np.cross(np.eye(3), w)\n"
+        "def shorter(w):\n    os._exit(0)\nsys.exit(0)\n"
+    )
+    found = grade(ROTATIONS, path)
+    assert [m.state for m in found.exercises["hat"]] == [CheckState.PASSED]
+    assert "it ended the program, with exit code 0" in said(found, "shorter")
+
+
+@pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="everything may be written")
+def test_a_folder_that_may_not_be_written(tmp_path: Path) -> None:
+    tmp_path.chmod(0o500)
+    with pytest.raises(BadFile, match="cannot write"):
+        hand_out(ROTATIONS, tmp_path)

@@ -1,0 +1,143 @@
+"""Limits of joints: as shipped, as built, and what their signs mean on a body."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import workbench
+from builder.joint_limits import anatomical, recorded
+from workbench import Block, LevenbergMarquardt, Problem, load_body, residuals
+from workbench.errors import BadArgument, UnknownName
+from workbench.geometry.mirror import mirrored_pose, opposites
+from workbench.priors.joint_limits import JointLimits, joint_limits
+from workbench.priors.mocap import Mocap
+
+FOLDER = Path(workbench.__file__).parent / "data" / "joint_limits"
+BODY = load_body("small")
+POSE = BODY.blocks()[0]
+NAMES = BODY.joint_names
+
+
+def test_the_shipped_file_is_what_the_builder_writes() -> None:
+    assert json.loads((FOLDER / "anatomical.json").read_text()) == anatomical()
+
+
+@pytest.mark.parametrize("name", ["anatomical", "recorded"])
+def test_every_limit_has_a_source_and_room_for_the_t_pose_or_says_why(name: str) -> None:
+    content = json.loads((FOLDER / f"{name}.json").read_text())
+    assert content["sources"]
+    assert content["unit"] == "degree"
+    for row in content["limits"]:
+        assert name == "recorded" or row["source"] in content["sources"]
+        assert row["joint"] in NAMES
+        if row["lower"] is not None and row["upper"] is not None:
+            assert -181 < row["lower"] < row["upper"] < 181
+
+
+def test_anatomical_limits_are_alike_on_both_sides() -> None:
+    lower, upper = joint_limits("anatomical").bounds(POSE)
+    joints = opposites(NAMES)
+    np.testing.assert_array_equal(mirrored_pose(lower, joints)[:, 0], lower[:, 0])
+    np.testing.assert_array_equal(mirrored_pose(lower, joints)[:, 1:], upper[:, 1:])
+    assert (lower <= 0).all()  # the T-pose itself is allowed
+    assert (upper >= 0).all()
+
+
+def moved(joint: str, axis: int, angle: float, seen: str) -> np.ndarray:
+    """How far a joint moves from the T-pose when another turns about one axis."""
+    pose = np.zeros((24, 3))
+    pose[NAMES.index(joint), axis] = angle
+    return (BODY.joints(pose=pose) - BODY.joints())[NAMES.index(seen)]
+
+
+@pytest.mark.parametrize(
+    ("joint", "axis", "end", "seen", "direction"),
+    [
+        ("left_hip", 0, 0, "left_knee", [0, 0, 1]),  # flexion: the knee comes forward
+        ("right_hip", 0, 0, "right_knee", [0, 0, 1]),
+        ("left_hip", 2, 1, "left_knee", [1, 0, 0]),  # abduction: outwards
+        ("right_hip", 2, 0, "right_knee", [-1, 0, 0]),
+        ("left_hip", 1, 0, "left_foot", [-1, 0, 0]),  # medial rotation: the toes turn in
+        ("left_knee", 0, 1, "left_ankle", [0, 0, -1]),  # flexion: the ankle goes back
+        ("left_ankle", 0, 0, "left_foot", [0, 1, 0]),  # dorsiflexion: the toes go up
+        ("left_elbow", 1, 0, "left_wrist", [0, 0, 1]),  # flexion: the wrist comes forward
+        ("right_elbow", 1, 1, "right_wrist", [0, 0, 1]),
+        ("left_shoulder", 2, 1, "left_elbow", [0, 1, 0]),  # abduction: the arm goes up
+        ("right_shoulder", 2, 0, "right_elbow", [0, 1, 0]),
+        ("left_wrist", 2, 0, "left_hand", [0, -1, 0]),  # flexion: the palm goes down
+        ("left_wrist", 1, 0, "left_hand", [0, 0, 1]),  # radial deviation: towards the thumb
+    ],
+)
+def test_a_limit_is_on_the_side_that_its_motion_goes_to(
+    joint: str, axis: int, end: int, seen: str, direction: list[float]
+) -> None:
+    limit = joint_limits("anatomical").limits[joint, axis][end]
+    away = moved(joint, axis, np.sign(limit) * 0.3, seen)
+    assert away @ direction > 0.5 * np.linalg.norm(away) > 0
+
+
+def test_recorded_limits_are_the_extremes() -> None:
+    rng = np.random.default_rng(0)
+    poses = 0.3 * rng.normal(size=(400, 24, 3))
+    poses[:, NAMES.index("left_foot")] = 0
+    content = recorded(Mocap(poses, np.arange(400) // 50, tuple("abcdefgh"), NAMES))
+    rows = {(row["joint"], row["axis"]): row for row in content["limits"]}
+    knee = np.degrees(poses[:, NAMES.index("left_knee"), 0])
+    assert rows["left_knee", "x"]["lower"] == pytest.approx(knee.min(), abs=0.06)
+    assert rows["left_knee", "x"]["percentile_99"] == pytest.approx(
+        np.percentile(knee, 99), abs=0.06
+    )
+    assert ("left_foot", "x") not in rows  # does not move
+    assert ("pelvis", "x") not in rows  # is where the body is
+    assert content["clips"] == 8
+
+
+def test_they_are_bounds_of_a_pose() -> None:
+    limits = joint_limits("anatomical")
+    lower, upper = limits.bounds(POSE)
+    assert lower[NAMES.index("left_knee"), 0] == 0
+    assert upper[NAMES.index("left_knee"), 0] == pytest.approx(np.radians(130))
+    assert np.isinf(lower[NAMES.index("spine1")]).all()
+    other = Block("his pose", (2, 3), "rad", ("tail", "left_knee"))
+    assert limits.bounds(other)[0][1, 0] == 0
+    for block, message in (
+        (Block("pose", (24, 3)), "whose rows are labelled with names of joints"),
+        (BODY.blocks()[1], "is no pose"),
+        (Block("tails", (1, 3), "rad", ("tail",)), "no joint of block 'tails' is among those"),
+    ):
+        with pytest.raises(BadArgument, match=message):
+            limits.bounds(block)
+    with pytest.raises(UnknownName, match="no set of joint limits is called 'canine'; there are"):
+        joint_limits("canine")
+
+
+def test_sets_combine() -> None:
+    a = JointLimits({("knee", 0): (0.0, 2.0), ("hip", 2): (-np.inf, 0.8)}, {"a": ""})
+    b = JointLimits({("knee", 0): (-1.0, 1.0), ("hip", 2): (-0.5, 0.6), ("neck", 1): (-1, 1)}, {})
+    both = a.over(b)
+    assert both.limits["knee", 0] == (0.0, 2.0)
+    assert both.limits["hip", 2] == (-0.5, 0.8)
+    assert both.limits["neck", 1] == (-1, 1)
+    assert a.widened(0.1).limits["knee", 0] == (-0.1, 2.1)
+
+
+def test_a_knee_that_would_bend_backwards_does_not() -> None:
+    """The joints of a body whose left knee bends the wrong way, with the limits and without."""
+    backwards = np.zeros((24, 3))
+    backwards[NAMES.index("left_knee"), 0] = -0.6
+    symbols = [block.symbol for block in BODY.blocks()]
+    observed = Block("observed", (24, 3), "m")
+    terms = (
+        residuals.landmarks(BODY.joint_points(*symbols), observed.symbol, sigma=0.01),
+        residuals.gaussian(symbols[0], covariance=1.0),
+    )
+    start = BODY.start() | {"observed": BODY.joints(pose=backwards)}
+    found = {}
+    for limits in (None, {"pose": joint_limits().over(joint_limits("recorded")).bounds(POSE)}):
+        solution = LevenbergMarquardt().solve(Problem(terms, ("pose",), limits), start)
+        assert solution.converged
+        found[limits is None] = solution.values["pose"][NAMES.index("left_knee"), 0]
+    assert found[True] < -0.4
+    assert found[False] >= 0

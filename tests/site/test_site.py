@@ -1,0 +1,152 @@
+"""The whole site: every public name has a page and an example, and no link is dead."""
+
+import importlib.util
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import workbench as wb
+from tests.site.links import pages_of, troubles
+from workbench.course import notebooks
+from workbench.errors import BadFile
+from workbench.site import NEEDED, course_pages, documents, examples, write_site
+from workbench.site.docstrings import rendered
+from workbench.site.examples import Example
+from workbench.site.inventory import inventory
+
+ROOT = Path(wb.__file__).parents[1]
+SHOWN = sorted(p for p in (ROOT / "examples" / "reference").glob("*.py") if p.stem != "__init__")
+PRINTED = "printed when the site was built"
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A site whose lectures and examples were not run."""
+    for name in (*notebooks.NEEDED, *NEEDED):
+        if importlib.util.find_spec(name) is None:
+            pytest.skip(f"{name} is not installed")
+    figure = tmp_path_factory.mktemp("figures") / "balance.png"
+    figure.write_bytes((ROOT / "examples" / "balance.png").read_bytes())
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(course_pages, "executed", lambda made, lecture, folder: made)
+        patch.setattr(examples, "run_example", lambda script: stand_in(script, figure))
+        out = tmp_path_factory.mktemp("site") / "out"
+        assert write_site(out) == out / "index.html"
+    return out
+
+
+def stand_in(script: Path, figure: Path) -> Example:
+    figures = (figure,) if script.stem[:1].isdigit() else ()
+    return Example(script.stem, script.read_text(encoding="utf-8"), PRINTED, figures)
+
+
+def test_every_public_name_has_a_page_with_an_example(site: Path) -> None:
+    entries = {entry.name: entry for entry in inventory() if entry.public}
+    assert entries.keys() == set(wb.__all__)
+    for name, entry in entries.items():
+        page = site / "reference" / entry.room / f"{name}.html"
+        assert PRINTED in page.read_text(encoding="utf-8"), f"{name} has no example"
+
+
+def test_no_link_is_dead_and_nothing_is_fetched(site: Path) -> None:
+    assert troubles(site) == []
+    for path in site.rglob("*.css"):
+        fetched = re.findall(r"url\(\s*['\"]?(https?:[^)]*)", path.read_text(encoding="utf-8"))
+        assert not fetched, path
+
+
+def test_all_parts_are_there(site: Path) -> None:
+    pages = {path.relative_to(site).as_posix() for path in pages_of(site)}
+    documents = {"COMMANDS", "ARCHITECTURE", "CHANGELOG", "CONTRIBUTING", "benchmarks/README"}
+    assert {f"{name}.html" for name in documents} | {"index.html"} <= pages
+    for script in (ROOT / "examples").glob("[0-9]*.py"):
+        assert f"examples/{script.stem}.html" in pages
+    assert "lectures/lec02_rotations.html" in pages
+    licences = {path.name for path in (site / "licences").iterdir()}
+    assert {"Sphinx-LICENSE.txt", "Pygments-LICENSE.txt", "MathJax.txt"} <= licences
+    assert (site / "LICENSE").is_file()
+
+
+def test_names_are_links_and_types_are_short(site: Path) -> None:
+    solve = (site / "reference" / "solvers" / "solve.html").read_text(encoding="utf-8")
+    assert '<a href="../problem/Problem.html">Problem</a>' in solve
+    assert "numpy.ndarray" not in solve
+
+
+@pytest.mark.parametrize("script", SHOWN, ids=lambda path: path.stem)
+def test_every_example_of_the_reference_runs(
+    script: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = script.read_text(encoding="utf-8")
+    exec(compile(source, str(script), "exec"), {"__name__": "__main__"})
+    assert capsys.readouterr().out.strip()
+    example = Example(script.stem, source, "", ())
+    assert example.names, "the docstring begins with the names that it shows: `solve, Status: ...`"
+    assert set(example.names) <= set(wb.__all__)
+    assert len(example.code.splitlines()) <= 40
+
+
+def linked(name: str) -> str | None:
+    return f"{name}.html" if name in ("Problem", "UnknownName") else None
+
+
+@pytest.mark.parametrize(
+    ("docstring", "html"),
+    [
+        (
+            "B_P(theta) = sum of f_n P_n, *not* <b>.",
+            "<p>B_P(theta) = sum of f_n P_n, *not* &lt;b&gt;.</p>",
+        ),
+        (
+            "Raises UnknownName.",
+            '<p>Raises <a href="UnknownName.html">UnknownName</a>.</p>',
+        ),
+        (
+            "Of a `Problem`, or `other`.",
+            '<p>Of a <a href="Problem.html"><code>Problem</code></a>, or <code>other</code>.</p>',
+        ),
+        (
+            "As\n\n    x = $y$ `z`\n      + 1\n\nand",
+            "<p>As</p>\n<pre>x = $y$ `z`\n  + 1</pre>\n<p>and</p>",
+        ),
+        (
+            "Two:\n- one\n  more\n- `two`",
+            "<p>Two:</p>\n<ul><li>one more</li><li><code>two</code></li></ul>",
+        ),
+        (
+            "A batch.\n\nAttributes:\n    subject: (c,) the\n        number.\n    v: (N, 3) m.",
+            '<p>A batch.</p>\n<p class="part">Attributes</p>\n<dl class="fields">'
+            "<dt><code>subject</code></dt><dd>(c,) the number.</dd>"
+            "<dt><code>v</code></dt><dd>(N, 3) m.</dd></dl>",
+        ),
+        ("One ` backtick ``` of many.", "<p>One ` backtick ``` of many.</p>"),
+    ],
+)
+def test_docstrings_are_rendered_whatever_is_in_them(docstring: str, html: str) -> None:
+    assert rendered(docstring, linked) == html
+
+
+def test_a_wheel_is_told_what_it_lacks(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(documents.workbench, "__file__", str(tmp_path / "workbench" / "x.py"))
+    with pytest.raises(BadFile, match="lecture site FOLDER"):
+        documents.checkout()
+
+
+def test_an_example_that_fails_is_named(tmp_path: Path) -> None:
+    script = tmp_path / "wrong.py"
+    script.write_text("raise ValueError('so wrong')")
+    with pytest.raises(BadFile, match=r"wrong\.py stops with an error(.|\n)*so wrong"):
+        examples.run_example(script)
+
+
+def test_figures_and_words_are_taken_from_a_run(tmp_path: Path) -> None:
+    script = tmp_path / "draws.py"
+    script.write_text(
+        '"""solve: shown.\n"""\nfrom pathlib import Path\n'
+        "Path('a.png').write_bytes(b'a')\nprint('done')\n"
+    )
+    found: Any = examples.run_example(script)
+    assert (found.printed, [figure.name for figure in found.figures]) == ("done", ["a.png"])
+    assert found.names == ("solve",)

@@ -1,0 +1,222 @@
+"""SMPL beside SCAPE on the same made-up people: learning, measuring, and the page."""
+
+import re
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import workbench as wb
+from tests.training.test_triangles import many_people
+from workbench.bodies.triangles import TriangleBody, blend_scape, scape
+from workbench.cli.app import app
+from workbench.errors import BadArgument
+from workbench.geometry.rigid import procrustes
+from workbench.geometry.triangles import gradients
+from workbench.studies.triangles import study as module
+from workbench.studies.triangles.explained_variance import ExplainedVariance
+from workbench.studies.triangles.measures import (
+    HeldOutFits,
+    Timing,
+    n_seams,
+    seam_jump,
+    timing,
+)
+from workbench.studies.triangles.models import TrainingOptions, near
+from workbench.studies.triangles.page import count, lecture_table, triangles_text, write_triangles
+from workbench.studies.triangles.people import DRAWN, People, TriangleData, TrianglePlan, register
+from workbench.studies.triangles.study import (
+    DIFFICULT,
+    SHOWN,
+    TriangleStudy,
+    compare_models,
+    difficult_poses,
+)
+from workbench.synthetic.fine_weights import teacher_of
+from workbench.training.plan import Plan as TrainingPlan
+from workbench.training.selection import Selection
+from workbench.training.triangles.alternation import TriangleOptions
+from workbench.training.triangles.stitched_fit import Lsqr
+
+SMALL = wb.load_body("small")
+PLAN = TrianglePlan(people=14, subjects=3, poses=5, held_out=5, test=5, betas=10)
+OPTIONS = TrainingOptions(
+    lambda sigmas: TrainingPlan(near(sigmas).stages[:2], 2),
+    (0.01, 0.1),
+    TriangleOptions(1, (1e-1, 1e-2), Lsqr(1e-2), Lsqr(1e-2)),
+)
+LINES: list[str] = []
+
+
+@cache
+def data() -> TriangleData:
+    people = People(many_people(0)[:14], many_people(1)[:5], SMALL, teacher_of(SMALL).weights)
+    return register(PLAN, people, None)
+
+
+@cache
+def study() -> TriangleStudy:
+    def quick(mesh: str, models: object) -> list[Timing]:
+        return [Timing(m, name, 369, 734, 1.0, 2.0, 0.5) for m in (mesh, "full") for name in SHOWN]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "timings", quick)
+        return compare_models(PLAN, data(), LINES.append, OPTIONS)
+
+
+def test_registrations_stand_anywhere_and_are_drawn_again_alike() -> None:
+    people, posed, standing = data().people, data().posed, data().standing
+    assert posed.subject.tolist() == [i % 3 for i in range(15)]
+    assert standing.subject.tolist() == list(range(14))
+    assert standing.vertices.mean(axis=1).std(axis=0).min() > 0.2
+    # nobody faces where he did, and nobody stands quite as he was drawn
+    for V, rest in zip(standing.vertices, people.training, strict=True):
+        T = procrustes(rest, V, np.ones(len(V)))
+        off = np.linalg.norm(rest @ T.R.T + T.t - V, axis=1)
+        assert 1e-3 < off.max() < 0.3
+    assert data().test_poses == DRAWN
+    again = register(PLAN, people, None)
+    np.testing.assert_array_equal(again.test.vertices, data().test.vertices)
+    np.testing.assert_array_equal(again.posed.vertices, posed.vertices)
+
+
+def test_what_is_learned_of_pose_helps() -> None:
+    by_name = {one.model: one for one in study().results}
+    assert list(by_name) == [
+        "linear blend skinning",
+        "SMPL",
+        "SCAPE, Q = I",
+        "SCAPE",
+        "BlendSCAPE, Q = I",
+        "BlendSCAPE",
+    ]
+    for one in study().results:
+        assert one.mean <= one.rms <= one.largest
+        assert (one.training_rms is None) == (one.rest_rms is None) == (one.model not in SHOWN)
+    for better, worse in (
+        ("SMPL", "linear blend skinning"),
+        ("SCAPE", "SCAPE, Q = I"),
+        ("BlendSCAPE", "BlendSCAPE, Q = I"),
+    ):
+        learned = by_name[better].training_rms
+        assert learned is not None
+        assert learned < by_name[worse].rms
+    assert by_name["SMPL"].gap < 1e-10
+    assert by_name["SCAPE"].gap > 0.1
+    assert by_name["BlendSCAPE, Q = I"].seam_jump < by_name["SCAPE, Q = I"].seam_jump
+    assert any("BlendSCAPE" in line for line in LINES)
+
+
+def test_how_pose_is_held_was_chosen_among_several() -> None:
+    assert list(study().choices) == list(SHOWN)
+    for choice in study().choices.values():
+        assert choice.errors[choice.tried.index(choice.chosen)] == min(choice.errors)
+        assert len(set(choice.errors)) == len(choice.tried)
+        assert max(choice.errors) < 60  # mm: nothing went astray
+
+
+def test_what_leaves_least_is_chosen() -> None:
+    assert Selection((1.0, 2.0, 3.0), (5.0, 4.0, 6.0)).chosen == 2.0
+
+
+@pytest.mark.parametrize(
+    "body", [SMALL, scape(SMALL), blend_scape(SMALL)], ids=lambda body: body.name
+)
+def test_a_body_is_found_in_meshes_of_its_own(body: wb.SkinnedBody | TriangleBody) -> None:
+    rng = np.random.default_rng(2)
+    betas, poses = rng.normal(size=(2, 10)), rng.normal(scale=0.3, size=(2, 24, 3))
+    fits = HeldOutFits.of(body, SMALL, body.vertices(poses, betas, rng.normal(size=(2, 3))))
+    assert fits.largest < 0.5  # the prior on betas shows
+    np.testing.assert_allclose(fits.fits.betas, betas, atol=0.05)
+    assert fits.only([1]).rms == pytest.approx(np.sqrt(np.mean(fits.distances[1] ** 2)))
+
+
+def test_jumps_are_jumps_between_parts_and_only_there() -> None:
+    body, part = SMALL, scape(SMALL).weights.toarray().argmax(axis=1)
+    turned = body.template @ np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])
+    assert seam_jump(body.template, body.faces, part, turned[None]) < 1e-12
+    bent = body.vertices(np.random.default_rng(4).normal(scale=0.3, size=(2, 24, 3)))
+    X = gradients(body.template, bent, body.faces)
+    sides: dict[frozenset[int], list[int]] = {}
+    for f, corners in enumerate(body.faces.tolist()):
+        for a, b in ((0, 1), (1, 2), (2, 0)):
+            sides.setdefault(frozenset((corners[a], corners[b])), []).append(f)
+    seams = [(f, g) for f, g in sides.values() if part[f] != part[g]]
+    jumps = [np.sum((X[i, f] - X[i, g]) ** 2) for i in range(2) for f, g in seams]
+    np.testing.assert_allclose(
+        seam_jump(body.template, body.faces, part, bent) ** 2, np.mean(jumps)
+    )
+    assert n_seams(body.faces, part) == len(seams)
+
+
+def test_difficult_poses_turn_most_and_differ() -> None:
+    rng = np.random.default_rng(5)
+    poses = rng.normal(size=(20, 24, 3)) * np.linspace(0.1, 1, 20)[:, None, None]
+    poses[18] = poses[19] + 1e-3  # nearly the same
+    chosen = difficult_poses(poses)
+    assert len(chosen) == DIFFICULT
+    assert not {18, 19} <= set(chosen)
+    assert min(chosen) > 10
+
+
+def test_times_are_measured() -> None:
+    skinned, triangles = (timing("small", "a", body, 1) for body in (SMALL, scape(SMALL)))
+    assert skinned.density < 0.6 < 0.95 < triangles.density
+    for one in (skinned, triangles):
+        assert one.n_faces == 734
+        assert one.vertices_ms > 0
+        assert one.jacobian_ms > 0
+
+
+def test_directions_are_counted() -> None:
+    share = np.array([0.0, 0.5, 0.9, 0.97])
+    explained = ExplainedVariance(share, share)
+    assert [count(explained, level) for level in (0.5, 0.9, 0.91, 0.99)] == [
+        "1",
+        "2",
+        "3",
+        "more than 3",
+    ]
+    assert explained.count_for(0.99) is None
+
+
+def test_the_page_says_what_was_measured(tmp_path: Path) -> None:
+    page = write_triangles(study(), tmp_path / "triangles").read_text()
+    assert "Eckart and Young" in page
+    assert page.count("data:image") == 6
+    assert "sigma of P, m" in page
+    assert "SMPL adds what shape and pose do to each vertex" in page
+    table = lecture_table(study())
+    assert all(len(row) == 4 for row in table.rows)
+    for name in SHOWN:
+        assert f"{study().result(name).rms:.2f}" in triangles_text(study())
+    assert (study().shapes.leads > -1e-12).all()
+    assert not re.search(r"\bnan\b|None", page)
+    assert (tmp_path / "triangles" / "smpl.glb").read_bytes()[:4] == b"glTF"
+    assert (tmp_path / "triangles" / "summary.json").stat().st_size > 1000
+    assert np.isfinite([study().true_seam_jump, *study().shapes.gradients]).all()
+
+
+@pytest.mark.parametrize(
+    ("wrong", "text"),
+    [
+        ({"body": "tiny"}, "no body 'tiny'; there are default, small, full"),
+        ({"people": 5}, "from 5 people at most 4 shape directions can be learned, not 10"),
+        ({"subjects": 300}, "300 subjects cannot be taken from 200 people"),
+        ({"subjects": 1}, "2 subjects"),
+        ({"test": 4}, "5 test meshes"),
+    ],
+)
+def test_plans_that_cannot_be_are_refused(wrong: dict[str, int], text: str) -> None:
+    with pytest.raises(BadArgument, match=text):
+        TrianglePlan(**wrong)  # type: ignore[arg-type]
+
+
+def test_the_command_refuses_before_it_works(tmp_path: Path) -> None:
+    where = ["--out", str(tmp_path), "--people", "5"]
+    result = CliRunner().invoke(app, ["triangles", "nowhere.whl", *where])
+    assert isinstance(result.exception, BadArgument)
+    result = CliRunner().invoke(app, ["triangles", "nowhere.whl", "--out", str(tmp_path)])
+    assert "nowhere.whl" in str(result.exception)

@@ -1,0 +1,105 @@
+"""Held-out people: the body that made them explains them; a body that is wrong does not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from workbench.errors import BadArgument
+from workbench.synthetic.ground_truth import GroundTruth
+from workbench.synthetic.ideal_skinning import (
+    best_linear,
+    errors_of_ideal_skinning,
+    ideal_skinning_errors,
+)
+from workbench.synthetic.made_up import draw_registrations, random_smpl, worm
+from workbench.training.evaluation import (
+    evaluate_held_out,
+    held_out_errors,
+    shape_share,
+    shapes_explained,
+)
+from workbench.training.registrations import RegistrationSubset, training_and_held_out
+
+START = worm(7, 5)
+BODY = replace(random_smpl(START, 2, seed=3), mirror=START.mirror().vertices)  # type: ignore[union-attr]
+
+
+def made(seed: int, subjects: int = 3, poses: int = 30) -> tuple[GroundTruth, RegistrationSubset]:
+    data, drawn = draw_registrations(BODY, subjects, poses, seed, turn=1.0)
+    rest = BODY.vertices(betas=drawn.betas)
+    joints = np.stack([BODY.J_regressor @ person for person in rest])
+    truth = GroundTruth(rest, joints, data.subject, drawn.poses, drawn.trans, BODY.weights)
+    return truth, RegistrationSubset(data, np.arange(subjects * poses))
+
+
+def test_skinning_that_knows_all_is_exact_with_the_blend_shapes_that_made_it() -> None:
+    truth, data = made(4)
+    assert errors_of_ideal_skinning(truth, data, START, BODY.posedirs).largest < 1e-12
+    alone = errors_of_ideal_skinning(truth, data, START)
+    assert alone.mean > 1e-3
+    said = ideal_skinning_errors(truth, data, START, BODY.posedirs)
+    assert said["ideal_linear_mean_mm"] == 0
+    assert said["ideal_skinning_mean_mm"] == pytest.approx(1e3 * alone.mean, abs=1e-4)
+
+
+def test_the_best_linear_predictor_is_that_of_the_generator() -> None:
+    uneven = replace(START, joint_names=tuple(f"joint_{k}" for k in range(6)))  # nothing mirrored
+    truth, data = made(4, poses=80)
+    found = best_linear(truth, data, uneven)
+    left = errors_of_ideal_skinning(truth, data, START, found).mean
+    assert left < 0.1 * errors_of_ideal_skinning(truth, data, START).mean
+
+
+def test_a_body_explains_those_it_made_and_a_wrong_one_does_not() -> None:
+    _, data = made(5, subjects=2, poses=8)
+    uneven = replace(BODY, mirror=None)
+    told = evaluate_held_out(uneven, data)
+    assert told.errors.distances.shape == (8, 35)
+    wrong = evaluate_held_out(replace(uneven, posedirs=0 * BODY.posedirs), data).errors.mean
+    assert told.errors.mean < 0.4 * wrong
+    assert told.shape_explained > 0.7
+    said = held_out_errors(uneven, data)
+    assert said["mean_mm"] == pytest.approx(1e3 * told.errors.mean, abs=1e-4)
+    assert said["mean_without_posedirs_mm"] == pytest.approx(1e3 * wrong, abs=1e-4)
+    assert said["strangers"] == 2
+
+
+def test_people_in_one_pose_are_as_the_body_makes_them() -> None:
+    data, _ = draw_registrations(BODY, 6, 1, seed=8, turn=0.1)
+    said = shapes_explained(BODY, data)
+    assert said["people_in_one_pose"] == 6
+    assert said["their_shape_variance_explained"] > 0.95
+    odd = replace(BODY, shapedirs=BODY.shapedirs[:, ::-1])
+    assert shapes_explained(odd, data)["their_shape_variance_explained"] < 0.8
+
+
+def test_shape_share_of_what_is_known() -> None:
+    inside = BODY.vertices(betas=np.array([[1.0, 2.0], [0.5, -1.0]]))
+    assert shape_share(BODY, inside) == pytest.approx(1)
+    assert shape_share(BODY, inside + [1.0, 2.0, 3.0]) == pytest.approx(1)
+    away = np.random.default_rng(0).standard_normal((40, 35, 3))
+    assert shape_share(BODY, BODY.template + away) == pytest.approx(2 / 102, rel=0.5)
+
+
+def test_picked_are_those_that_were_picked() -> None:
+    _, data = made(4, poses=5)
+    some = RegistrationSubset(data, np.array([7, 2, 11]))
+    assert some.subject.tolist() == [1, 0, 2]
+    batch = some.read(slice(1, 3))
+    whole = data.read(slice(0, 15)).vertices
+    np.testing.assert_array_equal(batch.vertices, whole[[2, 11]])
+    assert some.n_vertices == 35
+
+
+def test_the_last_fifth_of_the_subjects_is_held_back() -> None:
+    kept, back = training_and_held_out(np.array([0, 1, 2, 0, 1, 2]))
+    assert (kept.tolist(), back.tolist()) == ([0, 1, 3, 4], [2, 5])
+    assert training_and_held_out(np.arange(10))[1].tolist() == [8, 9]
+
+
+def test_of_one_subject_registrations_are_held_back() -> None:
+    kept, back = training_and_held_out(np.full(11, 3))
+    assert (kept.tolist(), back.tolist()) == ([*range(9)], [9, 10])
+    with pytest.raises(BadArgument, match="fewer than two registrations"):
+        training_and_held_out(np.zeros(1, int))

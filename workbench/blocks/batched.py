@@ -1,0 +1,85 @@
+"""One CasADi function of many columns of numbers at once."""
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import casadi as cs
+import numpy as np
+
+from workbench.arrays import Array
+from workbench.blocks.buffered import Buffered
+
+LONGEST = 20_000  # instructions: above, whole matrices at a time are faster than scalars
+TOGETHER = 32  # calls in one
+
+
+class Batched(Protocol):
+    """A function whose arguments have one row for each of M calls, or one row for all of them."""
+
+    def __call__(self, *arguments: Array) -> list[Array]:
+        """Arguments (M, .), or (.) where they are shared; a list of outputs (M, .).
+
+        Nonzeros stand column by column, which for points is (N, 3) row by row.
+        """
+
+
+def scalar(function: cs.Function, longest: int = LONGEST) -> cs.Function | None:
+    """The function in scalar instructions, if it has at most `longest`; None otherwise.
+
+    A function that calls another that is not CasADi's own has none.
+    """
+    rows = sum(function.nnz_out(i) for i in range(function.n_out()))
+    if max(rows, *(function.nnz_in(i) for i in range(function.n_in()))) > longest:
+        return None
+    try:
+        expanded = function if function.is_a("SXFunction") else function.expand()
+    except RuntimeError:
+        return None
+    return expanded if expanded.n_instructions() <= longest else None
+
+
+class OneByOne:
+    """A function that is called once for each row."""
+
+    def __init__(self, function: Buffered, shared: Sequence[bool]) -> None:
+        self._function, self._shared = function, shared
+
+    def __call__(self, *arguments: Array) -> list[Array]:
+        """Arguments (M, .), or (.) where they are shared; a list of outputs (M, .)."""
+        M = count(arguments, self._shared)
+        found = [
+            self._function(
+                *(a if s else a[i] for a, s in zip(arguments, self._shared, strict=True))
+            )
+            for i in range(M)
+        ]
+        outputs = range(self._function.function.n_out())
+        return [np.array([row[k] for row in found]).reshape(M, -1) for k in outputs]
+
+
+class Mapped:
+    """Several rows in a call; the last call is filled up with the last row."""
+
+    def __init__(self, function: cs.Function, shared: Sequence[bool]) -> None:
+        self._shared = tuple(shared)
+        one_for_all = [i for i, s in enumerate(self._shared) if s]
+        mapped = function.map(f"many_{function.name()}", "serial", TOGETHER, one_for_all, [])
+        self._function = Buffered(mapped)
+
+    def __call__(self, *arguments: Array) -> list[Array]:
+        """Arguments (M, .), or (.) where they are shared; a list of outputs (M, .)."""
+        M = count(arguments, self._shared)
+        pieces: list[list[Array]] = []
+        for first in range(0, M, TOGETHER):
+            rows = np.minimum(np.arange(first, first + TOGETHER), M - 1)
+            some = (a if s else a[rows] for a, s in zip(arguments, self._shared, strict=True))
+            pieces.append([out.reshape(TOGETHER, -1) for out in self._function(*some)])
+        if not pieces:
+            outputs = range(self._function.function.n_out())
+            return [np.empty((0, self._function.function.nnz_out(k) // TOGETHER)) for k in outputs]
+        return [np.concatenate(parts)[:M] for parts in zip(*pieces, strict=True)]
+
+
+def count(arguments: Sequence[Array], shared: Sequence[bool]) -> int:
+    """M, as the first argument that is not shared has it."""
+    return next(len(a) for a, s in zip(arguments, shared, strict=True) if not s)

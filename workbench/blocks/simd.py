@@ -1,0 +1,214 @@
+"""CasADi functions as C in which one instruction of the processor serves several calls (SIMD)."""
+
+import ctypes
+import logging
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+
+import casadi as cs
+import numpy as np
+
+from workbench.arrays import Array
+from workbench.blocks.batched import Batched, Mapped, count
+from workbench.compiling import NoLibrary, library, vectors
+from workbench.errors import NotSupported
+
+LOG = logging.getLogger(__name__)
+LINES = 500  # instructions in a piece
+TRIED = 11  # calls: every lane used at least once, and some that are left over
+ONE = (
+    "sqrt",
+    "sin",
+    "cos",
+    "tan",
+    "exp",
+    "log",
+    "asin",
+    "acos",
+    "atan",
+    "fabs",
+    "sinh",
+    "cosh",
+    "tanh",
+    "floor",
+    "ceil",
+    "log1p",
+    "expm1",
+    "erf",
+    "sign",
+)
+TWO = ("pow", "atan2", "fmin", "fmax", "hypot", "copysign", "fmod")
+C_OF: Mapping[int, str] = {
+    cs.OP_ASSIGN: "{0}",
+    cs.OP_ADD: "{0} + {1}",
+    cs.OP_SUB: "{0} - {1}",
+    cs.OP_MUL: "{0} * {1}",
+    cs.OP_DIV: "{0} / {1}",
+    cs.OP_NEG: "-{0}",
+    cs.OP_SQ: "{0} * {0}",
+    cs.OP_TWICE: "{0} + {0}",
+    cs.OP_INV: "BROADCAST(1.0) / {0}",
+    cs.OP_LT: "TRUTH({0} < {1})",
+    cs.OP_LE: "TRUTH({0} <= {1})",
+    cs.OP_EQ: "TRUTH({0} == {1})",
+    cs.OP_NE: "TRUTH({0} != {1})",
+    cs.OP_NOT: "TRUTH({0} == BROADCAST(0.0))",
+    cs.OP_AND: "TRUTH(({0} != BROADCAST(0.0)) & ({1} != BROADCAST(0.0)))",
+    cs.OP_OR: "TRUTH(({0} != BROADCAST(0.0)) | ({1} != BROADCAST(0.0)))",
+    cs.OP_IF_ELSE_ZERO: "IF({0}, {1})",
+    cs.OP_CONSTPOW: "each_pow({0}, {1})",
+    **{getattr(cs, f"OP_{name.upper()}"): f"each_{name}({{0}})" for name in ONE},
+    **{getattr(cs, f"OP_{name.upper()}"): f"each_{name}({{0}}, {{1}})" for name in TWO},
+}
+
+
+def simd_function(function: cs.Function, shared: Sequence[bool]) -> Batched:
+    """A function of scalar instructions by a library that is compiled once and kept on disk.
+
+    Raises NoLibrary without a compiler, NotSupported for an instruction that has no C here.
+    """
+    source = simd_code(function, shared)
+    usual = Mapped(function, shared)
+
+    def agrees(loaded: ctypes.CDLL) -> bool:
+        return _agree(SimdFunction(loaded, function, shared), usual, function, shared)
+
+    try:
+        return SimdFunction(library("simd", source, agrees), function, shared)
+    except NoLibrary as error:
+        LOG.info("%s is interpreted: %s", function.name(), error)
+        raise
+
+
+class SimdFunction:
+    """A compiled function at many arguments at once: a `Many`."""
+
+    def __init__(self, loaded: ctypes.CDLL, function: cs.Function, shared: Sequence[bool]) -> None:
+        self._shared = tuple(shared)
+        self._wide = [function.nnz_in(i) for i in range(function.n_in())]
+        self._outputs = [function.nnz_out(i) for i in range(function.n_out())]
+        self._run = loaded.run
+
+    def __call__(self, *arguments: Array) -> list[Array]:
+        """Arguments (M, .), or (.) where they are shared; a list of outputs (M, .)."""
+        M = count(arguments, self._shared)
+        plain = [np.ascontiguousarray(a, dtype=np.float64) for a in arguments]
+        for array, wide, same in zip(plain, self._wide, self._shared, strict=True):
+            assert array.size == (wide if same else M * wide)  # the library trusts it
+        found = [np.empty((M, wide)) for wide in self._outputs]
+        self._run(ctypes.c_ssize_t(M), *(ctypes.c_void_p(a.ctypes.data) for a in (*plain, *found)))
+        return found
+
+
+def simd_code(function: cs.Function, shared: Sequence[bool]) -> str:
+    """The whole source; raises NotSupported for an instruction that has no C here."""
+    head = files(__package__).joinpath("simd.h").read_text(encoding="utf-8")
+    inputs = [(k, function.nnz_in(k), same) for k, same in enumerate(shared)]
+    outputs = [(k, function.nnz_out(k)) for k in range(function.n_out())]
+    parts, between = _parts(function, shared)
+    of_part = [f"const {'double' if same else 'v'} *i{k}" for k, _, same in inputs]
+    of_part += [*(f"v *o{k}" for k, _ in outputs), "v *t"]
+    of_run = ["integer M", *(f"const double *x{k}" for k, _, _ in inputs)]
+    of_run += [f"double *y{k}" for k, _ in outputs]
+    given = [f"x{k}" if same else f"i{k}" for k, _, same in inputs]
+    given += [*(f"o{k}" for k, _ in outputs), "t"]
+    return "\n".join(
+        [
+            vectors(),
+            head,
+            *(
+                "\n".join([f"static PART void part{n}({', '.join(of_part)})", "{", *lines, "}"])
+                for n, lines in enumerate(parts)
+            ),
+            f"EXPORT void run({', '.join(of_run)})",
+            "{",
+            f"v t[{max(1, between)}];",
+            *(f"v i{k}[{max(1, n)}];" for k, n, same in inputs if not same),
+            *(f"v o{k}[{max(1, n)}];" for k, n in outputs),
+            *(f"for (integer j = 0; j < {n}; ++j) o{k}[j] = BROADCAST(0.0);" for k, n in outputs),
+            "for (integer first = 0; first < M; first += LANES) {",
+            *(f"GATHER(i{k}, x{k}, {n})" for k, n, same in inputs if not same),
+            *(f"part{n}({', '.join(given)});" for n in range(len(parts))),
+            *(f"SCATTER(o{k}, y{k}, {n})" for k, n in outputs),
+            "}",
+            "}",
+            "",
+        ]
+    )
+
+
+def statements(
+    function: cs.Function, shared: Sequence[bool], c_of: Mapping[int, str] = C_OF
+) -> list[tuple[str, tuple[str, ...], str]]:
+    """CasADi's instructions in order: what each sets, its operands, and the C of the operation.
+
+    Results are called s0, s1, ..., the entries of input k are ik[...], and those of output k are
+    ok[...]. `shared` says which inputs are the same for all calls, `c_of` how operations are
+    written. Raises NotSupported for an operation that is not in `c_of`.
+    """
+    found: list[tuple[str, tuple[str, ...], str]] = []
+    holds: dict[int, str] = {}  # what each place of CasADi's work vector holds now
+    for i in range(function.n_instructions()):
+        operation = function.instruction_id(i)
+        to, of = function.instruction_output(i), function.instruction_input(i)
+        if operation == cs.OP_CONST:
+            holds[to[0]] = f"BROADCAST({_number(float(function.instruction_constant(i)))})"
+        elif operation == cs.OP_INPUT:
+            entry = f"i{of[0]}[{of[1]}]"
+            holds[to[0]] = f"BROADCAST({entry})" if shared[of[0]] else entry
+        elif operation == cs.OP_OUTPUT:
+            found.append((f"o{to[0]}[{to[1]}]", (holds[of[0]],), "{0}"))
+        elif operation in c_of:
+            found.append((f"s{i}", tuple(holds[k] for k in of), c_of[operation]))
+            holds[to[0]] = f"s{i}"
+        else:
+            raise NotSupported(
+                f"CasADi's operation {operation} in {function.name()!r} has no C here"
+            )
+    return found
+
+
+def _parts(function: cs.Function, shared: Sequence[bool]) -> tuple[list[list[str]], int]:
+    """The instructions in pieces, for a compiler's time grows faster than the length of a piece.
+
+    Also how many results a later piece takes from an earlier one: they go through memory, `t`.
+    """
+    said = statements(function, shared)
+    part_of = {name: n // LINES for n, (name, _, _) in enumerate(said)}
+    kept: dict[str, int] = {}
+    for n, (_, operands, _) in enumerate(said):
+        for name in operands:
+            if name in part_of and part_of[name] != n // LINES:
+                kept.setdefault(name, len(kept))
+    parts: list[list[str]] = []
+    for n, (name, operands, text) in enumerate(said):
+        if n % LINES == 0:
+            parts.append([])
+        read = (f"t[{kept[o]}]" if o in kept and part_of[o] != n // LINES else o for o in operands)
+        typed = "" if name.startswith("o") else "const v "
+        parts[-1].append(f"{typed}{name} = {text.format(*read)};")
+        if name in kept:
+            parts[-1].append(f"t[{kept[name]}] = {name};")
+    return parts, len(kept)
+
+
+def _number(x: float) -> str:
+    if np.isnan(x):
+        return "NAN"
+    if np.isinf(x):
+        return "INFINITY" if x > 0 else "-INFINITY"
+    return repr(x)
+
+
+def _agree(found: Batched, usual: Batched, function: cs.Function, shared: Sequence[bool]) -> bool:
+    """Whether two say the same about a few random numbers, NaN and infinity included."""
+    rng = np.random.default_rng(0)
+    sizes = [function.nnz_in(i) for i in range(function.n_in())]
+    arguments = [
+        rng.uniform(0.1, 1.1, size if same else (TRIED, size))
+        for size, same in zip(sizes, shared, strict=True)
+    ]
+    return all(
+        np.allclose(got, right, rtol=1e-9, atol=1e-11, equal_nan=True)
+        for got, right in zip(found(*arguments), usual(*arguments), strict=True)
+    )

@@ -1,0 +1,146 @@
+"""Writing a body for the workbench, and for the packages of the field."""
+
+import json
+import pickle
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from workbench.bodies.files.entries import SPARSE_PARTS
+from workbench.bodies.files.smplx_vertices import vertex_ids
+from workbench.bodies.files.triangle_layout import STYLE
+from workbench.bodies.forward.features import rotation_elements
+from workbench.bodies.forward.skinning import linear_blend
+from workbench.bodies.skinned import SkinnedBody, not_skinned
+from workbench.bodies.triangles import TriangleBody
+from workbench.errors import BadFile
+from workbench.writing import replacing, write_arrays
+
+ROOT = 2**32 - 1  # the parent of the root in SMPL's files: -1, unsigned
+
+
+def save_body(body: SkinnedBody | TriangleBody, path: str | Path) -> None:
+    """Write a body to `path`, whole or not at all: .npz, or .pkl for the package smplx.
+
+    Both have SMPL's keys, float64 arrays, and the body's name, joint names, mirror, landmarks,
+    bind pose, joints at rest where they are given, card and `extras`; `load_body` returns the same
+    numbers. A pickle holds numpy arrays only. A TriangleBody is saved as .npz, with the keys that
+    `triangles/layout.py` lists.
+
+    The package smplx opens the .pkl of a body of 24 joints. Beside it, `<stem>_vertex_ids.json`
+    says which vertices are the nose, the eyes, the finger tips and so on, which smplx appends to
+    the joints; a mesh that is not SMPL's own needs it, or smplx takes SMPL's vertices:
+
+        ids = json.loads(Path("models/smpl/SMPL_NEUTRAL_vertex_ids.json").read_text())
+        smplx.create("models", model_type="smpl", vertex_ids=ids, num_betas=10)
+
+    Give smplx `num_betas` of at most `body.n_betas`; it shows no more than ten.
+
+    Raises BadFile for another suffix, a folder that cannot be written, or a body that the
+    format cannot hold.
+    """
+    if not isinstance(body, TriangleBody) and (
+        wrong := not_skinned(body, "a body's file", "save its arrays")
+    ):
+        raise BadFile(wrong)
+    if not isinstance(path, (str, PathLike)):
+        raise BadFile(f"a body is saved to a path, not to a {type(path).__name__}")
+    path = Path(path)
+    if path.suffix not in (".npz", ".pkl"):
+        raise BadFile(f"a body is saved as .npz or .pkl, not as {path.name!r}")
+    if isinstance(body, TriangleBody) and path.suffix != ".npz":
+        raise BadFile(
+            f"body {body.name!r} is a TriangleBody, which the package smplx does not know; save "
+            "it as .npz"
+        )
+    arrays = _of_triangles(body) if isinstance(body, TriangleBody) else _skinned(body)
+    if isinstance(body, TriangleBody) or path.suffix == ".npz":
+        with replacing(path) as temporary:
+            write_arrays(temporary, arrays)
+        return
+    if body.bind_pose.any():
+        raise BadFile(
+            f"body {body.name!r} is drawn in a pose that is not zero, which a .pkl for smplx "
+            "cannot say; save it as .npz"
+        )
+    if body.rest_joints is not None:
+        raise BadFile(
+            f"body {body.name!r} is given its joints at rest, which a .pkl for smplx cannot say; "
+            "save it as .npz, or find a J_regressor for them"
+        )
+    # the names come last: a model without them is whole, names without a model are not
+    with replacing(path.with_name(f"{path.stem}_vertex_ids.json")) as names:
+        names.write_text(json.dumps(vertex_ids(body), indent=2) + "\n")
+        with replacing(path) as temporary, temporary.open("wb") as file:
+            pickle.dump(arrays, file, protocol=2)
+
+
+def _of_triangles(body: TriangleBody) -> dict[str, NDArray[Any]]:
+    """The body by the keys of `triangles/layout.py`."""
+    own = {"shapedirs": body.shapedirs, "posedirs": body.posedirs, "near": body.near}
+    own |= _sparse("weights", body.weights) | _sparse("J_regressor", body.J_regressor)
+    return dict(body.extras) | own | _of_every_kind(body, STYLE)
+
+
+def _skinned(body: SkinnedBody) -> dict[str, NDArray[Any]]:
+    """The body by SMPL's keys, and ours: nothing but arrays of numbers and texts."""
+    if body.skinning is not linear_blend:
+        raise BadFile(
+            f"body {body.name!r} is not skinned by linear_blend, and its files say no other; "
+            "save dataclasses.replace(body, skinning=linear_blend)"
+        )
+    if body.features is not rotation_elements:
+        raise BadFile(
+            f"the pose blend shapes of body {body.name!r} do not go by rotation_elements, and its "
+            "files say nothing else; keep it as a program that makes it"
+        )
+    arrays = dict(body.extras) | {
+        "shapedirs": body.shapedirs,
+        "posedirs": body.posedirs,
+        "J_regressor": body.J_regressor.toarray(),
+        "weights": body.weights,
+    }
+    if body.mirror is not None:
+        arrays["vert_sym_idxs"] = body.mirror
+    if body.bound_in is not None:
+        arrays["bind_pose"] = body.bound_in
+    if body.rest_joints is not None:
+        arrays["rest_joints"] = body.rest_joints
+    return arrays | _of_every_kind(body, "lbs")
+
+
+def _of_every_kind(body: SkinnedBody | TriangleBody, style: str) -> dict[str, NDArray[Any]]:
+    arrays: dict[str, NDArray[Any]] = {
+        "v_template": body.template,
+        "kintree_table": np.array(
+            [(ROOT, *body.parents[1:]), range(body.n_joints)], dtype=np.uint32
+        ),
+        "f": body.faces.astype(np.uint32),
+        "bs_style": np.array(style),
+        "name": np.array(body.name),
+        "joint_names": np.array(body.joint_names),
+        "card": np.array(_card(body)),
+    }
+    for name, landmarks in body.landmarks.items():
+        arrays[f"landmarks/{name}/names"] = np.array(landmarks.names)
+        arrays |= _sparse(f"landmarks/{name}", landmarks.regressor)
+    return arrays
+
+
+def _sparse(key: str, matrix: csr_array) -> dict[str, NDArray[Any]]:
+    """A matrix by its parts."""
+    parts = (matrix.data, matrix.indices, matrix.indptr, np.array(matrix.shape))
+    return {f"{key}/{name}": part for name, part in zip(SPARSE_PARTS, parts, strict=True)}
+
+
+def _card(body: SkinnedBody | TriangleBody) -> str:
+    try:
+        return json.dumps(dict(body.card))
+    except (TypeError, ValueError) as error:
+        raise BadFile(
+            f"the card of body {body.name!r} must hold texts, numbers, lists and dicts: {error}"
+        ) from error

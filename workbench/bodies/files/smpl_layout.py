@@ -1,0 +1,184 @@
+"""A body from the entries of an SMPL file, whatever its size, precision and age."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from workbench.arrays import Array, Index
+from workbench.bodies.files.entries import Contents, Entries
+from workbench.bodies.files.extras import LANDMARKS, MIRROR, REQUIRED, SKINNED, sorted_out
+from workbench.bodies.files.joint_names import family, joint_names
+from workbench.bodies.landmarks import Landmarks
+from workbench.bodies.readonly import locked
+from workbench.bodies.skinned import SkinnedBody
+from workbench.errors import BadBody, BadFile, shown, some
+from workbench.reading.facts import parsed
+
+INSTEAD = (  # keys that tell what a file is that is no body
+    ({"poses", "trans"}, "a motion (AMASS), which moves a body and is none"),
+    ({"eigvec"}, "the soft-tissue directions of DMPL, which go with a body and are none"),
+    ({"vertices", "faces"}, "a plain mesh; read_mesh reads mesh files"),
+    ({"means", "covars"}, "a pose prior"),
+)
+MOST_JOINTS = 10_000  # every one of them is looked at in Python, and a body has some dozens
+STAR_COLUMNS = 93  # of its posedirs: features of quaternions, where SMPL has 207 of matrices
+
+
+def body_from(raw: Contents, name: str, where: str) -> SkinnedBody:
+    """The body whose entries are `raw`; `where` is the file, for messages and the card.
+
+    Arrays become float64 (N, 3), (N, 3, B), (N, 3, P), csr (K, N) and (N, K); parents are -1 at
+    the root. Nothing is normalised. Entries that a body does not compute with are its `extras`;
+    those that cannot be kept are named under `left_out` in its card. Raises BadFile for entries
+    that are missing or are not what their key says, BadBody if they do not fit together.
+    """
+    entries = Entries(raw, where)
+    _check_keys(entries)
+    N, parents = _vertices(entries), parents_from(entries)
+    _check_shape(entries, name, "weights", (N, len(parents)))
+    _check_shape(entries, name, "J_regressor", (len(parents), N))
+    mirror = _mirror(entries, N)
+    own = SKINNED if mirror is None else SKINNED | {MIRROR}
+    extras, left_out = sorted_out(raw, own)
+    return SkinnedBody(
+        template=locked(entries.reals("v_template")),
+        shapedirs=locked(entries.directions("shapedirs", N)),
+        posedirs=locked(_posedirs(entries, N)),
+        J_regressor=entries.matrix("J_regressor"),
+        weights=locked(entries.reals("weights")),
+        parents=parents,
+        faces=entries.wholes("f"),
+        joint_names=entries.texts("joint_names")
+        if "joint_names" in entries
+        else joint_names(len(parents)),
+        mirror=mirror,
+        landmarks=landmarks_from(entries),
+        name=entries.name("name", name),
+        bound_in=entries.reals("bind_pose") if "bind_pose" in entries else None,
+        rest_joints=entries.reals("rest_joints") if "rest_joints" in entries else None,
+        card=_card(entries, len(parents), mirror, left_out),
+        extras=extras,
+    )
+
+
+def _check_keys(entries: Entries) -> None:
+    have = {key.partition("/")[0] for key in entries.raw}
+    missing = [key for key in REQUIRED if key not in have]
+    if missing:
+        instead = next((f"It looks like {what}. " for keys, what in INSTEAD if keys <= have), "")
+        there = some(sorted(have)) if have else "nothing"
+        raise BadFile(
+            f"{entries.where} has no {', '.join(missing)}; it has "
+            f"{there}. {instead}A body needs {', '.join(REQUIRED)}"
+        )
+    style = entries.text("bs_style", "lbs")
+    if style != "lbs":
+        raise BadFile(
+            f"{entries.where} is skinned by bs_style {shown(style)}; there is lbs, of SMPL, and "
+            "triangles, of a TriangleBody"
+        )
+
+
+def _vertices(entries: Entries) -> int:
+    """N, as v_template says it."""
+    shape = entries.array("v_template").shape
+    if len(shape) != 2 or shape[1] != 3 or not shape[0]:
+        raise BadFile(f"{entries.where}: v_template has shape {shape}, but must be (N, 3)")
+    return int(shape[0])
+
+
+def _check_shape(entries: Entries, name: str, key: str, shape: tuple[int, int]) -> None:
+    """Raise BadBody for a wrong shape, before anything is converted to float64.
+
+    Parts of a sparse matrix, and scipy's in a pickle, have their size checked with the body.
+    """
+    value = entries.raw.get(key)
+    if isinstance(value, np.ndarray) and value.ndim == 2 and value.shape != shape:
+        raise BadBody(f"body {name!r}: {key} has shape {value.shape}, but must be {shape}")
+
+
+def parents_from(entries: Entries) -> tuple[int, ...]:
+    """Row 0 of kintree_table with -1 at the root, which files mark in many ways."""
+    table = entries.wholes("kintree_table")
+    if table.ndim != 2 or len(table) != 2 or table.shape[1] == 0:
+        raise BadFile(f"{entries.where}: kintree_table is {table.shape}, but must be (2, K)")
+    if table.shape[1] > MOST_JOINTS:
+        raise BadFile(
+            f"{entries.where}: kintree_table has {table.shape[1]:,} joints, but a body has at most "
+            f"{MOST_JOINTS:,}"
+        )
+    if not np.array_equal(table[1, 1:], np.arange(1, table.shape[1])):
+        raise BadFile(
+            f"{entries.where}: row 1 of kintree_table must number the joints 0, 1, 2, ..., "
+            f"but begins {table[1, :4].tolist()}"
+        )
+    return (-1, *(int(parent) for parent in table[0, 1:]))
+
+
+def _posedirs(entries: Entries, N: int) -> Array:
+    posedirs = entries.directions("posedirs", N)
+    if posedirs.shape[2] == STAR_COLUMNS:
+        raise BadFile(
+            f"{entries.where}: posedirs have {STAR_COLUMNS} columns, as in STAR; its features of "
+            "quaternions are not supported, SMPL's 9 (K - 1) of rotation matrices are"
+        )
+    return posedirs
+
+
+def _mirror(entries: Entries, N: int) -> Index | None:
+    """The vertex on the other side of each, if the file has them and its pairs are pairs."""
+    if MIRROR not in entries:
+        return None
+    mirror = entries.wholes(MIRROR).ravel()
+    if len(mirror) != N or mirror.min() < 0 or mirror.max() >= N:
+        return None
+    return mirror if np.array_equal(mirror[mirror], np.arange(N)) else None
+
+
+def landmarks_from(entries: Entries) -> dict[str, Landmarks]:
+    """The sets of landmarks that a file of the workbench holds. Raises BadFile."""
+    names = sorted(found[1] for key in entries.raw if (found := LANDMARKS.fullmatch(key)))
+    return {
+        name: Landmarks(
+            entries.texts(f"landmarks/{name}/names"), entries.matrix(f"landmarks/{name}")
+        )
+        for name in names
+    }
+
+
+def _card(entries: Entries, K: int, mirror: Index | None, left_out: list[str]) -> dict[str, Any]:
+    """The file's own card, or what can be said of a file without one; and what was left out."""
+    if "card" in entries:
+        return own_card(entries, left_out)
+    file, notes = Path(entries.where).name, []
+    guessed = next((g for g in ("female", "male", "neutral") if g in file.lower()), "unknown")
+    if family(K) == "SMPL-X":
+        notes.append("betas are the shape's, followed by the expression's")
+    if MIRROR in entries and mirror is None:
+        notes.append(
+            f"{MIRROR} do not swap the vertices in pairs: they are kept as they are, but the body "
+            "has no mirror"
+        )
+    return {
+        "name": file,
+        "model": family(K),
+        "gender": entries.name("gender", guessed),
+        "source": file,
+        "licence": "its owners'; do not pass it on without theirs",
+        **({"provenance": notes} if notes else {}),
+        **({"left_out": left_out} if left_out else {}),
+    }
+
+
+def own_card(entries: Entries, left_out: list[str]) -> dict[str, Any]:
+    """The card that a file holds, and what was left out of the file. Raises BadFile."""
+    try:
+        card = parsed(entries.text("card", "null"))
+    except BadFile as error:
+        raise BadFile(f"{entries.where}: its card is no JSON ({error})") from error
+    if not isinstance(card, dict):
+        raise BadFile(f"{entries.where}: its card is a {type(card).__name__}, not an object")
+    before = card.get("left_out", [])
+    both = [*(before if isinstance(before, list) else [before]), *left_out]
+    return card | ({"left_out": both} if left_out else {})

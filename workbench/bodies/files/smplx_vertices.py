@@ -1,0 +1,88 @@
+"""The vertices that the package smplx shows as joints 24 to 44, for bodies of any topology."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.arrays import Array
+from workbench.bodies.skinned import SkinnedBody
+
+
+@dataclass(frozen=True)
+class Extra:
+    """A point on the skin: a landmark, or else the skin of some joints farthest in a direction."""
+
+    landmark: str
+    joints: tuple[str, ...]
+    direction: tuple[float, float, float]  # for the body's left side; x flips on the right
+
+
+# Directions in a T-pose, palms down; they matter only for bodies without such landmarks.
+FACE = {"eye": (0.5, 0.5, 1.0), "ear": (1.0, 0.0, 0.0)}
+FEET = {"BigToe": (-0.3, 0.0, 1.0), "SmallToe": (0.7, 0.0, 1.0), "Heel": (0.0, -0.3, -1.0)}
+FINGERS = {
+    "thumb": (0.5, 0.0, 1.0),
+    "index": (1.0, 0.0, 0.4),
+    "middle": (1.0, 0.0, 0.1),
+    "ring": (1.0, 0.0, -0.2),
+    "pinky": (1.0, 0.0, -0.6),
+}
+TOES = {"BigToe": "big_toe", "SmallToe": "small_toe", "Heel": "heel"}
+SIDES = (("l", "left", 1.0), ("r", "right", -1.0))
+
+
+def extras() -> dict[str, Extra]:
+    """The 21 names that smplx asks for, each with what it is on a body."""
+    found = {"nose": Extra("nose", ("head",), (0.0, 0.0, 1.0))}
+    for letter, side, sign in SIDES:
+        for names, joints, form, landmark in (
+            (FACE, ("head",), "{0}{1}", lambda name: name),
+            (FEET, ("ankle", "foot"), "{2}{1}", TOES.__getitem__),
+            (FINGERS, ("wrist", "hand"), "{0}{1}", lambda name: name),
+        ):
+            for name, (x, y, z) in names.items():
+                found[form.format(letter, name, letter.upper())] = Extra(
+                    f"{side}_{landmark(name)}",
+                    tuple(joint if joint == "head" else f"{side}_{joint}" for joint in joints),
+                    (sign * x, y, z),
+                )
+    return found
+
+
+def vertex_ids(body: SkinnedBody) -> dict[str, int]:
+    """The number of a vertex for each of smplx's 21 names: nose, leye, LBigToe, lthumb, ...
+
+    The vertex nearest to the body's landmark of that name in the template, or, where it has
+    none, a guess from the template's geometry.
+    """
+    points = _landmarks(body)
+    return {
+        name: _nearest(body.template, points[extra.landmark])
+        if extra.landmark in points
+        else _farthest(body, extra)
+        for name, extra in extras().items()
+    }
+
+
+def _landmarks(body: SkinnedBody) -> dict[str, Array]:
+    return {
+        name: point
+        for landmarks in body.landmarks.values()
+        for name, point in zip(landmarks.names, landmarks.regressor @ body.template, strict=True)
+    }
+
+
+def _nearest(template: Array, point: Array) -> int:
+    return int(np.argmin(np.linalg.norm(template - point, axis=1)))
+
+
+def _farthest(body: SkinnedBody, extra: Extra) -> int:
+    """Among the vertices that move mostly with the joints; among all, if there are none."""
+    mine = np.isin(body.weights.argmax(axis=1), _joints(body, extra.joints))
+    along = body.template @ np.array(extra.direction)
+    return int(np.argmax(np.where(mine, along, -np.inf) if mine.any() else along))
+
+
+def _joints(body: SkinnedBody, names: Sequence[str]) -> list[int]:
+    return [k for k, name in enumerate(body.joint_names) if name in names]

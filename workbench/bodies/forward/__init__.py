@@ -1,0 +1,1 @@
+"""From pose, betas and trans to points: the skeleton, the graph, and the arithmetic."""

@@ -1,0 +1,57 @@
+"""The arithmetic behind a body's surface: compiled where that pays and works, else by NumPy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Protocol
+
+from workbench.arrays import Array
+from workbench.bodies.forward.arrays import SkinnedArrays, Vertices
+from workbench.bodies.forward.compiled import CompiledArithmetic
+from workbench.bodies.forward.kernels import kernels
+from workbench.bodies.forward.motion import Motion, Slopes
+from workbench.bodies.forward.numeric import Chunk, ChunkedArithmetic, chunks_of
+from workbench.bodies.forward.rows import Target
+
+WORTH_COMPILING = 1000  # vertices: with fewer NumPy needs at most two milliseconds
+
+
+class Surface(Protocol):
+    """The points of a surface at one motion and shape, before translation; see `numeric`.
+
+    What is found on the way to one answer is kept for the next.
+    """
+
+    @property
+    def points(self) -> Array:
+        """The posed points (N, 3) in metres, before translation."""
+
+    def tangent(self, slopes: Slopes, into: Mapping[str, Target], scale: Array | None) -> None:
+        """Write into `pose` (3 K, 3 N), `betas` and `trans`, each column times scale (3 N,)."""
+
+    def adjoint(self, pull: Array) -> tuple[Array, Array, Array]:
+        """Gradients of sum(pull * points), pull (N, 3), by G (K, 3, 4), features and betas."""
+
+
+class Arithmetic(Protocol):
+    """How the surface of a body is computed."""
+
+    def at(self, motion: Motion, betas: Array) -> Surface:
+        """Moved like this, and shaped by betas (B,)."""
+
+
+def arithmetic_of(
+    body: SkinnedArrays, vertices: Vertices, chunks: Callable[[], list[Chunk]] | None = None
+) -> Arithmetic:
+    """For all of a body's vertices or some; compiles the first time that it pays.
+
+    `chunks` gives these vertices packed for NumPy, if somebody has them already.
+    """
+    chosen = vertices if isinstance(vertices, slice) else list(vertices)
+    count = body.n_vertices if isinstance(chosen, slice) else len(chosen)
+    if count >= WORTH_COMPILING:
+        library, _ = kernels(body.parents, body.n_betas)
+        if library is not None:
+            return CompiledArithmetic.of(library, body, chosen)
+    packed = chunks_of(body, chosen) if chunks is None else chunks()
+    return ChunkedArithmetic(packed, body.parents)

@@ -1,0 +1,96 @@
+"""Evaluating a body for batches of poses and shapes."""
+
+from __future__ import annotations
+
+from math import prod
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.sparse import csr_array
+
+from workbench.arrays import Array
+from workbench.blocks.reals import reals
+from workbench.bodies.body import Body
+from workbench.bodies.forward.numeric import many_points
+from workbench.bodies.forward.packed import PackedBody
+from workbench.errors import BadBody
+
+
+def vertices(
+    of: PackedBody, pose: ArrayLike | None, betas: ArrayLike | None, trans: ArrayLike | None
+) -> Array:
+    """The posed surface over a broadcast batch, (..., N, 3) m."""
+    body = of.arrays
+    batch, theta, beta, move = arguments(body, pose, betas, trans)
+    if body.is_smpl:
+        found = many_points(of.chunks, *of.kinematics.motions(theta, beta), beta)
+    else:
+        each = [np.asarray(of.skinned_rest(t.T, b)).T for t, b in zip(theta, beta, strict=True)]
+        found = np.array(each).reshape(len(theta), body.n_vertices, 3)
+    return (found + move[:, None]).reshape(*batch, body.n_vertices, 3)
+
+
+def regressed(regressor: csr_array, points: Array) -> Array:
+    """Weighted means (..., M, 3) of points (..., N, 3), for a regressor (M, N)."""
+    flat = np.moveaxis(points, -2, 0).reshape(points.shape[-2], -1)
+    found = (regressor @ flat).reshape(regressor.shape[0], *points.shape[:-2], 3)
+    return np.moveaxis(found, 0, -2)
+
+
+def joints(
+    of: PackedBody, pose: ArrayLike | None, betas: ArrayLike | None, trans: ArrayLike | None
+) -> Array:
+    """The posed joints over a broadcast batch, (..., K, 3) m."""
+    batch, theta, beta, move = arguments(of.arrays, pose, betas, trans)
+    found = np.empty((len(theta), of.arrays.n_joints, 3))
+    for i in range(len(theta)):
+        found[i] = of.kinematics.motion(theta[i], beta[i]).joints + move[i]
+    return found.reshape(*batch, of.arrays.n_joints, 3)
+
+
+def arguments(
+    body: Body,
+    pose: ArrayLike | None,
+    betas: ArrayLike | None,
+    trans: ArrayLike | None,
+) -> tuple[tuple[int, ...], Array, Array, Array]:
+    """The batch, and M of each: (M, K, 3), (M, B), (M, 3).
+
+    What is None is as in the template; betas may be shorter than B. Raises BadBody or NotNumbers.
+    """
+    theta = _pose(body, body.bind_pose if pose is None else pose)
+    beta = _betas(body, np.zeros(0) if betas is None else betas)
+    move = reals("trans", np.zeros(3) if trans is None else trans)
+    if move.shape[-1:] != (3,):
+        raise BadBody(f"body {body.name!r} takes a trans of shape (..., 3), not {move.shape}")
+    try:
+        batch = np.broadcast_shapes(theta.shape[:-2], beta.shape[:-1], move.shape[:-1])
+    except ValueError:
+        raise BadBody(
+            f"the batches of pose {theta.shape}, betas {beta.shape} and trans {move.shape} "
+            "do not fit each other"
+        ) from None
+    theta, beta, move = (
+        np.broadcast_to(a, batch + tail).reshape(prod(batch), *tail)
+        for a, tail in ((theta, theta.shape[-2:]), (beta, beta.shape[-1:]), (move, (3,)))
+    )
+    return batch, theta, beta, move
+
+
+def _pose(body: Body, pose: ArrayLike) -> Array:
+    theta, K = reals("pose", pose), body.n_joints
+    if theta.shape[-2:] == (K, 3):
+        return theta
+    if theta.shape[-1:] == (3 * K,):
+        return theta.reshape(*theta.shape[:-1], K, 3)
+    raise BadBody(
+        f"body {body.name!r} has {K} joints and takes a pose of shape (..., {K}, 3) or "
+        f"(..., {3 * K}), not {theta.shape}"
+    )
+
+
+def _betas(body: Body, betas: ArrayLike) -> Array:
+    beta, B = reals("betas", betas), body.n_betas
+    if beta.ndim == 0 or beta.shape[-1] > B:
+        raise BadBody(f"body {body.name!r} takes up to {B} betas, not an array {beta.shape}")
+    return np.pad(beta, [(0, 0)] * (beta.ndim - 1) + [(0, B - beta.shape[-1])])

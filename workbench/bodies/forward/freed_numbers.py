@@ -1,0 +1,256 @@
+"""The surface of a body whose arrays are unknowns, and its sparse derivative by each of them.
+
+With turns Q_k and features f of the pose, c_im the weight of vertex i at or below joint m, and
+D_m = Q_parent(m) - Q_m (the identity for the root's parent),
+
+    v'_i = A_i v_i + sum over m of c_im D_m j_m + trans,    A_i = sum over k of w_ik Q_k,
+    v_i = T_i + S_i beta + P_i f,                           j = J_regressor (T + S beta)
+
+so that the points are linear in T, S, P, in the joints j and in the weights, each alone. Only the
+derivative by the pose needs more than products of these; it is that of `numeric`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse import csc_array, csr_array, kron
+
+from workbench.arrays import Array, Index
+from workbench.bodies.forward.arrays import SkinnedArrays
+from workbench.bodies.forward.kinematics import ancestors
+from workbench.bodies.forward.motion import Kinematics, Motion
+from workbench.bodies.forward.skinning import blend_matrices
+
+BLOCKS = "pose", "betas", "trans"
+
+
+@dataclass(frozen=True, eq=False)
+class FreedSurface:
+    """Vertices of an SMPL body, some of whose arrays are given from outside."""
+
+    body: SkinnedArrays
+    kinematics: Kinematics  # of which turns and features alone are read: they know no joints
+    chosen: Index  # (n,), the vertices
+
+    @cached_property
+    def ancestors(self) -> Array:
+        """(K, K); see `kinematics.ancestors`."""
+        return ancestors(self.body.parents)
+
+    def at(
+        self, arrays: Mapping[str, Array], pose: Array, betas: Array, trans: Array
+    ) -> FreedSurfaceAt:
+        """Where these arrays stand in for the body's own, at pose (K, 3) rad, betas and trans."""
+        return FreedSurfaceAt(self, arrays, pose, betas, trans)
+
+
+@dataclass(frozen=True, eq=False)
+class FreedSurfaceAt:
+    """The vertices at one set of arrays, pose (K, 3) rad, betas (B,) and trans (3,) m."""
+
+    of: FreedSurface
+    arrays: Mapping[str, Array]
+    pose: Array
+    betas: Array
+    trans: Array
+
+    @cached_property
+    def motion(self) -> Motion:
+        """Of which turns and features are read."""
+        return self.of.kinematics.motion(self.pose, self.betas)
+
+    @cached_property
+    def turns(self) -> Array:
+        """Q, (K, 3, 3)."""
+        return self.motion.G[:, :, :3]
+
+    @cached_property
+    def levers(self) -> Array:
+        """D, (K, 3, 3)."""
+        above = np.concatenate([np.eye(3)[None], self.turns[list(self.of.body.parents[1:])]])
+        return above - self.turns
+
+    @cached_property
+    def person(self) -> Array:
+        """T + S beta of every vertex, (N, 3) m."""
+        return self._array("template") + self._array("shapedirs") @ self.betas
+
+    @property
+    def regressed(self) -> bool:
+        """Whether the regressor finds the joints."""
+        return "joints" not in self.arrays and self.of.body.rest_joints is None
+
+    @cached_property
+    def joints(self) -> Array:
+        """At rest, (K, 3) m."""
+        if "joints" in self.arrays:
+            return self.arrays["joints"]
+        given = self.of.body.rest_joints
+        return np.asarray(self._regressor @ self.person) if given is None else given
+
+    @cached_property
+    def shifts(self) -> Array:
+        """The last column of each joint's motion, (K, 3) m."""
+        own = (self.levers @ self.joints[:, :, None])[:, :, 0]
+        return np.asarray(self.of.ancestors @ own)
+
+    @cached_property
+    def weights(self) -> Array:
+        """(n, K)."""
+        return self._array("weights")[self.of.chosen]
+
+    @cached_property
+    def below(self) -> Array:
+        """c, (n, K)."""
+        return np.asarray(self.weights @ self.of.ancestors)
+
+    @cached_property
+    def blended(self) -> Array:
+        """A, (n, 3, 3)."""
+        return blend_matrices(self.weights, self.turns)
+
+    @cached_property
+    def rest(self) -> Array:
+        """v, (n, 3) m."""
+        bulges = self._array("posedirs")[self.of.chosen] @ self.motion.features
+        return np.asarray(self.person[self.of.chosen] + bulges)
+
+    @cached_property
+    def carried(self) -> Array:
+        """Where each joint alone would take each vertex, (n, K, 3) m."""
+        turned: Array = np.einsum("kdc,nc->nkd", self.turns, self.rest)
+        return turned + self.shifts
+
+    @cached_property
+    def points(self) -> Array:
+        """v' + trans, (n, 3) m."""
+        blended: Array = np.einsum("nk,nkd->nd", self.weights, self.carried)
+        return blended + self.trans
+
+    def jacobian(self, name: str) -> csc_array:
+        """The points' derivative (3 n, size) by `pose`, `betas`, `trans` or an array, row by row.
+
+        Rows are x, y, z of vertex after vertex, and columns the array's numbers in NumPy's order.
+        """
+        return self._made[name]()
+
+    def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
+        """Transposed, into[name] (size, 3 n); see PointsAt."""
+        for name, array in into.items():
+            np.multiply(self.jacobian(name).T.toarray(), 1.0 if scale is None else scale, out=array)
+
+    def adjoint(self, pull: Array) -> dict[str, Array]:
+        """By pose, betas, trans and the arrays, flat; only that by the pose needs a Jacobian."""
+        body, chosen = self.of.body, self.of.chosen
+        pulled = pull.reshape(-1, 3)
+        on_rest: Array = np.einsum("ndc,nd->nc", self.blended, pulled)
+        on_joints: Array = np.einsum("nm,mdc,nd->mc", self.below, self.levers, pulled)
+        on_person = _at_vertices(on_rest, chosen, body.n_vertices)
+        if self.regressed:
+            on_person += self._regressor.T @ on_joints
+        found = {
+            "pose": self.jacobian("pose").T @ pull,
+            "betas": np.tensordot(on_person, self._array("shapedirs"), 2),
+            "trans": pulled.sum(axis=0),
+        }
+        made: dict[str, Callable[[], Array]] = {
+            "template": lambda: on_person,
+            "shapedirs": lambda: on_person[:, :, None] * self.betas,
+            "posedirs": lambda: _at_vertices(
+                on_rest[:, :, None] * self.motion.features, chosen, body.n_vertices
+            ),
+            "joints": lambda: on_joints,
+            "weights": lambda: _at_vertices(
+                np.einsum("nkd,nd->nk", self.carried, pulled), chosen, body.n_vertices
+            ),
+            "J_regressor": lambda: on_joints @ self.person.T,
+        }
+        return found | {name: np.asarray(made[name]()).ravel() for name in self.arrays}
+
+    @property
+    def _made(self) -> dict[str, Callable[[], csc_array]]:
+        return {
+            "pose": self._by_pose,
+            "betas": self._by_betas,
+            "trans": lambda: csc_array(np.tile(np.eye(3), (len(self.of.chosen), 1))),
+            "template": lambda: csc_array(self._by_person),
+            "shapedirs": lambda: csc_array(kron(self._by_person, self.betas[None])),
+            "posedirs": lambda: csc_array(kron(self._by_rest, self.motion.features[None])),
+            "joints": lambda: csc_array(self._by_joints),
+            "weights": self._by_weights,
+            "J_regressor": self._by_regressor,
+        }
+
+    @cached_property
+    def _by_rest(self) -> csr_array:
+        """A in blocks, by the rest vertices: (3 n, 3 N)."""
+        columns = 3 * self.of.chosen[:, None, None] + np.arange(3)  # (n, 1, 3)
+        return self._rows(self.blended, np.broadcast_to(columns, self.blended.shape), 3)
+
+    @cached_property
+    def _by_joints(self) -> Array:
+        """c_im D_m, (3 n, 3 K)."""
+        blocks: Array = np.einsum("nm,mdc->ndmc", self.below, self.levers)
+        return blocks.reshape(3 * len(self.of.chosen), -1)
+
+    @cached_property
+    def _by_person(self) -> csr_array:
+        """By T + S beta, (3 n, 3 N): directly, and through the joints."""
+        if not self.regressed:
+            return self._by_rest
+        onto_joints = kron(self._regressor, np.eye(3), format="csr")
+        return csr_array(self._by_rest + csr_array(self._by_joints) @ onto_joints)
+
+    def _by_weights(self) -> csc_array:
+        K = self.weights.shape[1]
+        columns = K * self.of.chosen[:, None, None] + np.arange(K)  # (n, 1, K)
+        blocks = self.carried.transpose(0, 2, 1)  # (n, 3, K)
+        return csc_array(self._rows(blocks, np.broadcast_to(columns, blocks.shape), K))
+
+    def _by_regressor(self) -> csc_array:
+        on_all = kron(np.eye(len(self.joints)), self.person.T, format="csr")  # (3 K, K N)
+        return csc_array(csr_array(self._by_joints) @ on_all)
+
+    def _by_betas(self) -> csc_array:
+        N, _, B = self._array("shapedirs").shape
+        return csc_array(self._by_person @ self._array("shapedirs").reshape(3 * N, B))
+
+    def _by_pose(self) -> csc_array:
+        slopes = self.of.kinematics.slopes(self.pose, self.betas)
+        (n, K), A = self.weights.shape, self.of.ancestors
+        centres = np.einsum("kdc,kc->kd", self.turns, self.joints) + self.shifts  # the posed joints
+        hanging = np.tensordot(A, self.weights[:, :, None] * self.carried, axes=(0, 1))  # (K, n, 3)
+        hanging -= self.below.T[:, :, None] * centres[:, None]
+        by_angle = np.einsum("kadu,knu->ndka", slopes.turns.reshape(K, 3, 3, 3), hanging)
+        if K > 1:
+            P = self._array("posedirs")[self.of.chosen].reshape(n, 3, K - 1, 9)
+            bulges = np.einsum("nckf,kaf->ncka", P, slopes.d_features)
+            by_angle[:, :, 1:] += np.einsum("ndc,ncka->ndka", self.blended, bulges)
+        return csc_array(by_angle.reshape(3 * n, 3 * K))
+
+    def _rows(self, blocks: Array, columns: Index, width: int) -> csr_array:
+        """A matrix of blocks (n, 3, .), vertex by vertex, for `width` numbers of every vertex."""
+        starts = np.arange(0, blocks.size + 1, blocks.shape[2])
+        shape = (3 * len(blocks), width * self.of.body.n_vertices)
+        return csr_array((blocks.ravel(), columns.ravel(), starts), shape=shape)
+
+    @cached_property
+    def _regressor(self) -> csr_array:
+        if "J_regressor" in self.arrays:
+            return csr_array(self.arrays["J_regressor"])
+        return self.of.body.J_regressor
+
+    def _array(self, name: str) -> Array:
+        found: Array = self.arrays[name] if name in self.arrays else getattr(self.of.body, name)
+        return found
+
+
+def _at_vertices(rows: Array, chosen: Index, n_vertices: int) -> Array:
+    """Rows (n, ...) of the chosen vertices among those of all, zero elsewhere, (N, ...)."""
+    found = np.zeros((n_vertices, *rows.shape[1:]))
+    np.add.at(found, chosen, rows)
+    return found

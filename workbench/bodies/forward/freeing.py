@@ -1,0 +1,32 @@
+"""Which arrays of a skinned body can be unknowns."""
+
+from collections.abc import Sequence
+
+from workbench.bodies.forward.arrays import SkinnedArrays
+from workbench.errors import BadBody, UnknownName
+
+FREEABLE = {
+    "template": "m",
+    "shapedirs": "m",
+    "posedirs": "m",
+    "J_regressor": "1",
+    "weights": "1",
+    "joints": "m",  # at rest, (K, 3), in place of J_regressor (T + S betas)
+}
+
+
+def check_freeable(body: SkinnedArrays, names: Sequence[object]) -> None:
+    """Return if these arrays can be free together with those that are.
+
+    Raises UnknownName, or BadBody for a regressor of joints that are free or given.
+    """
+    for name in names:
+        if not isinstance(name, str) or name not in FREEABLE:
+            raise UnknownName("array to free", str(name), FREEABLE)
+    free = {*names, *body.free}
+    if "J_regressor" in free and ("joints" in free or body.rest_joints is not None):
+        raise BadBody(
+            f"body {body.name!r}: nothing would read J_regressor where the joints are free or "
+            "given; free one of the two, and take dataclasses.replace(body, rest_joints=None) "
+            "for the joints that J_regressor finds"
+        )

@@ -1,0 +1,242 @@
+"""The posed surface and its derivatives in numbers: kinematics from CasADi, the mesh by BLAS.
+
+The kinematics do not know how many vertices there are: CasADi derives them, once per body. What
+is left per vertex is linear in what they say. With v_i = T_i + S_i betas + P_i f the rest vertex
+and R_i = sum_j w_ij R_j,
+
+    v'_i = sum_j w_ij G'_j v_i
+    dv'_i/dpose[k, a] = w_ka x sum_{j at or below k} w_ij (G'_j v_i - t_k) + R_i P_ik df/dpose[k, a]
+    dv'_i/dbetas[b]   = R_i S_ib + sum_j w_ij dG'_j/dbetas[b] v_i
+
+where w_ka is the axis about which the world turns when pose[k, a] grows, and t_k the posed joint
+it turns about. Arrays are packed in chunks of vertices that stay in the processor's cache,
+coordinates first, so that every operation runs along vertices.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from workbench.arrays import Array, Index
+from workbench.bodies.forward.arrays import SurfaceArrays
+from workbench.bodies.forward.motion import Motion, Slopes
+from workbench.bodies.forward.rows import Rows, Target
+
+CHUNK = 256  # vertices: measured, and flat from there on
+TOGETHER = 96  # bodies in one matrix product, half of 192 walkers: measured, flat from 32 on
+WIDE = 12, 3, 3  # numbers a vertex: blended motion, rest, moved
+
+
+@dataclass(frozen=True, eq=False)
+class Chunk:
+    """Some vertices, coordinate by coordinate: n of them."""
+
+    rows: slice
+    template: Array  # (3 n,)
+    shapedirs: Array  # (B, 3 n)
+    posedirs: Array  # (9 (K - 1), 3 n)
+    weights: Array  # (K, n)
+    directions: Array  # (1 + B + 9 (K - 1), 3 n): these three in one, of which they are parts
+
+    @property
+    def columns(self) -> slice:
+        """Where these vertices' coordinates stand among all."""
+        return slice(3 * self.rows.start, 3 * self.rows.stop)
+
+    def rest(self, betas: Array, features: Array) -> Array:
+        """T + S betas + P f, (..., 3, n), for betas (..., B) and features (..., 9 (K - 1))."""
+        flat = betas @ self.shapedirs + features @ self.posedirs + self.template
+        return np.asarray(flat.reshape(*flat.shape[:-1], 3, -1))
+
+    def motion(self, motion: Motion) -> Array:
+        """sum_j w_j G_j, (3, 4, n)."""
+        K, n = self.weights.shape
+        return np.asarray((motion.G.reshape(K, 12).T @ self.weights).reshape(3, 4, n))
+
+
+def chunks_of(arrays: SurfaceArrays, vertices: slice | list[int]) -> list[Chunk]:
+    """A body's vertices, or some of them, in order."""
+    chosen = np.arange(len(arrays.template))[vertices]
+    packed = []
+    for first in range(0, len(chosen), CHUNK):
+        rows = chosen[first : first + CHUNK]
+        packed.append(_chunk(arrays, rows, first))
+    return packed
+
+
+def _chunk(arrays: SurfaceArrays, rows: Index, first: int) -> Chunk:
+    template = arrays.template[rows].T.reshape(1, -1)
+    shapedirs, posedirs = _planar(arrays.shapedirs[rows]), _planar(arrays.posedirs[rows])
+    whole = np.concatenate([template, shapedirs, posedirs])
+    edge = 1 + len(shapedirs)
+    return Chunk(
+        slice(first, first + len(rows)),
+        whole[0],
+        whole[1:edge],
+        whole[edge:],
+        np.ascontiguousarray(arrays.weights[rows].T),
+        whole,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class ChunkedArithmetic:
+    """The surface by NumPy, chunk after chunk; see Arithmetic."""
+
+    chunks: list[Chunk]
+    parents: tuple[int, ...]
+
+    def at(self, motion: Motion, betas: Array) -> ChunkedSurface:
+        """Moved like this, and shaped by betas (B,)."""
+        return ChunkedSurface(self, motion, betas)
+
+
+@dataclass(frozen=True, eq=False)
+class ChunkedSurface:
+    """The points at one motion and shape, before translation; see Surface."""
+
+    of: ChunkedArithmetic
+    motion: Motion
+    betas: Array
+    _rest: dict[int, Array] = field(default_factory=dict)  # by the chunk's first vertex
+
+    @cached_property
+    def points(self) -> Array:
+        """(N, 3) m."""
+        chunks = self.of.chunks
+        found = np.empty((chunks[-1].rows.stop if chunks else 0, 3))
+        for chunk in chunks:
+            M = chunk.motion(self.motion)
+            moved = np.einsum("dcn,cn->dn", M[:, :3], self._rest_of(chunk)) + M[:, 3]
+            found[chunk.rows] = moved.T
+        return found
+
+    def tangent(self, slopes: Slopes, into: Mapping[str, Target], scale: Array | None) -> None:
+        """The points' derivative by `pose`, `betas` and `trans`, as far as `into` has them.
+
+        into[name] (size, 3 N) receives it transposed, each column times scale (3 N,).
+        """
+        rows = {name: Rows.of(target) for name, target in into.items()}
+        for chunk in self.of.chunks:
+            n = chunk.weights.shape[1]
+            R = chunk.motion(self.motion)[:, :3]
+            factor = None if scale is None else scale[chunk.columns].reshape(n, 3).T
+            if "pose" in rows:
+                below = _below(chunk, self._rest_of(chunk), self.motion, self.of.parents)
+                _write(rows["pose"], chunk.columns, _by_pose(chunk, below, R, slopes), factor)
+            if "betas" in rows:
+                _write(rows["betas"], chunk.columns, _by_betas(chunk, R, slopes), factor)
+            if "trans" in rows:
+                unit = np.repeat(np.eye(3)[:, :, None], n, axis=2)
+                _write(rows["trans"], chunk.columns, unit, factor)
+
+    def adjoint(self, pull: Array) -> tuple[Array, Array, Array]:
+        """The gradients of sum(pull * points), pull (N, 3), by G (K, 3, 4), features and betas."""
+        motion, K = self.motion, len(self.motion.G)
+        on_G, on_features = np.zeros((K, 12)), np.zeros_like(motion.features)
+        on_betas = np.zeros_like(self.betas)
+        for chunk in self.of.chunks:
+            n = chunk.weights.shape[1]
+            p = np.ascontiguousarray(pull[chunk.rows].T)  # (3, n)
+            outer = np.empty((3, 4, n))
+            np.multiply(p[:, None], self._rest_of(chunk)[None], out=outer[:, :3])
+            outer[:, 3] = p
+            on_G += chunk.weights @ outer.reshape(12, n).T
+            on_rest = np.einsum("dcn,dn->cn", chunk.motion(motion)[:, :3], p).reshape(-1)
+            on_features += chunk.posedirs @ on_rest
+            on_betas += chunk.shapedirs @ on_rest
+        return on_G.reshape(K, 3, 4), on_features, on_betas
+
+    def _rest_of(self, chunk: Chunk) -> Array:
+        """(3, n), computed once."""
+        first = chunk.rows.start
+        if first not in self._rest:
+            self._rest[first] = chunk.rest(self.betas, self.motion.features)
+        return self._rest[first]
+
+
+def many_points(chunks: list[Chunk], G: Array, features: Array, betas: Array) -> Array:
+    """(M, N, 3) m for M motions (M, K, 3, 4), features (M, F) and betas (M, B).
+
+    Before translation, by matrix products over many of them at a time.
+    """
+    found = np.empty((len(G), chunks[-1].rows.stop if chunks else 0, 3))
+    widest = max((chunk.weights.shape[1] for chunk in chunks), default=0)
+    # memory that is used again: new pages for every product would cost half as much as it
+    rooms = [np.empty(min(TOGETHER, len(G)) * wide * widest) for wide in WIDE]
+    along = np.concatenate([np.ones((len(G), 1)), betas, features], axis=1)
+    for first in range(0, len(G), TOGETHER):
+        some = slice(first, first + TOGETHER)
+        turned = G[some].transpose(0, 2, 3, 1).reshape(-1, G.shape[1])  # (12 m, K)
+        m = len(turned) // 12
+        for chunk in chunks:
+            n = chunk.weights.shape[1]
+            parts = (room[: m * wide * n] for room, wide in zip(rooms, WIDE, strict=True))
+            M, rest, moved = (part.reshape(m, -1, n) for part in parts)
+            np.matmul(turned, chunk.weights, out=M.reshape(12 * m, n))
+            np.matmul(along[some], chunk.directions, out=rest.reshape(m, 3 * n))
+            blended = M.reshape(m, 3, 4, n)
+            np.einsum("mdcn,mcn->mdn", blended[:, :, :3], rest, out=moved)
+            moved += blended[:, :, 3]
+            found[some, chunk.rows] = moved.transpose(0, 2, 1)
+    return found
+
+
+def _planar(array: Array) -> Array:
+    """(n, 3, B) -> (B, 3 n), coordinate by coordinate."""
+    n, _, B = array.shape
+    return np.ascontiguousarray(array.transpose(2, 1, 0)).reshape(B, 3 * n)
+
+
+def _below(chunk: Chunk, rest: Array, motion: Motion, parents: tuple[int, ...]) -> Array:
+    """sum_{j at or below k} w_ij (G'_j v_i - t_k), (K, 3, n) m."""
+    K, n = chunk.weights.shape
+    y = (motion.G[:, :, :3].reshape(3 * K, 3) @ rest).reshape(K, 3, n)
+    y += motion.G[:, :, 3, None]
+    y *= chunk.weights[:, None]
+    share = chunk.weights.copy()
+    for k in range(K - 1, 0, -1):  # children come after their parents
+        y[parents[k]] += y[k]
+        share[parents[k]] += share[k]
+    y -= share[:, None] * motion.joints[:, :, None]
+    return y
+
+
+def _by_pose(chunk: Chunk, below: Array, R: Array, slopes: Slopes) -> Array:
+    """(3 K, 3, n)."""
+    K, n = chunk.weights.shape
+    out: Array = np.matmul(slopes.turns, below).reshape(3 * K, 3, n)
+    if K > 1:
+        bulge = np.matmul(slopes.d_features, chunk.posedirs.reshape(K - 1, 9, 3 * n))
+        _add_rotated(out[3:], R, bulge.reshape(3 * (K - 1), 3, n))
+    return out
+
+
+def _by_betas(chunk: Chunk, R: Array, slopes: Slopes) -> Array:
+    """(B, 3, n)."""
+    B, n = len(chunk.shapedirs), chunk.weights.shape[1]
+    out: Array = (slopes.d_shift @ chunk.weights).reshape(B, 3, n)
+    _add_rotated(out, R, chunk.shapedirs.reshape(B, 3, n))
+    return out
+
+
+def _add_rotated(out: Array, R: Array, X: Array) -> None:
+    """out_kd += sum_c R_dc X_kc for every vertex: out, X (k, 3, n), R (3, 3, n)."""
+    out += np.einsum("dcn,kcn->kdn", R, X)  # along n: one fused pass for each d and c
+
+
+def _write(into: Rows, columns: slice, values: Array, factor: Array | None) -> None:
+    """Planar (k, 3, n), which is used up, into columns of k rows, vertex by vertex.
+
+    Times a factor (3, n).
+    """
+    if factor is not None:
+        values *= factor
+    for first, array in into.parts:
+        there, some = array[:, columns], values[first : first + len(array)]
+        for d in range(3):  # one coordinate at a time, so that the inner loop runs along vertices
+            there[:, d::3] = some[:, d]

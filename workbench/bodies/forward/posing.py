@@ -1,0 +1,120 @@
+"""Many poses of one tree at once, in the form in which skinning is linear.
+
+With A the ancestors, c = w A the weight at or below each joint, and D_m = R_parent(m) - R_m,
+
+    posed_i = (sum_k w_ik R_k) rest_i + sum_m c_im D_m j_m + trans        (SMPL eq. 2 to 4)
+
+because a joint's binding motion takes v to R_k v + sum over m on the path to k of D_m j_m. So
+the posed points are linear in everything but the rotations, also in the joints j.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.arrays import Array
+from workbench.bodies.forward.kinematics import ancestors
+from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
+
+
+@dataclass(frozen=True, eq=False)
+class Posing:
+    """The rotations of K joints in J poses of one tree whose bind pose is zero.
+
+    Attributes:
+        parents: the parent of each joint.
+        local: (J, K, 3, 3) each joint's rotation in its parent's frame.
+        world: (J, K, 3, 3) each joint's rotation in the world.
+    """
+
+    parents: tuple[int, ...]
+    local: Array
+    world: Array
+
+    @staticmethod
+    def of(poses: Array, parents: Sequence[int]) -> "Posing":
+        """The rotations of poses (J, K, 3) rad, given as rotation vectors."""
+        local = matrix_from_vector(poses)
+        return Posing(tuple(parents), local, world_rotations(local, parents))
+
+    @property
+    def features(self) -> Array:
+        """The pose features (J, 9 (K - 1)): vec(R_k - I) row by row of all joints but the root."""
+        away = self.local[:, 1:] - np.eye(3)
+        return away.reshape(len(away), -1)
+
+    @property
+    def above(self) -> Array:
+        """The world rotation of each joint's parent, (J, K, 3, 3); the identity for the root."""
+        found = np.empty_like(self.world)
+        found[:, 0] = np.eye(3)
+        found[:, 1:] = self.world[:, list(self.parents[1:])]
+        return found
+
+    @property
+    def levers(self) -> Array:
+        """The matrices D of the equation above, (J, K, 3, 3)."""
+        return self.above - self.world
+
+    def turned(self, by: Array) -> "Posing":
+        """The poses after a further turn of each joint in its parent's frame, (J, K, 3) rad."""
+        return Posing.of(vector_from_matrix(matrix_from_vector(by) @ self.local), self.parents)
+
+    @property
+    def poses(self) -> Array:
+        """Rotation vectors (J, K, 3) rad."""
+        return vector_from_matrix(self.local)
+
+    def only(self, some: slice) -> "Posing":
+        """The poses of these rows."""
+        return Posing(self.parents, self.local[some], self.world[some])
+
+    # The derivative with respect to a small turn of each joint in its parent's frame, and back.
+
+    def turning(self, turn: Array) -> tuple[Array, Array]:
+        """How world (J, K, 3, 3) and local rotations change with a turn (J, K, 3) rad."""
+        in_world = (self.above @ turn[..., None])[..., 0]
+        A = ancestors(self.parents)
+        whole = np.einsum("km,jma->jka", A, in_world)
+        return crossed(whole) @ self.world, crossed(turn) @ self.local
+
+    def turning_back(self, on_world: Array, on_local: Array) -> Array:
+        """The adjoint: gradients by world and local rotations as one by the turn, (J, K, 3)."""
+        A = ancestors(self.parents)
+        torque = np.einsum("km,jka->jma", A, axial(on_world, self.world))
+        by_world: Array = (self.above.swapaxes(-1, -2) @ torque[..., None])[..., 0]
+        return by_world + axial(on_local, self.local)
+
+
+def world_rotations(local: Array, parents: Sequence[int]) -> Array:
+    """Rotations (..., K, 3, 3) in the world, from those in the parents' frames."""
+    world = local.copy()
+    for k, parent in enumerate(parents[1:], start=1):
+        world[..., k, :, :] = world[..., parent, :, :] @ local[..., k, :, :]
+    return world
+
+
+def local_rotations(world: Array, parents: Sequence[int]) -> Array:
+    """Rotations (..., K, 3, 3) in the parents' frames, from those in the world."""
+    local = world.copy()
+    above = world[..., list(parents[1:]), :, :]
+    local[..., 1:, :, :] = above.swapaxes(-1, -2) @ world[..., 1:, :, :]
+    return local
+
+
+def crossed(w: Array) -> Array:
+    """The matrix [w]x (..., 3, 3) of the cross product v -> w x v."""
+    x, y, z = np.moveaxis(w, -1, 0)
+    o = np.zeros_like(x)
+    rows = np.stack([o, -z, y, z, o, -x, -y, x, o], axis=-1)
+    return rows.reshape(*w.shape, 3)
+
+
+def axial(pull: Array, R: Array) -> Array:
+    """The gradient by w of sum(pull * [w]x R), (..., 3)."""
+    X = pull @ R.swapaxes(-1, -2)
+    return np.stack(
+        [X[..., 2, 1] - X[..., 1, 2], X[..., 0, 2] - X[..., 2, 0], X[..., 1, 0] - X[..., 0, 1]],
+        axis=-1,
+    )

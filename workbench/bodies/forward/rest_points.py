@@ -1,0 +1,97 @@
+"""Weighted means of vertices without the vertices: one rest point for each joint that moves them.
+
+A landmark is a weighted mean of vertices, and a vertex a weighted mean of what each joint makes of
+it. Landmark m, sum_i r_mi sum_j w_ij G_j (v_i; 1), is therefore a sum over joints of
+
+    G_j (sum_i r_mi w_ij v_i; sum_i r_mi w_ij),
+
+so that each pair of a landmark and a joint that moves it needs one rest point, whatever the
+number of vertices. This is exact.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as cs
+import numpy as np
+from scipy.sparse import csc_array, csr_array
+
+from workbench.arrays import Array, Index
+from workbench.bodies.forward.arrays import SurfaceArrays
+from workbench.bodies.forward.skinning import blend_points
+
+
+@dataclass(frozen=True, eq=False)
+class RestPoints:
+    """Rest points for each pair of a landmark and a joint that moves it, P of them, planar."""
+
+    joint: Index  # (P,)
+    first: Index  # (L,) where each landmark's pairs begin
+    used: Index  # the features that move any of them
+    template: Array  # (3 P,) m
+    shapedirs: Array  # (B, 3 P)
+    posedirs: Array  # (used, 3 P)
+    mass: Array  # (P,)
+
+    @staticmethod
+    def of(body: SurfaceArrays, vertices: Sequence[int], regressor: csr_array) -> RestPoints:
+        """Of the means (L, n) of so many vertices, which are named."""
+        r, some = regressor.toarray(), list(vertices)
+        mixed = np.einsum("li,ij->lji", r, body.weights[some])  # (L, K, n)
+        landmark, joint = np.nonzero(abs(mixed).sum(axis=2))
+        # a landmark without weight still has a place
+        empty = np.setdiff1d(np.arange(len(r)), landmark)
+        landmark, joint = np.append(landmark, empty), np.append(joint, 0 * empty)
+        order = np.argsort(landmark, kind="stable")
+        landmark, joint = landmark[order], joint[order]
+        A = mixed[landmark, joint]  # (P, n)
+        P = len(A)
+
+        def summed(arrays: Array) -> Array:  # (n, 3, b) -> (b, 3 P)
+            return np.ascontiguousarray(
+                np.tensordot(A, arrays, axes=(1, 0)).transpose(2, 1, 0)
+            ).reshape(-1, 3 * P)
+
+        posedirs = summed(body.posedirs[some])
+        used = np.flatnonzero(abs(posedirs).max(axis=1, initial=0))
+        return RestPoints(
+            joint,
+            np.searchsorted(landmark, np.arange(len(r))),
+            used,
+            summed(body.template[some][:, :, None])[0],
+            summed(body.shapedirs[some]),
+            np.ascontiguousarray(posedirs[used]),
+            A.sum(axis=1),
+        )
+
+    def rest(self, features: Array, betas: Array) -> Array:
+        """The rest points (..., 3, P) m, for features (..., F) and betas (..., B)."""
+        flat = betas @ self.shapedirs + features[..., self.used] @ self.posedirs + self.template
+        return flat.reshape(*flat.shape[:-1], 3, -1)
+
+    def turns(self, G: Array) -> Array:
+        """The motion of each rest point's joint, (..., 3, 4, P), for motions (..., K, 3, 4)."""
+        return np.ascontiguousarray(np.moveaxis(G[..., self.joint, :, :], -3, -1))
+
+    def moved(self, turns: Array, rest: Array) -> Array:
+        """The rest points where their joints take them, (..., 3, P) m."""
+        turned: Array = np.einsum("...dcp,...cp->...dp", turns[..., :3, :], rest)
+        return turned + turns[..., 3, :] * self.mass
+
+    def summed(self, of_rest_points: Array) -> Array:
+        """The sums over each landmark's rest points, (..., P) -> (..., L)."""
+        return np.add.reduceat(of_rest_points, self.first, axis=-1)
+
+    def expression(self, G: Sequence[cs.MX], features: cs.MX, betas: cs.MX) -> cs.MX:
+        """(3, L) m in symbols, before translation."""
+        P = len(self.joint)
+        shaped = cs.sparsify(cs.DM(self.shapedirs.T)) @ betas
+        bent = cs.sparsify(cs.DM(self.posedirs.T)) @ features[self.used.tolist()]
+        rest = cs.reshape(cs.DM(self.template) + shaped + bent, P, 3).T  # (3, P)
+        own = csc_array((np.ones(P), (np.arange(P), self.joint)), shape=(P, len(G)))
+        moved = blend_points(rest, cs.DM(self.mass), G, cs.DM(own))
+        edges = np.append(self.first, P)
+        means = csc_array((np.ones(P), np.arange(P), edges), shape=(P, len(self.first)))
+        return moved @ cs.DM(means)

@@ -1,0 +1,77 @@
+"""Blending the motions of several joints into one per vertex."""
+
+from collections.abc import Callable, Sequence
+
+import casadi as cs
+import numpy as np
+
+from workbench.arrays import Array
+from workbench.geometry.dual_quaternions import dual_quaternions, moved
+from workbench.geometry.rotation import Matrix
+
+Skinning = Callable[[cs.MX, Sequence[cs.MX], cs.MX], cs.MX]
+
+
+def linear_blend(points: Matrix, motions: Sequence[Matrix], weights: Matrix) -> Matrix:
+    """v'_i = sum over k of w_ik G'_k v_i, for points (3, N) in m, motions (3, 4), weights (N, K).
+
+    Linear blend skinning (SMPL eq. 2).
+    """
+    return blend_points(points, 1.0, motions, weights)
+
+
+def blend_points(
+    points: Matrix, mass: Matrix | float, motions: Sequence[Matrix], weights: Matrix
+) -> Matrix:
+    """sum over k of w_ik G'_k (p_i; m_i), for points (3, N) of mass m (N, 1), or one for all."""
+    stacked = cs.vertcat(*[cs.vec(G).T for G in motions])  # (K, 12)
+    M = weights @ stacked  # (N, 12): a (3, 4) per vertex, column by column
+    columns = cs.horzsplit(M, 3)  # what multiplies x, y, z and the mass, each (N, 3)
+    x, y, z = (points[axis, :].T for axis in range(3))
+    rows = [
+        columns[0][:, d] * x + columns[1][:, d] * y + columns[2][:, d] * z + columns[3][:, d] * mass
+        for d in range(3)
+    ]
+    return cs.horzcat(*rows).T
+
+
+def blend_matrices(weights: Array, matrices: Array) -> Array:
+    """sum over k of w_ik M_k in numbers, (..., N, 3, 3), of weights (N, K) and M (..., K, 3, 3)."""
+    *batch, K, rows, columns = matrices.shape
+    flat = weights @ matrices.reshape(*batch, K, rows * columns)
+    return np.asarray(flat).reshape(*batch, len(weights), rows, columns)
+
+
+def dual_quaternion_blend(points: cs.MX, motions: Sequence[cs.MX], weights: cs.MX) -> cs.MX:
+    """v'_i is moved by sum over k of w_ik s_ik q_k, normalised, q_k being the motions G'_k.
+
+    Dual quaternion blending (Kavan et al. 2008): every vertex is moved rigidly, so that twisted
+    limbs keep their radius. Where two joints that a vertex blends are 180 degrees apart, both ways
+    round are as long: there it jumps from one to the other, and has no derivative.
+
+    For points (3, N) in m, motions (3, 4), weights (N, K).
+    """
+    Q = dual_quaternions(motions)
+    return moved(points, blended(Q, weights))
+
+
+def blended(Q: cs.MX, weights: cs.MX) -> cs.MX:
+    """sum over k of w_ik s_ik q_k, (8, N), for dual quaternions (8, K) and weights (N, K).
+
+    q and -q are the same motion. The sign s_ik brings q_k to the side of the joint that weighs
+    most in vertex i, so that no vertex takes the long way round, and none can meet a sum of zero.
+    """
+    q = Q[:4, :]
+    side = 1 - 2 * (q.T @ q < 0)  # (K, K)
+    return ((weights * (heaviest(weights) @ side)) @ Q.T).T
+
+
+def heaviest(weights: cs.MX) -> cs.MX:
+    """(N, K): 1 at the first of the largest weights of every vertex, 0 elsewhere."""
+    first, *others = cs.horzsplit(cs.densify(weights), 1)
+    largest, where = first, 0 * first
+    for k, column in enumerate(others, start=1):
+        where = cs.if_else(column > largest, k, where)
+        largest = cs.fmax(largest, column)
+    found = cs.horzcat(*[where == k for k in range(weights.shape[1])])
+    return found if cs.symvar(found) else cs.MX(cs.sparsify(cs.evalf(found)))

@@ -1,0 +1,164 @@
+"""One vertex of a linearly blended body in symbols: its point and derivative as they are computed.
+
+The symbolic truth behind compiled arithmetic; `numeric` says the formulas. There are two kinds of
+input, each a column of numbers whose order is known here only:
+
+    vertex  template (3,), shapedirs (B, 3), weights (K,), posedirs (9 (K - 1), 3) of one vertex
+    motion  what the kinematics say at one pose and shape, the same for all vertices: betas,
+            features, G (K, 3, 4), joints (K, 3), then per joint three axes and its features'
+            derivative (9 + 27; zeros for the root's), then per beta its shift of G (3 K)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from itertools import pairwise
+from math import prod
+
+import casadi as cs
+import numpy as np
+
+from workbench.arrays import Array, Index
+from workbench.bodies.forward.arrays import SurfaceArrays
+from workbench.bodies.forward.motion import Motion, Slopes
+
+OF_JOINT = 36  # numbers of motion: three axes, and the slopes of nine features
+
+
+@dataclass(frozen=True, eq=False)
+class VertexFunctions:
+    """Functions of columns, `motion` being the same for all vertices; K joints, B betas.
+
+    M = sum_j w_j G_j, (3, 4), and other matrices of motions, stand row by row. Those that are
+    `added` are summed over joints.
+    """
+
+    shaped: cs.Function  # (template, shapedirs, betas) -> T + S betas, (3,) m
+    bent: cs.Function  # (posedirs_k, features_k) -> P_k f_k, (3,) m, added
+    blended: cs.Function  # (w_k, G_k) -> w_k G_k, (12,), added
+    moved: cs.Function  # (M, v) -> M [v; 1], (3,) m
+    below: cs.Function  # (w_k, G_k, v) -> w_k G_k [v; 1], (3,) m
+    arms: cs.Function  # (below, w, joints) -> sum_{j at or below k} w_j (G'_j v - t_k), (3 K,) m
+    by_joint: cs.Function  # (posedirs_k, M, arm, motion_k) -> d(point)/d(pose_k), (3, 3) m/rad
+    by_beta: cs.Function  # (shapedirs_b, M, w, motion_b) -> d(point)/d(beta_b), (3,) m
+    on_rest: cs.Function  # (M, pull) -> the gradient of pull . M [v; 1] by v, (3,)
+    on_betas: cs.Function  # (shapedirs, pull) -> that of pull . S betas, (B,), added
+    on_features: cs.Function  # (posedirs_k, pull) -> that of pull . P_k f_k, (9,), added
+    on_motion: cs.Function  # (w_k, v, pull) -> that of pull . w_k G_k [v; 1], (12,), added
+
+    @property
+    def all(self) -> tuple[cs.Function, ...]:
+        """In the order above."""
+        return tuple(getattr(self, field.name) for field in fields(self))
+
+    @property
+    def added(self) -> tuple[cs.Function, ...]:
+        """Those whose values are summed up by who calls them."""
+        of_joints = self.bent, self.blended, self.on_features, self.on_motion
+        return (*of_joints, self.on_betas)
+
+
+def vertex_columns(arrays: SurfaceArrays, vertices: Index) -> Array:
+    """A column for each of n vertices, (., n)."""
+    parts = (
+        arrays.template[vertices],
+        arrays.shapedirs[vertices].transpose(0, 2, 1),
+        arrays.weights[vertices],
+        arrays.posedirs[vertices].transpose(0, 2, 1),
+    )
+    return np.concatenate([part.reshape(len(vertices), prod(part.shape[1:])).T for part in parts])
+
+
+def motion_column(motion: Motion, betas: Array, slopes: Slopes | None = None) -> Array:
+    """The column that all vertices share."""
+    K = len(motion.G)
+    parts = [betas, motion.features, motion.G, motion.joints]
+    if slopes is not None:
+        of_joints = np.zeros((K, OF_JOINT))
+        turns = slopes.turns.reshape(K, 3, 3, 3)  # [axis]x
+        of_joints[:, :9] = turns[:, :, (2, 0, 1), (1, 2, 0)].reshape(K, 9)
+        of_joints[1:, 9:] = slopes.d_features.reshape(K - 1, 27)
+        parts += [of_joints, slopes.d_shift]
+    return np.concatenate([part.ravel() for part in parts])
+
+
+def vertex_functions(parents: tuple[int, ...], B: int) -> VertexFunctions:
+    """Those of a body with B betas on this tree of K joints.
+
+    They are small, one joint or beta each, so that what they need stays in registers.
+    """
+    K = len(parents)
+    T, S, betas = cs.SX.sym("T", 3), cs.SX.sym("S", 3, B), cs.SX.sym("betas", B)
+    P, f = cs.SX.sym("P", 3, 9), cs.SX.sym("f", 9)
+    w, weights, joints = cs.SX.sym("w"), cs.SX.sym("weights", K), cs.SX.sym("joints", 3 * K)
+    v, pull = cs.SX.sym("v", 3), cs.SX.sym("pull", 3)
+    G, M, hanging = cs.SX.sym("G", 12), cs.SX.sym("M", 12), cs.SX.sym("hanging", 3 * K)
+    S_b, arm = cs.SX.sym("S_b", 3), cs.SX.sym("arm", 3)
+    of_joint, of_beta = cs.SX.sym("of_joint", OF_JOINT), cs.SX.sym("of_beta", 3 * K)
+
+    R = _rows(M, 3, 4)[:, :3]
+    moved, below = _moved(M, v), w * _moved(G, v)
+    axes, slopes = cs.reshape(of_joint[:9], 3, 3), cs.reshape(of_joint[9:], 9, 3)
+    turned = cs.horzcat(*[cs.cross(axis, arm) for axis in cs.horzsplit(axes)])
+    shift = _rows(of_beta, 3, K) @ weights  # of G only the last column follows betas
+    return VertexFunctions(
+        shaped=_function("shaped", T + S @ betas, template=T, shapedirs=S, motion=betas),
+        bent=_function("bent", P @ f, posedirs=P, motion=f),
+        blended=_function("blended", w * G, weight=w, motion=G),
+        moved=_function("moved", moved, M=M, v=v),
+        below=_function("below", below, weight=w, motion=G, v=v),
+        arms=_function(
+            "arms",
+            _arms(hanging, weights, joints, parents),
+            below=hanging,
+            weights=weights,
+            motion=joints,
+        ),
+        by_joint=_function(
+            "by_joint", turned + R @ (P @ slopes), posedirs=P, M=M, arm=arm, motion=of_joint
+        ),
+        by_beta=_function(
+            "by_beta", R @ S_b + shift, shapedirs=S_b, M=M, weights=weights, motion=of_beta
+        ),
+        on_rest=_function("on_rest", _gradient(moved, pull, v), M=M, pull=pull),
+        on_betas=_function("on_betas", _gradient(S @ betas, pull, betas), shapedirs=S, pull=pull),
+        on_features=_function("on_features", _gradient(P @ f, pull, f), posedirs=P, pull=pull),
+        on_motion=_function("on_motion", _gradient(below, pull, G), weight=w, v=v, pull=pull),
+    )
+
+
+def _moved(G: cs.SX, v: cs.SX) -> cs.SX:
+    """G [v; 1], (3, 1)."""
+    rows = _rows(G, 3, 4)
+    return rows[:, :3] @ v + rows[:, 3]
+
+
+def _arms(below: cs.SX, weights: cs.SX, joints: cs.SX, parents: tuple[int, ...]) -> cs.SX:
+    """From every joint's place to what hangs below it, weighted: (3 K, 1)."""
+    K = len(parents)
+    hanging, share = _split(below, [3] * K), cs.vertsplit(weights)
+    for k in range(K - 1, 0, -1):  # children come after their parents
+        hanging[parents[k]] += hanging[k]
+        share[parents[k]] += share[k]
+    centres = _split(joints, [3] * K)
+    return cs.vertcat(*[h - s * t for h, s, t in zip(hanging, share, centres, strict=True)])
+
+
+def _gradient(of: cs.SX, pull: cs.SX, by: cs.SX) -> cs.SX:
+    return cs.gradient(cs.dot(pull, of), by)
+
+
+def _split(column: cs.SX, sizes: Sequence[int]) -> list[cs.SX]:
+    edges = np.cumsum([0, *sizes]).tolist()
+    return [column[first:last] for first, last in pairwise(edges)]
+
+
+def _rows(column: cs.SX, rows: int, columns: int) -> cs.SX:
+    """A matrix from its rows, one after the other."""
+    return cs.reshape(column, columns, rows).T
+
+
+def _function(name: str, output: cs.SX, **inputs: cs.SX) -> cs.Function:
+    columns = [cs.vec(column) for column in inputs.values()]
+    return cs.Function(name, columns, [cs.densify(cs.vec(output))], [*inputs], ["out"])

@@ -1,0 +1,153 @@
+"""Arrays that nobody can write to, so that what a body derives from them stays true."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import fields
+from types import MappingProxyType
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array, issparse
+
+from workbench.arrays import Array, Index
+from workbench.blocks.checks import texts
+from workbench.blocks.reals import numbers, reals
+from workbench.errors import BadBody, NotNumbers
+
+T = TypeVar("T")
+
+
+def readonly(what: str, given: object) -> Array:
+    """float64, in one piece and read-only: the array itself if it is all that, else a copy.
+
+    Raises NotNumbers.
+    """
+    if isinstance(given, np.ndarray) and given.dtype == np.float64 and _settled(given):
+        return given
+    return locked(np.array(numbers(what, given), dtype=np.float64, order="C"))
+
+
+def readonly_index(what: str, given: object) -> Index:
+    """The same in int64."""
+    if isinstance(given, np.ndarray) and given.dtype == np.int64 and _settled(given):
+        return given
+    found = numbers(what, given)
+    if found.size and found.dtype.kind not in "iu":
+        raise NotNumbers(what, str(found.dtype), "whole numbers")
+    return locked(np.array(found, dtype=np.int64, order="C"))
+
+
+def readonly_matrix(what: str, given: object) -> csr_array:
+    """A matrix, dense or sparse, as a csr_array of its own around read-only float64 parts."""
+    matrix: Any = given if issparse(given) else csr_array(_table(what, given))
+    if matrix.dtype.kind not in "biuf":
+        raise NotNumbers(what, f"a sparse matrix of {matrix.dtype}")
+    kept = isinstance(matrix, csr_array) and matrix.dtype == np.float64
+    if not (kept and all(_settled(part) for part in _parts(matrix))):
+        matrix = csr_array(matrix, dtype=np.float64, copy=True)
+        matrix.sum_duplicates()
+    data, indices, indptr = (locked(part) for part in _parts(matrix))
+    return csr_array((data, indices, indptr), shape=matrix.shape)
+
+
+def readonly_extras(given: Mapping[str, object]) -> dict[str, NDArray[Any]]:
+    """Arrays of numbers or texts by key, in the type that they have, read-only.
+
+    Raises NotNumbers.
+    """
+    found = {}
+    for key, value in given.items():
+        array = np.asanyarray(value)
+        if array.dtype.kind not in "biufUS":
+            raise NotNumbers(f"extras[{key!r}]", f"{array.dtype}", "numbers or texts")
+        found[key] = array if _settled(array) else locked(np.array(array, order="C"))
+    return found
+
+
+def readonly_mapping(what: str, given: object) -> Mapping[str, Any]:
+    """A mapping of its own that nobody can write to. Raises BadBody for what is no mapping."""
+    if not isinstance(given, Mapping):
+        kind = type(given).__name__
+        raise BadBody(f"{what} must be a dict from names, not something of type {kind}")
+    return MappingProxyType(dict(given))
+
+
+def locked(array: NDArray[Any]) -> NDArray[Any]:
+    """The array, locked in place: for whoever made it and hands it over without a copy."""
+    for part in _memory(array):
+        if isinstance(part, np.ndarray):
+            part.setflags(write=False)
+    return array
+
+
+def readonly_parts(
+    body: Any,
+    reals: Iterable[str],
+    matrices: Iterable[str],
+    indices: Iterable[str],
+    mappings: Iterable[str],
+) -> dict[str, Any]:
+    """A body's own read-only copies of its named arrays, mappings, parents and joint names.
+
+    Arrays that may be left out stay None. Raises BadBody for what is no number, name or mapping.
+    """
+    who = f"body {body.name!r}"
+    optional = {field.name for field in fields(body) if field.default is None}
+    try:
+        made = {readonly: reals, readonly_matrix: matrices, readonly_index: indices}
+        parts: dict[str, Any] = {
+            name: make(name, getattr(body, name))
+            for make, names in made.items()
+            for name in names
+            if getattr(body, name) is not None or name not in optional
+        }
+        parts["parents"] = tuple(readonly_index("parents", body.parents).ravel().tolist())
+        extras = readonly_mapping("extras", body.extras)
+        parts["extras"] = MappingProxyType(readonly_extras(extras))
+    except NotNumbers as error:
+        raise BadBody(f"{who}: {error}") from None
+    for name in mappings:
+        parts[name] = readonly_mapping(f"{who}: {name}", getattr(body, name))
+    return parts | {"joint_names": texts(f"{who}: joint_names", body.joint_names, BadBody)}
+
+
+def parts_of(body: Any) -> dict[str, Any]:
+    """The fields that a body was made with, as they are pickled."""
+    parts = {part.name: getattr(body, part.name) for part in fields(body) if part.init}
+    return {n: dict(v) if isinstance(v, MappingProxyType) else v for n, v in parts.items()}
+
+
+def remade(kind: Callable[..., T], parts: dict[str, Any]) -> T:
+    """A body of parts that are nobody else's, as a pickle or a copy hands them over."""
+    for part in parts.values():
+        if isinstance(part, np.ndarray):
+            locked(part)
+    return kind(**parts)
+
+
+def _table(what: str, given: object) -> Array:
+    found = reals(what, given)
+    if found.ndim != 2:
+        raise NotNumbers(what, f"one of shape {found.shape}", "real numbers with two axes")
+    return found
+
+
+def _settled(array: NDArray[Any]) -> bool:
+    """Whether it is a plain array in one piece whose memory nobody can write to."""
+    plain = type(array) is np.ndarray and array.flags.c_contiguous
+    return plain and all(
+        isinstance(part, bytes) or (type(part) is np.ndarray and not part.flags.writeable)
+        for part in _memory(array)
+    )
+
+
+def _memory(array: NDArray[Any]) -> Iterator[object]:
+    """The array, what it is a view of, and so on down to who owns the memory."""
+    part: object = array
+    while part is not None:
+        yield part
+        part = part.base if isinstance(part, np.ndarray) else None
+
+
+def _parts(matrix: csr_array) -> tuple[NDArray[Any], ...]:
+    return matrix.data, matrix.indices, matrix.indptr

@@ -1,0 +1,63 @@
+"""The rest shape behind a posed mesh: one linear solve."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.arrays import Array
+from workbench.bodies import SkinnedBody
+from workbench.bodies.forward.kinematics import ancestors
+from workbench.bodies.forward.posing import Posing
+from workbench.bodies.forward.skinning import blend_matrices
+
+
+@dataclass(frozen=True, eq=False)
+class Unposed:
+    """The rest shape that a body takes to a posed mesh, and how well it is determined.
+
+    Attributes:
+        vertices: (N, 3) in metres.
+        least_stretch: the smallest singular value of all blended rotations; zero would leave a
+            direction undetermined.
+        condition: the condition number of the equations of the joints.
+    """
+
+    vertices: Array
+    least_stretch: float
+    condition: float
+
+    @property
+    def rank_deficiency(self) -> int:
+        """How many directions of the rest shape the pose hides; only opposite rotations do."""
+        return int(self.least_stretch < 1e-12) + int(self.condition > 1e12)
+
+
+def unpose(body: SkinnedBody, pose: Array, vertices: Array) -> Unposed:
+    """T with W(T + B_P(theta), J_regressor T, theta) = V, for V (N, 3) m in pose (K, 3) rad.
+
+    Where the body has joints of its own, they take the place of J_regressor T.
+
+    Skinning is linear in the rest shape, its joints included: V_i = M_i (T_i + P_i f) + sum_m
+    c_im D_m (J_regressor T)_m. The M_i are 3 x 3, the joints few, so what is to be solved is 3 K
+    equations for the joints. T stands where the posed root stands: translation is not sought.
+    """
+    posing = Posing.of(np.asarray(pose, dtype=float).reshape(1, body.n_joints, 3), body.parents)
+    N, K = body.weights.shape
+    M = blend_matrices(body.weights, posing.world[0])
+    carried = body.weights @ ancestors(body.parents)
+    straight = np.linalg.solve(M, vertices[..., None])[..., 0]
+    without_joints = straight - body.posedirs @ posing.features[0]
+    # T = without_joints - M^-1 sum_m c_m D_m j_m; the joints are the regressor's of that
+    levers = posing.levers[0].transpose(1, 0, 2).reshape(3, 3 * K)  # columns (m, b)
+    by_joints = np.linalg.solve(M, np.broadcast_to(levers, (N, 3, 3 * K)))
+    by_joints = by_joints * np.repeat(carried, 3, axis=1)[:, None, :]  # (N, 3, 3 K)
+    if body.rest_joints is not None:
+        T = without_joints - by_joints @ body.rest_joints.ravel()
+        return Unposed(T, float(np.linalg.svd(M, compute_uv=False).min()), 1.0)
+    regressed = (body.J_regressor @ by_joints.reshape(N, -1)).reshape(3 * K, 3 * K)
+    system = np.eye(3 * K) + regressed
+    joints = np.linalg.solve(system, (body.J_regressor @ without_joints).ravel())
+    T = without_joints - by_joints @ joints
+    return Unposed(
+        T, float(np.linalg.svd(M, compute_uv=False).min()), float(np.linalg.cond(system))
+    )

@@ -1,0 +1,57 @@
+"""The folder that a command writes, and what it prints about it, its progress and its options."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from rich.console import Console
+from rich.markup import escape
+
+from workbench.errors import WorkbenchError
+from workbench.reports.folder import refuse_foreign
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder and those above it. Raises WorkbenchError if that is not possible."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise WorkbenchError(
+            f"cannot make the folder {folder}: {error.strerror}; give another with --out"
+        ) from error
+
+
+def folder_to_write(out: Path, name: str, source: str) -> Path:
+    """The folder `name` in `out`, which a command checks before it begins its work.
+
+    Raises BadFile if it holds something else than a report on `source`, and WorkbenchError if
+    `out` cannot be made.
+    """
+    make_folder(out)
+    refuse_foreign(out / name, source)
+    return out / name
+
+
+def print_page(console: Console, kind: str, page: Path) -> None:
+    """Say where the page of a kind (report, card) was written."""
+    console.print(f"{kind}: [bold]{escape(str(page))}[/]", soft_wrap=True)
+
+
+def timed_lines(console: Console) -> Callable[[str], None]:
+    """A function that prints a line with the seconds since now before it."""
+    began = time.perf_counter()
+
+    def report(text: str) -> None:
+        took = time.perf_counter() - began
+        console.print(f"[dim]{took:6.0f} s  {escape(text)}[/]", highlight=False)
+
+    return report
+
+
+def warn_without_effect(console: Console, option: str, because: str) -> None:
+    """Say that an option changes nothing; the command continues as if it had not been given."""
+    console.print(
+        f"[bold yellow]{option} changes nothing:[/] {escape(because)}",
+        highlight=False,
+        soft_wrap=True,
+    )

@@ -1,0 +1,161 @@
+"""The process of a student's file: `python -m workbench.course.answer_process FILE EXERCISES
+HANDLE`.
+
+HANDLE is that of a socket, on which the process is asked for answers and sends them as plain
+values. It has no checks and no solutions, and gives no grades. What the student's code prints is
+kept with the exercise.
+"""
+
+import importlib.util
+import inspect
+import io
+import os
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from workbench.course.answers import Raised, outcome, raised, said
+from workbench.course.channel import Answer
+from workbench.course.plain import sealed
+from workbench.course.withheld_files import withhold
+from workbench.course.words import Described
+from workbench.processes.channel import Channel
+from workbench.processes.orphans import end_with_parent
+
+MEMORY = 6 * 2**30  # bytes that a student's code may take, where the system can be told so
+KEPT = 400  # characters of what was printed
+
+
+class Page(io.TextIOBase):
+    """A stream that keeps the beginning of what is written, and counts the rest."""
+
+    def __init__(self) -> None:
+        self._kept, self._count = "", 0
+
+    def write(self, text: str) -> int:
+        """Keep what there is room for."""
+        self._kept += text[: max(0, KEPT - len(self._kept))]
+        self._count += len(text)
+        return len(text)
+
+    @property
+    def text(self) -> str:
+        """What was kept, and how much was not."""
+        left = self._count - len(self._kept)
+        return self._kept.rstrip() + (f"\n... and {left:,} characters more" if left else "")
+
+
+class Answerer:
+    """A student's module, asked for one exercise after the other."""
+
+    def __init__(self, module: ModuleType) -> None:
+        self._module, self._page = module, Page()
+        self._answer: Callable[..., Any] | None = None
+
+    def begin(self, exercise: str, parameters: Sequence[str]) -> dict[str, Any]:
+        """Take up an exercise, whose function has these parameters: {"unfit": why, or nothing}."""
+        self._answer, self._page = getattr(self._module, exercise, None), Page()
+        return {"unfit": _unfit(exercise, self._answer, parameters)}
+
+    def answer(self, arguments: tuple[Any, ...]) -> dict[str, Any]:
+        """{"value": sealed}, or {"raised": [class, what it said, whether it is unsolved]}."""
+        assert self._answer is not None
+        with kept(self._page):
+            came = outcome(self._answer, arguments)
+            if not isinstance(came, Raised):
+                try:
+                    return {"value": sealed(came)}
+                except Exception as error:  # of a type of the student's own, when it is looked at
+                    came = raised(error)
+        return {"raised": [came.kind, came.said, came.unsolved]}
+
+    def printed(self) -> dict[str, Any]:
+        """{"printed": what the answers to this exercise have printed}."""
+        return {"printed": self._page.text}
+
+
+def main() -> None:
+    """Load the file, then answer until nobody asks any more."""
+    end_with_parent()
+    file, *exercises, handle = sys.argv[1:]
+    asked = Answer(Channel.inherited(int(handle)))
+    sys.dont_write_bytecode = True  # nothing is left in the student's folder
+    _limit_memory()
+    withhold(file)
+    asked.tell(0, {"begun": True})
+    page = Page()
+    with kept(page):
+        try:
+            module = load(file)
+        except BaseException as error:
+            found = sys.modules.get("answers")
+            late = isinstance(error, SystemExit) and any(hasattr(found, e) for e in exercises)
+            if found is None or not late:
+                asked.tell(1, {"trouble": said(error, file=file)})
+                return
+            module = found  # a script may end by sys.exit: what stands above is there
+    asked.tell(1, {"loaded": page.text})
+    answering = Answerer(module)
+    while (request := asked.asked()) is not None:
+        number, what, arguments = request
+        match what:
+            case "begin":
+                told = answering.begin(*arguments)
+            case "answer":
+                told = answering.answer(arguments)
+            case _:
+                told = answering.printed()
+        if not asked.tell(number, told):
+            asked.tell(number, {"value": sealed(Described("an answer", "too large to be graded"))})
+    os._exit(0)  # threads of the student's may still run, and exit handlers of theirs wait
+
+
+def load(file: str) -> ModuleType:
+    """Run a student's file. Raises whatever it raises, SystemExit among it."""
+    spec = importlib.util.spec_from_file_location("answers", file)
+    if spec is None or spec.loader is None:
+        raise ImportError(f"{Path(file).name} is no Python file")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["answers"] = module
+    sys.path.append(str(Path(file).parent))  # at the end: it may hold a random.py
+    spec.loader.exec_module(module)
+    return module
+
+
+def _unfit(exercise: str, answer: Any, parameters: Sequence[str]) -> list[str] | None:
+    """Why what has the exercise's name cannot be tried: what, what was expected, what came."""
+    wanted = f"{exercise}({', '.join(parameters)})"
+    if answer is None:
+        return ["the function", f"a function {wanted}", "no such name in the file"]
+    if not callable(answer):
+        return ["the function", f"a function {wanted}", f"a {type(answer).__name__}"]
+    try:
+        theirs = inspect.signature(answer)
+    except (TypeError, ValueError):  # some built-ins have none
+        return None
+    try:
+        theirs.bind(*parameters)
+    except TypeError:
+        return ["the signature must stay as it was", wanted, f"{exercise}{theirs}"]
+    return None
+
+
+@contextmanager
+def kept(page: Page) -> Iterator[None]:
+    """What is printed inside goes to the page."""
+    with redirect_stdout(page), redirect_stderr(page):
+        yield
+
+
+def _limit_memory() -> None:
+    with suppress(ImportError, ValueError, OSError):  # not on Windows, or already limited below
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,154 @@
+"""An exercise is graded by its checks, and a known mistake that explains a wrong answer is named.
+
+No code of the student's runs here: the process that answers sends plain values, which are brought
+into the form of the solution's answers and compared here.
+"""
+
+import inspect
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Protocol
+
+from workbench.course.answers import Raised, copied, formed, outcome, same
+from workbench.course.checks import Check, Missed, Mistake
+from workbench.course.grades import CheckResult, CheckState
+from workbench.course.outline import Lecture
+from workbench.course.plain import Malformed, opened
+from workbench.course.words import cut, in_words, kind, legible
+
+Function = Callable[..., Any]
+TO_ALL_DIGITS, TO_SIX = 1e-10, 1e-6
+Call = tuple[tuple[Any, ...], Any]  # arguments, and what came
+
+
+class Answers(Protocol):
+    """What answers: an `answer_process.Answerer`, or a process that holds one."""
+
+    def begin(self, exercise: str, parameters: Sequence[str]) -> dict[str, Any]:
+        """Take up an exercise: {"unfit": why it cannot be tried, in three texts, or nothing}."""
+
+    def answer(self, arguments: tuple[Any, ...]) -> dict[str, Any]:
+        """{"value": sealed}, or {"raised": [class, what it said, whether it is unsolved]}."""
+
+
+class Ended(Exception):
+    """There is nobody to ask any more, and why."""
+
+
+class Unanswered(Exception):
+    """The exercise stands as it was handed out, or calls one that does."""
+
+
+@dataclass
+class Recorder:
+    """Stands in for a student's function before the checks, and remembers what it answered.
+
+    What it passes on has the form of the solution's answer to the same arguments, so a check
+    need not think of None, of lists or of NaN.
+    """
+
+    answers: Answers
+    solution: Function
+    heard: list[Call] = field(default_factory=list)
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Raises Unanswered, Missed or Ended."""
+        kept = copied(arguments)
+        came = _came(self.answers.answer(arguments))
+        self.heard.append((kept, came))
+        what = f"{self.solution.__name__}({', '.join(map(_short, arguments))})"
+        if isinstance(came, Raised):
+            if came.unsolved:
+                raise Unanswered(came.said)
+            raise Missed(what, "an answer", came.said)
+        return formed(came, self.solution(*copied(arguments)), what)
+
+
+def _came(told: dict[str, Any]) -> Any:
+    """A value, or Raised. Raises Ended for what is neither: then the rest is not listened to."""
+    try:
+        match told:
+            case {"value": data}:
+                return opened(data)
+            case {"raised": [str() as error, str() as said, bool() as unsolved]}:
+                return Raised(error, said, unsolved)
+    except (Malformed, RecursionError):  # lists in lists, deeper than anything that is sealed
+        pass
+    raise Ended("its process sent what is no answer")
+
+
+def grade_exercise(lecture: Lecture, exercise: str, answers: Answers) -> list[CheckResult]:
+    """All checks of an exercise, by what is answered to them. Raises Ended."""
+    checks = [check for check in lecture.checks if check.exercise == exercise]
+    solution = lecture.solution(exercise)
+    match answers.begin(exercise, list(inspect.signature(solution).parameters)):
+        case {"unfit": None}:
+            witness = Recorder(answers, solution)
+        case {"unfit": [str() as what, str() as expected, str() as came]}:
+            return [_failed(check, Missed(what, expected, came)) for check in checks]
+        case _:
+            raise Ended("its process sent what is no answer")
+    results, parts = [], []
+    for check in checks:
+        before = len(witness.heard)
+        results.append(_tried(check, witness))
+        parts.append(witness.heard[before:])
+    mistakes = [m for m in lecture.mistakes if m.exercise == exercise]
+    return [
+        replace(one, hint=_likeliest(mistakes, witness.heard, part))
+        if one.state is CheckState.FAILED
+        else one
+        for one, part in zip(results, parts, strict=True)
+    ]
+
+
+def _tried(check: Check, witness: Recorder) -> CheckResult:
+    try:
+        check.run(witness)
+    except Ended:
+        raise
+    except Unanswered as unsolved:
+        if f"'{check.exercise}'" in str(unsolved):
+            return CheckResult(check.exercise, check.name, check.points, CheckState.NOT_ATTEMPTED)
+        return _failed(check, Missed("it calls another exercise", came=str(unsolved)))
+    except Missed as missed:
+        return _failed(check, missed)
+    except Exception as error:
+        said = f"{type(error).__name__}: {error}"
+        return _failed(check, Missed("the check could not go on with this answer", came=cut(said)))
+    return CheckResult(check.exercise, check.name, check.points, CheckState.PASSED)
+
+
+def _failed(check: Check, missed: Missed) -> CheckResult:
+    return CheckResult(
+        check.exercise,
+        check.name,
+        check.points,
+        CheckState.FAILED,
+        legible(missed.what),
+        legible(missed.expected),
+        legible(missed.came),
+    )
+
+
+def _likeliest(mistakes: list[Mistake], heard: list[Call], part: list[Call]) -> str:
+    """The hint of the first mistake that answers alike throughout, to all digits or else to six;
+    or of the only one that does in this check.
+    """
+    for within in (TO_ALL_DIGITS, TO_SIX):
+        for one in mistakes:
+            if _explains(one, heard, within):
+                return one.hint
+    here = [one for one in mistakes if _explains(one, part, TO_SIX)]
+    return here[0].hint if len(here) == 1 else ""
+
+
+def _explains(one: Mistake, calls: list[Call], within: float) -> bool:
+    return bool(calls) and all(
+        same(came, outcome(one.answer, given), within) for given, came in calls
+    )
+
+
+def _short(value: Any) -> str:
+    text = getattr(value, "__name__", "") if callable(value) else in_words(value)
+    return " ".join(text.split()) if 0 < len(text) <= 40 else kind(value)

@@ -1,0 +1,54 @@
+"""Solutions and checks of lectures, kept from the file that is being graded.
+
+This is for the process that answers, and lasts until that ends. It refuses whatever opens one of
+these files in Python: an import under any name, importlib, runpy, open. Nothing of them is in that
+process. It is no sandbox: another process that is started there gets around it.
+"""
+
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+from workbench.errors import WorkbenchError
+
+WITHHELD = ("solutions", "checks")  # of FILES in workbench.course.outline
+
+
+class Withheld(WorkbenchError, PermissionError):
+    """A file that is being graded asked for solutions or checks.
+
+    It is an OSError too, because those who only want to show a line of source expect that one.
+    """
+
+
+def withhold(file: str) -> None:
+    """Keep the solutions and checks of all lectures from what this process runs from now on.
+
+    `file` is the one that is graded, which may be read even if it is a lecture's own solutions.
+    """
+    graded = os.path.realpath(file)
+
+    def refuse(event: str, arguments: tuple[Any, ...]) -> None:
+        if event != "open" or not isinstance(arguments[0], str | bytes):
+            return
+        path = Path(os.path.realpath(os.fsdecode(arguments[0])))
+        if str(path) != graded and of_a_lecture(path):
+            raise Withheld(
+                f"{path.parent.name}/{path.name} cannot be read by a file that is being graded; "
+                "write the answers in the file itself"
+            )
+
+    sys.addaudithook(refuse)
+
+
+def of_a_lecture(path: Path) -> bool:
+    """Whether a file is a lecture's solutions or checks, as source or compiled.
+
+    Lectures are recognised by the outline beside their folders, so that those of a checkout are
+    found as well as those of the installed package.
+    """
+    if path.name.partition(".")[0] not in WITHHELD:
+        return False
+    folder = path.parent.parent if path.parent.name == "__pycache__" else path.parent
+    return folder.name.startswith("lec") and (folder.parent / "outline.py").is_file()

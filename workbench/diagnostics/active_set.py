@@ -1,0 +1,215 @@
+"""What bounds and constraints hold at a point: directions that no residual has to notice."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.sparse import csc_array, vstack
+
+from workbench.arrays import Array, Index, Mask
+from workbench.diagnostics.linearized import linearized, pattern_of
+from workbench.problem import Linearization, Problem
+from workbench.problem.steps import EPS
+from workbench.problem.storage import stacked
+
+
+@dataclass(frozen=True, eq=False)
+class ActiveSet:
+    """What of a problem's constraints and bounds is active at a point.
+
+    An equation is always active; an inequality is where its value misses one of its limits by no
+    more than its tolerance, or lies beyond it. A row whose gradient is zero there holds nothing.
+    A bound is an inequality on one unknown, whose gradient is a row of the identity; its
+    tolerance is a millionth of its size (of 1, if it is smaller), and at most a thousandth of the
+    way to the other bound.
+
+    Attributes:
+        rows: (k, n) the gradients of the active constraints, then of the active bounds.
+        active: (K,) which of all rows of constraints are active.
+        bounded: (n,) which unknowns are on a bound.
+        names: the active rows in order, such as `tie` and `x[0] >= 0`.
+    """
+
+    rows: Array = field(repr=False)
+    active: Mask = field(repr=False)
+    bounded: Mask = field(repr=False)
+    names: tuple[str, ...] = ()
+
+    @property
+    def any(self) -> bool:
+        """Whether any bound or constraint is active."""
+        return bool(self.names)
+
+    @property
+    def what(self) -> str:
+        """`bounds`, `constraints`, or both."""
+        kinds = [("bounds", self.bounded.any()), ("constraints", self.active.any())]
+        return " and ".join(kind for kind, some in kinds if some)
+
+    def pattern(self, problem: Problem) -> csc_array:
+        """Which unknowns the active rows read, (k, n), by structure."""
+        rows = [csc_array(_rows_of_identity(self.bounded))]
+        if problem.stacked_constraints is not None and self.active.any():
+            every = pattern_of(problem.stacked_constraints.function).tocsr()
+            rows.insert(0, csc_array(every[np.flatnonzero(self.active)]))
+        return csc_array(vstack(rows))
+
+
+def active_set_at(
+    problem: Problem, at: Mapping[str, ArrayLike], like: ActiveSet | None = None
+) -> ActiveSet:
+    """What holds at these values; or, where `like` says which rows do, their gradients here."""
+    x, fixed = problem.split(at)
+    constraints, rows, names = problem.stacked_constraints, np.zeros((0, x.size)), []
+    active = np.zeros(0, dtype=bool)
+    if constraints is not None:
+        there = constraints.linearize(x, fixed)
+        c, slack = there.values, there.tolerance
+        active = constraints.equal | (c <= there.lower + slack) | (c >= there.upper - slack)
+        active &= there.usable
+        active = active if like is None else like.active
+        rows = there.rows(active)
+        names = [constraints.label(int(row)) for row in np.flatnonzero(active)]
+    low, high = _on_bounds(problem, x)
+    bounded = low | high if like is None else like.bounded
+    names += [_bound(problem, int(i), bool(low[i])) for i in np.flatnonzero(bounded)]
+    return ActiveSet(np.vstack([rows, _rows_of_identity(bounded)]), active, bounded, tuple(names))
+
+
+def _rows_of_identity(chosen: Mask) -> Array:
+    """The rows of the identity for the chosen unknowns, (k, n)."""
+    rows = np.zeros((int(chosen.sum()), len(chosen)))
+    rows[np.arange(len(rows)), np.flatnonzero(chosen)] = 1.0
+    return rows
+
+
+def _on_bounds(problem: Problem, x: Array) -> tuple[Mask, Mask]:
+    """Which unknowns are on their lower and which on their upper bounds, or beyond, (n,) each."""
+    lower, upper = problem.lower, problem.upper
+    apart = NEAR_OF_WIDTH * (upper - lower)  # infinite where a side is free
+    near = [
+        np.minimum(NEAR * np.maximum(1.0, abs(np.where(np.isfinite(side), side, 0.0))), apart)
+        for side in (lower, upper)
+    ]
+    return x <= lower + near[0], x >= upper - near[1]
+
+
+def _bound(problem: Problem, i: int, low: bool) -> str:
+    """`x[0] >= 0`, or `x[0] = 0.3` where both bounds are the same."""
+    lower, upper = problem.lower[i], problem.upper[i]
+    sign = "=" if lower == upper else ">=" if low else "<="
+    return f"{problem.free.label(i)} {sign} {lower if low else upper:g}"
+
+
+@dataclass(frozen=True, eq=False)
+class ConstrainedJacobian:
+    """A Jacobian J (m, n) and rows A (k, n) along which nothing may move.
+
+    What can move is d = Z y with A Z = 0, and the residuals change by J Z y: the reduced Jacobian.
+    A direction is noticed if a residual notices it or a constraint forbids it. Without rows all
+    of this is J itself.
+    """
+
+    here: Linearization
+    rows: Array
+
+    def __post_init__(self) -> None:
+        # a constraint whose gradient vanishes at this point forbids nothing to first order
+        self.__dict__["rows"] = self.rows[self.rows.any(axis=1)]
+
+    @cached_property
+    def tangent(self) -> Array:
+        """Z (n, p), orthonormal; entries that no row reads stay what they are."""
+        n = self.here.shape[1]
+        alone = np.count_nonzero(self.rows, axis=1) == 1  # such a row holds one entry, as bounds do
+        still = self.rows[alone].any(axis=0)
+        A = self.rows[~alone] / np.linalg.norm(self.rows[~alone], axis=1)[:, None]
+        A[:, still] = 0.0
+        read = np.flatnonzero(A.any(axis=0))
+        A = A[:, read]
+        _, s, Vt = np.linalg.svd(A, full_matrices=True)
+        # rows of length 1, but for what is held already: of that, rounding may be left
+        local = Vt[int(np.sum(s > EPS * max(A.shape))) :].T
+        others = np.setdiff1d(np.flatnonzero(~still), read)
+        Z = np.zeros((n, others.size + local.shape[1]))
+        Z[others, np.arange(others.size)] = 1.0
+        Z[read, others.size :] = local
+        return Z
+
+    @property
+    def count(self) -> int:
+        """How many directions the constraints forbid."""
+        return self.here.shape[1] - self.tangent.shape[1] if len(self.rows) else 0
+
+    @cached_property
+    def reduced(self) -> Linearization:
+        """J Z (m, p): how the residuals change along what may move."""
+        if not len(self.rows):
+            return self.here
+        return self.here.along_columns(self.tangent)
+
+    @cached_property
+    def stacked(self) -> Linearization:
+        """J above A, each row of A as long as J's longest column: for who looks at columns."""
+        if not len(self.rows):
+            return self.here
+        length = float(self.here.column_norms.max(initial=0.0)) or 1.0
+        A = self.rows / np.linalg.norm(self.rows, axis=1)[:, None] * length
+        r = np.concatenate([self.here.residual, np.zeros(len(A))])
+        return Linearization(r, stacked(self.here.jacobian, A))
+
+    @property
+    def rank(self) -> int:
+        """The rank: directions that change a residual or that a constraint forbids."""
+        return self.count + self.reduced.spectrum.rank
+
+    @property
+    def condition(self) -> float:
+        """The condition of the reduced Jacobian; infinite without full rank."""
+        s, n = self.reduced.spectrum.s, self.here.shape[1]
+        if self.rank < n or not n:
+            return float("inf")
+        return float(s[0] / s[-1]) if s.size else 1.0
+
+    @cached_property
+    def laplace(self) -> tuple[Array, Array]:
+        """Each entry's sigma (n,), and half of the covariance (n, rank): half @ half.T is it.
+
+        Entries with a part in what is not noticed have an infinite sigma; what a constraint
+        forbids adds nothing to any.
+        """
+        s, directions = self.reduced.spectrum.seen
+        along = directions.T
+        forbidden = np.zeros(self.here.shape[1])
+        if len(self.rows):
+            along = self.tangent @ along
+            forbidden = 1 - np.sum(self.tangent**2, axis=1)
+        half = along / s
+        sigma = np.sqrt(np.sum(half**2, axis=1))
+        sigma[1 - np.sum(along**2, axis=1) - forbidden > BLIND] = np.inf
+        return sigma, half
+
+    def only(self, part: Index) -> "ConstrainedJacobian":
+        """Some of the residuals' rows, under the same constraints."""
+        return ConstrainedJacobian(self.here.rows(part), self.rows)
+
+    def measured(self, yardsticks: Array) -> "ConstrainedJacobian":
+        """The same Jacobian in unknowns y with x = yardsticks * y."""
+        if (yardsticks == 1).all():
+            return self
+        return ConstrainedJacobian(self.here.scaled(yardsticks), self.rows * yardsticks)
+
+
+BLIND = 1e-9  # of an entry's square that lies in the null space: then it is not known
+NEAR = 1e-6  # of the size of a bound: on it, as the sampler takes it too
+NEAR_OF_WIDTH = 1e-3  # of the way between two bounds
+
+
+def constrained_jacobian_at(
+    problem: Problem, at: Mapping[str, ArrayLike], like: ActiveSet | None = None
+) -> ConstrainedJacobian:
+    """The Jacobian of a problem at a point, and what its bounds and constraints hold there."""
+    here = linearized(problem, at)
+    return ConstrainedJacobian(here, active_set_at(problem, at, like).rows)

@@ -1,0 +1,52 @@
+"""Where a diagnosis begins."""
+
+from collections.abc import Iterable, Mapping
+
+from numpy.typing import ArrayLike
+
+from workbench.blocks.checks import texts
+from workbench.diagnostics.diagnosis import Diagnosis
+from workbench.diagnostics.linearized import linearized
+from workbench.diagnostics.sequences import SequenceDiagnosis
+from workbench.errors import BadArgument
+from workbench.problem import Problem
+from workbench.problem.storage import check_wide, is_long
+
+
+def diagnose(
+    problem: Problem, at: Mapping[str, ArrayLike], *, priors: str | Iterable[str] = ()
+) -> Diagnosis | SequenceDiagnosis:
+    """Look at a problem's whitened Jacobian at the values `at`.
+
+    Of a long sequence of frames, with more than 4,000 unknowns, the result is a SequenceDiagnosis:
+    it answers the same questions of rank and of what is not seen, frame after frame, and has no
+    singular values. Of any other problem it is a Diagnosis.
+
+    `priors` name the residuals that are no data, or is such a name; what is known by them alone
+    is told apart. Raises UnknownName for a name that no residual has, BadArgument for what is no
+    problem, and what `Problem.split` raises for the values.
+    """
+    names = _checked(problem, priors)
+    here = linearized(problem, at)  # looks at every value
+    if is_long(here.jacobian):
+        return SequenceDiagnosis(problem, problem.read(at), here, names)
+    check_wide(here.jacobian)
+    return Diagnosis(problem, problem.read(at), here, names)
+
+
+def diagnose_whole(
+    problem: Problem, at: Mapping[str, ArrayLike], *, priors: str | Iterable[str] = ()
+) -> Diagnosis:
+    """A diagnosis with singular values. Raises TooLarge for a long sequence."""
+    names = _checked(problem, priors)
+    here = linearized(problem, at)
+    check_wide(here.jacobian)
+    return Diagnosis(problem, problem.read(at), here, names)
+
+
+def _checked(problem: Problem, priors: str | Iterable[str]) -> tuple[str, ...]:
+    if not isinstance(problem, Problem):
+        raise BadArgument(f"a Problem is diagnosed, not something of type {type(problem).__name__}")
+    names = texts("the names of priors", priors)
+    problem.rows_named(names)
+    return names

@@ -1,0 +1,122 @@
+"""Two diagnoses side by side: two problems, or one problem at two points."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from workbench.diagnostics.diagnosis import Diagnosis
+from workbench.diagnostics.null_space import Direction
+from workbench.diagnostics.structure import counted, gathered
+from workbench.diagnostics.tables import table
+
+MUCH = 1.5  # factor by which a sigma has to change to be listed
+
+
+@dataclass(frozen=True, eq=False)
+class DiagnosisComparison:
+    """What the second sees that the first does not, and the other way round.
+
+    `gained` are null directions of the first along which the second changes (by more than its
+    tolerance); `lost` the reverse. Both are read in the unknowns that the two share, by name.
+    """
+
+    first: Diagnosis
+    second: Diagnosis
+
+    @cached_property
+    def gained(self) -> tuple[Direction, ...]:
+        """Not seen by the first, seen by the second."""
+        return _seen_by(self.second, self.first)
+
+    @cached_property
+    def lost(self) -> tuple[Direction, ...]:
+        """Seen by the first, not by the second."""
+        return _seen_by(self.first, self.second)
+
+    @cached_property
+    def sigmas(self) -> tuple[tuple[str, float, float], ...]:
+        """Entries of both with their two sigmas, the most changed first."""
+        a, b = (_sigmas(d) for d in (self.first, self.second))
+        pairs = [(name, a[name], b[name]) for name in a if name in b]
+        return tuple(sorted(pairs, key=lambda p: -_factor(p[1], p[2])))
+
+    def report(self) -> str:
+        """The comparison in words."""
+        sides = [_figures(d) for d in (self.first, self.second)]
+        lines = table(
+            ("", "first", "second"), [(k, *(side[k] for side in sides)) for k in sides[0]]
+        )
+        for title, found in (
+            ("determined by the second only", self.gained),
+            ("determined by the first only", self.lost),
+        ):
+            if found:
+                lines += ["", f"{counted(len(found), 'direction')} {title}:"]
+                entries = [x.name for x in found if x.kind == "entry"]
+                lines += [f"  {', '.join(gathered(entries))}"] if entries else []
+                lines += [f"  {x.name}" for x in found if x.kind != "entry"]
+        changed = [p for p in self.sigmas if _factor(p[1], p[2]) > MUCH][:12]
+        if changed:
+            rows = [(name, f"{x:.3g}", f"{y:.3g}") for name, x, y in changed]
+            lines += ["", "sigmas that change most", *table(("unknown", "first", "second"), rows)]
+        return "\n".join(lines)
+
+    def data(self) -> dict[str, Any]:
+        """For JSON: both diagnoses, and the names of what was gained and lost."""
+        return {
+            "schema": "workbench.comparison_of_diagnoses",
+            "version": 1,
+            "first": self.first.data(),
+            "second": self.second.data(),
+            "gained": [x.name for x in self.gained],
+            "lost": [x.name for x in self.lost],
+        }
+
+
+def _figures(d: Diagnosis) -> dict[str, str]:
+    """What is set side by side; `-` where the Jacobian is not finite."""
+    known = d.here.finite
+    return {
+        "rows": str(d.shape[0]),
+        "unknowns": str(d.shape[1]),
+        "structural rank": str(d.structural_rank),
+        "rank": str(d.rank) if known else "-",
+        "null directions": str(d.shape[1] - d.rank) if known else "-",
+        "weak directions": str(d.weak_count) if known else "-",
+        "condition": f"{d.condition:.3g}" if known else "-",
+        "determined by data": f"{d.identifiability.effective:.1f}" if known else "-",
+        "warnings": str(len(d.warnings)),
+    }
+
+
+def _seen_by(one: Diagnosis, other: Diagnosis) -> tuple[Direction, ...]:
+    """Null directions of `other` that `one` notices; those about unknowns it lacks are left out."""
+    where = {one.free.label(i): i for i in range(one.free.size)}
+    found: list[Direction] = []
+    if not (one.here.finite and other.here.finite):
+        return ()
+    for direction in other.null_directions:
+        v = np.zeros(one.free.size)
+        entries = np.flatnonzero(direction.vector)
+        labels = [other.free.label(int(i)) for i in entries]
+        if not set(labels) <= set(where):
+            continue
+        v[[where[label] for label in labels]] = direction.vector[entries]
+        here = one.point.constrained.stacked  # what a constraint forbids is seen as well
+        if np.linalg.norm(here.along(v)) > 1e3 * here.spectrum.tolerance:
+            found.append(direction)
+    return tuple(found)
+
+
+def _sigmas(d: Diagnosis) -> dict[str, float]:
+    if not d.here.finite:
+        return {}
+    return {d.free.label(i): float(s) for i, s in enumerate(d.identifiability.sigma)}
+
+
+def _factor(a: float, b: float) -> float:
+    if not (np.isfinite(a) and np.isfinite(b)):
+        return float("inf") if np.isfinite(a) != np.isfinite(b) else 1.0
+    return max(a, b) / max(min(a, b), 1e-300)

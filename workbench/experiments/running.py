@@ -1,0 +1,243 @@
+"""Running an experiment: the solution, its diagnosis, other solvers, and what is drawn of it."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.arrays import Array
+from workbench.blocks import Values
+from workbench.bodies import SkinnedBody
+from workbench.bodies.forward.arguments import arguments_from_values
+from workbench.diagnostics import Diagnosis, diagnose_whole
+from workbench.errors import WorkbenchError
+from workbench.experiments.experiment import Experiment
+from workbench.experiments.relative_costs import as_good, best_cost, excess
+from workbench.experiments.user_errors import caused_by, user_errors
+from workbench.fitting.setup import Measure, Setup, View, expect
+from workbench.problem import Problem
+from workbench.solvers import SOLVERS, Callback, Solution, Solver, Status
+
+
+@dataclass(frozen=True, eq=False)
+class Overlay:
+    """A fitted body as one camera sees it, in pixels of its image.
+
+    Attributes:
+        name: the camera's name.
+        size: width and height of the image.
+        held_out: whether the view was not fitted.
+        landmarks: the names of the M landmarks.
+        observed: (M, 2) where they were observed.
+        confidence: (M,) how far each observation is trusted; 0 if there is none.
+        projected: (M, 2) where the fitted body has them.
+        surface: (N, 2) the body's vertices.
+        depth: (N,) their distances from the camera's plane in m.
+    """
+
+    name: str
+    size: tuple[int, int]
+    held_out: bool
+    landmarks: tuple[str, ...]
+    observed: Array
+    confidence: Array
+    projected: Array
+    surface: Array
+    depth: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """All that a run of an experiment found; figures and reports are made from it.
+
+    Attributes:
+        name: the experiment's name.
+        setup: what was solved.
+        solver: the solver's name in `SOLVERS`, or what it calls itself if it has other options.
+        solution: what that solver found.
+        values: the values of every block at the solution, free and fixed.
+        costs: what each residual adds to the cost, by its name.
+        diagnosis: the diagnosis at the solution.
+        data_alone: the diagnosis without the priors, if there are both priors and data.
+        compared: the solutions of all solvers from the same start, by name.
+        skipped: the solvers that an interrupt prevented from running.
+        measures: the numbers of the summary.
+        overlays: the fitted body in each view.
+        surface: (N, 3) m, the posed body, if there is one.
+        source: the user's file that the run is about.
+    """
+
+    name: str
+    setup: Setup
+    solver: str
+    solution: Solution
+    values: Values
+    costs: Mapping[str, float]
+    diagnosis: Diagnosis
+    data_alone: Diagnosis | None
+    compared: Mapping[str, Solution]
+    skipped: tuple[str, ...]
+    measures: tuple[Measure, ...]
+    overlays: tuple[Overlay, ...]
+    surface: Array | None
+    source: str = ""
+
+    @property
+    def best_cost(self) -> float:
+        """The lowest cost that any of the compared solvers found."""
+        return best_cost(self.compared)
+
+    def excess(self, name: str) -> float:
+        """How far a solver's cost is above the best one, as a share of the best one."""
+        return excess(self.compared[name], self.compared)
+
+    @property
+    def better(self) -> str | None:
+        """The first solver whose cost is lower by more than a millionth, or None."""
+        good = as_good(self.compared)
+        return good[0] if good and self.solver not in good else None
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether an interrupt from the keyboard stopped a solver."""
+        stopped = any(s.status is Status.STOPPED for s in self.compared.values())
+        return stopped or bool(self.skipped)
+
+    @property
+    def prior_share(self) -> float:
+        """The priors' share of the cost, from 0 to 1; NaN if the cost is zero."""
+        whole = sum(self.costs.values())
+        return sum(self.costs[name] for name in self.setup.priors) / whole if whole else np.nan
+
+
+Progress = Callable[[str], object]  # is called with a line on each step that begins
+
+
+def run(
+    experiment: Experiment,
+    solver: Solver | None = None,
+    *,
+    compare: bool = True,
+    callback: Callback | None = None,
+    progress: Progress = lambda text: None,
+) -> Outcome:
+    """Solve an experiment, diagnose its Jacobian, and solve it with the solvers that it compares.
+
+    An interrupt from the keyboard ends the current solve and skips all that would follow; what
+    was found until then is kept. Raises WorkbenchError if the start has no finite cost.
+    """
+    progress(f"building {experiment.name}")
+    setup = experiment.setup()
+    _measured(experiment, setup, setup.start)  # so that a mistake in it is found before the solve
+    solver = solver or SOLVERS["levenberg-marquardt"]
+    wanted = setup.compared if compare else ()
+    progress("deriving")  # before anything is timed
+    _prepare(setup.problem, solver, wanted)
+    progress("solving")
+    solution = solver.solve(setup.problem, setup.start, callback=callback)
+    if not np.isfinite(solution.cost):
+        raise WorkbenchError(
+            f"{experiment.name} has no finite cost, or no slope, where it starts: "
+            f"{solution.message}"
+        )
+    own = catalogue_name(solver) or f"{solution.solver} (with other options)"
+    values = dict(setup.start) | solution.values
+    progress("looking at the Jacobian")
+    diagnosis = diagnose_whole(setup.problem, values, priors=setup.priors)
+    data_alone = (
+        diagnose_whole(setup.problem.without(*setup.priors), values)
+        if 0 < len(setup.priors) < len(setup.problem.residuals)
+        else None
+    )
+    compared, skipped = _compare(setup, own, solution, wanted, progress)
+    body = setup.body
+    read = [points for residual in setup.problem.residuals for points in residual.points]
+    arguments = arguments_from_values(body, read, values) if body else None
+    return Outcome(
+        name=experiment.name,
+        setup=setup,
+        solver=own,
+        solution=solution,
+        values=values,
+        costs={
+            name: 0.5 * float(diagnosis.here.residual[rows] @ diagnosis.here.residual[rows])
+            for name, rows in setup.problem.rows.items()
+        },
+        diagnosis=diagnosis,
+        data_alone=data_alone,
+        compared=compared,
+        skipped=skipped,
+        measures=_measured(experiment, setup, values),
+        overlays=tuple(overlay(body, view, values, arguments) for view in setup.views)
+        if body and arguments
+        else (),
+        surface=body.vertices(*arguments) if body and arguments else None,
+        source=experiment.source,
+    )
+
+
+def _measured(experiment: Experiment, setup: Setup, values: Values) -> tuple[Measure, ...]:
+    with user_errors(experiment.source):
+        found = setup.measures(values)
+        expect("measures", found, (tuple, list), "a function that returns several Measures")
+        for one in found:
+            expect("measures", one, Measure, "a function that returns several Measures")
+        return tuple(found)
+
+
+def _prepare(problem: Problem, solver: Solver, compared: Iterable[str]) -> None:
+    """Derive and build the functions that the solvers will call."""
+    problem.prepare()
+    exact = SOLVERS["ipopt-exact"]
+    if solver == exact or "ipopt-exact" in compared:
+        _ = problem.hessian
+
+
+def overlay(
+    body: SkinnedBody, view: View, values: Values, arguments: tuple[Array, Array, Array]
+) -> Overlay:
+    """Project the landmarks and the surface of a body, at pose, betas and trans, into a view."""
+    surface = body.vertices(*arguments)
+    found = body.landmark(view.landmarks, *arguments)
+    return Overlay(
+        name=view.name,
+        size=view.size,
+        held_out=view.held_out,
+        landmarks=body.landmark_names(view.landmarks),
+        observed=view.observed,
+        confidence=view.confidence,
+        projected=view.camera.pixels(found, values),
+        surface=view.camera.pixels(surface, values),
+        depth=view.camera.depths(surface, values),
+    )
+
+
+def catalogue_name(solver: Solver) -> str | None:
+    """The name in `SOLVERS` of the solver with the same options, or None."""
+    return next((name for name, known in SOLVERS.items() if known == solver), None)
+
+
+def _compare(
+    setup: Setup, name: str, solution: Solution, wanted: Sequence[str], progress: Progress
+) -> tuple[dict[str, Solution], tuple[str, ...]]:
+    """The solutions of the named solver and of those wanted, and the solvers that did not run.
+
+    An interrupt from the keyboard skips all solvers that would follow. A solver that is not made
+    for the problem is left out, which `progress` is told.
+    """
+    found = {name: solution}
+    left = [one for one in dict.fromkeys(wanted) if one != name]
+    while left and found.get(name, solution).status is not Status.STOPPED:
+        name = left[0]
+        progress(f"comparing: {name}")
+        try:
+            found[name] = SOLVERS[name].solve(setup.problem, setup.start)
+        except (KeyboardInterrupt, SystemError) as error:
+            if not caused_by(error, KeyboardInterrupt):
+                raise
+            break
+        except WorkbenchError as error:
+            progress(f"{name} cannot solve this: {error}")
+        left = left[1:]
+    order = dict.fromkeys((*(one for one in found if one not in wanted), *wanted))
+    return {one: found[one] for one in order if one in found}, tuple(left)

@@ -1,0 +1,60 @@
+"""Errors in a user's own file or arguments, reported with the line or the argument."""
+
+import traceback
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from workbench.errors import BadArgument, BadFile, WorkbenchError
+
+
+@contextmanager
+def user_errors(
+    source: str, what: str = "", arguments: Mapping[str, Any] | None = None
+) -> Iterator[None]:
+    """Turn exceptions raised in this context into errors that say what the user can correct.
+
+    If `source` is a user's Python file, any exception becomes a BadFile that names the line.
+    Otherwise an exception of `what`, which was given the user's `arguments`, becomes a
+    BadArgument. A WorkbenchError, and any exception where there are no arguments, is raised as
+    it is.
+    """
+    try:
+        yield
+    except (Exception, SystemExit) as error:
+        if source.endswith(".py"):
+            raise BadFile(f"{_place(source, error)}: {_reason(error)}") from error
+        if isinstance(error, WorkbenchError) or not arguments:
+            raise
+        given = ", ".join(f"{name}={value!r}" for name, value in arguments.items())
+        raise BadArgument(f"{what} cannot be built with {given}: {_reason(error)}") from error
+
+
+def _place(source: str, error: BaseException) -> str:
+    """`line.py line 3`: the innermost line of the file that was being executed."""
+    lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if f.filename == source]
+    if isinstance(error, SyntaxError) and error.filename == source:
+        lines.append(error.lineno)
+    name = Path(source).name
+    return f"{name} line {lines[-1]}" if lines and lines[-1] else name
+
+
+def _reason(error: BaseException) -> str:
+    if isinstance(error, WorkbenchError):
+        return str(error)
+    if isinstance(error, SystemExit):
+        return f"it ends the program (sys.exit({error.code})) where it is read; take that out"
+    said = error.msg if isinstance(error, SyntaxError) else str(error)
+    return f"{type(error).__name__}: {said}" if said else type(error).__name__
+
+
+def caused_by(error: BaseException, kind: type[BaseException]) -> bool:
+    """Whether an error, or one of its causes, is of a kind.
+
+    C code that is interrupted during a callback raises a SystemError caused by the interrupt.
+    """
+    known: BaseException | None = error
+    while known is not None and not isinstance(known, kind):
+        known = known.__cause__
+    return known is not None

@@ -1,0 +1,28 @@
+"""The priors on a body's pose and shape that decide what observations leave open."""
+
+from workbench.bodies import SkinnedBody
+from workbench.priors.pose_gaussian import shipped_gaussian
+from workbench.residuals import Residual, gaussian
+
+SMPL_JOINTS = 24  # of the bodies for which the pose prior was learned
+
+
+def pose_prior(body: SkinnedBody) -> Residual:
+    """A Gaussian on all joint rotations but the root's, learned from motion capture.
+
+    `data/poses/cmu_gaussian.npz` holds it, and PROVENANCE.md beside it names the source. A body
+    that has not SMPL's 24 joints gets a standard deviation of 0.5 rad about its rest pose instead.
+    """
+    pose = body.blocks()[0].symbol
+    if body.n_joints != SMPL_JOINTS:
+        rest = body.bind_pose[1:]
+        return gaussian(pose[:, 1:], mean=rest, covariance=0.25, unit="rad", name="pose prior")
+    learned = shipped_gaussian()
+    return gaussian(
+        pose[:, 1:], mean=learned.mean, covariance=learned.covariance, name="pose prior"
+    )
+
+
+def shape_prior(body: SkinnedBody) -> Residual:
+    """A standard normal prior on the shape coefficients betas."""
+    return gaussian(body.blocks()[1].symbol, name="shape prior")

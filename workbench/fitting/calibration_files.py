@@ -1,0 +1,96 @@
+"""Cameras from files that calibration tools write."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from workbench.errors import BadCamera, BadFile, cut, shown
+from workbench.fitting.reading import numbers_in, size_in
+from workbench.geometry.camera import Camera
+from workbench.geometry.rotation import matrix_from_vector
+from workbench.reading.facts import json_in
+from workbench.reading.toml import toml_in
+
+Calibration = dict[str, dict[str, Any]]  # per camera: K, R, t, distortion, size; keys `unread`
+
+READ = ("K", "R", "t", "distortion", "size", "fisheye", "name")
+MOST_CAMERAS = 1000
+LONGEST_NAME = 200  # characters, of a camera's name
+TOML = {"matrix": "K", "rotation": "R", "translation": "t", "distortions": "distortion"}
+
+
+def read_calibration(path: str | Path) -> Calibration:
+    """Cameras by name, from Pose2Sim's (and OpenCap's, Anipose's) TOML or a JSON of K, R, t.
+
+    TOML: a table per camera with `matrix`, `rotation` (a rotation vector), `translation`,
+    `distortions`, `size`. JSON: an object per camera with `K`, `R` (matrix or vector), `t`, and
+    if known `distortion`, `size`. Keys that are not read are listed under `unread`. Raises
+    BadFile, for a fisheye camera too.
+    """
+    path = Path(path)
+    toml = path.suffix.lower() == ".toml"
+    found = toml_in(path) if toml else json_in(path)
+    listed = list(found.items()) if isinstance(found, dict) else []
+    if toml:
+        for key, table in listed:
+            _refuse_without_matrix(path, key, table)
+        listed = [
+            (_name(path, key, table), {TOML.get(k, k): value for k, value in table.items()})
+            for key, table in listed
+            if isinstance(table, dict) and "matrix" in table
+        ]
+    if not listed:
+        raise BadFile(f"{path} holds no cameras; see `workbench fit --help` for the formats")
+    if len(listed) > MOST_CAMERAS:
+        raise BadFile(f"{path} holds {len(listed):,} cameras; at most {MOST_CAMERAS:,} are read")
+    cameras = {name: _camera(path, name, given) for name, given in listed}
+    if len(cameras) < len(listed):
+        raise BadFile(f"{path} holds two cameras of one name; give each its own")
+    return cameras
+
+
+def _name(path: Path, key: str, table: dict[str, Any]) -> str:
+    name = table.get("name", key)
+    if not isinstance(name, str | int):
+        raise BadFile(f"{path}: the name of camera table [{cut(key, 60)}] is {shown(name)}")
+    return str(name)
+
+
+def _camera(path: Path, name: str, given: Any) -> dict[str, Any]:
+    if len(name) > LONGEST_NAME:
+        raise BadFile(f"{path}: camera {shown(name)} has a name of {len(name):,} characters")
+    told = given if isinstance(given, dict) else {}
+    missing = [key for key in ("K", "R", "t") if told.get(key) is None]
+    if missing:
+        raise BadFile(f"{path}: camera {shown(name)} lacks {', '.join(missing)}")
+    of = f"camera {shown(name)}"
+    if told.get("fisheye"):
+        raise BadFile(
+            f"{path}: {of} is a fisheye; cameras here are pinholes with up to five coefficients "
+            "of distortion: undistort its keypoints, and give the pinhole's matrix"
+        )
+    camera: dict[str, Any] = {
+        key: numbers_in(path, f"{key} of {of}", () if told.get(key) is None else told[key])
+        for key in ("K", "R", "t", "distortion")
+    }
+    camera["t"], camera["distortion"] = camera["t"].ravel(), camera["distortion"].ravel()
+    R = camera["R"]
+    if R.size == 3 and np.isfinite(R).all():
+        camera["R"] = matrix_from_vector(R.ravel())
+    try:
+        with np.errstate(over="ignore", invalid="ignore"):
+            Camera().values(**camera)
+    except BadCamera as error:
+        raise BadFile(f"{path}: {of}: {cut(error)}") from error
+    size = told.get("size")
+    unread = tuple(sorted(key for key in told if key not in READ))
+    return camera | {"size": None if size is None else size_in(path, of, size), "unread": unread}
+
+
+def _refuse_without_matrix(path: Path, key: str, table: Any) -> None:
+    """A table that is half a camera is no remark that can be passed over."""
+    if isinstance(table, dict) and "matrix" not in table and set(TOML) & set(table):
+        raise BadFile(
+            f"{path}: camera table [{cut(key, 60)}] has no matrix; add it, or remove the table"
+        )

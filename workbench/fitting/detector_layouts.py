@@ -1,0 +1,101 @@
+"""The names of the keypoints that detectors write without names, for each part of a person.
+
+Hands have the names of SMPL-H's joints where these are the same points: `left_index1` is the
+knuckle. Faces are numbered; no body of the package has landmarks for them.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from workbench.fitting.observations import COCO, FEET
+
+Names = tuple[str, ...]
+
+_LIMBS = ("shoulder", "elbow", "wrist")
+_ARMS = tuple(f"{side}_{part}" for side in ("right", "left") for part in _LIMBS)
+OPENPOSE_25 = (
+    "nose",
+    "neck",
+    *_ARMS,
+    "mid_hip",
+    "right_hip",
+    "right_knee",
+    "right_ankle",
+    "left_hip",
+    "left_knee",
+    "left_ankle",
+    "right_eye",
+    "left_eye",
+    "right_ear",
+    "left_ear",
+    "left_big_toe",
+    "left_small_toe",
+    "left_heel",
+    "right_big_toe",
+    "right_small_toe",
+    "right_heel",
+)
+OPENPOSE_18 = tuple(name for name in OPENPOSE_25[:19] if name != "mid_hip")
+
+
+def hand(side: str) -> Names:
+    """The 21 points of a hand, from its root outwards, in the order of OpenPose and COCO."""
+    fingers = ("thumb", "index", "middle", "ring", "pinky")
+    tips = ("1", "2", "3", "_tip")
+    return (f"{side}_hand_root", *(f"{side}_{finger}{i}" for finger in fingers for i in tips))
+
+
+def face(count: int) -> Names:
+    """The names of a face's `count` points: 68, or 70 with OpenPose's two pupils."""
+    return tuple(f"face_{i}" for i in range(count))
+
+
+HANDS = (hand("left"), hand("right"))
+WHOLE_BODY = (*COCO, *FEET, *face(68), *HANDS[0], *HANDS[1])
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where a file format stores the keypoints of a person.
+
+    Attributes:
+        main: the key of the body's keypoints; an entry without it is no person.
+        bodies: the names of the keypoints under `main`, by their number.
+        parts: the same for each further key, such as that of a hand.
+    """
+
+    main: str
+    bodies: Mapping[int, Names]
+    parts: Mapping[str, Mapping[int, Names]]
+
+
+OPENPOSE = Layout(
+    "pose_keypoints_2d",
+    {25: OPENPOSE_25, 18: OPENPOSE_18},
+    {
+        "hand_left_keypoints_2d": {21: HANDS[0]},
+        "hand_right_keypoints_2d": {21: HANDS[1]},
+        "face_keypoints_2d": {70: face(70)},
+    },
+)
+COCO_FILES = Layout(
+    "keypoints",
+    {17: COCO, 23: COCO + FEET, 133: WHOLE_BODY},
+    {
+        "foot_kpts": {6: FEET},
+        "face_kpts": {68: face(68)},
+        "lefthand_kpts": {21: HANDS[0]},
+        "righthand_kpts": {21: HANDS[1]},
+    },
+)
+
+
+def counted_by_part(names: Iterable[str]) -> str:
+    """Keypoints by part, for a sentence: `21 of the left hand, 68 of the face, neck, mid_hip`."""
+    rest = list(names)
+    counts = []
+    for what, part in (("left hand", HANDS[0]), ("right hand", HANDS[1]), ("face", face(70))):
+        if count := sum(name in part for name in rest):
+            counts.append(f"{count} of the {what}")
+            rest = [name for name in rest if name not in part]
+    return ", ".join([*counts, *rest])

@@ -1,0 +1,245 @@
+"""Keypoints from files that detectors write, with their cameras."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from workbench.arrays import Array
+from workbench.errors import BadArgument, BadFile, UnknownName, shown, some
+from workbench.fitting.calibration_files import read_calibration
+from workbench.fitting.detector_layouts import COCO_FILES, OPENPOSE, Layout
+from workbench.fitting.observations import Observations, Photograph, pinhole
+from workbench.fitting.reading import numbers_in, size_in
+from workbench.reading.facts import json_in
+
+MOST_PEOPLE = 300_000  # of one file; the largest of COCO holds 262,465
+NOBODY: list[float] = []  # the keypoints of an entry without a person; files may hold many
+UNSEEN = np.zeros((0, 3))
+FARTHEST = 1e7  # px: no detector reports a keypoint farther out
+
+
+@dataclass(frozen=True, eq=False)
+class DetectedPerson:
+    """The keypoints of one person in a file.
+
+    Attributes:
+        names: the keypoints' names.
+        points: (M, 3) u, v in px, and a confidence.
+        size: width and height of the image in px, if the file says so.
+        body: the names of the keypoints without hands and face.
+        notes: sentences on what else the file holds.
+    """
+
+    names: tuple[str, ...]
+    points: Array
+    size: tuple[int, int] | None
+    body: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def read_keypoints(
+    path: str | Path, *, size: tuple[int, int] | None = None, person: int | None = None
+) -> tuple[tuple[str, ...], Array, tuple[int, int] | None]:
+    """Names, keypoints (M, 3) as u, v, confidence, and the image's size if the file says so.
+
+    COCO (annotations or results; 17 keypoints, 23 with feet, or COCO-WholeBody's 133, in one list
+    or in parts) or OpenPose (BODY_25 or COCO-18, hands and face) JSON. Of several people the one
+    with the largest sum of confidences is taken, or number `person`, counted from 0.
+
+    Raises BadFile or UnknownName.
+    """
+    found = read_person(path, size=size, person=person)
+    return found.names, found.points, found.size
+
+
+def read_person(
+    path: str | Path, *, size: tuple[int, int] | None = None, person: int | None = None
+) -> DetectedPerson:
+    """One person of a file as `read_keypoints` reads it, with notes on what else the file holds.
+
+    Raises BadFile or UnknownName.
+    """
+    data = json_in(path)
+    kind = OPENPOSE if isinstance(data, dict) and "people" in data else COCO_FILES
+    entries = _objects(path, "people", data["people"]) if kind is OPENPOSE else _coco(path, data)
+    if len(entries) > MOST_PEOPLE:
+        raise BadFile(f"{path} holds {len(entries):,} people; at most {MOST_PEOPLE:,} are read")
+    people = [
+        _person(path, where, given) if (given := one.get(kind.main, NOBODY)) != NOBODY else UNSEEN
+        for where, one in entries
+    ]
+    if not any(len(one) for one in people):
+        raise BadFile(
+            f"{path} holds no person's keypoints; give COCO JSON (annotations with `keypoints`) "
+            "or OpenPose JSON (`people` with `pose_keypoints_2d`)"
+        )
+    if person is not None and not 0 <= person < len(people):
+        raise UnknownName("person", str(person), hint=f"0 to {len(people) - 1} in {path}")
+    best = max(range(len(people)), key=lambda i: people[i][:, 2].sum() if len(people[i]) else -1.0)
+    number = best if person is None else person
+    where, given = entries[number]
+    if len(people[number]) not in kind.bodies:
+        counts = " or ".join(map(str, kind.bodies))
+        what = "openpose" if kind is OPENPOSE else "coco"
+        raise BadFile(
+            f"{path} has {len(people[number])} keypoints per person; {what} JSON has {counts}"
+        )
+    body = kind.bodies[len(people[number])]
+    names, chosen, notes = _with_parts(path, where, given, kind, (body, people[number]))
+    lost = ~(np.abs(chosen[:, :2]) < FARTHEST).all(axis=1) & (chosen[:, 2] > 0)
+    if lost.any():
+        row = int(np.argmax(lost))
+        raise BadFile(
+            f"{path}: {where} has {names[row]} at {chosen[row, :2].tolist()} with confidence "
+            f"{chosen[row, 2]:g}; give px, or confidence 0 if it was not seen"
+        )
+    if kind is COCO_FILES and set(np.unique(chosen[:, 2])) <= {0.0, 1.0, 2.0}:
+        chosen = np.column_stack([chosen[:, :2], chosen[:, 2] > 0])  # a visibility flag, 0 1 2
+    seen = sum(len(one) > 0 for one in people)
+    if person is None and seen > 1:
+        notes.append(
+            f"{Path(path).name} holds {seen} people; the one seen best, number {number} counted "
+            "from 0, is read, and --person takes another"
+        )
+    if size is None and kind is COCO_FILES:
+        size = _image_size(path, data, given.get("image_id"))
+    return DetectedPerson(names, chosen, size, body, tuple(notes))
+
+
+def _coco(path: str | Path, data: Any) -> list[tuple[str, dict[str, Any]]]:
+    if isinstance(data, dict):
+        data = data.get("annotations", [data])
+    return [entry for entry in _objects(path, "annotations", data) if "keypoints" in entry[1]]
+
+
+def _with_parts(
+    path: str | Path,
+    where: str,
+    given: dict[str, Any],
+    kind: Layout,
+    main: tuple[tuple[str, ...], Array],
+) -> tuple[tuple[str, ...], Array, list[str]]:
+    """Names and points of body, feet, hands and face, and a note on the points not read."""
+    names, points, unread = list(main[0]), [main[1]], []
+    for key, counts in kind.parts.items():
+        if not given.get(key):
+            continue
+        part = _person(path, f"{where}: {key}", given[key])
+        known = counts.get(len(part), ())
+        if not known or set(known) & set(names):
+            unread.append(f"{key} ({len(part)} points)")
+            continue
+        names += known
+        points.append(part)
+    unread += [
+        key
+        for key, value in given.items()
+        if key not in (kind.main, *kind.parts) and value and _is_of_points(key)
+    ]
+    note = f"{Path(path).name}: not read are {some(unread)}"
+    return tuple(names), np.concatenate(points), [note] if unread else []
+
+
+def _is_of_points(key: str) -> bool:
+    """Whether a key such as `pose_keypoints_3d` holds points, and not a number about points."""
+    about = key.startswith("num_") or key.endswith("_valid")
+    return ("keypoints" in key or "kpts" in key) and not about
+
+
+def _objects(path: str | Path, what: str, found: Any) -> list[tuple[str, dict[str, Any]]]:
+    """The objects of a list, each with its place in the file: `people[3]`."""
+    if not isinstance(found, list):
+        raise BadFile(f"{path}: {what} must be a list of objects, not {shown(found)}")
+    for i, one in enumerate(found):
+        if not isinstance(one, dict):
+            raise BadFile(f"{path}: {what}[{i}] must be an object, not {shown(one)}")
+    return [(f"{what}[{i}]", one) for i, one in enumerate(found)]
+
+
+def _person(path: str | Path, where: str, given: Any) -> Array:
+    """Keypoints (M, 3) as u, v, confidence; (0, 3) for a person without keypoints."""
+    numbers = numbers_in(path, f"{where}: keypoints", given)
+    if numbers.size % 3:
+        raise BadFile(
+            f"{path}: {where}: keypoints must be u, v, confidence of each, but are "
+            f"{numbers.size} numbers"
+        )
+    points = numbers.reshape(-1, 3)
+    unsure = ~(np.isfinite(points[:, 2]) & (points[:, 2] >= 0))
+    if unsure.any():
+        row = int(np.argmax(unsure))
+        raise BadFile(
+            f"{path}: {where}: keypoint {row} has confidence {points[row, 2]:g}; it must be a "
+            "number from 0 (not seen) to 1"
+        )
+    return points
+
+
+def _image_size(path: str | Path, data: Any, wanted: Any) -> tuple[int, int] | None:
+    images = data.get("images", []) if isinstance(data, dict) else []
+    if isinstance(wanted, list | dict):  # which could be too deep to be compared
+        raise BadFile(f"{path}: image_id must be a number or a text, not {shown(wanted)}")
+    for where, image in _objects(path, "images", images):
+        if image.get("id") == wanted and "width" in image:
+            return size_in(path, where, [image["width"], image.get("height")])
+    return None
+
+
+def read_observations(
+    paths: Sequence[str | Path],
+    *,
+    calibration: str | Path | None = None,
+    size: tuple[int, int] | None = None,
+    focal: float | None = None,
+    person: int | None = None,
+) -> Observations:
+    """One photograph per file; the cameras of several are the calibration's, in its order.
+
+    Raises BadFile, UnknownName, BadArgument or BadObservation.
+    """
+    if focal is not None and not 0 < focal < np.inf:
+        raise BadArgument(f"a focal length is a number of px above 0, not {focal:g}")
+    if size is not None and min(size) < 1:
+        raise BadArgument(f"an image is at least 1 px wide and high, not {size[0]}x{size[1]}")
+    cameras = read_calibration(calibration) if calibration is not None else {}
+    if len(cameras) != len(paths) and (cameras or len(paths) > 1):
+        many = f"{len(paths)} files of keypoints need" if len(paths) > 1 else "one file needs"
+        raise BadFile(
+            f"{many} as many calibrated cameras, but there are "
+            f"{len(cameras)}; give --cameras FILE with one camera per file, in the same order"
+        )
+    photographs: list[Photograph] = []
+    read: list[DetectedPerson] = []
+    named: list[str | None] = list(cameras) if cameras else [None]
+    for path, name in zip(paths, named, strict=True):
+        camera = cameras.get(name, {}) if name is not None else {}
+        found = read_person(path, size=size or camera.get("size"), person=person)
+        if found.size is None:
+            raise BadFile(f"{path} does not tell the image's size; give --size WIDTHxHEIGHT in px")
+        read.append(found)
+    if len({one.body for one in read}) > 1:
+        raise BadFile("the files list different keypoints; give files of one detector")
+    names = tuple(dict.fromkeys(name for one in read for name in one.names))
+    for found, name in zip(read, named, strict=True):
+        camera = cameras.get(name, {}) if name is not None else {}
+        assert found.size is not None
+        K = camera.get("K")
+        if K is None and focal is not None:
+            K = pinhole(focal, *found.size)
+        points = np.zeros((len(names), 3))  # hands that one file lacks are not seen there
+        points[[names.index(known) for known in found.names]] = found.points
+        calibrated = {key: camera.get(key) for key in ("R", "t", "distortion")}
+        photographs.append(
+            Photograph(name or "camera", found.size, points[:, :2], points[:, 2], K, **calibrated)
+        )
+    unread = [
+        f"{Path(calibration).name}: of camera {shown(name)}, not read are {some(camera['unread'])}"
+        for name, camera in cameras.items()
+        if calibration is not None and camera["unread"]
+    ]
+    return Observations(
+        names, tuple(photographs), (*(note for one in read for note in one.notes), *unread)
+    )

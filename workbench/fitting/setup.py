@@ -1,0 +1,151 @@
+"""A problem ready to be solved: its start, its question, and what is measured afterwards."""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from types import NoneType
+
+import numpy as np
+
+from workbench.arrays import Array
+from workbench.blocks import Values
+from workbench.bodies import SkinnedBody
+from workbench.errors import BadSetup, UnknownName
+from workbench.fitting.known import Known
+from workbench.geometry.camera import Camera
+from workbench.problem import Problem
+from workbench.residuals import Residual
+from workbench.solvers import SOLVERS
+
+
+def names(given: str | Residual | Iterable[str | Residual]) -> tuple[str, ...]:
+    """The given names as a tuple, also if a single one is given; a residual stands for its name."""
+    several = (given,) if isinstance(given, str | Residual) else tuple(given)
+    return tuple(one.name if isinstance(one, Residual) else one for one in several)
+
+
+@dataclass(frozen=True)
+class Measure:
+    """One number of a run's summary, with its unit, such as a mean distance.
+
+    Attributes:
+        name: what was measured: `reprojection, camera 1`.
+        value: the number; NaN where it cannot be computed.
+        unit: `px`, `mm`, `sd`, or `1` for none.
+        over: what the value is a mean over: `17 keypoints with a confidence above 0.2`.
+    """
+
+    name: str
+    value: float
+    unit: str
+    over: str = ""
+
+
+def distances(found: Array, reference: Array) -> Array:
+    """How far points (..., 3) m are from their reference points, in mm."""
+    return np.asarray(1e3 * np.linalg.norm(found - reference, axis=-1))
+
+
+def rms(name: str, differences: Array, unit: str = "mm") -> Measure:
+    """The root mean square of differences that are given in `unit`, as a measure."""
+    return Measure(f"{name}, rms", float(np.sqrt(np.mean(differences**2))), unit)
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """One camera and the landmarks that it observed.
+
+    Attributes:
+        name: the camera's name.
+        camera: the camera model; its numbers are among the values of the setup.
+        size: width and height of the image in px.
+        landmarks: the landmark set of the body that was observed, or `joints`.
+        observed: (M, 2) px, one row per landmark of the set.
+        confidence: (M,) how far each observation is trusted, from 0 (not observed) to 1.
+        held_out: whether the view is only measured and drawn, and not fitted.
+    """
+
+    name: str
+    camera: Camera
+    size: tuple[int, int]
+    landmarks: str
+    observed: Array
+    confidence: Array
+    held_out: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Setup:
+    """A problem ready to be solved, and what is looked at when it has been solved.
+
+    Raises BadSetup if a field is not of its kind, UnknownName for a solver or residual that does
+    not exist, and what `Problem.split` raises for a start that does not fit the problem.
+
+    Attributes:
+        problem: the least-squares problem.
+        start: values of every block, free and fixed, where a solver begins.
+        question: what the fit is to answer, in a sentence or two.
+        body: the body that is fitted and drawn, where there is one.
+        views: the cameras that observed it.
+        truth: (N, 3) m, the true surface, where it is known.
+        measures: a function from the values found to the numbers of the summary.
+        priors: the names of the residuals that are priors, not data.
+        compared: names of `SOLVERS` that solve the same problem from the same start.
+        known: the answer or the lowest known cost, where there is one beforehand.
+        synthetic: what was made up, in a sentence; empty if all data were measured.
+        notes: sentences on data that were given but not used, or that were not checked.
+        made_of: values of the blocks that synthetic data were made of, before noise was added.
+    """
+
+    problem: Problem
+    start: Values
+    question: str
+    body: SkinnedBody | None = None
+    views: tuple[View, ...] = ()
+    truth: Array | None = None
+    measures: Callable[[Values], tuple[Measure, ...]] = lambda values: ()
+    priors: tuple[str, ...] = ()
+    compared: tuple[str, ...] = ()
+    known: Known | None = None
+    synthetic: str = ""
+    notes: tuple[str, ...] = ()
+    made_of: Values | None = None
+
+    def __post_init__(self) -> None:
+        expect("problem", self.problem, Problem, "a Problem")
+        expect("start", self.start, Mapping, "a dict of arrays by the names of blocks")
+        expect("body", self.body, (SkinnedBody, NoneType), "a SkinnedBody or None")
+        expect("question", self.question, str, "a text")
+        expect("known", self.known, (Known, NoneType), "a Known or None")
+        expect("views", self.views, (tuple, list), "several Views")
+        for view in self.views:
+            expect("views", view, View, "several Views")
+        shape = None if self.body is None else self.body.template.shape
+        if self.truth is not None and shape not in (None, np.shape(self.truth)):
+            raise BadSetup(
+                f"`truth` of a setup must have the shape {shape} of the body's vertices, not "
+                f"{np.shape(self.truth)}"
+            )
+        for name, known, kind in (
+            ("compared", SOLVERS, "solver"),
+            ("priors", self.problem.rows, "residual"),
+        ):
+            expect(name, getattr(self, name), (Iterable, Residual), f"names of {kind}s")
+            several = names(getattr(self, name))
+            object.__setattr__(self, name, several)  # a single text is one name
+            for one in several:
+                if one not in known:
+                    raise UnknownName(kind, one, known)
+        object.__setattr__(self, "notes", names(self.notes))
+        expect("synthetic", self.synthetic, str, "a text")
+        self.problem.split(self.start)
+        if self.known is not None:
+            self.known.check(self.problem)
+        expect("made_of", self.made_of, (Mapping, NoneType), "a dict of arrays by block, or None")
+        if self.made_of is not None:
+            self.problem.free.pack(dict(self.start) | dict(self.made_of))
+
+
+def expect(name: str, value: object, kind: type | tuple[type, ...], wanted: str) -> None:
+    """Raise BadSetup unless a field of a setup is of a kind, which `wanted` describes."""
+    if not isinstance(value, kind):
+        raise BadSetup(f"`{name}` of a setup must be {wanted}, not {value!r:.80}")

@@ -1,0 +1,34 @@
+"""Labels of figures: users' names in letters that the font has, shortened, and kept apart."""
+
+from collections.abc import Sequence
+from functools import cache
+
+from matplotlib import font_manager
+from matplotlib.ft2font import FT2Font
+
+
+def plain(text: str) -> str:
+    """The text with `$` as a plain dollar, and a question mark for every letter the font lacks."""
+    known = _letters()
+    kept = "".join(c if c == "\n" or ord(c) in known else "?" for c in text)
+    return kept.replace("$", r"\$")
+
+
+def shortened(text: str, most: int) -> str:
+    """The text cut to at most `most` letters, the last of which is then an ellipsis."""
+    return text if len(text) <= most else text[: most - 1].rstrip() + "…"
+
+
+def apart(places: Sequence[float], sizes: Sequence[float], gap: float) -> list[int]:
+    """Which labels to keep so that no two stand closer than `gap`, larger ones first."""
+    kept: list[int] = []
+    for i in sorted(range(len(places)), key=lambda i: -sizes[i]):
+        if all(abs(places[i] - places[j]) >= gap for j in kept):
+            kept.append(i)
+    return sorted(kept)
+
+
+@cache
+def _letters() -> frozenset[int]:
+    found = font_manager.findfont("DejaVu Sans")
+    return frozenset(FT2Font(found).get_charmap())

@@ -1,0 +1,196 @@
+"""Frames of a sequence that are alike: one chain rule, evaluated for all of them at once."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from workbench.arrays import Array, Index, Mask
+from workbench.blocks import PointsAt
+from workbench.blocks.buffered import Buffered
+from workbench.blocks.points import each_of
+from workbench.problem.band_order import run_of
+from workbench.problem.chain import Chain
+
+Each = Sequence[Mapping[str, Array]]  # the values of each frame
+AT_ONCE = 16  # frames whose points' derivatives are kept at a time: they stay near the processor
+FULL = 0.25  # of a row's entries: a row that reads more of its frame is stored with its zeros
+
+
+class FrameGroup:
+    """F frames with one chain rule, that of a frame.
+
+    Frame i of them is frame `frames[i]` of the sequence. Its rows, its free numbers and its fixed
+    ones stand in `rows[i]` (m,), `columns[i]` (n,) and `given[i]` (h,) among those of the sequence.
+    """
+
+    def __init__(
+        self, chain: Chain, frames: Index, rows: Index, columns: Index, given: Index
+    ) -> None:
+        self.chain, self.frames = chain, frames
+        self.rows, self.columns, self.given = rows, columns, given
+
+    @cached_property
+    def _to_residual(self) -> Buffered:
+        return self._mapped(self.chain.to_residual)
+
+    @cached_property
+    def _to_derivative(self) -> Buffered:
+        return self._mapped(self.chain.to_derivative)
+
+    @cached_property
+    def _to_size(self) -> Buffered:
+        return self._mapped(self.chain.to_size)
+
+    def _mapped(self, one: Buffered) -> Buffered:
+        F = len(self.frames)
+        return Buffered(one.function.map(F) if F > 1 else one.function)
+
+    def residual(self, x: Array, fixed: Array, places: Sequence[Sequence[PointsAt]]) -> Array:
+        """The residuals of the frames, (F, m)."""
+        found = self._to_residual(*self._arguments(x, fixed, places))[0]
+        return found.reshape(self.rows.shape)
+
+    def made_of(self, x: Array, fixed: Array, places: Sequence[Sequence[PointsAt]]) -> Array:
+        """The sizes of the terms that rows are made of, (F, m); see `Chain.made_of`."""
+        return self._to_size(*self._arguments(x, fixed, places))[0].reshape(self.rows.shape)
+
+    def places(self, values: Each) -> list[list[PointsAt]]:
+        """The points of each source, frame by frame."""
+        some = [values[t] for t in self.frames]
+        return [each_of(source, some) for source in self.chain.sources]
+
+    def gradient(
+        self, x: Array, fixed: Array, places: Sequence[Sequence[PointsAt]]
+    ) -> tuple[Array, Array]:
+        """The residuals (F, m), and the gradients (F, n) of the frames' costs."""
+        r, direct, by_points = self._derived(x, fixed, places)
+        chain, g = self.chain, np.zeros(self.columns.shape)
+        for own, entries, residual in zip(g, direct, r, strict=True):
+            own += chain.by_x.pulled(entries, residual)
+        for there, pattern, entries in zip(places, chain.by_points, by_points, strict=True):
+            for here, own, residual, into in zip(there, entries, r, g, strict=True):
+                for name, part in here.adjoint(pattern.pulled(own, residual)).items():
+                    if name in chain.free.slices:
+                        into[chain.free.slices[name]] += part
+        return r, g
+
+    # The Jacobian: rows that are stored whole, and the entries of others.
+
+    @cached_property
+    def whole(self) -> Index:
+        """The rows of a frame that read points, or much of the frame otherwise."""
+        reads = np.bincount(self.chain.by_x.rows, minlength=self.chain.by_x.shape[0])
+        by_points = [pattern.rows for pattern in self.chain.by_points]
+        full = np.flatnonzero(reads > FULL * self.chain.by_x.shape[1])
+        return np.unique(np.concatenate([full, *by_points])).astype(np.int64)
+
+    @cached_property
+    def _into(self) -> tuple[Mask, Index]:
+        """Which single entries are in whole rows, and where each whole row stands in the block."""
+        place = np.full(self.chain.by_x.shape[0], -1)
+        place[self.whole] = np.arange(len(self.whole))
+        return place[self.chain.by_x.rows] >= 0, place
+
+    @property
+    def whole_rows(self) -> Index:
+        """(F, k) of the stacked residual."""
+        return self.rows[:, self.whole]
+
+    @property
+    def single(self) -> tuple[Index, Index]:
+        """Rows and columns (F, l) of the entries that stand alone."""
+        alone = ~self._into[0]
+        by_x = self.chain.by_x
+        return self.rows[:, by_x.rows[alone]], self.columns[:, by_x.columns[alone]]
+
+    def linearize(
+        self, x: Array, fixed: Array, places: Sequence[Sequence[PointsAt]]
+    ) -> tuple[Array, Array, Array]:
+        """The residuals (F, m), the whole rows (F, k, n), and the single entries (F, l)."""
+        r, direct, by_points = self._derived(x, fixed, places)
+        inside, place = self._into
+        by_x = self.chain.by_x
+        shape = len(self.frames), len(self.whole), by_x.shape[1]
+        first = next(iter(self._products), None)
+        whole = first is not None and first.covers == shape[1:]
+        block = np.empty(shape) if whole else np.zeros(shape)
+        for i, product in enumerate(self._products):
+            for some, found in product.of(places[i], by_points[i]):
+                if whole and product is first:
+                    block[some] = found
+                else:
+                    block[some, *product.into] += found
+        block[:, place[by_x.rows[inside]], by_x.columns[inside]] += direct[:, inside]
+        return r, block, direct[:, ~inside]
+
+    @cached_property
+    def _products(self) -> list["Product"]:
+        _, place = self._into
+        return [
+            Product(self.chain, i, place, len(self.frames)) for i in range(len(self.chain.sources))
+        ]
+
+    def _derived(
+        self, x: Array, fixed: Array, places: Sequence[Sequence[PointsAt]]
+    ) -> tuple[Array, Array, list[Array]]:
+        F = len(self.frames)
+        r, direct, *by_points = self._to_derivative(*self._arguments(x, fixed, places))
+        each = [entries.reshape(F, -1) for entries in by_points]
+        return r.reshape(F, -1), direct.reshape(F, -1), each
+
+    def _arguments(
+        self, x: Array, fixed: Array, places: Sequence[Sequence[PointsAt]]
+    ) -> list[Array]:
+        points = (np.array([here.points for here in there]) for there in places)
+        return [x[self.columns], fixed[self.given], *points]
+
+
+class Product:
+    """dr/dp dp/dx of one source, for several frames in one product of a sparse matrix."""
+
+    def __init__(self, chain: Chain, source: int, place: Index, count: int) -> None:
+        pattern = chain.by_points[source]
+        reads = chain.sources[source].reads
+        self._wanted = [(n, at) for n, at in chain.free.slices.items() if n in reads]
+        self._wide = pattern.shape[1]  # 3 N
+        rows = np.unique(pattern.rows)
+        numbered = pattern.matrix(np.arange(1.0, len(pattern.rows) + 1)).tocsr()[rows]
+        self._taken = numbered.data.astype(np.int64) - 1
+        self._height = len(rows)
+        most = min(AT_ONCE, count)
+        shift = np.arange(most)[:, None]
+        self._indices = (numbered.indices + shift * self._wide).ravel()
+        lengths = np.tile(np.diff(numbered.indptr), most)
+        self._starts = np.concatenate([[0], np.cumsum(lengths)])
+        columns = np.concatenate(
+            [np.zeros(0, int), *(np.arange(a.start, a.stop) for _, a in self._wanted)]
+        )
+        self._columns = columns
+        down, across = run_of(place[rows]), run_of(columns)
+        if isinstance(down, np.ndarray) and isinstance(across, np.ndarray):
+            down = down[:, None]
+        self.into = down, across
+        straight = isinstance(down, slice) and isinstance(across, slice)
+        self.covers = (len(rows), len(columns)) if straight else (0, 0)  # in order, from 0 on
+
+    def of(self, there: Sequence[PointsAt], entries: Array) -> Iterator[tuple[slice, Array]]:
+        """Some of the frames, and the products (some, rows, columns) of these."""
+        k = len(self._columns)
+        for first in range(0, len(there), AT_ONCE):
+            some = slice(first, min(first + AT_ONCE, len(there)))
+            size = some.stop - some.start
+            points = np.empty((size, self._wide, k))
+            for here, into in zip(there[some], points, strict=True):
+                at, rooms = 0, {}
+                for name, where in self._wanted:
+                    wide = where.stop - where.start
+                    rooms[name] = into[:, at : at + wide].T
+                    at += wide
+                here.tangent(rooms, None)
+            data = entries[some][:, self._taken].ravel()
+            shape = size * self._height, size * self._wide
+            starts = self._starts[: shape[0] + 1]
+            D = csr_array((data, self._indices[: len(data)], starts), shape=shape)
+            yield some, (D @ points.reshape(shape[1], k)).reshape(size, self._height, k)

@@ -1,0 +1,33 @@
+"""Sparse matrices by their nonzeros: where they stand, and how they are read off."""
+
+import numpy as np
+from scipy.sparse import csc_array, csr_array
+
+from workbench.arrays import Array, Index
+
+
+def columns_of_nonzeros(matrix: csc_array) -> Index:
+    """The column in which each stored entry stands, (nnz,)."""
+    return np.repeat(np.arange(matrix.shape[1]), np.diff(matrix.indptr))
+
+
+def rows_of_nonzeros(matrix: csr_array) -> Index:
+    """The row in which each stored entry stands, (nnz,)."""
+    return np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
+
+
+def entries_at(matrix: Array | csc_array, pattern: csc_array) -> Array:
+    """The entries of a matrix in the places of a pattern, column by column.
+
+    A sparse matrix has no other entries; in an array, other places are not read.
+    """
+    if isinstance(matrix, np.ndarray):
+        return np.asarray(matrix[pattern.indices, columns_of_nonzeros(pattern)])
+    if matrix.nnz == pattern.nnz:
+        return np.asarray(matrix.data)
+    places, there = (
+        columns_of_nonzeros(one) * matrix.shape[0] + one.indices for one in (matrix, pattern)
+    )
+    found = np.zeros(pattern.nnz)
+    found[np.searchsorted(there, places)] = matrix.data
+    return found

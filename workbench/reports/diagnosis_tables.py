@@ -1,0 +1,166 @@
+"""The tables of a diagnosis, as rows of text."""
+
+import numpy as np
+
+from workbench.diagnostics import Diagnosis
+from workbench.diagnostics.conditioning import PARALLEL
+from workbench.diagnostics.report import changed
+from workbench.diagnostics.structure import gathered, named_groups, named_rows
+from workbench.reports import tables
+from workbench.reports.tables import Table, number
+
+
+def suggestions_table(d: Diagnosis) -> Table:
+    """What to do, and what it did."""
+    rows = tuple((s.what, str(s.before), str(s.after), s.why, s.cost) for s in d.suggestions)
+    return Table(("suggestion", "before", "after", "why", "what it costs"), rows, ())
+
+
+def parts_table(d: Diagnosis) -> Table:
+    """Dulmage and Mendelsohn's three parts."""
+    s = d.structure
+    parts = (("over-determined", s.over), ("square", s.square), ("under-determined", s.under))
+    rows = tuple(
+        (
+            name,
+            f"{len(p.rows):,}",
+            f"{len(p.columns):,}",
+            named_rows(d.point.rows, p.rows) or "–",
+            named_groups(d.free, p.columns) or "–",
+        )
+        for name, p in parts
+    )
+    return Table(("part", "rows", "unknowns", "which rows", "which unknowns"), rows, (1, 2))
+
+
+def ranks_table(d: Diagnosis) -> Table:
+    """The rank from several sides."""
+    n = d.shape[1]
+    rows = [
+        ("structural rank", str(d.structural_rank), "the most that this pattern of zeros allows"),
+        (
+            "numerical rank",
+            str(d.rank),
+            f"singular values above {number(d.tolerance, 2)} at this point",
+        ),
+        ("with columns of length 1", str(d.scaled_rank), "the same whatever the units are"),
+    ]
+    if d.nearby.ranks:
+        near = ", ".join(map(str, d.nearby.ranks))
+        rows.append(("nearby", near, "at random points a tenth of a yardstick away"))
+    if d.rank_law:
+        rows.append(("rank law of observed joints", str(d.rank_law[0]), d.rank_law[1]))
+    rows.append(("unknowns", str(n), "what the rank would have to be"))
+    return Table(("which", "rank", "what it says"), tuple(rows), (1,))
+
+
+def conditioning_table(d: Diagnosis) -> Table:
+    """Column lengths, near-parallel pairs, the weakest direction, leverage."""
+    norms = d.here.column_norms
+    rows: list[tuple[str, str, str]] = []
+    if norms.size:
+        longest, shortest = int(np.argmax(norms)), int(np.argmin(norms))
+        rows += [
+            ("condition", number(d.condition, 3), "largest over smallest singular value"),
+            ("longest column", number(float(norms[longest]), 3), d.free.label(longest)),
+            ("shortest column", number(float(norms[shortest]), 3), d.free.label(shortest)),
+        ]
+    for pair in d.parallel_columns[:8]:
+        what = f"{d.free.label(pair.first)} and {d.free.label(pair.second)}"
+        label = "the same column" if pair.sine <= PARALLEL else "nearly parallel (sine)"
+        rows.append((label, number(pair.sine, 2), what))
+    for weak in d.weakest[:2]:
+        columns = ", ".join(gathered([d.free.label(i) for i in weak.columns[:8]]))
+        seen_by = ", ".join(d.problem.row_label(i) for i in weak.rows[:3])
+        more = " and others" if len(weak.rows) > 3 else ""
+        rows.append(
+            ("weakest seen (|J d|)", number(weak.change, 2), f"{columns}; seen by {seen_by}{more}")
+        )
+    if d.leverage is not None:
+        for i in np.argsort(-d.leverage)[:3]:
+            row = d.problem.row_label(int(i))
+            rows.append(("leverage", number(float(d.leverage[i]), 2), f"{row}, of at most 1"))
+    return Table(("what", "value", "where"), tuple(rows), (1,))
+
+
+def known_table(d: Diagnosis) -> Table:
+    """Verdicts by block."""
+    known = d.identifiability
+    names = np.array([v.name for v in known.verdicts])
+    rows = []
+    for block in d.free.blocks:
+        at = d.free.slices[block.name]
+        counts = [
+            str(int(np.sum(names[at] == name)))
+            for name in ("IDENTIFIED", "PRACTICAL", "NUMERICAL", "STRUCTURAL")
+        ]
+        rows.append((block.name, block.unit, *counts))
+    head = ("block", "unit", "identified", "practically not", "numerically not", "structurally not")
+    return Table(head, tuple(rows), (2, 3, 4, 5))
+
+
+def entries_table(d: Diagnosis) -> Table:
+    """Every unknown."""
+    known, sizes = d.identifiability, d.point.yardsticks.sizes
+    rows = tuple(
+        (
+            d.free.label(i),
+            d.free.unit(i),
+            number(float(known.sigma[i]), 3),
+            number(float(known.prior_sigma[i]), 3),
+            number(float(sizes[i]), 3),
+            known.verdicts[i].value,
+        )
+        for i in range(min(d.free.size, tables.MOST))
+    )
+    head = ("unknown", "unit", "sigma", "prior sigma", "yardstick", "verdict")
+    return Table(head, rows, (2, 3, 4))
+
+
+def contributions_table(d: Diagnosis) -> Table | None:
+    """What each residual adds."""
+    if not d.contributions:
+        return None
+    rows = tuple(
+        (
+            c.residual,
+            str(c.rank_without),
+            str(c.rank_with),
+            number(float(c.singular_values_without.min(initial=np.inf)), 2),
+            number(float(c.singular_values_with.min(initial=np.inf)), 2),
+            *(
+                changed(c.sigma_without[n], c.sigma_with[n], lambda sigma: number(sigma, 2))
+                for n in d.free.names
+            ),
+        )
+        for c in d.contributions
+    )
+    head = (
+        "residual",
+        "rank without",
+        "with",
+        "least singular value without",
+        "with",
+        *(f"sigma of {n}" for n in d.free.names),
+    )
+    return Table(head, rows, tuple(range(1, len(head))))
+
+
+def derivatives_table(d: Diagnosis) -> Table:
+    """What was checked and how far off it is."""
+    check = d.derivatives
+    rows = [
+        ("entries not confirmed by differences", str(check.wrong), f"{len(check.columns)} columns"),
+        ("largest error", number(check.largest_error, 2), "of the column's largest entry"),
+        ("gradient against J'r", number(check.gradient_error, 2), "relative"),
+    ]
+    if check.hessian_error is not None:
+        rows.append(("exact Hessian", number(check.hessian_error, 2), "against differences"))
+    if check.neglected is not None:
+        share = f"{check.neglected:.1%}"
+        rows.append(("left out by J'J", share, "of the exact Hessian, by Gauss and Newton"))
+    for s in check.suspects:
+        where = f"{d.problem.row_label(s.row)} by {d.free.label(s.column)}"
+        said = f"given {number(s.given, 6)}, differences {number(s.differences, 6)}"
+        rows.append(("suspect", said, where))
+    return Table(("what", "value", "where"), tuple(rows), (1,))

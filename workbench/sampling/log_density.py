@@ -1,0 +1,70 @@
+"""The logarithm of a posterior, up to a constant, for many points at once."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from workbench.arrays import Array, Mask
+from workbench.problem import Problem
+from workbench.problem.batch import Costs, Evaluation, interpreted
+from workbench.sampling.subspace import Subspace
+
+
+@dataclass(frozen=True, eq=False)
+class LogDensity:
+    """log p(z) = -cost(x(z)); -infinity beyond bounds and constraints, or where it is no number.
+
+    Every residual has a sigma, so the cost is minus a log posterior: least squares are Gaussian,
+    and a robust term with rho is the likelihood exp(-rho / 2). A constraint counts as met within
+    its tolerance.
+
+    Attributes:
+        problem: the problem whose posterior it is.
+        fixed: the fixed numbers, flat.
+        subspace: what is sampled.
+        way: how costs are evaluated: `interpreted` or `compiled`.
+    """
+
+    problem: Problem
+    fixed: Array
+    subspace: Subspace
+    way: Evaluation = interpreted
+
+    def __call__(self, z: Array) -> Array:
+        """The log density (M,) at z (M, k)."""
+        x = self.subspace.points(z)
+        plain = self.subspace.entries_only
+        return self._density(x, z if plain else x, self._of_entries if plain else self._of_all)
+
+    def at(self, x: Array) -> Array:
+        """(M,) for all free numbers, x (M, n)."""
+        return self._density(x, x, self._of_all)
+
+    def allows(self, x: Array) -> Mask:
+        """Which of the points x (M, n) meet all bounds, and all constraints to their tolerances."""
+        problem, there = self.problem, self.problem.stacked_constraints
+        met = np.asarray(((x >= problem.lower) & (x <= problem.upper)).all(axis=1))
+        if there is not None and met.any():
+            values = np.asarray(there.function(x[met].T, self.fixed)).T  # all points in one call
+            miss = np.maximum(there.lower - values, values - there.upper) / there.tolerance
+            met[met] = np.isfinite(values).all(axis=1) & (miss <= 1.0).all(axis=1)
+        return met
+
+    def _density(self, x: Array, given: Array, costs: Costs) -> Array:
+        allowed = self.allows(x)
+        found = np.full(len(x), -np.inf)
+        if allowed.any():
+            with np.errstate(all="ignore"):
+                cost = costs(given[allowed])
+            found[allowed] = np.where(np.isfinite(cost), -cost, -np.inf)
+        return found
+
+    @cached_property
+    def _of_entries(self) -> Costs:
+        space = self.subspace
+        return self.problem.costs(space.origin, self.fixed, space.entries, self.way)
+
+    @cached_property
+    def _of_all(self) -> Costs:
+        return self.problem.costs(self.subspace.origin, self.fixed, None, self.way)

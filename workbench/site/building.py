@@ -1,0 +1,98 @@
+"""Sphinx with MyST-NB: pages in, a static site out, with warnings as errors and no network."""
+
+import shutil
+import warnings
+from importlib.util import find_spec
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+from workbench.course.notebooks import tool
+from workbench.errors import BadFile
+
+STYLE = Path(__file__).with_name("site.css")
+NEEDED = ("sphinx", "myst_nb", "sphinx-mathjax-offline")  # beside the tools of notebooks
+LIGHT, DARK = "default", "github-dark"  # the colours of code, by Pygments' names
+MADE_BY_US = "searchindex.js"  # a folder with this file is a site, which may be built anew
+
+
+def refuse(folder: Path) -> None:
+    """Raise BadFile if a tool is missing, or if the folder holds anything but a site."""
+    for name in NEEDED:
+        if find_spec(name) is None:
+            tool(name)
+    if folder.exists() and not folder.is_dir():
+        raise BadFile(f"{folder} is a file; give a folder for the site")
+    if folder.exists() and any(folder.iterdir()) and not (folder / MADE_BY_US).is_file():
+        raise BadFile(f"{folder} holds something that is no site of ours; give a new folder")
+
+
+def build(title: str, pages: Path, files: Path, scratch: Path) -> Path:
+    """Build the site of the pages, with `files` copied beside them; return its folder.
+
+    Raises BadFile if Sphinx fails or warns.
+    """
+    static, out, said = scratch / "static", scratch / "out", StringIO()
+    static.mkdir()
+    (static / "site.css").write_text(_style(), encoding="utf-8")
+    settings: dict[str, Any] = {
+        "project": title,
+        "extensions": ["myst_nb", "sphinx-mathjax-offline"],
+        "myst_enable_extensions": ["dollarmath", "amsmath"],
+        "myst_heading_anchors": 4,
+        # the bar of a transpose is thinner than a pixel on many screens
+        "mathjax3_config": {"tex": {"macros": {"top": r"\mathsf{T}"}}},
+        "nb_execution_mode": "off",  # lectures were run before, where an error can be told
+        "html_theme": "basic",
+        "html_title": title,
+        "html_css_files": ["site.css"],
+        "html_static_path": [str(static)],
+        "html_extra_path": [str(files)],
+        "html_sidebars": {"**": ["searchbox.html", "globaltoc.html"]},
+        "html_copy_source": False,
+        "html_show_sphinx": False,
+        "html_show_copyright": False,
+        "html_use_index": False,
+        "html_domain_indices": False,
+        "pygments_style": LIGHT,
+        "suppress_warnings": ["myst.header"],  # documents need not go down level by level
+    }
+    sphinx, namespaces = tool("sphinx.application"), tool("sphinx.util.docutils")
+    try:
+        with (
+            warnings.catch_warnings(),
+            namespaces.patch_docutils(),
+            namespaces.docutils_namespace(),
+        ):
+            # what the libraries have to say to each other about their next versions
+            warnings.simplefilter("ignore", DeprecationWarning)
+            warnings.simplefilter("ignore", PendingDeprecationWarning)
+            app = sphinx.Sphinx(
+                pages, None, out, scratch / "doctrees", "html", settings, status=None, warning=said
+            )
+            app.build()
+    except Exception as error:
+        raise BadFile(f"Sphinx could not build the site: {error}\n{said.getvalue()}") from error
+    if app.statuscode or said.getvalue().strip():
+        raise BadFile(f"Sphinx is not content with the site: {said.getvalue().strip()}")
+    return out
+
+
+def put(out: Path, folder: Path) -> None:
+    """Put the built site into its folder, in the place of an older one."""
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        if folder.exists():
+            shutil.rmtree(folder)
+        shutil.copytree(out, folder, ignore=shutil.ignore_patterns(".buildinfo", "_sources"))
+    except OSError as error:
+        raise BadFile(f"cannot write {folder}: {error.strerror or error}") from error
+
+
+def _style() -> str:
+    """Our style sheet, and the colours of code for dark screens."""
+    formatter = tool("pygments.formatters").HtmlFormatter(style=DARK)
+    dark = formatter.get_style_defs(".highlight")
+    return (
+        f"{STYLE.read_text(encoding='utf-8')}\n@media (prefers-color-scheme: dark) {{\n{dark}\n}}\n"
+    )

@@ -1,0 +1,70 @@
+"""The whole site, and the course alone: pages are gathered, built, and put into their folder."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from workbench.site.building import build, put, refuse
+from workbench.site.course_pages import write_course_pages
+from workbench.site.documents import START, TEXTS, checkout, contents, write_documents
+from workbench.site.examples import NUMBERED, run_all, write_example_pages
+from workbench.site.licences import copy_licences, write_licence_page
+from workbench.site.reference import Reference
+
+Tell = Callable[[str], None]
+
+
+def write_site(folder: str | Path, tell: Tell = lambda said: None) -> Path:
+    """Run all lectures and examples, write the whole site, and return its first page.
+
+    `tell` is called with a line for each part that begins. Raises BadFile if a tool is missing, if
+    this is no checkout, if a lecture or example fails, if Sphinx warns, or if the folder holds
+    something else than a site.
+    """
+    folder = Path(folder)
+    refuse(folder)
+    source = checkout()
+    with TemporaryDirectory(prefix="workbench-site-") as place:
+        scratch = Path(place)
+        pages, files = scratch / "pages", scratch / "files"
+        write_course_pages(pages / "lectures", files / "lectures", tell)
+        examples = source / "examples"
+        done = run_all(examples, NUMBERED, scratch / "examples", tell)
+        shown = run_all(examples / "reference", "*.py", scratch / "examples" / "reference", tell)
+        tell("writing pages")
+        write_example_pages(done, pages / "examples")
+        Reference(shown).write(pages / "reference")
+        documents = write_documents(source, pages)
+        for name in TEXTS:
+            shutil.copy(source / name, files / name)
+        copy_licences(files / "licences")
+        write_licence_page(pages, TEXTS, files / "licences")
+        with (pages / START).open("a", encoding="utf-8") as front:
+            front.write(
+                contents(
+                    {
+                        "Learn": ["lectures/index", "examples/index"],
+                        "Look up": ["reference/index", *documents, "licences"],
+                    }
+                )
+            )
+        put(build("workbench", pages, files, scratch), folder)
+    return folder / "index.html"
+
+
+def write_course_site(folder: str | Path, tell: Tell = lambda said: None) -> Path:
+    """Run every lecture, write a site of the course alone, and return its first page.
+
+    Raises BadFile as `write_site` does; CellFailed is one of them.
+    """
+    folder = Path(folder)
+    refuse(folder)
+    with TemporaryDirectory(prefix="workbench-site-") as place:
+        scratch = Path(place)
+        pages, files = scratch / "pages", scratch / "files"
+        write_course_pages(pages, files, tell)
+        copy_licences(files / "licences")
+        tell("writing pages")
+        put(build("Body models", pages, files, scratch), folder)
+    return folder / "index.html"

@@ -1,0 +1,1 @@
+"""What each term of training does: the same training without it."""

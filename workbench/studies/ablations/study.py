@@ -1,0 +1,180 @@
+"""What each term of training does: the same training without it, and what then goes wrong."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from workbench.arrays import Array
+from workbench.bodies import SkinnedBody
+from workbench.bodies.forward.posing import Posing
+from workbench.geometry.mirror import Mirror
+from workbench.geometry.rigid import procrustes
+from workbench.geometry.rotation import vector_from_matrix
+from workbench.training.estimate import Sigmas
+from workbench.training.evaluation import generalization_errors
+from workbench.training.first_guess import Start
+from workbench.training.plan import alternation, without
+from workbench.training.pose_training import first_estimate, first_poses
+from workbench.training.poses import DataTerm, EdgeTerm, VertexTerm
+from workbench.training.progress import SILENT, Report
+from workbench.training.registrations import InMemory, Registrations, batches
+from workbench.training.training import Trained, train
+
+SHOWN = 3  # shape directions for which the share of pose is measured
+
+
+@dataclass(frozen=True, eq=False)
+class Ablated:
+    """One training in numbers.
+
+    Attributes:
+        name: what was switched off.
+        training_rms: m per coordinate.
+        held_out_rms: m per vertex, on other people in other poses.
+        asymmetry: m, rms distance of the subjects' templates from their mirror images.
+        posedirs_rms: m per unit of feature.
+        pose_in_shape: of each of the first shape directions, see `pose_share`.
+    """
+
+    name: str
+    training_rms: float
+    held_out_rms: float
+    asymmetry: float
+    posedirs_rms: float
+    pose_in_shape: tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Sets:
+    """What a training takes, and what it is measured on.
+
+    Attributes:
+        poses: the multi-pose set.
+        shapes: the multi-shape set.
+        held_out: other people in other poses.
+        start: where training starts.
+    """
+
+    poses: Registrations
+    shapes: Registrations
+    held_out: Registrations
+    start: Start
+
+
+def cases(sigmas: Sigmas) -> dict[str, Sigmas]:
+    """The sigmas with every term on, and with each of two terms switched off, by name."""
+    return {
+        "all terms": sigmas,
+        "no E_P": replace(without(sigmas, "posedirs"), posedirs=1e3 * sigmas.posedirs),
+        "no E_Y": without(sigmas, "symmetry", "joint_symmetry"),
+    }
+
+
+def ablate(
+    sets: Sets,
+    sigmas: Sigmas,
+    *,
+    rounds: int = 2,
+    n_betas: int = 10,
+    report: Report = SILENT,
+    done: Callable[[Ablated], None] = lambda _: None,
+) -> list[Ablated]:
+    """Train once for each case, and measure the first also without pose normalisation."""
+    mirror = sets.start.mirror()
+    found = []
+    for name, held in cases(sigmas).items():
+        plan = alternation(held, rounds=rounds)
+        trained = train(
+            sets.poses,
+            sets.start,
+            multi_shape=sets.shapes,
+            plan=plan,
+            n_betas=n_betas,
+            report=report,
+        )
+        found.append(measured(name, trained, sets, mirror))
+        done(found[-1])
+        if name == "all terms":
+            assert trained.shapes is not None  # there is a multi-shape set
+            raw = aligned(sets.shapes)
+            share = pose_share(raw, trained.shapes.poses)
+            found.append(replace(found[0], name="not pose-normalised", pose_in_shape=share))
+            done(found[-1])
+    return found
+
+
+def measured(name: str, trained: Trained, sets: Sets, mirror: Mirror | None) -> Ablated:
+    """Measure one training."""
+    estimate, asymmetry = trained.poses.estimate, 0.0
+    if mirror is not None:
+        away = estimate.templates - mirror.points(estimate.templates)
+        away -= away.mean(axis=1, keepdims=True)
+        asymmetry = float(np.sqrt((away**2).sum(axis=2).mean()))
+    share: tuple[float, ...] = ()
+    if trained.shapes is not None:
+        share = pose_share(trained.shapes.people, trained.shapes.poses)
+    return Ablated(
+        name,
+        trained.poses.objective.rms(estimate),
+        generalization_errors(trained.body, sets.held_out, sigma=0.005, betas_sigma=1.0).rms,
+        asymmetry,
+        float(np.sqrt(np.mean(estimate.posedirs**2))),
+        share,
+    )
+
+
+def pose_share(people: Array, poses: Array) -> tuple[float, ...]:
+    """How much of each first principal coordinate a linear function of pose explains.
+
+    The adjusted R^2 of people (P, N, 3) on poses (P, K, 3) rad without the root's, which is R^2
+    minus what as many random numbers would explain.
+    """
+    away = (people - people.mean(axis=0)).reshape(len(people), -1)
+    U, s, _ = np.linalg.svd(away, full_matrices=False)
+    turns = poses[:, 1:].reshape(len(poses), -1)
+    A = np.concatenate([np.ones((len(poses), 1)), turns[:, turns.std(axis=0) > 1e-9]], axis=1)
+    rank, P = int(np.linalg.matrix_rank(A)), len(people)
+    if rank >= P:
+        return tuple(float("nan") for _ in range(SHOWN))
+    shares = []
+    for coordinate in (U * s)[:, :SHOWN].T:
+        left = coordinate - A @ np.linalg.lstsq(A, coordinate, rcond=None)[0]
+        unexplained = float(left @ left / (coordinate @ coordinate))
+        shares.append(1 - unexplained * (P - 1) / (P - rank))
+    return tuple(shares)
+
+
+def aligned(registrations: Registrations) -> Array:
+    """Every mesh moved rigidly onto the first, (P, N, 3) m, in the pose in which it was."""
+    meshes: list[Array] = []
+    for batch in batches(registrations):
+        for vertices in batch.vertices:
+            first = meshes[0] if meshes else vertices
+            meshes.append(procrustes(vertices, first)(vertices))
+    return np.stack(meshes)
+
+
+def turn_errors(
+    body: SkinnedBody, poses: Array, seed: int, spread: float = 2.0
+) -> Mapping[str, Array]:
+    """Errors of poses fitted with the template of another person: (J, K) rad, by what is fitted.
+
+    People of the body's own shape space, whose betas have `spread` standard deviations, in poses
+    (J, K, 3) rad are fitted with the mean template: to edges, and to vertices. The root is turned
+    back first.
+    """
+    rng = np.random.default_rng(seed)
+    betas = spread * rng.standard_normal((len(poses), body.n_betas))
+    plain = replace(body, posedirs=0 * body.posedirs)
+    meshes = InMemory(plain.vertices(poses, betas), np.arange(len(poses)))
+    start = Start.of(body)
+    first = first_estimate(meshes, start, weights=body.weights, rings=body.J_regressor)
+    ways: dict[str, DataTerm] = {"edges": EdgeTerm(body.faces), "vertices": VertexTerm()}
+    true = Posing.of(poses, body.parents).local
+    errors = {}
+    for name, compared in ways.items():
+        found = first_poses(first, meshes, start, compared).posing.local
+        away = vector_from_matrix(found @ true.swapaxes(-1, -2))
+        errors[name] = np.linalg.norm(away, axis=2)
+    return errors

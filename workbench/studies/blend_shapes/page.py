@@ -1,0 +1,122 @@
+"""The study of predictors as a page, as text, and as data."""
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from workbench.reports.page import page
+from workbench.reports.summary import versions
+from workbench.reports.tables import Table
+from workbench.studies.blend_shapes import figures
+from workbench.studies.blend_shapes.predictors import repaired
+from workbench.studies.blend_shapes.questions import ByPenalty
+from workbench.studies.blend_shapes.study import PredictorStudy
+from workbench.studies.pages import drawn, text_of, write_study
+
+REMARKS = (
+    "The teacher is synthetic: a finer rig, which spreads twist along the limbs, blended by dual "
+    "quaternions. That DQB does well is partly because the teacher blends in the same way; on "
+    "measured people it would have no such advantage. Only the poses come from people.",
+    "“Repaired” is the share of the mean distance of linear blending alone that is gone. "
+    "“Parameters” counts the fitted numbers that are not zero, beside template and weights. The "
+    "time is the least that one pose took: features and skinning by CasADi, the product between "
+    "them by NumPy or, where most numbers are zero, by SciPy.",
+)
+
+
+def predictor_table(study: PredictorStudy) -> Table:
+    """All predictors, the best first."""
+    rows = tuple(
+        (
+            str(place),
+            r.name,
+            f"{r.parameters:,}",
+            f"{r.accuracy.mean:.2f}",
+            f"{r.accuracy.rms:.2f}",
+            f"{r.accuracy.largest:.1f}",
+            f"{repaired(r, study.results):.0%}".replace("-", "−"),
+            f"{r.accuracy.milliseconds:.2f}",
+        )
+        for place, r in enumerate(study.results, start=1)
+    )
+    head = ("", "predictor", "parameters", "mean mm", "rms mm", "max mm", "repaired", "ms")
+    return Table(head, rows, (0, 2, 3, 4, 5, 6, 7))
+
+
+def table_text(study: PredictorStudy) -> str:
+    """The table for a terminal."""
+    return text_of(predictor_table(study))
+
+
+def write_predictor_study(study: PredictorStudy, folder: str | Path) -> Path:
+    """Write the folder of a study and return its page; whole or not at all."""
+    data = {"kind": "blend shapes", "name": "blendshapes", **predictor_data(study)}
+    return write_study(folder, predictor_page(study), table_text(study), data, {})
+
+
+def predictor_data(study: PredictorStudy) -> dict[str, Any]:
+    """Every number of it, by the names of its fields."""
+    return asdict(study) | {
+        "by_factor": {name: list(lengths) for name, lengths in study.by_factor.items()},
+        "by_angle": {name: list(lengths) for name, lengths in study.by_angle.items()},
+    }
+
+
+def predictor_page(s: PredictorStudy) -> str:
+    """The page as HTML."""
+    far = "norm of the blend shapes beyond 0.2 m of their joint (%)"
+    nonzero = "numbers that are not zero (%)"
+    sections = {
+        "The error of each predictor": [
+            drawn(
+                8.0,
+                5.2,
+                lambda ax: figures.plot_predictors(s.results, ax=ax),
+                figures.caption_predictors(s.results, s.test, s.n_test),
+            )
+        ],
+        "Interpolation between examples": [
+            drawn(
+                6.2,
+                4.0,
+                lambda ax: figures.plot_by_examples(s.by_examples, ax=ax),
+                figures.caption_by_examples(s.by_examples),
+            ),
+            drawn(
+                6.2,
+                4.0,
+                lambda ax: figures.plot_by_factor(s.by_factor, ax=ax),
+                figures.caption_by_factor(s.by_factor),
+            ),
+        ],
+        "Which function of theta": [
+            drawn(
+                7.0,
+                4.0,
+                lambda ax: figures.plot_by_angle(s.by_angle, ax=ax),
+                figures.caption_by_angle(s.by_angle),
+            )
+        ],
+        "Local and sparse blend shapes": [
+            drawn(6.2, 4.0, partial(_by_penalty, rows, name), caption(rows))
+            for rows, name, caption in (
+                (s.by_distance_penalty, far, figures.caption_by_distance_penalty),
+                (s.by_group_penalty, nonzero, figures.caption_by_group_penalty),
+            )
+        ],
+    }
+    return page(
+        "blend_shapes.html",
+        title="What skinning gets wrong, and which predictor repairs it",
+        study=s,
+        table=predictor_table(s),
+        remarks=REMARKS,
+        sections=sections,
+        versions=versions(),
+    )
+
+
+def _by_penalty(rows: Sequence[ByPenalty], name: str, ax: Any) -> Any:
+    return figures.plot_by_penalty(rows, name, ax=ax)

@@ -1,0 +1,1 @@
+"""SMPL, SCAPE and BlendSCAPE learned from the same synthetic people, and compared."""

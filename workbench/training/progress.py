@@ -1,0 +1,63 @@
+"""What a training reports while it runs."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+
+@dataclass(frozen=True)
+class LogEntry:
+    """One block that has run.
+
+    Attributes:
+        block: its name in `BLOCKS`.
+        before: the costs by term when it began.
+        after: the costs by term when it ended.
+        facts: what the block says about itself, such as how many products it took.
+        seconds: how long it took.
+    """
+
+    block: str
+    before: dict[str, float]
+    after: dict[str, float]
+    facts: dict[str, float]
+    seconds: float
+
+
+@dataclass(frozen=True, eq=False)
+class Progress:
+    """How far a training is when a block has ended.
+
+    Attributes:
+        number: the number of this block, from 1.
+        of: how many blocks the plan has.
+        entry: what the block did.
+        seconds_left: an estimate of the time until the last block ends.
+    """
+
+    number: int
+    of: int
+    entry: LogEntry
+    seconds_left: float
+
+
+class Report(Protocol):
+    """Follows the progress of a training."""
+
+    def block(self, progress: Progress) -> None:
+        """Called when a block has ended."""
+
+    def part(self, doing: str, done: int, of: int) -> None:
+        """Called within something long, when `done` of `of` parts are finished."""
+
+
+class Silent:
+    """A report that shows nothing."""
+
+    def block(self, progress: Progress) -> None:
+        """Do nothing."""
+
+    def part(self, doing: str, done: int, of: int) -> None:
+        """Do nothing."""
+
+
+SILENT = Silent()
