@@ -84,7 +84,7 @@ class SkinnedBody:
 
     @property
     def n_vertices(self) -> int:
-        """N."""
+        """N, the number of vertices."""
         return len(self.template)
 
     @property
@@ -94,7 +94,7 @@ class SkinnedBody:
 
     @property
     def n_betas(self) -> int:
-        """B."""
+        """B, the number of shape directions."""
         return int(self.shapedirs.shape[2])
 
     @property

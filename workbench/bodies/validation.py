@@ -26,11 +26,11 @@ class Parts(SkinnedArrays, Protocol):
 
     @property
     def faces(self) -> Index:
-        """(F, 3)."""
+        """The corners of each triangle, (F, 3)."""
 
     @property
     def mirror(self) -> Index | None:
-        """(N,), or None."""
+        """The vertex on the other side of each, (N,), or None."""
 
     @property
     def landmarks(self) -> Mapping[str, Landmarks]:

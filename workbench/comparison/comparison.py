@@ -73,7 +73,7 @@ class Comparison:
 
     @cached_property
     def yardsticks(self) -> dict[str, Yardstick]:
-        """By instance."""
+        """The cost at the start and the lowest cost known, by instance."""
         found = {}
         for group, end_analysis in zip(self.groups, self.end_analyses, strict=True):
             runs = [self.records[name, s] for name in group for s in self.solvers]

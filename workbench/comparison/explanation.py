@@ -43,7 +43,7 @@ class Explanation:
     ridge: float  # how much the cost rises above the lost end on the straight line
 
     def data(self) -> dict[str, Any]:
-        """As JSON."""
+        """The explanation as data for JSON."""
         return asdict(self)
 
     @staticmethod

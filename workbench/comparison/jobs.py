@@ -25,7 +25,7 @@ class Describe:
 
 @dataclass(frozen=True)
 class Solve:
-    """One run."""
+    """A job: one run of a solver on an instance."""
 
     key: str
     experiment: SentExperiment

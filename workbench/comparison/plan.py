@@ -74,7 +74,7 @@ class Plan:
         return f"{kind}-{digest([kind, code_version(), identity(self.budget), *parts])}"
 
     def run_key(self, instance: Instance, named: NamedSolver) -> str:
-        """Of one run."""
+        """The key under which the result of one run is stored."""
         return self.key("run", instance.identity(), named.identity(), instance.repetition)
 
 

@@ -21,7 +21,7 @@ FACTS = "facts"
 
 
 class Store(Protocol):
-    """Results by key."""
+    """A place where results are kept by their keys."""
 
     def get(self, key: str, of: Callable[[Stored], T]) -> T | None:
         """What is stored under a key, as `of` makes it; None if nothing is, or nothing whole.
@@ -40,11 +40,11 @@ class Memory:
         self._held: dict[str, Stored] = {}
 
     def get(self, key: str, of: Callable[[Stored], T]) -> T | None:
-        """See Store."""
+        """The result of a key, or None; see Store."""
         return of(self._held[key]) if key in self._held else None
 
     def put(self, key: str, stored: Stored) -> None:
-        """See Store."""
+        """Keep a result under its key; see Store."""
         facts, arrays = stored
         self._held[key] = json.loads(json.dumps(facts)), arrays
 
@@ -92,7 +92,7 @@ class Folder:
             return None
 
     def put(self, key: str, stored: Stored) -> None:
-        """See Store."""
+        """Keep a result under its key, in a file; see Store."""
         facts, arrays = stored
         with replacing(self._runs / f"{key}.npz") as temporary, temporary.open("wb") as file:
             np.savez_compressed(

@@ -58,7 +58,7 @@ class FrameRows:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """(m, n)."""
+        """The numbers of rows and columns, (m, n)."""
         return self.matrix.shape
 
     @cached_property

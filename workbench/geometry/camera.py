@@ -34,12 +34,12 @@ class Camera:
 
     @cached_property
     def focal(self) -> Block:
-        """(2,) px."""
+        """The block of focal lengths, (2,) px."""
         return Block(self.prefix + "focal", (2,), "px", ("x", "y"))
 
     @cached_property
     def centre(self) -> Block:
-        """(2,) px."""
+        """The block of the principal point, (2,) px."""
         return Block(self.prefix + "centre", (2,), "px", ("u", "v"))
 
     @cached_property
@@ -49,7 +49,7 @@ class Camera:
 
     @cached_property
     def rotation(self) -> Block:
-        """(3,) rad."""
+        """The block of the rotation vector, (3,) rad."""
         return Block(self.prefix + "rotation", (3,), "rad", ("x", "y", "z"))
 
     @cached_property
@@ -59,7 +59,7 @@ class Camera:
 
     @property
     def blocks(self) -> tuple[Block, ...]:
-        """All five."""
+        """The five blocks of the camera."""
         return self.focal, self.centre, self.distortion, self.rotation, self.translation
 
     def project(self, points: cs.MX) -> cs.MX:

@@ -46,7 +46,7 @@ class BandedMatrix:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """(n, n)."""
+        """The numbers of rows and columns, (n, n)."""
         return self.order.size, self.order.size
 
     def put(self, at: BandPlaces, some: slice, products: Array) -> None:

@@ -49,7 +49,7 @@ class BlockMatrix:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """(m, n)."""
+        """The numbers of rows and columns, (m, n)."""
         m, n = self.rest.shape
         return int(m), int(n)
 

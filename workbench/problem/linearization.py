@@ -44,7 +44,7 @@ class Linearization:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """(m, n)."""
+        """The numbers of rows and columns, (m, n)."""
         return self.jacobian.shape
 
     @property

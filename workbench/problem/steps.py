@@ -33,23 +33,23 @@ class LinearModel(Protocol):
 
     @property
     def residual(self) -> Array:
-        """r (m,)."""
+        """The residual r, (m,)."""
 
     @property
     def gradient(self) -> Array:
-        """J'r (n,)."""
+        """The gradient J'r, (n,)."""
 
     @property
     def normal(self) -> Symmetric:
-        """J'J (n, n)."""
+        """The normal equations' matrix J'J, (n, n)."""
 
     @property
     def shape(self) -> tuple[int, int]:
-        """(m, n)."""
+        """The numbers of rows and columns, (m, n)."""
 
     @property
     def dense(self) -> Array:
-        """J (m, n)."""
+        """The Jacobian J as an array, (m, n)."""
 
     @property
     def estimated(self) -> bool:
@@ -57,7 +57,7 @@ class LinearModel(Protocol):
 
     @property
     def column_norms(self) -> Array:
-        """Of J, (n,)."""
+        """The lengths of the Jacobian's columns, (n,)."""
 
     @property
     def triangle(self) -> tuple[Array, Array, Array]:

@@ -100,7 +100,7 @@ def known_table(d: Diagnosis) -> Table:
 
 
 def entries_table(d: Diagnosis) -> Table:
-    """Every unknown."""
+    """A table with a row for every unknown."""
     known, sizes = d.identifiability, d.point.yardsticks.sizes
     rows = tuple(
         (

@@ -16,7 +16,7 @@ class Limits(Protocol):
 
     @property
     def max_iterations(self) -> int:
-        """Steps."""
+        """The largest number of steps."""
 
     @property
     def max_evaluations(self) -> int:

@@ -54,7 +54,7 @@ class Oracle:
 
     @cached_property
     def cost(self) -> "External":
-        """Of x."""
+        """The cost as a function of x."""
         known = _asked_twice(self._run.cost)
         return self._external("cost", (), lambda x, _: known(x))
 
@@ -66,13 +66,13 @@ class Oracle:
 
     @cached_property
     def constraints(self) -> "External":
-        """Of x, (k,)."""
+        """The constraints as a function of x, (k,)."""
         known = _asked_twice(self._run.constraints)
         return self._external("constraints", self._sizes[1:], lambda x, _: known(x))
 
     @cached_property
     def constraint_jacobian(self) -> "External":
-        """Of x, (k, n)."""
+        """The Jacobian of the constraints as a function of x, (k, n)."""
         (n, k), at, problem = self._sizes, self._run.linearize, self._run.problem
         there = problem.stacked_constraints
 

@@ -135,12 +135,12 @@ class Spoiled:
 
     @property
     def subject(self) -> Index:
-        """As they were."""
+        """The subject of each registration, unchanged."""
         return self.of.subject
 
     @property
     def n_vertices(self) -> int:
-        """N."""
+        """N, the number of vertices."""
         return self.of.n_vertices
 
     def read(self, some: slice) -> Batch:

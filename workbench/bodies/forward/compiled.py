@@ -68,7 +68,7 @@ class CompiledSurface:
 
     @cached_property
     def points(self) -> Array:
-        """(N, 3) m."""
+        """The posed vertices before translation, (N, 3) m."""
         found = np.empty((self.of.count, 3))
         self.of.run("points", motion_column(self.motion, self.betas), _address(found))
         return found

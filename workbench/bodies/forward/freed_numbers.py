@@ -65,12 +65,12 @@ class FreedSurfaceAt:
 
     @cached_property
     def turns(self) -> Array:
-        """Q, (K, 3, 3)."""
+        """Q: the rotation of each joint in the world, (K, 3, 3)."""
         return self.motion.G[:, :, :3]
 
     @cached_property
     def levers(self) -> Array:
-        """D, (K, 3, 3)."""
+        """D: the rotation above each joint less its own, (K, 3, 3)."""
         above = np.concatenate([np.eye(3)[None], self.turns[list(self.of.body.parents[1:])]])
         return above - self.turns
 
@@ -100,22 +100,22 @@ class FreedSurfaceAt:
 
     @cached_property
     def weights(self) -> Array:
-        """(n, K)."""
+        """The skinning weights of the chosen vertices, (n, K)."""
         return self._array("weights")[self.of.chosen]
 
     @cached_property
     def below(self) -> Array:
-        """c, (n, K)."""
+        """c: the weight that each joint and those below it carry, (n, K)."""
         return np.asarray(self.weights @ self.of.ancestors)
 
     @cached_property
     def blended(self) -> Array:
-        """A, (n, 3, 3)."""
+        """A: the blended rotation of each chosen vertex, (n, 3, 3)."""
         return blend_matrices(self.weights, self.turns)
 
     @cached_property
     def rest(self) -> Array:
-        """v, (n, 3) m."""
+        """v: the chosen vertices at rest, with all blend shapes, (n, 3) m."""
         bulges = self._array("posedirs")[self.of.chosen] @ self.motion.features
         return np.asarray(self.person[self.of.chosen] + bulges)
 

@@ -57,7 +57,7 @@ class FreedPointsAt:
 
     @property
     def points(self) -> Array:
-        """(n, 3) m."""
+        """The chosen vertices of the posed surface, (n, 3) m."""
         return self.here.points
 
     def jacobian(self, name: str) -> csc_array:

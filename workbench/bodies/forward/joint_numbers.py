@@ -57,7 +57,7 @@ class JointsAt:
 
     @cached_property
     def points(self) -> Array:
-        """(K, 3) m."""
+        """The posed joints, (K, 3) m."""
         return self.posed.motion.joints + self.trans
 
     def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
@@ -94,12 +94,12 @@ class JointsAt:
         return found.transpose(0, 1, 3, 2).reshape(3 * K, 3 * K)
 
     def _by_betas(self, slopes: Slopes) -> Array:
-        """(B, 3 K)."""
+        """The transposed derivative of the joints by betas, (B, 3 K)."""
         K, B = len(self.posed.pose), len(self.posed.betas)
         at_rest = self.posed.motion.G[:, :, :3] @ self.of.kinematics.skeleton.slopes  # (K, 3, B)
         moved: Array = at_rest.transpose(2, 1, 0) + slopes.d_shift.reshape(B, 3, K)
         return moved.transpose(0, 2, 1).reshape(B, 3 * K)
 
     def _by_trans(self, _: Slopes) -> Array:
-        """(3, 3 K)."""
+        """The transposed derivative of the joints by trans, (3, 3 K)."""
         return np.tile(np.eye(3), len(self.posed.pose))

@@ -93,7 +93,7 @@ class LandmarksAt:
 
     @cached_property
     def rest(self) -> Array:
-        """v, (3, P) m."""
+        """v: the rest points, (3, P) m."""
         return self.of.rest_points.rest(self.posed.motion.features, self.posed.betas)
 
     @cached_property
@@ -103,12 +103,12 @@ class LandmarksAt:
 
     @cached_property
     def moved(self) -> Array:
-        """y, (3, P) m."""
+        """y: the rest points, each moved with its joint, (3, P) m."""
         return self.of.rest_points.moved(self.turns, self.rest)
 
     @cached_property
     def points(self) -> Array:
-        """(L, 3) m."""
+        """The landmarks on the posed surface, (L, 3) m."""
         return self.of.rest_points.summed(self.moved).T + self.trans
 
     def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
@@ -142,7 +142,7 @@ class LandmarksAt:
         }
 
     def _by_pose(self, slopes: Slopes) -> Array:
-        """(3 K, 3, L)."""
+        """The transposed derivative of the landmarks by the pose, (3 K, 3, L)."""
         of, (K, _) = self.of, self.posed.pose.shape
         placed = of.on_joints(self.moved)
         below = (of.above @ placed.reshape(K, -1)).reshape(placed.shape)
@@ -155,7 +155,7 @@ class LandmarksAt:
         return found.reshape(3 * K, 3, -1)
 
     def _by_betas(self, slopes: Slopes) -> Array:
-        """(B, 3, L)."""
+        """The transposed derivative of the landmarks by betas, (B, 3, L)."""
         B = len(self.posed.betas)
         return (slopes.d_shift @ self.of.mass).reshape(B, 3, -1) + self._turned(
             self.of.rest_points.shapedirs

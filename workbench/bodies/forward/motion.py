@@ -57,14 +57,14 @@ class Posed:
 
     @cached_property
     def motion(self) -> Motion:
-        """Of the joints."""
+        """The motion of the joints."""
         if self.among is not None:
             return self.among.motions[self.place]
         return self.kinematics.motion(self.pose, self.betas)
 
     @cached_property
     def slopes(self) -> Slopes:
-        """Of the motion."""
+        """The derivative of the motion."""
         if self.among is not None:
             return self.among.slopes[self.place]
         return self.kinematics.slopes(self.pose, self.betas)
@@ -84,12 +84,12 @@ class Together:
 
     @cached_property
     def motions(self) -> list[Motion]:
-        """Of each pose."""
+        """The motion of each pose."""
         return self.kinematics.many_motions(self.poses, self.betas)
 
     @cached_property
     def slopes(self) -> list[Slopes]:
-        """Of each pose."""
+        """The derivative of the motion of each pose."""
         return self.kinematics.many_slopes(self.poses, self.betas)
 
 

@@ -106,7 +106,7 @@ class ChunkedSurface:
 
     @cached_property
     def points(self) -> Array:
-        """(N, 3) m."""
+        """The posed vertices before translation, (N, 3) m."""
         chunks = self.of.chunks
         found = np.empty((chunks[-1].rows.stop if chunks else 0, 3))
         for chunk in chunks:
@@ -207,7 +207,7 @@ def _below(chunk: Chunk, rest: Array, motion: Motion, parents: tuple[int, ...]) 
 
 
 def _by_pose(chunk: Chunk, below: Array, R: Array, slopes: Slopes) -> Array:
-    """(3 K, 3, n)."""
+    """The transposed derivative of n vertices by the pose, (3 K, 3, n)."""
     K, n = chunk.weights.shape
     out: Array = np.matmul(slopes.turns, below).reshape(3 * K, 3, n)
     if K > 1:
@@ -217,7 +217,7 @@ def _by_pose(chunk: Chunk, below: Array, R: Array, slopes: Slopes) -> Array:
 
 
 def _by_betas(chunk: Chunk, R: Array, slopes: Slopes) -> Array:
-    """(B, 3, n)."""
+    """The transposed derivative of n vertices by betas, (B, 3, n)."""
     B, n = len(chunk.shapedirs), chunk.weights.shape[1]
     out: Array = (slopes.d_shift @ chunk.weights).reshape(B, 3, n)
     _add_rotated(out, R, chunk.shapedirs.reshape(B, 3, n))

@@ -97,7 +97,7 @@ class Named:
         return [NamedAt(self, here) for here in found]
 
     def many(self, values: Mapping[str, Array]) -> Array:
-        """(M, N, 3) m."""
+        """The points of M sets of values, (M, N, 3) m."""
         return self.points.many(*(one.many(values) for one in self.maps))
 
     def assembly(self, names: tuple[str, ...]) -> Assembly:
@@ -116,7 +116,7 @@ class NamedAt:
 
     @property
     def points(self) -> Array:
-        """(N, 3) m."""
+        """The points at these values, (N, 3) m."""
         return self.here.points
 
     def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
@@ -217,7 +217,7 @@ class SurfaceAt:
 
     @cached_property
     def points(self) -> Array:
-        """(N, 3) m."""
+        """The posed vertices, (N, 3) m."""
         return self.surface.points + self.trans
 
     def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
@@ -251,7 +251,7 @@ class NumericMeans:
 
     @cached_property
     def on_coordinates(self) -> csr_array:
-        """(3 M, 3 N)."""
+        """The matrix of weighted means, for each coordinate: (3 M, 3 N)."""
         return csr_array(kron(self.regressor, np.eye(3), format="csr"))
 
     def at(self, pose: Array, betas: Array, trans: Array) -> MeansAt:
@@ -273,7 +273,7 @@ class MeansAt:
 
     @cached_property
     def points(self) -> Array:
-        """(M, 3) m."""
+        """The weighted means of the posed vertices, (M, 3) m."""
         return np.asarray(self.of.regressor @ self.surface.points)
 
     def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:

@@ -36,7 +36,7 @@ class SurfacePoints:
 
     @cached_property
     def expression(self) -> cs.MX:
-        """(3, N) m."""
+        """The posed vertices in symbols, (3, N) m."""
         return surface.posed(self.at.body, *self.at.symbols, self.vertices)
 
     @property
@@ -46,7 +46,7 @@ class SurfacePoints:
 
     @property
     def tree(self) -> Tree | None:
-        """The body's."""
+        """The kinematic tree of the body."""
         return self.at.tree
 
     @property
@@ -84,12 +84,12 @@ class JointPoints:
 
     @property
     def count(self) -> int:
-        """K."""
+        """K, the number of joints."""
         return self.at.body.n_joints
 
     @cached_property
     def expression(self) -> cs.MX:
-        """(3, K) m."""
+        """The posed joints in symbols, (3, K) m."""
         posture = surface.posture(self.at.body, self.at.pose)
         _, joints = surface.motions(self.at.body, posture, self.at.betas)
         return joints + cs.repmat(self.at.trans, 1, self.count)
@@ -107,7 +107,7 @@ class JointPoints:
 
     @property
     def tree(self) -> Tree | None:
-        """The body's."""
+        """The kinematic tree of the body."""
         return self.at.tree
 
     @property
@@ -132,7 +132,7 @@ class LandmarkPoints:
 
     @property
     def count(self) -> int:
-        """M."""
+        """M, the number of landmarks."""
         return len(self.landmarks.names)
 
     @cached_property
@@ -157,7 +157,7 @@ class LandmarkPoints:
 
     @property
     def tree(self) -> Tree | None:
-        """The body's."""
+        """The kinematic tree of the body."""
         return self.at.tree
 
     @property

@@ -127,7 +127,7 @@ class SurfaceNumbers:
 
     @cached_property
     def points(self) -> Array:
-        """(N, 3) m."""
+        """The stitched vertices, (N, 3) m."""
         of = self.of
         pulls = of.stitching.pulled(_each(self.B, self.shaped))
         return np.asarray(of.placed(pulls) + of.root)

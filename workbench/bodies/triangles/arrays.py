@@ -17,15 +17,15 @@ class TriangleArrays(Body, Protocol):
 
     @property
     def n_faces(self) -> int:
-        """F."""
+        """F, the number of triangles."""
 
     @property
     def template(self) -> Array:
-        """(N, 3) m."""
+        """The mean person at rest, (N, 3) m."""
 
     @property
     def faces(self) -> Index:
-        """(F, 3)."""
+        """The corners of each triangle, (F, 3)."""
 
     @property
     def shapedirs(self) -> Array:
@@ -41,11 +41,11 @@ class TriangleArrays(Body, Protocol):
 
     @property
     def weights(self) -> csr_array:
-        """(F, K)."""
+        """How much each triangle belongs to each part, (F, K)."""
 
     @property
     def J_regressor(self) -> csr_array:
-        """(K, N)."""
+        """The joints as weighted means of vertices, (K, N)."""
 
     @property
     def landmarks(self) -> Mapping[str, Landmarks]:

@@ -75,12 +75,12 @@ class TriangleBody:
 
     @property
     def n_vertices(self) -> int:
-        """N."""
+        """N, the number of vertices."""
         return len(self.template)
 
     @property
     def n_faces(self) -> int:
-        """F."""
+        """F, the number of triangles."""
         return len(self.faces)
 
     @property
@@ -90,7 +90,7 @@ class TriangleBody:
 
     @property
     def n_betas(self) -> int:
-        """B."""
+        """B, the number of shape directions."""
         return int(self.shapedirs.shape[3])
 
     @property

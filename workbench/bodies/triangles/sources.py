@@ -28,7 +28,7 @@ class TriangleSurface:
 
     @property
     def count(self) -> int:
-        """N."""
+        """N, the number of vertices."""
         return self.at.body.n_vertices
 
     @cached_property
@@ -43,7 +43,7 @@ class TriangleSurface:
 
     @property
     def tree(self) -> Tree | None:
-        """The body's."""
+        """The kinematic tree of the body."""
         return self.at.tree
 
     @property
@@ -73,12 +73,12 @@ class SurfaceMeans:
 
     @property
     def count(self) -> int:
-        """M."""
+        """M, the number of weighted means."""
         return len(self.labels)
 
     @cached_property
     def expression(self) -> cs.MX:
-        """(3, M) m."""
+        """The weighted means of vertices in symbols, (3, M) m."""
         return self.surface.expression @ cs.MX(cs.DM(self.regressor.T.tocsc()))
 
     @property
@@ -129,7 +129,7 @@ class TrianglesAt:
 
     @cached_property
     def points(self) -> Array:
-        """(N, 3) m."""
+        """The stitched vertices, (N, 3) m."""
         return self.surface.points + self.trans
 
     def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
