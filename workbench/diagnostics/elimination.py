@@ -145,6 +145,10 @@ class Elimination:
         found[self.takes_part] = np.inf
         return found
 
+    def deviations(self, lengths: Array) -> Array:
+        """Standard deviations (n,) of the unknowns, whose columns had these lengths (n,)."""
+        return np.asarray(np.sqrt(self.variances) / lengths)
+
     @cached_property
     def takes_part(self) -> Mask:
         """Which unknowns a null vector moves, (n,)."""

@@ -121,7 +121,7 @@ class SequenceDiagnosis:
     @cached_property
     def sigma(self) -> Array:
         """Posterior standard deviations (n,), infinite for unknowns that a null direction moves."""
-        return np.asarray(np.sqrt(self.eliminated.variances) / self.rows.lengths)
+        return self.eliminated.deviations(self.rows.lengths)
 
     @cached_property
     def shared(self) -> SharedUnknowns:

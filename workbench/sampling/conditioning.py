@@ -196,7 +196,7 @@ def _by_elimination(problem: Problem, here: Linearization, between: Array) -> Ar
     found = Linearization(np.zeros(taller.shape[0]), taller)
     frames = np.concatenate([frames_of_rows(problem.residuals), np.full(len(weighed), -1)])
     rows = FrameRows.of(found, frames)
-    return np.asarray(np.sqrt(Elimination.of(rows).variances) / rows.lengths)
+    return Elimination.of(rows).deviations(rows.lengths)
 
 
 def _deviations(J: Array) -> Array:
