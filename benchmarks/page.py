@@ -23,9 +23,9 @@ def text(results: Mapping[str, Any]) -> str:
     found = {name: part["found"] for name, part in results.items()}
     judged = targets.all_of(results)
     if judged:
-        parts += ["## What was promised\n", table.promises(judged)]
+        parts += ["## Targets\n", table.promises(judged)]
     if "derivatives" in found:
-        parts += ["## Derivatives\n", "Milliseconds are least / median.\n"]
+        parts += ["## Derivatives\n", "Milliseconds are minimum / median.\n"]
         parts += [table.derivatives(found["derivatives"])]
     if "fits" in found:
         parts += ["## Fits\n", table.fits(found["fits"])]
@@ -33,7 +33,7 @@ def text(results: Mapping[str, Any]) -> str:
         parts += ["## Cost and memory against the number of vertices\n"]
         parts += [table.scaling(found["scaling"])]
     if "overhead" in found:
-        parts += ["## What stands around NLopt and IPOPT\n", table.overhead(found["overhead"])]
+        parts += ["## Overhead around NLopt and IPOPT\n", table.overhead(found["overhead"])]
     if "vertices" in found:
         parts += ["## A step of a registration with free vertices\n"]
         parts += [table.vertices(found["vertices"])]

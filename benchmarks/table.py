@@ -107,7 +107,7 @@ def sequences(found: Mapping[str, Any]) -> str:
     parts = (filmed.APART, filmed.WHOLE, filmed.ITERATION, filmed.STEP, filmed.DIRECT)
     lines = [
         "| seen | unknowns | " + ", ms | ".join(parts) + ", ms | iteration × one by one | "
-        "off the dense solution of six frames |",
+        "distance from the dense solution of six frames |",
         "| --- |" + " --: |" * (len(parts) + 3),
     ]
     for name, one in found["seen"].items():
@@ -129,7 +129,7 @@ def sequences(found: Mapping[str, Any]) -> str:
 
 def promises(judged: Iterable[Target]) -> str:
     """Promise, measurement, and whether it holds."""
-    lines = ["| ratio of times | promised | measured | |", "| --- | --: | --: | --- |"]
+    lines = ["| ratio of times | target | measured | |", "| --- | --: | --: | --- |"]
     for target in judged:
         promised = f"{'at most' if target.at_most else 'at least'} {target.limit:g}"
         verdict = "holds" if target.holds else "**missed**"

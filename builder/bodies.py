@@ -20,7 +20,7 @@ from builder.packing import BuiltBody, write_body
 from builder.symmetrize import PoseParts, even_body, pose_parts, regressor_from
 from workbench.arrays import Array, Mask
 from workbench.bodies import SkinnedBody
-from workbench.bodies.catalogue import embedded_body
+from workbench.bodies.files.embedded import read_embedded
 from workbench.errors import BadFile
 from workbench.reading.archive import open_arrays
 from workbench.reading.expected import doubles, read_expected, texts
@@ -158,7 +158,7 @@ class Builder:
         )
         trial = self.work / f"{name}.npz"
         write_body(built, {}, trial)
-        stored = embedded_body(trial)
+        stored = read_embedded(trial)
         self.say(f"  {name}: fitting held-out people")
         held_out = self._held_out(name.partition("-")[0], gender, stored, parts.start)
         trained_on = TrainedOn(

@@ -1,7 +1,7 @@
 """How far joints turn: ranges that were measured on people, and ranges seen in motion capture.
 
 Run as `python -m builder.joint_limits MOCAP.npz --out workbench/data/joint_limits`,
-with the recording of `workbench.priors.pose_gaussian`. Writes `anatomical.json` and
+with the recording of `workbench.priors.poses`. Writes `anatomical.json` and
 `recorded.json`: per joint and axis of its rotation vector the lower and the upper limit in degrees,
 null where there is none. In the T-pose (y up, the body faces +z, its left is +x) a turn about one
 axis is an anatomical motion with a name; a turn about several is not, and there a box of rotation

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from workbench.priors.mocap import Mocap, read_mocap
-from workbench.priors.pose_gaussian import FILE_NAME, PoseGaussian
+from workbench.priors.poses import GAUSSIAN_FILE, PoseGaussian
 
 UNMEASURED_STD = 0.1  # rad, of joints that the recording does not move: a guess
 LEAST_STD = 0.01  # rad, added to every entry, so that the covariance can be inverted
@@ -54,7 +54,7 @@ def main() -> None:
     arguments = parser.parse_args()
     learned_from, _ = read_mocap(arguments.mocap).split()
     prior = learn_pose_gaussian(learned_from)
-    save_pose_gaussian(prior, arguments.out / FILE_NAME)
+    save_pose_gaussian(prior, arguments.out / GAUSSIAN_FILE)
     print(f"{prior.n_frames} frames; not moved in them: {', '.join(prior.unmeasured)}")
     print(f"held out: {', '.join(prior.held_out)}")
 

@@ -14,7 +14,7 @@ from builder.packing import write_arrays
 from builder.pose_gaussian import LEAST_STD, UNMEASURED_STD
 from workbench.arrays import Array
 from workbench.priors.mocap import Mocap, read_mocap
-from workbench.priors.pose_mixture import FILE_NAME, PoseMixture
+from workbench.priors.poses import MIXTURE_FILE, PoseMixture
 
 COMPONENTS = 8
 CLUSTER_ROUNDS = 30  # of k-means, to begin with
@@ -109,7 +109,7 @@ def main() -> None:
     arguments = parser.parse_args()
     learned_from, held_out = read_mocap(arguments.mocap).split()
     mixture = learn_pose_mixture(learned_from)
-    save_pose_mixture(mixture, arguments.out / FILE_NAME)
+    save_pose_mixture(mixture, arguments.out / MIXTURE_FILE)
     flat = held_out.poses[:, 1:].reshape(len(held_out.poses), -1)
     density = float(logsumexp(mixture.log_density(flat), axis=1).mean())
     print(f"{mixture.n_frames} frames; shares {np.round(mixture.shares, 3).tolist()}")

@@ -1,6 +1,6 @@
 """A problem is residuals and a choice of free names: here a cubic through noisy points.
 
-No body anywhere. The same five lines take any formula, and every solver takes the problem.
+There is no body in it. The same five lines take any formula, and every solver takes the problem.
 """
 
 import numpy as np

@@ -1,9 +1,9 @@
 """A fifth of the data is wrong: squares follow it, robust kernels do not.
 
-The cost of a residual r is rho(r^2 / sigma^2) / 2. With rho(s) = s one bad point may pull as hard
-as it is far away. Geman and McClure's rho(s) = s / (1 + s) never exceeds 1, and pulls hardest at
-sigma / sqrt(3); Huber's goes on in a straight line. The sigma says where outliers begin, so it
-has a unit.
+The cost of a residual r is rho(r^2 / sigma^2) / 2. With rho(s) = s the pull of a bad point
+grows with its distance. Geman and McClure's rho(s) = s / (1 + s) never exceeds 1, and pulls
+hardest at sigma / sqrt(3); Huber's cost continues as a straight line. The sigma says where
+outliers begin, so it has a unit.
 """
 
 from pathlib import Path

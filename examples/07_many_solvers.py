@@ -1,7 +1,8 @@
 """One problem, every kind of solver: the same minimum, at very different prices.
 
 Rosenbrock's valley as two residuals, 10 (y - x^2) and 1 - x. A gradient is a direction and not a
-step; what each method makes of it shows in how often it asks. Convergence means the same for all.
+step; how well a method chooses its steps shows in the number of its calls. Convergence means the
+same for all.
 """
 
 from pathlib import Path

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 import workbench as wb
-from workbench.priors.pose_gaussian import draw_poses, shipped_gaussian
+from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.studies.blend_shapes import questions
 from workbench.studies.blend_shapes.evaluation import accuracy
 from workbench.studies.blend_shapes.posed_surfaces import PosedSurfaces, with_blend_shapes

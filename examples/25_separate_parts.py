@@ -6,6 +6,7 @@ goes where it likes; the tree holds it where its neighbours are.
 
 from pathlib import Path
 
+import casadi as cs
 import numpy as np
 
 import workbench as wb
@@ -19,31 +20,28 @@ truth = 0.35 * rng.standard_normal((24, 3))
 seen = rng.permutation(body.n_vertices)[:150]  # of 369, with 1 cm of noise
 points = body.vertices(truth)[seen] + 0.01 * rng.standard_normal((len(seen), 3))
 
-turns, places = (block.symbol for block in parts.blocks())
+turns, places = (block.symbol for block in parts.blocks)
 pose, betas, trans = (block.symbol for block in tree.blocks())
 
 
-def picked(of: wb.Points) -> wb.Residual:
-    """The distance of the vertices that were seen."""
-    return wb.Residual(
-        "seen",
-        (of.symbol[:, seen.tolist()] - points.T).reshape((-1, 1)),
-        sigma=0.01,
-        unit="m",
-        points=(of,),
-    )
+def picked(symbols: cs.MX, *of: wb.Points) -> wb.Residual:
+    """The distance of the vertices (3, N) m that were seen."""
+    differences = symbols[:, seen.tolist()] - points.T
+    return wb.Residual("seen", differences.reshape((-1, 1)), sigma=0.01, unit="m", points=of)
 
 
 apart = wb.Problem(
     [
-        picked(parts.points(turns, places)),
+        picked(parts.points()),
         wb.residuals.gaussian(turns, covariance=1.0),
         wb.residuals.gaussian(places, covariance=1.0),
     ],
     free=["turns", "places"],
+    blocks=parts.blocks,
 )
+surface = tree.points(pose, betas, trans)
 together = wb.Problem(
-    [picked(tree.points(pose, betas, trans)), wb.residuals.gaussian(pose, covariance=1.0)],
+    [picked(surface.symbol, surface), wb.residuals.gaussian(pose, covariance=1.0)],
     free=["pose", "trans"],
 )
 loose = wb.solve(apart, parts.articulated(np.zeros((24, 3)))).values

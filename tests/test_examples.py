@@ -57,6 +57,14 @@ def test_a_sequence_shares_a_shape_and_fills_gaps() -> None:
     assert spread["as a sequence"] < spread["frame by frame"] / 3
 
 
+def test_each_term_of_training_closes_directions() -> None:
+    example = import_module("examples.13_training_term_by_term")
+    assert example.data.shape == (4320, 2700)
+    assert example.open_with == {"E_D": 31, "E_D + E_T": 16, "E_D + E_T + E_P": 12}
+    kinds = {direction.kind for direction in example.data.null_directions}
+    assert kinds == {"shift", "gauge"}  # every one of them has a name
+
+
 def test_robust_kernels_leave_outliers_alone() -> None:
     example = import_module("examples.06_outliers")
     squares, huber, geman = (example.errors[name].mean() for name in example.KERNELS)

@@ -58,8 +58,25 @@ def test_shape_directions_explain_and_joints_go_with_them() -> None:
         assert np.abs(sum(ends) / 2 - mean).max() < 0.01
     assert example.moved.max() > 0.1  # m
     assert example.wrong.max() > 0.03
-    assert example.total(example.released) == 4_836_780
-    assert example.total(example.SLIDE) == 6_014_970
+
+
+def test_the_numbers_of_a_body_are_counted() -> None:
+    example = import_module("examples.24_shape_directions")
+    published = {name: count for name, (count, _) in example.PUBLISHED.items()}
+    assert sum(published.values()) == 6_014_970
+    released = example.sizes(6890, 24, 10)
+    assert released["posedirs"] == 4_278_690 == 3 * 9 * 23 * 6890
+    assert released["template"] + released["shapedirs"] == 227_370
+    assert sum(released.values()) == 4_836_780
+    for name in ("template", "shapedirs", "posedirs"):
+        assert published[name] == released[name]
+    assert published["weights"] == 3 * 4 * 6890 != released["weights"] == 165_360
+    assert published["J_regressor"] == 3 * 6890 * 23 * 3 != 23 * 6890 == 158_470
+    for name in ("posedirs", "weights", "J_regressor"):
+        assert example.PUBLISHED[name][1]
+    body = example.body
+    sizes = example.sizes(body.n_vertices, body.n_joints, body.n_betas)
+    assert {name: array.size for name, array in example.here.items()} == sizes
 
 
 def test_parts_come_off_and_the_tree_holds() -> None:

@@ -14,5 +14,5 @@ def test_training_leads_a_reader_down() -> None:
     shapes, _ = made_up.draw_registrations(body, 6, 1, seed=1, turn=0.2)
     found = walk(lambda: train(poses, start, multi_shape=shapes, n_betas=2))
     back = found.returns("training") + found.unrelated("training")
-    assert len(back) <= MOST_RETURNS["train"], found.told("training")
-    assert not found.climbs, found.told("training")
+    assert len(back) <= MOST_RETURNS["train"], found.described("training")
+    assert not found.climbs, found.described("training")

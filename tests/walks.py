@@ -13,7 +13,7 @@ The caller is the nearest frame of `workbench` further up, so that callbacks, pr
 properties count. To walk a run and print what was found:
 
     from tests.walks import walk
-    print(walk(lambda: train(registrations, start)).told("training"))
+    print(walk(lambda: train(registrations, start)).described("training"))
 
 `returns` and `unrelated` take the names of the rooms that are walked; `climbs` are all of them.
 """
@@ -71,7 +71,7 @@ class Walk:
             if call.caller not in _below(call.callee) and call.callee not in _below(call.caller)
         ]
 
-    def told(self, *rooms: str) -> str:
+    def described(self, *rooms: str) -> str:
         """What was found, a line for each call that does not lead down."""
         files = {module for call in self._inside(rooms) for module in (call.caller, call.callee)}
         found = {

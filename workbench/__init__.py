@@ -14,68 +14,104 @@ if TYPE_CHECKING:
     from workbench.bodies.catalogue import load_body
     from workbench.bodies.files.saving import save_body
     from workbench.bodies.triangles import TriangleBody
-    from workbench.comparison import Budget, Comparison
+    from workbench.comparison import Budget, Comparison, Record, TargetOutcome
     from workbench.comparison.compare import compare
-    from workbench.diagnostics import Diagnosis, diagnose
+    from workbench.diagnostics import (
+        Diagnosis,
+        Direction,
+        Finding,
+        SequenceDiagnosis,
+        Suggestion,
+        diagnose,
+    )
     from workbench.errors import WorkbenchError
+    from workbench.experiments import Experiment
+    from workbench.fitting import KnownAnswer, Measure, Setup, View
     from workbench.geometry.camera import Camera
     from workbench.problem import Constraint, Linearization, Problem, sequence
     from workbench.residuals import Residual
     from workbench.sampling import Posterior, laplace, sample
     from workbench.solvers import (
         SOLVERS,
+        Abilities,
         Dogleg,
+        Evaluations,
         GaussNewton,
         Ipopt,
+        Iterate,
         LevenbergMarquardt,
         Newton,
         Nlopt,
         Scipy,
         Solution,
+        Solver,
         Sqp,
         Staged,
         Status,
         SteepestDescent,
         solve,
     )
+    from workbench.training.blocks import BlockOptions
+    from workbench.training.estimate import Sigmas
     from workbench.training.first_guess import Start
-    from workbench.training.registrations import InMemory, Registrations
+    from workbench.training.plan import Plan, Stage
+    from workbench.training.registrations import Batch, InMemory, Registrations
     from workbench.training.training import Trained, train
 
 __all__ = [
     "SOLVERS",
+    "Abilities",
+    "Batch",
     "Block",
+    "BlockOptions",
     "Budget",
     "Camera",
     "Comparison",
     "Constraint",
     "Diagnosis",
+    "Direction",
     "Dogleg",
+    "Evaluations",
+    "Experiment",
+    "Finding",
     "GaussNewton",
     "InMemory",
     "Ipopt",
+    "Iterate",
+    "KnownAnswer",
     "Landmarks",
     "Layout",
     "LevenbergMarquardt",
     "Linearization",
+    "Measure",
     "Newton",
     "Nlopt",
+    "Plan",
     "Points",
     "Posterior",
     "Problem",
+    "Record",
     "Registrations",
     "Residual",
     "Scipy",
+    "SequenceDiagnosis",
+    "Setup",
+    "Sigmas",
     "SkinnedBody",
     "Solution",
+    "Solver",
     "Sqp",
+    "Stage",
     "Staged",
     "Start",
     "Status",
     "SteepestDescent",
+    "Suggestion",
+    "TargetOutcome",
     "Trained",
     "TriangleBody",
     "Values",
+    "View",
     "WorkbenchError",
     "compare",
     "diagnose",
@@ -98,38 +134,55 @@ ROOMS = {  # where the names above live
     "bodies.catalogue": ("load_body",),
     "bodies.files.saving": ("save_body",),
     "bodies.triangles": ("TriangleBody",),
-    "comparison": ("Budget", "Comparison", "compare"),
-    "diagnostics": ("Diagnosis", "diagnose"),
+    "comparison": ("Budget", "Comparison", "Record", "TargetOutcome", "compare"),
+    "diagnostics": (
+        "Diagnosis",
+        "Direction",
+        "Finding",
+        "SequenceDiagnosis",
+        "Suggestion",
+        "diagnose",
+    ),
     "errors": ("WorkbenchError",),
+    "experiments": ("Experiment",),
+    "fitting": ("KnownAnswer", "Measure", "Setup", "View"),
     "geometry.camera": ("Camera",),
     "problem": ("Constraint", "Linearization", "Problem", "sequence"),
     "residuals": ("Residual",),
     "sampling": ("Posterior", "laplace", "sample"),
     "solvers": (
         "SOLVERS",
+        "Abilities",
         "Dogleg",
+        "Evaluations",
         "GaussNewton",
         "Ipopt",
+        "Iterate",
         "LevenbergMarquardt",
         "Newton",
         "Nlopt",
         "Scipy",
         "Solution",
+        "Solver",
         "Sqp",
         "Staged",
         "Status",
         "SteepestDescent",
         "solve",
     ),
+    "training.blocks": ("BlockOptions",),
+    "training.estimate": ("Sigmas",),
     "training.first_guess": ("Start",),
-    "training.registrations": ("InMemory", "Registrations"),
+    "training.plan": ("Plan", "Stage"),
+    "training.registrations": ("Batch", "InMemory", "Registrations"),
     "training.training": ("Trained", "train"),
 }
 
 
 def __getattr__(name: str) -> Any:
-    """A name, or a room, is loaded when it is asked for: all of them take seconds, and until a
-    command has begun, nobody minds an interrupt.
+    """Load a public name or a room when it is first used.
+
+    To load all of them takes seconds, in which an interrupt would not be handled yet.
     """
     for room, names in ROOMS.items():
         if name in names:

@@ -2,7 +2,8 @@
 
 The environment decides: WORKBENCH_COMPILE=0 switches compiling off, CC names the compiler, and
 WORKBENCH_CACHE (else XDG_CACHE_HOME/workbench, else ~/.cache/workbench) the folder that libraries
-are kept in. They are never needed: who asks for a library has another way to the same numbers.
+are kept in. They are never needed: whoever asks for a library can compute the same numbers in
+another way.
 """
 
 import ctypes
@@ -34,21 +35,27 @@ class NoLibrary(WorkbenchError):
 
 @dataclass(frozen=True)
 class Compiler:
-    """A C compiler that works: `target` is all that it says of its version and the processor."""
+    """A C compiler that works.
 
-    command: tuple[str, ...]  # a path, and perhaps words after it
-    native: str  # the flag for this processor
+    Attributes:
+        command: its path, and arguments that CC gives after that.
+        native: the flag with which it compiles for this processor.
+        target: the macros that it defines, which name its version and the processor.
+    """
+
+    command: tuple[str, ...]
+    native: str
     target: str
 
     @property
     def version(self) -> str:
-        """As the compiler puts it."""
+        """The version, as the compiler states it."""
         lines = [line for line in self.target.splitlines() if "__VERSION__ " in line]
         return lines[0].split(maxsplit=2)[2].strip('"') if lines else "unknown"
 
 
 def find_compiler() -> Compiler:
-    """CC, gcc, clang or cc. Raises NoLibrary."""
+    """The compiler that CC names, or gcc, clang or cc. Raises NoLibrary if none works."""
     if os.environ.get("WORKBENCH_COMPILE") == "0":
         raise NoLibrary("switched off by WORKBENCH_COMPILE=0")
     if os.name != "posix":
@@ -70,7 +77,7 @@ def find_compiler() -> Compiler:
 
 
 def cache_folder() -> Path:
-    """Where libraries are kept; it need not exist. Raises NoLibrary if nobody says where."""
+    """The folder of libraries, which need not exist. Raises NoLibrary if no home is known."""
     if named := os.environ.get("WORKBENCH_CACHE"):
         return Path(named)
     if base := os.environ.get("XDG_CACHE_HOME"):
@@ -82,12 +89,12 @@ def cache_folder() -> Path:
 
 
 def vectors() -> str:
-    """The head of a source whose numbers stand side by side in the processor's registers."""
+    """The beginning of a C source that computes with the processor's vector registers."""
     return files(__package__).joinpath("vectors.h").read_text(encoding="utf-8")
 
 
 def library(name: str, source: str, trusted: Callable[[ctypes.CDLL], bool]) -> ctypes.CDLL:
-    """The compiled source, from the cache or anew; `trusted` tries it out.
+    """The compiled source, from the cache or anew; `trusted` says whether its numbers are right.
 
     A file is called name-key-digest.so: the key of source, compiler, flags and processor, and the
     digest of the file itself, so that one which is damaged is never loaded. Raises NoLibrary.
@@ -146,7 +153,7 @@ def _loaded(path: Path, trusted: Callable[[ctypes.CDLL], bool]) -> ctypes.CDLL:
 
 
 def _output(command: list[str], folder: str | None = None) -> str:
-    """What a command prints. Raises NoLibrary."""
+    """The output of a command. Raises NoLibrary if it fails."""
     try:
         done = subprocess.run(
             command, cwd=folder, capture_output=True, text=True, timeout=LONGEST, check=False
@@ -154,8 +161,8 @@ def _output(command: list[str], folder: str | None = None) -> str:
     except (OSError, subprocess.TimeoutExpired) as error:
         raise NoLibrary(f"{command[0]} does not run: {error}") from error
     if done.returncode:
-        said = (done.stderr.strip() or "it says nothing").splitlines()[0]
-        raise NoLibrary(f"{command[0]} fails with exit code {done.returncode}: {said}")
+        reason = (done.stderr.strip() or "it says nothing").splitlines()[0]
+        raise NoLibrary(f"{command[0]} fails with exit code {done.returncode}: {reason}")
     return done.stdout
 
 

@@ -1,10 +1,11 @@
-"""What can go wrong, said once, with what exists instead and what would put it right."""
+"""The errors of the workbench: what was wrong, what exists instead, and what to do."""
 
+import traceback
 from collections.abc import Iterable
 from itertools import islice
 
 MOST_SHOWN = 60  # characters of a value in a message
-MOST_SAID = 300  # characters of a message that another library made
+LONGEST_MESSAGE = 300  # characters of a message that another library made
 
 
 class WorkbenchError(Exception):
@@ -19,9 +20,9 @@ def listed(names: Iterable[str]) -> str:
 def shown(value: object, most: int = MOST_SHOWN, levels: int = 2) -> str:
     """A value of a file or of a caller for the end of a sentence, in `most` characters or so.
 
-    What it costs does not depend on the value: lists are followed for a few items and two levels
-    only, of text the beginning is looked at, long whole numbers are not written in decimals (which
-    Python refuses), and everything else is named by its type. It is printable on any terminal.
+    The effort does not depend on the size of the value: of lists it reads a few items and two
+    levels, of text the beginning; long whole numbers are not written in decimals (which Python
+    refuses), and everything else is named by its type. The result is printable on any terminal.
     """
     if isinstance(value, str | bytes):
         text = repr(value[:most])
@@ -50,29 +51,37 @@ def _items(several: list[object] | tuple[object, ...], most: int, levels: int) -
     return f"{left}{', '.join(parts + more)}{comma}{right}"
 
 
-def cut(text: object, most: int = MOST_SAID) -> str:
+def cut(text: object, most: int = LONGEST_MESSAGE) -> str:
     """A text, or what an error says, cut to `most` characters and printable on any terminal."""
-    said = str(text) or type(text).__name__
-    short = said[:most] if len(said) <= most else f"{said[:most]}..."
+    full = str(text) or type(text).__name__
+    short = full if len(full) <= most else f"{full[:most]}..."
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in short)
+
+
+def line_of(error: BaseException, file: str) -> int | None:
+    """The innermost line of a Python file that was executed, or is wrong, when an error arose."""
+    if isinstance(error, SyntaxError) and error.filename == file:
+        return error.lineno
+    frames = traceback.extract_tb(error.__traceback__)
+    return next((frame.lineno for frame in reversed(frames) if frame.filename == file), None)
 
 
 def some(names: Iterable[str]) -> str:
     """The first of several names, each cut short, and how many more there are."""
     found = list(names)
-    told: list[str] = []
+    parts: list[str] = []
     for name in found:
-        if sum(len(said) + 2 for said in told) > MOST_SAID:
-            told.append(f"and {len(found) - len(told):,} more")
+        if sum(len(part) + 2 for part in parts) > LONGEST_MESSAGE:
+            parts.append(f"and {len(found) - len(parts):,} more")
             break
-        told.append(cut(name, MOST_SHOWN))
-    return ", ".join(told) or "none"
+        parts.append(cut(name, MOST_SHOWN))
+    return ", ".join(parts) or "none"
 
 
 class UnknownName(WorkbenchError):
-    """A name that is not among those that exist: of a block, a body, a solver, an experiment.
+    """A name of a block, a body, a solver or an experiment that does not exist.
 
-    `hint` is said after the names, or instead of them: `0 to 99`; `more` after the sentence.
+    `hint` follows the known names, or takes their place: `0 to 99`; `more` follows the sentence.
     """
 
     def __init__(
@@ -80,8 +89,8 @@ class UnknownName(WorkbenchError):
     ) -> None:
         names = tuple(known)
         there = ", ".join((listed(names), hint) if names and hint else (hint or listed(names),))
-        said = f"no {kind} is called {name!r}; there are {there}"
-        super().__init__(f"{said} ({more})" if more else said)
+        sentence = f"no {kind} is called {name!r}; there are {there}"
+        super().__init__(f"{sentence} ({more})" if more else sentence)
 
 
 class UnreadBlock(UnknownName):

@@ -1,4 +1,4 @@
-"""Folders that the system knows by other words: a user's home."""
+"""The home folders of users."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ from workbench.errors import BadFile
 
 
 def home() -> Path:
-    """The user's folder. Raises BadFile where neither HOME nor the system says which it is."""
+    """The home folder of the user. Raises BadFile if neither HOME nor the system names it."""
     return expanded("~")
 
 

@@ -1,9 +1,9 @@
 """How many threads linear algebra may use: one, or WORKBENCH_THREADS.
 
-One is stated, not guessed: the matrices of a fit are small or limited by memory, and two threads
-that wait for each other on a busy machine have been seen to be four times slower than one. The
-limit holds inside the context and is lifted after it, so that other code in the process keeps its
-own; entering costs about 15 microseconds, so it belongs around a run, not around each product.
+One thread is the default because the matrices of a fit are small or limited by memory, and two
+threads that wait for each other on a busy machine were measured to be four times slower than one.
+The limit holds inside the context and is lifted after it, so that other code in the process keeps
+its own; entering costs about 15 microseconds, so it belongs around a run, not around each product.
 """
 
 import os
@@ -17,16 +17,16 @@ from workbench.errors import WorkbenchError
 
 
 def thread_count() -> int:
-    """What WORKBENCH_THREADS says, or 1."""
-    said = os.environ.get("WORKBENCH_THREADS", "1")
-    if not said.isdecimal() or int(said) < 1:
-        raise WorkbenchError(f"WORKBENCH_THREADS is a count of threads, 1 or more, not {said!r}")
-    return int(said)
+    """The number of threads that WORKBENCH_THREADS sets, or 1. Raises WorkbenchError."""
+    setting = os.environ.get("WORKBENCH_THREADS", "1")
+    if not setting.isdecimal() or int(setting) < 1:
+        raise WorkbenchError(f"WORKBENCH_THREADS is a count of threads, 1 or more, not {setting!r}")
+    return int(setting)
 
 
 @contextmanager
 def limited_threads() -> Iterator[None]:
-    """BLAS keeps to `thread_count()` threads inside."""
+    """Limit BLAS to `thread_count()` threads inside of the context."""
     wanted = thread_count()
     if all(library.num_threads == wanted for library in _controller().lib_controllers):
         yield  # nothing to change, as inside another such context
@@ -46,7 +46,7 @@ def blas_libraries() -> list[str]:
 
 @cache
 def _controller() -> ThreadpoolController:
-    """Finding the libraries takes milliseconds; NumPy's and SciPy's are loaded by now."""
+    """The BLAS libraries of NumPy and SciPy. To find them takes milliseconds."""
     import numpy.linalg  # noqa: F401
     import scipy.linalg  # noqa: F401
 

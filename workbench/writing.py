@@ -60,8 +60,10 @@ def replacing(path: str | Path) -> Iterator[Path]:
 
 
 def write_arrays(path: Path, named: Mapping[str, NDArray[Any]]) -> None:
-    """What `np.savez_compressed` writes, for any names: its own takes them as keyword arguments,
-    and so has no room for one that is called `file`.
+    """Write arrays as `np.savez_compressed` does, but under any names.
+
+    NumPy takes names as keyword arguments, and so cannot save an array that is called `file`.
+
 
     Large arrays are not compressed: a file that unpacks to hundreds of times its size, as zeros
     do, is not read again (`reading/archive.py`).
@@ -76,32 +78,33 @@ def write_arrays(path: Path, named: Mapping[str, NDArray[Any]]) -> None:
 
 
 class Keeping:
-    """Writes what a long run keeps on its way, and can do without: checkpoints, results by key.
+    """Writes what a long run keeps on its way but can do without: checkpoints, results by key.
 
-    A write that fails does not end the run. The first such failure is said, as a warning in the
-    log; `failure` says why the last write failed, and is empty if it did not.
+    A write that fails does not end the run. The first such failure is reported as a warning in
+    the log; `failure` says why the last write failed, and is empty if it did not.
     """
 
     def __init__(self) -> None:
         self.failure = ""
-        self._said = False
+        self._warned = False
 
     def __call__(self, write: Callable[[], None]) -> None:
-        """Carry out a write that raises BadFile where it fails."""
+        """Carry out a write, which raises BadFile if it fails."""
         try:
             write()
         except BadFile as error:
             self.failure = str(error)
-            if not self._said:
-                self._said = True
+            if not self._warned:
+                self._warned = True
                 LOG.warning("going on without what is kept on the way: %s", error)
         else:
             self.failure = ""
 
 
 def temporary_prefix(path: Path) -> str:
-    """How what is written in the place of `path` is called until it is whole: hidden, and named
-    after its writer: `.run.workbench-host-4711-`.
+    """The beginning of the name of a temporary for `path`, which is hidden and names its writer.
+
+    For example: `.run.workbench-host-4711-`.
     """
     return f"{_begin(path)}{_host()}-{os.getpid()}-"
 
@@ -109,15 +112,15 @@ def temporary_prefix(path: Path) -> str:
 def leftovers(path: Path) -> list[Path]:
     """Temporaries for `path` that nobody will finish: their writer died, or they are an hour old.
 
-    A process that is killed cannot clean up; whoever writes to the same place next does.
+    A process that is killed cannot remove them; the next one that writes to the same place does.
     """
     return [found for found in path.parent.glob(escape(_begin(path)) + "*") if _dead(found)]
 
 
 def _begin(path: Path) -> str:
     name = os.fsencode(path.name)
-    told = path.name if len(name) <= LONGEST else hashlib.sha256(name).hexdigest()
-    return f".{told}.workbench-"
+    readable = path.name if len(name) <= LONGEST else hashlib.sha256(name).hexdigest()
+    return f".{readable}.workbench-"
 
 
 def _dead(temporary: Path) -> bool:
@@ -131,7 +134,7 @@ def _dead(temporary: Path) -> bool:
 
 
 def _alive(process: int) -> bool:
-    """Whether a process of this machine runs; yes, where that cannot be told."""
+    """Whether a process of this machine runs; True where that cannot be known."""
     if os.name != "posix":  # there, signal 0 is not a question
         return True
     try:

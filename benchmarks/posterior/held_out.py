@@ -25,7 +25,7 @@ from workbench.arrays import Array, Index
 from workbench.blocks.entries import entries
 from workbench.experiments.balance import balance, balance_monocular, published
 from workbench.fitting.setup import View
-from workbench.priors.pose_gaussian import shipped_gaussian
+from workbench.priors.poses import shipped_gaussian
 from workbench.sampling import sample
 from workbench.sampling.descent import Mode
 from workbench.threads import limited_threads

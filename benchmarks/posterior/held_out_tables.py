@@ -16,21 +16,22 @@ def recorded(found: Found, _: Results) -> str:
     stays = ", ".join(f"{s:.0%}" for s in found["share of each camera's residuals that stays"])
     rms = ", ".join(f"{s:.1f}" for s in found["rms of each camera"])
     lines = [
-        "## A truth that was held out\n",
-        f"{len(found['cases'])} frames; the {LEVEL:.0%} interval from one camera, and whether it "
-        "holds what four cameras estimate. `emcee`: orientation, betas and place (16 entries, "
-        f"{WALKERS} walkers), the other 69 at the four cameras' estimate, so that the interval is "
-        "exact if the model is. `Laplace`: the approximation to all 85. The mean and the standard "
-        "deviation over frames of (truth - mean) / sd are those of Laplace's intervals: 0 and 1 "
-        "for independent frames of a right model.\n",
+        "## Coverage of held-out truths\n",
+        f"{len(found['cases'])} frames. The table says how often the {LEVEL:.0%} interval from "
+        "one camera contains the estimate from four cameras, which is taken as the truth. "
+        f"`emcee`: orientation, betas and place (16 entries, {WALKERS} walkers) are sampled and "
+        "the other 69 fixed at the four cameras' estimate, so that the interval is exact if the "
+        "model is. `Laplace`: Laplace's approximation, with all 85 free. The columns `mean` and "
+        "`sd` are those of (truth - mean) / sd over the frames, by Laplace's approximation; they "
+        "are 0 and 1 for independent frames of a correct model.\n",
         _coverage(found),
         _also_nuts(found),
         _unusable(found),
-        f"\nWhat four cameras leave of their keypoints has {rms} px (camera by camera, root mean "
-        f"square), which is ordinary at a sigma of {found['sigma of the residuals']:.1f} px rather "
-        f"than {found['sigma']:g}; {stays} of its square stays the same from frame to frame in "
-        "each keypoint: the detector's and the body's keypoints are not the same places, which no "
-        "independent noise describes.\n",
+        f"\nThe residuals of the fit to four cameras are {rms} px (root mean square of each "
+        f"camera), which suits a sigma of {found['sigma of the residuals']:.1f} px rather than "
+        f"{found['sigma']:g}. Of their squares, {stays} are the same from frame to frame in each "
+        "keypoint: the detector's and the body's keypoints are not at the same places, and "
+        "independent noise does not describe that.\n",
         _reading(found),
     ]
     return "\n".join(lines)
@@ -45,13 +46,14 @@ def _reading(found: Found) -> str:
     open_still = [names[i] for i in range(len(names)) if four[i] > OPEN * sd[i]]
     low = ", ".join(f"{names[i]} {rate[i]:.0%}" for i in np.argsort(rate) if rate[i] < FEW)
     return (
-        f"All entries together are covered as often as they should be, single ones are not: {low} "
-        "by Laplace, most others 100 %. Forty frames are not forty tests: over them (truth - mean) "
-        f"/ sd varies by {np.median(z.std(axis=0)):.2f} (median of the entries) where independent "
-        "frames vary by 1, so that an entry is covered nearly always or hardly ever; see `One "
-        "person in all frames` below. And the truth is an estimate: four cameras know "
-        f"{', '.join(open_still)} hardly better than one (sd above {OPEN} of it), where both are "
-        "near the prior's mean and 100 % says little.\n"
+        "All entries together are covered as often as they should be, but single ones are not: "
+        f"{low} by Laplace, most others 100 %. Forty frames are not forty independent tests: over "
+        "the frames, (truth - mean) / sd has a standard deviation of "
+        f"{np.median(z.std(axis=0)):.2f} (median of the entries), and would have 1 if they were "
+        "independent, so that an entry is covered nearly always or hardly ever; see `One person "
+        "in all frames` below. The truth is itself an estimate: four cameras know "
+        f"{', '.join(open_still)} hardly better than one (sd above {OPEN} of one camera's). For "
+        "these, both estimates are near the prior's mean, and 100 % says little.\n"
     )
 
 
@@ -62,7 +64,7 @@ def widened(found: Found, _: Results) -> str:
     """The same with another sigma."""
     return "\n".join(
         [
-            f"### The same with sigma as the residuals have it ({found['sigma']:.1f} px)\n",
+            f"### The same with the sigma of the residuals ({found['sigma']:.1f} px)\n",
             f"{len(found['cases'])} frames.\n",
             _coverage(found),
             _unusable(found),
@@ -80,13 +82,14 @@ def simulated(found: Found, _: Results) -> str:
         [
             "### Simulated\n",
             f"{count} made-up truths: shape and pose from their priors, orientation and place from "
-            "Gaussians of 0.3 rad and 0.3 m that the posterior is given as well, keypoints with "
-            "noise of the very sigma and the recording's confidences.\n",
+            "Gaussians of 0.3 rad and 0.3 m, which the posterior has as priors too, keypoints with "
+            "noise of the model's sigma and with the recording's confidences.\n",
             _coverage(found),
             _also_nuts(found),
             _unusable(found),
-            f"\nAll 16 entries together lie with a chance of {1 - UNLIKELY:.1%} between {low} and "
-            f"{high} of {count}. emcee's " + ("do." if inside else "DO NOT."),
+            f"\nWith correct intervals, the counts of all 16 entries lie between {low} and {high} "
+            f"of {count} with a probability of {1 - UNLIKELY:.1%}. "
+            + ("emcee's counts do." if inside else "emcee's counts DO NOT."),
             "",
         ]
     )
@@ -100,13 +103,13 @@ def one_person(found: Found, results: Results) -> str:
     lines = [
         "### One person in all frames\n",
         f"{len(rates)} made-up people, each in {found['frames']} frames of the recording's poses, "
-        "with betas of its own and noise of the very sigma. The model is right; Laplace's "
-        f"intervals cover {rates.mean():.1%} of all 16 entries. But of one person's ten betas the "
-        "worst is covered in "
+        "each with their own betas and with noise of the model's sigma. The model is correct, and "
+        f"Laplace's intervals cover {rates.mean():.1%} of all 16 entries. But of one person's ten "
+        "betas the worst is covered in "
         + ", ".join(f"{r:.0%}" for r in np.sort(least))
-        + f" of the frames, for the error is nearly the same in all of them: it varies by "
-        f"{np.median(spread[:, shape]):.2f} of a standard deviation within a person, where "
-        "independent frames would vary by 1.",
+        + " of the frames, for each person, because the error is nearly the same in all of "
+        f"them: it varies by {np.median(spread[:, shape]):.2f} of a standard deviation within a "
+        "person, and would vary by 1 if frames were independent.",
     ]
     if "recorded" in results:
         lines.append(_explained(results["recorded"]["found"], found, shape))
@@ -122,10 +125,10 @@ def _explained(recorded: Found, people: Found, shape: Sequence[int]) -> str:
     every = np.array(people["rates"])[:, shape].min(axis=1)
     as_bad = np.mean(every <= covered[worst])
     return (
-        f"\nThe recorded person does the same: its betas' errors vary by {within:.2f}. Its worst, "
-        f"{recorded['labels'][worst]}, is covered in {covered[worst]:.0%} of the frames, and "
-        f"{as_bad:.0%} of the made-up people have one that is covered as rarely. Forty frames of "
-        "one person are about one test of each beta, not forty."
+        f"\nThe recorded person is no different: the errors of the betas vary by {within:.2f}. The "
+        f"worst, {recorded['labels'][worst]}, is covered in {covered[worst]:.0%} of the frames, "
+        f"and {as_bad:.0%} of the made-up people have one that is covered as rarely. Forty frames "
+        "of one person are about one test of each beta, not forty."
     )
 
 
@@ -152,15 +155,16 @@ def _left_over(results: Results, people: Found, shape: Sequence[int]) -> str:
         )
     if "widened" in results:
         said.append(
-            f"recorded, with sigma as the residuals have it: {rate('widened', 'Laplace')} by "
+            f"recorded, with the sigma of the residuals: {rate('widened', 'Laplace')} by "
             f"Laplace, {rate('widened', 'emcee')} by emcee"
         )
     return (
-        f"\n{people['labels'][i]} is the lowest of the others. {'; '.join(said)}. With the rest at "
-        "the truth it is the sigma that makes the difference. With all free it is not: some is "
-        "missing where everything is made up (Laplace's doing), more where the poses are the "
-        "recorded ones, all alike and none of the prior's, and the rest is what made-up keypoints "
-        "do not have: being off in the same direction in all frames, which no sigma describes."
+        f"\n{people['labels'][i]} is covered least often of the other entries. Its coverage: "
+        f"{'; '.join(said)}. With the rest at the truth, the larger sigma is enough to restore the "
+        "coverage. With all free it is not, for three reasons: Laplace's approximation covers too "
+        "little even where everything is made up; the recorded poses are all alike, and no draws "
+        "of the prior; and real keypoints, unlike made-up ones, are off in the same direction in "
+        "all frames, which no sigma describes."
     )
 
 
@@ -199,15 +203,15 @@ def _also_nuts(found: Found) -> str:
         way: held(part, way, all_of=True).sum() / (16 * len(some)) for way in ("NUTS", "Laplace")
     }
     return (
-        f"\nDraws of all 85 by NUTS ({NUTS.draws} of each of four chains) in {len(some)} of these: "
-        f"{rates['NUTS']:.1%} covered, Laplace in the same {rates['Laplace']:.1%}. Only "
-        f"{len(good)} of the {len(some)} runs have R-hat at most 1.05: 85 entries with priors "
-        "alone on most are hard for NUTS as well."
+        f"\nDraws of all 85 by NUTS ({NUTS.draws} of each of four chains) in {len(some)} of these "
+        f"cases: {rates['NUTS']:.1%} covered, and {rates['Laplace']:.1%} by Laplace in the same "
+        f"cases. Only {len(good)} of the {len(some)} runs have R-hat at most 1.05: 85 entries, "
+        "most of them determined by the priors alone, are hard for NUTS as well."
     )
 
 
 def _unusable(found: Found) -> str:
     bad = [case["case"] for case in found["cases"] if not case["emcee"]["usable"]]
     if not bad:
-        return "\nEvery run of emcee's is usable."
+        return "\nEvery run of emcee is usable."
     return f"\nNot usable by emcee, and not counted: {', '.join(bad)}."

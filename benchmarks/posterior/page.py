@@ -11,8 +11,8 @@ from benchmarks.posterior.nuts import ALLOWED_MEAN, ALLOWED_SD, TIMES
 
 HEAD = """# Posteriors, measured
 
-Written by `python -m benchmarks.posterior PART` from the numbers in `results/`; `--help` names the
-parts. All of it is about one person on a beam (`workbench run balance-monocular`): 85 unknowns, 23
+Written by `python -m benchmarks.posterior PART` from the numbers in `results/`; `--help` lists the
+parts. All of them are for one person on a beam (`workbench run balance-monocular`): 85 unknowns, 23
 keypoints in one camera, sigma 4 px, a Gaussian prior on pose and on shape.
 """
 
@@ -44,8 +44,8 @@ def _nuts(found: Found, _: Mapping[str, Found]) -> str:
     lines = [
         "## Beside NUTS\n",
         "| block | entries | emcee: steps / autocorrelation time | emcee, s | NUTS: R-hat | "
-        "divergences | effective draws | NUTS, s | emcee's sd over NUTS' | means apart, sd | "
-        "sd over Laplace's | narrower than at the mode | |",
+        "divergences | effective draws | NUTS, s | emcee's sd over NUTS' | difference of means, "
+        "sd | sd over Laplace's | narrower than at the mode | |",
         "| --- |" + " --: |" * 11 + " --- |",
     ]
     for name, one in found["blocks"].items():
@@ -61,16 +61,17 @@ def _nuts(found: Found, _: Mapping[str, Found]) -> str:
         )
     arms = [one for name, one in found["blocks"].items() if "arm" in name]
     lines.append(
-        f"\nAsked: standard deviations within {ALLOWED_SD:.0%}, means within {ALLOWED_MEAN} of "
-        f"one, {TIMES:.0f} autocorrelation times. All other entries stay at the answer of the fit."
+        f"\nThe two samplers agree if standard deviations differ by at most {ALLOWED_SD:.0%} and "
+        f"means by {ALLOWED_MEAN} of one, after {TIMES:.0f} autocorrelation times. All other "
+        "entries are fixed at the solution of the fit."
     )
     if arms:
         most = max(one["bent"] for one in arms)
         lines.append(
-            "The arms are the hard ones. Least squares finds one mode with all of the mass; but "
-            f"the ridge is bent, and in its narrowest hundredth {most:.0f} times narrower than at "
-            f"the mode, which wants small steps of NUTS. {_usual(found['usual steps'])}Laplace's "
-            "approximation of the arms is off by up to "
+            "The arms are the hardest blocks. Least squares finds one mode with all of the mass, "
+            f"but the posterior is a bent ridge. In its narrowest hundredth it is {most:.0f} "
+            "times narrower than at the mode, so that NUTS needs small steps. "
+            f"{_usual(found['usual steps'])}Laplace's approximation of the arms is off by up to "
             f"{max(abs(np.array(one[OVER]) - 1).max() for one in arms):.0%}.\n"
         )
     return "\n".join(lines)
@@ -78,9 +79,9 @@ def _nuts(found: Found, _: Mapping[str, Found]) -> str:
 
 def _usual(found: Found) -> str:
     return "".join(
-        f"With nutpie's usual ones (an acceptance of 0.8) the {name} has R-hat "
-        f"{one['nuts']['R-hat']:.2f}, {one['nuts']['divergences']} divergences in "
-        f"{one['nuts']['draws']:,} draws, {one['nuts']['effective']:.0f} effective ones, and its "
+        f"With nutpie's default steps (an acceptance of 0.8) the {name} has R-hat "
+        f"{one['nuts']['R-hat']:.2f}, {one['nuts']['divergences']} divergences and "
+        f"{one['nuts']['effective']:.0f} effective draws in {one['nuts']['draws']:,}, and its "
         f"standard deviations are {abs(1 / np.array(one['sd ratio']) - 1).max():.0%} off. "
         for name, one in found.items()
     )
@@ -91,10 +92,11 @@ OVER = "sd over Laplace's"
 
 def _throughput(found: Found, _: Mapping[str, Found]) -> str:
     lines = [
-        "## Posteriors a second\n",
-        f"One core, {found['walkers']} walkers, all 85 entries free, inside of emcee with its own "
-        "moves and loops; the processor's seconds, best of four rounds in turn; the share is of "
-        "emcee alone with nothing to compute.\n",
+        "## Posterior densities a second\n",
+        "How many values of the density emcee gets in a second of one core, with "
+        f"{found['walkers']} walkers, all 85 entries free and its own moves and loops: the best "
+        "of four rounds, in seconds of the processor. Shares are of the rate of emcee with a "
+        "density that costs nothing.\n",
         "| posterior | emcee alone | without a compiler | share | compiled | share |",
         "| --- |" + " --: |" * 5,
     ]
@@ -108,13 +110,13 @@ def _throughput(found: Found, _: Mapping[str, Found]) -> str:
     alone = found["not batched"]
     said = ", ".join(f"{rate:,.0f} on {use}" for use, rate in alone["costs a second"].items())
     lines += [
-        "\nMeshes come from matrix products either way; their residual is too long to compile.",
+        "\nBoth ways compute meshes by matrix products; their residual is too long to compile.",
         f"\nA cost that cannot be batched (a made-up pendulum, integrated by CVODES): {said} a "
         "second; the numbers are "
         + ("the same to the last bit." if alone["same bits"] else "NOT THE SAME.")
-        + " Threads share the rows, not processes: CasADi lets others run while it works, and a "
-        "problem's symbols would have to be built anew in each process. They are used only where "
-        "the clock finds them faster.\n",
+        + " The rows are divided among threads and not among processes: CasADi releases the "
+        "interpreter's lock while it works, and each process would have to build a problem's "
+        "symbols anew. Threads are used only where they are measured to be faster.\n",
     ]
     return "\n".join(lines)
 

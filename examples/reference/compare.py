@@ -1,4 +1,6 @@
-"""compare, Comparison, Budget: solvers on the same problem, from the same starts."""
+"""compare, Comparison, Budget, Record, TargetOutcome: solvers on the same problem, from the
+same starts.
+"""
 
 import workbench as wb
 
@@ -9,5 +11,7 @@ comparison: wb.Comparison = wb.compare(
     budget=wb.Budget(max_evaluations=500, max_seconds=30.0),
 )
 print(comparison.solvers, len(comparison.records), "runs")
-for (instance, solver), record in comparison.records.items():
-    print(instance, solver, record.ending.name, f"{record.cost:.3e}")
+for (instance, solver), outcome in comparison.outcomes.items():
+    record: wb.Record = comparison.records[instance, solver]
+    missed = outcome is not wb.TargetOutcome.REACHED
+    print(instance, solver, f"{record.cost:.3e}", "missed" if missed else "reached the target")

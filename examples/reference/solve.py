@@ -1,4 +1,6 @@
-"""solve, Solution, Status, SOLVERS: a problem solved, and what is known of the run."""
+"""solve, Solution, Status, SOLVERS, Iterate, Evaluations: a problem solved, and what is known of
+the run.
+"""
 
 import numpy as np
 
@@ -12,6 +14,7 @@ valley = [
 problem = wb.Problem(valley, free=["w"], blocks=[w])
 solution: wb.Solution = wb.solve(problem, {"w": np.array([-1.2, 1.0])})
 print(solution.status is wb.Status.CONVERGED, solution.values["w"], solution.iterations)
-for iterate in solution.trace[:4]:
-    print(iterate.cost)
+second: wb.Iterate = solution.trace[1]  # the trace has every point that the solver visited
+asked: wb.Evaluations = second.evaluations
+print(round(second.cost, 3), asked.residual, "residuals,", asked.jacobian, "Jacobians")
 print(wb.solve(problem, {"w": np.array([-1.2, 1.0])}, wb.SOLVERS["scipy-trf"]).status.name)

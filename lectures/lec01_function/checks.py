@@ -27,9 +27,11 @@ def highest_first(w, x):
 
 
 @mistake(
-    "polynomial", "every coefficient is used once; the slide has w1 with x^3 as well as with x"
+    "polynomial",
+    "every coefficient is used once; Body Models II (Pons-Moll and "
+    "Swoboda, 2018) has w1 with x^3 as well as with x",
 )
-def as_on_the_slide(w, x):
+def as_in_body_models_ii(w, x):
     return sum(w[min(k, len(w) - 1)] * x**k for k in range(3)) + (w[1] * x**3 if len(w) > 3 else 0)
 
 
@@ -139,7 +141,9 @@ def with_the_root(N, K, B):
 
 
 @mistake(
-    "parameter_count", "posedirs move every coordinate: the factor 3 is missing, as on the slide"
+    "parameter_count",
+    "posedirs move every coordinate: the factor 3 is missing, as in Body "
+    "Models II (Pons-Moll and Swoboda, 2018)",
 )
 def without_coordinates(N, K, B):
     return solutions.parameter_count(N, K, B) | {"posedirs": N * 9 * (K - 1)}

@@ -30,7 +30,7 @@ def linear_fit(x: Array, v: Array) -> tuple[Array, Array]:
 
 
 def shortening(alpha: float) -> float:
-    """How long a bone of length 1 is that lies halfway, by the mean of its two ends' places.
+    """The length of a bone of length 1 halfway through a turn, by the mean of its two ends' places.
 
     The bone turns about one end by alpha; the other end is averaged between before and after.
 
@@ -49,7 +49,7 @@ def parameter_count(N: int, K: int, B: int) -> dict[str, int]:
 
 
 def is_linear(f, n: int) -> bool:
-    """Whether f is linear, up to a constant: f(x) = A x + b. Found by asking f for values alone.
+    """Whether f is linear, up to a constant: f(x) = A x + b. Use values of f alone.
 
     f takes (n,) and answers (m,), and is smooth -> True or False
     """
@@ -57,9 +57,9 @@ def is_linear(f, n: int) -> bool:
 
 
 def predict(x: Array, v: Array, new: Array) -> Array:
-    """Learn from examples where a hand is, and say it for other angles: all to within 1 mm.
+    """Learn from examples where a hand is, and predict it for other angles to within 1 mm.
 
-    An arm of two bones in the plane, whose lengths nobody tells, hangs on a shoulder somewhere; x are
+    An arm of two bones in the plane, whose lengths are not given, hangs on a shoulder somewhere; x are
     its angles, that of the elbow counted from the upper arm. New angles may be any: other ones than
     in the examples, or several turns further. How you do it is up to you: which functions of the
     angles is the hand's place linear in?

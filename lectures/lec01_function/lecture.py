@@ -19,7 +19,7 @@ from workbench.bodies.forward import surface
 from workbench.bodies.forward.features import rotation_elements
 from workbench.course import Picture, source
 from workbench.plots import house_style, plot_differences, sheet
-from workbench.priors.pose_gaussian import draw_poses, shipped_gaussian
+from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.studies.blend_shapes.posed_surfaces import PosedSurfaces
 from workbench.studies.blend_shapes.training_data import TrainingData
 from workbench.synthetic.fine_weights import body_on_teachers_rig, teacher_of
@@ -27,18 +27,19 @@ from workbench.synthetic.fine_weights import body_on_teachers_rig, teacher_of
 # %% [markdown]
 # ## Input and output, in small
 #
-# First with one number in and one out: an elbow bends by the angle $x$, and we look at how far the tip
-# of the middle finger is along the body's left, $v$. Ten examples are given. A polynomial of degree
-# three is
+# We begin with one number in and one number out: an elbow bends by the angle $x$, and we look at how
+# far to the body's left the tip of the middle finger is, $v$. Ten examples are given. A polynomial of
+# degree three is
 #
 # $$ f(x; w) = w_3 x^3 + w_2 x^2 + w_1 x + w_0 . $$
 #
-# The $x$ are the **input**. The $w$ are the **parameters**: they say *which* function of this kind it
-# is, and are learned once, from examples; here by least squares, because $f$ is linear in $w$. What is
-# chosen before anything is learned, such as the degree of the polynomial, is called a
-# **hyper-parameter**. (The slides that this course follows call the $w$ themselves hyper-parameters.
-# Whoever uses a finished model finds them as fixed as the degree. But the field keeps that word for what
-# is chosen and not learned, and so do we.)
+# The number $x$ is the **input**. The $w$ are the **parameters**: they say *which* function of this
+# kind it is. They are learned once from examples, here by least squares, because $f$ is linear in $w$.
+# What is chosen before anything is learned, such as the degree of the polynomial, is called a
+# **hyper-parameter**. (In the lecture *Body Models II*, which this course follows, Pons-Moll and
+# Swoboda (2018) call the $w$ themselves hyper-parameters, because to the user of a finished model they
+# are as fixed as the degree. The field keeps that word for what is chosen and not learned, and so do
+# we.)
 
 # %%
 body = wb.load_body("small")
@@ -79,9 +80,9 @@ Picture(
 )
 
 # %% [markdown]
-# A polynomial does not know that an angle and the same angle plus a full turn are one. A slide that
-# this course follows prints the cubic as $w_1 x^3 + w_2 x^2 + w_1 x + w_0$, with $w_1$ twice. It
-# looks like a detail. But then one number has to do for two, and the best fit is six times as far off:
+# A polynomial does not know that an angle and the same angle plus a full turn are one and the same.
+# *Body Models II* prints the cubic as $w_1 x^3 + w_2 x^2 + w_1 x + w_0$, with $w_1$ twice. This looks
+# like a detail, but then one number has to serve for two, and the best fit is six times as far off:
 
 # %%
 for name, columns in (
@@ -96,16 +97,16 @@ for name, columns in (
 # ## The whole body
 #
 # Now all of it: 72 numbers in, 369 vertices out. As examples we take poses drawn from a model of motion
-# capture, and what a synthetic teacher's skin does in them (it twists limbs gradually and is no SMPL,
-# so that SMPL has something to get wrong). The root is left at rest: the contestants without bones
-# would be lost with it. We learn, by ridge regression,
+# capture, and the surfaces of a synthetic teacher in these poses. (The teacher's skin twists gradually
+# along a limb, which SMPL's does not, so that SMPL, too, has something to get wrong.) The root is left
+# at rest, because functions without bones could not cope with its turns. We learn, by ridge regression,
 #
 # - the linear function of the 72 numbers,
 # - one with the squares and cubes of each as well,
 #
-# and set beside them bones with skin that follows them: SMPL without its pose blend shapes, which
-# learns nothing at all from any pose, and SMPL, whose blend shapes (lecture 5) are learned from the
-# same four hundred.
+# and compare both with bones whose skin follows them: SMPL without its pose blend shapes, which learns
+# nothing from any pose, and SMPL, whose blend shapes (lecture 5) are learned from the same four
+# hundred.
 
 # %%
 rng = np.random.default_rng(0)
@@ -162,11 +163,12 @@ Picture(
 )
 
 # %% [markdown]
-# Four hundred examples do not teach a polynomial what an arm is: both polynomials are off by centimetres
-# in the mean, and SMPL by less than a millimetre. Nor is this a matter of a few more terms. A full
-# cubic in 72 numbers has $\binom{75}{3}$ = 67,525 coefficients for every coordinate, and none
-# of them knows that **bones keep their length**. Take the mean of two poses of a forearm that are an
-# angle $\alpha$ apart, as a linear function does for the pose between them. The forearm gets shorter:
+# Four hundred examples do not teach a polynomial what an arm is: both polynomials are off by
+# centimetres in the mean, and SMPL by less than a millimetre. Nor is this a matter of a few more terms.
+# A full cubic in 72 numbers has $\binom{75}{3}$ = 67,525 coefficients for every coordinate, and none of
+# them knows that **bones keep their length**. For the pose halfway between two others, a linear
+# function takes the mean of the two surfaces. Let a forearm turn by the angle $\alpha$ from one to the
+# other. The forearm gets shorter:
 #
 # $$ \left\| \tfrac12 (v_1 + v_2) \right\| = \|v\| \cos \tfrac{\alpha}{2}. $$
 
@@ -186,10 +188,11 @@ for alpha in (0.5, 1.0, 2.0, 3.0):
 # $$ M(\theta, \beta; w), \qquad w = \{ \bar T, S, P, W, \mathcal J \} $$
 #
 # of two inputs, pose $\theta$ (24 rotation vectors) and shape $\beta$ (a few numbers). That bones turn
-# and keep their length is written into it. What is not known, and has to be learned once from
-# scans, are its parameters: the template $\bar T$, the directions $S$ in which people differ,
-# the directions $P$ in which pose deforms them, weights $W$ that say which bones a vertex follows, and
-# the regressor $\mathcal J$ that finds joints in a surface. A person at rest, in the library's words:
+# and keep their length is written into it. What is not known, and has to be learned once from scans,
+# are its parameters: the template $\bar T$, the directions $S$ in which people differ, the directions
+# $P$ in which pose deforms them, weights $W$ that say which bones a vertex follows, and the regressor
+# $\mathcal J$ that finds joints in a surface. The library computes a person at rest, and then the posed
+# surface, in this way:
 
 # %%
 source(surface.rest)
@@ -198,8 +201,8 @@ source(surface.rest)
 source(surface.posed)
 
 # %% [markdown]
-# How many numbers is that? Of the released model, with 6,890 vertices, 23 joints and a root, and 10
-# shape directions:
+# How many numbers are these parameters? The released model has 6,890 vertices, 23 joints and a root,
+# and 10 shape directions:
 
 # %%
 N, K, B = 6890, 24, 10
@@ -215,13 +218,15 @@ for name, n in counts.items():
 print(f"{'together':12}{sum(counts.values()):>10,}")
 
 # %% [markdown]
-# (The slides sum up to 6,014,970. Two of their rows are not what a model file holds: they count the
-# regressor as a free map from all coordinates to all joints, and four weights to a vertex as twelve.)
+# (The table in *Body Models II* adds up to 6,014,970. Two of its rows are not what a model file holds:
+# it counts the regressor as a free map from all coordinates to all joints, and the four weights of a
+# vertex as twelve.)
 #
 # ## What is linear in it?
 #
-# So SMPL is neither linear nor a polynomial. But look closer, one argument at a time: which is it
-# linear in, the others held? CasADi knows the graph of the function, so it can be asked.
+# So SMPL is neither linear nor a polynomial. But let us look at one argument at a time: in which of
+# them is it linear while the others are held fixed? CasADi knows the graph of the function and can
+# tell.
 
 
 # %%
@@ -259,11 +264,11 @@ for names in (
     print(f"{' and '.join(names):24}{'linear' if linear_in(*names) else 'not linear'}")
 
 # %% [markdown]
-# Only the pose is not, and products of two that are. This is worth more than it looks. Whoever knows
-# the pose finds template and pose directions by *one* linear least-squares problem, and whoever has
-# them finds weights by another: that is how such models are trained (lecture 13). And whoever has the
-# model needs a nonlinear solver for one thing alone, the pose. That is most of what this course is
-# about.
+# SMPL is not linear in the pose, nor in two arguments together that multiply each other; in each other
+# argument alone it is linear. This is worth more than it seems. When the pose is known, template and
+# pose directions are the solution of *one* linear least-squares problem, and when these are known, the
+# weights are that of another: this is how such models are trained (lecture 13). With a finished model,
+# only the pose needs a nonlinear solver. That is most of what this course is about.
 #
 # ## What to remember
 #

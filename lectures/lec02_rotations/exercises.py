@@ -76,7 +76,7 @@ def third(s: float) -> Array:
 
     It stands beside sin t / t and (1 - cos t) / t^2 when rotations are added up over time. All three
     have to be right to 1e-6 for every s from 0 to 40, at s = 0 and near it too. CasADi can
-    differentiate for you, wherever what it is given does not divide 0 by 0, or cancel.
+    differentiate for you, wherever the expression neither divides 0 by 0 nor cancels digits.
 
     s, a number, rad^2 -> (3,)
     """

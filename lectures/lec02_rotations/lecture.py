@@ -3,10 +3,10 @@
 #
 # **Which numbers do we hand to an optimizer that has to turn a joint?**
 #
-# A body model has a rotation in every joint. An optimizer changes numbers, one step after the
-# other, and knows nothing of rotations. So somebody has to say which numbers a rotation is. We
-# begin with the nine numbers of a matrix, watch them fail, and end with the three that SMPL uses.
-# Angles are in radians, lengths in metres.
+# A body model has a rotation in every joint. An optimizer changes numbers, one step after the other,
+# and knows nothing of rotations. So we have to decide which numbers stand for a rotation. We begin with
+# the nine numbers of a matrix, watch them fail, and end with the three that SMPL uses. Angles are in
+# radians, lengths in metres.
 
 # %%
 import casadi as cs
@@ -44,10 +44,11 @@ print("lengths of the columns of M:", np.linalg.norm(M, axis=0).round(3))
 print(f"det M = {np.linalg.det(M):.3f}")
 
 # %% [markdown]
-# The noise is 5 mm in each coordinate, so the markers are met well: to less than the noise. (That is
-# no merit. Nine numbers have fitted a part of it.) But the columns of a rotation have length 1, and its determinant is 1:
-# this matrix stretches. Along the forearm, where the markers are far apart, that hardly shows. Look
-# at what it makes of the hand, which is at the end of the same forearm and carries no marker:
+# The noise is 5 mm in each coordinate, and the markers are met to less than that. (This is no merit:
+# the nine numbers have fitted a part of the noise.) But the columns of a rotation have length 1, and
+# its determinant is 1, which is not so here: this matrix stretches. Along the forearm, where the
+# markers are far apart, that hardly shows. Look at what it does to the hand, which is at the end of the
+# same forearm and carries no marker:
 
 # %%
 outline = np.array([[0, -1], [1, -1], [2, 0], [1, 1], [0, 1], [0, -1]])  # of a hand, roughly
@@ -56,7 +57,7 @@ pairs = [(i, j) for i in range(5) for j in range(i)]
 
 
 def stretch(M):
-    """The longest and the shortest that M makes a distance in the hand, as a share."""
+    """The largest and the smallest factor by which M multiplies a distance in the hand."""
     ratio = [
         np.linalg.norm(M @ (hand[i] - hand[j])) / np.linalg.norm(hand[i] - hand[j])
         for i, j in pairs
@@ -69,7 +70,7 @@ sigmas = np.array([0.5, 1, 2, 5, 10, 20]) * 1e-3  # m
 
 
 def mean_stretch(sigma, n=8, draws=200):
-    """The longest and the shortest, in the mean over draws of n markers and their noise."""
+    """These two factors, averaged over draws of n markers and their noise."""
     found = []
     for _ in range(draws):
         x = rng.uniform([-0.02, -0.03, -0.03], [0.24, 0.03, 0.03], size=(n, 3))
@@ -101,9 +102,10 @@ with house_style():
     right.set(xlabel="noise of the markers (mm)", ylabel="stretch of the hand (share)")
 Picture(
     figure,
-    "Left: the hand as it is, and as nine free numbers have it with 5 mm of noise, both turned back. "
-    "Right: the longest and the shortest that distances in the hand become (means of 200 draws of "
-    "eight markers and their noise). More noise, more stretch.",
+    "Left: the hand as it is, and as the fit of nine free numbers makes it with 5 mm of noise, "
+    "both turned back. Right: the largest and the smallest factor by which distances in the hand "
+    "change (means of 200 draws of eight markers and their noise). The more noise there is, the "
+    "more the hand is stretched.",
 )
 
 # %% [markdown]
@@ -117,10 +119,10 @@ Picture(
 #
 # ## Back to a rotation
 #
-# One way out is to let the nine numbers run, and to replace $M$ by the nearest rotation afterwards:
-# the $R$ that is least in $\|R - M\|_F$. With the singular values $M = U \Sigma V^\top$ that is
-# $U V^\top$, and if this happens to be a reflection, the direction of the smallest singular value
-# is turned around. This is the library's own line:
+# One way out is to fit the nine numbers freely, and to replace $M$ by the nearest rotation afterwards:
+# the $R$ that minimises $\|R - M\|_F$. With the singular values $M = U \Sigma V^\top$ that is
+# $U V^\top$, and if this happens to be a reflection, the direction of the smallest singular value is
+# turned around. The library does it in these lines:
 
 # %%
 source(nearest_rotation)
@@ -137,10 +139,10 @@ print(
 )
 
 # %% [markdown]
-# As a repair this is right, and we shall use it (the rotation that best carries one set of points to
-# another, Procrustes' problem, is found so). But an optimizer that walks in nine dimensions and is
-# thrown back to a three-dimensional surface after every step does not know where it is going. We want
-# three numbers, all of which may be changed freely.
+# As a repair this is right, and we shall use it: it also solves Procrustes' problem, to find the
+# rotation that best carries one set of points to another. But an optimizer that walks in nine
+# dimensions and is thrown back to a three-dimensional surface after every step does not know where it
+# is going. We want three numbers, all of which may be changed freely.
 #
 # ## Three numbers
 #
@@ -187,10 +189,11 @@ print(f"w is its own axis: R w - w is at most {np.abs(textbook(w) @ w - w).max()
 # %% [markdown]
 # ## Two misprints
 #
-# The formula goes wrong easily. Of the sources of this course, a summary of SMPL prints
-# $+\,[n]_\times^2 \cos t$ where $1 - \cos t$ belongs. A lecture has the cosine right, but writes
-# $[w]_\times$ where the *unit* axis belongs, $[n]_\times$. Both look plausible. A test that knows nothing of
-# the right answer tells: a rotation has $R^\top R = I$.
+# The formula is easily misprinted. Among the sources of this course, the notes *SMPL and SMPLify* have
+# $+\,[n]_\times^2 \cos t$ where $1 - \cos t$ belongs. *Body Models II* (Pons-Moll and Swoboda, 2018)
+# has the cosine right, but writes $[w]_\times$ where the matrix of the *unit* axis belongs,
+# $[n]_\times$. Both look plausible. A test that does not need the right answer finds them out: a
+# rotation has $R^\top R = I$.
 
 
 # %%
@@ -238,14 +241,15 @@ with house_style():
     ax.legend(loc="lower center", bbox_to_anchor=(0.5, 0.25))
 Picture(
     figure,
-    "How far from a rotation three formulas are. The right one is at rounding. The one with cos t "
-    "is right at π/3 and 5π/3 (60 and 300 degrees) alone; the one without a unit axis at 1 rad, at "
-    "full turns, and nearly so for small angles. Grey lines mark these angles.",
+    "How far from a rotation three formulas are. The right one is off by rounding alone. The one "
+    "with cos t is right at π/3 and 5π/3 (60 and 300 degrees) alone; the one without a unit axis "
+    "at 1 rad, at full turns, and nearly so for small angles. Grey lines mark these angles.",
 )
 
 # %% [markdown]
-# Note where the wrong ones are right. A test at 60 degrees ($\pi/3$) lets the first pass, a test at 1 rad or
-# at small angles the second. One number is no test; a property, tried at many angles, is.
+# Note at which angles the wrong formulas are right. A test at 60 degrees ($\pi/3$) would let the first
+# one pass, and a test at 1 rad or at small angles the second one. A single number is no test; a
+# property that is tried at many angles is one.
 #
 # ## At zero
 #
@@ -314,8 +318,8 @@ source(rodrigues)
 # %% [markdown]
 # ## How far apart are two rotations?
 #
-# One law is worth keeping: if an angle $t$ leads from one rotation to another, their matrices differ,
-# as the root of the sum of all nine squared differences, by
+# One law is worth remembering. If a turn by the angle $t$ leads from one rotation to another, the
+# distance of their matrices (the root of the sum of all nine squared differences) is
 #
 # $$ \| R_1 - R_2 \|_F = 2 \sqrt 2 \left| \sin \tfrac t2 \right| . $$
 #
@@ -330,9 +334,9 @@ print(f"distances |R(t) - I| of 200 angles are off this law by up to {off:.0e}")
 # %% [markdown]
 # ## At a full turn
 #
-# Three numbers for a rotation have a price. How fast does $R$ change with $w$? The singular values
-# of the $9 \times 3$ derivative of $R$ say it: along the axis always $\sqrt 2$, and in the two
-# directions across it
+# To describe a rotation by three numbers has a price. How fast does $R$ change with $w$? The singular
+# values of the $9 \times 3$ derivative of $R$ say so: along the axis it is always $\sqrt 2$, and in the
+# two directions across it
 #
 # $$ \sqrt 2\; \left| \frac{2 \sin(t/2)}{t} \right| , $$
 #
@@ -358,22 +362,23 @@ with house_style():
     ax.legend()
 Picture(
     figure,
-    "What a change of w does to R. At a full turn, 2π, it does nothing but along the axis: two of three "
-    "directions are lost, and an optimizer that gets there cannot turn the axis.",
+    "How much R changes with w. At a full turn, 2π, only a change along the axis has an effect: "
+    "two of three directions are lost, and an optimizer that gets there cannot turn the axis.",
 )
 
 # %% [markdown]
-# At $t = 2\pi$ every axis gives the same rotation, the identity, so no change of the axis is felt.
-# A fit that has wandered there sees a Jacobian of rank 1 and gets stuck, and nothing in its data is
-# to blame. The way out: $w$ and $w\,(1 - 2\pi/t)$ are the same rotation, and for $t$ up to $3\pi$ one
-# of them is at most half a turn long; from a longer $w$ as many whole turns as needed are taken off.
+# At $t = 2\pi$ every axis gives the same rotation, the identity, so no change of the axis is felt. A
+# fit that has wandered there sees a Jacobian of rank 1 and gets stuck, and nothing in its data is to
+# blame. The way out: $w$ and $w\,(1 - 2\pi/t)$ are the same rotation, and for $t$ up to $3\pi$ one of
+# them is at most half a turn long; from a longer $w$ one takes off as many whole turns as necessary.
 # The workbench's solvers replace the longer by the shorter between two iterations.
 #
 # ## What to remember
 #
 # - A rotation is three numbers. Nine free ones stretch bones, and the more so the noisier and the
 #   fewer the data.
-# - The nearest rotation to a matrix: singular values all set to one, with the sign of det.
+# - The rotation nearest to a matrix has the same singular vectors, and all singular values set to one
+#   (the last one to the sign of the determinant).
 # - The exponential map takes any $w$ to a rotation; Rodrigues' formula has $1 - \cos t$ and the
 #   **unit** axis. $R^\top R = I$ finds both misprints.
 # - At zero the formula needs a series, or derivatives are NaN or wrong. At a full turn the map

@@ -39,7 +39,7 @@ def world_rotations(R: Array, parents: list[int]) -> Array:
 
 
 def posed_joints(R: Array, joints: Array, parents: list[int]) -> Array:
-    """Where the joints are after all have turned; the root stays in its place.
+    """Where the joints are after all of them have turned; the root stays in its place.
 
     R (K, 3, 3), relative to the parent; joints (K, 3) m, at rest, where no joint is turned;
     parents (K,) -> (K, 3) m

@@ -27,11 +27,11 @@ from workbench.plots.body import Figurine, line_up
 # %% [markdown]
 # ## Each part for itself
 #
-# Somebody wears four markers on each of the 24 parts of the body, and we see them with noise. A part
-# is rigid: it has a rotation $R_k$ and a place, so a point $v$ of it goes from its rest to
-# $R_k (v - j_k) + p_k$, where $j_k$ is the part's joint at rest and $p_k$ where that joint is now.
-# The best $R_k$ and $p_k$ for four points have a closed form (lecture 2's nearest rotation), so the
-# fit of the whole body is 24 small ones: $24 \times 6 = 144$ numbers.
+# Somebody wears four markers on each of the 24 parts of the body, and we see them with noise. A part is
+# rigid: it has a rotation $R_k$ and a place $p_k$, and moves a point $v$ from rest to
+# $R_k (v - j_k) + p_k$, where $j_k$ is the place of the part's joint at rest and $p_k$ its place now.
+# The best $R_k$ and $p_k$ for four points have a closed form (lecture 2's nearest rotation), so the fit
+# of the whole body is 24 small ones: $24 \times 6 = 144$ numbers.
 
 # %%
 body = wb.load_body("default")
@@ -77,8 +77,8 @@ print(
 # ## The same with a chain
 #
 # Now the parts hang together: 24 rotations, each relative to the part that it hangs on, and one place
-# of the whole body, $72 + 3 = 75$ numbers. (How, is the rest of this lecture.) Same markers, same
-# noise:
+# of the whole body, $72 + 3 = 75$ numbers. (The rest of this lecture says how.) We use the same markers
+# with the same noise:
 
 # %%
 rigid = without_pose_blend_shapes(parts.rigid)  # rigid parts on a chain, and nothing else
@@ -145,18 +145,18 @@ Picture(
 #
 # ## Rigid motions
 #
-# A part moves by $v \mapsto R v + t$. Written as a $4 \times 4$ matrix that acts on $(v, 1)$,
+# A part moves by $v \mapsto R v + t$. We write this as a $4 \times 4$ matrix that acts on $(v, 1)$:
 #
 # $$ G = \begin{pmatrix} R & t \\ 0 & 1 \end{pmatrix}, $$
 #
-# one motion after another is a product of matrices, and undoing one is an inverse:
-# $x = R^\top (y - t)$. What is done first stands on the right.
+# Then one motion after another is a product of matrices, in which the one that is done first stands on
+# the right, and a motion is undone by the inverse matrix: $x = R^\top (y - t)$.
 #
 # ## The chain
 #
 # Each joint $k$ but the root hangs on a **parent** $p(k)$. At rest no joint is turned, and the bone to
-# joint $k$ is $j_k - j_{p(k)}$. Let joint $k$ carry a frame of axes. Its motion relative to the frame
-# of its parent is: turn by $R_k$, and go to the end of the bone,
+# joint $k$ is $j_k - j_{p(k)}$. Let joint $k$ carry a frame of axes. Relative to the frame of its
+# parent, it is turned by $R_k$ and stands at the end of the bone:
 #
 # $$
 # G_k = G_{p(k)} \begin{pmatrix} R_k & j_k - j_{p(k)} \\ 0 & 1 \end{pmatrix}, \qquad
@@ -191,10 +191,10 @@ print(f"off the library's joints by {np.abs(G[:, :3, 3] - body.joints(truth)).ma
 source(world_motions)
 
 # %% [markdown]
-# Two things go wrong easily. The **order**: with $R_k R_{p(k)}$ in the place of $R_{p(k)} R_k$ a joint
-# turns about axes of the world, and not about its own. And the **bone**: it is turned by the parent and
-# by all above it, and not by joint $k$ itself. A wrist does not move when it turns. Both keep the
-# lengths of all bones, so a test of lengths notices neither:
+# Two mistakes are easily made. One is the **order**: with $R_k R_{p(k)}$ in the place of $R_{p(k)} R_k$
+# a joint turns about axes of the world, and not about its own. The other one is the **bone**: it is
+# turned by the parent and by all joints above that, and not by joint $k$ itself. (A wrist does not move
+# when it turns.) Both keep the lengths of all bones, so a test of lengths notices neither:
 
 
 # %%
@@ -237,8 +237,8 @@ for name, f in (
 #
 # $$ R_0 (V - j_0) + j_0 . $$
 #
-# Who takes the origin instead is off by $(R_0 - I)\, j_0$; a common surprise when recordings of two
-# programs are compared.
+# With the origin in its place the result is off by $(R_0 - I)\, j_0$, a common surprise when recordings
+# of two programs are compared.
 
 # %%
 alone = np.zeros((24, 3))
@@ -259,8 +259,8 @@ for name, drawn in (
     )
 
 # %% [markdown]
-# This body is drawn with the pelvis in the origin, whoever it is, and there the mistake does not show.
-# Others stand on the ground. A test with this one alone would let it pass.
+# This body has its pelvis at the origin, whatever its shape, and there the mistake does not show.
+# Others stand on the ground. A test with this body alone would let the mistake pass.
 
 # %% [markdown]
 # ## Binding the skin
@@ -279,8 +279,8 @@ print(
 )
 
 # %% [markdown]
-# So first the other way: from the world into the frame of the joint *at rest*, then out again by the
-# posed one. That is the **binding matrix**
+# So we first go the other way, from the world into the frame of the joint *at rest*, and then out again
+# by the posed frame. This is the **binding matrix**
 #
 # $$ G'_k = G_k(\theta)\, G_k(\theta^*)^{-1}, $$
 #
@@ -301,17 +301,17 @@ with house_style():
     line_up(shown, body.faces, ax=ax)
 Picture(
     figure,
-    "The template; what G makes of it although nobody has turned: every part is moved by its own "
-    "joint once more; and the template bound and posed. Each vertex follows one joint here, and the "
-    "skin at the joints shows it: that is for the next lecture.",
+    "Left: the template. Middle: what G makes of it although no joint is turned: every part is "
+    "moved by its own joint once more. Right: the template, bound and posed. Each vertex follows a"
+    " single joint here, which shows in the skin at the joints; the next lecture improves on that.",
 )
 
 # %%
 source(binding_motions)
 
 # %% [markdown]
-# Templates are not always drawn in a T-pose. If this one is said to be drawn with its arms lowered by
-# 45 degrees, then with that pose, and not with zero, it comes out as drawn:
+# Templates are not always drawn in a T-pose. Suppose that this one is drawn with its arms lowered by 45
+# degrees. Then it comes out as drawn if the pose is that one, and not if the pose is zero:
 
 # %%
 lowered = np.zeros((24, 3))
@@ -327,7 +327,7 @@ print(
 # %% [markdown]
 # ## Where are the posed joints?
 #
-# At the offsets of the $G_k$. Written out, along the path from the root to joint $k$:
+# They are at the offsets of the $G_k$, which are sums along the path from the root to joint $k$:
 #
 # $$
 # J'_k = j_0 + \sum_{c \,\in\, \text{path}(k)} R^{\text{world}}_{p(c)} \left( j_c - j_{p(c)} \right) .
@@ -364,9 +364,9 @@ Picture(
 )
 
 # %% [markdown]
-# A common rotation is no trouble: the rows of $\mathcal J$ sum to one, so it turns along. Bending is.
-# The regressor is for the rest surface; posed joints come from the chain. Who compares with joints
-# from another program should ask which of the two they are.
+# A rotation of the whole body does no harm: the rows of $\mathcal J$ sum to one, so the joints turn
+# with it. Bending does. The regressor is for the rest surface; posed joints come from the chain. When
+# you compare with joints from another program, ask which of the two they are.
 #
 # ## What to remember
 #

@@ -56,8 +56,9 @@ def blended_turn(weight: float, angle: float) -> float:
 def blend_quaternions(Q: Array, weights: Array) -> Array:
     """The blended quaternion of length one, with either sign.
 
-    q and -q are the same rotation, and you are given either: before they are added, bring each to
-    the side of the one that weighs most, so that the signs in which they were given do not matter.
+    q and -q are the same rotation, and you are given either: before they are added, give each the
+    sign with which it is nearer to the one that weighs most, so that the signs in which they were
+    given do not matter.
 
     Q (K, 4), each w x y z of length one; weights (K,), summing to one -> (4,)
     """

@@ -4,9 +4,9 @@
 # **What does the skin do between two bones?**
 #
 # Lecture 3 ends with a matrix $G'_k$ for each bone, which takes points from where they are at rest to
-# where that bone carries them. Between two bones a vertex has to listen to both. We begin with one
-# bone for each vertex, see the skin torn, blend, and find out what blending costs. Most of this
-# happens on a tube, where all can be computed by hand. Lengths are in metres.
+# where that bone carries them. Between two bones a vertex has to follow both. We begin with one bone
+# for each vertex, see the skin torn, blend, and find out what blending costs. Most of this happens on a
+# tube, where all can be computed by hand. Lengths are in metres.
 
 # %%
 from dataclasses import replace
@@ -61,18 +61,17 @@ Picture(
 )
 
 # %% [markdown]
-# Every part has its form, and the one edge between them pays for all.
+# Every part keeps its form, and all of the stretch is in the one edge between them.
 #
 # ## Linear blend skinning
 #
-# The picture on the right is made so: each vertex $i$ has **weights** $w_{ik}$, one for each bone, and
-# goes to the weighted mean of where the bones would take it:
+# The picture on the right is made in this way: each vertex $i$ has **weights** $w_{ik}$, one for each
+# bone, and goes to the weighted mean of where the bones would take it:
 #
 # $$ t'_i = \sum_k w_{ik}\, G'_k\, t_i, \qquad w_{ik} \ge 0, \quad \sum_k w_{ik} = 1 . $$
 #
-# This is **linear blend skinning**; SMPL does it, with at most four weights for each vertex. One can
-# as well blend the matrices first, since $t_i$ is the same in all terms, and that is how the library
-# does it:
+# This is **linear blend skinning**; SMPL does it, with at most four weights for each vertex. Since
+# $t_i$ is the same in all terms, one may also blend the matrices first, as the library does:
 
 # %%
 source(linear_blend)
@@ -99,9 +98,10 @@ except wb.WorkbenchError as error:
 # %% [markdown]
 # ## Twist it
 #
-# Now turn the second bone about the tube, as a hand turns at the wrist. A ring with weight $w$ of the
-# second bone: its points are, as complex numbers across the tube, $z$ from the first bone and
-# $z e^{i \alpha}$ from the second, and blended
+# Now turn the second bone about the tube, as a hand turns at the wrist. Take a ring of vertices whose
+# weight for the second bone is $w$, and write its points as complex numbers $z$ in the plane across the
+# tube. The first bone leaves a point at $z$, the second one takes it to $z e^{i \alpha}$, and linear
+# blending to
 #
 # $$ c\, z, \qquad c = 1 - w + w e^{i\alpha}, \qquad |c|^2 = 1 - 4 w (1 - w) \sin^2 \tfrac\alpha2 . $$
 #
@@ -165,7 +165,7 @@ Picture(
 # \text{twisted: } \int A\, (1 - |c|^2) .
 # $$
 #
-# Along the zone, $w (1 - w)$ integrates to $l/6$. (What that makes of the second is an exercise.)
+# Along the zone, $w (1 - w)$ integrates to $l/6$. (To work out the second integral is an exercise.)
 
 # %%
 area = 16 * 0.05**2 * np.sin(2 * np.pi / 32)  # m^2, of the tube's 32-gon
@@ -188,15 +188,15 @@ print(f"(the zone itself holds {1e6 * area * 0.1:.0f} cm^3)")
 #
 # The mean of two rotation matrices is no rotation; it shrinks. Lecture 2 would take the nearest
 # rotation. There is a cheaper way. A rotation by $\alpha$ about the unit axis $n$ is also the unit
-# **quaternion** $q = (\cos \tfrac\alpha2,\, n \sin \tfrac\alpha2)$. Average four numbers, divide by the
-# length, and it is a rotation again:
+# **quaternion** $q = (\cos \tfrac\alpha2,\, n \sin \tfrac\alpha2)$. Average the four numbers, divide by
+# the length of the mean, and the result is a rotation again:
 #
 # $$ q = \frac{\sum_k w_k\, s_k\, q_k}{\left\| \sum_k w_k\, s_k\, q_k \right\|} . $$
 #
-# What are the signs $s_k$? $q$ and $-q$ are the same rotation, and their mean would be zero; so before
-# they are added each is brought to the side of the one that weighs most. A rigid motion has an offset,
-# too. With four more numbers for it, a **dual quaternion**, the same average gives a rigid motion for
-# every vertex. The library:
+# What are the signs $s_k$? $q$ and $-q$ are the same rotation, and their mean would be zero. So before
+# quaternions are added, each is given the sign with which it is nearer to the one that has the largest
+# weight. A rigid motion has an offset, too. With four more numbers for it, a **dual quaternion**, the
+# same average gives a rigid motion for every vertex. The library:
 
 # %%
 source(dual_quaternion_blend)
@@ -221,7 +221,7 @@ print(f"with one bone for each vertex it is linear blending: off by {gap.max():.
 #
 # $$ 2 \arctan \frac{w \sin (\alpha/2)}{1 - w + w \cos (\alpha/2)} , $$
 #
-# which is right at $w = 0, \tfrac12, 1$, and elsewhere nearly:
+# which is equal to $w \alpha$ at $w = 0, \tfrac12, 1$, and close to it elsewhere:
 
 # %%
 w = np.linspace(0, 1, 100001)
@@ -236,8 +236,8 @@ print(
 #
 # **The outside bulges.** A ring at the joint is turned rigidly about the joint, so on the outside of a
 # bend it stays at its full distance, and the skin there must become longer. **At half a turn it
-# jumps.** Both ways round are as long then, and the sign $s_k$ decides. Just before and just after, the
-# vertex is on opposite sides:
+# jumps.** There the two ways round are equally long, and the sign $s_k$ decides between them. Just
+# before and just after half a turn, the vertex is on opposite sides:
 
 # %%
 pose = np.zeros((2, 2, 3))
@@ -285,9 +285,9 @@ for name, body in ways.items():
 # %% [markdown]
 # ## On the body
 #
-# A wrist and an elbow of a real template are no tubes, but do the same. SMPL keeps linear blending,
-# and repairs it in another way, with the *pose blend shapes* of the next lecture, which add to the
-# rest surface what blending is going to lose.
+# The wrist and the elbow of a real template are no tubes, but they behave in the same way. SMPL keeps
+# linear blending, and repairs it in another way, with the *pose blend shapes* of the next lecture,
+# which add to the rest surface what blending is going to lose.
 
 # %%
 whole = wb.load_body("default")
@@ -315,9 +315,10 @@ with house_style():
     plot_by_angle(bends, elbow, "volume of the bent arm (cm³ gained)", ax=axes[1], at_rest=0)
 Picture(
     figure,
-    "The same on a body. Left: the wrist. Right: the skin of upper arm and forearm. Blend shapes give "
-    "back a part; a little bent, the arm has even less than blending leaves it. They were taught on "
-    "poses that people take, and nobody's wrist turns by 180 degrees.",
+    "The same on a body. Left: the wrist. Right: the skin of upper arm and forearm. Blend shapes "
+    "give back a part of what is lost, but where the arm is bent a little, it has even less volume"
+    " with them. They were learned from poses that people take, and nobody's wrist turns by 180 "
+    "degrees.",
 )
 
 # %% [markdown]

@@ -33,9 +33,9 @@ from workbench.plots.body import Figurine, line_up, side
 # %% [markdown]
 # ## What an artist would do
 #
-# The arm is the tube of lecture 4, blended linearly. The truth, so that there is one, is what dual
+# The arm is the tube of lecture 4, blended linearly. So that there is a truth, we take what dual
 # quaternions make of it. In pose $\theta$ linear blending takes vertex $i$ by a matrix and an offset,
-# $v \mapsto M_i v + m_i$. For it to end where it should, at $v_i^*$, it has to start at rest not from
+# $v \mapsto M_i v + m_i$. To end where it should, at $v_i^*$, the vertex has to start at rest not from
 # $t_i$ but from
 #
 # $$ t_i + P_i, \qquad P_i = M_i^{-1} (v_i^* - m_i) - t_i . $$
@@ -72,7 +72,7 @@ def errors(body, angles):
 
 
 def error(body, angle):
-    """The same at one angle, mm."""
+    """How far the skin around the joint is from the truth at one angle, root mean square, mm."""
     return errors(body, [angle])[0]
 
 
@@ -92,19 +92,19 @@ print(
 #
 # ## Between the examples
 #
-# Make some examples $\theta^i, P_i$, and in a pose $\theta$ take each according to how near it is
-# (*scattered data interpolation*; Lewis and others, 2000):
+# Make some examples $\theta^i, P_i$, and in a pose $\theta$ let each of them contribute according to
+# how near it is (*scattered data interpolation*; Lewis and others, 2000):
 #
 # $$
 # B_P(\theta) = \sum_i \lambda_i(\theta)\, P_i, \qquad
 # \lambda_i = \frac{K_i}{\sum_j K_j}, \qquad K_i = \exp\left( - \|\theta - \theta^i\|^2 / \tau \right) .
 # $$
 #
-# Here $\tau$, in rad², says how far an example is heard. The library and the exercises ask for its root
-# instead, the **width** $\sqrt \tau$ in radians: at that distance from its example a kernel has fallen to
-# $1/e$. The slides that this course follows print $\lambda_i \propto K_i$ and leave the sum out, so we run
-# both. A third way keeps the kernels undivided, but solves for coefficients with which the examples come
-# out exactly.
+# Here $\tau$, in rad², says how far from its pose an example contributes. The library and the exercises
+# ask for its root instead, the **width** $\sqrt \tau$ in radians: at that distance from its example a
+# kernel has fallen to $1/e$. *Body Models II* (Pons-Moll and Swoboda, 2018) has $\lambda_i \propto K_i$
+# and leaves the sum out, so we try both. A third way does not divide the kernels, but solves for the
+# coefficients that reproduce the examples exactly.
 
 # %%
 at = np.radians([-120, -80, -40, 0, 40, 80, 120])
@@ -141,9 +141,9 @@ with house_style():
     ax.legend(loc="upper center", ncols=2)
 Picture(
     figure,
-    "The error by angle. Grey lines are the examples. Shares hit no example, because its neighbours have "
-    "a say as well; kernels that are not divided add up to too much; solved for, they are exact at the "
-    "examples and good between.",
+    "The error by angle. Grey lines are the examples. Shares hit no example, because its "
+    "neighbours contribute as well; kernels that are not divided add up to too much; with "
+    "coefficients that are solved for, they are exact at the examples and good between.",
 )
 
 # %% [markdown]
@@ -194,8 +194,9 @@ for name, body in {"none": arm, **students}.items():
     )
 
 # %% [markdown]
-# Angles are little use. What an elbow needs is the same to either side, and a linear function of the
-# angle has the opposite sign there. $R$ has $\cos \alpha - 1$ among its elements, which is even.
+# Angles are of little use. An elbow needs the same correction to whichever side it bends, but a linear
+# function of the angle has opposite signs on the two sides. $R$ has $\cos \alpha - 1$ among its
+# elements, which is even.
 #
 # There is a worse failure. Turn once all the way round, and the joint is where it was. Is its skin?
 
@@ -227,9 +228,9 @@ Picture(
 # %% [markdown]
 # ## In SMPL
 #
-# $B_P(\theta) = \sum_{n=1}^{9K} \left( R_n(\theta) - R_n(\theta^*) \right) P_n$, with $K = 23$: the root is
-# left out, for who turns as a whole keeps their form. That is 207 features. Their order is part of the
-# file: entry $9 (k - 1) + 3 r + c$ is row $r$, column $c$ of joint $k$.
+# $B_P(\theta) = \sum_{n=1}^{9K} \left( R_n(\theta) - R_n(\theta^*) \right) P_n$, with $K = 23$: the
+# root is left out, because a person who turns as a whole keeps their form. That is 207 features. Their
+# order is part of the file: entry $9 (k - 1) + 3 r + c$ is row $r$, column $c$ of joint $k$.
 
 # %%
 source(pose_features)
@@ -250,19 +251,20 @@ N = 6890
 print(f"numbers in P for {N} vertices: 3 x {N} x 207 = {3 * N * 207}")
 
 # %% [markdown]
-# (The slides print $9 \cdot 23 \cdot 6890$ and give the right number, which has a factor 3 for the
-# coordinates.)
+# (*Body Models II* has the product $9 \cdot 23 \cdot 6890$ beside the right number, which includes a
+# factor 3 for the coordinates.)
 #
 # ## People
 #
-# The same idea for shapes. People at rest are points with $3N$ coordinates; their mean is the template
-# $\bar T$, and the directions in which they differ most are the principal components (a singular value
-# decomposition, once the mean is taken away):
+# The same idea serves for shapes. People at rest are points with $3N$ coordinates; their mean is the
+# template $\bar T$, and the directions in which they differ most are the principal components (a
+# singular value decomposition, once the mean is taken away):
 #
 # $$ B_S(\beta) = S \beta, \qquad S = V_k \operatorname{diag}(s) / \sqrt{n - 1} . $$
 #
-# The scale is a convention that must be told: with it, $\beta$ is in standard deviations, and one person
-# in twenty is beyond $\pm 2$. Learned from 60 people that we draw from the body's own shape space:
+# The scale is a convention that has to be stated: with it, $\beta$ is in standard deviations, and one
+# person in twenty is beyond $\pm 2$. We learn the directions from 60 people that we draw from the
+# body's own shape space:
 
 # %%
 rng = np.random.default_rng(0)
@@ -295,9 +297,9 @@ Picture(figure, caption_shape_gallery(gallery, "three"))
 #
 # Why these conditions? With a sum of one a joint moves along with a person who stands elsewhere; with
 # weights that are not negative it lies among its vertices, and few of them are not zero. Least squares
-# with weights that are not negative is solved by `scipy.optimize.nnls`; that they sum to one can be
-# said by one more equation, multiplied by a large number. What if the joints of the mean person are
-# kept instead?
+# with weights that are not negative is solved by `scipy.optimize.nnls`; that they sum to one is one
+# more equation, which is multiplied by a large number. What if the joints of the mean person are kept
+# instead?
 
 # %%
 tall = along(body, 0, 3)
@@ -335,7 +337,8 @@ Picture(
 #
 # $$ M(\theta, \beta) = W\left( \bar T + B_S(\beta) + B_P(\theta),\; J(\beta),\; \theta,\; \mathcal W \right) . $$
 #
-# (A summary of SMPL prints $\beta$ for the third argument. It is the pose.) In the library:
+# (The notes *SMPL and SMPLify*, which this course uses, have $\beta$ for the third argument. It is the
+# pose.) In the library:
 
 # %%
 source(surface.rest)
@@ -347,8 +350,8 @@ source(surface.posed)
 # ## What to remember
 #
 # - A blend shape is a displacement of the rest surface: find it by taking skinning back.
-# - Interpolating examples works near them; shares have to be divided by their sum, and hit no example;
-#   what it costs grows with the examples.
+# - Interpolation between examples works near them. Kernels have to be divided by their sum, and then
+#   reproduce no example exactly; the cost grows with the number of examples.
 # - Blend shapes that are linear in features are learned by least squares. Features should be the same
 #   for the same rotation: elements of $R - I$, row by row, without the root.
 # - Shape directions are principal components, scaled so that betas are standard deviations; joints are

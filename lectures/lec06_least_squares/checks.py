@@ -138,7 +138,8 @@ def is_the_slope_of_f(gradient):
 
 @mistake(
     "gradient",
-    "the factor 2 is missing: the derivative of e^2 is 2 e e'. The slides have lost it too; it is "
+    "the factor 2 is missing: the derivative of e^2 is 2 e e'. Body Models II (Pons-Moll and "
+    "Swoboda, 2018) has lost it, too; it is "
     "right for F / 2",
 )
 def without_the_two(e, J):

@@ -22,14 +22,14 @@ from workbench.problem.steps import cholesky
 #
 # The unknowns are $x = (a, b)$, the angle of the shoulder and that of the elbow. The upper bone is
 # $u = 0.30$ m long, the forearm $l = 0.25$ m. The model $m(x)$ says where elbow and wrist are, $y$ is
-# where they were seen; the **residual** is the one minus the other:
+# where they were seen; the **residual** is the difference of the two:
 #
 # $$
 # m(x) = \begin{pmatrix} u \cos a \\ u \sin a \\ u \cos a + l \cos(a + b) \\ u \sin a + l \sin(a + b)
 # \end{pmatrix}, \qquad e(x) = m(x) - y .
 # $$
 #
-# Four numbers, to be made small all at once: least in the sum of squares
+# These are four numbers, which we want to make small all at once: we minimise the sum of their squares,
 # $F(x) = e^\top e = \sum_i e_i^2$.
 
 # %%
@@ -64,8 +64,8 @@ print(f"F at the start: {residual(start) @ residual(start):.4f} m^2")
 #
 # $$ \nabla F = \nabla (e^\top e) = 2 J^\top e . $$
 #
-# The two is easily lost. The slides that this course follows have $J^\top e$. Does it matter? A
-# derivative can always be asked: compare with a difference quotient.
+# The factor of two is easily lost: *Body Models II* (Pons-Moll and Swoboda, 2018) has $J^\top e$. Does
+# it matter? A derivative can always be checked against a difference quotient:
 
 
 # %%
@@ -95,10 +95,10 @@ print("J'e as printed, over it", printed / slope)
 
 # %% [markdown]
 # Half of the gradient still points downhill, so a method that only asks for a direction notices
-# nothing. The lie comes out as soon as a second term is added, whose derivative is right. Say that
-# we also believe that the elbow is bent by about 0.2 rad, and add $w\,(b - 0.2)^2$ with
-# $w = 0.02$ m²/rad². At the minimum the whole gradient is zero; with only one of its two terms
-# halved, something else is zero:
+# nothing. The mistake shows as soon as a second term is added whose derivative is right. Say that we
+# also believe that the elbow is bent by about 0.2 rad, and add $w\,(b - 0.2)^2$ with $w = 0.02$
+# m²/rad². At the minimum the whole gradient is zero; with only one of its two terms halved, something
+# else is zero:
 
 # %%
 w = 0.02  # m^2/rad^2
@@ -128,7 +128,7 @@ for factor in (2, 1):
 source(wb.Linearization.gradient)
 
 # %% [markdown]
-# Now go: $x \leftarrow x - s\, \nabla F$, again and again. How long should $s$ be?
+# Now we go downhill, $x \leftarrow x - s\, \nabla F$, again and again. How large should $s$ be?
 
 
 # %%
@@ -168,7 +168,7 @@ largest = np.linalg.eigvalsh(2 * jacobian(truth).T @ jacobian(truth)).max()
 print(f"the longest step that settles at the truth: s = {2 / largest:.2f} rad^2/m^2")
 
 # %% [markdown]
-# But to know that, one has to have been at the minimum.
+# But to know that, one must have found the minimum already.
 #
 # A gradient is a direction and not a step. Its unit gives it away: $\nabla F$ is in m²/rad, and we
 # add it to angles in rad, so $s$ has to be in rad²/m². Had we counted the elbow in degrees, the same
@@ -180,12 +180,12 @@ print(f"the longest step that settles at the truth: s = {2 / largest:.2f} rad^2/
 #
 # $$ e(x + p) \approx e + J p , $$
 #
-# and for that the best $p$ is no search but a linear least-squares problem. Setting the gradient of
-# $\|e + J p\|^2$ to zero gives the **normal equations** of Gauss and Newton,
+# and for that the best $p$ need not be searched for: it solves a linear least-squares problem. Setting
+# the gradient of $\|e + J p\|^2$ to zero gives the **normal equations** of Gauss and Newton,
 #
 # $$ J^\top J\, p = - J^\top e . $$
 #
-# The unit of $p$ is rad, whatever the units of $e$; and nobody was asked for a length.
+# The unit of $p$ is rad, whatever the units of $e$, and we did not have to choose a length.
 
 
 # %%
@@ -204,11 +204,12 @@ for k, x in enumerate(way):
     print(f"step {k}: x = {x}, off by {np.abs(x - truth).max():.0e}")
 
 # %% [markdown]
-# Five steps for what sixty of the others did not do, and the last ones double the number of right
-# digits each time. In the workbench this step is a method of a `Linearization`, a residual and a
-# Jacobian at a point; `damping` belongs to the next lecture. `steps.automatic` solves for it in one of two ways.
-# The one below it is the normal equations, made free of units first, by Cholesky: they are taken where
-# the condition of the scaled $J$ is below `CHOLESKY_UP_TO`, so that enough digits are left.
+# Five of these steps do what sixty of the others did not do, and each of the last ones doubles the
+# number of right digits. In the workbench this step is a method of a `Linearization`, a residual and a
+# Jacobian at a point; `damping` belongs to the next lecture. `steps.automatic` solves for it in one of
+# two ways. The function `cholesky` solves the normal equations, whose unknowns are first scaled so that
+# they have no units. It is used where the condition of the scaled $J$ is below `CHOLESKY_UP_TO`, so
+# that enough digits are left.
 
 # %%
 source(wb.Linearization.step)
@@ -321,9 +322,10 @@ Picture(
 # (At 1.9 u the law is not yet met: it is one of small errors, and after 12 steps the error is not
 # small.) So full steps can lead away, and from a point as near as you like. The direction is still
 # downhill; only the length is wrong, and this time we can tell. If the residual were linear, the step
-# would lower $F$ from $\|e\|^2$ to $\|e + J p\|^2$: that is a promise, and $\|e\|^2 - \|e(x + p)\|^2$ is
-# what was kept of it. The library's `GaussNewton` halves the step until a fair share is kept; lecture 7
-# has a better answer. Here is the bone with $\rho = 2.2\, u$, from $a = 0.5$ rad; the best angle is 0.
+# would lower $F$ from $\|e\|^2$ to $\|e + J p\|^2$: this is what the linear model promises, and
+# $\|e\|^2 - \|e(x + p)\|^2$ is what was kept of the promise. The library's `GaussNewton` halves the
+# step until a fair share is kept; lecture 7 has a better answer. Here is the bone with
+# $\rho = 2.2\, u$, from $a = 0.5$ rad; the best angle is 0.
 
 # %%
 far = {"a": np.array(0.5), "target": np.array([2.2 * UPPER, 0.0])}
@@ -343,10 +345,10 @@ for name in ("gauss-newton-full", "gauss-newton"):
 # %% [markdown]
 # ## The same on a body
 #
-# Nothing above knew of arms. Here is a whole body: 72 numbers of the pose and 3 of its place, fitted
-# to 369 vertices that we made up, so that the answer is known. `Problem` builds $e$ and $J$; the
-# steps are those of above. In the second line the cost has fallen twentyfold, and yet one number of
-# the pose is further off than at the start: an optimizer sees the residual and not the truth.
+# Nothing above was about arms alone. Here is a whole body: 72 numbers of the pose and 3 of its place,
+# fitted to 369 vertices that we made up, so that the answer is known. `Problem` builds $e$ and $J$; the
+# steps are those of above. In the second line the cost has fallen twentyfold, and yet one number of the
+# pose is further off than at the start: an optimizer sees the residual and not the truth.
 
 # %%
 body = wb.load_body("small")
@@ -374,6 +376,7 @@ print("the Jacobian is", J.shape)
 #
 # - Write residuals, not costs: each knows how it changes, and that is the Jacobian.
 # - $\nabla(e^\top e) = 2 J^\top e$. With the cost $\tfrac12 e^\top e$ the factor is gone.
-# - A gradient has no length. $J^\top J\, p = -J^\top e$ has, in the unit of the unknowns.
+# - A gradient does not say how long a step should be. $J^\top J\, p = -J^\top e$ does, in the unit of
+#   the unknowns.
 # - Gauss-Newton is quick where the data can be met. Where they cannot, each step multiplies the error
 #   by the ratio of what was left out of the Hessian to what was kept; above one, full steps diverge.

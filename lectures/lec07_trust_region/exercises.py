@@ -24,7 +24,7 @@ def damped_step(e: Array, J: Array, damping: float) -> Array:
 
 
 def gain(f, e: Array, J: Array, x: Array, p: Array) -> float:
-    """By how much the cost fell, over the fall that the linear model e + J p promised.
+    """The actual fall of the cost over the fall that the linear model e + J p promised.
 
     f answers the residual at any point: f(x) is e, f(x + p) is where the step leads. The cost is half
     the sum of squares.

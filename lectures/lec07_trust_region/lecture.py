@@ -88,9 +88,9 @@ for name in ("gauss-newton-full", "gauss-newton"):
     tried(name)
 
 # %% [markdown]
-# In reach, halving mends what full steps break. Beyond reach nothing helps: not one of thirty
-# starts ends. Yet the answer is plain: stretch the arm and point. Look at one of them, at what the
-# linear model promised and what came of it.
+# Within reach, halving mends what full steps break. Beyond reach nothing helps: not one of thirty
+# starts ends. Yet the answer is plain: stretch the arm and point. For one of the starts, let us compare
+# what the linear model promised with what happened.
 
 
 # %%
@@ -131,16 +131,16 @@ with house_style():
     right.legend()
 Picture(
     figure,
-    "A point out of reach. Left: along the first Gauss-Newton step the model falls to zero, the cost "
-    "keeps to the model for a short way only. Right: the straighter the arm, the longer the steps "
-    "that are asked for, and the less of them can be taken.",
+    "A point out of reach. Left: along the first Gauss-Newton step the model falls to zero, but "
+    "the cost follows the model for a short way only. Right: the straighter the arm, the longer "
+    "the steps that are asked for, and the less of them can be taken.",
 )
 
 # %% [markdown]
-# The straighter the arm, the smaller the smallest singular value of $J$, and a residual that will
-# not go away is divided by it. The step grows in the one direction that does nearly nothing, and
-# halving makes *all* of it short, also the part that was useful. A shorter step should be another
-# step.
+# The straighter the arm, the smaller the smallest singular value of $J$, and a residual that will not
+# go away is divided by it. The step grows in the one direction that does nearly nothing, and halving
+# makes *all* of it short, also the part that was useful. A shorter step should also go in another
+# direction.
 #
 # ## The idea: pay for length
 #
@@ -149,9 +149,9 @@ Picture(
 # $$ \min_p\; \|e + J p\|^2 + \lambda \|p\|^2
 #    \qquad\Longleftrightarrow\qquad (J^\top J + \lambda I)\, p = -J^\top e . $$
 #
-# (On the slide that this course follows the $e$ on the right is not bold, although it is a vector like
-# the others: the residuals. Shapes tell what is meant. $-J^\top$ alone would be a matrix, and $-J^\top e$
-# has one entry for each unknown, as a step must.) With $J = U \Sigma V^\top$ the step is
+# (In *Body Models II* the $e$ on the right is not bold, although it is a vector, that of the residuals.
+# The shapes tell what is meant: $-J^\top$ alone would be a matrix, and $-J^\top e$ has one entry for
+# each unknown, as a step must.) With $J = U \Sigma V^\top$ the step is
 #
 # $$ p = -\sum_i \frac{s_i}{s_i^2 + \lambda}\, (u_i^\top e)\, v_i , $$
 #
@@ -175,7 +175,8 @@ for damping in (0, 1e-5, 1e-3, 1e-1, 10):
 #
 # $$ \text{promise} = \tfrac12 \|e\|^2 - \tfrac12 \|e + J p\|^2 = -(J^\top e)^\top p - \tfrac12 \|J p\|^2 , $$
 #
-# and the cost fell by something. The **gain** is what came over what was promised:
+# and the cost fell by something. The **gain ratio**, or gain for short, is the actual fall over the
+# promised one:
 
 # %%
 source(wb.Linearization.predicted_decrease)
@@ -211,14 +212,15 @@ print(solution.status.name, "after", solution.iterations, "iterations")
 # %% [markdown]
 # ## The same by a radius
 #
-# Let $p(\lambda)$ be that step, and $r = \|p(\lambda)\|$ its length. Then no step of at most that length
-# is better *for the model*: a better one would also be better in the sum that $p(\lambda)$ is least in.
+# Let $p(\lambda)$ be that step, and $r = \|p(\lambda)\|$ its length. Then no step of at most that
+# length is better *for the model*: a better one would also lower the sum that $p(\lambda)$ minimises.
 # So to choose $\lambda$ is to choose a radius: the **trust region**, the ball in which the model is
-# believed. That is easier to think about, for a radius is in radians and says where it ends.
+# believed. This is easier to think about, because a radius is in radians and says how far the model is
+# believed.
 #
-# But $p(\lambda)$ of a given radius has to be searched, one factorization for each $\lambda$. Powell
-# (1970) replaces the curve by two straight legs that cost one: first down the gradient to where the
-# model is least along it, the **Cauchy point**
+# But the $p(\lambda)$ of a given radius has to be searched for, with one factorization for each
+# $\lambda$. Powell (1970) replaces the curve by two straight legs that need a single factorization:
+# first down the gradient to where the model is least along it, the **Cauchy point**
 #
 # $$ p_C = -\frac{\|g\|^2}{\|J g\|^2}\, g, \qquad g = J^\top e , $$
 #
@@ -288,8 +290,8 @@ for name in ("levenberg-marquardt", "dogleg"):
     tried(name)
 
 # %% [markdown]
-# Both ways to a shorter step end everywhere. Which is quicker depends on the problem; lecture 11 is about
-# comparing.
+# With both ways to a shorter step, all runs end. Which is quicker depends on the problem; lecture 11 is
+# about comparing.
 #
 # ## What is long?
 #
@@ -309,14 +311,14 @@ for name, scaling in (("Levenberg, D = I", np.ones(2)), ("Marquardt, D = |J_i|",
     )
 
 # %% [markdown]
-# For the coefficients of a regression, which have all kinds of units, that is what one wants. For a body it
-# is not: there the columns of what the data hardly see are short, Marquardt's $D$ makes motion along
-# them cheap, and the fit wanders. All joints of a body are in radians; the workbench's default is
-# $D = I$, and `levenberg-marquardt-columns` is the other.
+# For the coefficients of a regression, which have all kinds of units, this is what one wants. For a
+# body it is not: the columns of unknowns that hardly change the residuals are short, Marquardt's $D$
+# makes motion along them cheap, and the fit wanders. All joints of a body are in radians; the
+# workbench's default is $D = I$, and `levenberg-marquardt-columns` is the other.
 #
 # ## What to remember
 #
-# - A linear model is good nearby. How near, the **gain** tells: what came over what was promised.
+# - A linear model is good nearby. How near, the **gain** tells: the actual fall over the promised one.
 # - Halving a bad step leaves its direction bad. Damping shortens each direction by its own share,
 #   $s_i^2 / (s_i^2 + \lambda)$ of Gauss-Newton's.
 # - $\lambda$ and a radius are two names of one thing; the dogleg goes there with one factorization.

@@ -36,9 +36,9 @@ given = body.start() | {"observed": body.joints(truth)}
 # %% [markdown]
 # ## Solve, and look
 #
-# The residual is what the body says of its joints minus what was seen, over 1 cm. (A residual divided
-# by its sigma, the size that it ordinarily has, is called **whitened**: a number without a unit.) We
-# solve twice, from two starts.
+# The residual is the joints of the body minus those that were seen, divided by 1 cm. (A residual
+# divided by its sigma, the size that it usually has, is called **whitened**. It has no unit.) We solve
+# twice, from two starts.
 
 # %%
 answers = {}
@@ -106,10 +106,10 @@ Picture(
 )
 
 # %% [markdown]
-# Forty, and then a cliff of more than twelve decades. Where is the border, in numbers with rounding? The
-# library asks how large a singular value can be that is zero but for rounding: about the largest one
-# times the machine's precision times the size of the matrix. It first gives every column the length 1,
-# so that the unit of an unknown has no say.
+# Forty, and then a cliff of more than twelve decades. Which singular values count as zero, when numbers
+# are rounded? The library asks how large rounding can make a singular value that ought to be zero:
+# about as large as the largest one times the machine's precision times the size of the matrix. It first
+# scales every column to the length 1, so that the unit of an unknown does not matter.
 
 # %%
 source(wb.Linearization.tolerance)
@@ -125,10 +125,10 @@ source(wb.Linearization.tolerance)
 # - A joint with **one child** can turn about the bone to it, for $\omega \times e = 0$ where
 #   $\omega \parallel e$. That turns the rest of the limb too; but the child can turn back. So $2$ are
 #   seen.
-# - A joint with **several children** has no axis that leaves all of them alone, unless the bones to
+# - A joint with **several children** has no axis that leaves all of them in place, unless the bones to
 #   them lie on one line: $3$.
 #
-# If the body may move as a whole, $3$ more.
+# If the body may move as a whole, $3$ more are seen.
 
 # %%
 print(law_in_words(body.parents, translation=False))
@@ -142,8 +142,8 @@ print(f"if only {', '.join(body.joint_names[k] for k in ends)} are seen: {rank} 
 # %% [markdown]
 # (In the last line three points are seen, and each can be moved alone in all three directions by the
 # joints above it: three times three.) The workbench does not stop at the number: it says which
-# directions these are. A basis of the null space from the singular vectors mixes all of them; looked for
-# in small named subspaces, the smallest first, a twist is a twist.
+# directions these are. The singular vectors are a basis of the null space that mixes all of them. The
+# workbench looks in small named subspaces, the smallest first, and there a twist is a twist.
 
 # %%
 print(diagnosis)
@@ -160,8 +160,9 @@ for angle in (1e-3, 1e-2, 1e-1):
     print(f"{angle:5} rad: joints by {1e3 * moved:.1e} mm, skin by {1e3 * skin:.1e} mm")
 
 # %% [markdown]
-# Ten times the step moves the skin ten times as far, and the joints a hundred times: of first order,
-# nothing. (The exact path of no motion is curved; the null space is its tangent.)
+# A step that is ten times as long moves the skin ten times as far, and the joints a hundred times: to
+# first order they do not move. (The exact path on which they stay is curved; the null space is its
+# tangent.)
 #
 # ## Dense or sparse?
 #
@@ -195,14 +196,14 @@ print(
 # of zeros are a warning worth having before any solver is started.
 #
 # So, dense or sparse? The Jacobian of joints is sparse by nature. That of SMPL's vertices is not: its
-# pose blend shapes let every vertex depend on 23 rotations. But it has 82 columns, and 14 MB are kept
-# whole without a thought. With so few unknowns the pattern is worth more for what it tells than for
-# the zeros that it saves; with thousands of them it is the other way round.
+# pose blend shapes let every vertex depend on 23 rotations. But it has only 82 columns, and its 14 MB
+# are easily kept as a dense matrix. With so few unknowns the pattern is worth more for what it tells
+# than for the zeros that it saves; with thousands of them it is the other way round.
 #
 # ## Hardly seen
 #
-# Rank is a yes or no. In life much is seen, but hardly. With noise of one sigma in every residual,
-# the covariance of the answer is, to first order,
+# Rank is a matter of yes or no. In practice much is seen, but only just. With noise of one sigma in
+# every residual, the covariance of the answer is, to first order,
 #
 # $$ C = (J^\top J)^{-1} = V S^{-2} V^\top : $$
 #
@@ -227,14 +228,14 @@ for k in (*np.argsort(sigma)[:3], *np.argsort(sigma)[-3:]):
     )
 
 # %% [markdown]
-# (Of the three numbers of a joint, the worst known.) The same centimetre tells the pelvis to less than 1
-# degree, because a turn of the pelvis moves the whole body. The feet it tells to more than 10 degrees:
-# only 6 of the 369 vertices hang on a foot, and all of them are so near to its joint that they hardly
-# move when it turns.
+# (Of the three numbers of a joint, the least well known is given.) With this centimetre the pelvis is
+# known to less than 1 degree, because a turn of the pelvis moves the whole body. The feet are known to
+# no better than 10 degrees: only 6 of the 369 vertices hang on a foot, and all of them are so near to
+# its joint that they hardly move when it turns.
 #
-# This covariance must not be believed where the rank is not full. Somebody who takes a pseudo-inverse
-# there gets a number for everything, and for what is not seen at all it is the smallest of all. With the
-# 24 joints alone:
+# This covariance must not be believed where the rank is not full. A pseudo-inverse gives a number for
+# everything there, and the smallest number of all for what is not seen at all. With the 24 joints
+# alone:
 
 # %%
 J_plus = np.linalg.pinv(here.jacobian)
@@ -268,21 +269,22 @@ solution = wb.solve(with_prior, given | {"pose": np.zeros((24, 3))})
 print(f"pose off by up to {np.abs(solution.values['pose'] - truth).max():.2f} rad")
 
 # %% [markdown]
-# Now every solver is content, the rank is full, and the answer is unique. A direction with singular value
-# $s$ is known from the data to $1/s$ and from the prior to $\sigma = 0.3$ rad, and information, one over
-# the variance, adds up. So the data's share in what is known of it is $s^2 / (s^2 + \sigma^{-2})$,
-# between 0 and 1. The sum of all shares counts the directions that the data decide. It is 35 and not 40,
-# since some are seen so hardly that the prior has its share in them.
+# Now every solver is content, the rank is full, and the answer is unique. A direction with singular
+# value $s$ is known from the data to $1/s$ and from the prior to $\sigma = 0.3$ rad, and information,
+# one over the variance, adds up. So the data's share in what is known of it is
+# $s^2 / (s^2 + \sigma^{-2})$, between 0 and 1. The sum of all shares counts the directions that the
+# data decide. It is 35 and not 40, since some are seen so little that the prior has its share in them.
 #
 # And the answer is not right: the prior has put zero where nothing was known. (It is off by as much as
 # the answer from rest was, for the same reason: the number that is furthest off is one that no joint
-# tells, and both leave it at zero.) That may be just what one wants, provided that one knows which
+# depends on, and both leave it at zero.) That may be just what one wants, provided that one knows which
 # numbers came from the data and which from the prior.
 #
 # ## What to remember
 #
 # - Count ranks, not equations. 24 joints tell 40 of 72 numbers: $3$, $2$ or $0$ for each joint with
 #   several children, one, or none.
-# - The pattern bounds the rank and is free; singular values tell it; named directions say what to do.
+# - The pattern bounds the rank and costs nothing; singular values give the rank; named directions say
+#   what to do.
 # - $1/s$ is how well a direction is known. A pseudo-inverse hides what is not.
 # - A prior makes the rank full, and answers for what the data do not say.

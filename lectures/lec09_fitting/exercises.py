@@ -27,7 +27,7 @@ def project(points: Array, R: Array, t: Array, f: float, c: Array) -> Array:
 
 
 def depth(lengths: Array, pixels: Array, f: float) -> float:
-    """How far away a body is, by similar triangles: f times the mean length over the mean image.
+    """How far away a body is, by similar triangles: f times the mean length over the mean of the pixels.
 
     lengths (n,) m, of some bones across the line of sight; pixels (n,) px, how long they appear;
     f px -> m
@@ -36,7 +36,7 @@ def depth(lengths: Array, pixels: Array, f: float) -> float:
 
 
 def keypoint_residual(seen: Array, observed: Array, confidence: Array, sigma: float) -> Array:
-    """The residual of keypoints, in sigmas: a point of confidence c is ordinary at sigma / c px.
+    """The residual of keypoints, in sigmas; a point of confidence c has the sigma sigma / c px.
 
     Model minus observation; u and v of the first point, u and v of the second, and so on.
 

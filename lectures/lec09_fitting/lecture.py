@@ -38,9 +38,10 @@ def distances(values):
 # %% [markdown]
 # ## Every vertex known
 #
-# Vertex $i$ of the model, $M_i(\theta, \beta) + t$, is where we saw $v_i$, but for noise of 5 mm. Its
-# number $i$ is known: we have **correspondences**. The residual is model minus seen, over sigma, and
-# the unknowns are 72 numbers of the pose $\theta$, 10 of the shape $\beta$ and 3 of the place $t$.
+# We saw vertex $i$ of the model, $M_i(\theta, \beta) + t$, at $v_i$, with a noise of 5 mm. Its number
+# $i$ is known: we have **correspondences**. The residual is the model minus what was seen, divided by
+# sigma, and the unknowns are 72 numbers of the pose $\theta$, 10 of the shape $\beta$ and 3 of the
+# place $t$.
 #
 # In the workbench a fit has four lines. A *block* is a named array with a symbol: the body has three
 # (`pose`, `betas`, `trans`), and what was observed gets one of its own. A *residual* is made from
@@ -67,9 +68,9 @@ print(f"5 mm times the root of {p} / {m}: {5 * np.sqrt(p / m):.2f} mm")
 
 # %% [markdown]
 # That is as good as it gets: about ten iterations, and the fit is *better* than its data. It has
-# $m = 1107$ equations for $p = 85$ unknowns, and noise can only hide in the 85 directions in which the model can
-# move: of the noise's squared length $\sigma^2 m$, the share $p / m$ is left. So the error is
-# $\sigma \sqrt{p/m}$, to first order.
+# $m = 1107$ equations for $p = 85$ unknowns, and the fit can follow noise only in the 85 directions in
+# which the model can move: of the noise's squared length $\sigma^2 m$, the share $p / m$ is left. So
+# the error is $\sigma \sqrt{p/m}$, to first order.
 #
 # ## A few landmarks
 #
@@ -97,22 +98,24 @@ for name, residuals in (("joints alone", [at_joints]), ("joints and priors", [at
     )
 
 # %% [markdown]
-# The joints alone are met to *less* than their noise, which is no good sign: there are 72 equations for 85
-# unknowns, and what is free follows the noise. Lecture 8 told why: only 53 of the 85 directions are seen.
-# The shape is free to explain noise as well, and one of its betas is off by 1.3 standard deviations.
+# The joints alone are met to *less* than their noise, which is no good sign: there are 72 equations for
+# 85 unknowns, and what is free follows the noise. Lecture 8 explained why: only 53 of the 85 directions
+# are seen. The shape is free to explain noise as well, and one of its betas is off by 1.3 standard
+# deviations.
 #
-# What we know besides the data can be said in the same language. Among people each beta is 0 on average,
-# with a standard deviation of 1; the angles of this lecture are 0 on average, with a standard deviation
-# of 0.25 rad. Those are residuals too: $\theta / 0.25$ and $\beta / 1$, called **priors**. `gaussian`
-# makes them; it takes a variance, hence the squares. With them every direction has an opinion, and the
-# rank is full. The worst beta is now off by half a standard deviation. The skin is hardly closer, 18 mm in
-# place of 19 mm: nearly half of that comes from turns of bones that no joint tells (lecture 8), and of these the
-# prior says only that they are probably small. Lecture 10 is about priors.
+# What we know besides the data can be said in the same language. Among people each beta is 0 on
+# average, with a standard deviation of 1; the angles of this lecture are 0 on average, with a standard
+# deviation of 0.25 rad. Those are residuals too: $\theta / 0.25$ and $\beta / 1$, called **priors**.
+# `gaussian` makes them; it takes a variance, hence the squares. With them something is known of every
+# direction, and the rank is full. The worst beta is now off by half a standard deviation. The skin is
+# hardly closer, 18 mm in place of 19 mm: nearly half of that comes from turns of bones that no joint
+# depends on (lecture 8), and of these the prior says only that they are probably small. Lecture 10 is
+# about priors.
 #
 # ## A camera
 #
-# A camera sees no metres. A point $x$ of the world goes to the camera's frame, $X = R x + t$ (to the
-# right, down, forward), and then to pixels by dividing by its depth:
+# A camera does not see metres. A point $x$ of the world goes to the camera's frame, $X = R x + t$ (to
+# the right, down, forward), and then to pixels by dividing by its depth:
 #
 # $$ u = f \frac{X}{Z} + c_x, \qquad v = f \frac{Y}{Z} + c_y . $$
 #
@@ -159,8 +162,9 @@ def by_cameras(which):
 
 
 # %% [markdown]
-# `keypoints` is the residual: model minus observation in pixels, times the root of how sure the
-# detector is (here 1), over sigma. One camera, from the front, and the same start as before:
+# `keypoints` is the residual: model minus observation in pixels, divided by sigma and multiplied by the
+# root of the weight that the detector's confidence gives (here 1). One camera, from the front, and the
+# same start as before:
 
 # %%
 one, numbers = by_cameras([0])
@@ -180,19 +184,20 @@ for name, angle in (("facing the camera", 0.0), ("facing away", np.pi)):
 
 # %% [markdown]
 # Both converged, and both meet the image as well as the detector is good. But the one that began on the
-# wrong side had to twist itself to do so: it sits in another minimum, at ten times the cost. No
-# solver can be blamed for going downhill. So a fit to one image needs a start; and who is not sure
-# tries several, and keeps the cheapest.
+# wrong side had to twist itself to do so: it sits in another minimum, at ten times the cost. No solver
+# can be blamed for going downhill. So a fit to one image needs a good start. If in doubt, try several,
+# and keep the one that ends at the lowest cost.
 #
 # ## Where to begin: similar triangles
 #
-# How far away is the person? What is $H$ metres long across the line of sight and $h$ pixels long in
-# the image is at
+# How far away is the person? Something that is $H$ metres long across the line of sight and $h$ pixels
+# long in the image is at the depth
 #
 # $$ Z = f\, \frac{H}{h} . $$
 #
-# SMPLify begins so, with the trunk: of several bones the mean of $H$ over the mean of $h$. For a trunk
-# across the line of sight that is exact. How good is it when the person leans towards the camera?
+# SMPLify begins in this way, with the trunk: it divides the mean of $H$ of several bones by the mean of
+# $h$. For a trunk across the line of sight that is exact. How good is it when the person leans towards
+# the camera?
 
 # %%
 names = body.joint_names
@@ -280,17 +285,16 @@ with house_style():
     right.set(xlabel="z, towards camera 0 (m)", ylabel="y (m)", aspect="equal")
 Picture(
     figure,
-    "Left: what camera 0 sees; truth, one camera's fit and four cameras' fit lie on each other. "
-    "Right: the same three from the side. One camera has the person elsewhere in depth and bent "
-    "otherwise.",
+    "Left: what camera 0 sees; the truth and the fits to one camera and to four lie on top of each"
+    " other. Right: the same three from the side. One camera has the person elsewhere in depth and"
+    " bent otherwise.",
 )
 
 # %% [markdown]
-# The Jacobian says the same of itself: with one camera the place is known to 8 mm across the image, and
-# to 230 mm in depth. There is a reason that no data can overcome. Make a
-# person larger and move them away in proportion, all about the camera's centre: $X / Z$ stays, and so
-# does every pixel. With one camera, size and depth are one unknown, and only the prior of the shape
-# tells them apart.
+# The Jacobian alone says the same: with one camera the place is known to 8 mm across the image, and to
+# 230 mm in depth. There is a reason that no data can overcome. Make a person larger and move them away
+# in proportion, all about the camera's centre: $X / Z$ stays, and so does every pixel. With one camera,
+# size and depth are one unknown, and only the prior of the shape tells them apart.
 
 # %%
 camera, numbers = cameras[0]
@@ -301,8 +305,8 @@ for share in (1.05, 1.5):
     print(f"{share:.2f} times as large and as far: pixels move by {moved:.0e} px")
 
 # %% [markdown]
-# Two cameras that look along different lines end it: joints that were off by 190 mm in depth are off by
-# 6 mm.
+# Two cameras that look along different lines tell them apart: joints that were off by 190 mm in depth
+# are off by 6 mm.
 #
 # ## A start for several cameras
 #
@@ -324,8 +328,8 @@ print(f"the body at rest, moved onto them: off by {1e3 * begun:.0f} mm")
 
 # %% [markdown]
 # The second step is Procrustes' problem: the rigid motion that takes the joints at rest nearest to the
-# triangulated ones. Take both means away, find the rotation nearest to $\sum_i y_i x_i^\top$ (lecture
-# 2), and let it take the one mean to the other.
+# triangulated ones. Subtract the mean from each set of joints, find the rotation nearest to
+# $\sum_i y_i x_i^\top$ (lecture 2), and choose the translation that takes one mean to the other.
 
 # %%
 source(procrustes)
@@ -334,8 +338,8 @@ source(procrustes)
 # ## What to remember
 #
 # - With every vertex known the fit is better than its data: $\sigma \sqrt{p/m}$.
-# - Landmarks leave directions open. Data met to less than their noise is a warning; priors close what
-#   is open, and pull the rest.
+# - Landmarks leave directions open. Data that are met to less than their noise are a warning; priors
+#   decide what is open, and pull on the rest.
 # - One camera: begin with $Z = f H / h$, try both sides, keep the cheaper. Size and depth remain one
 #   unknown.
 # - Two cameras know depth, and triangulation gives the start in closed form.

@@ -4,9 +4,9 @@
 # **What if the data are few, or wrong?**
 #
 # Few data leave directions of the pose open, and something else has to say what people do. Wrong data
-# (a marker taken for another, a detector's confusion) must not be believed. Both are a matter of what
-# a residual costs. Lengths are in metres, angles in radians. People and data are made up; the priors
-# of poses were learned from motion capture.
+# (a marker taken for another, a detector's confusion) must not be believed. What to do in either case
+# is a matter of what a residual costs. Lengths are in metres, angles in radians. People and data are
+# made up; the priors of poses were learned from motion capture.
 
 # %%
 import numpy as np
@@ -16,8 +16,7 @@ from scipy.stats import chi2
 import workbench as wb
 from workbench.course import Picture, source
 from workbench.plots import house_style, sheet
-from workbench.priors.pose_gaussian import shipped_gaussian
-from workbench.priors.pose_mixture import shipped_mixture
+from workbench.priors.poses import shipped_gaussian, shipped_mixture
 
 body = wb.load_body("small")
 names = body.joint_names
@@ -27,9 +26,10 @@ pose, betas, trans = (block.symbol for block in body.blocks())
 # ## Few data
 #
 # We see wrists, ankles, the head and the pelvis, to 1 cm: 18 numbers for a pose of 72. Lecture 9 added
-# a naive prior, that each angle is about zero, to 0.25 rad, whatever the others are. Beside it we put one
-# that was learned from recorded poses: their mean and their covariance. Five people with a bent knee
-# are to be found, drawn from a model of such recordings (which one, we shall see).
+# a naive prior, that each angle is about zero, to 0.25 rad, whatever the others are. Beside it we put
+# one that was learned from recorded poses: their mean and their covariance. We look for the poses of
+# five people with a bent knee, which are drawn from a model of such recordings (we shall see which
+# one).
 
 # %%
 seen_names = ("pelvis", "head", "left_wrist", "right_wrist", "left_ankle", "right_ankle")
@@ -70,22 +70,23 @@ for name, distances in off.items():
 
 # %% [markdown]
 # With the learned prior the fit meets what was seen to its noise (1 cm in each coordinate is 16 mm of
-# distance), with the naive one nearly so. The great difference is in what was not seen: 53 mm in the
-# place of 139 mm.
+# distance), with the naive one nearly so. The great difference is in what was not seen, which is off by
+# 53 mm in the place of 139 mm.
 #
 # ## What a prior is
 #
-# That $x$ is about $\mu$ with covariance $C$ costs half of **Mahalanobis' distance** squared,
+# The prior belief that $x$ is near $\mu$, with covariance $C$, costs half of the squared **Mahalanobis
+# distance**,
 #
 # $$ (x - \mu)^\top C^{-1} (x - \mu) . $$
 #
-# (One of the lectures that this course follows writes vectors as rows; there the transposed vector stands
-# on the right.) Solvers want a residual whose square this is. With $C = L L^\top$ (Cholesky) it is
-# $L^{-1} (x - \mu)$, which is called *whitening*: 69 numbers that are correlated become 69 that are not,
-# each with a standard deviation of one.
+# (The lecture *Training a Body Model and Fitting SMPL to Scans* of the course *Virtual Humans* writes
+# vectors as rows; there the transposed vector stands on the right.) Solvers want a residual whose
+# square this is. With $C = L L^\top$ (Cholesky) it is $L^{-1} (x - \mu)$, which is called *whitening*:
+# 69 numbers that are correlated become 69 that are not, each with a standard deviation of one.
 #
-# Is the prior fit for its poses? Then distances squared follow a $\chi^2$ law with 69 degrees of
-# freedom, of mean 69.
+# Does the prior suit its poses? If it does, squared distances follow a $\chi^2$ law with 69 degrees of
+# freedom, whose mean is 69.
 
 # %%
 flat = drawn[:, 1:].reshape(len(drawn), -1)
@@ -106,9 +107,9 @@ source(wb.residuals.gaussian)
 # %% [markdown]
 # ## One Gaussian is not enough
 #
-# The second line says that poses are not Gaussian. People walk, sit, reach; what lies half-way between
-# is done by nobody, but a single Gaussian has its mean there. And it does not know that knees stop
-# when they are straight.
+# The second line says that poses are not Gaussian. People walk, sit, reach. Nobody does what lies
+# half-way between, but a single Gaussian has its mean there. And it does not know that knees stop when
+# they are straight.
 
 # %%
 for name, poses in (("one Gaussian", own), ("eight of them", flat)):
@@ -149,9 +150,9 @@ Picture(
 #
 # $$ \min_j \left( \tfrac12 \|L_j^{-1} (x - \mu_j)\|^2 + \tfrac12 \log \det C_j - \log c_j \right) + \text{const} , $$
 #
-# (the constant is $\tfrac n2 \log 2 \pi$). Which component it is changes with $x$, but for each it is a
-# sum of squares and a number. And little is lost. The largest of $k$ terms is no more than their sum,
-# and no less than a $k$-th of it, so
+# (the constant is $\tfrac n2 \log 2 \pi$). Which component that is depends on $x$, but the cost of each
+# is a sum of squares plus a number. And little is lost. The largest of $k$ terms is no more than their
+# sum, and no less than a $k$-th of it, so
 #
 # $$ 0 \;\le\; \min_j(-\log c_j N_j) + \log \sum_j c_j N_j \;\le\; \log k . $$
 
@@ -161,8 +162,8 @@ loss = logsumexp(dense, axis=1) - dense.max(axis=1)
 print(f"on 4000 poses: from {loss.min():.1e} to {loss.max():.3f}; log 8 = {np.log(8):.3f}")
 
 # %% [markdown]
-# The numbers $\tfrac12 \log \det C_j$ and $-\log c_j$ move no minimum of one component, and are often
-# forgotten. But they decide *which* component it is:
+# The numbers $\tfrac12 \log \det C_j$ and $-\log c_j$ do not move the minimum of a single component,
+# and are often forgotten. But they decide *which* component it is:
 
 # %%
 heights = np.array([0.5 * np.linalg.slogdet(c)[1] for c in mixture.covariances]) - np.log(
@@ -235,18 +236,20 @@ for name, found in errors.items():
 
 # %% [markdown]
 # Least squares believe all, and with wrong vertices they are off by centimetres. The other two lines
-# change one thing: what a
-# far residual costs. (The third begins where the second ended; why, we shall see.)
+# change one thing: how much a large residual costs. (The third begins where the second ended; why, we
+# shall see.)
 #
 # ## What a residual costs
 #
-# A square pulls the harder the farther off it is. Replace it by a **robust loss** $\rho$. Huber's goes
-# on in a straight line: everybody beyond a border pulls alike. That of Geman and McClure levels off,
+# The larger a residual is, the harder its square pulls. Replace the square by a **robust loss** $\rho$.
+# Huber's continues in a straight line: beyond a border, all residuals pull alike. That of Geman and
+# McClure levels off,
 #
 # $$ \rho(x) = \frac{x^2}{\sigma^2 + x^2}, \qquad \rho(\sigma) = \tfrac12, \qquad \rho < 1, $$
 #
 # so its pull $\rho'$, the **influence**, is largest at $\sigma / \sqrt 3$, where it is
-# $3 \sqrt 3 / (8 \sigma) \approx 0.65 / \sigma$, and falls to nothing. Whoever is far off is not heard.
+# $3 \sqrt 3 / (8 \sigma) \approx 0.65 / \sigma$, and falls to nothing. Data that are far off have no
+# effect.
 
 # %%
 x = np.linspace(0, 5, 500)  # in sigmas
@@ -284,9 +287,9 @@ Picture(
 # %% [markdown]
 # ## For Gauss-Newton
 #
-# A least-squares solver wants residuals to square. So it is given $\tilde x = x / \sqrt{\sigma^2 + x^2}$,
-# whose square is $\rho$: with the sign of $x$, and smooth at zero. The library writes a kernel as the
-# factor $g(s) = \sqrt{\rho / s}$ for $s = (x / \sigma)^2$:
+# A least-squares solver needs residuals that it can square. So it is given
+# $\tilde x = x / \sqrt{\sigma^2 + x^2}$, whose square is $\rho$: with the sign of $x$, and smooth at
+# zero. The library writes a kernel as the factor $g(s) = \sqrt{\rho / s}$ for $s = (x / \sigma)^2$:
 
 # %%
 source(wb.residuals.geman_mcclure)
@@ -297,9 +300,9 @@ source(wb.Residual.whitened)
 # %% [markdown]
 # ## The price: begin near
 #
-# Who does not listen to what is far off does not listen to anybody who stands far off. So far the
-# third fit began where Huber's had ended. Begun at rest, where most vertices are decimetres off, or
-# 1 m away, where all of them are:
+# A loss that ignores what is far off also ignores good data, if the fit begins far from them. So far
+# the third fit began where Huber's had ended. Begun at rest, where most vertices are decimetres off, or
+# 1 m away, where all of them are, it ends here:
 
 # %%
 for name, start in (
@@ -314,17 +317,18 @@ for name, start in (
     )
 
 # %% [markdown]
-# The first two have converged, truly: their gradients are zero. Most of the body can be an outlier to such a
-# loss, and it is content with meeting the rest.
-# Hence stages: first a loss that listens to all, or a large $\sigma$, then the one that is wanted.
+# The first two have converged, truly: their gradients are zero. Most of the body can be an outlier to
+# such a loss, which has a minimum where only the rest is met. Therefore one fits in stages: first with
+# a loss on which all data have an effect, or with a large $\sigma$, and then with the loss that is
+# wanted.
 #
 # ## Weights have units
 #
-# SMPLify writes $\sigma^2 x^2 / (\sigma^2 + x^2)$, which for small $x$ is $x^2$ in pixels squared. Other
-# sources of this course, and this library, have it without the $\sigma^2$. With SMPLify's
-# $\sigma = 100$ px the two differ by $10^4$. Its prior's weight is meant for the one, and in the other
-# it rules. One more trap: in SMPLify's code, weights multiply *residuals*, so in the energy they are
-# squares: 4.78 is 22.8.
+# SMPLify writes $\sigma^2 x^2 / (\sigma^2 + x^2)$, which for small $x$ is $x^2$ in pixels squared. The
+# lecture *Training a Body Model and Fitting SMPL to Scans* and this library have it without the
+# $\sigma^2$. With SMPLify's $\sigma = 100$ px the two differ by $10^4$. The weight of SMPLify's prior
+# is meant for the first form; in the second one, the prior outweighs the data. There is one more trap:
+# in SMPLify's code, weights multiply *residuals*, so they appear squared in the energy: 4.78 is 22.8.
 
 
 # %%
@@ -349,6 +353,6 @@ print(
 # - A prior is a residual: $L^{-1} (x - \mu)$. Correlations say much about what was not seen.
 # - People's poses are no single Gaussian. The least of a mixture's components is within $\log k$ of the
 #   mixture; keep $\log \det$ and the shares.
-# - A robust loss bounds the pull of a residual. Geman and McClure's is deaf to what is far, so begin
+# - A robust loss bounds the pull of a residual. Geman and McClure's ignores what is far off, so begin
 #   near, or in stages.
 # - Ask for the unit of a weight before you copy it.

@@ -25,7 +25,7 @@ from workbench.plots import house_style, sheet
 # ## One problem, one start
 #
 # Rosenbrock's valley is the least-squares problem of $10\,(x_2 - x_1^2)$ and $1 - x_1$, from
-# $(-1.2, 1)$. The helical valley is another of that age. Who is better?
+# $(-1.2, 1)$. The helical valley is another problem of that age. Which solver is better?
 
 # %%
 NAMES = ("gauss-newton", "levenberg-marquardt", "dogleg", "nlopt-lbfgs")
@@ -70,11 +70,11 @@ for name in ("rosenbrock", "helical-valley"):
     table(name)
 
 # %% [markdown]
-# On the first the dogleg has the fewest iterations, on the second Levenberg-Marquardt. And an iteration is
-# not the same thing for everybody: one of Gauss-Newton may try many steps, one of L-BFGS (a method that
-# knows gradients only, and builds a picture of the second derivatives from them) takes no Jacobian at all.
-# Nor is what they say of themselves: L-BFGS has come down to a cost of $10^{-17}$, and says that it
-# stalled. The other way round is worse:
+# On the first the dogleg has the fewest iterations, on the second Levenberg-Marquardt. And an iteration
+# is not the same thing for everybody: one of Gauss-Newton may try many steps, one of L-BFGS (a method
+# that knows gradients only, and builds a picture of the second derivatives from them) takes no Jacobian
+# at all. Nor does what solvers report of themselves mean the same: L-BFGS has come down to a cost of
+# $10^{-17}$, and says that it stalled. The other way round is worse:
 
 # %%
 for name in ("bard-far", "freudenstein-roth"):
@@ -82,12 +82,13 @@ for name in ("bard-far", "freudenstein-roth"):
     table(name)
 
 # %% [markdown]
-# On the second problem three of the four say `CONVERGED` at a cost of 24.5, where 0 is to be had. It is no lie:
-# the gradient does vanish there. A *stationary point* is all that these methods can see. On the first
-# problem Gauss-Newton leaps to where the gradient vanishes because some unknowns no longer change the
-# residual at all, at more than two thousand times the least cost. The workbench remembers that they did
-# and says `LOST`; by the gradient alone that would be "converged" too. But whoever counts "converged" counts
-# all of these, and whoever compares times lets a solver win by stopping early.
+# On the second problem three of the four say `CONVERGED` at a cost of 24.5, although 0 can be reached.
+# They are not wrong: the gradient does vanish there. A *stationary point* is all that these methods can
+# see. On the first problem Gauss-Newton leaps to where the gradient vanishes because some unknowns no
+# longer change the residual at all, at more than two thousand times the least cost. The workbench
+# remembers that they did and says `LOST`; by the gradient alone that would be "converged" too. But
+# whoever counts "converged" counts all of these, and whoever compares times lets a solver win by
+# stopping early.
 #
 # ## Counting what was spent
 #
@@ -133,14 +134,14 @@ Picture(
 # %% [markdown]
 # ## Targets
 #
-# So nobody is asked whether he has arrived. Moré and Wild (2009) take the lowest cost $f^*$ that is known
-# for the problem, from anybody, and the cost $f_0$ at the start. A run meets the **target** $\tau$ when it
-# visits a point with
+# So no solver is asked whether it has arrived. Moré and Wild (2009) take the lowest cost $f^*$ that is
+# known for the problem, from anybody, and the cost $f_0$ at the start. A run meets the **target**
+# $\tau$ when it visits a point with
 #
 # $$ f - f^* \le \tau\, (f_0 - f^*) , $$
 #
-# and its effort is what it had spent by then: infinite, if it never does. The workbench has the same, with
-# room for rounding:
+# and its effort is what it had spent by then, or infinite if it never meets the target. The workbench
+# has the same, with room for rounding:
 
 # %%
 source(Yardstick.target)
@@ -172,12 +173,13 @@ print(
 print(f"{'median, - as infinite':24}" + "".join(f"{t:21.0f}" for t in np.median(times, axis=0)))
 
 # %% [markdown]
-# Look at the last lines. By the **mean over the problems that were solved** Gauss-Newton is as quick as the
-# dogleg, though it fails on two more: it was let off the hard ones. And one problem, brown-dennis, makes up
-# 43 % of the dogleg's mean. The median with failures as infinite has neither fault, but is one number.
+# Look at the last lines. By the **mean over the problems that were solved** Gauss-Newton is as quick as
+# the dogleg, though it fails on two more: the hard problems are left out of its mean. And one problem,
+# brown-dennis, makes up 43 % of the dogleg's mean. The median, with failures as infinite, has neither
+# fault, but it is a single number.
 #
-# One target is not enough either. The far start of freudenstein-roth costs so much that $10^{-5}$ of the way
-# is met at the wrong stationary point. Closer targets tell:
+# One target is not enough either. The far start of freudenstein-roth costs so much that $10^{-5}$ of
+# the way is met at the wrong stationary point. Closer targets show it:
 
 # %%
 for tau in TAUS:
@@ -223,17 +225,19 @@ with house_style():
     ax.legend()
 Picture(
     figure,
-    "Performance profiles for the target 1e-5. At the left edge: how often a solver is the quickest "
-    "of all. At the right edge: how often it arrives at all. L-BFGS is "
-    "never the quickest, and as sure as the dogleg; Gauss-Newton is often the quickest, and least sure.",
+    "Performance profiles for the target 1e-5. At the left edge: how often a solver is the "
+    "quickest of all. At the right edge: how often it arrives at all. L-BFGS is never the "
+    "quickest, and as reliable as the dogleg; Gauss-Newton is often the quickest, and the least "
+    "reliable.",
 )
 
 # %% [markdown]
 # ## What a profile does not say
 #
-# The ratio is taken to the best *of those present*. Take one solver out, and for each problem on which it was the
-# best another one moves up, not the same for all. So the order of two solvers can turn because a third one
-# has left (Gould and Scott, 2016): a profile of many is no ranking. Who of two is better is asked of two.
+# The ratio is taken to the best *of those present*. Take one solver out, and on each problem on which
+# it was the best, another one becomes the best, and not always the same one. So the order of two
+# solvers can turn because a third one has left (Gould and Scott, 2016): a profile of many solvers is no
+# ranking. To learn which of two is better, compare these two alone.
 
 # %%
 for kept in (NAMES, NAMES[:2] + NAMES[3:], NAMES[1:]):
@@ -245,8 +249,8 @@ for kept in (NAMES, NAMES[:2] + NAMES[3:], NAMES[1:]):
     print(f"quickest among {len(kept)}: {told}")
 
 # %% [markdown]
-# And prices matter. Were a Jacobian as cheap as one residual, as it may be where both share their work, or
-# as dear as ten, because somebody else's code takes ten for it:
+# Prices matter, too. A Jacobian may be as cheap as one residual, where both share their work, or as
+# expensive as ten, because somebody else's code takes ten for it. With these prices:
 
 # %%
 for price, said in ((1, "1 residual"), (10, "10 residuals")):
@@ -265,7 +269,7 @@ for price, said in ((1, "1 residual"), (10, "10 residuals")):
     )
 
 # %% [markdown]
-# (Shares may add up to more than 100 %: two can be the quickest at once.)
+# (Shares may add up to more than 100 %, because two solvers can be the quickest at once.)
 #
 # ## Chance
 #
@@ -290,9 +294,9 @@ for s, solver in enumerate(NAMES):
     )
 
 # %% [markdown]
-# The intervals overlap: sixteen problems do not tell these four apart by how sure they are. That is a result,
-# too. More starts are cheap. And since all four had the same starts, one may look at pairs only, and there at
-# the problems on which exactly one of the two arrived.
+# The intervals overlap: sixteen problems do not tell which of these four is the most reliable. That is
+# a result, too. More starts are cheap. And since all four had the same starts, one may look at pairs
+# only, and there at the problems on which exactly one of the two arrived.
 #
 # Two warnings. Wilson's interval covers the truth in 95 % of the cases *on average* over all true shares;
 # for some of them it covers less. With three trials, how often does it cover the true share, for the share where
@@ -320,19 +324,21 @@ for interval in (wilson, rate):
     )
 
 # %% [markdown]
-# `rate` is the interval of Clopper and Pearson (1934), which promises 95 % whatever the share is and is wider for
-# it. And all of this counts *independent* trials. Ten starts of one problem are not ten problems: whoever is good
-# at the problem is good from most of its starts.
+# `rate` is the interval of Clopper and Pearson (1934), which promises 95 % whatever the share is, and
+# is wider for that reason. And all of this counts *independent* trials. Ten starts of one problem are
+# not ten problems: whoever is good at the problem is good from most of its starts.
 #
-# `workbench compare` does all of this on suites, each run in a process of its own that can be stopped, and writes
-# it as a page. Its intervals are Clopper and Pearson's, its pairs are tested on problems and not on starts, and
-# its prices are printed: 4 for a gradient as here, 1 + 1.5 n for residual and Jacobian together, which is the bound
-# of Griewank and Walther (*Evaluating Derivatives*, 2008) for any program. The clock ranks nobody: seconds stand
-# beside the counts, with their spread.
+# `workbench compare` does all of this on suites, each run in a process of its own that can be stopped,
+# and writes it as a page. Its intervals are Clopper and Pearson's, its pairs are tested on problems and
+# not on starts, and its prices are printed: 4 for a gradient as here, 1 + 1.5 n for residual and
+# Jacobian together, which is the bound of Griewank and Walther (*Evaluating Derivatives*, 2008) for any
+# program. Times rank no solver: seconds stand beside the counts, with their spread.
 #
 # ## What to remember
 #
-# - A solver's own word is not asked: not its status, not its tolerance, not its count.
-# - Targets from the best known cost; effort in one currency, prices said; a failure is infinite.
-# - No mean over successes. A profile: quick at the left, sure at the right, and no ranking of many.
+# - Do not rely on what a solver says of itself: not on its status, its tolerance or its counts.
+# - Set targets from the best known cost, and measure effort in one currency with stated prices. The
+#   effort of a failure is infinite.
+# - Take no mean over successes. A profile shows at its left who is quick and at its right who is
+#   reliable, and does not rank many solvers.
 # - A share of a few problems has an interval. Say it.

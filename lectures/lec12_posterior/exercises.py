@@ -17,7 +17,7 @@ SIGMA, PRIOR = 3.0, 0.6  # px, rad: the detector's error, and what is known of t
 
 
 def log_posterior(phi: float, seen: float) -> float:
-    """The logarithm of the posterior of the lecture's forearm, without its constant: 0 for no residual.
+    """The log posterior of the lecture's forearm, without its constant: 0 where the residual is 0.
 
     phi rad, out of the image plane; seen px, from the elbow -> a number
     """

@@ -5,8 +5,8 @@
 #
 # A fit answers with one pose. It also answers if the data say next to nothing. This lecture asks for
 # everything that the data leave possible. One camera looks at a forearm; we find the angle, give it an
-# error bar in the usual way, find that the bar is wrong, and learn the way that is right: draws. Angles are
-# in radians, lengths in metres, image coordinates in pixels.
+# error bar in the usual way, find that the bar is wrong, and learn what is right: to draw from the
+# posterior. Angles are in radians, lengths in metres, image coordinates in pixels.
 
 # %%
 import casadi as cs
@@ -98,8 +98,9 @@ def bar(phi):
 print(f"{best:.2f} +- {bar(best):.2f} rad")
 
 # %% [markdown]
-# Is it true? A 90 % interval should hold the truth nine times out of ten. We can try: draw an angle from what
-# was known beforehand, let it be seen, fit, and look. A thousand times.
+# Is it true? A 90 % interval should hold the truth nine times out of ten. We can try: draw an angle
+# from what was known beforehand, make an observation of it, fit, and see whether the interval holds the
+# angle. We do so a thousand times.
 
 # %%
 angles = PRIOR * rng.standard_normal(1000)
@@ -134,15 +135,16 @@ Picture(
 )
 
 # %% [markdown]
-# One camera hardly tells whether a bone points towards it or away: the images differ by perspective alone,
-# less than the detector's error. There are two **modes**. Least squares takes one of them, and Laplace's bar
-# is the width of that one. Nothing in the Jacobian warns: it sees one point.
+# One camera hardly tells whether a bone points towards it or away: the images differ by perspective
+# alone, less than the detector's error. There are two **modes**. Least squares finds one of them, and
+# Laplace's bar is the width of that one. Nothing in the Jacobian warns of the other one, because it is
+# computed at a single point.
 #
 # ## The truth, for two unknowns
 #
-# In one dimension we could draw the posterior on a grid. In two it still goes: an arm, whose upper arm of
-# 0.30 m and forearm of 0.25 m are each turned out of the image plane. Elbow and wrist are seen by one camera
-# from the front; later also by one from the side, which sees depth.
+# In one dimension we could compute the posterior on a grid. In two this is still possible. Take an arm,
+# whose upper arm of 0.30 m and forearm of 0.25 m are each turned out of the image plane. Elbow and
+# wrist are seen by one camera from the front; later also by one from the side, which sees depth.
 
 # %%
 arm = wb.Block("angles", (2,), "rad", ("upper arm", "forearm"))
@@ -186,9 +188,9 @@ print("Laplace's deviations ", approximation.sd.round(2), "rad")
 print("those of the grid    ", exact_sd.round(2), "rad")
 
 # %% [markdown]
-# Least squares has found a forearm that points away where it points towards the camera, *at a lower cost than
-# the right one*: no better solver would have helped. And Laplace's standard deviation is too small by a
-# factor of more than five for the upper arm, and of more than two for the forearm.
+# Least squares has found a forearm that points away from the camera, although it points towards it, *at
+# a lower cost than the right one*: no better solver would have helped. And Laplace's standard deviation
+# is too small by a factor of more than five for the upper arm, and of more than two for the forearm.
 #
 # ## Draws
 #
@@ -213,7 +215,7 @@ def metropolis(log_p, x, steps, size, rng):
 
 
 def log_p(x):
-    """Of the one forearm in one image."""
+    """The log density of the angle of one forearm in one image."""
     return -cost(x[0], pixel(0.9))
 
 
@@ -227,9 +229,8 @@ for size in (0.05, 1.5):
     )
 
 # %% [markdown]
-# With short steps the chain has not left the mode in which it began: of its 4000 draws none says anything
-# of the other one.
-# How large should a step be, and in which direction, in 82 dimensions?
+# With short steps the chain has not left the mode in which it began: none of its 4000 draws is in the
+# other one. How large should a step be, and in which direction, in 82 dimensions?
 #
 # ## Walkers that learn from each other
 #
@@ -278,10 +279,10 @@ print(
 )
 
 # %% [markdown]
-# With the wrong density the draws are too wide, and nothing warns. Nothing in the move knows a unit: scale or
-# shear the space, and walkers scale along.
-# The workbench's default takes the difference of two other walkers as the step (differential evolution), which
-# also jumps from mode to mode. Half of the walkers move while the other half stands still:
+# With the wrong density the draws are too wide, and nothing warns. The move does not depend on units:
+# if the space is scaled or sheared, so are the walkers and their steps. The workbench's default takes
+# the difference of two other walkers as the step (differential evolution), which also jumps from mode
+# to mode. Half of the walkers move while the other half stands still:
 
 # %%
 source(propose_together)
@@ -344,8 +345,9 @@ with house_style():
     left.legend(loc="upper left", fontsize=8)
 Picture(
     figure,
-    "Left, one camera: each bone may point towards it or away, and what least squares and Laplace "
-    "(one and two deviations) know of that. Right, with a second camera from the side: one way, and Laplace's draws do.",
+    "Left, one camera: each bone may point towards it or away; least squares and Laplace's "
+    "approximation (one and two standard deviations) show one of these modes. Right, with a second"
+    " camera from the side: there is one mode, and Laplace's draws suffice.",
 )
 
 # %% [markdown]
@@ -356,12 +358,13 @@ Picture(
 #
 # $$ \tau = 1 + 2 \sum_{t = 1}^{\infty} \rho_t , $$
 #
-# counted in steps. The mean of $N$ draws is known as well as that of $N / \tau$ independent ones, so that is what
-# the $N$ draws are worth. But $\tau$ itself has to be estimated from the chain, and such an estimate can be
-# believed only if the chain is long enough: at least 50 $\tau$, or, with several ensembles, 20 $\tau$ if the
-# estimate no longer grows. Besides, several ensembles that began apart must agree. Before both are seen,
-# nothing may be read off. The workbench puts the verdict before the numbers, and refuses
-# an interval if it is bad. We ask a chain of 100 steps for one, and then the 3000 steps from above:
+# counted in steps. The mean of $N$ draws is known as well as that of $N / \tau$ independent ones, so
+# that is what the $N$ draws are worth. But $\tau$ itself has to be estimated from the chain, and such
+# an estimate can be believed only if the chain is long enough: at least 50 $\tau$, or, with several
+# ensembles, 20 $\tau$ if the estimate no longer grows. Besides, several ensembles that began apart must
+# agree. Until both hold, no number should be read from the draws. The workbench puts the verdict before
+# the numbers, and refuses an interval if it is bad. We ask a chain of 100 steps for one, and then the
+# 3000 steps from above:
 
 # %%
 short = sample(one, found.values, walkers=16, steps=100, seed=1)
@@ -373,12 +376,14 @@ for steps, ensembles in ((100, short), (3000, draws)):
         print(f"{steps} steps: {error}")
 
 # %% [markdown]
-# And an interval of two modes is a poor summary: it spans the middle, where there is little. Look at the draws.
+# And an interval is a poor summary of two modes: it spans the middle, where there is little. Look at
+# the draws.
 #
 # ## What to remember
 #
 # - With residuals over their sigmas the cost is minus the log posterior.
 # - Laplace: $(J^\top J)^{-1}$, from one point. Cheap, right if the posterior has one mode and the model bends
 #   little over its width. It cannot say that it is wrong.
-# - One camera leaves towards and away open, for each bone. The lowest cost may be the wrong one.
+# - One camera does not tell whether a bone points towards it or away. The lowest cost may belong to the
+#   wrong answer.
 # - Draws answer every question, once they have mixed. Ask what they are worth first.

@@ -23,7 +23,7 @@ def is_the_right_way_round(taught_by):
 
 @mistake(
     "taught_by",
-    "the two are exchanged, as notes on SMPL print them: few people cannot show how people "
+    "the two are exchanged, as in the notes SMPL and SMPLify: few people cannot show how people "
     "differ, nor one pose how an elbow bulges",
 )
 def exchanged():

@@ -57,7 +57,7 @@ def weights_of(reached: Array, seen: Array) -> Array:
 
 
 def rest_shape(meshes: Array) -> Array:
-    """Training in small: one rigid thing was seen in many places. The shape of it.
+    """Training in small: the shape of a rigid thing that was seen in many places.
 
     That is the T that is least in min over R_j, t_j of sum over j of |R_j T_i + t_j - V_ji|^2, R_j
     rotations. Where T stands, and how it is turned, is up to you; take turns until nothing changes.

@@ -48,7 +48,7 @@ from workbench.training.skinning_pass import SkinningPass
 # way round it must be: a person in one pose cannot tell how their elbow bulges, and three people cannot tell
 # how thousands differ.)
 #
-# Our people are worms: a tube of six bones, with a random model of SMPL's form behind it.
+# Our people are worms: each is a tube of six bones, drawn from a random model of SMPL's form.
 
 # %%
 start = worm(11, 6)  # a mesh, its tree, and which segment each vertex belongs to
@@ -63,8 +63,8 @@ print(
 # ## Principal components of what we have
 #
 # The naive way: move all meshes rigidly onto each other, take the mean, and the directions in which
-# they differ most. In truth there are three. The people were asked to stand alike, and did, but for 0.06
-# to 0.3 rad in each joint:
+# they differ most. In truth there are three such directions. The people were asked to stand alike, and
+# did, but for 0.06 to 0.3 rad in each joint:
 
 
 # %%
@@ -140,7 +140,8 @@ betas = space.betas(people)
 print("variance of the people's betas:", betas.var(axis=0, ddof=1).round(6))
 
 # %% [markdown]
-# But un-posing took the poses, the weights and $P$, which are what we do not know. A hen and an egg.
+# But un-posing needed the poses, the weights and $P$, which are what we do not know: which came first,
+# the hen or the egg?
 #
 # ## What is linear
 #
@@ -228,10 +229,11 @@ source(Mirror.points)
 # %% [markdown]
 # ## Taking turns
 #
-# Everybody begins as the plain tube, unbent. First poses: each segment turned onto its vertices, then
-# fitted to the *edges* of the mesh, because edges do not mind where it stands. Then the blocks. This is
-# the linear one; `NormalEquations` are $J^\top J$ and $J^\top e$, and `solve` uses conjugate gradients,
-# since $J^\top J$ for a real body would not fit in memory:
+# Everybody begins as the plain tube, unbent. First come the poses: each segment is turned onto its
+# vertices, and then the poses are fitted to the *edges* of the mesh, because edges do not depend on
+# where it stands. Then come the blocks. This is the linear one; `NormalEquations` are $J^\top J$ and
+# $J^\top e$, and `solve` uses conjugate gradients, since $J^\top J$ for a real body would not fit in
+# memory:
 
 # %%
 source(blocks.fit_surfaces)
@@ -264,18 +266,18 @@ Picture(
 )
 
 # %% [markdown]
-# Why does taking turns creep? Turn all poses of a joint a little, and let $P$ make up for it: either
-# alone makes the fit worse, both together hardly change it. Alternation cannot move along such a valley;
-# a Gauss-Newton step in all names can.
+# Why does taking turns creep? Turn one joint a little in all poses, and let $P$ make up for it: either
+# change alone makes the fit worse, both together hardly change it. Alternation cannot move along such a
+# valley; a Gauss-Newton step in all unknowns can.
 #
 # The fit is *better* than the noise. That is no success. Each coordinate of each vertex has 16 meshes to
 # explain, and 45 pose blend shapes and two people's templates to do it with: noise has been learned.
 #
 # ## How large may blend shapes be?
 #
-# In SMPL there are 207, and few poses cannot tell them all. What $\lambda_P$ is good for shows best when
-# all but $P$ is known. Then, with a row $f_j$ of features and a row $d_j$ of un-posed displacements for
-# each of 40 meshes,
+# In SMPL there are 207, and few poses cannot tell them all. The effect of $\lambda_P$ shows best when
+# everything but $P$ is known. Then, with a row $f_j$ of features and a row $d_j$ of un-posed
+# displacements for each of 40 meshes,
 #
 # $$
 # \min_P \sum_j \| d_j - P f_j \|^2 + \lambda \| P \|_F^2
@@ -326,20 +328,20 @@ with house_style():
     ax.legend(loc="upper center")
 Picture(
     figure,
-    "40 poses teach 45 shapes. The error in the lesson only rises with lambda; that in unseen poses has a "
-    "minimum. Left of it noise is learned, right of it too little.",
+    "40 poses teach 45 shapes. The training error only rises with lambda; the error in unseen "
+    "poses has a minimum. Left of it noise is learned, right of it too little.",
 )
 
 # %% [markdown]
-# The lesson's own error says: no $\lambda$ at all. One needs poses that were not in the lesson. (What
-# SMPL's authors used we could not verify, and do not quote.)
+# By the training error alone, $\lambda$ should be zero. One needs poses that $P$ was not learned from.
+# (What SMPL's authors used we could not verify, and do not quote.)
 #
 # ## Joints from vertices
 #
 # Training gave every person $s$ a rest surface $\hat T_s$ and joints $\hat J_s$. For a new person there
 # is a surface only. So for each joint find a row $r$ of $\mathcal J$, one for all people, with
 # $r \hat T_s \approx \hat J_s$. First by ordinary least squares; then with $r \ge 0$ and $\sum r = 1$,
-# which we call shares. Both are shown new people, and one person is moved by a metre:
+# which we call shares. Both are tried on new people, and on one person who is moved by a metre:
 
 # %%
 rng = np.random.default_rng(1)
@@ -370,10 +372,10 @@ for name, R in (("least squares", free), ("shares", as_shares)):
     )
 
 # %% [markdown]
-# On people who stand where the others stood, the two are alike. But least squares has never seen anybody
-# move, and leaves the joints behind. Shares go along, keep joints inside the hull of the skin, and most of
-# their entries become zero without anybody asking. The library solves it row by row, by non-negative least
-# squares (NNLS, Lawson and Hanson):
+# On people who stand where the others stood, the two are alike. But least squares has never seen
+# anybody move, and leaves the joints behind. Shares go along, keep joints inside the hull of the skin,
+# and most of their entries become zero by themselves. The library solves it row by row, by non-negative
+# least squares (NNLS, Lawson and Hanson):
 
 # %%
 source(fit_joint_regressor)
@@ -384,8 +386,9 @@ source(shares_to_zero)
 # %% [markdown]
 # ## The whole of it in a sentence
 #
-# For a body as tiny as a tube with one joint, nobody needs turns. Training is fitting, with other names
-# free: the template, and everybody's pose, shape and place, are blocks of one `Problem`,
+# For a body as tiny as a tube with one joint, it is not necessary to take turns. Training is fitting
+# with other free names: the template, and everybody's pose, shape and place, are blocks of one
+# `Problem`,
 #
 # $$ \min_{\bar T} \sum_j \min_{\theta_j, \beta_j} \| M(\theta_j, \beta_j; \bar T) - V_j \|^2 . $$
 
@@ -422,10 +425,10 @@ for name, change in known.items():
     print(f"  {name}: {np.linalg.norm(here.jacobian @ step) / np.linalg.norm(step):.0e}")
 
 # %% [markdown]
-# The meshes are met, and yet the template is not determined: move it, and everybody back. The fifth
-# direction turns it about the tube's own axis, and everybody back. Nothing in the data says where a
-# template ought to stand, or who is the mean. Somebody has to decide: by a convention for the root, and
-# by a prior on $\beta$.
+# The meshes are met, and yet the template is not determined: if it moves, and everybody moves back,
+# nothing changes. In the fifth direction the template turns about the tube's own axis, and everybody
+# turns back. Nothing in the data says where a template ought to stand, or who is the mean. This has to
+# be decided: by a convention for the root, and by a prior on $\beta$.
 #
 # ## What to remember
 #
@@ -433,5 +436,5 @@ for name, change in known.items():
 # - Multi-pose teaches joints, weights, $P$; multi-shape teaches $\bar T$, $S$.
 # - Rest surfaces, joints and $P$ together are one linear problem; weights another; only poses are not.
 #   Taking turns never raises the cost, and creeps.
-# - Penalties are chosen by poses that were not shown. Shares make joints behave on new people.
-# - Some directions no data determine. Know them by name.
+# - Penalties are chosen on held-out poses. With shares, the joints of new people are right as well.
+# - Some directions are not determined by any data. Know them by name.

@@ -90,7 +90,7 @@ print(
 print("rank of that X:", np.linalg.matrix_rank(by_edges))
 
 # %% [markdown]
-# The shortest answer flattens space. A third axis has to go with them. The usual one is
+# The shortest answer flattens space. A third axis has to be added to the two edges. The usual one is
 # $n / \sqrt{\|n\|}$ with $n = e_1 \times e_0$: normal to the triangle, and as long as the root of twice
 # its area, so that it grows with the triangle and has the unit of an edge.
 
@@ -109,10 +109,10 @@ print(f"the whole mesh turned and scaled: every X is that, to {np.abs(found - tu
 #
 # $$ \min_V \sum_f \sum_{i} \| X_f e_{f,i} - (A V)_{f,i} \|^2 . $$
 #
-# $A$ is a sparse matrix of $+1$ and $-1$ that takes vertices to edges, the same for $x$, $y$ and $z$. So
-# this is linear least squares, with a matrix that does not depend on the pose: factorised once, a
-# stitching is two triangular solves. A sees differences only. Where the mesh as a whole is stays
-# open, one direction for each coordinate (and each connected piece), and has to be said.
+# $A$ is a sparse matrix of $+1$ and $-1$ that takes vertices to edges, the same for $x$, $y$ and $z$.
+# So this is linear least squares, with a matrix that does not depend on the pose: factorised once, a
+# stitching is two triangular solves. $A$ sees differences only. Where the mesh is as a whole stays
+# open, one direction for each coordinate (and each connected piece), and has to be given.
 
 # %%
 source(Stitching.vertices)
@@ -146,7 +146,7 @@ Picture(
 )
 
 # %% [markdown]
-# The forearm has moved to where it belongs, and nobody gave a place of the elbow: edges add up. One
+# The forearm has moved to where it belongs, although nobody said where the elbow is: edges add up. One
 # sometimes reads that these models have no skeleton. They have no *joints*; but there is a rotation for
 # each part, and so a choice of parts.
 #
@@ -156,8 +156,9 @@ Picture(
 #
 # $$ X_f = R_{\ell(f)}\; D_f(\beta)\; Q_f(\theta) : $$
 #
-# what bending does to the skin first ($Q_f$, linear in the twists of the joints nearby), then who it is
-# ($D_f$), then the rotation of the part. All of it is learned by least squares on triangles.
+# first what bending does to the skin ($Q_f$, linear in the rotation vectors of the joints nearby), then
+# the person's shape ($D_f$), then the rotation of the part. All of it is learned by least squares on
+# triangles.
 #
 # Our elbow had neither $D$ nor $Q$, and it has a crease: on one side of the elbow all triangles turn by
 # 1.6 rad, on the other none. **BlendSCAPE** (Hirshberg and others, 2012) blends the rotations as skinning
@@ -192,7 +193,8 @@ for name, deformed in (("SCAPE", X), ("BlendSCAPE", Y)):
 
 # %% [markdown]
 # The crease is smaller, and something else has gone wrong, which lecture 4 knows already: a mean of
-# rotations is no rotation. Half of one and half of another, $\alpha$ apart, has
+# rotations is no rotation. The mean of two rotations that are an angle $\alpha$ apart has the
+# determinant
 #
 # $$ \det \tfrac12 (I + R_\alpha) = \cos^2 \tfrac{\alpha}{2}, $$
 #
@@ -243,8 +245,8 @@ for name, model in (("SMPL", body), ("BlendSCAPE", bending)):
 # depend on the data, and we could not verify that one. But one thing is a theorem. Among all spaces of
 # $k$ directions the principal components of the vertices explain the most variance *of the vertices*
 # (Eckart and Young, 1936); and $k$ directions of deformations, stitched, are $k$ directions of
-# vertices. So for every $k$, SMPL's way explains at least as much. How much more, on 80 people drawn
-# from our shape space, each posed a little besides, as no registration is free of?
+# vertices. So for every $k$, SMPL's way explains at least as much. How much more is it on 80 people
+# drawn from our shape space, each of whom is also posed a little, as in every registration?
 
 # %%
 people = body.vertices(

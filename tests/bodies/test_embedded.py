@@ -2,6 +2,7 @@
 
 from functools import cache
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -9,8 +10,9 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 import workbench
-from workbench.bodies.catalogue import BODIES
-from workbench.bodies.files.embedded import EmbeddedBody, read_embedded
+from workbench import SkinnedBody
+from workbench.bodies.catalogue import Embedded
+from workbench.bodies.files.embedded import read_embedded
 from workbench.errors import BadFile
 
 FOLDER = Path(workbench.__file__).parent / "data" / "bodies"
@@ -21,17 +23,17 @@ FLIP = np.array([-1.0, 1.0, 1.0])
 
 
 @cache
-def load(name: str) -> EmbeddedBody:
+def load(name: str) -> SkinnedBody:
     return read_embedded(FOLDER / f"{name}.npz")
 
 
-@pytest.fixture(params=BODIES)
+@pytest.fixture(params=get_args(Embedded))
 def name(request: pytest.FixtureRequest) -> str:
     return str(request.param)
 
 
 @pytest.fixture
-def body(name: str) -> EmbeddedBody:
+def body(name: str) -> SkinnedBody:
     return load(name)
 
 
@@ -40,44 +42,44 @@ def opposites(names: tuple[str, ...]) -> list[int]:
     return [names.index(n) for n in swapped]
 
 
-def test_counts_and_sizes(name: str, body: EmbeddedBody) -> None:
+def test_counts_and_sizes(name: str, body: SkinnedBody) -> None:
     mesh = name.partition("-")[0]
     N, F = COUNTS[mesh]
-    assert body["template"].shape == (N, 3)
-    assert body["shapedirs"].shape == (N, 3, 10)
-    assert body["posedirs"].shape == (N, 3, 207)
-    assert body["weights"].shape == (N, 24)
-    assert body["J_regressor"].shape == (24, N)
-    assert body["faces"].shape == (F, 3)
-    assert body["card"]["n_vertices"] == N
+    assert body.template.shape == (N, 3)
+    assert body.shapedirs.shape == (N, 3, 10)
+    assert body.posedirs.shape == (N, 3, 207)
+    assert body.weights.shape == (N, 24)
+    assert body.J_regressor.shape == (24, N)
+    assert body.faces.shape == (F, 3)
+    assert body.card["n_vertices"] == N
     assert (FOLDER / f"{name}.npz").stat().st_size < 1e6 * MEGABYTES[mesh]
 
 
-def test_surface_is_closed_and_faces_outwards(body: EmbeddedBody) -> None:
-    mesh = trimesh.Trimesh(body["template"], body["faces"], process=False)
+def test_surface_is_closed_and_faces_outwards(body: SkinnedBody) -> None:
+    mesh = trimesh.Trimesh(body.template, body.faces, process=False)
     assert mesh.is_watertight
     assert mesh.is_winding_consistent
     assert mesh.body_count == 1
     assert 0.055 < mesh.volume < 0.085  # m^3, positive: outwards
 
 
-def test_weights_are_at_most_four_and_sum_to_one(body: EmbeddedBody) -> None:
-    weights = body["weights"]
+def test_weights_are_at_most_four_and_sum_to_one(body: SkinnedBody) -> None:
+    weights = body.weights
     assert weights.min() == 0
     assert (weights > 0).sum(axis=1).max() <= 4
     assert abs(weights.sum(axis=1) - 1).max() < 1e-15
 
 
 @pytest.mark.parametrize("kind", ["joints", "coco"])
-def test_regressors_are_sparse_convex_combinations(body: EmbeddedBody, kind: str) -> None:
-    regressor = body["J_regressor"] if kind == "joints" else body["landmarks"]["coco"][1]
+def test_regressors_are_sparse_convex_combinations(body: SkinnedBody, kind: str) -> None:
+    regressor = body.J_regressor if kind == "joints" else body.landmarks["coco"].regressor
     assert regressor.data.min() > 0
     assert abs(np.asarray(regressor.sum(axis=1)) - 1).max() < 1e-15
     assert np.diff(regressor.indptr).max() <= 40
 
 
-def test_tree_is_that_of_smpl(body: EmbeddedBody) -> None:
-    names, parents = body["joint_names"], body["parents"]
+def test_tree_is_that_of_smpl(body: SkinnedBody) -> None:
+    names, parents = body.joint_names, body.parents
     assert parents[0] == -1
     assert all(0 <= parent < k for k, parent in enumerate(parents[1:], start=1))
     chain, k = [], names.index("left_hand")
@@ -90,13 +92,13 @@ def test_tree_is_that_of_smpl(body: EmbeddedBody) -> None:
     ]
 
 
-def test_t_pose(body: EmbeddedBody) -> None:
+def test_t_pose(body: SkinnedBody) -> None:
     """Pelvis at the origin, arms along x, palms down, legs down, nose to the front.
 
     Joints are where training found them: a line through them is an arm's to two or three degrees.
     """
-    joints = body["J_regressor"] @ body["template"]
-    at = dict(zip(body["joint_names"], joints, strict=True))
+    joints = body.J_regressor @ body.template
+    at = dict(zip(body.joint_names, joints, strict=True))
     assert abs(joints[0]).max() < 1e-15
     arm = at["left_wrist"] - at["left_shoulder"]
     assert arm[0] > 0.4
@@ -104,55 +106,55 @@ def test_t_pose(body: EmbeddedBody) -> None:
     shank = at["left_ankle"] - at["left_knee"]
     assert shank[1] < -0.3
     assert abs(shank[[0, 2]]).max() < 0.01
-    names, regressor = body["landmarks"]["coco"]
-    keypoint = dict(zip(names, regressor @ body["template"], strict=True))
+    names, regressor = body.landmarks["coco"].names, body.landmarks["coco"].regressor
+    keypoint = dict(zip(names, regressor @ body.template, strict=True))
     assert keypoint["nose"][2] > keypoint["left_ear"][2] + 0.08
     assert keypoint["left_big_toe"][2] > keypoint["left_heel"][2] + 0.15
-    hand = body["template"][body["template"][:, 0] > 0.68]
+    hand = body.template[body.template[:, 0] > 0.68]
     thickness, breadth = np.ptp(hand[:, 1]), np.ptp(hand[:, 2])
     assert breadth > 1.5 * thickness  # flat, lying horizontally
 
 
-def test_stature_and_proportions_are_those_of_people(body: EmbeddedBody) -> None:
-    stature, span = np.ptp(body["template"][:, 1]), np.ptp(body["template"][:, 0])
-    lowest, highest = STATURE[body["card"]["trained_on"]["of"]]
+def test_stature_and_proportions_are_those_of_people(body: SkinnedBody) -> None:
+    stature, span = np.ptp(body.template[:, 1]), np.ptp(body.template[:, 0])
+    lowest, highest = STATURE[body.card["trained_on"]["of"]]
     assert lowest < stature < highest
     assert 0.93 < span / stature < 1.06
-    facts = body["card"]["population"]
+    facts = body.card["population"]
     assert 1.58 < facts["female"]["stature_m_mean"] < 1.67
     assert 1.70 < facts["male"]["stature_m_mean"] < 1.80
     assert all(24 < facts[gender]["bmi_mean"] < 26.5 for gender in ("female", "male"))
 
 
-def test_shape_directions_are_orthogonal_and_in_order(body: EmbeddedBody) -> None:
-    directions = body["shapedirs"].reshape(-1, 10)
+def test_shape_directions_are_orthogonal_and_in_order(body: SkinnedBody) -> None:
+    directions = body.shapedirs.reshape(-1, 10)
     lengths = np.linalg.norm(directions, axis=0)
     cosines = directions.T @ directions / np.outer(lengths, lengths)
     assert abs(cosines - np.eye(10)).max() < 6e-4  # they are stored in steps of 5 micrometres
     assert (np.diff(lengths) < 0).all()
-    explained = np.array(body["card"]["betas"]["explained_variance"])
+    explained = np.array(body.card["betas"]["explained_variance"])
     assert lengths**2 / lengths[0] ** 2 == pytest.approx(explained / explained[0], abs=1.5e-5)
 
 
-def test_signs_of_the_shape_directions(body: EmbeddedBody) -> None:
+def test_signs_of_the_shape_directions(body: SkinnedBody) -> None:
     def person(k: int, beta: float) -> trimesh.Trimesh:
-        vertices = body["template"] + beta * body["shapedirs"][:, :, k]
-        return trimesh.Trimesh(vertices, body["faces"], process=False)
+        vertices = body.template + beta * body.shapedirs[:, :, k]
+        return trimesh.Trimesh(vertices, body.faces, process=False)
 
     assert np.ptp(person(0, 1).vertices[:, 1]) > np.ptp(person(0, -1).vertices[:, 1]) + 0.1
     assert all(person(k, 1).volume > person(k, -1).volume for k in range(1, 10))
 
 
-def test_mirror_maps_the_body_to_itself(body: EmbeddedBody) -> None:
-    mirror, joints = body["mirror"], opposites(body["joint_names"])
+def test_mirror_maps_the_body_to_itself(body: SkinnedBody) -> None:
+    mirror, joints = body.mirror, opposites(body.joint_names)
     assert np.array_equal(mirror[mirror], np.arange(len(mirror)))
-    assert np.array_equal(body["template"][mirror] * FLIP, body["template"])
-    assert np.array_equal(body["shapedirs"][mirror] * FLIP[:, None], body["shapedirs"])
-    assert np.array_equal(body["weights"][mirror][:, joints], body["weights"])
+    assert np.array_equal(body.template[mirror] * FLIP, body.template)
+    assert np.array_equal(body.shapedirs[mirror] * FLIP[:, None], body.shapedirs)
+    assert np.array_equal(body.weights[mirror][:, joints], body.weights)
     assert np.array_equal(
-        _mirrored_rows(body["J_regressor"], joints, mirror), body["J_regressor"].toarray()
+        _mirrored_rows(body.J_regressor, joints, mirror), body.J_regressor.toarray()
     )
-    names, coco = body["landmarks"]["coco"]
+    names, coco = body.landmarks["coco"].names, body.landmarks["coco"].regressor
     assert np.array_equal(_mirrored_rows(coco, opposites(names), mirror), coco.toarray())
 
 
@@ -160,51 +162,51 @@ def _mirrored_rows(regressor, rows, columns):  # type: ignore[no-untyped-def]
     return regressor.toarray()[rows][:, columns]
 
 
-def test_mirror_maps_the_faces_to_themselves(body: EmbeddedBody) -> None:
+def test_mirror_maps_the_faces_to_themselves(body: SkinnedBody) -> None:
     def turned(faces):  # type: ignore[no-untyped-def]
         return {tuple(np.roll(face, -face.argmin())) for face in faces}
 
-    reflected = body["mirror"][body["faces"]][:, [0, 2, 1]]
-    assert turned(reflected) == turned(body["faces"])
+    reflected = body.mirror[body.faces][:, [0, 2, 1]]
+    assert turned(reflected) == turned(body.faces)
 
 
-def test_mirror_maps_the_pose_blend_shapes_to_themselves(body: EmbeddedBody) -> None:
+def test_mirror_maps_the_pose_blend_shapes_to_themselves(body: SkinnedBody) -> None:
     """P f(mirrored pose) = mirrored P f(pose), where a mirrored rotation is S R S."""
     rng = np.random.default_rng(0)
-    joints = np.array(opposites(body["joint_names"]))
+    joints = np.array(opposites(body.joint_names))
     deviations = rng.normal(size=(24, 3, 3))
     reflected = deviations[joints] * np.outer(FLIP, FLIP)
-    here, there = (body["posedirs"] @ d[1:].ravel() for d in (deviations, reflected))
-    assert abs(here[body["mirror"]] * FLIP - there).max() < 1e-14
+    here, there = (body.posedirs @ d[1:].ravel() for d in (deviations, reflected))
+    assert abs(here[body.mirror] * FLIP - there).max() < 1e-14
 
 
-def test_pose_blend_shapes_are_local_and_sane(body: EmbeddedBody) -> None:
+def test_pose_blend_shapes_are_local_and_sane(body: SkinnedBody) -> None:
     """A vertex follows joints at most two bones from one that carries it."""
-    posedirs, parents = body["posedirs"], body["parents"]
+    posedirs, parents = body.posedirs, body.parents
     assert 0.01 < abs(posedirs).max() < 0.15  # m
     near = np.eye(24, dtype=bool)
     for k, parent in enumerate(parents[1:], start=1):
         near[k, parent] = near[parent, k] = True
-    followed = (body["weights"] > 0) @ near @ near
+    followed = (body.weights > 0) @ near @ near
     acting = (posedirs != 0).reshape(len(posedirs), 3, 23, 9).any(axis=(1, 3))
     assert not (acting & ~followed[:, 1:]).any()
     assert acting.mean() < 0.3
-    knee = body["joint_names"].index("left_knee")
+    knee = body.joint_names.index("left_knee")
     bent = (Rotation.from_rotvec([1.0, 0, 0]).as_matrix() - np.eye(3)).ravel()
     moved = np.linalg.norm(posedirs[:, :, 9 * (knee - 1) : 9 * knee] @ bent, axis=1)
     assert moved.max() > 0.01
-    assert moved[body["template"][:, 0] < -0.05].max() < 0.003  # the other leg
+    assert moved[body.template[:, 0] < -0.05].max() < 0.003  # the other leg
 
 
-def test_pose_blend_shapes_help_where_nothing_was_learned(body: EmbeddedBody) -> None:
+def test_pose_blend_shapes_help_where_nothing_was_learned(body: SkinnedBody) -> None:
     """Beside skinning, mm: without them, and where it was told shapes, joints and poses.
 
     Half of the vertices of `full` are of hands and face, which skinning alone moves right.
     """
-    met, fine = body["card"]["held_out"], body["card"]["n_vertices"] > 10_000
+    met, fine = body.card["held_out"], body.card["n_vertices"] > 10_000
     assert met["mean_mm"] < (0.5 if fine else 0.3) * met["mean_without_posedirs_mm"]
     assert met["rms_mm"] < 0.4 * met["rms_without_posedirs_mm"]
-    if body["card"]["trained_on"]["of"] == "neutral":
+    if body.card["trained_on"]["of"] == "neutral":
         assert met["mean_mm"] < (0.6 if fine else 0.3) * met["told_skinning_mean_mm"]
         assert met["rms_mm"] < 0.55 * met["told_skinning_rms_mm"]
         assert met["rms_mm"] < 1.15 * met["told_linear_rms_mm"] or fine
@@ -212,8 +214,8 @@ def test_pose_blend_shapes_help_where_nothing_was_learned(body: EmbeddedBody) ->
     assert met["their_shape_variance_explained"] > 0.95
 
 
-def test_card_says_where_the_numbers_come_from(name: str, body: EmbeddedBody) -> None:
-    card = body["card"]
+def test_card_says_where_the_numbers_come_from(name: str, body: SkinnedBody) -> None:
+    card = body.card
     assert card["name"] == name
     assert "CC0" in card["licence"]
     assert "Apache-2.0" in card["licence"]

@@ -6,7 +6,7 @@ import zipfile
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import casadi as cs
 import numpy as np
@@ -14,7 +14,7 @@ import pytest
 from scipy.sparse import coo_matrix, csc_matrix, csr_matrix
 
 from tests.bodies.random_bodies import Entries, decorated, entries, same
-from workbench.bodies.catalogue import BODIES, load_body
+from workbench.bodies.catalogue import Embedded, load_body
 from workbench.bodies.files.npz_files import read_npz
 from workbench.bodies.files.saving import save_body
 from workbench.bodies.files.smpl_layout import body_from
@@ -46,7 +46,7 @@ def equal_to(raw: Entries, path: Path) -> None:
 # What comes with the workbench.
 
 
-@pytest.mark.parametrize("name", BODIES)
+@pytest.mark.parametrize("name", get_args(Embedded))
 def test_the_embedded_bodies_load_and_stand(name: str) -> None:
     body = load_body(name)
     assert body.name == name

@@ -9,7 +9,6 @@ import pytest
 import workbench as wb
 from tests.bodies_made_up import random_body
 from workbench.bodies.forward.freed_numbers import BLOCKS, FreedSurface, FreedSurfaceAt
-from workbench.bodies.forward.freed_points import FreedPoints
 
 PLAIN = random_body(4, n_vertices=9, n_joints=4, n_betas=2)
 BENT = replace(PLAIN, bound_in=np.random.default_rng(1).normal(scale=0.4, size=(4, 3)))
@@ -43,9 +42,7 @@ def values_at(body: wb.SkinnedBody, free: tuple[str, ...], turned: float = 0.8) 
 
 
 def at(body: wb.SkinnedBody, chosen: np.ndarray, values: wb.Values) -> FreedSurfaceAt:
-    arrays = {name: v for name, v in values.items() if name not in ("pose", "betas", "trans")}
-    of = FreedSurface(body, body.kinematics, chosen)
-    return of.at(arrays, values["pose"], values["betas"], values["trans"])
+    return FreedSurface(body, body.kinematics, chosen, {name: name for name in values}).at(values)
 
 
 def in_symbols(values: wb.Values, block: wb.Block) -> np.ndarray:
@@ -157,7 +154,7 @@ def test_patterns_are_where_derivatives_are_not_zero(
     student, rng = body.freed(*free), np.random.default_rng(9)
     blocks = [*student.blocks(), *student.free.values()]
     source = student.points(*(b.symbol for b in blocks[:3]), vertices=some).source.numeric
-    assert isinstance(source, FreedPoints)
+    assert isinstance(source, FreedSurface)
     values = values_at(body, free)
     full = {name: v if name in BLOCKS else rng.normal(size=v.shape) for name, v in values.items()}
     sparse = set()

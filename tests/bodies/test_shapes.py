@@ -1,47 +1,18 @@
-"""Shape directions, joints that go with them, and counting."""
+"""Shape directions, and joints that go with them."""
 
 from dataclasses import replace
+from importlib import import_module
 
 import numpy as np
 import pytest
 
 import workbench as wb
 from tests.bodies_made_up import smpl_like_body
-from workbench.course.shapes.counting import SLIDE, SMPL_SIZE, counts, dense_counts, total
-from workbench.course.shapes.shape_directions import (
-    along,
-    joint_moves,
-    reconstruction_errors,
-    variances,
-    with_joints_of_the_mean,
-)
+from workbench.course.shapes.shape_directions import along, joint_moves, with_joints_of_the_mean
 
+EXAMPLE = import_module("examples.24_shape_directions")
+reconstruction_errors, variances = EXAMPLE.reconstruction_errors, EXAMPLE.variances
 BODY = wb.load_body("small")
-
-
-def test_the_counts_of_the_released_model_and_of_the_slide() -> None:
-    released = {count.name: count.numbers for count in dense_counts(*SMPL_SIZE)}
-    assert released["posedirs"] == 4_278_690 == 3 * 9 * 23 * 6890
-    assert released["template"] + released["shapedirs"] == 227_370
-    assert sum(released.values()) == 4_836_780
-    assert total(SLIDE) == 6_014_970
-    slide = {row.name: row for row in SLIDE}
-    for name in ("template", "shapedirs", "posedirs"):
-        assert slide[name].numbers == released[name]
-    assert slide["weights"].numbers == 3 * 4 * 6890 != released["weights"] == 165_360
-    assert slide["J_regressor"].numbers == 3 * 6890 * 23 * 3 != 23 * 6890 == 158_470
-    for name in ("posedirs", "weights", "J_regressor"):
-        assert slide[name].remark
-
-
-def test_counts_are_those_of_the_arrays() -> None:
-    found = {count.name: count for count in counts(BODY)}
-    assert [count.numbers for count in counts(BODY)] == [
-        count.numbers for count in dense_counts(369, 24, 10)
-    ]
-    assert found["J_regressor"].nonzero == BODY.J_regressor.nnz
-    assert found["weights"].nonzero == np.count_nonzero(BODY.weights)
-    assert found["posedirs"].shape == (369, 3, 207)
 
 
 def test_directions_are_orthogonal_and_longest_first() -> None:

@@ -17,9 +17,7 @@ from workbench.bodies.forward.skinning import blended
 from workbench.course.shapes.limbs import Limb
 from workbench.course.shapes.separate_parts import SeparateParts
 from workbench.course.shapes.tubes import (
-    dual_quaternion_stretch,
     linear_radius,
-    linear_stretch,
     tube,
     volume_lost_bent,
     volume_lost_twisted,
@@ -39,6 +37,24 @@ BENDS = np.radians([15, 45, 90, 135, 170])
 def area(around: int = 32, radius: float = 0.05) -> float:
     """Of a regular polygon."""
     return around / 2 * radius**2 * np.sin(2 * np.pi / around)
+
+
+def linear_stretch(height: np.ndarray, zone: float, angle: np.ndarray) -> np.ndarray:
+    """The stretch of a fibre at the joint of a bent tube, `height` m towards the inside.
+
+    |c + dc/ds (s + i y)| at s = 0: |cos(a/2) - 2 y sin(a/2) / l|.
+    """
+    half = np.asarray(angle) / 2
+    return np.abs(np.cos(half) - 2 * np.asarray(height) * np.sin(half) / zone)
+
+
+def dual_quaternion_stretch(height: np.ndarray, zone: float, angle: np.ndarray) -> np.ndarray:
+    """The stretch by dual quaternions, |1 - 4 y tan(a/4) / l|: the ring turns by 4 tan(a/4) / l.
+
+    Towards 180 degrees skin on the outside becomes longer than linear blending makes it: it
+    bulges.
+    """
+    return np.abs(1 - 4 * np.asarray(height) * np.tan(np.asarray(angle) / 4) / zone)
 
 
 # The candy wrapper.
@@ -302,7 +318,7 @@ def test_the_tree_has_no_gaps_and_parts_do_what_it_does() -> None:
     np.testing.assert_allclose(
         parts.vertices(**values), rigid.vertices(pose, trans=trans), atol=1e-13
     )
-    assert sum(block.size for block in parts.blocks()) == 144
+    assert sum(block.size for block in parts.blocks) == 144
     assert sum(block.size for block in (body.blocks()[0], body.blocks()[2])) == 75
 
 
@@ -311,9 +327,9 @@ def test_parts_fall_apart_on_data_that_the_tree_holds_together() -> None:
     parts, rng = SeparateParts(body), np.random.default_rng(2)
     pose = 0.3 * rng.normal(size=(24, 3))
     seen = body.vertices(pose) + rng.normal(scale=0.005, size=(369, 3))
-    turns, places = (block.symbol for block in parts.blocks())
-    residual = wb.residuals.vertices(parts.points(turns, places), seen, sigma=0.005)
-    problem = wb.Problem([residual], free=["turns", "places"])
+    differences = (parts.points() - seen.T).reshape((-1, 1))
+    residual = wb.Residual("seen", differences, sigma=0.005, unit="m")
+    problem = wb.Problem([residual], free=["turns", "places"], blocks=parts.blocks)
     start = parts.articulated(0.9 * pose)
     solution = wb.solve(problem, start)
     assert solution.converged

@@ -17,7 +17,6 @@ from tests.differences import assert_hessian, assert_jacobian
 from workbench.bodies.body import Body
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.bodies.triangles.recipes import nearest_joints, one_part
-from workbench.bodies.triangles.sources import NumericTriangles
 from workbench.errors import BadBody, UnknownName
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 from workbench.geometry.triangles import edges, gradients
@@ -314,7 +313,7 @@ def test_many_at_once_are_what_they_are_one_by_one(body: TriangleBody, count: in
     rng = np.random.default_rng(count)
     pose = rng.normal(size=(count, body.n_joints, 3)) * rng.choice([0.0, 0.3, 4.0], (count, 1, 1))
     betas, trans = rng.normal(size=(count, body.n_betas)), rng.normal(size=(count, 3))
-    points = NumericTriangles(body.arithmetic)
+    points = body.arithmetic
     found = points.many(pose, betas, trans)
     assert found.shape == (count, body.n_vertices, 3)
     for i in range(count):

@@ -1,5 +1,7 @@
 """One vertex in symbols says what the whole graph says."""
 
+from types import SimpleNamespace
+
 import casadi as cs
 import numpy as np
 import pytest
@@ -21,7 +23,7 @@ def test_the_functions_of_one_vertex(K: int, B: int, bound: bool) -> None:
     J = cs.Function("J", symbols, [whole, *(cs.jacobian(whole, s) for s in symbols[:2])])
     points, by_pose, by_betas = (np.asarray(a) for a in J(pose.T, betas, np.zeros(3)))
 
-    f = vertex_functions(body.parents, B)
+    f = SimpleNamespace(**vertex_functions(body.parents, B))
     motion = motion_column(
         body.kinematics.motion(pose, betas), betas, body.kinematics.slopes(pose, betas)
     )
@@ -63,7 +65,7 @@ def part(column: np.ndarray, count: int, i: int) -> np.ndarray:
 
 
 def test_gradients_are_those_of_the_sums_they_belong_to() -> None:
-    f = vertex_functions((-1, 0, 1), 2)
+    f = SimpleNamespace(**vertex_functions((-1, 0, 1), 2))
     rng = np.random.default_rng(1)
     v, pull, w = rng.standard_normal(3), rng.standard_normal(3), 0.3
     M, S, P = (rng.standard_normal(size) for size in (12, 6, 27))

@@ -74,7 +74,7 @@ def small():  # type: ignore[no-untyped-def]
 
 @pytest.fixture(scope="module")
 def mirror(small) -> Mirror:  # type: ignore[no-untyped-def]
-    return Mirror(small["mirror"], MIRRORED_JOINTS)
+    return Mirror(small.mirror, MIRRORED_JOINTS)
 
 
 # From the A-pose to the T-pose.
@@ -83,17 +83,17 @@ def mirror(small) -> Mirror:  # type: ignore[no-untyped-def]
 def test_posing_the_t_pose_back_gives_the_a_pose(small) -> None:  # type: ignore[no-untyped-def]
     """The exact inverse: what was un-posed is found again by skinning as it is written down."""
     rng = np.random.default_rng(0)
-    vertices = small["template"] + rng.normal(scale=0.02, size=small["template"].shape)
-    joints = small["J_regressor"] @ small["template"]
+    vertices = small.template + rng.normal(scale=0.02, size=small.template.shape)
+    joints = small.J_regressor @ small.template
     joints = skinned(joints, joints, np.eye(24), _arms_down()) + np.array([0.1, 0.9, -0.2])
     wrist = joints[JOINT["left_wrist"]]
     knuckles = wrist + np.array([[0.06, -0.06, 0.03], [0.07, -0.07, 0.0], [0.06, -0.06, -0.04]])
-    rest = to_t_pose(vertices, joints, knuckles, small["weights"])
+    rest = to_t_pose(vertices, joints, knuckles, small.weights)
     world = rest.rotations.transpose(0, 2, 1)
     local = np.stack(
         [world[k] if parent < 0 else world[parent].T @ world[k] for k, parent in enumerate(PARENTS)]
     )
-    back = skinned(rest.vertices, rest.joints, small["weights"], local) + joints[0]
+    back = skinned(rest.vertices, rest.joints, small.weights, local) + joints[0]
     assert abs(back - vertices).max() < 1e-10
     assert abs(rest.vertices - vertices).max() > 0.1  # it did move
 
@@ -107,10 +107,10 @@ def _arms_down() -> Array:
 
 
 def test_arms_and_legs_are_straight_in_the_t_pose(small) -> None:  # type: ignore[no-untyped-def]
-    joints = small["J_regressor"] @ small["template"]
+    joints = small.J_regressor @ small.template
     joints = skinned(joints, joints, np.eye(24), _arms_down())
     knuckles = joints[JOINT["left_hand"]] + np.array([[0.0, 0, 0.03], [0.01, 0, 0], [0, 0, -0.03]])
-    rest = to_t_pose(small["template"], joints, knuckles, small["weights"]).joints
+    rest = to_t_pose(small.template, joints, knuckles, small.weights).joints
     arm = rest[[JOINT[f"left_{j}"] for j in ("shoulder", "elbow", "wrist")]]
     assert abs(arm[:, 1:] - arm[0, 1:]).max() < 1e-12
     shank = rest[JOINT["right_ankle"]] - rest[JOINT["right_knee"]]
@@ -118,10 +118,10 @@ def test_arms_and_legs_are_straight_in_the_t_pose(small) -> None:  # type: ignor
 
 
 def test_the_elbow_of_the_t_pose_bends_to_the_front(small) -> None:  # type: ignore[no-untyped-def]
-    joints = small["J_regressor"] @ small["template"]
+    joints = small.J_regressor @ small.template
     joints = skinned(joints, joints, np.eye(24), _arms_down())
     knuckles = joints[JOINT["left_hand"]] + np.array([[0.0, 0, 0.03], [0.01, 0, 0], [0, 0, -0.03]])
-    R = to_t_pose(small["template"], joints, knuckles, small["weights"]).rotations
+    R = to_t_pose(small.template, joints, knuckles, small.weights).rotations
     for side in ("left", "right"):
         fore = joints[JOINT[f"{side}_wrist"]] - joints[JOINT[f"{side}_elbow"]]
         still_bent = R[JOINT[f"{side}_shoulder"]] @ fore / np.linalg.norm(fore)
@@ -146,9 +146,9 @@ def test_a_mirrored_pose_gives_the_mirrored_body(small, mirror: Mirror) -> None:
 
     def posed(pose: Array) -> Array:
         R = Rotation.from_rotvec(pose).as_matrix()
-        person = small["template"] + small["shapedirs"] @ np.arange(-1, 1, 0.2)
-        rest = person + small["posedirs"] @ (R - np.eye(3))[1:].ravel()
-        return skinned(rest, small["J_regressor"] @ person, small["weights"], R)
+        person = small.template + small.shapedirs @ np.arange(-1, 1, 0.2)
+        rest = person + small.posedirs @ (R - np.eye(3))[1:].ravel()
+        return skinned(rest, small.J_regressor @ person, small.weights, R)
 
     here, there = posed(pose), posed(mirrored_pose(pose, MIRRORED_JOINTS))
     assert abs(mirror.points(here) - there).max() < 1e-13
@@ -234,10 +234,10 @@ def test_shape_space_finds_the_directions_it_was_drawn_from(small, mirror: Mirro
     rng = np.random.default_rng(0)
     betas = rng.normal(size=(60, 2))
     betas = (betas - betas.mean(axis=0)) @ np.linalg.inv(np.linalg.cholesky(np.cov(betas.T)).T)
-    people = small["template"] + np.einsum("ncb,pb->pnc", small["shapedirs"][:, :, :2], betas)
-    space = learn_shape_space(people, small["faces"], mirror, n_betas=2)
-    assert abs(space.template - small["template"]).max() < 1e-12
-    assert abs(space.shapedirs - small["shapedirs"][:, :, :2]).max() < 1e-4
+    people = small.template + np.einsum("ncb,pb->pnc", small.shapedirs[:, :, :2], betas)
+    space = learn_shape_space(people, small.faces, mirror, n_betas=2)
+    assert abs(space.template - small.template).max() < 1e-12
+    assert abs(space.shapedirs - small.shapedirs[:, :, :2]).max() < 1e-4
     assert space.explained.sum() == pytest.approx(1)
     assert abs(space.betas(people) - betas).max() < 1e-3
 
@@ -245,12 +245,12 @@ def test_shape_space_finds_the_directions_it_was_drawn_from(small, mirror: Mirro
 def test_regressor_is_found_again_from_people(small) -> None:  # type: ignore[no-untyped-def]
     rng = np.random.default_rng(0)
     betas = rng.normal(size=(80, 10))
-    people = small["template"] + np.einsum("ncb,pb->pnc", small["shapedirs"], betas)
-    points = np.stack([small["J_regressor"] @ person for person in people])
-    rows = regress(people, points, JOINT_NAMES, small["mirror"], radius=0.25)
+    people = small.template + np.einsum("ncb,pb->pnc", small.shapedirs, betas)
+    points = np.stack([small.J_regressor @ person for person in people])
+    rows = regress(people, points, JOINT_NAMES, small.mirror, radius=0.25)
     assert rows.min() >= 0
     assert rows.sum(axis=1) == pytest.approx(1)
-    assert np.array_equal(rows[MIRRORED_JOINTS][:, small["mirror"]], rows)
+    assert np.array_equal(rows[MIRRORED_JOINTS][:, small.mirror], rows)
     assert regression_errors(rows, people, points).max() < 2e-4
 
 
@@ -363,17 +363,17 @@ def test_ridge_finds_pose_blend_shapes_within_their_support() -> None:
 
 def test_packing_round_trip(tmp_path: Path, small, mirror: Mirror) -> None:  # type: ignore[no-untyped-def]
     rng = np.random.default_rng(0)
-    shapedirs = rng.normal(scale=0.01, size=small["shapedirs"].shape)
-    posedirs = rng.normal(scale=0.01, size=small["posedirs"].shape)
-    names, coco = small["landmarks"]["coco"]
+    shapedirs = rng.normal(scale=0.01, size=small.shapedirs.shape)
+    posedirs = rng.normal(scale=0.01, size=small.posedirs.shape)
+    names, coco = small.landmarks["coco"].names, small.landmarks["coco"].regressor
     body = BuiltBody(
-        template=small["template"] + [0, 0.5, 0],
+        template=small.template + [0, 0.5, 0],
         shapedirs=shapedirs + mirror.directions(shapedirs),
         posedirs=posedirs + mirror.posedirs(posedirs),
-        J_regressor=small["J_regressor"].toarray(),
-        weights=small["weights"],
-        faces=small["faces"],
-        mirror=small["mirror"],
+        J_regressor=small.J_regressor.toarray(),
+        weights=small.weights,
+        faces=small.faces,
+        mirror=small.mirror,
         keypoint_names=names,
         keypoint_regressor=coco.toarray(),
     )
@@ -381,17 +381,17 @@ def test_packing_round_trip(tmp_path: Path, small, mirror: Mirror) -> None:  # t
     write_body(body, {"name": "round trip", "ü": [1.5]}, tmp_path / "b.npz")
     assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
     back = read_embedded(tmp_path / "a.npz")
-    assert abs(back["template"] - small["template"]).max() < 1e-12  # the pelvis at the origin
-    assert abs(back["shapedirs"] - body.shapedirs).max() <= SHAPE_STEP / 2 + 1e-15
-    assert abs(back["posedirs"] - body.posedirs).max() <= POSE_STEP / 2 + 1e-15
-    assert np.array_equal(mirror.posedirs(back["posedirs"]), back["posedirs"])
+    assert abs(back.template - small.template).max() < 1e-12  # the pelvis at the origin
+    assert abs(back.shapedirs - body.shapedirs).max() <= SHAPE_STEP / 2 + 1e-15
+    assert abs(back.posedirs - body.posedirs).max() <= POSE_STEP / 2 + 1e-15
+    assert np.array_equal(mirror.posedirs(back.posedirs), back.posedirs)
     for name in ("weights", "faces", "mirror"):
-        assert np.array_equal(back[name], small[name])  # type: ignore[literal-required]
-    assert np.array_equal(back["J_regressor"].toarray(), small["J_regressor"].toarray())
-    assert back["landmarks"]["coco"][0] == names
-    assert np.array_equal(back["landmarks"]["coco"][1].toarray(), coco.toarray())
-    assert back["parents"] == PARENTS
-    assert back["card"] == {"synthetic": SYNTHETIC, "name": "round trip", "ü": [1.5]}
+        assert np.array_equal(getattr(back, name), getattr(small, name))
+    assert np.array_equal(back.J_regressor.toarray(), small.J_regressor.toarray())
+    assert back.landmarks["coco"].names == names
+    assert np.array_equal(back.landmarks["coco"].regressor.toarray(), coco.toarray())
+    assert back.parents == PARENTS
+    assert back.card == {"synthetic": SYNTHETIC, "name": "round trip", "ü": [1.5]}
 
 
 def test_shares_sum_to_one_and_stay_alike_on_both_sides() -> None:
@@ -480,8 +480,8 @@ def test_shipped_bodies_are_what_the_wheel_gives(tmp_path: Path) -> None:
     subprocess.run(command, check=True)
     for name in ("default", "default-female", "default-male", "small"):
         found, shipped = (read_embedded(f / f"{name}.npz") for f in (tmp_path, DATA / "bodies"))
-        assert np.array_equal(found["faces"], shipped["faces"])
-        assert found["template"] == pytest.approx(shipped["template"], abs=1e-4)
-        assert found["shapedirs"] == pytest.approx(shipped["shapedirs"], abs=1e-4)
-        assert found["weights"] == pytest.approx(shipped["weights"], abs=1e-3)
-        assert found["posedirs"] == pytest.approx(shipped["posedirs"], abs=1e-3)
+        assert np.array_equal(found.faces, shipped.faces)
+        assert found.template == pytest.approx(shipped.template, abs=1e-4)
+        assert found.shapedirs == pytest.approx(shipped.shapedirs, abs=1e-4)
+        assert found.weights == pytest.approx(shipped.weights, abs=1e-3)
+        assert found.posedirs == pytest.approx(shipped.posedirs, abs=1e-3)

@@ -8,7 +8,7 @@ from tests.comparison.problems import slide
 from workbench.comparison import Budget, Comparison, Ending, Record
 from workbench.comparison.description import Description
 from workbench.comparison.end_analysis import EndAnalysis
-from workbench.comparison.log import KINDS, ROW, Seen
+from workbench.comparison.log import KINDS, ROW, Observed
 from workbench.comparison.named_solvers import NamedSolver
 from workbench.comparison.plan import Instance, Plan
 from workbench.experiments import Experiment
@@ -33,22 +33,20 @@ def record(
     rows = [(every * (k + 1), *others, 0.1 * (k + 1), c) for k, c in enumerate(costs)]
     found = np.array([row for row in rows if np.isfinite(row[-1])], dtype=float).reshape(-1, ROW)
     counts = every * len(costs), *others
-    seen = Seen(counts, (0.0,) * len(KINDS), 0, 0.1 * len(costs), np.zeros(1), found, taken)
+    seen = Observed(counts, (0.0,) * len(KINDS), 0, 0.1 * len(costs), np.zeros(1), found, taken)
     end = costs[-1] if costs and ending is Ending.RETURNED else np.nan
     return Record(
         solver,
         instance,
         ending,
         "",
+        seen,
+        "a machine",
         claim,
         end,
         end,
         optimality,
-        np.nan,
-        True,
-        np.zeros(1) if np.isfinite(end) else NOTHING,
-        seen,
-        "a machine",
+        end=np.zeros(1) if np.isfinite(end) else NOTHING,
     )
 
 

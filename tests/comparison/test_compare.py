@@ -74,7 +74,7 @@ def test_what_was_seen_before_a_run_was_lost_is_kept(bad: Comparison) -> None:
     for solver in ("forever", "in C", "raiser"):
         record = bad.records[bad.instances[0].name, solver]
         assert record.evaluations.jacobian == 1
-        assert len(record.seen.trace) == 1
+        assert len(record.observed.trace) == 1
 
 
 def test_nobody_spends_more_than_the_budget_and_three_evaluations_to_close_the_books(
@@ -108,7 +108,7 @@ def test_every_solver_starts_from_the_same_points(
 ) -> None:
     found = twice[0]
     for instance in found.instances:
-        first = {found.records[instance.name, s].seen.trace[0, -1] for s in found.solvers}
+        first = {found.records[instance.name, s].observed.trace[0, -1] for s in found.solvers}
         assert first == {found.described[instance.name].start_cost}
     starts = [found.described[i.name].start for i in found.of("slide")]
     np.testing.assert_array_equal(starts, STARTS)

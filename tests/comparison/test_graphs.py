@@ -11,7 +11,7 @@ from tests.comparison import askers
 from tests.comparison.problems import LINE, line
 from workbench import Block, Constraint, GaussNewton, Problem, Residual
 from workbench.comparison import Budget, Comparison, TargetOutcome, compare
-from workbench.comparison.log import KINDS, Log, Seen
+from workbench.comparison.log import KINDS, Log, Observed
 from workbench.comparison.metered import Metered
 from workbench.comparison.words import advice
 from workbench.solvers.limits import Stop
@@ -25,13 +25,13 @@ COUNTED: dict[str, Callable[[Problem, askers.Array, askers.Array], askers.Ways]]
 }
 
 
-def watched(tmp_path: Path, most: int = 1000) -> tuple[Problem, Callable[[], Seen]]:
+def watched(tmp_path: Path, most: int = 1000) -> tuple[Problem, Callable[[], Observed]]:
     log = tmp_path / "log"
     watch = Metered(line().problem, NOTHING, most, 10.0, Log(log, 3))
     return watch.metered(), lambda: Log.read(log)
 
 
-def counts(seen: Seen) -> dict[str, int]:
+def counts(seen: Observed) -> dict[str, int]:
     return {kind: n for kind, n in zip(KINDS, seen.counts, strict=True) if n}
 
 
@@ -59,9 +59,11 @@ def test_what_is_asked_of_graphs_and_batches_is_counted_timed_and_followed(
 ) -> None:
     """They were counted as 0 evaluations, and as 0 % success."""
     record = found.records[found.instances[0].name, name]
-    assert counts(record.seen).keys() == kinds
-    assert all(s > 0 for s, n in zip(record.seen.spent, record.seen.counts, strict=True) if n)
-    assert len(record.seen.trace) > 1
+    assert counts(record.observed).keys() == kinds
+    assert all(
+        s > 0 for s, n in zip(record.observed.spent, record.observed.counts, strict=True) if n
+    )
+    assert len(record.observed.trace) > 1
     assert record.lowest == pytest.approx(record.cost, rel=1e-9)  # whole way, to rounding
     assert found.success(name, 1e-3).value == 1
     assert np.isfinite(found.effort(name, 1e-3).value)

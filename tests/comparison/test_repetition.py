@@ -50,7 +50,7 @@ def test_three_times_the_same_comparison_gives_three_times_the_same_advice() -> 
     """The measured prices of 0.1 ms evaluations changed efforts by tenths, and turned ranks."""
     found = [compare((LINE, SLIDE), SOLVERS, seeds=2, budget=BUDGET) for _ in range(3)]
     alike(found)
-    assert {f.records["line, seed 0", "gauss-newton"].seen.seconds for f in found}  # measured
+    assert {f.records["line, seed 0", "gauss-newton"].observed.seconds for f in found}  # measured
 
 
 @pytest.fixture
@@ -85,5 +85,5 @@ def test_a_clock_that_lies_changes_nothing_but_the_times(
 ) -> None:
     found = [here(seed) for seed in range(3)]
     alike(found)
-    runs = [f.records["line, seed 0", "gauss-newton"].seen.seconds for f in found]
+    runs = [f.records["line, seed 0", "gauss-newton"].observed.seconds for f in found]
     assert len(set(runs)) == 3  # it did lie

@@ -118,11 +118,11 @@ def lied_to(found: Comparison, rng: np.random.Generator) -> Comparison:
 
     records = {}
     for key, run in found.records.items():
-        trace = run.seen.trace.copy()
+        trace = run.observed.trace.copy()
         trace[:, -2] = rng.random(len(trace)).cumsum()
-        spent = tuple(timed(1.0) for _ in run.seen.spent)
-        seen = replace(run.seen, trace=trace, spent=spent, seconds=timed(run.seen.seconds))
-        records[key] = replace(run, seen=seen)
+        spent = tuple(timed(1.0) for _ in run.observed.spent)
+        seen = replace(run.observed, trace=trace, spent=spent, seconds=timed(run.observed.seconds))
+        records[key] = replace(run, observed=seen)
     described = {
         name: replace(about, seconds={kind: timed(s) for kind, s in about.seconds.items()})
         for name, about in found.described.items()

@@ -67,7 +67,8 @@ def named(J: np.ndarray, parents: tuple[int, ...], translation: bool) -> tuple[D
     free = Layout((pose, trans) if translation else (pose,))
     here = Linearization(np.zeros(len(J)), J)
     found = named_subspaces(free, (Tree("pose", names, parents),))
-    return directions(here, free, found, here.spectrum.tolerance)
+    null = here.spectrum.Vt[here.spectrum.rank :].T
+    return directions(here, null, free, found, here.spectrum.tolerance)
 
 
 @pytest.mark.parametrize("batch", range(10))

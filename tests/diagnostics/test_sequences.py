@@ -11,6 +11,7 @@ import pytest
 from workbench import Block, Problem, Values, diagnose, load_body, residuals, sequence
 from workbench.diagnostics import Diagnosis, SequenceDiagnosis, Undiagnosed
 from workbench.diagnostics.linearized import linearized
+from workbench.diagnostics.words import diagnosis_of
 from workbench.errors import BadArgument
 from workbench.problem import frame_chain, storage
 from workbench.reports import write_diagnosis
@@ -185,7 +186,7 @@ def test_a_shared_unknown_seen_in_few_frames_or_none_deserves_a_warning() -> Non
     none = watched(0, 40)
     assert none.rank == none.shape[1] - 1
     assert none.shared.ranks == {"betas": 4}
-    assert [x.said(40) for x in none.null_directions] == ["betas[3]"]
+    assert [x.described(40) for x in none.null_directions] == ["betas[3]"]
     assert np.isinf(none.shared.sigma[3])
     assert any(f.warning and "seen in 0 of 40 frames" in f.text for f in none.findings)
 
@@ -199,7 +200,7 @@ def test_what_the_own_unknowns_of_a_frame_undo_is_not_seen_there() -> None:
     d = linear([A] * 5, [B] * 5)
     assert d.shared.frames_seen.tolist() == [0, 5]
     (unseen,) = d.null_directions
-    assert unseen.said(5) == "s[0], undone by x in 5 of 5 frames"
+    assert unseen.described(5) == "s[0], undone by x in 5 of 5 frames"
 
 
 def test_seen_well_is_a_sigma_for_a_yardstick() -> None:
@@ -220,7 +221,7 @@ def test_an_unseen_twist_is_gathered_over_frames_and_tied_by_smoothness() -> Non
     at = somewhere(alone)
     d = long(alone, at)
     assert d.shape[1] - d.rank == T
-    said = [x.said(T) for x in d.null_directions]
+    said = [x.described(T) for x in d.null_directions]
     assert said == ["a turn of pose[left_wrist] alone, in 6 of 6 frames"]
     assert "a turn of pose[left_wrist] alone, in 6 of 6 frames" in str(d)
     for value in at.values():
@@ -234,7 +235,8 @@ def test_an_unseen_twist_is_gathered_over_frames_and_tied_by_smoothness() -> Non
         assert one.joints == ("left_wrist",)
         words = "1 direction" if order == 1 else "2 directions"
         assert (
-            one.said(T) == f"a turn of pose[left_wrist] alone: {words} over 6 of 6 frames together"
+            one.described(T)
+            == f"a turn of pose[left_wrist] alone: {words} over 6 of 6 frames together"
         )
 
 
@@ -248,7 +250,7 @@ def test_frames_without_data_and_missing_residuals_are_told() -> None:
     d = long(sequence(frames), {"x": np.zeros((8, 2))})
     assert d.missing == {"seen": (3, 4)}
     assert "the residual seen is missing in 2 of 8 frames (3 to 4)" in str(d)
-    assert [u.said(8) for u in d.null_directions] == ["x[1], in 2 of 8 frames"]
+    assert [u.described(8) for u in d.null_directions] == ["x[1], in 2 of 8 frames"]
     smooth = residuals.smooth("x", sigma=0.2)
     shows = Block("shows", ())  # zero in frame 3
     blank = [
@@ -274,7 +276,7 @@ def test_a_frame_by_itself_is_diagnosed_as_its_problem_is() -> None:
     own = {"pose": at["pose"][2], "trans": at["trans"][2], "betas": at["betas"]}
     here = linearized(frame, own)
     assert isinstance(found, Diagnosis)
-    assert found.rank == Diagnosis(frame, own, here).rank
+    assert found.rank == diagnosis_of(frame, own, here).rank
     assert found.free.names == ("pose", "trans", "betas")
     with pytest.raises(BadArgument, match="there is no frame 3"):
         long(video, at).frame(3)

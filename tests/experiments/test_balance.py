@@ -111,10 +111,10 @@ def test_one_camera_is_one_number_wherever_it_is_told(
     found = {measure.name: measure for measure in result.measures}
     text = write_report(result, tmp_path / "balance").read_text(encoding="utf-8")
     for i, overlay in enumerate(result.overlays):
-        name = f"reprojection, {overlay.name}{' (held out)' if overlay.held_out else ''}"
+        name = f"reprojection, {overlay.view.name}{' (held out)' if overlay.view.held_out else ''}"
         error, count = reprojection(overlay)
-        off = np.linalg.norm(overlay.observed - overlay.projected, axis=1)
-        assert error == pytest.approx(off[overlay.confidence > 0.2].mean(), rel=1e-12)
+        off = np.linalg.norm(overlay.view.observed - overlay.projected, axis=1)
+        assert error == pytest.approx(off[overlay.view.confidence > 0.2].mean(), rel=1e-12)
         assert found[name].value == pytest.approx(error, rel=1e-12)
         assert found[name].over.startswith(f"{count} keypoints")
         _, (ax,) = sheet(4, 5)

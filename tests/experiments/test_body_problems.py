@@ -11,7 +11,7 @@ from workbench.bodies.catalogue import load_body
 from workbench.errors import BadArgument, BadBounds, WorkbenchError
 from workbench.experiments import SUITES, Setup, find
 from workbench.experiments.synthetic_people import bent_person, random_start
-from workbench.fitting.known import Known
+from workbench.fitting.known import KnownAnswer
 
 NAMES = [experiment.name for experiment in SUITES["bodies"]]
 EACH = pytest.mark.parametrize("name", NAMES)
@@ -22,7 +22,7 @@ def built(name: str, **arguments: Any) -> Setup:
     return find(name, arguments).setup()
 
 
-def standard(name: str) -> tuple[Setup, Known]:
+def standard(name: str) -> tuple[Setup, KnownAnswer]:
     """As it comes; built once."""
     setup = KEPT[name] if name in KEPT else KEPT.setdefault(name, built(name))
     assert setup.known is not None

@@ -45,7 +45,7 @@ def test_the_person_walks_forwards_and_is_filmed_with_gaps() -> None:
 
 
 def test_what_makes_no_video_is_said() -> None:
-    with pytest.raises(BadArgument, match="share of keypoints not seen, from 0 to 1, not 1"):
+    with pytest.raises(BadArgument, match="keypoints that were not observed, from 0 to 1, not 1"):
         find("body-video", {"missing": 1.0}).setup()
     with pytest.raises(BadArgument, match="one camera or more, not by 0"):
         find("body-video", {"cameras": 0}).setup()

@@ -10,15 +10,17 @@ import pytest
 
 from workbench.errors import BadArgument, UnknownName
 from workbench.experiments import SUITES, Setup, find
-from workbench.experiments.nist import GRADIENT_TOLERANCE, MODELS, MOST_DIGITS, certified
-from workbench.fitting.known import Known, digits
+from workbench.experiments.nist import MODELS, certified
+from workbench.fitting.known import KnownAnswer, digits
 from workbench.solvers import SOLVERS, LevenbergMarquardt
 
 NAMES = [experiment.name for experiment in SUITES["nist"]]
 EACH = pytest.mark.parametrize("name", NAMES)
+GRADIENT_TOLERANCE = 1e-12
+MOST_DIGITS = ("levenberg-marquardt-columns", "ipopt-exact")
 
 
-def built(name: str, start: int = 1) -> tuple[Setup, Known]:
+def built(name: str, start: int = 1) -> tuple[Setup, KnownAnswer]:
     setup = find(name, {"start": start}).setup()
     assert setup.known is not None
     return setup, setup.known

@@ -5,7 +5,7 @@ import pytest
 
 from workbench.blocks import Block
 from workbench.errors import BadArgument, BadSetup
-from workbench.experiments import EXPERIMENTS, SUITES, Known, Setup, find
+from workbench.experiments import EXPERIMENTS, SUITES, KnownAnswer, Setup, find
 from workbench.experiments.suites import SUMMARIES
 from workbench.fitting.known import digits
 from workbench.problem import Problem
@@ -17,7 +17,7 @@ START = {"x": np.zeros(2)}
 
 
 def test_what_is_known_comes_with_the_setup() -> None:
-    known = Known("by hand", cost=0, values={"x": np.array([1.0, 2.0])}, residual_deviation=1)
+    known = KnownAnswer("by hand", cost=0, values={"x": np.array([1.0, 2.0])}, residual_deviation=1)
     setup = Setup(PROBLEM, START, "?", known=known)
     assert setup.known is known
     assert known.cost == 0.0
@@ -46,11 +46,11 @@ def test_what_is_known_comes_with_the_setup() -> None:
 )
 def test_what_cannot_be_known_is_refused(facts: dict, said: str) -> None:
     with pytest.raises(BadSetup, match=said):
-        Setup(PROBLEM, START, "?", known=Known(**({"source": "by hand"} | facts)))
+        Setup(PROBLEM, START, "?", known=KnownAnswer(**({"source": "by hand"} | facts)))
 
 
 def test_known_is_a_known() -> None:
-    with pytest.raises(BadSetup, match="`known` of a setup must be a Known or None"):
+    with pytest.raises(BadSetup, match="`known` of a setup must be a KnownAnswer or None"):
         Setup(PROBLEM, START, "?", known={"cost": 1.0})  # type: ignore[arg-type]
 
 

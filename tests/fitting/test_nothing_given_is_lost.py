@@ -115,7 +115,7 @@ def test_a_hand_that_one_camera_lacks_is_not_seen_there(tmp_path: Path) -> None:
     at = [seen.names.index(name) for name in HANDS[0]]
     assert (seen.photographs[0].confidence[at] == 0.9).all()
     assert (seen.photographs[1].confidence[at] == 0).all()
-    assert set(HANDS[0]) <= set(seen.seen())
+    assert set(HANDS[0]) <= set(seen.observed())
 
 
 def test_a_body_with_fingers_is_fitted_to_them_and_another_says_that_it_is_not(

@@ -19,10 +19,10 @@ from scipy.sparse import csr_array, issparse
 
 from tests.bodies.random_bodies import decorated, entries
 from workbench import Block, Problem, Residual, load_body, save_body, solve
-from workbench.bodies.catalogue import embedded_body
+from workbench.bodies.files.embedded import read_embedded
 from workbench.bodies.skinned import Landmarks
 from workbench.bodies.triangles import TriangleBody, blend_scape
-from workbench.comparison.log import KINDS, ROW, Seen
+from workbench.comparison.log import KINDS, ROW, Observed
 from workbench.comparison.record import Ending, Record
 from workbench.comparison.store import Folder
 from workbench.errors import BadFile
@@ -125,7 +125,7 @@ def _embedded(folder: Path) -> None:
 
 
 def _read_embedded(folder: Path) -> object:
-    body = embedded_body(folder / "small.npz")
+    body = read_embedded(folder / "small.npz")
     return body.template, body.shapedirs, body.posedirs, body.weights, body.J_regressor
 
 
@@ -160,21 +160,20 @@ KEY = "0123456789abcdef"
 
 def _write_store(folder: Path) -> None:
     trace = np.arange(2.0 * ROW).reshape(2, ROW)[::-1]  # the cost, last, falls
-    seen = Seen((3,) * len(KINDS), (0.1,) * len(KINDS), 0, 0.2, np.ones(2), trace)
+    seen = Observed((3,) * len(KINDS), (0.1,) * len(KINDS), 0, 0.2, np.ones(2), trace)
     record = Record(
         "lm",
         "rosenbrock",
         Ending.RETURNED,
         "done",
+        seen,
+        "a machine",
         "CONVERGED",
         0.5,
         0.5,
         1e-9,
         8.0,
-        True,
-        np.ones(2),
-        seen,
-        "a machine",
+        end=np.ones(2),
     )
     Folder(folder / "comparison").put(KEY, record.stored())
 
@@ -186,8 +185,13 @@ def _read_store(folder: Path) -> object:
         raise BadFile("none")
     assert isinstance(record.solver, str)
     assert isinstance(record.message, str)
-    assert record.seen.trace.shape[1] == ROW
-    return record.end, record.seen.trace, float(record.seen.seconds), record.seen.evaluations
+    assert record.observed.trace.shape[1] == ROW
+    return (
+        record.end,
+        record.observed.trace,
+        float(record.observed.seconds),
+        record.observed.evaluations,
+    )
 
 
 @cache

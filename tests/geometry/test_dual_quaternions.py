@@ -7,15 +7,9 @@ from scipy.linalg import expm, logm
 from scipy.optimize import minimize_scalar
 from scipy.spatial.transform import Rotation
 
-from workbench.geometry.dual_quaternions import (
-    dual_product,
-    dual_quaternions,
-    moved,
-    product,
-    quaternions,
-)
+from tests.geometry.screws import between, dual_product, product, screw
+from workbench.geometry.dual_quaternions import dual_quaternions, moved, quaternions
 from workbench.geometry.rotation import half_turns, rodrigues
-from workbench.geometry.screws import between, screw
 
 AXES = np.vstack([np.eye(3), -np.eye(3), np.random.default_rng(0).normal(size=(20, 3))])
 AXES /= np.linalg.norm(AXES, axis=1, keepdims=True)

@@ -16,7 +16,8 @@ from tests.comparison.made_up import record
 from tests.hardening.archives import DAMAGES, OTHERS, arrays_in, with_arrays, with_facts
 from workbench.blocks import Block
 from workbench.bodies import Landmarks
-from workbench.bodies.catalogue import embedded_body, load_body
+from workbench.bodies.catalogue import load_body
+from workbench.bodies.files.embedded import read_embedded
 from workbench.bodies.files.joint_names import joint_names
 from workbench.bodies.files.saving import save_body
 from workbench.bodies.files.smpl_layout import body_from
@@ -27,8 +28,7 @@ from workbench.comparison.record import Record
 from workbench.comparison.store import Folder
 from workbench.errors import WorkbenchError
 from workbench.priors.mocap import read_mocap
-from workbench.priors.pose_gaussian import read_pose_gaussian
-from workbench.priors.pose_mixture import read_pose_mixture
+from workbench.priors.poses import read_pose_gaussian, read_pose_mixture
 from workbench.problem import Problem
 from workbench.residuals import gaussian
 from workbench.solvers import Solution, solve
@@ -144,7 +144,7 @@ def one_registration(path: Path) -> object:
 
 READERS = {
     "body": Reader("body.npz", saved_body, load_body),
-    "embedded body": Reader("small.npz", copied("small.npz"), embedded_body, "card"),
+    "embedded body": Reader("small.npz", copied("small.npz"), read_embedded, "card"),
     "solution": Reader("run.npz", solved().save, Solution.load, "solution"),
     "record": stored(Record.of, record("p", "s", [3.0, 2.0, 1.0])),
     "description": stored(Description.of, DESCRIPTION),

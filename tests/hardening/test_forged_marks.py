@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from workbench.course import grading
-from workbench.course.channel import Question
+from workbench.course.channel import receive_answer
 from workbench.course.grades import CheckState, Grade
 from workbench.course.grading import Ended
 from workbench.course.outline import lecture
@@ -316,7 +316,7 @@ def test_what_is_no_answer_is_refused(garbled: str) -> None:
         sender.start()  # a large message waits for its reader
         began = time.perf_counter()
         with pytest.raises((Malformed, Ended)):
-            grading._came(Question(Channel(ours), ROTATIONS.module("checks")).told(5, seconds=20))
+            grading._came(receive_answer(Channel(ours), 5, seconds=20))
         assert time.perf_counter() - began < 5
         ours.close()
         sender.join()
@@ -327,9 +327,9 @@ def test_a_process_that_stops_in_the_middle_of_an_answer_is_late() -> None:
     with ours, theirs:
         theirs.sendall(framed(b"[5, {}]")[:-1])
         with pytest.raises(TimeoutError):
-            Question(Channel(ours), ROTATIONS.module("checks")).told(5, seconds=0.1)
+            receive_answer(Channel(ours), 5, seconds=0.1)
         theirs.close()
-        assert Question(Channel(ours), ROTATIONS.module("checks")).told(5, seconds=0.1) is None
+        assert receive_answer(Channel(ours), 5, seconds=0.1) is None
 
 
 def test_what_is_no_answer_ends_its_exercise_alone(tmp_path: Path) -> None:

@@ -191,7 +191,7 @@ HOSTILE: dict[str, tuple[Callable[[], bytes], str]] = {
     ),
     "a rotation of nothing.glb": (
         lambda: square(nodes=[{"mesh": 0, "rotation": [0, 0, 0, 0]}]),
-        "vertex 0 is .nan, nan, nan",
+        "the rotation of a node is zero",
     ),
     "one mesh a million times.glb": (
         lambda: square(scenes=[{"nodes": list(range(200_000))}], nodes=[{"mesh": 0}] * 200_000),
@@ -253,7 +253,7 @@ HOSTILE: dict[str, tuple[Callable[[], bytes], str]] = {
     "fewer than none.ply": (lambda: ply(claims(-3), TRIANGLE), "says 'element vertex -3'"),
     "one vertex too many.ply": (
         lambda: ply(claims(4), TRIANGLE),
-        "says that it holds 4 times 'vertex', but has only 9",
+        "says that it holds 4 times 'vertex', but is",
     ),
     "one vertex too many in binary.ply": (
         lambda: ply(claims(4), bytes(40), LITTLE),
@@ -282,11 +282,11 @@ HOSTILE: dict[str, tuple[Callable[[], bytes], str]] = {
     ),
     "a list of 4 billion in text.ply": (
         lambda: ply(claims(3, 1), TRIANGLE + b"4000000000 0 1 2\n"),
-        "has 4e.09 entries",
+        "a list of 4e.09 numbers is cut off",
     ),
     "lists of nothing.ply": (
         lambda: ply(claims(3, 500_000), TRIANGLE + b"0\n" * 500_000),
-        "list in row 0 has 0 entries",
+        "face 0 has 0 corners",
     ),
     "lists of nothing in binary.ply": (
         lambda: ply(claims(3, 500_000), bytes(36 + 500_000), LITTLE),
@@ -294,9 +294,12 @@ HOSTILE: dict[str, tuple[Callable[[], bytes], str]] = {
     ),
     "an endless list.ply": (
         lambda: ply(claims(3, 1), TRIANGLE + b"inf 0 1 2\n"),
-        "has inf entries",
+        "a list of inf numbers is cut off",
     ),
-    "no list at all.ply": (lambda: ply(claims(3, 1), TRIANGLE + b"nan 0 1 2\n"), "has nan entries"),
+    "no list at all.ply": (
+        lambda: ply(claims(3, 1), TRIANGLE + b"nan 0 1 2\n"),
+        "a list of nan numbers is cut off",
+    ),
     "corners that are no numbers.ply": (
         lambda: ply(claims(3, 1), TRIANGLE + b"3 0 nan 2\n"),
         "a face names the vertex nan",

@@ -47,7 +47,7 @@ def test_it_runs_and_shows(lecture: Lecture) -> None:
     pictures = [value for value in run.shown if isinstance(value, Picture)]
     assert pictures, "a lecture watches something fail in a figure"
     for picture in pictures:
-        assert len(picture.caption) > 40
+        assert len(picture.caption) > 40, "a caption says what to see, in a sentence"
         assert len(picture.png) > 5_000
     assert any(isinstance(value, Source) for value in run.shown), (
         "the library's own lines are shown"
@@ -68,7 +68,7 @@ def test_it_begins_with_its_title_and_question(lecture: Lecture) -> None:
 def test_there_are_exercises_and_every_one_is_checked(lecture: Lecture) -> None:
     stubs = functions(lecture, "exercises")
     unsolved = [name for name, stub in stubs.items() if "raise Unsolved" in inspect.getsource(stub)]
-    assert 3 <= len(unsolved) <= 7
+    assert 3 <= len(unsolved) <= 7, "a lecture has three to seven exercises"
     assert tuple(unsolved) == lecture.exercises  # in the order in which they are handed out
     for name in unsolved:
         assert inspect.signature(stubs[name]) == inspect.signature(lecture.solution(name)), name

@@ -145,7 +145,7 @@ def test_why_a_file_cannot_be_loaded(
     monkeypatch.setitem(sys.modules, "answers", sys)  # what loading puts there is taken out again
     with pytest.raises(BaseException) as raised:  # noqa: PT011  # also SystemExit
         answer_process.load(str(path))
-    assert told in answers.said(raised.value, file=str(path))
+    assert told in answers.error_in_words(raised.value, file=str(path))
 
 
 def test_a_file_that_never_ends_being_loaded(tmp_path: Path) -> None:

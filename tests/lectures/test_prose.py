@@ -33,7 +33,7 @@ def test_every_number_of_the_prose_is_held_or_given(lecture: Lecture) -> None:
     run, claims = run_of(lecture.number), claims_of(lecture)
     assert not loose_numbers(run, claims)
     assert not absent(run, claims.given), "a phrase of GIVEN does not stand in the prose"
-    assert len(claims.says) >= 10
+    assert len(claims.says) >= 10, "enter at least ten sentences that speak of the run into SAYS"
 
 
 @EACH

@@ -18,12 +18,14 @@ def test_points_are_drawn_where_they_are() -> None:
         assert plot_overlay(outcome, i, ax=ax) is ax
         crosses, circles = (c for c in ax.collections if isinstance(c, PathCollection))
         np.testing.assert_array_equal(crosses.get_offsets(), overlay.projected)
-        seen = overlay.confidence > 0
+        seen = overlay.view.confidence > 0
         assert not seen.all()
-        np.testing.assert_array_equal(circles.get_offsets(), overlay.observed[seen])
-        np.testing.assert_array_equal(circles.get_edgecolor()[:, 3], overlay.confidence[seen])
+        np.testing.assert_array_equal(circles.get_offsets(), overlay.view.observed[seen])
+        np.testing.assert_array_equal(circles.get_edgecolor()[:, 3], overlay.view.confidence[seen])
         (pairs,) = (c for c in ax.collections if isinstance(c, LineCollection))
-        np.testing.assert_array_equal(np.array(pairs.get_segments())[:, 0], overlay.observed[seen])
+        np.testing.assert_array_equal(
+            np.array(pairs.get_segments())[:, 0], overlay.view.observed[seen]
+        )
 
 
 def test_the_body_is_painted_from_far_to_near() -> None:
@@ -45,25 +47,29 @@ def test_the_image_stands_upright_and_the_title_says_what_was_held_out() -> None
         plot_overlay(outcome, i, ax=ax)
         assert ax.yaxis_inverted()
         assert (ax.get_xlabel(), ax.get_ylabel()) == ("u (px)", "v (px)")
-        assert ("(held out)" in ax.get_title("left")) == overlay.held_out
-        assert ("not fitted" in caption_overlay(outcome, i)) == overlay.held_out
+        assert ("(held out)" in ax.get_title("left")) == overlay.view.held_out
+        assert ("not fitted" in caption_overlay(outcome, i)) == overlay.view.held_out
 
 
 def test_reprojection_counts_confident_keypoints() -> None:
     overlay = outcome_made_up().overlays[0]
     off = np.zeros((24, 2))
-    off[:, 0] = np.where(overlay.confidence > 0.2, 3.0, 1000.0)
-    moved = replace(overlay, observed=overlay.projected + off)
+    off[:, 0] = np.where(overlay.view.confidence > 0.2, 3.0, 1000.0)
+    moved = replace(overlay, view=replace(overlay.view, observed=overlay.projected + off))
     error, count = reprojection(moved)
     assert error == pytest.approx(3.0)
-    assert count == int(np.sum(overlay.confidence > 0.2))
+    assert count == int(np.sum(overlay.view.confidence > 0.2))
 
 
 def test_the_crop_holds_everything_that_is_drawn() -> None:
     overlay = outcome_made_up().overlays[0]
     (left, right), (top, bottom) = window(overlay, 1.25)
     assert bottom - top == pytest.approx(1.25 * (right - left))
-    for points in (overlay.surface, overlay.projected, overlay.observed[overlay.confidence > 0]):
+    for points in (
+        overlay.surface,
+        overlay.projected,
+        overlay.view.observed[overlay.view.confidence > 0],
+    ):
         assert (points > [left, top]).all()
         assert (points < [right, bottom]).all()
 
@@ -75,7 +81,12 @@ def test_nothing_seen_and_a_body_behind_the_camera_are_drawn_too() -> None:
     depth[::2] = -1.0
     surface = overlay.surface.copy()
     surface[1] = np.nan
-    blind = replace(overlay, confidence=np.zeros(24), depth=depth, surface=surface)
+    blind = replace(
+        overlay,
+        view=replace(overlay.view, confidence=np.zeros(24)),
+        depth=depth,
+        surface=surface,
+    )
     figure, (ax,) = sheet(4, 5)
     changed = replace(outcome, overlays=(blind,))
     plot_overlay(changed, 0, ax=ax)

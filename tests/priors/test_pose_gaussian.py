@@ -10,10 +10,10 @@ from builder.pose_gaussian import LEAST_STD, UNMEASURED_STD, learn_pose_gaussian
 from workbench.errors import BadFile
 from workbench.geometry.mirror import mirrored_pose
 from workbench.priors.mocap import ELBOW_LIMIT, Mocap, read_mocap
-from workbench.priors.pose_gaussian import FILE_NAME, read_pose_gaussian
+from workbench.priors.poses import GAUSSIAN_FILE, read_pose_gaussian
 from workbench.synthetic.skeleton import JOINT_NAMES, MIRRORED_JOINTS
 
-SHIPPED = Path(workbench.__file__).parent / "data" / "poses" / FILE_NAME
+SHIPPED = Path(workbench.__file__).parent / "data" / "poses" / GAUSSIAN_FILE
 
 
 def recording(n: int = 500) -> Mocap:

@@ -10,11 +10,10 @@ import workbench
 from builder.pose_mixture import learn_pose_mixture, save_pose_mixture
 from workbench.errors import BadFile
 from workbench.priors.mocap import Mocap
-from workbench.priors.pose_gaussian import draw_poses
-from workbench.priors.pose_mixture import FILE_NAME, read_pose_mixture
+from workbench.priors.poses import MIXTURE_FILE, draw_poses, read_pose_mixture
 from workbench.synthetic.skeleton import JOINT_NAMES
 
-SHIPPED = Path(workbench.__file__).parent / "data" / "poses" / FILE_NAME
+SHIPPED = Path(workbench.__file__).parent / "data" / "poses" / MIXTURE_FILE
 
 
 def two_habits(n: int = 400) -> Mocap:

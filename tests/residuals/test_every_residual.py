@@ -1,7 +1,9 @@
 """What is promised of every residual: exact derivatives, and zero where nothing is wrong."""
 
+import ast
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import casadi as cs
 import numpy as np
@@ -105,6 +107,24 @@ def stitching() -> Case:
     return Case(residual, {"placed": V, "edges": V[[2, 1, 4, 2]] - V[[0, 0, 3, 3]]})
 
 
+def mirrored() -> Case:
+    side, middle = np.random.default_rng(3).normal(size=(2, 2, 3))
+    middle[:, 0] = 0.0
+    placed = Block("placed", (6, 3), "m")
+    residual = residuals.mirrored(placed.symbol, [1, 0, 2, 4, 3, 5], sigma=0.2)
+    pairs = [side[0], side[0] * [-1, 1, 1], middle[0], side[1], side[1] * [-1, 1, 1], middle[1]]
+    return Case(residual, {"placed": np.stack(pairs)})
+
+
+def regressed() -> Case:
+    rng = np.random.default_rng(4)
+    V, R = rng.normal(size=(5, 3)), rng.random((2, 5))
+    joints, surface = Block("joints", (2, 3), "m"), Block("surface", (5, 3), "m")
+    regressor = Block("regressor", (2, 5))
+    residual = residuals.regressed(joints.symbol, surface.symbol, regressor.symbol, sigma=0.2)
+    return Case(residual, {"joints": R @ V, "surface": V, "regressor": R})
+
+
 CASES: list[Callable[[], Case]] = [
     vertices,
     edges,
@@ -114,8 +134,10 @@ CASES: list[Callable[[], Case]] = [
     gaussian_scalar,
     gaussian_vector,
     gaussian_matrix,
+    mirrored,
+    regressed,
 ]
-POINTS = [vertices, edges, stitching, landmarks, keypoints]
+POINTS = [vertices, edges, stitching, landmarks, keypoints, mirrored, regressed]
 EACH_CASE = pytest.mark.parametrize("build", CASES, ids=lambda build: build.__name__)
 EACH_OF_POINTS = pytest.mark.parametrize("build", POINTS, ids=lambda build: build.__name__)
 EACH_KERNEL = pytest.mark.parametrize("kernel", KERNELS.values(), ids=list(KERNELS))
@@ -187,7 +209,28 @@ def test_huber_was_looked_at_on_both_sides() -> None:
         case = build()
         problem = case.problem(quadratic)
         sizes = [abs(problem.residual(near(case, problem, seed), np.zeros(0))) for seed in (0, 1)]
-        assert np.min(sizes) < 0.7 < np.max(sizes), build.__name__
+        assert np.min(sizes) < 0.7 < np.max(sizes), (
+            f"rows of {build.__name__} are between {np.min(sizes):.2g} and {np.max(sizes):.2g} "
+            "sigmas; give the case a sigma or a `spread` for which some are below 0.7, some above"
+        )
+
+
+ELSEWHERE = {"smooth"}  # between the frames of a sequence: tests/residuals/test_smooth.py
+
+
+def test_every_residual_is_exported_and_has_a_case() -> None:
+    tried = {build.__name__.split("_")[0] for build in CASES} | ELSEWHERE
+    for path in sorted(Path(residuals.__file__).parent.glob("*.py")):
+        for node in ast.parse(path.read_text()).body:
+            if not isinstance(node, ast.FunctionDef) or node.name.startswith("_"):
+                continue
+            if node.returns is None or ast.unparse(node.returns) not in ("Residual", "Between"):
+                continue
+            assert node.name in residuals.__all__, (
+                f"import {node.name} of {path.name} in workbench/residuals/__init__.py, and put "
+                "its name into __all__ there"
+            )
+            assert node.name in tried, f"write a case called {node.name}, and put it into CASES"
 
 
 def test_reads_lists_blocks_of_points_and_of_numbers() -> None:

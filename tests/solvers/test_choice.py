@@ -35,7 +35,7 @@ def test_a_linear_problem_needs_no_damping() -> None:
 def test_a_curved_valley_needs_limited_steps() -> None:
     problem, start = rosenbrock()
     advice = recommend(problem, start)
-    assert advice.seen.gain_ratio < 0
+    assert advice.temperament.gain_ratio < 0
     assert "gauss-newton" not in advice.others
     assert any("must be limited" in reason for reason in advice.reasons)
 
@@ -43,7 +43,7 @@ def test_a_curved_valley_needs_limited_steps() -> None:
 def test_bounds_leave_out_who_takes_none() -> None:
     problem = line(bounds={"x": (-np.inf, 0.5)})
     advice = recommend(problem, {"x": np.zeros(3)})
-    assert advice.seen.bounded == 3
+    assert advice.temperament.bounded == 3
     able = {wb.SOLVERS[name].abilities.bounds.name for name in (advice.solver, *advice.others)}
     assert able == {"TAKEN"}
 
@@ -55,7 +55,7 @@ def test_constraints_ask_for_those_who_take_them() -> None:
     half = wb.Constraint("half", x.symbol[0], 0.0)
     problem = wb.Problem([seen], ["x"], blocks=[x], constraints=[circle, half])
     advice = recommend(problem, {"x": np.array([0.5, 0.1, 0.1])})
-    assert (advice.seen.equations, advice.seen.inequalities) == (1, 1)
+    assert (advice.temperament.equations, advice.temperament.inequalities) == (1, 1)
     for name in (advice.solver, *advice.others):
         found = wb.solve(problem, {"x": np.array([0.5, 0.1, 0.1])}, wb.SOLVERS[name])
         np.testing.assert_allclose(found.values["x"], 1 / np.sqrt(3), atol=1e-5)
@@ -65,7 +65,7 @@ def test_directions_that_nothing_sees_are_mentioned() -> None:
     x = wb.Block("x", (3,))
     problem = wb.Problem([wb.Residual("sum", cs.sum1(x.symbol), 1.0)], ["x"], blocks=[x])
     advice = recommend(problem, {"x": np.ones(3)})
-    assert advice.seen.rank == 1
+    assert advice.temperament.rank == 1
     assert "2 directions are undetermined" in str(advice)
     assert any("workbench diagnose" in reason for reason in advice.reasons)
 

@@ -1,8 +1,10 @@
 """What is promised of every solver in the catalogue."""
 
+import ast
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,9 +14,10 @@ import pytest
 import scipy.optimize
 
 from tests.solvers.problems import TRUTH, body_fit, decay, line, rosenbrock
-from workbench import SOLVERS, Block, Problem, Residual, Status, Values, solve
-from workbench.errors import NotSupported, UnknownName
+from workbench import SOLVERS, Block, Problem, Residual, Status, Values, solve, solvers
+from workbench.errors import BadArgument, NotSupported, UnknownName
 from workbench.solvers import Boxes, Iterate, LevenbergMarquardt, Nlopt, Solution
+from workbench.solvers.abilities import check_abilities
 
 LOCAL = [name for name, solver in SOLVERS.items() if not solver.abilities.is_global]
 EACH_SOLVER = pytest.mark.parametrize("name", LOCAL)
@@ -43,6 +46,30 @@ def solved(build: Callable[[], Any], name: str) -> tuple[Problem, Values, Soluti
         return on_a_body(name)
     problem, start = build()
     return problem, start, SOLVERS[name].solve(problem, start)
+
+
+# The catalogue.
+
+
+class Silent:
+    """Solves nothing, and does not say what it can do."""
+
+
+def test_a_solver_that_does_not_say_what_it_can_do_is_told_how() -> None:
+    with pytest.raises(BadArgument, match=r"'silent' does not say .* class Silent a property `abi"):
+        check_abilities({"silent": Silent()})  # type: ignore[dict-item]  # as it should not be
+
+
+def test_every_algorithm_is_in_the_catalogue() -> None:
+    """Each class of the room that has `abilities`, but for `Staged`, which runs other solvers."""
+    there = {type(solver).__name__ for solver in SOLVERS.values()} | {"Staged", "Listed"}
+    for path in sorted(Path(solvers.__file__).parent.glob("*.py")):
+        for node in ast.parse(path.read_text()).body:
+            if isinstance(node, ast.ClassDef):
+                members = {each.name for each in node.body if isinstance(each, ast.FunctionDef)}
+                assert not {"solve", "abilities"} <= members or node.name in there, (
+                    f"give {node.name} of {path.name} a line in SOLVERS, in {solvers.__file__}"
+                )
 
 
 # The same answer.
@@ -136,7 +163,7 @@ def test_bounds_are_honoured_or_refused(name: str) -> None:
     problem, start = decay(bounds=BOUNDS)
     if name not in BOUNDED:
         with pytest.raises(
-            NotSupported, match=r"knows no bounds.*bounds x; use levenberg-marquardt, ipopt"
+            NotSupported, match=r"takes no bounds.*bounds x; use levenberg-marquardt, ipopt"
         ):
             SOLVERS[name].solve(problem, start)
         return
@@ -195,7 +222,7 @@ def test_evaluations_are_limited(name: str) -> None:
 def test_seconds_are_limited(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     ticks = iter(range(10**6))  # a clock that goes one second forward whenever it is read
     clock = SimpleNamespace(perf_counter=lambda: float(next(ticks)))
-    monkeypatch.setattr("workbench.solvers.run.time", clock)
+    monkeypatch.setattr("workbench.solvers.meter.time", clock)
     problem, start = long_way(name)
     solution = limited(name, max_seconds=10.0).solve(problem, start)
     assert solution.status is Status.MAX_SECONDS

@@ -53,7 +53,7 @@ def test_derivatives_are_asked_for_by_those_who_need_them(name: str) -> None:
 def test_bounds_are_taken_or_refused(name: str) -> None:
     abilities = ALGORITHMS[name]
     if abilities.bounds is Boxes.UNKNOWN:
-        with pytest.raises(NotSupported, match="knows no bounds"):
+        with pytest.raises(NotSupported, match="takes no bounds"):
             Nlopt(name).solve(boxed(), START)
         return
     solution = Nlopt(name, max_evaluations=3000, max_seconds=5.0).solve(boxed(), START)
@@ -71,7 +71,9 @@ def test_bounds_are_asked_for_by_those_who_need_them(name: str) -> None:
     if ALGORITHMS[name].bounds is not Boxes.NEEDED:
         return
     half = Problem(boxed().residuals, ("x",), {"x": ([-2.0, -1.0], [0.7, np.inf])})
-    with pytest.raises(NotSupported, match=r"searches between bounds, but x\[1\] has not two"):
+    with pytest.raises(
+        NotSupported, match=r"searches between bounds, but x\[1\] does not have two"
+    ):
         Nlopt(name).solve(half, START)
 
 

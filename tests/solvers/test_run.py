@@ -49,7 +49,7 @@ def test_a_cost_that_a_linearization_has_told_is_not_evaluated_again() -> None:
     with Run("repetitive", GaussNewton(max_evaluations=2), problem, start, None) as run:
         here = run.linearize(run.x)
         cost, residual = run.cost_and_residual(run.x.copy())
-        assert run.counts["residual"] == 0
+        assert run.meter.counts["residual"] == 0
         run.cost(2 * run.x)
         run.cost(run.x)  # but the limits hold for it
     assert cost == here.cost
@@ -123,7 +123,7 @@ def test_abilities_are_what_they_do(name: str) -> None:
     problem = Problem(rosenbrock()[0].residuals, ("x",), bounds)
     start = {"x": np.array([-1.2, 1.0])}
     if abilities.bounds is Boxes.UNKNOWN:
-        with pytest.raises(NotSupported, match="knows no bounds, but the problem bounds x"):
+        with pytest.raises(NotSupported, match="takes no bounds, but the problem bounds x"):
             SOLVERS[name].solve(problem, start)
         problem = Problem(problem.residuals, ("x",))
     counts = replace(SOLVERS[name], max_evaluations=500).solve(problem, start).evaluations

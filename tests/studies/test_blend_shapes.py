@@ -22,7 +22,7 @@ from workbench.bodies.forward.posing import Posing
 from workbench.course.shapes.tubes import tube
 from workbench.errors import BadArgument, BadFile
 from workbench.geometry.geodesics import along_edges
-from workbench.priors.pose_gaussian import draw_poses, shipped_gaussian
+from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.studies.blend_shapes import questions
 from workbench.studies.blend_shapes.evaluation import Evaluation, accuracy
 from workbench.studies.blend_shapes.locality import far_share, joint_distances, local_ridge

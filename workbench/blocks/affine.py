@@ -21,17 +21,15 @@ from scipy.sparse import csr_array
 from workbench.arrays import Array, Index
 from workbench.blocks.buffered import Buffered
 
-FILLED = 0.2  # of a matrix: above, dense products are faster than sparse ones
-SMALL = 10_000  # entries of a matrix: below, they are as well
-BENT = 1e-6  # of the largest number in it: by more no rounding errors make a map of sums bent
-SAME = 1e-12  # of the largest number in it: two ways to one affine map agree to rounding
+FILLED = 0.2  # share of nonzeros above which dense products are faster than sparse ones
+SMALL = 10_000  # entries of a matrix below which dense products are faster, too
+BENT = 1e-6  # of the largest number in it: rounding errors alone make no sum less affine
+SAME = 1e-12  # of the largest number in it: two computations of one map agree up to rounding
 
 
 @dataclass(frozen=True, eq=False)
 class Affine:
     """offset + sum over blocks of matrix @ block, as an array of `shape`.
-
-    `terms` has a matrix (size, size of the block) by the name of each block.
 
     Attributes:
         shape: the shape of the array that the map makes, as a user sees it.
@@ -64,13 +62,13 @@ class Affine:
         offset, by_one, by_other, by_both = (function(*at)[0] for at in (nothing, one, other, both))
         bent = by_both - by_one - by_other + offset
         if not np.abs(bent).max(initial=0.0) <= BENT * np.abs([by_one, by_other]).max(initial=1.0):
-            return None  # or not finite; a derivative without zeros would be large
+            return None  # not affine, or not finite
         for slopes in (_by_matrices, _by_scalars):
             matrices = slopes(column, symbols)
             if matrices is None:
                 continue
             known = offset + sum(A @ x for A, x in zip(matrices, one, strict=True))
-            # else a branch, or a number that is not finite: its slope is no whole answer
+            # otherwise there is a branch or a number that is not finite, and slopes do not suffice
             if np.allclose(by_one, known, rtol=SAME, atol=SAME * np.abs(known).max(initial=1.0)):
                 names = (symbol.name() for symbol in symbols)
                 return Affine(shape, offset, dict(zip(names, matrices, strict=True)))
@@ -78,7 +76,7 @@ class Affine:
 
     @property
     def reads(self) -> tuple[str, ...]:
-        """The names of the blocks."""
+        """The names of the blocks that it reads."""
         return tuple(self.terms)
 
     @cached_property
@@ -117,7 +115,7 @@ class Affine:
         return found.reshape(M, *self.shape)
 
     def pulled(self, gradient: Array) -> dict[str, Array]:
-        """The gradient by each block, flat, of what has this gradient by the map, flat."""
+        """The gradient by each block, flat, of what has the given gradient by this array, flat."""
         if self.plain is not None:
             return {self.plain: gradient}
         found = {name: np.zeros(matrix.shape[1]) for name, matrix in self.terms.items()}
@@ -129,27 +127,24 @@ class Affine:
 
     @cached_property
     def single(self) -> tuple[tuple[str, int] | None, ...]:
-        """For each row the one entry of a block that it is, up to its offset; None for others."""
-        read = sum((np.diff(A.indptr) for A in self.terms.values()), np.zeros(len(self.offset)))
+        """For each row the block's entry that it equals up to its offset; None for other rows."""
         found: list[tuple[str, int] | None] = [None] * len(self.offset)
-        for name, matrix in self.terms.items():
-            nonzero = matrix.tocoo()
-            copied = (read[nonzero.row] == 1) & (nonzero.data == 1.0)
-            rows, entries = nonzero.row[copied].tolist(), nonzero.col[copied].tolist()
-            for row, entry in zip(rows, entries, strict=True):
+        for name, rows, entries in self._copied:
+            for row, entry in zip(rows.tolist(), entries.tolist(), strict=True):
                 found[row] = name, entry
         return tuple(found)
 
     @cached_property
     def _copied(self) -> list[tuple[str, Index, Index]]:
         """Rows that are single entries: the block's name, these rows, and which entries."""
-        found: dict[str, tuple[list[int], list[int]]] = {}
-        for row, at in enumerate(self.single):
-            if at is not None:
-                rows, entries = found.setdefault(at[0], ([], []))
-                rows.append(row)
-                entries.append(at[1])
-        return [(name, np.array(rows), np.array(at)) for name, (rows, at) in found.items()]
+        read = sum((np.diff(A.indptr) for A in self.terms.values()), np.zeros(len(self.offset)))
+        found = []
+        for name, matrix in self.terms.items():
+            nonzero = matrix.tocoo()
+            copied = (read[nonzero.row] == 1) & (nonzero.data == 1.0)
+            if copied.any():
+                found.append((name, nonzero.row[copied], nonzero.col[copied]))
+        return found
 
     @cached_property
     def _combined(self) -> list[tuple[str, Index, Array | csr_array]]:
@@ -186,7 +181,7 @@ def place_of(rows: Sequence[tuple[str, int] | None]) -> tuple[str, int] | None:
 
 
 def filled(matrix: csr_array) -> Array | csr_array:
-    """The matrix, dense where few of its entries are zero or where it is small."""
+    """The matrix as a dense array where few of its entries are zero or where it is small."""
     size = matrix.shape[0] * matrix.shape[1]
     return matrix.toarray() if matrix.nnz > FILLED * size or size < SMALL else matrix
 

@@ -11,7 +11,7 @@ LOSES = (cs.OP_ADD, cs.OP_SUB, cs.OP_FMOD, cs.OP_REMAINDER)
 
 
 def scalars_repeated(expression: cs.MX) -> cs.MX:
-    """The same expression, every scalar repeated that is added to a matrix.
+    """An equal expression in which every scalar that is added to a matrix is repeated first.
 
     casadi.jacobian of it by a symbol is right in both directions. A function that the expression
     calls, and that CasADi did not put in the place of its call, is left as it is.

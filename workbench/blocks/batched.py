@@ -9,8 +9,8 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.blocks.buffered import Buffered
 
-LONGEST = 20_000  # instructions: above, whole matrices at a time are faster than scalars
-TOGETHER = 32  # calls in one
+LONGEST = 20_000  # instructions; above, operations on whole matrices are faster
+TOGETHER = 32  # calls that one evaluation serves
 
 
 class Batched(Protocol):
@@ -58,7 +58,7 @@ class OneByOne:
 
 
 class Mapped:
-    """Several rows in a call; the last call is filled up with the last row."""
+    """A function that takes several rows per call; the last call repeats the last row."""
 
     def __init__(self, function: cs.Function, shared: Sequence[bool]) -> None:
         self._shared = tuple(shared)

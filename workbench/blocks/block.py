@@ -20,7 +20,7 @@ AXES = ("x", "y", "z")
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """A named array; `unit` is what each entry measures, `labels` name its rows.
+    """A named array of numbers with a unit, and the CasADi symbol that stands for it.
 
     An array of shape (N, 3), as a user sees it, is a (3, N) matrix inside CasADi: stored
     column by column, it is the same memory, so packing never shuffles numbers. A shape may be

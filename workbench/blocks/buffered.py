@@ -12,7 +12,7 @@ class Buffered:
     """A CasADi function whose inputs and outputs are flat arrays of nonzeros, column by column.
 
     The ordinary call converts every argument to a DM and every result from one, which for a mesh
-    costs more than the function itself. Threads take turns.
+    costs more than the function itself. Threads that call it wait for each other.
     """
 
     def __init__(self, function: cs.Function) -> None:

@@ -1,4 +1,4 @@
-"""Arguments that are of the wrong kind altogether, refused in a sentence."""
+"""Checks of arguments that are of the wrong kind, with errors that say what is expected."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any, TypeVar

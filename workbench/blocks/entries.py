@@ -18,18 +18,17 @@ from workbench.blocks.block import Block
 from workbench.blocks.layout import Layout
 from workbench.errors import BadArgument, UnknownName
 
-Indices = Index
 ROWS = re.compile(r"(\d+)|(\d*):(\d*)")  # a number, or a run of them
 
 
-def entries(layout: Layout, names: str | Iterable[str], kind: str = "free block") -> Indices:
+def entries(layout: Layout, names: str | Iterable[str], kind: str = "free block") -> Index:
     """The places of the named entries in the flat vector of a layout, rising.
 
     Raises UnknownName, which lists what exists, or BadArgument if nothing is named.
     """
     found: set[int] = set()
     for name in (names,) if isinstance(names, str) else names:
-        found |= set(meant(layout, name, kind))
+        found |= set(places_named(layout, name, kind))
     if not found:
         raise BadArgument(
             f"no free number is named; name blocks ({', '.join(layout.names)}) or entries such as "
@@ -46,8 +45,8 @@ def block_of(name: str, known: Collection[str]) -> str:
     return max(begun, key=len) if begun else name.partition("[")[0]
 
 
-def meant(layout: Layout, name: str, kind: str = "free block") -> list[int]:
-    """The places that one name means. Raises UnknownName."""
+def places_named(layout: Layout, name: str, kind: str = "free block") -> list[int]:
+    """The places in the flat vector of the entries that one name means. Raises UnknownName."""
     block = block_of(name, layout.names)
     if block not in layout.names:
         raise UnknownName(kind, block, layout.names)
@@ -78,9 +77,9 @@ def _of_one_frame(block: Block, known: list[str]) -> tuple[list[str], str]:
     return own, f"and the same in the others of {block.base.shape[0]} frames"
 
 
-def _by_number(layout: Layout, name: str, said: str, labels: dict[int, str]) -> list[int]:
+def _by_number(layout: Layout, name: str, numbers: str, labels: dict[int, str]) -> list[int]:
     """Entries whose rows are numbers of the whole block's: `0:3`, `4`, `4, x`."""
-    rows, _, last = said.partition(", ")
+    rows, _, last = numbers.partition(", ")
     matched = ROWS.fullmatch(rows)
     block = layout[name]
     if matched is None or not block.base.shape:
@@ -93,7 +92,7 @@ def _by_number(layout: Layout, name: str, said: str, labels: dict[int, str]) -> 
     wide = block.base.size // count if count else 1
     start = layout.slices[name].start
 
-    def meant(label: str) -> bool:
+    def is_named(label: str) -> bool:
         if not block.base.framed:
             return label.endswith(f", {last}]")
         within = label.removesuffix("]").partition(", ")[2] + ", "
@@ -102,5 +101,5 @@ def _by_number(layout: Layout, name: str, said: str, labels: dict[int, str]) -> 
     return [
         start + i
         for i, entry in enumerate(block.places)
-        if chosen.start <= entry // wide < chosen.stop and (not last or meant(labels[start + i]))
+        if chosen.start <= entry // wide < chosen.stop and (not last or is_named(labels[start + i]))
     ]

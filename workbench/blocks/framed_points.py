@@ -53,20 +53,17 @@ class FramedPoints:
         if tree is None or not any(self.frames[name].framed for name in tree.blocks):
             return tree
         K = len(tree.names)
-        places: list[tuple[str, int] | None] = []
-        for t in self.some:
-            for place in tree.places:
-                if place is None:
-                    places.append(None)
-                    continue
-                block = self.frames[place[0]]
-                first = t * (block.size // self.frames.count) if block.framed else 0
-                places.append((place[0], first + place[1]))
+
+        def place_in(t: int, place: tuple[str, int]) -> tuple[str, int]:
+            block = self.frames[place[0]]
+            first = t * (block.size // self.frames.count) if block.framed else 0
+            return place[0], first + place[1]
+
         return Tree(
             tree.pose,
             tuple(f"{t}, {name}" for t in self.some for name in tree.names),
             tuple(p + i * K if p >= 0 else p for i in range(len(self.some)) for p in tree.parents),
-            tuple(places),
+            tuple(place and place_in(t, place) for t in self.some for place in tree.places),
         )
 
     @property
@@ -89,7 +86,7 @@ class FramedPoints:
 
 @dataclass(frozen=True, eq=False)
 class NumericFrames:
-    """Arithmetic for such points; see NumericPoints.
+    """The arithmetic of the points of a body in many frames; see NumericPoints.
 
     Attributes:
         source: the arithmetic for the points of a single frame.
@@ -150,7 +147,12 @@ class NumericFrames:
 
 @dataclass(frozen=True, eq=False)
 class FramesAt:
-    """The points at one set of values; see PointsAt."""
+    """The points at one set of values; see PointsAt.
+
+    Attributes:
+        of: the arithmetic of all frames.
+        each: the points of each frame.
+    """
 
     of: NumericFrames
     each: Sequence[PointsAt]
@@ -162,18 +164,20 @@ class FramesAt:
 
     def jacobian(self, name: str) -> csc_array:
         """The derivative by a block that has a pattern, (3 N len(some), size)."""
+        block, sparse = self.of.blocks[name], pattern_of(self.of.source, name) is not None
+        each = [
+            jacobian_of(here, name) if sparse else self._dense(here, name) for here in self.each
+        ]
+        if not block.framed:
+            return csc_array(vstack(each))
+        return on_the_diagonal(each, self.of.some, block.shape[0])
+
+    def _dense(self, here: PointsAt, name: str) -> csc_array:
+        """The derivative of one frame's points by its own part of a block, (3 N, size)."""
         block = self.of.blocks[name]
-        if pattern_of(self.of.source, name) is not None:
-            each = [jacobian_of(here, name) for here in self.each]
-            if not block.framed:
-                return csc_array(vstack(each))
-            return on_the_diagonal(each, self.of.some, block.shape[0])
-        found = []
-        for here in self.each:
-            into = np.empty((block.size // block.shape[0], 3 * self.of.count))
-            here.tangent({name: into}, None)
-            found.append(csc_array(into.T))
-        return on_the_diagonal(found, self.of.some, block.shape[0])
+        into = np.empty((block.size // block.shape[0], 3 * self.of.count))
+        here.tangent({name: into}, None)
+        return csc_array(into.T)
 
     def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
         """Transposed, into[block] (size, 3 N len(some)), with all of its zeros."""
@@ -209,12 +213,8 @@ def on_the_diagonal(each: Sequence[csc_array], some: Sequence[int], count: int) 
     """
     rows, size = each[0].shape
     i = np.concatenate([one.indices + k * rows for k, one in enumerate(each)])
-    j = np.concatenate(
-        [
-            np.repeat(np.arange(size), np.diff(one.indptr)) + t * size
-            for t, one in zip(some, each, strict=True)
-        ]
-    )
+    columns = [np.repeat(np.arange(size), np.diff(one.indptr)) for one in each]
+    j = np.concatenate([own + t * size for t, own in zip(some, columns, strict=True)])
     data = np.concatenate([one.data for one in each])
     found = csc_array((data, (i, j)), shape=(rows * len(each), size * count))
     found.sort_indices()

@@ -13,7 +13,7 @@ from workbench.errors import UnknownName
 class FrameBlocks:
     """T frames. A block of each frame, of a shape such as (K, 3), is one of shape (T, K, 3) here.
 
-    `blocks` has every block of the sequence by name; a block that is not `framed` is shared.
+    A block that is not `framed` is shared by all frames.
 
     Attributes:
         count: T, the number of frames.
@@ -50,7 +50,7 @@ class FrameBlocks:
         some: Sequence[int],
         points: Sequence[tuple[cs.MX, cs.MX]] = (),
     ) -> cs.MX:
-        """An expression in the blocks of one frame, in those of some frames, side by side.
+        """An expression in the blocks of one frame, evaluated for some frames, side by side.
 
         `points` are pairs: a placeholder of the frame, (3, N), and one of all these frames,
         (3, N len(some)). CasADi's map has one function for all frames, so that the graph is as

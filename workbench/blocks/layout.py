@@ -15,6 +15,7 @@ from workbench.blocks.checks import mapping, several
 from workbench.blocks.reals import reals
 from workbench.errors import BadBlock, MissingValue, NonFiniteValue, ShapeMismatch, UnknownName
 
+# Of each block, by its name: its numbers, in its unit and of its shape.
 Values = dict[str, Array]
 
 
@@ -22,8 +23,11 @@ Values = dict[str, Array]
 class Layout:
     """Blocks side by side in one vector, each row by row: (N, 3) is x0 y0 z0 x1 y1 z1 ...
 
-    Of a block of which only some entries stand in the vector, `blocks` has the part (`Block.part`).
     Values are always those of whole blocks.
+
+    Attributes:
+        blocks: the blocks in order. Where only some entries of a block stand in the vector, this
+            is the part (`Block.part`).
     """
 
     blocks: tuple[Block, ...]
@@ -97,7 +101,7 @@ class Layout:
         return flat
 
     def unpack(self, flat: Array, around: Mapping[str, ArrayLike] | None = None) -> Values:
-        """Undo `pack`; the arrays are parts of one copy.
+        """The named arrays that a flat vector holds, as `pack` took them; they share one copy.
 
         The other entries of a block that stands here in part are those `around`, where the whole
         block has a value. Raises MissingValue if it has none.
@@ -125,7 +129,7 @@ class Layout:
         return tuple(block for block in self.blocks if block.whole is not None)
 
     def spelled(self, without: Iterable[str] = ()) -> tuple[str, ...]:
-        """The names that mean these numbers and no others, but for those of the blocks `without`.
+        """Names that mean these numbers and no others, except for those of the blocks `without`.
 
         A block by its name, a part of one by the names of its rows or entries.
         """

@@ -12,11 +12,11 @@ from workbench.blocks.block import Block
 from workbench.blocks.tree import Tree
 from workbench.errors import BadResidual, NotSupported, TwoSymbolsOneName
 
-PLACEHOLDER = "placeholder("  # how the names of placeholders begin, for whoever prints a graph
+PLACEHOLDER = "placeholder("  # how the names of placeholders begin when a graph is printed
 
 
 class PointsAt(Protocol):
-    """Points at one set of values; what is found on the way to one answer is kept for the next."""
+    """Points at one set of values; intermediate results of one answer are kept for the next."""
 
     @property
     def points(self) -> Array:
@@ -62,9 +62,9 @@ def each_of(source: NumericPoints, values: Sequence[Mapping[str, Array]]) -> lis
 class PointSource(Protocol):
     """Where points come from: an expression in the symbols of some blocks, arithmetic, or both.
 
-    Arithmetic makes numbers faster than the expression, and is all that there is for points that
-    no graph can say, such as those on triangles that are chosen anew at every step. The expression
-    may be large and is asked for last: all else is known without it.
+    Arithmetic computes numbers faster than the expression does. It is all that exists for points
+    that no graph can express, such as those on triangles that are chosen anew at every step. The
+    expression may be large and is only made when it is asked for.
     """
 
     @property
@@ -94,11 +94,15 @@ class PointSource(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """What a residual is written in: `symbol`, (3, N) in metres, standing for the source's points.
+    """What a residual is written in: a symbol that stands for the points of a source.
 
     A residual never knows a body. The problem puts the source's expression in place of
-    the symbol when it wants the whole graph. An expression in the symbol does not depend on the
-    blocks behind the source as far as CasADi knows: `graph` says the points in terms of these.
+    the symbol when it wants the whole graph. As far as CasADi knows, an expression in the symbol
+    does not depend on the blocks behind the source: `graph` expresses the points in these blocks.
+
+    Attributes:
+        symbol: the placeholder, (3, N) in metres.
+        source: where the points come from.
     """
 
     symbol: cs.MX
@@ -108,6 +112,11 @@ class Points:
     def of(source: PointSource, name: str) -> "Points":
         """A new placeholder for the points of a source, its symbol called `placeholder(name)`."""
         return Points(cs.MX.sym(f"{PLACEHOLDER}{name})", 3, source.count), source)
+
+    @property
+    def name(self) -> str:
+        """What the points are called: the name of the symbol without `placeholder()`."""
+        return str(self.symbol.name()).removeprefix(PLACEHOLDER).removesuffix(")")
 
     @property
     def count(self) -> int:
@@ -125,11 +134,11 @@ class Points:
 
 
 def in_blocks(expression: cs.MX, points: Iterable[Points]) -> cs.MX:
-    """An expression with these placeholders replaced by what their sources say.
+    """An expression with these placeholders replaced by the expressions of their sources.
 
     The result depends on the symbols of blocks alone, so that casadi.jacobian by them, its
-    sparsity, casadi.Function and C code are what they should be. See `written_out` for what is
-    done to have Jacobians right in both directions.
+    sparsity, casadi.Function and C code are what they should be. See `scalars_repeated` for what
+    makes Jacobians right in both directions.
 
     Raises NotSupported for points that only arithmetic has.
     """
@@ -137,7 +146,7 @@ def in_blocks(expression: cs.MX, points: Iterable[Points]) -> cs.MX:
     if not listed:
         return scalars_repeated(expression)
     replaced = cs.graph_substitute(
-        expression, [p.symbol for p in listed], [_said(p) for p in listed]
+        expression, [p.symbol for p in listed], [_expression_of(p) for p in listed]
     )
     return scalars_repeated(replaced)
 
@@ -170,13 +179,13 @@ def jacobian(expression: cs.MX, by: cs.MX | Block) -> cs.MX:
     return cs.jacobian(scalars_repeated(expression), symbol)
 
 
-def _said(points: Points) -> cs.MX:
+def _expression_of(points: Points) -> cs.MX:
     found = points.source.expression
     if found is None:
         raise NotSupported(
             f"there is no graph of {points.symbol.name()}, whose points come from arithmetic "
-            "alone; residuals, linearizations and gradients go by the chain rule and need none: "
-            "take a solver that asks for these, such as LevenbergMarquardt"
+            "alone; residuals, linearizations and gradients come from the chain rule and need "
+            "none: take a solver that asks for these, such as LevenbergMarquardt"
         )
     return found
 

@@ -1,4 +1,4 @@
-"""Numbers as people give them: lists, arrays, whatever NumPy can read."""
+"""Numbers in any form that NumPy can read: lists, arrays, single numbers."""
 
 from typing import Any
 

@@ -14,30 +14,10 @@ from workbench.compiling import NoLibrary, library, vectors
 from workbench.errors import NotSupported
 
 LOG = logging.getLogger(__name__)
-LINES = 500  # instructions in a piece
-TRIED = 11  # calls: every lane used at least once, and some that are left over
-ONE = (
-    "sqrt",
-    "sin",
-    "cos",
-    "tan",
-    "exp",
-    "log",
-    "asin",
-    "acos",
-    "atan",
-    "fabs",
-    "sinh",
-    "cosh",
-    "tanh",
-    "floor",
-    "ceil",
-    "log1p",
-    "expm1",
-    "erf",
-    "sign",
-)
-TWO = ("pow", "atan2", "fmin", "fmax", "hypot", "copysign", "fmod")
+LINES = 500  # instructions in one piece of the source
+TRIED = 11  # calls of the comparison: all lanes are used, and some calls are left over
+ONE = "sqrt sin cos tan exp log asin acos atan fabs sinh cosh tanh floor ceil log1p expm1 erf sign"
+TWO = "pow atan2 fmin fmax hypot copysign fmod"  # functions of C of one argument, and of two
 C_OF: Mapping[int, str] = {
     cs.OP_ASSIGN: "{0}",
     cs.OP_ADD: "{0} + {1}",
@@ -57,8 +37,8 @@ C_OF: Mapping[int, str] = {
     cs.OP_OR: "TRUTH(({0} != BROADCAST(0.0)) | ({1} != BROADCAST(0.0)))",
     cs.OP_IF_ELSE_ZERO: "IF({0}, {1})",
     cs.OP_CONSTPOW: "each_pow({0}, {1})",
-    **{getattr(cs, f"OP_{name.upper()}"): f"each_{name}({{0}})" for name in ONE},
-    **{getattr(cs, f"OP_{name.upper()}"): f"each_{name}({{0}}, {{1}})" for name in TWO},
+    **{getattr(cs, f"OP_{name.upper()}"): f"each_{name}({{0}})" for name in ONE.split()},
+    **{getattr(cs, f"OP_{name.upper()}"): f"each_{name}({{0}}, {{1}})" for name in TWO.split()},
 }
 
 
@@ -81,7 +61,7 @@ def simd_function(function: cs.Function, shared: Sequence[bool]) -> Batched:
 
 
 class SimdFunction:
-    """A compiled function at many arguments at once: a `Many`."""
+    """A compiled function of many arguments at once; see `Batched`."""
 
     def __init__(self, loaded: ctypes.CDLL, function: cs.Function, shared: Sequence[bool]) -> None:
         self._shared = tuple(shared)
@@ -101,7 +81,7 @@ class SimdFunction:
 
 
 def simd_code(function: cs.Function, shared: Sequence[bool]) -> str:
-    """The whole source; raises NotSupported for an instruction that has no C here."""
+    """The C source of a function; raises NotSupported for an instruction that has no C here."""
     head = files(__package__).joinpath("simd.h").read_text(encoding="utf-8")
     inputs = [(k, function.nnz_in(k), same) for k, same in enumerate(shared)]
     outputs = [(k, function.nnz_out(k)) for k in range(function.n_out())]
@@ -169,19 +149,19 @@ def statements(
 
 
 def _parts(function: cs.Function, shared: Sequence[bool]) -> tuple[list[list[str]], int]:
-    """The instructions in pieces, for a compiler's time grows faster than the length of a piece.
+    """The instructions in pieces: a compiler's time grows faster than the length of a piece.
 
     Also how many results a later piece takes from an earlier one: they go through memory, `t`.
     """
-    said = statements(function, shared)
-    part_of = {name: n // LINES for n, (name, _, _) in enumerate(said)}
+    instructions = statements(function, shared)
+    part_of = {name: n // LINES for n, (name, _, _) in enumerate(instructions)}
     kept: dict[str, int] = {}
-    for n, (_, operands, _) in enumerate(said):
+    for n, (_, operands, _) in enumerate(instructions):
         for name in operands:
             if name in part_of and part_of[name] != n // LINES:
                 kept.setdefault(name, len(kept))
     parts: list[list[str]] = []
-    for n, (name, operands, text) in enumerate(said):
+    for n, (name, operands, text) in enumerate(instructions):
         if n % LINES == 0:
             parts.append([])
         read = (f"t[{kept[o]}]" if o in kept and part_of[o] != n // LINES else o for o in operands)
@@ -201,7 +181,7 @@ def _number(x: float) -> str:
 
 
 def _agree(found: Batched, usual: Batched, function: cs.Function, shared: Sequence[bool]) -> bool:
-    """Whether two say the same about a few random numbers, NaN and infinity included."""
+    """Whether two functions give the same numbers for a few random arguments; NaN equals NaN."""
     rng = np.random.default_rng(0)
     sizes = [function.nnz_in(i) for i in range(function.n_in())]
     arguments = [

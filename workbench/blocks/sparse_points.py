@@ -13,7 +13,7 @@ from workbench.blocks.points import NumericPoints, PointsAt
 
 
 class SparsePoints(Protocol):
-    """What NumericPoints may know beside the rest: where a derivative can be nonzero."""
+    """What NumericPoints may provide in addition: where a derivative can be nonzero."""
 
     def pattern(self, name: str) -> csc_array | None:
         """Where the points' derivative by a block can be nonzero at any values, (3 N, size).
@@ -25,7 +25,7 @@ class SparsePoints(Protocol):
 
 
 class SparsePointsAt(Protocol):
-    """What PointsAt of such points know beside the rest."""
+    """What PointsAt of such points provide in addition."""
 
     def jacobian(self, name: str) -> csc_array:
         """The points' derivative by a block that has a pattern, (3 N, size), each entry once.

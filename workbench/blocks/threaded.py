@@ -1,9 +1,9 @@
-"""A function of many rows, shared out to the processor's cores where that is faster.
+"""A function of many rows, divided among the processor's cores where that is faster.
 
-Threads do it, for CasADi lets others run while it works: nothing is copied to another process, and
-every row is computed as it would be alone, so that the numbers are the same to the last bit. A
-function that asks Python (a `casadi.Callback`) gains nothing, and neither does a short one: both
-ways are tried, and the clock decides.
+Threads are enough because CasADi releases Python's lock while it works: nothing is copied to
+another process, and every row is computed as it would be alone, so that the numbers are the same to
+the last bit. A function that asks Python (a `casadi.Callback`) gains nothing, and neither does a
+short one: both ways are tried, and the clock decides.
 """
 
 import os
@@ -18,22 +18,28 @@ from workbench.arrays import Array, Index
 from workbench.blocks.batched import Batched, count
 
 WORTH = 2e-4  # seconds a row: handing rows to a thread takes about as long as one such row
-TRIED = 3  # calls each way
+TRIED = 3  # calls that are timed on one core, and as many on all cores
 
 
 def available_cores() -> int:
-    """How many this process may use."""
+    """How many cores this process may use."""
     affinity = getattr(os, "sched_getaffinity", None)
     return len(affinity(0)) if affinity else os.cpu_count() or 1
 
 
 class Threaded:
-    """What `make` returns, with memory of its own, on one core or once for each: a `Many`."""
+    """A `Batched` function that is divided among the cores where that is measured to be faster.
+
+    `make` makes the function, once for each thread, so that each has memory of its own.
+    """
 
     def __init__(self, make: Callable[[], Batched], shared: Sequence[bool]) -> None:
         self._make, self._shared = make, tuple(shared)
         self._alone = make()
-        self._seconds: dict[bool, list[float]] = {False: [], True: []}  # a row; apart or not
+        self._seconds: dict[bool, list[float]] = {
+            False: [],
+            True: [],
+        }  # by whether apart
 
     def __call__(self, *arguments: Array) -> list[Array]:
         """Arguments (M, .), or (.) where they are shared; a list of outputs (M, .)."""
@@ -48,7 +54,7 @@ class Threaded:
         return found
 
     def _faster_apart(self) -> bool:
-        """What the clock says; each way in turn until it has been tried."""
+        """Whether several cores were faster; both ways are tried in turn until they are timed."""
         alone, apart = self._seconds[False], self._seconds[True]
         if len(apart) < TRIED and (not alone or min(alone) < WORTH):
             return False

@@ -10,14 +10,18 @@ Place = tuple[str, int]  # a block's name, and the first of three entries in a r
 
 @dataclass(frozen=True)
 class Tree:
-    """The joints that a pose turns, for whoever wants to name motions.
+    """The joints that a pose turns, by which motions are named.
 
-    `pose` is the name of the block that holds their rotation vectors, or names all blocks that do.
-    `parents[k] < k` is the parent of joint k, -1 for the root. `at[k]` says where the three numbers
-    of joint k stand; None where they stand nowhere as such, as those that are made of coefficients
-    of principal components. Without `at`, they stand one after the other in the block `pose`.
-    `rigid_bones` says whether each joint keeps its place on the bone of its parent, as the rank law
-    of observed joints requires; joints found on a surface that deforms do not.
+    Attributes:
+        pose: the name of the block that holds their rotation vectors, or of all blocks that do.
+        names: the names of the joints.
+        parents: parents[k] < k is the parent of joint k, -1 for the root.
+        at: where the three numbers of each joint stand: a block and the first entry. None for a
+            joint whose numbers are no entries of a block, such as those that are made of
+            coefficients of principal components. Without `at`, they stand one after the other in
+            the block `pose`.
+        rigid_bones: whether each joint keeps its place on the bone of its parent, as the rank law
+            of observed joints requires; joints found on a surface that deforms do not.
     """
 
     pose: str

@@ -1,16 +1,18 @@
 """What every body is: named blocks in, points out."""
 
 from collections.abc import Mapping
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import casadi as cs
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from workbench.arrays import Array
+from workbench.arrays import Array, Index
 from workbench.blocks import Block, Points, Values
+from workbench.bodies.landmarks import Landmarks
 from workbench.errors import BadBlock, UnknownName
 
 Blocks = tuple[Block, Block, Block]
+Given = ArrayLike | None  # an argument in numbers; None: as in the template
 T = TypeVar("T")
 
 
@@ -23,7 +25,23 @@ class Body(Protocol):
 
     @property
     def name(self) -> str:
-        """What it is called."""
+        """The name of the body."""
+
+    @property
+    def template(self) -> Array:
+        """The vertices of the mean person at rest, (N, 3) m."""
+
+    @property
+    def faces(self) -> Index:
+        """The corners of each triangle, (F, 3)."""
+
+    @property
+    def landmarks(self) -> Mapping[str, Landmarks]:
+        """Named sets of landmarks."""
+
+    @property
+    def extras(self) -> Mapping[str, NDArray[Any]]:
+        """Arrays of its file that nothing computes with, by name."""
 
     @property
     def n_vertices(self) -> int:
@@ -70,20 +88,10 @@ class Body(Protocol):
     def landmark_points(self, name: str, pose: cs.MX, betas: cs.MX, trans: cs.MX) -> Points:
         """A named set of landmarks on the posed surface, (3, M) m."""
 
-    def vertices(
-        self,
-        pose: ArrayLike | None = None,
-        betas: ArrayLike | None = None,
-        trans: ArrayLike | None = None,
-    ) -> Array:
+    def vertices(self, pose: Given = None, betas: Given = None, trans: Given = None) -> Array:
         """The posed surface (..., N, 3) m of poses (..., K, 3) or (..., 3 K) rad."""
 
-    def joints(
-        self,
-        pose: ArrayLike | None = None,
-        betas: ArrayLike | None = None,
-        trans: ArrayLike | None = None,
-    ) -> Array:
+    def joints(self, pose: Given = None, betas: Given = None, trans: Given = None) -> Array:
         """The posed joints (..., K, 3) m."""
 
 

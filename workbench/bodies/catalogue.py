@@ -1,23 +1,22 @@
 """The bodies that come with the workbench, and those in files of your own."""
 
-from importlib.resources import as_file, files
+from collections.abc import Callable
+from functools import partial
 from os import PathLike
 from pathlib import Path
 from typing import Literal, get_args, overload
 
-from workbench.bodies.files.embedded import read_embedded
+from workbench.bodies.files.embedded import embedded
 from workbench.bodies.files.npz_files import read_npz
 from workbench.bodies.files.pickled_arrays import read_pickled_arrays
 from workbench.bodies.files.smpl_layout import body_from
 from workbench.bodies.files.triangle_layout import is_triangle_body, triangle_body_from
-from workbench.bodies.landmarks import Landmarks
-from workbench.bodies.readonly import locked
 from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadBody, BadFile, listed
 from workbench.homes import expanded
 
-Name = Literal[  # in workbench/data/bodies, each read when it is asked for; neutral unless they say
+Embedded = Literal[  # of these, type checkers know that they are skinned
     "default",
     "default-female",
     "default-male",
@@ -26,7 +25,9 @@ Name = Literal[  # in workbench/data/bodies, each read when it is asked for; neu
     "full-female",
     "full-male",
 ]
-BODIES: tuple[str, ...] = get_args(Name)
+BODIES: dict[str, Callable[[], SkinnedBody | TriangleBody]] = {
+    **{name: partial(embedded, name) for name in get_args(Embedded)},
+}  # a body of your own is a function without arguments that returns it, and a line here
 NPZ = b"PK\x03\x04"
 PICKLES = (b"\x80", b"(", b"}", b"]", b"c")  # protocol 2 and later; Python 2's own
 OTHERS = (  # how other files begin that people try
@@ -45,27 +46,26 @@ OTHERS = (  # how other files begin that people try
 
 
 @overload
-def load_body(name_or_path: Name = "default") -> SkinnedBody: ...
+def load_body(name_or_path: Embedded = "default") -> SkinnedBody: ...
 @overload
 def load_body(name_or_path: str | Path) -> SkinnedBody | TriangleBody: ...
 def load_body(name_or_path: str | Path = "default") -> SkinnedBody | TriangleBody:
-    """An embedded body by its name in `BODIES`, or the body in an .npz or .pkl file of yours.
+    """A body of the catalogue by its name in `BODIES`, or the body in an .npz or .pkl file.
 
     Files are in the layout of SMPL (SMPL, SMPL-H, SMPL-X, MANO and the like), or were written by
-    `save_body`; what a file is, its first bytes tell, not its name. One whose `bs_style` is
-    `triangles` holds a TriangleBody, all others a SkinnedBody. Nothing in it is ever run,
-    changed or copied. A path called like a body is meant by `Path("small")`.
+    `save_body`. The first bytes of a file tell what it is; its name does not. A file whose
+    `bs_style` is `triangles` holds a TriangleBody, all others hold a SkinnedBody. Nothing in a file
+    is ever run, changed or copied. `Path("small")` means a file that is called like a body.
 
-    Arrays that a body does not compute with, as the hands' principal components of MANO or the
-    face landmarks of SMPL-X, are the body's `extras`. Entries that cannot be kept, as objects of
-    Python, are named with the reason in the body's card under `left_out`.
+    Arrays that a body does not compute with, such as the principal components of MANO's hands or
+    the face landmarks of SMPL-X, are the body's `extras`. Entries that cannot be kept, such as
+    Python objects, are named with the reason in the body's card under `left_out`.
 
     Raises BadFile (UnsafePickle) if there is no such body or file, or it is not a body, and
     BadBody if its arrays do not fit together.
     """
     if isinstance(name_or_path, str) and name_or_path in BODIES:
-        with as_file(files("workbench") / "data" / "bodies" / f"{name_or_path}.npz") as packed:
-            return embedded_body(packed)
+        return BODIES[name_or_path]()
     if not isinstance(name_or_path, (str, PathLike)):
         raise BadFile(
             f"a body is loaded by name or from a path, not by a {type(name_or_path).__name__}; "
@@ -79,7 +79,9 @@ def load_body(name_or_path: str | Path = "default") -> SkinnedBody | TriangleBod
             f"no body is called {str(name_or_path)!r}, and there is no such file; "
             f"the bodies are {listed(BODIES)}, or give the path of an .npz or .pkl file"
         )
-    if not path.is_file():  # opening a pipe waits for somebody to write to it, perhaps for ever
+    if (
+        not path.is_file()
+    ):  # opening a pipe waits until another process writes to it, perhaps for ever
         raise BadFile(f"{path} is a pipe or a device; give a file")
     try:
         return _from_file(path)
@@ -88,7 +90,7 @@ def load_body(name_or_path: str | Path = "default") -> SkinnedBody | TriangleBod
 
 
 def load_skinned(name_or_path: str | Path = "default") -> SkinnedBody:
-    """The same for whoever needs a chain of bones and weights per vertex.
+    """A body with a chain of bones and weights for each vertex; otherwise as `load_body`.
 
     Raises what `load_body` raises, and BadBody for the file of a TriangleBody.
     """
@@ -98,25 +100,6 @@ def load_skinned(name_or_path: str | Path = "default") -> SkinnedBody:
     raise BadBody(
         f"a SkinnedBody is needed here, but {str(name_or_path)!r} holds body {body.name!r}, a "
         f"TriangleBody; the bodies are {listed(BODIES)}, or give a file of another kind"
-    )
-
-
-def embedded_body(path: Path) -> SkinnedBody:
-    """A body in the form in which those of the workbench are packed. Raises BadFile."""
-    arrays = read_embedded(path)
-    return SkinnedBody(
-        template=locked(arrays["template"]),
-        shapedirs=locked(arrays["shapedirs"]),
-        posedirs=locked(arrays["posedirs"]),
-        J_regressor=arrays["J_regressor"],
-        weights=locked(arrays["weights"]),
-        parents=arrays["parents"],
-        faces=arrays["faces"],
-        joint_names=arrays["joint_names"],
-        mirror=arrays["mirror"],
-        landmarks={name: Landmarks(*both) for name, both in arrays["landmarks"].items()},
-        name=path.stem,
-        card=arrays["card"],
     )
 
 

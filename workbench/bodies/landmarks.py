@@ -13,7 +13,15 @@ from workbench.errors import BadBody
 
 @dataclass(frozen=True, eq=False)
 class Landmarks:
-    """Named points, each a weighted mean of vertices: `regressor` (M, N), rows sum to one."""
+    """M named points, each a weighted mean of the vertices of a surface, such as the nose.
+
+    Raises NotNumbers for a regressor that holds no numbers, and BadBody for names that are not
+    texts.
+
+    Attributes:
+        names: the name of each point.
+        regressor: (M, N) the weights of N vertices; every row sums to one.
+    """
 
     names: tuple[str, ...]
     regressor: csr_array

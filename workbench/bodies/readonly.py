@@ -1,4 +1,4 @@
-"""Arrays that nobody can write to, so that what a body derives from them stays true."""
+"""Read-only arrays, so that what a body has computed from them stays valid."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import fields
@@ -28,7 +28,7 @@ def readonly(what: str, given: object) -> Array:
 
 
 def readonly_index(what: str, given: object) -> Index:
-    """The same in int64."""
+    """int64, in one piece and read-only; raises NotNumbers for what are no whole numbers."""
     if isinstance(given, np.ndarray) and given.dtype == np.int64 and _settled(given):
         return given
     found = numbers(what, given)
@@ -65,7 +65,7 @@ def readonly_extras(given: Mapping[str, object]) -> dict[str, NDArray[Any]]:
 
 
 def readonly_mapping(what: str, given: object) -> Mapping[str, Any]:
-    """A mapping of its own that nobody can write to. Raises BadBody for what is no mapping."""
+    """A read-only copy of a mapping. Raises BadBody for anything else."""
     if not isinstance(given, Mapping):
         kind = type(given).__name__
         raise BadBody(f"{what} must be a dict from names, not something of type {kind}")
@@ -73,7 +73,7 @@ def readonly_mapping(what: str, given: object) -> Mapping[str, Any]:
 
 
 def locked(array: NDArray[Any]) -> NDArray[Any]:
-    """The array, locked in place: for whoever made it and hands it over without a copy."""
+    """The array, made read-only in place, so that it can be handed over without a copy."""
     for part in _memory(array):
         if isinstance(part, np.ndarray):
             part.setflags(write=False)
@@ -118,7 +118,7 @@ def parts_of(body: Any) -> dict[str, Any]:
 
 
 def remade(kind: Callable[..., T], parts: dict[str, Any]) -> T:
-    """A body of parts that are nobody else's, as a pickle or a copy hands them over."""
+    """A body of the parts of a pickle or a copy, which nothing else refers to."""
     for part in parts.values():
         if isinstance(part, np.ndarray):
             locked(part)
@@ -133,7 +133,7 @@ def _table(what: str, given: object) -> Array:
 
 
 def _settled(array: NDArray[Any]) -> bool:
-    """Whether it is a plain array in one piece whose memory nobody can write to."""
+    """Whether it is a plain array in one piece, whose memory is read-only."""
     plain = type(array) is np.ndarray and array.flags.c_contiguous
     return plain and all(
         isinstance(part, bytes) or (type(part) is np.ndarray and not part.flags.writeable)

@@ -1,4 +1,4 @@
-"""A body whose surface rides on its joints: SMPL and its relatives."""
+"""A body whose surface is skinned to its joints: SMPL and its relatives."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -12,16 +12,16 @@ from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
 from workbench.blocks import Block, Layout, Points, Values
-from workbench.bodies.body import blocks_of, landmark_set
+from workbench.bodies.body import Given, blocks_of, landmark_set
 from workbench.bodies.forward import evaluation
 from workbench.bodies.forward.arguments import Arguments
-from workbench.bodies.forward.arrays import ALL, SkinnedArrays
+from workbench.bodies.forward.arrays import ALL
 from workbench.bodies.forward.features import Features, rotation_elements
 from workbench.bodies.forward.freeing import FREEABLE, check_freeable
 from workbench.bodies.forward.motion import Kinematics
 from workbench.bodies.forward.packed import PackedBody
 from workbench.bodies.forward.skinning import Skinning, linear_blend
-from workbench.bodies.forward.sources import JointPoints, LandmarkPoints, SurfacePoints
+from workbench.bodies.forward.sources import joint_points, landmark_points, surface_points
 from workbench.bodies.landmarks import Landmarks
 from workbench.bodies.readonly import locked, parts_of, readonly_parts, remade
 from workbench.bodies.validation import check, chosen_vertices
@@ -37,31 +37,51 @@ class SkinnedBody:
     Metres, y up, facing +z. The arrays are numbers; those in `free` are symbols in every
     expression as well, so that training a body is a fit with other names free.
 
-    `extras` are arrays of its file by key that no expression reads, as the hands' principal
-    components of MANO: they go where the body goes, and `save_body` writes them back.
+    `extras`, such as the principal components of MANO's hands, go where the body goes, and
+    `save_body` writes them back.
 
     A body never changes: it keeps read-only copies of what it is given (float64, int64; read-only
     arrays as they are), and dataclasses.replace makes another. It pickles and copies; the copy
     has the same numbers and blocks of its own. Raises BadBody if the arrays do not fit together.
+
+    Attributes:
+        template: (N, 3) m, the mean rest surface.
+        shapedirs: (N, 3, B) m per unit of betas.
+        posedirs: (N, 3, F) m per unit of pose feature; F is 9 (K - 1) as in SMPL.
+        J_regressor: (K, N) from rest vertices to joints; rows sum to one.
+        weights: (N, K) skinning weights; rows sum to one.
+        parents: (K,) with parents[0] == -1 and parents[k] < k.
+        faces: (F, 3).
+        joint_names: (K,).
+        mirror: (N,) the vertex on the other side of each, or None.
+        landmarks: sets of landmarks by name.
+        skinning: how the motions of joints are blended.
+        features: the functions of the pose that posedirs are multiplied with.
+        name: what the body is called.
+        card: where its numbers come from.
+        bound_in: (K, 3) rad, the pose that the template is drawn in; None is the zero pose.
+        rest_joints: (K, 3) m, the same for everybody; None if J_regressor finds each person's.
+        extras: arrays of its file that nothing computes with.
+        free: the arrays that are unknowns, as blocks by name.
     """
 
-    template: Array  # (N, 3) m, the mean rest surface
-    shapedirs: Array  # (N, 3, B) m per unit of betas
-    posedirs: Array  # (N, 3, F) m per unit of pose feature; F is 9 (K - 1) as in SMPL
-    J_regressor: csr_array  # (K, N), rows sum to one: joints from rest vertices
-    weights: Array  # (N, K), rows sum to one
-    parents: tuple[int, ...]  # parents[0] == -1, and parents[k] < k
-    faces: Index  # (F, 3)
+    template: Array
+    shapedirs: Array
+    posedirs: Array
+    J_regressor: csr_array
+    weights: Array
+    parents: tuple[int, ...]
+    faces: Index
     joint_names: tuple[str, ...]
-    mirror: Index | None = None  # (N,): the vertex on the other side of each
+    mirror: Index | None = None
     landmarks: Mapping[str, Landmarks] = field(default_factory=dict)
     skinning: Skinning = linear_blend
-    features: Features = rotation_elements  # of the pose, that posedirs are multiplied with
+    features: Features = rotation_elements
     name: str = "body"
-    card: Mapping[str, Any] = field(default_factory=dict)  # where the numbers come from
-    bound_in: Array | None = None  # (K, 3) rad, the pose that the template is drawn in; None: 0
-    rest_joints: Array | None = None  # (K, 3) m, everybody's; None: J_regressor finds each one's
-    extras: Mapping[str, NDArray[Any]] = field(default_factory=dict)  # of its file, for others
+    card: Mapping[str, Any] = field(default_factory=dict)
+    bound_in: Array | None = None
+    rest_joints: Array | None = None
+    extras: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     free: Mapping[str, Block] = field(default_factory=dict)
     _made: dict[str, tuple[Block, Block, Block]] = field(
         default_factory=dict, init=False, repr=False
@@ -89,7 +109,7 @@ class SkinnedBody:
 
     @property
     def n_joints(self) -> int:
-        """K, the root included."""
+        """K, the number of joints, the root included."""
         return len(self.parents)
 
     @property
@@ -99,7 +119,7 @@ class SkinnedBody:
 
     @property
     def is_smpl(self) -> bool:
-        """Whether it is blended linearly and goes by rotation elements: arithmetic knows it."""
+        """Whether skinning and pose features are SMPL's, for which there is fast arithmetic."""
         return self.skinning is linear_blend and self.features is rotation_elements
 
     @property
@@ -119,10 +139,10 @@ class SkinnedBody:
         return (*(b for blocks in self._made.values() for b in blocks), *self.free.values())
 
     def freed(self, *names: str, prefix: str = "") -> "SkinnedBody":
-        """The same body, the named arrays being blocks of unknowns in every expression.
+        """A body with the same numbers, whose named arrays are unknowns in every expression.
 
         It shares its blocks with this one, so that points of either fit into one problem. `joints`
-        (K, 3) m are everybody's joints at rest: free, they stand in for J_regressor (T + S betas).
+        (K, 3) m are the joints at rest of every person; if they are free, J_regressor is not used.
 
         Raises UnknownName, and BadBody for `joints` together with `J_regressor`, of which only one
         would be read.
@@ -134,8 +154,9 @@ class SkinnedBody:
     def with_values(self, values: Mapping[str, ArrayLike]) -> "SkinnedBody":
         """The trained body: each free array has its value among `values`, and is free no longer.
 
-        Joints that were free become `rest_joints`, everybody's. J_regressor is kept, but does not
-        find them: train it on bodies of several shapes, and replace `rest_joints` by None then.
+        Joints that were free become `rest_joints`, the same for every person. J_regressor is kept,
+        but does not find them: train it on bodies of several shapes, and then replace `rest_joints`
+        by None.
 
         Raises MissingValue, NotNumbers, ShapeMismatch or NonFiniteValue for a value, and BadBody
         where the arrays no longer fit together, as weights that do not sum to one.
@@ -166,52 +187,35 @@ class SkinnedBody:
         self, pose: cs.MX, betas: cs.MX, trans: cs.MX, *, vertices: ArrayLike | None = None
     ) -> Points:
         """The posed surface, (3, N) m, or some of it: a list of vertices, or a mask (N,)."""
-        at = self._arguments(pose, betas, trans)
+        at = Arguments(self, pose, betas, trans)
         chosen = ALL if vertices is None else chosen_vertices(self, vertices)
-        return Points.of(SurfacePoints(at, self.packed, chosen), "vertices")
+        return Points.of(surface_points(self, at, self.packed, chosen), "vertices")
 
     def joint_points(self, pose: cs.MX, betas: cs.MX, trans: cs.MX) -> Points:
         """The posed joints, (3, K) m."""
-        at = self._arguments(pose, betas, trans)
-        return Points.of(JointPoints(at, self.packed), "joints")
+        at = Arguments(self, pose, betas, trans)
+        return Points.of(joint_points(self, at, self.packed), "joints")
 
     def landmark_points(self, name: str, pose: cs.MX, betas: cs.MX, trans: cs.MX) -> Points:
         """A named set of landmarks on the posed surface, (3, M) m; `joints` are always there."""
         if isinstance(name, str) and name == "joints":
             return self.joint_points(pose, betas, trans)
-        at = self._arguments(pose, betas, trans)
+        at = Arguments(self, pose, betas, trans)
         found = landmark_set(self.landmarks, name)
-        return Points.of(LandmarkPoints(at, self.packed, found), name)
+        return Points.of(landmark_points(self, at, self.packed, found), name)
 
-    def _arguments(self, pose: cs.MX, betas: cs.MX, trans: cs.MX) -> Arguments[SkinnedArrays]:
-        return Arguments(self, pose, betas, trans)
+    # Points in numbers. Any argument may have batch axes in front.
 
-    # Numbers, for those who want no symbols. Any argument may have a batch in front.
-
-    def vertices(
-        self,
-        pose: ArrayLike | None = None,
-        betas: ArrayLike | None = None,
-        trans: ArrayLike | None = None,
-    ) -> Array:
+    def vertices(self, pose: Given = None, betas: Given = None, trans: Given = None) -> Array:
         """The posed surface (..., N, 3) m of poses (..., K, 3) or (..., 3 K) rad."""
         return evaluation.vertices(self.packed, pose, betas, trans)
 
-    def joints(
-        self,
-        pose: ArrayLike | None = None,
-        betas: ArrayLike | None = None,
-        trans: ArrayLike | None = None,
-    ) -> Array:
+    def joints(self, pose: Given = None, betas: Given = None, trans: Given = None) -> Array:
         """The posed joints (..., K, 3) m."""
         return evaluation.joints(self.packed, pose, betas, trans)
 
     def landmark(
-        self,
-        name: str,
-        pose: ArrayLike | None = None,
-        betas: ArrayLike | None = None,
-        trans: ArrayLike | None = None,
+        self, name: str, pose: Given = None, betas: Given = None, trans: Given = None
     ) -> Array:
         """A named set of landmarks (..., M, 3) m; `joints` are always there."""
         if isinstance(name, str) and name == "joints":

@@ -1,12 +1,13 @@
-"""Whether the arrays of a body fit together; if not, which one and why."""
+"""Whether the arrays of a body fit together; if they do not, which of them, and why."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NoReturn, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
 from workbench.blocks.reals import numbers
@@ -18,66 +19,48 @@ from workbench.bodies.landmarks import Landmarks
 from workbench.errors import BadBody, NotNumbers
 
 Refuse = Callable[[str], NoReturn]
+Shaped = NDArray[Any] | csr_array
 ROW_SUM_TOLERANCE = 1e-3  # single-precision files of many small weights reach 1e-5
 
 
-class Parts(SkinnedArrays, Protocol):
-    """All that a skinned body is made of."""
-
-    @property
-    def faces(self) -> Index:
-        """The corners of each triangle, (F, 3)."""
+class Mirrored(SkinnedArrays, Protocol):
+    """A skinned body that may be its own mirror image."""
 
     @property
     def mirror(self) -> Index | None:
         """The vertex on the other side of each, (N,), or None."""
 
-    @property
-    def landmarks(self) -> Mapping[str, Landmarks]:
-        """By the name of the set."""
 
-    @property
-    def extras(self) -> Mapping[str, NDArray[Any]]:
-        """Arrays that nothing computes with, by name."""
-
-
-def check(body: Parts) -> None:
+def check(body: Mirrored) -> None:
     """Raise BadBody with what is wrong and where, or return."""
 
     def refuse(reason: str) -> NoReturn:
         raise BadBody(f"body {body.name!r}: {reason}")
 
-    def shape(name: str, expected: str, fits: bool) -> None:
-        if not fits:
-            refuse(f"{name} has shape {getattr(body, name).shape}, but must be {expected}")
-
     check_tree(refuse, body.parents)
-    shape("template", "(N, 3)", body.template.ndim == 2 and body.template.shape[1] == 3)
+    check_shapes(refuse, {"template": (body.template, ("N", 3))})
     if not len(body.template):
         refuse("template has no vertices")
     N, K = len(body.template), len(body.parents)
-    shape(
-        "shapedirs", f"({N}, 3, B)", body.shapedirs.shape[:2] == (N, 3) and body.shapedirs.ndim == 3
-    )
     F = 9 * (K - 1)
     if body.features is not rotation_elements:
         try:
             F = count_features(body.features, K)
         except Exception as error:
             refuse(f"its features cannot be made of a pose of {K} joints: {error}")
-    shape("posedirs", f"({N}, 3, {F})", body.posedirs.shape == (N, 3, F))
-    shape("J_regressor", f"({K}, {N})", body.J_regressor.shape == (K, N))
-    shape("weights", f"({N}, {K})", body.weights.shape == (N, K))
-    shape("faces", "(F, 3)", body.faces.ndim == 2 and body.faces.shape[1] == 3)
+    check_shapes(
+        refuse,
+        {
+            "shapedirs": (body.shapedirs, (N, 3, "B")),
+            "posedirs": (body.posedirs, (N, 3, F)),
+            "J_regressor": (body.J_regressor, (K, N)),
+            "weights": (body.weights, (N, K)),
+            "faces": (body.faces, ("F", 3)),
+        },
+    )
     if len(body.joint_names) != K:
         refuse(f"joint_names has {len(body.joint_names)} names for {K} joints")
-    for name in ("template", "shapedirs", "posedirs", "weights"):
-        bad = ~np.isfinite(getattr(body, name))
-        if bad.any():
-            at = ", ".join(map(str, np.unravel_index(int(bad.argmax()), bad.shape)))
-            refuse(f"{name}[{at}] is not finite ({np.count_nonzero(bad)} such entries)")
-    if not np.isfinite(body.J_regressor.data).all():
-        refuse("J_regressor holds entries that are not finite")
+    check_finite(refuse, body, ("template", "shapedirs", "posedirs", "weights", "J_regressor"))
     with np.errstate(over="ignore", invalid="ignore"):  # sums that overflow are not one
         check_rows(refuse, "weights", body.weights.sum(axis=1), "vertex")
         check_rows(refuse, "J_regressor", np.asarray(body.J_regressor.sum(axis=1)), "joint")
@@ -124,6 +107,32 @@ def _swaps_pairs(mirror: Index, N: int) -> bool:
     return fits and np.array_equal(mirror[mirror], np.arange(N))
 
 
+def check_shapes(
+    refuse: Refuse, arrays: Mapping[str, tuple[Shaped, tuple[int | str, ...]]]
+) -> None:
+    """Refuse an array of another shape than the sizes beside it; a letter stands for any size."""
+    for name, (array, expected) in arrays.items():
+        found = array.shape
+        fits = len(found) == len(expected) and all(
+            isinstance(size, str) or size == n for n, size in zip(found, expected, strict=True)
+        )
+        if not fits:
+            refuse(f"{name} has shape {found}, but must be ({', '.join(map(str, expected))})")
+
+
+def check_finite(refuse: Refuse, body: object, names: Iterable[str]) -> None:
+    """Refuse arrays of a body, dense or sparse, with entries that are infinite or not numbers."""
+    for name in names:
+        array = getattr(body, name)
+        if isinstance(array, csr_array):
+            if not np.isfinite(array.data).all():
+                refuse(f"{name} holds entries that are not finite")
+            continue
+        bad = np.argwhere(~np.isfinite(array))
+        if len(bad):
+            refuse(f"{name}[{', '.join(map(str, bad[0]))}] is not finite ({len(bad)} such entries)")
+
+
 def check_rows(refuse: Refuse, name: str, sums: Array, row: str) -> None:
     """Refuse an array whose rows do not sum to one; `row` is what each belongs to."""
     worst = int(np.argmax(abs(sums - 1)))
@@ -132,7 +141,7 @@ def check_rows(refuse: Refuse, name: str, sums: Array, row: str) -> None:
 
 
 def check_landmarks(refuse: Refuse, sets: Mapping[str, Landmarks], N: int) -> None:
-    """Refuse sets of landmarks that nobody could ask for, or that do not fit the mesh."""
+    """Refuse sets of landmarks whose names cannot be used, or that do not fit the mesh."""
     for name, landmarks in sets.items():
         if not isinstance(name, str):
             refuse(f"a set of landmarks has a text for a name, not {name!r}")

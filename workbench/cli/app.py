@@ -16,7 +16,6 @@ from workbench.cli.info import info
 from workbench.cli.leaving import Interrupted, Terminated
 from workbench.cli.run import run
 from workbench.cli.sample import sample
-from workbench.cli.site import site
 from workbench.cli.sliders import sliders
 from workbench.cli.solvers import solvers
 from workbench.cli.train import train
@@ -80,7 +79,6 @@ for command in (
     compare,
     train,
     body,
-    site,
     sliders,
     blendshapes,
     triangles,

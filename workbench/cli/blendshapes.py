@@ -17,7 +17,7 @@ def blendshapes(
     mocap: Annotated[
         Path | None,
         typer.Option(
-            help="A recording (.npz), every fifth clip of which is tested on; without it, draws."
+            help="A recording (.npz), tested on every fifth clip; without it, poses are drawn."
         ),
     ] = None,
     body: Annotated[str, typer.Option(help="The body: default or small.")] = PLAN.body,

@@ -55,19 +55,25 @@ def compare(
     ] = None,
     setting: Setting = None,
     seeds: Annotated[
-        int, typer.Option(help="How many starts, of problems with an argument start or seed.")
+        int,
+        typer.Option(help="Number of starts of each problem that has an argument start or seed."),
     ] = 1,
-    workers: Annotated[int, typer.Option(help="Runs side by side on this machine.")] = 1,
+    workers: Annotated[
+        int, typer.Option(help="Number of runs at the same time on this machine.")
+    ] = 1,
     dask: Annotated[
         str | None, typer.Option(help="Address of a Dask scheduler, to run on its workers instead.")
     ] = None,
     max_evaluations: Annotated[
-        int, typer.Option(help="Of each run: residuals, gradients, Jacobians, Hessians together.")
+        int,
+        typer.Option(help="Limit of each run: residuals, gradients, Jacobians, Hessians together."),
     ] = Limits.max_evaluations,
-    max_seconds: Annotated[float, typer.Option(help="Of each run.")] = Limits.max_seconds,
+    max_seconds: Annotated[
+        float, typer.Option(help="Limit of each run, in seconds.")
+    ] = Limits.max_seconds,
     out: Annotated[Path, typer.Option(help="Folder of the comparison.")] = Path("runs/comparison"),
 ) -> None:
-    """Compare solvers on problems; an interrupted comparison goes on where it stopped.
+    """Compare solvers on problems; an interrupted comparison continues where it stopped.
 
     What is in the folder already is not run again. The page says which solver to take when, by
     counts at published prices; times are shown apart and rank nobody.

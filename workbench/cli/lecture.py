@@ -144,9 +144,9 @@ def check(
         ),
     ] = None,
     seconds: Annotated[
-        float, typer.Option(help="That each exercise, and loading the file, may take.")
+        float, typer.Option(help="Seconds that each exercise, and loading the file, may take.")
     ] = SECONDS,
-    as_json: Annotated[bool, typer.Option("--json", help="For a grade book.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, for a grade book.")] = False,
 ) -> None:
     """Check answers, each file in a process of its own; print points, and hints where they fail.
 

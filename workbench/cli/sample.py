@@ -53,7 +53,7 @@ def sample(
     seed: Annotated[int, typer.Option(help="The same seed gives the same draws.")] = 0,
     move: Annotated[str, typer.Option(help=f"One of {', '.join(MOVES)}.")] = "de",
     fresh: Annotated[
-        bool, typer.Option("--fresh", help="Begin anew where draws of an earlier run are.")
+        bool, typer.Option("--fresh", help="Begin anew, even if an earlier run left draws.")
     ] = False,
     solver: SolverName = "levenberg-marquardt",
     out: Out = Path("runs"),

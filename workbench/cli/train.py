@@ -62,7 +62,7 @@ def train(
         ),
     ] = None,
     betas: Annotated[int, typer.Option(help="Shape directions.")] = 10,
-    rounds: Annotated[int, typer.Option(help="Of the alternation.")] = 2,
+    rounds: Annotated[int, typer.Option(help="Number of rounds of the alternation.")] = 2,
     reach: Annotated[
         int, typer.Option(help="Bones from a vertex to the farthest joint that bends its surface.")
     ] = REACH,
@@ -71,7 +71,7 @@ def train(
     ] = 2,
     out: Out = Path("runs"),
 ) -> None:
-    """Train a body model from registrations; killed, it goes on where it was.
+    """Train a body model from registrations; a run that was killed continues where it stopped.
 
     Writes runs/NAME/: checkpoint.npz after every block, body.npz and its model card at the end.
     """

@@ -24,7 +24,7 @@ def triangles(
     mocap: Annotated[
         Path | None,
         typer.Option(
-            help="A recording (.npz), every fifth clip of which is tested on; without it, draws."
+            help="A recording (.npz), tested on every fifth clip; without it, poses are drawn."
         ),
     ] = None,
     body: Annotated[str, typer.Option(help="The body: small, default or full.")] = PLAN.body,

@@ -3,7 +3,22 @@
 from workbench.comparison.budget import Budget
 from workbench.comparison.compare import compare
 from workbench.comparison.comparison import Comparison
+from workbench.comparison.end_analysis import EndAnalysis
+from workbench.comparison.named_solvers import NamedSolver
+from workbench.comparison.plan import Instance
 from workbench.comparison.record import Ending, Record
-from workbench.comparison.targets import TAUS, TargetOutcome
+from workbench.comparison.targets import TAUS, TargetOutcome, Yardstick
 
-__all__ = ["TAUS", "Budget", "Comparison", "Ending", "Record", "TargetOutcome", "compare"]
+__all__ = [
+    "TAUS",
+    "Budget",
+    "Comparison",
+    "EndAnalysis",
+    "Ending",
+    "Instance",
+    "NamedSolver",
+    "Record",
+    "TargetOutcome",
+    "Yardstick",
+    "compare",
+]

@@ -24,12 +24,19 @@ FAR_ABOVE_ROUNDING = 1e3  # of |r|
 
 @dataclass(frozen=True, eq=False)
 class Basin:
-    """A minimum that some ends lead to."""
+    """A minimum that some ends lead to.
 
-    x: Array  # (n,) its lowest point
+    Attributes:
+        x: (n,) its lowest point.
+        cost: the cost there.
+        optimality: `Problem.optimality` there.
+        residual: (m,) the whitened residual there.
+    """
+
+    x: Array
     cost: float
     optimality: float
-    residual: Array  # (m,) whitened
+    residual: Array
 
 
 def polished(problem: Problem, x: Array, fixed: Array) -> Array:

@@ -9,20 +9,29 @@ from workbench.solvers import Solver
 
 @dataclass(frozen=True)
 class Budget:
-    """Limits of one run; `given` hands them to a solver, and the watch enforces them on all.
+    """Limits of one run; `given` hands them to a solver, and the metered problem enforces them.
 
     `gradient_tolerance` is far below what the judgement asks for, so that nobody's stopping rule
     decides; whether a point is stationary is judged at `stationary` (both of Problem.optimality).
     Raises BadArgument for a limit that is not above zero.
+
+    Attributes:
+        max_evaluations: evaluations of residual, gradient, Jacobian and Hessian together.
+        max_seconds: the time of a run.
+        gradient_tolerance: the tolerance that is given to solvers.
+        stationary: the largest `Problem.optimality` of a stationary point.
+        grace: seconds after `max_seconds` until the process is killed; at least three Jacobians.
+        build_seconds: the time for building a problem, which is not counted as the run's.
+        judge_seconds: the time for analysing all ends of one problem.
     """
 
-    max_evaluations: int = 5_000  # of residual, gradient, Jacobian and Hessian together
+    max_evaluations: int = 5_000
     max_seconds: float = 60.0
     gradient_tolerance: float = 1e-12
     stationary: float = 1e-6
-    grace: float = 2.0  # s after max_seconds, or three Jacobians; then the process is killed
-    build_seconds: float = 300.0  # for building a problem, before the clock starts
-    judge_seconds: float = 900.0  # for looking at all ends of one problem
+    grace: float = 2.0
+    build_seconds: float = 300.0
+    judge_seconds: float = 900.0
 
     def __post_init__(self) -> None:
         for field in fields(self):

@@ -11,7 +11,7 @@ from joblib import Parallel, delayed
 from workbench.comparison.budget import Budget
 from workbench.comparison.comparison import Comparison, ended
 from workbench.comparison.description import Description
-from workbench.comparison.end_analysis import EndAnalysis, not_analysed
+from workbench.comparison.end_analysis import EndAnalysis
 from workbench.comparison.jobs import AnalyseEnds, Answer, Describe, Failed, Job, Solve
 from workbench.comparison.named_solvers import Given, NamedSolver, named_solvers
 from workbench.comparison.plan import Experiments, Instance, Plan, plan
@@ -22,7 +22,7 @@ from workbench.errors import BadArgument, WorkbenchError
 from workbench.writing import Keeping
 
 T = TypeVar("T")
-Progress = Callable[[str, int, int], object]  # what is going on, how many are done, of how many
+Callback = Callable[[str, int, int], object]  # what is going on, how many are done, of how many
 SLOW = 3  # Jacobians: the grace of a problem whose evaluations take long
 
 
@@ -34,7 +34,7 @@ def compare(
     budget: Budget | None = None,
     workers: int = 1,
     folder: str | Path | None = None,
-    progress: Progress = lambda what, done, of: None,
+    progress: Callback = lambda what, done, of: None,
 ) -> Comparison:
     """Every experiment, from `seeds` starts, by every solver, under one budget.
 
@@ -56,24 +56,24 @@ def compare(
     if workers < 1:
         raise BadArgument(f"workers is how many runs go side by side, 1 or more; not {workers}")
     store: Store = Memory() if folder is None else Folder(folder)
-    hands = _Hands(store, workers, progress)
+    dispatcher = _Dispatcher(store, workers, progress)
     try:
-        return _carried_out(chosen, hands)
+        return _carried_out(chosen, dispatcher)
     finally:
         pool().close()
 
 
-class _Hands:
-    """Jobs go out, answers are stored as they come."""
+class _Dispatcher:
+    """Sends jobs to workers, and stores the answers as they come."""
 
-    def __init__(self, store: Store, workers: int, progress: Progress) -> None:
+    def __init__(self, store: Store, workers: int, progress: Callback) -> None:
         self.store, self.workers, self.progress = store, workers, progress
         self._keep = Keeping()
 
     def do(
         self, what: str, jobs: Iterable[Job], of: Callable[[Stored], T]
     ) -> tuple[dict[str, T], dict[str, Failed]]:
-        """Results by key, and what failed; those that are stored are not asked for."""
+        """The results by key, and what failed. A job whose result is stored is not sent."""
         every = list(jobs)
         found = {
             job.key: kept for job in every if (kept := self.store.get(job.key, of)) is not None
@@ -98,8 +98,8 @@ def _keyed(job: Job) -> tuple[str, Answer | Failed]:
     return job.key, answered(job)
 
 
-def _carried_out(chosen: Plan, hands: _Hands) -> Comparison:
-    described, unbuilt = _described(chosen, hands)
+def _carried_out(chosen: Plan, dispatcher: _Dispatcher) -> Comparison:
+    described, unbuilt = _described(chosen, dispatcher)
     instances = tuple(i for i in chosen.instances if i.name in described)
     if not instances:
         first = next(iter(unbuilt.items()))
@@ -109,20 +109,22 @@ def _carried_out(chosen: Plan, hands: _Hands) -> Comparison:
         for instance in instances
         for named in chosen.named_solvers
     }
-    found, _ = hands.do("solving", jobs.values(), Record.of)
+    found, _ = dispatcher.do("solving", jobs.values(), Record.of)
     records = {names: found[job.key] for names, job in jobs.items()}
     groups = _groups(instances, described)
-    end_analyses = _judged(chosen, hands, instances, groups, records)
+    end_analyses = _judged(chosen, dispatcher, instances, groups, records)
     return Comparison(chosen, instances, unbuilt, described, records, groups, end_analyses)
 
 
-def _described(chosen: Plan, hands: _Hands) -> tuple[dict[str, Description], dict[str, str]]:
+def _described(
+    chosen: Plan, dispatcher: _Dispatcher
+) -> tuple[dict[str, Description], dict[str, str]]:
     """What each instance is; where numbers run out (`start=3` of two) there is no instance."""
     jobs = {
         i.name: Describe(chosen.key("problem", i.identity()), i.sent(), i.name, chosen.budget)
         for i in chosen.instances
     }
-    found, failed = hands.do("looking at the problems", jobs.values(), Description.of)
+    found, failed = dispatcher.do("looking at the problems", jobs.values(), Description.of)
     unbuilt = {}
     for instance in chosen.instances:
         wrong = failed.get(jobs[instance.name].key)
@@ -162,7 +164,7 @@ def _groups(
 
 def _judged(
     chosen: Plan,
-    hands: _Hands,
+    dispatcher: _Dispatcher,
     instances: tuple[Instance, ...],
     groups: tuple[tuple[str, ...], ...],
     records: dict[tuple[str, str], Record],
@@ -174,18 +176,18 @@ def _judged(
         ends = [records[key].end for key in ended(group, names, records)]
         runs = [records[name, solver] for name in group for solver in names]
         deepest = min(runs, key=lambda r: r.lowest)
-        if deepest.seen.best.size and deepest.lowest < min(
+        if deepest.observed.best.size and deepest.lowest < min(
             (r.cost for r in runs if r.finite and r.inside), default=np.inf
         ):
-            ends.append(deepest.seen.best)  # of a run that did not return it
+            ends.append(deepest.observed.best)  # of a run that did not return it
         if ends:
             instance = by_name[group[0]]
             key = chosen.key("judgement", instance.identity(), ends)
             jobs[k] = AnalyseEnds(key, instance.sent(), tuple(ends), chosen.budget)
-    found, failed = hands.do("looking at the ends", jobs.values(), EndAnalysis.of)
+    found, failed = dispatcher.do("looking at the ends", jobs.values(), EndAnalysis.of)
     return tuple(
         found[jobs[k].key]
         if k in jobs and jobs[k].key in found
-        else not_analysed(failed[jobs[k].key].message if k in jobs else "")
+        else EndAnalysis(message=failed[jobs[k].key].message if k in jobs else "")
         for k in range(len(groups))
     )

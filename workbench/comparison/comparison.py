@@ -23,20 +23,31 @@ MAIN = 1e-5  # the target by which solvers are told apart where one number has t
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Every run by instance and solver; derived things are computed as they are asked for."""
+    """Every run by instance and solver; what follows from them is computed when asked for.
+
+    Attributes:
+        plan: what was to be run.
+        instances: the instances that could be built.
+        unbuilt: why the others could not be built, by their names.
+        described: the description of each instance, by its name.
+        records: the record of each run, by the names of the instance and the solver.
+        groups: the names of the instances of one problem, which differ only in the start.
+        end_analyses: the analysis of the ends of each group.
+        taus: the targets.
+    """
 
     plan: Plan = field(repr=False)
-    instances: tuple[Instance, ...]  # that could be built
-    unbuilt: dict[str, str]  # names of those that could not, and why
+    instances: tuple[Instance, ...]
+    unbuilt: dict[str, str]
     described: dict[str, Description] = field(repr=False)
-    records: dict[tuple[str, str], Record] = field(repr=False)  # by instance and solver
-    groups: tuple[tuple[str, ...], ...]  # instances of one problem, which differ in the start
-    end_analyses: tuple[EndAnalysis, ...] = field(repr=False)  # by group
+    records: dict[tuple[str, str], Record] = field(repr=False)
+    groups: tuple[tuple[str, ...], ...]
+    end_analyses: tuple[EndAnalysis, ...] = field(repr=False)
     taus: tuple[float, ...] = TAUS
 
     @property
     def solvers(self) -> tuple[str, ...]:
-        """Their names, in the order in which they were given."""
+        """The names of the solvers, in the order in which they were given."""
         return tuple(named.name for named in self.plan.named_solvers)
 
     @property
@@ -120,7 +131,7 @@ class Comparison:
         return found
 
     def end_analysis(self, instance: str) -> EndAnalysis:
-        """Of the problem that an instance is of."""
+        """The analysis of the ends on the problem of an instance."""
         k = next(k for k, group in enumerate(self.groups) if instance in group)
         return self.end_analyses[k]
 
@@ -163,7 +174,7 @@ class Comparison:
         cannot be counted, or it ended at a point that meets the target and never asked the problem
         about such a point.
         """
-        if self.records[instance, solver].seen.taken:
+        if self.records[instance, solver].observed.taken:
             return True
         return self.solved(instance, solver, tau) and self.met(instance, solver, tau) is None
 
@@ -205,13 +216,13 @@ class Comparison:
         is the end of the run, whose effort is NaN if not everything was counted.
         """
         record, yardstick = self.records[instance.name, solver], self.yardsticks[instance.name]
-        rows, lowest = record.seen.trace, record.lowest
+        rows, lowest = record.observed.trace, record.lowest
         end = record.cost if record.finite and record.inside else np.inf
         whole = max(yardstick.start - yardstick.best, 0.0)
-        hidden = record.seen.taken or lowest - end > NEARLY * whole
+        hidden = record.observed.taken or lowest - end > NEARLY * whole
         if np.isinf(min(lowest, end)):
             return np.zeros((0, 3))
-        last = (*record.seen.counts, record.seen.seconds, end if hidden else lowest)
+        last = (*record.observed.counts, record.observed.seconds, end if hidden else lowest)
         rows = np.vstack([rows, last])
         gap = share_left(np.minimum.accumulate(rows[:, -1]), yardstick.best, yardstick.start)
         effort = self.units(instance.problem, rows[:, : len(KINDS)])
@@ -227,8 +238,7 @@ class Comparison:
         has no interval; `solved_problems` has one.
         """
         chosen = self.starts(problem)
-        share = statistics.rate(sum(self.solved(i.name, solver, tau) for i in chosen), len(chosen))
-        return share if self._independent(chosen) else statistics.Interval(share.value)
+        return self._share(sum(self.solved(i.name, solver, tau) for i in chosen), chosen)
 
     def solved_problems(self, solver: str, tau: float) -> statistics.Interval:
         """The share of problems of which it met a target from every comparable start."""
@@ -252,19 +262,21 @@ class Comparison:
         return statistics.median([self.effort(solver, tau, p).value for p in self.compared])
 
     @staticmethod
-    def _independent(chosen: tuple[Instance, ...]) -> bool:
-        problems = [i.problem for i in chosen]
-        return len(set(problems)) in (1, len(problems))
+    def _share(successes: int, chosen: tuple[Instance, ...]) -> statistics.Interval:
+        """A share of instances; its interval only where they are independent of each other."""
+        share = statistics.rate(successes, len(chosen))
+        problems = {i.problem for i in chosen}
+        independent = len(problems) in (1, len(chosen))
+        return share if independent else statistics.Interval(share.value)
 
     def counted(self, solver: str) -> Counter[TargetOutcome]:
-        """How many of its runs came to what."""
+        """How many runs of a solver came to each outcome."""
         return Counter(v for (_, name), v in self.outcomes.items() if name == solver)
 
     def reached(self, solver: str) -> statistics.Interval:
-        """The share of its comparable runs that ended at the lowest cost known."""
+        """The share of a solver's comparable runs that ended at the lowest cost known."""
         outcomes = [self.outcomes[i.name, solver] for i in self.comparable]
-        share = statistics.rate(outcomes.count(TargetOutcome.REACHED), len(outcomes))
-        return share if self._independent(self.comparable) else statistics.Interval(share.value)
+        return self._share(outcomes.count(TargetOutcome.REACHED), self.comparable)
 
     def digits(self, solver: str) -> Array:
         """Digits that agree with the certified answer, run by run; 0 of a run without an end."""

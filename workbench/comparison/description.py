@@ -24,19 +24,34 @@ STEP = 1e-7  # between the points of a batch
 
 @dataclass(frozen=True, eq=False)
 class Description:
-    """An instance as a worker found it."""
+    """An instance as a worker process found it.
+
+    Attributes:
+        instance: its name.
+        rows: m, the number of residual rows.
+        unknowns: n, the number of free numbers.
+        bounded: whether there are bounds.
+        start: (n,) the free numbers at the start.
+        start_cost: the cost at the start.
+        probes: (4,) the costs at points that do not depend on the start.
+        seconds: the time of one evaluation of the residual, the gradient and the Jacobian.
+        known_cost: the cost of the known answer; NaN if none is known.
+        known_source: where the known answer comes from.
+        certified: whether the values of the known answer are known.
+        question: the question that the experiment asks.
+    """
 
     instance: str
-    rows: int  # m
-    unknowns: int  # n
+    rows: int
+    unknowns: int
     bounded: bool
-    start: Array  # (n,)
+    start: Array
     start_cost: float
-    probes: Array  # costs at points that do not depend on the start
-    seconds: dict[str, float]  # of a residual, a gradient, a Jacobian
-    known_cost: float  # NaN if none is
+    probes: Array
+    seconds: dict[str, float]
+    known_cost: float
     known_source: str
-    certified: bool  # the values of its answer are known
+    certified: bool
     question: str
 
     def same_problem(self, other: "Description") -> bool:
@@ -49,13 +64,13 @@ class Description:
         return bool(np.allclose(a, b, rtol=SAME, atol=0, equal_nan=True))
 
     def stored(self) -> Stored:
-        """As facts and arrays."""
+        """The description as facts and arrays; `of` reads them."""
         facts = asdict(self)
         return facts, {"start": facts.pop("start"), "probes": facts.pop("probes")}
 
     @staticmethod
     def of(stored: Stored) -> "Description":
-        """From what `stored` gave; raises BadFile if it is something else."""
+        """The description that `stored` gave. Raises BadFile for anything else."""
         facts, arrays = Facts(stored[0]), stored[1]
         start, probes = finite_array_of(arrays, "start", 1), array_of(arrays, "probes", 1)
         found = Description(
@@ -80,7 +95,7 @@ class Description:
 
 
 def describe(instance: str, setup: Setup) -> Description:
-    """Inside a worker: evaluate it at its start and elsewhere, and time that."""
+    """Evaluate an instance at its start and elsewhere, timed, in a worker process."""
     problem = setup.problem
     warm(problem, setup.start)
     x, fixed = problem.split(setup.start)

@@ -2,7 +2,7 @@
 were lost.
 """
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
@@ -20,29 +20,33 @@ EXPLAINED = 8  # lost basins of one problem, the lowest; more are counted
 
 @dataclass(frozen=True, eq=False)
 class EndAnalysis:
-    """Of one problem, whatever the start. Basins are numbered from 0, the lowest."""
+    """The ends of all runs on one problem, from any start. Basins are numbered from 0, the lowest.
 
-    where: tuple[int, ...]  # the basin of each end, in the order in which they were given
-    costs: tuple[float, ...]  # of the basins
-    optimality: tuple[float, ...]  # at their lowest points
-    points: Array  # (basins, n)
-    explanations: dict[int, Explanation]  # by basin
-    message: str = ""  # why there is no judgement, where there is none
+    Attributes:
+        where: the basin of each end, in the order in which the ends were given.
+        costs: the cost of each basin.
+        optimality: `Problem.optimality` at the lowest point of each basin.
+        points: (basins, n) these lowest points.
+        explanations: why a basin was not left for the best one, by the basin's number.
+        message: why there is no analysis; empty if there is one.
+    """
+
+    where: tuple[int, ...] = ()
+    costs: tuple[float, ...] = ()
+    optimality: tuple[float, ...] = ()
+    points: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    explanations: dict[int, Explanation] = field(default_factory=dict)
+    message: str = ""
 
     def stored(self) -> Stored:
-        """As facts and arrays."""
-        facts = {
-            "where": self.where,
-            "costs": self.costs,
-            "optimality": self.optimality,
-            "explanations": {str(k): e.data() for k, e in self.explanations.items()},
-            "message": self.message,
-        }
-        return facts, {"points": self.points}
+        """The analysis as facts and arrays; `of` reads them."""
+        facts = asdict(self)
+        facts["explanations"] = {str(k): told for k, told in facts["explanations"].items()}
+        return facts, {"points": facts.pop("points")}
 
     @staticmethod
     def of(stored: Stored) -> "EndAnalysis":
-        """From what `stored` gave; raises BadFile if it is something else."""
+        """The analysis that `stored` gave. Raises BadFile for anything else."""
         facts, points = Facts(stored[0]), stored[1].get("points", NOTHING)
         # the points of no basins are (0,) or (0, 0)
         if points.ndim < 1 or (points.ndim != 2 and points.size) or not np.isfinite(points).all():
@@ -59,13 +63,8 @@ class EndAnalysis:
         return EndAnalysis(where, costs, optimality, points, explained, facts.text("message"))
 
 
-def not_analysed(message: str = "") -> EndAnalysis:
-    """Where there are no ends, or looking at them failed."""
-    return EndAnalysis((), (), (), np.zeros((0, 0)), {}, message)
-
-
 def analyse_ends(setup: Setup, ends: tuple[Array, ...]) -> EndAnalysis:
-    """Inside a worker."""
+    """Analyse the ends of a problem, (n,) each; this runs in a worker process."""
     problem = setup.problem
     problem.prepare()
     fixed = problem.split(setup.start)[1]

@@ -23,24 +23,41 @@ ENOUGH = 0.5  # of the way, for weak directions to explain it
 
 @dataclass(frozen=True)
 class Component:
-    """How far the way goes along one weak direction."""
+    """How far the way goes along one weak direction.
+
+    Attributes:
+        name: the name of the direction.
+        length: how far the way goes along it, in units of the unknowns.
+        change: how many sigmas the residuals change per unit.
+    """
 
     name: str
-    length: float  # in units of the unknowns
-    change: float  # sigmas per unit
+    length: float
+    change: float
 
 
 @dataclass(frozen=True)
 class Explanation:
-    """From a lost end to the best one."""
+    """The straight way from a lost end to the best one.
+
+    Attributes:
+        cost: the cost at the lost end.
+        best: the cost at the best end.
+        length: the length of the way, in the units of the unknowns: radians, metres, standard
+            deviations.
+        share: the share of its square that lies along weak directions of the lost end, 0 to 1.
+        components: the longest parts along named weak directions, the longest first.
+        rest: the largest entries of the way, in words.
+        ridge: by how much the cost rises above that of the lost end on the way.
+    """
 
     cost: float
     best: float
-    length: float  # of the way: radians, metres, standard deviations, as the unknowns have them
-    share: float  # of its square that lies along weak directions of the lost end, 0 to 1
-    components: tuple[Component, ...]  # the longest, first
-    rest: str  # the largest entries of the way
-    ridge: float  # how much the cost rises above the lost end on the straight line
+    length: float
+    share: float
+    components: tuple[Component, ...]
+    rest: str
+    ridge: float
 
     def data(self) -> dict[str, Any]:
         """The explanation as data for JSON."""
@@ -128,7 +145,8 @@ def _weak(seen: Diagnosis, data: Problem, whole: Problem) -> tuple[Direction, ..
     thin = max(THIN * float(np.median(s)), min(WEAK, THIN * float(s.max(initial=0.0))))
     dictionary = named_subspaces(data.free, data.trees, seen.structure.pattern)
     least = max(thin, seen.here.spectrum.tolerance)
-    found = list(directions(seen.here, data.free, dictionary, least))
+    null = seen.here.spectrum.Vt[int(np.sum(s > least)) :].T
+    found = list(directions(seen.here, null, data.free, dictionary, least))
     for k, direction in enumerate(found):
         vector = np.zeros(whole.free.size)
         for name in data.free.names:

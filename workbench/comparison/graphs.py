@@ -1,4 +1,4 @@
-"""CasADi functions of a watched problem: calls with numbers are counted, the rest is noticed."""
+"""CasADi functions of a metered problem: calls with numbers are counted, other uses are noticed."""
 
 from collections.abc import Callable, Iterable
 from typing import Any

@@ -90,7 +90,7 @@ def digest(thing: Any) -> str:
 
 
 def file_digest(path: str) -> str:
-    """Of a file's contents; empty for no file."""
+    """A digest of a file's contents; empty if there is no file."""
     try:
         return hashlib.sha256(Path(path).read_bytes()).hexdigest()[:16] if path else ""
     except OSError:

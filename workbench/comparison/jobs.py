@@ -2,46 +2,75 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 from workbench.arrays import Array
 from workbench.comparison.budget import Budget
 from workbench.comparison.named_solvers import SentSolver
 from workbench.comparison.plan import SentExperiment
+from workbench.comparison.record import Stored
 
 Announce = Callable[[str, float], None]  # what begins, and how many seconds it may take
 
 
 @dataclass(frozen=True)
 class Describe:
-    """Build an instance and look at it: size, cost at the start, prices of evaluations."""
+    """Build an instance and describe it: its size, its cost at the start, the times of evaluations.
+
+    Attributes:
+        key: the key under which the answer is stored.
+        experiment: the experiment with its arguments.
+        instance: the name of the instance.
+        budget: the limits.
+        own: the solver whose process it needs; empty if the process is shared.
+    """
 
     key: str
     experiment: SentExperiment
-    instance: str  # its name
+    instance: str
     budget: Budget
     own: str = ""
 
 
 @dataclass(frozen=True)
 class Solve:
-    """A job: one run of a solver on an instance."""
+    """Run a solver once on an instance.
+
+    Attributes:
+        key: the key under which the answer is stored.
+        experiment: the experiment with its arguments.
+        solver: the solver.
+        instance: the name of the instance.
+        repetition: the number of the repetition, which seeds random numbers.
+        budget: the limits of the run.
+        grace: seconds after the time limit until the process is killed.
+        own: the solver whose process it needs; empty if the process is shared.
+        log: the path of the file in which the metered problem records the run.
+        rehearse: whether the solver is first run for a few evaluations.
+    """
 
     key: str
     experiment: SentExperiment
     solver: SentSolver
-    instance: str  # its name
+    instance: str
     repetition: int
     budget: Budget
-    grace: float  # s
-    own: str = ""  # whose process it needs, where it may not share one with the others
-    log: str = ""  # the file that the watch writes to
+    grace: float
+    own: str = ""
+    log: str = ""
     rehearse: bool = True
 
 
 @dataclass(frozen=True, eq=False)
 class AnalyseEnds:
-    """Look at all ends of one problem: where each leads to, and what keeps it from the best."""
+    """Analyse all ends of one problem: where each leads to, and what keeps it from the best.
+
+    Attributes:
+        key: the key under which the answer is stored.
+        experiment: the experiment with its arguments.
+        ends: the ends, (n,) each.
+        budget: the limits.
+        own: the solver whose process it needs; empty if the process is shared.
+    """
 
     key: str
     experiment: SentExperiment
@@ -50,24 +79,33 @@ class AnalyseEnds:
     own: str = ""
 
 
+Answer = Stored
 Job = Describe | Solve | AnalyseEnds
 
 
 @dataclass(frozen=True)
 class Lost:
-    """A worker that gave no answer."""
+    """What is known of a worker process that gave no answer.
+
+    Attributes:
+        phase: what it was doing.
+        killed: whether it was killed for taking too long; otherwise it died by itself.
+        message: the reason, as a sentence.
+    """
 
     phase: str
-    killed: bool  # for taking too long; else it died by itself
+    killed: bool
     message: str
 
 
 @dataclass(frozen=True)
 class Failed:
-    """An answer that says why there is none."""
+    """The answer of a worker process that could not do its job.
+
+    Attributes:
+        message: why it could not.
+        argument: whether the experiment has no such start or seed.
+    """
 
     message: str
-    argument: bool = False  # the experiment has no such start or seed
-
-
-Answer = tuple[dict[str, Any], dict[str, Array]]
+    argument: bool = False

@@ -1,4 +1,4 @@
-"""What a watch writes down, in a file that outlives the process that writes it."""
+"""What a metered problem records of a run, in a file that outlives the process that writes it."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,16 +27,27 @@ ROWS = 20_000  # improvements that are kept
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
-    """What a watch saw: the best point and, for every improvement, when it came."""
+class Observed:
+    """What a metered problem observed of one run.
 
-    counts: tuple[int, ...]  # evaluations by kind
-    spent: tuple[float, ...]  # s in the problem, by kind
-    not_finite: int  # evaluations whose cost was NaN or infinite
+    Attributes:
+        counts: the number of evaluations by kind, in the order of KINDS.
+        spent: the seconds spent in the problem by kind, likewise.
+        not_finite: the number of evaluations whose cost was NaN or infinite.
+        seconds: how long the run took.
+        best: (n,) the point of least cost; empty if no cost was finite.
+        trace: (k, kinds + 2) for every improvement the evaluations by kind, the seconds and the
+            cost, which falls.
+        taken: whether a graph was taken to where its evaluations cannot be counted.
+    """
+
+    counts: tuple[int, ...]
+    spent: tuple[float, ...]
+    not_finite: int
     seconds: float
-    best: Array  # (n,), empty if no cost was finite
-    trace: Array  # (k, kinds + 2): evaluations by kind, s, cost, which falls
-    taken: bool = False  # a graph was taken to where its evaluations cannot be counted
+    best: Array
+    trace: Array
+    taken: bool = False
 
     @property
     def evaluations(self) -> Evaluations:
@@ -55,7 +66,7 @@ class Log:
         self.numbers[0] = n
 
     def better(self, x: Array, counts: Array, seconds: float, cost: float) -> None:
-        """One more improvement; when the file is full the last one gives way."""
+        """Record an improvement; when the file is full it replaces the last one."""
         k = min(int(self.numbers[1]), ROWS - 1)
         at = HEAD + self.n + ROW * k
         self.numbers[at : at + ROW] = (*counts, seconds, cost)
@@ -63,31 +74,31 @@ class Log:
         self.numbers[1] = k + 1
 
     def note(self, counts: Array, spent: Array, not_finite: int, seconds: float) -> None:
-        """Where things stand."""
+        """Record the counts, the seconds by kind, and the time until now."""
         self.numbers[COUNTS], self.numbers[SPENT] = counts, spent
         self.numbers[NOT_FINITE], self.numbers[SECONDS] = not_finite, seconds
 
     def taken(self) -> None:
-        """From now on not everything can be counted."""
+        """Record that from now on not every evaluation can be counted."""
         self.numbers[TAKEN] = 1
 
     def ended(self, seconds: float) -> None:
-        """The run is over."""
+        """Record the end of the run, and write everything to the file."""
         self.numbers[SECONDS] = seconds
         self.numbers.flush()
 
     @staticmethod
-    def read(path: str | Path) -> Seen:
-        """What is there by now."""
+    def read(path: str | Path) -> Observed:
+        """What a file holds, whether or not the process that writes it still lives."""
         numbers = np.fromfile(path, dtype=float)
         if numbers.size < HEAD:
             empty = np.zeros(0)
             nothing = (0,) * len(KINDS)
-            return Seen(nothing, (0.0,) * len(KINDS), 0, 0.0, empty, empty.reshape(0, ROW))
+            return Observed(nothing, (0.0,) * len(KINDS), 0, 0.0, empty, empty.reshape(0, ROW))
         n, rows = int(numbers[0]), int(numbers[1])
         trace = numbers[HEAD + n : HEAD + n + ROW * rows].reshape(rows, ROW)
         best = numbers[HEAD : HEAD + n] if rows else numbers[:0]
-        return Seen(
+        return Observed(
             tuple(int(c) for c in numbers[COUNTS]),
             tuple(float(s) for s in numbers[SPENT]),
             int(numbers[NOT_FINITE]),

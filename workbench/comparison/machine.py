@@ -5,7 +5,7 @@ import platform
 
 
 def processor() -> str:
-    """Its name, as the system gives it."""
+    """The name of the processor, as the system gives it."""
     try:
         with open("/proc/cpuinfo", encoding="utf-8") as lines:
             names = [line.partition(":")[2].strip() for line in lines if "model name" in line]

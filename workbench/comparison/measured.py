@@ -15,7 +15,7 @@ TIMED = 3  # kinds of evaluations that are timed at the start: residual, gradien
 
 @dataclass(frozen=True)
 class Timing:
-    """The smallest, the middle and the largest of some seconds; NaN of none."""
+    """The smallest, the median and the largest of several times in seconds; NaN without any."""
 
     minimum: float
     median: float
@@ -23,7 +23,7 @@ class Timing:
 
     @staticmethod
     def of(seconds: ArrayLike) -> "Timing":
-        """Of any number of them."""
+        """The timing of any number of seconds."""
         s = np.asarray(seconds, dtype=float)
         if not s.size:
             return Timing(np.nan, np.nan, np.nan)
@@ -33,23 +33,23 @@ class Timing:
 def seconds_to(
     comparison: Comparison, solver: str, tau: float, problem: str | None = None
 ) -> Timing:
-    """Until a target, over the starts from which a run was seen to meet it."""
+    """The time until a target, over the starts from which a run met it."""
     chosen = comparison.starts(problem)
     rows = [comparison.met(i.name, solver, tau) for i in chosen]
     return Timing.of([row[-2] for row in rows if row is not None])
 
 
 def seconds_of_runs(comparison: Comparison, solver: str) -> Timing:
-    """Of whole runs, over all starts."""
+    """The time of whole runs, over all starts."""
     return Timing.of(
-        [comparison.records[i.name, solver].seen.seconds for i in comparison.instances]
+        [comparison.records[i.name, solver].observed.seconds for i in comparison.instances]
     )
 
 
 def ratios(comparison: Comparison, problem: str) -> dict[str, float]:
-    """By kind: seconds of one evaluation over those of a residual, on this machine.
+    """The time of one evaluation of each kind over that of a residual, on this machine.
 
-    Of Hessians and constraints, over all runs that asked for one; NaN if none did.
+    Hessians and constraints are timed over all runs that asked for one; NaN if none did.
     """
     chosen = comparison.of(problem)
     seconds = [comparison.described[i.name].seconds for i in chosen]
@@ -57,7 +57,7 @@ def ratios(comparison: Comparison, problem: str) -> dict[str, float]:
     found = {
         kind: float(np.median([s[kind] / s["residual"] for s in seconds])) for kind in KINDS[:TIMED]
     }
-    seen = [comparison.records[i.name, s].seen for i in chosen for s in comparison.solvers]
+    seen = [comparison.records[i.name, s].observed for i in chosen for s in comparison.solvers]
     for k, kind in list(enumerate(KINDS))[TIMED:]:
         count, spent = sum(s.counts[k] for s in seen), sum(s.spent[k] for s in seen)
         found[kind] = spent / count / residual if count and spent else np.nan

@@ -1,9 +1,7 @@
-"""A problem that counts what it is asked, times it, and keeps the best point, whoever asks."""
+"""A problem that counts and times every evaluation, and keeps the best point, whoever asks."""
 
 import copy
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from typing import Any, TypeVar
 
 import casadi as cs
@@ -12,27 +10,28 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.comparison.feasible import feasible
 from workbench.comparison.graphs import MeteredFunction
-from workbench.comparison.log import KINDS, LIMITED, Log
+from workbench.comparison.log import KINDS, Log
 from workbench.problem import Problem
 from workbench.problem.batch import Costs, Evaluation, Places, Slopes, interpreted
 from workbench.problem.constraint_set import ConstraintSet
 from workbench.problem.rounding import half_squared
 from workbench.problem.storage import Matrix
-from workbench.solvers import Status
-from workbench.solvers.limits import Stop
+from workbench.solvers.meter import Meter, limited
 
 T = TypeVar("T")
 Complete = Callable[[Array, Array], tuple[Array, Array]]
 Evaluate = Callable[[Array, Array], T]
+Points = Callable[[Array], tuple[Array, Array]]
 CLOSING = 3  # evaluations after the last one that counts
 
 
 class Metered:
-    """Counts, clock and limits of one run. The clock starts when the watch is made, and stands
-    still while a graph is built, or while we look at whether a point is allowed.
+    """Counts, clock and limits of one run.
 
-    What comes after the limits is no progress. A solver that ends by itself has a few evaluations,
-    and `closing` seconds, to look at its answer; whoever asks on is stopped by a Stop.
+    The clock starts when this is made, and stands still while a graph is built, or while it is
+    checked whether a point is feasible. Points that are evaluated after the limits are never the
+    best one. A solver that ends by itself has a few evaluations, and `closing` seconds, to look at
+    its answer; a solver that goes on after that is ended by a Stop.
     """
 
     def __init__(
@@ -45,51 +44,45 @@ class Metered:
         closing: float = 0.0,
     ) -> None:
         self._problem, self._fixed, self._log = problem, fixed, log
-        self._most, self._longest, self._closing = max_evaluations, max_seconds, closing
-        self._counts, self._spent = np.zeros(len(KINDS), dtype=int), np.zeros(len(KINDS))
-        self._not_finite, self._best, self._paused = 0, np.inf, 0.0
-        self._began = time.perf_counter()
+        self._most, self._longest = max_evaluations, max_seconds
+        self._meter = Meter(KINDS, max_evaluations + CLOSING, max_seconds + closing)
+        self._spent = np.zeros(len(KINDS))
+        self._not_finite, self._best = 0, np.inf
 
     @property
     def seconds(self) -> float:
-        """On the clock."""
-        return time.perf_counter() - self._began - self._paused
+        """The time on the clock, in s."""
+        return self._meter.seconds
 
     def metered(self) -> Problem:
-        """A copy of the problem whose evaluations are seen here; it shares all that is built.
+        """A copy of the problem whose evaluations are metered; it shares everything that is built.
 
-        So are those of the same problem with other blocks free, whose points are completed by
-        what is fixed. Without some of its residuals, or with other numbers fixed, a problem has
-        another cost: evaluations of that are counted, and make no progress.
+        If other blocks of it are freed, that problem is metered as well, and its points are
+        completed by what is fixed. Without some of its residuals, or with other numbers fixed, a
+        problem has another cost: its evaluations are counted, and are never the best point.
         """
         return self._copied(self._problem, lambda x, fixed: (x, fixed))
 
     def _copied(self, problem: Problem, whole: Complete | None) -> Problem:
-        def asked(kind: str, cost: Callable[[T], float], compute: Evaluate[T]) -> Evaluate[T]:
-            def evaluate(x: Array, fixed: Array) -> T:
-                def points(_: int) -> tuple[Array, Array]:
-                    return np.asarray(x, dtype=float).ravel(), fixed
+        constrained = problem.stacked_constraints is not None
+        linearization = {"jacobian": 1} | ({"constraint_jacobian": 1} if constrained else {})
 
+        def metered(
+            kinds: dict[str, int], compute: Evaluate[T], cost: Callable[[T], float]
+        ) -> Evaluate[T]:
+            def evaluate(x: Array, fixed: Array) -> T:
                 return self._asked(
-                    {kind: 1}, lambda: compute(x, fixed), lambda told: [cost(told)], points, whole
+                    kinds,
+                    lambda: compute(x, fixed),
+                    lambda answer: [cost(answer)],
+                    lambda _: (np.asarray(x, dtype=float).ravel(), fixed),
+                    whole,
                 )
 
             return evaluate
 
-        def linearized(x: Array, fixed: Array) -> Any:
-            kinds = {"jacobian": 1}
-            if problem.stacked_constraints is not None:
-                kinds["constraint_jacobian"] = 1
-            return self._asked(
-                kinds,
-                lambda: problem.linearize_at(x, fixed),
-                lambda here: [here.cost],
-                lambda _: (np.asarray(x, dtype=float).ravel(), fixed),
-                whole,
-            )
-
         def hessian(x: Array, fixed: Array) -> Matrix:
-            with self._standing_still():
+            with self._meter.paused():
                 _ = problem.hessian
             return self._asked({"hessian": 1}, lambda: problem.hessian_at(x, fixed))
 
@@ -98,44 +91,39 @@ class Metered:
             complete = None if whole is None else _completing(part, self._problem)
             return self._copied(part, complete)
 
+        def together(
+            kind: str, compute: Callable[[Array], T], cost: Callable[[T], Array], at: Points
+        ) -> Callable[[Array], T]:
+            return lambda z: self._asked(
+                {kind: len(z)}, lambda: compute(z), cost, lambda i: at(z[i]), whole
+            )
+
         def costs(
             x: Array, fixed: Array, entries: Places | None = None, by: Evaluation = interpreted
         ) -> Costs:
-            with self._standing_still():
+            with self._meter.paused():
                 found = problem.costs(x, fixed, entries, by)
-            return lambda z: self._asked(
-                {"residual": len(z)},
-                lambda: found(z),
-                lambda told: told,
-                _placed(x, fixed, entries, z),
-                whole,
-            )
+            return together("residual", found, lambda costs: costs, _placed(x, fixed, entries))
 
         def slopes(x: Array, fixed: Array, entries: Places | None = None) -> Slopes:
-            with self._standing_still():
+            with self._meter.paused():
                 found = problem.slopes(x, fixed, entries)
-            return lambda z: self._asked(
-                {"gradient": len(z)},
-                lambda: found(z),
-                lambda told: told[0],
-                _placed(x, fixed, entries, z),
-                whole,
-            )
+            return together("gradient", found, lambda both: both[0], _placed(x, fixed, entries))
 
         def graph(
             kind: str, build: Callable[[], cs.Function], cost: Callable[[cs.DM], Array] | None
         ) -> MeteredFunction:
             def built() -> cs.Function:
-                with self._standing_still():
+                with self._meter.paused():
                     return build()
 
             def call(
-                compute: Callable[[], T], points: Array, fixed: Array, told: Callable[[T], Array]
+                compute: Callable[[], T], points: Array, fixed: Array, costs: Callable[[T], Array]
             ) -> T:
                 return self._asked(
                     {kind: len(points)},
                     compute,
-                    None if cost is None else told,
+                    None if cost is None else costs,
                     lambda i: (points[i], fixed[i]),
                     whole,
                 )
@@ -148,9 +136,11 @@ class Metered:
             return problem.graph()
 
         methods: dict[str, Any] = dict(
-            residual=asked("residual", half_squared, problem.residual),
-            cost_and_gradient=asked("gradient", lambda both: both[0], problem.cost_and_gradient),
-            linearize_at=linearized,
+            residual=metered({"residual": 1}, problem.residual, half_squared),
+            cost_and_gradient=metered(
+                {"gradient": 1}, problem.cost_and_gradient, lambda both: both[0]
+            ),
+            linearize_at=metered(linearization, problem.linearize_at, lambda here: here.cost),
             hessian_at=hessian,
             costs=costs,
             slopes=slopes,
@@ -158,7 +148,7 @@ class Metered:
             without=lambda *names: self._copied(problem.without(*names), None),
             graph=handed_over,
         )
-        for name, method in methods.items():  # so that a wrong call is told by the name it used
+        for name, method in methods.items():  # so that the error of a wrong call has its name
             method.__qualname__ = f"Problem.{name}"
         copied = copy.copy(problem)
         vars(copied).update(  # methods and graphs of this one copy
@@ -194,25 +184,26 @@ class Metered:
         point: Callable[[int], tuple[Array, Array]] | None = None,
         whole: Complete | None = None,
     ) -> T:
-        """The answer; what it says of the costs of points is heard, if they are of the whole."""
+        """Compute an answer, count it, and keep the best of its points if `whole` completes them.
+
+        `costs` are those in the answer, and `point` gives the i-th point as (x, fixed).
+        """
         first = next(iter(kinds))
-        limited = KINDS.index(first) < LIMITED
-        if limited and self._counts[:LIMITED].sum() >= self._most + CLOSING:
-            raise Stop(Status.MAX_EVALUATIONS)
+        if limited(kinds):
+            self._meter.check_evaluations()
+        self._meter.check_seconds()
         before = self.seconds
-        if before > self._longest + self._closing:
-            raise Stop(Status.MAX_SECONDS)
         for kind, count in kinds.items():
-            self._counts[KINDS.index(kind)] += count
+            self._meter.counts[kind] += count
         answer = compute()
         after = self.seconds
         self._spent[KINDS.index(first)] += after - before
         if costs is not None and point is not None and whole is not None:
-            self._heard(np.asarray(costs(answer), dtype=float), first, point, whole, after)
-        self._log.note(self._counts, self._spent, self._not_finite, after)
+            self._keep_best(np.asarray(costs(answer), dtype=float), first, point, whole, after)
+        self._log.note(_numbers(self._meter.counts), self._spent, self._not_finite, after)
         return answer
 
-    def _heard(
+    def _keep_best(
         self,
         costs: Array,
         kind: str,
@@ -220,50 +211,47 @@ class Metered:
         whole: Complete,
         seconds: float,
     ) -> None:
-        """Costs (k,) of points that were asked about one after the other, or at once."""
+        """Keep the best of points with these costs (k,), evaluated one by one or all at once."""
         self._not_finite += int(np.count_nonzero(~np.isfinite(costs)))
         for i in np.flatnonzero(costs < self._best):
-            counts = self._counts.copy()
-            counts[KINDS.index(kind)] -= len(costs) - 1 - i
-            within = counts[:LIMITED].sum() <= self._most and seconds <= self._longest
+            counts = {**self._meter.counts}
+            counts[kind] -= len(costs) - 1 - int(i)
+            within = limited(counts) <= self._most and seconds <= self._longest
             if not (within and -np.inf < costs[i] < self._best):
                 continue
-            with self._standing_still():
+            with self._meter.paused():
                 x, fixed = whole(*point(int(i)))
                 allowed = np.array_equal(fixed, self._fixed) and feasible(
                     self._problem, x, self._fixed
                 )
             if allowed:
                 self._best = float(costs[i])
-                self._log.better(x, counts, seconds, self._best)
+                self._log.better(x, _numbers(counts), seconds, self._best)
 
-    @contextmanager
-    def _standing_still(self) -> Iterator[None]:
-        before = time.perf_counter()
-        yield
-        self._paused += time.perf_counter() - before
+
+def _numbers(counts: dict[str, int]) -> Array:
+    """The counts in the order of KINDS."""
+    return np.array(list(counts.values()), dtype=float)
 
 
 def _completing(part: Problem, problem: Problem) -> Complete:
-    """From the numbers of a part, free and fixed, to those of the whole problem."""
+    """A function from the free and fixed numbers of a part to those of the whole problem."""
     return lambda x, fixed: problem.split(part.values(x, fixed))
 
 
-def _placed(
-    x: Array, fixed: Array, entries: Places | None, z: Array
-) -> Callable[[int], tuple[Array, Array]]:
-    """The points of `Problem.costs`: x, but for z (M, k) in some places."""
+def _placed(x: Array, fixed: Array, entries: Places | None) -> Points:
+    """The points of `Problem.costs`, which are x but for some places."""
 
-    def point(i: int) -> tuple[Array, Array]:
+    def point(z: Array) -> tuple[Array, Array]:
         at = np.array(x, dtype=float).ravel()
-        at[slice(None) if entries is None else entries] = z[i]
+        at[slice(None) if entries is None else entries] = z
         return at, fixed
 
     return point
 
 
 def _half_squared(r: cs.DM) -> Array:
-    """Of residuals (m, points)."""
+    """The costs (M,) of residuals (m, M), one column for each point."""
     return 0.5 * np.asarray(np.sum(np.asarray(r, dtype=float) ** 2, axis=0))
 
 

@@ -11,7 +11,7 @@ import cloudpickle
 
 from workbench.comparison.identity import file_digest, identity, of_the_house
 from workbench.errors import BadArgument, BadFile, UnknownName
-from workbench.experiments.own_file import loaded
+from workbench.experiments.own_file import run_file
 from workbench.experiments.running import catalogue_name
 from workbench.solvers import SOLVERS, Solver
 
@@ -45,7 +45,14 @@ class NamedSolver:
 
 @dataclass(frozen=True)
 class SentSolver:
-    """A solver on its way to another process: by the file that defines it, or pickled."""
+    """A solver as it is sent to another process: by its file, or pickled.
+
+    Attributes:
+        name: the name that it goes by.
+        source: the file that defines it; empty if it is pickled.
+        called: its name in that file.
+        blob: the pickled solver; empty if there is a file.
+    """
 
     name: str
     source: str = ""
@@ -117,7 +124,7 @@ def _solver(name: str, thing: Any) -> Solver:
 
 
 def _from_file(path: Path) -> tuple[NamedSolver, ...]:
-    module, source = loaded(path, f"one of {', '.join(SOLVERS)}")
+    module, source = run_file(path, f"one of {', '.join(SOLVERS)}")
     if hasattr(module, "solver"):
         try:
             return (NamedSolver(path.stem, _solver("`solver`", module.solver), source, "solver"),)

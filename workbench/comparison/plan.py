@@ -18,14 +18,20 @@ NUMBERING = ("start", "seed")  # arguments that number starts or data, the first
 
 @dataclass(frozen=True)
 class SentExperiment:
-    """An experiment on its way to another process: by its file, or pickled."""
+    """An experiment as it is sent to another process: by its file, or pickled.
+
+    Attributes:
+        source: the file that defines it; empty if it is pickled.
+        arguments: the arguments with which it is built from the file.
+        blob: the pickled experiment; empty if there is a file.
+    """
 
     source: str
     arguments: Mapping[str, Any]
     blob: bytes
 
     def opened(self) -> Experiment:
-        """There."""
+        """The experiment, in the process that received it."""
         if self.source:
             return find(self.source, self.arguments)
         experiment: Experiment = pickle.loads(self.blob)
@@ -34,13 +40,21 @@ class SentExperiment:
 
 @dataclass(frozen=True)
 class Instance:
-    """An experiment with all its arguments: one problem and one start, the same for everybody."""
+    """An experiment with all its arguments: one problem and one start, the same for all solvers.
 
-    problem: str  # what it is called on the page
+    Attributes:
+        problem: the name of the problem on the page.
+        experiment: the experiment with its arguments.
+        argument: the argument that numbers the repetitions; empty if none does.
+        number: the value of that argument; 0 without one.
+        repetition: which repetition it is: 0, 1, ...
+    """
+
+    problem: str
     experiment: Experiment
-    argument: str  # that numbers the repetitions; "" if none does
-    number: int  # its value; 0 without one
-    repetition: int  # 0, 1, ...
+    argument: str
+    number: int
+    repetition: int
 
     @property
     def name(self) -> str:
@@ -48,12 +62,12 @@ class Instance:
         return f"{self.problem}, {self.argument} {self.number}" if self.argument else self.problem
 
     def identity(self) -> Any:
-        """All that it depends on."""
+        """Everything that the instance depends on."""
         e = self.experiment
         return [e.name, identity(e.build), identity(e.arguments), file_digest(e.source)]
 
     def sent(self) -> SentExperiment:
-        """For another process; raises BadArgument if it cannot go there."""
+        """The experiment as it is sent to another process. Raises BadArgument if it cannot be."""
         e = self.experiment
         if e.source.endswith(".py"):
             return SentExperiment(e.source, dict(e.arguments), b"")
@@ -62,7 +76,14 @@ class Instance:
 
 @dataclass(frozen=True)
 class Plan:
-    """Every instance by every entrant, within one budget."""
+    """Every instance by every solver, within one budget.
+
+    Attributes:
+        instances: the instances.
+        named_solvers: the solvers.
+        budget: the limits of each run.
+        seeds: how many starts each problem has.
+    """
 
     instances: tuple[Instance, ...]
     named_solvers: tuple[NamedSolver, ...]
@@ -70,7 +91,7 @@ class Plan:
     seeds: int
 
     def key(self, kind: str, *parts: Any) -> str:
-        """Of a stored result: it changes with whatever the result depends on."""
+        """The key of a stored result; it changes with everything that the result depends on."""
         return f"{kind}-{digest([kind, code_version(), identity(self.budget), *parts])}"
 
     def run_key(self, instance: Instance, named: NamedSolver) -> str:
@@ -112,7 +133,7 @@ def _named(name: str) -> tuple[Experiment, ...]:
 def plan(
     experiments: Experiments, named_solvers: tuple[NamedSolver, ...], seeds: int, budget: Budget
 ) -> Plan:
-    """Raises UnknownName, BadFile, or BadArgument for what cannot be planned."""
+    """The plan of a comparison. Raises UnknownName, BadFile or BadArgument."""
     if seeds < 1:
         raise BadArgument(f"seeds is how many starts there are, 1 or more; not {seeds}")
     single = isinstance(experiments, (str, Experiment))

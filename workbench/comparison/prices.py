@@ -31,11 +31,17 @@ from workbench.comparison.log import KINDS, LIMITED
 
 @dataclass(frozen=True)
 class Price:
-    """Of one kind of evaluation: what it is called, its formula in words, and the formula."""
+    """The price of one kind of evaluation.
+
+    Attributes:
+        name: the name of the kind.
+        formula: the formula, as text.
+        of: the formula: from n to evaluations of the residual.
+    """
 
     name: str
     formula: str
-    of: Callable[[int], float]  # n -> evaluations of the residual
+    of: Callable[[int], float]
 
 
 PRICES = {
@@ -51,7 +57,7 @@ SOURCE = "Griewank and Walther, Evaluating Derivatives (2008)"
 
 
 def prices(n: int) -> dict[str, float]:
-    """By kind, for n free numbers."""
+    """The price of each kind of evaluation, for n free numbers."""
     return {kind: PRICES[kind].of(n) for kind in KINDS}
 
 
@@ -60,7 +66,7 @@ def units(counts: ArrayLike, n: int) -> Array:
     return np.asarray(np.asarray(counts, dtype=float) @ np.array(list(prices(n).values())))
 
 
-def said() -> str:
+def prices_in_words() -> str:
     """The prices in a sentence."""
     short = (f"{PRICES[kind].name} {PRICES[kind].formula}" for kind in KINDS[: LIMITED + 1])
     return f"{', '.join(short)}, for n free numbers"

@@ -1,19 +1,20 @@
-"""One run, as it was seen from outside: what it cost, where it ended, and what it said of that."""
+"""One run: what it cost, where it ended, and what the solver claims."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field
 from enum import Enum
 from typing import Any
 
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.comparison.log import KINDS, ROW, ROWS, Seen
+from workbench.comparison.log import KINDS, ROW, ROWS, Observed
 from workbench.errors import BadFile
 from workbench.reading.facts import Facts, amount, whole
 from workbench.solvers import Evaluations
 
 Stored = tuple[dict[str, Any], dict[str, Array]]  # facts, and arrays by name
+ARRAYS = "end", "best", "trace"  # of a record
 
 
 class Ending(Enum):
@@ -30,31 +31,47 @@ class Ending(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Record:
-    """A run. What the solver claims stands beside what the problem itself says of its point."""
+    """One run: what the solver claims, and beside it what the problem says of the same point.
+
+    Attributes:
+        solver: the name of the solver.
+        instance: the name of the instance.
+        ending: how the run came to its end.
+        message: why, in the solver's words or those of the error.
+        observed: what the metered problem observed.
+        machine: the machine on which it ran.
+        claim: the status that the solver returned; empty if it returned none.
+        claimed_cost: the cost that the solver returned; NaN if it returned none.
+        cost: the cost by the problem at the point that was returned; NaN without one.
+        optimality: `Problem.optimality` there; NaN without one.
+        digits: how many digits agree with a certified answer, 0 to 11; NaN where none is known.
+        inside: whether the point is inside the bounds and constraints.
+        end: (n,) that point; empty without one.
+    """
 
     solver: str
     instance: str
     ending: Ending
     message: str
-    claim: str  # the status that it returned; "" if it returned none
-    claimed_cost: float
-    cost: float  # of the problem, at the point that was returned; NaN without one
-    optimality: float  # Problem.optimality there
-    digits: float  # that agree with a certified answer, 0 to 11; NaN where none is known
-    inside: bool  # the bounds and constraints
-    end: Array  # (n,) that point; empty without one
-    seen: Seen
+    observed: Observed
     machine: str
+    claim: str = ""
+    claimed_cost: float = np.nan
+    cost: float = np.nan
+    optimality: float = np.nan
+    digits: float = np.nan
+    inside: bool = True
+    end: Array = field(default_factory=lambda: np.zeros(0))
 
     @property
     def evaluations(self) -> Evaluations:
-        """By the problem's own counters."""
-        return self.seen.evaluations
+        """How often the problem was evaluated, by its own counters."""
+        return self.observed.evaluations
 
     @property
     def lowest(self) -> float:
         """The least cost at any point that it visited; infinite if there is none."""
-        return float(self.seen.trace[-1, -1]) if len(self.seen.trace) else np.inf
+        return float(self.observed.trace[-1, -1]) if len(self.observed.trace) else np.inf
 
     @property
     def finite(self) -> bool:
@@ -62,31 +79,14 @@ class Record:
         return bool(self.end.size and np.isfinite(self.cost))
 
     def stored(self) -> Stored:
-        """As facts and arrays."""
-        seen = self.seen
-        facts = {
-            "solver": self.solver,
-            "instance": self.instance,
-            "ending": self.ending.name,
-            "message": self.message,
-            "claim": self.claim,
-            "claimed_cost": self.claimed_cost,
-            "cost": self.cost,
-            "optimality": self.optimality,
-            "inside": self.inside,
-            "digits": self.digits,
-            "machine": self.machine,
-            "counts": list(seen.counts),
-            "spent": list(seen.spent),
-            "taken": seen.taken,
-            "not_finite": seen.not_finite,
-            "seconds": seen.seconds,
-        }
-        return facts, {"end": self.end, "best": seen.best, "trace": seen.trace}
+        """The record as facts and arrays; `of` reads them."""
+        facts = asdict(self)
+        facts |= facts.pop("observed") | {"ending": self.ending.name}
+        return facts, {name: facts.pop(name) for name in ARRAYS}
 
     @staticmethod
     def of(stored: Stored) -> "Record":
-        """From what `stored` gave; raises BadFile if it is something else."""
+        """The record that `stored` gave. Raises BadFile for anything else."""
         facts, arrays = Facts(stored[0]), stored[1]
         end, best = array_of(arrays, "end", 1), array_of(arrays, "best", 1)
         if end.size and best.size and end.size != best.size:
@@ -113,7 +113,7 @@ class Record:
             digits=facts.number("digits"),
             end=end,
             machine=facts.text("machine"),
-            seen=Seen(
+            observed=Observed(
                 counts,
                 spent,
                 facts.whole("not_finite"),
@@ -134,30 +134,8 @@ def array_of(arrays: Mapping[str, Array], name: str, axes: int) -> Array:
 
 
 def finite_array_of(arrays: Mapping[str, Array], name: str, axes: int) -> Array:
-    """The same, if all its numbers are finite."""
+    """As `array_of`; raises BadFile also for numbers that are not finite."""
     found = array_of(arrays, name, axes)
     if not np.isfinite(found).all():
         raise BadFile(f"{name} holds numbers that are not finite")
     return found
-
-
-def ended_early(
-    solver: str, instance: str, ending: Ending, message: str, seen: Seen, machine: str
-) -> Record:
-    """A run that returned nothing."""
-    nothing = np.zeros(0)
-    return Record(
-        solver,
-        instance,
-        ending,
-        message,
-        "",
-        np.nan,
-        np.nan,
-        np.nan,
-        np.nan,
-        True,
-        nothing,
-        seen,
-        machine,
-    )

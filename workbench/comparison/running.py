@@ -2,6 +2,8 @@
 
 import random
 from copy import deepcopy
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +15,7 @@ from workbench.comparison.jobs import Announce, Solve
 from workbench.comparison.log import Log
 from workbench.comparison.machine import machine
 from workbench.comparison.metered import Metered
-from workbench.comparison.record import Ending, Record, ended_early
+from workbench.comparison.record import Ending, Record
 from workbench.errors import NotSupported, WorkbenchError
 from workbench.experiments.user_errors import user_errors
 from workbench.fitting.known import digits
@@ -26,10 +28,10 @@ from workbench.threads import limited_threads
 REHEARSED = 10  # evaluations: enough to load what a solver loads, and to build what it builds
 
 
-def run_solver(job: Solve, setup: Setup, say: Announce) -> Record:
-    """Run it once for a few evaluations, without a clock, and then in earnest.
+def run_solver(job: Solve, setup: Setup, announce: Announce) -> Record:
+    """Run a solver, after a rehearsal of a few evaluations that no clock counts.
 
-    The problem says what the returned point is worth; the solver's own word is kept beside it.
+    The problem judges the returned point; what the solver claims is kept beside that.
     """
     problem, budget = setup.problem, job.budget
     longest = budget.max_seconds + job.grace
@@ -37,35 +39,35 @@ def run_solver(job: Solve, setup: Setup, say: Announce) -> Record:
     solver = budget.given(_opened(job), job.repetition)
     warm(problem, setup.start)
     if job.rehearse:
-        say("rehearsing", longest)
+        announce("rehearsing", longest)
         log = Log(job.log + ".rehearsal", problem.free.size)
-        watch = Metered(problem, fixed, REHEARSED, budget.max_seconds, log)
-        _ask(solver, watch.metered(), setup.start, job)
+        metered = Metered(problem, fixed, REHEARSED, budget.max_seconds, log)
+        _ask(solver, metered.metered(), setup.start, job)
         Path(job.log + ".rehearsal").unlink(missing_ok=True)
     log = Log(job.log, problem.free.size)
     random.seed(job.repetition)
     np.random.seed(job.repetition)  # for solvers that draw from the common generator
-    say("solving", longest)
-    watch = Metered(
+    announce("solving", longest)
+    metered = Metered(
         problem, fixed, budget.max_evaluations, budget.max_seconds, log, closing=job.grace / 2
     )
-    ending, message, found = _ask(solver, watch.metered(), setup.start, job)
-    seconds = watch.seconds
-    say("looking at its end", budget.build_seconds)
+    ending, message, found = _ask(solver, metered.metered(), setup.start, job)
+    seconds = metered.seconds
+    announce("looking at its end", budget.build_seconds)
     log.ended(seconds)
-    seen = Log.read(job.log)
-    who = job.solver.name, job.instance
+    observed = Log.read(job.log)
+    early = partial(Record, job.solver.name, job.instance, observed=observed, machine=machine())
     if ending is Ending.CUT:
-        return _at(job, setup, ending, message, seen.best, "", np.nan, seen)
+        return _judged(early(ending, message, end=observed.best), setup)
     if ending is not Ending.RETURNED:
-        return ended_early(*who, ending, message, seen, machine())
+        return early(ending, message)
     try:
         end = problem.free.pack(_numbers(found))
         claim, cost, said = str(found.status.name), float(found.cost), str(found.message)
     except (AttributeError, TypeError, ValueError, WorkbenchError) as error:
         told = "" if isinstance(found, Solution) else f"it returned {found!r:.60}: "
-        return ended_early(*who, Ending.BROKEN, f"{told}{error}", seen, machine())
-    return _at(job, setup, ending, said, end, claim, cost, seen)
+        return early(Ending.BROKEN, f"{told}{error}")
+    return _judged(early(ending, said, claim=claim, claimed_cost=cost, end=end), setup)
 
 
 def warm(problem: Problem, start: Values) -> None:
@@ -111,39 +113,18 @@ def _numbers(found: Solution) -> Values:
     return {name: np.asarray(value, dtype=float) for name, value in found.values.items()}
 
 
-def _at(
-    job: Solve,
-    setup: Setup,
-    ending: Ending,
-    message: str,
-    end: np.ndarray,
-    claim: str,
-    claimed: float,
-    seen: Any,
-) -> Record:
-    problem = setup.problem
-    cost, optimality, agree, inside = np.nan, np.nan, np.nan, True
-    if end.size and np.isfinite(end).all():
-        fixed = problem.split(setup.start)[1]
-        cost, optimality = look(problem, end, fixed)
-        if setup.known is not None and setup.known.values is not None:
-            agree = digits(problem.free.unpack(end, setup.start), setup.known.values)
-        inside = feasible(problem, end, fixed)
-    return Record(
-        job.solver.name,
-        job.instance,
-        ending,
-        message,
-        claim,
-        claimed,
-        cost,
-        optimality,
-        agree,
-        inside,
-        end,
-        seen,
-        machine(),
-    )
+def _judged(record: Record, setup: Setup) -> Record:
+    """The record with what the problem itself says of its end."""
+    problem, end = setup.problem, record.end
+    if not end.size or not np.isfinite(end).all():
+        return record
+    fixed = problem.split(setup.start)[1]
+    cost, optimality = look(problem, end, fixed)
+    agree = np.nan
+    if setup.known is not None and setup.known.values is not None:
+        agree = digits(problem.free.unpack(end, setup.start), setup.known.values)
+    inside = feasible(problem, end, fixed)
+    return replace(record, cost=cost, optimality=optimality, digits=agree, inside=inside)
 
 
 def look(problem: Problem, x: np.ndarray, fixed: np.ndarray) -> tuple[float, float]:

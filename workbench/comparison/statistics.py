@@ -116,24 +116,31 @@ def holm(p_values: Sequence[float]) -> list[float]:
 
 @dataclass(frozen=True)
 class Duel:
-    """Two solvers from the same starts. From how many starts `first` needed less, `second` did,
-    neither, or both failed; and which of the two was ahead on how many problems.
+    """Two solvers compared from the same starts.
 
-    Starts of one problem are alike, so they are no independent evidence: a problem goes to the one
-    who won more of its starts, and the test is of problems. `p` is that of the exact sign test,
-    `corrected` the same for all pairs that were looked at.
+    Several starts of one problem are not independent evidence. A problem is therefore won by the
+    solver that won more of its starts, and the test compares problems.
+
+    Attributes:
+        first: from how many starts the first solver needed less.
+        second: from how many starts the second solver needed less.
+        ties: from how many starts both needed equally much.
+        both_fail: from how many starts both failed.
+        problems: on how many problems the first was ahead, and on how many the second.
+        corrected: the p-value corrected for all pairs that were compared; NaN if there are no
+            other pairs.
     """
 
     first: int
     second: int
     ties: int
     both_fail: int
-    problems: tuple[int, int]  # on which the first was ahead, and the second
-    corrected: float = np.nan  # NaN: no other pairs were looked at
+    problems: tuple[int, int]
+    corrected: float = np.nan
 
     @property
     def p(self) -> float:
-        """Of the exact two-sided sign test on problems."""
+        """The p-value of the exact two-sided sign test on problems."""
         return sign_test(*self.problems)
 
     @property
@@ -143,7 +150,7 @@ class Duel:
 
     @property
     def turned(self) -> "Duel":
-        """The same from the second's side."""
+        """The same comparison with the two solvers exchanged."""
         return replace(
             self,
             first=self.second,
@@ -176,5 +183,5 @@ def duel(a: ArrayLike, b: ArrayLike, problems: Sequence[Hashable], tie: float = 
 
 
 def among(duels: Sequence[Duel]) -> list[Duel]:
-    """The same, corrected for their number."""
+    """The comparisons with p-values corrected for their number."""
     return [replace(d, corrected=p) for d, p in zip(duels, holm([d.p for d in duels]), strict=True)]

@@ -34,7 +34,7 @@ class Store(Protocol):
 
 
 class Memory:
-    """For as long as the process lives."""
+    """A store that lasts as long as the process."""
 
     def __init__(self) -> None:
         self._held: dict[str, Stored] = {}
@@ -87,7 +87,7 @@ class Folder:
                     for name, header in archive.headers.items()
                     if name != FACTS
                 }
-                return of((dict(facts.told), read_expected(archive, numbers)))
+                return of((dict(facts.entries), read_expected(archive, numbers)))
         except BadFile:
             return None
 

@@ -54,12 +54,19 @@ EARLY = {
 
 @dataclass(frozen=True)
 class Yardstick:
-    """What the runs from one start are measured by."""
+    """The two costs by which the runs from one start are measured.
 
-    start: float  # f_0
-    best: float  # f*
-    origin: str  # where f* is from
-    alone: bool = False  # f* is from the only run that ended, and nothing else is known
+    Attributes:
+        start: f_0, the cost at the start.
+        best: f*, the lowest cost known.
+        origin: where f* comes from.
+        alone: whether f* comes from the only run that ended, and no other cost is known.
+    """
+
+    start: float
+    best: float
+    origin: str
+    alone: bool = False
 
     def target(self, tau: float) -> float:
         """The cost that meets it; NaN where start or best is not finite. Rounding is allowed for:
@@ -74,7 +81,7 @@ class Yardstick:
 
     def met(self, record: Record, tau: float) -> Array | None:
         """The row of the trace (counts, seconds, cost) at which a run met it, or None."""
-        rows = record.seen.trace
+        rows = record.observed.trace
         below = np.flatnonzero(rows[:, -1] <= self.target(tau)) if rows.size else np.zeros(0, int)
         return np.asarray(rows[below[0]]) if below.size else None
 
@@ -90,12 +97,12 @@ class Yardstick:
 
 
 def stationary(record: Record, tolerance: float) -> bool:
-    """By the problem, at the point that was returned."""
+    """Whether the returned point is stationary, as the problem judges it."""
     return record.optimality <= tolerance
 
 
 def claims(record: Record) -> bool:
-    """Whether it said that it converged."""
+    """Whether the solver claims that it converged."""
     return record.claim == Status.CONVERGED.name
 
 
@@ -109,8 +116,9 @@ def ended_by_clock(record: Record) -> bool:
 def target_outcome(
     record: Record, yardstick: Yardstick, lowest: bool | None, tolerance: float
 ) -> TargetOutcome:
-    """What became of it; `lowest` says whether its end leads to the lowest cost known, None if that
-    is not known.
+    """What became of a run.
+
+    `lowest` says whether its end leads to the lowest cost known; None if that is not known.
     """
     if record.ending in EARLY:
         return EARLY[record.ending]

@@ -88,12 +88,12 @@ def _row(comparison: Comparison, instance: Instance, solver: str) -> dict[str, A
         "best_known_cost": yardstick.best,
         "start_cost": yardstick.start,
         "digits": record.digits,
-        "not_finite": record.seen.not_finite,
+        "not_finite": record.observed.not_finite,
         "message": record.message,
-        "seconds": record.seen.seconds,
+        "seconds": record.observed.seconds,
         "machine": record.machine,
     }
-    found |= dict(zip(KINDS, record.seen.counts, strict=True))
+    found |= dict(zip(KINDS, record.observed.counts, strict=True))
     found["all_counted"] = not comparison.uncounted(instance.name, solver)
     for tau in comparison.taus:
         met = comparison.met(instance.name, solver, tau)

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 
 from workbench.comparison.comparison import MAIN, Comparison
 from workbench.comparison.pairs import duels, surer
-from workbench.comparison.prices import SOURCE, said
+from workbench.comparison.prices import SOURCE, prices_in_words
 from workbench.comparison.statistics import FEWEST, LEVEL, Interval
 from workbench.comparison.targets import TargetOutcome, ended_by_clock, named
 
@@ -207,8 +207,8 @@ def prices_sentence() -> str:
     """At which prices effort is counted."""
     return (
         "Effort is the number of evaluations until the target is met, each kind times a fixed "
-        f"price in units of one evaluation of the residual: {said()} (upper bounds from {SOURCE}; "
-        "constraints by convention). No clock enters it."
+        f"price in units of one evaluation of the residual: {prices_in_words()} "
+        f"(upper bounds from {SOURCE}; constraints by convention). No clock enters it."
     )
 
 

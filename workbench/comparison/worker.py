@@ -13,7 +13,7 @@ from typing import Any
 from workbench.comparison.description import describe
 from workbench.comparison.end_analysis import analyse_ends
 from workbench.comparison.identity import identity
-from workbench.comparison.jobs import AnalyseEnds, Answer, Describe, Failed, Job, Solve
+from workbench.comparison.jobs import AnalyseEnds, Announce, Answer, Describe, Failed, Job, Solve
 from workbench.comparison.plan import SentExperiment
 from workbench.comparison.running import run_solver
 from workbench.errors import UnknownName, WorkbenchError
@@ -62,19 +62,19 @@ def serve(channel: Channel) -> None:
     def send(message: Any) -> None:
         channel.send(pickle.dumps(message))
 
-    def say(phase: str, seconds: float) -> None:
+    def announce(phase: str, seconds: float) -> None:
         if hasattr(signal, "setitimer"):
             signal.setitimer(signal.ITIMER_REAL, seconds + ORPHAN)
         send((phase, seconds))
 
     while message := channel.receive():
         job: Job = pickle.loads(message)
-        say("building", job.budget.build_seconds)
+        announce("building", job.budget.build_seconds)
         answer: Answer | Failed
         try:
             setup = builder.setup(job.experiment)
             with limited_threads():
-                answer = _answered(job, setup, say)
+                answer = _answered(job, setup, announce)
         except BaseException as error:  # also a user's SystemExit
             answer = Failed(_reason(error), isinstance(error, UnknownName))
         if hasattr(signal, "setitimer"):
@@ -82,12 +82,12 @@ def serve(channel: Channel) -> None:
         send(answer)
 
 
-def _answered(job: Job, setup: Setup, say: Any) -> Answer:
+def _answered(job: Job, setup: Setup, announce: Announce) -> Answer:
     if isinstance(job, Solve):
-        return run_solver(job, setup, say).stored()
+        return run_solver(job, setup, announce).stored()
     if isinstance(job, Describe):
         return describe(job.instance, setup).stored()
-    say("judging", job.budget.judge_seconds)
+    announce("judging", job.budget.judge_seconds)
     assert isinstance(job, AnalyseEnds)
     return analyse_ends(setup, job.ends).stored()
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from workbench.comparison.jobs import Answer, Failed, Job, Lost, Solve
 from workbench.comparison.log import Log
 from workbench.comparison.machine import machine
-from workbench.comparison.record import Ending, ended_early
+from workbench.comparison.record import Ending, Record
 from workbench.processes.channel import Channel
 from workbench.processes.fork_server import FORKING, Forked, ForkServer, absolute_paths
 from workbench.processes.started import Started, signal_name
@@ -57,7 +57,7 @@ class Worker:
 
 
 class Pool:
-    """Idle workers by whose they are: a solver from outside shares no process with others."""
+    """Lends out workers; a solver from outside the catalogue shares no process with others."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -116,14 +116,14 @@ def _environment() -> dict[str, str]:
 
 @cache
 def pool() -> Pool:
-    """The one of this process: threads share it, and a Dask worker keeps it between tasks."""
+    """The pool of this process. Threads share it, and a Dask worker keeps it between tasks."""
     made = Pool()
     atexit.register(made.end)
     return made
 
 
 def answered(job: Job) -> Answer | Failed:
-    """What a job comes to, whatever happens in it."""
+    """The answer to a job; it is Failed if the worker was lost or could not do it."""
     if isinstance(job, Solve):
         return _run(job)
     answer = pool().ask(job)
@@ -131,7 +131,7 @@ def answered(job: Job) -> Answer | Failed:
 
 
 def _run(job: Solve) -> Answer:
-    """A run that gives no answer is told by what its watch wrote before it was lost."""
+    """Run a solver. A run that gives no answer is recorded by what its log holds at that time."""
     with tempfile.TemporaryDirectory(prefix="workbench-", ignore_cleanup_errors=True) as folder:
         unrehearsed = pool().unrehearsed
         rehearse = job.solver.name not in unrehearsed
@@ -147,7 +147,6 @@ def _run(job: Solve) -> Answer:
         else:
             return answer
         Path(job.log).touch()
-        seen = Log.read(job.log)
-    return ended_early(
-        job.solver.name, job.instance, ending, answer.message, seen, machine()
-    ).stored()
+        observed = Log.read(job.log)
+    record = Record(job.solver.name, job.instance, ending, answer.message, observed, machine())
+    return record.stored()

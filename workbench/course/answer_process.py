@@ -1,9 +1,9 @@
 """The process of a student's file: `python -m workbench.course.answer_process FILE EXERCISES
 HANDLE`.
 
-HANDLE is that of a socket, on which the process is asked for answers and sends them as plain
+HANDLE is that of a socket, on which the process receives questions and sends answers as plain
 values. It has no checks and no solutions, and gives no grades. What the student's code prints is
-kept with the exercise.
+kept for each exercise.
 """
 
 import importlib.util
@@ -17,15 +17,15 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from workbench.course.answers import Raised, outcome, raised, said
-from workbench.course.channel import Answer
+from workbench.course.answers import Raised, error_in_words, outcome, raised
+from workbench.course.channel import receive_question, send_answer
 from workbench.course.plain import sealed
 from workbench.course.withheld_files import withhold
 from workbench.course.words import Described
 from workbench.processes.channel import Channel
 from workbench.processes.orphans import end_with_parent
 
-MEMORY = 6 * 2**30  # bytes that a student's code may take, where the system can be told so
+MEMORY = 6 * 2**30  # bytes that a student's code may take, where the system can limit them
 KEPT = 400  # characters of what was printed
 
 
@@ -36,14 +36,14 @@ class Page(io.TextIOBase):
         self._kept, self._count = "", 0
 
     def write(self, text: str) -> int:
-        """Keep what there is room for."""
+        """Keep as much of a text as there is room for."""
         self._kept += text[: max(0, KEPT - len(self._kept))]
         self._count += len(text)
         return len(text)
 
     @property
     def text(self) -> str:
-        """What was kept, and how much was not."""
+        """The beginning of what was written, and the number of characters that were not kept."""
         left = self._count - len(self._kept)
         return self._kept.rstrip() + (f"\n... and {left:,} characters more" if left else "")
 
@@ -56,12 +56,12 @@ class Answerer:
         self._answer: Callable[..., Any] | None = None
 
     def begin(self, exercise: str, parameters: Sequence[str]) -> dict[str, Any]:
-        """Take up an exercise, whose function has these parameters: {"unfit": why, or nothing}."""
+        """Begin an exercise whose function has these parameters: {"unfit": why not, or None}."""
         self._answer, self._page = getattr(self._module, exercise, None), Page()
         return {"unfit": _unfit(exercise, self._answer, parameters)}
 
     def answer(self, arguments: tuple[Any, ...]) -> dict[str, Any]:
-        """{"value": sealed}, or {"raised": [class, what it said, whether it is unsolved]}."""
+        """Answer: {"value": sealed}, or {"raised": [class, message, whether it is unsolved]}."""
         assert self._answer is not None
         with kept(self._page):
             came = outcome(self._answer, arguments)
@@ -70,22 +70,22 @@ class Answerer:
                     return {"value": sealed(came)}
                 except Exception as error:  # of a type of the student's own, when it is looked at
                     came = raised(error)
-        return {"raised": [came.kind, came.said, came.unsolved]}
+        return {"raised": [came.kind, came.message, came.unsolved]}
 
     def printed(self) -> dict[str, Any]:
-        """{"printed": what the answers to this exercise have printed}."""
+        """What the answers to this exercise have printed: {"printed": text}."""
         return {"printed": self._page.text}
 
 
 def main() -> None:
-    """Load the file, then answer until nobody asks any more."""
+    """Load the file, then answer questions until the connection ends."""
     end_with_parent()
     file, *exercises, handle = sys.argv[1:]
-    asked = Answer(Channel.inherited(int(handle)))
+    channel = Channel.inherited(int(handle))
     sys.dont_write_bytecode = True  # nothing is left in the student's folder
     _limit_memory()
     withhold(file)
-    asked.tell(0, {"begun": True})
+    send_answer(channel, 0, {"begun": True})
     page = Page()
     with kept(page):
         try:
@@ -94,30 +94,31 @@ def main() -> None:
             found = sys.modules.get("answers")
             late = isinstance(error, SystemExit) and any(hasattr(found, e) for e in exercises)
             if found is None or not late:
-                asked.tell(1, {"trouble": said(error, file=file)})
+                send_answer(channel, 1, {"trouble": error_in_words(error, file=file)})
                 return
             module = found  # a script may end by sys.exit: what stands above is there
-    asked.tell(1, {"loaded": page.text})
+    send_answer(channel, 1, {"loaded": page.text})
     answering = Answerer(module)
-    while (request := asked.asked()) is not None:
-        number, what, arguments = request
+    while (question := receive_question(channel)) is not None:
+        number, what, arguments = question
         match what:
             case "begin":
-                told = answering.begin(*arguments)
+                answer = answering.begin(*arguments)
             case "answer":
-                told = answering.answer(arguments)
+                answer = answering.answer(arguments)
             case _:
-                told = answering.printed()
-        if not asked.tell(number, told):
-            asked.tell(number, {"value": sealed(Described("an answer", "too large to be graded"))})
+                answer = answering.printed()
+        if not send_answer(channel, number, answer):
+            too_large = sealed(Described("an answer", "too large to be graded"))
+            send_answer(channel, number, {"value": too_large})
     os._exit(0)  # threads of the student's may still run, and exit handlers of theirs wait
 
 
 def load(file: str) -> ModuleType:
-    """Run a student's file. Raises whatever it raises, SystemExit among it."""
+    """Run a student's file. Raises whatever it raises, also SystemExit."""
     spec = importlib.util.spec_from_file_location("answers", file)
     if spec is None or spec.loader is None:
-        raise ImportError(f"{Path(file).name} is no Python file")
+        raise ImportError(f"{Path(file).name} is not a Python file")
     module = importlib.util.module_from_spec(spec)
     sys.modules["answers"] = module
     sys.path.append(str(Path(file).parent))  # at the end: it may hold a random.py
@@ -126,7 +127,10 @@ def load(file: str) -> ModuleType:
 
 
 def _unfit(exercise: str, answer: Any, parameters: Sequence[str]) -> list[str] | None:
-    """Why what has the exercise's name cannot be tried: what, what was expected, what came."""
+    """Why what has the exercise's name cannot be tried, in three texts, or None if it can.
+
+    The texts say what is wrong, what was expected, and what came.
+    """
     wanted = f"{exercise}({', '.join(parameters)})"
     if answer is None:
         return ["the function", f"a function {wanted}", "no such name in the file"]
@@ -145,7 +149,7 @@ def _unfit(exercise: str, answer: Any, parameters: Sequence[str]) -> list[str] |
 
 @contextmanager
 def kept(page: Page) -> Iterator[None]:
-    """What is printed inside goes to the page."""
+    """Write what is printed inside of the context to the page."""
     with redirect_stdout(page), redirect_stderr(page):
         yield
 

@@ -1,7 +1,6 @@
-"""Answers: called with copies, put into the form that the solution's have, and compared."""
+"""Answers of functions: asked for with copies of arguments, converted, and compared."""
 
 import copy
-import traceback
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -12,63 +11,70 @@ import numpy as np
 
 from workbench.course.checks import Missed
 from workbench.course.words import Described, cut, in_words, kind
-from workbench.errors import Unsolved
+from workbench.errors import Unsolved, line_of
 
 NUMERIC = (bool, int, float, np.ndarray, np.number, np.bool_)
-REAL = 1e-9  # what is left of an imaginary part by rounding, as a share of the real one
+REAL = 1e-9  # how large rounding leaves imaginary parts, as a share of real ones
 
 
 @dataclass(frozen=True)
 class Raised:
-    """What came instead of an answer: the class of an error, and what it said."""
+    """The error that a function raised instead of an answer.
+
+    Attributes:
+        kind: the class of the error.
+        message: what it said, with the line of the student's file.
+        unsolved: whether the exercise stands as it was handed out.
+    """
 
     kind: str
-    said: str
-    unsolved: bool = False  # the exercise stands as it was handed out
+    message: str
+    unsolved: bool = False
 
 
 def outcome(answer: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
-    """What a function answers, or Raised; it is given copies, and its warnings are not heard."""
+    """A function's answer to copies of arguments, or Raised; its warnings are ignored."""
     try:
-        with unheard():
+        with without_warnings():
             return answer(*copied(arguments))
     except KeyboardInterrupt:
         raise
-    except BaseException as error:  # also of those who leave by sys.exit
+    except BaseException as error:  # SystemExit, too
         return raised(error, answer)
 
 
 @contextmanager
-def unheard() -> Iterator[None]:
-    """Warnings are not heard inside."""
+def without_warnings() -> Iterator[None]:
+    """Ignore all warnings inside of the context."""
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")
         yield
 
 
 def raised(error: BaseException, answer: Callable[..., Any] | None = None) -> Raised:
-    """What a function raised, told in the words of its error."""
+    """An error that a function raised, as a value."""
     if isinstance(error, Unsolved):
         return Raised(type(error).__name__, str(error), unsolved=True)
-    return Raised(type(error).__name__, said(error, answer))
+    return Raised(type(error).__name__, error_in_words(error, answer))
 
 
-def said(error: BaseException, answer: Callable[..., Any] | None = None, file: str = "") -> str:
-    """What was raised, and in which line of the student's file."""
-    if isinstance(error, SystemExit):
-        told = f"it ends the program (sys.exit({error.code if error.code is not None else ''}))"
-    else:
-        told = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+def error_in_words(
+    error: BaseException, answer: Callable[..., Any] | None = None, file: str = ""
+) -> str:
+    """What was raised, and in which line of the student's file, in a sentence."""
     code = getattr(answer, "__code__", None)
-    file = file or (code.co_filename if code is not None else "")
-    lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if f.filename == file]
-    if isinstance(error, SyntaxError) and error.lineno is not None and error.filename == file:
-        lines, told = [error.lineno], f"{type(error).__name__}: {error.msg}"
-    return cut(f"line {lines[-1]}: {told}" if lines and lines[-1] else told)
+    line = line_of(error, file or (code.co_filename if code is not None else ""))
+    message = str(error)
+    if isinstance(error, SyntaxError) and line is not None and line == error.lineno:
+        message = error.msg
+    text = f"{type(error).__name__}: {message}" if message else type(error).__name__
+    if isinstance(error, SystemExit):
+        text = f"it ends the program (sys.exit({error.code if error.code is not None else ''}))"
+    return cut(f"line {line}: {text}" if line else text)
 
 
 def copied(value: Any) -> Any:
-    """Arrays anew, inside of tuples, lists and dicts too; anything else as it is."""
+    """A copy of arrays, also inside of tuples, lists and dicts; anything else as it is."""
     if isinstance(value, np.ndarray):
         return value.copy()
     if isinstance(value, tuple | list):
@@ -79,10 +85,10 @@ def copied(value: Any) -> Any:
 
 
 def formed(came: Any, model: Any, what: str) -> Any:
-    """An answer in the form of the solution's: arrays of that shape, finite where that is.
+    """An answer in the form of the solution's `model`: arrays of its shape, finite where it is.
 
-    A list of the right numbers does for an array. The length of a list is free, that of a tuple
-    is not. Raises Missed with what was expected and what came.
+    A list of numbers may stand for an array. A list may have any length, a tuple that of the
+    model. Raises Missed with what was expected and what came.
     """
     if came is None and model is not None:
         raise Missed(what, kind(model), "None: is a `return` missing?")
@@ -120,7 +126,7 @@ def _numbers(came: Any, model: Any, what: str) -> Any:
                 raise TypeError
             found = found.real
         found = np.asarray(found, dtype=float)
-    except (TypeError, ValueError, OverflowError) as error:  # no numbers, or no array of them
+    except (TypeError, ValueError, OverflowError) as error:  # not numbers, or not an array of them
         raise Missed(what, kind(wanted), f"{kind(came)}: {in_words(came)}") from error
     if wanted.ndim == 0 and found.size == 1:
         found = found.reshape(())
@@ -138,7 +144,7 @@ def _numbers(came: Any, model: Any, what: str) -> Any:
 
 
 def same(a: Any, b: Any, within: float) -> bool:
-    """Whether two answers are one: to a relative error, NaN like NaN, alike in what was raised."""
+    """Whether two answers agree to a relative error; NaN agrees with NaN, and errors by class."""
     if isinstance(a, Raised) or isinstance(b, Raised):
         both = isinstance(a, Raised) and isinstance(b, Raised)
         return both and a.kind == b.kind

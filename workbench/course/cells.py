@@ -1,4 +1,4 @@
-"""A lecture's script as cells: prose between `# %% [markdown]` and `# %%`, code after that."""
+"""The cells of a lecture's script: prose after `# %% [markdown]`, code after `# %%`."""
 
 import ast
 import re
@@ -12,7 +12,13 @@ from workbench.errors import BadFile
 
 @dataclass(frozen=True)
 class Cell:
-    """Prose or code, and the line of the script at which it begins."""
+    """A cell of a script.
+
+    Attributes:
+        prose: whether it is prose, and not code.
+        text: its text; of prose without the comment signs.
+        line: the line of the script at which it begins.
+    """
 
     prose: bool
     text: str
@@ -42,9 +48,9 @@ def carried_out(
     before: Callable[[Cell], None] = lambda cell: None,
     names: dict[str, Any] | None = None,
 ) -> Iterator[tuple[Cell, Any]]:
-    """Each cell, and the value of its last line once it has been run; prose has None.
+    """Run the cells one by one; yields each with the value of its last line, None for prose.
 
-    `before` is called with each cell before that is run. What the cells define is put into `names`.
+    `before` is called with each cell before it is run. What the cells define is put into `names`.
     """
     names = {} if names is None else names
     names |= {"__name__": "lecture", "__file__": str(path)}
@@ -54,7 +60,7 @@ def carried_out(
 
 
 def _value(cell: Cell, names: dict[str, Any], path: Path) -> Any:
-    """What a notebook would show: the value of the last line, if that is an expression."""
+    """Run a cell. Returns the value of its last line, if that is an expression, else None."""
     tree = ast.parse("\n" * (cell.line - 1) + cell.text, str(path))
     last = tree.body[-1] if tree.body else None
     if not isinstance(last, ast.Expr):

@@ -1,4 +1,4 @@
-"""Checks of exercises, known mistakes, and the two ways in which a check says what it expects."""
+"""Checks of exercises, known mistakes, and the two comparisons that checks are made of."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,17 +15,30 @@ Answer = Callable[..., Any]  # a student's function, or one of ours in its place
 
 @dataclass(frozen=True)
 class Check:
-    """What an answer is tried by; `run` takes the function and raises Missed."""
+    """A test of an answer.
 
-    exercise: str  # the function's name in exercises.py
+    Attributes:
+        exercise: the function's name in exercises.py.
+        points: how many points it is worth.
+        name: what it expects of the answer, in a line.
+        run: takes the function, and raises Missed.
+    """
+
+    exercise: str
     points: int
-    name: str  # what it holds the answer to, in a line
+    name: str
     run: Callable[[Answer], None]
 
 
 @dataclass(frozen=True)
 class Mistake:
-    """A wrong answer that somebody will give, and what to say to them."""
+    """A wrong answer that students are likely to give.
+
+    Attributes:
+        exercise: the function's name in exercises.py.
+        hint: what is wrong with the answer.
+        answer: the wrong function.
+    """
 
     exercise: str
     hint: str
@@ -33,7 +46,13 @@ class Mistake:
 
 
 class Missed(Exception):
-    """An answer is not what a check expects."""
+    """An answer is not what a check expects.
+
+    Attributes:
+        what: the quantity or the property that was checked.
+        expected: what was expected of it.
+        came: what the answer was instead.
+    """
 
     def __init__(self, what: str, expected: str = "", came: str = "") -> None:
         super().__init__(what)
@@ -41,7 +60,7 @@ class Missed(Exception):
 
 
 def check(exercise: str, points: int = 1) -> Callable[[Callable[[Answer], None]], Check]:
-    """Make a function from an answer to nothing a check; its docstring's first line is its name."""
+    """Make a function of an answer a check, named by the first line of its docstring."""
 
     def made(run: Callable[[Answer], None]) -> Check:
         return Check(exercise, points, (run.__doc__ or run.__name__).splitlines()[0], run)
@@ -50,22 +69,22 @@ def check(exercise: str, points: int = 1) -> Callable[[Callable[[Answer], None]]
 
 
 def mistake(exercise: str, hint: str) -> Callable[[Answer], Mistake]:
-    """Make a wrong answer a known mistake: whoever answers alike is told the hint."""
+    """Make a wrong function a known mistake, whose hint is shown for the same answers."""
     return lambda answer: Mistake(exercise, hint, answer)
 
 
 def checks_in(module: ModuleType) -> tuple[Check, ...]:
-    """In the order in which they are written."""
+    """The checks of a module, in the order in which they are written."""
     return tuple(found for found in vars(module).values() if isinstance(found, Check))
 
 
 def mistakes_in(module: ModuleType) -> tuple[Mistake, ...]:
-    """In the order in which they are written."""
+    """The known mistakes of a module, in the order in which they are written."""
     return tuple(found for found in vars(module).values() if isinstance(found, Mistake))
 
 
 def equal(came: ArrayLike, expected: ArrayLike, what: str, within: float = 1e-9) -> None:
-    """Numbers agree: |came - expected| <= within max(1, |expected|), entry by entry.
+    """Check that numbers agree: |came - expected| <= within max(1, |expected|), entry by entry.
 
     `what` is the quantity: `R'R for w = (0, 0, 1)`. Raises Missed.
     """
@@ -80,13 +99,16 @@ def equal(came: ArrayLike, expected: ArrayLike, what: str, within: float = 1e-9)
     if b.size > 16:
         what += f",{entry}"
         a, b, entry = a[worst], b[worst], ""
-    told, wanted = in_words(a), in_words(b)
-    if told == wanted:  # as printed: then the digits that are not are what matters
-        told += f"\noff by up to {off[worst]:.1g}{entry}, allowed {within:.1g}"
-    raise Missed(what, wanted, told)
+    answer, wanted = in_words(a), in_words(b)
+    if answer == wanted:  # they differ in digits that are not printed
+        answer += f"\noff by up to {off[worst]:.1g}{entry}, allowed {within:.1g}"
+    raise Missed(what, wanted, answer)
 
 
 def holds(condition: object, what: str, expected: object = "", came: object = "") -> None:
-    """A property holds. `what` says which, `expected` and `came` what the failure is about."""
+    """Check that a property holds. `what` names it; `expected` and `came` explain a failure.
+
+    Raises Missed.
+    """
     if not condition:
         raise Missed(what, *(x if isinstance(x, str) else in_words(x) for x in (expected, came)))

@@ -1,4 +1,4 @@
-"""Results of checks: what a table, a grade book and an exit code say of a student's file."""
+"""The results of the checks of a student's file."""
 
 from dataclasses import asdict, dataclass, field
 from enum import Enum
@@ -17,16 +17,27 @@ class CheckState(Enum):
 
 @dataclass(frozen=True)
 class CheckResult:
-    """The result of one check of one exercise."""
+    """The result of one check of one exercise.
+
+    Attributes:
+        exercise: the function's name in exercises.py.
+        check: the name of the check.
+        of: how many points it is worth.
+        state: how it ended.
+        what: the quantity or the property that was missed.
+        expected: what was expected of it.
+        came: what the answer was instead.
+        hint: the likeliest mistake.
+    """
 
     exercise: str
     check: str
-    of: int  # points
+    of: int
     state: CheckState
-    what: str = ""  # the quantity or the property that was missed
+    what: str = ""
     expected: str = ""
     came: str = ""
-    hint: str = ""  # the likeliest mistake
+    hint: str = ""
 
     @property
     def points(self) -> int:
@@ -34,40 +45,50 @@ class CheckResult:
         return self.of if self.state is CheckState.PASSED else 0
 
     def data(self) -> dict[str, Any]:
-        """Everything as plain data."""
+        """All fields and the points, as plain data."""
         return asdict(self) | {"state": self.state.value, "points": self.points}
 
 
 @dataclass(frozen=True)
 class Grade:
-    """The results of one file of answers to a lecture's exercises."""
+    """The results of one file of answers to a lecture's exercises.
+
+    Attributes:
+        lecture: the lecture.
+        file: the path of the file.
+        results: one for each check, in the lecture's order.
+        trouble: why the file as a whole could not be read.
+        printed: what the file printed for each exercise, and under "" while it was loaded.
+    """
 
     lecture: Lecture
     file: str
     results: tuple[CheckResult, ...]
-    trouble: str = ""  # why the file as a whole could not be read
-    printed: dict[str, str] = field(default_factory=dict)  # by exercise; "" is while loading
+    trouble: str = ""
+    printed: dict[str, str] = field(default_factory=dict)
 
     @property
     def points(self) -> int:
         """The number of points reached."""
-        return sum(mark.points for mark in self.results)
+        return sum(result.points for result in self.results)
 
     @property
     def of(self) -> int:
         """The number of points that can be reached."""
-        return sum(mark.of for mark in self.results)
+        return sum(result.of for result in self.results)
 
     @property
     def passed(self) -> bool:
         """Whether every check passed."""
-        return all(mark.state is CheckState.PASSED for mark in self.results)
+        return all(result.state is CheckState.PASSED for result in self.results)
 
     @property
     def exercises(self) -> dict[str, list[CheckResult]]:
         """The results by exercise, in the lecture's order."""
-        names = dict.fromkeys(mark.exercise for mark in self.results)
-        return {name: [mark for mark in self.results if mark.exercise == name] for name in names}
+        names = dict.fromkeys(result.exercise for result in self.results)
+        return {
+            name: [result for result in self.results if result.exercise == name] for name in names
+        }
 
     def data(self) -> dict[str, Any]:
         """Everything as plain data, for a grade book."""
@@ -83,12 +104,12 @@ class Grade:
                 {
                     "number": f"{self.lecture.number}.{k}",
                     "exercise": name,
-                    "points": sum(mark.points for mark in results),
-                    "of": sum(mark.of for mark in results),
+                    "points": sum(result.points for result in results),
+                    "of": sum(result.of for result in results),
                     "printed": self.printed.get(name, ""),
                     "checks": [
-                        {key: value for key, value in mark.data().items() if key != "exercise"}
-                        for mark in results
+                        {key: value for key, value in result.data().items() if key != "exercise"}
+                        for result in results
                     ],
                 }
                 for k, (name, results) in enumerate(self.exercises.items(), 1)

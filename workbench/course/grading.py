@@ -1,7 +1,7 @@
-"""An exercise is graded by its checks, and a known mistake that explains a wrong answer is named.
+"""Grading an exercise by its checks, and naming a known mistake that explains a wrong answer.
 
-No code of the student's runs here: the process that answers sends plain values, which are brought
-into the form of the solution's answers and compared here.
+No code of the student runs here: the process that answers sends plain values, which are converted
+to the form of the solution's answers and compared here.
 """
 
 import inspect
@@ -22,17 +22,17 @@ Call = tuple[tuple[Any, ...], Any]  # arguments, and what came
 
 
 class Answers(Protocol):
-    """What answers: an `answer_process.Answerer`, or a process that holds one."""
+    """Something that answers exercises: an `answer_process.Answerer`, or a process with one."""
 
     def begin(self, exercise: str, parameters: Sequence[str]) -> dict[str, Any]:
-        """Take up an exercise: {"unfit": why it cannot be tried, in three texts, or nothing}."""
+        """Begin an exercise: {"unfit": why it cannot be tried, in three texts, or None}."""
 
     def answer(self, arguments: tuple[Any, ...]) -> dict[str, Any]:
-        """{"value": sealed}, or {"raised": [class, what it said, whether it is unsolved]}."""
+        """Answer: {"value": sealed}, or {"raised": [class, message, whether it is unsolved]}."""
 
 
 class Ended(Exception):
-    """There is nobody to ask any more, and why."""
+    """The process that answers has ended; the message says why."""
 
 
 class Unanswered(Exception):
@@ -41,44 +41,44 @@ class Unanswered(Exception):
 
 @dataclass
 class Recorder:
-    """Stands in for a student's function before the checks, and remembers what it answered.
+    """Takes the place of a student's function in the checks, and records its calls.
 
-    What it passes on has the form of the solution's answer to the same arguments, so a check
-    need not think of None, of lists or of NaN.
+    Its answers have the form of the solution's answers to the same arguments, so that a check
+    need not consider None, lists or NaN.
     """
 
     answers: Answers
     solution: Function
-    heard: list[Call] = field(default_factory=list)
+    calls: list[Call] = field(default_factory=list)
 
     def __call__(self, *arguments: Any) -> Any:
-        """Raises Unanswered, Missed or Ended."""
+        """Ask for an answer. Raises Unanswered, Missed or Ended."""
         kept = copied(arguments)
         came = _came(self.answers.answer(arguments))
-        self.heard.append((kept, came))
+        self.calls.append((kept, came))
         what = f"{self.solution.__name__}({', '.join(map(_short, arguments))})"
         if isinstance(came, Raised):
             if came.unsolved:
-                raise Unanswered(came.said)
-            raise Missed(what, "an answer", came.said)
+                raise Unanswered(came.message)
+            raise Missed(what, "an answer", came.message)
         return formed(came, self.solution(*copied(arguments)), what)
 
 
-def _came(told: dict[str, Any]) -> Any:
-    """A value, or Raised. Raises Ended for what is neither: then the rest is not listened to."""
+def _came(answer: dict[str, Any]) -> Any:
+    """The value that was sent, or Raised. Raises Ended for anything else."""
     try:
-        match told:
+        match answer:
             case {"value": data}:
                 return opened(data)
-            case {"raised": [str() as error, str() as said, bool() as unsolved]}:
-                return Raised(error, said, unsolved)
+            case {"raised": [str() as error, str() as message, bool() as unsolved]}:
+                return Raised(error, message, unsolved)
     except (Malformed, RecursionError):  # lists in lists, deeper than anything that is sealed
         pass
     raise Ended("its process sent what is no answer")
 
 
 def grade_exercise(lecture: Lecture, exercise: str, answers: Answers) -> list[CheckResult]:
-    """All checks of an exercise, by what is answered to them. Raises Ended."""
+    """The results of all checks of an exercise. Raises Ended."""
     checks = [check for check in lecture.checks if check.exercise == exercise]
     solution = lecture.solution(exercise)
     match answers.begin(exercise, list(inspect.signature(solution).parameters)):
@@ -90,12 +90,12 @@ def grade_exercise(lecture: Lecture, exercise: str, answers: Answers) -> list[Ch
             raise Ended("its process sent what is no answer")
     results, parts = [], []
     for check in checks:
-        before = len(witness.heard)
+        before = len(witness.calls)
         results.append(_tried(check, witness))
-        parts.append(witness.heard[before:])
+        parts.append(witness.calls[before:])
     mistakes = [m for m in lecture.mistakes if m.exercise == exercise]
     return [
-        replace(one, hint=_likeliest(mistakes, witness.heard, part))
+        replace(one, hint=_likeliest(mistakes, witness.calls, part))
         if one.state is CheckState.FAILED
         else one
         for one, part in zip(results, parts, strict=True)
@@ -114,8 +114,8 @@ def _tried(check: Check, witness: Recorder) -> CheckResult:
     except Missed as missed:
         return _failed(check, missed)
     except Exception as error:
-        said = f"{type(error).__name__}: {error}"
-        return _failed(check, Missed("the check could not go on with this answer", came=cut(said)))
+        text = f"{type(error).__name__}: {error}"
+        return _failed(check, Missed("the check could not go on with this answer", came=cut(text)))
     return CheckResult(check.exercise, check.name, check.points, CheckState.PASSED)
 
 
@@ -131,13 +131,14 @@ def _failed(check: Check, missed: Missed) -> CheckResult:
     )
 
 
-def _likeliest(mistakes: list[Mistake], heard: list[Call], part: list[Call]) -> str:
-    """The hint of the first mistake that answers alike throughout, to all digits or else to six;
-    or of the only one that does in this check.
+def _likeliest(mistakes: list[Mistake], calls: list[Call], part: list[Call]) -> str:
+    """The hint of the first mistake with the same answers to all calls, to all digits or to six.
+
+    If there is none, it is the hint of the only mistake with the same answers in this check.
     """
     for within in (TO_ALL_DIGITS, TO_SIX):
         for one in mistakes:
-            if _explains(one, heard, within):
+            if _explains(one, calls, within):
                 return one.hint
     here = [one for one in mistakes if _explains(one, part, TO_SIX)]
     return here[0].hint if len(here) == 1 else ""

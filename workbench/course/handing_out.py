@@ -1,4 +1,4 @@
-"""Exercises handed out."""
+"""Handing out exercises: a copy of them for a student."""
 
 from contextlib import suppress
 from pathlib import Path
@@ -8,9 +8,9 @@ from workbench.errors import BadFile
 
 
 def hand_out(lecture: Lecture, folder: str | Path) -> Path:
-    """A copy of the exercises in a folder, which is made; the file, named after the lecture.
+    """Write a copy of the exercises, named after the lecture, to a folder, which is made.
 
-    Raises BadFile where such a file is: answers are never written over.
+    Returns the file. Raises BadFile if it exists: answers are never overwritten.
     """
     folder = Path(folder)
     path = folder / f"{lecture.folder_name}.py"
@@ -26,6 +26,6 @@ def hand_out(lecture: Lecture, folder: str | Path) -> Path:
         ) from error
     except OSError as error:
         with suppress(OSError):
-            path.unlink(missing_ok=True)  # it was not there before, and half of it is no use
+            path.unlink(missing_ok=True)  # it is new, and half of it is of no use
         raise BadFile(f"cannot write {path}: {error.strerror or error}") from error
     return path

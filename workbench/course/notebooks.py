@@ -1,4 +1,4 @@
-"""Lectures as notebooks: the same script, its exercises at the end, carried out in a kernel."""
+"""Lectures as notebooks: the script of a lecture with its exercises at the end, run in a kernel."""
 
 import inspect
 import os
@@ -13,7 +13,7 @@ from workbench.errors import BadFile
 from workbench.installation import pip_install
 from workbench.writing import replacing
 
-SECONDS = 120.0  # that a cell may take
+SECONDS = 120.0  # s, for a cell
 NEEDED = ("jupytext", "nbformat", "nbclient", "ipykernel")
 
 
@@ -22,18 +22,18 @@ class CellFailed(BadFile):
 
 
 def tool(name: str) -> ModuleType:
-    """A library of the extra `course`. Raises BadFile where it is not installed."""
+    """A library of the extra `course`. Raises BadFile if it is not installed."""
     try:
         return import_module(name)
     except ImportError as error:
         raise BadFile(
-            f"notebooks and the site are made by libraries of which {name} is not installed: "
+            f"notebooks and the site need the library {name}, which is not installed: "
             + pip_install("course")
         ) from error
 
 
 def notebook(lecture: Lecture) -> Any:
-    """The lecture and its exercises; no cell has been run yet."""
+    """The lecture and its exercises as a notebook whose cells have not been run."""
     jupytext, v4 = tool("jupytext"), tool("nbformat").v4
     script = (lecture.folder / "lecture.py").read_text(encoding="utf-8")
     made = jupytext.reads(script, fmt="py:percent")
@@ -41,12 +41,12 @@ def notebook(lecture: Lecture) -> Any:
     made.metadata = {"kernelspec": kernel, "language_info": {"name": "python"}}
     made.cells += [v4.new_markdown_cell(text) for text in exercises(lecture)]
     for k, cell in enumerate(made.cells):
-        cell["id"] = f"cell-{k}"  # else they are random, and no two builds alike
+        cell["id"] = f"cell-{k}"  # otherwise random, so that no two builds are alike
     return made
 
 
 def exercises(lecture: Lecture) -> list[str]:
-    """Their section, in Markdown, an exercise each after an introduction."""
+    """The section of exercises, in Markdown: an introduction, then one text for each exercise."""
     here = f"{lecture.folder_name}.py"
     texts = [
         "## Exercises\n\n"
@@ -67,27 +67,27 @@ def exercises(lecture: Lecture) -> list[str]:
 
 
 def executed(made: Any, lecture: Lecture, folder: Path) -> Any:
-    """The same with the results of all cells. Raises CellFailed with the first error."""
+    """A notebook with the results of all cells. Raises CellFailed with the first error."""
     nbclient = tool("nbclient")
     tool("ipykernel")
     client = nbclient.NotebookClient(
         made,
         timeout=SECONDS,
         kernel_name="python3",
-        extra_arguments=["--IPKernelApp.log_level=ERROR"],  # it warns of its own machine's network
+        extra_arguments=["--IPKernelApp.log_level=ERROR"],  # or it warns about the network
         resources={"metadata": {"path": str(folder)}},
     )
     try:
         done = client.execute(env={**os.environ, **environment()})
     except nbclient.exceptions.CellExecutionError as error:
-        told = f"{error.ename}: {error.evalue}"
-        raise CellFailed(f"lecture {lecture.number} stops as a notebook: {told}") from error
+        reason = f"{error.ename}: {error.evalue}"
+        raise CellFailed(f"lecture {lecture.number} stops as a notebook: {reason}") from error
     for cell in done.cells:
-        cell.metadata.pop("execution", None)  # when it ran: no two builds would be alike
+        cell.metadata.pop("execution", None)  # the time, with which no two builds are alike
     return done
 
 
 def write_notebook(made: Any, path: Path) -> None:
-    """As `.ipynb`, whole or not at all."""
+    """Write a notebook to a file `.ipynb`, whole or not at all."""
     with replacing(path) as temporary:
         temporary.write_text(tool("nbformat").writes(made), encoding="utf-8")

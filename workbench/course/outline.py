@@ -1,4 +1,4 @@
-"""A lecture's line in the outline, and where its four files are."""
+"""The outline of the course: a line for each lecture, and where its four files are."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,45 +11,55 @@ from typing import Any
 from workbench.course.checks import Check, Mistake, checks_in, mistakes_in
 from workbench.errors import BadArgument, BadFile, UnknownName
 
-LECTURES = "workbench.lectures"  # which says where they are: in the package or the checkout
+LECTURES = "workbench.lectures"  # leads to the package's lectures or the checkout's
 FILES = ("lecture.py", "exercises.py", "solutions.py", "checks.py")
 
 
 @dataclass(frozen=True)
 class Lecture:
-    """What the outline says of a lecture. One that is still to come has a number and no folder."""
+    """A line of the outline. A lecture that is still to come has no folder.
+
+    Attributes:
+        number: its number.
+        name: the name of its folder, after the number.
+        title: its title.
+        question: the question that it begins with.
+        minutes: how long it takes to read and to try, without the exercises.
+        assumes: what a reader has to know.
+        teaches: what a reader learns.
+    """
 
     number: int
-    name: str  # of its folder, after the number
+    name: str
     title: str
-    question: str  # that it begins with
-    minutes: int  # to read and to try, without the exercises
+    question: str
+    minutes: int
     assumes: str
     teaches: str
 
     @property
     def folder_name(self) -> str:
-        """`lec02_rotations`."""
+        """The name of its folder, such as `lec02_rotations`."""
         return f"lec{self.number:02}_{self.name}"
 
     @property
     def folder(self) -> Path:
-        """Where its files are, if it has any."""
+        """The folder of its files, which may be missing."""
         return root() / self.folder_name
 
     @property
     def there(self) -> bool:
-        """Whether all of its files are."""
+        """Whether all of its files exist."""
         return all((self.folder / name).is_file() for name in FILES)
 
     @cached_property
     def checks(self) -> tuple[Check, ...]:
-        """Of all exercises, in order."""
+        """The checks of all exercises, in order."""
         return checks_in(self.module("checks"))
 
     @cached_property
     def mistakes(self) -> tuple[Mistake, ...]:
-        """That are known, of all exercises."""
+        """The known mistakes of all exercises, in order."""
         return mistakes_in(self.module("checks"))
 
     @property
@@ -59,16 +69,16 @@ class Lecture:
 
     @cached_property
     def solutions(self) -> ModuleType:
-        """The module of our answers; it stays here when a marker keeps it from imports."""
+        """The module of solutions, which is kept once it has been imported."""
         return self.module("solutions")
 
     def solution(self, exercise: str) -> Callable[..., Any]:
-        """Ours."""
+        """The solution of an exercise."""
         found: Callable[..., Any] = getattr(self.solutions, exercise)
         return found
 
     def module(self, name: str) -> ModuleType:
-        """`exercises`, `solutions` or `checks`; importing `lecture` would hold it."""
+        """Import `exercises`, `solutions` or `checks`. (To import `lecture` would run it.)"""
         return import_module(f"{LECTURES}.{self.folder_name}.{name}")
 
 
@@ -84,7 +94,7 @@ def root() -> Path:
 
 
 def course() -> tuple[Lecture, ...]:
-    """Every line of the outline."""
+    """All lectures of the outline. Raises BadFile where the installation has none."""
     root()
     found: tuple[Lecture, ...] = import_module(f"{LECTURES}.outline").COURSE
     return found

@@ -12,21 +12,26 @@ from workbench.plots import Figure, png
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A figure and what to see in it; the last line of a cell."""
+    """A figure with its caption, as the last line of a cell.
+
+    Attributes:
+        figure: the figure.
+        caption: what to see in it.
+    """
 
     figure: Figure
     caption: str
 
     @cached_property
     def png(self) -> bytes:
-        """150 pixels to the inch."""
+        """The figure as a PNG file of 150 pixels to the inch."""
         return png(self.figure)
 
     def __repr__(self) -> str:
         return f"[figure] {self.caption}"
 
     def _repr_html_(self) -> str:
-        """For notebooks and the site."""
+        """The picture for notebooks and the site."""
         width = round(100 * self.figure.get_figwidth())
         return (
             f'<figure class="picture"><img alt="{escape(self.caption)}" style="width: {width}px" '
@@ -37,7 +42,12 @@ class Picture:
 
 @dataclass(frozen=True)
 class Source:
-    """Code of the library, as it is."""
+    """Code of the library.
+
+    Attributes:
+        text: the code.
+        where: the full name of what it defines.
+    """
 
     text: str
     where: str
@@ -46,15 +56,15 @@ class Source:
         return f"# {self.where}\n{self.text}"
 
     def _repr_markdown_(self) -> str:
-        """For notebooks and the site."""
+        """The code for notebooks and the site."""
         return f"```python\n# {self.where}\n{self.text}\n```"
 
 
 def source(what: Any) -> Source:
     """The source of a function, a method or a class; the last line of a cell.
 
-    A lecture shows what it talks about by this, so the two cannot drift apart. Decorated things
-    (cached properties) are looked through.
+    A lecture shows the library's code by this, so that the two cannot drift apart. Of properties
+    and cached properties it is the function that they wrap.
     """
     found = getattr(what, "fget", None) or getattr(what, "func", None) or what
     text = inspect.cleandoc("\n" + inspect.getsource(found))

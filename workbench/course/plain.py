@@ -1,33 +1,38 @@
-"""Plain values: what an answer's process may send, and the form in which it does.
+"""Plain values, which the process of a student's file may send, and their form in JSON.
 
 Numbers, text, arrays of numbers, and lists, tuples and dicts of these are sent as themselves, in
-JSON. Whatever else a function answers is described in words. `opened` believes nothing: it checks
-all that it reads, and builds numbers, text and collections of these alone, so that nothing that is
-sent can run code here.
+JSON. Any other value is described in words. `opened` trusts nothing: it checks all that it reads,
+and makes numbers, text and collections of these only, so that nothing that is sent can run code
+here.
 """
 
 import base64
 import binascii
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from workbench.course.words import Described, described
 
-DEEPEST = 20  # lists within lists
+DEEPEST = 20  # levels of lists within lists
 LONGEST_LIST = 100_000  # entries; an array may have more
 TYPES = {"b": np.dtype("?"), "i": np.dtype("<i8"), "f": np.dtype("<f8"), "c": np.dtype("<c16")}
-AS = {"b": "b", "i": "i", "u": "f", "f": "f", "c": "c"}  # NumPy's kinds, and those above
+AS = {
+    "b": "b",
+    "i": "i",
+    "u": "f",
+    "f": "f",
+    "c": "c",
+}  # NumPy's kinds, and the key of TYPES for each
 
 
 class Malformed(ValueError):
-    """What came is not in the form that `sealed` gives."""
+    """A message that does not have the form that `sealed` gives."""
 
 
 def sealed(value: Any, depth: int = 0) -> Any:
-    """A value as JSON can hold it."""
+    """A value in the form in which JSON can hold it."""
     if value is None or isinstance(value, bool | np.bool_):
         return None if value is None else bool(value)
     if isinstance(value, Described):
@@ -47,13 +52,13 @@ def sealed(value: Any, depth: int = 0) -> Any:
     if not callable(value):
         try:  # large integers, fractions, CasADi's numbers, whatever has a float or an array in it
             return _array(np.asarray(value, dtype=float), value)
-        except Exception:  # whatever a type of the student's own does when it is asked
+        except Exception:  # a type of the student's own may raise anything
             pass
     return _in_words(value)
 
 
 def _parts(value: Any, depth: int) -> Any:
-    """Of a list, tuple or dict."""
+    """The sealed form of a list, tuple or dict."""
     if depth >= DEEPEST or len(value) > LONGEST_LIST:
         return _in_words(value, "too long, or too deep, to be graded")
     if isinstance(value, dict):
@@ -70,7 +75,7 @@ def _array(array: np.ndarray, value: Any) -> Any:
             return sealed(array.tolist()) if array.dtype.kind == "U" else _in_words(value)
         try:
             array = array.astype(float)
-        except Exception:  # whatever a type of the student's own does when it is asked
+        except Exception:  # a type of the student's own may raise anything
             return _in_words(value)
     kind = AS[array.dtype.kind]
     data = base64.b64encode(array.astype(TYPES[kind]).tobytes()).decode("ascii")
@@ -82,67 +87,36 @@ def _in_words(value: Any, words: str = "") -> Any:
 
 
 def opened(data: Any) -> Any:
-    """The value that was sealed; a Described where it could not be. Raises Malformed."""
+    """The value that was sealed, or a Described for one of no plain type. Raises Malformed."""
+    if isinstance(data, dict) and len(data) != 1:
+        raise Malformed("this is not a plain value")
     match data:
         case None | bool() | float() | str():
             return data
         case int() if abs(data) < 2**63:
             return data
-        case dict() if len(data) == 1:
-            ((form, content),) = data.items()
-            if isinstance(form, str) and form in FORMS:
-                return FORMS[form](content)
-    raise Malformed("this is no plain value")
-
-
-def _opened_list(content: Any) -> list[Any]:
-    if not isinstance(content, list) or len(content) > LONGEST_LIST:
-        raise Malformed("this is no list, or too long a one")
-    return [opened(part) for part in content]
-
-
-def _opened_dict(content: Any) -> dict[str, Any]:
-    if not isinstance(content, dict):
-        raise Malformed("this is no dict")
-    return {key: opened(part) for key, part in content.items()}
-
-
-def _opened_complex(content: Any) -> complex:
-    match content:
-        case [float() as real, float() as imaginary]:
+        case {"list": list() as parts} if len(parts) <= LONGEST_LIST:
+            return [opened(part) for part in parts]
+        case {"tuple": list() as parts} if len(parts) <= LONGEST_LIST:
+            return tuple(opened(part) for part in parts)
+        case {"dict": dict() as parts}:
+            return {key: opened(part) for key, part in parts.items()}
+        case {"complex": [float() as real, float() as imaginary]}:
             return complex(real, imaginary)
-    raise Malformed("this is no complex number")
+        case {"array": [str() as kind, list() as shape, str() as text]} if kind in TYPES:
+            return _opened_array(kind, shape, text)
+        case {"described": [str() as kind, str() as words]}:
+            return Described(kind, words)
+    raise Malformed("this is not a plain value")
 
 
-def _opened_array(content: Any) -> np.ndarray:
-    match content:
-        case [str() as kind, list() as shape, str() as text] if kind in TYPES:
-            pass
-        case _:
-            raise Malformed("this is no array")
+def _opened_array(kind: str, shape: list[Any], text: str) -> np.ndarray:
     if len(shape) > DEEPEST or not all(type(n) is int and 0 <= n < 2**31 for n in shape):
-        raise Malformed("this is no shape")
+        raise Malformed("this is not a shape")
     try:
         numbers = np.frombuffer(base64.b64decode(text, validate=True), TYPES[kind])
     except (binascii.Error, ValueError) as error:  # no base64, no ASCII, no whole numbers of bytes
-        raise Malformed("these are no numbers") from error
+        raise Malformed("these are not numbers") from error
     if math.prod(shape) != len(numbers) or math.prod(max(n, 1) for n in shape) >= 2**31:
         raise Malformed("these are not as many numbers as the shape has")
     return numbers.reshape(shape).copy()
-
-
-def _opened_description(content: Any) -> Described:
-    match content:
-        case [str() as kind, str() as words]:
-            return Described(kind, words)
-    raise Malformed("this is no description")
-
-
-FORMS: dict[str, Callable[[Any], Any]] = {
-    "list": _opened_list,
-    "tuple": lambda content: tuple(_opened_list(content)),
-    "dict": _opened_dict,
-    "complex": _opened_complex,
-    "array": _opened_array,
-    "described": _opened_description,
-}

@@ -1,15 +1,15 @@
-"""A student's file answers in a process that can be killed, and is graded in this one."""
+"""Grading a student's file: it answers in a process that can be killed; checks run in this one."""
 
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import ModuleType, TracebackType
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import workbench
-from workbench.course.answers import unheard
-from workbench.course.channel import Question
+from workbench.course.answers import without_warnings
+from workbench.course.channel import receive_answer, send_question
 from workbench.course.grades import CheckResult, CheckState, Grade
 from workbench.course.grading import Ended, grade_exercise
 from workbench.course.outline import Lecture
@@ -20,19 +20,20 @@ from workbench.processes.channel import Channel
 from workbench.processes.started import Started, signal_name
 
 STARTING = 120.0  # s, for Python to start and import the workbench on a slow machine
-SECONDS = 10.0  # that the answers to an exercise, and the loading of the file, may take
+SECONDS = 10.0  # s, for all answers to an exercise, and for loading the file
 
-LOADING = ""  # what is going on before the first exercise
+Exchanged = TypeVar("Exchanged")
+LOADING = ""  # stands for an exercise while the file is loaded
 
 
 def grade(lecture: Lecture, path: str | Path, seconds: float = SECONDS) -> Grade:
     """Grade a file of answers.
 
     The file runs in a process of its own, which answers; the checks run here, on the plain values
-    that it sends, and it is never asked for results. The answers to an exercise
-    have `seconds`. An exercise that takes longer, or ends the process, fails; the others are
-    answered by a new process. This keeps accidents in, and results from being forged; it is no
-    sandbox. Raises BadFile, BadArgument.
+    that it sends. All answers to an exercise together may take `seconds`. An exercise that takes
+    longer, or ends the process, fails; the others are answered by a new process. Accidents are
+    thus contained, and results cannot be forged, but this is no sandbox. Raises BadFile,
+    BadArgument.
     """
     if not seconds > 0:
         raise BadArgument(f"the time limit must be a number of seconds above 0, not {seconds}")
@@ -56,13 +57,13 @@ def grade(lecture: Lecture, path: str | Path, seconds: float = SECONDS) -> Grade
                 break
             for name in left:
                 try:
-                    with unheard():
+                    with without_warnings():
                         found[name] = grade_exercise(lecture, name, answers)
                     printed[name] = answers.printed()
                 except Ended as ended:
                     found[name] = _not_done(lecture, [name], str(ended))
                     break
-    results = [grade_exercise for name in lecture.exercises for grade_exercise in found[name]]
+    results = [result for name in lecture.exercises for result in found[name]]
     printed = {name: text for name, text in printed.items() if text}
     return Grade(lecture, str(path), tuple(results), printed=printed)
 
@@ -76,7 +77,7 @@ def _not_done(lecture: Lecture, exercises: Sequence[str], what: str) -> list[Che
 
 
 class StudentProcess:
-    """A process that answers, from its start to its end."""
+    """A process that answers questions to a student's file, from its start to its end."""
 
     def __init__(
         self, file: str, exercises: Sequence[str], seconds: float, checks: ModuleType
@@ -89,7 +90,7 @@ class StudentProcess:
             Path(file).parent,
         )
         self._channel = Channel(self._process.connection)
-        self._question = Question(self._channel, checks)
+        self._checks = checks
 
     def __enter__(self) -> Self:
         return self
@@ -100,19 +101,22 @@ class StudentProcess:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """It leaves no process behind, whatever happens."""
+        """End the process, whatever has happened."""
         self._channel.close()
         self._process.end()
 
     def loaded(self) -> str:
-        """What the file printed while it was loaded. Raises BadFile, or Ended: why it was not."""
+        """What the file printed while it was loaded.
+
+        Raises BadFile if the process did not start, and Ended if the file could not be loaded.
+        """
         try:
-            self._told(0)
+            self._answer(0)
         except Ended as ended:
-            raise BadFile(f"the process that answers did not come up: {ended}") from ended
+            raise BadFile(f"the process that answers did not start: {ended}") from ended
         self._limit = self._left = self._seconds
         self._number = 1
-        match self._told(1):
+        match self._answer(1):
             case {"loaded": str() as text}:
                 return legible(text)
             case {"trouble": str() as text}:
@@ -120,50 +124,56 @@ class StudentProcess:
         raise Ended("its process sent what is no answer")
 
     def begin(self, exercise: str, parameters: Sequence[str]) -> dict[str, Any]:
-        """See workbench.course.grading.Answers. From here on the exercise has its seconds."""
+        """Begin an exercise, whose time starts here; see `workbench.course.grading.Answers`."""
         self._left = self._limit
         return self._asked("begin", (exercise, parameters))
 
     def answer(self, arguments: tuple[Any, ...]) -> dict[str, Any]:
-        """See workbench.course.grading.Answers."""
+        """Answer; see `workbench.course.grading.Answers`."""
         return self._asked("answer", arguments)
 
     def printed(self) -> str:
-        """By the answers to the exercise that was begun last. Raises Ended."""
+        """What the answers to the latest exercise have printed. Raises Ended."""
         match self._asked("printed", ()):
             case {"printed": str() as text}:
                 return legible(text)
         raise Ended("its process sent what is no answer")
 
     def _asked(self, what: str, arguments: Any) -> dict[str, Any]:
+        """Ask, and wait for the answer. Raises Ended."""
         self._number += 1
-        began = time.monotonic()
-        try:
-            self._question.ask(self._number, what, arguments, self._left)
-        except TimeoutError:
-            raise self._late() from None
-        except OSError:  # it has gone; what it said before is not read any more
-            raise Ended(self._by()) from None
-        self._left -= time.monotonic() - began
-        return self._told(self._number)
+        self._in_time(
+            lambda left: send_question(
+                self._channel, self._checks, self._number, what, arguments, left
+            )
+        )
+        return self._answer(self._number)
 
-    def _told(self, number: int) -> dict[str, Any]:
+    def _answer(self, number: int) -> dict[str, Any]:
+        """Wait for the answer to a question. Raises Ended."""
+        answer = self._in_time(lambda left: receive_answer(self._channel, number, left))
+        if answer is None:
+            raise Ended(self._end())
+        return answer
+
+    def _in_time(self, exchange: Callable[[float], Exchanged]) -> Exchanged:
+        """The result of an exchange, whose time is taken from the seconds left. Raises Ended."""
         began = time.monotonic()
         try:
-            told: dict[str, Any] | None = self._question.told(number, self._left)
+            exchanged = exchange(self._left)
         except TimeoutError:
-            raise self._late() from None
+            raise Ended(
+                f"stopped after {self._limit:g} s: it takes too long, or does not end"
+            ) from None
+        except OSError:  # the process has ended; what it sent before is not read any more
+            raise Ended(self._end()) from None
         except Malformed:
             raise Ended("its process sent what is no answer") from None
-        if told is None:
-            raise Ended(self._by())
         self._left -= time.monotonic() - began
-        return told
+        return exchanged
 
-    def _late(self) -> Ended:
-        return Ended(f"stopped after {self._limit:g} s: it takes too long, or does not end")
-
-    def _by(self) -> str:
+    def _end(self) -> str:
+        """How the process ended, for the end of a sentence."""
         code = self._process.wait(10)
         if code is None:
             return "its process ended its output and went on"
@@ -173,7 +183,7 @@ class StudentProcess:
 
 
 def environment() -> dict[str, str]:
-    """This process's, and where the workbench is, for one that starts in another folder."""
+    """Variables by which a process that starts in another folder finds the workbench."""
     here = str(Path(workbench.__file__).parents[1])
     paths = [here, *filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep))]
     return {

@@ -1,8 +1,8 @@
-"""Solutions and checks of lectures, kept from the file that is being graded.
+"""Keeping solutions and checks of lectures from the file that is being graded.
 
-This is for the process that answers, and lasts until that ends. It refuses whatever opens one of
-these files in Python: an import under any name, importlib, runpy, open. Nothing of them is in that
-process. It is no sandbox: another process that is started there gets around it.
+This is for the process that answers, and lasts until that ends. Whatever opens one of these files
+in Python is refused: an import under any name, importlib, runpy, open. That process has imported
+none of them itself. This is no sandbox: another process that is started there can read the files.
 """
 
 import os
@@ -18,7 +18,7 @@ WITHHELD = ("solutions", "checks")  # of FILES in workbench.course.outline
 class Withheld(WorkbenchError, PermissionError):
     """A file that is being graded asked for solutions or checks.
 
-    It is an OSError too, because those who only want to show a line of source expect that one.
+    It is an OSError, too, which code that only shows a line of source expects.
     """
 
 

@@ -1,4 +1,4 @@
-"""Values in a line of a table: rounded, and cut where they go on for ever."""
+"""Values in words, for a line of a table: rounded, and cut where they are long."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -6,12 +6,17 @@ from typing import Any
 import numpy as np
 
 LONGEST = 300  # characters of a value
-LONGEST_TEXT = 1000  # characters of whatever else comes from an answer's process
+LONGEST_TEXT = 1000  # characters of any other text from the process of a student's file
 
 
 @dataclass(frozen=True)
 class Described:
-    """What stands for a value that is no number, array, text, list, tuple or dict of these."""
+    """Stands for a value that is no number, array, text, list, tuple or dict of these.
+
+    Attributes:
+        kind: what the value is, such as `a set`.
+        words: the value in words.
+    """
 
     kind: str
     words: str
@@ -21,12 +26,12 @@ class Described:
 
 
 def described(value: Any, words: str = "") -> Described:
-    """A value that cannot be sent, in words; of a function, what to do with it."""
+    """A value that cannot be sent, in words; a function is described as one to be called."""
     return Described(kind(value), words or ("call it" if callable(value) else in_words(value)))
 
 
 def in_words(value: Any) -> str:
-    """Numbers to six digits; of anything else its repr, or its type where it has none."""
+    """Numbers to six digits; anything else as its repr, or as its type if that raises an error."""
     if isinstance(value, Described):
         return value.words
     if isinstance(value, bool | np.bool_ | str):
@@ -61,15 +66,15 @@ def kind(value: Any) -> str:
 
 
 def cut(text: str, longest: int = LONGEST) -> str:
-    """The beginning of a text that is too long."""
+    """The text, or the beginning of one that is too long."""
     return text if len(text) <= longest else text[:longest] + " ..."
 
 
 def legible(text: str) -> str:
-    """A text of somebody else's as it may be printed: cut, and control characters spelled out.
+    """A foreign text in a form that may be printed: cut, with control characters spelled out.
 
-    A terminal obeys control characters: with a few of them a text could wipe the screen and paint
-    results of its own.
+    A terminal obeys control characters: with a few of them a text could clear the screen and
+    print results of its own.
     """
     return "".join(
         c if c.isprintable() or c in "\n\t" else c.encode("unicode_escape").decode("ascii")

@@ -1,16 +1,42 @@
 """What a problem's Jacobian can see, the names of what it cannot, and what to do about it."""
 
+from workbench.diagnostics.derivatives import DerivativeCheck, Suspect
 from workbench.diagnostics.diagnose import diagnose, diagnose_whole
-from workbench.diagnostics.diagnosis import Diagnosis, Undiagnosed
+from workbench.diagnostics.diagnosis import Diagnosis
 from workbench.diagnostics.diagnosis_comparison import DiagnosisComparison
+from workbench.diagnostics.identifiability import (
+    Contribution,
+    EntryIdentifiability,
+    Identifiability,
+)
+from workbench.diagnostics.neighbourhood import Neighbourhood
 from workbench.diagnostics.null_space import Direction
+from workbench.diagnostics.sequence_names import NullDirections
 from workbench.diagnostics.sequences import SequenceDiagnosis
+from workbench.diagnostics.shared_unknowns import SharedUnknowns
+from workbench.diagnostics.structure import Structure, Submatrix, TermBlock
+from workbench.diagnostics.suggestion import RankAndCondition, Suggestion
+from workbench.diagnostics.wording import Finding, Undiagnosed
 
 __all__ = [
+    "Contribution",
+    "DerivativeCheck",
     "Diagnosis",
     "DiagnosisComparison",
     "Direction",
+    "EntryIdentifiability",
+    "Finding",
+    "Identifiability",
+    "Neighbourhood",
+    "NullDirections",
+    "RankAndCondition",
     "SequenceDiagnosis",
+    "SharedUnknowns",
+    "Structure",
+    "Submatrix",
+    "Suggestion",
+    "Suspect",
+    "TermBlock",
     "Undiagnosed",
     "diagnose",
     "diagnose_whole",

@@ -1,4 +1,4 @@
-"""What bounds and constraints hold at a point: directions that no residual has to notice."""
+"""Which bounds and constraints are active at a point, and the Jacobian under them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -9,18 +9,21 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csc_array, vstack
 
 from workbench.arrays import Array, Index, Mask
+from workbench.diagnostics.elimination import Elimination
 from workbench.diagnostics.linearized import linearized, pattern_of
+from workbench.diagnostics.parts import Parts
 from workbench.problem import Linearization, Problem
 from workbench.problem.steps import EPS
 from workbench.problem.storage import stacked
+from workbench.threads import limited_threads
 
 
 @dataclass(frozen=True, eq=False)
 class ActiveSet:
-    """What of a problem's constraints and bounds is active at a point.
+    """The constraints and bounds of a problem that are active at a point.
 
     An equation is always active; an inequality is where its value misses one of its limits by no
-    more than its tolerance, or lies beyond it. A row whose gradient is zero there holds nothing.
+    more than its tolerance, or lies beyond it. A row whose gradient is zero there forbids nothing.
     A bound is an inequality on one unknown, whose gradient is a row of the identity; its
     tolerance is a millionth of its size (of 1, if it is smaller), and at most a thousandth of the
     way to the other bound.
@@ -60,7 +63,7 @@ class ActiveSet:
 def active_set_at(
     problem: Problem, at: Mapping[str, ArrayLike], like: ActiveSet | None = None
 ) -> ActiveSet:
-    """What holds at these values; or, where `like` says which rows do, their gradients here."""
+    """What is active at these values; with `like`, the gradients here of what is active there."""
     x, fixed = problem.split(at)
     constraints, rows, names = problem.stacked_constraints, np.zeros((0, x.size)), []
     active = np.zeros(0, dtype=bool)
@@ -105,11 +108,15 @@ def _bound(problem: Problem, i: int, low: bool) -> str:
 
 @dataclass(frozen=True, eq=False)
 class ConstrainedJacobian:
-    """A Jacobian J (m, n) and rows A (k, n) along which nothing may move.
+    """A Jacobian J (m, n) under constraints, whose gradients are the rows A (k, n).
 
     What can move is d = Z y with A Z = 0, and the residuals change by J Z y: the reduced Jacobian.
     A direction is noticed if a residual notices it or a constraint forbids it. Without rows all
     of this is J itself.
+
+    Attributes:
+        here: the linearization with the Jacobian J.
+        rows: A, the gradients of active constraints and bounds; rows of zeros are dropped.
     """
 
     here: Linearization
@@ -152,7 +159,7 @@ class ConstrainedJacobian:
 
     @cached_property
     def stacked(self) -> Linearization:
-        """J above A, each row of A as long as J's longest column: for who looks at columns."""
+        """J above A, with rows of A as long as J's longest column: to compare columns."""
         if not len(self.rows):
             return self.here
         length = float(self.here.column_norms.max(initial=0.0)) or 1.0
@@ -160,9 +167,41 @@ class ConstrainedJacobian:
         r = np.concatenate([self.here.residual, np.zeros(len(A))])
         return Linearization(r, stacked(self.here.jacobian, A))
 
+    @cached_property
+    def parts(self) -> Parts | None:
+        """The parts into which the Jacobian and the rows fall; None if it is dense, or has none."""
+        return Parts.of(self.stacked)
+
+    @cached_property
+    def eliminated(self) -> Elimination | None:
+        """The unknowns eliminated part after part, where there are parts."""
+        if self.parts is None:
+            return None
+        with limited_threads():  # its matrices are small
+            return Elimination.of(self.parts)
+
+    @cached_property
+    def null(self) -> Array:
+        """(n, n - rank), orthonormal: what no residual notices and no constraint forbids."""
+        if self.parts is None or self.eliminated is None:
+            spectrum = self.stacked.spectrum
+            return spectrum.Vt[spectrum.rank :].T
+        with limited_threads():
+            vectors = self.eliminated.null_vectors.toarray() / self.parts.lengths[:, None]
+            return np.asarray(np.linalg.qr(vectors)[0])
+
+    @property
+    def tolerance(self) -> float:
+        """By how much a vector of length 1 may change J above A if that counts as nothing."""
+        if self.parts is None:
+            return self.stacked.spectrum.tolerance
+        return self.parts.tolerance * float(self.stacked.column_norms.max())
+
     @property
     def rank(self) -> int:
         """The rank: directions that change a residual or that a constraint forbids."""
+        if self.eliminated is not None:
+            return self.eliminated.rank
         return self.count + self.reduced.spectrum.rank
 
     @property
@@ -175,12 +214,12 @@ class ConstrainedJacobian:
 
     @cached_property
     def laplace(self) -> tuple[Array, Array]:
-        """Each entry's sigma (n,), and half of the covariance (n, rank): half @ half.T is it.
+        """Each entry's sigma (n,), and a square root of the covariance: half @ half.T, (n, rank).
 
-        Entries with a part in what is not noticed have an infinite sigma; what a constraint
-        forbids adds nothing to any.
+        Entries that take part in a null direction have an infinite sigma; directions that a
+        constraint forbids add nothing to it.
         """
-        s, directions = self.reduced.spectrum.seen
+        s, directions = self.reduced.spectrum.determined
         along = directions.T
         forbidden = np.zeros(self.here.shape[1])
         if len(self.rows):
@@ -196,15 +235,15 @@ class ConstrainedJacobian:
         return ConstrainedJacobian(self.here.rows(part), self.rows)
 
     def measured(self, yardsticks: Array) -> "ConstrainedJacobian":
-        """The same Jacobian in unknowns y with x = yardsticks * y."""
+        """This Jacobian in unknowns y with x = yardsticks * y."""
         if (yardsticks == 1).all():
             return self
         return ConstrainedJacobian(self.here.scaled(yardsticks), self.rows * yardsticks)
 
 
-BLIND = 1e-9  # of an entry's square that lies in the null space: then it is not known
-NEAR = 1e-6  # of the size of a bound: on it, as the sampler takes it too
-NEAR_OF_WIDTH = 1e-3  # of the way between two bounds
+BLIND = 1e-9  # squared part of an entry in the null space, from which on it is not known
+NEAR = 1e-6  # of the size of a bound: nearer points are on it, as for the sampler
+NEAR_OF_WIDTH = 1e-3  # of the way between two bounds, the most that counts as on one
 
 
 def constrained_jacobian_at(

@@ -1,4 +1,4 @@
-"""How well a Jacobian's columns and rows stand apart, and who is to blame where they do not."""
+"""How far columns and rows are from parallel, and which ones make a Jacobian ill-conditioned."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,19 +9,25 @@ import scipy.linalg
 from workbench.arrays import Array
 from workbench.blocks import Layout, Tree
 from workbench.diagnostics.active_set import ConstrainedJacobian
-from workbench.diagnostics.null_space import sparsest
+from workbench.diagnostics.sparse_bases import sparsest
 from workbench.problem import Linearization
 
-PARALLEL = 1e-8  # 1 - |cosine| of columns that say the same
-NEARLY = 1e-3
-SAME_ROW = 1.5e-4  # sine of the angle of rows that ask the same: 1 - cosine is 1e-8
-FEW = 3000  # rows that are compared each with each
+PARALLEL = 1e-8  # sine of the angle up to which columns are called parallel
+NEARLY = 1e-3  # sine of the angle up to which columns are called nearly parallel
+SAME_ROW = 1.5e-4  # sine of the angle up to which rows are parallel: 1 - cosine is 1e-8
+FEW = 3000  # rows up to which every pair is compared
 MOST = 20  # pairs, rows or columns that are listed
 
 
 @dataclass(frozen=True)
 class ParallelPair:
-    """Two columns (or rows) by index; `apart` is the sine of their angle."""
+    """Two columns, or two rows, that are nearly parallel.
+
+    Attributes:
+        first: the index of one.
+        second: the index of the other.
+        sine: the sine of the angle between them.
+    """
 
     first: int
     second: int
@@ -30,7 +36,7 @@ class ParallelPair:
 
 @dataclass(frozen=True, eq=False)
 class WeakestDirection:
-    """A certificate of ill-conditioning: few columns that nearly cancel, and the rows that object.
+    """A certificate of ill-conditioning: few columns that nearly cancel, and the rows that remain.
 
     |J d| is small although d has length 1; `columns` carry d, `rows` carry J d.
 
@@ -51,7 +57,13 @@ class WeakestDirection:
 
 @dataclass(frozen=True)
 class JointTurn:
-    """How well a joint is seen to turn about its best axis and the next: sigmas per radian."""
+    """How strongly the residuals change when a joint turns, in sigmas per radian.
+
+    Attributes:
+        joint: the joint's name.
+        best: the change for a turn about the axis of the largest change.
+        second: the change about the best axis at right angles to it.
+    """
 
     joint: str
     best: float
@@ -61,8 +73,8 @@ class JointTurn:
 def joint_turns(here: Linearization, free: Layout, trees: Sequence[Tree]) -> tuple[JointTurn, ...]:
     """The strongest two turns of each joint, all other joints at rest.
 
-    In space a bone shows two turns alike. In one image it shows one only, if it lies across the
-    line of sight: the other moves its end in depth.
+    Points in space show two turns of a bone equally well. One image shows only one of them if the
+    bone lies across the line of sight: the other turn moves its end in depth.
     """
     found = []
     for tree in trees:
@@ -84,7 +96,7 @@ def parallel_columns(here: Linearization, within: float = NEARLY) -> tuple[Paral
     pairs = []
     for k in np.argsort(-cosines[i, j])[: 50 * MOST]:
         a, b = int(read[i[k]]), int(read[j[k]])
-        # a sine, for a cosine cannot tell 1e-9 from 1e-10; of J itself where R is an estimate
+        # a sine, because cosines of 1e-9 and 1e-10 are equal; of J itself where R is an estimate
         x, y = (here.column(a), here.column(b)) if here.estimated else (here.R[:, a], here.R[:, b])
         pairs.append(ParallelPair(a, b, _sine(x / norms[a], y / norms[b])))
     return tuple(sorted((p for p in pairs if p.sine <= within), key=lambda p: p.sine)[:MOST])
@@ -93,7 +105,7 @@ def parallel_columns(here: Linearization, within: float = NEARLY) -> tuple[Paral
 def parallel_rows(here: Linearization, within: float = SAME_ROW) -> tuple[ParallelPair, ...]:
     """Pairs of rows whose angle has a sine of at most `within`, in their order.
 
-    Repeated observations are no fault; they are listed because they count twice. Of more than
+    Repeated observations are not wrong; they are listed because they count twice. Of more than
     FEW rows only neighbours are compared, after sorting by one random projection, which brings
     parallel ones together.
     """
@@ -122,22 +134,23 @@ def _sine(a: Array, b: Array) -> float:
     return float(min(np.linalg.norm(a - b), np.linalg.norm(a + b)))
 
 
-def weakest(tied: ConstrainedJacobian, most: int = 3) -> tuple[WeakestDirection, ...]:
-    """What the smallest singular values above the tolerance are made of, as far as it may move.
+def weakest(constrained: ConstrainedJacobian, most: int = 3) -> tuple[WeakestDirection, ...]:
+    """The directions of the smallest singular values above the tolerance, under the constraints.
 
-    Directions about as weak, within a factor of three, are told apart by having few entries each.
+    Directions about as weak, within a factor of three, are separated into vectors that have few
+    entries each.
     """
-    s, Vt = tied.reduced.spectrum.s, tied.reduced.spectrum.Vt
+    s, Vt = constrained.reduced.spectrum.s, constrained.reduced.spectrum.Vt
     found: list[WeakestDirection] = []
-    k = tied.reduced.spectrum.rank - 1
+    k = constrained.reduced.spectrum.rank - 1
     while k >= 0 and len(found) < most:
         group = np.flatnonzero(s[: k + 1] < 3 * s[k])[::-1]
         basis = Vt[group].T
         if 1 < group.size < 12:
             basis = sparsest(basis, np.zeros((len(basis), 0)))
-        basis = tied.tangent @ basis if len(tied.rows) else basis
+        basis = constrained.tangent @ basis if len(constrained.rows) else basis
         for i, d in zip(group[: most - len(found)], basis.T, strict=False):
-            moved = tied.here.along(d)
+            moved = constrained.here.along(d)
             change = float(np.linalg.norm(moved))
             found.append(WeakestDirection(float(s[i]), d, change, _main(d), _main(moved)))
         k -= group.size
@@ -152,16 +165,16 @@ def _main(v: Array) -> tuple[int, ...]:
 
 
 def leverage(here: Linearization) -> Array | None:
-    """h_i in 0..1 (m,), summing to the rank: 1 is a row that alone decides something.
+    """The leverage of each row, 0 to 1 (m,); they add up to the rank.
 
-    None where the Jacobian is sparse and large.
+    A row of leverage 1 determines a direction alone. None where the Jacobian is sparse and large.
     """
     if here.estimated:
         return None
     if here.shape[0] < here.shape[1]:
         U, s, _ = here.svd
         return np.asarray(np.sum(U[:, s > here.spectrum.tolerance] ** 2, axis=1))
-    s, seen = here.spectrum.seen
+    s, seen = here.spectrum.determined
     if len(s) == here.shape[1]:
         Q = scipy.linalg.solve_triangular(here.R, here.dense.T, trans="T", lower=False)
         return np.asarray(np.sum(Q**2, axis=0))

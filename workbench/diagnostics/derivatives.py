@@ -1,6 +1,6 @@
-"""Whether the derivatives are right: against differences, and by Taylor's law of second order."""
+"""A check of derivatives by finite differences and by the error of the linear model."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,10 +12,10 @@ from workbench.problem import Linearization, Problem
 from workbench.problem.steps import EPS
 from workbench.problem.storage import dense
 
-WRONG = 1e-5  # of the largest entry of its column and of what differences can resolve
+WRONG = 1e-5  # of the largest entry of its column: by more, an entry is wrong
 STEPS_OF_DIFFERENCES = tuple(2e-4 / 32**k for k in range(5))  # of a unit, or of a larger number
 NOISE = 8 * EPS
-MOST_COLUMNS = 300  # that are differenced one by one; of more, a random choice
+MOST_COLUMNS = 300  # columns that are all compared; of more, a random choice is
 HESSIAN_UP_TO = 150  # free numbers, and
 HESSIAN_ROWS = 8000  # rows: above, an exact Hessian takes longer than all the rest
 STEPS = np.logspace(-1, -5, 9)
@@ -72,12 +72,18 @@ class DerivativeCheck:
     @property
     def passed(self) -> bool:
         """Whether no entry, slope, gradient or Hessian is wrong."""
-        return (
-            self.wrong == 0
-            and self.gradient_error < 1e-8
-            and (self.hessian_error is None or self.hessian_error < 1e-4)
-            and (self.slope is None or self.slope > 1.5)
-        )
+        return not self.wrong and not any(self.faults)
+
+    @property
+    def faults(self) -> Iterator[str]:
+        """What is wrong apart from single entries, a sentence for each."""
+        if self.slope is not None and self.slope <= 1.5:
+            yield f"the error of the linear model falls like h^{self.slope:.1f}, not like h^2"
+        if not self.gradient_error < 1e-8:
+            yield f"the gradient differs from J'r by {self.gradient_error:.1e}"
+        if self.hessian_error is not None and not self.hessian_error < 1e-4:
+            error = f"{self.hessian_error:.1e}"
+            yield f"the exact Hessian differs by {error} from finite differences"
 
 
 def check_derivatives(
@@ -138,11 +144,11 @@ def _compared(
     first = np.zeros_like(given)
     off, allowed = np.full_like(given, np.inf), np.ones_like(given)
     for step in STEPS_OF_DIFFERENCES:
-        found = _central(problem, x, fixed, i, step * unit)
+        found = _central(lambda y: problem.residual(y, fixed), x, i, step * unit)
         first = found if step == STEPS_OF_DIFFERENCES[0] else first
         doubt = NOISE * (abs(r) + abs(found) * unit + 1.0) / (step * unit)
         here, may = np.maximum(abs(given - found) - doubt, 0), np.maximum(WRONG * size, 9 * doubt)
-        # at the edge of where r is defined differences say nothing
+        # at the edge of the domain of r differences say nothing
         here[~np.isfinite(found)], may[~np.isfinite(found)] = 0.0, 1.0
         better = here * allowed < off * may
         off, allowed = np.where(better, here, off), np.where(better, may, allowed)
@@ -151,11 +157,11 @@ def _compared(
     return first, off, allowed
 
 
-def _central(problem: Problem, x: Array, fixed: Array, i: int, h: float) -> Array:
+def _central(function: Callable[[Array], Array], x: Array, i: int, h: float) -> Array:
+    """The derivative of a function at x by x_i, from its values at x_i - h and x_i + h."""
     up, down = x.copy(), x.copy()
     up[i], down[i] = x[i] + h, x[i] - h
-    high, low = problem.residual(up, fixed), problem.residual(down, fixed)
-    return np.asarray((high - low) / (up[i] - down[i]))
+    return np.asarray((function(up) - function(down)) / (up[i] - down[i]))
 
 
 def _taylor(
@@ -164,19 +170,14 @@ def _taylor(
     d = rng.standard_normal(x.size)
     d /= max(float(np.linalg.norm(d)), 1e-300)
     slope_of_r = here.along(d)
-    left = np.array(
-        [
-            float(
-                np.linalg.norm(problem.residual(x + h * d, fixed) - here.residual - h * slope_of_r)
-            )
-            for h in STEPS
-        ]
-    )
+    steps = STEPS[:, None] * d
+    moved = np.array([problem.residual(x + step, fixed) for step in steps])
+    left = np.linalg.norm(moved - here.residual - STEPS[:, None] * slope_of_r, axis=1)
     rounding = 100 * EPS * (1 + float(np.linalg.norm(here.residual)) + here.norm)
     clear = np.isfinite(left) & (left > 10 * rounding)
     if clear.sum() < 3:
         return left, None
-    # the smallest steps that rounding has not reached: there the law holds best
+    # the smallest steps that rounding has not reached, where the slope is clearest
     h, e = np.log(STEPS[clear])[-4:], np.log(left[clear])[-4:]
     return left, float(np.polyfit(h, e, 1)[0])
 
@@ -199,17 +200,16 @@ def _second(
         return None, None
     if not np.isfinite(H).all():
         return float("inf"), None
+
+    def gradient(y: Array) -> Array:
+        return problem.cost_and_gradient(y, fixed)[1]
+
     off, pull = np.empty_like(H), here.column_norms * float(np.linalg.norm(here.residual))
     for i in range(x.size):
         h = 1e-4 * max(1.0, abs(x[i]))
-        slopes = []
-        for step in (h, 0.5 * h):
-            up, down = x.copy(), x.copy()
-            up[i], down[i] = x[i] + step, x[i] - step
-            g = [problem.cost_and_gradient(y, fixed)[1] for y in (up, down)]
-            slopes.append((g[0] - g[1]) / (up[i] - down[i]))
-        found = (4 * slopes[1] - slopes[0]) / 3
-        doubt = abs(found - slopes[1]) + NOISE * pull / h
+        coarse, fine = (_central(gradient, x, i, step) for step in (h, 0.5 * h))
+        found = (4 * fine - coarse) / 3
+        doubt = abs(found - fine) + NOISE * pull / h
         off[:, i] = np.maximum(abs(H[:, i] - found) - doubt, 0)
     normal = dense(here.normal)
     size = max(float(np.linalg.norm(H)), 1e-300)

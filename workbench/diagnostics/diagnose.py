@@ -1,15 +1,17 @@
-"""Where a diagnosis begins."""
+"""Diagnoses of a problem at a point: the public functions."""
 
 from collections.abc import Iterable, Mapping
 
 from numpy.typing import ArrayLike
 
 from workbench.blocks.checks import texts
+from workbench.diagnostics import sequence_words
 from workbench.diagnostics.diagnosis import Diagnosis
 from workbench.diagnostics.linearized import linearized
 from workbench.diagnostics.sequences import SequenceDiagnosis
+from workbench.diagnostics.words import diagnosis_of
 from workbench.errors import BadArgument
-from workbench.problem import Problem
+from workbench.problem import Linearization, Problem
 from workbench.problem.storage import check_wide, is_long
 
 
@@ -18,20 +20,19 @@ def diagnose(
 ) -> Diagnosis | SequenceDiagnosis:
     """Look at a problem's whitened Jacobian at the values `at`.
 
-    Of a long sequence of frames, with more than 4,000 unknowns, the result is a SequenceDiagnosis:
-    it answers the same questions of rank and of what is not seen, frame after frame, and has no
-    singular values. Of any other problem it is a Diagnosis.
+    For a long sequence of frames, with more than 4,000 unknowns, the result is a SequenceDiagnosis:
+    it answers the same questions about rank and null directions, frame after frame, and has no
+    singular values. For any other problem it is a Diagnosis.
 
-    `priors` name the residuals that are no data, or is such a name; what is known by them alone
-    is told apart. Raises UnknownName for a name that no residual has, BadArgument for what is no
-    problem, and what `Problem.split` raises for the values.
+    `priors` are the names of the residuals that are priors and not data, or one such name; the
+    diagnosis separates what they contribute. Raises UnknownName for a name that no residual has,
+    BadArgument for what is no problem, and what `Problem.split` raises for the values.
     """
     names = _checked(problem, priors)
     here = linearized(problem, at)  # looks at every value
     if is_long(here.jacobian):
-        return SequenceDiagnosis(problem, problem.read(at), here, names)
-    check_wide(here.jacobian)
-    return Diagnosis(problem, problem.read(at), here, names)
+        return SequenceDiagnosis(problem, problem.read(at), here, sequence_words.WORDING, names)
+    return _whole(problem, at, here, names)
 
 
 def diagnose_whole(
@@ -39,9 +40,14 @@ def diagnose_whole(
 ) -> Diagnosis:
     """A diagnosis with singular values. Raises TooLarge for a long sequence."""
     names = _checked(problem, priors)
-    here = linearized(problem, at)
+    return _whole(problem, at, linearized(problem, at), names)
+
+
+def _whole(
+    problem: Problem, at: Mapping[str, ArrayLike], here: Linearization, priors: tuple[str, ...]
+) -> Diagnosis:
     check_wide(here.jacobian)
-    return Diagnosis(problem, problem.read(at), here, names)
+    return diagnosis_of(problem, problem.read(at), here, priors)
 
 
 def _checked(problem: Problem, priors: str | Iterable[str]) -> tuple[str, ...]:

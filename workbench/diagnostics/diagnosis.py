@@ -1,4 +1,4 @@
-"""The Jacobian of a fit at one point: what it sees, what it cannot see, and what to do about it."""
+"""The diagnosis of a problem at one point: its rank, null directions, and what to do about them."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -9,9 +9,7 @@ import numpy as np
 from workbench.arrays import Array, Mask
 from workbench.blocks import Layout, Values
 from workbench.diagnostics import conditioning, null_space, structure
-from workbench.diagnostics.advice import advise
 from workbench.diagnostics.derivatives import DerivativeCheck, check_derivatives
-from workbench.diagnostics.findings import Finding, findings
 from workbench.diagnostics.identifiability import (
     Contribution,
     Identifiability,
@@ -23,38 +21,33 @@ from workbench.diagnostics.neighbourhood import Neighbourhood
 from workbench.diagnostics.null_space import Direction
 from workbench.diagnostics.point import Point
 from workbench.diagnostics.rank_law import law_of
-from workbench.diagnostics.report import report
-from workbench.diagnostics.schema import as_data
 from workbench.diagnostics.structure import Structure, TermBlock
 from workbench.diagnostics.suggestion import RankAndCondition, Suggestion, rank_and_condition
-from workbench.diagnostics.summary import summary
-from workbench.errors import WorkbenchError
+from workbench.diagnostics.wording import Finding, Undiagnosed, Wording
 from workbench.problem import Linearization, Problem
-
-
-class Undiagnosed(WorkbenchError, AssertionError):
-    """An assertion about a diagnosis that does not hold."""
 
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
     """A problem at one point. Every part is computed when it is first asked for.
 
-    What bounds and constraints forbid here counts as noticed: in rank, null directions and sigmas.
-    What is hardly noticed is so relative to yardsticks: see `point`.
+    Directions that bounds and constraints forbid here count as seen, in rank, null directions and
+    sigmas. Whether a direction is weak is judged relative to yardsticks: see `point`.
 
-    `str` of it is a summary, `report()` everything in words, `data()` the same as JSON.
+    `str` gives a summary, `report()` everything in words, `data()` the same as JSON.
 
     Attributes:
         problem: the problem.
         at: the values of all blocks that it reads.
         here: its linearization at these values, without columns of rounding errors.
+        wording: the functions that put it into words.
         priors: the names of the residuals that are priors, not data.
     """
 
     problem: Problem = field(repr=False)
     at: Values = field(repr=False)
     here: Linearization = field(repr=False)
+    wording: "Wording[Diagnosis]" = field(repr=False)
     priors: tuple[str, ...] = ()
 
     # Size and structure.
@@ -71,12 +64,12 @@ class Diagnosis:
 
     @cached_property
     def point(self) -> Point:
-        """What constraints hold here, and what each unknown is held against."""
+        """The active constraints at this point, and the yardstick of each unknown."""
         return Point(self.problem, self.at, self.here, self.priors)
 
     @cached_property
     def structure(self) -> Structure:
-        """The pattern, taken apart; what bounds and constraints hold is part of it."""
+        """The decomposition of the pattern; active bounds and constraints are part of it."""
         return structure.decomposed(pattern_at(self.problem), self.point.active_pattern)
 
     @property
@@ -124,7 +117,7 @@ class Diagnosis:
         """Rows and columns of entries that are NaN or infinite; column -1: of the residual."""
         return not_finite(self.here)
 
-    # Rank, and what is not seen.
+    # Rank and null directions.
 
     @property
     def singular_values(self) -> Array:
@@ -180,7 +173,7 @@ class Diagnosis:
 
     @cached_property
     def weak_directions(self) -> tuple[Direction, ...]:
-        """What changes the residuals by less than one sigma for a whole yardstick; weakest first.
+        """Directions along which a yardstick changes residuals by less than a sigma, weakest first.
 
         The vectors have length 1 once every unknown is measured by its own yardstick.
         """
@@ -193,7 +186,7 @@ class Diagnosis:
 
     @cached_property
     def rank_law(self) -> tuple[int, str] | None:
-        """The rank that the tree predicts, and why; None unless only joints are looked at."""
+        """The rank that the tree predicts, and why; None unless only joints are observed."""
         if self.point.active.any:
             return None
         return law_of(self.problem, self.at)
@@ -225,7 +218,7 @@ class Diagnosis:
         """(m,) the leverage of each row, 0 to 1; None for a large sparse Jacobian."""
         return conditioning.leverage(self.point.constrained.reduced)
 
-    # What is known of each number.
+    # What is known about each unknown.
 
     @cached_property
     def identifiability(self) -> Identifiability:
@@ -251,17 +244,17 @@ class Diagnosis:
         """A check of the derivatives against finite differences."""
         return check_derivatives(self.problem, self.at, self.here)
 
-    # What to make of it.
+    # Conclusions.
 
     @cached_property
     def suggestions(self) -> tuple[Suggestion, ...]:
         """What to do; each suggestion was tried out."""
-        return advise(self)
+        return self.wording.suggestions(self)
 
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
         """All findings, warnings first."""
-        return findings(self)
+        return self.wording.findings(self)
 
     @property
     def warnings(self) -> tuple[Finding, ...]:
@@ -282,12 +275,12 @@ class Diagnosis:
             raise Undiagnosed("; ".join(warning.text for warning in self.warnings))
 
     def __str__(self) -> str:
-        return summary(self)
+        return self.wording.summary(self)
 
     def report(self) -> str:
         """Everything in words, section by section."""
-        return report(self, self.findings, self.suggestions)
+        return self.wording.report(self)
 
     def data(self) -> dict[str, Any]:
         """Everything as plain data, for JSON; `schema` and `version` say how to read it."""
-        return as_data(self, self.findings, self.suggestions)
+        return self.wording.data(self)

@@ -8,7 +8,8 @@ import numpy as np
 
 from workbench.diagnostics.diagnosis import Diagnosis
 from workbench.diagnostics.null_space import Direction
-from workbench.diagnostics.structure import counted, gathered
+from workbench.diagnostics.structure import counted
+from workbench.diagnostics.summary import names_of
 from workbench.diagnostics.tables import table
 
 MUCH = 1.5  # factor by which a sigma has to change to be listed
@@ -16,10 +17,11 @@ MUCH = 1.5  # factor by which a sigma has to change to be listed
 
 @dataclass(frozen=True, eq=False)
 class DiagnosisComparison:
-    """What the second sees that the first does not, and the other way round.
+    """Two diagnoses side by side, compared in the unknowns that have the same names in both.
 
-    `gained` are null directions of the first along which the second changes (by more than its
-    tolerance); `lost` the reverse. Both are read in the unknowns that the two share, by name.
+    Attributes:
+        first: one diagnosis.
+        second: the other.
     """
 
     first: Diagnosis
@@ -27,12 +29,12 @@ class DiagnosisComparison:
 
     @cached_property
     def gained(self) -> tuple[Direction, ...]:
-        """Not seen by the first, seen by the second."""
+        """Null directions of the first along which the second changes (above its tolerance)."""
         return _seen_by(self.second, self.first)
 
     @cached_property
     def lost(self) -> tuple[Direction, ...]:
-        """Seen by the first, not by the second."""
+        """Null directions of the second along which the first changes (above its tolerance)."""
         return _seen_by(self.first, self.second)
 
     @cached_property
@@ -54,9 +56,7 @@ class DiagnosisComparison:
         ):
             if found:
                 lines += ["", f"{counted(len(found), 'direction')} {title}:"]
-                entries = [x.name for x in found if x.kind == "entry"]
-                lines += [f"  {', '.join(gathered(entries))}"] if entries else []
-                lines += [f"  {x.name}" for x in found if x.kind != "entry"]
+                lines += [f"  {name}" for name in names_of(found)]
         changed = [p for p in self.sigmas if _factor(p[1], p[2]) > MUCH][:12]
         if changed:
             rows = [(name, f"{x:.3g}", f"{y:.3g}") for name, x, y in changed]
@@ -76,7 +76,7 @@ class DiagnosisComparison:
 
 
 def _figures(d: Diagnosis) -> dict[str, str]:
-    """What is set side by side; `-` where the Jacobian is not finite."""
+    """The numbers to compare; `-` where the Jacobian is not finite."""
     known = d.here.finite
     return {
         "rows": str(d.shape[0]),
@@ -92,7 +92,7 @@ def _figures(d: Diagnosis) -> dict[str, str]:
 
 
 def _seen_by(one: Diagnosis, other: Diagnosis) -> tuple[Direction, ...]:
-    """Null directions of `other` that `one` notices; those about unknowns it lacks are left out."""
+    """Null directions of `other` that change residuals of `one`, in unknowns that `one` has."""
     where = {one.free.label(i): i for i in range(one.free.size)}
     found: list[Direction] = []
     if not (one.here.finite and other.here.finite):

@@ -1,5 +1,7 @@
 """The unknowns of a sequence eliminated frame after frame, whatever the rank of each frame is.
 
+A sparse Jacobian that falls into `Parts` is eliminated part after part in the same way.
+
 Once every row that reads the unknowns u of a frame is there, [A B] (u; w) says what they do beside
 the unknowns w that are left. With the pseudoinverse A^+, u = -A^+ B w is the best answer to w, and
 the rows (I - A A^+) B remain for w. What A does not see is unseen by the whole sequence, with
@@ -18,10 +20,11 @@ import numpy as np
 from scipy.sparse import csc_array, csr_array
 
 from workbench.arrays import Array, Index, Mask
-from workbench.diagnostics.frame_rows import FrameRows, in_columns, triangle
+from workbench.diagnostics.frame_rows import FrameRows, in_columns, triangle, widened
+from workbench.diagnostics.parts import Parts
 from workbench.problem.nonzeros import rows_of_nonzeros
 
-NOTHING = 1e-9  # of a vector of length 1: smaller entries are rounding errors of the elimination
+NOTHING = 1e-9  # in vectors of length 1: smaller entries are rounding errors
 TAKES_PART = 1e-9  # squared entries of null vectors from which on an unknown is not known at all
 
 
@@ -57,8 +60,8 @@ class Elimination:
     steps: tuple[EliminationStep, ...]
 
     @staticmethod
-    def of(rows: FrameRows) -> "Elimination":
-        """The elimination of the rows of a sequence."""
+    def of(rows: FrameRows | Parts) -> "Elimination":
+        """The elimination of the rows of a sequence, or of a Jacobian that falls into parts."""
         place = np.full(rows.shape[1], -1)
         parts = _by_first_frame(rows)
         steps: list[EliminationStep] = []
@@ -71,8 +74,8 @@ class Elimination:
             place[every] = np.arange(len(every))
             A = np.vstack(
                 [
-                    _wide(left, place[old], len(every)),
-                    _wide(rows.triangles[t], place[np.concatenate([u, rows.shared])], len(every)),
+                    widened(left, place[old], len(every)),
+                    widened(rows.triangles[t], place[np.concatenate([u, rows.shared])], len(every)),
                     in_columns(rest, place, len(every)),
                 ]
             )
@@ -173,7 +176,7 @@ def _eliminated(A: Array, u: Index, w: Index, tolerance: float) -> tuple[Elimina
     ]
 
 
-def _by_first_frame(rows: FrameRows) -> list[csr_array]:
+def _by_first_frame(rows: FrameRows | Parts) -> list[csr_array]:
     """The rows between frames, by the first frame that they read; last those that read none."""
     frame_of = np.full(rows.shape[1], rows.count)
     for t, own in enumerate(rows.own):
@@ -184,10 +187,3 @@ def _by_first_frame(rows: FrameRows) -> list[csr_array]:
     some = some[np.argsort(first[some], kind="stable")]
     edges = np.searchsorted(first[some], np.arange(rows.count + 2))
     return [csr_array(rows.rest[some[a:b]]) for a, b in pairwise(edges)]
-
-
-def _wide(A: Array, columns: Index, width: int) -> Array:
-    """A in some of the columns of a matrix that is zero otherwise."""
-    found = np.zeros((len(A), width))
-    found[:, columns] = A
-    return found

@@ -1,60 +1,39 @@
-"""Findings of a diagnosis: warnings, where a fit's answer is arbitrary, and notes."""
+"""What a diagnosis finds: warnings, where a fit's answer is arbitrary or wrong, and notes."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from workbench.diagnostics.conditioning import PARALLEL
+from workbench.diagnostics.diagnosis import Diagnosis
 from workbench.diagnostics.null_space import dominant
-from workbench.diagnostics.results import DiagnosisResults
 from workbench.diagnostics.structure import counted, named_groups
+from workbench.diagnostics.wording import Finding
 
 ILL = 1e8  # condition of J from which half of the digits are gone
 UNEVEN = 1e6  # longest over shortest column
-FLAT = 0.3  # second best turn of a joint over its best: below, it is seen from one side only
-MOSTLY = 0.75  # of the joints: then it is the view, not the pose of one limb
-FELT = 0.05  # of the best turn of all: joints that turn less are left out of that
-WEAKER = 30.0  # times, than nearby: near a point where the rank falls
-ALONE = 0.999  # leverage of a row that alone decides something
+FLAT = 0.3  # second best turn of a joint over its best, below which only one turn is seen
+MOSTLY = 0.75  # of the joints: if so many are flat, the view is the reason and not one limb
+FELT = 0.05  # of the best turn of all joints: joints with weaker turns are not counted
+WEAKER = 30.0  # times weaker than nearby: the point is near one where the rank falls
+ALONE = 0.999  # leverage from which on a row determines a direction alone
 
 
-@dataclass(frozen=True)
-class Finding:
-    """One sentence about a problem.
-
-    Attributes:
-        part: the section of the report that says more.
-        text: the sentence.
-        warning: whether it is a warning, or else a note.
-    """
-
-    part: str
-    text: str
-    warning: bool
-
-
-def findings(d: DiagnosisResults) -> tuple[Finding, ...]:
-    """All of them, warnings first."""
-    found = [*_values(d)]
-    if d.here.finite:
-        found += [*_structure(d), *_rank(d), *_conditioning(d), *_priors(d)]
-        found += _derivatives(d)
+def findings(d: Diagnosis) -> tuple[Finding, ...]:
+    """All findings, warnings first."""
+    parts = (_structure, _rank, _conditioning, _priors, _derivatives)
+    found = [finding for part in (parts if d.here.finite else (_values,)) for finding in part(d)]
     return tuple(sorted(found, key=lambda finding: not finding.warning))
 
 
-def _values(d: DiagnosisResults) -> list[Finding]:
-    if d.here.finite:
-        return []
-    found = []
+def _values(d: Diagnosis) -> Iterator[Finding]:
     label, free = d.problem.row_label, d.free
     for what, here in (
         ("the residual", [label(i) for i, j in d.not_finite if j < 0]),
         ("the Jacobian", [f"{label(i)} by {free.label(j)}" for i, j in d.not_finite if j >= 0]),
     ):
         if here:
-            found.append(Finding("values", f"{what} is not finite: {some_of(here)}", True))
-    return found
+            yield Finding("values", f"{what} is not finite: {some_of(here)}")
 
 
 def some_of(names: Sequence[str], most: int = 5) -> str:
@@ -68,41 +47,38 @@ def listed(found: Sequence[Finding]) -> list[str]:
     return [f"{'warning' if f.warning else 'note'}: {f.text}" for f in found] or ["no warnings"]
 
 
-def _structure(d: DiagnosisResults) -> list[Finding]:
-    found = []
+def _structure(d: Diagnosis) -> Iterator[Finding]:
     if d.structure.unread.size:
-        found.append(Finding("structure", unread(d), True))
+        yield Finding("structure", unread(d))
     under = np.setdiff1d(d.structure.under.columns, d.structure.unread)
     if under.size:
         text = (
             f"{counted(len(d.structure.under.rows), 'row')} cannot determine {under.size} "
             f"unknowns: {named_groups(d.free, under)}"
         )
-        found.append(Finding("structure", text, True))
+        yield Finding("structure", text)
     for name, rows in d.problem.rows.items():
         idle = np.sum((d.structure.idle >= rows.start) & (d.structure.idle < rows.stop))
         if idle == rows.stop - rows.start > 0:
             text = f"the residual {name} depends on no free block, so it is constant"
-            found.append(Finding("structure", text, True))
+            yield Finding("structure", text)
     for first, second in d.duplicates:
         text = f"{second} repeats {first} row by row, so that these rows count twice"
-        found.append(Finding("structure", text, True))
-    return found
+        yield Finding("structure", text)
 
 
-def _rank(d: DiagnosisResults) -> list[Finding]:
+def _rank(d: Diagnosis) -> Iterator[Finding]:
     n = d.shape[1]
-    found = []
     if d.rank < n:
         text = f"{n - d.rank} of {n} directions change no residual"
         text += f", and no active {_one(d)} forbids them" if d.point.active.any else ""
-        found.append(Finding("rank", text, True))
+        yield Finding("rank", text)
     if d.point.active.any:
-        found.append(Finding("rank", held(d), False))
+        yield Finding("rank", held(d), False)
     if d.nearby.ranks and max(d.nearby.ranks) > d.rank:
         there = max(d.nearby.ranks)
         text = f"the rank is {d.rank} at this point, but {there} a tenth of a yardstick away"
-        found.append(Finding("rank", text, True))
+        yield Finding("rank", text)
     weaker = d.nearby.weaker_here
     if weaker > WEAKER:
         which = dominant(d.weakest[0].vector, d.free)
@@ -110,29 +86,28 @@ def _rank(d: DiagnosisResults) -> list[Finding]:
             f"nearly degenerate: the smallest nonzero singular value is {weaker:.0f} times smaller "
             f"here than a tenth of a yardstick away; its direction is {which}"
         )
-        found.append(Finding("rank", text, False))
-    found += _depth(d)
+        yield Finding("rank", text, False)
+    yield from _depth(d)
     if d.weak_count:
         text = (
             f"{counted(d.weak_count, 'weak direction')}: a whole yardstick ({d.point.yardsticks}) "
             "changes the residuals by less than one sigma"
         )
-        found.append(Finding("rank", text, False))
-    return found
+        yield Finding("rank", text, False)
 
 
-def unread(d: DiagnosisResults) -> str:
+def unread(d: Diagnosis) -> str:
     """The unknowns that no residual depends on, in a sentence."""
-    who = f"residual and no active {_one(d)}" if d.point.active.any else "residual"
-    return f"no {who} depends on {named_groups(d.free, d.structure.unread)}"
+    nothing = f"residual and no active {_one(d)}" if d.point.active.any else "residual"
+    return f"no {nothing} depends on {named_groups(d.free, d.structure.unread)}"
 
 
-def _one(d: DiagnosisResults) -> str:
+def _one(d: Diagnosis) -> str:
     """`bound`, `constraint`, or `bound or constraint`."""
     return " or ".join(word.removesuffix("s") for word in d.point.active.what.split(" and "))
 
 
-def held(d: DiagnosisResults) -> str:
+def held(d: Diagnosis) -> str:
     """What bounds and constraints add to the rank, in a sentence."""
     names, count, what = d.point.active.names, d.point.constrained.count, d.point.active.what
     return (
@@ -141,67 +116,59 @@ def held(d: DiagnosisResults) -> str:
     )
 
 
-def _depth(d: DiagnosisResults) -> list[Finding]:
+def _depth(d: Diagnosis) -> Iterator[Finding]:
     """A body that lies flat across the view of one camera shows one turn of each bone only."""
     felt = FELT * max((turn.best for turn in d.joint_turns), default=0.0)
     seen = [turn for turn in d.joint_turns if turn.best > felt]
     flat = [turn.joint for turn in seen if turn.second < FLAT * turn.best]
     if len(seen) < 3 or len(flat) < MOSTLY * len(seen):
-        return []
+        return
     text = (
         f"nearly degenerate in depth: {len(flat)} of {len(seen)} joints ({', '.join(flat[:3])}, "
         f"...) change the residuals strongly when they turn about one axis, and less than {FLAT:g} "
         "times as strongly about any other, as happens when a body lies flat across the view of a "
         "single camera: bending towards the camera or away from it changes the image little"
     )
-    return [Finding("rank", text, False)]
+    yield Finding("rank", text, False)
 
 
-def _conditioning(d: DiagnosisResults) -> list[Finding]:
-    found = []
+def _conditioning(d: Diagnosis) -> Iterator[Finding]:
     if ILL < d.condition < np.inf:
         text = f"the condition is {d.condition:.1e}: at least half of the digits are lost"
-        found.append(Finding("conditioning", text, True))
+        yield Finding("conditioning", text)
     norms = d.here.column_norms[d.here.column_norms > 0]
     if norms.size and norms.max() > UNEVEN * norms.min():
         text = f"the columns differ in length by a factor of {norms.max() / norms.min():.1e}"
-        found.append(Finding("conditioning", text, False))
+        yield Finding("conditioning", text, False)
     same = [p for p in d.parallel_columns if p.sine <= PARALLEL]
     if same:
         pairs = ", ".join(f"{d.free.label(p.first)} and {d.free.label(p.second)}" for p in same[:3])
         text = f"{counted(len(same), 'pair')} of unknowns with parallel columns: {pairs}"
-        found.append(Finding("conditioning", text, True))
+        yield Finding("conditioning", text)
     if d.leverage is not None:
-        alone = np.flatnonzero(d.leverage > ALONE)
-        data = [int(i) for i in alone if not _is_prior(d, int(i))]
+        data = np.flatnonzero((d.leverage > ALONE) & ~d.point.is_prior).tolist()
         if data:
             named = ", ".join(d.problem.row_label(i) for i in data[:3])
             text = (
                 f"{counted(len(data), 'row')} with a leverage of 1: each determines a direction "
                 f"alone, so that an outlier there cannot be detected: {named}"
             )
-            found.append(Finding("conditioning", text, False))
-    return found
+            yield Finding("conditioning", text, False)
 
 
-def _priors(d: DiagnosisResults) -> list[Finding]:
+def _priors(d: Diagnosis) -> Iterator[Finding]:
     if not d.priors:
-        return []
+        return
     known = d.identifiability
     text = (
         f"the data determine {known.effective:.1f} of {d.shape[1]} directions, the priors the "
         f"rest; the data say more than the priors about {known.better_from_data} directions"
     )
-    return [Finding("identifiability", text, False)]
+    yield Finding("identifiability", text, False)
 
 
-def _is_prior(d: DiagnosisResults, row: int) -> bool:
-    return any(d.problem.rows[name].start <= row < d.problem.rows[name].stop for name in d.priors)
-
-
-def _derivatives(d: DiagnosisResults) -> list[Finding]:
+def _derivatives(d: Diagnosis) -> Iterator[Finding]:
     check = d.derivatives
-    found = []
     if check.wrong:
         worst = check.suspects[0]
         text = (
@@ -209,14 +176,5 @@ def _derivatives(d: DiagnosisResults) -> list[Finding]:
             f"is {d.problem.row_label(worst.row)} by {d.free.label(worst.column)}: "
             f"{worst.given:.6g}, by differences {worst.differences:.6g}"
         )
-        found.append(Finding("derivatives", text, True))
-    if check.slope is not None and check.slope < 1.5:
-        text = f"the error of the linear model falls like h^{check.slope:.1f}, not like h^2"
-        found.append(Finding("derivatives", text, True))
-    if check.gradient_error >= 1e-8:
-        text = f"the gradient differs from J'r by {check.gradient_error:.1e}"
-        found.append(Finding("derivatives", text, True))
-    if check.hessian_error is not None and check.hessian_error >= 1e-4:
-        text = f"the exact Hessian differs by {check.hessian_error:.1e} from finite differences"
-        found.append(Finding("derivatives", text, True))
-    return found
+        yield Finding("derivatives", text)
+    yield from (Finding("derivatives", fault) for fault in check.faults)

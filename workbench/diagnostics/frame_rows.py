@@ -101,22 +101,26 @@ class FrameRows:
         own = self.own[t]
         place[own] = np.arange(len(own))
         place[self.shared] = len(own) + np.arange(len(self.shared))
-        wide = np.zeros((len(J), len(own) + len(self.shared)))
-        wide[:, place[columns]] = J
-        return wide
+        return widened(J, place[columns], len(own) + len(self.shared))
 
     @cached_property
     def tolerance(self) -> float:
-        """eps max(m, n) times the largest singular value, which some power iterations find."""
-        v = np.ones(self.shape[1])
-        size = 0.0
-        for _ in range(30):
-            length = float(np.linalg.norm(v))
-            if not length:
-                break
-            v = self.matrix.T @ (self.matrix @ (v / length))
-            size = float(np.sqrt(np.linalg.norm(v)))
+        """The size below which a singular value counts as zero: eps max(m, n) times the largest."""
+        size = largest_singular_value(self.matrix)
         return float(np.finfo(float).eps * max(self.shape) * max(size, 1.0))
+
+
+def largest_singular_value(matrix: BlockMatrix | csr_array) -> float:
+    """The largest singular value of a matrix, by power iterations."""
+    v: Array = np.ones(matrix.shape[1])
+    size = 0.0
+    for _ in range(30):
+        length = float(np.linalg.norm(v))
+        if not length:
+            break
+        v = np.asarray(matrix.T @ (matrix @ (v / length)))
+        size = float(np.sqrt(np.linalg.norm(v)))
+    return size
 
 
 def frames_of_rows(residuals: Sequence[Residual]) -> Index:
@@ -128,6 +132,13 @@ def frames_of_rows(residuals: Sequence[Residual]) -> Index:
         else:
             found.append(np.full(residual.size, -1))
     return np.concatenate(found)
+
+
+def widened(A: Array, columns: Index, width: int) -> Array:
+    """A in some of the columns of a matrix that is zero otherwise, (m, width)."""
+    found = np.zeros((len(A), width))
+    found[:, columns] = A
+    return found
 
 
 def in_columns(rows: csr_array, place: Index, width: int) -> Array:

@@ -2,10 +2,10 @@
 
 Standard deviations are those of Laplace's approximation.
 
-With J_d the data's rows and J_p the priors', (J_d; J_p) = (Q_d; Q_p) R, and the singular values
-c of Q_d tell for every direction the share of its information that comes from the data: c^2 is 1
-where the priors say nothing, and 0 where the data say nothing. The sum of c^2 is the effective
-number of degrees of freedom, the directions that the data determine.
+With J_d the data's rows and J_p the priors', (J_d; J_p) = (Q_d; Q_p) R, and the singular values c
+of Q_d are, for every direction, the root of the share of its information that comes from the data:
+c^2 is 1 where the priors say nothing, and 0 where the data say nothing. The sum of c^2 is the
+effective number of degrees of freedom, the directions that the data determine.
 """
 
 from collections.abc import Mapping
@@ -19,7 +19,7 @@ from workbench.blocks import Layout
 from workbench.diagnostics.active_set import ConstrainedJacobian
 from workbench.problem import Linearization
 
-UNCHANGED = 0.9  # posterior over prior sigma from which on the data have told nothing
+UNCHANGED = 0.9  # posterior over prior sigma from which on the data added nothing
 
 
 class EntryIdentifiability(Enum):
@@ -27,7 +27,7 @@ class EntryIdentifiability(Enum):
 
     STRUCTURAL = "no residual depends on it, or too few rows depend on it and its neighbours"
     NUMERICAL = "it takes part in a null direction"
-    PRACTICAL = "the residuals depend on it, but tell it no better than its prior or yardstick"
+    PRACTICAL = "the residuals depend on it, but determine it no better than its prior or yardstick"
     IDENTIFIED = "the residuals determine it"
 
 
@@ -56,12 +56,12 @@ class Identifiability:
 
     @property
     def better_from_data(self) -> int:
-        """Directions better known from the data than from the priors."""
+        """How many directions the data determine better than the priors do."""
         return int(np.sum(self.data_share > 0.5))
 
     @property
     def shrinkage(self) -> Array:
-        """Posterior over prior sigma (n,); 0 where there is no prior, 1 where nothing was told."""
+        """Posterior over prior sigma (n,): 0 without a prior, 1 where the data add nothing."""
         both = np.isfinite(self.sigma) & np.isfinite(self.prior_sigma)
         ratio = np.zeros_like(self.sigma)
         ratio[both] = self.sigma[both] / self.prior_sigma[both]
@@ -70,21 +70,22 @@ class Identifiability:
 
 
 def identifiability(
-    tied: ConstrainedJacobian,
+    constrained: ConstrainedJacobian,
     prior_rows: Mask,
     prior: Array,
     yardsticks: Array,
     unread: Index,
     under: Index,
 ) -> Identifiability:
-    """Which entries are known; `prior_rows` (m,) says which rows are priors.
+    """How well each entry is known; `prior_rows` (m,) says which rows are priors.
 
-    An entry is held against what the priors alone say of it, `prior` (n,), or against its
-    yardstick (n,) where they say nothing.
+    The standard deviation of an entry is compared with that by the priors alone, `prior` (n,), or
+    with its yardstick (n,) where no prior determines it. `unread` and `under` are the columns that
+    nothing reads and those of the under-determined part.
     """
-    sigma, half = tied.laplace
+    sigma, half = constrained.laplace
     blind = np.isinf(sigma)
-    share = _data_share(tied.here, prior_rows, half)
+    share = _data_share(constrained.here, prior_rows, half)
     verdicts = _verdicts(sigma, prior, yardsticks, blind, unread, under)
     return Identifiability(sigma, prior, _correlated(half, blind), share, verdicts)
 
@@ -98,7 +99,7 @@ def _data_share(here: Linearization, prior_rows: Mask, half: Array) -> Array:
 
 
 def prior_sigma(here: Linearization, prior_rows: Mask) -> Array:
-    """What the priors alone say of each entry (n,), infinite where they say nothing."""
+    """Standard deviations by the priors alone (n,), infinite where they say nothing."""
     sigma = np.full(here.shape[1], np.inf)
     if not prior_rows.any():
         return sigma
@@ -119,17 +120,12 @@ def _verdicts(
     structural = np.zeros(sigma.size, dtype=bool)
     structural[unread] = True
     structural[under] |= blind[under]
-    told = np.where(np.isfinite(prior), sigma < UNCHANGED * prior, sigma < yardsticks)
-    return tuple(
-        EntryIdentifiability.STRUCTURAL
-        if structural[i]
-        else EntryIdentifiability.NUMERICAL
-        if blind[i]
-        else EntryIdentifiability.IDENTIFIED
-        if told[i]
-        else EntryIdentifiability.PRACTICAL
-        for i in range(sigma.size)
-    )
+    narrowed = np.where(np.isfinite(prior), sigma < UNCHANGED * prior, sigma < yardsticks)
+    found = np.full(sigma.size, EntryIdentifiability.PRACTICAL, dtype=object)
+    found[narrowed] = EntryIdentifiability.IDENTIFIED
+    found[blind] = EntryIdentifiability.NUMERICAL
+    found[structural] = EntryIdentifiability.STRUCTURAL
+    return tuple(found.tolist())
 
 
 def _correlated(half: Array, blind: Mask, most: int = 20) -> tuple[tuple[int, int, float], ...]:
@@ -167,23 +163,23 @@ class Contribution:
 
 
 def contributions(
-    tied: ConstrainedJacobian, rows: Mapping[str, slice], free: Layout
+    constrained: ConstrainedJacobian, rows: Mapping[str, slice], free: Layout
 ) -> tuple[Contribution, ...]:
-    """Each residual left out in turn; nothing is solved again."""
-    m = tied.here.shape[0]
-    s, rank, sigma = _known(tied, free)
+    """What each residual contributes, found by leaving it out; nothing is solved again."""
+    m = constrained.here.shape[0]
+    s, rank, sigma = _known(constrained, free)
     found = []
     for term, part in rows.items():
         left = np.ones(m, dtype=bool)
         left[part] = False
-        s0, rank0, sigma0 = _known(tied.only(np.flatnonzero(left)), free)
+        s0, rank0, sigma0 = _known(constrained.only(np.flatnonzero(left)), free)
         found.append(Contribution(term, rank0, rank, s0, s, sigma0, sigma))
     return tuple(found)
 
 
-def _known(tied: ConstrainedJacobian, free: Layout) -> tuple[Array, int, dict[str, float]]:
-    if not tied.here.shape[0]:
-        return np.zeros(0), tied.count, dict.fromkeys(free.names, np.inf)
-    variance = tied.laplace[0] ** 2
+def _known(constrained: ConstrainedJacobian, free: Layout) -> tuple[Array, int, dict[str, float]]:
+    if not constrained.here.shape[0]:
+        return np.zeros(0), constrained.count, dict.fromkeys(free.names, np.inf)
+    variance = constrained.laplace[0] ** 2
     rms = {name: float(np.sqrt(np.mean(variance[at]))) for name, at in free.slices.items()}
-    return tied.reduced.spectrum.s, tied.rank, rms
+    return constrained.reduced.spectrum.s, constrained.rank, rms

@@ -1,4 +1,4 @@
-"""The linearization that a diagnosis looks at: without columns that are only rounding errors."""
+"""The linearization that is diagnosed: without columns that are only rounding errors."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -15,7 +15,7 @@ from workbench.problem.nonzeros import columns_of_nonzeros
 from workbench.problem.steps import EPS
 from workbench.problem.storage import by_nonzeros
 
-BY_GRAPH = 1e7  # entries of a Jacobian whose graph is asked for its pattern
+BY_GRAPH = 1e7  # entries up to which the graph of a Jacobian is asked for its pattern
 THIN = 1e-3  # of its column's largest entry: smaller ones hardly matter
 
 

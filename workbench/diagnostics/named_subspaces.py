@@ -1,23 +1,25 @@
-"""The dictionary of motions that a null direction may turn out to be, smallest first.
+"""The dictionary of motions by which null directions are named, smallest first.
 
-A null space has no basis of its own: singular vectors smear one joint's twist over the whole body.
-So it is looked for in small subspaces that have a name: one entry; one joint; a joint and one of
-those below it, that undoes what it did (the twist of a bone, the swivel of an elbow); a joint
-against a translation; a uniform shift of many points against another (a gauge); two blocks; a
-limb; a block.
+A null space has no basis of its own: singular vectors spread one joint's twist over the whole body.
+Null directions are therefore searched for in small subspaces that have a name: one entry; one
+joint; a joint and one below it that undoes its turn (the twist of a bone, the swivel of an elbow);
+a joint against a translation; a uniform shift of many points against another one (a gauge); two
+blocks; a limb; a block.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
+import scipy.linalg
 from scipy.sparse import coo_array, csc_array
 from scipy.sparse.csgraph import connected_components
 
 from workbench.arrays import Array, Index
 from workbench.blocks import Block, Layout, Tree
 
-MANY = 400  # entries of a subspace that is searched as a whole
+MANY = 400  # entries up to which a subspace is searched as a whole
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,9 +48,10 @@ class NamedSubspace:
 def named_subspaces(
     free: Layout, trees: Sequence[Tree], pattern: csc_array | None = None
 ) -> Iterator[NamedSubspace]:
-    """All of them, those that need few entries first.
+    """All motions of the dictionary; those with few entries come first.
 
-    The `pattern` (m, n) of the Jacobian, where it is given, tells which points hang together.
+    With the `pattern` (m, n) of the Jacobian there are also shifts of points that residuals tie
+    to each other and not to the rest.
     """
     moving = [tree for tree in trees if tree.moves(free)]
     turned = _joints_of(free, moving)
@@ -75,8 +78,17 @@ def named_subspaces(
         yield from _limbs_against_translations(free, tree, others)
 
 
-def _free(kind: str, name: str, joints: tuple[str, ...], entries: Sequence[int]) -> NamedSubspace:
-    return NamedSubspace(kind, name, joints, np.array(entries, dtype=np.int64))
+def _free(
+    kind: str,
+    name: str,
+    joints: tuple[str, ...],
+    entries: Sequence[int],
+    tree: Tree | None = None,
+    undone_by: str = "",
+) -> NamedSubspace:
+    """A subspace in which each of the entries may move by itself."""
+    at = np.array(entries, dtype=np.int64)
+    return NamedSubspace(kind, name, joints, at, None, tree, undone_by)
 
 
 def _joints_of(free: Layout, moving: Sequence[Tree]) -> dict[int, tuple[str, ...]]:
@@ -107,12 +119,12 @@ def _pairs(free: Layout, tree: Tree) -> Iterator[NamedSubspace]:
         names = tree.names[above], tree.names[k]
         turn, back = tree.entries(above, free), tree.entries(k, free)
         if turn and back:
-            said = f"a turn of {tree.called(above)}, undone at {names[1]}"
-            yield replace(_free("twist", said, names, turn + back), tree=tree)
+            name = f"a turn of {tree.called(above)}, undone at {names[1]}"
+            yield _free("twist", name, names, turn + back, tree)
 
 
 def _islands(free: Layout, blocks: Sequence[Block], pattern: csc_array) -> Iterator[NamedSubspace]:
-    """Rows of a block of points that residuals tie to each other, but not to its other rows."""
+    """Shifts of those points of a block that residuals tie to each other and not to the others."""
     for block in blocks:
         found = _uniform(free, block)
         if found is None or block.size < 9:
@@ -129,31 +141,23 @@ def _islands(free: Layout, blocks: Sequence[Block], pattern: csc_array) -> Itera
         for rows in np.split(order, np.flatnonzero(np.diff(label[order])) + 1):
             if 1 < rows.size < count:
                 basis = np.tile(np.eye(3), (rows.size, 1)) / np.sqrt(rows.size)
-                said = ", ".join(_row(block, int(row)) for row in rows[:3])
-                name = (
-                    f"a shift of {rows.size} rows of {block.name} "
-                    f"({said}{', ...' if rows.size > 3 else ''})"
-                )
+                first = ", ".join(block.labels[r] if block.labels else str(r) for r in rows[:3])
+                more = ", ..." if rows.size > 3 else ""
+                name = f"a shift of {rows.size} rows of {block.name} ({first}{more})"
                 yield NamedSubspace("shift", name, (), entries[rows].ravel(), basis)
 
 
-def _row(block: Block, row: int) -> str:
-    return block.labels[row] if block.labels else str(row)
-
-
 def _shifts(free: Layout, blocks: Sequence[Block]) -> Iterator[NamedSubspace]:
-    """All rows of a block move by the same, alone or against another block's."""
+    """All points of a block move by the same vector, alone or against those of another block."""
     moved = [(block, _uniform(free, block)) for block in blocks]
     in_space = [(block, found) for block, found in moved if found is not None]
     for block, (entries, basis) in in_space:
         if block.size > 3:
             yield NamedSubspace("shift", f"a shift of all of {block.name}", (), entries, basis)
-    for i, (a, (at_a, by_a)) in enumerate(in_space):
-        for b, (at_b, by_b) in in_space[i + 1 :]:
-            basis = np.zeros((at_a.size + at_b.size, 6))
-            basis[: at_a.size, :3], basis[at_a.size :, 3:] = by_a, by_b
-            name = f"a shift of {a.name}, undone by {b.name}"
-            yield NamedSubspace("shift", name, (), np.concatenate([at_a, at_b]), basis)
+    for (a, (at_a, by_a)), (b, (at_b, by_b)) in combinations(in_space, 2):
+        name = f"a shift of {a.name}, undone by {b.name}"
+        basis = scipy.linalg.block_diag(by_a, by_b)
+        yield NamedSubspace("shift", name, (), np.concatenate([at_a, at_b]), basis)
 
 
 def _uniform(free: Layout, block: Block) -> tuple[Index, Array] | None:
@@ -172,22 +176,20 @@ def _against_translations(
         for block, moves in _translations(free, blocks):
             for k, name in enumerate(tree.names):
                 if turn := tree.entries(k, free):
-                    said = f"a turn of {tree.called(k)}, undone by {block.name}"
-                    motion = _free("twist", said, (name,), [*turn, *moves])
-                    yield replace(motion, tree=tree, undone_by=block.name)
+                    motion = f"a turn of {tree.called(k)}, undone by {block.name}"
+                    yield _free("twist", motion, (name,), [*turn, *moves], tree, block.name)
 
 
 def _two_blocks(free: Layout, blocks: Sequence[Block]) -> Iterator[NamedSubspace]:
-    for i, a in enumerate(blocks):
-        for b in blocks[i + 1 :]:
-            if a.size + b.size <= MANY:
-                parts = free.slices[a.name], free.slices[b.name]
-                entries = [e for part in parts for e in range(part.start, part.stop)]
-                yield _free("block", f"{a.name} against {b.name}", (), entries)
+    for a, b in combinations(blocks, 2):
+        if a.size + b.size <= MANY:
+            parts = free.slices[a.name], free.slices[b.name]
+            entries = [e for part in parts for e in range(part.start, part.stop)]
+            yield _free("block", f"{a.name} against {b.name}", (), entries)
 
 
 def _limbs(free: Layout, tree: Tree) -> Iterator[NamedSubspace]:
-    """A joint and all below it, small limbs first; at last the whole tree."""
+    """Turns of a joint and of all joints below it, small limbs first, the whole tree last."""
     K = len(tree.parents)
     below: list[list[int]] = [[k] for k in range(K)]
     for k in range(K - 1, 0, -1):
@@ -196,25 +198,22 @@ def _limbs(free: Layout, tree: Tree) -> Iterator[NamedSubspace]:
     for k in sorted(range(K), key=lambda k: len(below[k])):
         entries = [e for j in sorted(below[k]) for e in tree.entries(j, free)]
         if len(entries) > 6:
-            said = f"turns from {tree.names[k]} down"
-            yield replace(_free("joint", said, (), entries), tree=tree)
+            yield _free("joint", f"turns from {tree.names[k]} down", (), entries, tree)
 
 
 def _limbs_against_translations(
     free: Layout, tree: Tree, blocks: Sequence[Block]
 ) -> Iterator[NamedSubspace]:
-    """The root moves, and turns of the joints near it undo that at all that is looked at."""
+    """The root moves, and turns of the joints near it undo that at all observed points."""
     depth = [0] * len(tree.parents)
     for k, parent in enumerate(tree.parents[1:], start=1):
         depth[k] = depth[parent] + 1 if parent >= 0 else 0
     for block, moves in _translations(free, blocks):
         for most in range(1, max(depth) + 1):
             near = [e for k, d in enumerate(depth) if d <= most for e in tree.entries(k, free)]
-            if not near:
-                continue
-            name = f"turns near {tree.names[0]}, undone by {block.name}"
-            motion = _free("joint", name, (), [*near, *moves])
-            yield replace(motion, tree=tree, undone_by=block.name)
+            if near:
+                name = f"turns near {tree.names[0]}, undone by {block.name}"
+                yield _free("joint", name, (), [*near, *moves], tree, block.name)
 
 
 def _translations(free: Layout, blocks: Sequence[Block]) -> Iterator[tuple[Block, list[int]]]:

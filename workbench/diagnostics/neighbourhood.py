@@ -1,4 +1,4 @@
-"""The points around: whether what holds here holds there."""
+"""Rank and singular values at points nearby: whether this point is an exception."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,7 +10,7 @@ from workbench.diagnostics.active_set import constrained_jacobian_at
 from workbench.diagnostics.point import Point
 
 NEIGHBOURS = 4
-NEARBY = 0.1  # of its yardstick: how far they are away in each entry
+NEARBY = 0.1  # how far they are away in each entry, in yardsticks
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,7 +18,10 @@ class Neighbourhood:
     """Rank and singular values at a few random points, a tenth of a yardstick away in each entry.
 
     The constraints and bounds that are active here count as active there. Points where the
-    Jacobian is not finite are left out; so are all for a sparse large one.
+    Jacobian is not finite are left out, and all points for a large sparse Jacobian.
+
+    Attributes:
+        here: the point in the middle.
     """
 
     here: Point
@@ -46,7 +49,7 @@ class Neighbourhood:
 
     @property
     def ranks(self) -> tuple[int, ...]:
-        """The ranks there: is the rank here the rule or the exception?"""
+        """The rank at each of the points."""
         return tuple(rank for rank, _ in self.points)
 
     @property

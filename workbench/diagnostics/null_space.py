@@ -1,25 +1,24 @@
-"""The directions that no residual notices, or hardly notices, each with a name."""
+"""Directions that change no residual, or hardly change any, each with a name."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
-import scipy.linalg
-from numpy.typing import NDArray
-from scipy.optimize import linprog
 from scipy.sparse import csc_array
 
 from workbench.arrays import Array
 from workbench.blocks import Layout
-from workbench.diagnostics.named_subspaces import MANY, NamedSubspace, named_subspaces
+from workbench.diagnostics.named_subspaces import NamedSubspace, named_subspaces
 from workbench.diagnostics.point import Point
+from workbench.diagnostics.rest_gauges import rest_gauges
+from workbench.diagnostics.sparse_bases import FRESH, beyond, null_basis, sparsest
 from workbench.diagnostics.turned_joints import named_by_joints
 from workbench.problem import Linearization
+from workbench.problem.storage import by_nonzeros
 
 WEAK = 0.99  # sigmas per yardstick; a prior as wide as the yardstick has 1
-FRESH = 1e-6  # sine of the angle to what is known, above which a direction is another one
-CLEARLY_FRESH = 0.1
-ALIKE = 1e-6  # entries of a direction that differ by less are of one size
+ALIKE = 1e-6  # entries of a direction that differ by less count as equal
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,13 +47,14 @@ def null_directions(point: Point, pattern: csc_array) -> tuple[Direction, ...]:
     """
     if point.constrained.rank == point.here.shape[1]:
         return ()
-    here = point.constrained.stacked
-    named = _dictionary(point, pattern)
-    return directions(here, point.problem.free, named, here.spectrum.tolerance)
+    constrained = point.constrained
+    tolerance = constrained.tolerance
+    motions = _motions(point, pattern)
+    return directions(constrained.stacked, constrained.null, point.problem.free, motions, tolerance)
 
 
 def weak_directions(point: Point, pattern: csc_array) -> tuple[Direction, ...]:
-    """What changes the residuals by less than one sigma for a whole yardstick; weakest first.
+    """Directions along which a yardstick changes the residuals by less than a sigma, weakest first.
 
     The vectors have length 1 once every unknown is measured by its own yardstick.
     """
@@ -62,7 +62,8 @@ def weak_directions(point: Point, pattern: csc_array) -> tuple[Direction, ...]:
     if point.here.estimated or nothing:
         return ()
     here, sizes = point.measured.stacked, point.yardsticks.sizes
-    found = directions(here, point.problem.free, _dictionary(point, pattern), WEAK)
+    null = here.spectrum.Vt[int(np.sum(here.spectrum.s > WEAK)) :].T
+    found = directions(here, null, point.problem.free, _motions(point, pattern), WEAK)
     noticed = (d for d in found if d.change > here.spectrum.tolerance)
     return tuple(
         replace(d, vector=d.vector * sizes) for d in sorted(noticed, key=lambda d: d.change)
@@ -70,40 +71,42 @@ def weak_directions(point: Point, pattern: csc_array) -> tuple[Direction, ...]:
 
 
 def count_weak(point: Point) -> int:
-    """How many directions change the residuals by less than a sigma per yardstick."""
+    """How many directions change the residuals by less than a sigma per yardstick.
+
+    None are counted where the rank was found by elimination, without singular values.
+    """
+    if point.constrained.eliminated is not None:
+        return 0
     noticed = point.constrained.reduced.spectrum.rank
     return int(np.sum(point.measured.reduced.spectrum.s[:noticed] < WEAK))
 
 
-def _dictionary(point: Point, pattern: csc_array) -> Iterator[NamedSubspace]:
-    return named_subspaces(point.problem.free, point.problem.trees, pattern)
-
-
-def null_basis(A: Array, tolerance: float) -> Array:
-    """(n, d) orthonormal: what A (m, n) maps below `tolerance` times the length."""
-    n = A.shape[1]
-    if not n:
-        return np.zeros((0, 0))
-    R = scipy.linalg.qr(A, mode="r")[0][:n] if len(A) > n else A
-    _, s, Vt = np.linalg.svd(R, full_matrices=True)
-    return np.asarray(Vt[int(np.sum(s > tolerance)) :].T)
+def _motions(point: Point, pattern: csc_array) -> Iterator[NamedSubspace]:
+    """The motions by which directions are named: gauges of bodies at rest first."""
+    yield from rest_gauges(point.problem, point.at)
+    yield from named_subspaces(point.problem.free, point.problem.trees, pattern)
 
 
 def directions(
-    here: Linearization, free: Layout, dictionary: Iterable[NamedSubspace], tolerance: float
+    here: Linearization,
+    null: Array,
+    free: Layout,
+    dictionary: Iterable[NamedSubspace],
+    tolerance: float,
 ) -> tuple[Direction, ...]:
-    """A basis of what J maps below `tolerance` times the length: named motions first.
+    """A basis of the directions that J shortens to `tolerance` times their length.
 
-    What no motion of the dictionary covers is made as sparse as it can be (least sum of absolute
-    values), and named by its largest entries.
+    `null` (n, d) is an orthonormal basis of them. Motions of the dictionary come first. Directions
+    that none of these covers are made as sparse as possible (least sum of absolute values), and
+    named by their largest entries.
     """
-    s, Vt = here.spectrum.s, here.spectrum.Vt
-    null = Vt[int(np.sum(s > tolerance)) :].T
     total = null.shape[1]
     if not total:
         return ()
-    gram = here.R.T @ here.R
-    silent = np.linalg.norm(here.R, axis=0) <= tolerance  # entries: null directions by themselves
+    J = here.jacobian
+    R = here.R if isinstance(J, np.ndarray) else by_nonzeros(J)
+    gram: Any = R.T @ R  # an array, or sparse as R is
+    silent = here.column_norms <= tolerance  # entries that are null directions
     known = np.eye(free.size)[:, silent]  # orthonormal basis of what was found
     searched: set[bytes] = set()
     found: list[Direction] = []
@@ -122,21 +125,19 @@ def directions(
             if not entries.size or entries.tobytes() in searched:
                 continue
             searched.add(entries.tobytes())
-        if _all_seen(gram[np.ix_(entries, entries)], basis, tolerance):
+        if _all_seen(_as_array(gram[entries][:, entries]), basis, tolerance):
             continue
-        moved = here.R[:, entries]
-        if basis is None:
-            local = null_basis(moved, tolerance)
-        else:  # along the axes, where it may be
-            local = null_basis(moved @ basis, tolerance)
+        moved = R[:, entries] if basis is None else R[:, entries] @ basis
+        local = null_basis(_as_array(moved), tolerance)
+        if basis is not None:  # along the axes, where it may be
             local = basis @ sparsest(local, np.zeros((len(local), 0)))
         if not local.shape[1]:
             continue
         vectors = np.zeros((free.size, local.shape[1]))
         vectors[entries] = local
-        fresh, new = _beyond(known, vectors)
+        fresh, new = beyond(known, vectors)
         if new.shape[1] > 1 and motion.kind != "shift":
-            new = _inside(sparsest(new, known), null, here.R)
+            new = _inside(sparsest(new, known), null, here)
         several = new.shape[1] > 1
         found += [_direction(motion, v, here, free, tolerance, several=several) for v in new.T]
         known = np.column_stack([known, fresh])
@@ -145,94 +146,28 @@ def directions(
         rest = null[:, np.linalg.norm(null - known @ (known.T @ null), axis=0) > FRESH]
         found += [_mixed(v, here, free) for v in rest[:, : total - len(found)].T]
     elif len(found) < total:
-        rest, _ = _beyond(known, null)
+        rest, _ = beyond(known, null)
         rest = rest[:, : total - len(found)]
-        found += [_mixed(v, here, free) for v in _inside(sparsest(rest, known), null, here.R).T]
+        found += [_mixed(v, here, free) for v in _inside(sparsest(rest, known), null, here).T]
     return tuple(found)
 
 
 def _all_seen(gram: Array, basis: Array | None, tolerance: float) -> bool:
-    """Whether all of a subspace surely changes the residuals, by its part of J'J."""
+    """Whether every direction of a subspace surely changes the residuals, by its part of J'J."""
     G = gram if basis is None else basis.T @ gram @ basis
     return bool(np.linalg.eigvalsh(G)[0] > tolerance**2 + 1e-12 * np.trace(gram))
 
 
-def _beyond(known: Array, vectors: Array) -> tuple[Array, Array]:
-    """An orthonormal basis of what `vectors` span beyond `known`, and the combinations of
-    `vectors` (so within their support) that lead furthest there.
-    """
-    rest = vectors - known @ (known.T @ vectors)
-    rest -= known @ (known.T @ rest)
-    U, s, Vt = np.linalg.svd(rest, full_matrices=False)
-    if s.size == vectors.shape[1] and (s > CLEARLY_FRESH).all():
-        return U, vectors
-    return U[:, s > FRESH], np.asarray(vectors @ Vt[s > FRESH].T)
+def _as_array(matrix: Array | csc_array) -> Array:
+    return matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
 
 
-def sparsest(basis: Array, known: Array) -> Array:
-    """Vectors (n, d) of length 1 that span the same together with `known`, of few entries each.
-
-    Each is the one of least sum |v_i| among those whose entry at a pivot is 1: a linear program
-    over the basis and over what is known already. Of more than 400 entries, the vectors that are
-    1 at one pivot and 0 at the others.
-    """
-    n, d = basis.shape
-    if not d:
-        return basis
-    pivots = scipy.linalg.qr(basis.T, mode="r", pivoting=True)[1][:d]
-    if n > MANY:
-        return _echelon(basis, pivots)
-    space = np.column_stack([basis, known])
-    space = space / np.linalg.norm(space, axis=0)
-    k = space.shape[1]
-    chosen: list[Array] = []
-    done = known
-    for pivot in pivots:
-        # v = space c = plus - minus; least sum of both; v[pivot] = 1
-        cost = np.concatenate([np.zeros(k), np.ones(2 * n)])
-        equal = np.hstack([space, -np.eye(n), np.eye(n)])
-        at_pivot = np.concatenate([space[pivot], np.zeros(2 * n)])
-        answer = linprog(
-            cost,
-            A_eq=np.vstack([equal, at_pivot]),
-            b_eq=np.append(np.zeros(n), 1.0),
-            bounds=[(None, None)] * k + [(0, None)] * (2 * n),
-            method="highs",
-        )
-        v = np.zeros(n) if answer.x is None else space @ answer.x[:k]
-        fresh = _beyond(done, v[:, None] / (float(np.linalg.norm(v)) or 1.0))[0]
-        if fresh.shape[1]:
-            chosen.append(_polished(v, space))
-            done = np.column_stack([done, fresh])
-    left = _beyond(done, basis)[0][:, : d - len(chosen)]
-    return np.column_stack([*(v[:, None] for v in chosen), left])
-
-
-def _echelon(basis: Array, pivots: NDArray[np.signedinteger]) -> Array:
-    """A basis of the same space, each vector 1 at its own pivot and 0 at the others'."""
-    vectors = np.linalg.solve(basis[pivots].T, basis.T).T
-    vectors[abs(vectors) < 1e-7 * abs(vectors).max(axis=0)] = 0
-    return np.asarray(vectors / np.linalg.norm(vectors, axis=0))
-
-
-def _inside(vectors: Array, null: Array, R: Array) -> Array:
-    """Back into the null space, which a linear program meets only nearly; zeros stay zero."""
+def _inside(vectors: Array, null: Array, here: Linearization) -> Array:
+    """The vectors projected onto the null space, which a linear program leaves a little."""
     exact = np.where(vectors == 0, 0.0, null @ (null.T @ vectors))
-    worse = np.linalg.norm(R @ exact, axis=0) > np.linalg.norm(R @ vectors, axis=0)
+    lengths = (np.linalg.norm(here.along(v), axis=0) for v in (exact, vectors))
+    worse = np.greater(*lengths)
     return np.where(worse, vectors, exact)
-
-
-def _polished(v: Array, space: Array) -> Array:
-    """v of length 1, its tiny entries set to zero exactly where the space allows it."""
-    keep = abs(v) > 1e-7 * abs(v).max()
-    if keep.all():
-        return np.asarray(v / np.linalg.norm(v))
-    allowed = null_basis(space[~keep], 1e-9 * float(np.linalg.norm(space, 2)))
-    exact = space @ (allowed @ (allowed.T @ np.linalg.lstsq(space, v)[0]))
-    exact = np.where(keep, exact, 0.0)
-    if np.linalg.norm(exact - v) > 1e-5 * np.linalg.norm(v):
-        exact = v
-    return np.asarray(exact / np.linalg.norm(exact))
 
 
 def _direction(
@@ -245,9 +180,9 @@ def _direction(
     several: bool,
 ) -> Direction:
     v = signed(v)
-    name, joints = named_by_joints(motion, v, here.R, free, limit)
-    told = name == motion.name and motion.kind not in ("block", "joint")
-    if not told or (several and motion.kind == "twist"):
+    name, joints = named_by_joints(motion, v, here, free, limit)
+    says_all = name == motion.name and motion.kind not in ("block", "joint")
+    if not says_all or (several and motion.kind == "twist"):
         name = f"{name}: {dominant(v, free)}"
     if motion.kind == "shift":
         name = f"{name}, along {along_axes(v, motion)}"

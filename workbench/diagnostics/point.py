@@ -7,7 +7,7 @@ import numpy as np
 from scipy.sparse import csc_array
 
 from workbench.arrays import Array, Mask
-from workbench.blocks import Layout, Values
+from workbench.blocks import Values
 from workbench.diagnostics.active_set import ActiveSet, ConstrainedJacobian, active_set_at
 from workbench.diagnostics.identifiability import prior_sigma
 from workbench.diagnostics.yardsticks import Yardsticks, yardsticks
@@ -32,17 +32,17 @@ class Point:
 
     @cached_property
     def active(self) -> ActiveSet:
-        """What the problem's constraints hold here."""
+        """The bounds and constraints that are active here."""
         return active_set_at(self.problem, self.at)
 
     @property
     def active_pattern(self) -> csc_array:
-        """Which unknowns these read, (k, n), by structure."""
+        """Which unknowns the active rows depend on, (k, n), by structure."""
         return self.active.pattern(self.problem)
 
     @cached_property
     def constrained(self) -> ConstrainedJacobian:
-        """The Jacobian with the gradients of what is held."""
+        """The Jacobian under the active bounds and constraints."""
         return ConstrainedJacobian(self.here, self.active.rows)
 
     @cached_property
@@ -52,10 +52,9 @@ class Point:
 
     @cached_property
     def yardsticks(self) -> Yardsticks:
-        """What each unknown is held against."""
-        read = (*self.problem.free.blocks, *self.problem.fixed.blocks)
-        both = Layout(tuple({block.name: block for block in read}.values()))
-        return yardsticks(self.problem.free, both, self.at, self.prior_sigma)
+        """The yardstick of each unknown."""
+        read = self.problem.known.values()
+        return yardsticks(self.problem.free, read, self.at, self.prior_sigma)
 
     @cached_property
     def is_prior(self) -> Mask:
@@ -64,7 +63,7 @@ class Point:
 
     @cached_property
     def prior_sigma(self) -> Array:
-        """What the priors alone say of each entry (n,), infinite where they say nothing."""
+        """Standard deviations by the priors alone (n,), infinite where they say nothing."""
         if not self.here.finite:
             return np.full(self.here.shape[1], np.inf)
         return prior_sigma(self.here, self.is_prior)

@@ -1,10 +1,10 @@
-"""How many directions of a pose observed joints can tell, from the tree alone.
+"""How many directions of a pose observed joints determine, from the kinematic tree alone.
 
-A joint that is seen moves when one above it turns. Counting from the leaves to the root, rho_k is
-how much of a turn of joint k can be told, and U_k the small moves of joint k itself that the
-joints below it can hide. If all joints are observed, this is 3 for the root's position (where
-translation is free), 3 for each joint with several children, 2 for each joint with one (its
-twist about the bone is hidden), 0 for a leaf.
+An observed joint moves when a joint above it turns. Counting from the leaves to the root, rho_k is
+the number of directions in which a turn of joint k can be determined, and U_k the space of small
+moves of joint k itself that turns of the joints below it can hide. If all joints are observed, this
+is 3 for the root's position (where translation is free), 3 for each joint with several children, 2
+for each joint with one (its twist about the bone is hidden), 0 for a leaf.
 """
 
 from collections.abc import Mapping, Sequence
@@ -35,7 +35,7 @@ def rank_of_observed_joints(
         return 0
     children = [[c for c in range(k + 1, K) if parents[c] == k and below[c]] for k in range(K)]
     hidden: list[Array] = [np.zeros((3, 0))] * K  # a basis of U_k
-    told = 0
+    rank = 0
     for k in range(K - 1, -1, -1):
         if not below[k]:
             continue
@@ -48,7 +48,7 @@ def rank_of_observed_joints(
             moves.append(left / length)
         by_turn = np.vstack([np.zeros((0, 3)), *turns])
         rho = _rank(by_turn)
-        told += rho
+        rank += rho
         if k in seen:
             continue  # U_k = 0: the joint itself is looked at
         # moves of k that some turn of k can undo at every child
@@ -57,7 +57,7 @@ def rank_of_observed_joints(
         remains = by_move - column_space @ (column_space.T @ by_move)
         _, s, Vt = np.linalg.svd(remains, full_matrices=True)
         hidden[k] = Vt[int(np.sum(s > SMALL * max(1.0, s.max(initial=0.0)))) :].T
-    return told + (3 - hidden[0].shape[1] if translation else 0)
+    return rank + (3 - hidden[0].shape[1] if translation else 0)
 
 
 def law_of(problem: Problem, at: Mapping[str, ArrayLike]) -> tuple[int, str] | None:

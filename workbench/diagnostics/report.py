@@ -1,13 +1,13 @@
 """The whole report of a diagnosis in words, section by section."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
 from workbench.diagnostics.conditioning import PARALLEL
-from workbench.diagnostics.findings import Finding, held, listed, unread
+from workbench.diagnostics.diagnosis import Diagnosis
+from workbench.diagnostics.findings import held, listed, unread
 from workbench.diagnostics.identifiability import UNCHANGED, EntryIdentifiability
-from workbench.diagnostics.results import DiagnosisResults
 from workbench.diagnostics.structure import (
     counted,
     gathered,
@@ -15,18 +15,18 @@ from workbench.diagnostics.structure import (
     named_rows,
     pose_moves_template,
 )
-from workbench.diagnostics.suggestion import Suggestion
-from workbench.diagnostics.summary import gap, unseen
+from workbench.diagnostics.summary import gap, names_of
 from workbench.diagnostics.tables import sections, table
 
 MOST = 12  # lines of one list
 
 
-def report(
-    d: DiagnosisResults, findings: Sequence[Finding], suggestions: Sequence[Suggestion]
-) -> str:
+def report(d: Diagnosis) -> str:
     """Findings, all numbers, and suggestions, section by section."""
-    parts = [("findings", listed(findings)), ("size and structure", _structure(d))]
+    parts: list[tuple[str, Iterable[str]]] = [
+        ("findings", listed(d.findings)),
+        ("size and structure", _structure(d)),
+    ]
     if d.here.finite:
         parts += [
             ("rank", _rank(d)),
@@ -37,21 +37,19 @@ def report(
             ("what each residual contributes", _contributions(d)),
             ("derivatives", _derivatives(d)),
         ]
-    parts.append(("suggestions (each was tried out)", _advice(suggestions)))
+    parts.append(("suggestions (each was tried out)", _advice(d)))
     return sections(parts)
 
 
-def _structure(d: DiagnosisResults) -> list[str]:
+def _structure(d: Diagnosis) -> Iterator[str]:
     m, n = d.shape
     s = d.structure
-    lines = [
-        f"{m} rows x {n} unknowns; {d.nonzeros} of {m * n} entries can be nonzero ({d.density:.1%})"
-    ]
+    nonzeros = f"{d.nonzeros} of {m * n} entries can be nonzero ({d.density:.1%})"
+    yield f"{m} rows x {n} unknowns; {nonzeros}"
     if d.here.finite and d.nonzeros:
-        lines.append(
-            f"{d.thick} of them are above a thousandth of their column's largest entry{_thin(d)}"
-        )
-    lines += table(
+        others = _small_entries(d)
+        yield f"{d.thick} of them are above a thousandth of their column's largest entry{others}"
+    yield from table(
         ("residual", "block", "rows", "columns", "nonzeros", "density", "norm"),
         [
             (
@@ -66,112 +64,107 @@ def _structure(d: DiagnosisResults) -> list[str]:
             for t in d.terms
         ],
     )
-    lines.append(f"structural rank {s.rank} of {n}, the largest that the sparsity pattern allows")
+    yield f"structural rank {s.rank} of {n}, the largest that the sparsity pattern allows"
     if s.unread.size:
-        lines.append(unread(d))
-    lines.append(
+        yield unread(d)
+    yield (
         "Dulmage-Mendelsohn decomposition: "
         f"over-determined {s.over.rows.size} x {s.over.columns.size}, "
         f"square {s.square.rows.size} x {s.square.columns.size}, "
         f"under-determined {s.under.rows.size} x {s.under.columns.size} (rows x unknowns)"
     )
     if s.under.columns.size:
-        lines.append(
+        yield (
             f"the under-determined unknowns are {named_groups(d.free, s.under.columns)}, in "
             f"{named_rows(d.point.rows, s.under.rows) or 'no row'}"
         )
-    return lines
 
 
-def _rank(d: DiagnosisResults) -> list[str]:
+def _rank(d: Diagnosis) -> Iterator[str]:
     n = d.shape[1]
-    lines = [f"numerical rank {d.rank} of {n}{gap(d)}; tolerance {d.tolerance:.1e}"]
+    yield f"numerical rank {d.rank} of {n}{gap(d)}; tolerance {d.tolerance:.1e}"
     if d.point.active.any:
-        lines.append(held(d))
+        yield held(d)
     if d.here.estimated:
-        lines.append(
+        yield (
             "the Jacobian is large and sparse: singular values are estimated from J'J, down to "
             "1e-8 of the largest; leverage, nearby points and contributions are left out"
         )
     if d.structural_rank > d.rank:
-        lines.append(
+        yield (
             f"the sparsity pattern allows {d.structural_rank}: {d.structural_rank - d.rank} of the "
             "null directions are due to the numbers, not to the pattern"
         )
-    lines.append(f"with columns of length 1: rank {d.scaled_rank}")
+    yield f"with columns of length 1: rank {d.scaled_rank}"
     if d.nearby.ranks:
-        lines.append(
+        yield (
             f"at {len(d.nearby.ranks)} points a tenth of a yardstick away: rank "
             f"{', '.join(map(str, d.nearby.ranks))}; the smallest nonzero singular value is "
             f"{d.nearby.weaker_here:.2g} times as large there"
         )
     if d.rank_law:
-        lines.append(f"the kinematic tree predicts the rank {d.rank_law[0]}: {d.rank_law[1]}")
+        yield f"the kinematic tree predicts the rank {d.rank_law[0]}: {d.rank_law[1]}"
     if d.rank == n:
-        lines.append(f"condition {d.condition:.3g}")
-    return lines
+        yield f"condition {d.condition:.3g}"
 
 
-def _unseen(d: DiagnosisResults) -> list[str]:
+def _unseen(d: Diagnosis) -> Iterator[str]:
     if d.rank == d.shape[1]:
-        return []
+        return
     worst = max(x.change for x in d.null_directions)
-    lines = [
+    yield (
         f"{counted(len(d.null_directions), 'direction')}; one unit along any of them changes the "
-        f"residuals by at most {worst:.1e} sigma",
-        *unseen(d),
-    ]
+        f"residuals by at most {worst:.1e} sigma"
+    )
+    yield from names_of(d.null_directions)
     if d.weak_directions and any(x.kind in ("joint", "mixed") for x in d.null_directions):
-        lines.append("(directions of many entries combine weak directions, which are listed below)")
-    return lines
+        yield "(directions of many entries combine weak directions, which are listed below)"
 
 
-def _weak(d: DiagnosisResults) -> list[str]:
+def _weak(d: Diagnosis) -> Iterator[str]:
     if not d.weak_directions:
-        return []
+        return
     shown = d.weak_directions[:MOST]
-    lines = [
-        "a whole yardstick along each of these changes the residuals by less than one sigma",
-        f"(a yardstick is {d.point.yardsticks})",
-        *table(("direction", "|J d|"), [(x.name, f"{x.change:.2g}") for x in shown]),
-    ]
-    more = len(d.weak_directions) - len(shown)
-    return [*lines, f"and {more} more"] if more else lines
+    yield "a whole yardstick along each of these changes the residuals by less than one sigma"
+    yield f"(a yardstick is {d.point.yardsticks})"
+    yield from table(("direction", "|J d|"), [(x.name, f"{x.change:.2g}") for x in shown])
+    if len(d.weak_directions) > MOST:
+        yield f"and {len(d.weak_directions) - MOST} more"
 
 
-def _conditioning(d: DiagnosisResults) -> list[str]:
+def _conditioning(d: Diagnosis) -> Iterator[str]:
     if not d.free.size:
-        return ["nothing is free"]
+        yield "nothing is free"
+        return
     norms = d.here.column_norms
     longest, shortest = int(np.argmax(norms)), int(np.argmin(norms))
-    lines = [
+    yield (
         f"longest column {d.free.label(longest)}: {norms[longest]:.3g}; shortest "
         f"{d.free.label(shortest)}: {norms[shortest]:.3g} (sigmas per unit)"
-    ]
+    )
     for pair in d.parallel_columns[:MOST]:
         how = "parallel" if pair.sine <= PARALLEL else f"nearly parallel (sine {pair.sine:.1e})"
-        lines.append(f"{d.free.label(pair.first)} and {d.free.label(pair.second)}: {how} columns")
+        yield f"{d.free.label(pair.first)} and {d.free.label(pair.second)}: {how} columns"
     for weak in d.weakest[:1]:
         columns = ", ".join(gathered([d.free.label(i) for i in weak.columns[:MOST]]))
         rows = ", ".join(d.problem.row_label(i) for i in weak.rows[:6])
-        lines.append(
+        yield (
             f"smallest nonzero singular value ({weak.change:.2g} sigma per yardstick): along "
             f"{columns}; it changes {rows}{' and others' if len(weak.rows) > 6 else ''}"
         )
     if d.leverage is not None:
         top = np.argsort(-d.leverage)[:3]
         named = ", ".join(f"{d.problem.row_label(int(i))} ({d.leverage[i]:.2f})" for i in top)
-        lines.append(f"rows with the largest leverage (at most 1): {named}")
+        yield f"rows with the largest leverage (at most 1): {named}"
     if d.parallel_rows:
         pair = d.parallel_rows[0]
-        lines.append(
+        yield (
             f"{counted(len(d.parallel_rows), 'pair')} of parallel rows, such as "
             f"{d.problem.row_label(pair.first)} and {d.problem.row_label(pair.second)}"
         )
-    return lines
 
 
-def _known(d: DiagnosisResults) -> list[str]:
+def _known(d: Diagnosis) -> Iterator[str]:
     known = d.identifiability
     rows = []
     verdicts = np.array([v.name for v in known.verdicts])
@@ -182,25 +175,24 @@ def _known(d: DiagnosisResults) -> list[str]:
         counts = [str(int(np.sum(verdicts[at] == v.name))) for v in reversed(EntryIdentifiability)]
         rows.append((block.name, block.unit, spread, *counts))
     header = ("block", "unit", "sigma", "identified", "practical", "numerical", "structural")
-    lines = table(header, rows)
-    lines.append(
+    yield from table(header, rows)
+    yield (
         f"identified: sigma is below {UNCHANGED} of the prior's or, without a prior, below a "
         f"yardstick ({d.point.yardsticks})"
     )
     if d.priors:
-        lines.append(
+        yield (
             f"the data determine {known.effective:.1f} of {d.shape[1]} directions (effective "
             f"degrees of freedom); they say more than {', '.join(d.priors)} about "
             f"{known.better_from_data} directions"
         )
     for a, b, c in known.correlations[:3]:
-        lines.append(f"correlation {c:+.3f}: {d.free.label(a)} and {d.free.label(b)}")
-    return lines
+        yield f"correlation {c:+.3f}: {d.free.label(a)} and {d.free.label(b)}"
 
 
-def _contributions(d: DiagnosisResults) -> list[str]:
+def _contributions(d: Diagnosis) -> Iterator[str]:
     if not d.contributions:
-        return []
+        return
     names = d.free.names
     rows = [
         (
@@ -215,7 +207,7 @@ def _contributions(d: DiagnosisResults) -> list[str]:
         for c in d.contributions
     ]
     header = ("residual", "rank without", "with", *(f"sigma {n}" for n in names))
-    return table(header, rows)
+    yield from table(header, rows)
 
 
 def changed(without: float, with_it: float, number: Callable[[float], str]) -> str:
@@ -226,38 +218,33 @@ def changed(without: float, with_it: float, number: Callable[[float], str]) -> s
     return f"{first} -> {'unknown' if np.isinf(with_it) else number(with_it)}"
 
 
-def _thin(d: DiagnosisResults) -> str:
-    """What the thin entries are, where that is known: pose blend shapes far from a joint."""
+def _small_entries(d: Diagnosis) -> str:
+    """What the small entries are, where that is known: pose blend shapes far from a joint."""
     if d.thick == d.nonzeros:
         return ""
-    example = (
-        ", such as what pose blend shapes do far from a joint"
-        if pose_moves_template(d.problem)
-        else ""
-    )
-    return f"; the others are small{example}"
+    if pose_moves_template(d.problem):
+        return "; the others are small, such as what pose blend shapes do far from a joint"
+    return "; the others are small"
 
 
-def _derivatives(d: DiagnosisResults) -> list[str]:
+def _derivatives(d: Diagnosis) -> Iterator[str]:
     check = d.derivatives
     of = "" if len(check.columns) == d.shape[1] else f" ({len(check.columns)} columns, at random)"
-    lines = [
+    yield (
         f"compared with finite differences{of}: {check.wrong} entries wrong, largest error "
         f"{check.largest_error:.1e} of the column's largest entry"
-    ]
+    )
     if check.slope is not None:
-        lines.append(f"the error of the linear model falls like h^{check.slope:.2f} (2 is right)")
+        yield f"the error of the linear model falls like h^{check.slope:.2f} (2 is right)"
     if check.hessian_error is not None:
-        lines.append(f"exact Hessian compared with finite differences: {check.hessian_error:.1e}")
+        yield f"exact Hessian compared with finite differences: {check.hessian_error:.1e}"
     if check.neglected is not None:
-        lines.append(
+        yield (
             f"the Gauss-Newton Hessian J'J leaves out {check.neglected:.1%} of the exact Hessian"
         )
-    return lines
 
 
-def _advice(suggestions: Sequence[Suggestion]) -> list[str]:
-    lines = []
-    for s in suggestions:
-        lines += [f"{s.what}: {s.before} -> {s.after}", f"  reason: {s.why}; cost: {s.cost}"]
-    return lines
+def _advice(d: Diagnosis) -> Iterator[str]:
+    for s in d.suggestions:
+        yield f"{s.what}: {s.before} -> {s.after}"
+        yield f"  reason: {s.why}; cost: {s.cost}"

@@ -1,31 +1,25 @@
 """A diagnosis as plain data for JSON: names instead of indices, numbers that JSON knows."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from workbench.diagnostics.findings import Finding
+from workbench.diagnostics.diagnosis import Diagnosis
 from workbench.diagnostics.null_space import Direction
-from workbench.diagnostics.results import DiagnosisResults
 from workbench.diagnostics.structure import named_rows
-from workbench.diagnostics.suggestion import Suggestion
 
 SCHEMA = "workbench.diagnosis"
-VERSION = 1  # raised whenever a key goes or changes its meaning; new keys may come without
-
-
+VERSION = 1  # raised when a key is removed or changes its meaning; new keys do not raise it
 CHECKED = (
     *("passed", "wrong", "largest_error", "slope"),
     *("gradient_error", "hessian_error", "neglected"),
 )
 
 
-def as_data(
-    d: DiagnosisResults, findings: Iterable[Finding], suggestions: Iterable[Suggestion]
-) -> dict[str, Any]:
-    """Everything but pictures; infinite and undefined numbers are null."""
+def as_data(d: Diagnosis) -> dict[str, Any]:
+    """All parts of a diagnosis; infinite and undefined numbers are null."""
     data: dict[str, Any] = {
         "schema": SCHEMA,
         "version": VERSION,
@@ -63,7 +57,7 @@ def as_data(
                 for i, j in d.not_finite[:100]
             ],
         },
-        "findings": [vars(finding) for finding in findings],
+        "findings": [vars(finding) for finding in d.findings],
         "suggestions": [
             {
                 "what": s.what,
@@ -73,7 +67,7 @@ def as_data(
                 "before": vars(s.before),
                 "after": vars(s.after),
             }
-            for s in suggestions
+            for s in d.suggestions
         ],
     }
     if d.here.finite:
@@ -81,7 +75,7 @@ def as_data(
     return plain(data)  # type: ignore[no-any-return]
 
 
-def _numbers(d: DiagnosisResults) -> dict[str, Any]:
+def _numbers(d: Diagnosis) -> dict[str, Any]:
     known, check, law = d.identifiability, d.derivatives, d.rank_law
     return {
         "rank": d.rank,
@@ -144,17 +138,17 @@ def _numbers(d: DiagnosisResults) -> dict[str, Any]:
     }
 
 
-def _direction(d: DiagnosisResults, x: Direction) -> dict[str, Any]:
+def _direction(d: Diagnosis, x: Direction) -> dict[str, Any]:
     entries = {d.free.label(int(i)): x.vector[i] for i in np.flatnonzero(x.vector)}
     return {"name": x.name, "kind": x.kind, "change": x.change, "entries": entries}
 
 
-def _labels(d: DiagnosisResults, columns: np.ndarray) -> list[str]:
+def _labels(d: Diagnosis, columns: np.ndarray) -> list[str]:
     return [d.free.label(int(i)) for i in columns]
 
 
 def plain(value: Any) -> Any:
-    """Numbers, texts, lists and dicts alone; numbers that are not finite become None."""
+    """A value as numbers, texts, lists and dicts; numbers that are not finite become None."""
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray):

@@ -1,7 +1,7 @@
-"""Names for what a sequence does not see, gathered over the frames that share them."""
+"""Names of a sequence's null directions, gathered over the frames that have the same ones."""
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import csc_array
@@ -9,8 +9,9 @@ from scipy.sparse import csc_array
 from workbench.arrays import Array, Mask
 from workbench.blocks import Layout
 from workbench.diagnostics.named_subspaces import NamedSubspace, named_subspaces
-from workbench.diagnostics.null_space import FRESH, dominant
+from workbench.diagnostics.null_space import dominant
 from workbench.diagnostics.single_frames import SingleFrames
+from workbench.diagnostics.sparse_bases import FRESH
 from workbench.diagnostics.structure import counted, gathered
 
 OUTSIDE = 1e-10  # squared part of a direction outside of a motion's entries, up to rounding
@@ -19,11 +20,15 @@ TAKES_PART = 1e-6  # of a direction's length: less is rounding
 
 @dataclass(frozen=True)
 class NullDirections:
-    """Directions of one name that no residual notices.
+    """Directions of one name that change no residual.
 
-    Where they are `tied`, each of them moves several frames at once. Else each moves one frame, and
-    there are as many in each of the `frames` as `count` says in all. `shared` ones move unknowns
-    that all frames share, and those of the `frames` in what they are undone by.
+    Attributes:
+        name: what the directions are called in reports.
+        joints: the joints that they turn.
+        frames: the frames that they move.
+        count: how many there are in all frames together.
+        tied: whether each of them moves several frames at once; otherwise each moves one frame.
+        shared: whether they move unknowns that all frames share; these are then undone in `frames`.
     """
 
     name: str
@@ -33,7 +38,7 @@ class NullDirections:
     tied: bool = False
     shared: bool = False
 
-    def said(self, total: int) -> str:
+    def described(self, total: int) -> str:
         """`a turn of pose[left_wrist] alone, in 200 of 200 frames`."""
         if self.shared:
             return self.name
@@ -61,20 +66,31 @@ def named(vectors: csc_array, frames: SingleFrames) -> tuple[NullDirections, ...
     dictionary = Dictionary.of(frames.layout, named_subspaces(frames.layout, frames.trees))
     found: list[NullDirections] = _of_shared(csc_array(vectors[:, shared]), frames)
     if tied:
-        found += _tied(csc_array(vectors[:, tied]), frames, dictionary)
-    groups: dict[tuple[str, tuple[str, ...], str], dict[int, int]] = {}
+        found += _gathered(_tied(csc_array(vectors[:, tied]), frames, dictionary))
+    groups: dict[tuple[str, str, tuple[str, ...]], dict[int, int]] = {}
     for t, columns in sorted(local.items()):
         here = frame_of == t
         V = np.zeros((frames.layout.size, len(columns)))
         V[place[here]] = vectors[:, columns].toarray()[here]
-        for name, joints, kind, count, _ in dictionary.names(V[None]):
-            groups.setdefault((name, joints, kind), {})[t] = count
-    return (*found, *_gathered(groups))
+        for motion, moved in dictionary.names(V[None]):
+            key = motion.kind, motion.name, motion.joints
+            groups.setdefault(key, {})[t] = moved.shape[-1]
+    single = [
+        (kind, NullDirections(name, joints, tuple(counts), sum(counts.values())))
+        for (kind, name, joints), counts in groups.items()
+    ]
+    return (*found, *_gathered(single))
 
 
 @dataclass(frozen=True, eq=False)
 class Dictionary:
-    """Motions of one frame, and which unknowns each of them moves, (M, n)."""
+    """The motions of one frame by which its null directions are named.
+
+    Attributes:
+        layout: the unknowns of the frame.
+        subspaces: the motions, smallest first.
+        moves: (M, n) which unknowns each motion moves.
+    """
 
     layout: Layout
     subspaces: Sequence[NamedSubspace]
@@ -82,15 +98,15 @@ class Dictionary:
 
     @staticmethod
     def of(layout: Layout, found: Iterable[NamedSubspace]) -> "Dictionary":
-        """The dictionary of those subspaces whose entries may each move by itself."""
+        """The dictionary of those subspaces in which each entry may move by itself."""
         kept = [motion for motion in found if motion.basis is None]
         moves = np.zeros((len(kept), layout.size), dtype=bool)
         for row, motion in zip(moves, kept, strict=True):
             row[motion.entries] = True
         return Dictionary(layout, kept, moves)
 
-    def names(self, V: Array) -> list[tuple[str, tuple[str, ...], str, int, Array]]:
-        """Name, joints, kind and count of directions in the span of V (T, n, d); which these are.
+    def names(self, V: Array) -> list[tuple[NamedSubspace, Array]]:
+        """The motions in the span of V (T, n, d), and for each the directions (T, n, k) of it.
 
         A motion is one of them if some combination (d,) of the vectors moves its entries alone, in
         all frames; the smallest motions come first.
@@ -99,7 +115,8 @@ class Dictionary:
         Q = np.linalg.qr(V.reshape(T * n, d))[0].reshape(T, n, d)
         gram = np.einsum("tei,tej->eij", Q, Q)  # of each entry; they add up to the unit matrix
         parts = self.moves.astype(float) @ np.einsum("eii->e", gram)
-        found, known = [], np.zeros((d, 0))
+        found: list[tuple[NamedSubspace, Array]] = []
+        known = np.zeros((d, 0))
         others = (~self.moves).astype(float)
         inside = np.zeros(len(self.subspaces))  # how many of those that are known a motion has
         for k, motion in enumerate(self.subspaces):
@@ -115,58 +132,48 @@ class Dictionary:
             fresh = U[:, s > FRESH]
             if not fresh.shape[1]:
                 continue
-            found.append((motion.name, motion.joints, motion.kind, fresh.shape[1], Q @ fresh))
+            found.append((motion, Q @ fresh))
             known = np.column_stack([known, fresh])
             moved = np.linalg.norm(Q @ fresh, axis=0) ** 2 > OUTSIDE
             inside += np.sum(others @ moved.astype(float) == 0, axis=1)
-        left = d - known.shape[1]
-        if left:
+        if known.shape[1] < d:
             rest = Q @ np.linalg.svd(known, full_matrices=True)[0][:, known.shape[1] :]
             large = np.linalg.norm(rest, axis=(0, 2)) > TAKES_PART
             blocks = [b for b, at in self.layout.slices.items() if large[at].any()]
             name = f"combinations of {' and '.join(blocks)}"
-            found.append((name, (), "mixed", left, rest))
+            found.append((NamedSubspace("mixed", name, (), np.flatnonzero(large)), rest))
         return found
 
 
-def _gathered(
-    groups: dict[tuple[str, tuple[str, ...], str], dict[int, int]],
-) -> list[NullDirections]:
-    """Groups of one name; single entries of the same frames in one."""
-    entries: dict[tuple[int, ...], list[tuple[str, tuple[str, ...]]]] = {}
-    found = []
-    for (name, joints, kind), counts in groups.items():
-        some = tuple(sorted(counts))
+def _gathered(found: Iterable[tuple[str, NullDirections]]) -> list[NullDirections]:
+    """Null directions with their kinds; single entries of the same frames become one, and lead."""
+    entries: dict[tuple[int, ...], list[NullDirections]] = {}
+    others = []
+    for kind, one in found:
         if kind == "entry":
-            entries.setdefault(some, []).append((name, joints))
+            entries.setdefault(one.frames, []).append(one)
         else:
-            found.append(NullDirections(name, joints, some, sum(counts.values())))
-    first = []
-    for some, several in entries.items():
-        joints = tuple(dict.fromkeys(joint for _, of in several for joint in of))
-        name = ", ".join(gathered([name for name, _ in several]))
-        first.append(NullDirections(name, joints, some, len(several) * len(some)))
-    return [*first, *found]
-
-
-def _tied(vectors: csc_array, frames: SingleFrames, dictionary: Dictionary) -> list[NullDirections]:
-    groups: dict[tuple[int, ...], list[NullDirections]] = {}
-    found = []
-    for name, joints, kind, count, moved in dictionary.names(_by_frames(vectors, frames)):
-        some = tuple(np.flatnonzero(np.linalg.norm(moved, axis=(1, 2)) > TAKES_PART).tolist())
-        one = NullDirections(name, joints, some, count, tied=True)
-        if kind == "entry":
-            groups.setdefault(some, []).append(one)
-        else:
-            found.append(one)
-    entries = []
-    for some, several in groups.items():
-        joints = tuple(dict.fromkeys(joint for one in several for joint in one.joints))
-        name = ", ".join(gathered([one.name for one in several]))
-        entries.append(
-            NullDirections(name, joints, some, sum(one.count for one in several), tied=True)
+            others.append(one)
+    first = [
+        replace(
+            several[0],
+            name=", ".join(gathered([one.name for one in several])),
+            joints=tuple(dict.fromkeys(joint for one in several for joint in one.joints)),
+            count=sum(one.count for one in several),
         )
-    return [*entries, *found]
+        for several in entries.values()
+    ]
+    return [*first, *others]
+
+
+def _tied(
+    vectors: csc_array, frames: SingleFrames, dictionary: Dictionary
+) -> Iterator[tuple[str, NullDirections]]:
+    """Null directions that move several frames at once, with their kinds."""
+    for motion, moved in dictionary.names(_by_frames(vectors, frames)):
+        some = tuple(np.flatnonzero(np.linalg.norm(moved, axis=(1, 2)) > TAKES_PART).tolist())
+        count = moved.shape[-1]
+        yield motion.kind, NullDirections(motion.name, motion.joints, some, count, tied=True)
 
 
 def _of_shared(vectors: csc_array, frames: SingleFrames) -> list[NullDirections]:
@@ -179,19 +186,21 @@ def _of_shared(vectors: csc_array, frames: SingleFrames) -> list[NullDirections]
     dictionary = Dictionary.of(frames.shared, named_subspaces(frames.shared, ()))
     V = _by_frames(vectors, frames)
     found = []
-    for name, joints, kind, count, moved in dictionary.names(S[None]):
+    for motion, moved in dictionary.names(S[None]):
         combined = np.linalg.lstsq(S, moved[0])[0]
         of_frames = V @ combined
         there = np.linalg.norm(of_frames, axis=(1, 2)) > TAKES_PART
         size = np.linalg.norm(of_frames, axis=(0, 2))
         blocks = [b for b, at in frames.layout.slices.items() if (size[at] > TAKES_PART).any()]
-        if kind in ("mixed", "block"):
+        name = motion.name
+        if motion.kind in ("mixed", "block"):
             name = "; ".join(dominant(v, frames.shared) for v in moved[0].T)
         if there.any():
             where = f"{int(there.sum())} of {frames.count} frames"
             name = f"{name}, undone by {' and '.join(blocks)} in {where}"
         some = tuple(np.flatnonzero(there).tolist())
-        found.append(NullDirections(name, joints, some, count, tied=True, shared=True))
+        count = moved.shape[-1]
+        found.append(NullDirections(name, motion.joints, some, count, tied=True, shared=True))
     return found
 
 

@@ -1,126 +1,84 @@
 """The diagnosis of a sequence in words and as data."""
 
-from collections.abc import Iterable
-from typing import Any, Protocol
+from collections.abc import Iterable, Iterator
+from typing import Any
 
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.blocks import Layout
-from workbench.diagnostics.findings import Finding, listed, some_of
+from workbench.diagnostics.findings import listed, some_of
 from workbench.diagnostics.schema import plain
-from workbench.diagnostics.sequence_names import NullDirections
-from workbench.diagnostics.shared_unknowns import SharedUnknowns
+from workbench.diagnostics.sequences import SequenceDiagnosis
 from workbench.diagnostics.structure import counted
 from workbench.diagnostics.tables import sections, table
-from workbench.problem import Linearization, Problem
+from workbench.diagnostics.wording import Finding, Wording
 
 SCHEMA = "workbench.sequence-diagnosis"
-VERSION = 1  # raised whenever a key goes or changes its meaning; new keys may come without
-FEW = 0.1  # of the frames: a shared unknown that no more of them see deserves a warning
+VERSION = 1  # raised when a key is removed or changes its meaning; new keys do not raise it
+FEW = 0.1  # of the frames: a shared unknown that at most so many see causes a warning
 WORST = 5  # frames of each block that a report lists
 
 
-class SequenceResults(Protocol):
-    """The numbers of the diagnosis of a sequence; what each means is said at SequenceDiagnosis."""
-
-    # ruff: noqa: D102
-
-    @property
-    def problem(self) -> Problem: ...
-    @property
-    def here(self) -> Linearization: ...
-    @property
-    def priors(self) -> tuple[str, ...]: ...
-    @property
-    def free(self) -> Layout: ...
-    @property
-    def shape(self) -> tuple[int, int]: ...
-    @property
-    def count(self) -> int: ...
-    @property
-    def tolerance(self) -> float: ...
-    @property
-    def rank(self) -> int: ...
-    @property
-    def null_directions(self) -> tuple[NullDirections, ...]: ...
-    @property
-    def shared(self) -> SharedUnknowns: ...
-    @property
-    def largest_sigma(self) -> dict[str, Array]: ...
-    @property
-    def blind(self) -> dict[str, tuple[int, ...]]: ...
-    @property
-    def missing(self) -> dict[str, tuple[int, ...]]: ...
-    @property
-    def between(self) -> tuple[str, ...]: ...
-    @property
-    def findings(self) -> tuple[Finding, ...]: ...
+def findings(d: SequenceDiagnosis) -> tuple[Finding, ...]:
+    """All findings, warnings first."""
+    return tuple(sorted(_found(d), key=lambda finding: not finding.warning))
 
 
-def findings(d: SequenceResults) -> tuple[Finding, ...]:
-    """What deserves a sentence, warnings first."""
-    found = []
+def _found(d: SequenceDiagnosis) -> Iterator[Finding]:
     n, T = d.shape[1], d.count
     if not d.here.finite:
-        return (Finding("values", f"not finite: {_not_finite(d)}", True),)
+        yield Finding("values", f"not finite: {_not_finite(d)}")
+        return
     if d.rank < n:
-        found.append(Finding("rank", f"{n - d.rank} of {n} directions change no residual", True))
+        yield Finding("rank", f"{n - d.rank} of {n} directions change no residual")
     for i, count in enumerate(d.shared.frames_seen):
         if count == T:
             continue
-        told = np.isfinite(d.shared.sigma[i])
         text = f"{d.shared.layout.label(i)} is seen in {count} of {T} frames"
-        if not count and told:
+        if not count and np.isfinite(d.shared.sigma[i]):
             text += ": only residuals that belong to no single frame determine it"
-        found.append(Finding("shared", text, bool(count <= FEW * T)))
+        yield Finding("shared", text, bool(count <= FEW * T))
     for name, some in d.blind.items():
         if some:
-            text = (
-                f"{frames_in_words(some, T)} see{'s' if len(some) == 1 else ''} nothing of {name}"
-            )
+            verb = "sees" if len(some) == 1 else "see"
+            text = f"{frames_in_words(some, T)} {verb} nothing of {name}"
             inside = d.largest_sigma[name][list(some)]
             warning = bool(np.isinf(inside).any())
             text += "" if warning else f": there it is determined by {' and '.join(d.between)}"
-            found.append(Finding("frames", text, warning))
+            yield Finding("frames", text, warning)
     for name, some in d.missing.items():
-        found.append(
-            Finding(
-                "frames", f"the residual {name} is missing in {frames_in_words(some, T)}", False
-            )
-        )
+        text = f"the residual {name} is missing in {frames_in_words(some, T)}"
+        yield Finding("frames", text, False)
     if d.problem.bounded or d.problem.constraints:
         text = "bounds and constraints are ignored in a sequence of this size"
-        found.append(Finding("rank", text, False))
-    return tuple(sorted(found, key=lambda finding: not finding.warning))
+        yield Finding("rank", text, False)
 
 
-def summary(d: SequenceResults) -> str:
-    """Size, rank, and what is not seen."""
-    n = d.shape[1]
+def summary(d: SequenceDiagnosis) -> str:
+    """Size, rank and null directions."""
     lines = _size(d)
     if not d.here.finite:
         return "\n".join([*lines, *(finding.text for finding in d.findings)])
-    lines.append(f"numerical rank {d.rank} of {n}")
-    lines += _unseen(d) if d.rank < n else ["full rank"]
+    lines.append(f"numerical rank {d.rank} of {d.shape[1]}")
+    lines += _unseen(d) or ["full rank"]
     lines += [finding.text for finding in d.findings if finding.part != "rank"]
     return "\n".join(lines)
 
 
-def report(d: SequenceResults) -> str:
+def report(d: SequenceDiagnosis) -> str:
     """Everything in words, section by section."""
-    parts = [("findings", listed(d.findings)), ("size", _size(d))]
+    parts: list[tuple[str, Iterable[str]]] = [("findings", listed(d.findings)), ("size", _size(d))]
     if d.here.finite:
         parts += [
             ("rank", _rank(d)),
-            ("null directions", _unseen(d) if d.rank < d.shape[1] else []),
+            ("null directions", _unseen(d)),
             ("shared unknowns", _shared(d)),
             ("frames", _frames(d)),
         ]
     return sections(parts)
 
 
-def _size(d: SequenceResults) -> list[str]:
+def _size(d: SequenceDiagnosis) -> list[str]:
     m, n = d.shape
     shared = d.shared.layout.size if d.here.finite else 0
     each = f"{d.count} frames" + (f", {counted(shared, 'shared unknown')}" if shared else "")
@@ -128,69 +86,57 @@ def _size(d: SequenceResults) -> list[str]:
     return [f"Jacobian {m} x {n}: {each}", between if d.between else "nothing couples frames"]
 
 
-def _rank(d: SequenceResults) -> list[str]:
-    n = d.shape[1]
-    lines = [f"numerical rank {d.rank} of {n}, columns of length 1; tolerance {d.tolerance:.1e}"]
+def _rank(d: SequenceDiagnosis) -> Iterator[str]:
+    columns = f"columns of length 1; tolerance {d.tolerance:.1e}"
+    yield f"numerical rank {d.rank} of {d.shape[1]}, {columns}"
     for name, rank in d.shared.ranks.items():
         size = d.shared.layout[name].size
-        lines.append(f"{name}: rank {rank} of {size} once all other unknowns are eliminated")
-    return lines
+        yield f"{name}: rank {rank} of {size} once all other unknowns are eliminated"
 
 
-def _unseen(d: SequenceResults) -> list[str]:
-    lines = [f"{counted(d.shape[1] - d.rank, 'null direction')} (no residual changes along them):"]
-    return [*lines, *(f"  {x.said(d.count)}" for x in d.null_directions)]
+def _unseen(d: SequenceDiagnosis) -> list[str]:
+    missing = d.shape[1] - d.rank
+    if not missing:
+        return []
+    title = f"{counted(missing, 'null direction')} (no residual changes along them):"
+    return [title, *(f"  {x.described(d.count)}" for x in d.null_directions)]
 
 
-def _shared(d: SequenceResults) -> list[str]:
+def _shared(d: SequenceDiagnosis) -> Iterator[str]:
     known = d.shared
     if not known.layout.size:
-        return []
-    return [
-        "a frame sees an unknown if its own unknowns cannot compensate a change of it, and sees it",
-        f"well if a whole yardstick ({known.yardsticks}) changes the rest by a sigma or more",
-        *table(
-            ("unknown", "frames that see it", "see it well", "sigma", "unit"),
-            [
-                (
-                    known.layout.label(i),
-                    f"{known.frames_seen[i]} of {d.count}",
-                    f"{known.frames_well[i]} of {d.count}",
-                    f"{known.sigma[i]:.3g}",
-                    known.layout.unit(i),
-                )
-                for i in range(known.layout.size)
-            ],
-        ),
+        return
+    yield "a frame sees an unknown if its own unknowns cannot compensate a change of it; it sees it"
+    yield f"well if a whole yardstick ({known.yardsticks}) changes the rest by a sigma or more"
+    rows = [
+        (
+            known.layout.label(i),
+            f"{known.frames_seen[i]} of {d.count}",
+            f"{known.frames_well[i]} of {d.count}",
+            f"{known.sigma[i]:.3g}",
+            known.layout.unit(i),
+        )
+        for i in range(known.layout.size)
     ]
+    yield from table(("unknown", "frames that see it", "see it well", "sigma", "unit"), rows)
 
 
-def _frames(d: SequenceResults) -> list[str]:
-    lines = []
+def _frames(d: SequenceDiagnosis) -> Iterator[str]:
     for name, sigma in d.largest_sigma.items():
-        unknown = np.flatnonzero(np.isinf(sigma))
-        if unknown.size:
-            lines.append(
-                f"{name} is not fully identified in {frames_in_words(unknown.tolist(), d.count)}"
-            )
-        order = worst(sigma)
-        if order:
-            told = ", ".join(f"{t} ({sigma[t]:.3g})" for t in order)
-            lines.append(
-                f"{name} is least certain in frames {told}: largest sigma, {_unit(d, name)}"
-            )
-    return lines
+        unknown = np.flatnonzero(np.isinf(sigma)).tolist()
+        if unknown:
+            yield f"{name} is not fully identified in {frames_in_words(unknown, d.count)}"
+        if order := worst(sigma):
+            largest = ", ".join(f"{t} ({sigma[t]:.3g})" for t in order)
+            unit = d.free[name].unit
+            unit = "no unit" if unit == "1" else unit
+            yield f"{name} is least certain in frames {largest}: largest sigma, {unit}"
 
 
 def worst(sigma: Array) -> list[int]:
     """The frames of the largest finite sigmas, largest first."""
     order = np.argsort(-np.where(np.isfinite(sigma), sigma, 0.0), kind="stable")[:WORST]
     return [int(t) for t in order if np.isfinite(sigma[t]) and sigma[t] > 0]
-
-
-def _unit(d: SequenceResults, name: str) -> str:
-    unit = d.free[name].unit
-    return "no unit" if unit == "1" else unit
 
 
 def frames_in_words(frames: Iterable[int], total: int) -> str:
@@ -208,14 +154,14 @@ def frames_in_words(frames: Iterable[int], total: int) -> str:
     return f"{len(some)} of {total} frames{where}"
 
 
-def _not_finite(d: SequenceResults) -> str:
+def _not_finite(d: SequenceDiagnosis) -> str:
     rows = [d.problem.row_label(int(i)) for i in np.flatnonzero(~np.isfinite(d.here.residual))]
     entries = (f"{d.problem.row_label(i)} by {d.free.label(j)}" for i, j in d.here.not_finite)
     return some_of([*rows, *entries])
 
 
-def as_data(d: SequenceResults) -> dict[str, Any]:
-    """Everything; infinite numbers are null."""
+def as_data(d: SequenceDiagnosis) -> dict[str, Any]:
+    """All parts of a sequence's diagnosis; infinite numbers are null."""
     data: dict[str, Any] = {
         "schema": SCHEMA,
         "version": VERSION,
@@ -272,3 +218,6 @@ def as_data(d: SequenceResults) -> dict[str, Any]:
         "missing": d.missing,
     }
     return plain(data)  # type: ignore[no-any-return]
+
+
+WORDING = Wording(findings, summary, report, as_data)

@@ -9,16 +9,16 @@ from scipy.sparse import csc_array
 
 from workbench.arrays import Array
 from workbench.blocks import Layout, Values
-from workbench.diagnostics import sequence_words
-from workbench.diagnostics.diagnosis import Diagnosis, Undiagnosed
+from workbench.diagnostics.diagnosis import Diagnosis
 from workbench.diagnostics.elimination import Elimination
-from workbench.diagnostics.findings import Finding
 from workbench.diagnostics.frame_rows import FrameRows, frames_of_rows
 from workbench.diagnostics.identifiability import prior_sigma
 from workbench.diagnostics.linearized import linearized
 from workbench.diagnostics.sequence_names import NullDirections, named
 from workbench.diagnostics.shared_unknowns import SharedUnknowns
 from workbench.diagnostics.single_frames import SingleFrames
+from workbench.diagnostics.wording import Finding, Undiagnosed, Wording
+from workbench.diagnostics.words import diagnosis_of
 from workbench.diagnostics.yardsticks import yardsticks
 from workbench.problem import Linearization, Problem
 from workbench.problem.nonzeros import columns_of_nonzeros
@@ -28,24 +28,26 @@ from workbench.problem.nonzeros import columns_of_nonzeros
 class SequenceDiagnosis:
     """A sequence at one point. Every part is computed when it is first asked for.
 
-    The unknowns of one frame after another are eliminated (`Eliminated`), so that nothing is as
+    The unknowns of one frame after another are eliminated (`Elimination`), so that nothing is as
     large as the square of the number of unknowns. The rank and the null space are those of the
     Jacobian with columns of length 1, whose singular values count as zero up to eps max(m, n) times
-    the largest. Bounds and constraints are not looked at: what they hold counts as free.
+    the largest. Bounds and constraints are ignored: what they forbid counts as free.
 
-    `str` of it is a summary, `report()` everything in words, `data()` the same as JSON, and
+    `str` gives a summary, `report()` everything in words, `data()` the same as JSON, and
     `frame(t)` the full diagnosis of one frame by itself.
 
     Attributes:
         problem: the sequence.
         at: the values of all blocks that it reads.
         here: its linearization at these values, without columns of rounding errors.
+        wording: the functions that put it into words.
         priors: the names of the residuals that are priors, not data.
     """
 
     problem: Problem = field(repr=False)
     at: Values = field(repr=False)
     here: Linearization = field(repr=False)
+    wording: "Wording[SequenceDiagnosis]" = field(repr=False)
     priors: tuple[str, ...] = ()
 
     @property
@@ -60,7 +62,7 @@ class SequenceDiagnosis:
 
     @cached_property
     def frames(self) -> SingleFrames:
-        """The frames, to be looked at one by one."""
+        """The frames one by one."""
         return SingleFrames(self.problem, self.at)
 
     @property
@@ -75,9 +77,9 @@ class SequenceDiagnosis:
         """
         problem, values = self.frames.alone(t)
         priors = tuple(name for name in self.priors if name in problem.rows)
-        return Diagnosis(problem, values, linearized(problem, values), priors)
+        return diagnosis_of(problem, values, linearized(problem, values), priors)
 
-    # Rank, and what is not seen.
+    # Rank and null directions.
 
     @cached_property
     def rows(self) -> FrameRows:
@@ -101,7 +103,7 @@ class SequenceDiagnosis:
 
     @cached_property
     def null_vectors(self) -> csc_array:
-        """(n, n - rank): a basis of what no residual notices, in the unknowns' own units.
+        """(n, n - rank): a basis of the null space, in the unknowns' own units.
 
         Each vector has length 1; most of them move a single frame.
         """
@@ -116,7 +118,7 @@ class SequenceDiagnosis:
         """The null directions with names, gathered over the frames that share them."""
         return named(self.null_vectors, self.frames)
 
-    # What is known of each number.
+    # What is known about each unknown.
 
     @cached_property
     def sigma(self) -> Array:
@@ -125,59 +127,50 @@ class SequenceDiagnosis:
 
     @cached_property
     def shared(self) -> SharedUnknowns:
-        """What is known of the unknowns that all frames share, and in how many they are seen."""
+        """What is known about the unknowns that all frames share, and in how many they are seen."""
         layout, border = self.frames.shared, self.rows.shared
-        prior = np.full(len(border), np.inf)
-        if self.priors:
-            slices = [self.problem.rows[name] for name in self.priors]
-            at = np.concatenate([np.arange(s.start, s.stop) for s in slices])
-            at = at[np.diff(self.rows.rest.indptr)[at] > 0]
-            part = self.rows.rest[at][:, border].toarray() * self.rows.lengths[border]
-            if part.any():
-                prior = prior_sigma(
-                    Linearization(np.zeros(len(part)), part), np.ones(len(part), bool)
-                )
-        read = {block.name: block for block in (*self.free.blocks, *self.problem.fixed.blocks)}
-        sizes = yardsticks(layout, Layout(tuple(read.values())), self.at, prior)
+        read = np.diff(self.rows.rest.indptr) > 0
+        at = np.flatnonzero(self.problem.rows_named(self.priors) & read)
+        part = self.rows.rest[at][:, border].toarray() * self.rows.lengths[border]
+        reads = np.asarray(part.any(axis=1))
+        prior = prior_sigma(Linearization(np.zeros(len(part)), part), reads)
+        sizes = yardsticks(layout, self.problem.known.values(), self.at, prior)
         return SharedUnknowns.of(self.rows, layout, sizes, self.sigma[border], self.null_vectors)
 
     @cached_property
     def largest_sigma(self) -> dict[str, Array]:
         """By block, the largest sigma of its entries in each frame (T,), 0 where none is free."""
+        return {name: np.maximum(most, 0.0) for name, most in self._largest(self.sigma).items()}
+
+    def _largest(self, numbers: Array) -> dict[str, Array]:
+        """By block, the largest of its numbers (n,) in each frame (T,), -1 where none is free."""
         frame_of, place = self.frames.places
-        own = frame_of >= 0
         found = {}
         for name, at in self.frames.layout.slices.items():
-            some = np.flatnonzero(own & (place >= at.start) & (place < at.stop))
-            found[name] = np.zeros(self.count)
-            np.maximum.at(found[name], frame_of[some], self.sigma[some])
+            some = np.flatnonzero((frame_of >= 0) & (place >= at.start) & (place < at.stop))
+            found[name] = np.full(self.count, -1.0)
+            np.maximum.at(found[name], frame_of[some], numbers[some])
         return found
 
     @cached_property
     def blind(self) -> dict[str, tuple[int, ...]]:
         """By block, the frames where it is free but whose own residuals do not depend on it."""
-        frame_of, place = self.frames.places
         length = np.zeros(self.shape[1])
         for own, R in zip(self.rows.own, self.rows.triangles, strict=True):
             length[own] = np.linalg.norm(R[:, : len(own)], axis=0)
-        found = {}
-        for name, at in self.frames.layout.slices.items():
-            some = np.flatnonzero((frame_of >= 0) & (place >= at.start) & (place < at.stop))
-            most = np.full(self.count, np.inf)
-            most[frame_of[some]] = 0.0
-            np.maximum.at(most, frame_of[some], length[some])
-            found[name] = tuple(np.flatnonzero(most <= self.tolerance).tolist())
-        return found
+        return {
+            name: tuple(np.flatnonzero((most >= 0) & (most <= self.tolerance)).tolist())
+            for name, most in self._largest(length).items()
+        }
 
     @cached_property
     def missing(self) -> dict[str, tuple[int, ...]]:
         """By name of a residual of single frames, the frames that have none of that name."""
-        every = range(self.count)
         found = {}
         for residual in self.problem.residuals:
-            there = {t for t, _ in residual.each}
-            if there and len(there) < self.count:
-                found[residual.name] = tuple(t for t in every if t not in there)
+            absent = sorted(set(range(self.count)) - {t for t, _ in residual.each})
+            if residual.each and absent:
+                found[residual.name] = tuple(absent)
         return found
 
     @property
@@ -190,12 +183,12 @@ class SequenceDiagnosis:
             if not r.each and any(known[name].framed for name in r.reads)
         )
 
-    # What to make of it.
+    # Conclusions.
 
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
         """Warnings first, then what is worth knowing."""
-        return sequence_words.findings(self)
+        return self.wording.findings(self)
 
     @property
     def warnings(self) -> tuple[Finding, ...]:
@@ -207,7 +200,7 @@ class SequenceDiagnosis:
         if not self.here.finite:
             raise Undiagnosed(f"there is no rank: {self.findings[0].text}")
         if self.rank != rank:
-            unseen = "; ".join(d.said(self.count) for d in self.null_directions) or "none"
+            unseen = "; ".join(d.described(self.count) for d in self.null_directions) or "none"
             raise Undiagnosed(f"the rank is {self.rank}, not {rank}; null directions: {unseen}")
 
     def assert_no_warnings(self) -> None:
@@ -216,12 +209,12 @@ class SequenceDiagnosis:
             raise Undiagnosed("; ".join(warning.text for warning in self.warnings))
 
     def __str__(self) -> str:
-        return sequence_words.summary(self)
+        return self.wording.summary(self)
 
     def report(self) -> str:
         """Everything in words, section by section."""
-        return sequence_words.report(self)
+        return self.wording.report(self)
 
     def data(self) -> dict[str, Any]:
         """Everything as plain data, for JSON; `schema` and `version` say how to read it."""
-        return sequence_words.as_data(self)
+        return self.wording.data(self)

@@ -1,4 +1,4 @@
-"""What a sequence knows of the unknowns that all of its frames share."""
+"""What is known about the unknowns that all frames of a sequence share."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,8 @@ from scipy.sparse import csc_array
 from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Layout
 from workbench.diagnostics.frame_rows import FrameRows
-from workbench.diagnostics.null_space import FRESH, WEAK
+from workbench.diagnostics.null_space import WEAK
+from workbench.diagnostics.sparse_bases import FRESH
 from workbench.diagnostics.yardsticks import Yardsticks
 
 
@@ -16,10 +17,10 @@ from workbench.diagnostics.yardsticks import Yardsticks
 class SharedUnknowns:
     """b unknowns, seen by T frames.
 
-    The rows of frame t are J_t x_t + B_t s. What its own unknowns x_t can undo is projected out of
-    them by P_t, which is at right angles to the range of J_t. Unknown i is *seen* in frame t where
-    the length of column i of P_t B_t is above the tolerance of the rank; it is seen *well* where a
-    whole yardstick of it changes P_t B_t s by at least one sigma.
+    The rows of frame t are J_t x_t + B_t s. What the frame's own unknowns x_t can undo is projected
+    out of them by P_t, which is at right angles to the range of J_t. Unknown i is *seen* in frame t
+    where the length of column i of P_t B_t is above the tolerance of the rank; it is seen *well*
+    where a whole yardstick of it changes P_t B_t s by at least one sigma.
 
     Attributes:
         layout: the shared unknowns.

@@ -15,7 +15,12 @@ from workbench.residuals import Residual
 
 @dataclass(frozen=True, eq=False)
 class SingleFrames:
-    """The frames of a sequence, one by one."""
+    """The frames of a sequence, one by one.
+
+    Attributes:
+        problem: the sequence.
+        at: the values of all blocks that it reads.
+    """
 
     problem: Problem
     at: Values

@@ -1,4 +1,4 @@
-"""What the pattern of a Jacobian alone allows: who reads what, and what cannot be determined.
+"""What follows from the pattern of a Jacobian alone: the structural rank and its parts.
 
 Dulmage and Mendelsohn (Coverings of bipartite graphs, 1958) cut any pattern into three parts by a
 maximum matching of rows with columns: an under-determined part with more columns than rows, an
@@ -7,7 +7,7 @@ over-determined one with more rows than columns, and a square one between them.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import combinations
 
 import casadi as cs
 import numpy as np
@@ -17,8 +17,10 @@ from scipy.sparse import csc_array, vstack
 
 from workbench.arrays import Array, Index
 from workbench.blocks import Layout, Tree
-from workbench.bodies.forward.sources import JointPoints, LandmarkPoints, SurfacePoints
+from workbench.blocks.buffered import Buffered
+from workbench.bodies.forward.sources import BodySource
 from workbench.problem import Linearization, Problem
+from workbench.problem.nonzeros import columns_of_nonzeros
 from workbench.problem.storage import distance
 
 
@@ -45,7 +47,12 @@ class TermBlock:
 
 @dataclass(frozen=True, eq=False)
 class Submatrix:
-    """Rows and columns of a part of the decomposition, by their indices."""
+    """A part of the decomposition.
+
+    Attributes:
+        rows: the indices of its rows.
+        columns: the indices of its columns.
+    """
 
     rows: Index
     columns: Index
@@ -55,7 +62,7 @@ class Submatrix:
 class Structure:
     """The pattern (m, n), and what follows from it.
 
-    Rows of constraints that hold come after the m of the residuals: they decide unknowns as well,
+    Rows of active constraints follow the m rows of the residuals: they determine unknowns as well,
     so they count in the rank and in the three parts.
 
     Attributes:
@@ -64,8 +71,8 @@ class Structure:
         under: the under-determined part, with more columns than rows.
         square: the well-determined part, with as many rows as columns.
         over: the over-determined part, with more rows than columns.
-        unread: the columns that no residual and no active constraint reads.
-        idle: the rows that read nothing that is free.
+        unread: the columns on which no residual and no active constraint depends.
+        idle: the rows that depend on no unknown.
     """
 
     pattern: csc_array = field(repr=False)
@@ -85,15 +92,11 @@ def decomposed(residuals: csc_array, held: csc_array | None = None) -> Structure
     pattern = residuals
     if held is not None and held.shape[0]:
         pattern = csc_array(vstack([residuals, held]))
-    reads = _counts(pattern)
+    reads = np.bincount(pattern.indices, minlength=pattern.shape[0])
     kept = _enough(pattern, reads)
-    m, n = len(kept), pattern.shape[1]
-    place = np.full(pattern.shape[0], -1)
-    place[kept] = np.arange(m)
-    rows = [place[pattern.indices[i:j]] for i, j in pairwise(pattern.indptr.tolist())]
-    rows = [some[some >= 0] for some in rows]
-    starts = np.cumsum([0, *(len(some) for some in rows)])
-    S = cs.Sparsity(m, n, starts.tolist(), [row for some in rows for row in some.tolist()])
+    part = csc_array(pattern[kept])
+    n = pattern.shape[1]
+    S = cs.Sparsity(*part.shape, part.indptr.tolist(), part.indices.tolist())
     # rows in the order unmatched | over | square | under, columns over | square | under | unmatched
     _, p, q, _, _, row_edges, column_edges = S.btf()
     p, q = kept[np.array(p, dtype=np.int64)], np.array(q, dtype=np.int64)
@@ -110,24 +113,14 @@ def decomposed(residuals: csc_array, held: csc_array | None = None) -> Structure
     )
 
 
-def _counts(pattern: csc_array) -> Index:
-    """How many columns each row reads, (m,)."""
-    found = np.zeros(pattern.shape[0], dtype=np.int64)
-    for start, stop in pairwise(pattern.indptr.tolist()):
-        found[pattern.indices[start:stop]] += 1
-    return found
-
-
 def _enough(pattern: csc_array, reads: Index) -> Index:
-    """The rows that decide how the pattern comes apart, rising.
+    """The rows that suffice for the decomposition, rising.
 
-    Of rows that read the same k columns no more than k can be matched. So k + 1 of them are
-    enough: one of these is left over, and the others that are not looked at belong where it does.
+    Of all rows that read the same k columns at most k can be matched. Therefore k + 1 of them are
+    enough: at least one of these is unmatched, and all further ones belong to the same part.
     """
-    keys = np.zeros(pattern.shape[0])  # one for each set of columns
-    weights = np.random.default_rng(0).random(pattern.shape[1])
-    for weight, (start, stop) in zip(weights, pairwise(pattern.indptr.tolist()), strict=True):
-        keys[pattern.indices[start:stop]] += weight
+    weights = np.random.default_rng(0).random(pattern.shape[1])[columns_of_nonzeros(pattern)]
+    keys = np.bincount(pattern.indices, weights, pattern.shape[0])  # one for each set of columns
     order = np.argsort(keys, kind="stable")
     new = np.concatenate([[True], np.diff(keys[order]) != 0])[: len(keys)]
     first = np.maximum.accumulate(np.where(new, np.arange(len(keys)), 0))
@@ -139,43 +132,35 @@ def _enough(pattern: csc_array, reads: Index) -> Index:
 def term_blocks(
     problem: Problem, structure: Structure, here: Linearization
 ) -> tuple[TermBlock, ...]:
-    """The Jacobian as a table of terms by blocks."""
-    found = structure.pattern
-    edges = [(rows.start, rows.stop) for rows in problem.rows.values()]
-    counts = np.zeros((found.shape[1], len(edges)), dtype=np.int64)
-    for column, (start, stop) in enumerate(pairwise(found.indptr.tolist())):
-        low, high = np.searchsorted(found.indices[start:stop], edges).T
-        counts[column] = high - low
+    """One entry for every residual and every block: the Jacobian as a table."""
     return tuple(
         TermBlock(
             term,
             block,
             rows.stop - rows.start,
             columns.stop - columns.start,
-            int(counts[columns, k].sum()),
+            int(structure.pattern[:, columns][rows].nnz),
             here.block(rows, columns).norm,
         )
-        for k, (term, rows) in enumerate(problem.rows.items())
+        for term, rows in problem.rows.items()
         for block, columns in problem.free.slices.items()
     )
 
 
 def duplicates(problem: Problem, here: Linearization) -> tuple[tuple[str, str], ...]:
-    """Pairs of residuals that say the same: equal rows, up to one factor and the sign.
+    """Pairs of residuals with equal rows, up to one factor and the sign, at this point.
 
-    Seen at this point only. Where both are zero here, they have to read the same blocks as well.
+    Where both residuals are zero here, they must also read the same blocks.
     """
     found = []
     reads = {residual.name: set(residual.reads) for residual in problem.residuals}
-    terms = list(problem.rows.items())
-    for i, (name, rows) in enumerate(terms):
-        for other, others in terms[i + 1 :]:
-            if rows.stop - rows.start != others.stop - others.start:
-                continue
-            # a residual of zero does not tell one measurement from another
-            told = np.any(here.residual[rows]) or reads[name] == reads[other]
-            if told and _same(here, rows, others):
-                found.append((name, other))
+    for (name, rows), (other, others) in combinations(problem.rows.items(), 2):
+        if rows.stop - rows.start != others.stop - others.start:
+            continue
+        # a residual of zero does not distinguish one measurement from another
+        comparable = np.any(here.residual[rows]) or reads[name] == reads[other]
+        if comparable and _same(here, rows, others):
+            found.append((name, other))
     return tuple(found)
 
 
@@ -186,14 +171,11 @@ def _same(here: Linearization, rows: slice, others: slice) -> bool:
     size, other = float(np.hypot(a.norm, norm(r))), float(np.hypot(b.norm, norm(s)))
     if not a.norm or not b.norm:
         return False
-    return any(
-        np.hypot(
-            distance(a.jacobian, 1 / size, b.jacobian, sign / other),
-            norm(r / size - sign * s / other),
-        )
-        < 1e-10
-        for sign in (1, -1)
-    )
+    for scale in (1 / other, -1 / other):
+        apart = distance(a.jacobian, 1 / size, b.jacobian, scale), norm(r / size - s * scale)
+        if np.hypot(*apart) < 1e-10:
+            return True
+    return False
 
 
 def pose_moves_template(problem: Problem) -> bool:
@@ -201,24 +183,23 @@ def pose_moves_template(problem: Problem) -> bool:
     free = set(problem.free.names)
     sources = [p.source for residual in problem.residuals for p in residual.points]
     return any(
-        isinstance(source, SurfacePoints | LandmarkPoints)
+        isinstance(source, BodySource)
         and not free.isdisjoint(symbol.name() for symbol in cs.symvar(source.at.pose))
-        and bool(source.at.body.posedirs.any())
+        and source.bent
         for source in sources
     )
 
 
 def named_groups(layout: Layout, columns: Index) -> str:
-    """Entries of a vector in few words: whole blocks by name, rows gathered."""
-    said = []
-    slices: Mapping[str, slice] = layout.slices
-    for name, part in slices.items():
+    """Entries of a vector in few words: whole blocks by name, the entries of a row together."""
+    names = []
+    for name, part in layout.slices.items():
         inside = columns[(columns >= part.start) & (columns < part.stop)]
         if layout[name].whole is None and inside.size == part.stop - part.start:
-            said.append(name if inside.size == 1 else f"all of {name}")
+            names.append(name if inside.size == 1 else f"all of {name}")
         elif inside.size:
-            said.extend(gathered([layout.label(int(i)) for i in inside]))
-    return ", ".join(said)
+            names.extend(gathered([layout.label(int(i)) for i in inside]))
+    return ", ".join(names)
 
 
 def counted(number: int, noun: str) -> str:
@@ -227,7 +208,7 @@ def counted(number: int, noun: str) -> str:
 
 
 def named_rows(rows: Mapping[str, slice], chosen: Index) -> str:
-    """Rows by their residuals, and how many of each."""
+    """How many of the chosen rows belong to each residual, in words."""
     counts = {
         name: int(np.sum((chosen >= part.start) & (chosen < part.stop)))
         for name, part in rows.items()
@@ -247,7 +228,7 @@ def gathered(entries: list[str]) -> list[str]:
 def only_joints(
     problem: Problem, at: Mapping[str, ArrayLike]
 ) -> tuple[Tree, Array, tuple[int, ...]] | None:
-    """The tree, the posed joints (K, 3) m and which of them are read, if nothing else is there.
+    """The tree, the posed joints (K, 3) m and which of them are read, for the rank law.
 
     None unless all residuals read the joints of one body, coordinate by coordinate, and nothing is
     free but its pose and perhaps its translation.
@@ -269,7 +250,7 @@ def only_joints(
     others = [block for block in free.blocks if block.name not in tree.blocks]
     if [block.shape for block in others] not in ([], [(3,)]) or free.parts:
         return None
-    if isinstance(found.source, JointPoints) and others:
+    if isinstance(found.source, BodySource) and others:
         maps = found.source.at.maps
         if maps is None or maps[2].plain != others[0].name:
             return None
@@ -287,14 +268,7 @@ def only_joints(
     if (reads.any(axis=1) != seen).any():
         return None
     value = cs.Function(
-        "joints", [b.symbol for b in found.source.blocks], [found.source.expression]
+        "joints", [b.symbol for b in found.source.blocks], [cs.densify(found.source.expression)]
     )
-    joints = value(
-        *(
-            np.asarray(at[b.name], dtype=float).reshape(b.symbol_shape, order="F")
-            if len(b.shape) < 2
-            else np.asarray(at[b.name], dtype=float).T
-            for b in found.source.blocks
-        )
-    )
-    return tree, np.asarray(joints).T, tuple(int(k) for k in np.flatnonzero(seen))
+    (joints,) = Buffered(value)(*(np.asarray(at[b.name], dtype=float) for b in found.source.blocks))
+    return tree, joints.reshape(-1, 3), tuple(np.flatnonzero(seen).tolist())

@@ -1,19 +1,17 @@
 """A suggestion: what to do, why, what it costs, and the rank and condition before and after it."""
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from workbench.arrays import Array
 from workbench.blocks import Values
-from workbench.diagnostics.active_set import ConstrainedJacobian, constrained_jacobian_at
+from workbench.diagnostics.active_set import ConstrainedJacobian
 from workbench.problem import Problem
 
 
 @dataclass(frozen=True)
 class RankAndCondition:
-    """What a suggestion changes: unknowns, rank, condition (inf without full rank).
+    """Unknowns, rank and condition of a problem at a point.
 
     Attributes:
         unknowns: how many there are.
@@ -30,8 +28,8 @@ class RankAndCondition:
     def __str__(self) -> str:
         if not self.finite:
             return "not finite"
-        said = f"rank {self.rank} of {self.unknowns}"
-        return said if np.isinf(self.condition) else f"{said}, condition {self.condition:.3g}"
+        rank = f"rank {self.rank} of {self.unknowns}"
+        return rank if np.isinf(self.condition) else f"{rank}, condition {self.condition:.3g}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,29 +62,9 @@ class Suggestion:
         return self.after.rank == self.after.unknowns
 
 
-def rank_and_condition(tied: ConstrainedJacobian) -> RankAndCondition:
+def rank_and_condition(constrained: ConstrainedJacobian) -> RankAndCondition:
     """Rank and condition of a Jacobian under constraints."""
-    n = tied.here.shape[1]
-    if not tied.here.finite:
+    n = constrained.here.shape[1]
+    if not constrained.here.finite:
         return RankAndCondition(n, 0, float("inf"), finite=False)
-    return RankAndCondition(n, tied.rank, tied.condition)
-
-
-def tried(
-    kind: str,
-    what: str,
-    why: str,
-    cost: str,
-    before: RankAndCondition,
-    problem: Problem,
-    at: Mapping[str, Array],
-    better: Callable[[RankAndCondition, RankAndCondition], bool],
-) -> list[Suggestion]:
-    """Carry a suggestion out: it is given only if the state after it is `better` than before."""
-    tied = constrained_jacobian_at(problem, at)
-    if not tied.here.finite:
-        return []
-    after = rank_and_condition(tied)
-    if not better(before, after):
-        return []
-    return [Suggestion(what, why, cost, before, after, problem, dict(at), kind)]
+    return RankAndCondition(n, constrained.rank, constrained.condition)

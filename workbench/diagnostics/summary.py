@@ -1,48 +1,58 @@
 """A diagnosis in a few lines: size, rank, and the names of the null directions."""
 
-from workbench.diagnostics.findings import findings, held
-from workbench.diagnostics.results import DiagnosisResults
+from collections.abc import Iterator, Sequence
+
+from workbench.diagnostics.diagnosis import Diagnosis
+from workbench.diagnostics.findings import held
+from workbench.diagnostics.null_space import Direction
 from workbench.diagnostics.structure import counted, gathered
 
 
-def summary(d: DiagnosisResults) -> str:
+def summary(d: Diagnosis) -> str:
     """Size, rank, and the names of the null directions."""
+    return "\n".join(_lines(d))
+
+
+def _lines(d: Diagnosis) -> Iterator[str]:
     m, n = d.shape
-    lines = [
-        f"Jacobian {m} x {n}, {d.nonzeros} nonzeros ({d.density:.1%})",
-        f"structural rank {d.structural_rank} of {n}, the largest that the sparsity pattern allows",
-    ]
+    yield f"Jacobian {m} x {n}, {d.nonzeros} nonzeros ({d.density:.1%})"
+    structural = f"structural rank {d.structural_rank} of {n}"
+    yield f"{structural}, the largest that the sparsity pattern allows"
     if not d.here.finite:
-        return "\n".join([*lines, *(finding.text for finding in findings(d))])
-    lines.append(f"numerical rank {d.rank} of {n}{gap(d)}")
+        yield from (finding.text for finding in d.findings)
+        return
+    yield f"numerical rank {d.rank} of {n}{gap(d)}"
     if d.point.active.any:
-        lines.append(held(d))
+        yield held(d)
     if d.rank == n:
-        lines.append(f"full rank, condition {d.condition:.3g}")
+        yield f"full rank, condition {d.condition:.3g}"
     else:
-        lines.append(
-            f"{counted(len(d.null_directions), 'null direction')} (no residual changes along them):"
-        )
-        lines += [f"  {line}" for line in unseen(d)]
+        count = counted(len(d.null_directions), "null direction")
+        yield f"{count} (no residual changes along them):"
+        yield from (f"  {line}" for line in names_of(d.null_directions))
     if d.weak_count:
-        lines.append(
+        yield (
             f"{counted(d.weak_count, 'weak direction')} (a whole yardstick changes the residuals "
             f"by less than one sigma; a yardstick is {d.point.yardsticks})"
         )
-    return "\n".join(lines)
 
 
-def unseen(d: DiagnosisResults) -> list[str]:
-    """The names of the null directions, with all single entries in one line."""
-    entries = [x.name for x in d.null_directions if x.kind == "entry"]
-    others = [x.name for x in d.null_directions if x.kind != "entry"]
+def names_of(directions: Sequence[Direction]) -> list[str]:
+    """The names of null directions, with all single entries in one line."""
+    entries = [x.name for x in directions if x.kind == "entry"]
+    others = [x.name for x in directions if x.kind != "entry"]
     noun = "single entry" if len(entries) == 1 else "single entries"
     first = [f"{len(entries)} {noun}: {', '.join(gathered(entries))}"]
     return (first if entries else []) + others
 
 
-def gap(d: DiagnosisResults) -> str:
-    """Between which singular values the tolerance lies; empty for a rank of zero or full rank."""
+def gap(d: Diagnosis) -> str:
+    """Between which singular values the tolerance lies; empty for a rank of zero or full rank.
+
+    Empty, too, where the rank was found by elimination, without singular values.
+    """
+    if d.point.constrained.eliminated is not None:
+        return ""
     s, rank = d.singular_values, d.reduced_rank
     if not 0 < rank < s.size:
         return ""

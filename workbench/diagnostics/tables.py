@@ -3,13 +3,10 @@
 from collections.abc import Iterable, Sequence
 
 
-def sections(parts: Iterable[tuple[str, Sequence[str]]]) -> str:
+def sections(parts: Iterable[tuple[str, Iterable[str]]]) -> str:
     """Titles in capitals, the lines of each indented; a section without lines is left out."""
-    return "\n\n".join(
-        "\n".join([title.upper(), *(f"  {line}" for line in lines)])
-        for title, lines in parts
-        if lines
-    )
+    indented = [(title.upper(), [f"  {line}" for line in lines]) for title, lines in parts]
+    return "\n\n".join("\n".join([title, *lines]) for title, lines in indented if lines)
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:

@@ -1,7 +1,7 @@
 """Names of motions by the joints that really move.
 
-A direction is looked for among all turns of a limb, and may turn out to move little of it: what
-turns a hand, and the collar by a hundredth of that, is a turn of the hand.
+A direction that is found among all turns of a limb may move little of the limb: one that turns a
+hand, and the collar by a hundredth as much, is called a turn of the hand.
 """
 
 from collections.abc import Sequence
@@ -12,20 +12,21 @@ from numpy.typing import NDArray
 from workbench.arrays import Array
 from workbench.blocks import Layout, Tree
 from workbench.diagnostics.named_subspaces import NamedSubspace
+from workbench.problem import Linearization
 
-MOVES = 0.1  # of the largest entry: a joint of a limb that turns less gives a motion no name
-TAKES_PART = 1e-6  # of it: less is rounding
-AS_LITTLE = 1.5  # times what is noticed of a whole direction
+MOVES = 0.1  # of the largest entry: a motion is not named by joints of a limb that turn less
+TAKES_PART = 1e-6  # of the largest entry: less is rounding
+AS_LITTLE = 1.5  # times the change of the residuals along the whole direction
 
 
 def named_by_joints(
-    motion: NamedSubspace, v: Array, R: Array, free: Layout, limit: float
+    motion: NamedSubspace, v: Array, here: Linearization, free: Layout, limit: float
 ) -> tuple[str, tuple[str, ...]]:
     """The name of a direction v (n,) that was found as this motion, and the joints that it turns.
 
     A limb's motion goes by the joints that turn by at least a tenth of its largest entry. One of a
     joint that another undoes keeps both names, however little one of them turns, unless the larger
-    turn alone is noticed no more than `limit` per unit: R (., n) is the Jacobian's triangle.
+    turn alone changes the residuals by no more than `limit` per unit.
     """
     tree = motion.tree
     if tree is None:
@@ -38,26 +39,26 @@ def named_by_joints(
         if undone and np.linalg.norm(v[free.slices[undone]]) <= MOVES * most:
             undone = ""
     else:
-        turned = _needed(v, joints, angles, R, limit)
+        turned = _needed(v, joints, angles, here, limit)
     names = tuple(tree.names[k] for k in turned)
     if motion.joints and set(names) == set(motion.joints):
         return motion.name, motion.joints
-    said = _turns(tree, [int(k) for k in turned])
+    name = _turns(tree, [int(k) for k in turned])
     turns = names if motion.joints else ()
-    return f"{said}, undone by {undone}" if undone else said, turns
+    return f"{name}, undone by {undone}" if undone else name, turns
 
 
 def _needed(
-    v: Array, joints: Sequence[list[int]], angles: Array, R: Array, limit: float
+    v: Array, joints: Sequence[list[int]], angles: Array, here: Linearization, limit: float
 ) -> NDArray[np.signedinteger]:
     """The fewest joints, the largest turns first, that are noticed as little as all of v is."""
     order = np.argsort(-angles, kind="stable")
     order = order[angles[order] > TAKES_PART * np.abs(v).max()]
-    limit = max(limit, AS_LITTLE * float(np.linalg.norm(R @ v)))
+    limit = max(limit, AS_LITTLE * float(np.linalg.norm(here.along(v))))
     for count in range(1, order.size):
         w, others = v.copy(), np.setdiff1d(np.arange(angles.size), order[:count])
         w[[entry for k in others for entry in joints[k]]] = 0.0
-        if np.linalg.norm(R @ w) <= limit * np.linalg.norm(w):
+        if np.linalg.norm(here.along(w)) <= limit * np.linalg.norm(w):
             return np.sort(order[:count])
     return np.sort(order)
 

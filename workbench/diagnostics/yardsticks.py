@@ -1,21 +1,21 @@
-"""How large a change of an unknown is one that matters: what `hardly noticed` is relative to.
+"""How large a change of an unknown matters, so that "hardly noticed" does not depend on units.
 
-A sigma of 5 says nothing by itself. It is held against a yardstick, so that no judgement depends
+A sigma of 5 says nothing by itself. It is compared with a yardstick, so that no judgement depends
 on the unit that a block is measured in:
 
-1. an angle against a radian, a length against a metre and a coefficient of shape against one
+1. an angle is compared with a radian, a length with a metre and a coefficient of shape with one
    standard deviation, whatever multiple of these is the block's unit (deg, mm, ...);
-2. any other unknown against the standard deviation that the priors give it, where there is one;
-3. otherwise against the size of its block at this point, the root mean square of its entries:
-   a focal length of 1000 px against 1000 px;
-4. a block that is zero against the size of all values in its unit, and if these are zero too, or
-   if it has no unit, against 1, which is said.
+2. any other unknown with the standard deviation that the priors give it, where there is one;
+3. otherwise with the size of its block at this point, the root mean square of its entries:
+   a focal length of 1000 px with 1000 px;
+4. a block that is zero with the size of all values in its unit, and if these are zero too, or
+   if it has no unit, with 1, as the words of the yardstick say.
 
 A block has one unit, so one size serves all of its entries; parameters of different sizes belong
 into blocks of their own.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 from workbench.arrays import Array
 from workbench.blocks import Block, Layout
 
-NATURAL = {  # how many of the unit are one of what is said
+NATURAL = {  # how many of the unit make one yardstick, and its name
     "rad": (1.0, "a radian"),
     "deg": (180 / np.pi, "a radian"),
     "sd": (1.0, "a standard deviation of shape"),
@@ -51,16 +51,16 @@ class Yardsticks:
 
     def __str__(self) -> str:
         """`a radian for pose; 1000 px (its size here) for focal`."""
-        said: dict[str, list[str]] = {}
+        blocks: dict[str, list[str]] = {}
         for block, words in self.words.items():
-            said.setdefault(words, []).append(block)
-        return "; ".join(f"{words} for {' and '.join(names)}" for words, names in said.items())
+            blocks.setdefault(words, []).append(block)
+        return "; ".join(f"{words} for {' and '.join(names)}" for words, names in blocks.items())
 
 
 def yardsticks(
-    free: Layout, read: Layout, at: Mapping[str, ArrayLike], prior_sigma: Array
+    free: Layout, read: Iterable[Block], at: Mapping[str, ArrayLike], prior_sigma: Array
 ) -> Yardsticks:
-    """The yardsticks of the entries of `free` here; `read` are all blocks, free and fixed.
+    """The yardsticks of the entries of `free` here; `read` are all blocks that have values.
 
     `prior_sigma` (n,) is infinite where the priors say nothing.
     """
@@ -72,20 +72,20 @@ def yardsticks(
             continue
         size, words[block.name] = _size(block, read, at)
         prior = prior_sigma[part]
-        told = np.isfinite(prior)
-        sizes[part] = np.where(told, prior, size)
-        if told.any():
-            rest = "" if told.all() else f" (without one {words[block.name]})"
+        known = np.isfinite(prior)
+        sizes[part] = np.where(known, prior, size)
+        if known.any():
+            rest = "" if known.all() else f" (without one {words[block.name]})"
             words[block.name] = f"the standard deviation of its prior{rest}"
     return Yardsticks(sizes, words)
 
 
-def _size(block: Block, read: Layout, at: Mapping[str, ArrayLike]) -> tuple[float, str]:
+def _size(block: Block, read: Iterable[Block], at: Mapping[str, ArrayLike]) -> tuple[float, str]:
     size = _root_mean_square([at[block.name]])
     if size:
         return size, f"{_with_unit(size, block.unit)} (its size here)"
     if block.unit != "1":
-        alike = [at[other.name] for other in read.blocks if other.unit == block.unit]
+        alike = [at[other.name] for other in read if other.unit == block.unit]
         if size := _root_mean_square(alike):
             return size, f"{_with_unit(size, block.unit)} (the size of all in its unit)"
     return 1.0, f"{_with_unit(1.0, block.unit)} (it is zero here and has no prior)"

@@ -4,7 +4,7 @@ from workbench.experiments.catalogue import EXPERIMENTS, find
 from workbench.experiments.experiment import Experiment
 from workbench.experiments.running import Outcome, run
 from workbench.experiments.suites import SUITES
-from workbench.fitting.known import Known
+from workbench.fitting.known import KnownAnswer
 from workbench.fitting.setup import Setup
 
-__all__ = ["EXPERIMENTS", "SUITES", "Experiment", "Known", "Outcome", "Setup", "find", "run"]
+__all__ = ["EXPERIMENTS", "SUITES", "Experiment", "KnownAnswer", "Outcome", "Setup", "find", "run"]

@@ -1,4 +1,4 @@
-"""Arguments of an experiment as its builder's annotations want them, typed or given."""
+"""Converting arguments of an experiment, given or typed, to what its builder annotates."""
 
 import json
 import math
@@ -16,7 +16,7 @@ from workbench.fitting.setup import names
 
 
 def parameters(build: Callable[..., object]) -> Mapping[str, Parameter]:
-    """What a builder can be given; the annotations of some cannot be evaluated."""
+    """The parameters of a builder, with annotations as texts if they cannot be evaluated."""
     try:
         return signature(build, eval_str=True).parameters
     except (NameError, SyntaxError, AttributeError):
@@ -24,10 +24,11 @@ def parameters(build: Callable[..., object]) -> Mapping[str, Parameter]:
 
 
 def converted(what: str, annotation: object, given: object) -> Any:
-    """A value, or the text that was typed for one, as an annotation wants it; else BadArgument.
+    """A value, or the text that was typed for one, converted to an annotation.
 
-    int, float, bool, str, sequences of str, and unions of them with each other and None are
-    known; to any other annotation a value goes as it is, and a text as the JSON in it or a text.
+    int, float, bool, str, sequences of str, and unions of these with each other and None are
+    converted. For any other annotation a value stays as it is, and a text is read as JSON if it
+    is JSON. `what` names the argument in the error. Raises BadArgument.
     """
     union = get_origin(annotation) in (Union, UnionType)
     kinds = [_kind(one) for one in (get_args(annotation) if union else (annotation,))]
@@ -37,7 +38,7 @@ def converted(what: str, annotation: object, given: object) -> Any:
         except (ValueError, TypeError, OverflowError, RecursionError):
             continue
     raise BadArgument(
-        f"{what} must be {' or '.join(told for told, _ in kinds)}, not {shown(given)}"
+        f"{what} must be {' or '.join(wanted for wanted, _ in kinds)}, not {shown(given)}"
     )
 
 

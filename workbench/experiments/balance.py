@@ -48,7 +48,7 @@ FITTED = 40  # the frame of the main experiment
 
 
 def published() -> dict[str, NDArray[Any]]:
-    """The arrays of `data/keypoints/balance.npz`, which PROVENANCE.md beside it describes."""
+    """The arrays of `data/keypoints/balance.npz`; PROVENANCE.md beside it describes them."""
     return _shipped("balance.npz", PUBLISHED)
 
 
@@ -99,24 +99,24 @@ def balance(
     adjusted: bool = True,
     compared: Sequence[str] = MANY,
 ) -> Setup:
-    """Pose, betas and trans of a body from the 2D keypoints; `sigma` in px.
+    """Fit pose, betas and trans of a body to the 2D keypoints; `sigma` is in px.
 
-    The cameras are the `adjusted` ones, or else the published ones; those in `held_out` are only
-    measured. Raises UnknownName for a frame or a camera that does not exist.
+    The cameras are the `adjusted` ones, or else the published ones; those in `held_out` are not
+    fitted, only measured. Raises UnknownName for a frame or a camera that does not exist.
     """
-    seen, triangulated = observations(frame, adjusted=adjusted)
-    known = [p.name for p in seen.photographs]
+    observed, triangulated = observations(frame, adjusted=adjusted)
+    known = [p.name for p in observed.photographs]
     held_out = names(held_out)
     for name in held_out:
         if name not in known:
             raise UnknownName("camera", name, known)
     model = load_skinned(body)
-    places = dict(zip(seen.names, triangulated, strict=True))
+    places = dict(zip(observed.names, triangulated, strict=True))
     landmarks = model.landmark_names(landmark_set(model))
     reference = np.array([places.get(name, np.full(3, np.nan)) for name in landmarks])
     alone = f" of {listed(set(known) - set(held_out))} alone" if held_out else ""
     return keypoint_fit(
-        seen,
+        observed,
         model,
         f"A real person on a beam (frame {frame}) was seen by {len(known)} calibrated cameras. "
         f"Which pose, shape and place of the body explain the 2D keypoints{alone}, and what do "
@@ -129,7 +129,7 @@ def balance(
 
 
 def balance_monocular(frame: int = FITTED, body: str = "default", camera: str = "cam01") -> Setup:
-    """One camera is fitted; the other three are held out, and measure how far off the depth is."""
+    """Fit one camera; the other three are held out and show how far off the depth is."""
     known = [p.name for p in observations(frame)[0].photographs]
     if camera not in known:
         raise UnknownName("camera", camera, known)

@@ -5,12 +5,15 @@ the `start`: 0 is the template at the origin, any other number is a random start
 solver. All data are synthetic.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from workbench.blocks import Values
+from workbench.bodies import SkinnedBody
 from workbench.bodies.catalogue import load_skinned
+from workbench.errors import UnknownName
 from workbench.experiments.body_video import body_video
 from workbench.experiments.experiment import Experiment
 from workbench.experiments.synthetic_cameras import SIZE, looking_in
@@ -20,19 +23,33 @@ from workbench.experiments.synthetic_people import (
     exact_answer,
     likely_person,
     random_start,
-    start_said,
+    start_text,
     with_refined_answer,
 )
 from workbench.fitting.body_priors import pose_prior, shape_prior
 from workbench.fitting.compared_solvers import BOUNDED, GRADED
 from workbench.fitting.keypoints import keypoint_fit, landmark_set
-from workbench.fitting.known import Known
+from workbench.fitting.known import KnownAnswer
 from workbench.fitting.landmarks import joint_fit
 from workbench.fitting.meshes import mesh_fit
 from workbench.fitting.observations import Observations, photograph
 from workbench.fitting.setup import Setup
 from workbench.geometry.camera import Camera
 from workbench.residuals.kernels import Kernel, geman_mcclure, huber, quadratic
+
+KERNELS: Mapping[str, tuple[Kernel, float]] = {  # with the sigma that suits each, m
+    "squares": (quadratic, 0.005),
+    "huber": (huber(), 0.005),
+    "geman-mcclure": (geman_mcclure, 0.05),
+}
+
+
+def _bent(
+    body: str, seed: int, pose_sigma: float = 0.3
+) -> tuple[SkinnedBody, np.random.Generator, Values]:
+    """A body, the source of its noise, and a `bent_person` of it."""
+    model, rng = load_skinned(body), np.random.default_rng(seed)
+    return model, rng, bent_person(model, rng, pose_sigma)
 
 
 def body_vertices(
@@ -43,10 +60,8 @@ def body_vertices(
     noise: float = 0.0,
     start_sigma: float = 0.3,
 ) -> Setup:
-    """Every vertex is known: pose_sigma and start_sigma in rad, noise in m."""
-    model = load_skinned(body)
-    rng = np.random.default_rng(seed)
-    truth = bent_person(model, rng, pose_sigma)
+    """Fit a body whose vertices are all known; pose_sigma and start_sigma in rad, noise in m."""
+    model, rng, truth = _bent(body, seed, pose_sigma)
     surface = model.vertices(**truth)
     observed = surface + noise * rng.standard_normal(surface.shape)
     setup = mesh_fit(
@@ -54,7 +69,7 @@ def body_vertices(
         observed,
         f"The vertices of a synthetic body (pose {pose_sigma} rad, noise {1e3 * noise:g} mm, seed "
         f"{seed}) are known, each with its partner. Does the fit find its pose and shape"
-        f"{start_said(start, start_sigma)}?",
+        f"{start_text(start, start_sigma)}?",
         sigma=noise or 1e-3,
         start=random_start(model, seed, start, start_sigma),
         truth=surface,
@@ -66,43 +81,28 @@ def body_vertices(
     return with_refined_answer(setup, truth)
 
 
-def body_outliers(body: str = "small", seed: int = 0, start: int = 0, share: float = 0.2) -> Setup:
-    """A `share` of the vertices is 0.3 m off, the rest 5 mm; squares trust them all."""
-    return _with_outliers(body, seed, start, share, quadratic, 0.005)
-
-
-def body_outliers_huber(
-    body: str = "small", seed: int = 0, start: int = 0, share: float = 0.2
+def body_outliers(
+    body: str = "small", seed: int = 0, start: int = 0, share: float = 0.2, kernel: str = "squares"
 ) -> Setup:
-    """The data of `body_outliers` with Huber's kernel: far ones pull no harder than near ones."""
-    return _with_outliers(body, seed, start, share, huber(), 0.005)
+    """Fit vertices of which a `share` is 0.3 m off and the rest 5 mm, with one of KERNELS.
 
-
-def body_outliers_geman_mcclure(
-    body: str = "small", seed: int = 0, start: int = 0, share: float = 0.2
-) -> Setup:
-    """The data of `body_outliers` with Geman and McClure's kernel: far vertices hardly pull.
-
-    That also holds for good vertices that are only far from where the fit starts.
+    `squares` trust all vertices, and `huber` bounds the pull of each. With `geman-mcclure` far
+    vertices hardly pull, also good ones that are far off only because of where the fit starts.
+    Raises UnknownName for another kernel.
     """
-    return _with_outliers(body, seed, start, share, geman_mcclure, 0.05)
-
-
-def _with_outliers(
-    body: str, seed: int, start: int, share: float, kernel: Kernel, sigma: float
-) -> Setup:
-    model = load_skinned(body)
-    rng = np.random.default_rng(seed)
-    truth = bent_person(model, rng, 0.3)
+    if kernel not in KERNELS:
+        raise UnknownName("kernel", kernel, KERNELS)
+    robust, sigma = KERNELS[kernel]
+    model, rng, truth = _bent(body, seed)
     surface = model.vertices(**truth)
     off = np.where(rng.random(len(surface)) < share, 0.3, 0.005)  # m
     setup = mesh_fit(
         model,
         surface + off[:, None] * rng.standard_normal(surface.shape),
         f"Of the vertices of a synthetic body (seed {seed}), {100 * share:g} % lie 30 cm off, the "
-        f"others 5 mm. Does the fit see past them{start_said(start)}?",
+        f"others 5 mm. Does the fit see past them{start_text(start)}?",
         sigma=sigma,
-        kernel=kernel,
+        kernel=robust,
         priors=(shape_prior(model),),
         start=random_start(model, seed, start),
         truth=surface,
@@ -113,12 +113,11 @@ def _with_outliers(
 
 
 def body_bounds(body: str = "small", seed: int = 0, start: int = 0, limit: float = 0.4) -> Setup:
-    """Every vertex is known, but angles are bounded by `limit` rad and betas by 1.
+    """Fit a body whose vertices are known, with angles bounded by `limit` rad and betas by 1.
 
     Many of the true values lie outside of these bounds.
     """
-    model = load_skinned(body)
-    truth = bent_person(model, np.random.default_rng(seed), 0.3)
+    model, _, truth = _bent(body, seed)
     pose, betas, _ = (block.name for block in model.blocks())
     bounds = {pose: (-limit, limit), betas: (-1.0, 1.0)}
 
@@ -131,7 +130,7 @@ def body_bounds(body: str = "small", seed: int = 0, start: int = 0, limit: float
         surface,
         f"The vertices of a synthetic body (pose 0.3 rad, seed {seed}) are known, but its angles "
         f"are bounded by {limit:g} rad and its betas by 1 sd. Which of them end at their bounds"
-        f"{start_said(start)}?",
+        f"{start_text(start)}?",
         sigma=0.005,
         bounds=bounds,
         start=inside(random_start(model, seed, start)),
@@ -143,7 +142,7 @@ def body_bounds(body: str = "small", seed: int = 0, start: int = 0, limit: float
 
 
 def body_joints(body: str = "small", seed: int = 0, start: int = 0, noise: float = 0.01) -> Setup:
-    """All joints are known to `noise` m, with priors on pose and shape."""
+    """Fit all joints, known to `noise` m, with priors on pose and shape."""
     model = load_skinned(body)
     rng = np.random.default_rng(seed)
     truth = likely_person(model, rng)
@@ -152,7 +151,7 @@ def body_joints(body: str = "small", seed: int = 0, start: int = 0, noise: float
         model,
         joints + noise * rng.standard_normal(joints.shape),
         f"The joints of a synthetic body (seed {seed}) are known to {1e3 * noise:g} mm, and priors "
-        f"say the rest. Which body is the likeliest{start_said(start)}?",
+        f"say the rest. Which body is the likeliest{start_text(start)}?",
         sigma=noise,
         priors=(pose_prior(model), shape_prior(model)),
         start=random_start(model, seed, start),
@@ -165,28 +164,27 @@ def body_joints(body: str = "small", seed: int = 0, start: int = 0, noise: float
 def body_joints_alone(
     body: str = "small", seed: int = 0, start: int = 0, pose_sigma: float = 0.3
 ) -> Setup:
-    """All joints are known exactly, without priors: J has no full rank, and many bodies fit."""
-    model = load_skinned(body)
-    truth = bent_person(model, np.random.default_rng(seed), pose_sigma)
+    """Fit exact joints without priors: the Jacobian is rank-deficient, and many bodies fit."""
+    model, _, truth = _bent(body, seed, pose_sigma)
     setup = joint_fit(
         model,
         model.joints(**truth),
         f"The joints of a synthetic body (pose {pose_sigma} rad, seed {seed}) are known exactly, "
-        f"and nothing else is. Is one of the bodies found that explain them{start_said(start)}?",
+        f"and nothing else is. Is one of the bodies found that explain them{start_text(start)}?",
         sigma=0.01,
         start=random_start(model, seed, start),
         compared=GRADED,
         synthetic=MADE_OF_THE_MODEL,
     )
     return replace(
-        setup, known=Known("the joints are those of a synthetic person", 0.0), made_of=truth
+        setup, known=KnownAnswer("the joints are those of a synthetic person", 0.0), made_of=truth
     )
 
 
 def body_cameras(
     body: str = "small", seed: int = 0, start: int = 0, cameras: int = 4, noise: float = 4.0
 ) -> Setup:
-    """Keypoints in images of 1000 px from all around, with the usual priors; noise in px."""
+    """Fit keypoints in images of 1000 px from all around, with the usual priors; noise in px."""
     model = load_skinned(body)
     rng = np.random.default_rng(seed)
     truth = likely_person(model, rng)
@@ -198,14 +196,14 @@ def body_cameras(
         camera = Camera()
         pixels = camera.pixels(points, camera.values(**calibration))
         pixels = pixels + noise * rng.standard_normal(pixels.shape)
-        seen = np.column_stack([pixels, np.ones(len(pixels))])
-        photographs.append(photograph(f"camera {i + 1}", (SIZE, SIZE), seen, calibration))
+        observed = np.column_stack([pixels, np.ones(len(pixels))])
+        photographs.append(photograph(f"camera {i + 1}", (SIZE, SIZE), observed, calibration))
     setup = keypoint_fit(
         Observations(names, tuple(photographs)),
         model,
         f"{cameras} synthetic image{'s' * (cameras > 1)} (seed {seed}) show the keypoints of a "
         f"synthetic body to {noise:g} px, and priors say the rest. Which body is the likeliest"
-        f"{start_said(start)}?",
+        f"{start_text(start)}?",
         sigma=noise,
         compared=GRADED,
     )
@@ -223,13 +221,13 @@ BODIES = (
     Experiment(
         "body-vertices-bent",
         body_vertices,
-        "the same, joints bent by 1 rad per axis",
+        "every vertex known, joints bent by 1 rad per axis",
         {"pose_sigma": 1.0},
     ),
     Experiment(
         "body-vertices-far",
         body_vertices,
-        "the same, starts 1 rad off per axis",
+        "every vertex known, starts 1 rad off per axis",
         {"start": 1, "start_sigma": 1.0},
     ),
     Experiment("body-joints", body_joints, "joints known to 10 mm, and priors"),
@@ -240,11 +238,17 @@ BODIES = (
     ),
     Experiment("body-video", body_video, "a walk in eight frames, one shape for all of them"),
     Experiment("body-outliers", body_outliers, "a fifth of the vertices 30 cm off, squares"),
-    Experiment("body-outliers-huber", body_outliers_huber, "the same, Huber's kernel"),
+    Experiment(
+        "body-outliers-huber",
+        body_outliers,
+        "a fifth of the vertices 30 cm off, Huber's kernel",
+        {"kernel": "huber"},
+    ),
     Experiment(
         "body-outliers-geman-mcclure",
-        body_outliers_geman_mcclure,
-        "the same, Geman and McClure's kernel",
+        body_outliers,
+        "a fifth of the vertices 30 cm off, Geman and McClure's kernel",
+        {"kernel": "geman-mcclure"},
     ),
     Experiment("body-bounds", body_bounds, "every vertex known, bounds active at the answer"),
 )

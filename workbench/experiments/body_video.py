@@ -13,16 +13,17 @@ from workbench.experiments.synthetic_cameras import looking_in
 from workbench.experiments.synthetic_people import (
     likely_person,
     random_start,
-    start_said,
+    start_text,
     with_refined_answer,
 )
 from workbench.fitting.body_priors import pose_prior, shape_prior
 from workbench.fitting.compared_solvers import SECOND_ORDER
-from workbench.fitting.keypoints import landmark_set
+from workbench.fitting.keypoints import camera_residual, landmark_set
 from workbench.fitting.setup import Measure, Setup, distances, rms
 from workbench.geometry.camera import Camera
 from workbench.problem import Problem, sequence
-from workbench.residuals import keypoints, smooth
+from workbench.residuals import Residual, smooth
+from workbench.residuals.kernels import quadratic
 
 SWINGS = {
     "left_hip": 0.4,
@@ -48,13 +49,16 @@ def body_video(
     noise: float = 4.0,
     missing: float = 0.1,
 ) -> Setup:
-    """Keypoints in the frames of a video, of which a share `missing` was not observed; noise in px.
+    """Fit keypoints in the frames of a video, of which a share `missing` was not observed.
 
-    Each frame has its own pose and trans, smooth in time; all frames share the betas. The cameras
-    stand on a half circle in front of the person; two of them look from the front and the side.
+    Noise is in px. Each frame has its own pose and trans, smooth in time; all share the betas. The
+    cameras stand on a half circle in front of the person; two of them look from the front and the
+    side.
     """
     if not 0 <= missing < 1:
-        raise BadArgument(f"missing is the share of keypoints not seen, from 0 to 1, not {missing}")
+        raise BadArgument(
+            f"missing is the share of keypoints that were not observed, from 0 to 1, not {missing}"
+        )
     if frames < 2:
         raise BadArgument(f"a video has two frames or more, not {frames}")
     if cameras < 1:
@@ -68,30 +72,22 @@ def body_video(
     points = model.landmark_points(kind, pose.symbol, betas.symbol, trans.symbol)
     moving = zip(truth[pose.name], truth[trans.name], strict=True)
     places = np.array([model.landmark(kind, p, truth[betas.name], t) for p, t in moving])
-    terms, blocks, shared = [], [], [betas.name]
+    terms: list[Residual] = []
+    blocks: list[Block] = []
+    shared = [betas.name]
     values = dict(_start_of_all(model, seed, start, frames))
     for i in range(cameras):
-        name = f"camera {i + 1}"
-        camera = Camera(f"{name}/")
+        camera = Camera(f"camera {i + 1}/")
+        residual, observations = camera_residual(points, camera, names, noise, quadratic)
         numbers = camera.values(**looking_in(np.pi * i / cameras))
         pixels = np.array([camera.pixels(p, numbers) for p in places])
-        observed = Block(f"{name}/observed", pixels.shape[1:], "px", names)
-        confidence = Block(f"{name}/confidence", pixels.shape[1:2], "1", names)
+        observed, confidence = (block.name for block in observations)
         values |= numbers | {
-            observed.name: pixels + noise * rng.standard_normal(pixels.shape),
-            confidence.name: (rng.random(pixels.shape[:2]) >= missing).astype(float),
+            observed: pixels + noise * rng.standard_normal(pixels.shape),
+            confidence: (rng.random(pixels.shape[:2]) >= missing).astype(float),
         }
-        terms.append(
-            keypoints(
-                points,
-                camera,
-                observed.symbol,
-                confidence.symbol,
-                sigma=noise,
-                name=f"keypoints({name})",
-            )
-        )
-        blocks += [observed, confidence]
+        terms.append(residual)
+        blocks += observations
         shared += [block.name for block in camera.blocks]
     priors = (pose_prior(model), shape_prior(model))
     frame = Problem((*terms, *priors), [block.name for block in model.blocks()], blocks=blocks)
@@ -106,7 +102,7 @@ def body_video(
         question=f"A synthetic body (seed {seed}) walks through {frames} frames, seen by {cameras} "
         f"camera{'s' * (cameras > 1)} to {noise:g} px; {100 * missing:g} % of its keypoints are "
         f"missing. Its shape is one and the same in all frames, and its motion is smooth. Which "
-        f"motion is the likeliest{start_said(start)}?",
+        f"motion is the likeliest{start_text(start)}?",
         measures=lambda found: _measures(model, found, truth),
         priors=(*(prior.name for prior in priors), "smooth pose", "smooth place"),
         compared=SECOND_ORDER,
@@ -132,7 +128,7 @@ def walk(body: SkinnedBody, rng: np.random.Generator, frames: int) -> Values:
 
 
 def _start_of_all(body: SkinnedBody, seed: int, start: int, frames: int) -> Values:
-    """The same start for every frame, by `random_start`."""
+    """The start by `random_start`, with the same pose and trans in every frame."""
     pose, _, trans = (block.name for block in body.blocks())
     one = random_start(body, seed, start)
     return one | {name: np.repeat(one[name][None], frames, axis=0) for name in (pose, trans)}

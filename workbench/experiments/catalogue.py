@@ -8,10 +8,9 @@ from typing import Any
 from workbench.errors import BadArgument, BadFile, UnknownName
 from workbench.experiments.arguments import converted, parameters
 from workbench.experiments.balance import balance, balance_monocular
-from workbench.experiments.correspondences import known_correspondences
+from workbench.experiments.correspondences import known_correspondences, shape_from_landmarks
 from workbench.experiments.experiment import Experiment
-from workbench.experiments.landmarks import shape_from_landmarks
-from workbench.experiments.own_file import BESIDE, ENOUGH, loaded
+from workbench.experiments.own_file import BESIDE, ENOUGH, run_file
 from workbench.experiments.registration import registration
 from workbench.experiments.suites import SUITES
 from workbench.experiments.user_errors import user_errors
@@ -21,7 +20,7 @@ EXPERIMENTS: Mapping[str, Experiment] = {
     experiment.name: experiment
     for experiment in (
         Experiment("balance", balance, "a real person on a beam, four cameras"),
-        Experiment("balance-monocular", balance_monocular, "the same from one camera alone"),
+        Experiment("balance-monocular", balance_monocular, "a real person on a beam, one camera"),
         Experiment(
             "known-correspondences", known_correspondences, "vertices of the model, each known"
         ),
@@ -32,7 +31,7 @@ EXPERIMENTS: Mapping[str, Experiment] = {
 
 
 def find(name: str, arguments: Mapping[str, Any] | None = None) -> Experiment:
-    """An experiment of the catalogue, a suite or a Python file, some of its arguments changed.
+    """Find an experiment of the catalogue, a suite or a Python file, and change its arguments.
 
     A file defines `experiment` (an Experiment), or `setup` (a Setup, or a function that returns
     one, whose parameters are the arguments), or `problem` and `start`. Beside these two it may
@@ -40,8 +39,8 @@ def find(name: str, arguments: Mapping[str, Any] | None = None) -> Experiment:
     SkinnedBody, to draw) and `compared` (names of solvers to run as well); its docstring is the
     question. If it defines several of the three, the first one in this order counts.
 
-    Arguments are values, or what was typed for them. Raises UnknownName, BadArgument, or BadFile
-    with the line of the file that is to blame.
+    Arguments are values, or the texts that were typed for them. Raises UnknownName, BadArgument, or
+    BadFile with the line of the file that failed.
     """
     members = {one.name: one for suite in SUITES.values() for one in suite}
     if name in EXPERIMENTS or name in members:
@@ -68,13 +67,13 @@ def find(name: str, arguments: Mapping[str, Any] | None = None) -> Experiment:
 
 
 def _from_file(path: Path) -> Experiment:
-    module, source = loaded(path, f"one of {', '.join(EXPERIMENTS)}")
+    module, source = run_file(path, f"one of {', '.join(EXPERIMENTS)}")
     with user_errors(source):
         return replace(_described(module, path), source=source)
 
 
 def _described(module: Any, path: Path) -> Experiment:
-    """What the module defines, whichever way."""
+    """The experiment that a module defines, in any of the three ways."""
     experiment = getattr(module, "experiment", None)
     if isinstance(experiment, Experiment):
         if Path(experiment.name).name != experiment.name:

@@ -1,17 +1,22 @@
-"""Fits to bodies of the model itself: every correspondence is given, and the answer is known."""
+"""Fits to bodies of the model itself, whose vertices or joints are given one by one."""
 
 from dataclasses import replace
 
 import numpy as np
 
+from workbench.arrays import Array
+from workbench.blocks import Values
+from workbench.bodies import SkinnedBody
 from workbench.bodies.catalogue import load_skinned
-from workbench.errors import UnknownName
+from workbench.errors import BadArgument, UnknownName
 from workbench.experiments.synthetic_people import (
     MADE_OF_THE_MODEL,
     exact_answer,
     person_at_origin,
 )
-from workbench.fitting.compared_solvers import LARGE
+from workbench.fitting.body_priors import pose_prior, shape_prior
+from workbench.fitting.compared_solvers import LARGE, SECOND_ORDER
+from workbench.fitting.landmarks import joint_fit
 from workbench.fitting.mesh_start import STARTS
 from workbench.fitting.meshes import mesh_fit
 from workbench.fitting.setup import Setup
@@ -31,11 +36,9 @@ def known_correspondences(
     """
     if start not in STARTS:
         raise UnknownName("start", start, STARTS)
-    model = load_skinned(body)
-    rng = np.random.default_rng(seed)
-    truth = person_at_origin(model, rng, pose_sigma)
+    model, rng, truth = _person(body, seed, pose_sigma)
     surface = model.vertices(*truth.values())
-    observed = surface + noise * rng.standard_normal(surface.shape)
+    observed = _with_noise(surface, noise, rng)
     setup = mesh_fit(
         model,
         observed,
@@ -49,3 +52,40 @@ def known_correspondences(
         synthetic=MADE_OF_THE_MODEL,
     )
     return replace(setup, known=None if noise else exact_answer(model, truth), made_of=truth)
+
+
+def shape_from_landmarks(
+    body: str = "default", seed: int = 0, pose_sigma: float = 0.3, noise: float = 0.01
+) -> Setup:
+    """The joints in space of a posed and shaped body of the model (synthetic), with noise.
+
+    `pose_sigma` is in rad, and `noise`, which is the residuals' sigma as well, in m. Raises
+    BadArgument if there is no noise.
+    """
+    if not noise > 0:
+        raise BadArgument(f"noise must be above zero metres, not {noise}; it is the sigma as well")
+    model, rng, truth = _person(body, seed, pose_sigma)
+    return joint_fit(
+        model,
+        _with_noise(model.joints(*truth.values()), noise, rng),
+        f"The {model.n_joints} joints of a body of the model (synthetic; pose {pose_sigma} rad, "
+        f"shape 1 sd, seed {seed}) are known to {1e3 * noise:g} mm. What do they say about its "
+        "shape, and what do they leave open?",
+        sigma=noise,
+        priors=(shape_prior(model), pose_prior(model)),
+        truth=truth,
+        compared=SECOND_ORDER,
+        synthetic=MADE_OF_THE_MODEL,
+    )
+
+
+def _person(
+    body: str, seed: int, pose_sigma: float
+) -> tuple[SkinnedBody, np.random.Generator, Values]:
+    """A body, the source of its noise, and a person of it at the origin."""
+    model, rng = load_skinned(body), np.random.default_rng(seed)
+    return model, rng, person_at_origin(model, rng, pose_sigma)
+
+
+def _with_noise(points: Array, noise: float, rng: np.random.Generator) -> Array:
+    return points + noise * rng.standard_normal(points.shape)

@@ -18,7 +18,7 @@ from workbench.errors import BadArgument, UnknownName
 from workbench.experiments import more_wild_formulas as f
 from workbench.experiments.experiment import Experiment
 from workbench.fitting.compared_solvers import GRADED
-from workbench.fitting.known import Known
+from workbench.fitting.known import KnownAnswer
 from workbench.fitting.setup import Measure, Setup
 from workbench.problem import Problem
 from workbench.residuals import Residual
@@ -64,13 +64,13 @@ class Family:
     answer: Callable[[int], Array] | None = None
 
 
-def at(*numbers: float) -> Callable[[int], Array]:
-    """The start whose entries are these numbers."""
+def point(*numbers: float) -> Callable[[int], Array]:
+    """The point whose entries are these numbers."""
     return lambda n: np.array(numbers, dtype=float)
 
 
-def all_at(number: float) -> Callable[[int], Array]:
-    """The start that has the same number in every entry."""
+def filled(number: float) -> Callable[[int], Array]:
+    """The point (n,) that has the same number in every entry."""
     return lambda n: np.full(n, number)
 
 
@@ -82,30 +82,34 @@ def evenly(n: int) -> Array:
 OSBORNE_2_START = (1.3, 0.65, 0.65, 0.7, 0.6, 3, 5, 7, 2, 4.5, 5.5)
 HEART_START = (-0.3, -0.39, 0.3, -0.344, -1.2, 2.69, 1.59, -1.5)
 FAMILIES: Mapping[str, Family] = {
-    "linear-full-rank": Family(f.linear_full_rank, all_at(1), {9: 45}, BY_ALGEBRA, all_at(-1)),
-    "linear-rank-one": Family(f.linear_rank_one, all_at(1), {7: 35}, BY_ALGEBRA),
-    "linear-rank-one-zeros": Family(f.linear_rank_one_zeros, all_at(1), {7: 35}, BY_ALGEBRA),
-    "rosenbrock": Family(f.rosenbrock, at(-1.2, 1), {2: 2}, BY_FORMULA, all_at(1)),
-    "helical-valley": Family(f.helical_valley, at(-1, 0, 0), {3: 3}, BY_FORMULA, at(1, 0, 0)),
-    "powell-singular": Family(f.powell_singular, at(3, -1, 0, 1), {4: 4}, BY_FORMULA, all_at(0)),
-    "freudenstein-roth": Family(f.freudenstein_roth, at(0.5, -2), {2: 2}, BY_FORMULA, at(5, 4)),
-    "bard": Family(f.bard, all_at(1), {3: 15}, BY_SEARCH),
-    "kowalik-osborne": Family(f.kowalik_osborne, at(0.25, 0.39, 0.415, 0.39), {4: 11}, BY_SEARCH),
-    "meyer": Family(f.meyer, at(0.02, 4000, 250), {3: 16}, BY_SEARCH),
-    "watson": Family(f.watson, all_at(0.5), {6: 31, 9: 31, 12: 31}, BY_SEARCH),
-    "box": Family(f.box, at(0, 10, 20), {3: 10}, BY_FORMULA),
-    "jennrich-sampson": Family(f.jennrich_sampson, at(0.3, 0.4), {2: 10}, BY_SEARCH),
-    "brown-dennis": Family(f.brown_dennis, at(25, 5, -5, -1), {4: 20}, BY_SEARCH),
+    "linear-full-rank": Family(f.linear_full_rank, filled(1), {9: 45}, BY_ALGEBRA, filled(-1)),
+    "linear-rank-one": Family(f.linear_rank_one, filled(1), {7: 35}, BY_ALGEBRA),
+    "linear-rank-one-zeros": Family(f.linear_rank_one_zeros, filled(1), {7: 35}, BY_ALGEBRA),
+    "rosenbrock": Family(f.rosenbrock, point(-1.2, 1), {2: 2}, BY_FORMULA, filled(1)),
+    "helical-valley": Family(f.helical_valley, point(-1, 0, 0), {3: 3}, BY_FORMULA, point(1, 0, 0)),
+    "powell-singular": Family(f.powell_singular, point(3, -1, 0, 1), {4: 4}, BY_FORMULA, filled(0)),
+    "freudenstein-roth": Family(
+        f.freudenstein_roth, point(0.5, -2), {2: 2}, BY_FORMULA, point(5, 4)
+    ),
+    "bard": Family(f.bard, filled(1), {3: 15}, BY_SEARCH),
+    "kowalik-osborne": Family(
+        f.kowalik_osborne, point(0.25, 0.39, 0.415, 0.39), {4: 11}, BY_SEARCH
+    ),
+    "meyer": Family(f.meyer, point(0.02, 4000, 250), {3: 16}, BY_SEARCH),
+    "watson": Family(f.watson, filled(0.5), {6: 31, 9: 31, 12: 31}, BY_SEARCH),
+    "box": Family(f.box, point(0, 10, 20), {3: 10}, BY_FORMULA),
+    "jennrich-sampson": Family(f.jennrich_sampson, point(0.3, 0.4), {2: 10}, BY_SEARCH),
+    "brown-dennis": Family(f.brown_dennis, point(25, 5, -5, -1), {4: 20}, BY_SEARCH),
     "chebyquad": Family(f.chebyquad, evenly, {n: n for n in range(6, 12)}, BY_SEARCH),
     "brown-almost-linear": Family(
-        f.brown_almost_linear, all_at(0.5), {10: 10, 100: 100}, BY_FORMULA
+        f.brown_almost_linear, filled(0.5), {10: 10, 100: 100}, BY_FORMULA
     ),
-    "osborne-1": Family(f.osborne_1, at(0.5, 1.5, 1, 0.01, 0.02), {5: 33}, BY_SEARCH),
-    "osborne-2": Family(f.osborne_2, at(*OSBORNE_2_START), {11: 65}, BY_SEARCH),
-    "bdqrtic": Family(f.bdqrtic, all_at(1), {8: 8, 10: 12, 11: 14, 12: 16}, BY_SEARCH),
-    "cube": Family(f.cube, all_at(0.5), {n: n for n in (5, 6, 8)}, BY_FORMULA, all_at(1)),
+    "osborne-1": Family(f.osborne_1, point(0.5, 1.5, 1, 0.01, 0.02), {5: 33}, BY_SEARCH),
+    "osborne-2": Family(f.osborne_2, point(*OSBORNE_2_START), {11: 65}, BY_SEARCH),
+    "bdqrtic": Family(f.bdqrtic, filled(1), {8: 8, 10: 12, 11: 14, 12: 16}, BY_SEARCH),
+    "cube": Family(f.cube, filled(0.5), {n: n for n in (5, 6, 8)}, BY_FORMULA, filled(1)),
     "mancino": Family(f.mancino, f.mancino_start, {n: n for n in (5, 8, 10, 12)}, BY_SEARCH),
-    "heart": Family(f.heart, at(*HEART_START), {8: 8}, BY_SEARCH),
+    "heart": Family(f.heart, point(*HEART_START), {8: 8}, BY_SEARCH),
 }
 LEAST: Mapping[tuple[str, int], float] = {  # the best known costs, 1/2 |f|^2; the others' are 0
     ("linear-full-rank", 9): 18.0,
@@ -134,10 +138,11 @@ LEAST: Mapping[tuple[str, int], float] = {  # the best known costs, 1/2 |f|^2; t
 def more_wild(
     function: str = "rosenbrock", n: int = 2, scale: float = 1.0, start: int = 0
 ) -> Setup:
-    """A function of n unknowns; `scale` multiplies the start, which for `start` 0 is the standard.
+    """A function of n unknowns, begun at its standard start times `scale`.
 
-    The k-th other one has every entry of that moved by a tenth of itself (of 1 where it is 0), in
-    the mean square: the same for every solver.
+    For `start` k > 0 every entry of that is moved at random by a tenth of itself in the mean
+    square (of 1 where it is 0), in the same way for every solver. Raises UnknownName or
+    BadArgument.
     """
     if function not in FAMILIES:
         raise UnknownName("function", function, FAMILIES)
@@ -165,14 +170,14 @@ def more_wild(
         question=f"{function}: {m} residuals of {n} unknowns, as Moré and Wild set it, from "
         f"{scale:g} times the standard start{f', moved (start {start})' if start else ''}. Is "
         "the least sum of squares found?",
-        known=Known(family.source, least, answer),
+        known=KnownAnswer(family.source, least, answer),
         measures=measures,
         compared=GRADED,
     )
 
 
 def _set() -> tuple[Experiment, ...]:
-    """The paper's 53 in its order, and the one with 100 unknowns."""
+    """The paper's 53 problems in its order, then the one with 100 unknowns."""
     found = []
     for function, family in FAMILIES.items():
         for n, m in family.sizes.items():

@@ -3,8 +3,9 @@
 Minimise 1/2 sum of (f(x; b) - y)^2 over b; the formulas are those of the files, in
 `data/nist/nist_strd.json`, as PROVENANCE.md beside it describes them.
 
-Eleven digits are only found by who does not stop before: a gradient tolerance of 1e-12, as in every
-comparison, and for regressions, whose parameters have units of all sizes, the columns' own scaling.
+Eleven digits are found only by a solver that does not stop earlier: one with a gradient tolerance
+of 1e-12, as in every comparison, and with the scaling of columns, because the parameters of
+regressions have units of all sizes.
 """
 
 import json
@@ -20,14 +21,12 @@ from workbench.blocks import Block, Values
 from workbench.errors import UnknownName
 from workbench.experiments.experiment import Experiment
 from workbench.fitting.compared_solvers import GRADED
-from workbench.fitting.known import Known, digits
+from workbench.fitting.known import KnownAnswer, digits
 from workbench.fitting.setup import Measure, Setup
 from workbench.problem import Problem
 from workbench.residuals import Residual
 
 Model = Callable[[Sequence[cs.MX], cs.DM], cs.MX]
-GRADIENT_TOLERANCE = 1e-12
-MOST_DIGITS = ("levenberg-marquardt-columns", "ipopt-exact")
 
 
 def _peak(b: Sequence[cs.MX], x: cs.DM) -> cs.MX:
@@ -62,7 +61,7 @@ MODELS: Mapping[str, Model] = {
 
 @cache
 def certified() -> Mapping[str, Mapping[str, Any]]:
-    """The problems as the file has them, by NIST's names."""
+    """The contents of the file: the facts of each problem, by NIST's name of it."""
     text = (files("workbench") / "data" / "nist" / "nist_strd.json").read_text()
     found: Mapping[str, Mapping[str, Any]] = json.loads(text)
     return found
@@ -90,7 +89,7 @@ def nist(problem: str = "Misra1a", start: int = 1) -> Setup:
         start={"b": np.array(facts["starts"][start - 1])},
         question=f"NIST's regression {problem} ({facts['level']} difficulty, start {start} of 2): "
         f"do the {p} parameters come out of {n} observations as NIST certified them?",
-        known=Known(
+        known=KnownAnswer(
             source="NIST StRD, certified to 11 digits",
             cost=facts["rss"] / 2,
             values=answer,

@@ -1,4 +1,4 @@
-"""A user's own Python file, carried out."""
+"""Running a user's own Python file."""
 
 import importlib.util
 import sys
@@ -18,10 +18,10 @@ BESIDE = (
 )
 
 
-def loaded(path: Path, instead: str) -> tuple[ModuleType, str]:
-    """The module and its full path. Raises BadFile, with the line that is to blame.
+def run_file(path: Path, instead: str) -> tuple[ModuleType, str]:
+    """Run a file. Returns its module and its full path; raises BadFile with the line that failed.
 
-    `instead` is what else could have been given, for the error of a file that is not there.
+    `instead` says what else could have been given, for the error about a missing file.
     """
     if not path.is_file():
         raise BadFile(f"there is no file {path}; give the path of a Python file, or {instead}")

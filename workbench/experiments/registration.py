@@ -25,29 +25,29 @@ def registration(
     pose_sigma: float = 0.2,
     compared: tuple[str, ...] = LARGE,
 ) -> Setup:
-    """A posed person who was not among the training subjects, every correspondence given.
+    """Fit a posed person who was not among the training subjects, with all correspondences given.
 
     `pose_sigma` in rad. Raises UnknownName for a body without such people, or another person.
     """
     model = load_skinned(body)
     with (
         as_file(files("workbench") / "data" / "bodies" / "strangers.npz") as path,
-        taken_for(path, "file of strangers", "install the workbench again"),
+        taken_for(path, "file of held-out people", "install the workbench again"),
         open_arrays(path) as archive,
     ):
         if body not in archive.headers:
-            raise UnknownName("body with strangers", body, archive.headers)
+            raise UnknownName("body with held-out people", body, archive.headers)
         templates = read_expected(archive, {body: reals("people", model.n_vertices, 3)})[body]
     if not 0 <= person < len(templates):
         raise UnknownName("person", str(person), hint=f"0 to {len(templates) - 1}")
-    stranger = replace(model, template=templates[person], name="stranger")
+    shape = replace(model, template=templates[person], name="held-out person")
     rng = np.random.default_rng(seed)
     truth = {
         "pose": pose_sigma * rng.standard_normal((model.n_joints, 3)),
         "betas": np.zeros(model.n_betas),
         "trans": rng.normal(0.0, 0.2, 3),
     }
-    observed = stranger.vertices(**truth)
+    observed = shape.vertices(**truth)
     prior = shape_prior(model)
     setup = mesh_fit(
         model,

@@ -50,8 +50,8 @@ def start_cost(among: Mapping[str, Solution]) -> float:
 
 
 def as_good(solutions: Mapping[str, Solution]) -> tuple[str, ...]:
-    """The names of those within one millionth of the lowest cost, in the order given.
+    """The names of solutions within one millionth of the lowest cost, in the order given.
 
-    Neither time nor rounding ranks them.
+    They count as equally good, whatever their times and the rounding of their costs.
     """
     return tuple(name for name, s in solutions.items() if excess(s, solutions) <= AS_GOOD)

@@ -1,4 +1,4 @@
-"""Running an experiment: the solution, its diagnosis, other solvers, and what is drawn of it."""
+"""Running an experiment: its solution and diagnosis, other solvers, and what figures need."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -24,23 +24,15 @@ class Overlay:
     """A fitted body as one camera sees it, in pixels of its image.
 
     Attributes:
-        name: the camera's name.
-        size: width and height of the image.
-        held_out: whether the view was not fitted.
+        view: the camera and what it observed.
         landmarks: the names of the M landmarks.
-        observed: (M, 2) where they were observed.
-        confidence: (M,) how far each observation is trusted; 0 if there is none.
         projected: (M, 2) where the fitted body has them.
         surface: (N, 2) the body's vertices.
         depth: (N,) their distances from the camera's plane in m.
     """
 
-    name: str
-    size: tuple[int, int]
-    held_out: bool
+    view: View
     landmarks: tuple[str, ...]
-    observed: Array
-    confidence: Array
     projected: Array
     surface: Array
     depth: Array
@@ -110,7 +102,7 @@ class Outcome:
         return sum(self.costs[name] for name in self.setup.priors) / whole if whole else np.nan
 
 
-Progress = Callable[[str], object]  # is called with a line on each step that begins
+Progress = Callable[[str], object]  # called with a line when a step begins
 
 
 def run(
@@ -200,12 +192,8 @@ def overlay(
     surface = body.vertices(*arguments)
     found = body.landmark(view.landmarks, *arguments)
     return Overlay(
-        name=view.name,
-        size=view.size,
-        held_out=view.held_out,
+        view=view,
         landmarks=body.landmark_names(view.landmarks),
-        observed=view.observed,
-        confidence=view.confidence,
         projected=view.camera.pixels(found, values),
         surface=view.camera.pixels(surface, values),
         depth=view.camera.depths(surface, values),
@@ -222,8 +210,8 @@ def _compare(
 ) -> tuple[dict[str, Solution], tuple[str, ...]]:
     """The solutions of the named solver and of those wanted, and the solvers that did not run.
 
-    An interrupt from the keyboard skips all solvers that would follow. A solver that is not made
-    for the problem is left out, which `progress` is told.
+    An interrupt from the keyboard skips all solvers that would follow. A solver that cannot solve
+    the problem is left out, and `progress` is called with the reason.
     """
     found = {name: solution}
     left = [one for one in dict.fromkeys(wanted) if one != name]

@@ -11,10 +11,10 @@ from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadArgument
-from workbench.fitting.known import Known
+from workbench.fitting.known import KnownAnswer
 from workbench.fitting.setup import Setup
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
-from workbench.priors.pose_gaussian import shipped_gaussian
+from workbench.priors.poses import shipped_gaussian
 from workbench.solvers import Ipopt, LevenbergMarquardt
 
 TRANS_SIGMA = 0.2  # m
@@ -39,7 +39,7 @@ def bent_person(body: SkinnedBody, rng: np.random.Generator, pose_sigma: float) 
 
 
 def likely_person(body: SkinnedBody, rng: np.random.Generator) -> Values:
-    """A draw from the priors of a keypoint fit, so that these are right about this person.
+    """A person drawn from the priors of a keypoint fit, so that these priors are right.
 
     The root, which has no prior, is turned by 0.3 rad per axis.
     """
@@ -65,23 +65,25 @@ def random_start(body: SkinnedBody, seed: int, start: int, sigma: float = 0.3) -
     return bent_person(body, np.random.default_rng((seed, start)), sigma)
 
 
-def start_said(start: int, sigma: float = 0.3) -> str:
-    """The start that `random_start` returns, for the end of a question."""
+def start_text(start: int, sigma: float = 0.3) -> str:
+    """A phrase on the start that `random_start` returns, for the end of a question."""
     return f", from random start {start} ({sigma:g} rad)" if start else ", from the template"
 
 
-def exact_answer(body: SkinnedBody, truth: Values) -> Known:
-    """The person whom data without noise were made of explains them at a cost of 0.
+def exact_answer(body: SkinnedBody, truth: Values) -> KnownAnswer:
+    """The known answer of data without noise: the person of whom they were made, at a cost of 0.
 
     Rotation vectors are shortened to at most half a turn, since a whole turn changes nothing.
     """
     pose = body.blocks()[0].name
     turns: Array = vector_from_matrix(matrix_from_vector(truth[pose]))
-    return Known("the synthetic person that the data were made of", 0.0, truth | {pose: turns})
+    return KnownAnswer(
+        "the synthetic person that the data were made of", 0.0, truth | {pose: turns}
+    )
 
 
 def with_refined_answer(setup: Setup, truth: Values, begin: Values | None = None) -> Setup:
-    """A setup of noisy data made of `truth`, with the minimum that a solver finds from there.
+    """Add to a setup of noisy data, made of `truth`, the minimum that a solver finds from there.
 
     `begin` is where the solver begins if `truth` violates the bounds.
     """
@@ -95,4 +97,4 @@ def with_refined_answer(setup: Setup, truth: Values, begin: Values | None = None
         f"{found.solver} from the synthetic person that the data were made of; no proof that there "
         "is none lower"
     )
-    return replace(setup, known=Known(source, found.cost, found.values), made_of=truth)
+    return replace(setup, known=KnownAnswer(source, found.cost, found.values), made_of=truth)

@@ -1,12 +1,11 @@
 """Errors in a user's own file or arguments, reported with the line or the argument."""
 
-import traceback
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from workbench.errors import BadArgument, BadFile, WorkbenchError
+from workbench.errors import BadArgument, BadFile, WorkbenchError, line_of
 
 
 @contextmanager
@@ -24,20 +23,13 @@ def user_errors(
         yield
     except (Exception, SystemExit) as error:
         if source.endswith(".py"):
-            raise BadFile(f"{_place(source, error)}: {_reason(error)}") from error
+            line = line_of(error, source)
+            place = f"{Path(source).name} line {line}" if line else Path(source).name
+            raise BadFile(f"{place}: {_reason(error)}") from error
         if isinstance(error, WorkbenchError) or not arguments:
             raise
         given = ", ".join(f"{name}={value!r}" for name, value in arguments.items())
         raise BadArgument(f"{what} cannot be built with {given}: {_reason(error)}") from error
-
-
-def _place(source: str, error: BaseException) -> str:
-    """`line.py line 3`: the innermost line of the file that was being executed."""
-    lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if f.filename == source]
-    if isinstance(error, SyntaxError) and error.filename == source:
-        lines.append(error.lineno)
-    name = Path(source).name
-    return f"{name} line {lines[-1]}" if lines and lines[-1] else name
 
 
 def _reason(error: BaseException) -> str:

@@ -14,7 +14,7 @@ from workbench.fitting.body_priors import pose_prior, shape_prior
 from workbench.fitting.calibration_files import read_calibration
 from workbench.fitting.keypoint_files import read_keypoints, read_observations
 from workbench.fitting.keypoints import keypoint_fit
-from workbench.fitting.known import Known
+from workbench.fitting.known import KnownAnswer
 from workbench.fitting.landmarks import joint_fit
 from workbench.fitting.mesh_start import STARTS, from_correspondences, placed
 from workbench.fitting.meshes import mesh_fit, own_mesh
@@ -24,7 +24,7 @@ from workbench.fitting.setup import Measure, Setup, View
 __all__ = [
     "STARTS",
     "BadObservation",
-    "Known",
+    "KnownAnswer",
     "Measure",
     "Observations",
     "Photograph",

@@ -1,7 +1,7 @@
 """The priors on a body's pose and shape that decide what observations leave open."""
 
 from workbench.bodies import SkinnedBody
-from workbench.priors.pose_gaussian import shipped_gaussian
+from workbench.priors.poses import shipped_gaussian
 from workbench.residuals import Residual, gaussian
 
 SMPL_JOINTS = 24  # of the bodies for which the pose prior was learned

@@ -1,4 +1,4 @@
-"""Cameras from files that calibration tools write."""
+"""Reading cameras from files of calibration tools."""
 
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ from workbench.geometry.rotation import matrix_from_vector
 from workbench.reading.facts import json_in
 from workbench.reading.toml import toml_in
 
-Calibration = dict[str, dict[str, Any]]  # per camera: K, R, t, distortion, size; keys `unread`
+Calibration = dict[str, dict[str, Any]]  # K, R, t, distortion, size and `unread` of each camera
 
 READ = ("K", "R", "t", "distortion", "size", "fisheye", "name")
 MOST_CAMERAS = 1000
@@ -60,18 +60,18 @@ def _name(path: Path, key: str, table: dict[str, Any]) -> str:
 def _camera(path: Path, name: str, given: Any) -> dict[str, Any]:
     if len(name) > LONGEST_NAME:
         raise BadFile(f"{path}: camera {shown(name)} has a name of {len(name):,} characters")
-    told = given if isinstance(given, dict) else {}
-    missing = [key for key in ("K", "R", "t") if told.get(key) is None]
+    entries = given if isinstance(given, dict) else {}
+    missing = [key for key in ("K", "R", "t") if entries.get(key) is None]
     if missing:
         raise BadFile(f"{path}: camera {shown(name)} lacks {', '.join(missing)}")
     of = f"camera {shown(name)}"
-    if told.get("fisheye"):
+    if entries.get("fisheye"):
         raise BadFile(
             f"{path}: {of} is a fisheye; cameras here are pinholes with up to five coefficients "
             "of distortion: undistort its keypoints, and give the pinhole's matrix"
         )
     camera: dict[str, Any] = {
-        key: numbers_in(path, f"{key} of {of}", () if told.get(key) is None else told[key])
+        key: numbers_in(path, f"{key} of {of}", () if entries.get(key) is None else entries[key])
         for key in ("K", "R", "t", "distortion")
     }
     camera["t"], camera["distortion"] = camera["t"].ravel(), camera["distortion"].ravel()
@@ -83,13 +83,13 @@ def _camera(path: Path, name: str, given: Any) -> dict[str, Any]:
             Camera().values(**camera)
     except BadCamera as error:
         raise BadFile(f"{path}: {of}: {cut(error)}") from error
-    size = told.get("size")
-    unread = tuple(sorted(key for key in told if key not in READ))
+    size = entries.get("size")
+    unread = tuple(sorted(key for key in entries if key not in READ))
     return camera | {"size": None if size is None else size_in(path, of, size), "unread": unread}
 
 
 def _refuse_without_matrix(path: Path, key: str, table: Any) -> None:
-    """A table that is half a camera is no remark that can be passed over."""
+    """Raise BadFile for a table that has entries of a camera, but no matrix."""
     if isinstance(table, dict) and "matrix" not in table and set(TOML) & set(table):
         raise BadFile(
             f"{path}: camera table [{cut(key, 60)}] has no matrix; add it, or remove the table"

@@ -7,34 +7,16 @@ knuckle. Faces are numbered; no body of the package has landmarks for them.
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from workbench.fitting.observations import COCO, FEET
+from workbench.fitting.observations import COCO, FEET, HEAD, LIMBS
 
 Names = tuple[str, ...]
 
-_LIMBS = ("shoulder", "elbow", "wrist")
-_ARMS = tuple(f"{side}_{part}" for side in ("right", "left") for part in _LIMBS)
-OPENPOSE_25 = (
-    "nose",
-    "neck",
-    *_ARMS,
-    "mid_hip",
-    "right_hip",
-    "right_knee",
-    "right_ankle",
-    "left_hip",
-    "left_knee",
-    "left_ankle",
-    "right_eye",
-    "left_eye",
-    "right_ear",
-    "left_ear",
-    "left_big_toe",
-    "left_small_toe",
-    "left_heel",
-    "right_big_toe",
-    "right_small_toe",
-    "right_heel",
+_ARMS, _LEGS = (
+    tuple(f"{side}_{part}" for side in ("right", "left") for part in parts)
+    for parts in (LIMBS[:3], LIMBS[3:])
 )
+_EYES_AND_EARS = tuple(f"{side}_{part}" for part in HEAD for side in ("right", "left"))
+OPENPOSE_25 = ("nose", "neck", *_ARMS, "mid_hip", *_LEGS, *_EYES_AND_EARS, *FEET)
 OPENPOSE_18 = tuple(name for name in OPENPOSE_25[:19] if name != "mid_hip")
 
 

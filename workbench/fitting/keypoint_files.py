@@ -1,4 +1,4 @@
-"""Keypoints from files that detectors write, with their cameras."""
+"""Reading keypoints from files of detectors, and the cameras that saw them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -43,7 +43,7 @@ class DetectedPerson:
 def read_keypoints(
     path: str | Path, *, size: tuple[int, int] | None = None, person: int | None = None
 ) -> tuple[tuple[str, ...], Array, tuple[int, int] | None]:
-    """Names, keypoints (M, 3) as u, v, confidence, and the image's size if the file says so.
+    """Read names, keypoints (M, 3) as u, v, confidence, and the image's size if it is given.
 
     COCO (annotations or results; 17 keypoints, 23 with feet, or COCO-WholeBody's 133, in one list
     or in parts) or OpenPose (BODY_25 or COCO-18, hands and face) JSON. Of several people the one
@@ -58,7 +58,7 @@ def read_keypoints(
 def read_person(
     path: str | Path, *, size: tuple[int, int] | None = None, person: int | None = None
 ) -> DetectedPerson:
-    """One person of a file as `read_keypoints` reads it, with notes on what else the file holds.
+    """Read one person of a file as `read_keypoints` does, with notes on what else it holds.
 
     Raises BadFile or UnknownName.
     """
@@ -98,10 +98,10 @@ def read_person(
         )
     if kind is COCO_FILES and set(np.unique(chosen[:, 2])) <= {0.0, 1.0, 2.0}:
         chosen = np.column_stack([chosen[:, :2], chosen[:, 2] > 0])  # a visibility flag, 0 1 2
-    seen = sum(len(one) > 0 for one in people)
-    if person is None and seen > 1:
+    count = sum(len(one) > 0 for one in people)
+    if person is None and count > 1:
         notes.append(
-            f"{Path(path).name} holds {seen} people; the one seen best, number {number} counted "
+            f"{Path(path).name} holds {count} people; the one seen best, number {number} counted "
             "from 0, is read, and --person takes another"
         )
     if size is None and kind is COCO_FILES:
@@ -196,7 +196,7 @@ def read_observations(
     focal: float | None = None,
     person: int | None = None,
 ) -> Observations:
-    """One photograph per file; the cameras of several are the calibration's, in its order.
+    """Read one photograph per file; the cameras of several are the calibration's, in its order.
 
     Raises BadFile, UnknownName, BadArgument or BadObservation.
     """
@@ -211,29 +211,29 @@ def read_observations(
             f"{many} as many calibrated cameras, but there are "
             f"{len(cameras)}; give --cameras FILE with one camera per file, in the same order"
         )
+    named: list[tuple[str, dict[str, Any]]] = list(cameras.items()) or [("camera", {})]
     photographs: list[Photograph] = []
     read: list[DetectedPerson] = []
-    named: list[str | None] = list(cameras) if cameras else [None]
-    for path, name in zip(paths, named, strict=True):
-        camera = cameras.get(name, {}) if name is not None else {}
+    for path, (_, camera) in zip(paths, named, strict=True):
         found = read_person(path, size=size or camera.get("size"), person=person)
         if found.size is None:
-            raise BadFile(f"{path} does not tell the image's size; give --size WIDTHxHEIGHT in px")
+            raise BadFile(
+                f"{path} does not say how large the image is; give --size WIDTHxHEIGHT in px"
+            )
         read.append(found)
     if len({one.body for one in read}) > 1:
         raise BadFile("the files list different keypoints; give files of one detector")
     names = tuple(dict.fromkeys(name for one in read for name in one.names))
-    for found, name in zip(read, named, strict=True):
-        camera = cameras.get(name, {}) if name is not None else {}
+    for found, (name, camera) in zip(read, named, strict=True):
         assert found.size is not None
         K = camera.get("K")
         if K is None and focal is not None:
             K = pinhole(focal, *found.size)
-        points = np.zeros((len(names), 3))  # hands that one file lacks are not seen there
+        points = np.zeros((len(names), 3))  # hands that one file lacks have confidence 0 there
         points[[names.index(known) for known in found.names]] = found.points
         calibrated = {key: camera.get(key) for key in ("R", "t", "distortion")}
         photographs.append(
-            Photograph(name or "camera", found.size, points[:, :2], points[:, 2], K, **calibrated)
+            Photograph(name, found.size, points[:, :2], points[:, 2], K, **calibrated)
         )
     unread = [
         f"{Path(calibration).name}: of camera {shown(name)}, not read are {some(camera['unread'])}"

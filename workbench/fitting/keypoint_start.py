@@ -7,17 +7,21 @@ import numpy as np
 from workbench.arrays import Array, Mask
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
+from workbench.fitting.mesh_start import moved
 from workbench.fitting.observations import BadObservation
 from workbench.fitting.setup import View
 from workbench.geometry.camera import triangulate
 from workbench.geometry.rigid import procrustes
-from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
+from workbench.geometry.rotation import matrix_from_vector
 
 TORSO = ("left_shoulder", "right_shoulder", "left_hip", "right_hip")
 
 
 def place_body(body: SkinnedBody, views: Sequence[View], values: Values) -> Values:
-    """The root's rotation and the translation: by triangulation, or from one image alone."""
+    """The root's rotation and the translation, by triangulation or from a single image.
+
+    Raises BadObservation if fewer than three keypoints are known, or there is no image.
+    """
     if len(views) >= 2:
         return _from_several(body, views, values)
     if not views:
@@ -31,40 +35,32 @@ def _rest(body: SkinnedBody, views: Sequence[View]) -> tuple[Array, Mask]:
     return body.landmark(views[0].landmarks), np.isin(names, TORSO)
 
 
-def _placed(body: SkinnedBody, R: Array, t: Array) -> Values:
-    """Values for p -> R p + t of the whole body; the root turns about its own joint."""
-    pose, _, trans = body.blocks()
-    root = body.joints()[0]
-    turned = body.bind_pose.copy()
-    turned[0] = vector_from_matrix(R @ matrix_from_vector(turned[0]))
-    return {pose.name: turned, trans.name: R @ root + t - root}
-
-
 def _from_several(body: SkinnedBody, views: Sequence[View], values: Values) -> Values:
-    """The rest body moved rigidly onto what the cameras agree on (torso if it is seen)."""
+    """The rest body moved rigidly onto triangulated keypoints, of the torso if these suffice."""
     rest, torso = _rest(body, views)
-    seen = triangulate(
+    places = triangulate(
         [v.camera for v in views],
         values,
         [v.observed for v in views],
         [v.confidence for v in views],
     )
-    known = np.isfinite(seen).all(axis=1)
+    known = np.isfinite(places).all(axis=1)
     chosen = known & torso if (known & torso).sum() >= 3 else known
     if chosen.sum() < 3:
         raise BadObservation(
             f"only {int(chosen.sum())} keypoints are seen by two cameras or more; 3 are needed to "
             "place the body"
         )
-    motion = procrustes(rest[chosen], seen[chosen])
-    return _placed(body, motion.R, motion.t)
+    motion = procrustes(rest[chosen], places[chosen])
+    return moved(body, motion.R, motion.t)
 
 
 def _from_one(body: SkinnedBody, view: View, values: Values) -> Values:
-    """Similar triangles: the rest body, turned about its own axis and in the image plane, scaled
-    to the keypoints; the scale is the focal length over the depth (SMPLify's start).
+    """The place of the rest body by similar triangles, as SMPLify begins (Bogo et al. 2016).
 
-    Of eight directions to face, the one that fits best is taken.
+    The body is turned about its own axis and in the image plane, and scaled to the keypoints; the
+    scale is the focal length over the depth. Of eight directions in which it may face, the one
+    that fits best is taken.
     """
     rest, torso = _rest(body, [view])
     known = view.confidence > 0
@@ -93,11 +89,14 @@ def _from_one(body: SkinnedBody, view: View, values: Values) -> Values:
     t_camera = np.array([shift[0] * depth, shift[1] * depth, depth])
     R = matrix_from_vector(values[view.camera.rotation.name])  # world -> camera
     t = values[view.camera.translation.name]
-    return _placed(body, R.T @ to_camera, R.T @ (t_camera - t))
+    return moved(body, R.T @ to_camera, R.T @ (t_camera - t))
 
 
 def _similarity(p: Array, q: Array, w: Array) -> tuple[tuple[float, float, Array], float]:
-    """The best [a -b; b a] p + shift onto q, both (M, 2), weighted; and its squared error."""
+    """The similarity [a -b; b a] p + shift that takes p nearest to q, both (M, 2), and its error.
+
+    `w` (M,) are the weights of the points; the error is the weighted mean of squares.
+    """
     w = w / w.sum()
     p0, q0 = w @ p, w @ q
     dp, dq = p - p0, q - q0

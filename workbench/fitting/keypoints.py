@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
-from workbench.blocks import Block, Values
+from workbench.blocks import Block, Points, Values
 from workbench.bodies import SkinnedBody
 from workbench.fitting.body_priors import pose_prior, shape_prior
 from workbench.fitting.detector_layouts import counted_by_part
@@ -48,31 +48,20 @@ def keypoint_fit(
     """
     kind, held_out = landmark_set(body), names(held_out)
     landmarks = body.landmark_names(kind)
-    seen = observations.ordered(landmarks)
+    photographs = observations.ordered(landmarks).photographs
     pose, betas, trans = body.blocks()
     points = body.landmark_points(kind, pose.symbol, betas.symbol, trans.symbol)
     start, residuals, views, cameras = body.start(), [], [], []
-    for photo in seen.photographs:
+    for photo in photographs:
         camera = Camera(photo.name + "/")
-        observed = Block(photo.name + "/observed", photo.pixels.shape, "px", landmarks)
-        confidence = Block(photo.name + "/confidence", photo.confidence.shape, "1", landmarks)
+        residual, (observed, confidence) = camera_residual(points, camera, landmarks, sigma, kernel)
         start |= camera_values(camera, photo) | {
             observed.name: photo.pixels,
             confidence.name: photo.confidence,
         }
         out = photo.name in held_out
         if not out:
-            residuals.append(
-                keypoints(
-                    points,
-                    camera,
-                    observed.symbol,
-                    confidence.symbol**2,
-                    sigma=sigma,
-                    kernel=kernel,
-                    name=f"keypoints({photo.name})",
-                )
-            )
+            residuals.append(residual)
             cameras.append(camera)
         views.append(
             View(photo.name, camera, photo.size, kind, photo.pixels, photo.confidence, out)
@@ -83,12 +72,12 @@ def keypoint_fit(
             start |= place_body(body, fitted, start)
     except (ArithmeticError, np.linalg.LinAlgError) as error:
         raise BadObservation(
-            "the keypoints tell no place for the body: those of its torso, or all of them, "
-            "coincide or lie absurdly far out; look at their coordinates, which are px"
+            "the keypoints do not determine the place of the body: those of its torso, or all of "
+            "them, coincide or lie absurdly far out; check their coordinates, which are px"
         ) from error
     priors = [pose_prior(body), shape_prior(body)]
     free = ["pose", "betas", "trans"]
-    for camera, photo in zip((v.camera for v in views), seen.photographs, strict=True):
+    for camera, photo in zip((v.camera for v in views), photographs, strict=True):
         if photo.K is None and photo.name not in held_out:
             priors.append(focal_prior(camera, start))
             free.append(camera.focal.name)
@@ -106,16 +95,37 @@ def keypoint_fit(
     )
 
 
+def camera_residual(
+    points: Points, camera: Camera, landmarks: tuple[str, ...], sigma: float, kernel: Kernel
+) -> tuple[Residual, tuple[Block, Block]]:
+    """The residual of M landmarks in one camera, and the blocks of what the camera observed.
+
+    These are `observed` (M, 2) px and `confidence` (M,), whose square is the residual's weight.
+    """
+    observed = Block(camera.prefix + "observed", (len(landmarks), 2), "px", landmarks)
+    confidence = Block(camera.prefix + "confidence", (len(landmarks),), "1", landmarks)
+    residual = keypoints(
+        points,
+        camera,
+        observed.symbol,
+        confidence.symbol**2,
+        sigma=sigma,
+        kernel=kernel,
+        name=f"keypoints({camera.prefix.rstrip('/')})",
+    )
+    return residual, (observed, confidence)
+
+
 def unused(observations: Observations, body: SkinnedBody) -> tuple[str, ...]:
     """A sentence on the observed keypoints that have no landmark on the body, if there are any."""
     kind = landmark_set(body)
-    landmarks, seen = body.landmark_names(kind), observations.seen()
-    others = [name for name in seen if name not in landmarks]
+    landmarks, observed = body.landmark_names(kind), observations.observed()
+    others = [name for name in observed if name not in landmarks]
     if not others:
         return ()
     return (
-        f"Of {len(seen)} keypoints that were seen, {len(seen) - len(others)} are fitted; the "
-        f"landmarks {kind!r} of body {body.name!r} have no place for the others: "
+        f"Of {len(observed)} keypoints that were seen, {len(observed) - len(others)} are fitted; "
+        f"the landmarks {kind!r} of body {body.name!r} have no place for the others: "
         f"{counted_by_part(others)}",
     )
 

@@ -1,4 +1,4 @@
-"""What is known about the answer of a problem before anybody solves it."""
+"""What is known about the answer of a problem before it is solved."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,29 +14,37 @@ CERTIFIED_DIGITS = 11  # of NIST's parameters: more cannot agree
 
 
 @dataclass(frozen=True, eq=False)
-class Known:
-    """The answer, or the least cost that anybody found, and from where.
+class KnownAnswer:
+    """The answer of a problem, or the lowest known cost, and its source.
 
-    Raises BadSetup for a source that is empty, a cost below zero, or a deviation that is no
-    deviation; `check` for values that are not the problem's.
+    Raises BadSetup for an empty source, for a cost or a standard deviation of a residual that is no
+    number from 0 on, and for deviations without values; `check` also compares values with a
+    problem.
+
+    Attributes:
+        source: `NIST StRD, certified to 11 digits`, `best of 100 starts, polished`.
+        cost: the certified or the best known cost.
+        values: those of the free blocks, where the answer is known and there is only one.
+        deviations: the standard deviations of the values, block by block.
+        residual_deviation: that of one observation, as estimated from the residual.
     """
 
-    source: str  # `NIST StRD, certified to 11 digits`, `best of 100 starts, polished`
-    cost: float | None = None  # certified, or the best known
-    values: Values | None = None  # of the free blocks, where the answer is known and the only one
-    deviations: Values | None = None  # the standard deviations of the values, block by block
-    residual_deviation: float | None = None  # of one observation, as estimated from the residual
+    source: str
+    cost: float | None = None
+    values: Values | None = None
+    deviations: Values | None = None
+    residual_deviation: float | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.source, str) or not self.source.strip():
             raise BadSetup(f"what is known needs a source, a text, not {self.source!r:.80}")
-        for name, least in (("cost", 0.0), ("residual_deviation", 0.0)):
+        for name in ("cost", "residual_deviation"):
             number = getattr(self, name)
             if number is None:
                 continue
             # a bool is a number to Python, and nothing that was meant
-            is_number = isinstance(number, (int, float, np.number)) and not isinstance(number, bool)
-            if not is_number or not np.isfinite(number) or number < least:
+            real = isinstance(number, (int, float, np.number)) and not isinstance(number, bool)
+            if not real or not 0 <= number < np.inf:
                 raise BadSetup(f"the known {name} must be a number from 0 on, not {number!r:.80}")
             object.__setattr__(self, name, float(number))
         for name in ("values", "deviations"):

@@ -20,10 +20,10 @@ def joint_fit(
     compared: tuple[str, ...] = (),
     synthetic: str = "",
 ) -> Setup:
-    """Pose, betas and trans from the positions (K, 3) m of a body's joints; sigma in m.
+    """Fit pose, betas and trans to the positions (K, 3) m of a body's joints; sigma is in m.
 
-    `truth` holds pose, betas and trans of the body that synthetic joints were made of, from which
-    its distances are measured then; `synthetic` says in a sentence what was made up.
+    `truth` holds pose, betas and trans of the body of which synthetic joints were made; with it,
+    distances are measured from that body. `synthetic` says in a sentence what was made up.
     """
     pose, betas, trans = body.blocks()
     target = Block("observed", observed.shape, "m", body.joint_names)

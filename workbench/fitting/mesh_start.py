@@ -16,28 +16,35 @@ RIGID = 0.03  # m: how far off a body is whose parts are placed as if each were 
 
 
 def zero(body: SkinnedBody, observed: Array) -> Values:
-    """The template where it is: bind pose, mean shape, at the origin."""
+    """Bind pose, mean shape and no translation: the template where it is."""
     return body.start()
 
 
 def placed(body: SkinnedBody, observed: Array) -> Values:
     """The root's rotation and the translation of the rest body moved rigidly onto a mesh."""
     motion = procrustes(body.vertices(), observed)
-    root = body.joints()[0]
+    return moved(body, motion.R, motion.t)
+
+
+def moved(body: SkinnedBody, R: Array, t: Array) -> Values:
+    """Pose and trans of the rest body moved as a whole by p -> R p + t; the root turns about its
+    own joint.
+    """
     pose, _, trans = body.blocks()
+    root = body.joints()[0]
     turned = body.bind_pose.copy()
-    turned[0] = vector_from_matrix(motion.R @ matrix_from_vector(turned[0]))
-    return {pose.name: turned, trans.name: motion(root) - root}
+    turned[0] = vector_from_matrix(R @ matrix_from_vector(turned[0]))
+    return {pose.name: turned, trans.name: R @ root + t - root}
 
 
 def from_correspondences(body: SkinnedBody, observed: Array) -> Values:
     """Pose, betas and trans of a body near a mesh (N, 3) m, however far it is bent.
 
-    Each part is moved rigidly onto the mesh by itself (Procrustes, its vertices counting by the
-    squares of their skinning weights). The rotations along the tree are what turns each part
-    against its parent; their angles lie in [0, pi]. Then the vertices are linear in betas and
-    trans, which are solved for, betas with their standard normal prior: parts are not rigid, and
-    shape would be bent to make up for that.
+    Each part is moved rigidly onto the mesh by itself (Procrustes; vertices are weighted by the
+    squares of their skinning weights). The rotations along the tree are those of each part
+    relative to its parent; their angles lie in [0, pi]. The vertices are then linear in betas and
+    trans, which are solved for. Betas have their standard normal prior, because the shape would
+    otherwise make up for parts that are not rigid.
 
     Raises NotNumbers, ShapeMismatch or NonFiniteValue for another mesh.
     """
@@ -58,9 +65,9 @@ def from_correspondences(body: SkinnedBody, observed: Array) -> Values:
 
 
 def _shape_of(body: SkinnedBody, pose: Array, mesh: Array) -> tuple[Array, Array]:
-    """Betas (B,) and trans (3,) m of a known pose: a ridge regression.
+    """Betas (B,) and trans (3,) m for a known pose, by ridge regression.
 
-    A part is off as a whole: its vertices count for one together, however many there are.
+    A part is off as a whole, so all of its vertices together count as one observation.
     """
     B = body.n_betas
     sigma = RIGID * np.sqrt(body.n_vertices / body.n_joints)  # m, of a vertex
@@ -79,4 +86,4 @@ STARTS: Mapping[str, Start] = {
     "placed": placed,
     "procrustes": from_correspondences,
 }
-"""By the names that the command line knows them by."""
+"""The starts by the names that the command line uses."""

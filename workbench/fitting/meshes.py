@@ -1,4 +1,4 @@
-"""Fits to meshes of the body's own topology: every vertex knows its partner."""
+"""Fits to meshes of the body's own topology, in which every vertex has a known partner."""
 
 from pathlib import Path
 
@@ -34,9 +34,10 @@ def mesh_fit(
     synthetic: str = "",
     notes: tuple[str, ...] = (),
 ) -> Setup:
-    """Pose, betas and trans from a mesh (N, 3) m of the body's topology; sigma in m.
+    """Fit pose, betas and trans to a mesh (N, 3) m of the body's topology; sigma is in m.
 
-    Minimizes |M(theta, beta) - V|^2, the course's align_3Dpoints. `truth` (N, 3) m is the true
+    Minimizes |M(theta, beta) - V|^2, as align_3Dpoints does in the lecture of Pons-Moll and
+    Swoboda (Body Models II, 2018). `truth` (N, 3) m is the true
     surface, where it is known. `synthetic` says in a sentence what was made up, if the vertices
     were not measured.
     """
@@ -71,7 +72,7 @@ def mesh_fit(
 
 
 def own_mesh(path: str | Path, body: SkinnedBody, sigma: float) -> Setup:
-    """A fit to a user's mesh of the body's topology in metres, from a rigid placement; sigma in m.
+    """Fit a user's mesh of the body's topology, in metres, from a rigid placement; sigma is in m.
 
     Raises BadFile for another number of vertices, a file format that does not keep their order
     (.stl), or a size that no person has.

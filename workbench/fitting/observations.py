@@ -9,33 +9,11 @@ from numpy.typing import ArrayLike
 from workbench.arrays import Array
 from workbench.errors import WorkbenchError
 
-COCO = (
-    "nose",
-    "left_eye",
-    "right_eye",
-    "left_ear",
-    "right_ear",
-    "left_shoulder",
-    "right_shoulder",
-    "left_elbow",
-    "right_elbow",
-    "left_wrist",
-    "right_wrist",
-    "left_hip",
-    "right_hip",
-    "left_knee",
-    "right_knee",
-    "left_ankle",
-    "right_ankle",
-)
-FEET = (
-    "left_big_toe",
-    "left_small_toe",
-    "left_heel",
-    "right_big_toe",
-    "right_small_toe",
-    "right_heel",
-)
+SIDES = ("left", "right")
+HEAD = ("eye", "ear")
+LIMBS = ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
+COCO = ("nose", *(f"{side}_{part}" for part in HEAD + LIMBS for side in SIDES))
+FEET = tuple(f"{side}_{part}" for side in SIDES for part in ("big_toe", "small_toe", "heel"))
 
 
 class BadObservation(WorkbenchError):
@@ -96,7 +74,7 @@ class Observations:
     photographs: tuple[Photograph, ...]
     notes: tuple[str, ...] = ()
 
-    def seen(self) -> tuple[str, ...]:
+    def observed(self) -> tuple[str, ...]:
         """The names of the keypoints that at least one photograph shows."""
         there = np.any([p.confidence > 0 for p in self.photographs], axis=0)
         return tuple(name for name, one in zip(self.names, there, strict=True) if one)
@@ -115,9 +93,9 @@ class Observations:
             )
 
         def pick(photograph: Photograph) -> Photograph:
-            seen = (index >= 0) & (photograph.confidence[index] > 0)
-            pixels = np.where(seen[:, None], photograph.pixels[index], 0.0)
-            confidence = np.where(seen, photograph.confidence[index], 0.0)
+            there = (index >= 0) & (photograph.confidence[index] > 0)
+            pixels = np.where(there[:, None], photograph.pixels[index], 0.0)
+            confidence = np.where(there, photograph.confidence[index], 0.0)
             return replace(photograph, pixels=pixels, confidence=confidence)
 
         return Observations(tuple(names), tuple(pick(p) for p in self.photographs), self.notes)

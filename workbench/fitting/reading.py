@@ -1,4 +1,4 @@
-"""Numbers in a user's file, or a sentence about what is there instead."""
+"""Reading numbers in a user's file, or saying what is there instead."""
 
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ LARGEST = 1e6  # px: no image is wider or higher
 
 
 def numbers_in(path: str | Path, what: str, given: Any) -> Array:
-    """An array; `what` in the file it is, for the error. Raises BadFile."""
+    """A list of numbers as an array; `what` names it in the error. Raises BadFile."""
     try:
         numbers = np.asarray(given, dtype=float)
     except (ValueError, TypeError, OverflowError):
@@ -23,7 +23,7 @@ def numbers_in(path: str | Path, what: str, given: Any) -> Array:
 
 
 def size_in(path: str | Path, where: str, given: Any) -> tuple[int, int]:
-    """Width and height in px. Raises BadFile."""
+    """The width and height of an image in px; `where` names it in the error. Raises BadFile."""
     numbers = numbers_in(path, f"{where}: size", given)
     if numbers.shape != (2,) or not ((numbers >= 1) & (numbers <= LARGEST)).all():  # nor NaN
         raise BadFile(

@@ -10,7 +10,7 @@ from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadSetup, UnknownName
-from workbench.fitting.known import Known
+from workbench.fitting.known import KnownAnswer
 from workbench.geometry.camera import Camera
 from workbench.problem import Problem
 from workbench.residuals import Residual
@@ -105,7 +105,7 @@ class Setup:
     measures: Callable[[Values], tuple[Measure, ...]] = lambda values: ()
     priors: tuple[str, ...] = ()
     compared: tuple[str, ...] = ()
-    known: Known | None = None
+    known: KnownAnswer | None = None
     synthetic: str = ""
     notes: tuple[str, ...] = ()
     made_of: Values | None = None
@@ -115,7 +115,7 @@ class Setup:
         expect("start", self.start, Mapping, "a dict of arrays by the names of blocks")
         expect("body", self.body, (SkinnedBody, NoneType), "a SkinnedBody or None")
         expect("question", self.question, str, "a text")
-        expect("known", self.known, (Known, NoneType), "a Known or None")
+        expect("known", self.known, (KnownAnswer, NoneType), "a KnownAnswer or None")
         expect("views", self.views, (tuple, list), "several Views")
         for view in self.views:
             expect("views", view, View, "several Views")

@@ -24,6 +24,9 @@ class Camera:
     `rotation` (rad) and `translation` (m) take world points to the camera's frame
     (x right, y down, z forward); `focal` (fx, fy) and `centre` are in pixels; `distortion`
     holds k1 k2 p1 p2 k3 in OpenCV's order, all zero for a pure pinhole.
+
+    Attributes:
+        prefix: how the names of the five blocks begin, such as `cam1/`.
     """
 
     prefix: str = ""
@@ -44,7 +47,7 @@ class Camera:
 
     @cached_property
     def distortion(self) -> Block:
-        """(5,): k1 k2 p1 p2 k3."""
+        """The block of the lens distortion, (5,): k1 k2 p1 p2 k3."""
         return Block(self.prefix + "distortion", (5,), "1", ("k1", "k2", "p1", "p2", "k3"))
 
     @cached_property
@@ -54,7 +57,7 @@ class Camera:
 
     @cached_property
     def translation(self) -> Block:
-        """(3,) m: where the world's origin is, seen from the camera."""
+        """The block of the translation, (3,) m: the world's origin as the camera sees it."""
         return Block(self.prefix + "translation", (3,), "m", ("x", "y", "z"))
 
     @property
@@ -63,7 +66,7 @@ class Camera:
         return self.focal, self.centre, self.distortion, self.rotation, self.translation
 
     def project(self, points: cs.MX) -> cs.MX:
-        """World points (3, N) in metres -> pixels (2, N). Raises BadCamera for what is no such."""
+        """World points (3, N) in metres -> pixels (2, N). Raises BadCamera for other input."""
         if not isinstance(points, cs.MX) or points.shape[0] != 3:
             found = f"shape {points.shape}" if isinstance(points, cs.MX) else type(points).__name__
             raise BadCamera(
@@ -192,11 +195,11 @@ def triangulate(
     pixels: Sequence[ArrayLike],
     confidence: Sequence[ArrayLike],
 ) -> Array:
-    """World points (N, 3) from their pixels (N, 2) in several cameras, each view weighed by
-    its confidence (N,), 0 where a pixel is NaN; NaN where fewer than two cameras see a point.
+    """World points (N, 3) m from their pixels (N, 2) in several cameras.
 
-    The linear method (DLT, Hartley and Zisserman, Multiple View Geometry, 12.2); the lens
-    distortion is ignored, which serves for a start.
+    Each view counts by its confidence (N,), and by 0 where a pixel is NaN. A point that fewer than
+    two cameras see is NaN. The method is linear (DLT; Hartley and Zisserman, Multiple View
+    Geometry, 12.2). It ignores the lens distortion, which is good enough for a start.
     """
     count = len(np.asarray(pixels[0]))
     rows = np.zeros((count, 2 * len(cameras), 4))

@@ -1,4 +1,4 @@
-"""What of a mesh is closest to points: its vertices, or its surface."""
+"""The vertices of a mesh, or the places on its surface, that are closest to given points."""
 
 import numpy as np
 import trimesh
@@ -11,7 +11,7 @@ SAME = 1e-5  # m: a point nearer to a vertex follows it alone
 
 
 def nearest(vertices: Array, points: Array) -> tuple[Array, Index]:
-    """Of each point (M, 3) the distance and the number of the nearest vertex, (M,) both."""
+    """The distance of each point (M, 3) from the nearest vertex, and that vertex, (M,) both."""
     distances, numbers = cKDTree(vertices).query(points)
     return np.asarray(distances, np.float64), np.asarray(numbers, np.int64)
 

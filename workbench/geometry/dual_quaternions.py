@@ -13,7 +13,7 @@ from workbench.geometry.rotation import Matrix
 
 
 def quaternions(R: Matrix) -> Matrix:
-    """Of rotations side by side, (3, 3 K), the unit quaternions (4, K), with either sign.
+    """The unit quaternions (4, K), with either sign, of rotations (3, 3 K) side by side.
 
     4 q q' is linear in R. Of its columns the one with the largest diagonal entry, which is at
     least 1, is divided by its length (Shepperd, J. Guidance and Control 1(3), 1978), so that
@@ -23,7 +23,7 @@ def quaternions(R: Matrix) -> Matrix:
 
 
 def dual_quaternions(motions: Sequence[Matrix]) -> Matrix:
-    """Of K motions (3, 4), offsets in m: unit dual quaternions (8, K), the dual part in m."""
+    """The unit dual quaternions (8, K) of K motions (3, 4), with offsets and dual parts in m."""
     entries = cs.horzcat(*[cs.vec(G) for G in motions])  # (12, K)
     q, t = _quaternions(entries[:9, :]), entries[9:, :]
     w, r = q[0, :], q[1:, :]
@@ -37,24 +37,12 @@ def moved(points: Matrix, dual: Matrix) -> Matrix:
 
         v + 2 r x (r x v + w v) + 2 (w r_e - w_e r + r x r_e)
 
-    What of the dual part is parallel to the real one moves nothing and needs no taking away.
+    The component of the dual part that is parallel to the real one moves nothing, and can stay.
     """
     unit = dual / cs.repmat(cs.sqrt(_dot(dual[:4, :], dual[:4, :])), 8, 1)
     w, r, w_e, r_e = unit[0, :], unit[1:4, :], unit[4, :], unit[5:, :]
     turned = points + 2 * _cross(r, _cross(r, points) + _times(w, points))
     return turned + 2 * (_times(w, r_e) - _times(w_e, r) + _cross(r, r_e))
-
-
-def product(a: Matrix, b: Matrix) -> Matrix:
-    """Quaternions a b, (4, K) each: the rotation of b, then that of a."""
-    w, r, v, s = a[0, :], a[1:, :], b[0, :], b[1:, :]
-    return cs.vertcat(w * v - _dot(r, s), _times(w, s) + _times(v, r) + _cross(r, s))
-
-
-def dual_product(a: Matrix, b: Matrix) -> Matrix:
-    """Dual quaternions a b, (8, K) each: the motion of b, then that of a."""
-    real = product(a[:4, :], b[:4, :])
-    return cs.vertcat(real, product(a[:4, :], b[4:, :]) + product(a[4:, :], b[:4, :]))
 
 
 def _quaternions(entries: Matrix) -> Matrix:

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from workbench.arrays import Array, Index
 from workbench.errors import shown
@@ -35,7 +36,7 @@ def parse_glb(content: bytes) -> tuple[Array, Index]:
     places = _places(document)
     vertices, faces = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)]
     count, room = 0, FREE_BYTES + PER_BYTE * len(content)
-    for number, mesh in enumerate(_several(document.told, "meshes")):
+    for number, mesh in enumerate(_several(document.json, "meshes")):
         motions = places.get(number, [])
         for primitive in _several(mesh, "primitives") if motions else []:
             positions, triangles = _part(document, primitive)
@@ -54,14 +55,14 @@ def parse_glb(content: bytes) -> tuple[Array, Index]:
 
 @dataclass(frozen=True)
 class _Document:
-    """The JSON of a file, and the bytes that it speaks of."""
+    """The JSON of a file, and the bytes of its buffers."""
 
-    told: dict[str, Any]
+    json: dict[str, Any]
     buffers: list[bytes]
 
     def entry(self, key: str, index: Any) -> dict[str, Any]:
         """`key[index]`, an object. Raises ValueError if there is none."""
-        several = self.told.get(key)
+        several = self.json.get(key)
         there = isinstance(several, list) and type(index) is int and 0 <= index < len(several)
         if not there or not isinstance(several, list) or not isinstance(several[index], dict):
             raise ValueError(f"there is no {key}[{shown(index)}]")
@@ -111,10 +112,10 @@ def _document(content: bytes) -> _Document:
         if kind in (JSON, BINARY):  # others are to be passed over
             chunks.setdefault(kind, content[at + 8 : at + 8 + length])
         at += 8 + length
-    told = parsed(chunks.get(JSON, b"null").rstrip(b" \0"))
-    if not isinstance(told, dict):
+    json = parsed(chunks.get(JSON, b"null").rstrip(b" \0"))
+    if not isinstance(json, dict):
         raise ValueError("its JSON is no object")
-    return _Document(told, [_bytes(b, k, chunks) for k, b in enumerate(_several(told, "buffers"))])
+    return _Document(json, [_bytes(b, k, chunks) for k, b in enumerate(_several(json, "buffers"))])
 
 
 def _bytes(buffer: dict[str, Any], number: int, chunks: dict[bytes, bytes]) -> bytes:
@@ -135,9 +136,9 @@ def _bytes(buffer: dict[str, Any], number: int, chunks: dict[bytes, bytes]) -> b
 
 
 def _places(document: _Document) -> dict[int, list[Array]]:
-    """By mesh, the motions (4, 4) to where its scene shows it, in the order of the nodes' names."""
-    told = document.told
-    scene = document.entry("scenes", told.get("scene", 0)) if "scenes" in told else {}
+    """The motions (4, 4) to where the scene shows each mesh, in the order of the nodes' names."""
+    json = document.json
+    scene = document.entry("scenes", json.get("scene", 0)) if "scenes" in json else {}
     waiting = [(child, np.eye(4)) for child in _children(scene, "nodes")]
     seen: set[int] = set()
     found: dict[int, list[tuple[str, int, Array]]] = {}
@@ -169,14 +170,11 @@ def _local(node: dict[str, Any]) -> Array:
     if "matrix" in node:
         return _reals(node["matrix"], 16).reshape(4, 4).T
     motion = np.eye(4)
-    x, y, z, w = _reals(node.get("rotation", (0, 0, 0, 1)), 4)
+    quaternion = _reals(node.get("rotation", (0, 0, 0, 1)), 4)
+    if not quaternion.any():
+        raise ValueError("the rotation of a node is zero, and not a unit quaternion")
     with np.errstate(all="ignore"):
-        x, y, z, w = np.array([x, y, z, w]) / np.sqrt(x * x + y * y + z * z + w * w)
-        motion[:3, :3] = [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
+        motion[:3, :3] = Rotation.from_quat(quaternion).as_matrix()
         motion[:3, :3] *= _reals(node.get("scale", (1, 1, 1)), 3)
     motion[:3, 3] = _reals(node.get("translation", (0, 0, 0)), 3)
     return motion

@@ -20,13 +20,6 @@ class NoMirror(WorkbenchError):
     """The mesh is not connected alike on both sides of x = 0."""
 
 
-def differences(edges: Index, n_vertices: int) -> csr_array:
-    """(E, N): one end of each edge less the other."""
-    E = len(edges)
-    entries = np.tile([1.0, -1.0], E)
-    return csr_array((entries, (np.repeat(np.arange(E), 2), edges.ravel())), shape=(E, n_vertices))
-
-
 def heat(vertices: Array, faces: Index, spread: float) -> scipy.sparse.linalg.SuperLU:
     """One implicit step of the graph's heat equation, I + spread^2 L / 2, ready to be solved.
 

@@ -78,7 +78,7 @@ def read_mesh(path: str | Path, *, points_alone: bool = False) -> Mesh:
 
 
 def read_registered(path: str | Path, *, points_alone: bool = False) -> Mesh:
-    """The same of a mesh whose vertices are to be taken by their numbers.
+    """The mesh in a file, whose vertices are to be taken by their numbers; see `read_mesh`.
 
     Raises BadFile for an .stl as well: it holds triangles that share no vertices, so the numbers
     of a mesh that was written to one are lost.
@@ -97,7 +97,7 @@ def same_faces(one: Index, other: Index) -> bool:
 
 
 def _canonical(faces: Index) -> bytes:
-    """The same for the same faces in any order, each from any of its corners."""
+    """Bytes that do not depend on the order of faces, nor on the first corner of each."""
     first = faces.argmin(axis=1)
     turned = np.stack(
         [np.take_along_axis(faces, ((first + i) % 3)[:, None], 1)[:, 0] for i in range(3)], 1

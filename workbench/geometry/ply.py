@@ -52,6 +52,13 @@ class _Element:
         return sum((p.count or p.dtype).itemsize for p in self.properties)
 
     @property
+    def in_text(self) -> "_Element":
+        """The element with every number, and the length of every list, as float64."""
+        real = np.dtype(np.float64)
+        alike = [_Property(p.name, real, p.count and real) for p in self.properties]
+        return _Element(self.name, self.length, alike)
+
+    @property
     def corners(self) -> int:
         """Which property lists the corners of a face. Raises ValueError."""
         lists = [k for k, p in enumerate(self.properties) if p.count is not None]
@@ -67,15 +74,13 @@ def parse_ply(content: bytes) -> tuple[Array, Index]:
     Raises ValueError with what is wrong.
     """
     order, elements, start = _header(content)
-    data: _Numbers | _Bytes = (
-        _Numbers(content[start:]) if order == "=" else _Bytes(memoryview(content)[start:])
-    )
+    data = _Rows(_in_binary(content[start:]) if order == "=" else memoryview(content)[start:])
     vertices, faces = np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
     wanted = {"vertex", "face"} & {element.name for element in elements}
     for element in elements:
         if not wanted:
             break  # what follows is not read
-        columns = data.rows(element)
+        columns = data.taken(element.in_text if order == "=" else element)
         if element.name == "vertex":
             vertices = _positions(element, columns)
         elif element.name == "face" and element.length:
@@ -103,12 +108,12 @@ def _positions(element: _Element, columns: Columns) -> Array:
 
 
 @dataclass
-class _Bytes:
-    """Rows in binary, taken one element after the other."""
+class _Rows:
+    """The bytes of rows, taken one element after the other."""
 
     left: memoryview
 
-    def rows(self, element: _Element) -> Columns:
+    def taken(self, element: _Element) -> Columns:
         """The columns of the next element. Raises ValueError."""
         if (found := self._alike(element)) is not None:
             return found
@@ -133,7 +138,7 @@ class _Bytes:
                 raise ValueError(f"{shown(element.name)} 0 is cut off")
             size = _length(p.count)(self.left, at)[0] if element.length else 0
             if not 0 <= size * p.dtype.itemsize <= max(room, 0):  # nor NaN
-                raise ValueError(f"a list of {size:,} numbers is cut off")
+                raise ValueError(f"a list of {_shown(size)} numbers is cut off")
             size = int(size)
             fields += [(f"n{k}", p.count), (f"{k}", p.dtype, (size,))]
             at += p.count.itemsize + size * p.dtype.itemsize
@@ -177,7 +182,7 @@ class _Bytes:
                 if length is not None:
                     said, at = length(left, at)[0], at + head
                     if not least <= said <= (end - at) // width:  # nor NaN
-                        raise ValueError(f"a list in row {row} has {said:,} entries")
+                        raise ValueError(f"a list in row {row} has {_shown(said)} entries")
                     size = int(said)
                     sizes.append(size)
                 bytes_of += left[at : at + size * width]
@@ -190,70 +195,23 @@ class _Bytes:
         ]
 
 
+def _shown(count: float) -> str:
+    return f"{count:,}" if isinstance(count, int) else f"{count:g}"
+
+
 def _length(count: np.dtype[Any]) -> Callable[[memoryview, int], tuple[Any, ...]]:
     """Reads the length of a list somewhere in a file: faster than numpy does for single numbers."""
     return Struct(count.str[0].replace("|", "<") + STRUCT[count.str[1:]]).unpack_from
 
 
-class _Numbers:
-    """Rows in text, which is nothing but numbers, taken one element after the other."""
-
-    def __init__(self, content: bytes) -> None:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", DeprecationWarning)  # how numpy says what is no number
-            try:
-                self.left = np.fromstring(content.decode("latin1"), sep=" ")
-            except (DeprecationWarning, ValueError):
-                raise ValueError("it holds what is no number") from None
-
-    def rows(self, element: _Element) -> Columns:
-        """The columns of the next element. Raises ValueError."""
-        lists = [k for k, p in enumerate(element.properties) if p.count is not None]
-        width, numbers = len(element.properties), self.left
-        if len(numbers) < element.length * width:
-            raise ValueError(
-                f"it says that it holds {element.length:,} times {shown(element.name)}, but has "
-                f"only {len(numbers):,} numbers for them"
-            )
-        if not lists:
-            self.left = numbers[element.length * width :]
-            return list(numbers[: element.length * width].reshape(-1, width).T) if width else []
-        if lists != [width - 1] and element.name != "face":
-            raise ValueError(f"a list stands before other numbers in {shown(element.name)}")
-        return self._walked(element)
-
-    def _walked(self, element: _Element) -> Columns:
-        """Row by row, for each may be of a length of its own; a face has at least 3 corners."""
-        found: list[list[int]] = [[] for _ in element.properties]  # where each column's parts begin
-        counts: list[list[int]] = [[] for _ in element.properties]
-        at, numbers, least = 0, self.left, 3 if element.name == "face" else 0
-        main = element.corners if element.name == "face" else -1
-        for row in range(element.length):
-            for k, p in enumerate(element.properties):
-                if at >= len(numbers):
-                    raise ValueError(f"{shown(element.name)} {row} is cut off")
-                size = 1.0
-                if p.count is not None:
-                    size, at = numbers[at], at + 1
-                    if not (least if k == main else 0) <= size <= len(numbers) - at:  # nor NaN
-                        raise ValueError(f"a list in row {row} has {size:g} entries")
-                found[k].append(at)
-                counts[k].append(int(size))
-                at += int(size)
-        self.left = numbers[at:]
-        return [
-            numbers[np.array(found[k], dtype=np.int64)]
-            if p.count is None
-            else _gathered(numbers, found[k], counts[k])
-            for k, p in enumerate(element.properties)
-        ]
-
-
-def _gathered(numbers: Array, starts: list[int], counts: list[int]) -> Lists:
-    """The lists that begin at some places of the numbers, one after the other."""
-    begin, size = np.array(starts, dtype=np.int64), np.array(counts, dtype=np.int64)
-    inside = np.arange(size.sum()) - np.repeat(np.cumsum(size) - size, size)
-    return numbers[np.repeat(begin, size) + inside], size
+def _in_binary(content: bytes) -> memoryview:
+    """A text, which is nothing but numbers, as the bytes of these in float64."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", DeprecationWarning)  # how numpy says what is no number
+        try:
+            return np.fromstring(content.decode("latin1"), sep=" ").data.cast("B")
+        except (DeprecationWarning, ValueError):
+            raise ValueError("it holds what is no number") from None
 
 
 def _header(content: bytes) -> tuple[str, list[_Element], int]:

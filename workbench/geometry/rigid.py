@@ -11,14 +11,20 @@ from workbench.geometry.rotation import nearest_rotation
 
 @dataclass(frozen=True, eq=False)
 class Similarity:
-    """p -> scale R p + t; rigid when the scale is 1."""
+    """p -> scale R p + t; rigid when the scale is 1.
 
-    R: Array  # (3, 3)
-    t: Array  # (3,) m
+    Attributes:
+        R: (3, 3) rotation.
+        t: (3,) m.
+        scale: the factor; 1 for rigid motions.
+    """
+
+    R: Array
+    t: Array
     scale: float = 1.0
 
     def __call__(self, points: ArrayLike) -> Array:
-        """Move points (..., 3)."""
+        """The points (..., 3) m after the motion."""
         return self.scale * np.asarray(points, dtype=float) @ self.R.T + self.t
 
 
@@ -43,7 +49,10 @@ def segment_motions(source: Array, target: Array, weights: Array) -> list[Simila
 
 
 def umeyama(source: ArrayLike, target: ArrayLike) -> Similarity:
-    """The same with a scale: the similarity of least squared error (Umeyama 1991, eq. 41-43)."""
+    """The similarity that takes source to target, both (N, 3), with the least squared error.
+
+    It is `procrustes` with a scale (Umeyama 1991, eq. 41-43).
+    """
     p, q = np.asarray(source, dtype=float), np.asarray(target, dtype=float)
     rigid = procrustes(p, q)
     p0, q0 = p.mean(axis=0), q.mean(axis=0)

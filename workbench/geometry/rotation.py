@@ -51,7 +51,7 @@ def rodrigues(w: Matrix) -> Matrix:
 
 
 def half_turns(w: Matrix) -> Matrix:
-    """(cos t/2, n sin t/2) of rotation vectors n t in radians, (3, K): quaternions (4, K).
+    """The quaternions (cos t/2, n sin t/2), (4, K), of rotation vectors n t (3, K) in radians.
 
     Smooth everywhere; a full turn further is the opposite quaternion, of the same rotation.
     """
@@ -106,7 +106,7 @@ def nearest_rotation(M: ArrayLike) -> Array:
 def shortest(rotations: Array) -> Array:
     """The same rotations by vectors (..., 3) rad of at most pi: theta - 2 pi k theta / |theta|.
 
-    At |theta| = 2 pi the exponential map has rank 1: whoever comes near sits there for ever.
+    At |theta| = 2 pi the exponential map has rank 1, and solvers that come near do not leave.
     """
     angles = np.linalg.norm(rotations, axis=-1, keepdims=True)
     turns = np.round(angles / (2 * np.pi))

@@ -24,7 +24,7 @@ def mesh_edges(triangles: Index) -> Index:
 
 
 def lengths(vertices: Array, pairs: Index) -> Array:
-    """Of edges (E, 2), (E,) m."""
+    """The lengths (E,) m of edges (E, 2)."""
     found: Array = np.linalg.norm(vertices[pairs[:, 1]] - vertices[pairs[:, 0]], axis=1)
     return found
 

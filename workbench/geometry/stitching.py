@@ -28,9 +28,13 @@ class Stitching:
     """How F triangles hang together in N vertices; factorised once, when first asked.
 
     Raises BadMesh for faces that are not triangles of those vertices.
+
+    Attributes:
+        faces: (F, 3).
+        n_vertices: N.
     """
 
-    faces: Index  # (F, 3)
+    faces: Index
     n_vertices: int
 
     def __post_init__(self) -> None:
@@ -48,7 +52,7 @@ class Stitching:
 
     @cached_property
     def A(self) -> csr_array:
-        """(2 F, N): the edges of vertices."""
+        """The matrix (2 F, N) from vertices to edges."""
         return edge_matrix(self.faces, self.n_vertices)
 
     @cached_property
@@ -59,12 +63,12 @@ class Stitching:
 
     @property
     def n_components(self) -> int:
-        """C."""
+        """C, the number of connected components."""
         return int(self.components.max()) + 1
 
     @cached_property
     def centroids(self) -> csr_array:
-        """(C, N): the mean of each component's vertices, rows sum to one."""
+        """The matrix (C, N) that finds the mean of each component's vertices, rows sum to one."""
         sizes = np.bincount(self.components)
         where = self.components, np.arange(self.n_vertices)
         return csr_array((1 / sizes[self.components], where))
@@ -90,7 +94,7 @@ class Stitching:
         return V
 
     def solve_symbolic(self, pulls: cs.MX) -> cs.MX:
-        """The same in symbols: two triangular solves, as sparse as the factors."""
+        """`solve` in symbols: two triangular solves, as sparse as the factors."""
         lu, kept = self._factors
         order = np.argsort(lu.perm_r)  # row i of the factors is row order[i] of what is kept
         L, U = (cs.MX(cs.DM(_sorted(factor))) for factor in (lu.L, lu.U))

@@ -41,7 +41,7 @@ def frames(vertices: ArrayLike, faces: Index) -> Array:
 
 
 def frames_on(e: Array) -> Array:
-    """The same on edges (..., F, 2, 3) m, which need not close."""
+    """Frames on edges (..., F, 2, 3) m, which need not close; see `frames`."""
     n = np.cross(e[..., 1, :], e[..., 0, :])  # m^2
     root = np.sqrt(np.linalg.norm(n, axis=-1, keepdims=True))
     axis = np.divide(n, root, out=np.zeros_like(n), where=root > 0)
@@ -90,6 +90,6 @@ def _inverse_frames(template: ArrayLike, faces: Index) -> Array:
     if flat.any():
         raise BadMesh(
             f"face {int(np.argmax(flat))} of the template has no area ({int(flat.sum())} such "
-            "faces), so nothing tells how it deforms; remove it, or move a corner"
+            "faces), so that its deformation is not defined; remove it, or move a corner"
         )
     return np.asarray(np.linalg.inv(frames(template, faces)))

@@ -24,11 +24,11 @@ def plot_overlay(outcome: Outcome, view: int, *, ax: Axes, shape: float = 1.25) 
     All in pixels, v down, cropped to the person; `shape` is the crop's height over width.
     """
     overlay, body = outcome.overlays[view], outcome.setup.body
-    seen = overlay.confidence > 0
-    observed, projected = overlay.observed[seen], overlay.projected[seen]
-    opacity = np.clip(overlay.confidence[seen], 0, 1)
+    seen = overlay.view.confidence > 0
+    observed, projected = overlay.view.observed[seen], overlay.projected[seen]
+    opacity = np.clip(overlay.view.confidence[seen], 0, 1)
     ax.set_facecolor(OUTSIDE)
-    frame = Rectangle((0, 0), *overlay.size, facecolor="white", edgecolor=FAINT, linewidth=0.8)
+    frame = Rectangle((0, 0), *overlay.view.size, facecolor="white", edgecolor=FAINT, linewidth=0.8)
     ax.add_patch(frame).set_zorder(0.5)
     if body is not None and outcome.surface is not None:
         solid = _solid(overlay, outcome.surface)
@@ -85,19 +85,20 @@ def caption_overlay(outcome: Outcome, view: int) -> str:
     """What `plot_overlay` shows."""
     overlay = outcome.overlays[view]
     error, count = reprojection(overlay)
-    unseen = int(np.sum(overlay.confidence <= 0))
+    unseen = int(np.sum(overlay.view.confidence <= 0))
     if not count:
         return (
-            f"{overlay.name}: no keypoint was observed with a confidence above {LEAST_CONFIDENCE}."
+            f"{overlay.view.name}: no keypoint was observed with a confidence above "
+            f"{LEAST_CONFIDENCE}."
         )
-    off = np.linalg.norm(overlay.projected - overlay.observed, axis=1)
-    off = np.where(overlay.confidence > LEAST_CONFIDENCE, off, -1.0)
+    off = np.linalg.norm(overlay.projected - overlay.view.observed, axis=1)
+    off = np.where(overlay.view.confidence > LEAST_CONFIDENCE, off, -1.0)
     worst = int(np.argmax(off))
-    held_out = "; this view was not fitted" if overlay.held_out else ""
+    held_out = "; this view was not fitted" if overlay.view.held_out else ""
     were = "was" if unseen == 1 else "were"
     missing = f" {unseen} {were} not observed at all." if unseen else ""
     return (
-        f"{overlay.name}{held_out}. {count} {COUNTED} lie on average {error:.1f} px "
+        f"{overlay.view.name}{held_out}. {count} {COUNTED} lie on average {error:.1f} px "
         f"from those of the fitted body; the farthest, "
         f"{overlay.landmarks[worst].replace('_', ' ')}, by {off[worst]:.1f} px.{missing}"
     )
@@ -105,17 +106,17 @@ def caption_overlay(outcome: Outcome, view: int) -> str:
 
 def reprojection(overlay: Overlay) -> tuple[float, int]:
     """Mean distance (px) of the keypoints that were seen well, and how many those are."""
-    off = reprojection_errors(overlay.observed, overlay.projected, overlay.confidence)
+    off = reprojection_errors(overlay.view.observed, overlay.projected, overlay.view.confidence)
     return (float(off.mean()) if off.size else float("nan")), off.size
 
 
 def window(overlay: Overlay, shape: float) -> tuple[tuple[float, float], tuple[float, float]]:
     """Limits of u and v (px) around person and keypoints, with a margin, height = shape x width."""
-    well = overlay.observed[overlay.confidence > 0]
+    well = overlay.view.observed[overlay.view.confidence > 0]
     shown = np.vstack([overlay.surface, overlay.projected, well])
     shown = shown[np.isfinite(shown).all(axis=1)]
     if not len(shown):
-        return (0.0, float(overlay.size[0])), (0.0, float(overlay.size[1]))
+        return (0.0, float(overlay.view.size[0])), (0.0, float(overlay.view.size[1]))
     low, high = shown.min(axis=0), shown.max(axis=0)
     middle, extent = (low + high) / 2, 1.14 * np.maximum(high - low, 10.0)
     width = float(max(extent[0], extent[1] / shape))
@@ -125,7 +126,7 @@ def window(overlay: Overlay, shape: float) -> tuple[tuple[float, float], tuple[f
 
 def _title(overlay: Overlay) -> str:
     error, count = reprojection(overlay)
-    name = plain(overlay.name) + (" (held out)" if overlay.held_out else "")
+    name = plain(overlay.view.name) + (" (held out)" if overlay.view.held_out else "")
     return f"{name}: mean {error:.1f} px, {count} points" if count else f"{name}: nothing seen"
 
 

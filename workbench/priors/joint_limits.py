@@ -16,10 +16,14 @@ KNOWN = ("anatomical", "recorded")
 
 @dataclass(frozen=True)
 class JointLimits:
-    """(lower, upper) in rad of the entries of rotation vectors, by joint and axis.
+    """How far joints turn about each axis, as bounds of the entries of rotation vectors.
 
-    An infinite limit is none, and so is a missing one. Each range is that of a turn about its axis
+    A limit that is infinite or missing is no limit. Each range is that of a turn about its axis
     alone, from the T-pose; for turns about several axes at once the box is an approximation.
+
+    Attributes:
+        limits: (lower, upper) in rad, by joint and axis.
+        sources: where the limits are from.
     """
 
     limits: Mapping[tuple[str, int], tuple[float, float]]
@@ -49,12 +53,12 @@ class JointLimits:
         return lower, upper
 
     def widened(self, margin: float) -> "JointLimits":
-        """The same, each end farther out by `margin` rad."""
+        """These limits, with each end farther out by `margin` rad."""
         wider = {at: (low - margin, high + margin) for at, (low, high) in self.limits.items()}
         return JointLimits(wider, self.sources)
 
     def over(self, others: "JointLimits") -> "JointLimits":
-        """These, and where they say nothing the others."""
+        """These limits, and the others where these have none."""
         both = dict(others.limits)
         for at, (low, high) in self.limits.items():
             below, above = both.get(at, (-np.inf, np.inf))

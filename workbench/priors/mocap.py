@@ -32,7 +32,14 @@ RECORDED = {
 
 @dataclass(frozen=True, eq=False)
 class Mocap:
-    """Recorded poses (F, 24, 3) rad, their clips (F,), and the names of clips and joints."""
+    """Recorded poses.
+
+    Attributes:
+        poses: (F, 24, 3) rad.
+        clip: (F,) the number of each pose's clip.
+        clip_names: the names of all clips.
+        joint_names: the names of the 24 joints.
+    """
 
     poses: Array
     clip: Index
@@ -40,14 +47,17 @@ class Mocap:
     joint_names: tuple[str, ...]
 
     def split(self) -> tuple["Mocap", "Mocap"]:
-        """To learn from, and every fifth clip to measure on: frames of a clip are alike."""
+        """The recording to learn from, and every fifth clip, held out to measure on.
+
+        Whole clips are held out because the frames of a clip are alike.
+        """
         held_out = self.clip % HELD_OUT_EVERY == HELD_OUT_EVERY - 1
         return self._where(~held_out), self._where(held_out)
 
     def both_ways(self) -> tuple[Array, Mask]:
         """The frames and their mirror images without the root, (2 F, 3 (K - 1)) rad.
 
-        And which joints are still in all of them, (K - 1,).
+        The second array (K - 1,) says which joints do not move in any of them.
         """
         turned = mirrored_pose(self.poses, opposites(self.joint_names))
         both = np.concatenate([self.poses, turned])[:, 1:]
@@ -56,7 +66,7 @@ class Mocap:
 
     @property
     def absent(self) -> tuple[str, ...]:
-        """The clips that no frame is from."""
+        """The names of the clips from which no frame was taken."""
         present = {self.clip_names[c] for c in np.unique(self.clip)}
         return tuple(sorted(set(self.clip_names) - present))
 
@@ -65,7 +75,7 @@ class Mocap:
 
 
 def read_mocap(path: Path) -> Mocap:
-    """The good frames of a recording. Raises BadFile if an array is missing."""
+    """Read the good frames of a recording. Raises BadFile if an array is missing."""
     with (
         taken_for(path, "recording in the layout described", "give such an .npz"),
         open_arrays(path) as archive,
@@ -82,14 +92,14 @@ def read_mocap(path: Path) -> Mocap:
 
 
 def _elbows_bend_forwards(poses: Array, names: tuple[str, ...]) -> Mask:
-    """In the T-pose elbows bend about the vertical: the left about -y, the right about +y."""
+    """Which poses (F,) bend elbows forwards: the left one about -y, the right one about +y."""
     left, right = (poses[:, names.index(name), 1] for name in ELBOWS)
     forwards: Mask = (left < ELBOW_LIMIT) & (right > -ELBOW_LIMIT)
     return forwards
 
 
 def held_out_poses(path: Path) -> Array:
-    """The good frames of every fifth clip, (F, 24, 3) rad, the pelvis unturned."""
+    """The good frames of every fifth clip, (F, 24, 3) rad, in which the pelvis is not turned."""
     _, clips = read_mocap(path).split()
     poses = clips.poses.copy()
     poses[:, 0] = 0

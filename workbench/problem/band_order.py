@@ -1,4 +1,4 @@
-"""In which order the unknowns of a sequence make a band, and where the entries of its frames go."""
+"""The order in which the unknowns of a sequence make a band, and the places of its entries."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,7 +10,7 @@ from workbench.arrays import Array, Index
 
 @dataclass(frozen=True, eq=False)
 class BandOrder:
-    """Which unknowns make the band, in this order, and which the border.
+    """Which unknowns make the band, and in which order, and which make the border.
 
     Attributes:
         inner: (N,) the places of the unknowns in the band among all unknowns, frame after frame.
@@ -44,7 +44,7 @@ class BandOrder:
         return found
 
     def of_frames(self, columns: Index) -> "BandPlaces":
-        """Where matrices of the unknowns `columns` (T, n) of frames stand."""
+        """The places of matrices of the unknowns `columns` (T, n) of T frames."""
         key = id(columns)
         if key not in self._known:
             self._known[key] = BandPlaces.of(self, columns)
@@ -77,7 +77,7 @@ class BandPlaces:
 
     @staticmethod
     def of(order: BandOrder, columns: Index) -> "BandPlaces":
-        """For the unknowns `columns` (T, n) of each frame."""
+        """The places for the unknowns `columns` (T, n) of T frames."""
         at = order.position[columns]
         inner, border = np.flatnonzero(at[0] >= 0), np.flatnonzero(at[0] < 0)
         inner = inner[np.argsort(at[0, inner])]
@@ -90,8 +90,8 @@ class BandPlaces:
     def put(self, band: Array, between: Array, corner: Array, some: slice, products: Array) -> None:
         """Put the symmetric matrices (T, n, n) of some of the frames into their places.
 
-        They are those of `BandedMatrix`. No other frame has entries there, but in the corner, where
-        they are added.
+        `band`, `between` and `corner` are those of a `BandedMatrix`. Frames share places only in
+        the corner, where their entries are added.
         """
         by_columns, positions = band.T, self.positions[some]
         own = products[:, self.inner][:, :, self.inner]
@@ -109,7 +109,7 @@ class BandPlaces:
 
 
 def run_of(places: Index) -> "slice | Index":
-    """A slice, where places follow each other: copying is quicker then."""
+    """The places as a slice if they are consecutive, which makes copying faster."""
     if len(places) and np.array_equal(places, places[0] + np.arange(len(places))):
         return slice(int(places[0]), int(places[-1]) + 1)
     return places

@@ -12,10 +12,10 @@ from functools import cached_property
 import numpy as np
 import scipy.linalg
 from scipy.linalg import blas, lapack
-from scipy.sparse import csc_array, csr_array
+from scipy.sparse import block_array, csc_array, diags_array
 
 from workbench.arrays import Array
-from workbench.problem.band_order import BandOrder, BandPlaces
+from workbench.problem.band_order import BandOrder
 from workbench.problem.nonzeros import columns_of_nonzeros
 
 SMALLEST = 1e-8  # of a pivot's square, beside the diagonal: below, half of the digits are lost
@@ -48,10 +48,6 @@ class BandedMatrix:
     def shape(self) -> tuple[int, int]:
         """The numbers of rows and columns, (n, n)."""
         return self.order.size, self.order.size
-
-    def put(self, at: BandPlaces, some: slice, products: Array) -> None:
-        """Put in symmetric matrices (T, n, n) of some frames, each of which is put in once."""
-        at.put(self.band, self.between, self.corner, some, products)
 
     def add_sparse(self, matrix: csc_array) -> None:
         """Add a symmetric matrix (n, n), each of whose entries is in the band or in the border."""
@@ -95,22 +91,17 @@ class BandedMatrix:
     @cached_property
     def sparse(self) -> csc_array:
         """The matrix by its nonzeros."""
-        order, (N, reach) = self.order, (len(self.order.inner), self.order.reach)
-        below = np.minimum(np.arange(reach + 1)[:, None] + np.arange(N), N)
-        k, j = np.nonzero((self.band != 0) & (below < N))
-        i, data = k + j, self.band[k, j]
-        off = i > j
-        bi, bj = np.nonzero(self.between)
-        ci, cj = np.nonzero(self.corner)
-        rows = [order.inner[i], order.inner[j[off]], order.inner[bi], order.border[bj]]
-        columns = [order.inner[j], order.inner[i[off]], order.border[bj], order.inner[bi]]
-        numbers = [data, data[off], self.between[bi, bj], self.between[bi, bj]]
-        at = (
-            np.concatenate([*rows, order.border[ci]]),
-            np.concatenate([*columns, order.border[cj]]),
-        )
-        found = csr_array((np.concatenate([*numbers, self.corner[ci, cj]]), at), shape=self.shape)
-        return csc_array(found)
+        order, N = self.order, len(self.order.inner)
+        inside = np.arange(order.reach + 1)[:, None] + np.arange(N) < N
+        k, j = np.nonzero((self.band != 0) & inside)
+        low = csc_array((self.band[k, j], (k + j, j)), shape=(N, N))
+        D = low + low.T - diags_array(self.band[0])
+        parts = [[D, csc_array(self.between)], [csc_array(self.between.T), csc_array(self.corner)]]
+        place = np.argsort(np.concatenate([order.inner, order.border]))
+        found = csc_array(csc_array(block_array(parts, format="csc"))[:, place])[place]
+        found.eliminate_zeros()
+        found.sort_indices()
+        return found
 
     def factorized(self, raised: Array | float = 0.0) -> "BandedFactor | None":
         """Cholesky's factor, with `raised` (n,) added to the diagonal.
@@ -126,7 +117,7 @@ class BandedMatrix:
         L, failed = lapack.dpbtrf(band, lower=1, overwrite_ab=1)
         if failed or _lost(L[0], diagonal[order.inner]):
             return None
-        answer = _forward(L, self.between)
+        answer = _triangular(L, self.between, "N")
         corner, failed = lapack.dpotrf(corner - answer.T @ answer, lower=1, clean=1)
         if failed or _lost(np.diag(corner), diagonal[order.border]):
             return None
@@ -135,7 +126,7 @@ class BandedMatrix:
 
 @dataclass(frozen=True, eq=False)
 class BandedFactor:
-    """D = L L', Y = L^-1 B, and Cholesky's factor of the Schur complement C - Y'Y.
+    """The factors of a banded matrix: D = L L', Y = L^-1 B, and that of C - Y'Y.
 
     Attributes:
         order: which unknowns make the band and which the border.
@@ -150,19 +141,19 @@ class BandedFactor:
     corner: Array
 
     def solve(self, right: Array) -> Array:
-        """The answer (n,) or (n, k) of the linear system."""
+        """The solution (n,) or (n, k) of the linear system with this right-hand side."""
         order, found = self.order, np.empty_like(right, dtype=float)
-        first = _forward(self.L, right[order.inner])
+        first = _triangular(self.L, right[order.inner], "N")
         rest = right[order.border] - self.answer.T @ first
         last = scipy.linalg.cho_solve((self.corner, True), rest) if len(rest) else rest
         found[order.border] = last
-        found[order.inner] = _backward(self.L, first - self.answer @ last)
+        found[order.inner] = _triangular(self.L, first - self.answer @ last, "T")
         return found
 
     def half_answer(self, right: Array) -> Array:
-        """M^-1 times a vector (n,), where M M' is the matrix."""
+        """M^-1 times a vector (n,), where M M' is the matrix that was factorized."""
         order, found = self.order, np.empty_like(right, dtype=float)
-        first = _forward(self.L, right[order.inner])
+        first = _triangular(self.L, right[order.inner], "N")
         last = right[order.border] - self.answer.T @ first
         if len(last):
             last = scipy.linalg.solve_triangular(self.corner, last, lower=True)
@@ -170,16 +161,16 @@ class BandedFactor:
         return found
 
     def half_times(self, w: Array) -> Array:
-        """M'^-1 w, where M M' is the matrix: a draw of N(0, its inverse) for w (n,) of N(0, 1).
+        """M'^-1 w for w (n,) or (n, k), where M M' is the matrix that was factorized.
 
-        Of an array (n, k) as well, column by column.
+        If the entries of w are drawn from N(0, 1), the result is drawn from N(0, (M M')^-1).
         """
         order, found = self.order, np.empty_like(w, dtype=float)
         last = w[order.border]
         if len(last):
             last = scipy.linalg.solve_triangular(self.corner, last, lower=True, trans="T")
         found[order.border] = last
-        found[order.inner] = _backward(self.L, w[order.inner] - self.answer @ last)
+        found[order.inner] = _triangular(self.L, w[order.inner] - self.answer @ last, "T")
         return found
 
 
@@ -187,19 +178,10 @@ def _lost(pivots: Array, diagonal: Array) -> bool:
     return bool((pivots**2 < SMALLEST * diagonal).any())
 
 
-def _forward(L: Array, right: Array) -> Array:
-    """L^-1 times a vector or a matrix."""
-    return _triangular(L, right, 0)
-
-
-def _backward(L: Array, right: Array) -> Array:
-    """L'^-1 times a vector or a matrix."""
-    return _triangular(L, right, 1)
-
-
-def _triangular(L: Array, right: Array, transposed: int) -> Array:
+def _triangular(L: Array, right: Array, transposed: str) -> Array:
+    """L^-1, or L'^-1 if `transposed` is "T" and not "N", times a vector or a matrix."""
     if not right.size:
         return right.copy()
     wide = right if right.ndim == 2 else right[:, None]
-    found, _ = lapack.dtbtrs(L, wide, uplo="L", trans="T" if transposed else "N")
+    found, _ = lapack.dtbtrs(L, wide, uplo="L", trans=transposed)
     return np.asarray(found).reshape(right.shape)

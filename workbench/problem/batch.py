@@ -8,7 +8,7 @@ bodies come from matrix products over all the values at once and only the residu
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 import casadi as cs
 import numpy as np
@@ -23,6 +23,7 @@ from workbench.compiling import NoLibrary
 from workbench.errors import NotSupported
 from workbench.problem.graph import Graph
 
+T = TypeVar("T")
 Places = Index
 Costs = Callable[[Array], Array]  # z (M, k) -> (M,)
 Slope = Callable[[Array], tuple[float, Array]]  # x (n,) -> cost, (n,)
@@ -35,9 +36,6 @@ INTERPRETED_UP_TO = 2_000  # of them: above, matrix products are faster
 @dataclass(frozen=True, eq=False)
 class Batch:
     """A residual as one graph, and as a graph of points that come from arithmetic.
-
-    There is no `whole` one where only arithmetic has the points of a source. `made` keeps what was
-    derived or compiled, by the places that vary.
 
     Attributes:
         whole: the residual as one graph; None where only arithmetic has the points of a source.
@@ -55,13 +53,21 @@ class Batch:
     fixed: Layout
     made: dict[tuple[str, bytes], Any] = field(default_factory=dict, repr=False)
 
+    def once(self, what: str, places: Places, make: Callable[[], T]) -> T:
+        """The result of `make`, which is called once for these places and is kept in `made`."""
+        key = what, places.tobytes()
+        if key not in self.made:
+            self.made[key] = make()
+        found: T = self.made[key]
+        return found
+
 
 Evaluation = Callable[[Batch, Array, Array, Places], Costs]
 
 
 def interpreted(batch: Batch, x: Array, fixed: Array, places: Places) -> Costs:
     """A function of z to costs that CasADi or NumPy evaluates, without a compiler."""
-    graph = _varying(batch, places)
+    graph = batch.once("parted", places, lambda: _parted(batch, places))
     long = graph is None or (batch.sources and graph[0].n_instructions() > INTERPRETED_UP_TO)
     if graph is None or long:
         return _arithmetic(batch, x, fixed, places)
@@ -71,16 +77,14 @@ def interpreted(batch: Batch, x: Array, fixed: Array, places: Places) -> Costs:
 
 def compiled(batch: Batch, x: Array, fixed: Array, places: Places) -> Costs:
     """A function of z to costs that is compiled, where that is possible and worth it."""
-    graph = _varying(batch, places)
+    graph = batch.once("parted", places, lambda: _parted(batch, places))
     if graph is None or graph[0].n_instructions() > COMPILED_UP_TO:
         return interpreted(batch, x, fixed, places)
-    key = "compiled", places.tobytes()
-    if key not in batch.made:
-        try:
-            batch.made[key] = simd_function(graph[0], (False, True))
-        except (NoLibrary, NotSupported):
-            return interpreted(batch, x, fixed, places)
-    return _called(batch.made[key], graph[1], x, fixed)
+    try:
+        run = batch.once("compiled", places, lambda: simd_function(graph[0], (False, True)))
+    except (NoLibrary, NotSupported):
+        return interpreted(batch, x, fixed, places)
+    return _called(run, graph[1], x, fixed)
 
 
 def slopes(batch: Batch, x: Array, fixed: Array, places: Places, one_by_one: Slope) -> Slopes:
@@ -88,20 +92,16 @@ def slopes(batch: Batch, x: Array, fixed: Array, places: Places, one_by_one: Slo
 
     Where the graph is too long, `one_by_one` is asked for the cost and its gradient (n,) at each x.
     """
-    graph = _varying(batch, places)
+    graph = batch.once("parted", places, lambda: _parted(batch, places))
     if graph is None or graph[0].n_instructions() > COMPILED_UP_TO:
 
         def each(z: Array) -> tuple[Array, Array]:
-            X = np.repeat(x[None], len(z), axis=0)
-            X[:, places] = z
-            told = [one_by_one(row) for row in X]
-            return np.array([cost for cost, _ in told]), np.array([g[places] for _, g in told])
+            X = _filled(x, places, z)
+            found = [one_by_one(row) for row in X]
+            return np.array([cost for cost, _ in found]), np.array([g[places] for _, g in found])
 
         return each
-    key = "slopes", places.tobytes()
-    if key not in batch.made:
-        batch.made[key] = _derived(graph[0])
-    run: Batched = batch.made[key]
+    run = batch.once("slopes", places, lambda: _derived(graph[0]))
     numbers = _numbers(graph[1], x, fixed)
 
     def together(z: Array) -> tuple[Array, Array]:
@@ -130,19 +130,11 @@ def _numbers(still: cs.Function, x: Array, fixed: Array) -> Array:
     return np.asarray(still(np.concatenate([x, fixed]))).ravel()
 
 
-def _varying(batch: Batch, places: Places) -> tuple[cs.Function, cs.Function] | None:
+def _parted(batch: Batch, places: Places) -> tuple[cs.Function, cs.Function] | None:
     """(z, still) -> cost in scalar instructions, and (x, fixed) -> still, which z does not change.
 
     None if there are too many instructions, or no such graph.
     """
-    key = "varying", places.tobytes()
-    if key not in batch.made:
-        batch.made[key] = _parted(batch, places)
-    found: tuple[cs.Function, cs.Function] | None = batch.made[key]
-    return found
-
-
-def _parted(batch: Batch, places: Places) -> tuple[cs.Function, cs.Function] | None:
     graph = batch.whole
     if graph is None:
         return None
@@ -163,7 +155,7 @@ def _parted(batch: Batch, places: Places) -> tuple[cs.Function, cs.Function] | N
 
 
 def _arithmetic(batch: Batch, x: Array, fixed: Array, places: Places) -> Costs:
-    """Points by matrix products, the residual row by row of z."""
+    """Costs whose points come from matrix products, and whose residual is a graph."""
     graph = batch.split
     r = cs.densify(graph.residual)
     cost = cs.Function("cost", [graph.x, graph.fixed, *graph.points], [0.5 * cs.sumsqr(r)])
@@ -176,13 +168,19 @@ def _arithmetic(batch: Batch, x: Array, fixed: Array, places: Places) -> Costs:
     run = Threaded(make, shared)
 
     def costs(z: Array) -> Array:
-        X = np.repeat(x[None], len(z), axis=0)
-        X[:, places] = z
+        X = _filled(x, places, z)
         values = _values(batch, X, fixed)
         points = (source.many(values).reshape(len(z), -1) for source in batch.sources)
         return run(X, fixed, *points)[0][:, 0]
 
     return costs
+
+
+def _filled(x: Array, places: Places, z: Array) -> Array:
+    """Copies (M, n) of x with z (M, k) in these places."""
+    X = np.repeat(x[None], len(z), axis=0)
+    X[:, places] = z
+    return X
 
 
 def _values(batch: Batch, X: Array, fixed: Array) -> Mapping[str, Array]:

@@ -1,8 +1,8 @@
-"""The Jacobian of a sequence: a dense block for each frame, single entries, and how they couple.
+"""The Jacobian of a sequence: a dense block for each frame, and single entries.
 
-With the unknowns of frame t called x_t and the shared ones s, the rows of frame t are
-r_t + J_t dx_t + B_t ds, and J'J is block diagonal but for a border: that of s. Residuals between
-neighbouring frames make the diagonal a band.
+With the unknowns x_t of frame t and the shared ones s, the rows of frame t are
+r_t + J_t dx_t + B_t ds, and J'J is block diagonal but for a border, which belongs to s. Residuals
+between neighbouring frames widen the diagonal to a band.
 """
 
 from collections.abc import Sequence
@@ -16,14 +16,19 @@ from scipy.sparse import csc_array
 from workbench.arrays import Array, Index
 from workbench.problem.band_order import BandOrder
 from workbench.problem.banded import BandedMatrix
-from workbench.problem.nonzeros import columns_of_nonzeros
+from workbench.problem.nonzeros import columns_of_nonzeros, sums
 
 AT_ONCE = 64  # frames whose products are kept at a time
 
 
 @dataclass(frozen=True, eq=False)
 class BlockPlaces:
-    """The rows (T, m) and columns (T, n) of the blocks of similar frames."""
+    """The places of the blocks of T similar frames.
+
+    Attributes:
+        rows: (T, m) the rows of each block.
+        columns: (T, n) the columns of each block.
+    """
 
     rows: Index
     columns: Index
@@ -31,9 +36,7 @@ class BlockPlaces:
 
 @dataclass(frozen=True, eq=False)
 class BlockMatrix:
-    """A matrix (m, n): the `rest`, and dense blocks (T, m_t, n_t) in rows that the rest has empty.
-
-    `order` says in which order its columns make a band of its normal equations.
+    """A matrix (m, n): dense blocks (T, m_t, n_t), and the `rest`, which is zero in their places.
 
     Attributes:
         rest: (m, n) all entries that stand in no block.
@@ -65,7 +68,7 @@ class BlockMatrix:
 
     @property
     def T(self) -> "Transposed":
-        """Transposed: ready for a product with a vector."""
+        """The transposed matrix, for products with vectors."""
         return Transposed(self)
 
     def pulled(self, r: Array) -> Array:
@@ -81,29 +84,11 @@ class BlockMatrix:
         """All stored numbers, flat."""
         return np.concatenate([self.rest.data, *(block.ravel() for block in self.blocks)])
 
-    @property
-    def finite(self) -> bool:
-        """Whether every stored number is finite."""
-        return bool(
-            np.isfinite(self.rest.data).all() and all(np.isfinite(b).all() for b in self.blocks)
-        )
-
     def column_squares(self) -> Array:
         """The sum of the squares of every column, (n,)."""
-        n = self.shape[1]
-        found = np.bincount(columns_of_nonzeros(self.rest), self.rest.data**2, minlength=n).astype(
-            float
-        )
+        found = sums(columns_of_nonzeros(self.rest), self.rest.data**2, self.shape[1])
         for block, at in zip(self.blocks, self.places, strict=True):
             np.add.at(found, at.columns, np.einsum("tij,tij->tj", block, block))
-        return found
-
-    def row_squares(self) -> Array:
-        """The sum of the squares of every row, (m,)."""
-        m = self.shape[0]
-        found = np.bincount(self.rest.indices, self.rest.data**2, minlength=m).astype(float)
-        for block, at in zip(self.blocks, self.places, strict=True):
-            found[at.rows] = np.einsum("tij,tij->ti", block, block)
         return found
 
     def scaled(self, factors: Array) -> "BlockMatrix":
@@ -144,15 +129,15 @@ class BlockMatrix:
             for first in range(0, len(block), AT_ONCE):
                 some = slice(first, first + AT_ONCE)
                 J = block[some]
-                found.put(place, some, J.transpose(0, 2, 1) @ J)
-        if self.rest.nnz:  # at last: what was put before is added to
+                place.put(found.band, found.between, found.corner, some, J.transpose(0, 2, 1) @ J)
+        if self.rest.nnz:  # last, because `put` replaces entries and this adds to them
             found.add_sparse(csc_array(self.rest.T @ self.rest))
         return found
 
 
 @dataclass(frozen=True, eq=False)
 class Transposed:
-    """A block matrix, transposed."""
+    """A transposed block matrix."""
 
     of: BlockMatrix
 
@@ -162,7 +147,7 @@ class Transposed:
 
 
 def joined(parts: Sequence[tuple[Index, Index]], shape: tuple[int, int]) -> "SparsePlaces":
-    """The places of single entries of several parts, (rows, columns) each, in one sparse matrix."""
+    """The places in a sparse matrix of several parts of single entries, (rows, columns) each."""
     rows = np.concatenate([np.zeros(0, dtype=np.int64), *(r.ravel() for r, _ in parts)])
     columns = np.concatenate([np.zeros(0, dtype=np.int64), *(c.ravel() for _, c in parts)])
     order = np.lexsort((rows, columns))
@@ -172,7 +157,14 @@ def joined(parts: Sequence[tuple[Index, Index]], shape: tuple[int, int]) -> "Spa
 
 @dataclass(frozen=True, eq=False)
 class SparsePlaces:
-    """A sparse matrix whose places are known and whose numbers come part by part."""
+    """The places of a sparse matrix whose numbers come part by part.
+
+    Attributes:
+        order: (nnz,) which of the numbers of all parts stands in each place.
+        rows: (nnz,) the row of each place, column by column.
+        starts: (n + 1,) where each column begins among the places.
+        shape: the numbers of rows and columns, (m, n).
+    """
 
     order: Index
     rows: NDArray[np.int32]

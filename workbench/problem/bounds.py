@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
 from workbench.blocks import Block, Layout
-from workbench.blocks.entries import meant
+from workbench.blocks.entries import places_named
 from workbench.blocks.reals import reals
 from workbench.errors import BadBounds, ShapeMismatch
 
@@ -58,7 +58,7 @@ def _bounded(name: str, known: Layout) -> Block:
     """The block of this name, or the part of one. Raises UnknownName."""
     if name in known.names:
         return known[name]
-    places = meant(known, name, "block")
+    places = places_named(known, name, "block")
     block, _ = known.block_of(places[0])
     return Block.part(block, [place - known.slices[block.name].start for place in places])
 

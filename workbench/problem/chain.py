@@ -1,13 +1,13 @@
-"""A problem's numbers by the chain rule: graphs for the residuals, arithmetic for the points.
+"""A problem's numbers by the chain rule: graphs of the residuals, arithmetic for the points.
 
 The residual is a small graph of the free numbers, the fixed ones and the points, r(x, h, p(x, h)).
-Where the source of the points knows their derivative by its structure, only the residuals are
-derived by CasADi, and
+Where the source of the points computes their derivatives itself, CasADi differentiates only the
+residuals, and
 
     dr/dx = r_x + sum over sources of r_p dp/dx.
 
-dp/dx is an array, or sparse by those blocks of which the source says so (`SparsePoints`). Points
-of sources without such knowledge are part of the graph, so one way serves all.
+dp/dx is an array, or sparse for those blocks for which the source says so (`SparsePoints`). Points
+of other sources are part of the graph, so that this way serves all problems.
 """
 
 from collections.abc import Sequence
@@ -31,7 +31,7 @@ from workbench.problem.rounding import Support, half_squared
 from workbench.problem.storage import Stored, is_sparse
 from workbench.residuals import Residual
 
-SUMS = 3  # of what a row is made of, with random weights: one alone may cancel
+SUMS = 3  # sums of a row's terms with random weights: in a single one they may cancel
 
 
 class Chain:
@@ -50,7 +50,7 @@ class Chain:
         self.to_residual = Buffered(cs.Function("residual", arguments, [r]))
         jacobians = [cs.jacobian(r, a, FORWARD) for a in (graph.x, *graph.points)]
         self.to_derivative = Buffered(cs.Function("derivative", arguments, [r, *jacobians]))
-        self._slopes: Buffered | None = None  # the Jacobians alone, if they read no points
+        self._slopes: Buffered | None = None  # the Jacobians alone, if they do not read the points
         read = cs.veccat(*graph.points)
         if self.sources and not any(cs.depends_on(J, read) for J in jacobians):
             self._slopes = Buffered(cs.Function("slopes", arguments[:2], jacobians))
@@ -87,7 +87,7 @@ class Chain:
         if self._slopes is None:
             r, direct, *by_points = self.to_derivative(x, fixed, *(here.points for here in places))
             J = self._jacobian(places, direct, by_points)
-        else:  # the points come last: they are met on the way to their derivative
+        else:  # the points come last, because they are a byproduct of their derivative
             direct, *by_points = self._slopes(x, fixed)
             J = self._jacobian(places, direct, by_points)
             r = self.to_residual(x, fixed, *(here.points for here in places))[0]
@@ -109,10 +109,10 @@ class Chain:
 
     @cached_property
     def _parts(self) -> list[tuple[int, str, Part | Scattered]]:
-        """What reaches the residual from one block through one source.
+        """For every source and every block that it reads: their numbers, and the part of J.
 
-        Every entry of the rows that read the source; or, where it has a pattern of this block, the
-        product of where the residual reads the points and where these read the block.
+        The part holds every entry of the rows that read the source; or, where the source has a
+        pattern of this block, the places in which the product dr/dp dp/dx can be nonzero.
         """
         return [
             (i, name, _part(pattern, pattern_of(source, name), at))
@@ -176,7 +176,7 @@ class Chain:
         return found
 
     def _columns(self, places: Sequence[PointsAt], by_points: list[Array]) -> Array:
-        """What reaches the residual through the points: J transposed, (n, m)."""
+        """The part of J that comes through the points, transposed, (n, m)."""
         m = self.by_x.shape[0]
         columns = np.empty((self.free.size, m))
         for at in self._not_all_written(m):
@@ -203,7 +203,7 @@ class Chain:
         return columns
 
     def _not_all_written(self, m: int) -> list[slice]:
-        """The blocks of which no source writes every row: only those have to be zero before."""
+        """The columns of blocks for which no source writes every row; they must be zero before."""
         whole = {
             name
             for i, name, part in self._parts
@@ -270,14 +270,14 @@ class Chain:
 
 
 def _part(pattern: Pattern, of_points: csc_array | None, columns: slice) -> Part | Scattered:
-    """What reaches the residual from some columns through points with this pattern, if any."""
+    """The part of J in some columns through points that have the pattern `of_points`, if any."""
     if of_points is None:
         return Part(np.unique(pattern.rows), columns)
     return Scattered(pattern.reached(of_points), columns)
 
 
 def _weighed(argument: cs.MX) -> cs.MX:
-    """Copies side by side, each entry times a normal weight, the same at every call."""
+    """Copies side by side, each entry times a normal weight; the weights are always the same."""
     rows, columns = argument.shape
     weights = np.random.default_rng(0).standard_normal((rows, SUMS * columns))
     return cs.DM(weights) * cs.repmat(argument, 1, SUMS)

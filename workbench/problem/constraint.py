@@ -1,4 +1,4 @@
-"""What a solution must satisfy, whatever it costs: lower <= c(x) <= upper."""
+"""Constraints, which a solution must satisfy at any cost: lower <= c(x) <= upper."""
 
 from dataclasses import dataclass
 
@@ -16,11 +16,10 @@ from workbench.residuals.residual import blocks_read, check_listed, check_symbol
 
 @dataclass(frozen=True, eq=False)
 class Constraint:
-    """A named column kept between `lower` and `upper`, all three in `unit`.
+    """A named column that is kept between `lower` and `upper`, all three in `unit`.
 
-    One number or one per row; equal limits make an equation, an infinite one is none. `points`
-    are the placeholders that the expression reads. A point that misses a limit by no more than
-    `tolerance`, in `unit`, counts as feasible. Raises BadConstraint or NotNumbers.
+    Limits are one number or one per row. Equal limits make an equation, and an infinite limit is
+    none. Raises BadConstraint or NotNumbers.
 
     Attributes:
         name: the constraint's name, unique in a problem.

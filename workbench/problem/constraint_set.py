@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import accumulate
 
 import casadi as cs
 import numpy as np
@@ -15,14 +14,14 @@ from workbench.blocks.buffered import Buffered
 from workbench.problem.chain import Chain
 from workbench.problem.constraint import Constraint
 from workbench.problem.graph import Graph, split
-from workbench.problem.naming import distinct, row_label
+from workbench.problem.naming import distinct, part_at
 from workbench.problem.pattern import Pattern
 from workbench.problem.storage import Stored, absolute, dense, entries, is_sparse, scaled_sparse
 
 
 @dataclass(frozen=True, eq=False)
 class LinearizedConstraints:
-    """c(x + p) ~ values + jacobian p, to be kept between lower and upper, (k,) each.
+    """The linear model c(x + p) ~ values + jacobian p, to be kept between lower and upper.
 
     The Jacobian is an array, or sparse where it is large and most of it is zero, by the same rule
     as that of a residual (`storage.is_sparse`).
@@ -69,14 +68,15 @@ class LinearizedConstraints:
         return np.asarray(self.jacobian @ directions)
 
     def magnitudes_along(self, directions: Array) -> Array:
-        """The sums of the absolute terms of these products, (k, d): what rounding is held to."""
+        """The sums of the absolute terms of these products, (k, d), by which rounding is judged."""
         return np.asarray(absolute(self.jacobian) @ abs(directions))
 
     @property
     def allowed_changes(self) -> tuple[Array, Array]:
-        """How far down and up each value may still go, (k,) each; a miss makes it a demand.
+        """The smallest and the largest change (k,) of each value that meets its limits.
 
-        A miss within the tolerance demands nothing.
+        Where a limit is violated, both have the sign of the change that is needed; a violation
+        within the tolerance needs none.
         """
         down, up = self.lower - self.values, self.upper - self.values
         down = np.where(down > self.tolerance, down, np.minimum(down, 0))
@@ -85,10 +85,10 @@ class LinearizedConstraints:
 
 
 class ConstraintSet:
-    """c(x, fixed) (k,), its Jacobian, and the Hessian of multipliers' c.
+    """All constraints c(x, fixed) (k,), their Jacobian, and the Hessian of multipliers' c.
 
-    Values and Jacobian go by the chain rule, the Hessian by the whole graph; each is made from the
-    stacked constraints when it is first asked for.
+    Values and Jacobian come from the chain rule, the Hessian from the whole graph. Each is built
+    when it is first asked for.
     """
 
     def __init__(self, constraints: Sequence[Constraint], free: Layout, fixed: Layout) -> None:
@@ -112,7 +112,8 @@ class ConstraintSet:
 
     def label(self, row: int) -> str:
         """The name of one row."""
-        return row_label(self.constraints, row)
+        part, place = part_at(self.constraints, row)
+        return part.label(place)
 
     @cached_property
     def function(self) -> cs.Function:
@@ -156,21 +157,22 @@ class ConstraintSet:
 
     def violation(self, values: Array) -> float:
         """The largest violation of a limit, in tolerances; the point is feasible up to 1."""
-        miss = np.maximum(self.lower - values, values - self.upper) / self.tolerance
-        return float(np.max(miss)) if np.isfinite(values).all() else np.inf
+        return float(np.max(self._violations(values))) if np.isfinite(values).all() else np.inf
 
     def worst(self, values: Array) -> str:
         """The most violated limit in words."""
-        row = int(np.argmax(np.maximum(self.lower - values, values - self.upper) / self.tolerance))
+        row = int(np.argmax(self._violations(values)))
         below = self.lower[row] - values[row] > values[row] - self.upper[row]
-        unit = next(c.unit for i, c in enumerate(self.constraints) if self._edges[i + 1] > row)
         side, limit = ("below", self.lower[row]) if below else ("above", self.upper[row])
-        unit = "" if unit == "1" else f" {unit}"
+        part, _ = part_at(self.constraints, row)
+        unit = "" if part.unit == "1" else f" {part.unit}"
         return f"{self.label(row)} is {values[row]:.6g}{unit}, {side} its limit {limit:.6g}"
 
-    @cached_property
-    def _edges(self) -> list[int]:
-        return [0, *accumulate(c.size for c in self.constraints)]
+    def _violations(self, values: Array) -> Array:
+        """By how many tolerances each value (k,) is outside of its limits; negative inside."""
+        return np.asarray(
+            np.maximum(self.lower - values, values - self.upper) / self.tolerance, dtype=float
+        )
 
     @property
     def _stacked(self) -> cs.MX:

@@ -1,4 +1,4 @@
-"""Laplace's approximation of the spread of unknowns, by what is known of J'J."""
+"""Laplace's approximation to the covariance of the unknowns, (J'J)^-1."""
 
 import numpy as np
 import scipy.linalg
@@ -7,27 +7,27 @@ from workbench.arrays import Array
 from workbench.problem.normal_factors import factor_of
 from workbench.problem.storage import Symmetric
 
-HIDDEN = 1e-9  # of the square of an entry's part in the null space: below, it has none
+NEGLIGIBLE = 1e-9  # the square of an entry's part in the null space up to which it has none
 
 
 def covariance_of(R: Array, lengths: Array, relative: float, estimated: bool) -> Array:
     """(J'J)^-1 (n, n) from the triangle R of J with columns of length 1, and their `lengths` (n,).
 
-    Directions whose singular value is below `relative` times the largest count as unseen; entries
-    with a part in them have infinite variance, and no covariance with others.
+    Directions whose singular value is at most `relative` times the largest count as null; entries
+    with a part in them have infinite variance, and NaN for their covariance with others.
     """
     n = len(lengths)
     _, s, Vt = np.linalg.svd(R, full_matrices=False)
-    seen = s > relative * s.max(initial=0.0)
-    if seen.sum() == n and not estimated:
+    determined = s > relative * s.max(initial=0.0)
+    if determined.sum() == n and not estimated:
         half = scipy.linalg.solve_triangular(R, np.eye(n)) / lengths[:, None]
         return np.asarray(half @ half.T)
-    s, Vt = s[seen], Vt[seen]
+    s, Vt = s[determined], Vt[determined]
     half = Vt.T / s / lengths[:, None]
-    blind = 1 - np.sum(Vt**2, axis=0) > HIDDEN
+    null = 1 - np.sum(Vt**2, axis=0) > NEGLIGIBLE
     C: Array = half @ half.T
-    C[blind, :] = C[:, blind] = np.nan
-    C[blind, blind] = np.inf
+    C[null, :] = C[:, null] = np.nan
+    C[null, null] = np.inf
     return C
 
 

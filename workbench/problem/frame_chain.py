@@ -1,4 +1,4 @@
-"""The numbers of a sequence: its frames by the chain rule of one frame, the rest by that of all."""
+"""The numbers of a sequence: frames by the chain rule of one frame, the rest by that of all."""
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
@@ -25,11 +25,11 @@ WORTH = 8  # numbers of a band for each entry of the Jacobian: of more, most are
 
 
 class FrameChain:
-    """Residual, Jacobian and gradient of a problem some of whose residuals are of frames.
+    """Residual, Jacobian and gradient of a problem with residuals of frames.
 
-    Frames that have the same residuals, and of which the same entries are free, share one chain
-    rule (`Alike`). What is no residual of frames, such as what is between them, goes by a chain
-    rule of the whole problem.
+    Frames that have the same residuals and the same free entries share one chain rule
+    (`FrameGroup`). Other residuals, such as those between frames, have a chain rule of the whole
+    problem.
     """
 
     def __init__(self, residuals: Sequence[Residual], free: Layout, fixed: Layout) -> None:
@@ -103,7 +103,7 @@ class FrameChain:
 
     @cached_property
     def support(self) -> Support:
-        """Which rows each free number can change: frame by frame, and what the rest reads."""
+        """Which rows each free number can change, in frames and in the other residuals."""
         parts = [(g.chain.support, g.rows, g.columns) for g in self._groups]
         shape = self._free.size, self._size
         if self._rest is None:
@@ -165,12 +165,15 @@ class FrameChain:
 
     @cached_property
     def _banded(self) -> bool:
-        """Whether normal equations of a band are worth it: of long bands, most is zero."""
+        """Whether a band is worth it for the normal equations: a wide one is mostly zeros."""
         return bool((self._order.reach + 1) * len(self._order.inner) <= WORTH * self._stored)
 
 
 def _order(free: Layout, rest: csc_array) -> BandOrder:
-    """Frame after frame, and last what all share; `rest` says how frames meet each other."""
+    """The order of the unknowns: frame after frame, and the shared ones last.
+
+    `rest` (m, n) are the entries of the Jacobian that couple frames.
+    """
     frame_of = np.full(free.size, -1)
     for block in free.blocks:
         if block.base.framed:
@@ -197,9 +200,10 @@ def _order(free: Layout, rest: csc_array) -> BandOrder:
 def _grouped(
     residuals: Sequence[Residual], free: Layout, fixed: Layout
 ) -> tuple[list[FrameGroup], list[Residual]]:
-    """Frames that are alike, and the residuals that are of no such frames.
+    """Groups of similar frames, and the residuals that belong to none of them.
 
-    All are of none where a frame alone has a sparse Jacobian: its blocks would be full of zeros.
+    Where the Jacobian of a single frame is sparse, there are no groups, because its blocks would be
+    mostly zeros.
     """
     rows = rows_of(residuals)
     parts: dict[int, list[tuple[Residual, Index]]] = {}  # of each frame, with their rows

@@ -1,4 +1,4 @@
-"""Frames of a sequence that are alike: one chain rule, evaluated for all of them at once."""
+"""Similar frames of a sequence: one chain rule, evaluated for all of them at once."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
@@ -19,10 +19,14 @@ FULL = 0.25  # of a row's entries: a row that reads more of its frame is stored 
 
 
 class FrameGroup:
-    """F frames with one chain rule, that of a frame.
+    """F frames that have the chain rule of one frame.
 
-    Frame i of them is frame `frames[i]` of the sequence. Its rows, its free numbers and its fixed
-    ones stand in `rows[i]` (m,), `columns[i]` (n,) and `given[i]` (h,) among those of the sequence.
+    Attributes:
+        chain: the chain rule of one frame.
+        frames: (F,) the numbers of the frames in the sequence.
+        rows: (F, m) where the rows of each frame stand among those of the sequence.
+        columns: (F, n) where its free numbers stand among those of the sequence.
+        given: (F, h) where its fixed numbers stand among those of the sequence.
     """
 
     def __init__(
@@ -30,31 +34,24 @@ class FrameGroup:
     ) -> None:
         self.chain, self.frames = chain, frames
         self.rows, self.columns, self.given = rows, columns, given
-
-    @cached_property
-    def _to_residual(self) -> Buffered:
-        return self._mapped(self.chain.to_residual)
-
-    @cached_property
-    def _to_derivative(self) -> Buffered:
-        return self._mapped(self.chain.to_derivative)
-
-    @cached_property
-    def _to_size(self) -> Buffered:
-        return self._mapped(self.chain.to_size)
+        self._of_all: dict[Buffered, Buffered] = {}
 
     def _mapped(self, one: Buffered) -> Buffered:
-        F = len(self.frames)
-        return Buffered(one.function.map(F) if F > 1 else one.function)
+        """The function of one frame for all frames in one call."""
+        if one not in self._of_all:
+            F = len(self.frames)
+            self._of_all[one] = Buffered(one.function.map(F) if F > 1 else one.function)
+        return self._of_all[one]
 
     def residual(self, x: Array, fixed: Array, places: Sequence[Sequence[PointsAt]]) -> Array:
         """The residuals of the frames, (F, m)."""
-        found = self._to_residual(*self._arguments(x, fixed, places))[0]
+        found = self._mapped(self.chain.to_residual)(*self._arguments(x, fixed, places))[0]
         return found.reshape(self.rows.shape)
 
     def made_of(self, x: Array, fixed: Array, places: Sequence[Sequence[PointsAt]]) -> Array:
         """The sizes of the terms that rows are made of, (F, m); see `Chain.made_of`."""
-        return self._to_size(*self._arguments(x, fixed, places))[0].reshape(self.rows.shape)
+        found = self._mapped(self.chain.to_size)(*self._arguments(x, fixed, places))[0]
+        return found.reshape(self.rows.shape)
 
     def places(self, values: Each) -> list[list[PointsAt]]:
         """The points of each source, frame by frame."""
@@ -80,7 +77,7 @@ class FrameGroup:
 
     @cached_property
     def whole(self) -> Index:
-        """The rows of a frame that read points, or much of the frame otherwise."""
+        """The rows of a frame that read points, or a large part of its free numbers directly."""
         reads = np.bincount(self.chain.by_x.rows, minlength=self.chain.by_x.shape[0])
         by_points = [pattern.rows for pattern in self.chain.by_points]
         full = np.flatnonzero(reads > FULL * self.chain.by_x.shape[1])
@@ -136,7 +133,8 @@ class FrameGroup:
         self, x: Array, fixed: Array, places: Sequence[Sequence[PointsAt]]
     ) -> tuple[Array, Array, list[Array]]:
         F = len(self.frames)
-        r, direct, *by_points = self._to_derivative(*self._arguments(x, fixed, places))
+        derived = self._mapped(self.chain.to_derivative)
+        r, direct, *by_points = derived(*self._arguments(x, fixed, places))
         each = [entries.reshape(F, -1) for entries in by_points]
         return r.reshape(F, -1), direct.reshape(F, -1), each
 

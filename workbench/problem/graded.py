@@ -10,32 +10,33 @@ from workbench.problem.steps import EPS
 def graded_svd(R: Array, lengths: Array, relative: float) -> tuple[Array, Array]:
     """`s` (k,), falling, and Vt (n, n) of R (k, n), whose columns have these lengths (n,).
 
-    What is not seen is found in columns of length 1: there `relative` times the largest singular
-    value tells it from what is seen. In R's own singular values rounding errors of long columns
-    may be larger than a short one that is seen. Along unseen directions s is exactly zero here.
+    Null directions are found in R with columns of length 1, where their singular values are at most
+    `relative` times the largest; along them s is exactly zero here. In the singular values of R
+    itself, rounding errors of long columns may be larger than a short column. See Drmac and
+    Veselic, New fast and accurate Jacobi SVD algorithm, 2008.
     """
     k, n = R.shape
     read = np.flatnonzero(lengths > 0)
     d, R = lengths[read], R[:, read]
     _, even, Vt = np.linalg.svd(R / d, full_matrices=True)
     rank = int(np.sum(even > relative * even.max(initial=0.0)))
-    unseen = Vt[rank:].T
-    unseen[abs(unseen) < max(relative, EPS * read.size)] = 0.0
-    unseen = np.linalg.qr(unseen / d[:, None] * d.min())[0]
-    Q = complement(unseen)
+    null = Vt[rank:].T
+    null[abs(null) < max(relative, EPS * read.size)] = 0.0
+    null = np.linalg.qr(null / d[:, None] * d.min())[0]
+    Q = complement(null)
     found, V = _by_jacobi(R @ Q)
     s, directions = np.zeros(k), np.zeros((n, n))
     s[:rank] = found
     directions[:rank, read] = V @ Q.T
-    directions[rank : read.size, read] = unseen.T
+    directions[rank : read.size, read] = null.T
     directions[np.arange(read.size, n), np.flatnonzero(lengths == 0)] = 1.0
     return s, directions
 
 
 def complement(N: Array) -> Array:
-    """(n, n - d) orthonormal: what is at right angles to the orthonormal columns of N (n, d).
+    """An orthonormal basis (n, n - d) of the complement of the orthonormal columns of N (n, d).
 
-    Entries that no column of N has stay by themselves.
+    Entries that are zero in all columns of N have basis vectors of their own.
     """
     n = len(N)
     part = np.flatnonzero(N.any(axis=1))

@@ -19,7 +19,7 @@ FORWARD = {"helper_options": {"ad_weight": 0.0}}
 
 @dataclass(frozen=True, eq=False)
 class Graph:
-    """The residual in symbols: flat free and fixed numbers, and the points left as they are.
+    """The residual in the symbols of flat free and fixed numbers, and of points.
 
     Attributes:
         x: (n, 1) the free numbers.
@@ -84,7 +84,7 @@ class Graph:
 
 
 def stored(matrix: cs.DM) -> Stored:
-    """The numbers of a matrix as the rule of `storage.is_sparse` has them kept."""
+    """The matrix as an array or by its nonzeros, by the rule of `storage.is_sparse`."""
     m, n = matrix.shape
     if not is_sparse(m, n, matrix.nnz()):
         return np.asarray(matrix)

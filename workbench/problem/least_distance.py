@@ -18,7 +18,7 @@ from workbench.problem import storage
 from workbench.problem.storage import Stored, absolute, dense, row_norms
 
 Index = NDArray[np.signedinteger]
-MISSED = 1e-12  # of the lengths that meet in a row: by less it is not missed, but for rounding
+ROUNDING = 1e-12  # of the sum of a row's absolute terms: a smaller violation is none
 
 
 class Limits(NamedTuple):
@@ -93,25 +93,25 @@ def at_once(pull: Array, limits: Limits) -> Array:
 def by_parts(pull: Array, limits: Limits) -> Array:
     """`nearest` for many unknowns and a sparse A whose rows have length 1.
 
-    First d is the pull, cut off by the bounds. Then the rows that it misses are imposed, the
-    problem is solved again, and so on, until no row is missed. This ends, for each row is imposed
-    at most once, and its end is the answer: the nearest point under some of the limits that meets
-    the others is the nearest point under all of them. Rows that share no unknown make problems of
-    their own, so that unknowns that no imposed row reads keep their pull. One part that has
-    thousands of rows which all hold still takes long: it is solved by arrays.
+    First d is the pull, clipped to the bounds. Then the rows that it violates are imposed, the
+    problem is solved again, and so on, until no row is violated. This ends, because each row is
+    imposed at most once. The last d is the answer: if the nearest point under some of the limits
+    meets the others, it is the nearest point under all of them. Rows that share no unknown are
+    solved separately, and unknowns that no imposed row reads keep their pull. A single part with
+    thousands of imposed rows takes long, because it is solved by arrays.
     """
     left, right, A, down, up = limits
     by_rows, sizes = csr_array(A), absolute(A)
     d = np.clip(pull, left, right)
     imposed = np.zeros(A.shape[0], dtype=bool)
     while True:
-        at, room = by_rows @ d, MISSED * (sizes @ (abs(d) + abs(pull)))
-        missed = ((at < down - room) | (at > up + room)) & ~imposed
-        if not missed.any():
+        at, room = by_rows @ d, ROUNDING * (sizes @ (abs(d) + abs(pull)))
+        violated = ((at < down - room) | (at > up + room)) & ~imposed
+        if not violated.any():
             return np.asarray(d)
-        imposed |= missed
+        imposed |= violated
         for part in _parts(by_rows, np.flatnonzero(imposed)):
-            if not missed[part.rows].any():
+            if not violated[part.rows].any():
                 continue  # it was solved before
             rows, columns = part.rows, part.columns
             box = left[columns], right[columns]

@@ -1,4 +1,4 @@
-"""A least-squares problem seen from one point, where it is nearly linear."""
+"""The linear model of a least-squares problem at one point."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -26,7 +26,7 @@ ESTIMATED = 1e-7  # of the largest singular value: the others come from J'J, wit
 
 @dataclass(frozen=True, eq=False)
 class Linearization:
-    """r(x + p) ~ r + J p, whitened, and the textbook formulas on it.
+    """The linear model r(x + p) ~ r + J p, whitened, and textbook formulas for it.
 
     J is an array, or, where it is large and most of it is zero, sparse or made of blocks of frames.
     Ranks and directions come from R (min(m, n), n) with R'R = J'J, by QR of an array J. Otherwise,
@@ -54,7 +54,7 @@ class Linearization:
 
     @property
     def by_frames(self) -> bool:
-        """Whether J is stored by the frames of a sequence."""
+        """Whether J is stored by blocks of the frames of a sequence."""
         return isinstance(self.jacobian, BlockMatrix)
 
     @property
@@ -107,7 +107,7 @@ class Linearization:
         return self.block(slice(i, i + 1), slice(None)).dense.ravel()
 
     def block(self, rows: slice, columns: slice) -> "Linearization":
-        """The problem with some rows and some unknowns only."""
+        """The linearization of some rows by some unknowns only."""
         part = storage.by_columns(self._by_rows[rows][:, columns])
         return Linearization(self.residual[rows], part)
 
@@ -208,7 +208,7 @@ class Linearization:
 
     @cached_property
     def uneven(self) -> bool:
-        """Whether the columns differ so much in length that no one tolerance suits all."""
+        """Whether the columns differ so much in length that no single tolerance suits all."""
         read = self.column_norms[self.column_norms > 0]
         return bool(read.size and read.max() > UNEVEN * read.min())
 
@@ -229,16 +229,16 @@ class Linearization:
     # Steps.
 
     def step(self, damping: float = 0.0, scaling: Array | float = 1.0) -> Array:
-        """The p (n,) least in |J p + r|^2 + damping |D p|^2, D = diag(scaling).
+        """The p (n,) that minimises |J p + r|^2 + damping |D p|^2, D = diag(scaling).
 
-        Without damping, Gauss and Newton's step; where J has no full rank, the shortest one. The
-        scaling must be above zero. How it is computed: `steps.automatic`.
+        Without damping, this is the Gauss-Newton step; where J has no full rank, the shortest one.
+        The scaling must be above zero. `steps.automatic` says how it is computed.
         """
         D = np.array(np.broadcast_to(scaling, self.gradient.shape), dtype=float)
         return automatic(self, damping, D).p
 
     def without(self, held: Mask, p: Array) -> "Linearization":
-        """The problem in the unknowns that are not held, after the held ones have moved by p."""
+        """The linearization by unknowns not `held` (n,), after the held ones have moved by p."""
         rest = ~held
         moved = self.residual + self.along(np.where(held, p, 0.0))
         smaller = Linearization(moved, storage.columns_of(self.jacobian, rest))
@@ -247,24 +247,24 @@ class Linearization:
         return smaller
 
     def holding(self, held: Mask, p: Array) -> "Linearization":
-        """The problem in all unknowns after the held ones have moved by p; their columns are 0."""
+        """The linearization after the `held` unknowns have moved by p; their columns become 0."""
         moved = self.residual + self.along(np.where(held, p, 0.0))
         return Linearization(moved, storage.scaled(self.jacobian, np.where(held, 0.0, 1.0)))
 
     def rows(self, part: Index) -> "Linearization":
-        """The problem with some rows only."""
+        """The linearization of some rows only."""
         return Linearization(self.residual[part], storage.by_columns(self._by_rows[part]))
 
     def columns(self, part: Index) -> "Linearization":
-        """The problem with some unknowns only; the others stay at their values."""
+        """The linearization by some unknowns only; the others keep their values."""
         return Linearization(self.residual, storage.columns_of(self.jacobian, part))
 
     def along_columns(self, basis: Array) -> "Linearization":
-        """The problem in unknowns y with x = basis @ y, basis (n, k)."""
+        """The linearization by unknowns y with x = basis @ y, basis (n, k)."""
         return Linearization(self.residual, storage.times(self.jacobian, basis))
 
     def scaled(self, factors: Array) -> "Linearization":
-        """The problem in unknowns y with x = factors * y, factors (n,)."""
+        """The linearization by unknowns y with x = factors * y, factors (n,)."""
         found = Linearization(self.residual, storage.scaled(self.jacobian, factors))
         if "triangle" in self.__dict__ and (factors > 0).all():  # units change its lengths alone
             _, R, b = self.triangle
@@ -273,7 +273,7 @@ class Linearization:
 
     def predicted_decrease(self, p: Array) -> float:
         """By how much the linear model predicts that the step p (n,) lowers the cost."""
-        if "normal" in self.__dict__:  # known already, and small: no need to read J again
+        if "normal" in self.__dict__:  # it is known already and small: J need not be read again
             bend = float(p @ self.normal @ p)
         else:
             bend = float(np.sum(self.along(p) ** 2))

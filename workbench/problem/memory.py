@@ -1,4 +1,4 @@
-"""Whether a dense matrix fits into memory, asked before it is made."""
+"""Whether a dense matrix fits into memory, checked before it is allocated."""
 
 import os
 from contextlib import suppress
@@ -25,14 +25,15 @@ def check_fits(rows: int, columns: int) -> None:
 
 
 def free_memory() -> int | None:
-    """Bytes that this process may still take; None where the system does not say (not on Linux).
+    """The bytes that this process may still allocate; None where the system does not tell.
 
-    What the machine has available, or less where a limit of the process or of its container is.
+    It is the available memory of the machine, or what a limit of the process or of its container
+    leaves if that is less. Only Linux tells.
     """
     limits: list[int] = []
     with suppress(OSError, ValueError):
-        told = dict(line.split(":", 1) for line in Path("/proc/meminfo").read_text().splitlines())
-        limits.append(1024 * int(told["MemAvailable"].split()[0]))
+        facts = dict(line.split(":", 1) for line in Path("/proc/meminfo").read_text().splitlines())
+        limits.append(1024 * int(facts["MemAvailable"].split()[0]))
     with suppress(OSError, ValueError, ImportError):
         import resource
 

@@ -1,15 +1,16 @@
-"""What a problem is given: its parts, and names, held against the blocks that it reads."""
+"""The parts and the names that a problem is given, checked against the blocks that it reads."""
 
 from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
 from itertools import pairwise
+from typing import TypeVar
 
 import casadi as cs
 import numpy as np
 
 from workbench.blocks import Block, Layout, Points
 from workbench.blocks.checks import several
-from workbench.blocks.entries import block_of, meant
+from workbench.blocks.entries import block_of, places_named
 from workbench.errors import (
     BadBlock,
     BadConstraint,
@@ -21,6 +22,8 @@ from workbench.errors import (
 )
 from workbench.problem.constraint import Constraint
 from workbench.residuals import Residual
+
+Part = TypeVar("Part", Residual, Constraint)
 
 
 def parts_of(
@@ -50,12 +53,15 @@ def rows_of(residuals: Sequence[Residual]) -> dict[str, slice]:
     return {r.name: slice(*edge) for r, edge in zip(residuals, pairwise(edges), strict=True)}
 
 
-def row_label(parts: Sequence[Residual | Constraint], row: int) -> str:
-    """The name of one row of residuals, or of constraints, that are stacked. Raises IndexError."""
+def part_at(parts: Sequence[Part], row: int) -> tuple[Part, int]:
+    """To which of some stacked parts a row belongs, and which of its rows it is.
+
+    Raises IndexError.
+    """
     left = row
     for part in parts:
         if 0 <= left < part.size:
-            return part.label(left)
+            return part, left
         left -= part.size
     raise IndexError(f"row {row} of {row - left}")
 
@@ -84,7 +90,7 @@ def free_and_fixed(known: Layout, free: Iterable[str]) -> tuple[Layout, Layout]:
     for name in free:
         block = block_of(name, known.names)
         start = known.slices[block].start
-        taken.setdefault(block, set()).update(i - start for i in meant(known, name, "block"))
+        taken.setdefault(block, set()).update(i - start for i in places_named(known, name, "block"))
     chosen = [
         known[name] if len(entries) == known[name].size else Block.part(known[name], entries)
         for name, entries in taken.items()

@@ -1,6 +1,7 @@
 """Sparse matrices by their nonzeros: where they stand, and how they are read off."""
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csc_array, csr_array
 
 from workbench.arrays import Array, Index
@@ -14,6 +15,11 @@ def columns_of_nonzeros(matrix: csc_array) -> Index:
 def rows_of_nonzeros(matrix: csr_array) -> Index:
     """The row in which each stored entry stands, (nnz,)."""
     return np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
+
+
+def sums(places: NDArray[np.signedinteger], values: Array, size: int) -> Array:
+    """The sum (size,) of the values in each place, zero where there are none."""
+    return np.bincount(places, values, minlength=size).astype(float, copy=False)
 
 
 def entries_at(matrix: Array | csc_array, pattern: csc_array) -> Array:

@@ -1,4 +1,4 @@
-"""How far a point is from stationary, free of units: one measure for every solver."""
+"""How far a point is from stationary, without units: one measure for all solvers."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from workbench.problem.linearization import Linearization
 from workbench.problem.rounding import Rounding, Support
 
 Box = tuple[Array, Array]
-IMMATERIAL = 1e-6  # of a sigma, or of an unknown's own size: rounding that harms nobody
+IMMATERIAL = 1e-6  # of a sigma, or of an unknown's own size: rounding that does no harm
 
 
 def optimality(
@@ -18,29 +18,30 @@ def optimality(
     box: Box | None = None,
     rounding: Rounding | None = None,
 ) -> float:
-    """0 at a stationary point; without constraints at most 1; NaN where there are no numbers.
+    """How far x (n,) is from stationary: 0 at a stationary point, and at most 1 unless constrained.
 
-    The largest |d_i| / s_i, less what rounding explains. d is the way that the gradient pulls,
-    -g_i / |J_i|, in variables y_i = |J_i| x_i, whose steps have the units of the residual. s_i is
-    the length of the residual in the rows that x_i can change, so that d_i / s_i is the cosine
-    between the residual and a column of the Jacobian, whatever stands in rows that have nothing
-    to do with x_i; but s_i is not below one sigma where all rows together are above it.
+    It is the largest |d_i| / s_i, less what rounding explains, and NaN where the linearization is
+    not finite. d_i = -g_i / |J_i| is the negative gradient in the variables y_i = |J_i| x_i, whose
+    steps have the units of the residual. s_i is the length of the residual in the rows that x_i can
+    change, so that d_i / s_i is the cosine between a column of the Jacobian and the residual in
+    these rows, whatever the residual is in others. But s_i is at least one sigma, if all rows
+    together are longer than that.
 
-    With bounds (a box, lower and upper) and constraints d is that pull's projection on what they
-    allow, to first order: where the bounds or the linearized constraints stop it, it is stopped,
-    and a constraint that is missed moves it. So d = 0 says that Karush, Kuhn and Tucker's
-    conditions hold.
+    With bounds (a box, lower and upper) and constraints, d is the projection of that vector on the
+    steps that the bounds and the linearized constraints allow; a violated constraint makes d
+    nonzero. So d = 0 means that the conditions of Karush, Kuhn and Tucker hold (Nocedal and Wright,
+    Numerical Optimization, 2006, theorem 12.1).
     """
     if not here.finite:
         return np.nan
     norms, r = here.column_norms, np.where(support.changing, here.residual, 0.0)
     if here.constraints is None:
-        scale = np.where(norms > 0, norms, 1.0)  # nothing pulls at what no residual notices
+        scale = np.where(norms > 0, norms, 1.0)  # the gradient is zero where the column is
         d = -here.gradient / scale
         if box is not None:
             lower, upper = box
             d = np.clip(d, (lower - x) * scale, (upper - x) * scale)
-    else:  # what no residual notices costs nothing to move, but is measured all the same
+    else:  # an unknown that changes no residual may still serve a constraint
         lower, upper = box or (np.full_like(x, -np.inf), np.full_like(x, np.inf))
         scale = np.where(norms > 0, norms, norms.max(initial=0.0) or 1.0)
         A = here.constraints.per(scale)
@@ -50,10 +51,9 @@ def optimality(
     if rounding is not None:
         way = np.maximum(way - explained_by_rounding(x, here, support, rounding), 0.0)
     sizes = np.maximum(support.norms(r), min(float(np.linalg.norm(r)), 1.0))
-    missed = (way > 0) & (sizes == 0)  # a constraint, where there is no residual
-    return (
-        np.inf if missed.any() else float((way / np.where(sizes > 0, sizes, 1.0)).max(initial=0.0))
-    )
+    if ((way > 0) & (sizes == 0)).any():  # a constraint is violated, and there is no residual
+        return np.inf
+    return float((way / np.where(sizes > 0, sizes, 1.0)).max(initial=0.0))
 
 
 def explained_by_rounding(
@@ -61,9 +61,9 @@ def explained_by_rounding(
 ) -> Array:
     """How much of each d_i, (n,), rounding errors of the rows that x_i can change may explain.
 
-    Nothing where rounding hides an unknown: see `hidden`. There it explains why no better point
-    is seen, and is no reason to say that the minimum was found. The same holds for the unknowns
-    that change the same rows: what they do not take, the hidden one does.
+    It explains nothing where rounding hides an unknown (see `hidden`): there it is the reason why
+    no better point is found, which does not mean that this is the minimum. The same holds for
+    unknowns that change the same rows as a hidden one.
     """
     error = _errors(here, support, rounding)
     harmful = hidden(x, here, support, rounding) > 0

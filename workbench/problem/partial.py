@@ -1,4 +1,4 @@
-"""Points by arithmetic whose blocks are free in part: derivatives by the free entries alone."""
+"""Points whose blocks are free in part: derivatives by the free entries alone."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -26,7 +26,12 @@ def by_free_entries(source: NumericPoints, free: Layout) -> NumericPoints:
 
 @dataclass(frozen=True, eq=False)
 class PartlyFreePoints:
-    """Points with derivatives by some entries of some blocks; see NumericPoints, SparsePoints."""
+    """Points with derivatives by some entries of some blocks; see `NumericPoints`, `SparsePoints`.
+
+    Attributes:
+        source: the points with derivatives by whole blocks.
+        wanted: the entries of each block that is free in part.
+    """
 
     source: NumericPoints
     wanted: Entries
@@ -52,7 +57,13 @@ class PartlyFreePoints:
 
 @dataclass(frozen=True, eq=False)
 class PartlyFreePointsAt:
-    """The points at one set of values; see PointsAt, SparsePointsAt."""
+    """The points at one set of values; see `PointsAt`, `SparsePointsAt`.
+
+    Attributes:
+        here: the points with derivatives by whole blocks.
+        wanted: the entries of each block that is free in part.
+        values: the values of whole blocks.
+    """
 
     here: PointsAt
     wanted: Entries
@@ -64,7 +75,10 @@ class PartlyFreePointsAt:
         return self.here.points
 
     def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
-        """Transposed, into[block] (its wanted entries, 3 N): all rows are found, and some kept."""
+        """The derivatives, transposed, written to into[block] (wanted entries, 3 N).
+
+        All rows are computed, and the wanted ones are kept.
+        """
         rooms = {
             name: np.empty((np.size(self.values[name]), array.shape[1]))
             if name in self.wanted
@@ -77,7 +91,7 @@ class PartlyFreePointsAt:
                 array[...] = rooms[name][self.wanted[name]]
 
     def jacobian(self, name: str) -> csc_array:
-        """Its columns of wanted entries."""
+        """The derivative by the wanted entries of a block, (3 N, wanted entries)."""
         return _columns(jacobian_of(self.here, name), self.wanted.get(name))
 
     def adjoint(self, pull: Array) -> dict[str, Array]:

@@ -1,8 +1,7 @@
-"""Where the entries of sparse Jacobians stand, and how several of them become one."""
+"""The places of the entries of sparse Jacobians, and sums of several Jacobians."""
 
 from collections.abc import Sequence
 from functools import cached_property
-from itertools import pairwise
 from typing import NamedTuple
 
 import casadi as cs
@@ -24,7 +23,10 @@ class Pattern:
 
     @cached_property
     def diagonal(self) -> slice | None:
-        """The rows of a diagonal over all columns, if that is all: points seen one by one."""
+        """The rows of the matrix if it is a single diagonal over all columns, else None.
+
+        It is one where the residual reads the coordinates of points one by one.
+        """
         first, n = int(self.rows[0]) if len(self.rows) else 0, self.shape[1]
         once = np.array_equal(self.columns, np.arange(n))
         in_order = once and np.array_equal(self.rows, first + np.arange(n))
@@ -99,43 +101,23 @@ class Scattered(NamedTuple):
 
 def merged(pattern: Pattern, parts: Sequence[Part | Scattered]) -> csc_array:
     """Where a sum of single entries and parts can be nonzero, (m, n)."""
-    m, n = pattern.shape
-    scattered = [part for part in parts if isinstance(part, Scattered)]
-    keys = [pattern.columns * m + pattern.rows, *(_keys(part, m) for part in scattered)]
-    columns, rows_of_all = np.divmod(_once(np.concatenate(keys)), m)
-    starts = np.searchsorted(columns, np.arange(n + 1))
-    reached: list[list[Index]] = [[rows_of_all[i:j]] for i, j in pairwise(starts)]
-    for part in parts:
-        if isinstance(part, Part):
-            for column in range(part.columns.start, part.columns.stop):
-                reached[column].append(part.rows)
-    rows = [_union(some, m).astype(np.int32) for some in reached]
-    edges = np.cumsum([0, *(len(some) for some in rows)])
-    found = np.concatenate([*rows, np.zeros(0, dtype=np.int32)])
-    return csc_array((np.ones(len(found), dtype=bool), found, edges), shape=(m, n))
-
-
-def _union(some: Sequence[Index], m: int) -> Index:
-    """Rows that are in any of these, rising."""
-    longest = max(some, key=len)
-    if len(longest) == m or sum(map(len, some)) == len(longest):
-        return longest
-    return np.unique(np.concatenate(some))
+    columns, rows = np.divmod(_places(pattern, parts), pattern.shape[0])
+    starts = np.searchsorted(columns, np.arange(pattern.shape[1] + 1))
+    return csc_array((np.ones(len(rows), dtype=bool), rows, starts), shape=pattern.shape)
 
 
 class Assembly:
-    """A sparse matrix (m, n) that is a sum: single entries, and parts that are dense or sparse.
+    """A sparse matrix (m, n) that is a sum of single entries and of dense or sparse parts.
 
-    Which entry of the sum each number goes to is found once; after that the sum is made of copies.
+    The entry of the sum to which each number is added is found once; the sum is then fast.
     """
 
     def __init__(self, pattern: Pattern, parts: Sequence[Part | Scattered]) -> None:
         self.shape = m, n = pattern.shape
-        keys = [pattern.columns * m + pattern.rows, *(_keys(part, m).ravel() for part in parts)]
-        places = _once(np.concatenate(keys))
+        places = _places(pattern, parts)
         columns, self._rows = np.divmod(places, m)
         self._starts = np.searchsorted(columns, np.arange(n + 1))
-        self._single = np.searchsorted(places, keys[0])
+        self._single = np.searchsorted(places, pattern.columns * m + pattern.rows)
         found = (np.searchsorted(places, _keys(part, m)) for part in parts)
         self._parts = [
             _compact(where) if isinstance(part, Part) else _together(where)
@@ -144,7 +126,7 @@ class Assembly:
         self._patterns = [part.pattern if isinstance(part, Scattered) else None for part in parts]
 
     def zeros(self) -> Array:
-        """Room for the entries, none of them set."""
+        """The array of the entries of the sum, all zero."""
         return np.zeros(len(self._rows))
 
     def add(self, entries: Array, found: Array) -> None:
@@ -152,7 +134,7 @@ class Assembly:
         found[self._single] += entries
 
     def view(self, part: int, found: Array) -> Array | None:
-        """The entries of a dense part as an array (columns, rows), if they stand evenly."""
+        """A view (columns, rows) of the entries of a dense part, if they are evenly spaced."""
         where = self._parts[part]
         if not isinstance(where, _Even):
             return None
@@ -184,21 +166,24 @@ class Assembly:
 
 
 class _Even(NamedTuple):
-    """Places that go up by one along rows and by one stride along columns."""
+    """Evenly spaced places: by one along the rows, and by `stride` from column to column."""
 
     first: int
     stride: int
     shape: tuple[int, int]
 
 
-def _once(keys: Index) -> Index:
-    """Each of them once, rising, as np.unique, which takes five times as long for millions."""
-    keys.sort()
+def _places(pattern: Pattern, parts: Sequence[Part | Scattered]) -> Index:
+    """The keys of all entries of the sum, each once, rising."""
+    m = pattern.shape[0]
+    single = pattern.columns * m + pattern.rows
+    keys = np.concatenate([single, *(_keys(part, m).ravel() for part in parts)])
+    keys.sort()  # np.unique takes five times as long for millions
     return keys[np.concatenate([[True], keys[1:] != keys[:-1]])] if keys.size else keys
 
 
 def _keys(part: Part | Scattered, m: int) -> Index:
-    """Of all entries: they sort as a matrix stored column by column does.
+    """A number for every entry; in this order they are stored column by column.
 
     Those of a dense part have the axes (columns, rows), those of a sparse one are in its order.
     """
@@ -209,7 +194,7 @@ def _keys(part: Part | Scattered, m: int) -> Index:
 
 
 def _together(places: Index) -> slice | Index:
-    """Rising places as a slice, if they leave none out."""
+    """Rising places as a slice, if they are consecutive."""
     if not places.size or places[-1] - places[0] + 1 != len(places):
         return places
     return slice(int(places[0]), int(places[-1]) + 1)

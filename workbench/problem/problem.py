@@ -32,12 +32,12 @@ from workbench.threads import limited_threads
 class Problem:
     """Minimise 1/2 sum over residuals of |r(x, fixed) / sigma|^2 over the blocks named `free`.
 
-    Every other block that the residuals read is fixed at the value that it is given. `free` is one
-    name or several, of blocks or of entries: `betas`, `pose[pelvis]`, `betas[0:3]`,
-    `pose[pelvis, x]`. A block that is free in part is also among the `fixed` ones, and its value is
-    always the whole array. `bounds` map names of free blocks or entries to (lower, upper). Points
-    of bodies bring units and labels of their blocks; `blocks` gives those of others. A problem is
-    never changed; `freeing` makes another.
+    Every other block that the residuals read is fixed at its given value. `free` is one name or
+    several, of blocks or of entries: `betas`, `pose[pelvis]`, `betas[0:3]`, `pose[pelvis, x]`. A
+    block that is free in part is also among the `fixed` ones, and its value is always the whole
+    array. `bounds` map names of free blocks or entries to (lower, upper). Points of bodies know the
+    units and labels of their blocks; `blocks` gives those of other blocks. A problem is never
+    changed; `freeing` makes another.
 
     Raises DuplicateResidual, TwoSymbolsOneName, UnknownName, UnreadBlock, BadBounds, NotNumbers,
     BadResidual, or BadArgument for names that are none.
@@ -130,7 +130,8 @@ class Problem:
 
     def row_label(self, row: int) -> str:
         """The name of one entry of the stacked residual."""
-        return naming.row_label(self.residuals, row)
+        part, place = naming.part_at(self.residuals, row)
+        return part.label(place)
 
     @cached_property
     def trees(self) -> tuple[Tree, ...]:

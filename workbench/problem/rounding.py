@@ -1,4 +1,4 @@
-"""How much of a residual may be rounding error, row by row, and which rows a number can change."""
+"""How much of each row of a residual may be rounding error, and which rows a number can change."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,8 +26,10 @@ class Rounding:
 
     @staticmethod
     def of(residual: Array, made_of: Array) -> "Rounding":
-        """10 eps times the size of what a row is made of: its own value, the terms that `made_of`
-        measures, both (m,), and one sigma for the constants in its formula.
+        """10 eps times the size of the terms of each row.
+
+        These are its own value, the terms that `made_of` (m,) measures, and one sigma for the
+        constants in its formula.
         """
         return Rounding(FACTOR * EPS * (1.0 + np.abs(residual) + made_of))
 
@@ -41,7 +43,7 @@ class Rounding:
         return float(np.abs(residual) @ self.rows) + 0.5 * self.norm**2
 
     def of_fall(self, residual: Array, moved: Mask) -> float:
-        """How far rounding may have changed a difference of costs that differ in some rows."""
+        """How far rounding may have changed a difference of costs by the rows that `moved` (m,)."""
         return Rounding(self.rows[moved]).of_cost(residual[moved])
 
 
@@ -53,8 +55,8 @@ def half_squared(r: Array) -> float:
 def fall(residual: Array, to: Array) -> float:
     """1/2 |r|^2 - 1/2 |s|^2 of two residuals (m,), as 1/2 (r - s)'(r + s).
 
-    Large rows that do not change drop out of it; from the difference of two costs they would take
-    the digits.
+    Large rows that do not change cancel exactly. In the difference of two costs they would take
+    digits.
     """
     return 0.5 * float((residual - to) @ (residual + to))
 
@@ -63,8 +65,8 @@ class Support:
     """Which rows of the residual each free number can change, by the structure of the graph.
 
     Number i can change the rows of its group, `groups[group_of[i]]` (m,), and those that are
-    marked in row i of `own` (n, m). Rows that no free number changes are constants: they make the
-    cost larger and say nothing about how near a minimum is.
+    marked in row i of `own` (n, m). Rows that no free number changes are constant: they add to the
+    cost and say nothing about how near a minimum is.
     """
 
     def __init__(
@@ -77,10 +79,10 @@ class Support:
 
     @staticmethod
     def of_frames(parts: Sequence[tuple["Support", Index, Index]], rest: csr_array) -> "Support":
-        """Of a sequence: the support of one frame, with the rows (F, m) and the free numbers (F, n)
-        of all frames that are alike, for several such groups of frames.
+        """The support of a sequence.
 
-        `rest` (n, m) marks what the numbers can change besides.
+        `parts` are groups of F similar frames: the support of one frame, and the rows (F, m) and
+        the free numbers (F, n) of all of them. `rest` (n, m) marks what else numbers can change.
         """
         n, m = rest.shape
         group_of, first = np.zeros(n, dtype=np.int64), 1  # the first group is empty

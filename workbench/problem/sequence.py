@@ -1,4 +1,4 @@
-"""Many frames of one problem, as one problem: a video, a motion, the scans of one person."""
+"""Many similar problems as one: the frames of a video or a motion, the scans of one person."""
 
 from collections.abc import Callable, Iterable, Sequence
 from typing import TypeVar
@@ -25,7 +25,7 @@ def sequence(
     shared: str | Iterable[str] = (),
     between: Iterable[Between] = (),
 ) -> Problem:
-    """The problem of all frames at once: minimise the sum of their costs, and of what is between.
+    """The problem of all frames at once: their costs and the residuals `between` them, summed up.
 
         video = sequence([frame] * 200, shared=("betas",), between=[smooth("pose", sigma=0.1)])
 
@@ -33,15 +33,15 @@ def sequence(
     sequence, `pose` (T, K, 3), whose entries are called `pose[12, left_knee, x]`. A block that is
     named in `shared`, free or fixed, is one and the same for all frames: the shape of a person, the
     focal length of a camera. A residual that reads nothing but shared blocks, such as a prior on
-    betas, is taken once where all frames have the same Residual; frames that have one each, under
-    the same name, are all counted. The frames may be one problem, repeated, or problems that
-    differ in their residuals; what a block is called, its shape, and whether it is free is the same
-    in all that read it.
+    betas, is taken once if all frames have the same Residual; if frames have different ones under
+    the same name, all of them count. The frames may be one problem, repeated, or problems that
+    differ in their residuals. The name and the shape of a block, and whether it is free, must be
+    the same in all frames that read it.
 
-    The result is a Problem like others. Its Jacobian is never formed as an array where it is large:
-    frames meet each other only in shared blocks and in the residuals `between` them, so that the
-    normal equations are a band with a border (`BlockMatrix`), and time and memory grow in
-    proportion to the number of frames.
+    The result is a Problem like others. A large Jacobian is never formed as an array: frames meet
+    only in shared blocks and in the residuals `between` them, so that the normal equations are a
+    band with a border (`BlockMatrix`), and time and memory are proportional to the number of
+    frames.
 
     Raises BadArgument for no frames and for those that do not go together, UnknownName for a shared
     block that no frame reads, and what Problem raises.
@@ -57,7 +57,10 @@ def sequence(
     whole = Frames(_blocks(each, names))
     once = {name: block for name, block in whole.blocks.blocks.items() if not block.framed}
     residuals = _gathered(
-        each, lambda one: one.residuals, once, lambda parts: whole.residual(_described(each, parts))
+        each,
+        lambda one: one.residuals,
+        once,
+        lambda parts: whole.residual({t: (part, each[t].known) for t, part in parts.items()}),
     )
     constraints = _gathered(
         each, lambda one: one.constraints, once, lambda parts: _limited(whole, each, parts)
@@ -77,8 +80,8 @@ def sequence(
                 f"{type(found).__name__}"
             )
         residuals.append(found)
-    free = _free(each, whole.blocks)
-    return Problem(residuals, free, _bounds(each, whole.blocks), _listed(whole), constraints)
+    free, blocks = _free(each, whole.blocks), tuple(whole.blocks.blocks.values())
+    return Problem(residuals, free, _bounds(each, whole.blocks), blocks, constraints)
 
 
 def _blocks(each: Sequence[Problem], shared: Sequence[str]) -> FrameBlocks:
@@ -118,7 +121,10 @@ def _gathered(
     once: dict[str, Block],
     stack: Callable[[dict[int, Part]], Part],
 ) -> list[Part]:
-    """Parts of one name in all frames as one; those that read only what is shared, once."""
+    """Residuals or constraints that have one name in all frames, stacked into one.
+
+    Those that read only shared blocks, which are in `once`, are taken once.
+    """
     found: dict[str, dict[int, Part]] = {}
     for t, problem in enumerate(each):
         for part in of(problem):
@@ -129,25 +135,19 @@ def _gathered(
         same = len({id(part) for part in parts.values()}) == 1
         if not once.keys() >= set(first.reads):
             gathered.append(stack(parts))
-        elif not same:  # each of the different ones once
+        elif not same:  # every different one once
             distinct = {id(part): t for t, part in reversed(parts.items())}
             gathered.append(stack({t: parts[t] for t in sorted(distinct.values())}))
         elif all(_same(each[t].known[name], once[name]) for name in first.reads):
             gathered.append(first)
-        else:  # the frame has symbols of its own for what is shared
+        else:  # the frame has its own symbols for shared blocks
             gathered.append(stack({t: first}))
     return gathered
 
 
 def _same(one: Block, other: Block) -> bool:
-    """Whether two descriptions are of one symbol."""
+    """Whether two blocks have the same symbol."""
     return bool(one.symbol.__hash__() == other.symbol.__hash__())
-
-
-def _described(
-    each: Sequence[Problem], parts: dict[int, Residual]
-) -> dict[int, tuple[Residual, dict[str, Block]]]:
-    return {t: (part, each[t].known) for t, part in parts.items()}
 
 
 def _limited(whole: Frames, each: Sequence[Problem], parts: dict[int, Constraint]) -> Constraint:
@@ -219,7 +219,3 @@ def _bounds(each: Sequence[Problem], blocks: FrameBlocks) -> dict[str, tuple[Arr
             upper[places] = np.minimum(upper[places], problem.upper[at])
     limited = [n for n in low if np.isfinite(low[n]).any() or np.isfinite(high[n]).any()]
     return {name: (low[name], high[name]) for name in limited}
-
-
-def _listed(whole: Frames) -> tuple[Block, ...]:
-    return tuple(whole.blocks.blocks.values())

@@ -1,4 +1,4 @@
-"""One frame of a sequence, taken alone: which blocks it reads, and where its numbers stand."""
+"""A single frame of a sequence: which blocks it reads, and where its numbers stand."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -38,7 +38,13 @@ class FramePlaces:
 
 @dataclass(frozen=True, eq=False)
 class SingleFrame:
-    """The residuals of one frame, stacked, and the blocks that they read."""
+    """The residuals of one frame, stacked, and the blocks that they read.
+
+    Attributes:
+        stacked: (m, 1) the whitened residuals.
+        points: the placeholders that they read.
+        blocks: the blocks that they read, by name.
+    """
 
     stacked: cs.MX
     points: tuple[Points, ...]
@@ -84,7 +90,7 @@ class SingleFrame:
         )
 
     def chain(self, at: FramePlaces) -> Chain:
-        """Its numbers by the chain rule."""
+        """The chain rule of the frame."""
         return Chain(*split(self.stacked, self.points, at.free, at.fixed), at.free, at.fixed)
 
 

@@ -1,9 +1,9 @@
 """Cholesky's factorization of sparse normal equations, by SciPy's SuperLU.
 
-Most unknowns of a large problem meet few others, as the vertices of a mesh do. A few may meet
-nearly all, as the pose of a body does to which these vertices are tied. Those come last, as a
-border: with A = [S B; B' C], first S is factorized, and then its Schur complement C - B' S^-1 B,
-which is small and dense.
+Most unknowns of a large problem share residuals with few others, as the vertices of a mesh do. A
+few may share residuals with nearly all, as the pose of the body that the mesh belongs to. Those
+come last, as a border: with A = [S B; B' C], first S is factorized, and then its Schur complement
+C - B' S^-1 B, which is small and dense.
 """
 
 from dataclasses import dataclass
@@ -16,8 +16,8 @@ from scipy.sparse.linalg import SuperLU, splu
 from workbench.arrays import Array, Mask
 from workbench.problem.storage import crowded, dense
 
-# SuperLU factorizes by LU. Told that the matrix is symmetric, and to take pivots from the diagonal,
-# it orders columns by minimum degree and fills in what Cholesky's factorization would.
+# SuperLU computes an LU factorization. In its symmetric mode, with pivots from the diagonal, it
+# orders columns by minimum degree and has the fill-in of Cholesky's factorization.
 SYMMETRIC = {"SymmetricMode": True}
 SMALLEST = 1e-8  # of a pivot, where the diagonal is one: below that half of the digits are lost
 
@@ -56,7 +56,7 @@ class SparseFactor:
 
 
 def factorized(A: csc_array) -> SparseFactor | None:
-    """A positive definite matrix (n, n); None where it is not, or too few digits are left."""
+    """The factor of A (n, n); None if it is not positive definite, or too few digits are left."""
     diagonal = A.diagonal()
     if not (diagonal > 0).all() or not np.isfinite(A.data).all():
         return None

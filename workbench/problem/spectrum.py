@@ -1,4 +1,4 @@
-"""The singular values of a Jacobian, and what they say is not noticed."""
+"""The singular values of a Jacobian, and which directions they determine."""
 
 from dataclasses import dataclass
 
@@ -9,10 +9,14 @@ from workbench.arrays import Array
 
 @dataclass(frozen=True, eq=False)
 class Spectrum:
-    """The singular values s (k,) of J (m, n), falling, k = min(m, n), and all of its directions.
+    """The singular value decomposition of a Jacobian J (m, n), with k = min(m, n).
 
-    The rows of Vt (n, n) are orthonormal: |J v| = s for the first k, and 0 for the others. A
-    direction whose singular value is not above the tolerance counts as unseen.
+    A direction whose singular value is not above the tolerance counts as null.
+
+    Attributes:
+        s: (k,) the singular values, falling.
+        Vt: (n, n) orthonormal rows v: |J v| is s for the first k, and 0 for the others.
+        tolerance: the largest singular value that counts as zero.
     """
 
     s: Array
@@ -21,11 +25,11 @@ class Spectrum:
 
     @property
     def rank(self) -> int:
-        """How many singular values are above the tolerance."""
+        """The number of singular values above the tolerance."""
         return int(np.sum(self.s > self.tolerance))
 
     @property
-    def seen(self) -> tuple[Array, Array]:
+    def determined(self) -> tuple[Array, Array]:
         """The singular values above the tolerance, (rank,), and their directions (rank, n)."""
         above = self.s > self.tolerance
         return self.s[above], self.Vt[: self.s.size][above]

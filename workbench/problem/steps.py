@@ -29,7 +29,7 @@ class Step(NamedTuple):
 
 
 class LinearModel(Protocol):
-    """r + J p, and what steps ask of it; see Linearization."""
+    """The linear model r + J p, as far as steps need it; see `Linearization`."""
 
     @property
     def residual(self) -> Array:
@@ -53,7 +53,7 @@ class LinearModel(Protocol):
 
     @property
     def estimated(self) -> bool:
-        """Whether J is sparse."""
+        """Whether J is stored by its nonzeros or by blocks."""
 
     @property
     def column_norms(self) -> Array:
@@ -65,7 +65,7 @@ class LinearModel(Protocol):
 
     @property
     def svd(self) -> tuple[Array, Array, Array]:
-        """The shortest step, by the singular values of J / D; null directions are left out."""
+        """`U, s, Vt`: the singular value decomposition of J."""
 
     @property
     def jacobian(self) -> Matrix:
@@ -76,9 +76,10 @@ LinearAlgebra = Callable[[LinearModel, float, Array], Step | None]
 
 
 def cholesky(here: LinearModel, damping: float, D: Array) -> Step | None:
-    """The step by the normal equations J'J + damping D^2, without units; fast for tall Jacobians.
+    """The step by the normal equations J'J + damping D^2, scaled to a diagonal of ones.
 
-    Their condition is the square of the Jacobian's; None where that leaves too few digits.
+    This is the fastest way for tall Jacobians. The condition is the square of that of the Jacobian;
+    None where that leaves too few digits.
     """
     normal = here.normal
     if not isinstance(normal, np.ndarray):
@@ -103,8 +104,9 @@ def cholesky(here: LinearModel, damping: float, D: Array) -> Step | None:
 def qr(here: LinearModel, damping: float, D: Array) -> Step | None:
     """The step by QR of J, then of its triangle above sqrt(damping) D (Moré 1978).
 
-    The condition is not squared. None where the columns are dependent to rounding and the damping
-    does not outweigh it: there it would magnify rounding errors; and for a sparse Jacobian.
+    The condition is not squared. None for a sparse Jacobian, and where the columns are dependent to
+    rounding and the damping is too small to make up for it, so that rounding errors would grow. See
+    Moré, The Levenberg-Marquardt algorithm: implementation and theory, 1978, section 3.
     """
     if here.estimated:
         return None
@@ -128,8 +130,8 @@ def _inverse_condition(R: Array) -> float:
 def svd(here: LinearModel, damping: float, D: Array) -> Step:
     """The shortest step, by the singular values of J / D; null directions are left out.
 
-    Always an answer. There damping below eps would magnify rounding errors. Without damping, the
-    length of columns takes the place of D where some are a million times as long as others.
+    There is a step for every Jacobian. Without damping, D is the length of the columns if some are
+    a million times as long as others, else the identity.
     """
     if damping == 0:
         D = _even(here.column_norms)
@@ -137,13 +139,13 @@ def svd(here: LinearModel, damping: float, D: Array) -> Step:
         U, s, Vt = here.svd
     else:
         U, s, Vt = np.linalg.svd(here.dense / D, full_matrices=False)
-    seen = s > EPS * max(here.shape) * s.max(initial=0.0)
-    s, U, Vt = s[seen], U[:, seen], Vt[seen]
+    determined = s > EPS * max(here.shape) * s.max(initial=0.0)
+    s, U, Vt = s[determined], U[:, determined], Vt[determined]
     return Step(-(Vt.T @ ((U.T @ here.residual) / (s + damping / s))) / D, "svd")
 
 
 def _even(lengths: Array) -> Array:
-    """The units (n,) in which columns of these lengths are alike; ones where they nearly are."""
+    """The units (n,) in which columns of these lengths have length 1; ones if all are similar."""
     read = lengths[lengths > 0]
     if not read.size or read.max() < UNEVEN * read.min():
         return np.ones_like(lengths)
@@ -151,11 +153,11 @@ def _even(lengths: Array) -> Array:
 
 
 def krylov(here: LinearModel, damping: float, D: Array) -> Step:
-    """The shortest step by products with J and J' alone (Fong and Saunders, LSMR, 2011).
+    """The shortest step by products with J and J' alone, for a sparse J with dependent columns.
 
-    For a sparse Jacobian whose columns are dependent. Where it needs too many products, those of a
-    sequence are preconditioned; otherwise it gives the best step so far, which goes downhill like
-    all of them.
+    See Fong and Saunders, LSMR: an iterative algorithm for sparse least-squares problems, 2011. If
+    it needs too many products, it is preconditioned for a sequence of frames; otherwise the result
+    is the best step so far, along which the cost falls as along all of them.
     """
     if damping == 0:
         D = _even(here.column_norms)
@@ -175,8 +177,8 @@ def _preconditioned(
 ) -> Step | None:
     """`krylov` in the unknowns M'p, where M M' is J'J with a slightly raised diagonal.
 
-    What the data determine well is found in a few products, and the rest is no longer hidden
-    behind it. None where even the raised matrix has no factor.
+    Directions that the data determine well are then found in a few products, so that the remaining
+    products serve the others. None where even the raised matrix has no factor.
     """
     lengths = here.column_norms
     raised = RAISED * np.where(lengths > 0, lengths, 1.0) ** 2
@@ -200,9 +202,10 @@ def _preconditioned(
 
 
 def automatic(here: LinearModel, damping: float, D: Array) -> Step:
-    """Cholesky while it keeps half of the digits; QR while columns are independent; else SVD.
+    """The step by Cholesky while that keeps half of the digits, else by QR, else by the SVD.
 
-    For a sparse Jacobian, Cholesky's factors are sparse, and `krylov` stands in for the others.
+    QR is used while the columns are independent. For a sparse Jacobian, the Cholesky factor is
+    sparse, and `krylov` takes the place of QR and the SVD.
     """
     for factorize in (cholesky, qr):
         step = factorize(here, damping, D)

@@ -1,4 +1,4 @@
-"""What depends on how a matrix is stored: as an array, by its nonzeros, or by blocks of frames.
+"""Operations that depend on how a matrix is stored: as an array, by nonzeros, or by blocks.
 
 A Jacobian is an array, or sparse (CSC), or, in a sequence of frames, a `BlockMatrix`; its normal
 equations are an array, sparse or a `BandedMatrix`.
@@ -14,9 +14,9 @@ from workbench.errors import TooLarge
 from workbench.problem.banded import BandedMatrix
 from workbench.problem.block_matrix import BlockMatrix
 from workbench.problem.memory import check_fits
-from workbench.problem.nonzeros import columns_of_nonzeros
+from workbench.problem.nonzeros import columns_of_nonzeros, sums
 
-Stored: TypeAlias = Array | csc_array  # with all zeros, or by the nonzeros
+Stored: TypeAlias = Array | csc_array  # with all of its zeros, or by its nonzeros
 Matrix: TypeAlias = Stored | BlockMatrix
 Symmetric: TypeAlias = Stored | BandedMatrix
 DENSE_FROM = 2**22  # entries, 32 MB: a smaller matrix is an array, whatever is in it
@@ -40,12 +40,12 @@ def dense(matrix: Matrix | Symmetric) -> Array:
 
 
 def by_nonzeros(matrix: csc_array | BlockMatrix | BandedMatrix) -> csc_array:
-    """A matrix that is no array, column by column."""
+    """The nonzeros of a matrix that is not stored as an array."""
     return matrix if isinstance(matrix, csc_array) else matrix.sparse
 
 
 def by_columns(some: Array | csr_array) -> Stored:
-    """Some rows as they were cut out, stored column by column if they are sparse."""
+    """Some rows of a matrix, stored column by column if they are sparse."""
     return csc_array(some) if isinstance(some, csr_array) else some
 
 
@@ -60,7 +60,7 @@ def is_array(matrix: Matrix | Symmetric) -> bool:
 
 
 def entries(matrix: Matrix) -> Array:
-    """What is stored: all numbers of an array, the nonzeros of a sparse matrix."""
+    """The stored numbers: all of an array, or the nonzeros of a sparse matrix."""
     if isinstance(matrix, BlockMatrix):
         return matrix.entries
     return np.asarray(matrix.data) if isinstance(matrix, csc_array) else matrix
@@ -75,7 +75,7 @@ def column_norms(matrix: Matrix) -> Array:
     if isinstance(matrix, BlockMatrix):
         return np.sqrt(matrix.column_squares())
     if isinstance(matrix, csc_array):
-        return np.sqrt(_sums(matrix, matrix.data**2))
+        return np.sqrt(sums(columns_of_nonzeros(matrix), matrix.data**2, matrix.shape[1]))
     columns = matrix.T  # as it is stored
     with np.errstate(over="ignore"):
         norms = np.asarray(np.sqrt(np.vecdot(columns, columns)))
@@ -88,12 +88,10 @@ def column_norms(matrix: Matrix) -> Array:
 
 def row_norms(matrix: Matrix) -> Array:
     """The length of every row, (m,)."""
-    if isinstance(matrix, BlockMatrix):
-        return np.sqrt(matrix.row_squares())
-    if isinstance(matrix, csc_array):
-        squares = np.bincount(matrix.indices, matrix.data**2, minlength=matrix.shape[0])
-        return np.asarray(np.sqrt(squares))
-    return np.asarray(np.sqrt(np.einsum("ij,ij->i", matrix, matrix)))
+    if isinstance(matrix, np.ndarray):
+        return np.asarray(np.sqrt(np.einsum("ij,ij->i", matrix, matrix)))
+    found = by_nonzeros(matrix)
+    return np.sqrt(sums(found.indices, found.data**2, found.shape[0]))
 
 
 def absolute(matrix: Stored) -> Stored:
@@ -118,12 +116,8 @@ def scaled_sparse(matrix: Matrix, factors: Array) -> csc_array:
 
 
 def finite(matrix: Matrix) -> bool:
-    """Whether every number that is stored is."""
-    return (
-        matrix.finite
-        if isinstance(matrix, BlockMatrix)
-        else bool(np.isfinite(entries(matrix)).all())
-    )
+    """Whether every number that is stored is finite."""
+    return bool(np.isfinite(entries(matrix)).all())
 
 
 def stacked(matrix: Matrix, below: Array) -> Matrix:
@@ -212,9 +206,3 @@ def distance(one: Matrix, a: float, other: Matrix, b: float) -> float:
     if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
         return float(np.linalg.norm(a * dense(one) - b * dense(other)))
     return float(np.linalg.norm((a * by_nonzeros(one) - b * by_nonzeros(other)).data))
-
-
-def _sums(matrix: csc_array, values: Array) -> Array:
-    """The sum in each column (n,) of values in the places of the matrix's nonzeros."""
-    columns = columns_of_nonzeros(matrix)
-    return np.bincount(columns, values, minlength=matrix.shape[1]).astype(float, copy=False)

@@ -31,14 +31,18 @@ LONGEST_READ = 2**21  # bytes; a directory takes about 80 for each array
 
 
 class Archive:
-    """The arrays in an .npz file that is open: what each says of itself, and each when asked for.
+    """The arrays in an open .npz file: all of their headers, and each array when it is asked for.
 
     Raises BadFile if the file is damaged, holds two members of one name, or asks for more memory
     than a file of its size should.
+
+    Attributes:
+        headers: the header of every array, by name.
+        others: the names of members that are no arrays.
     """
 
-    headers: Mapping[str, Header]  # of every array, by name
-    others: tuple[str, ...]  # members that are no arrays
+    headers: Mapping[str, Header]
+    others: tuple[str, ...]
 
     def __init__(self, archive: zipfile.ZipFile, size: int) -> None:
         self._archive, self.size = archive, size

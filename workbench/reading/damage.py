@@ -1,4 +1,4 @@
-"""What goes wrong with files that are read, each as a sentence."""
+"""Damaged files: what goes wrong when they are read, as one sentence."""
 
 import struct
 import tokenize
@@ -44,13 +44,13 @@ def damage(name: str = "") -> Iterator[None]:
     except BadFile as error:
         raise BadFile(f"{name} {error}" if name else str(error)) from error.__cause__
     except DAMAGE as error:
-        said = getattr(error, "strerror", None) or str(error) or type(error).__name__
-        reason = cut(said, LONGEST_REASON)
+        message = getattr(error, "strerror", None) or str(error) or type(error).__name__
+        reason = cut(message, LONGEST_REASON)
         raise BadFile(f"{name}: {reason}" if name else reason) from error
 
 
 def refuse_what_is_no_file(path: Path) -> None:
-    """A pipe would be waited for, and a folder or a device has no end."""
+    """Raise BadFile for a pipe, which might never send anything, a folder or an endless device."""
     with damage():
         there, whole = path.exists(), path.is_file()
     if there and not whole:

@@ -1,4 +1,4 @@
-"""What the arrays of a file must be, compared with what they say of themselves before any is read.
+"""What the arrays of a file must be, compared with their headers before any array is read.
 
     EXPECTED = {"template": reals("N", 3), "faces": wholes("F", 3), "joint_names": texts("K")}
 
@@ -19,66 +19,46 @@ from workbench.reading.archive import Archive
 from workbench.reading.npy import Header, widened
 
 Size = int | str
-LARGEST = (
-    2**53
-)  # whole numbers beyond have no exact float64, and nothing that is counted has so many
+LARGEST = 2**53  # beyond, whole numbers have no exact float64, and nothing is counted that far
 
 
 @dataclass(frozen=True)
 class Kind:
-    """What the elements of an array are."""
+    """What the elements of an array are; `reals("N", 3)` is an array of these, of that shape.
 
-    told: str
-    types: frozenset[str]  # as numpy writes them, without the order of bytes: f8
-    read: Callable[[NDArray[Any]], NDArray[Any]]  # into the type that is promised; raises BadFile
+    Attributes:
+        elements: what the elements are, for error messages.
+        types: the types that a file may have, as numpy writes them without the order of bytes,
+            such as `f8`.
+        read: converts an array of the file to the type that is promised; raises BadFile.
+    """
+
+    elements: str
+    types: frozenset[str]
+    read: Callable[[NDArray[Any]], NDArray[Any]]
+
+    def __call__(self, *shape: Size) -> "Expected":
+        """What a file's array of such elements must be."""
+        return Expected(self, shape)
 
 
 @dataclass(frozen=True)
 class Expected:
-    """What one array of a file must be."""
+    """What one array of a file must be.
+
+    Attributes:
+        kind: what its elements are.
+        shape: its shape, with a letter for each size that the file chooses.
+        optional: whether a file may do without it.
+    """
 
     kind: Kind
     shape: tuple[Size, ...]
-    optional: bool = False  # whether a file may do without it
-
-
-def reals(*shape: Size) -> Expected:
-    """Finite numbers of single or double precision, read as float64."""
-    return Expected(REALS, shape)
-
-
-def any_reals(*shape: Size) -> Expected:
-    """The same, but they may be NaN or infinite."""
-    return Expected(ANY_REALS, shape)
-
-
-def doubles(*shape: Size) -> Expected:
-    """Finite float64, of files that are written by the workbench alone."""
-    return Expected(DOUBLES, shape)
-
-
-def doubles_or_nan(*shape: Size) -> Expected:
-    """float64 that may be NaN or infinite."""
-    return Expected(DOUBLES_OR_NAN, shape)
-
-
-def wholes(*shape: Size) -> Expected:
-    """Whole numbers of any size and sign, read as int64."""
-    return Expected(WHOLES, shape)
-
-
-def truths(*shape: Size) -> Expected:
-    """True or false."""
-    return Expected(TRUTHS, shape)
-
-
-def texts(*shape: Size) -> Expected:
-    """Texts, which `str` turns into Python's."""
-    return Expected(TEXTS, shape)
+    optional: bool = False
 
 
 def optional(expected: Expected) -> Expected:
-    """The same, if it is there."""
+    """The array may be missing; if it is there, it must be what is expected."""
     return replace(expected, optional=True)
 
 
@@ -90,7 +70,7 @@ def read_expected(archive: Archive, expected: Mapping[str, Expected]) -> dict[st
     """
     headers = archive.headers
     if objects := [n for n in expected if n in headers and headers[n].dtype.hasobject]:
-        raise BadFile(f"{listed(objects)} needs allow_pickle, which runs code of the file's")
+        raise BadFile(f"{listed(objects)} needs allow_pickle, which would run code of the file")
     missing = [n for n, wanted in expected.items() if n not in headers and not wanted.optional]
     if missing:
         raise BadFile(f"{listed(missing)} missing; it holds {listed(headers)}")
@@ -103,8 +83,8 @@ def read_expected(archive: Archive, expected: Mapping[str, Expected]) -> dict[st
         try:
             found[name] = wanted.kind.read(archive.array(name))
         except BadFile as error:
-            said = str(error)
-            raise BadFile(said if said.startswith(name) else f"{name} {said}") from error
+            reason = str(error)
+            raise BadFile(reason if reason.startswith(name) else f"{name} {reason}") from error
     return found
 
 
@@ -116,7 +96,7 @@ def nothing_else(archive: Archive, expected: Iterable[str]) -> None:
 
 
 def check_numbers(name: str, numbers: Index, end: int) -> None:
-    """Raise BadFile unless all numbers of things are from 0 to `end` - 1."""
+    """Raise BadFile unless all numbers are from 0 to `end` - 1."""
     if numbers.size and not 0 <= numbers.min() <= numbers.max() < end:
         raise BadFile(f"{name} holds {numbers.min()} to {numbers.max()}, not 0 to {end - 1} alone")
 
@@ -126,26 +106,29 @@ def _compare(
 ) -> None:
     """Raise BadFile unless a header says what is expected.
 
-    `sizes` are those of letters that were met so far, each with the array that has it.
+    `sizes` are those of the letters so far, each with the first array that has it.
     """
     kind, shape = f"{header.dtype.kind}{header.dtype.itemsize}", header.shape
-    empty = wanted.kind is TEXTS and kind == "f8" and not header.count  # as numpy writes []
+    empty = wanted.kind is texts and kind == "f8" and not header.count  # as numpy writes []
     if not empty and kind not in wanted.kind.types and kind[0] not in wanted.kind.types:
-        raise BadFile(f"{name} holds {header.dtype}, but must hold {wanted.kind.told}")
-    met = [one for one in dict.fromkeys(wanted.shape) if one in sizes]
+        raise BadFile(f"{name} holds {header.dtype}, but must hold {wanted.kind.elements}")
+    known = [
+        f"{one} = {sizes[one][0]}, as in {sizes[one][1]}"
+        for one in dict.fromkeys(wanted.shape)
+        if isinstance(one, str) and one in sizes
+    ]
     fits = len(shape) == len(wanted.shape) and all(
         size == (sizes.setdefault(one, (size, name))[0] if isinstance(one, str) else one)
         for size, one in zip(shape, wanted.shape, strict=True)
     )
     if not fits:
-        known = [f"{one} = {sizes[str(one)][0]}, as in {sizes[str(one)][1]}" for one in met]
         raise BadFile(
-            f"{name} has shape {shape}, but must be {_told(wanted.shape)}"
+            f"{name} has shape {shape}, but must be {_written_shape(wanted.shape)}"
             f"{' with ' if known else ''}{' and '.join(known)}"
         )
 
 
-def _told(shape: tuple[Size, ...]) -> str:
+def _written_shape(shape: tuple[Size, ...]) -> str:
     return f"({', '.join(map(str, shape))}{',' if len(shape) == 1 else ''})"
 
 
@@ -171,10 +154,12 @@ def _written(array: NDArray[Any]) -> NDArray[np.str_]:
     return array if array.size else np.zeros(array.shape, dtype=np.str_)
 
 
-REALS = Kind("real numbers, float32 or float64", frozenset({"f4", "f8"}), _finite)
-ANY_REALS = Kind(REALS.told, REALS.types, widened)
-DOUBLES = Kind("float64", frozenset({"f8"}), _finite)
-DOUBLES_OR_NAN = Kind("float64", frozenset({"f8"}), widened)
-WHOLES = Kind("whole numbers, int or uint", frozenset("iu"), _counted)
-TRUTHS = Kind("true or false", frozenset("b"), _true)
-TEXTS = Kind("texts", frozenset("U"), _written)
+# Numbers may be NaN or infinite only where the name says so. Files that the workbench alone writes
+# hold float64. Whole numbers have any size and sign and are read as int64.
+reals = Kind("real numbers, float32 or float64", frozenset({"f4", "f8"}), _finite)
+any_reals = Kind(reals.elements, reals.types, widened)
+doubles = Kind("float64", frozenset({"f8"}), _finite)
+doubles_or_nan = Kind("float64", frozenset({"f8"}), widened)
+wholes = Kind("whole numbers, int or uint", frozenset("iu"), _counted)
+truths = Kind("true or false", frozenset("b"), _true)
+texts = Kind("texts", frozenset("U"), _written)

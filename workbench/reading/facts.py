@@ -1,4 +1,4 @@
-"""Facts in JSON, each asked for as what it must be.
+"""Facts in JSON; each is read as the kind of value that it must be.
 
 Functions here raise BadFile with the reason alone, as those of `workbench.reading.npy` do.
 """
@@ -25,7 +25,7 @@ NOTHING = object()
 
 
 def json_in(path: str | Path) -> Any:
-    """All that a JSON file says. Raises BadFile with a sentence that names it."""
+    """The contents of a JSON file. Raises BadFile with a sentence that names the file."""
     try:
         return parsed(bounded(path))
     except (OSError, BadFile) as error:
@@ -49,7 +49,7 @@ def bounded(path: str | Path, most: int = MOST_BYTES) -> bytearray:
 
 
 def parsed(text: str | bytes | bytearray) -> Any:
-    """What JSON says. Raises BadFile, also where an object has two entries of one name."""
+    """The value of a JSON text. Raises BadFile, also if an object has two entries of one name."""
     lists, most = _count_lists(text), FREE_LISTS + len(text) // BYTES_OF_LIST
     if lists > most:
         raise BadFile(f"it holds {lists:,} lists and objects, too many for its {len(text):,} bytes")
@@ -76,27 +76,30 @@ def _unequal(entries: list[tuple[str, Any]]) -> dict[str, Any]:
 
 def facts_in(array: NDArray[Any]) -> "Facts":
     """The object that an array of one text holds."""
-    told = parsed(str(array))
-    if not isinstance(told, dict):
-        raise BadFile(f"its facts are {shown(told)}, not an object with names")
-    return Facts(told)
+    found = parsed(str(array))
+    if not isinstance(found, dict):
+        raise BadFile(f"its facts are {shown(found)}, not an object with names")
+    return Facts(found)
 
 
 @dataclass(frozen=True)
 class Facts:
-    """An object of JSON; `where` it stands, for the reasons. Every question raises BadFile if the
-    answer is no.
+    """An object of JSON. Every question raises BadFile if the entry is missing or of another kind.
+
+    Attributes:
+        entries: what the object holds, by name.
+        where: where the object stands in its file, with which error messages begin.
     """
 
-    told: Mapping[str, Any]
+    entries: Mapping[str, Any]
     where: str = ""
 
     def text(self, key: str) -> str:
-        """A text."""
+        """An entry that is a text."""
         return self._one(key, text)
 
     def number(self, key: str) -> float:
-        """A number, which may be NaN or infinite."""
+        """An entry that is a number, which may be NaN or infinite."""
         return self._one(key, number)
 
     def amount(self, key: str) -> float:
@@ -104,15 +107,15 @@ class Facts:
         return self._one(key, amount)
 
     def duration(self, key: str) -> float:
-        """Seconds: a finite number from 0."""
+        """An entry that is a time in seconds, a finite number from 0."""
         return self._one(key, duration)
 
     def whole(self, key: str) -> int:
-        """How many: a whole number from 0."""
+        """An entry that is a whole number from 0."""
         return self._one(key, whole)
 
     def truth(self, key: str) -> bool:
-        """True or false."""
+        """An entry that is true or false."""
         return self._one(key, truth)
 
     def among(self, key: str, known: Iterable[str]) -> str:
@@ -129,26 +132,28 @@ class Facts:
     def named(self, key: str, of: Callable[[object, str], T]) -> dict[str, T]:
         """An object whose entries are all of one kind."""
         inner = self._one(key, facts)
-        return {name: of(given, f"{inner.where}{name}") for name, given in inner.told.items()}
+        return {name: of(given, f"{inner.where}{name}") for name, given in inner.entries.items()}
 
     def facts(self, key: str) -> "Facts":
-        """An object in the object."""
+        """An entry that is an object itself."""
         return self._one(key, facts)
 
     def nothing_else(self, *keys: str) -> None:
         """Raise BadFile if there are others."""
-        if others := self.told.keys() - set(keys):
+        if others := self.entries.keys() - set(keys):
             raise BadFile(f"{self.where}{listed(map(str, others))} is not known")
 
     def _one(self, key: str, of: Callable[[object, str], T]) -> T:
-        given = self.told.get(key, NOTHING)
+        given = self.entries.get(key, NOTHING)
         if given is NOTHING:
-            raise BadFile(f"{self.where}{key} is missing; there are {listed(map(str, self.told))}")
+            raise BadFile(
+                f"{self.where}{key} is missing; there are {listed(map(str, self.entries))}"
+            )
         return of(given, f"{self.where}{key}")
 
 
 def text(given: object, name: str) -> str:
-    """A text."""
+    """The given value if it is a text; raises BadFile otherwise, as the functions below do."""
     return given if isinstance(given, str) else _refuse(given, name, "a text")
 
 
@@ -169,25 +174,25 @@ def amount(given: object, name: str) -> float:
 
 
 def duration(given: object, name: str) -> float:
-    """Seconds: a finite number from 0."""
+    """The given value if it is a time in seconds, a finite number from 0."""
     found = amount(given, name)
     return found if isfinite(found) else _refuse(given, name, "a time in seconds")
 
 
 def whole(given: object, name: str) -> int:
-    """How many: a whole number from 0."""
+    """The given value if it is a whole number from 0."""
     if isinstance(given, bool) or not isinstance(given, int) or not 0 <= given < 2**63:
         _refuse(given, name, "a whole number from 0")
     return given
 
 
 def truth(given: object, name: str) -> bool:
-    """True or false."""
+    """The given value if it is true or false."""
     return given if isinstance(given, bool) else _refuse(given, name, "true or false")
 
 
 def facts(given: object, name: str) -> Facts:
-    """An object with names."""
+    """The given value if it is an object."""
     if not isinstance(given, dict):
         _refuse(given, name, "an object with names")
     return Facts(given, f"{name}: ")

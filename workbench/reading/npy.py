@@ -25,12 +25,19 @@ LAST_LETTER = 0x10FFFF  # of Unicode
 
 @dataclass(frozen=True)
 class Header:
-    """What an array says of itself before any of its numbers is read."""
+    """The header of an array, which is read before any of its numbers.
+
+    Attributes:
+        shape: its shape.
+        dtype: the type of its numbers.
+        fortran: whether the first index runs fastest.
+        start: how many bytes of the file come before the numbers.
+    """
 
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
-    fortran: bool  # the first index runs fastest
-    start: int  # bytes before the numbers
+    fortran: bool
+    start: int
 
     @property
     def count(self) -> int:
@@ -89,7 +96,7 @@ def check_letters(array: NDArray[Any]) -> None:
 
 
 def mapped_array(path: Path) -> NDArray[Any]:
-    """The array in an .npy file, mapped into memory: what is used of it is read then.
+    """The array in an .npy file, mapped into memory: only those parts that are used are read.
 
     Raises BadFile if it is damaged or an array of Python objects.
     """

@@ -1,4 +1,4 @@
-"""TOML that somebody else wrote."""
+"""Reading TOML files of unknown origin."""
 
 import re
 import tomllib
@@ -17,7 +17,7 @@ DOTTED = re.compile(  # so many parts in one key, bare or quoted; numbers have o
 
 
 def toml_in(path: Path) -> dict[str, Any]:
-    """All that a TOML file says. Raises BadFile with a sentence that names it."""
+    """The contents of a TOML file. Raises BadFile with a sentence that names the file."""
     try:
         text = bounded(path, MOST_BYTES).decode("utf-8-sig")  # editors on Windows begin with a mark
         if found := DOTTED.search(text):

@@ -14,7 +14,7 @@ def arrays(outcome: Outcome) -> dict[str, Array]:
     if outcome.surface is not None:
         found["surface"] = outcome.surface
     for overlay in outcome.overlays:
-        found[f"projected:{overlay.name}"] = overlay.projected
-        found[f"observed:{overlay.name}"] = overlay.observed
-        found[f"confidence:{overlay.name}"] = overlay.confidence
+        found[f"projected:{overlay.view.name}"] = overlay.projected
+        found[f"observed:{overlay.view.name}"] = overlay.view.observed
+        found[f"confidence:{overlay.view.name}"] = overlay.view.confidence
     return found | {name: np.asarray(value) for name, value in outcome.values.items()}

@@ -11,9 +11,8 @@ from workbench.errors import BadBody
 from workbench.plots import caption_body, caption_shape_gallery, sheets
 from workbench.reports.anatomy import directions_drawn, facts, joints, shapes
 from workbench.reports.figures import shown
-from workbench.reports.folder import MAKER, SUMMARY, replacing_folder
+from workbench.reports.folder import write_folder
 from workbench.reports.page import page
-from workbench.reports.summary import as_json, versions
 from workbench.reports.tables import Table
 
 
@@ -24,22 +23,9 @@ def write_card(body: SkinnedBody | TriangleBody, folder: str | Path, source: str
     holds something else, the card of another file too, and BadBody for what is no body.
     """
     check_kind(body)
-    target = Path(folder)
-    with replacing_folder(target, source) as fresh:
-        (fresh / "index.html").write_text(card_page(body), encoding="utf-8")
-        (fresh / "card.txt").write_text(card_text(body) + "\n", encoding="utf-8")
-        summary = {
-            "made_by": MAKER,
-            "kind": "card",
-            "name": body.name,
-            "source": source,
-            "facts": facts(body),
-            "card": dict(body.card),
-            "versions": versions(),
-            "files": ["card.txt", "index.html", SUMMARY],
-        }
-        (fresh / SUMMARY).write_text(as_json(summary), encoding="utf-8")
-    return target / "index.html"
+    contents = {"index.html": card_page(body), "card.txt": card_text(body) + "\n"}
+    summary = {"kind": "card", "name": body.name, "facts": facts(body), "card": dict(body.card)}
+    return write_folder(folder, source, contents, summary)
 
 
 def card_page(body: SkinnedBody | TriangleBody) -> str:
@@ -62,7 +48,6 @@ def card_page(body: SkinnedBody | TriangleBody) -> str:
         else None,
         joints=joint_table(body),
         card=dict(body.card),
-        versions=versions(),
     )
 
 
@@ -72,15 +57,7 @@ def card_text(body: SkinnedBody | TriangleBody) -> str:
     known = facts(body)
     widest = max(map(len, known))
     lines = [body.name, *(f"  {name:{widest}}  {text}" for name, text in known.items()), ""]
-    table = joint_table(body)
-    rows = [table.head, *table.rows]
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    for row in rows:
-        cells = [
-            cell.rjust(width) if i in table.numbers else cell.ljust(width)
-            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ]
-        lines.append("  " + "  ".join(cells).rstrip())
+    lines += [f"  {line}" for line in joint_table(body).lines()]
     return "\n".join([*lines, "", *_nested(body.card, 1)]).rstrip()
 
 

@@ -25,7 +25,7 @@ from workbench.reports import comparison_tables as tables
 from workbench.reports.figures import Shown, shown
 from workbench.reports.folder import MAKER
 from workbench.reports.page import page
-from workbench.reports.summary import as_json, versions
+from workbench.reports.provenance import as_json, versions
 from workbench.writing import replacing
 
 RESULTS = "results.csv"
@@ -147,7 +147,6 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
         machines=machines(comparison),
         by_clock=sum(ended_by_clock(r) for r in comparison.records.values()),
         runs=len(comparison.records),
-        versions=versions(),
         files=files,
     )
 

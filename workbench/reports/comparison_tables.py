@@ -253,7 +253,7 @@ def _verdict(verdict: TargetOutcome) -> str:
 
 def _asked(comparison: Comparison) -> tuple[str, ...]:
     """The kinds of evaluations to tell of: the problem's, and those of constraints if there are."""
-    seen = [record.seen for record in comparison.records.values()]
+    seen = [record.observed for record in comparison.records.values()]
     asked = [any(s.counts[k] for s in seen) for k in range(len(KINDS))]
     return tuple(
         kind for kind, there in zip(KINDS, asked, strict=True) if there or kind in KINDS[:LIMITED]

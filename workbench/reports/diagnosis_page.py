@@ -29,9 +29,8 @@ from workbench.reports.diagnosis_tables import (
 )
 from workbench.reports.direction_pictures import pictures
 from workbench.reports.figures import shown
-from workbench.reports.folder import MAKER, SUMMARY, replacing_folder
+from workbench.reports.folder import SUMMARY, write_folder
 from workbench.reports.page import page
-from workbench.reports.summary import as_json, versions
 
 FILES = {
     "index.html": "this page",
@@ -57,31 +56,21 @@ def write_diagnosis(
     folder appears whole or not at all; raises BadFile if it cannot be written. The page of a long
     sequence is its report without figures, and BadArgument is raised for comparing it.
     """
-    target = Path(folder)
-    with replacing_folder(target, source) as fresh:
-        text = diagnosis.report()
-        compared = None if against is None else _compared(diagnosis, against)
-        if compared is not None:
-            text += f"\n\nCOMPARISON\n{compared.report()}"
-        (fresh / "diagnosis.txt").write_text(text + "\n", encoding="utf-8")
-        data = diagnosis.data() if compared is None else compared.data()
-        words = json.dumps(data, indent=1, allow_nan=False)
-        (fresh / "diagnosis.json").write_text(words, encoding="utf-8")
-        if isinstance(diagnosis, SequenceDiagnosis):
-            html = sequence_page(diagnosis, title, question)
-        else:
-            html = diagnosis_page(diagnosis, title, question, body, compared)
-        (fresh / "index.html").write_text(html, encoding="utf-8")
-        summary = {
-            "made_by": MAKER,
-            "source": source or "",
-            "files": list(FILES),
-            "title": title,
-            "warnings": len(diagnosis.warnings),
-            "versions": versions(),
-        }
-        (fresh / SUMMARY).write_text(as_json(summary), encoding="utf-8")
-    return target / "index.html"
+    compared = None if against is None else _compared(diagnosis, against)
+    text, data = diagnosis.report(), diagnosis.data()
+    if compared is not None:
+        text, data = f"{text}\n\nCOMPARISON\n{compared.report()}", compared.data()
+    if isinstance(diagnosis, SequenceDiagnosis):
+        html = sequence_page(diagnosis, title, question)
+    else:
+        html = diagnosis_page(diagnosis, title, question, body, compared)
+    contents = {
+        "index.html": html,
+        "diagnosis.txt": text + "\n",
+        "diagnosis.json": json.dumps(data, indent=1, allow_nan=False),
+    }
+    summary = {"title": title, "warnings": len(diagnosis.warnings)}
+    return write_folder(folder, source, contents, summary)
 
 
 def _compared(
@@ -107,7 +96,6 @@ def sequence_page(d: SequenceDiagnosis, title: str, question: str) -> str:
         notes=[f.text for f in d.findings if not f.warning],
         report=d.report(),
         files=FILES,
-        versions=versions(),
     )
 
 
@@ -162,5 +150,4 @@ def diagnosis_page(
         derivatives=derivatives_table(d) if finite else None,
         compared=None if compared is None else compared.report(),
         files=FILES,
-        versions=versions(),
     )

@@ -3,18 +3,20 @@
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from workbench.errors import BadFile
 from workbench.reading.facts import json_in
+from workbench.reports.provenance import as_json, versions
 from workbench.writing import leftovers, temporary_prefix
 
 SUMMARY = "summary.json"  # by which a folder of ours is known, and what in it is ours
 MAKER = "workbench"
 PREVIOUS = ".previous"
+Content = str | Callable[[Path], object]  # a text, or a function that writes to a path
 
 
 def refuse_foreign(folder: Path, source: str | None = None) -> None:
@@ -40,6 +42,31 @@ def refuse_foreign(folder: Path, source: str | None = None) -> None:
             f"{folder} holds the report of {held}, not of {new}, so it is not overwritten; "
             "choose another folder with --out"
         )
+
+
+def write_folder(
+    folder: str | Path,
+    source: str | None,
+    contents: Mapping[str, Content],
+    summary: Mapping[str, Any],
+) -> Path:
+    """Write a folder whole or not at all, and return its page, `index.html`.
+
+    `contents` has a text, or a function that writes to the path it is given, for each file. Beside
+    them stands SUMMARY: the summary, who made it with which versions, from which source, and the
+    names of the files. Raises BadFile as `replacing_folder` does.
+    """
+    target = Path(folder)
+    with replacing_folder(target, source) as fresh:
+        for name, content in contents.items():
+            if isinstance(content, str):
+                (fresh / name).write_text(content, encoding="utf-8")
+            else:
+                content(fresh / name)
+        made = {"made_by": MAKER, "source": source or ""}
+        written = {"versions": versions(), "files": sorted([*contents, SUMMARY])}
+        (fresh / SUMMARY).write_text(as_json({**made, **summary, **written}), encoding="utf-8")
+    return target / "index.html"
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,9 +23,8 @@ from workbench.plots import (
     widest,
 )
 from workbench.reports.figures import Shown, shown
-from workbench.reports.folder import MAKER, SUMMARY, replacing_folder
+from workbench.reports.folder import SUMMARY, Content, write_folder
 from workbench.reports.page import page
-from workbench.reports.summary import as_json, versions
 from workbench.reports.tables import Table, number
 from workbench.sampling import (
     EntryComparison,
@@ -92,40 +92,35 @@ def write_posterior(
     source: str | None = None,
 ) -> Path:
     """Write the folder, whole or not at all, and return its page. Raises BadFile."""
-    target = Path(folder)
     sections = [_section(part, setup) for part in parts]
     files = {"index.html": "this page", "posterior.txt": "the verdicts and numbers as text"}
     files |= {f"{s.anchor}.npz": f"the draws of {s.name}, with their names" for s in sections}
     files |= {SUMMARY: "verdicts and numbers, for programs"}
-    with replacing_folder(target, source) as fresh:
-        words = [
-            f"{part.name}\n\n{part.posterior.summary(truth_of(part.posterior, setup))}\n"
-            for part in parts
-        ]
-        (fresh / "posterior.txt").write_text("\n".join(words), encoding="utf-8")
-        for part, section in zip(parts, sections, strict=True):
-            p = part.posterior
-            np.savez_compressed(
-                fresh / f"{section.anchor}.npz",
-                draws=p.draws,
-                log_prob=p.log_prob,
-                entries=np.array(p.labels),
-                units=np.array(p.units),
-                verdict=np.array(p.verdict),
-                held_fixed=np.array(p.conditioning.names),
-                ratio=p.conditioning.ratios,
-            )
-        html = page(
-            "posterior.html",
-            title=title,
-            question=setup.question,
-            sections=sections,
-            files=files,
-            versions=versions(),
-        )
-        (fresh / "index.html").write_text(html, encoding="utf-8")
-        (fresh / SUMMARY).write_text(as_json(_summary(parts, setup, files, title, source)), "utf-8")
-    return target / "index.html"
+    words = [
+        f"{part.name}\n\n{part.posterior.summary(truth_of(part.posterior, setup))}\n"
+        for part in parts
+    ]
+    html = page(
+        "posterior.html", title=title, question=setup.question, sections=sections, files=files
+    )
+    contents: dict[str, Content] = {"index.html": html, "posterior.txt": "\n".join(words)}
+    for part, section in zip(parts, sections, strict=True):
+        contents[f"{section.anchor}.npz"] = partial(_save_draws, part.posterior)
+    summary = {"kind": "posterior", "title": title, "parts": _summaries(parts, setup)}
+    return write_folder(folder, source, contents, summary)
+
+
+def _save_draws(p: Posterior, path: Path) -> None:
+    np.savez_compressed(
+        path,
+        draws=p.draws,
+        log_prob=p.log_prob,
+        entries=np.array(p.labels),
+        units=np.array(p.units),
+        verdict=np.array(p.verdict),
+        held_fixed=np.array(p.conditioning.names),
+        ratio=p.conditioning.ratios,
+    )
 
 
 def truth_of(p: Posterior, setup: Setup) -> Array | None:
@@ -257,36 +252,22 @@ def _anchor(name: str) -> str:
     return re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-") or "block"
 
 
-def _summary(
-    parts: list[BlockPosterior],
-    setup: Setup,
-    files: Mapping[str, str],
-    title: str,
-    source: str | None,
-) -> dict[str, Any]:
+def _summaries(parts: list[BlockPosterior], setup: Setup) -> dict[str, Any]:
     return {
-        "made_by": MAKER,
-        "kind": "posterior",
-        "source": source or "",
-        "files": list(files),
-        "title": title,
-        "versions": versions(),
-        "parts": {
-            part.name: {
-                "verdict": part.posterior.judgement[0].name,
-                "usable": part.posterior.usable,
-                "why": part.posterior.verdict,
-                "entries": list(part.posterior.labels),
-                "tau": part.posterior.mixing.times.tolist(),
-                "r_hat": part.posterior.mixing.scales.tolist(),
-                "mean": part.posterior.mean.tolist() if part.posterior.usable else None,
-                "sd": part.posterior.sd.tolist() if part.posterior.usable else None,
-                "held_fixed": list(part.posterior.conditioning.names),
-                "ratio": part.posterior.conditioning.ratios.tolist(),
-                "searches": part.posterior.mode_search.extent.starts,
-                "truth": None if truth is None else truth.tolist(),
-            }
-            for part in parts
-            for truth in [truth_of(part.posterior, setup)]
-        },
+        part.name: {
+            "verdict": part.posterior.judgement[0].name,
+            "usable": part.posterior.usable,
+            "why": part.posterior.verdict,
+            "entries": list(part.posterior.labels),
+            "tau": part.posterior.mixing.times.tolist(),
+            "r_hat": part.posterior.mixing.scales.tolist(),
+            "mean": part.posterior.mean.tolist() if part.posterior.usable else None,
+            "sd": part.posterior.sd.tolist() if part.posterior.usable else None,
+            "held_fixed": list(part.posterior.conditioning.names),
+            "ratio": part.posterior.conditioning.ratios.tolist(),
+            "searches": part.posterior.mode_search.extent.starts,
+            "truth": None if truth is None else truth.tolist(),
+        }
+        for part in parts
+        for truth in [truth_of(part.posterior, setup)]
     }

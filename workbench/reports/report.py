@@ -18,9 +18,9 @@ from workbench.plots import (
 from workbench.reports import tables
 from workbench.reports.arrays import arrays
 from workbench.reports.figures import Shown, shown
-from workbench.reports.folder import SUMMARY, replacing_folder
+from workbench.reports.folder import SUMMARY, Content, write_folder
 from workbench.reports.page import page
-from workbench.reports.summary import as_json, run_summary, versions
+from workbench.reports.summary import run_summary
 from workbench.writing import write_arrays
 
 FILES = {
@@ -39,19 +39,18 @@ def write_report(outcome: Outcome, folder: str | Path) -> Path:
     The folder appears whole or not at all: whatever interrupts the writing, a previous report
     stays. Raises BadFile if the place cannot be written or holds something else.
     """
-    target = Path(folder)
-    with replacing_folder(target, outcome.source) as fresh:
-        write_arrays(fresh / "values.npz", arrays(outcome))
-        outcome.solution.save(fresh / "solution.npz")
-        body = outcome.setup.body
-        if body is not None and outcome.surface is not None:
-            write_mesh(fresh / "body.glb", outcome.surface, body.faces)
-        (fresh / "diagnosis.txt").write_text(diagnosis_text(outcome), encoding="utf-8")
-        present = {path.name for path in fresh.iterdir()} | {"index.html", SUMMARY}
-        files = {name: text for name, text in FILES.items() if name in present}
-        (fresh / "index.html").write_text(run_page(outcome, files), encoding="utf-8")
-        (fresh / SUMMARY).write_text(as_json(run_summary(outcome, files)), encoding="utf-8")
-    return target / "index.html"
+    body, surface = outcome.setup.body, outcome.surface
+    contents: dict[str, Content] = {
+        "values.npz": lambda path: write_arrays(path, arrays(outcome)),
+        "solution.npz": outcome.solution.save,
+        "diagnosis.txt": diagnosis_text(outcome),
+    }
+    if body is not None and surface is not None:
+        contents["body.glb"] = lambda path: write_mesh(path, surface, body.faces)
+    present = {*contents, "index.html", SUMMARY}
+    files = {name: text for name, text in FILES.items() if name in present}
+    contents["index.html"] = run_page(outcome, files)
+    return write_folder(folder, outcome.source, contents, run_summary(outcome))
 
 
 def diagnosis_text(outcome: Outcome) -> str:
@@ -111,7 +110,6 @@ def run_page(outcome: Outcome, files: dict[str, str]) -> str:
         arrays=tables.array_tables(outcome),
         fixed=tables.fixed_table(outcome),
         files=files,
-        versions=versions(),
     )
 
 

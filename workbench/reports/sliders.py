@@ -11,7 +11,6 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.skinned import not_skinned
 from workbench.errors import BadArgument
 from workbench.reports.page import page
-from workbench.reports.summary import versions
 from workbench.writing import replacing
 
 MOST_WEIGHTS = 4  # per vertex, as in SMPL
@@ -38,7 +37,6 @@ def sliders_page(body: SkinnedBody) -> str:
         title=f"Moving theta and beta: {body.name}",
         data=body_data(body),
         note=NOTE,
-        versions=versions(),
     )
 
 

@@ -26,6 +26,19 @@ class Table:
     rows: tuple[Row, ...]
     numbers: tuple[int, ...] = (1,)
 
+    def lines(self) -> list[str]:
+        """The table for a terminal: its columns two spaces apart."""
+        rows = [self.head, *self.rows]
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        aligned = [
+            [
+                cell.rjust(width) if i in self.numbers else cell.ljust(width)
+                for i, (cell, width) in enumerate(zip(row, widths, strict=True))
+            ]
+            for row in rows
+        ]
+        return ["  ".join(cells).rstrip().replace("−", "-") for cells in aligned]
+
 
 def number(value: float, digits: int = 4) -> str:
     """A number for people: `12.35`, `3.1e-11`; a dash for what is not one."""

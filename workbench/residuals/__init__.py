@@ -4,7 +4,9 @@ from workbench.residuals.edges import edges
 from workbench.residuals.gaussian import gaussian
 from workbench.residuals.kernels import Kernel, geman_mcclure, huber, of_norms, quadratic
 from workbench.residuals.keypoints import keypoints
+from workbench.residuals.mirrored import mirrored
 from workbench.residuals.points import landmarks, vertices
+from workbench.residuals.regressed import regressed
 from workbench.residuals.residual import Residual
 from workbench.residuals.smooth import smooth
 from workbench.residuals.stitching import stitching
@@ -18,8 +20,10 @@ __all__ = [
     "huber",
     "keypoints",
     "landmarks",
+    "mirrored",
     "of_norms",
     "quadratic",
+    "regressed",
     "smooth",
     "stitching",
     "vertices",

@@ -1,4 +1,4 @@
-"""What residuals are given: points, observations, confidences; and the names made of them."""
+"""Arguments of residuals: points, observations, confidences; and the names made from them."""
 
 from collections.abc import Sequence
 
@@ -27,7 +27,7 @@ def expressed(points: Points | cs.MX) -> tuple[cs.MX, tuple[Points, ...]]:
 
 
 def given(name: str, what: str, value: cs.MX | ArrayLike, shape: tuple[int, ...]) -> cs.MX:
-    """What was observed, axes reversed: a symbol as it is, numbers of `shape` as a constant.
+    """Observations with their axes reversed: a symbol as it is, numbers of `shape` as a constant.
 
     Raises NotNumbers, or BadResidual for an array of another shape or with a row that is not
     finite.
@@ -71,7 +71,7 @@ def confidences(name: str, value: cs.MX | ArrayLike, count: int, what: str) -> c
 
 
 def numbered(name: str, what: str, value: ArrayLike, width: int, count: int) -> Index:
-    """Numbers of vertices, (M, width), each from 0 to `count` - 1.
+    """Numbers of vertices (M, width), checked: each is from 0 to `count` - 1.
 
     `what` is `pairs (E` or the like. Raises NotNumbers or BadResidual.
     """
@@ -85,19 +85,19 @@ def numbered(name: str, what: str, value: ArrayLike, width: int, count: int) -> 
 
 
 def row_labels(points: Points | cs.MX, axes: Sequence[str]) -> tuple[str, ...] | None:
-    """`left_wrist, x` for each coordinate of points that have names."""
+    """Labels such as `left_wrist, x` for each coordinate of points that have names."""
     names = points.labels if isinstance(points, Points) else None
     return None if names is None else tuple(f"{n}, {a}" for n in names for a in axes)
 
 
 def named(function: str, *symbols: cs.MX) -> str:
-    """`function(block, block)`; pieces and expressions go by the blocks that they read."""
+    """A name such as `function(block, block)`, from the blocks that the symbols depend on."""
     blocks = dict.fromkeys(s.name() for symbol in symbols for s in cs.symvar(symbol))
     return f"{function}({', '.join(blocks)})"
 
 
 def named_after(function: str, observed: cs.MX | ArrayLike, points: Points | cs.MX) -> str:
-    """A name like that of `named`, after the observed block or else after the points' blocks."""
+    """A name as by `named`, from the observed block or else from the blocks of the points."""
     if isinstance(observed, cs.MX):
         return named(function, observed)
     if isinstance(points, Points):

@@ -1,4 +1,4 @@
-"""The edges of a mesh against those of another: blind to where it stands."""
+"""Differences between the edges of two meshes, which do not depend on where they stand."""
 
 import casadi as cs
 import numpy as np
@@ -32,7 +32,7 @@ def edges(
     A translation of either changes nothing, so shape can be compared before it is known where
     the body stands (SMPL, section 4.1: the pose of a registration). `observed` is the symbol of
     a block (N, 3), or an array. The confidence of a pair (E,), from 0 on, is the weight of its
-    three rows, outside of the kernel: 1/2 w rho((r / sigma)^2). `kernel=of_norms(...)` looks at
+    three rows, outside of the kernel: 1/2 w rho((r / sigma)^2). `kernel=of_norms(...)` takes
     the length of the difference of two edges instead of each coordinate.
     Raises BadResidual for pairs of vertices that do not exist and for confidences below zero.
     """

@@ -1,4 +1,4 @@
-"""Residuals of single frames as those of a sequence, and what a residual between frames reads."""
+"""Residuals of single frames combined into those of a sequence, and residuals between frames."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -20,10 +20,13 @@ Column = tuple[cs.MX, Described, tuple[Points, ...]]  # of one frame, in its blo
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """The frames of a sequence, for whoever writes a residual that reads several of them.
+    """The frames of a sequence, from which a residual between frames is made.
 
     `frames["pose"]` is the block of all frames, (T, K, 3), whose symbol has a column for each joint
     of each frame, (3, K T). `frames.points(points)` are the points of a frame in all frames.
+
+    Attributes:
+        blocks: the blocks of the sequence.
     """
 
     blocks: FrameBlocks
@@ -50,14 +53,13 @@ class Frames:
         key = points.symbol.__hash__(), chosen
         if key not in self._made:
             source = FramedPoints(points.source, self.blocks, chosen)
-            name = points.symbol.name().partition("(")[2].removesuffix(")")
-            self._made[key] = Points.of(source, f"{name} in {len(chosen)} frames")
+            self._made[key] = Points.of(source, f"{points.name} in {len(chosen)} frames")
         return self._made[key]
 
     def stacked(self, each: Mapping[int, Column]) -> tuple[cs.MX, tuple[Points, ...]]:
         """Columns of single frames below each other, and the points of frames that they read.
 
-        Frames that have the same column, and not an equal one only, are evaluated by one map.
+        Frames that share one expression, not only equal ones, are evaluated by one map.
         """
         columns: dict[int, cs.MX] = {}
         reads: list[Points] = []

@@ -8,7 +8,7 @@ square is rho(s). That is smooth at 0, so Gauss-Newton and its kin need nothing 
 A kernel is a function of a matrix of squares (d, N), one column for each of N points with d
 coordinates, and returns factors of the same shape. The kernels below treat every number by
 itself. `of_norms` makes kernels of |r / sigma| out of them, so that a point is an outlier or is
-none, whichever way the axes point.
+none, whatever the directions of the axes are.
 """
 
 from collections.abc import Callable
@@ -34,7 +34,7 @@ def geman_mcclure(s: cs.MX) -> cs.MX:
     by sigma^2 here makes the cost dimensionless, so weights taken from SMPLify, which keeps the
     sigma^2, are not interchangeable with ours (Geman and McClure 1987; Bogo et al. 2016).
     Halfway (rho = 1/2) at |x| = sigma; the pull is strongest at |x| = sigma / sqrt(3).
-    Raises BadResidual for a number: it has no parameter of its own.
+    Raises BadResidual for a number, because this kernel has no parameter.
     """
     if not isinstance(s, (cs.MX, cs.SX, cs.DM)):
         raise BadResidual(
@@ -79,7 +79,11 @@ class Huber:
 
 @dataclass(frozen=True)
 class OfNorms:
-    """A kernel of the lengths of whole residuals, made from one of single numbers: `of_norms`."""
+    """A kernel of the lengths of whole residuals, made from one of single numbers: `of_norms`.
+
+    Attributes:
+        of: the kernel of single numbers.
+    """
 
     of: Kernel
 

@@ -1,4 +1,4 @@
-"""Points seen in an image."""
+"""Differences between points that are projected into an image and observed keypoints."""
 
 import casadi as cs
 from numpy.typing import ArrayLike
@@ -32,19 +32,18 @@ def keypoints(
 
         1/2 sum over k of w_k (rho(du_k^2 / sigma^2) + rho(dv_k^2 / sigma^2))
 
-    with the confidence of keypoint k as its weight w_k. SMPLify's code has rho of each
-    coordinate; its paper writes rho of the difference of two points, which is
-    1/2 sum over k of w_k rho((du_k^2 + dv_k^2) / sigma^2) and is had with
-    kernel=of_norms(geman_mcclure). The weight stands outside of the kernel,
-    as in SMPLify: what counts as an outlier is said by sigma alone, and a doubtful keypoint has
-    less say near and far alike. Without a robust kernel a keypoint of weight w has the standard
-    deviation sigma / sqrt(w) px; for a standard deviation of sigma / c give confidence=c**2, as
-    SPIN does (Kolotouros et al. 2019).
+    with the confidence of keypoint k as its weight w_k. SMPLify's code has rho of each coordinate;
+    its paper writes rho of the difference of two points, which is 1/2 sum over k of w_k rho((du_k^2
+    + dv_k^2) / sigma^2) and is chosen with kernel=of_norms(geman_mcclure). The weight stands
+    outside of the kernel, as in SMPLify: sigma alone determines what counts as an outlier, and a
+    doubtful keypoint has less influence both near and far. Without a robust kernel a keypoint of
+    weight w has the standard deviation sigma / sqrt(w) px; for a standard deviation of sigma / c
+    give confidence=c**2, as SPIN does (Kolotouros et al. 2019).
 
     points (3, M) m; observed (M, 2) px and confidence (M,), from 0 on, are symbols of blocks, or
-    arrays, or expressions of symbols. A keypoint of confidence 0 has no say, and its coordinates
-    do not matter as long as they are numbers. Raises BadResidual for shapes that do not fit and
-    for confidences below zero.
+    arrays, or expressions of symbols. A keypoint of confidence 0 has no influence, and its
+    coordinates do not matter as long as they are numbers. Raises BadResidual for shapes that do not
+    fit and for confidences below zero.
     """
     predicted, reads = expressed(points)
     if not isinstance(camera, Camera):

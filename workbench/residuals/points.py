@@ -1,4 +1,4 @@
-"""Points in space against where they were seen: vertices, joints, landmarks."""
+"""Differences between points in space and observed ones: vertices, joints, landmarks."""
 
 import casadi as cs
 from numpy.typing import ArrayLike
@@ -21,9 +21,9 @@ def vertices(
     """v_i(theta, beta) - v^_i in metres: E_D of known correspondences.
 
     `observed` is the symbol of a block (N, 3), whose numbers may change, or an array (N, 3).
-    `kernel=of_norms(...)` looks at the distance |v_i - v^_i| instead of each coordinate.
+    `kernel=of_norms(...)` takes the distance |v_i - v^_i| instead of each coordinate.
     """
-    return _difference("vertices", points, observed, sigma, kernel, name)
+    return _compared("vertices", points, observed, sigma, kernel, name)
 
 
 def landmarks(
@@ -37,12 +37,12 @@ def landmarks(
     """p_k(theta, beta) - p^_k in metres for named points (joints, keypoints).
 
     `observed` is the symbol of a block (M, 3), whose numbers may change, or an array (M, 3).
-    `kernel=of_norms(...)` looks at the distance |p_k - p^_k| instead of each coordinate.
+    `kernel=of_norms(...)` takes the distance |p_k - p^_k| instead of each coordinate.
     """
-    return _difference("landmarks", points, observed, sigma, kernel, name)
+    return _compared("landmarks", points, observed, sigma, kernel, name)
 
 
-def _difference(
+def _compared(
     function: str,
     points: Points | cs.MX,
     observed: cs.MX | ArrayLike,

@@ -1,4 +1,4 @@
-"""The one shape that every error term has."""
+"""The form of every error term."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from workbench.residuals.weights import check_weights, root
 
 @dataclass(frozen=True, eq=False)
 class Residual:
-    """A named column that should be near zero, ordinary at `sigma`, both in `unit`.
+    """A named column of numbers in `unit` that should be zero up to the standard deviation `sigma`.
 
     Problems see it whitened: row i adds 1/2 w_i rho((r_i / sigma_i)^2) to the cost, which is
     dimensionless and minus a log likelihood up to a constant. The weight w_i is a count and has no

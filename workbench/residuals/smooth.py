@@ -1,4 +1,4 @@
-"""Smoothness: what changes from frame to frame changes little."""
+"""Smoothness: values that change little from frame to frame."""
 
 import casadi as cs
 import numpy as np
@@ -26,7 +26,7 @@ def smooth(
         x[t + 2] - 2 x[t + 1] + x[t]      at constant speed,
 
     for t from 0 on. x is a block of each frame, by its name, or points of a frame, in metres.
-    `sigma` is how large a difference is ordinary, in the unit of x: one number, or one for each
+    `sigma` is the standard deviation of a difference, in the unit of x: one number, or one for each
     entry of a frame. Rotation vectors are taken as numbers: that is right while they stay away from
     half a turn, where the same rotation has two of them.
 
@@ -42,7 +42,7 @@ def smooth(
             f"something of type {type(what).__name__}"
         )
 
-    of = _called(what) if isinstance(what, Points) else str(what)
+    of = what.name if isinstance(what, Points) else what
     called = f"smooth({of})" if order == 1 else f"smooth({of}, order 2)"
     given = reals(f"the sigma of residual {name or called!r}", sigma)
     if not ((given > 0) & np.isfinite(given)).all():
@@ -94,10 +94,6 @@ def smooth(
         )
 
     return between
-
-
-def _called(points: Points) -> str:
-    return str(points.symbol.name()).partition("(")[2].removesuffix(")")
 
 
 def _entries(block: Block) -> list[str]:

@@ -1,4 +1,4 @@
-"""The edges of a mesh against edges that belong to no mesh."""
+"""Differences between the edges of a mesh and edges of single triangles, as SCAPE has them."""
 
 import casadi as cs
 from numpy.typing import ArrayLike
@@ -24,8 +24,8 @@ def stitching(
     """(A V)_fi - X_f e_fi in metres: two edges of every face against deformed ones (SCAPE eq. 1).
 
     `edges` is the symbol of a block (2 F, 3), or an array: T_2 - T_0 and T_1 - T_0 of each face
-    in turn. Where vertices hang together by faces, a common translation of them changes nothing.
-    `kernel=of_norms(...)` looks at the length of an edge's difference, not at each coordinate.
+    in turn. A common translation of vertices that are connected by faces changes nothing.
+    `kernel=of_norms(...)` takes the length of an edge's difference instead of each coordinate.
     Raises BadResidual for edges that are not two per face.
     """
     placed, reads = expressed(vertices)

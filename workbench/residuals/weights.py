@@ -10,7 +10,7 @@ from workbench.errors import BadResidual
 
 
 def root(weights: cs.MX | ArrayLike) -> cs.MX | cs.DM:
-    """sqrt(w), what a whitened row is multiplied with so that its square counts w times.
+    """sqrt(w), by which a whitened row is multiplied so that its square counts w times.
 
     The derivative is 0 at w = 0, where that of the root is infinite. NaN below zero.
     """
@@ -25,8 +25,8 @@ def check_weights(
 ) -> None:
     """Raise BadResidual unless there is one weight, or one of these `counts`, none below zero.
 
-    `why` ends the sentence about weights that do not fit. Of weights that depend on symbols only
-    the shape is known. Raises NotNumbers for text.
+    `why` ends the sentence about weights that do not fit. Only the shape is checked of weights that
+    depend on symbols. Raises NotNumbers for text.
     """
     if weights is None:
         return
@@ -50,5 +50,5 @@ def _check_numbers(name: str, known: Array) -> None:
     if bad.any():
         raise BadResidual(
             f"residual {name!r} needs finite weights from 0 on, not {known[bad].flat[0]:g}; a row "
-            "of weight 0 has no say"
+            "of weight 0 has no influence"
         )

@@ -1,30 +1,36 @@
 """A problem's posterior: sampled by emcee, or approximated by Laplace; and what draws are worth."""
 
 from workbench.sampling.conditioning import Conditioning
+from workbench.sampling.descent import Mode
 from workbench.sampling.determined import determined
 from workbench.sampling.ensemble_settings import Progress
+from workbench.sampling.importance import Importance
 from workbench.sampling.laplace import laplace
 from workbench.sampling.laplace_comparison import EntryComparison, compared_with_laplace
 from workbench.sampling.limbs import sampling_blocks
 from workbench.sampling.mixing import Mixing, Usability
-from workbench.sampling.modes import search_in_words
+from workbench.sampling.modes import ModeSearch, search_in_words
 from workbench.sampling.moves import MOVES, BiasedMove, Snooker
 from workbench.sampling.posterior import NotConverged, Posterior
 from workbench.sampling.sample import sample
-from workbench.sampling.subspace import Improper, Names, conditional, directions, fixed
+from workbench.sampling.subspace import Improper, Names, Subspace, conditional, directions, fixed
 
 __all__ = [
     "MOVES",
     "BiasedMove",
     "Conditioning",
     "EntryComparison",
+    "Importance",
     "Improper",
     "Mixing",
+    "Mode",
+    "ModeSearch",
     "Names",
     "NotConverged",
     "Posterior",
     "Progress",
     "Snooker",
+    "Subspace",
     "Usability",
     "compared_with_laplace",
     "conditional",

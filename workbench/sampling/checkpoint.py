@@ -49,11 +49,11 @@ class Checkpoint:
 
     @property
     def failure(self) -> str:
-        """Why it could not be written last time; empty if it could."""
+        """Why the file could not be written last time; empty if it could."""
         return self._keeping.failure
 
     def save_now_and_then(self) -> None:
-        """Save if that was long ago, so that it takes a twentieth of the time at most."""
+        """Save if the last time was long ago, so that saving takes at most 5 % of the time."""
         began = time.perf_counter()
         if began - self._written > max(self._every, 20 * self._took):
             self.save()
@@ -119,19 +119,7 @@ def load(path: Path) -> tuple[list[SavedEnsemble], dict[str, Any]]:
         with h5py.File(h5py.h5f.open_file_image(content), "r") as file:
             settings = _settings(file)
             return [_ensemble(file, e, len(content)) for e in range(len(file))], settings
-    # what h5py raises of a file whose parts are missing or of other kinds, and ours
-    except (
-        OSError,
-        RuntimeError,
-        KeyError,
-        ValueError,
-        TypeError,
-        AttributeError,
-        OverflowError,
-        RecursionError,
-        MemoryError,
-        BadFile,
-    ) as error:
+    except Exception as error:  # h5py raises many kinds where parts are missing or of other kinds
         raise BadFile(
             f"{path} is no checkpoint of `sample` ({error}); give another file, or remove it to "
             "begin anew"
@@ -186,21 +174,17 @@ def _numbers(inside: h5py.Group, name: str, dimensions: int, size: int) -> Array
 
 def _random_state(inside: h5py.Group, e: int) -> Sequence[Any]:
     """NumPy's state: its name, 624 words, a position, and a normal number that is left."""
-    found = [inside.attrs.get(f"random_state_{i}") for i in range(5)]
+    found: list[Any] = [inside.attrs.get(f"random_state_{i}") for i in range(5)]
+    name, words, position, has_normal, normal = found
     try:
-        return tuple(_given(found))
+        if getattr(words, "shape", ()) != (TWISTER,) or words.dtype.kind != "u":
+            raise ValueError(f"it takes {TWISTER} words")
+        if not 0 <= position <= TWISTER or not np.isfinite(normal):
+            raise ValueError("its position or its number is out of range")
+        state = (str(name), words.astype(np.uint32), int(position), int(has_normal), float(normal))
+        np.random.RandomState().set_state(state)
     except (TypeError, ValueError, OverflowError, IndexError) as error:
         raise BadFile(f"{group(e)} has no state of a random generator ({error})") from error
-
-
-def _given(found: Sequence[Any]) -> tuple[Any, ...]:
-    name, words, position, has_normal, normal = found
-    if not isinstance(words, np.ndarray) or words.shape != (TWISTER,) or words.dtype.kind != "u":
-        raise ValueError(f"it takes {TWISTER} words")
-    if not 0 <= position <= TWISTER or not np.isfinite(normal):
-        raise ValueError("its position or its number is out of range")
-    state = (str(name), words.astype(np.uint32), int(position), int(has_normal), float(normal))
-    np.random.RandomState().set_state(state)
     return state
 
 

@@ -48,7 +48,7 @@ class Conditioning:
 
     @property
     def ratios(self) -> Array:
-        """Marginal over conditional standard deviation, (k,); 1 where nothing is held."""
+        """The marginal over the conditional standard deviations, (k,); 1 if nothing is held."""
         return np.asarray(self.marginal / self.conditional)
 
     @property
@@ -79,7 +79,7 @@ class Conditioning:
 
     @property
     def wider(self) -> str:
-        """How much, in a sentence without its full stop."""
+        """How much wider intervals are with everything free: a sentence without a full stop."""
         i = self.worst
         if np.isinf(self.ratios[i]):
             return (

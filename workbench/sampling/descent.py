@@ -14,7 +14,7 @@ from workbench.sampling.log_density import LogDensity
 from workbench.sampling.subspace import Improper
 
 Vector = Callable[[Array], Array]
-SETTLED = 0.1  # of the cost that the linear model still promises: less, and it is a minimum
+SETTLED = 0.1  # of the predicted decrease of the cost: at a minimum it is less
 AT_A_BOUND = 1e-6  # of the scale of an entry: it is held there
 INSIDE = 1e-9  # of the scale of a bound: where a search for a minimum stops in front of it
 ROUNDED = 1e-12  # of the largest entry of a direction: zero, but for rounding
@@ -76,7 +76,7 @@ def mode_from(target: LogDensity, start: Array) -> Mode:
     z, settled = np.asarray(ended.x), True
     limited = problem.stacked_constraints is not None or len(dependent_bounds(target)[0])
     if not limited or target.allows(space.points(z[None]))[0]:
-        settled = _promise(residual(z), jacobian(z), z, low, high) < SETTLED
+        settled = _predicted_decrease(residual(z), jacobian(z), z, low, high) < SETTLED
     else:
         z = _constrained(target, start, residual, jacobian)
     half = covariance_half(target, jacobian(z))
@@ -238,7 +238,7 @@ def _inside(limit: Array) -> Array:
     return INSIDE * np.maximum(1.0, np.where(np.isfinite(limit), abs(limit), 0.0))
 
 
-def _promise(r: Array, J: Array, z: Array, low: Array, high: Array) -> float:
+def _predicted_decrease(r: Array, J: Array, z: Array, low: Array, high: Array) -> float:
     """By how much the linear model predicts that the cost can fall, entries at bounds fixed."""
     near = AT_A_BOUND * np.maximum(1.0, abs(z))
     free = (z - low > near) & (high - z > near)

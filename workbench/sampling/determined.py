@@ -8,9 +8,8 @@ the same everywhere: the density of z is exp(-cost) on them, up to a constant.
 
 import numpy as np
 
-from workbench.arrays import Array, Mask
+from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Layout
-from workbench.blocks.entries import Indices
 from workbench.errors import BadArgument
 from workbench.problem import Linearization, Problem
 from workbench.sampling.subspace import Subspace, fixed
@@ -19,7 +18,7 @@ CANCELLED = 1e-13  # of the largest move: zero, but for rounding
 ROUNDED = 1e-10  # of the length of a row: zero, but for rounding
 
 
-def determined(problem: Problem, here: Linearization, x: Array, chosen: Indices) -> Subspace:
+def determined(problem: Problem, here: Linearization, x: Array, chosen: Index) -> Subspace:
     """What equations tie to the chosen numbers follows them; all else stays where it is.
 
     The equations must be linear, which `sample` and `laplace` look at, and must say of all numbers
@@ -51,7 +50,7 @@ def determined(problem: Problem, here: Linearization, x: Array, chosen: Indices)
     return space
 
 
-def _tied(A: Array, chosen: Indices) -> tuple[Mask, Indices]:
+def _tied(A: Array, chosen: Index) -> tuple[Mask, Index]:
     """The equations that read what moves, and the numbers beside the chosen ones that they read."""
     moving = np.zeros(A.shape[1], dtype=bool)
     moving[chosen] = True
@@ -64,6 +63,6 @@ def _tied(A: Array, chosen: Indices) -> tuple[Mask, Indices]:
         moving = grown
 
 
-def _listed(free: Layout, places: Indices, most: int = 5) -> str:
+def _listed(free: Layout, places: Index, most: int = 5) -> str:
     names = [free.label(int(i)) for i in places[:most]]
     return ", ".join(names) + (f" and {len(places) - most} more" if len(places) > most else "")

@@ -66,7 +66,6 @@ def run(
     checkpoint: Path | None = None,
     every: float = 30.0,
     callback: Callback | None = None,
-    settings: dict[str, Any] | None = None,
 ) -> EnsembleRun:
     """Sample, or go on with what the checkpoint holds; every so many seconds it is replaced.
 
@@ -83,17 +82,17 @@ def run(
     with limited_threads():
         first = mode_from(target, target.subspace.centre)
         found = modes(target, first, np.random.default_rng(search))
-        told = _settings(target, plan) | (settings or {})
+        settings = _settings(target, plan)
         if checkpoint is not None and checkpoint.exists():
-            before, said = load(checkpoint)
-            refuse_other(checkpoint, said, told)
+            before, saved_settings = load(checkpoint)
+            refuse_other(checkpoint, saved_settings, settings)
             shape = plan.kept, plan.walkers, target.subspace.size
             refuse_unlike(checkpoint, before, plan.ensembles, shape)
             samplers = [_taken_up(target, plan, saved) for saved in before]
         else:
             samplers = [_fresh(target, plan, found.modes, seed) for seed in seeds]
         team = _Team(samplers, plan)
-        kept = Checkpoint(checkpoint, every, lambda path: team.save(path, told))
+        kept = Checkpoint(checkpoint, every, lambda path: team.save(path, settings))
         interrupts = Interrupts()
         interrupts.open()
         try:

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 
 from workbench.blocks import Layout, Tree
-from workbench.blocks.entries import meant
+from workbench.blocks.entries import places_named
 
 
 def sampling_blocks(
@@ -23,7 +23,7 @@ def sampling_blocks(
     roots = [name for tree in trees for name in _of_joint(layout, tree, 0)]
     chosen: list[str] = []
     for name in (*others, *roots):
-        if sum(len(meant(layout, n)) for n in (*chosen, name)) <= most:
+        if sum(len(places_named(layout, n)) for n in (*chosen, name)) <= most:
             chosen.append(name)
     if chosen:
         parts["shape and place" if poses else "the small blocks"] = tuple(chosen)

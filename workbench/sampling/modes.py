@@ -30,9 +30,10 @@ class ModeSearch:
 def modes(target: LogDensity, first: Mode, rng: np.random.Generator) -> ModeSearch:
     """The modes that least squares finds from wide starts, beside the first, best first.
 
-    A search that ends on a plateau, where the linear model still promises to lower the cost, has
-    found no mode. Rotation vectors beyond half a turn are replaced by the shorter ones of the same
-    rotations, for a turn more is no other mode. That there are no other modes is not known.
+    A search that ends on a plateau, where the linear model still predicts a decrease of the
+    cost, has found no mode. Rotation vectors beyond half a turn are replaced by the shorter ones
+    of the same rotations, for a turn more is no other mode. Other modes may exist that no search
+    finds.
     """
     found = [first]
     starts, search = wide_starts(target, first, rng)

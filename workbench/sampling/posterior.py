@@ -31,10 +31,10 @@ class NotConverged(WorkbenchError):
 class Posterior:
     """Draws of what was sampled, (E, S, W, k): ensembles, steps, walkers, entries.
 
-    What they are worth is said by `mixing`, by the modes that were `found`, by `held` (what was
+    The verdict judges them by `mixing`, by the modes of `mode_search`, by `conditioning` (what was
     held fixed, and how much wider intervals are without that), and by `importance` where a
-    Gaussian stands for the posterior. The verdict draws on all of them; it stands before
-    everything that is printed, and `interval` asks it.
+    Gaussian stands for the posterior. It is printed before everything else, and `interval` raises
+    an error unless it is `usable`.
 
     Attributes:
         problem: the problem.
@@ -173,7 +173,7 @@ class Posterior:
     def conditional_interval(self, level: float = 0.9) -> Array:
         """The central interval of each entry, (k, 2), given what is held fixed.
 
-        (k, 2). Raises NotConverged if the draws are worth nothing even so.
+        Raises NotConverged if the draws are worth nothing even so.
         """
         if not self.mixed:
             raise NotConverged(f"there is no interval: {self.verdict}")

@@ -51,9 +51,9 @@ def sample(
     choice such as `directions(20, priors)`. All else stays where it is (`rest=fixed`), or is
     integrated out by its Gaussian conditional (`rest=conditional`), or moves with what is named as
     linear equations among the constraints tell (`rest=determined`). Holding it fixed makes
-    intervals narrower; `Posterior.held` says by how much, and above a factor of 1.2 they are not
-    called usable. Up to about 20 entries can be sampled; more are allowed, and the verdict will
-    say what came of it.
+    intervals narrower; `Posterior.conditioning` says by how much, and above a factor of 1.2
+    they are not called usable. Up to about 20 entries can be sampled; more are allowed, and the
+    verdict will say whether their draws are usable.
 
     Bounds and inequality constraints end the posterior: beyond them it is zero.
 

@@ -15,9 +15,9 @@ from functools import cached_property
 import numpy as np
 import scipy.linalg
 
-from workbench.arrays import Array
+from workbench.arrays import Array, Index
 from workbench.blocks import Layout
-from workbench.blocks.entries import Indices, entries
+from workbench.blocks.entries import entries
 from workbench.errors import BadArgument, TooLarge, WorkbenchError
 from workbench.problem import Linearization, Problem
 from workbench.sampling.banded_rest import BandedRest, banded_rest
@@ -47,7 +47,7 @@ class Subspace:
     rest: Array | BandedRest
     labels: tuple[str, ...]
     units: tuple[str, ...]
-    entries: Indices | None = None
+    entries: Index | None = None
 
     @property
     def size(self) -> int:
@@ -81,7 +81,7 @@ class Subspace:
         return x + (w @ self.rest.T if isinstance(self.rest, np.ndarray) else self.rest.times(w))
 
 
-Rest = Callable[[Problem, Linearization, Array, Indices], Subspace]
+Rest = Callable[[Problem, Linearization, Array, Index], Subspace]
 Choice = Callable[[Problem, Array, Array], Subspace]  # of a problem, free and fixed numbers
 Names = str | Iterable[str] | Choice | None
 
@@ -94,14 +94,14 @@ def subspace_of(problem: Problem, x: Array, given: Array, names: Names, rest: Re
     return rest(problem, problem.linearize_at(x, given), x, meant)
 
 
-def fixed(problem: Problem, here: Linearization, x: Array, named: Indices) -> Subspace:
+def fixed(problem: Problem, here: Linearization, x: Array, named: Index) -> Subspace:
     """All that is not named stays where it is."""
     along = np.zeros((len(x), len(named)))
     along[named, np.arange(len(named))] = 1.0
     return _entries(problem.free, x, named, along, np.empty((len(x), 0)))
 
 
-def conditional(problem: Problem, here: Linearization, x: Array, named: Indices) -> Subspace:
+def conditional(problem: Problem, here: Linearization, x: Array, named: Index) -> Subspace:
     """What is not named is integrated out by its Gaussian conditional; see the module.
 
     Raises Improper where that has no width.
@@ -163,7 +163,7 @@ def informed(
 
 
 def _entries(
-    layout: Layout, x: Array, named: Indices, along: Array, rest: Array | BandedRest
+    layout: Layout, x: Array, named: Index, along: Array, rest: Array | BandedRest
 ) -> Subspace:
     return Subspace(
         x,
@@ -176,7 +176,7 @@ def _entries(
     )
 
 
-def _triangle(J: Array, layout: Layout, columns: Indices) -> Array:
+def _triangle(J: Array, layout: Layout, columns: Index) -> Array:
     """R with R'R = J'J, all of its diagonal above rounding; raises Improper."""
     lengths = np.linalg.norm(J, axis=0)  # of no matter: a unit makes nothing unseen
     lengths = np.where(lengths > 0, lengths, 1.0)

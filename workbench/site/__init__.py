@@ -1,6 +1,6 @@
-"""The static site: front page, course, examples, reference and documents, built without network."""
+"""The static site of the course, built by Sphinx without a network."""
 
 from workbench.site.building import NEEDED
-from workbench.site.site import write_course_site, write_site
+from workbench.site.course_site import write_course_site
 
-__all__ = ["NEEDED", "write_course_site", "write_site"]
+__all__ = ["NEEDED", "write_course_site"]

@@ -10,9 +10,10 @@ from workbench.course.outline import Lecture, course, root
 
 GUIDES = ("GUIDE", "AUTHORS")  # the pages beside the lectures
 TABLE = "<!-- the outline -->"  # a guide has this line where the table of lectures belongs
+Tell = Callable[[str], None]  # is called with a line for each part that begins
 
 
-def write_course_pages(pages: Path, files: Path, tell: Callable[[str], None]) -> None:
+def write_course_pages(pages: Path, files: Path, tell: Tell) -> None:
     """Run every lecture and write its page, the index of the course, and the guides.
 
     `pages` receives what Sphinx reads, `files` what readers download; both are made. Raises

@@ -5,8 +5,8 @@ from collections.abc import Mapping
 from workbench.blocks import Values
 from workbench.errors import BadArgument
 from workbench.problem import Problem
-from workbench.solvers.abilities import Abilities, Boxes, Derivative, Listed
-from workbench.solvers.dogleg import Dogleg, chumpy, textbook
+from workbench.solvers.abilities import Abilities, Boxes, Derivative, Listed, check_abilities
+from workbench.solvers.dogleg import Dogleg, RadiusRule, chumpy, textbook
 from workbench.solvers.gauss_newton import GaussNewton
 from workbench.solvers.ipopt import Ipopt
 from workbench.solvers.levenberg_marquardt import LevenbergMarquardt
@@ -28,6 +28,7 @@ from workbench.solvers.sqp import Sqp
 from workbench.solvers.staged import Staged
 from workbench.solvers.steepest_descent import SteepestDescent
 
+# Solvers by the names that the command line knows; `workbench solvers` prints what each can do.
 SOLVERS: Mapping[str, Listed] = {
     "gauss-newton": GaussNewton(),
     "gauss-newton-full": GaussNewton(line_search=full_step),
@@ -53,6 +54,7 @@ SOLVERS: Mapping[str, Listed] = {
     "nlopt-bobyqa": Nlopt("LN_BOBYQA"),
     "nlopt-mlsl": Nlopt("G_MLSL_LDS"),
 }
+check_abilities(SOLVERS)
 
 
 def solve(
@@ -62,9 +64,16 @@ def solve(
     *,
     callback: Callback | None = None,
 ) -> Solution:
-    """Solve with Levenberg-Marquardt, or with the solver given.
+    """Minimise the cost of a problem over its free blocks, from starting values.
 
-    Raises BadArgument for what is no Problem.
+    `start` has an array for every block that the problem reads, free and fixed, in the unit of the
+    block. `solver` is any Solver, such as one of `SOLVERS`; without one it is LevenbergMarquardt(),
+    which honours bounds (Levenberg 1944; Marquardt 1963). `callback` is called with each Iterate,
+    and ends the run if it returns True. The Solution says how the run ended; its point is never
+    worse than the start.
+
+    Raises BadArgument for what is no Problem, NotSupported for bounds or constraints that the
+    solver does not take, and what `Problem.split` raises for values that do not fit.
     """
     if not isinstance(problem, Problem):
         raise BadArgument(f"a Problem is solved, not something of type {type(problem).__name__}")
@@ -86,6 +95,7 @@ __all__ = [
     "Listed",
     "Newton",
     "Nlopt",
+    "RadiusRule",
     "Scipy",
     "Solution",
     "Solver",

@@ -1,17 +1,18 @@
-"""What an algorithm needs and what it can: data, so that tables and refusals are made from it."""
+"""What an algorithm needs and supports, as data from which tables and refusals are made."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Protocol
 
 from workbench.blocks import Values
-from workbench.errors import NotSupported
+from workbench.errors import BadArgument, NotSupported
 from workbench.problem import Problem
 from workbench.solvers.solution import Callback, Solution
 
 
 class Derivative(IntEnum):
-    """The most that an algorithm asks a problem for."""
+    """The highest derivative that an algorithm needs."""
 
     COST = 0
     GRADIENT = 1
@@ -20,7 +21,7 @@ class Derivative(IntEnum):
 
 
 class Boxes(IntEnum):
-    """What an algorithm makes of bounds."""
+    """Whether an algorithm takes bounds: it does not, it may, or it needs them."""
 
     UNKNOWN = 0
     TAKEN = 1
@@ -29,45 +30,68 @@ class Boxes(IntEnum):
 
 @dataclass(frozen=True)
 class Abilities:
-    """What an algorithm needs and supports, and where it is described."""
+    """What an algorithm needs and supports, and where it is described.
+
+    Attributes:
+        derivative: the highest derivative that it needs.
+        bounds: whether it takes bounds.
+        equations: whether it takes constraints with equal limits.
+        inequalities: whether it takes other constraints.
+        is_global: whether it searches beyond the basin in which it starts.
+        stochastic: whether its result depends on random numbers.
+        teaching: whether it is meant for teaching and not for use.
+        source: authors and year of its description.
+        note: what else there is to know before choosing it.
+    """
 
     derivative: Derivative
     bounds: Boxes
-    equations: bool = False  # constraints with equal limits
+    equations: bool = False
     inequalities: bool = False
-    is_global: bool = False  # looks beyond the valley that it starts in
+    is_global: bool = False
     stochastic: bool = False
-    teaching: bool = False  # to be looked at, rather than relied on
+    teaching: bool = False
     source: str = ""
-    note: str = ""  # what else there is to know before choosing it
+    note: str = ""
 
 
 class Listed(Protocol):
-    """A solver of the catalogue: one that says what it can."""
+    """A solver of the catalogue, which says what it can do."""
 
     @property
     def abilities(self) -> Abilities:
-        """What it needs and supports."""
+        """What the solver needs and supports."""
 
     def solve(
         self, problem: Problem, start: Values, *, callback: Callback | None = None
     ) -> Solution:
-        """See Solver."""
+        """The best point found from `start`; see `Solver`."""
+
+
+def check_abilities(solvers: Mapping[str, Listed]) -> None:
+    """Raise BadArgument if one of the solvers, each given with its name, has no `abilities`."""
+    for name, solver in solvers.items():
+        if not hasattr(type(solver), "abilities"):
+            raise BadArgument(
+                f"the solver {name!r} does not say what it can do; give the class "
+                f"{type(solver).__name__} a property `abilities` that returns "
+                "Abilities(derivative, bounds, ...), as in workbench/solvers/gauss_newton.py"
+            )
 
 
 def refuse(name: str, abilities: Abilities, problem: Problem) -> None:
-    """Raise NotSupported, with what exists instead, for what the algorithm has not."""
+    """Raise NotSupported, naming alternatives, if the algorithm does not take the problem."""
     if abilities.bounds is Boxes.UNKNOWN and problem.bounded:
         raise NotSupported(
-            f"{name} knows no bounds, but the problem bounds {', '.join(problem.bounds)}; "
+            f"{name} takes no bounds, but the problem bounds {', '.join(problem.bounds)}; "
             "use levenberg-marquardt, ipopt or an NLopt algorithm, or drop the bounds"
         )
     if abilities.bounds is Boxes.NEEDED:
         for i, (low, high) in enumerate(zip(problem.lower, problem.upper, strict=True)):
             if not float(high) - float(low) < float("inf"):
                 raise NotSupported(
-                    f"{name} searches between bounds, but {problem.free.label(i)} has not two; "
-                    "bound every free block, or use a solver that needs none"
+                    f"{name} searches between bounds, but {problem.free.label(i)} does not have "
+                    "two; bound every free block, or use a solver that needs no bounds"
                 )
     there = problem.stacked_constraints
     if there is None:
@@ -76,6 +100,6 @@ def refuse(name: str, abilities: Abilities, problem: Problem) -> None:
     for what, rows in wanted:
         if rows.any() and not getattr(abilities, what):
             raise NotSupported(
-                f"{name} knows no {what}, but the problem has {there.label(int(rows.argmax()))}; "
+                f"{name} takes no {what}, but the problem has {there.label(int(rows.argmax()))}; "
                 "use ipopt, sqp or nlopt-slsqp, or make it a residual with a small sigma"
             )

@@ -1,4 +1,4 @@
-"""The best point of a run, by our own account and nobody else's."""
+"""The best point of a run, whatever the solver itself reports."""
 
 import numpy as np
 
@@ -6,10 +6,15 @@ from workbench.arrays import Array
 
 
 class Best:
-    """The feasible point of lowest cost; while there is none, the one that misses least.
+    """The feasible point of lowest cost; as long as there is none, that of the least violation.
 
-    Costs that rounding cannot tell apart are told apart by how stationary the points are: the
+    Points whose costs differ by no more than rounding are compared by how stationary they are: the
     cost is flat at a minimum, the gradient is not.
+
+    Attributes:
+        x: (n,) the point.
+        cost: the cost there.
+        violation: by how many tolerances the worst constraint is exceeded there.
     """
 
     def __init__(self, start: Array) -> None:
@@ -18,7 +23,7 @@ class Best:
         self._noise = 0.0  # of the cost there
 
     def offer(self, x: Array, cost: float, violation: float) -> None:
-        """A point with a finite cost that misses constraints by so many tolerances."""
+        """Take a point with a finite cost if it is better; `violation` is in tolerances."""
         if violation <= 1 and self.violation <= 1:
             better = cost < self.cost
         else:
@@ -29,16 +34,16 @@ class Best:
     def settle(
         self, x: Array, cost: float, violation: float, optimality: float, noise: float
     ) -> None:
-        """A point of which it is known how stationary it is, and how rough its cost."""
+        """Remember a point of known optimality, whose cost is uncertain by `noise`."""
         if violation > 1 or self.violation > 1 or not cost <= self.cost + noise:
             return
         if self._settled is None or optimality < self._settled[2] or self._settled_is_worse():
             self._settled, self._noise = (x.copy(), cost, optimality, violation), noise
 
     def decide(self, optimality: float) -> float:
-        """Prefer the settled point, if it costs the same and is more stationary than the best.
+        """Prefer the settled point if it costs the same and is more stationary than the best.
 
-        Given how stationary the best point is, answers how stationary the chosen one is.
+        Takes the optimality of the best point, and returns that of the chosen one.
         """
         if self._settled is None or self._settled_is_worse() or optimality <= self._settled[2]:
             return optimality

@@ -1,4 +1,4 @@
-"""Which solver suits a problem: what is seen of the problem at its start, and what follows from it.
+"""Which solver suits a problem, by what the problem is like at its start.
 
 The advice follows rules of the field (Nocedal and Wright, Numerical Optimization, 2006, chapters 2,
 4, 10 and 18), each of which `benchmarks/SOLVERS.md` holds to comparisons.
@@ -45,7 +45,7 @@ class Temperament:
     gain_ratio: float
 
     def facts(self) -> Iterator[str]:
-        """The same in sentences."""
+        """What the problem is like, in sentences."""
         yield (
             f"{self.unknowns:,} unknowns, {self.residuals:,} residuals; {self.density:.0%} of the "
             "Jacobian is not zero"
@@ -70,16 +70,16 @@ class Recommendation:
         solver: its name in `SOLVERS`.
         reasons: why, in sentences.
         others: names of solvers worth comparing it with.
-        seen: what the problem is like at its start.
+        temperament: what the problem is like at its start.
     """
 
     solver: str
     reasons: tuple[str, ...]
     others: tuple[str, ...]
-    seen: Temperament
+    temperament: Temperament
 
     def __str__(self) -> str:
-        lines = [*(f"  {fact}" for fact in self.seen.facts()), f"recommended: {self.solver}"]
+        lines = [*(f"  {fact}" for fact in self.temperament.facts()), f"recommended: {self.solver}"]
         lines += [f"  {reason}" for reason in self.reasons]
         return "\n".join([*lines, f"compare with: {', '.join(self.others)}"])
 
@@ -87,22 +87,22 @@ class Recommendation:
 def recommend(problem: Problem, start: Values) -> Recommendation:
     """A solver for a problem from a start, with reasons.
 
-    The advice comes from one point: whether the residual is noisy, or has other minima, is not seen
-    there. It says where to begin; `workbench compare` decides.
+    The advice comes from one point, which does not show whether the residual is noisy or has other
+    minima. It says where to begin; `workbench compare` decides.
     """
-    seen = temperament(problem, start)
-    if seen.equations or seen.inequalities:
+    found = temperament(problem, start)
+    if found.equations or found.inequalities:
         points = [p for residual in problem.residuals for p in residual.points]
         name, others, reasons = _constrained(all(p.source.expression is not None for p in points))
     else:
-        name, others, reasons = _least_squares(seen)
-    if seen.rank < seen.unknowns:
+        name, others, reasons = _least_squares(found)
+    if found.rank < found.unknowns:
         reasons.append(
             "The residuals leave directions undetermined, and solvers end at different points. "
             "`workbench diagnose` names these directions."
         )
     reasons.append("No local solver looks for other minima. Start from several places if in doubt.")
-    return Recommendation(name, tuple(reasons), others, seen)
+    return Recommendation(name, tuple(reasons), others, found)
 
 
 def _constrained(drawn: bool) -> tuple[str, tuple[str, ...], list[str]]:
@@ -113,21 +113,21 @@ def _constrained(drawn: bool) -> tuple[str, tuple[str, ...], list[str]]:
     return "ipopt-exact", ("ipopt", "sqp"), reasons
 
 
-def _least_squares(seen: Temperament) -> tuple[str, tuple[str, ...], list[str]]:
+def _least_squares(found: Temperament) -> tuple[str, tuple[str, ...], list[str]]:
     reasons = ["The cost is a sum of squares, and damped Gauss-Newton steps need few evaluations."]
     others: tuple[str, ...] = ("dogleg", "scipy-trf", "ipopt")
-    if seen.bounded:
+    if found.bounded:
         reasons.append("It projects its steps on the bounds. Gauss-Newton and dogleg take none.")
         others = ("scipy-trf", "ipopt")
-    if seen.unknowns > MANY:
+    if found.unknowns > MANY:
         reasons.append("It uses the sparsity of the Jacobian, which NLopt's algorithms do not.")
         others = ("ipopt", "scipy-trf")
-    if seen.gain_ratio < STEEP:
+    if found.gain_ratio < STEEP:
         reasons.append("The linear model does not hold for a full step: steps must be limited.")
-    elif not seen.bounded:
+    elif not found.bounded:
         reasons.append("The linear model holds for a full step, so that gauss-newton does as well.")
         others = ("gauss-newton", *others)
-    if seen.condition > ILL:
+    if found.condition > ILL:
         reasons.append(
             "Columns of the Jacobian nearly depend on each other. Damping keeps the steps short."
         )
@@ -135,7 +135,7 @@ def _least_squares(seen: Temperament) -> tuple[str, tuple[str, ...], list[str]]:
 
 
 def temperament(problem: Problem, start: Values) -> Temperament:
-    """Look at a problem at its start."""
+    """What a problem is like at its start."""
     x, fixed = problem.split(start)
     here = problem.linearize_at(x, fixed)
     rows, n = here.shape
@@ -160,6 +160,6 @@ def _gain_ratio(problem: Problem, x: Array, fixed: Array, here: Linearization) -
     """The actual decrease of the cost over the predicted one, for a full Gauss-Newton step."""
     step = here.step()
     new = problem.residual(x + step, fixed)
-    predicted = here.cost - here.predicted_cost(step)
+    predicted = here.predicted_decrease(step)
     actual = here.cost - 0.5 * float(new @ new)
     return actual / predicted if predicted > 0 and np.isfinite(actual) else 0.0

@@ -1,4 +1,4 @@
-"""A symmetric matrix made positive definite, and by how much it had to be changed for that."""
+"""Symmetric matrices made positive definite, and by how much they are changed for that."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -32,14 +32,22 @@ Convexify = Callable[[Array], Convex]
 
 
 def shifted(H: Array) -> Convex:
-    """H + tau I with the least tau that leaves no curvature below 1e-8 of the largest."""
+    """H + tau I (n, n) with the smallest tau >= 0 that makes it positive definite.
+
+    No eigenvalue is then below 1e-8 of the largest absolute one (Nocedal and Wright, Numerical
+    Optimization, 2006, section 3.4).
+    """
     values = np.linalg.eigvalsh(H)
     tau = max(0.0, LEAST * float(np.abs(values).max(initial=1e-300)) - float(values.min()))
     return Convex(H + tau * np.eye(len(H)), tau)
 
 
 def reflected(H: Array) -> Convex:
-    """H with the signs of its eigenvalues taken away: away from a saddle, not into it."""
+    """H (n, n) with the absolute values of its eigenvalues, so that steps lead away from saddles.
+
+    No eigenvalue is then below 1e-8 of the largest (Nocedal and Wright, Numerical Optimization,
+    2006, section 3.4).
+    """
     values, vectors = np.linalg.eigh(H)
     least = LEAST * float(np.abs(values).max(initial=1e-300))
     if values.min() >= least:
@@ -57,8 +65,8 @@ def raised(normal: Stored, H: Stored) -> Raised:
     whatever J'J is. What is returned is H + t diag(e) with the first t of 0, 1/64, 1/16, 1/4 for
     which Cholesky's factorization tells that this is positive definite (Nocedal and Wright,
     Numerical optimization, 2006, algorithm 3.3, raises the diagonal step by step in the same way),
-    else with t = 1. A further 1e-8 of the largest entry of J'J is added to the diagonal, so that a
-    singular matrix does not pass for a definite one.
+    else with t = 1. A further 1e-8 of the largest diagonal entry of J'J is added to the diagonal,
+    so that a singular matrix does not pass for a definite one.
     """
     H, normal = csc_array(H), csc_array(normal)
     N = csc_array(H - normal)

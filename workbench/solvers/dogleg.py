@@ -1,4 +1,4 @@
-"""Powell's dogleg: down the slope, then over to Gauss-Newton, as far as the model is trusted."""
+"""Powell's dogleg: along the gradient, then towards the Gauss-Newton step, in a trust region."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.problem import Linearization, Problem
 from workbench.problem.steps import LinearAlgebra, automatic
-from workbench.solvers.abilities import Abilities, Boxes, Derivative, refuse
+from workbench.solvers.abilities import Abilities, Boxes, Derivative
 from workbench.solvers.run import Run
 from workbench.solvers.scaling import Scaling, identity
 from workbench.solvers.solution import Callback, Solution
@@ -16,8 +16,13 @@ from workbench.solvers.solution import Callback, Solution
 
 @dataclass(frozen=True)
 class RadiusRule:
-    """How the trust region follows the gain: above `good` it reaches `growth` |D p| at least,
-    below `poor` it is multiplied by `shrinkage`.
+    """How the radius of the trust region follows the gain ratio.
+
+    Attributes:
+        good: a gain ratio above this makes the radius at least `growth` |D p|.
+        growth: see `good`; a larger one trusts the linear model farther at once.
+        poor: a gain ratio below this multiplies the radius by `shrinkage`.
+        shrinkage: see `poor`, between 0 and 1.
     """
 
     good: float
@@ -26,12 +31,14 @@ class RadiusRule:
     shrinkage: float
 
 
-textbook = RadiusRule(good=0.75, growth=3.0, poor=0.25, shrinkage=0.5)  # Madsen et al. 2004, 3.3
-chumpy = RadiusRule(good=0.9, growth=2.5, poor=0.05, shrinkage=0.25)  # of the course's optimizer
+# Madsen, Nielsen and Tingleff, Methods for non-linear least squares problems, 2004, section 3.3
+textbook = RadiusRule(good=0.75, growth=3.0, poor=0.25, shrinkage=0.5)
+# the rule of chumpy, the optimizer with which SMPL was first fitted
+chumpy = RadiusRule(good=0.9, growth=2.5, poor=0.05, shrinkage=0.25)
 
 
 def cauchy_point(here: Linearization, D: Array) -> Array:
-    """The least of the linear model along the steepest descent in the metric D: a step (n,)."""
+    """The Cauchy point: the minimum of the linear model along -D^-2 g, as a step (n,)."""
     downhill = -here.gradient / D**2
     rise = float(np.sum(here.along(downhill) ** 2))
     fall = -float(here.gradient @ downhill)
@@ -39,7 +46,10 @@ def cauchy_point(here: Linearization, D: Array) -> Array:
 
 
 def dogleg_step(newton: Array, cauchy: Array, D: Array, radius: float) -> Array:
-    """Where the path 0 - Cauchy point - Gauss-Newton point leaves the ball |D p| <= radius."""
+    """The step (n,) at which the dogleg path leaves the trust region |D p| <= radius.
+
+    The path leads from 0 straight to the Cauchy point, and from there to the Gauss-Newton step.
+    """
     if np.linalg.norm(D * newton) <= radius:
         return newton
     length = float(np.linalg.norm(D * cauchy))
@@ -54,10 +64,25 @@ def dogleg_step(newton: Array, cauchy: Array, D: Array, radius: float) -> Array:
 
 @dataclass(frozen=True)
 class Dogleg:
-    """A trust region whose step costs one factorization (Powell 1970).
+    """Powell's dogleg: a trust-region method that needs one factorization for each iterate.
 
-    The first radius is the length of the first Gauss-Newton step. `chumpy` as the rule makes it
-    the optimizer that the course's body models were first fitted with.
+    The first radius is the length of the first Gauss-Newton step. See Powell, A hybrid method for
+    nonlinear equations, 1970, and Madsen, Nielsen and Tingleff, Methods for non-linear least
+    squares problems, 2004, section 3.3.
+
+    Attributes:
+        rule: how the radius follows the gain ratio: `textbook`, or `chumpy`, by which this is the
+            optimizer that SMPL was first fitted with.
+        scaling: the metric D of the trust region. `identity`: a radian, a metre and a standard
+            deviation count the same; `columns`: units of unknowns do not matter.
+        linear_algebra: how the Gauss-Newton step is computed; `automatic` chooses a factorization.
+        max_iterations: the largest number of steps.
+        max_evaluations: the largest number of evaluations of the residual, its gradient, its
+            Jacobian and its Hessian together.
+        max_seconds: wall time in seconds. It is looked at before every evaluation, so that one step
+            of linear algebra may exceed it.
+        gradient_tolerance: a point whose `Problem.optimality` (a cosine, without unit) is at most
+            this has converged. A larger one ends earlier and farther from the minimum.
     """
 
     rule: RadiusRule = textbook
@@ -70,7 +95,7 @@ class Dogleg:
 
     @property
     def abilities(self) -> Abilities:
-        """A Jacobian at every iterate; no bounds."""
+        """It needs a Jacobian at every iterate, and takes no bounds."""
         return Abilities(
             Derivative.JACOBIAN,
             Boxes.UNKNOWN,
@@ -81,12 +106,9 @@ class Dogleg:
     def solve(
         self, problem: Problem, start: Values, *, callback: Callback | None = None
     ) -> Solution:
-        """See Solver; raises NotSupported for a problem with bounds or constraints."""
-        refuse("dogleg", self.abilities, problem)
+        """Solve from `start`; see `Solver`. Raises NotSupported for bounds or constraints."""
         with Run("dogleg", self, problem, start, callback) as run:
-            x = run.x
-            here = run.linearize(x)
-            run.record(x, here.cost, run.optimality(x, here))
+            x, here = run.x, run.begin()
             radius = np.inf
             while True:
                 D = self.scaling(here)
@@ -98,20 +120,17 @@ class Dogleg:
                 cauchy = cauchy_point(here, D)
                 while True:
                     p = dogleg_step(newton.p, cauchy, D, radius)
-                    trial = run.gain_ratio(x, here, x + p, here.predicted_decrease(p))
+                    gain_ratio = run.gain_ratio(x, here, x + p, here.predicted_decrease(p))
                     length = float(np.linalg.norm(D * p))
-                    if trial.gain_ratio > self.rule.good:
+                    if gain_ratio > self.rule.good:
                         radius = max(radius, self.rule.growth * length)
-                    elif trial.gain_ratio < self.rule.poor:
+                    elif gain_ratio < self.rule.poor:
                         radius *= self.rule.shrinkage
-                    if trial.gain_ratio > 0:
+                    if gain_ratio > 0:
                         break
                     shortest = 1e-16 * np.linalg.norm(D * x)
                     if not shortest <= radius < np.inf or np.array_equal(x + p, x):
                         run.stall()
-                if (there := trial.there) is None:
-                    del here  # first: its memory serves the next one
-                    there = run.linearize(x + p)
-                x, here = run.wrapped(x + p, there)
-                run.record(x, here.cost, run.optimality(x, here), 0.0, newton.by)
+                del here  # first: its memory serves the next one
+                x, here = run.move(x + p, 0.0, newton.by)
         return run.solution()

@@ -1,4 +1,4 @@
-"""How a run ended: the best point it saw, and what may be said of that point."""
+"""How a run ended, judged by the problem at the best point."""
 
 from typing import NamedTuple, Protocol
 
@@ -10,7 +10,7 @@ from workbench.problem import Linearization, Problem
 from workbench.problem.optimality import hidden
 from workbench.problem.rounding import half_squared
 from workbench.solvers.best import Best
-from workbench.solvers.limits import Limits, Stop
+from workbench.solvers.limits import Options, Stop
 from workbench.solvers.linearization_cache import LinearizationCache
 from workbench.solvers.rounding_noise import RoundingNoise
 from workbench.solvers.sensitivity import Sensitivity, lost
@@ -21,11 +21,22 @@ NAMED = 6  # unknowns in a message; there may be thousands
 
 
 class Ended(Protocol):
-    """A run that is over: what it leaves behind, by which its end is judged; see Run."""
+    """A run that is over, as far as its end is judged by it; see `Run`.
+
+    Attributes:
+        problem: the problem that was solved.
+        limits: the limits and tolerances of the solver.
+        x: (n,) the start.
+        fixed: the fixed numbers.
+        best: the best point.
+        linearizations: the last linearization.
+        sensitivity: the longest column of each unknown on the way.
+        rounding_noise: the rounding errors along the run.
+    """
 
     problem: Problem
-    limits: Limits
-    x: Array  # where it began, (n,)
+    limits: Options
+    x: Array
     fixed: Array
     best: Best
     linearizations: LinearizationCache
@@ -34,7 +45,7 @@ class Ended(Protocol):
 
 
 class Ending(NamedTuple):
-    """A status with its sentence, how stationary the best point is, and what was not noticed."""
+    """How a run ended; see the fields of the same names of `Solution`."""
 
     status: Status
     message: str
@@ -44,7 +55,7 @@ class Ending(NamedTuple):
 
 
 def ending(run: Ended, stop: Stop) -> Ending:
-    """Settle the best point of a run, and judge it by the problem, whoever says otherwise."""
+    """Choose the best point of a run, and judge it by the problem, whatever the solver reports."""
     status, message, best = stop.status, stop.message, run.best
     if not np.isfinite(best.cost):
         return Ending(status, message)
@@ -56,7 +67,7 @@ def ending(run: Ended, stop: Stop) -> Ending:
             here = _judged(run, best.x)
         here, optimality = _wrapped(run, here, optimality)
         gone = _lost(run, here)
-    except Exception as error:  # the residual is the user's; the best point is still ours
+    except Exception as error:  # of the user's residual; the best point is still known
         return Ending(status, f"{message} (no gradient at the best point: {error})")
     free = run.problem.free
     never, read = run.sensitivity.never, run.problem.support.read
@@ -81,13 +92,13 @@ def ending(run: Ended, stop: Stop) -> Ending:
 
 
 def _judged(run: Ended, x: Array) -> Linearization:
-    """Residual and Jacobian at x; an evaluation that no limit counts, for the run is over."""
+    """Residual and Jacobian at x (n,), evaluated without limits because the run is over."""
     known = run.linearizations.at(x)
     return run.problem.linearize_at(x, run.fixed) if known is None else known
 
 
 def _lost(run: Ended, here: Linearization) -> Mask:
-    """Which unknowns (n,) the residual noticed on the way, and at the best point does not."""
+    """Which unknowns (n,) are lost: the residual changed with them, but not at the best point."""
     x, rounding = run.best.x, run.rounding_noise.at(run.best.x, here)
     gone = run.sensitivity.gone(x, run.x, here, run.problem.support, rounding)
     if not gone.any():
@@ -143,7 +154,7 @@ def _violation(run: Ended) -> str:
 
 
 def _hidden(run: Ended, here: Linearization, free: Layout) -> str:
-    """What rounding errors leave unknown at a point that no step improves; empty if nothing."""
+    """Which unknown rounding errors hide most at the best point, in words; empty if none."""
     left = hidden(run.best.x, here, run.problem.support, run.rounding_noise.at(run.best.x, here))
     if not left.any():
         return ""

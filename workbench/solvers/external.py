@@ -1,70 +1,81 @@
-"""What CasADi's solvers call: functions that Python computes, and what hears of iterates."""
+"""Functions that CasADi's solvers call and Python computes, and a recorder of their iterates."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeAlias
 
 import casadi as cs
 import numpy as np
+from scipy.sparse import csc_array
 
 from workbench.arrays import Array
+from workbench.problem.nonzeros import entries_at
+from workbench.problem.storage import Stored, dense
 from workbench.solvers.run import Run
 
-Compute = Callable[[Array, Array], float | Array]  # of x and the multipliers
+Compute = Callable[[Array, Array], float | Stored]  # of x (n,) and the multipliers (k,)
+Places: TypeAlias = tuple[int, ...] | csc_array  # the shape of an array, or where nonzeros stand
 
 
 class Kept:
-    """What was raised inside: it would lose its type on the way through C++."""
+    """The exception that was raised inside; it would lose its type on the way through C++."""
 
     error: BaseException | None = None
 
 
-class External(cs.Callback):  # type: ignore[misc]  # casadi's way of calling back
+class External(cs.Callback):  # type: ignore[misc]  # CasADi has no other way of calling back
     """A CasADi function of x and multipliers whose value Python computes; NaN after an error.
 
-    Numbers go through shared memory: a DM of a Hessian takes longer to make than the Hessian.
+    Its value is a number, an array, or a sparse matrix with nonzeros in given places. Numbers are
+    exchanged through shared memory, because making a DM of a Hessian takes longer than computing
+    the Hessian.
     """
 
     def __init__(
         self,
         name: str,
         sizes: tuple[int, int],
-        shape: tuple[int, ...],
+        places: Places,
         compute: Compute,
         run: Run,
         kept: Kept,
-        sparsity: cs.Sparsity | None = None,
     ) -> None:
         super().__init__()
-        self._sizes, self._shape = sizes, shape
-        self._sparsity = cs.Sparsity.dense(*(shape or (1,))) if sparsity is None else sparsity
+        if isinstance(places, csc_array):
+            places.sort_indices()
+            starts, rows = places.indptr.tolist(), places.indices.tolist()
+            self._shape: tuple[int, ...] = (places.nnz,)
+            self._sparsity = cs.Sparsity(*places.shape, starts, rows)
+        else:
+            self._shape, self._sparsity = places, cs.Sparsity.dense(*(places or (1,)))
+        self._sizes, self._places = sizes, places
         self._compute, self._run, self._kept = compute, run, kept
         self.construct(name, {})
 
     def get_n_in(self) -> int:
-        """How many arguments."""
+        """The number of arguments."""
         return 2
 
     def get_sparsity_in(self, i: int) -> cs.Sparsity:
-        """Dense columns."""
+        """Every argument is a dense column."""
         return cs.Sparsity.dense(self._sizes[i], 1)
 
     def get_sparsity_out(self, i: int) -> cs.Sparsity:
-        """A dense number, column or matrix; or a sparse matrix, whose value is its nonzeros."""
+        """The places of the value: all of an array, or the nonzeros of a sparse matrix."""
         return self._sparsity
 
     def has_eval_buffer(self) -> bool:
-        """Numbers come and go by memory, not as DM."""
+        """Numbers are exchanged through shared memory, not as DM."""
         return True
 
     def eval_buffer(self, arguments: list[Any], results: list[Any]) -> int:
-        """Called by CasADi."""
-        if results[0] is None:  # nobody wants to know
+        """Write the value; called by CasADi."""
+        if results[0] is None:  # the value is not needed
             return 0
         out = np.frombuffer(results[0]).reshape(self._shape, order="F")  # column by column
         try:
             if self._kept.error is None:
                 x = _inside(arguments[0], self._run)
-                value = np.asarray(self._compute(x, _column(arguments[1], self._sizes[1])))
+                value = self._numbers(self._compute(x, _column(arguments[1], self._sizes[1])))
                 if value.shape != self._shape:  # a user's Hessian
                     raise ValueError(f"{self.name()} is {self._shape}, not {value.shape}")
                 out[...] = value
@@ -74,9 +85,14 @@ class External(cs.Callback):  # type: ignore[misc]  # casadi's way of calling ba
         out[...] = np.nan
         return 0
 
+    def _numbers(self, value: float | Stored) -> Array:
+        if isinstance(self._places, csc_array) and not isinstance(value, float):
+            return entries_at(value, self._places)
+        return dense(value) if isinstance(value, csc_array) else np.asarray(value)
+
 
 class Recorder(cs.Callback):  # type: ignore[misc]
-    """Adds a solver's iterates to the trace, and stops it when the run says so."""
+    """Adds a solver's iterates to the trace of a run, and stops the solver when the run ends."""
 
     def __init__(self, run: Run, kept: Kept, sizes: tuple[int, int]) -> None:
         super().__init__()
@@ -86,25 +102,25 @@ class Recorder(cs.Callback):  # type: ignore[misc]
         self.construct("recorder", {})
 
     def get_n_in(self) -> int:
-        """As many as a solver has outputs."""
+        """The number of outputs of a solver."""
         return int(cs.nlpsol_n_out())
 
     def get_sparsity_in(self, i: int) -> cs.Sparsity:
-        """Dense columns."""
+        """Every argument is a dense column."""
         return cs.Sparsity.dense(self._sizes.get(cs.nlpsol_out(i), 0), 1)
 
     def has_eval_buffer(self) -> bool:
-        """Numbers come and go by memory, not as DM."""
+        """Numbers are exchanged through shared memory, not as DM."""
         return True
 
     def eval_buffer(self, arguments: list[Any], results: list[Any]) -> int:
-        """Called by CasADi; 1 stops the solver."""
+        """Record an iterate; called by CasADi, which stops its solver if the value is 1."""
         stop = 1.0
         if self._kept.error is None:
             try:
                 x = _inside(arguments[0], self._run)
                 here = self._run.linearize(x)
-                self._run.record(x, here.cost, self._run.optimality(x, here))
+                self._run.record(x, here.cost, here)
                 stop = 0.0
             except BaseException as error:
                 self._kept.error = error
@@ -114,12 +130,12 @@ class Recorder(cs.Callback):  # type: ignore[misc]
 
 
 def _column(memory: Any, size: int) -> Array:
-    """A copy of CasADi's memory; a missing argument is zero."""
+    """A copy of CasADi's memory, (size,); zeros for a missing argument."""
     return np.zeros(size) if memory is None else np.array(np.frombuffer(memory))
 
 
 def _inside(memory: Any, run: Run) -> Array:
-    """A point between the bounds: an infeasible quadratic program may have led out of them."""
+    """The point (n,), moved between the bounds: an infeasible quadratic program may leave them."""
     problem = run.problem
     x = _column(memory, problem.free.size)
     return np.clip(x, problem.lower, problem.upper) if problem.bounded else x

@@ -1,4 +1,4 @@
-"""Gauss-Newton: believe the linear model, and walk back when it promised too much."""
+"""The Gauss-Newton method: the minimum of the linear model, then a line search towards it."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ import numpy as np
 from workbench.blocks import Values
 from workbench.problem import Problem
 from workbench.problem.steps import LinearAlgebra, automatic
-from workbench.solvers.abilities import Abilities, Boxes, Derivative, refuse
+from workbench.solvers.abilities import Abilities, Boxes, Derivative
 from workbench.solvers.line_search import LineSearch, backtracking
 from workbench.solvers.run import Run
 from workbench.solvers.solution import Callback, Solution
@@ -15,7 +15,23 @@ from workbench.solvers.solution import Callback, Solution
 
 @dataclass(frozen=True)
 class GaussNewton:
-    """J'J p = -J'r, then a step along p; where J has no full rank, p is the shortest one."""
+    """The Gauss-Newton method: J'J p = -J'r, then a step along p.
+
+    Where J has no full rank, p is the shortest of the solutions. See Nocedal and Wright, Numerical
+    Optimization, 2006, section 10.3.
+
+    Attributes:
+        line_search: how far to go along p: `backtracking`, or `full_step`, which always takes the
+            whole step, as Gauss did.
+        linear_algebra: how the step is computed; `automatic` chooses a factorization.
+        max_iterations: the largest number of steps.
+        max_evaluations: the largest number of evaluations of the residual, its gradient, its
+            Jacobian and its Hessian together.
+        max_seconds: wall time in seconds. It is looked at before every evaluation, so that one step
+            of linear algebra may exceed it.
+        gradient_tolerance: a point whose `Problem.optimality` (a cosine, without unit) is at most
+            this has converged. A larger one ends earlier and farther from the minimum.
+    """
 
     line_search: LineSearch = backtracking
     linear_algebra: LinearAlgebra = automatic
@@ -26,7 +42,10 @@ class GaussNewton:
 
     @property
     def abilities(self) -> Abilities:
-        """A Jacobian at every iterate; no bounds. Without a line search it is there to teach."""
+        """It needs a Jacobian at every iterate, and takes no bounds.
+
+        Without a line search it is meant for teaching.
+        """
         return Abilities(
             Derivative.JACOBIAN,
             Boxes.UNKNOWN,
@@ -37,12 +56,9 @@ class GaussNewton:
     def solve(
         self, problem: Problem, start: Values, *, callback: Callback | None = None
     ) -> Solution:
-        """See Solver; raises NotSupported for a problem with bounds or constraints."""
-        refuse("gauss-newton", self.abilities, problem)
+        """Solve from `start`; see `Solver`. Raises NotSupported for bounds or constraints."""
         with Run("gauss-newton", self, problem, start, callback) as run:
-            x = run.x
-            here = run.linearize(x)
-            run.record(x, here.cost, run.optimality(x, here))
+            x, here = run.x, run.begin()
             while True:
                 step = self.linear_algebra(here, 0.0, np.ones(len(x)))
                 if step is None:
@@ -52,6 +68,5 @@ class GaussNewton:
                 if np.array_equal(to, x):
                     run.stall()
                 del here  # first: its memory serves the next one
-                x, here = run.wrapped(to, run.linearize(to))
-                run.record(x, here.cost, run.optimality(x, here), 0.0, step.by)
+                x, here = run.move(to, 0.0, step.by)
         return run.solution()

@@ -3,25 +3,23 @@
 from dataclasses import dataclass
 
 import casadi as cs
-import numpy as np
 
-from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.problem import Problem
 from workbench.solvers.abilities import Abilities, Boxes, Derivative
 from workbench.solvers.limits import Stop
-from workbench.solvers.oracle import Hessian, Oracle, exact_hessian, gauss_newton_hessian
+from workbench.solvers.oracle import (
+    Hessian,
+    Oracle,
+    exact_hessian,
+    gauss_newton_hessian,
+    unless_solved,
+)
 from workbench.solvers.run import Run
 from workbench.solvers.solution import Callback, Solution, Status
 
-MEANING = {  # of the return codes; `Run.solution` decides about convergence itself
+MEANING = {  # of the return codes that are not STALLED; `ending` decides what has converged
     "Solve_Succeeded": Status.CONVERGED,
-    "Solved_To_Acceptable_Level": Status.STALLED,
-    "Feasible_Point_Found": Status.STALLED,
-    "Search_Direction_Becomes_Too_Small": Status.STALLED,
-    "Restoration_Failed": Status.STALLED,
-    "Error_In_Step_Computation": Status.STALLED,
-    "Diverging_Iterates": Status.STALLED,
     "Not_Enough_Degrees_Of_Freedom": Status.INFEASIBLE,
     "Infeasible_Problem_Detected": Status.INFEASIBLE,
     "Maximum_Iterations_Exceeded": Status.MAX_ITERATIONS,
@@ -29,17 +27,6 @@ MEANING = {  # of the return codes; `Run.solution` decides about convergence its
     "Maximum_WallTime_Exceeded": Status.MAX_SECONDS,
     "Invalid_Number_Detected": Status.NOT_FINITE,
     "User_Requested_Stop": Status.STOPPED,
-    **dict.fromkeys(
-        (
-            "Invalid_Problem_Definition",
-            "Invalid_Option",
-            "Unrecoverable_Exception",
-            "NonIpopt_Exception_Thrown",
-            "Insufficient_Memory",
-            "Internal_Error",
-        ),
-        Status.STALLED,
-    ),
 }
 ADVICE = {  # where the status alone does not say it
     "Restoration_Failed": "the way back to the constraints was lost; start nearer to them",
@@ -57,10 +44,22 @@ ADVICE = {  # where the status alone does not say it
 
 @dataclass(frozen=True)
 class Ipopt:
-    """A primal-dual interior point method with a filter line search (Waechter and Biegler 2006).
+    """IPOPT: a primal-dual interior-point method with a filter line search.
 
-    `hessian` is that of the cost; the constraints' own is added. With None, IPOPT makes one of
-    gradients (limited memory BFGS).
+    See Waechter and Biegler, On the implementation of an interior-point filter line-search
+    algorithm for large-scale nonlinear programming, 2006.
+
+    Attributes:
+        hessian: the Hessian of the cost: `gauss_newton_hessian`, `exact_hessian`, a function of the
+            run, x (n,) and the linearization there, or None, with which IPOPT approximates the
+            Hessian from gradients (limited-memory BFGS). That of the constraints is added.
+        max_iterations: the largest number of steps.
+        max_evaluations: the largest number of evaluations of the residual, its gradient, its
+            Jacobian and its Hessian together.
+        max_seconds: wall time in seconds. It is looked at before every evaluation, so that one step
+            of linear algebra may exceed it.
+        gradient_tolerance: a point whose `Problem.optimality` (a cosine, without unit) is at most
+            this has converged. A larger one ends earlier and farther from the minimum.
     """
 
     hessian: Hessian | None = gauss_newton_hessian
@@ -71,7 +70,7 @@ class Ipopt:
 
     @property
     def abilities(self) -> Abilities:
-        """Everything is taken; what is asked for depends on the Hessian."""
+        """It takes bounds and constraints; what it needs depends on `hessian`."""
         exact = self.hessian not in (None, gauss_newton_hessian)
         return Abilities(
             Derivative.HESSIAN if exact else Derivative.JACOBIAN,
@@ -84,15 +83,14 @@ class Ipopt:
     def solve(
         self, problem: Problem, start: Values, *, callback: Callback | None = None
     ) -> Solution:
-        """See Solver. Bounds and constraints are honoured; the start is moved inside the bounds."""
+        """Solve from `start`, which is moved inside the bounds; see `Solver`."""
         names = (("ipopt", gauss_newton_hessian), ("ipopt-exact", exact_hessian))
         name = next((n for n, h in names if h is self.hessian), "ipopt-own")
         if self.hessian is None:
             name = "ipopt-lbfgs"
         with Run(name, self, problem, start, callback) as run:
-            x0 = np.clip(run.x, problem.lower, problem.upper)
-            run.unless_solved(x0)  # a start that is not finite ends the run here, too
-            answer = self._ask(run, x0)
+            unless_solved(run)  # a start that is not finite ends the run here, too
+            answer = self._ask(run)
             status = MEANING.get(answer, Status.STALLED)
             message = f"{ADVICE.get(answer, status.value)} (ipopt: {answer})"
             if status is Status.STALLED:
@@ -100,40 +98,36 @@ class Ipopt:
             raise Stop(status, message)
         return run.solution()
 
-    def _ask(self, run: Run, x0: Array) -> str:
-        problem, n, there = run.problem, run.problem.free.size, run.problem.stacked_constraints
-        k = 0 if there is None else there.size
+    def _ask(self, run: Run) -> str:
+        """Run IPOPT; its own word for how it ended."""
+        constrained = run.problem.stacked_constraints is not None
         oracle = Oracle(run, self.hessian)
-        x, p, weight, y = cs.MX.sym("x", n), cs.MX(0, 1), cs.MX.sym("f"), cs.MX.sym("y", k)
-        none = cs.MX(0, 1)
-        cost, gradient = oracle.cost(x, none), oracle.gradient(x, none)
-        unread = cs.MX.nan()  # beside the gradient, where CasADi's interface wants a cost
-        nlp = {"x": x, "f": cost}
-        derivatives = {
-            "grad_f": cs.Function("g", [x, p], [unread, gradient], ["x", "p"], ["f", "grad_f_x"])
-        }
-        limits = {"lbx": problem.lower, "ubx": problem.upper} if problem.bounded else {}
-        if there is not None:
+        x, none, weight, y = oracle.symbols.values()
+        nlp = {"x": x, "f": oracle.cost(x, none)}
+        # CasADi's interface wants a cost beside the gradient, and does not read it
+        first = {"f": cs.MX.nan(), "grad_f_x": oracle.gradient(x, none)}
+        derivatives = {"grad_f": oracle.function(("x", "p"), first)}
+        if constrained:
             nlp["g"] = oracle.constraints(x, none)
-            derivatives["jac_g"] = cs.Function(
-                "j",
-                [x, p],
-                [nlp["g"], oracle.constraint_jacobian(x, none)],
-                ["x", "p"],
-                ["g", "jac_g_x"],
-            )
-            limits |= {"lbg": there.lower, "ubg": there.upper}
+            rows = {"g": nlp["g"], "jac_g_x": oracle.constraint_jacobian(x, none)}
+            derivatives["jac_g"] = oracle.function(("x", "p"), rows)
         if self.hessian is not None:
             bend = weight * oracle.hessian(x, none)
-            if there is not None:
+            if constrained:
                 bend += oracle.constraint_hessian(x, y)
-            derivatives["hess_lag"] = cs.Function(
-                "h",
-                [x, p, weight, y],
-                [cs.triu(bend)],
-                ["x", "p", "lam_f", "lam_g"],
-                ["triu_hess_gamma_x_x"],
-            )
+            second = {"triu_hess_gamma_x_x": cs.triu(bend)}
+            derivatives["hess_lag"] = oracle.function(tuple(oracle.symbols), second)
+        options = {
+            "print_level": 0,
+            "sb": "yes",
+            "max_iter": self.max_iterations,
+            "max_wall_time": max(self.max_seconds, 1e-3),
+            "tol": 1e-16,  # the run's tolerance is asked for at every iterate, and must come first
+            "acceptable_iter": 0,
+            "bound_relax_factor": 0.0,
+            "nlp_scaling_method": "none",
+            "hessian_approximation": "exact" if self.hessian else "limited-memory",
+        }
         solver = cs.nlpsol(
             "ipopt",
             "ipopt",
@@ -145,20 +139,8 @@ class Ipopt:
                 "print_time": False,
                 "show_eval_warnings": False,
                 "error_on_fail": False,
-                "ipopt": {
-                    "print_level": 0,
-                    "sb": "yes",
-                    "max_iter": self.max_iterations,
-                    "max_wall_time": max(self.max_seconds, 1e-3),
-                    "tol": 1e-16,  # ours is asked for at every iterate; theirs must not come first
-                    "acceptable_iter": 0,
-                    "bound_relax_factor": 0.0,
-                    "nlp_scaling_method": "none",
-                    "hessian_approximation": "exact" if self.hessian else "limited-memory",
-                },
+                "ipopt": options,
             },
         )
-        solver(x0=x0, **limits)
-        if oracle.error is not None:
-            raise oracle.error
+        oracle.minimize(solver)
         return str(solver.stats()["return_status"])

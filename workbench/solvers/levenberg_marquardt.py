@@ -1,4 +1,4 @@
-"""Levenberg-Marquardt: believe the linear model as far as it keeps its promises."""
+"""The Levenberg-Marquardt method: Gauss-Newton steps, damped as long as they gain too little."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from workbench.arrays import Array, Mask
 from workbench.blocks import Values
 from workbench.problem import Linearization, Problem
 from workbench.problem.steps import EPS, LinearAlgebra, Step, automatic
-from workbench.solvers.abilities import Abilities, Boxes, Derivative, refuse
+from workbench.solvers.abilities import Abilities, Boxes, Derivative
 from workbench.solvers.run import Run
 from workbench.solvers.scaling import Scaling, identity
 from workbench.solvers.solution import Callback, Solution
@@ -20,20 +20,37 @@ ROUNDS = 20  # of holding and releasing, before what is there is taken: it is fe
 
 @dataclass(frozen=True)
 class LevenbergMarquardt:
-    """(J'J + damping D^2) p = -J'r; the damping follows the gain ratio (Nielsen 1999).
+    """The Levenberg-Marquardt method: (J'J + damping D^2) p = -J'r.
 
-    The gain is the fall of the cost over the fall that the linear model predicts: a good step
-    lowers the damping smoothly, a bad one is not taken and raises it faster and faster
-    (Madsen, Nielsen and Tingleff, Methods for non-linear least squares problems, 2004, 3.2). D
-    never falls: a column that vanishes on the way gives no licence to go anywhere (Moré 1978).
-    A step that promises less than rounding hides is not tried before the damping is as low as it
-    may be: what holds it back may be the damping of a column that is much shorter than others.
-    Between bounds the step is the best one that stays inside.
+    The damping follows the gain ratio, which is the actual decrease of the cost over the decrease
+    that the linear model predicts. A good step lowers the damping smoothly; a bad one is not taken
+    and raises it faster and faster (Nielsen, Damping parameter in Marquardt's method, 1999; Madsen,
+    Nielsen and Tingleff, Methods for non-linear least squares problems, 2004, section 3.2). The
+    entries of D never decrease, so that an unknown whose column vanishes on the way is still damped
+    (Moré, The Levenberg-Marquardt algorithm: implementation and theory, 1978). If the predicted
+    decrease is so small that rounding errors hide it, the damping is lowered as far as possible
+    before the step is tried, because it may be large only for a column that is much shorter than
+    others. Between bounds the step is the best one that stays inside.
+
+    Attributes:
+        scaling: the metric D of a step. `identity`: a radian, a metre and a standard deviation are
+            damped alike (Levenberg 1944); `columns`: units of unknowns do not matter (Marquardt
+            1963).
+        linear_algebra: how the step is computed; `automatic` chooses a factorization.
+        first_damping: the damping at the start, as a share of the largest (|J_i| / D_i)^2 there. A
+            larger one begins with shorter steps, nearer to the gradient.
+        max_iterations: the largest number of steps.
+        max_evaluations: the largest number of evaluations of the residual, its gradient, its
+            Jacobian and its Hessian together.
+        max_seconds: wall time in seconds. It is looked at before every evaluation, so that one step
+            of linear algebra may exceed it.
+        gradient_tolerance: a point whose `Problem.optimality` (a cosine, without unit) is at most
+            this has converged. A larger one ends earlier and farther from the minimum.
     """
 
     scaling: Scaling = identity
     linear_algebra: LinearAlgebra = automatic
-    first_damping: float = 1e-3  # of the largest (|J_i| / D_i)^2 at the start
+    first_damping: float = 1e-3
     max_iterations: int = 200
     max_evaluations: int = 10_000
     max_seconds: float = 600.0
@@ -41,7 +58,7 @@ class LevenbergMarquardt:
 
     @property
     def abilities(self) -> Abilities:
-        """A Jacobian at every iterate; bounds."""
+        """It needs a Jacobian at every iterate, and takes bounds."""
         return Abilities(
             Derivative.JACOBIAN,
             Boxes.TAKEN,
@@ -51,19 +68,15 @@ class LevenbergMarquardt:
     def solve(
         self, problem: Problem, start: Values, *, callback: Callback | None = None
     ) -> Solution:
-        """See Solver; a start outside the bounds is moved inside. Raises NotSupported for
-        constraints.
-        """
-        refuse("levenberg-marquardt", self.abilities, problem)
+        """Solve from `start`; see `Solver`. Raises NotSupported for constraints."""
         with Run("levenberg-marquardt", self, problem, start, callback) as run:
-            x = np.clip(run.x, problem.lower, problem.upper)
-            here = run.linearize(x)
+            x, here = run.x, run.linearize(run.x)
             D = self.scaling(here)
             stiffness = np.minimum(here.column_norms / D, STIFFEST)
             stiffest = float(np.max(stiffness**2, initial=1e-300))
             damping, growth = self.first_damping * stiffest, 2.0
             least = EPS**2 * stiffest  # where columns differ by 1e16, the shortest still count
-            run.record(x, here.cost, run.optimality(x, here), damping)
+            run.record(x, here.cost, here, damping)
             while True:
                 low, high = problem.lower - x, problem.upper - x
                 step = box_step(here, damping, D, low, high, self.linear_algebra)
@@ -75,18 +88,15 @@ class LevenbergMarquardt:
                         and damping > least
                         and run.rounding_noise.hides(predicted, x, here)
                     ):
-                        damping *= FASTEST_FALL  # a longer step may promise what can be seen
+                        damping *= FASTEST_FALL  # the decrease of a longer step may be visible
                         continue
-                    trial = run.gain_ratio(x, here, to, predicted)
-                    if trial.gain_ratio > 0:
-                        if (there := trial.there) is None:
-                            del here  # first: its memory serves the next one
-                            there = run.linearize(to)
-                        x, here = run.wrapped(to, there)
-                        D = np.maximum(D, self.scaling(here))
-                        damping *= max(FASTEST_FALL, 1 - (2 * trial.gain_ratio - 1) ** 3)
+                    gain_ratio = run.gain_ratio(x, here, to, predicted)
+                    if gain_ratio > 0:
+                        damping *= max(FASTEST_FALL, 1 - (2 * gain_ratio - 1) ** 3)
                         growth = 2.0
-                        run.record(x, here.cost, run.optimality(x, here), damping, step.by)
+                        del here  # first: its memory serves the next one
+                        x, here = run.move(to, damping, step.by)
+                        D = np.maximum(D, self.scaling(here))
                         continue
                 if not damping <= 1e16 * stiffest or (step is not None and np.array_equal(to, x)):
                     run.stall()
@@ -98,11 +108,12 @@ class LevenbergMarquardt:
 def box_step(
     here: Linearization, damping: float, D: Array, low: Array, high: Array, solve: LinearAlgebra
 ) -> Step | None:
-    """The p least in |J p + r|^2 + damping |D p|^2 with low <= p <= high, low <= 0 <= high.
+    """The p that minimises |J p + r|^2 + damping |D p|^2 with low <= p <= high, low <= 0 <= high.
 
-    By an active set: entries that leave the box are held at its sides and the rest is solved
-    again; then those are released that are pulled back inside. So near a solution it is the
-    damped step in the entries that no bound stops, and as quick.
+    It is found by an active-set method (Nocedal and Wright, Numerical Optimization, 2006, section
+    16.5): entries that leave the box are held at its sides, the rest is solved again, and then
+    those that the gradient pulls back inside are released. Near a solution it is the damped step in
+    the entries that no bound stops, and takes as little time. None where `solve` has no answer.
     """
     g = here.gradient
     held = ((low >= 0) & (g > 0)) | ((high <= 0) & (g < 0)) | (low >= high)
@@ -139,7 +150,7 @@ def _in_the_rest(
     D: Array,
     solve: LinearAlgebra,
 ) -> Step | None:
-    """The step in the entries that are not held, once the held ones have moved by p."""
+    """The step in the entries that are not held, after the held ones have moved by p."""
     if not here.by_frames:
         return solve(here.without(held, p), damping, D[~held])
     whole = solve(here.holding(held, p), damping, D)  # frames stay alike; what is held stays

@@ -1,4 +1,4 @@
-"""How far a run may go, and the end of one."""
+"""How far a run may go, and the exception that ends it."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -8,11 +8,19 @@ import numpy as np
 
 from workbench.errors import TooLarge
 from workbench.problem.memory import INSTEAD
+from workbench.solvers.abilities import Abilities
 from workbench.solvers.solution import Status
 
 
-class Limits(Protocol):
-    """What every solver's options include."""
+class Options(Protocol):
+    """What every solver's options include: what it can do, and how far a run may go.
+
+    See `LevenbergMarquardt` for the limits.
+    """
+
+    @property
+    def abilities(self) -> Abilities:
+        """What the algorithm needs and supports."""
 
     @property
     def max_iterations(self) -> int:
@@ -20,21 +28,19 @@ class Limits(Protocol):
 
     @property
     def max_evaluations(self) -> int:
-        """Of the residual, its gradient, its Jacobian and its Hessian, together."""
+        """The largest number of evaluations, those of constraints not counted."""
 
     @property
     def max_seconds(self) -> float:
-        """Wall time. It is looked at before every evaluation: what a solver does between two of
-        them, one step of linear algebra at most, is not interrupted.
-        """
+        """Wall time in s, which is looked at before every evaluation."""
 
     @property
     def gradient_tolerance(self) -> float:
-        """Of Problem.optimality: at or below it a point counts as converged."""
+        """The `Problem.optimality` up to which a point counts as converged."""
 
 
 class Stop(Exception):
-    """The end of a run, from wherever it is noticed."""
+    """The end of a run, raised where it is noticed."""
 
     def __init__(self, status: Status, message: str = "") -> None:
         super().__init__(message or status.value)
@@ -42,16 +48,16 @@ class Stop(Exception):
 
 
 def stop_of(error: BaseException | None) -> Stop | None:
-    """The end that an exception means for a run; None for what is not the run's."""
+    """The Stop that an exception means for a run; None for an error that the run passes on."""
     if isinstance(error, MemoryError):
-        told = f"memory ran out in the linear algebra: {error}; {INSTEAD}"
-        return Stop(Status.TOO_LARGE, told)
+        message = f"memory ran out in the linear algebra: {error}; {INSTEAD}"
+        return Stop(Status.TOO_LARGE, message)
     return error if isinstance(error, Stop) else None
 
 
 @contextmanager
 def guarded() -> Iterator[None]:
-    """Inside, a function of the user's is called; what it raises becomes a Stop that quotes it."""
+    """A context for calls of the user's functions: an exception becomes a Stop that quotes it."""
     try:
         yield
     except (Stop, KeyboardInterrupt):
@@ -65,7 +71,9 @@ def guarded() -> Iterator[None]:
 
 
 def unwarned() -> np.errstate:
-    """A context for numbers that may be too large: a run looks whether what came is finite, and
-    tells by its status; a warning beside that says less, and would be an exception for some.
+    """A context without NumPy's warnings of overflow and invalid numbers.
+
+    A run checks whether numbers are finite and reports it by its status; a warning says less, and
+    is an exception for those who turn warnings into errors.
     """
     return np.errstate(over="ignore", invalid="ignore", divide="ignore", under="ignore")

@@ -1,4 +1,4 @@
-"""How far to go along a direction."""
+"""Line searches: how far to go along a direction."""
 
 from collections.abc import Callable
 
@@ -10,17 +10,20 @@ LineSearch = Callable[[Run, Array, Linearization, Array], float]
 
 
 def full_step(run: Run, x: Array, here: Linearization, p: Array) -> float:
-    """Length 1, whatever happens: the method as Gauss had it."""
+    """The whole step, length 1, wherever it leads, as in Gauss's method."""
     return 1.0
 
 
 def backtracking(run: Run, x: Array, here: Linearization, p: Array) -> float:
-    """Halve until the cost falls by 1e-4 of what its slope promises (Armijo 1966); 0 if it never
-    does. Where rounding would hide the promise, 1 if the full step ends at a more stationary point.
+    """The first of 1, 1/2, 1/4, ... at which the cost falls by 1e-4 of what its slope predicts.
+
+    This is the condition of Armijo, Minimization of functions having Lipschitz continuous first
+    partial derivatives, 1966. It is 0 if no length above 1e-10 fulfils it. Where rounding would
+    hide the predicted decrease, it is 1 if the full step leads to a more stationary point, else 0.
     """
     slope = float(here.gradient @ p)
     if run.rounding_noise.hides(-slope / 2, x, here):
-        return 1.0 if run.gain_ratio(x, here, x + p, -slope / 2).gain_ratio > 0 else 0.0
+        return 1.0 if run.gain_ratio(x, here, x + p, -slope / 2) > 0 else 0.0
     length = 1.0
     while length > 1e-10:
         if run.cost(x + length * p) <= here.cost + 1e-4 * length * slope:

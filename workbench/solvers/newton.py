@@ -1,4 +1,4 @@
-"""Newton's method on the cost: the exact Hessian, made convex where it is not."""
+"""Newton's method on the cost: its exact Hessian, made positive definite where it is not."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ import scipy.linalg
 from workbench.blocks import Values
 from workbench.problem import Problem
 from workbench.problem.storage import dense
-from workbench.solvers.abilities import Abilities, Boxes, Derivative, refuse
+from workbench.solvers.abilities import Abilities, Boxes, Derivative
 from workbench.solvers.convexity import Convexify, reflected
 from workbench.solvers.line_search import LineSearch, backtracking
 from workbench.solvers.run import Run
@@ -18,11 +18,26 @@ from workbench.solvers.solution import Callback, Solution
 
 @dataclass(frozen=True)
 class Newton:
-    """H p = -g with H = J'J + sum r_i H_i, then a line search; quadratic at every good minimum.
+    """Newton's method: H p = -g with H = J'J + sum r_i H_i, then a line search along p.
 
-    Far from a minimum H need not be positive definite and p need not go down. `convexify` makes
-    it so, in the metric D; by how much is the `damping` of each iterate, 0 where it was left as
-    it is.
+    It converges quadratically at every minimum where H is positive definite. Far from a minimum H
+    need not be, and the cost need not fall along p. `convexify` makes H positive definite in the
+    metric D; by how much it was changed is the `damping` of each iterate, 0 where H was left as it
+    is. See Nocedal and Wright, Numerical Optimization, 2006, section 3.4.
+
+    Attributes:
+        convexify: how H is made positive definite: `reflected` (eigenvalues lose their signs), or
+            `shifted` (a multiple of the identity is added).
+        scaling: the metric D in which H is changed; with `columns`, units do not
+            matter.
+        line_search: how far to go along p: `backtracking` or `full_step`.
+        max_iterations: the largest number of steps.
+        max_evaluations: the largest number of evaluations of the residual, its gradient, its
+            Jacobian and its Hessian together.
+        max_seconds: wall time in seconds. It is looked at before every evaluation, so that one step
+            of linear algebra may exceed it.
+        gradient_tolerance: a point whose `Problem.optimality` (a cosine, without unit) is at most
+            this has converged. A larger one ends earlier and farther from the minimum.
     """
 
     convexify: Convexify = reflected
@@ -35,7 +50,7 @@ class Newton:
 
     @property
     def abilities(self) -> Abilities:
-        """A Hessian at every iterate; no bounds."""
+        """It needs a Hessian at every iterate, and takes no bounds."""
         return Abilities(
             Derivative.HESSIAN, Boxes.UNKNOWN, source="Nocedal and Wright 2006, section 3.4"
         )
@@ -43,12 +58,9 @@ class Newton:
     def solve(
         self, problem: Problem, start: Values, *, callback: Callback | None = None
     ) -> Solution:
-        """See Solver; raises NotSupported for a problem with bounds or constraints."""
-        refuse("newton", self.abilities, problem)
+        """Solve from `start`; see `Solver`. Raises NotSupported for bounds or constraints."""
         with Run("newton", self, problem, start, callback) as run:
-            x = run.x
-            here = run.linearize(x)
-            run.record(x, here.cost, run.optimality(x, here))
+            x, here = run.x, run.begin()
             while True:
                 D = self.scaling(here)
                 H = dense(run.hessian(x))
@@ -64,6 +76,5 @@ class Newton:
                 to = x + self.line_search(run, x, here, p) * p
                 if np.array_equal(to, x):
                     run.stall()
-                x, here = run.wrapped(to, run.linearize(to))
-                run.record(x, here.cost, run.optimality(x, here), convex.change, "cholesky")
+                x, here = run.move(to, convex.change, "cholesky")
         return run.solution()

@@ -1,4 +1,4 @@
-"""The algorithms of NLopt, behind our own counters, our own best point and our own judge."""
+"""The algorithms of NLopt; a run counts, keeps the best point and judges it."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from workbench.blocks import Values
 from workbench.errors import UnknownName
 from workbench.problem import Problem
 from workbench.problem.constraint_set import ConstraintSet
-from workbench.solvers.abilities import Abilities, Derivative, refuse
+from workbench.solvers.abilities import Abilities, Derivative
 from workbench.solvers.limits import Stop
 from workbench.solvers.nlopt_algorithms import ALGORITHMS
 from workbench.solvers.nlopt_objective import Objective
@@ -36,22 +36,37 @@ SMALLEST_STEP = 1e-14  # of a trust region: COBYLA halves one for ever, asking f
 
 @dataclass(frozen=True)
 class Nlopt:
-    """An algorithm by NLopt's own name, in variables scaled by what they do at the start.
+    """An algorithm of NLopt (Johnson, The NLopt nonlinear-optimization package).
 
-    NLopt sees y_i = |J_i| x_i: quasi-Newton methods begin with the identity for a Hessian, and
-    after this scaling its diagonal is right. `cost_tolerance` is the relative fall of the cost
-    below which NLopt gives up; whether that point has converged, the problem says. `local` does
-    the descents of MLSL. Raises UnknownName for an algorithm that is not in ALGORITHMS.
+    NLopt sees the unknowns y_i = |J_i| x_i, with the Jacobian at the start: quasi-Newton methods
+    begin with the identity as their Hessian, and after this scaling its diagonal is right. Raises
+    UnknownName for an algorithm that is not in `nlopt_algorithms.ALGORITHMS`, which names the
+    source of each.
+
+    Attributes:
+        algorithm: NLopt's name of the algorithm, such as `LD_LBFGS`.
+        local: the algorithm of the descents of MLSL; others do not read it.
+        seed: of the stochastic algorithms.
+        max_iterations: the largest number of steps.
+        max_evaluations: the largest number of evaluations of the residual, its gradient, its
+            Jacobian and its Hessian together.
+        max_seconds: wall time in seconds. It is looked at before every evaluation, so that one step
+            of linear algebra may exceed it.
+        gradient_tolerance: a point whose `Problem.optimality` (a cosine, without unit) is at most
+            this has converged. A larger one ends earlier and farther from the minimum.
+        cost_tolerance: the relative decrease of the cost in one step below which NLopt gives up. A
+            larger one ends earlier; whether the point has converged is judged by
+            `gradient_tolerance` all the same.
     """
 
     algorithm: str = "LD_LBFGS"
     local: str = "LD_LBFGS"
-    seed: int = 0  # of those that roll dice
+    seed: int = 0
     max_iterations: int = 100_000
     max_evaluations: int = 20_000
     max_seconds: float = 600.0
     gradient_tolerance: float = 1e-6
-    cost_tolerance: float = 1e-16  # not by a single bit; at 1e-15 BOBYQA stops short
+    cost_tolerance: float = 1e-16  # less than a single bit; at 1e-15 BOBYQA stops short
 
     def __post_init__(self) -> None:
         for name in (self.algorithm, self.local):
@@ -60,21 +75,20 @@ class Nlopt:
 
     @property
     def abilities(self) -> Abilities:
-        """As the table has them."""
+        """The entry of `ALGORITHMS`."""
         return ALGORITHMS[self.algorithm]
 
     def solve(
         self, problem: Problem, start: Values, *, callback: Callback | None = None
     ) -> Solution:
-        """See Solver. Bounds are honoured; the start is moved inside them. Raises NotSupported
-        for bounds or constraints that the algorithm cannot take, or needs and has not.
+        """Solve from `start`, which is moved inside the bounds; see `Solver`.
+
+        Raises NotSupported for bounds or constraints that the algorithm does not take, and for
+        missing bounds that it needs.
         """
         name = f"nlopt {self.algorithm}"
-        refuse(name, self.abilities, problem)
         with Run(name, self, problem, start, callback) as run:
-            x0 = np.clip(run.x, problem.lower, problem.upper)
-            here = run.linearize(x0)
-            run.record(x0, here.cost, run.optimality(x0, here))
+            x0, here = run.x, run.begin()
             self._check_the_step(x0.size)
             scale = np.where(here.column_norms > 0, here.column_norms, 1.0)
             optimizer = self._optimizer(self.algorithm, x0.size)
@@ -111,7 +125,7 @@ class Nlopt:
         return run.solution()
 
     def _check_the_step(self, n: int) -> None:
-        """Stop where a single step would take longer than the whole run may."""
+        """Stop the run if a single step in n unknowns would take longer than `max_seconds`."""
         seconds = STEP_SECONDS.get(self.algorithm, 0.0) * n**3
         if seconds > self.max_seconds:
             raise Stop(
@@ -122,10 +136,10 @@ class Nlopt:
             )
 
     def _optimize(self, run: Run, optimizer: nlopt.opt, x0: Array, scale: Array) -> None:
-        """Run it; one that descends by gradients again from the best point while that gains.
+        """Run the optimizer.
 
-        Whether a single step gains nothing in the last bit is a matter of luck, and MMA and CCSA
-        end on it far from a minimum.
+        A local one that uses gradients is run again from the best point as long as the cost falls:
+        MMA and CCSA end as soon as one step happens to gain nothing, even far from a minimum.
         """
         problem, x, cost = run.problem, x0, run.best.cost
         descends = self.abilities.derivative is Derivative.GRADIENT and not self.abilities.is_global
@@ -149,7 +163,7 @@ class Nlopt:
 
 
 def _constrain(optimizer: nlopt.opt, objective: Objective, there: ConstraintSet) -> None:
-    """NLopt's form: h(x) = 0 and g(x) <= 0."""
+    """Give the constraints to NLopt in its form: h(x) = 0 and g(x) <= 0."""
     equal, above, below = there.equal, np.isfinite(there.upper), np.isfinite(there.lower)
     if equal.any():
         rows = objective.rows(there, equal, 1.0, there.lower)

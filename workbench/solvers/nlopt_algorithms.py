@@ -1,7 +1,7 @@
-"""What each algorithm of NLopt 2.10 needs and supports; measured where its manual is silent.
+"""What each algorithm of NLopt 2.10 needs and supports, by its manual or by measurement.
 
-LD_LBFGS_NOCEDAL is a name without an implementation, and left out. A global algorithm searches
-the box between the bounds until its evaluations are used up.
+LD_LBFGS_NOCEDAL is left out, because it is a name without an implementation. A global algorithm
+searches the box between the bounds until its evaluations are used up.
 """
 
 from collections.abc import Mapping
@@ -15,7 +15,7 @@ UNKNOWN, TAKEN, NEEDED = Boxes.UNKNOWN, Boxes.TAKEN, Boxes.NEEDED
 def _everywhere(
     source: str, *, derivative: Derivative = COST, stochastic: bool = False, note: str = ""
 ) -> Abilities:
-    """A search of the whole box."""
+    """The abilities of an algorithm that searches the whole box between the bounds."""
     return Abilities(
         derivative, NEEDED, is_global=True, stochastic=stochastic, source=source, note=note
     )

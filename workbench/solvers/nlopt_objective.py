@@ -1,4 +1,4 @@
-"""What NLopt is shown: always a finite number, and never anything raised."""
+"""The cost and the constraints as NLopt sees them: always finite, and nothing is raised."""
 
 from collections.abc import Callable
 from math import sqrt
@@ -18,9 +18,9 @@ LOOK = 3.0  # times the tolerance: an estimate of the optimality at which it is 
 class Objective:
     """The cost and the constraints in NLopt's variables y = scale x.
 
-    What is raised inside stops NLopt and is kept for later. Where the residual is not finite
-    NLopt sees a cone that rises from the last good point: COBYLA does not survive a NaN, nor do
-    the others get far with one.
+    An exception stops NLopt and is kept as `error`. Where the residual is not finite, NLopt sees a
+    cone that rises from the last good point: given a NaN, COBYLA never returns and the others do
+    not get far.
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class Objective:
     def rows(
         self, there: ConstraintSet, wanted: Mask, sign: float, limit: Array
     ) -> Callable[[Array, Array, Array], None]:
-        """sign (c - limit) of some rows of the constraints, as NLopt asks for them."""
+        """A function of NLopt's form for sign (c - limit) of the `wanted` rows (k,)."""
 
         def evaluate(result: Array, y: Array, gradient: Array) -> None:
             result[:] = 0.0
@@ -102,18 +102,18 @@ class Objective:
         self._last, self._worst = (y.copy(), cost), max(self._worst, cost)
         if self._is_worth_recording(cost):
             self._lowest = cost
-            run.record(x, cost, self._optimality(x, g))
+            run.record(x, cost, self._linearization(x, g))
         return cost
 
     def _is_worth_recording(self, cost: float) -> bool:
-        """Whether it is the best so far; with constraints also if it may be more stationary."""
+        """Whether the cost is the lowest, or may be that of a more stationary feasible point."""
         best = self.run.best
         if self.run.problem.stacked_constraints is None:
             return cost < self._lowest
         return best.cost == cost or (best.violation <= 1 and cost <= (1 + BOUGHT) * best.cost)
 
     def _cone(self, y: Array, gradient: Array) -> float:
-        """Higher than anything seen, and falling towards the last good point."""
+        """A cost higher than all before, whose gradient leads back to the last good point."""
         good, cost = self._last
         way, high = y - good, 10 * abs(self._worst) + 1
         length = float(np.linalg.norm(way))
@@ -121,14 +121,14 @@ class Objective:
             gradient[:] = (high - cost) * way / length**2 if length > 0 else 0.0
         return float(high)
 
-    def _optimality(self, x: Array, g: Array) -> float:
-        """The problem's measure where it may be small, NaN elsewhere: it costs a Jacobian.
+    def _linearization(self, x: Array, g: Array) -> Linearization | None:
+        """The linearization at x (n,) if the point may be nearly stationary, else None.
 
-        Whether it may be, the gradient says with the column norms of the last Jacobian.
+        The gradient g (n,) and the column norms of the last Jacobian tell whether it may be.
         """
         run, problem = self.run, self.run.problem
         if not (self._descends and g.size):
-            return np.nan
+            return None
         if problem.stacked_constraints is None:
             way = -g / self._norms
             if self._bounded:
@@ -138,9 +138,9 @@ class Objective:
             size = sqrt(2 * run.best.cost)
             enough = self._error + self._look * run.limits.gradient_tolerance * size
             if (np.abs(way) > enough).any():
-                return np.nan
+                return None
         here = run.linearize(x)
         self._look = 1.0  # from here on the norms are good
         self._norms = np.where(here.column_norms > 0, here.column_norms, np.inf)
         self._error = problem.support.norms(run.rounding_noise.at(x, here).rows)
-        return run.optimality(x, here)
+        return here

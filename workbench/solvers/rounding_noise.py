@@ -1,4 +1,4 @@
-"""Rounding errors along a run: measured where they may matter, and not at every point."""
+"""Rounding errors along a run, measured where they may matter and not at every point."""
 
 import numpy as np
 
@@ -15,8 +15,9 @@ OFTEN = 5  # linearizations after which they are measured in any case
 class RoundingNoise:
     """How much rounding errors hide at the points of a run.
 
-    To measure them takes about a tenth of a linearization. What was measured a few points ago is
-    enough to tell that they are nothing beside the residual, as they are on most of the way.
+    A measurement takes about a tenth of the time of a linearization. On most of the way the
+    measurement of a few points ago is enough to tell that rounding errors are much smaller than
+    the residual.
     """
 
     def __init__(self, problem: Problem, fixed: Array, linearizations: LinearizationCache) -> None:
@@ -25,7 +26,7 @@ class RoundingNoise:
         self.age = 0  # of the last measurement, in linearizations
 
     def at(self, x: Array, here: Linearization) -> Rounding:
-        """How much of each row of the residual may be rounding error at x, measured there.
+        """How much of each row of the residual may be rounding error at x (n,), measured there.
 
         At a far start it may be larger than all of the residual at the minimum.
         """
@@ -34,27 +35,27 @@ class RoundingNoise:
             self._last, self.age = self._problem.rounding(x, self._fixed, here.residual), 0
             return self._last
 
-        return self._linearizations.rounding(here, guarded()(measure))
+        return self._linearizations.once("rounding", here, guarded()(measure))
 
     def of_cost(self, x: Array, here: Linearization) -> float:
-        """By how much rounding may have changed the cost at x."""
+        """By how much rounding may have changed the cost at x (n,)."""
         return self.at(x, here).of_cost(here.residual)
 
-    def about(self, x: Array, here: Linearization) -> Rounding:
-        """The same, or what it was a few points ago."""
-        return self._lately or self.at(x, here)
+    def recent(self, x: Array, here: Linearization) -> Rounding:
+        """The rounding errors measured a few points ago, or those at x (n,) if there are none."""
+        return self._recent or self.at(x, here)
 
     def optimality(self, x: Array, here: Linearization) -> float:
-        """The problem's measure, less what rounding explains at x."""
+        """`Problem.optimality` at x (n,), less what rounding explains there."""
 
         def measure() -> float:
-            if (last := self._lately) is not None:
+            if (last := self._recent) is not None:
                 found = self._problem.optimality(x, here)
                 if found * min(1.0, float(np.sqrt(2 * here.cost))) > CLEARLY * last.norm:
                     return found
             return self._problem.optimality(x, here, self.at(x, here))
 
-        return self._linearizations.optimality(here, measure)
+        return self._linearizations.once("optimality", here, measure)
 
     def hides(
         self,
@@ -63,11 +64,11 @@ class RoundingNoise:
         here: Linearization,
         moved: Mask | None = None,
     ) -> bool:
-        """Whether rounding may hide such a fall of the cost from x.
+        """Whether rounding may hide that the cost falls from x (n,) by as much as `predicted`.
 
-        Only rows that `moved` (m,) count, if they are known.
+        If `moved` (m,) is given, only these rows of the residual count.
         """
-        last = self._lately
+        last = self._recent
         if last is not None and predicted > CLEARLY * last.of_cost(here.residual):
             return False
         rounding = self.at(x, here)
@@ -76,5 +77,5 @@ class RoundingNoise:
         return predicted <= rounding.of_fall(here.residual, moved)
 
     @property
-    def _lately(self) -> Rounding | None:
+    def _recent(self) -> Rounding | None:
         return self._last if self.age < OFTEN else None

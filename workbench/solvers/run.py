@@ -1,12 +1,11 @@
-"""One solver at work on one problem: it evaluates, counts, keeps the best, knows when to stop."""
+"""One run of a solver on a problem: its evaluations, its iterates, its best point, its limits."""
 
-import time
 from collections.abc import Callable
 from contextlib import ExitStack, closing
 from dataclasses import asdict
 from math import isfinite, isnan
 from types import TracebackType
-from typing import NamedTuple, NoReturn, TypeVar
+from typing import NoReturn, TypeVar
 
 import numpy as np
 
@@ -16,10 +15,12 @@ from workbench.interrupts import Interrupts
 from workbench.problem import Linearization, Problem
 from workbench.problem.rounding import fall, half_squared
 from workbench.problem.storage import Stored, entries
+from workbench.solvers.abilities import refuse
 from workbench.solvers.best import Best
 from workbench.solvers.ending import ending
-from workbench.solvers.limits import Limits, Stop, guarded, stop_of, unwarned
+from workbench.solvers.limits import Options, Stop, guarded, stop_of, unwarned
 from workbench.solvers.linearization_cache import LinearizationCache
+from workbench.solvers.meter import Meter
 from workbench.solvers.rounding_noise import RoundingNoise
 from workbench.solvers.sensitivity import Sensitivity
 from workbench.solvers.solution import Callback, Evaluations, Iterate, Solution, Status
@@ -28,35 +29,30 @@ from workbench.threads import limited_threads
 
 T = TypeVar("T")
 NOT_FINITE_IN_A_ROW = 100  # a line search that halves has long met rounding by then
-BOUGHT = 1e-5  # of the cost: points that are cheaper by less, and no more, may owe it to a miss
-TRIES = 6  # at a point that is more stationary, each step more cautious than the last
+BOUGHT = 1e-5  # of the cost: what violations within the tolerances of constraints may gain
+TRIES = 6  # to find a more stationary point, each step more cautious than the last
 INTERRUPTED = "interrupted from the keyboard"
 POLISHED = 0.99  # of the optimality before, at most, where costs no longer tell points apart
 
 
-class Trial(NamedTuple):
-    """What a step gained, as a share of its promise, and the linearization if it was needed."""
-
-    gain_ratio: float
-    there: Linearization | None = None
-
-
 class Run:
-    """A context: what is raised inside ends the run, and `solution` tells how.
+    """One run of a solver: a context that ends with a Stop, after which `solution` says how.
 
-    Functions evaluate at flat vectors and raise Stop when a limit is reached. An interrupt from
-    the keyboard ends the run too, with the best point kept: until `solution` returns, signals are
-    written down and every evaluation asks for them. Linear algebra keeps to WORKBENCH_THREADS.
+    Its methods evaluate at flat vectors and raise Stop when a limit is reached. An interrupt from
+    the keyboard also ends the run and keeps the best point: until `solution` returns, signals are
+    noted and looked at before every evaluation. Linear algebra uses WORKBENCH_THREADS threads.
+    Raises NotSupported, before anything is evaluated, for a problem that the solver does not take.
     """
 
     def __init__(
-        self, name: str, limits: Limits, problem: Problem, start: Values, callback: Callback | None
+        self, name: str, solver: Options, problem: Problem, start: Values, callback: Callback | None
     ) -> None:
-        self.name, self.limits, self.problem, self.callback = name, limits, problem, callback
-        self.x, self.fixed = problem.split(start)
+        refuse(name, solver.abilities, problem)
+        self.name, self.limits, self.problem, self.callback = name, solver, problem, callback
+        x, self.fixed = problem.split(start)
+        self.x = np.clip(x, problem.lower, problem.upper)
         self._around = problem.fixed.unpack(self.fixed) if problem.free.parts else None
-        self.began = time.perf_counter()
-        self.counts = dict.fromkeys(asdict(Evaluations()), 0)
+        self.meter = Meter(asdict(Evaluations()), solver.max_evaluations, solver.max_seconds)
         self.trace: list[Iterate] = []
         self.best = Best(self.x)
         self.stopped: Stop | None = None
@@ -73,7 +69,6 @@ class Run:
     def __enter__(self) -> "Run":
         self._threads.enter_context(limited_threads())
         self._threads.enter_context(unwarned())
-        self.began = time.perf_counter()
         self._interrupts.open()
         return self
 
@@ -93,24 +88,22 @@ class Run:
     # Evaluation.
 
     def cost(self, x: Array) -> float:
-        """The cost at x; infinite where the residual is not finite, so that no step goes there."""
+        """The cost at x (n,); infinite where the residual is not finite."""
         return self.cost_and_residual(x)[0]
 
     def cost_and_residual(self, x: Array) -> tuple[float, Array]:
-        """The same, and the residual (m,) that it is the cost of."""
+        """The cost at x (n,) and the residual (m,) there; see `cost`."""
         known = self.linearizations.at(x)
         if known is not None:
             self.check()
-            return known.cost, known.residual  # the best point knows of it
+            return known.cost, known.residual  # it was offered to `best` before
         r = self.evaluate("residual", lambda: self.problem.residual(x, self.fixed))
         return self._kept(x, half_squared(r)), r
 
     def cost_and_gradient(self, x: Array) -> tuple[float, Array]:
         """The cost and its gradient at x, by one reverse sweep."""
         cost, g = self.evaluate("gradient", lambda: self.problem.cost_and_gradient(x, self.fixed))
-        if not np.isfinite(g).all():
-            cost = np.inf
-        return self._kept(x, cost), g
+        return self._kept(x, cost if np.isfinite(g).all() else np.inf), g
 
     def linearize(self, x: Array) -> Linearization:
         """Residual and Jacobian at x; stops the run where they are not finite."""
@@ -143,15 +136,13 @@ class Run:
     def check(self) -> None:
         """Stop the run if its evaluations or its time are used up, or if it is interrupted."""
         self._interrupts.check()
-        if sum(self.counts.values()) - self.counts["constraint"] >= self.limits.max_evaluations:
-            raise Stop(Status.MAX_EVALUATIONS)
-        if time.perf_counter() - self.began > self.limits.max_seconds:
-            raise Stop(Status.MAX_SECONDS)
+        self.meter.check_evaluations()
+        self.meter.check_seconds()
 
     def evaluate(self, kind: str, function: Callable[[], T]) -> T:
-        """What a function of the user's gives, counted, within the limits."""
+        """Call a function of the user, count it, and check the limits before."""
         self.check()
-        self.counts[kind] += 1
+        self.meter.counts[kind] += 1
         with guarded(), self._interrupts.raised_at_once():
             return function()
 
@@ -170,63 +161,73 @@ class Run:
         self.best.offer(x, cost, violation)
         return cost
 
-    # The way.
+    # Iterates.
 
     def optimality(self, x: Array, here: Linearization) -> float:
-        """The problem's measure, less what rounding explains there."""
+        """`Problem.optimality` at x (n,), less what rounding explains there."""
         return self.rounding_noise.optimality(x, here)
 
-    def gain_ratio(self, x: Array, here: Linearization, to: Array, predicted: float) -> Trial:
-        """The fall of the cost from x to another point, as a share of what was promised.
+    def gain_ratio(self, x: Array, here: Linearization, to: Array, predicted: float) -> float:
+        """The actual decrease of the cost from x to another point over the `predicted` one.
 
-        A promise that rounding would hide is kept by a point that is more stationary; if
-        several in a row are not, there is nothing more to gain and the run ends.
+        If rounding errors hide a decrease of that size, it is 1 for a more stationary point. If
+        several points in a row are not more stationary, nothing is left to gain and the run ends.
         """
-        self.check()  # whoever tries shorter and shorter steps may never evaluate anything
+        self.check()  # a solver that tries shorter and shorter steps may never evaluate anything
         if not predicted > 0:
-            return Trial(-np.inf)
+            return -np.inf
         cost, residual = self.cost_and_residual(to)
         if not np.isfinite(cost):
-            return Trial(-np.inf)
+            return -np.inf
         moved = residual != here.residual
         if not self.rounding_noise.hides(predicted, x, here, moved):
-            return Trial(fall(here.residual, residual) / predicted)
+            return fall(here.residual, residual) / predicted
         there = self.linearize(to)
         if self.optimality(to, there) <= POLISHED * self.optimality(x, here):
             self._unpolished = 0
-            return Trial(1.0, there)
+            return 1.0
         self._unpolished += 1
         if self._unpolished > TRIES:
             self.stall()
-        return Trial(-np.inf)
+        return -np.inf
 
-    def unless_solved(self, x: Array) -> None:
-        """End the run at a start that needs no solver: a warm one."""
-        optimality = self.optimality(x, here := self.linearize(x))
-        if optimality <= self.limits.gradient_tolerance:
-            self.record(x, here.cost, optimality)
+    def begin(self) -> Linearization:
+        """The linearization at the start, which is the first iterate."""
+        here = self.linearize(self.x)
+        self.record(self.x, here.cost, here)
+        return here
 
-    def wrapped(self, x: Array, here: Linearization) -> tuple[Array, Linearization]:
-        """The same point with rotation vectors of at most half a turn, where that costs nothing.
+    def move(
+        self, to: Array, damping: float = 0.0, linear_algebra: str = ""
+    ) -> tuple[Array, Linearization]:
+        """The next iterate, and the linearization there.
 
-        A prior on the pose may have it otherwise, and so may bounds.
+        It is `to` (n,) with rotation vectors of at most half a turn, where neither the cost nor a
+        bound forbids that.
         """
-        turned = rewrapped(
-            self.problem,
-            x,
-            lambda to: self.cost(to) <= here.cost + self.rounding_noise.of_cost(x, here),
-        )
-        return (x, here) if turned is x else (turned, self.linearize(turned))
+        there = self.linearize(to)
+
+        def is_free(turned: Array) -> bool:
+            return self.cost(turned) <= there.cost + self.rounding_noise.of_cost(to, there)
+
+        x = rewrapped(self.problem, to, is_free)
+        here = self.linearize(x)
+        self.record(x, here.cost, here, damping, linear_algebra)
+        return x, here
 
     def record(
         self,
         x: Array,
         cost: float,
-        optimality: float = np.nan,
+        here: Linearization | None = None,
         damping: float = 0.0,
         linear_algebra: str = "",
     ) -> None:
-        """Add an iterate to the trace; stop if it is good enough, or limit or callback say so."""
+        """Add an iterate to the trace, and its optimality if it was linearized `here`.
+
+        Stops the run if it has converged, its iterations are used up, or the callback says so.
+        """
+        optimality = np.nan if here is None else self.optimality(x, here)
         step = 0.0 if self._recorded is None else float(np.linalg.norm(x - self._recorded))
         self._recorded = x.copy()
         iterate = Iterate(
@@ -235,13 +236,13 @@ class Run:
             optimality,
             step,
             damping,
-            Evaluations(**self.counts),
-            time.perf_counter() - self.began,
+            Evaluations(**self.meter.counts),
+            self.meter.seconds,
             linear_algebra,
         )
         self.trace.append(iterate)
-        if not isnan(optimality):
-            self._settle(x, cost, optimality)
+        if here is not None and not isnan(optimality):
+            self._settle(x, cost, here, optimality)
         stop: object = False
         if self.callback is not None:
             with self._interrupts.raised_at_once():
@@ -254,15 +255,12 @@ class Run:
         if len(self.trace) > self.limits.max_iterations:
             raise Stop(Status.MAX_ITERATIONS)
 
-    def _settle(self, x: Array, cost: float, optimality: float) -> None:
-        """Prefer this point to the best one if it costs the same and is more stationary.
-
-        Rounding, 1/2 (tolerance |r|)^2 and the tolerances of constraints make costs the same.
+    def _settle(self, x: Array, cost: float, here: Linearization, optimality: float) -> None:
+        """Prefer this point to the best one if it is more stationary, and costs the same up to
+        rounding, 1/2 (tolerance |r|)^2, and what the tolerances of constraints allow.
         """
-        here, there = self.linearizations.at(x), self.problem.stacked_constraints
-        if here is None:
-            return
-        noise = self.rounding_noise.about(x, here).of_cost(here.residual)
+        there = self.problem.stacked_constraints
+        noise = self.rounding_noise.recent(x, here).of_cost(here.residual)
         noise += self.limits.gradient_tolerance**2 * cost
         if there is None:
             self.best.settle(x, cost, 0.0, optimality, noise)
@@ -271,13 +269,13 @@ class Run:
             self.best.settle(x, cost, violation, optimality, BOUGHT * cost + noise)
 
     def stall(self, message: str = "") -> NoReturn:
-        """End the run for want of a better point, or for what stood in the way of one."""
+        """End the run because no better point is found, for the reason in `message` if given."""
         if len(self.trace) - self.met_not_finite <= 1:  # in the last step or the one before
             raise Stop(Status.NOT_FINITE)
         raise Stop(Status.STALLED, message)
 
     def solution(self) -> Solution:
-        """The best point seen, and how the run ended: STOPPED after Ctrl-C, even at its end."""
+        """The best point and how the run ended, which is STOPPED after Ctrl-C, even at its end."""
         stop = self.stopped or Stop(Status.STALLED)
         with closing(self._interrupts), unwarned():
             status, message, optimality, lost, unnoticed = ending(self, stop)
@@ -291,8 +289,8 @@ class Run:
             status,
             message,
             self.name,
-            Evaluations(**self.counts),
-            time.perf_counter() - self.began,
+            Evaluations(**self.meter.counts),
+            self.meter.seconds,
             tuple(self.trace),
             max(self.best.violation, 0.0) if np.isfinite(self.best.cost) else 0.0,
             lost,

@@ -1,4 +1,4 @@
-"""The metric D of a step: what a unit of each entry costs."""
+"""The metric D of a step: how much a change of each unknown by one unit counts."""
 
 from collections.abc import Callable
 
@@ -11,12 +11,18 @@ Scaling = Callable[[Linearization], Array]
 
 
 def identity(here: Linearization) -> Array:
-    """D = I: a radian, a metre and a standard deviation of shape cost the same (Levenberg 1944)."""
+    """D = I (n,): a radian, a metre and a standard deviation of shape count the same.
+
+    See Levenberg, A method for the solution of certain non-linear problems in least squares, 1944.
+    """
     return np.ones(here.shape[1])
 
 
 def columns(here: Linearization) -> Array:
-    """D = diag |J_i|: no entry's unit matters (Marquardt 1963). Right for regressions; on bodies
-    it frees the entries that the data hardly see, and the fit wanders.
+    """D = diag |J_i| (n,): units of unknowns do not matter.
+
+    See Marquardt, An algorithm for least-squares estimation of nonlinear parameters, 1963. This
+    suits regressions. On bodies it hardly damps the unknowns that change the residual least, which
+    then move far without need.
     """
     return np.where(here.column_norms > 0, here.column_norms, 1.0)

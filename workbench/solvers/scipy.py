@@ -1,4 +1,4 @@
-"""SciPy's least squares, as a reference: its steps, our counters, our best point, our judge."""
+"""SciPy's least-squares solvers, for comparison; a run counts, keeps the best point and judges."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -11,7 +11,7 @@ from workbench.blocks import Values
 from workbench.errors import UnknownName
 from workbench.problem import Problem
 from workbench.problem.storage import Stored, columns_of, dense, stacked, unblocked
-from workbench.solvers.abilities import Abilities, Boxes, Derivative, refuse
+from workbench.solvers.abilities import Abilities, Boxes, Derivative
 from workbench.solvers.run import Run
 from workbench.solvers.scaling import Scaling, identity
 from workbench.solvers.solution import Callback, Solution, Status
@@ -26,9 +26,23 @@ TOLERANCE = 1e-15  # of SciPy's own rules, so that ours is asked first
 
 @dataclass(frozen=True)
 class Scipy:
-    """`scipy.optimize.least_squares` by the name of its method: trf, dogbox or lm.
+    """A method of `scipy.optimize.least_squares`. Raises UnknownName for a method not named here.
 
-    `scaling` is asked once, at the start. Raises UnknownName for another method.
+    Attributes:
+        method: `trf` (Branch, Coleman and Li, A subspace, interior, and conjugate gradient method
+            for large-scale bound-constrained minimization problems, 1999), `dogbox` (Voglis and
+            Lagaris, A rectangular trust region dogleg approach for unconstrained and bound
+            constrained nonlinear optimization, 2004) or `lm` (Moré, The Levenberg-Marquardt
+            algorithm: implementation and theory, 1978).
+        scaling: the metric D of a step, computed once, at the start. `identity`: a radian, a metre
+            and a standard deviation count the same; `columns`: units do not matter.
+        max_iterations: the largest number of steps.
+        max_evaluations: the largest number of evaluations of the residual, its gradient, its
+            Jacobian and its Hessian together.
+        max_seconds: wall time in seconds. It is looked at before every evaluation, so that one step
+            of linear algebra may exceed it.
+        gradient_tolerance: a point whose `Problem.optimality` (a cosine, without unit) is at most
+            this has converged. A larger one ends earlier and farther from the minimum.
     """
 
     method: str = "trf"
@@ -44,23 +58,24 @@ class Scipy:
 
     @property
     def abilities(self) -> Abilities:
-        """As the table has them."""
+        """The entry of `METHODS`."""
         return METHODS[self.method]
 
     def solve(
         self, problem: Problem, start: Values, *, callback: Callback | None = None
     ) -> Solution:
-        """See Solver. Bounds are honoured by trf and dogbox, and the start is moved inside them."""
+        """Solve from `start`, which is moved inside the bounds; see `Solver`.
+
+        Raises NotSupported for constraints, and for bounds if the method is `lm`.
+        """
         name = f"scipy {self.method}"
-        refuse(name, self.abilities, problem)
         with Run(name, self, problem, start, callback) as run:
-            x0 = np.clip(run.x, problem.lower, problem.upper)
             loose = problem.lower < problem.upper  # SciPy takes no bounds that are equal
-            functions = _Functions(run, x0, loose)
-            D = self.scaling(functions.here)[loose]
+            functions = _Functions(run, loose)
+            D = self.scaling(run.linearize(run.x))[loose]
             answer: Any = scipy.optimize.least_squares(
                 functions.residual,
-                x0[loose],
+                run.x[loose],
                 functions.dense_jacobian if self.method == "lm" else functions.jacobian,
                 bounds=(problem.lower[loose], problem.upper[loose]),
                 method=self.method,  # type: ignore[arg-type]  # one of METHODS
@@ -75,44 +90,43 @@ class Scipy:
 
 
 class _Functions:
-    """Residual and Jacobian as SciPy asks for them, in the entries whose bounds leave them loose.
+    """Residual and Jacobian as SciPy asks for them, in the `loose` entries: their bounds differ.
 
-    MINPACK wants as many rows as columns, so there are zeros below. A residual that is not finite
-    becomes the largest seen, ten times: MINPACK believes a NaN.
+    MINPACK needs as many rows as columns, so that zeros are added below. A residual that is not
+    finite is replaced by ten times the largest so far, because MINPACK does not notice a NaN.
     """
 
-    def __init__(self, run: Run, x0: Array, loose: Mask) -> None:
-        self.run, self.x0, self.loose = run, x0, loose
-        self.here = run.linearize(x0)
-        self._known: Array | None = x0
-        run.record(x0, self.here.cost, run.optimality(x0, self.here))
-        self._padding = max(0, int(loose.sum()) - self.here.shape[0])
-        self._largest = self.here.residual
+    def __init__(self, run: Run, loose: Mask) -> None:
+        self._run, self._loose = run, loose
+        here = run.begin()
+        self._at = run.x
+        self._padding = max(0, int(loose.sum()) - here.shape[0])
+        self._largest = here.residual
 
     def residual(self, free: Array) -> Array:
-        x = self._whole(free)
-        if self._known is not None and np.array_equal(x, self._known):
-            r = self.here.residual
-        else:
-            cost, r = self.run.cost_and_residual(x)
-            if not np.isfinite(cost):
-                r = 10 * np.abs(self._largest) + 1
-            elif r @ r > self._largest @ self._largest:
-                self._largest = r
+        """The residual (m,) and zeros below it."""
+        cost, r = self._run.cost_and_residual(self._whole(free))
+        if not np.isfinite(cost):
+            r = 10 * np.abs(self._largest) + 1
+        elif r @ r > self._largest @ self._largest:
+            self._largest = r
         return np.append(r, np.zeros(self._padding))
 
     def jacobian(self, free: Array) -> Stored:
+        """The Jacobian (m, n) and zeros below it. Another point than before is an iterate."""
         x = self._whole(free)
-        if self._known is None or not np.array_equal(x, self._known):
-            self.here, self._known = self.run.linearize(x), x
-            self.run.record(x, self.here.cost, self.run.optimality(x, self.here))
-        J = columns_of(self.here.jacobian, self.loose)
+        here = self._run.linearize(x)
+        if not np.array_equal(x, self._at):
+            self._at = x
+            self._run.record(x, here.cost, here)
+        J = columns_of(here.jacobian, self._loose)
         return unblocked(stacked(J, np.zeros((self._padding, J.shape[1])))) if self._padding else J
 
     def dense_jacobian(self, free: Array) -> Array:
+        """The Jacobian as an array."""
         return dense(self.jacobian(free))
 
     def _whole(self, free: Array) -> Array:
-        x = self.x0.copy()
-        x[self.loose] = free
+        x = self._run.x.copy()
+        x[self._loose] = free
         return x

@@ -1,4 +1,4 @@
-"""Which unknowns the residual noticed along a run, and which of them it has lost."""
+"""Which unknowns changed the residual along a run, and which of them no longer do at its end."""
 
 from collections.abc import Callable
 
@@ -12,27 +12,27 @@ NUDGE = 1e-3  # of the size of an unknown: far enough for its own curvature to s
 
 
 class Sensitivity:
-    """The longest column |J_i| of each unknown that a run met."""
+    """The longest column |J_i| of each unknown at the points of a run."""
 
     def __init__(self, n: int) -> None:
         self._longest = np.zeros(n)
 
     def observe(self, here: Linearization) -> None:
-        """Another point of the run."""
+        """Take account of another point of the run."""
         self._longest = np.maximum(self._longest, here.column_norms)
 
     @property
     def never(self) -> Mask:
-        """The unknowns whose column was zero wherever a Jacobian was asked for, (n,)."""
+        """The unknowns (n,) whose column was zero at all points."""
         return np.asarray(self._longest == 0)
 
     def gone(
         self, x: Array, start: Array, here: Linearization, support: Support, rounding: Rounding
     ) -> Mask:
-        """The unknowns whose column was noticed on the way and is zero to rounding at x, (n,).
+        """The unknowns (n,) whose column is zero to rounding at x, but was not on the way.
 
-        Zero: moving x_i by its own size, or back to the start, changes the rows that it can
-        change by no more than their rounding errors.
+        A column is zero to rounding if moving x_i by its own size, or back to the start, changes
+        the rows that it can change by no more than their rounding errors.
         """
         size = np.maximum(np.abs(x), np.abs(x - start))
         error = support.norms(rounding.rows)
@@ -48,12 +48,11 @@ def lost(
     rounding: Rounding,
     residual: Callable[[Array], Array],
 ) -> Mask:
-    """Those of the `gone` that took a residual with them, (n,).
+    """Which of the unknowns that are `gone` (n,) are lost.
 
-    Not lost are those whose rows at the start, where their columns were not zero, have become
-    zero, as the rows of a penalty that is no longer in force: nothing more is to be gained by
-    them. Nor are those that the residual notices a little to both sides: there the cost rises, and
-    the column is zero because this is their minimum.
+    An unknown is not lost if the rows that it changed at the start have become zero, as the rows of
+    a penalty that is no longer active: nothing more can be gained from it. Nor is it lost if the
+    cost rises a little to both sides of x: then its column is zero because this is the minimum.
     """
     found = gone.copy()
     size = np.maximum(np.abs(x), np.abs(x - start_x))

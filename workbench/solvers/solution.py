@@ -1,8 +1,8 @@
-"""What every solver is asked, and what it answers with."""
+"""What every solver takes and returns: a problem and a start, and a solution with its trace."""
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, astuple, dataclass, field, fields, replace
 from enum import Enum
 from pathlib import Path
 from typing import Any, Protocol
@@ -47,39 +47,82 @@ class Status(Enum):
 
 @dataclass(frozen=True)
 class Evaluations:
-    """How often a solver asked for what."""
+    """The number of evaluations of each kind.
+
+    Attributes:
+        residual: of the residual, and so of the cost.
+        gradient: of the cost and its gradient.
+        jacobian: of the residual and its Jacobian.
+        hessian: of the exact Hessian of the cost.
+        constraint: of the values, the Jacobian or the Hessian of the constraints.
+    """
 
     residual: int = 0
     gradient: int = 0
     jacobian: int = 0
     hessian: int = 0
-    constraint: int = 0  # values or Jacobian of the constraints
+    constraint: int = 0
 
     @property
     def total(self) -> int:
-        """Of the residual, its gradient, its Jacobian and its Hessian, together."""
+        """All evaluations but those of the constraints."""
         return self.residual + self.gradient + self.jacobian + self.hessian
+
+    def __add__(self, other: "Evaluations") -> "Evaluations":
+        """The evaluations of both."""
+        return Evaluations(*(a + b for a, b in zip(astuple(self), astuple(other), strict=True)))
 
 
 @dataclass(frozen=True, eq=False)
 class Iterate:
-    """One point that a solver visited."""
+    """One point that a solver visited.
+
+    Attributes:
+        values: the values of the free blocks.
+        cost: the cost at the point.
+        optimality: `Problem.optimality`, 0 at a stationary point; NaN where it was not computed.
+        step_norm: the length of the step from the iterate before, in the units of the unknowns.
+        damping: the damping after the step, or by how much the Hessian was changed; 0 for solvers
+            that have neither.
+        evaluations: the evaluations up to here.
+        seconds: the time up to here, in s.
+        linear_algebra: the factorization that gave the step to this point; empty where it is not
+            known.
+    """
 
     values: Values
     cost: float
-    optimality: float  # Problem.optimality: 0 at a stationary point; NaN where it was not asked
+    optimality: float
     step_norm: float
     damping: float
     evaluations: Evaluations
     seconds: float
-    linear_algebra: str = ""  # the factorization behind the step that led here, where we know it
+    linear_algebra: str = ""
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """The best point that a solver found, how it ended, and the way there."""
+    """The best point that a solver found, how it ended, and the way there.
 
-    values: Values  # of the free blocks
+    Attributes:
+        values: the values of the free blocks.
+        cost: the cost at the point.
+        optimality: `Problem.optimality` there, 0 at a stationary point; NaN if it is not known.
+        status: how the run ended.
+        message: the same in a sentence.
+        solver: the name of the solver.
+        evaluations: the evaluations of the whole run.
+        seconds: the time of the whole run, in s.
+        trace: the iterates, the start first.
+        violation: by how many tolerances the worst constraint is exceeded; up to 1 the point is
+            feasible.
+        lost: labels of the lost unknowns: the residual changed with them on the way, and no longer
+            does at this point.
+        unnoticed: labels of unknowns whose columns of the Jacobian were zero at all points where it
+            was computed.
+    """
+
+    values: Values
     cost: float
     optimality: float
     status: Status
@@ -88,9 +131,9 @@ class Solution:
     evaluations: Evaluations
     seconds: float
     trace: tuple[Iterate, ...] = field(repr=False)
-    violation: float = 0.0  # by how many tolerances the worst constraint is missed; up to 1 is met
-    lost: tuple[str, ...] = ()  # unknowns that the residual noticed on the way, and here no longer
-    unnoticed: tuple[str, ...] = ()  # unknowns whose columns were zero wherever they were seen
+    violation: float = 0.0
+    lost: tuple[str, ...] = ()
+    unnoticed: tuple[str, ...] = ()
 
     @property
     def converged(self) -> bool:
@@ -99,17 +142,17 @@ class Solution:
 
     @property
     def linear_algebra(self) -> dict[str, int]:
-        """How many steps each factorization gave."""
+        """How many steps were computed by each factorization."""
         by = [i.linear_algebra for i in self.trace if i.linear_algebra]
         return {name: by.count(name) for name in dict.fromkeys(by)}
 
     @property
     def iterations(self) -> int:
-        """Steps taken: the start is not one."""
+        """The number of steps; the start is not counted."""
         return max(0, len(self.trace) - 1)
 
     def save(self, path: str | Path) -> None:
-        """Write everything to one `.npz`, whole or not at all; raises BadFile if it cannot be."""
+        """Write everything to one `.npz`, whole or not at all. Raises BadFile if that fails."""
         facts = {
             "cost": self.cost,
             "optimality": self.optimality,
@@ -121,18 +164,7 @@ class Solution:
             "missed": self.violation,
             "lost": self.lost,
             "unnoticed": self.unnoticed,
-            "trace": [
-                [
-                    i.cost,
-                    i.optimality,
-                    i.step_norm,
-                    i.damping,
-                    asdict(i.evaluations),
-                    i.seconds,
-                    i.linear_algebra,
-                ]
-                for i in self.trace
-            ],
+            "trace": [list(asdict(replace(i, values={})).values())[1:] for i in self.trace],
         }
         arrays = {FACTS: np.array(json.dumps(facts))}
         arrays |= {VALUE + name: value for name, value in self.values.items()}
@@ -158,14 +190,14 @@ class Solution:
             }
             for name, shape in shapes.items():
                 expected[VALUE + name] = doubles(*shape)
-                # numpy cannot say what shape none of something has
+                # the array of an empty trace has the shape (0,)
                 expected[TRACE + name] = doubles(len(rows), *shape) if rows else doubles(0)
             nothing_else(archive, (*expected, FACTS))
             return _solution(facts, rows, read_expected(archive, expected), tuple(shapes))
 
 
 def _solution(facts: Facts, rows: Sequence[Row], arrays: Values, names: Sequence[str]) -> Solution:
-    """Of arrays that are what they must be; raises BadFile for facts that are not."""
+    """The solution from arrays that are checked already. Raises BadFile for wrong facts."""
     return Solution(
         values={name: arrays[VALUE + name] for name in names},
         cost=facts.amount("cost"),
@@ -179,18 +211,18 @@ def _solution(facts: Facts, rows: Sequence[Row], arrays: Values, names: Sequence
             Iterate({name: arrays[TRACE + name][i] for name in names}, *row)
             for i, row in enumerate(rows)
         ),
-        violation=facts.amount("missed") if "missed" in facts.told else 0.0,
-        lost=facts.several("lost", text) if "lost" in facts.told else (),
-        unnoticed=facts.several("unnoticed", text) if "unnoticed" in facts.told else (),
+        violation=facts.amount("missed") if "missed" in facts.entries else 0.0,
+        lost=facts.several("lost", text) if "lost" in facts.entries else (),
+        unnoticed=facts.several("unnoticed", text) if "unnoticed" in facts.entries else (),
     )
 
 
 def _row(given: object, name: str) -> Row:
-    """What the facts say of one iterate; files from before linear algebra was told say less."""
-    told = several(given, name, lambda entry, _: entry)
-    if len(told) not in (6, 7):
-        raise BadFile(f"{name} has {len(told)} entries, but must have 7")
-    cost, optimality, step, damping, counts, seconds, *by = told
+    """All of one iterate but its values; older files do not have the linear algebra."""
+    entries = several(given, name, lambda entry, _: entry)
+    if len(entries) not in (6, 7):
+        raise BadFile(f"{name} has {len(entries)} entries, but must have 7")
+    cost, optimality, step, damping, counts, seconds, *by = entries
     return (
         *(amount(one, name) for one in (cost, optimality, step)),
         number(damping, name),
@@ -200,21 +232,24 @@ def _row(given: object, name: str) -> Row:
     )
 
 
-def _evaluations(told: Facts) -> Evaluations:
-    """Counts by kind; files from before there were constraints count none of theirs."""
+def _evaluations(facts: Facts) -> Evaluations:
+    """Counts by kind; older files do not have those of constraints."""
     known = [field.name for field in fields(Evaluations)]
-    told.nothing_else(*known)
-    needed = [name for name in known if name != "constraint" or name in told.told]
-    return Evaluations(**{name: told.whole(name) for name in needed})
+    facts.nothing_else(*known)
+    needed = [name for name in known if name != "constraint" or name in facts.entries]
+    return Evaluations(**{name: facts.whole(name) for name in needed})
 
 
 Callback = Callable[[Iterate], object]  # called at every iterate; stops the solver if it says True
 
 
 class Solver(Protocol):
-    """Anything that leads a problem from starting values to a solution."""
+    """Anything that solves a problem from starting values."""
 
     def solve(
         self, problem: Problem, start: Values, *, callback: Callback | None = None
     ) -> Solution:
-        """From `start`, values for every block that the problem reads, to the best point found."""
+        """The best point found from `start`, which has a value for every block of the problem.
+
+        `callback` is called at every iterate, and stops the solver if it returns True.
+        """

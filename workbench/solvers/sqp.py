@@ -3,25 +3,58 @@
 from dataclasses import dataclass
 
 import casadi as cs
-import numpy as np
 
-from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.problem import Problem
 from workbench.solvers.abilities import Abilities, Boxes, Derivative
 from workbench.solvers.limits import Stop
-from workbench.solvers.oracle import Hessian, Oracle, gauss_newton_hessian
+from workbench.solvers.oracle import Hessian, Oracle, gauss_newton_hessian, unless_solved
 from workbench.solvers.run import Run
 from workbench.solvers.solution import Callback, Solution, Status
+
+OPTIONS = {
+    "no_nlp_grad": True,
+    "tol_pr": 1e-10,  # the run's own tolerance is asked for at every iterate
+    "tol_du": 1e-14,
+    "min_step_size": 1e-14,
+    "max_iter_ls": 30,
+    "c1": 1e-4,
+    "elastic_mode": True,  # where the linearized constraints contradict each other
+    "qpsol": "qrqp",
+    "qpsol_options": {
+        "print_iter": False,
+        "print_header": False,
+        "print_info": False,
+        "error_on_fail": False,
+    },
+    "print_header": False,
+    "print_iteration": False,
+    "print_status": False,
+    "print_time": False,
+    "show_eval_warnings": False,
+    "error_on_fail": False,
+}
 
 
 @dataclass(frozen=True)
 class Sqp:
-    """At every iterate a quadratic program: the Lagrangian's Hessian, the constraints linearized.
+    """Sequential quadratic programming, by `sqpmethod` of CasADi.
 
-    Where that Hessian is not positive definite its eigenvalues lose their signs.
-    A line search on the l1 merit function goes along its answer (`sqpmethod` of CasADi; Nocedal
-    and Wright, Numerical optimization, 2006, chapter 18).
+    Every step solves a quadratic program with the Hessian of the Lagrangian and the linearized
+    constraints, and a line search on the l1 merit function goes along its solution (Nocedal and
+    Wright, Numerical Optimization, 2006, chapter 18). Where the Hessian is not positive definite,
+    it is made so: see `Oracle.convex_hessian`.
+
+    Attributes:
+        hessian: the Hessian of the cost: `gauss_newton_hessian`, `exact_hessian`, or a function of
+            the run, x (n,) and the linearization there. That of the constraints is added.
+        max_iterations: the largest number of steps.
+        max_evaluations: the largest number of evaluations of the residual, its gradient, its
+            Jacobian and its Hessian together.
+        max_seconds: wall time in seconds. It is looked at before every evaluation, so that one step
+            of linear algebra may exceed it.
+        gradient_tolerance: a point whose `Problem.optimality` (a cosine, without unit) is at most
+            this has converged. A larger one ends earlier and farther from the minimum.
     """
 
     hessian: Hessian = gauss_newton_hessian
@@ -32,7 +65,7 @@ class Sqp:
 
     @property
     def abilities(self) -> Abilities:
-        """A Jacobian at every iterate; bounds and constraints."""
+        """It needs a Jacobian at every iterate, and takes bounds and constraints."""
         exact = self.hessian is not gauss_newton_hessian
         return Abilities(
             Derivative.HESSIAN if exact else Derivative.JACOBIAN,
@@ -45,83 +78,42 @@ class Sqp:
     def solve(
         self, problem: Problem, start: Values, *, callback: Callback | None = None
     ) -> Solution:
-        """See Solver. Bounds and constraints are honoured; the start is moved inside the bounds."""
+        """Solve from `start`, which is moved inside the bounds; see `Solver`."""
         with Run("sqp", self, problem, start, callback) as run:
-            x0 = np.clip(run.x, problem.lower, problem.upper)
-            run.unless_solved(x0)
-            answer = self._ask(run, x0)
-            run.stall(f"{Status.STALLED.value} (sqpmethod: {answer})")
+            unless_solved(run)
+            run.stall(f"{Status.STALLED.value} (sqpmethod: {self._ask(run)})")
         return run.solution()
 
-    def _ask(self, run: Run, x0: Array) -> str:
-        problem, n, there = run.problem, run.problem.free.size, run.problem.stacked_constraints
-        k = 0 if there is None else there.size
-        oracle = Oracle(run, self.hessian)
-        x, p, weight, y = cs.MX.sym("x", n), cs.MX(0, 1), cs.MX.sym("f"), cs.MX.sym("y", k)
-        none = cs.MX(0, 1)
+    def _ask(self, run: Run) -> str:
+        """Run CasADi's solver; its own word for how it ended."""
+        n, oracle = run.problem.free.size, Oracle(run, self.hessian)
+        x, none, _, y = oracle.symbols.values()
         cost, gradient = oracle.cost(x, none), oracle.gradient(x, none)
-        c, A = oracle.constraints(x, none), oracle.constraint_jacobian(x, none)
-        if there is None:
-            c, A = cs.MX(0, 1), cs.MX(0, n)
-        limits = {} if there is None else {"lbg": there.lower, "ubg": there.upper}
+        c, A = none, cs.MX(0, n)
+        if run.problem.stacked_constraints is not None:
+            c, A = oracle.constraints(x, none), oracle.constraint_jacobian(x, none)
+        first = {"f": cost, "grad_f_x": gradient, "g": c, "jac_g_x": A}
+        second = {"hess_gamma_x_x": oracle.convex_hessian(x, y)}
         solver = cs.nlpsol(
             "sqp",
             "sqpmethod",
             {"x": x, "f": cost, "g": c},
             {
-                "jac_fg": cs.Function(
-                    "jac_fg",
-                    [x, p],
-                    [cost, gradient, c, A],
-                    ["x", "p"],
-                    ["f", "grad_f_x", "g", "jac_g_x"],
-                ),
-                "hess_lag": cs.Function(
-                    "hess_lag",
-                    [x, p, weight, y],
-                    [oracle.convex_hessian(x, y)],
-                    ["x", "p", "lam_f", "lam_g"],
-                    ["hess_gamma_x_x"],
-                ),
+                "jac_fg": oracle.function(("x", "p"), first),
+                "hess_lag": oracle.function(tuple(oracle.symbols), second),
                 "iteration_callback": oracle.recorder,
-                "no_nlp_grad": True,
                 "max_iter": self.max_iterations + 1,
-                "tol_pr": 1e-10,  # ours is asked for at every iterate
-                "tol_du": 1e-14,
-                "min_step_size": 1e-14,
-                "max_iter_ls": 30,
-                "c1": 1e-4,
-                "elastic_mode": True,  # where the linearized constraints contradict each other
-                "qpsol": "qrqp",
-                "qpsol_options": {
-                    "print_iter": False,
-                    "print_header": False,
-                    "print_info": False,
-                    "error_on_fail": False,
-                },
-                "print_header": False,
-                "print_iteration": False,
-                "print_status": False,
-                "print_time": False,
-                "show_eval_warnings": False,
-                "error_on_fail": False,
+                **OPTIONS,
             },
         )
         try:
-            solver(x0=x0, lbx=problem.lower, ubx=problem.upper, **limits)
-        except RuntimeError as error:  # of the quadratic program, if not of ours
-            if oracle.error is None:
-                raise Stop(
-                    Status.INFEASIBLE, f"{Status.INFEASIBLE.value} ({_last(error)})"
-                ) from error
-        if oracle.error is not None:
-            raise oracle.error
+            oracle.minimize(solver)
+        except RuntimeError as error:  # the quadratic program has no solution
+            if error is oracle.error:
+                raise
+            last = str(error).strip().splitlines()[-1].rpartition(": ")[2]  # CasADi's own sentence
+            raise Stop(Status.INFEASIBLE, f"{Status.INFEASIBLE.value} ({last})") from error
         try:
             return str(solver.stats()["return_status"])
-        except RuntimeError:  # CasADi 3.8 has none where the first step met no number
+        except RuntimeError:  # CasADi 3.8 has no statistics if the first step met NaN
             return "no status"
-
-
-def _last(error: Exception) -> str:
-    """CasADi's own sentence, at the end of where it was."""
-    return str(error).strip().splitlines()[-1].rpartition(": ")[2]

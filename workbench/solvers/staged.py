@@ -1,4 +1,4 @@
-"""A few unknowns first, then more: each stage starts where the last one ended."""
+"""Solving in stages: a few unknowns first, then more, each stage from where the last one ended."""
 
 from dataclasses import dataclass, field, replace
 
@@ -26,12 +26,18 @@ GOES_ON = (Status.CONVERGED, Status.STALLED, Status.MAX_ITERATIONS, Status.INFEA
 
 @dataclass(frozen=True)
 class Staged:
-    """Frees the unknowns of each stage in turn, and at last all that the problem leaves free.
+    """Solve for the unknowns of each stage in turn, and at last for all free unknowns.
 
-    `stages` hold names of blocks and of entries: `(("trans", "pose[pelvis]"), ("trans", "pose"))`.
-    The rest stays at its value meanwhile, so that, say, a body stands where it should before its
-    arms are looked for. A block means those of its entries that the problem leaves free. The trace
-    is that of all stages, in all blocks; limits are the solver's, in each stage.
+    The rest is fixed meanwhile, so that, say, a body stands in the right place before the pose of
+    its arms is looked for. The trace of the solution is that of all stages and holds all blocks.
+    The limits of the solver apply to each stage by itself. Raises BadArgument for a stage that is
+    no tuple of names.
+
+    Attributes:
+        stages: the names of blocks and of entries that are free in each stage, such as
+            `(("trans", "pose[pelvis]"), ("trans", "pose"))`. The name of a block stands for those
+            of its entries that the problem leaves free.
+        solver: what solves each stage.
     """
 
     stages: tuple[tuple[str, ...], ...]
@@ -47,78 +53,58 @@ class Staged:
 
     @property
     def abilities(self) -> Abilities | None:
-        """Those of the solver, if it says."""
+        """The abilities of the solver, if it has any to tell."""
         return getattr(self.solver, "abilities", None)
 
     def solve(
         self, problem: Problem, start: Values, *, callback: Callback | None = None
     ) -> Solution:
-        """See Solver. Raises UnknownName for what the problem does not leave free."""
-        everything = problem.free.names
+        """Solve stage by stage from `start`; see `Solver`.
+
+        Raises UnknownName for what the problem does not leave free.
+        """
         parts = [problem.free.chosen(entries(problem.free, stage)) for stage in self.stages]
         values = {**start}
-        found: list[Solution] = []
         trace: list[Iterate] = []
+        last: Solution | None = None
+        before, seconds = Evaluations(), 0.0
+
+        def completed(values: Values) -> Values:
+            return {name: np.array(values[name], dtype=float) for name in problem.free.names}
+
+        def record(iterate: Iterate) -> object:
+            """Complete an iterate with what the stage leaves fixed and what came before."""
+            whole = replace(
+                iterate,
+                values=completed(values | iterate.values),
+                evaluations=before + iterate.evaluations,
+                seconds=seconds + iterate.seconds,
+            )
+            trace.append(whole)
+            return None if callback is None else callback(whole)
+
         interrupts = Interrupts()  # also between the stages
         interrupts.open()
         try:
             for free in (*parts, problem.free):
-                if found and (found[-1].status not in GOES_ON or interrupts.pressed):
+                if last is not None and (last.status not in GOES_ON or interrupts.pressed):
                     break
-                seen = _Along(trace, found, {name: values[name] for name in everything}, callback)
                 whole = free.size == problem.free.size
                 part = problem if whole else problem.freeing(*free.spelled())
-                found.append(self.solver.solve(part, values, callback=seen))
-                values |= found[-1].values
-            together = _together(problem, values, found, trace)
+                last = self.solver.solve(part, values, callback=record)
+                values |= last.values
+                before, seconds = before + last.evaluations, seconds + last.seconds
         finally:
             interrupts.close()
-        if interrupts.pressed:
-            return replace(together, status=Status.STOPPED, message=INTERRUPTED)
-        return together
-
-
-class _Along:
-    """Completes the iterates of a stage with what it leaves fixed and what came before."""
-
-    def __init__(
-        self, trace: list[Iterate], found: list[Solution], values: Values, callback: Callback | None
-    ) -> None:
-        self.trace, self.values, self.callback = trace, values, callback
-        self.before = _summed([s.evaluations for s in found])
-        self.seconds = sum(s.seconds for s in found)
-
-    def __call__(self, iterate: Iterate) -> object:
-        whole = replace(
-            iterate,
-            values={k: np.array(v) for k, v in (self.values | iterate.values).items()},
-            evaluations=_summed([self.before, iterate.evaluations]),
-            seconds=self.seconds + iterate.seconds,
+        assert last is not None  # the last stage is always there
+        solution = replace(
+            last,
+            values=completed(values),
+            solver=f"staged {last.solver}",
+            evaluations=before,
+            seconds=seconds,
+            trace=tuple(trace),
         )
-        self.trace.append(whole)
-        return None if self.callback is None else self.callback(whole)
-
-
-def _summed(counts: list[Evaluations]) -> Evaluations:
-    return Evaluations(
-        residual=sum(c.residual for c in counts),
-        gradient=sum(c.gradient for c in counts),
-        jacobian=sum(c.jacobian for c in counts),
-        hessian=sum(c.hessian for c in counts),
-        constraint=sum(c.constraint for c in counts),
-    )
-
-
-def _together(
-    problem: Problem, values: Values, found: list[Solution], trace: list[Iterate]
-) -> Solution:
-    """The last stage's answer, over all blocks and all stages."""
-    last = found[-1]
-    return replace(
-        last,
-        values={name: np.array(values[name], dtype=float) for name in problem.free.names},
-        solver=f"staged {last.solver}",
-        evaluations=_summed([s.evaluations for s in found]),
-        seconds=sum(s.seconds for s in found),
-        trace=tuple(trace),
-    )
+        if interrupts.pressed:
+            return replace(solution, status=Status.STOPPED, message=INTERRUPTED)
+        return solution

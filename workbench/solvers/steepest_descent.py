@@ -1,10 +1,10 @@
-"""Steepest descent: a gradient is a direction, not a step."""
+"""Steepest descent: steps along the negative gradient."""
 
 from dataclasses import dataclass
 
 from workbench.blocks import Values
 from workbench.problem import Problem
-from workbench.solvers.abilities import Abilities, Boxes, Derivative, refuse
+from workbench.solvers.abilities import Abilities, Boxes, Derivative
 from workbench.solvers.dogleg import cauchy_point
 from workbench.solvers.line_search import LineSearch, backtracking
 from workbench.solvers.run import Run
@@ -14,10 +14,22 @@ from workbench.solvers.solution import Callback, Solution
 
 @dataclass(frozen=True)
 class SteepestDescent:
-    """Down the gradient in the metric D to the Cauchy point, where the linear model is least.
+    """Steps along the negative gradient to the Cauchy point, where the linear model is least there.
 
-    The cost's excess falls by ((k - 1) / (k + 1))^2 per step, k the condition of J'J in that
-    metric (Kantorovich 1948): with D = I, units alone can make it hopeless.
+    The difference between the cost and its minimum falls by ((k - 1) / (k + 1))^2 per step, where k
+    is the condition of J'J in the metric D (Nocedal and Wright, Numerical Optimization, 2006,
+    theorem 3.4). With D = I, units alone can make the method hopelessly slow.
+
+    Attributes:
+        scaling: the metric D of the gradient; with `columns`, units of unknowns do not matter.
+        line_search: how far to go towards the Cauchy point: `backtracking` or `full_step`.
+        max_iterations: the largest number of steps.
+        max_evaluations: the largest number of evaluations of the residual, its gradient, its
+            Jacobian and its Hessian together.
+        max_seconds: wall time in seconds. It is looked at before every evaluation, so that one step
+            of linear algebra may exceed it.
+        gradient_tolerance: a point whose `Problem.optimality` (a cosine, without unit) is at most
+            this has converged. A larger one ends earlier and farther from the minimum.
     """
 
     scaling: Scaling = columns
@@ -29,23 +41,19 @@ class SteepestDescent:
 
     @property
     def abilities(self) -> Abilities:
-        """A Jacobian for the length of the step; there to teach."""
+        """It needs a Jacobian for the length of the step, and is meant for teaching."""
         return Abilities(Derivative.JACOBIAN, Boxes.UNKNOWN, teaching=True, source="Cauchy 1847")
 
     def solve(
         self, problem: Problem, start: Values, *, callback: Callback | None = None
     ) -> Solution:
-        """See Solver; raises NotSupported for a problem with bounds or constraints."""
-        refuse("steepest-descent", self.abilities, problem)
+        """Solve from `start`; see `Solver`. Raises NotSupported for bounds or constraints."""
         with Run("steepest-descent", self, problem, start, callback) as run:
-            x = run.x
-            here = run.linearize(x)
-            run.record(x, here.cost, run.optimality(x, here))
+            x, here = run.x, run.begin()
             while True:
                 p = cauchy_point(here, self.scaling(here))
                 to = x + self.line_search(run, x, here, p) * p
                 if (to == x).all():
                     run.stall()
-                x, here = run.wrapped(to, run.linearize(to))
-                run.record(x, here.cost, run.optimality(x, here))
+                x, here = run.move(to)
         return run.solution()

@@ -1,4 +1,4 @@
-"""Rotation vectors beyond half a turn, and the shorter ones that mean the same."""
+"""Rotation vectors of more than half a turn, replaced by shorter ones of the same rotation."""
 
 from collections.abc import Callable
 
@@ -12,10 +12,11 @@ BEYOND = np.pi * (1 + 1e-6)  # at half a turn exactly there are two, and no reas
 
 
 def rewrapped(problem: Problem, x: Array, is_free: Callable[[Array], bool]) -> Array:
-    """A point that means the same with shorter rotation vectors, where turning them is free.
+    """The point x (n,) with rotation vectors of at most half a turn, where that `is_free`.
 
-    All joints that are turned by more than pi at once; if that is not free, as many of them, one
-    after the other, as are. Only within the bounds. x itself if no joint changes.
+    All joints that are turned by more than pi are changed at once; if that is not free, one after
+    the other, as far as each change is. No change leaves the bounds. Without any change the result
+    is the array x itself.
     """
     turns = _shorter(problem, x)
     together = x.copy()
@@ -32,7 +33,7 @@ def rewrapped(problem: Problem, x: Array, is_free: Callable[[Array], bool]) -> A
 
 
 def _shorter(problem: Problem, x: Array) -> list[tuple[slice, Array]]:
-    """Where the joints lie that are turned by more than pi, and their shorter vectors."""
+    """The places of joints that are turned by more than pi, and their shorter vectors."""
     first = np.array([at.start for at in problem.rotations], dtype=np.int64)
     if not first.size:
         return []

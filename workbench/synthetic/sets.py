@@ -23,8 +23,7 @@ from scipy.sparse import csr_array
 from workbench.arrays import Array, Mask
 from workbench.errors import BadFile
 from workbench.priors.mocap import read_mocap
-from workbench.priors.pose_gaussian import LARGEST_ANGLE, draw_poses
-from workbench.priors.pose_mixture import shipped_mixture
+from workbench.priors.poses import LARGEST_ANGLE, draw_poses, shipped_mixture
 from workbench.synthetic.collapsing import collapsed
 from workbench.synthetic.ground_truth import GroundTruth
 from workbench.synthetic.regressors import regress

@@ -76,7 +76,7 @@ def read_checkpoint(
                 else "another version of the workbench wrote it, which cannot be continued"
             )
         if said.several("parents", lambda parent, _: parent) != first.parents:
-            raise BadFile(f"its tree has the parents {shown(said.told['parents'])}")
+            raise BadFile(f"its tree has the parents {shown(said.entries['parents'])}")
         log = said.several("log", _entry)
         if [entry.block for entry in log] != list(blocks[: len(log)]):
             raise BadFile("its log tells of other blocks than the plan's")

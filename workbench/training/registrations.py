@@ -35,7 +35,10 @@ class Batch:
 
 
 class Registrations(Protocol):
-    """A source of registrations in a fixed order."""
+    """A source of registrations in a fixed order, such as InMemory or a folder of meshes.
+
+    A registration is a mesh of one topology, N vertices in metres, of a known subject.
+    """
 
     @property
     def subject(self) -> Index:

@@ -17,7 +17,7 @@ def polynomials(run: Run) -> list[float]:
     return [mean_error(run, name) for name in ("linear in theta", "cubes of theta")]
 
 
-def by_slide(run: Run) -> tuple[float, float]:
+def with_one_coefficient_twice(run: Run) -> tuple[float, float]:
     """What is missed with four coefficients, and with one of them used twice, mm."""
     return run.line("w3, w2, w1, w0")[-1], run.line("w1, w2, w1, w0")[-1]
 
@@ -38,7 +38,7 @@ SAYS = {
         all(line[2] > 1000 for line in run.lines("one turn further")),
     ),
     "the best fit is six times as far off": lambda run: (
-        5.5 < by_slide(run)[1] / by_slide(run)[0] < 6.8
+        5.5 < with_one_coefficient_twice(run)[1] / with_one_coefficient_twice(run)[0] < 6.8
     ),
     "Now all of it: 72 numbers in, 369 vertices out.": lambda run: (
         run["poses"][0].size,
@@ -61,18 +61,19 @@ SAYS = {
         line[1] == line[-1] < 1 for line in run.lines("rad apart")
     ),
     "pose $\\theta$ (24 rotation vectors)": lambda run: run["body"].n_joints,
-    "with 6,890 vertices, 23 joints and a root, and 10 shape directions": lambda run: (
+    "has 6,890 vertices, 23 joints and a root, and 10 shape directions": lambda run: (
         run["N"],
         run["K"] - 1,
         run["B"],
     ),
-    "Only the pose is not, and products of two that are.": lambda run: (
+    "SMPL is not linear in the pose, nor in two arguments together that multiply each "
+    "other; in each other argument alone it is linear.": lambda run: (
         {line[:24].strip() for line in run.printed.splitlines() if line.endswith("not linear")}
         == {"weights and posedirs", "shapedirs and betas", "pose"}
     ),
-    "finds template and pose directions by *one* linear least-squares problem": lambda run: run[
-        "linear_in"
-    ]("template", "posedirs"),
+    "template and pose directions are the solution of *one* linear least-squares problem": lambda run: (
+        run["linear_in"]("template", "posedirs")
+    ),
     "SMPL is linear in everything but the pose, one argument at a time.": lambda run: all(
         run["linear_in"](name) == (name != "pose")
         for name in ("template", "shapedirs", "posedirs", "weights", "betas", "trans", "pose")
@@ -81,6 +82,6 @@ SAYS = {
 
 GIVEN = (
     "some thousand points of the skin",
-    "(The slides sum up to 6,014,970.",
-    "four weights to a vertex as twelve",
+    "(The table in *Body Models II* adds up to 6,014,970.",
+    "the four weights of a vertex as twelve",
 )

@@ -42,10 +42,11 @@ SAYS = {
     "begin with the nine numbers of a matrix, watch them fail, and end with the three": lambda run: (
         run["M"].size == 9 and run["w"].size == 3
     ),
-    "The noise is 5 mm in each coordinate, so the markers are met well: to less than the noise.": (
+    "The noise is 5 mm in each coordinate, and the markers are met to less than that.": (
         lambda run: (5, run.line("markers are met to")[0] < 5)
     ),
-    "the columns of a rotation have length 1, and its determinant is 1: this matrix stretches": (
+    "the columns of a rotation have length 1, and its determinant is 1, which is not so "
+    "here: this matrix stretches": (
         lambda run: (
             1,
             1,
@@ -61,7 +62,7 @@ SAYS = {
         run["mean_stretch"].__defaults__[1],
         run["mean_stretch"].__defaults__[0] == 8,
     ),
-    "More noise, more stretch.": lambda run: (
+    "The more noise there is, the more the hand is stretched.": lambda run: (
         bool((np.diff(np.transpose(run["spread"])[0]) > 0).all()),
         bool((np.diff(np.transpose(run["spread"])[1]) < 0).all()),
     ),
@@ -75,7 +76,7 @@ SAYS = {
     "Rodrigues' formula has $1 - \\cos t$ and the **unit** axis": lambda run: (
         of_formula(run, "1 - cos t, unit axis").max() < ROUNDING
     ),
-    "The right one is at rounding.": lambda run: (
+    "The right one is off by rounding alone.": lambda run: (
         max(run["failure"]["1 - cos t, unit axis"]) < ROUNDING
     ),
     "The one with cos t is right at π/3 and 5π/3 (60 and 300 degrees) alone": lambda run: (
@@ -92,8 +93,8 @@ SAYS = {
             off_a_rotation(run, "no unit axis", 0.01) < 1e-9,
         )
     ),
-    "A test at 60 degrees ($\\pi/3$) lets the first pass, a test at 1 rad or at small angles the "
-    "second.": lambda run: (
+    "A test at 60 degrees ($\\pi/3$) would let the first one pass, and a test at 1 rad or at"
+    " small angles the second one.": lambda run: (
         60,
         1,
         off_a_rotation(run, "cos t", np.pi / 3) < ROUNDING,
@@ -124,11 +125,12 @@ SAYS = {
     ),
     "`_series(t2, k)` sums eight or nine terms": lambda run: SERIES_TERMS == 8,
     "`SERIES_BELOW = 0.25` rad² is where it changes over": lambda run: SERIES_BELOW == 0.25,
-    "One law is worth keeping": lambda run: (
+    "One law is worth remembering": lambda run: (
         run.line("off this law by up to")[-1] < ROUNDING,
         run.line("the second singular value is off its law")[-1] < ROUNDING,
     ),
-    "At a full turn, 2π, it does nothing but along the axis: two of three directions are lost": (
+    "At a full turn, 2π, only a change along the axis has an effect: two of three "
+    "directions are lost": (
         lambda run: (
             abs(run["at_full"][0] - np.sqrt(2)) < 1e-9,
             bool((run["at_full"][1:] < 1e-9).all()),

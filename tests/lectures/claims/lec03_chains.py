@@ -53,8 +53,8 @@ SAYS = {
         run.line(f"{name:6} bones off")[0] < 1e-14 and run.line(f"{name:6} bones off")[1] > 100
         for name in ("order", "bone")
     ),
-    "This body is drawn with the pelvis in the origin, whoever it is, and there the mistake does not "
-    "show. Others stand on the ground.": lambda run: (
+    "This body has its pelvis at the origin, whatever its shape, and there the mistake does"
+    " not show. Others stand on the ground.": lambda run: (
         run.line("as it is drawn")[-1] < 0.05,  # mm
         run.line("on the ground")[-1] > 1000,
         np.allclose(run["body"].joints(betas=np.ones(run["body"].n_betas))[0], 0, atol=1e-5),
@@ -62,8 +62,8 @@ SAYS = {
     "Applied to those, $G_k$ adds the joint once more": lambda run: (
         run.line("nobody turned")[0] > 0.5
     ),
-    "drawn with its arms lowered by 45 degrees, then with that pose, and not with zero, it comes out "
-    "as drawn": lambda run: (
+    "drawn with its arms lowered by 45 degrees. Then it comes out as drawn if the pose is "
+    "that one, and not if the pose is zero": lambda run: (
         float(np.degrees(np.abs(run["lowered"]).max())),
         run.line("in its own pose")[0] < 1e-14,
         run.line("in the pose 0")[1] > 0.1,
@@ -72,7 +72,9 @@ SAYS = {
         run.line("at rest:", "posed:")[0] < 1e-10,  # mm
         run.line("at rest:", "posed:")[1] > 5,
     ),
-    "A common rotation is no trouble": lambda run: run.line("if the root alone turns")[0] < 1e-10,
+    "A rotation of the whole body does no harm": lambda run: (
+        run.line("if the root alone turns")[0] < 1e-10
+    ),
 }
 
 GIVEN = ("With a template in T-pose, $\\theta^* = 0$,",)

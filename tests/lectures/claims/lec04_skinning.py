@@ -21,7 +21,9 @@ SAYS = {
     "A tube of 60 cm lies along $x$": lambda run: float(100 * np.ptp(run["pipe"].template[:, 0])),
     "We bend it by 90 degrees.": lambda run: float(np.degrees(run["right_angle"][0])),
     "The tube, bent by 90 degrees, cut": lambda run: float(np.degrees(run["right_angle"][0])),
-    "the one edge between them pays for all": lambda run: run.line("the longest edge is")[0] > 5,
+    "all of the stretch is in the one edge between them": lambda run: (
+        run.line("the longest edge is")[0] > 5
+    ),
     "One bone for each vertex tears the skin": lambda run: run.line("the longest edge is")[0] > 5,
     "With a sum of 0.98 it lags behind, and is drawn to the origin even at rest": lambda run: (
         float(run["short"].sum(axis=1)[0]),
@@ -46,12 +48,12 @@ SAYS = {
     "the same average gives a rigid motion for every vertex": lambda run: (
         abs(run.line("the middle ring keeps")[1] - 1) < 1e-6
     ),
-    "which is right at $w = 0, \\tfrac12, 1$, and elsewhere nearly": lambda run: (
+    "which is equal to $w \\alpha$ at $w = 0, \\tfrac12, 1$, and close to it elsewhere": lambda run: (
         run["off"][[0, 50_000, 100_000]].max() < 1e-9,
         0 < run["off"].max() < 10,
     ),
     "give 8.15 degrees": lambda run: float(run["off"].max()),
-    "Just before and just after, the vertex is on opposite sides": lambda run: (
+    "Just before and just after half a turn, the vertex is on opposite sides": lambda run: (
         run.line("a vertex moves by up to")[2] / run.line("a vertex moves by up to")[3] > 0.99
     ),
     "They bulge, jump at half a turn, and are not linear in the weights.": lambda run: (
@@ -63,11 +65,13 @@ SAYS = {
         "linear blending   linear in the weights: True" in run.printed
     ),
     "beyond 110 degrees dual quaternions stretch the outside more": crossing,
-    "A wrist and an elbow of a real template are no tubes, but do the same.": lambda run: (
+    "The wrist and the elbow of a real template are no tubes, but they behave in the same "
+    "way.": lambda run: (
         abs(run["wrist"]["linear blending"][3] - np.cos(np.pi / 4)) < 0.05,
         arm(run, "linear blending")[3] < -100,
     ),
-    "Blend shapes give back a part; a little bent, the arm has even less than blending leaves it.": (
+    "Blend shapes give back a part of what is lost, but where the arm is bent a little, it "
+    "has even less volume with them.": (
         lambda run: (
             arm(run, "linear blending")[3]
             < arm(run, "SMPL (linear, and blend shapes)")[3]

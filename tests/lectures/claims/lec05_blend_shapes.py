@@ -44,7 +44,7 @@ SAYS = {
         run.line("the same at rest")[0] < run.line("the same at rest")[1],
     ),
     "Here $\\tau$, in rad², says": lambda run: np.isclose(run["examples"].width ** 2, run["tau"]),
-    "Shares hit no example, because its neighbours have a say as well": lambda run: (
+    "Shares hit no example, because its neighbours contribute as well": lambda run: (
         at_examples(run, "divided by the sum").min() > 0.5
     ),
     "kernels that are not divided add up to too much": lambda run: (
@@ -61,13 +61,13 @@ SAYS = {
         error(run, "divided by the sum", 170) < 0.8 * error(run, "none", 170),
     ),
     "Seven examples will do for one angle.": lambda run: len(run["at"]) == 7,
-    "Interpolating examples works near them": lambda run: all(
+    "Interpolation between examples works near them": lambda run: all(
         error(run, way, 60) < 0.5 * error(run, "none", 60)
         for way in ("divided by the sum", "exact")
     ),
     "three angles for each of 23 joints": lambda run: run["body"].n_joints - 1,
     "Examples cannot fill 69 dimensions.": lambda run: 3 * (run["body"].n_joints - 1),
-    "Angles are little use.": lambda run: (
+    "Angles are of little use.": lambda run: (
         run.line("f = the angles", "where it was taught")[0] > 0.9 * run.line("none ", "taught")[0],
         run.line("f = rotation elements", "taught")[0] < 0.5 * run.line("none ", "taught")[0],
     ),
@@ -93,7 +93,7 @@ SAYS = {
         run.line("features that are not zero")[0] == 9 * (run["elbow"] - 1)
     ),
     "one person in twenty is beyond $\\pm 2$": lambda run: 20,
-    "Learned from 60 people that we draw": lambda run: len(run["people"]),
+    "We learn the directions from 60 people that we draw": lambda run: len(run["people"]),
     "with it, $\\beta$ is in standard deviations": lambda run: np.allclose(
         run["betas"].std(axis=1, ddof=1), 1
     ),
@@ -115,4 +115,4 @@ SAYS = {
     ),
 }
 
-GIVEN = ("which has a factor 3 for the coordinates",)
+GIVEN = ("which includes a factor 3 for the coordinates",)

@@ -62,11 +62,11 @@ SAYS = {
         2,
         run["lengths"][1] < 2 / run["largest"] < run["lengths"][2],
     ),
-    "Five steps for what sixty of the others did not do": lambda run: (
+    "Five of these steps do what sixty of the others did not do": lambda run: (
         len(run["fallen"][2.0]) - 1,
         run["F"](run["way"][5]) < 1e-3 * min(costs[-1] for costs in run["fallen"].values()),
     ),
-    "and the last ones double the number of right digits each time": lambda run: all(
+    "and each of the last ones doubles the number of right digits": lambda run: all(
         1.8 < digits(off(run), step) < 2.6 for step in (4, 5)
     ),
     "that of $J^\\top J$ is the *square* of that of $J$": lambda run: (

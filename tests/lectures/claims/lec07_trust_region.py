@@ -40,7 +40,7 @@ SAYS = {
         abs(np.linalg.det(run["jacobian"]([0.4, 0.0]))) < 1e-15,
     ),
     "We try Gauss-Newton from thirty starts": lambda run: len(run["starts"]),
-    "In reach, halving mends what full steps break.": lambda run: (
+    "Within reach, halving mends what full steps break.": lambda run: (
         ended(run, "gauss-newton-full")[0] < len(run["starts"]),
         ended(run, "gauss-newton")[0] == len(run["starts"]),
     ),
@@ -49,7 +49,7 @@ SAYS = {
         ended(run, "gauss-newton-full")[1] == 0 and ended(run, "gauss-newton")[1] == 0,
     ),
     "watch those steps grow without end": lambda run: last_steps(run)[-1, 1] > 1000,
-    "the model falls to zero, the cost keeps to the model for a short way only": lambda run: (
+    "the model falls to zero, but the cost follows the model for a short way only": lambda run: (
         run.line("step  0:")[-2] > 1
     ),
     "the straighter the arm, the longer the steps that are asked for, and the less of them can be "
@@ -75,7 +75,7 @@ SAYS = {
         abs(steps_with(run, "0.01")[1] - 1) < 0.2,
         steps_with(run, "1e-05")[1] < 0,
     ),
-    "Both ways to a shorter step end everywhere.": lambda run: all(
+    "With both ways to a shorter step, all runs end.": lambda run: all(
         ended(run, name) == (30, 30) for name in ("levenberg-marquardt", "dogleg")
     ),
     "The same thirty starts, by both": lambda run: len(run["starts"]),

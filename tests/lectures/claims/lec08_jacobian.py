@@ -62,7 +62,9 @@ SAYS = {
         run["body"].n_joints,
         run["observed"].symbol.numel(),
     ),
-    "minus what was seen, over 1 cm": lambda run: float(100 * run["problem"].residuals[0].sigma),
+    "minus those that were seen, divided by 1 cm": lambda run: float(
+        100 * run["problem"].residuals[0].sigma
+    ),
     "Both converged, both meet every joint, and both poses are wrong. So is the skin": lambda run: (
         all(
             line[0] < 1e-6 and line[1] > 0.1 and line[2] > 10
@@ -84,7 +86,8 @@ SAYS = {
     "## Why forty": lambda run: run["here"].rank,
     "three points are seen, and each can be moved alone in all three directions by the joints above it: "
     "three times three": lambda run: (len(run["ends"]) == 3, run["rank"] == 9),
-    "Ten times the step moves the skin ten times as far, and the joints a hundred times": lambda run: (
+    "A step that is ten times as long moves the skin ten times as far, and the joints a "
+    "hundred times": lambda run: (
         10,
         float(step_of_ten(run, 2).mean()),
         float(step_of_ten(run, 1).mean()),
@@ -109,23 +112,25 @@ SAYS = {
         int((~run["here"].jacobian.any(axis=0)).sum()),
         run["diagnosis"].structural_rank,
     ),
-    "let every vertex depend on 23 rotations. But it has 82 columns, and 14 MB are kept whole": (
+    "let every vertex depend on 23 rotations. But it has only 82 columns, and its 14 MB are"
+    " easily kept as a dense matrix": (
         lambda run: (run["body"].n_joints - 1, 72 + 10, 8e-6 * run["largest"])
     ),
     "every one to 1 cm. Now all is seen": lambda run: (
         float(100 * run["on_skin"].residuals[0].sigma),
         run["skin"].jacobian.shape[1] == 72 and "rank: 72   condition" in run.printed,
     ),
-    "The same centimetre tells the pelvis to less than 1 degree": lambda run: below(
+    "With this centimetre the pelvis is known to less than 1 degree": lambda run: below(
         known_to(run, "pelvis")
     ),
-    "The feet it tells to more than 10 degrees: only 6 of the 369 vertices hang on a foot": lambda run: (
+    "The feet are known to no better than 10 degrees: only 6 of the 369 vertices hang on a "
+    "foot": lambda run: (
         above(min(known_to(run, "left_foot"), known_to(run, "right_foot"))),
         hanging(run, "left_foot"),
         run["body"].n_vertices,
         hanging(run, "right_foot") == hanging(run, "left_foot"),
     ),
-    "for what is not seen at all it is the smallest of all. With the 24 joints alone": lambda run: (
+    "the smallest number of all for what is not seen at all. With the 24 joints alone": lambda run: (
         run["body"].n_joints,
         max(by_pinv(run, "left_hand")) < min(by_pinv(run, "left_elbow") + by_pinv(run, "left_hip")),
     ),
@@ -133,8 +138,8 @@ SAYS = {
     "the prior to $\\sigma = 0.3$ rad": prior_sigma,
     "the rank is full, and the answer is unique": lambda run: run["regular"].rank == 72,
     "It is 35 and not 40": lambda run: (float(run["known"].effective), run["here"].rank),
-    "(It is off by as much as the answer from rest was, for the same reason: the number that is "
-    "furthest off is one that no joint tells, and both leave it at zero.)": lambda run: (
+    "(It is off by as much as the answer from rest was, for the same reason: the number "
+    "that is furthest off is one that no joint depends on, and both leave it at zero.)": lambda run: (
         furthest(run, run["answers"]["from rest"]) == furthest(run, run["solution"].values["pose"]),
         run["body"].joint_names[furthest(run, run["answers"]["from rest"]) // 3] == "right_hand",
         abs(run["solution"].values["pose"].ravel()[furthest(run, run["answers"]["from rest"])])
@@ -148,7 +153,7 @@ SAYS = {
 }
 
 GIVEN = (
-    "It first gives every column the length 1",
+    "It first scales every column to the length 1",
     "If $J p = 0$, no equation notices.",
     "for $\\omega \\times e = 0$ where",
     "between 0 and 1. The sum of all shares",

@@ -61,7 +61,7 @@ def unseen_turns(run: Run) -> float:
 
 
 SAYS = {
-    "but for noise of 5 mm. Its": lambda run: 1e3 * run["NOISE"],
+    "with a noise of 5 mm. Its": lambda run: 1e3 * run["NOISE"],
     "the unknowns are 72 numbers of the pose $\\theta$, 10 of the shape $\\beta$ and 3 of the place": (
         lambda run: tuple(run["truth"][name].size for name in ("pose", "betas", "trans"))
     ),
@@ -71,7 +71,7 @@ SAYS = {
         run.line("noise 5 mm")[2] < 5,
     ),
     "It has $m = 1107$ equations for $p = 85$ unknowns": lambda run: (run["m"], run["p"]),
-    "noise can only hide in the 85 directions": unknowns,
+    "the fit can follow noise only in the 85 directions": unknowns,
     "So the error is $\\sigma \\sqrt{p/m}$, to first order.": lambda run: (
         abs(run.line("noise 5 mm")[2] / run.line("5 mm times the root of")[-1] - 1) < 0.1
     ),
@@ -100,7 +100,7 @@ SAYS = {
         joints(run)[3],
         priors(run)[3] < joints(run)[3],
     ),
-    "nearly half of that comes from turns of bones that no joint tells": lambda run: (
+    "nearly half of that comes from turns of bones that no joint depends on": lambda run: (
         0.4 < unseen_turns(run) < 0.5
     ),
     "both meet the image as well as the detector is good": lambda run: (
@@ -144,4 +144,4 @@ SAYS = {
     ),
 }
 
-GIVEN = ("how sure the detector is (here 1)", "Left: what camera 0 sees")
+GIVEN = ("the weight that the detector's confidence gives (here 1)", "Left: what camera 0 sees")

@@ -53,7 +53,7 @@ SAYS = {
         run["people"][0].size,
     ),
     "that each angle is about zero, to 0.25 rad": naive_sigma,
-    "Five people with a bent knee": lambda run: (
+    "the poses of five people with a bent knee": lambda run: (
         len(run["people"]) == 5,
         bool((run["people"][:, run["knee"], 0] > 0.8).all()),
     ),
@@ -63,7 +63,8 @@ SAYS = {
         1e3 * run["data"].sigma * np.sqrt(8 / np.pi),  # the mean length of three such numbers
         fit(run, LEARNED)[0] <= 17 < fit(run, NAIVE)[0] < 24,
     ),
-    "The great difference is in what was not seen: 53 mm in the place of 139 mm.": lambda run: (
+    "The great difference is in what was not seen, which is off by 53 mm in the place of "
+    "139 mm.": lambda run: (
         fit(run, LEARNED)[1],
         fit(run, NAIVE)[1],
     ),
@@ -71,7 +72,7 @@ SAYS = {
         len(run["C"]),
         len(run["C"]),
     ),
-    "a $\\chi^2$ law with 69 degrees of freedom, of mean 69": lambda run: (
+    "a $\\chi^2$ law with 69 degrees of freedom, whose mean is 69": lambda run: (
         len(run["C"]),
         len(run["C"]),
         abs(own(run)[0] - 69) < 1,
@@ -128,7 +129,8 @@ SAYS = {
     ),
     "so begin near, or in stages": lambda run: begun(run, "where Huber's ended")[-1] < 5,
     "4.78 is 22.8": lambda run: (4.78, 4.78**2),
-    "Its prior's weight is meant for the one, and in the other it rules.": lambda run: (
+    "The weight of SMPLify's prior is meant for the first form; in the second one, the "
+    "prior outweighs the data.": lambda run: (
         abs(run.line("with sigma^2:")[0] - 0.8) < 0.01 and run.line("with sigma^2:")[1] < 0.01
     ),
 }

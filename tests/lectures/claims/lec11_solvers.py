@@ -99,7 +99,7 @@ SAYS = {
         ended(run, problem, LBFGS)[1] < 1e-16 and ended(run, problem, LBFGS)[2] == "STALLED"
         for problem in ("rosenbrock", "helical-valley")
     ),
-    "three of the four say `CONVERGED` at a cost of 24.5, where 0 is to be had": lambda run: (
+    "three of the four say `CONVERGED` at a cost of 24.5, although 0 can be reached": lambda run: (
         [ended(run, "freudenstein-roth", k)[2] for k in range(4)].count("CONVERGED") == 3,
         *{round(ended(run, "freudenstein-roth", k)[1], 1) for k in (LM, DOGLEG, LBFGS)},
         round(run["setups"]["freudenstein-roth"].known.cost),
@@ -111,7 +111,7 @@ SAYS = {
         ended(run, "bard-far", GN)[2] == "LOST",
         run["solutions"]["bard-far", run["NAMES"][GN]].optimality < 1e-6,
     ),
-    "which promises 95 % whatever the share is and is wider for it": lambda run: (
+    "which promises 95 % whatever the share is, and is wider for that reason": lambda run: (
         95 if run["worst"](run["rate"], 3) >= 0.95 > run["worst"](run["wilson"], 3) else 0
     ),
     "its prices are printed: 4 for a gradient as here, 1 + 1.5 n for residual and Jacobian": (
@@ -135,34 +135,38 @@ SAYS = {
     "brown-dennis, makes up 43 % of the dogleg's mean": lambda run: share_of(
         run, "brown-dennis", DOGLEG
     ),
-    "The median with failures as infinite has neither fault": lambda run: (
+    "The median, with failures as infinite, has neither fault": lambda run: (
         np.median(run["times"], axis=0)[GN] > 1.3 * np.median(run["times"], axis=0)[DOGLEG]
     ),
-    "$10^{-5}$ of the way is met at the wrong stationary point. Closer targets tell": lambda run: (
+    "$10^{-5}$ of the way is met at the wrong stationary point. Closer targets show it": lambda run: (
         run["met"][run["PROBLEMS"].index("freudenstein-roth-far")].all(),
         not np.isfinite(run["needed"](1e-7))[run["PROBLEMS"].index("freudenstein-roth-far")].any(),
     ),
     "At $\\alpha = 1$: how often it *is* the best": lambda run: 1,
-    "L-BFGS is never the quickest, and as sure as the dogleg; Gauss-Newton is often the quickest, and "
-    "least sure": lambda run: (
+    "L-BFGS is never the quickest, and as reliable as the dogleg; Gauss-Newton is often the"
+    " quickest, and the least reliable": lambda run: (
         quickest(run, 0)[LBFGS] == 0,
         lost(run)[LBFGS] == lost(run)[DOGLEG],
         quickest(run, 0)[GN] > 30,
         lost(run)[GN] > max(lost(run)[[LM, DOGLEG, LBFGS]]),
     ),
-    "for each problem on which it was the best another one moves up, not the same for all": lambda run: (
+    "on each problem on which it was the best, another one becomes the best, and not always"
+    " the same one": lambda run: (
         quickest(run, 1)[0] == quickest(run, 0)[GN],
         quickest(run, 1)[1] > quickest(run, 0)[LM],
         quickest(run, 1)[2] > quickest(run, 0)[LBFGS],
     ),
-    "And prices matter.": lambda run: at_price(run, "10 residuals") != at_price(run, "1 residual "),
-    "or as dear as ten, because somebody else's code takes ten for it": lambda run: (
+    "Prices matter, too.": lambda run: (
+        at_price(run, "10 residuals") != at_price(run, "1 residual ")
+    ),
+    "or as expensive as ten, because somebody else's code takes ten for it": lambda run: (
         run["price"],
         run["price"],
     ),
     "(Shares may add up to more than 100 %": lambda run: above(sum(quickest(run, 0))),
     "Sixteen problems are a sample.": lambda run: len(run["PROBLEMS"]),
-    "The intervals overlap: sixteen problems do not tell these four apart": lambda run: (
+    "The intervals overlap: sixteen problems do not tell which of these four is the most "
+    "reliable": lambda run: (
         len(run["PROBLEMS"]),
         max(low for low, _ in intervals(run)) < min(high for _, high in intervals(run)),
         len(intervals(run)) == 4,

@@ -52,7 +52,7 @@ SAYS = {
         10,
         run.line("90 % intervals by Laplace")[1] < 80,
     ),
-    "A thousand times.": lambda run: len(run["angles"]),
+    "We do so a thousand times.": lambda run: len(run["angles"]),
     "find that the bar is wrong": lambda run: run.line("90 % intervals by Laplace")[1] < 80,
     "Left, near the image plane: one broad answer, and Laplace too wide.": lambda run: (
         posterior(run, 0.1)[0] == 1,
@@ -69,8 +69,8 @@ SAYS = {
         abs(run["pixel"](0.5) - run["pixel"](-0.5)) < run["SIGMA"]
     ),
     "an arm, whose upper arm of 0.30 m and forearm of 0.25 m": bones,
-    "Least squares has found a forearm that points away where it points towards the camera, *at a lower "
-    "cost than the right one*": lambda run: (
+    "Least squares has found a forearm that points away from the camera, although it points"
+    " towards it, *at a lower cost than the right one*": lambda run: (
         run["found"].values["angles"][1] > 0 > run["true_angles"][1],
         run["other"].values["angles"][1] < 0,
         run["found"].cost < run["other"].cost,
@@ -84,8 +84,8 @@ SAYS = {
         len(run["axis"]),
         72 + 10,
     ),
-    "With short steps the chain has not left the mode in which it began: of its 4000 draws none says "
-    "anything of the other one.": lambda run: (
+    "With short steps the chain has not left the mode in which it began: none of its 4000 "
+    "draws is in the other one.": lambda run: (
         len(run["chain"]),
         run.line("steps of 0.05 rad")[1] == 100,
         abs(run.line("steps of  1.5 rad")[1] - run.line("steps of  1.5 rad")[2]) <= 3,
@@ -101,7 +101,8 @@ SAYS = {
         deviations(run)[1] > 1.1,
     ),
     "each bone may point towards it or away": lambda run: modes(run).min() > 0.05,
-    "Right, with a second camera from the side: one way, and Laplace's draws do.": lambda run: (
+    "Right, with a second camera from the side: there is one mode, and Laplace's draws "
+    "suffice.": lambda run: (
         np.allclose(run["better"].sd, run["exact"], rtol=0.05),
         np.allclose(run["clear"].values["angles"], run["true_angles"], atol=0.1),
     ),

@@ -59,7 +59,7 @@ SAYS = {
         run["true"].n_joints,
     ),
     "a tube of six bones": lambda run: run["true"].n_joints == 6,
-    "In truth there are three.": lambda run: run["true"].n_betas == 3,
+    "In truth there are three such directions.": lambda run: run["true"].n_betas == 3,
     "and did, but for 0.06 to 0.3 rad in each joint": turns,
     "The first two directions are not shape: they are how people happened to bend.": lambda run: (
         min(by_pose(run, "a linear function of pose explains")[:2]) > 90,
@@ -106,15 +106,15 @@ SAYS = {
         len(run["model"].estimate.templates) == 2,
     ),
     "for each of 40 meshes": lambda run: len(run["F"]),
-    "40 poses teach 45 shapes. The error in the lesson only rises with lambda; that in unseen poses has a "
-    "minimum.": lambda run: (
+    "40 poses teach 45 shapes. The training error only rises with lambda; the error in "
+    "unseen poses has a minimum.": lambda run: (
         *run["F"].shape,
         bool((np.diff(run["learned"]) > 0).all()),
         0 < run["best"] < len(run["lambdas"]) - 1,
         "|P| falls all the way: True" in run.printed,
         run["unseen"][run["best"]] < 0.6 * min(run["unseen"][0], run["unseen"][-1]),
     ),
-    "The lesson's own error says: no $\\lambda$ at all.": lambda run: (
+    "By the training error alone, $\\lambda$ should be zero.": lambda run: (
         np.argmin(run["learned"]) == 0
     ),
     "On people who stand where the others stood, the two are alike.": lambda run: (
@@ -127,8 +127,9 @@ SAYS = {
         regression(run, "shares")[4] == 0,
         regression(run, "shares")[5] < 66 / 2,
     ),
-    "The meshes are met, and yet the template is not determined: move it, and everybody back. The fifth "
-    "direction turns it about the tube's own axis": lambda run: (
+    "The meshes are met, and yet the template is not determined: if it moves, and everybody"
+    " moves back, nothing changes. In the fifth direction the template turns about the "
+    "tube's own axis": lambda run: (
         run["solution"].cost < 1e-12,
         len(run["here"].gradient) - run["here"].rank == 5,
         len(run["known"]) == 4,

@@ -26,13 +26,13 @@ SAYS = {
     "A triangle's deformation needs a third axis; two edges leave it open.": lambda run: (
         np.abs(run["found"] - run["turn"]).max() < 1e-9
     ),
-    "Where the mesh as a whole is stays open, one direction for each coordinate": lambda run: (
+    "Where the mesh is as a whole stays open, one direction for each coordinate": lambda run: (
         run.line("smallest singular values")[-1] == run["body"].n_vertices - 1
     ),
     "the arm has turned and has not moved": lambda run: np.allclose(
         run["torn"].mean(axis=1), run["template"][run["faces"]].mean(axis=1)
     ),
-    "The forearm has moved to where it belongs, and nobody gave a place of the elbow": lambda run: (
+    "The forearm has moved to where it belongs, although nobody said where the elbow is": lambda run: (
         np.linalg.norm(run["stitched"] - run["template"], axis=1).max() > 0.1
     ),
     "on one side of the elbow all triangles turn by 1.6 rad, on the other none": lambda run: float(

@@ -1,19 +1,22 @@
 """Reading the bodies that come with the workbench, as the builder packed them."""
 
 from collections.abc import Mapping
+from importlib.resources import as_file, files
 from pathlib import Path
-from typing import Any, TypedDict
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from workbench.arrays import Array, Index
+from workbench.arrays import Array
+from workbench.bodies.landmarks import Landmarks
+from workbench.bodies.readonly import locked
+from workbench.bodies.skinned import SkinnedBody
 from workbench.errors import BadFile
 from workbench.reading.archive import open_arrays
 from workbench.reading.damage import taken_for
 from workbench.reading.expected import (
-    Expected,
     Kind,
     check_numbers,
     read_expected,
@@ -31,28 +34,12 @@ SYNTHETIC = (
 )
 
 
-class EmbeddedBody(TypedDict):
-    """The arrays of one body, in the layout of SMPL's files; metres, y up, facing +z."""
-
-    template: Array  # (N, 3) m
-    shapedirs: Array  # (N, 3, 10) m per standard deviation of the population
-    posedirs: Array  # (N, 3, 207) m per unit of pose feature
-    J_regressor: csr_array  # (24, N), rows sum to one
-    weights: Array  # (N, 24), at most four per row, summing to one
-    parents: tuple[int, ...]
-    faces: Index  # (F, 3)
-    joint_names: tuple[str, ...]
-    mirror: Index  # (N,): the vertex on the other side of each
-    landmarks: dict[str, tuple[tuple[str, ...], csr_array]]  # names (M,), regressor (M, N)
-    card: dict[str, Any]  # where the numbers come from, and how good they are
-
-
-STEPS = Kind("whole numbers of 16 bits", frozenset({"i2"}), lambda array: array)
+STEPS = Kind("whole numbers of 16 bits", frozenset({"i2"}), np.asarray)
 EXPECTED = {
     "template": reals("N", 3),
-    "shapedirs": Expected(STEPS, ("N", 3, "B")),
+    "shapedirs": STEPS("N", 3, "B"),
     "shapedirs_step": reals(),
-    "posedirs": Expected(STEPS, ("P", 3, "N")),  # the axes are reversed, which compresses better
+    "posedirs": STEPS("P", 3, "N"),  # the axes are reversed, which compresses better
     "posedirs_step": reals(),
     "weight_joints": wholes("N", 4),
     "weight_shares": wholes("N", 4),
@@ -67,35 +54,49 @@ EXPECTED = {
 }
 
 
-def read_embedded(path: Path) -> EmbeddedBody:
-    """One packed body. Raises BadFile if the file is missing or is not one."""
+def embedded(name: str) -> SkinnedBody:
+    """One of the bodies in workbench/data/bodies, each read when it is asked for."""
+    with as_file(files("workbench") / "data" / "bodies" / f"{name}.npz") as packed:
+        return read_embedded(packed)
+
+
+def read_embedded(path: Path) -> SkinnedBody:
+    """A body in the form in which those of the workbench are packed, in metres, y up, facing +z.
+
+    Raises BadFile if the file is missing or is not one, BadBody if its arrays do not fit together.
+    """
     with (
         taken_for(path, "embedded body", "install the workbench again, or build the body again"),
         open_arrays(path) as archive,
     ):
         arrays = read_expected(archive, EXPECTED)
-        return _unpacked(arrays, facts_in(arrays["card"]).told)
+        parts = _unpacked(arrays, facts_in(arrays["card"]).entries)
+    return SkinnedBody(**parts, name=path.stem)
 
 
-def _unpacked(arrays: dict[str, NDArray[Any]], card: Mapping[str, Any]) -> EmbeddedBody:
+def _unpacked(arrays: dict[str, NDArray[Any]], card: Mapping[str, Any]) -> dict[str, Any]:
+    """The arguments of SkinnedBody, from the arrays as they are packed."""
     N, joint_names = len(arrays["template"]), _names(arrays["joint_names"])
     coco_names = _names(arrays["coco_names"])
     weights = np.zeros((N, len(joint_names)))
     check_numbers("weight_joints", arrays["weight_joints"], len(joint_names))
     np.put_along_axis(weights, arrays["weight_joints"], arrays["weight_shares"], axis=1)
-    return EmbeddedBody(
-        template=arrays["template"],
-        shapedirs=arrays["shapedirs"] * float(arrays["shapedirs_step"]),
-        posedirs=np.ascontiguousarray(arrays["posedirs"].T) * float(arrays["posedirs_step"]),
-        J_regressor=_regressor(arrays, "J_regressor", (len(joint_names), N)),
-        weights=weights / _totals("weight_shares", weights),
-        parents=tuple(int(parent) for parent in arrays["parents"]),
-        faces=arrays["faces"],
-        joint_names=joint_names,
-        mirror=arrays["mirror"],
-        landmarks={"coco": (coco_names, _regressor(arrays, "coco", (len(coco_names), N)))},
-        card={"synthetic": SYNTHETIC} | dict(card),
-    )
+    posedirs = np.ascontiguousarray(arrays["posedirs"].T) * float(arrays["posedirs_step"])
+    return {
+        "template": locked(arrays["template"]),
+        "shapedirs": locked(arrays["shapedirs"] * float(arrays["shapedirs_step"])),
+        "posedirs": locked(posedirs),
+        "J_regressor": _regressor(arrays, "J_regressor", (len(joint_names), N)),
+        "weights": locked(weights / _totals("weight_shares", weights)),
+        "parents": tuple(int(parent) for parent in arrays["parents"]),
+        "faces": arrays["faces"],
+        "joint_names": joint_names,
+        "mirror": arrays["mirror"],
+        "landmarks": {
+            "coco": Landmarks(coco_names, _regressor(arrays, "coco", (len(coco_names), N)))
+        },
+        "card": {"synthetic": SYNTHETIC} | dict(card),
+    }
 
 
 def _names(array: NDArray[Any]) -> tuple[str, ...]:

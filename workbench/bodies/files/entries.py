@@ -43,7 +43,7 @@ class Entries:
         return key in self.raw
 
     def array(self, key: str) -> NDArray[Any]:
-        """An array of numbers."""
+        """The entry, if it is an array of numbers."""
         self._has(key)
         value = self.raw[key]
         if isinstance(value, Unread):
@@ -104,7 +104,7 @@ class Entries:
         return matrix
 
     def texts(self, key: str) -> tuple[str, ...]:
-        """A list of names."""
+        """The entry, if it is a list of names."""
         array = self.raw.get(key)
         if not (isinstance(array, np.ndarray) and array.ndim == 1 and array.dtype.kind == "U"):
             raise BadFile(f"{self.where}: {key} must be a list of names")
@@ -136,7 +136,7 @@ class Entries:
             )
 
     def _written(self, key: str, array: NDArray[Any]) -> NDArray[Any]:
-        """The array, if what it says it holds in letters is text."""
+        """The array; raises BadFile if its letters are not text that can be written."""
         try:
             if array.dtype.kind == "U":
                 check_letters(array)

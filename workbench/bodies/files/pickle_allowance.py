@@ -1,4 +1,4 @@
-"""What a pickle may take: a file names the same bytes as often as it likes, but pays each time."""
+"""How much memory a pickle may take; a file that names the same bytes again pays for them again."""
 
 from collections.abc import Iterable
 from math import prod

@@ -1,4 +1,4 @@
-"""What a pickle may ask for, written down instead of done."""
+"""What a pickle asks for, as records; nothing of it is carried out."""
 
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,7 @@
-"""What a pickle's records mean: numpy arrays, scipy matrices, and three of chumpy's values.
+"""The arrays that a pickle's records stand for: NumPy's, SciPy's, and three of chumpy's values.
 
-A record may be part of many others, and each part may be the same one again: what a record means
-is found once, and every array is paid for from the `Allowance` of its file before it is made.
+A record may be part of many others, and of one of them many times. What a record means is
+therefore found once. Every array is paid for from the `Allowance` of its file before it is made.
 """
 
 import re
@@ -172,7 +172,7 @@ def _dtype(made: Any) -> np.dtype[Any]:
 
 
 def _held(content: Any) -> bytes | bytearray | str:
-    """Bytes, or text with a byte for each character, as the protocols of Python spell them."""
+    """The bytes of an array, or a text with one byte per character, as Python 2 wrote them."""
     if isinstance(content, Made) and content.name.name in ("encode", "bytearray"):
         if content.arguments[1:] not in ((), ("latin1",), ("latin-1",)):
             raise ValueError("its bytes are encoded in another way than latin-1")

@@ -1,6 +1,6 @@
 """Reading a pickle as data: a stack machine that imports nothing and calls nothing.
 
-Python's own unpickler runs whatever a file tells it to. This one reads the same instructions
+Python's own unpickler runs whatever code a file asks for. This one reads the same instructions
 and only writes down what they ask for: a name becomes a `Name`, a call becomes a `Made`, and
 `workbench.bodies.files.pickled_arrays` decides what a few of them mean. Names that a body model has
 no use for are refused where they stand.
@@ -158,7 +158,7 @@ class _Machine:
 
 
 def _key(key: str | bytes | int) -> str:
-    """The name of an entry as text, whose hash is random: nobody can choose names that collide."""
+    """The name of an entry as text, whose random hash keeps files from making names collide."""
     if isinstance(key, int):
         return str(key)
     if len(key) > LONGEST_NAME:

@@ -132,7 +132,7 @@ def _of_every_kind(body: SkinnedBody | TriangleBody, style: str) -> dict[str, ND
 
 
 def _sparse(key: str, matrix: csr_array) -> dict[str, NDArray[Any]]:
-    """A matrix by its parts."""
+    """The parts of a sparse matrix under the keys that a file has for them."""
     parts = (matrix.data, matrix.indices, matrix.indptr, np.array(matrix.shape))
     return {f"{key}/{name}": part for name, part in zip(SPARSE_PARTS, parts, strict=True)}
 

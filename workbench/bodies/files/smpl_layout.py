@@ -15,7 +15,7 @@ from workbench.bodies.skinned import SkinnedBody
 from workbench.errors import BadBody, BadFile, shown, some
 from workbench.reading.facts import parsed
 
-INSTEAD = (  # keys that tell what a file is that is no body
+INSTEAD = (  # keys by which other kinds of files are recognized
     ({"poses", "trans"}, "a motion (AMASS), which moves a body and is none"),
     ({"eigvec"}, "the soft-tissue directions of DMPL, which go with a body and are none"),
     ({"vertices", "faces"}, "a plain mesh; read_mesh reads mesh files"),
@@ -81,7 +81,7 @@ def _check_keys(entries: Entries) -> None:
 
 
 def _vertices(entries: Entries) -> int:
-    """N, as v_template says it."""
+    """N, the number of vertices in v_template."""
     shape = entries.array("v_template").shape
     if len(shape) != 2 or shape[1] != 3 or not shape[0]:
         raise BadFile(f"{entries.where}: v_template has shape {shape}, but must be (N, 3)")

@@ -11,42 +11,46 @@ from workbench.bodies.skinned import SkinnedBody
 
 @dataclass(frozen=True)
 class Extra:
-    """A point on the skin: a landmark, or else the skin of some joints farthest in a direction."""
+    """A point on the skin: a landmark, or else the skin of some joints farthest in a direction.
+
+    Attributes:
+        landmark: the name of the landmark.
+        joints: the names of the joints.
+        direction: for the body's left side; on the right, x has the other sign.
+    """
 
     landmark: str
     joints: tuple[str, ...]
-    direction: tuple[float, float, float]  # for the body's left side; x flips on the right
+    direction: tuple[float, float, float]
 
 
-# Directions in a T-pose, palms down; they matter only for bodies without such landmarks.
-FACE = {"eye": (0.5, 0.5, 1.0), "ear": (1.0, 0.0, 0.0)}
-FEET = {"BigToe": (-0.3, 0.0, 1.0), "SmallToe": (0.7, 0.0, 1.0), "Heel": (0.0, -0.3, -1.0)}
-FINGERS = {
-    "thumb": (0.5, 0.0, 1.0),
-    "index": (1.0, 0.0, 0.4),
-    "middle": (1.0, 0.0, 0.1),
-    "ring": (1.0, 0.0, -0.2),
-    "pinky": (1.0, 0.0, -0.6),
-}
-TOES = {"BigToe": "big_toe", "SmallToe": "small_toe", "Heel": "heel"}
+HEAD, FOOT, HAND = ("head",), ("ankle", "foot"), ("wrist", "hand")
+# The name in smplx with the letter of its side, and what it is on the left. Directions are those in
+# a T-pose, palms down; they matter only for bodies without such landmarks.
+SIDED = (
+    ("{0}eye", Extra("eye", HEAD, (0.5, 0.5, 1.0))),
+    ("{0}ear", Extra("ear", HEAD, (1.0, 0.0, 0.0))),
+    ("{1}BigToe", Extra("big_toe", FOOT, (-0.3, 0.0, 1.0))),
+    ("{1}SmallToe", Extra("small_toe", FOOT, (0.7, 0.0, 1.0))),
+    ("{1}Heel", Extra("heel", FOOT, (0.0, -0.3, -1.0))),
+    ("{0}thumb", Extra("thumb", HAND, (0.5, 0.0, 1.0))),
+    ("{0}index", Extra("index", HAND, (1.0, 0.0, 0.4))),
+    ("{0}middle", Extra("middle", HAND, (1.0, 0.0, 0.1))),
+    ("{0}ring", Extra("ring", HAND, (1.0, 0.0, -0.2))),
+    ("{0}pinky", Extra("pinky", HAND, (1.0, 0.0, -0.6))),
+)
 SIDES = (("l", "left", 1.0), ("r", "right", -1.0))
 
 
 def extras() -> dict[str, Extra]:
     """The 21 names that smplx asks for, each with what it is on a body."""
-    found = {"nose": Extra("nose", ("head",), (0.0, 0.0, 1.0))}
+    found = {"nose": Extra("nose", HEAD, (0.0, 0.0, 1.0))}
     for letter, side, sign in SIDES:
-        for names, joints, form, landmark in (
-            (FACE, ("head",), "{0}{1}", lambda name: name),
-            (FEET, ("ankle", "foot"), "{2}{1}", TOES.__getitem__),
-            (FINGERS, ("wrist", "hand"), "{0}{1}", lambda name: name),
-        ):
-            for name, (x, y, z) in names.items():
-                found[form.format(letter, name, letter.upper())] = Extra(
-                    f"{side}_{landmark(name)}",
-                    tuple(joint if joint == "head" else f"{side}_{joint}" for joint in joints),
-                    (sign * x, y, z),
-                )
+        for name, left in SIDED:
+            joints = HEAD if left.joints == HEAD else tuple(f"{side}_{j}" for j in left.joints)
+            x, y, z = left.direction
+            extra = Extra(f"{side}_{left.landmark}", joints, (sign * x, y, z))
+            found[name.format(letter, letter.upper())] = extra
     return found
 
 

@@ -1,4 +1,4 @@
-"""Sparse matrices from the parts that a file holds of them, which scipy's own code trusts."""
+"""Sparse matrices from their parts in a file, which are checked because SciPy trusts them."""
 
 from collections.abc import Callable
 from typing import Any

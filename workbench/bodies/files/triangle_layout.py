@@ -13,11 +13,14 @@ and kintree_table, joint_names, name, card and landmarks as in the files of skin
 arrays of numbers or texts are the body's `extras`.
 """
 
+from typing import NoReturn
+
 from workbench.bodies.files.entries import Contents, Entries
 from workbench.bodies.files.extras import OF_TRIANGLES, TRIANGLES, sorted_out
 from workbench.bodies.files.smpl_layout import landmarks_from, own_card, parents_from
 from workbench.bodies.readonly import locked
 from workbench.bodies.triangles.body import TriangleBody
+from workbench.bodies.validation import check_shapes
 from workbench.errors import BadFile, some
 
 STYLE = "triangles"
@@ -63,6 +66,10 @@ def triangle_body_from(raw: Contents, name: str, where: str) -> TriangleBody:
 
 def _check_shapes(entries: Entries) -> None:
     """Raise BadFile for shapes that do not fit together, before anything becomes float64."""
+
+    def refuse(reason: str) -> NoReturn:
+        raise BadFile(f"{entries.where}: {reason}")
+
     F = (*entries.array("f").shape, 0)[0]
     J = (*entries.array("near").shape, 0, 0)[1]
     expected: dict[str, tuple[int | str, ...]] = {
@@ -72,13 +79,4 @@ def _check_shapes(entries: Entries) -> None:
         "shapedirs": (F, 3, 3, "B"),
         "posedirs": (F, 3, 3, 3 * J),
     }
-    for key, wanted in expected.items():
-        found = entries.array(key).shape
-        fits = len(found) == len(wanted) and all(
-            isinstance(one, str) or one == size for one, size in zip(wanted, found, strict=True)
-        )
-        if not fits:
-            raise BadFile(
-                f"{entries.where}: {key} has shape {found}, but must be "
-                f"({', '.join(map(str, wanted))})"
-            )
+    check_shapes(refuse, {key: (entries.array(key), sizes) for key, sizes in expected.items()})

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Generic, TypeVar
 
 import casadi as cs
 import numpy as np
@@ -18,17 +17,15 @@ from workbench.bodies.body import Body
 from workbench.bodies.forward.assembly import Maps
 from workbench.errors import BadBody
 
-SomeBody = TypeVar("SomeBody", bound=Body)
-
 
 @dataclass(frozen=True, eq=False)
-class Arguments(Generic[SomeBody]):
+class Arguments:
     """A body, and what stands for its pose (3, K) rad, betas (B, 1) and trans (3, 1) m.
 
     Raises BadBody for what has another shape, or is no symbol or expression of symbols.
     """
 
-    body: SomeBody
+    body: Body
     pose: cs.MX
     betas: cs.MX
     trans: cs.MX
@@ -62,7 +59,7 @@ class Arguments(Generic[SomeBody]):
     def blocks(self) -> tuple[Block, ...]:
         """The block behind each symbol, the body's own (with unit and labels) where it is one.
 
-        A symbol of somebody else's that holds rotation vectors only has the joints' names.
+        A symbol of another origin has the joints' names if it holds nothing but rotation vectors.
         """
         known = {b.symbol.__hash__(): b for b in self.body.known_blocks}
         read = cs.symvar(cs.veccat(*self.symbols))
@@ -106,14 +103,6 @@ class Arguments(Generic[SomeBody]):
         return None if pose is None or betas is None or trans is None else (pose, betas, trans)
 
     @property
-    def names(self) -> tuple[str, str, str] | None:
-        """The three blocks' names, if these are three blocks and nothing else."""
-        if self.maps is None or not self._apart:
-            return None
-        pose, betas, trans = (one.plain for one in self.maps)
-        return None if pose is None or betas is None or trans is None else (pose, betas, trans)
-
-    @property
     def _apart(self) -> bool:
         """Whether no block has two roles."""
         reads = [name for one in self.maps or () for name in one.reads]
@@ -134,8 +123,7 @@ def arguments_from_values(
         pose, betas, trans = (np.asarray(values[name], dtype=float) for name in own)
         return pose, betas, trans
     for one in points:
-        source = getattr(one.source, "surface", one.source)  # means of a surface have its arguments
-        at = getattr(source, "at", None)
+        at = getattr(one.source, "at", None)
         if not isinstance(at, Arguments) or at.body is not body or at.maps is None:
             continue
         if all(name in values for part in at.maps for name in part.reads):

@@ -1,4 +1,4 @@
-"""The arithmetic behind a body's surface: compiled where that pays and works, else by NumPy."""
+"""The arithmetic behind points of a body; a surface's is compiled where that pays and works."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from workbench.bodies.forward.rows import Target
 WORTH_COMPILING = 1000  # vertices: with fewer NumPy needs at most two milliseconds
 
 
-class Surface(Protocol):
-    """The points of a surface at one motion and shape, before translation; see `numeric`.
+class AtOrigin(Protocol):
+    """Points of a body at one motion and shape, before translation; see `numeric`.
 
     What is found on the way to one answer is kept for the next.
     """
@@ -34,10 +34,10 @@ class Surface(Protocol):
 
 
 class Arithmetic(Protocol):
-    """How the surface of a body is computed."""
+    """How points of a body are computed: its surface, its joints, or landmarks on it."""
 
-    def at(self, motion: Motion, betas: Array) -> Surface:
-        """Moved like this, and shaped by betas (B,)."""
+    def at(self, motion: Motion, betas: Array) -> AtOrigin:
+        """The points moved by a motion, of the person with these betas (B,)."""
 
 
 def arithmetic_of(
@@ -45,7 +45,7 @@ def arithmetic_of(
 ) -> Arithmetic:
     """For all of a body's vertices or some; compiles the first time that it pays.
 
-    `chunks` gives these vertices packed for NumPy, if somebody has them already.
+    `chunks` returns these vertices packed for NumPy, if they have been packed before.
     """
     chosen = vertices if isinstance(vertices, slice) else list(vertices)
     count = body.n_vertices if isinstance(chosen, slice) else len(chosen)

@@ -1,4 +1,4 @@
-"""The arrays of a skinned body, as whoever computes with them asks for them.
+"""The arrays of a skinned body, as the modules see them that compute with it.
 
 Modules below `SkinnedBody` are written in these protocols, so that none of them imports it.
 """
@@ -71,7 +71,7 @@ class SkinnedArrays(SurfaceArrays, SkeletonArrays, Body, Protocol):
 
     @property
     def is_smpl(self) -> bool:
-        """Whether it is blended linearly and goes by rotation elements."""
+        """Whether skinning and pose features are SMPL's, for which there is fast arithmetic."""
 
     @property
     def free(self) -> Mapping[str, Block]:

@@ -22,24 +22,47 @@ ROLES = ("pose", "betas", "trans")
 Maps = tuple[Affine, Affine, Affine]  # in this order
 
 
+def plain_names(maps: Maps) -> tuple[str, str, str] | None:
+    """The names of three blocks, if the arguments are these and nothing else."""
+    pose, betas, trans = (one.plain for one in maps)
+    if pose is None or betas is None or trans is None:
+        return None
+    # of one block in two roles the derivatives have to be added
+    return (pose, betas, trans) if len({pose, betas, trans}) == 3 else None
+
+
 @dataclass(frozen=True)
 class Run:
-    """Rows of an argument, one after the other, and the rows of a block's array that hold them."""
+    """Rows of an argument, one after the other, and the rows of a block's array that hold them.
+
+    Attributes:
+        first: the first of the argument's rows.
+        count: how many rows these are.
+        block: the block whose array holds them; empty for the room aside.
+        entry: the row of that array that holds the first of them.
+    """
 
     first: int
     count: int
-    block: str  # empty: the room aside
+    block: str
     entry: int
 
 
 @dataclass(frozen=True, eq=False)
 class ArgumentRows:
-    """What becomes of the rows of one argument."""
+    """What becomes of the rows of one argument.
 
-    count: int  # rows in all
-    held: int  # rows that are written aside
+    Attributes:
+        count: the number of rows of the argument.
+        held: how many rows are written aside.
+        runs: the rows, in runs that stand side by side in one array.
+        matrices: by block, the matrix from rows aside to the block's `combined` entries.
+    """
+
+    count: int
+    held: int
     runs: tuple[Run, ...]
-    matrices: Mapping[str, Array | csr_array]  # by block: from rows aside to its `combined` entries
+    matrices: Mapping[str, Array | csr_array]
 
     def target(self, into: Mapping[str, Array], aside: Array) -> Target:
         """Where the rows are written: in the blocks' arrays, and in the room aside."""

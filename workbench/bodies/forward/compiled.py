@@ -22,12 +22,19 @@ BLOCKS = ("pose", "betas", "trans")
 
 @dataclass(frozen=True, eq=False)
 class CompiledArithmetic:
-    """N vertices, as many side by side as the processor takes at a time; see Arithmetic."""
+    """N vertices, as many side by side as the processor takes at a time; see Arithmetic.
+
+    Attributes:
+        library: the compiled functions.
+        packed: (N / lanes, rows, lanes), at an address that is a multiple of 64.
+        count: N, the number of vertices.
+        sizes: K and B, the numbers of joints and betas.
+    """
 
     library: ctypes.CDLL
-    packed: Array  # (N / lanes, rows, lanes), at an address that is a multiple of 64
-    count: int  # N
-    sizes: tuple[int, int]  # K, B
+    packed: Array
+    count: int
+    sizes: tuple[int, int]
 
     @staticmethod
     def of(
@@ -48,7 +55,7 @@ class CompiledArithmetic:
         )
 
     def at(self, motion: Motion, betas: Array) -> CompiledSurface:
-        """Moved like this, and shaped by betas (B,)."""
+        """The surface moved by a motion, of the person with these betas (B,)."""
         return CompiledSurface(self, motion, betas)
 
     def run(self, name: str, numbers: Array, *words: int | None) -> None:
@@ -60,7 +67,7 @@ class CompiledArithmetic:
 
 @dataclass(frozen=True, eq=False)
 class CompiledSurface:
-    """The points at one motion and shape, before translation; see Surface."""
+    """The points at one motion and shape, before translation; see AtOrigin."""
 
     of: CompiledArithmetic
     motion: Motion
@@ -74,7 +81,7 @@ class CompiledSurface:
         return found
 
     def tangent(self, slopes: Slopes, into: Mapping[str, Target], scale: Array | None) -> None:
-        """Transposed, into[name] (size, 3 N), each column times scale (3 N,); and the points."""
+        """Write the transposed derivative into[name] (size, 3 N); keep the points as well."""
         factor = None if scale is None else np.ascontiguousarray(scale, dtype=np.float64)
         copied: list[tuple[Array, Array]] = []  # what the library cannot write to, and room for it
         tables = {name: _addresses(Rows.of(target), copied) for name, target in into.items()}
@@ -99,9 +106,9 @@ class CompiledSurface:
 
 
 def _addresses(rows: Rows, copied: list[tuple[Array, Array]]) -> NDArray[np.intp]:
-    """Where each row is written, (count,): 0 for one that nobody wants.
+    """The address that each row is written to, (count,); 0 for a row that is not wanted.
 
-    Room is made for the rows of an array that are not float64 in one piece, and told to `copied`.
+    An array whose rows are not float64 in one piece is written aside, and appended to `copied`.
     """
     if (one := rows.whole) is not None and _plain(one):
         return _address(one) + one.strides[0] * np.arange(rows.count)

@@ -10,20 +10,18 @@ from scipy.sparse import csr_array
 
 from workbench.arrays import Array
 from workbench.blocks.reals import reals
-from workbench.bodies.body import Body
+from workbench.bodies.body import Body, Given
 from workbench.bodies.forward.numeric import many_points
 from workbench.bodies.forward.packed import PackedBody
 from workbench.errors import BadBody
 
 
-def vertices(
-    of: PackedBody, pose: ArrayLike | None, betas: ArrayLike | None, trans: ArrayLike | None
-) -> Array:
+def vertices(of: PackedBody, pose: Given, betas: Given, trans: Given) -> Array:
     """The posed surface over a broadcast batch, (..., N, 3) m."""
     body = of.arrays
     batch, theta, beta, move = arguments(body, pose, betas, trans)
     if body.is_smpl:
-        found = many_points(of.chunks, *of.kinematics.motions(theta, beta), beta)
+        found = many_points(of.chunks, of.kinematics.motions(theta, beta), beta)
     else:
         each = [np.asarray(of.skinned_rest(t.T, b)).T for t, b in zip(theta, beta, strict=True)]
         found = np.array(each).reshape(len(theta), body.n_vertices, 3)
@@ -37,9 +35,7 @@ def regressed(regressor: csr_array, points: Array) -> Array:
     return np.moveaxis(found, 0, -2)
 
 
-def joints(
-    of: PackedBody, pose: ArrayLike | None, betas: ArrayLike | None, trans: ArrayLike | None
-) -> Array:
+def joints(of: PackedBody, pose: Given, betas: Given, trans: Given) -> Array:
     """The posed joints over a broadcast batch, (..., K, 3) m."""
     batch, theta, beta, move = arguments(of.arrays, pose, betas, trans)
     found = np.empty((len(theta), of.arrays.n_joints, 3))
@@ -49,10 +45,7 @@ def joints(
 
 
 def arguments(
-    body: Body,
-    pose: ArrayLike | None,
-    betas: ArrayLike | None,
-    trans: ArrayLike | None,
+    body: Body, pose: Given, betas: Given, trans: Given
 ) -> tuple[tuple[int, ...], Array, Array, Array]:
     """The batch, and M of each: (M, K, 3), (M, B), (M, 3).
 

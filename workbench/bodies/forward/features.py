@@ -15,16 +15,23 @@ from workbench.geometry.rotation import half_turns, rodrigues
 
 @dataclass(frozen=True, eq=False)
 class Posture:
-    """What features are made from: symbols, or numbers, of one pose of K joints."""
+    """What features are made from: symbols, or numbers, of one pose of K joints.
 
-    pose: cs.MX  # (3, K) rad
-    bind: cs.MX  # (3, K) rad, the pose that the template is drawn in
-    R: cs.MX  # (3, 3 K), the rotations of `pose` side by side
-    R_bind: cs.MX  # (3, 3 K)
+    Attributes:
+        pose: (3, K) rad.
+        bind: (3, K) rad, the pose that the template is drawn in.
+        R: (3, 3 K), the rotations of `pose` side by side.
+        R_bind: (3, 3 K), those of `bind`.
+    """
+
+    pose: cs.MX
+    bind: cs.MX
+    R: cs.MX
+    R_bind: cs.MX
 
     @staticmethod
     def of(pose: cs.MX, bind: cs.MX) -> "Posture":
-        """With its rotations."""
+        """A pose and the bind pose with their rotations."""
         return Posture(pose, bind, rodrigues(pose), rodrigues(bind))
 
 
@@ -58,7 +65,7 @@ def quaternion_elements(at: Posture) -> cs.MX:
 
 
 def no_features(at: Posture) -> cs.MX:
-    """None at all: F = 0."""
+    """No features at all: F = 0."""
     return cs.MX(0, 1)
 
 

@@ -21,7 +21,7 @@ from scipy.sparse import csc_array, csr_array, kron
 
 from workbench.arrays import Array, Index
 from workbench.bodies.forward.arrays import SkinnedArrays
-from workbench.bodies.forward.kinematics import ancestors
+from workbench.bodies.forward.freed_patterns import pattern_by
 from workbench.bodies.forward.motion import Kinematics, Motion
 from workbench.bodies.forward.skinning import blend_matrices
 
@@ -30,27 +30,55 @@ BLOCKS = "pose", "betas", "trans"
 
 @dataclass(frozen=True, eq=False)
 class FreedSurface:
-    """Vertices of an SMPL body, some of whose arrays are given from outside."""
+    """Vertices of an SMPL body, some of whose arrays are blocks of a problem.
+
+    See NumericPoints and SparsePoints.
+
+    Attributes:
+        body: whose other arrays are used.
+        kinematics: of which turns and features alone are read; these know no joints.
+        chosen: (n,) the numbers of the vertices.
+        names: the problem's blocks by the names `pose`, `betas`, `trans` and those of arrays.
+    """
 
     body: SkinnedArrays
-    kinematics: Kinematics  # of which turns and features alone are read: they know no joints
-    chosen: Index  # (n,), the vertices
+    kinematics: Kinematics
+    chosen: Index
+    names: Mapping[str, str]
+
+    @property
+    def reads(self) -> tuple[str, ...]:
+        """The blocks of pose, betas, trans and the free arrays, by their names in the problem."""
+        return tuple(self.names.values())
 
     @cached_property
-    def ancestors(self) -> Array:
-        """(K, K); see `kinematics.ancestors`."""
-        return ancestors(self.body.parents)
+    def own(self) -> dict[str, str]:
+        """The body's own names of the blocks, by those of the problem."""
+        return {block: own for own, block in self.names.items()}
 
-    def at(
-        self, arrays: Mapping[str, Array], pose: Array, betas: Array, trans: Array
-    ) -> FreedSurfaceAt:
-        """Where these arrays stand in for the body's own, at pose (K, 3) rad, betas and trans."""
-        return FreedSurfaceAt(self, arrays, pose, betas, trans)
+    def pattern(self, name: str) -> csc_array | None:
+        """Where the derivative by a block can be nonzero; see `pattern_by`."""
+        return pattern_by(self.body, self.chosen, self.own[name], self.names)
+
+    def at(self, values: Mapping[str, Array]) -> FreedSurfaceAt:
+        """The vertices where the blocks have these values."""
+        found = {own: values[block] for own, block in self.names.items()}
+        pose, betas, trans = (found.pop(name) for name in BLOCKS)
+        return FreedSurfaceAt(self, found, pose, betas, trans)
+
+    def many(self, values: Mapping[str, Array]) -> Array:
+        """The vertices (M, n, 3) m of M sets of values, one after the other."""
+        count = len(values[self.names["pose"]])
+        each = ({name: values[name][i] for name in self.reads} for i in range(count))
+        return np.array([self.at(one).points for one in each])
 
 
 @dataclass(frozen=True, eq=False)
 class FreedSurfaceAt:
-    """The vertices at one set of arrays, pose (K, 3) rad, betas (B,) and trans (3,) m."""
+    """The vertices at one set of arrays, pose (K, 3) rad, betas (B,) and trans (3,) m.
+
+    See PointsAt and SparsePointsAt. `arrays` stand in for the body's own.
+    """
 
     of: FreedSurface
     arrays: Mapping[str, Array]
@@ -60,7 +88,7 @@ class FreedSurfaceAt:
 
     @cached_property
     def motion(self) -> Motion:
-        """Of which turns and features are read."""
+        """The motion of the joints, of which turns and features are read."""
         return self.of.kinematics.motion(self.pose, self.betas)
 
     @cached_property
@@ -86,7 +114,7 @@ class FreedSurfaceAt:
 
     @cached_property
     def joints(self) -> Array:
-        """At rest, (K, 3) m."""
+        """j: the joints at rest, (K, 3) m."""
         if "joints" in self.arrays:
             return self.arrays["joints"]
         given = self.of.body.rest_joints
@@ -96,7 +124,7 @@ class FreedSurfaceAt:
     def shifts(self) -> Array:
         """The last column of each joint's motion, (K, 3) m."""
         own = (self.levers @ self.joints[:, :, None])[:, :, 0]
-        return np.asarray(self.of.ancestors @ own)
+        return np.asarray(self.of.kinematics.ancestors @ own)
 
     @cached_property
     def weights(self) -> Array:
@@ -106,7 +134,7 @@ class FreedSurfaceAt:
     @cached_property
     def below(self) -> Array:
         """c: the weight that each joint and those below it carry, (n, K)."""
-        return np.asarray(self.weights @ self.of.ancestors)
+        return np.asarray(self.weights @ self.of.kinematics.ancestors)
 
     @cached_property
     def blended(self) -> Array:
@@ -127,24 +155,24 @@ class FreedSurfaceAt:
 
     @cached_property
     def points(self) -> Array:
-        """v' + trans, (n, 3) m."""
+        """v' + trans: the posed vertices, (n, 3) m."""
         blended: Array = np.einsum("nk,nkd->nd", self.weights, self.carried)
         return blended + self.trans
 
     def jacobian(self, name: str) -> csc_array:
-        """The points' derivative (3 n, size) by `pose`, `betas`, `trans` or an array, row by row.
+        """The points' derivative (3 n, size) by a block.
 
-        Rows are x, y, z of vertex after vertex, and columns the array's numbers in NumPy's order.
+        Rows are x, y, z of vertex after vertex, and columns the block's numbers in NumPy's order.
         """
-        return self._made[name]()
+        return self._made[self.of.own[name]]()
 
     def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
-        """Transposed, into[name] (size, 3 n); see PointsAt."""
+        """Write the transposed derivative into[block] (size, 3 n)."""
         for name, array in into.items():
             np.multiply(self.jacobian(name).T.toarray(), 1.0 if scale is None else scale, out=array)
 
     def adjoint(self, pull: Array) -> dict[str, Array]:
-        """By pose, betas, trans and the arrays, flat; only that by the pose needs a Jacobian."""
+        """Gradients of pull . points by the blocks, flat; only that by pose needs a Jacobian."""
         body, chosen = self.of.body, self.of.chosen
         pulled = pull.reshape(-1, 3)
         on_rest: Array = np.einsum("ndc,nd->nc", self.blended, pulled)
@@ -153,7 +181,7 @@ class FreedSurfaceAt:
         if self.regressed:
             on_person += self._regressor.T @ on_joints
         found = {
-            "pose": self.jacobian("pose").T @ pull,
+            "pose": self._by_pose().T @ pull,
             "betas": np.tensordot(on_person, self._array("shapedirs"), 2),
             "trans": pulled.sum(axis=0),
         }
@@ -169,7 +197,8 @@ class FreedSurfaceAt:
             ),
             "J_regressor": lambda: on_joints @ self.person.T,
         }
-        return found | {name: np.asarray(made[name]()).ravel() for name in self.arrays}
+        found |= {name: np.asarray(made[name]()).ravel() for name in self.arrays}
+        return {self.of.names[own]: gradient for own, gradient in found.items()}
 
     @property
     def _made(self) -> dict[str, Callable[[], csc_array]]:
@@ -193,13 +222,13 @@ class FreedSurfaceAt:
 
     @cached_property
     def _by_joints(self) -> Array:
-        """c_im D_m, (3 n, 3 K)."""
+        """The derivative c_im D_m of the points by the joints at rest, (3 n, 3 K)."""
         blocks: Array = np.einsum("nm,mdc->ndmc", self.below, self.levers)
         return blocks.reshape(3 * len(self.of.chosen), -1)
 
     @cached_property
     def _by_person(self) -> csr_array:
-        """By T + S beta, (3 n, 3 N): directly, and through the joints."""
+        """The derivative by T + S beta, (3 n, 3 N): directly, and through the joints."""
         if not self.regressed:
             return self._by_rest
         onto_joints = kron(self._regressor, np.eye(3), format="csr")
@@ -221,7 +250,7 @@ class FreedSurfaceAt:
 
     def _by_pose(self) -> csc_array:
         slopes = self.of.kinematics.slopes(self.pose, self.betas)
-        (n, K), A = self.weights.shape, self.of.ancestors
+        (n, K), A = self.weights.shape, self.of.kinematics.ancestors
         centres = np.einsum("kdc,kc->kd", self.turns, self.joints) + self.shifts  # the posed joints
         hanging = np.tensordot(A, self.weights[:, :, None] * self.carried, axes=(0, 1))  # (K, n, 3)
         hanging -= self.below.T[:, :, None] * centres[:, None]

@@ -62,7 +62,7 @@ class GaussianKernels:
     examples: Examples
 
     def __call__(self, at: Posture) -> cs.MX:
-        """(n, 1), each between 0 and 1."""
+        """The features (n, 1), each between 0 and 1."""
         return cs.exp(self.examples.exponents(at))
 
     def interpolating(self, shapes: Array) -> Array:
@@ -89,7 +89,7 @@ class NormalisedKernels:
     examples: Examples
 
     def __call__(self, at: Posture) -> cs.MX:
-        """(n, 1), positive, of sum one."""
+        """The features (n, 1), positive and of sum one."""
         exponents = self.examples.exponents(at)
         return cs.exp(exponents - cs.logsumexp(exponents))
 

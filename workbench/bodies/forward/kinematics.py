@@ -35,7 +35,10 @@ def world_motions(
 
 
 def ancestors(parents: Sequence[int]) -> Array:
-    """(K, K): one at [k, m] if joint m is on the path from the root to k, both ends included."""
+    """A matrix (K, K) with one at [k, m] if joint m is on the path from the root to k.
+
+    Both ends count as on the path.
+    """
     A = np.eye(len(parents))
     for k, parent in enumerate(parents[1:], start=1):
         A[k] += A[parent]
@@ -43,7 +46,7 @@ def ancestors(parents: Sequence[int]) -> Array:
 
 
 def world_rotations(pose: Matrix, parents: Sequence[int]) -> list[Matrix]:
-    """Of each joint, (3, 3), for a pose (3, K) rad."""
+    """The rotation (3, 3) of each joint in the world, for a pose (3, K) rad."""
     nowhere = [type(pose).zeros(3, 1)] * len(parents)
     return [R for R, _ in world_motions(rodrigues(pose), nowhere, parents)]
 

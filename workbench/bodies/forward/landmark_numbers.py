@@ -9,14 +9,14 @@ from functools import cached_property
 import numpy as np
 
 from workbench.arrays import Array, Index
-from workbench.bodies.forward.kinematics import ancestors
-from workbench.bodies.forward.motion import Kinematics, Posed, Slopes
+from workbench.bodies.forward.motion import Motion, Slopes
 from workbench.bodies.forward.rest_points import RestPoints
+from workbench.bodies.forward.rows import Target, write
 
 
 @dataclass(frozen=True, eq=False)
-class NumericLandmarks:
-    """Landmarks of an SMPL body whose arrays are all numbers; see BodyPoints.
+class LandmarkArithmetic:
+    """Landmarks of an SMPL body whose arrays are all numbers; see Arithmetic.
 
     The formulas are those of a surface (`numeric`), in which every rest point v_p has one joint
     j(p) and a mass m_p instead of weights:
@@ -25,47 +25,36 @@ class NumericLandmarks:
         dy_p/dpose[k, a] = w_ka x (y_p - m_p t_k) [j(p) at or below k] + R_j(p) P_pk df/dpose[k, a]
     """
 
-    kinematics: Kinematics
     rest_points: RestPoints
-    parents: tuple[int, ...]
+    ancestors: Array
 
-    def at(self, pose: Array, betas: Array, trans: Array) -> LandmarksAt:
-        """The landmarks at one pose, betas and translation."""
-        return LandmarksAt(self, self.kinematics.at(pose, betas), trans)
+    def at(self, motion: Motion, betas: Array) -> LandmarksAtOrigin:
+        """The landmarks moved by a motion, of the person with these betas (B,)."""
+        return LandmarksAtOrigin(self, motion, betas)
 
-    def each(self, poses: Array, betas: Array, trans: Array) -> list[LandmarksAt]:
-        """The landmarks at M poses, betas and translations, which share their kinematics."""
-        posed = self.kinematics.each(poses, betas)
-        return [LandmarksAt(self, one, t) for one, t in zip(posed, trans, strict=True)]
-
-    def many(self, pose: Array, betas: Array, trans: Array) -> Array:
-        """(M, L, 3) m, by matrix products."""
-        (G, features), points = self.kinematics.motions(pose, betas), self.rest_points
-        moved = points.moved(points.turns(G), points.rest(features, betas))
-        return points.summed(moved).transpose(0, 2, 1) + trans[:, None]
+    def many(self, motions: Motion, betas: Array) -> Array:
+        """The landmarks (M, L, 3) m for M motions and betas (M, B), by matrix products."""
+        points = self.rest_points
+        moved = points.moved(points.turns(motions.G), points.rest(motions.features, betas))
+        return points.summed(moved).transpose(0, 2, 1)
 
     @cached_property
     def landmark(self) -> Index:
-        """(P,), the landmark of each rest point."""
+        """The landmark of each rest point, (P,)."""
         P = len(self.rest_points.joint)
         return np.repeat(
             np.arange(len(self.rest_points.first)), np.diff(self.rest_points.first, append=P)
         )
 
     @cached_property
-    def above(self) -> Array:
-        """(K, K): one where a column's joint is the row's, or below it."""
-        return ancestors(self.parents).T
-
-    @cached_property
     def mass(self) -> Array:
-        """(K, L), of each joint's part of each landmark."""
+        """The mass of each joint's part of each landmark, (K, L)."""
         return self.on_joints(self.rest_points.mass[None])[:, 0]
 
     @cached_property
     def mass_below(self) -> Array:
-        """(K, 1, L), of the parts that turn with each joint."""
-        return np.asarray(self.above @ self.mass)[:, None]
+        """The mass of the parts that turn with each joint, (K, 1, L)."""
+        return np.asarray(self.ancestors.T @ self.mass)[:, None]
 
     @cached_property
     def bent(self) -> tuple[Index, Array]:
@@ -78,28 +67,28 @@ class NumericLandmarks:
 
     def on_joints(self, of_rest_points: Array) -> Array:
         """What rest points have (r, P), laid out by joint and landmark: (K, r, L)."""
-        found = np.zeros((len(self.parents), len(of_rest_points), len(self.rest_points.first)))
+        found = np.zeros((len(self.ancestors), len(of_rest_points), len(self.rest_points.first)))
         found[self.rest_points.joint, :, self.landmark] = of_rest_points.T
         return found
 
 
 @dataclass(frozen=True, eq=False)
-class LandmarksAt:
-    """The landmarks at one pose (K, 3) rad, betas (B,) and trans (3,) m; see PointsAt."""
+class LandmarksAtOrigin:
+    """The landmarks at one motion and betas (B,), before translation; see AtOrigin."""
 
-    of: NumericLandmarks
-    posed: Posed
-    trans: Array
+    of: LandmarkArithmetic
+    motion: Motion
+    betas: Array
 
     @cached_property
     def rest(self) -> Array:
         """v: the rest points, (3, P) m."""
-        return self.of.rest_points.rest(self.posed.motion.features, self.posed.betas)
+        return self.of.rest_points.rest(self.motion.features, self.betas)
 
     @cached_property
     def turns(self) -> Array:
         """G of each rest point's joint, (3, 4, P)."""
-        return self.of.rest_points.turns(self.posed.motion.G)
+        return self.of.rest_points.turns(self.motion.G)
 
     @cached_property
     def moved(self) -> Array:
@@ -108,45 +97,36 @@ class LandmarksAt:
 
     @cached_property
     def points(self) -> Array:
-        """The landmarks on the posed surface, (L, 3) m."""
-        return self.of.rest_points.summed(self.moved).T + self.trans
+        """The landmarks before translation, (L, 3) m."""
+        return self.of.rest_points.summed(self.moved).T
 
-    def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
-        """Transposed, into[name] (size, 3 L)."""
-        slopes = self.posed.slopes
-        factor = 1.0 if scale is None else scale
-        for name, array in into.items():
+    def tangent(self, slopes: Slopes, into: Mapping[str, Target], scale: Array | None) -> None:
+        """Write the transposed derivative into `pose`, `betas` and `trans`, (size, 3 L) each."""
+        for name, target in into.items():
             if name == "trans":
                 found = np.tile(np.eye(3), len(self.of.rest_points.first))
             else:
                 planar = self._by_pose(slopes) if name == "pose" else self._by_betas(slopes)
-                found = planar.transpose(0, 2, 1).reshape(array.shape)
-            np.multiply(found, factor, out=array)
+                found = planar.transpose(0, 2, 1).reshape(len(target), 3 * planar.shape[2])
+            write(target, found, scale)
 
-    def adjoint(self, pull: Array) -> dict[str, Array]:
-        """By pose, betas and trans, flat."""
+    def adjoint(self, pull: Array) -> tuple[Array, Array, Array]:
+        """Gradients of sum(pull * points), pull (L, 3), by G (K, 3, 4), features and betas."""
         of, points = self.of, self.of.rest_points
-        on_landmarks = pull.reshape(-1, 3).T  # (3, L)
-        on_moved = on_landmarks[:, of.landmark]
+        on_moved = pull.T[:, of.landmark]
         on_rest = np.einsum("dcp,dp->cp", self.turns[:, :3], on_moved).ravel()
         placed = of.on_joints(np.concatenate([self.rest, points.mass[None]]))  # (K, 4, L)
-        on_G = np.matmul(on_landmarks, placed.transpose(0, 2, 1))
-        on_features = np.zeros_like(self.posed.motion.features)
+        on_features = np.zeros_like(self.motion.features)
         on_features[points.used] = points.posedirs @ on_rest
-        back = self.posed.adjoint(on_G, on_features)
-        on_pose, through_joints = back
-        return {
-            "pose": on_pose.ravel(),
-            "betas": points.shapedirs @ on_rest + through_joints,
-            "trans": on_landmarks.sum(axis=1),
-        }
+        on_G = np.matmul(pull.T, placed.transpose(0, 2, 1))
+        return on_G, on_features, points.shapedirs @ on_rest
 
     def _by_pose(self, slopes: Slopes) -> Array:
         """The transposed derivative of the landmarks by the pose, (3 K, 3, L)."""
-        of, (K, _) = self.of, self.posed.pose.shape
+        of, K = self.of, len(self.motion.G)
         placed = of.on_joints(self.moved)
-        below = (of.above @ placed.reshape(K, -1)).reshape(placed.shape)
-        below -= of.mass_below * self.posed.motion.joints[:, :, None]
+        below = (of.ancestors.T @ placed.reshape(K, -1)).reshape(placed.shape)
+        below -= of.mass_below * self.motion.joints[:, :, None]
         found: Array = np.matmul(slopes.turns, below).reshape(K, 3, 3, -1)
         joints, posedirs = of.bent
         if len(joints):
@@ -156,7 +136,7 @@ class LandmarksAt:
 
     def _by_betas(self, slopes: Slopes) -> Array:
         """The transposed derivative of the landmarks by betas, (B, 3, L)."""
-        B = len(self.posed.betas)
+        B = len(self.betas)
         return (slopes.d_shift @ self.of.mass).reshape(B, 3, -1) + self._turned(
             self.of.rest_points.shapedirs
         )

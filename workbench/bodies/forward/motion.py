@@ -1,4 +1,4 @@
-"""The half of a body that does not know how many vertices there are: its kinematics, derived."""
+"""The kinematics of a body and their derivatives, whatever the number of vertices."""
 
 from __future__ import annotations
 
@@ -26,27 +26,39 @@ from workbench.geometry.rotation import rodrigues
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """What the kinematics say at one pose and shape; K joints, B betas."""
+    """The motion of the joints at one pose and shape, or at several; K joints, B betas.
 
-    G: Array  # (K, 3, 4): rest to posed
-    features: Array  # (9 (K - 1),)
-    joints: Array  # (K, 3) m, posed
+    Attributes:
+        G: (..., K, 3, 4) the motion of each joint, which takes what is at rest to where it is.
+        features: (..., 9 (K - 1)) what the pose blend shapes are multiplied with.
+        joints: (..., K, 3) m, the posed joints.
+    """
+
+    G: Array
+    features: Array
+    joints: Array
 
 
 @dataclass(frozen=True, eq=False)
 class Slopes:
-    """How a motion changes with pose and betas."""
+    """How a motion changes with pose and betas.
 
-    turns: Array  # (K, 9, 3): rows (a, d), u -> (axis of pose[k, a] x u)_d
-    d_features: Array  # (K - 1, 3, 9): joint k + 1's features by its own three numbers
-    d_shift: Array  # (3 B, K): rows (b, d), the last column of G_k by betas[b]
+    Attributes:
+        turns: (..., K, 9, 3) with rows (a, d), the map u -> (axis of pose[k, a] x u)_d.
+        d_features: (..., K - 1, 3, 9) the features of joint k + 1 by its own three numbers.
+        d_shift: (..., 3 B, K) with rows (b, d), the last column of G_k by betas[b].
+    """
+
+    turns: Array
+    d_features: Array
+    d_shift: Array
 
 
 @dataclass(frozen=True, eq=False)
 class Posed:
     """The kinematics at one pose (K, 3) rad and betas (B,); what is asked for is found once.
 
-    Where the pose is one of many, it is found for all of them at once, in a few calls.
+    Where the pose is one of several, it is found for all of them at once, in a few calls.
     """
 
     kinematics: Kinematics
@@ -69,10 +81,6 @@ class Posed:
             return self.among.slopes[self.place]
         return self.kinematics.slopes(self.pose, self.betas)
 
-    def adjoint(self, on_G: Array, on_features: Array) -> tuple[Array, Array]:
-        """See Kinematics."""
-        return self.kinematics.adjoint(self.pose, self.betas, on_G, on_features)
-
 
 @dataclass(frozen=True, eq=False)
 class Together:
@@ -85,12 +93,15 @@ class Together:
     @cached_property
     def motions(self) -> list[Motion]:
         """The motion of each pose."""
-        return self.kinematics.many_motions(self.poses, self.betas)
+        found = self.kinematics.motions(self.poses, self.betas)
+        return [Motion(*one) for one in zip(found.G, found.features, found.joints, strict=True)]
 
     @cached_property
     def slopes(self) -> list[Slopes]:
         """The derivative of the motion of each pose."""
-        return self.kinematics.many_slopes(self.poses, self.betas)
+        all_of = self.kinematics.many_slopes(self.poses, self.betas)
+        parts = all_of.turns, all_of.d_features, all_of.d_shift
+        return [Slopes(*one) for one in zip(*parts, strict=True)]
 
 
 class Kinematics:
@@ -98,7 +109,7 @@ class Kinematics:
 
     def __init__(self, skeleton: Skeleton, bind_pose: Array, parents: Sequence[int]) -> None:
         K, _, B = skeleton.slopes.shape
-        self._sizes, self.skeleton, self._ancestors = (K, B), skeleton, ancestors(parents)
+        self._sizes, self.skeleton, self.ancestors = (K, B), skeleton, ancestors(parents)
         pose, betas = cs.SX.sym("pose", 3, K), cs.SX.sym("betas", B)
         rest = skeleton.joints(betas)
         R, R_bind = rodrigues(pose), rodrigues(cs.SX(cs.DM(bind_pose.T)))
@@ -127,42 +138,32 @@ class Kinematics:
         back = [cs.densify(cs.gradient(felt, pose)), cs.densify(cs.gradient(felt, betas))]
         self._back = Buffered(cs.Function("adjoint", [pose, betas, pull_G, pull_f], back))
 
-    def motion(self, pose: Array, betas: Array) -> Motion:
-        """At pose (K, 3) rad and betas (B,)."""
-        K, _ = self._sizes
-        G, features, joints = self._motion(pose, betas)
-        return Motion(G.reshape(K, 3, 4), features, joints.reshape(K, 3))
-
     def at(self, pose: Array, betas: Array) -> Posed:
-        """At pose (K, 3) rad and betas (B,)."""
+        """The kinematics at pose (K, 3) rad and betas (B,), computed when they are asked for."""
         return Posed(self, pose, betas)
 
     def each(self, poses: Array, betas: Array) -> list[Posed]:
-        """At poses (M, K, 3) rad and betas (M, B)."""
+        """The kinematics at each of the poses (M, K, 3) rad with its betas (M, B)."""
         among = Together(self, poses, betas)
         return [Posed(self, poses[i], betas[i], among, i) for i in range(len(poses))]
 
-    def many_motions(self, poses: Array, betas: Array) -> list[Motion]:
-        """At poses (M, K, 3) rad and betas (M, B)."""
-        M, K, _ = poses.shape
-        G, features, joints = self._motions(poses.reshape(M, 3 * K), betas)
-        G, joints = G.reshape(M, K, 3, 4), joints.reshape(M, K, 3)
-        return [Motion(*parts) for parts in zip(G, features, joints, strict=True)]
+    def motion(self, pose: Array, betas: Array) -> Motion:
+        """The motion at pose (K, 3) rad and betas (B,)."""
+        return self._shaped(self._motion(pose, betas))
 
-    def many_slopes(self, poses: Array, betas: Array) -> list[Slopes]:
-        """At poses (M, K, 3) rad and betas (M, B)."""
-        M, (K, B) = len(poses), self._sizes
-        turns, d_features, steps = self._many_slopes(poses.reshape(M, 3 * K), betas)
-        own = steps.reshape(M, K, 3, 3) @ self.skeleton.slopes
-        shifts = own.transpose(0, 3, 2, 1).reshape(M, 3 * B, K) @ self._ancestors.T
-        turns, d_features = turns.reshape(M, K, 9, 3), d_features.reshape(M, max(0, K - 1), 3, 9)
-        return [Slopes(*parts) for parts in zip(turns, d_features, shifts, strict=True)]
+    def motions(self, poses: Array, betas: Array) -> Motion:
+        """The motions at poses (M, K, 3) rad and betas (M, B), as arrays over all of them."""
+        return self._shaped(self._motions(poses.reshape(len(poses), 3 * self._sizes[0]), betas))
 
-    def motions(self, pose: Array, betas: Array) -> tuple[Array, Array]:
-        """G (M, K, 3, 4) and features (M, F), at poses (M, K, 3) rad and betas (M, B)."""
-        K, _ = self._sizes
-        G, features, _joints = self._motions(pose.reshape(len(pose), 3 * K), betas)
-        return G.reshape(len(pose), K, 3, 4), features
+    def slopes(self, pose: Array, betas: Array) -> Slopes:
+        """How the motion changes at pose (K, 3) rad and betas (B,)."""
+        return self._shaped_slopes(self._slopes(pose, betas))
+
+    def many_slopes(self, poses: Array, betas: Array) -> Slopes:
+        """How the motions change at poses (M, K, 3) rad and betas (M, B), as arrays over all."""
+        return self._shaped_slopes(
+            self._many_slopes(poses.reshape(len(poses), 3 * self._sizes[0]), betas)
+        )
 
     @cached_property
     def _motions(self) -> Batched:
@@ -172,17 +173,22 @@ class Kinematics:
     def _many_slopes(self) -> Batched:
         return Mapped(self._slopes.function, (False, False))
 
-    def slopes(self, pose: Array, betas: Array) -> Slopes:
-        """Of the motion at pose (K, 3) rad and betas (B,)."""
-        K, B = self._sizes
-        turns, d_features, steps = self._slopes(pose, betas)
+    def _shaped(self, outputs: Sequence[Array]) -> Motion:
+        (K, _), (G, features, joints) = self._sizes, outputs
+        if features.ndim == 1:
+            return Motion(G.reshape(K, 3, 4), features, joints.reshape(K, 3))
+        return Motion(G.reshape(-1, K, 3, 4), features, joints.reshape(-1, K, 3))
+
+    def _shaped_slopes(self, outputs: Sequence[Array]) -> Slopes:
+        (K, B), (turns, d_features, steps) = self._sizes, outputs
+        some = steps.shape[:-1]
         # Joint k is where G_k and its parent's G agree, so the last column of G_k is that of its
         # parent plus (R_parent - R_k) J_k, and J_k is linear in betas.
-        own = steps.reshape(K, 3, 3) @ self.skeleton.slopes  # (K, 3, B)
+        own = steps.reshape(*some, K, 3, 3) @ self.skeleton.slopes  # (..., K, 3, B)
         return Slopes(
-            turns.reshape(K, 9, 3),
-            d_features.reshape(max(0, K - 1), 3, 9),
-            own.transpose(2, 1, 0).reshape(3 * B, K) @ self._ancestors.T,
+            turns.reshape(*some, K, 9, 3),
+            d_features.reshape(*some, max(0, K - 1), 3, 9),
+            own.swapaxes(-1, -3).reshape(*some, 3 * B, K) @ self.ancestors.T,
         )
 
     def adjoint(

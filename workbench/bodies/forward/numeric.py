@@ -33,14 +33,24 @@ WIDE = 12, 3, 3  # numbers a vertex: blended motion, rest, moved
 
 @dataclass(frozen=True, eq=False)
 class Chunk:
-    """Some vertices, coordinate by coordinate: n of them."""
+    """Some vertices, coordinate by coordinate: n of them.
+
+    Attributes:
+        rows: where these vertices stand among all.
+        template: (3 n,).
+        shapedirs: (B, 3 n).
+        posedirs: (9 (K - 1), 3 n).
+        weights: (K, n).
+        directions: (1 + B + 9 (K - 1), 3 n), template, shapedirs and posedirs in one array, of
+            which they are parts.
+    """
 
     rows: slice
-    template: Array  # (3 n,)
-    shapedirs: Array  # (B, 3 n)
-    posedirs: Array  # (9 (K - 1), 3 n)
-    weights: Array  # (K, n)
-    directions: Array  # (1 + B + 9 (K - 1), 3 n): these three in one, of which they are parts
+    template: Array
+    shapedirs: Array
+    posedirs: Array
+    weights: Array
+    directions: Array
 
     @property
     def columns(self) -> slice:
@@ -91,13 +101,13 @@ class ChunkedArithmetic:
     parents: tuple[int, ...]
 
     def at(self, motion: Motion, betas: Array) -> ChunkedSurface:
-        """Moved like this, and shaped by betas (B,)."""
+        """The surface moved by a motion, of the person with these betas (B,)."""
         return ChunkedSurface(self, motion, betas)
 
 
 @dataclass(frozen=True, eq=False)
 class ChunkedSurface:
-    """The points at one motion and shape, before translation; see Surface."""
+    """The points at one motion and shape, before translation; see AtOrigin."""
 
     of: ChunkedArithmetic
     motion: Motion
@@ -152,18 +162,19 @@ class ChunkedSurface:
         return on_G.reshape(K, 3, 4), on_features, on_betas
 
     def _rest_of(self, chunk: Chunk) -> Array:
-        """(3, n), computed once."""
+        """The vertices of a chunk at rest, (3, n), computed once."""
         first = chunk.rows.start
         if first not in self._rest:
             self._rest[first] = chunk.rest(self.betas, self.motion.features)
         return self._rest[first]
 
 
-def many_points(chunks: list[Chunk], G: Array, features: Array, betas: Array) -> Array:
-    """(M, N, 3) m for M motions (M, K, 3, 4), features (M, F) and betas (M, B).
+def many_points(chunks: list[Chunk], motions: Motion, betas: Array) -> Array:
+    """The vertices (M, N, 3) m for M motions and betas (M, B).
 
     Before translation, by matrix products over many of them at a time.
     """
+    G, features = motions.G, motions.features
     found = np.empty((len(G), chunks[-1].rows.stop if chunks else 0, 3))
     widest = max((chunk.weights.shape[1] for chunk in chunks), default=0)
     # memory that is used again: new pages for every product would cost half as much as it
@@ -187,7 +198,7 @@ def many_points(chunks: list[Chunk], G: Array, features: Array, betas: Array) ->
 
 
 def _planar(array: Array) -> Array:
-    """(n, 3, B) -> (B, 3 n), coordinate by coordinate."""
+    """Directions (n, 3, B) as (B, 3 n), coordinate by coordinate."""
     n, _, B = array.shape
     return np.ascontiguousarray(array.transpose(2, 1, 0)).reshape(B, 3 * n)
 

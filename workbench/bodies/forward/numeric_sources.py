@@ -1,4 +1,4 @@
-"""Points on a body by arithmetic: in the body's own words, and under the names of a problem.
+"""Points on a body by arithmetic, under the body's own names or under those of a problem.
 
 Arithmetic knows a pose, betas and a translation (`BodyPoints`). A problem knows blocks by the names
 that it gives them, and a pose may be made of several of these. `Named` stands between the two.
@@ -9,45 +9,46 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Protocol, TypeGuard
+from typing import Protocol
 
 import numpy as np
-from scipy.sparse import csr_array, kron
 
 from workbench.arrays import Array, Index
 from workbench.blocks import PointsAt
-from workbench.bodies.forward.arithmetic import Arithmetic, Surface
-from workbench.bodies.forward.assembly import ROLES, Assembly, Maps, assembly_of
+from workbench.bodies.forward.arithmetic import Arithmetic, AtOrigin
+from workbench.bodies.forward.assembly import ROLES, Assembly, Maps, assembly_of, plain_names
 from workbench.bodies.forward.motion import Kinematics, Posed
-from workbench.bodies.forward.numeric import Chunk, many_points
-from workbench.bodies.forward.rows import Rows, Target
+from workbench.bodies.forward.rows import Target
+
+
+class BodyPointsAt(Protocol):
+    """Points of a body at one pose, betas and translation; see PointsAt."""
+
+    @property
+    def points(self) -> Array:
+        """The points, (N, 3) m."""
+
+    def tangent(self, into: Mapping[str, Target], scale: Array | None) -> None:
+        """Write the transposed derivative into `pose`, `betas` and `trans`, (size, 3 N) each.
+
+        Each column is multiplied by its scale (3 N,); rows that are not wanted are left out.
+        """
+
+    def adjoint(self, pull: Array) -> dict[str, Array]:
+        """The gradients of pull . points, pull (3 N,), by `pose`, `betas` and `trans`, flat."""
 
 
 class BodyPoints(Protocol):
-    """Points on a body by arithmetic on its pose, betas and translation."""
+    """Points of a body by arithmetic on its pose, betas and translation."""
 
-    def at(self, pose: Array, betas: Array, trans: Array) -> PointsAt:
-        """The points at pose (K, 3) rad, betas (B,) and trans (3,) m.
+    def at(self, pose: Array, betas: Array, trans: Array) -> BodyPointsAt:
+        """The points at pose (K, 3) rad, betas (B,) and trans (3,) m."""
 
-        Derivatives go by the names `pose`, `betas` and `trans`.
-        """
+    def each(self, poses: Array, betas: Array, trans: Array) -> Sequence[BodyPointsAt]:
+        """The points at each of M poses (M, K, 3) rad, betas (M, B) and translations (M, 3) m."""
 
-    def many(self, pose: Array, betas: Array, trans: Array) -> Array:
+    def many(self, poses: Array, betas: Array, trans: Array) -> Array:
         """(M, N, 3) m of M poses (M, K, 3) rad, betas (M, B) and translations (M, 3) m."""
-
-
-class Each(Protocol):
-    """Points that know several sets of arguments at once better than one after the other."""
-
-    def each(self, poses: Array, betas: Array, trans: Array) -> Sequence[PointsAt]:
-        """The points at poses (M, K, 3) rad, betas (M, B) and trans (M, 3) m."""
-
-
-class ByRows(Protocol):
-    """Points whose derivative can be written row by row, to wherever the rows are wanted."""
-
-    def tangent_by_rows(self, into: Mapping[str, Target], scale: Array | None) -> None:
-        """As `tangent` of PointsAt; rows that nobody wants are left out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,29 +73,23 @@ class Named:
 
     @cached_property
     def plain(self) -> tuple[str, str, str] | None:
-        """The names of three blocks, if the arguments are these and nothing else."""
-        pose, betas, trans = (one.plain for one in self.maps)
-        if pose is None or betas is None or trans is None or self.wanted:
-            return None
-        # of one block in two roles the derivatives have to be added
-        return (pose, betas, trans) if len({pose, betas, trans}) == 3 else None
+        """The names of three blocks, if the arguments are these, which are free as wholes."""
+        return None if self.wanted else plain_names(self.maps)
 
     def only(self, wanted: Mapping[str, Index]) -> Named:
-        """The same with derivatives by these entries of these blocks only."""
+        """These points, with derivatives by the named entries of the named blocks only."""
         return Named(self.points, self.maps, {**wanted})
 
     def at(self, values: Mapping[str, Array]) -> NamedAt:
         """Where the blocks have these values."""
-        return NamedAt(self, self.points.at(*(one.value(values) for one in self.maps)))
+        pose, betas, trans = self.maps
+        here = self.points.at(pose.value(values), betas.value(values), trans.value(values))
+        return NamedAt(self, here)
 
     def each(self, values: Sequence[Mapping[str, Array]]) -> list[PointsAt]:
-        """At several sets of values, in fewer calls than by `at` for each."""
-        arguments = [[one.value(some) for some in values] for one in self.maps]
-        if _knows_each(self.points):
-            found = self.points.each(*(np.array(argument) for argument in arguments))
-        else:
-            found = [self.points.at(*one) for one in zip(*arguments, strict=True)]
-        return [NamedAt(self, here) for here in found]
+        """The points at several sets of values, in fewer calls than by `at` for each."""
+        arguments = (np.array([one.value(some) for some in values]) for one in self.maps)
+        return [NamedAt(self, here) for here in self.points.each(*arguments)]
 
     def many(self, values: Mapping[str, Array]) -> Array:
         """The points of M sets of values, (M, N, 3) m."""
@@ -112,7 +107,7 @@ class NamedAt:
     """The points at one set of values; see PointsAt."""
 
     of: Named
-    here: PointsAt
+    here: BodyPointsAt
 
     @property
     def points(self) -> Array:
@@ -120,7 +115,7 @@ class NamedAt:
         return self.here.points
 
     def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
-        """Transposed, into[block] (size, 3 N)."""
+        """Write the transposed derivative into[block] (size, 3 N)."""
         if self.of.plain is not None:
             ours = zip(ROLES, self.of.plain, strict=True)
             self.here.tangent({our: into[name] for our, name in ours if name in into}, scale)
@@ -133,17 +128,7 @@ class NamedAt:
         width = next(iter(into.values())).shape[1]
         rooms = {role: np.empty((part.held, width)) for role, part in assembly.parts.items()}
         targets = {role: part.target(into, rooms[role]) for role, part in assembly.parts.items()}
-        if _writes_rows(self.here):
-            self.here.tangent_by_rows(targets, scale)
-        else:
-            wholes = {
-                role: target.room(width) if isinstance(target, Rows) else target
-                for role, target in targets.items()
-            }
-            self.here.tangent(wholes, scale)
-            for role, target in targets.items():
-                if isinstance(target, Rows):
-                    target.fill(wholes[role])
+        self.here.tangent(targets, scale)
         for name, entries in assembly.combined.items():
             total = np.zeros((len(entries), width))
             for role, part in assembly.parts.items():
@@ -152,7 +137,7 @@ class NamedAt:
             into[name][entries] = total
 
     def adjoint(self, pull: Array) -> dict[str, Array]:
-        """By the blocks, flat; by the entries that are wanted of each."""
+        """Gradients of pull . points by the blocks, flat; by the entries that are wanted."""
         found, of = self.here.adjoint(pull), self.of
         if of.plain is not None:
             return {name: found[role] for role, name in zip(ROLES, of.plain, strict=True)}
@@ -163,129 +148,66 @@ class NamedAt:
         return {n: g[of.wanted[n]] if n in of.wanted else g for n, g in gradient.items()}
 
 
-def _knows_each(points: object) -> TypeGuard[Each]:
-    return hasattr(type(points), "each")
-
-
-def _writes_rows(here: object) -> TypeGuard[ByRows]:
-    # isinstance of a protocol is slow
-    return hasattr(type(here), "tangent_by_rows")
-
-
 @dataclass(frozen=True, eq=False)
-class NumericSurface:
-    """Vertices of a linearly blended body whose arrays are all numbers; see BodyPoints."""
+class PosedPoints:
+    """Points of a body that follow from its kinematics; see BodyPoints.
+
+    Attributes:
+        kinematics: of the body.
+        arithmetic: of the points at one motion and shape.
+        at_origin: the points (M, N, 3) m of poses (M, K, 3) rad and betas (M, B), untranslated.
+    """
 
     kinematics: Kinematics
     arithmetic: Arithmetic
-    chunks: Callable[[], list[Chunk]]  # of the same vertices, for matrix products
+    at_origin: Callable[[Array, Array], Array]
 
-    def at(self, pose: Array, betas: Array, trans: Array) -> SurfaceAt:
-        """The vertices at one pose, betas and translation."""
-        return SurfaceAt(self, self.kinematics.at(pose, betas), trans)
+    def at(self, pose: Array, betas: Array, trans: Array) -> PosedPointsAt:
+        """The points at one pose, betas and translation."""
+        return PosedPointsAt(self.arithmetic, self.kinematics.at(pose, betas), trans)
 
-    def each(self, poses: Array, betas: Array, trans: Array) -> list[SurfaceAt]:
-        """The vertices at M poses, betas and translations, which share their kinematics."""
+    def each(self, poses: Array, betas: Array, trans: Array) -> list[PosedPointsAt]:
+        """The points at M poses, betas and translations, whose kinematics are found together."""
         posed = self.kinematics.each(poses, betas)
-        return [SurfaceAt(self, one, t) for one, t in zip(posed, trans, strict=True)]
+        return [PosedPointsAt(self.arithmetic, p, t) for p, t in zip(posed, trans, strict=True)]
 
-    def many(self, pose: Array, betas: Array, trans: Array) -> Array:
-        """(M, N, 3) m, by matrix products."""
-        G, features = self.kinematics.motions(pose, betas)
-        found = many_points(self._chunks, G, features, betas)
+    def many(self, poses: Array, betas: Array, trans: Array) -> Array:
+        """The points (M, N, 3) m of M poses, betas and translations, all at once."""
+        found = self.at_origin(poses, betas)
         found += trans[:, None]
         return found
 
-    @cached_property
-    def _chunks(self) -> list[Chunk]:
-        return self.chunks()
-
 
 @dataclass(frozen=True, eq=False)
-class SurfaceAt:
-    """The vertices at one pose (K, 3) rad, betas (B,) and trans (3,) m; see PointsAt."""
+class PosedPointsAt:
+    """The points at one pose (K, 3) rad, betas (B,) and trans (3,) m; see BodyPointsAt."""
 
-    of: NumericSurface
+    arithmetic: Arithmetic
     posed: Posed
     trans: Array
 
     @cached_property
-    def surface(self) -> Surface:
-        """The surface before translation."""
-        motion = self.posed.motion
-        return self.of.arithmetic.at(motion, self.posed.betas)
+    def here(self) -> AtOrigin:
+        """The points before translation."""
+        return self.arithmetic.at(self.posed.motion, self.posed.betas)
 
     @cached_property
     def points(self) -> Array:
-        """The posed vertices, (N, 3) m."""
-        return self.surface.points + self.trans
+        """The points, (N, 3) m."""
+        return self.here.points + self.trans
 
-    def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
-        """Transposed, into[name] (size, 3 N)."""
-        self.tangent_by_rows(into, scale)
-
-    def tangent_by_rows(self, into: Mapping[str, Target], scale: Array | None) -> None:
-        """The same, to wherever the rows are wanted."""
-        slopes = self.posed.slopes
-        self.surface.tangent(slopes, into, scale)
+    def tangent(self, into: Mapping[str, Target], scale: Array | None) -> None:
+        """Write the transposed derivative into `pose`, `betas` and `trans`, (size, 3 N) each."""
+        self.here.tangent(self.posed.slopes, into, scale)
 
     def adjoint(self, pull: Array) -> dict[str, Array]:
-        """By pose, betas and trans, flat."""
+        """The gradients of pull . points, pull (3 N,), by `pose`, `betas` and `trans`, flat."""
         pulled = pull.reshape(-1, 3)
-        on_G, on_features, on_betas = self.surface.adjoint(pulled)
-        back = self.posed.adjoint(on_G, on_features)
-        on_pose, through_joints = back
+        on_G, on_features, on_betas = self.here.adjoint(pulled)
+        pose, betas = self.posed.pose, self.posed.betas
+        on_pose, by_joints = self.posed.kinematics.adjoint(pose, betas, on_G, on_features)
         return {
             "pose": on_pose.ravel(),
-            "betas": on_betas + through_joints,
+            "betas": on_betas + by_joints,
             "trans": pulled.sum(axis=0),
         }
-
-
-@dataclass(frozen=True, eq=False)
-class NumericMeans:
-    """Weighted means of the points of a surface: `regressor` (M, N); see BodyPoints."""
-
-    surface: BodyPoints
-    regressor: csr_array
-
-    @cached_property
-    def on_coordinates(self) -> csr_array:
-        """The matrix of weighted means, for each coordinate: (3 M, 3 N)."""
-        return csr_array(kron(self.regressor, np.eye(3), format="csr"))
-
-    def at(self, pose: Array, betas: Array, trans: Array) -> MeansAt:
-        """The means at one pose, betas and translation."""
-        return MeansAt(self, self.surface.at(pose, betas, trans))
-
-    def many(self, pose: Array, betas: Array, trans: Array) -> Array:
-        """(M, L, 3) m, from the surface's points."""
-        whole = self.surface.many(pose, betas, trans)
-        return np.array([self.regressor @ points for points in whole])
-
-
-@dataclass(frozen=True, eq=False)
-class MeansAt:
-    """The means at one pose, betas and trans; see PointsAt."""
-
-    of: NumericMeans
-    surface: PointsAt
-
-    @cached_property
-    def points(self) -> Array:
-        """The weighted means of the posed vertices, (M, 3) m."""
-        return np.asarray(self.of.regressor @ self.surface.points)
-
-    def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
-        """Transposed, into[name] (size, 3 M)."""
-        N = self.of.regressor.shape[1]
-        whole = {name: np.empty((len(a), 3 * N)) for name, a in into.items()}
-        self.surface.tangent(whole, None)
-        for name, array in into.items():
-            array[...] = (self.of.on_coordinates @ whole[name].T).T
-            if scale is not None:
-                array *= scale
-
-    def adjoint(self, pull: Array) -> dict[str, Array]:
-        """By pose, betas and trans, flat."""
-        return self.surface.adjoint(self.of.on_coordinates.T @ pull)

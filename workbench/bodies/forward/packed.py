@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+from collections.abc import Mapping
+from functools import cache, cached_property
 
 import casadi as cs
 import numpy as np
 
+from workbench.arrays import Array
 from workbench.bodies.forward import surface
 from workbench.bodies.forward.arithmetic import arithmetic_of
 from workbench.bodies.forward.arrays import ALL, SkinnedArrays, Vertices
-from workbench.bodies.forward.freed_numbers import FreedSurface
-from workbench.bodies.forward.joint_numbers import NumericJoints
-from workbench.bodies.forward.landmark_numbers import NumericLandmarks
+from workbench.bodies.forward.freed_numbers import BLOCKS, FreedSurface
+from workbench.bodies.forward.joint_numbers import JointArithmetic
+from workbench.bodies.forward.landmark_numbers import LandmarkArithmetic
 from workbench.bodies.forward.many_joints import ManyJoints
 from workbench.bodies.forward.motion import Kinematics
-from workbench.bodies.forward.numeric import Chunk, chunks_of
-from workbench.bodies.forward.numeric_sources import NumericSurface
+from workbench.bodies.forward.numeric import Chunk, chunks_of, many_points
+from workbench.bodies.forward.numeric_sources import PosedPoints
 from workbench.bodies.forward.rest_points import RestPoints
 from workbench.bodies.forward.skeleton import Skeleton
 from workbench.bodies.landmarks import Landmarks
@@ -41,26 +43,39 @@ class PackedBody:
 
     @cached_property
     def chunks(self) -> list[Chunk]:
-        """All vertices."""
+        """The arrays of all vertices, packed in chunks."""
         return chunks_of(self.arrays, ALL)
 
     @cached_property
-    def joints(self) -> NumericJoints:
-        """The posed joints."""
-        body = self.arrays
-        many = ManyJoints.of(self.skeleton, body.bind_pose, body.parents)
-        return NumericJoints(self.kinematics, many, body.parents)
+    def joints(self) -> PosedPoints:
+        """The posed joints in numbers."""
+        many = ManyJoints.of(self.skeleton, self.arrays.bind_pose, self.arrays.parents)
+        arithmetic = JointArithmetic(self.skeleton, self.kinematics.ancestors)
+        return PosedPoints(self.kinematics, arithmetic, many)
 
-    def surface(self, vertices: Vertices) -> NumericSurface:
+    def surface(self, vertices: Vertices) -> PosedPoints:
         """All vertices of an SMPL body, or some."""
-        some = vertices if isinstance(vertices, slice) else list(vertices)
-        chunks = (lambda: self.chunks) if some == ALL else (lambda: chunks_of(self.arrays, some))
-        return NumericSurface(self.kinematics, arithmetic_of(self.arrays, some, chunks), chunks)
+        some, kinematics = (
+            vertices if isinstance(vertices, slice) else list(vertices),
+            self.kinematics,
+        )
+        chunks = cache(lambda: self.chunks if some == ALL else chunks_of(self.arrays, some))
 
-    def freed(self, vertices: Vertices) -> FreedSurface:
-        """Vertices of an SMPL body, some of whose arrays are given when they are asked for."""
+        def many(poses: Array, betas: Array) -> Array:
+            return many_points(chunks(), kinematics.motions(poses, betas), betas)
+
+        return PosedPoints(kinematics, arithmetic_of(self.arrays, some, chunks), many)
+
+    def freed(
+        self, vertices: Vertices, arguments: tuple[str, str, str], free: Mapping[str, str]
+    ) -> FreedSurface:
+        """Vertices of an SMPL body, of which the blocks `free` hold some arrays.
+
+        `arguments` are the blocks of pose, betas and trans.
+        """
         chosen = np.arange(self.arrays.n_vertices)[vertices]
-        return FreedSurface(self.arrays, self.kinematics, chosen)
+        names = dict(zip(BLOCKS, arguments, strict=True)) | {**free}
+        return FreedSurface(self.arrays, self.kinematics, chosen, names)
 
     def rest_points(self, landmarks: Landmarks) -> RestPoints:
         """The rest points of a linearly blended body's landmarks."""
@@ -69,13 +84,19 @@ class PackedBody:
             self._rest_points[landmarks] = RestPoints.of(self.arrays, used, regressor)
         return self._rest_points[landmarks]
 
-    def landmarks(self, landmarks: Landmarks) -> NumericLandmarks:
+    def landmarks(self, landmarks: Landmarks) -> PosedPoints:
         """Weighted means of an SMPL body's vertices."""
-        return NumericLandmarks(self.kinematics, self.rest_points(landmarks), self.arrays.parents)
+        kinematics = self.kinematics
+        arithmetic = LandmarkArithmetic(self.rest_points(landmarks), kinematics.ancestors)
+
+        def many(poses: Array, betas: Array) -> Array:
+            return arithmetic.many(kinematics.motions(poses, betas), betas)
+
+        return PosedPoints(kinematics, arithmetic, many)
 
     @cached_property
     def skinned_rest(self) -> cs.Function:
-        """(pose, betas) -> the posed surface before translation, (3, N), for any skinning."""
+        """A function (pose, betas) -> the untranslated posed surface (3, N), for any skinning."""
         K, _, B = self.skeleton.slopes.shape
         pose, betas = cs.MX.sym("pose", 3, K), cs.MX.sym("betas", B)
         nowhere = cs.MX(cs.DM.zeros(3))

@@ -26,7 +26,7 @@ class Powers:
     degree: int
 
     def __call__(self, at: Posture) -> cs.MX:
-        """(F, 1), in powers of rad."""
+        """The features (F, 1), in powers of rad."""
         x = rotation_vectors(at)
         return cs.vertcat(*[x**power for power in range(1, self.degree + 1)])
 

@@ -80,7 +80,7 @@ class Posing:
         return crossed(whole) @ self.world, crossed(turn) @ self.local
 
     def turning_back(self, on_world: Array, on_local: Array) -> Array:
-        """The adjoint: gradients by world and local rotations as one by the turn, (J, K, 3)."""
+        """The adjoint of `turning`: the gradient (J, K, 3) by the turn, from those by rotations."""
         A = ancestors(self.parents)
         torque = np.einsum("km,jka->jma", A, axial(on_world, self.world))
         by_world: Array = (self.above.swapaxes(-1, -2) @ torque[..., None])[..., 0]

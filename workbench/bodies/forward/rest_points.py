@@ -25,19 +25,29 @@ from workbench.bodies.forward.skinning import blend_points
 
 @dataclass(frozen=True, eq=False)
 class RestPoints:
-    """Rest points for each pair of a landmark and a joint that moves it, P of them, planar."""
+    """Rest points for each pair of a landmark and a joint that moves it, P of them, planar.
 
-    joint: Index  # (P,)
-    first: Index  # (L,) where each landmark's pairs begin
-    used: Index  # the features that move any of them
-    template: Array  # (3 P,) m
-    shapedirs: Array  # (B, 3 P)
-    posedirs: Array  # (used, 3 P)
-    mass: Array  # (P,)
+    Attributes:
+        joint: (P,) the joint that moves each rest point.
+        first: (L,) the first rest point of each landmark.
+        used: the features that move any of them.
+        template: (3 P,) m.
+        shapedirs: (B, 3 P).
+        posedirs: (used, 3 P).
+        mass: (P,) the sum of the weights behind each rest point.
+    """
+
+    joint: Index
+    first: Index
+    used: Index
+    template: Array
+    shapedirs: Array
+    posedirs: Array
+    mass: Array
 
     @staticmethod
     def of(body: SurfaceArrays, vertices: Sequence[int], regressor: csr_array) -> RestPoints:
-        """Of the means (L, n) of so many vertices, which are named."""
+        """The rest points of landmarks, by a regressor (L, n) of the numbered vertices."""
         r, some = regressor.toarray(), list(vertices)
         mixed = np.einsum("li,ij->lji", r, body.weights[some])  # (L, K, n)
         landmark, joint = np.nonzero(abs(mixed).sum(axis=2))
@@ -85,7 +95,7 @@ class RestPoints:
         return np.add.reduceat(of_rest_points, self.first, axis=-1)
 
     def expression(self, G: Sequence[cs.MX], features: cs.MX, betas: cs.MX) -> cs.MX:
-        """(3, L) m in symbols, before translation."""
+        """The landmarks in symbols, (3, L) m, before translation."""
         P = len(self.joint)
         shaped = cs.sparsify(cs.DM(self.shapedirs.T)) @ betas
         bent = cs.sparsify(cs.DM(self.posedirs.T)) @ features[self.used.tolist()]

@@ -11,7 +11,7 @@ from workbench.arrays import Array
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """A matrix of `count` rows of which some stand in arrays, and nobody wants the others.
+    """A matrix of `count` rows, of which some stand in arrays and the others are not wanted.
 
     `parts` are the first row of each array, and the array (rows, columns).
     """
@@ -21,7 +21,7 @@ class Rows:
 
     @staticmethod
     def of(target: Array | Rows) -> Rows:
-        """Those of one array, or the rows themselves."""
+        """All rows of one array; or the rows as they are."""
         return target if isinstance(target, Rows) else Rows(len(target), ((0, target),))
 
     @property
@@ -31,14 +31,16 @@ class Rows:
             return None
         return self.parts[0][1]
 
-    def room(self, columns: int) -> Array:
-        """An array for all rows."""
-        return np.empty((self.count, columns))
-
-    def fill(self, found: Array) -> None:
-        """Write the rows that are wanted to their places, out of an array of all of them."""
-        for first, array in self.parts:
-            array[...] = found[first : first + len(array)]
+    def __len__(self) -> int:
+        """The number of rows, including those that are not wanted."""
+        return self.count
 
 
 Target = Array | Rows
+
+
+def write(into: Target, found: Array, scale: Array | float | None) -> None:
+    """Write the rows that are wanted, out of an array of all rows, each column times its scale."""
+    factor = 1.0 if scale is None else scale
+    for first, array in Rows.of(into).parts:
+        np.multiply(found[first : first + len(array)], factor, out=array)

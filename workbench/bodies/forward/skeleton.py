@@ -18,14 +18,18 @@ class Skeleton:
 
     The number of vertices has dropped out. Where a body's joints are given, they do not depend on
     betas.
+
+    Attributes:
+        mean: (K, 3) m, the joints of the mean person.
+        slopes: (K, 3, B) m per unit of betas.
     """
 
-    mean: Array  # (K, 3) m
-    slopes: Array  # (K, 3, B) m per unit of betas
+    mean: Array
+    slopes: Array
 
     @staticmethod
     def of(body: SkeletonArrays) -> Skeleton:
-        """Of a body whose arrays are numbers."""
+        """The joints of a body whose arrays are numbers."""
         N, _, B = body.shapedirs.shape
         if body.rest_joints is not None:
             return Skeleton(body.rest_joints, np.zeros((*body.rest_joints.shape, B)))
@@ -35,11 +39,11 @@ class Skeleton:
         return Skeleton(mean, slopes.reshape(len(mean), 3, B))
 
     def at(self, betas: Array) -> Array:
-        """(K, 3) m, for betas (B,)."""
+        """The joints of the person with these betas (B,), (K, 3) m."""
         return np.asarray(self.mean + self.slopes @ betas)
 
     def joints(self, betas: Matrix) -> Matrix:
-        """(3, K) m, for symbols or numbers of CasADi, (B, 1)."""
+        """The joints (3, K) m, for betas (B, 1) that are symbols or numbers of CasADi."""
         K, _, B = self.slopes.shape
         moved = cs.DM(self.slopes.reshape(3 * K, B)) @ betas
         return cs.reshape(moved, 3, K) + cs.DM(self.mean.T)

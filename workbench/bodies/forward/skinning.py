@@ -67,7 +67,7 @@ def blended(Q: cs.MX, weights: cs.MX) -> cs.MX:
 
 
 def heaviest(weights: cs.MX) -> cs.MX:
-    """(N, K): 1 at the first of the largest weights of every vertex, 0 elsewhere."""
+    """A matrix (N, K) with 1 at the first of the largest weights of every vertex, 0 elsewhere."""
     first, *others = cs.horzsplit(cs.densify(weights), 1)
     largest, where = first, 0 * first
     for k, column in enumerate(others, start=1):

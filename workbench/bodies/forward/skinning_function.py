@@ -58,7 +58,9 @@ def skin(T: Any, J: Any, weights: Any, theta: Any, parents: Sequence[int]) -> An
 def skin_vertices(
     T: ArrayLike, J: ArrayLike, weights: ArrayLike, theta: ArrayLike, parents: Sequence[int]
 ) -> Array:
-    """The same in numbers: T and the result (N, 3) m, J (K, 3) m, weights (N, K), theta (K, 3) rad.
+    """W(T, J, weights, theta) in numbers; see `skin`.
+
+    T and the result are (N, 3) m, J (K, 3) m, weights (N, K) and theta (K, 3) rad.
 
     Raises BadArgument for shapes that do not fit, and NotNumbers.
     """

@@ -1,17 +1,20 @@
-"""Three sources of points on a body: its surface, its joints, and landmarks on it."""
+"""Where points of a body come from: its surface, its joints, or landmarks on it."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import casadi as cs
 
+from workbench.arrays import Array
 from workbench.blocks import Block, NumericPoints, Tree
+from workbench.blocks.rest import Rest
 from workbench.bodies.forward import surface
 from workbench.bodies.forward.arguments import Arguments
 from workbench.bodies.forward.arrays import SkinnedArrays, Vertices
-from workbench.bodies.forward.freed_points import FreedPoints
+from workbench.bodies.forward.assembly import Maps, plain_names
 from workbench.bodies.forward.numeric_sources import Named
 from workbench.bodies.forward.packed import PackedBody
 from workbench.bodies.forward.skinning import linear_blend
@@ -21,154 +24,149 @@ MOVE_JOINTS = ("template", "shapedirs", "J_regressor")  # what joints are made f
 
 
 @dataclass(frozen=True, eq=False)
-class SurfacePoints:
-    """Vertices of the posed surface, all or some."""
+class BodySource:
+    """A source of points on a body; see PointSource.
 
-    at: Arguments[SkinnedArrays]
-    packed: PackedBody
-    vertices: Vertices
-    count: int = field(init=False)
+    Attributes:
+        at: the body, and what stands for its pose, betas and trans.
+        count: the number of points.
+        labels: a name for each point, where they have names.
+        free: the free arrays of the body that the points depend on.
+        express: makes the points in symbols, (3, N) m.
+        compute: makes the points by arithmetic of affine arguments, or None where there is none.
+        posedirs: the pose blend shapes of a skinned body, if they move the points.
+        rigid_bones: whether the body's joints keep their places on rigid bones, as the tree says.
+        resting: says which blocks the body at rest is made of.
+    """
 
-    def __post_init__(self) -> None:
-        every, chosen = range(self.at.body.n_vertices), self.vertices
-        count = len(every[chosen] if isinstance(chosen, slice) else chosen)
-        object.__setattr__(self, "count", count)
+    at: Arguments
+    count: int
+    labels: tuple[str, ...] | None
+    free: tuple[Block, ...]
+    express: Callable[[], cs.MX]
+    compute: Callable[[Maps], NumericPoints | None]
+    posedirs: Array | None = None
+    rigid_bones: bool = True
+    resting: Callable[[Maps], Rest | None] = lambda maps: None
 
     @cached_property
     def expression(self) -> cs.MX:
-        """The posed vertices in symbols, (3, N) m."""
-        return surface.posed(self.at.body, *self.at.symbols, self.vertices)
+        """The points in symbols, (3, N) m."""
+        return self.express()
 
     @property
     def blocks(self) -> tuple[Block, ...]:
-        """Those of the arguments, and every free array."""
-        return (*self.at.blocks(), *self.at.body.free.values())
+        """The blocks of the arguments, and the free arrays."""
+        return (*self.at.blocks(), *self.free)
 
-    @property
+    @cached_property
     def tree(self) -> Tree | None:
-        """The kinematic tree of the body."""
-        return self.at.tree
+        """The kinematic tree of the body; None if the pose is no affine map of blocks."""
+        tree = self.at.tree
+        return None if tree is None else replace(tree, rigid_bones=self.rigid_bones)
+
+    @cached_property
+    def rest(self) -> Rest | None:
+        """The body at rest, where that is made of blocks; None if it is not, or not that alone."""
+        return None if self.at.maps is None else self.resting(self.at.maps)
 
     @property
-    def labels(self) -> tuple[str, ...] | None:
-        """Vertices have no names but their numbers."""
-        if isinstance(self.vertices, slice):
-            return None
-        return tuple(f"vertex {i}" for i in self.vertices)
+    def bent(self) -> bool:
+        """Whether pose blend shapes move the points."""
+        return self.posedirs is not None and bool(self.posedirs.any())
 
     @cached_property
     def numeric(self) -> NumericPoints | None:
-        """None if an argument is not affine, or the body is not SMPL's.
+        """The points by arithmetic; None if an argument is not affine, or there is none."""
+        return None if self.at.maps is None else self.compute(self.at.maps)
 
-        None, too, if arrays of the body are free and an argument is more than a block of its own.
-        """
-        maps, names, body = self.at.maps, self.at.names, self.at.body
-        if maps is None or not body.is_smpl:
+
+def surface_points(
+    body: SkinnedArrays, at: Arguments, packed: PackedBody, vertices: Vertices
+) -> BodySource:
+    """Vertices of the posed surface, all or some.
+
+    Arithmetic is that of SMPL. If arrays of the body are free as well, each argument must be a
+    block of its own.
+    """
+
+    def compute(maps: Maps) -> NumericPoints | None:
+        if not body.is_smpl:
             return None
         if not body.free:
-            return Named(self.packed.surface(self.vertices), maps)
-        if names is None:
+            return Named(packed.surface(vertices), maps)
+        names, free = plain_names(maps), {name: block.name for name, block in body.free.items()}
+        if names is None or len({*names, *free.values()}) < 3 + len(free):
             return None
-        free = {name: block.name for name, block in body.free.items()}
-        if len({*names, *free.values()}) < 3 + len(free):
+        return packed.freed(vertices, names, free)
+
+    def resting(maps: Maps) -> Rest | None:
+        pose, trans = maps[0].plain, maps[2].plain
+        if pose is None or trans is None or not body.is_smpl or body.bind_pose.any():
             return None
-        return FreedPoints(self.packed.freed(self.vertices), names, free)
+        arrays = (body.free.get(name) for name in ("template", "joints", "posedirs"))
+        return Rest(pose, trans, *(None if block is None else block.name for block in arrays))
+
+    every = range(body.n_vertices)
+    return BodySource(
+        at,
+        len(every[vertices] if isinstance(vertices, slice) else vertices),
+        None if isinstance(vertices, slice) else tuple(f"vertex {i}" for i in vertices),
+        tuple(body.free.values()),
+        lambda: surface.posed(body, *at.symbols, vertices),
+        compute,
+        body.posedirs,
+        resting=resting,
+    )
 
 
-@dataclass(frozen=True, eq=False)
-class JointPoints:
-    """The posed joints: J'_k is where G_k puts joint k, not the regressor on posed vertices."""
+def joint_points(body: SkinnedArrays, at: Arguments, packed: PackedBody) -> BodySource:
+    """The posed joints: J'_k is where G_k puts joint k, not the regressor on posed vertices.
 
-    at: Arguments[SkinnedArrays]
-    packed: PackedBody
+    They depend on the free arrays that joints are made from. Joints that are given or free do not
+    change with betas, which are among the blocks all the same.
+    """
 
-    @property
-    def count(self) -> int:
-        """K, the number of joints."""
-        return self.at.body.n_joints
+    def express() -> cs.MX:
+        posture = surface.posture(body, at.pose)
+        _, joints = surface.motions(body, posture, at.betas)
+        return joints + cs.repmat(at.trans, 1, body.n_joints)
 
-    @cached_property
-    def expression(self) -> cs.MX:
-        """The posed joints in symbols, (3, K) m."""
-        posture = surface.posture(self.at.body, self.at.pose)
-        _, joints = surface.motions(self.at.body, posture, self.at.betas)
-        return joints + cs.repmat(self.at.trans, 1, self.count)
-
-    @property
-    def blocks(self) -> tuple[Block, ...]:
-        """Those of the arguments, and the free arrays that joints are made from.
-
-        Joints that are given or free do not change with betas, which are among these all the same.
-        """
-        body = self.at.body
-        regressed = body.rest_joints is None and "joints" not in body.free
-        made_from = MOVE_JOINTS if regressed else ("joints",)
-        return (*self.at.blocks(), *(b for name, b in body.free.items() if name in made_from))
-
-    @property
-    def tree(self) -> Tree | None:
-        """The kinematic tree of the body."""
-        return self.at.tree
-
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """The joints' names."""
-        return self.at.body.joint_names
-
-    @cached_property
-    def numeric(self) -> Named | None:
-        """None if an argument is not affine, or arrays are free."""
-        maps = self.at.maps
-        return None if maps is None or self.at.body.free else Named(self.packed.joints, maps)
+    regressed = body.rest_joints is None and "joints" not in body.free
+    made_from = MOVE_JOINTS if regressed else ("joints",)
+    return BodySource(
+        at,
+        body.n_joints,
+        body.joint_names,
+        tuple(block for name, block in body.free.items() if name in made_from),
+        express,
+        lambda maps: None if body.free else Named(packed.joints, maps),
+    )
 
 
-@dataclass(frozen=True, eq=False)
-class LandmarkPoints:
-    """Weighted means of posed vertices; only the vertices that carry weight are posed."""
+def landmark_points(
+    body: SkinnedArrays, at: Arguments, packed: PackedBody, landmarks: Landmarks
+) -> BodySource:
+    """Weighted means of posed vertices; only the vertices that carry weight are posed.
 
-    at: Arguments[SkinnedArrays]
-    packed: PackedBody
-    landmarks: Landmarks
+    Where that is exact, there is one rest point instead for each joint that moves a landmark.
+    """
 
-    @property
-    def count(self) -> int:
-        """M, the number of landmarks."""
-        return len(self.landmarks.names)
-
-    @cached_property
-    def expression(self) -> cs.MX:
-        """(3, M) m: by one rest point for each joint that moves a landmark, where that is exact."""
-        body = self.at.body
+    def express() -> cs.MX:
         if body.free or body.skinning is not linear_blend:
-            regressor, used = self.landmarks.of_vertices
-            posed = surface.posed(body, *self.at.symbols, used)
+            regressor, used = landmarks.of_vertices
+            posed = surface.posed(body, *at.symbols, used)
             return posed @ cs.MX(cs.DM(regressor.T.tocsc()))
-        at = surface.posture(body, self.at.pose)
-        G, _ = surface.motions(body, at, self.at.betas)
-        means = self.packed.rest_points(self.landmarks).expression(
-            G, body.features(at), self.at.betas
-        )
-        return means + cs.repmat(self.at.trans, 1, self.count)
+        posture = surface.posture(body, at.pose)
+        G, _ = surface.motions(body, posture, at.betas)
+        features = body.features(posture)
+        means = packed.rest_points(landmarks).expression(G, features, at.betas)
+        return means + cs.repmat(at.trans, 1, len(landmarks.names))
 
-    @property
-    def blocks(self) -> tuple[Block, ...]:
-        """Those of the arguments, and every free array."""
-        return (*self.at.blocks(), *self.at.body.free.values())
-
-    @property
-    def tree(self) -> Tree | None:
-        """The kinematic tree of the body."""
-        return self.at.tree
-
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """The landmarks' names."""
-        return self.landmarks.names
-
-    @cached_property
-    def numeric(self) -> Named | None:
-        """None if an argument is not affine, arrays are free, or the body is not SMPL's."""
-        maps, body = self.at.maps, self.at.body
-        if maps is None or body.free or not body.is_smpl:
+    def compute(maps: Maps) -> NumericPoints | None:
+        if body.free or not body.is_smpl:
             return None
-        return Named(self.packed.landmarks(self.landmarks), maps)
+        return Named(packed.landmarks(landmarks), maps)
+
+    names, free = landmarks.names, tuple(body.free.values())
+    return BodySource(at, len(names), names, free, express, compute, body.posedirs)

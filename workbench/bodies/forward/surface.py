@@ -15,7 +15,7 @@ from workbench.bodies.forward.skeleton import Skeleton
 
 
 def template(body: SkinnedArrays, vertices: Vertices = ALL) -> cs.MX:
-    """(3, N) m."""
+    """The mean person at rest, (3, N) m; a symbol if it is free."""
     if "template" in body.free:
         return body.free["template"].symbol[:, vertices]
     return cs.MX(cs.DM(body.template[vertices].T))
@@ -32,7 +32,7 @@ def directions(body: SkinnedArrays, name: str, vertices: Vertices = ALL) -> cs.M
 
 
 def weights(body: SkinnedArrays, vertices: Vertices = ALL) -> cs.MX:
-    """(N, K), sparse unless free."""
+    """The skinning weights, (N, K), sparse unless they are free."""
     if "weights" in body.free:
         return body.free["weights"].symbol.T[vertices, :]
     return cs.MX(cs.sparsify(cs.DM(body.weights[vertices])))

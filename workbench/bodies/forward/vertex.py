@@ -1,6 +1,6 @@
-"""One vertex of a linearly blended body in symbols: its point and derivative as they are computed.
+"""One vertex of a linearly blended body in symbols: its point, and the point's derivative.
 
-The symbolic truth behind compiled arithmetic; `numeric` says the formulas. There are two kinds of
+Compiled arithmetic is made from these functions; `numeric` has the formulas. There are two kinds of
 input, each a column of numbers whose order is known here only:
 
     vertex  template (3,), shapedirs (B, 3), weights (K,), posedirs (9 (K - 1), 3) of one vertex
@@ -12,7 +12,6 @@ input, each a column of numbers whose order is known here only:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
 from itertools import pairwise
 from math import prod
 
@@ -23,40 +22,8 @@ from workbench.arrays import Array, Index
 from workbench.bodies.forward.arrays import SurfaceArrays
 from workbench.bodies.forward.motion import Motion, Slopes
 
+ADDED = frozenset(("bent", "blended", "on_features", "on_motion", "on_betas"))
 OF_JOINT = 36  # numbers of motion: three axes, and the slopes of nine features
-
-
-@dataclass(frozen=True, eq=False)
-class VertexFunctions:
-    """Functions of columns, `motion` being the same for all vertices; K joints, B betas.
-
-    M = sum_j w_j G_j, (3, 4), and other matrices of motions, stand row by row. Those that are
-    `added` are summed over joints.
-    """
-
-    shaped: cs.Function  # (template, shapedirs, betas) -> T + S betas, (3,) m
-    bent: cs.Function  # (posedirs_k, features_k) -> P_k f_k, (3,) m, added
-    blended: cs.Function  # (w_k, G_k) -> w_k G_k, (12,), added
-    moved: cs.Function  # (M, v) -> M [v; 1], (3,) m
-    below: cs.Function  # (w_k, G_k, v) -> w_k G_k [v; 1], (3,) m
-    arms: cs.Function  # (below, w, joints) -> sum_{j at or below k} w_j (G'_j v - t_k), (3 K,) m
-    by_joint: cs.Function  # (posedirs_k, M, arm, motion_k) -> d(point)/d(pose_k), (3, 3) m/rad
-    by_beta: cs.Function  # (shapedirs_b, M, w, motion_b) -> d(point)/d(beta_b), (3,) m
-    on_rest: cs.Function  # (M, pull) -> the gradient of pull . M [v; 1] by v, (3,)
-    on_betas: cs.Function  # (shapedirs, pull) -> that of pull . S betas, (B,), added
-    on_features: cs.Function  # (posedirs_k, pull) -> that of pull . P_k f_k, (9,), added
-    on_motion: cs.Function  # (w_k, v, pull) -> that of pull . w_k G_k [v; 1], (12,), added
-
-    @property
-    def all(self) -> tuple[cs.Function, ...]:
-        """In the order above."""
-        return tuple(getattr(self, field.name) for field in fields(self))
-
-    @property
-    def added(self) -> tuple[cs.Function, ...]:
-        """Those whose values are summed up by who calls them."""
-        of_joints = self.bent, self.blended, self.on_features, self.on_motion
-        return (*of_joints, self.on_betas)
 
 
 def vertex_columns(arrays: SurfaceArrays, vertices: Index) -> Array:
@@ -83,10 +50,25 @@ def motion_column(motion: Motion, betas: Array, slopes: Slopes | None = None) ->
     return np.concatenate([part.ravel() for part in parts])
 
 
-def vertex_functions(parents: tuple[int, ...], B: int) -> VertexFunctions:
-    """Those of a body with B betas on this tree of K joints.
+def vertex_functions(parents: tuple[int, ...], B: int) -> dict[str, cs.Function]:
+    """Functions of columns by name, for a body with B betas on this tree of K joints.
 
-    They are small, one joint or beta each, so that what they need stays in registers.
+    They are small, one joint or beta each, so that what they need stays in registers. What is
+    called `motion` is the same for all vertices. M = sum_j w_j G_j, (3, 4), and other matrices of
+    motions, stand row by row. The values of those in `ADDED` are summed up by who calls them.
+
+        shaped       (template, shapedirs, betas) -> T + S betas, (3,) m
+        bent         (posedirs_k, features_k) -> P_k f_k, (3,) m
+        blended      (w_k, G_k) -> w_k G_k, (12,)
+        moved        (M, v) -> M [v; 1], (3,) m
+        below        (w_k, G_k, v) -> w_k G_k [v; 1], (3,) m
+        arms         (below, w, joints) -> sum_{j at or below k} w_j (G'_j v - t_k), (3 K,) m
+        by_joint     (posedirs_k, M, arm, motion_k) -> d(point)/d(pose_k), (3, 3) m/rad
+        by_beta      (shapedirs_b, M, w, motion_b) -> d(point)/d(beta_b), (3,) m
+        on_rest      (M, pull) -> the gradient of pull . M [v; 1] by v, (3,)
+        on_betas     (shapedirs, pull) -> that of pull . S betas, (B,)
+        on_features  (posedirs_k, pull) -> that of pull . P_k f_k, (9,)
+        on_motion    (w_k, v, pull) -> that of pull . w_k G_k [v; 1], (12,)
     """
     K = len(parents)
     T, S, betas = cs.SX.sym("T", 3), cs.SX.sym("S", 3, B), cs.SX.sym("betas", B)
@@ -102,34 +84,31 @@ def vertex_functions(parents: tuple[int, ...], B: int) -> VertexFunctions:
     axes, slopes = cs.reshape(of_joint[:9], 3, 3), cs.reshape(of_joint[9:], 9, 3)
     turned = cs.horzcat(*[cs.cross(axis, arm) for axis in cs.horzsplit(axes)])
     shift = _rows(of_beta, 3, K) @ weights  # of G only the last column follows betas
-    return VertexFunctions(
-        shaped=_function("shaped", T + S @ betas, template=T, shapedirs=S, motion=betas),
-        bent=_function("bent", P @ f, posedirs=P, motion=f),
-        blended=_function("blended", w * G, weight=w, motion=G),
-        moved=_function("moved", moved, M=M, v=v),
-        below=_function("below", below, weight=w, motion=G, v=v),
-        arms=_function(
+    made = (
+        _function("shaped", T + S @ betas, template=T, shapedirs=S, motion=betas),
+        _function("bent", P @ f, posedirs=P, motion=f),
+        _function("blended", w * G, weight=w, motion=G),
+        _function("moved", moved, M=M, v=v),
+        _function("below", below, weight=w, motion=G, v=v),
+        _function(
             "arms",
             _arms(hanging, weights, joints, parents),
             below=hanging,
             weights=weights,
             motion=joints,
         ),
-        by_joint=_function(
-            "by_joint", turned + R @ (P @ slopes), posedirs=P, M=M, arm=arm, motion=of_joint
-        ),
-        by_beta=_function(
-            "by_beta", R @ S_b + shift, shapedirs=S_b, M=M, weights=weights, motion=of_beta
-        ),
-        on_rest=_function("on_rest", _gradient(moved, pull, v), M=M, pull=pull),
-        on_betas=_function("on_betas", _gradient(S @ betas, pull, betas), shapedirs=S, pull=pull),
-        on_features=_function("on_features", _gradient(P @ f, pull, f), posedirs=P, pull=pull),
-        on_motion=_function("on_motion", _gradient(below, pull, G), weight=w, v=v, pull=pull),
+        _function("by_joint", turned + R @ (P @ slopes), posedirs=P, M=M, arm=arm, motion=of_joint),
+        _function("by_beta", R @ S_b + shift, shapedirs=S_b, M=M, weights=weights, motion=of_beta),
+        _function("on_rest", _gradient(moved, pull, v), M=M, pull=pull),
+        _function("on_betas", _gradient(S @ betas, pull, betas), shapedirs=S, pull=pull),
+        _function("on_features", _gradient(P @ f, pull, f), posedirs=P, pull=pull),
+        _function("on_motion", _gradient(below, pull, G), weight=w, v=v, pull=pull),
     )
+    return {function.name(): function for function in made}
 
 
 def _moved(G: cs.SX, v: cs.SX) -> cs.SX:
-    """G [v; 1], (3, 1)."""
+    """The point G [v; 1], (3, 1), for a motion of 12 numbers row by row."""
     rows = _rows(G, 3, 4)
     return rows[:, :3] @ v + rows[:, 3]
 

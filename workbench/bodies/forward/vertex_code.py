@@ -1,17 +1,18 @@
 """The C of a body's arithmetic: CasADi's own instructions, several vertices at a time."""
 
+from collections.abc import Mapping
 from importlib.resources import files
 
 import casadi as cs
 
 from workbench.blocks.simd import C_OF, statements
-from workbench.bodies.forward.vertex import OF_JOINT, VertexFunctions
+from workbench.bodies.forward.vertex import ADDED, OF_JOINT
 from workbench.compiling import vectors
 
 SUMS_AND_PRODUCTS = {op: C_OF[op] for op in (cs.OP_ADD, cs.OP_SUB, cs.OP_MUL, cs.OP_NEG)}
 
 
-def vertex_code(functions: VertexFunctions, K: int, B: int) -> str:
+def vertex_code(functions: Mapping[str, cs.Function], K: int, B: int) -> str:
     """The whole source, for K joints and B betas: the kernels, and loops around them."""
     sizes = {
         "JOINTS": K,
@@ -29,8 +30,7 @@ def vertex_code(functions: VertexFunctions, K: int, B: int) -> str:
     }
     loops = files(__package__).joinpath("vertex_loops.c").read_text(encoding="utf-8")
     defines = [f"#define {name} {size}" for name, size in sizes.items()]
-    added = {f.name() for f in functions.added}
-    kernels = [kernel(f, "+=" if f.name() in added else "=") for f in functions.all]
+    kernels = [kernel(f, "+=" if name in ADDED else "=") for name, f in functions.items()]
     return "\n".join([vectors(), *defines, *kernels, loops])
 
 

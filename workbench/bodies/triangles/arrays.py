@@ -1,14 +1,11 @@
-"""The arrays of a triangle body, as whoever computes with them asks for them."""
+"""The arrays of a triangle body, as the modules see them that compute with it."""
 
-from collections.abc import Mapping
-from typing import Any, Protocol
+from typing import Protocol
 
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
 from workbench.bodies.body import Body
-from workbench.bodies.landmarks import Landmarks
 from workbench.geometry.stitching import Stitching
 
 
@@ -20,24 +17,16 @@ class TriangleArrays(Body, Protocol):
         """F, the number of triangles."""
 
     @property
-    def template(self) -> Array:
-        """The mean person at rest, (N, 3) m."""
-
-    @property
-    def faces(self) -> Index:
-        """The corners of each triangle, (F, 3)."""
-
-    @property
     def shapedirs(self) -> Array:
-        """(F, 3, 3, B)."""
+        """What one unit of each of the betas adds to a triangle's deformation, (F, 3, 3, B)."""
 
     @property
     def posedirs(self) -> Array:
-        """(F, 3, 3, 3 J) per rad."""
+        """What the twists of near joints add to a face's deformation, (F, 3, 3, 3 J) per rad."""
 
     @property
     def near(self) -> Index:
-        """(F, J)."""
+        """The joints whose twists each face feels, (F, J)."""
 
     @property
     def weights(self) -> csr_array:
@@ -46,14 +35,6 @@ class TriangleArrays(Body, Protocol):
     @property
     def J_regressor(self) -> csr_array:
         """The joints as weighted means of vertices, (K, N)."""
-
-    @property
-    def landmarks(self) -> Mapping[str, Landmarks]:
-        """By the name of the set."""
-
-    @property
-    def extras(self) -> Mapping[str, NDArray[Any]]:
-        """Arrays of its file that no expression reads."""
 
     @property
     def stitching(self) -> Stitching:

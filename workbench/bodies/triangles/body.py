@@ -12,14 +12,14 @@ from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
 from workbench.blocks import Block, Points, Values
-from workbench.bodies.body import Blocks, blocks_of, landmark_set
+from workbench.bodies.body import Blocks, Given, blocks_of, landmark_set
 from workbench.bodies.forward import evaluation
 from workbench.bodies.forward.arguments import Arguments
 from workbench.bodies.landmarks import Landmarks
 from workbench.bodies.readonly import parts_of, readonly_parts, remade
-from workbench.bodies.triangles.arithmetic import Arithmetic
-from workbench.bodies.triangles.arrays import TriangleArrays
-from workbench.bodies.triangles.sources import SurfaceMeans, TriangleSurface
+from workbench.bodies.triangles.arithmetic import TriangleArithmetic
+from workbench.bodies.triangles.packed import PackedTriangles
+from workbench.bodies.triangles.sources import mean_points, surface_points
 from workbench.bodies.triangles.validation import check
 from workbench.bodies.validation import chosen_vertices
 from workbench.geometry.stitching import Stitching
@@ -46,21 +46,36 @@ class TriangleBody:
     are those of the surface: these bodies have no chain of bones.
 
     Arrays are copied and read-only, as those of SkinnedBody. Raises BadBody if they do not fit.
+
+    Attributes:
+        template: (N, 3) m.
+        faces: (F, 3), one connected surface.
+        shapedirs: (F, 3, 3, B) per unit of betas.
+        posedirs: (F, 3, 3, 3 J) per rad, joint by joint of `near`.
+        near: (F, J) the joints, never the root, whose twists a face feels.
+        weights: (F, K) how much each face belongs to each part; rows sum to one.
+        J_regressor: (K, N) from vertices, at rest or posed, to joints; rows sum to one.
+        parents: (K,) with parents[0] == -1 and parents[k] < k.
+        joint_names: (K,).
+        landmarks: sets of landmarks by name.
+        name: what the body is called.
+        card: where its numbers come from.
+        extras: arrays of its file that nothing computes with.
     """
 
-    template: Array  # (N, 3) m
-    faces: Index  # (F, 3), one connected surface
-    shapedirs: Array  # (F, 3, 3, B) per unit of betas
-    posedirs: Array  # (F, 3, 3, 3 J) per rad, joint by joint of `near`
-    near: Index  # (F, J): the joints, never the root, whose twists a face feels
-    weights: csr_array  # (F, K), rows sum to one
-    J_regressor: csr_array  # (K, N), rows sum to one: joints from vertices, rest or posed
-    parents: tuple[int, ...]  # parents[0] == -1, and parents[k] < k
+    template: Array
+    faces: Index
+    shapedirs: Array
+    posedirs: Array
+    near: Index
+    weights: csr_array
+    J_regressor: csr_array
+    parents: tuple[int, ...]
     joint_names: tuple[str, ...]
     landmarks: Mapping[str, Landmarks] = field(default_factory=dict)
     name: str = "triangle body"
-    card: Mapping[str, Any] = field(default_factory=dict)  # where the numbers come from
-    extras: Mapping[str, NDArray[Any]] = field(default_factory=dict)  # of its file, for others
+    card: Mapping[str, Any] = field(default_factory=dict)
+    extras: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     _made: dict[str, Blocks] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -85,7 +100,7 @@ class TriangleBody:
 
     @property
     def n_joints(self) -> int:
-        """K, the root included."""
+        """K, the number of joints, the root included."""
         return len(self.parents)
 
     @property
@@ -117,62 +132,45 @@ class TriangleBody:
         self, pose: cs.MX, betas: cs.MX, trans: cs.MX, *, vertices: ArrayLike | None = None
     ) -> Points:
         """The posed surface, (3, N) m, or some of it: a list of vertices, or a mask (N,)."""
-        surface = self._surface(pose, betas, trans)
+        at = Arguments(self, pose, betas, trans)
         if vertices is None:
-            return Points.of(surface, "vertices")
+            return Points.of(surface_points(at, self.arithmetic), "vertices")
         chosen = chosen_vertices(self, vertices)
         some = np.arange(len(chosen)), np.array(chosen, dtype=np.int64)
         selection = csr_array((np.ones(len(chosen)), some), shape=(len(chosen), self.n_vertices))
-        labels = tuple(f"vertex {i}" for i in chosen)
-        return Points.of(SurfaceMeans(surface, selection, labels), "vertices")
+        names = tuple(f"vertex {i}" for i in chosen)
+        return Points.of(mean_points(at, self.arithmetic, selection, names), "vertices")
 
     def joint_points(self, pose: cs.MX, betas: cs.MX, trans: cs.MX) -> Points:
         """The joints as the posed surface has them, (3, K) m: J_regressor times its vertices."""
-        surface = self._surface(pose, betas, trans)
-        return Points.of(SurfaceMeans(surface, self.J_regressor, self.joint_names), "joints")
+        at = Arguments(self, pose, betas, trans)
+        source = mean_points(at, self.arithmetic, self.J_regressor, self.joint_names)
+        return Points.of(source, "joints")
 
     def landmark_points(self, name: str, pose: cs.MX, betas: cs.MX, trans: cs.MX) -> Points:
         """A named set of landmarks on the posed surface, (3, M) m; `joints` are always there."""
         if name == "joints":
             return self.joint_points(pose, betas, trans)
         found = landmark_set(self.landmarks, name)
-        surface = self._surface(pose, betas, trans)
-        return Points.of(SurfaceMeans(surface, found.regressor, found.names), name)
+        at = Arguments(self, pose, betas, trans)
+        return Points.of(mean_points(at, self.arithmetic, found.regressor, found.names), name)
 
-    def _surface(self, pose: cs.MX, betas: cs.MX, trans: cs.MX) -> TriangleSurface:
-        at: Arguments[TriangleArrays] = Arguments(self, pose, betas, trans)
-        return TriangleSurface(at, self.arithmetic)
+    # Points in numbers. Any argument may have batch axes in front.
 
-    # Numbers, for those who want no symbols. Any argument may have a batch in front.
-
-    def vertices(
-        self,
-        pose: ArrayLike | None = None,
-        betas: ArrayLike | None = None,
-        trans: ArrayLike | None = None,
-    ) -> Array:
+    def vertices(self, pose: Given = None, betas: Given = None, trans: Given = None) -> Array:
         """The posed surface (..., N, 3) m of poses (..., K, 3) or (..., 3 K) rad."""
         batch, theta, beta, move = evaluation.arguments(self, pose, betas, trans)
         found = np.empty((len(theta), self.n_vertices, 3))
         for i in range(len(theta)):
-            found[i] = self.arithmetic.at(theta[i], beta[i]).points + move[i]
+            found[i] = self.arithmetic.at(theta[i], beta[i], move[i]).points
         return found.reshape(*batch, self.n_vertices, 3)
 
-    def joints(
-        self,
-        pose: ArrayLike | None = None,
-        betas: ArrayLike | None = None,
-        trans: ArrayLike | None = None,
-    ) -> Array:
+    def joints(self, pose: Given = None, betas: Given = None, trans: Given = None) -> Array:
         """The joints of the posed surface (..., K, 3) m."""
         return evaluation.regressed(self.J_regressor, self.vertices(pose, betas, trans))
 
     def landmark(
-        self,
-        name: str,
-        pose: ArrayLike | None = None,
-        betas: ArrayLike | None = None,
-        trans: ArrayLike | None = None,
+        self, name: str, pose: Given = None, betas: Given = None, trans: Given = None
     ) -> Array:
         """A named set of landmarks (..., M, 3) m; `joints` are always there."""
         if name == "joints":
@@ -195,6 +193,6 @@ class TriangleBody:
         return Stitching(self.faces, self.n_vertices)
 
     @cached_property
-    def arithmetic(self) -> Arithmetic:
-        """The arrays packed for arithmetic."""
-        return Arithmetic(self)
+    def arithmetic(self) -> TriangleArithmetic:
+        """The surface in numbers."""
+        return TriangleArithmetic(PackedTriangles(self))

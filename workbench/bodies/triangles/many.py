@@ -9,28 +9,26 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.spatial.transform import Rotation
 
 from workbench.arrays import Array
-
-if TYPE_CHECKING:
-    from workbench.bodies.triangles.arithmetic import Arithmetic
+from workbench.bodies.forward.posing import world_rotations
+from workbench.bodies.triangles.packed import PackedTriangles
 
 TOGETHER = 16  # surfaces that are worked on at a time: more of them do not fit into a cache
 
 
 @dataclass(frozen=True, eq=False)
 class ManySurfaces:
-    """V = L A' (B D Q e), as `Arithmetic` has it, for M poses and shapes."""
+    """V = L A' (B D Q e), as `TriangleArithmetic` has it, for M poses and shapes."""
 
-    of: Arithmetic
+    of: PackedTriangles
 
     def __call__(self, pose: Array, betas: Array) -> Array:
-        """(M, N, 3) m for pose (M, K, 3) rad and betas (M, B), before translation."""
+        """The vertices (M, N, 3) m for pose (M, K, 3) rad and betas (M, B), untranslated."""
         found = np.empty((len(pose), self.of.stitching.n_vertices, 3))
         most = min(TOGETHER, len(pose)) * len(self.of.edges)
         space = [np.empty(rows * most) for rows in (9, 9, 6, 6, 6)]  # fresh memory costs as much
@@ -48,13 +46,13 @@ class ManySurfaces:
         R = self._rotations(pose)
         for r, c in np.ndindex(3, 3):
             B[r, c] = of.weights @ R[r, c]
-        np.matmul(self._shape_columns, betas.T, out=D.reshape(9 * F, M))
+        np.matmul(of.shape_slopes, betas.T, out=D.reshape(9 * F, M))
         for axis in range(3):
             D[axis, axis] += 1.0
-        bent = (self._bends @ pose.reshape(M, -1).T).reshape(2, 3, F, M)
+        bent = (of.bend_slopes @ pose.reshape(M, -1).T).reshape(2, 3, F, M)
         bent += of.edges.transpose(1, 2, 0)[..., None]
-        _each(D, bent, shaped, product)
-        _each(B, shaped, edges, product)
+        _on_edges(D, bent, shaped, product)
+        _on_edges(B, shaped, edges, product)
         pulls = np.empty((of.stitching.n_vertices, 3, M))
         for axis in range(3):
             pulls[:, axis] = self._onto_vertices @ edges[:, axis].reshape(2 * F, M)
@@ -65,25 +63,8 @@ class ManySurfaces:
         """World rotations, (3, 3, K, M)."""
         M, K = pose.shape[:2]
         R = Rotation.from_rotvec(pose.reshape(-1, 3)).as_matrix().reshape(M, K, 3, 3)
-        for k, up in enumerate(self.of.parents[1:], start=1):
-            R[:, k] = R[:, up] @ R[:, k]
-        return np.ascontiguousarray(R.transpose(2, 3, 1, 0))
-
-    @cached_property
-    def _shape_columns(self) -> Array:
-        """(9 F, B): what betas add to D, in the rows (r, c, f)."""
-        F, _, _, B = self.of.shapedirs.shape
-        return np.ascontiguousarray(self.of.shapedirs.transpose(1, 2, 0, 3)).reshape(9 * F, B)
-
-    @cached_property
-    def _bends(self) -> csr_array:
-        """(6 F, 3 K): what the pose adds to Q e, in the rows (i, a, f)."""
-        F, J = self.of.near.shape
-        slopes = self.of.bends.reshape(F, 2, 3, J, 3)
-        f, i, a, j, axis = np.indices(slopes.shape)
-        rows, columns = (3 * i + a) * F + f, 3 * self.of.near[f, j] + axis
-        shape = (6 * F, 3 * len(self.of.parents))
-        return csr_array((slopes.ravel(), (rows.ravel(), columns.ravel())), shape=shape)
+        world = world_rotations(R, self.of.parents)
+        return np.ascontiguousarray(world.transpose(2, 3, 1, 0))
 
     @cached_property
     def _onto_vertices(self) -> csr_array:
@@ -93,7 +74,7 @@ class ManySurfaces:
         return csr_array(A[np.concatenate([first, first + 1])].T)
 
 
-def _each(matrices: Array, edges: Array, into: Array, product: Array) -> None:
+def _on_edges(matrices: Array, edges: Array, into: Array, product: Array) -> None:
     """Write M_f e_fi (2, 3, F, M), for matrices (3, 3, F, M) and edges (2, 3, F, M)."""
     np.multiply(matrices[None, :, 0], edges[:, None, 0], out=into)
     for c in (1, 2):

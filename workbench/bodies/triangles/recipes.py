@@ -60,7 +60,7 @@ def scape(body: SkinnedBody, n_near: int = 2) -> TriangleBody:
 
 
 def one_part(body: TriangleBody, name: str) -> TriangleBody:
-    """The same with each face on the part of its largest weight alone."""
+    """A triangle body whose faces each follow the part of their largest weight alone."""
     part = body.weights.toarray().argmax(axis=1)
     hot = csr_array((np.ones(len(part)), (np.arange(len(part)), part)), shape=body.weights.shape)
     return replace(body, weights=hot, name=name)

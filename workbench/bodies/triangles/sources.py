@@ -3,141 +3,101 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as cs
-from scipy.sparse import csr_array
+import numpy as np
+from scipy.sparse import csr_array, kron
 
 from workbench.arrays import Array
-from workbench.blocks import Block, Tree
 from workbench.bodies.forward.arguments import Arguments
-from workbench.bodies.forward.numeric_sources import Named, NumericMeans
+from workbench.bodies.forward.numeric_sources import BodyPoints, BodyPointsAt, Named
+from workbench.bodies.forward.rows import Target, write
+from workbench.bodies.forward.sources import BodySource
 from workbench.bodies.triangles import surface
-from workbench.bodies.triangles.arithmetic import Arithmetic, SurfaceNumbers
-from workbench.bodies.triangles.arrays import TriangleArrays
-from workbench.bodies.triangles.many import ManySurfaces
+from workbench.bodies.triangles.arithmetic import TriangleArithmetic
+
+
+def surface_points(at: Arguments, arithmetic: TriangleArithmetic) -> BodySource:
+    """All vertices of the posed and stitched surface.
+
+    In symbols, the stitching's two triangular solves are part of the graph.
+    """
+    return BodySource(
+        at,
+        at.body.n_vertices,
+        None,
+        (),
+        lambda: surface.posed(arithmetic.packed, *at.symbols),
+        lambda maps: Named(arithmetic, maps),
+    )
+
+
+def mean_points(
+    at: Arguments, arithmetic: TriangleArithmetic, regressor: csr_array, names: tuple[str, ...]
+) -> BodySource:
+    """Weighted means of a surface's vertices, by a regressor (M, N): joints, landmarks, vertices.
+
+    Joints of a surface that deforms are on no rigid bones.
+    """
+    return BodySource(
+        at,
+        len(names),
+        names,
+        (),
+        lambda: surface.posed(arithmetic.packed, *at.symbols) @ cs.MX(cs.DM(regressor.T.tocsc())),
+        lambda maps: Named(NumericMeans(arithmetic, regressor), maps),
+        rigid_bones=False,
+    )
 
 
 @dataclass(frozen=True, eq=False)
-class TriangleSurface:
-    """All vertices of the posed and stitched surface."""
+class NumericMeans:
+    """Weighted means of the points of a surface: `regressor` (M, N); see BodyPoints."""
 
-    at: Arguments[TriangleArrays]
-    arrays: Arithmetic
-
-    @property
-    def count(self) -> int:
-        """N, the number of vertices."""
-        return self.at.body.n_vertices
-
-    @cached_property
-    def expression(self) -> cs.MX:
-        """(3, N) m; the stitching's two triangular solves are part of the graph."""
-        return surface.posed(self.at.body, self.arrays, *self.at.symbols)
-
-    @property
-    def blocks(self) -> tuple[Block, ...]:
-        """Those of the arguments."""
-        return self.at.blocks()
-
-    @property
-    def tree(self) -> Tree | None:
-        """The kinematic tree of the body."""
-        return self.at.tree
-
-    @property
-    def labels(self) -> tuple[str, ...] | None:
-        """Vertices have no names but their numbers."""
-        return None
-
-    @cached_property
-    def numeric(self) -> Named | None:
-        """None if an argument is no affine map of blocks."""
-        maps = self.at.maps
-        return None if maps is None else Named(self.arithmetic, maps)
-
-    @cached_property
-    def arithmetic(self) -> NumericTriangles:
-        """The vertices in numbers."""
-        return NumericTriangles(self.arrays)
-
-
-@dataclass(frozen=True, eq=False)
-class SurfaceMeans:
-    """Weighted means of a surface's vertices: `regressor` (M, N), one row per point."""
-
-    surface: TriangleSurface
+    surface: BodyPoints
     regressor: csr_array
-    labels: tuple[str, ...]
-
-    @property
-    def count(self) -> int:
-        """M, the number of weighted means."""
-        return len(self.labels)
 
     @cached_property
-    def expression(self) -> cs.MX:
-        """The weighted means of vertices in symbols, (3, M) m."""
-        return self.surface.expression @ cs.MX(cs.DM(self.regressor.T.tocsc()))
+    def on_coordinates(self) -> csr_array:
+        """The matrix of weighted means, for each coordinate: (3 M, 3 N)."""
+        return csr_array(kron(self.regressor, np.eye(3), format="csr"))
 
-    @property
-    def blocks(self) -> tuple[Block, ...]:
-        """Those of the surface: every point of it moves with every block."""
-        return self.surface.blocks
+    def at(self, pose: Array, betas: Array, trans: Array) -> MeansAt:
+        """The means at one pose, betas and translation."""
+        return MeansAt(self, self.surface.at(pose, betas, trans))
 
-    @property
-    def tree(self) -> Tree | None:
-        """The body's; the joints of a surface that deforms are on no rigid bones."""
-        tree = self.surface.tree
-        return None if tree is None else replace(tree, rigid_bones=False)
+    def each(self, poses: Array, betas: Array, trans: Array) -> list[MeansAt]:
+        """The means at M poses, betas and translations."""
+        return [MeansAt(self, here) for here in self.surface.each(poses, betas, trans)]
 
-    @cached_property
-    def numeric(self) -> Named | None:
-        """Where the surface has it."""
-        maps = self.surface.at.maps
-        if maps is None:
-            return None
-        return Named(NumericMeans(self.surface.arithmetic, self.regressor), maps)
+    def many(self, poses: Array, betas: Array, trans: Array) -> Array:
+        """The means (M, L, 3) m of M poses, betas and translations, from the vertices of each."""
+        whole = self.surface.many(poses, betas, trans)
+        return np.array([self.regressor @ points for points in whole])
 
 
 @dataclass(frozen=True, eq=False)
-class NumericTriangles:
-    """A triangle body's vertices by arithmetic; see BodyPoints."""
+class MeansAt:
+    """The means at one pose, betas and trans; see BodyPointsAt."""
 
-    arithmetic: Arithmetic
-
-    def at(self, pose: Array, betas: Array, trans: Array) -> TrianglesAt:
-        """The vertices at one pose, betas and translation."""
-        return TrianglesAt(self.arithmetic.at(pose, betas), trans)
-
-    def many(self, pose: Array, betas: Array, trans: Array) -> Array:
-        """(M, N, 3) m, all at once."""
-        return self._many(pose, betas) + trans[:, None]
-
-    @cached_property
-    def _many(self) -> ManySurfaces:
-        return ManySurfaces(self.arithmetic)
-
-
-@dataclass(frozen=True, eq=False)
-class TrianglesAt:
-    """The vertices at one pose, betas and trans (3,) m; see PointsAt."""
-
-    surface: SurfaceNumbers
-    trans: Array
+    of: NumericMeans
+    surface: BodyPointsAt
 
     @cached_property
     def points(self) -> Array:
-        """The stitched vertices, (N, 3) m."""
-        return self.surface.points + self.trans
+        """The weighted means of the posed vertices, (M, 3) m."""
+        return np.asarray(self.of.regressor @ self.surface.points)
 
-    def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
-        """Transposed, into[name] (size, 3 N)."""
-        self.surface.tangent(into, scale)
+    def tangent(self, into: Mapping[str, Target], scale: Array | None) -> None:
+        """Write the transposed derivative into `pose`, `betas` and `trans`, (size, 3 M) each."""
+        N = self.of.regressor.shape[1]
+        whole = {name: np.empty((len(target), 3 * N)) for name, target in into.items()}
+        self.surface.tangent(whole, None)
+        for name, target in into.items():
+            write(target, (self.of.on_coordinates @ whole[name].T).T, scale)
 
     def adjoint(self, pull: Array) -> dict[str, Array]:
-        """By pose, betas and trans, flat."""
-        pulled = pull.reshape(-1, 3)
-        on_pose, on_betas = self.surface.adjoint(pulled)
-        return {"pose": on_pose.ravel(), "betas": on_betas, "trans": pulled.sum(axis=0)}
+        """The gradients of pull . points, pull (3 M,), by `pose`, `betas` and `trans`, flat."""
+        return self.surface.adjoint(self.of.on_coordinates.T @ pull)

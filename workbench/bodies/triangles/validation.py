@@ -1,4 +1,4 @@
-"""Whether the arrays of a triangle body fit together; if not, which one and why."""
+"""Whether the arrays of a triangle body fit together; if they do not, which of them, and why."""
 
 from __future__ import annotations
 
@@ -8,7 +8,13 @@ import numpy as np
 
 from workbench.bodies.files.extras import TRIANGLES, clashes
 from workbench.bodies.triangles.arrays import TriangleArrays
-from workbench.bodies.validation import check_landmarks, check_rows, check_tree
+from workbench.bodies.validation import (
+    check_finite,
+    check_landmarks,
+    check_rows,
+    check_shapes,
+    check_tree,
+)
 from workbench.errors import BadBody, BadMesh
 from workbench.geometry.triangles import gradients
 
@@ -19,32 +25,22 @@ def check(body: TriangleArrays) -> None:
     def refuse(reason: str) -> NoReturn:
         raise BadBody(f"body {body.name!r}: {reason}")
 
-    def shape(name: str, expected: tuple[int | str, ...]) -> None:
-        found = getattr(body, name).shape
-        fits = len(found) == len(expected) and all(
-            isinstance(n, str) or n == m for n, m in zip(expected, found, strict=True)
-        )
-        if not fits:
-            refuse(f"{name} has shape {found}, but must be ({', '.join(map(str, expected))})")
-
     check_tree(refuse, body.parents)
-    shape("template", ("N", 3))
-    shape("faces", ("F", 3))
+    check_shapes(refuse, {"template": (body.template, ("N", 3)), "faces": (body.faces, ("F", 3))})
     N, F, K = len(body.template), len(body.faces), len(body.parents)
-    shape("shapedirs", (F, 3, 3, "B"))
-    shape("near", (F, "J"))
-    shape("posedirs", (F, 3, 3, 3 * body.near.shape[1]))
-    shape("weights", (F, K))
-    shape("J_regressor", (K, N))
+    check_shapes(refuse, {"near": (body.near, (F, "J"))})
+    check_shapes(
+        refuse,
+        {
+            "shapedirs": (body.shapedirs, (F, 3, 3, "B")),
+            "posedirs": (body.posedirs, (F, 3, 3, 3 * body.near.shape[1])),
+            "weights": (body.weights, (F, K)),
+            "J_regressor": (body.J_regressor, (K, N)),
+        },
+    )
     if len(body.joint_names) != K:
         refuse(f"joint_names has {len(body.joint_names)} names for {K} joints")
-    for name in ("template", "shapedirs", "posedirs"):
-        bad = np.argwhere(~np.isfinite(getattr(body, name)))
-        if len(bad):
-            refuse(f"{name}[{', '.join(map(str, bad[0]))}] is not finite ({len(bad)} such entries)")
-    for name in ("weights", "J_regressor"):
-        if not np.isfinite(getattr(body, name).data).all():
-            refuse(f"{name} holds entries that are not finite")
+    check_finite(refuse, body, ("template", "shapedirs", "posedirs", "weights", "J_regressor"))
     check_rows(refuse, "weights", np.asarray(body.weights.sum(axis=1)), "face")
     check_rows(refuse, "J_regressor", np.asarray(body.J_regressor.sum(axis=1)), "joint")
     outside = (body.near < 1) | (body.near >= K)
@@ -68,8 +64,8 @@ def check(body: TriangleArrays) -> None:
         refuse(str(error))
     if parts != 1:
         refuse(
-            f"the faces leave {N} vertices in {parts} pieces, and stitching tells nothing of where "
-            "one piece is beside another; keep one piece"
+            f"the faces leave {N} vertices in {parts} pieces, and stitching does not say where one "
+            "piece is beside another; keep one piece"
         )
     if own := clashes(body.extras, TRIANGLES):
         refuse(f"extras must not be called like the body's own arrays in a file: {', '.join(own)}")

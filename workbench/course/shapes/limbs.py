@@ -20,8 +20,8 @@ from workbench.bodies.skinned import SkinnedBody
 from workbench.errors import BadArgument, UnknownName
 from workbench.geometry.solids import lengths, mesh_edges, piece_volume
 
-CARRIED = 0.5  # of a vertex's weight: what belongs to the two bones of a joint
-HALFWAY = 0.2  # how far from one half the weights may be where a limb is as thin as it gets
+CARRIED = 0.5  # the least weight of a vertex for the two bones of a joint together
+HALFWAY = 0.2  # how far from one half weights may be at the thinnest place of a limb
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,14 +97,15 @@ class Limb:
         return self.body.vertices(pose)
 
     def volumes(self, axis: ArrayLike, angles: Sequence[float] | Array) -> Array:
-        """What the skin of the two bones encloses, m^3, by angle (A,) about `axis`."""
+        """The volume inside of the skin of the two bones, m^3, by angle (A,) about `axis`."""
         posed = self.posed(axis, angles)
         return np.asarray([piece_volume(vertices, self.faces) for vertices in posed])
 
     def radii(self, angles: Sequence[float] | Array) -> Array:
         """The radius of the twisted limb at its waist as a share of that at rest, (A,).
 
-        Mean distance of the waist from the line of the bone, which a twist leaves in place.
+        It is the mean distance of the waist from the line of the bone, which a twist leaves in
+        place.
         """
         centre = self.body.joints()[self.index]
         reach = [
@@ -122,6 +123,6 @@ class Limb:
 
 
 def _distances(points: Array, direction: Array) -> Array:
-    """From a line through the origin, (n,)."""
+    """The distances (n,) of points from a line through the origin."""
     across = points - (points @ direction)[:, None] * direction
     return np.asarray(np.linalg.norm(across, axis=1))

@@ -1,10 +1,9 @@
-"""The shape space: its directions, what they explain, and where joints go with them."""
+"""The directions of the shape space, and where joints go with them."""
 
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
 from workbench.arrays import Array
@@ -16,31 +15,6 @@ def along(body: SkinnedBody, direction: int, amount: float) -> Array:
     betas = np.zeros(body.n_betas)
     betas[direction] = amount
     return betas
-
-
-def variances(body: SkinnedBody) -> Array:
-    """The variance that each direction gives the surface, (B,) m^2 summed over coordinates.
-
-    With betas in standard deviations, as in SMPL's files, it is the column's squared length.
-    """
-    return np.asarray(np.sum(body.shapedirs**2, axis=(0, 1)))
-
-
-def reconstruction_errors(body: SkinnedBody, people: ArrayLike) -> Array:
-    """The rms distance of vertices after fitting 0, 1, ..., B directions: (B + 1, P) m.
-
-    People (P, N, 3) m are at rest, and their betas are the best ones. They may stand anywhere,
-    because their mean point is moved to the template's.
-    """
-    shapes = np.asarray(people, dtype=float) - body.template
-    shapes = (shapes - shapes.mean(axis=1, keepdims=True)).reshape(len(shapes), -1)
-    S = body.shapedirs - body.shapedirs.mean(axis=0)
-    flat = S.reshape(-1, body.n_betas)
-    found = [shapes]
-    for b in range(1, body.n_betas + 1):
-        Q, _ = np.linalg.qr(flat[:, :b])
-        found.append(shapes - (shapes @ Q) @ Q.T)
-    return np.asarray([np.linalg.norm(rest, axis=1) / np.sqrt(body.n_vertices) for rest in found])
 
 
 def joint_moves(body: SkinnedBody, betas: Sequence[float] | Array) -> Array:

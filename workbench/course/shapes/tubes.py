@@ -1,4 +1,4 @@
-"""A tube on two bones, the simplest limb: what skinning does to it can be written down.
+"""A tube on two bones, the simplest limb, for which the effect of skinning has closed formulas.
 
 It lies along x, its root at one end and its joint in the middle. The weight w of the second bone
 goes from 0 to 1 over a zone around the joint, in a straight line. Bent or twisted there by an
@@ -82,24 +82,6 @@ def volume_lost_bent(area: float, zone: float, angle: Array | float) -> Array:
 def volume_lost_twisted(area: float, zone: float, angle: Array | float) -> Array:
     """The volume that linear blending loses of a twisted tube: twice that of a bent one."""
     return 2 * volume_lost_bent(area, zone, angle)
-
-
-def linear_stretch(height: Array | float, zone: float, angle: Array | float) -> Array:
-    """The stretch of a fibre at the joint of a bent tube, `height` m towards the inside.
-
-    |c + dc/ds (s + i y)| at s = 0: |cos(a/2) - 2 y sin(a/2) / l|.
-    """
-    half = np.asarray(angle) / 2
-    return np.abs(np.cos(half) - 2 * np.asarray(height) * np.sin(half) / zone)
-
-
-def dual_quaternion_stretch(height: Array | float, zone: float, angle: Array | float) -> Array:
-    """The stretch by dual quaternions, |1 - 4 y tan(a/4) / l|: the ring turns by 4 tan(a/4) / l.
-
-    Towards 180 degrees skin on the outside becomes longer than linear blending makes it: it
-    bulges.
-    """
-    return np.abs(1 - 4 * np.asarray(height) * np.tan(np.asarray(angle) / 4) / zone)
 
 
 def _faces(rings: int, around: int) -> Index:

@@ -14,9 +14,8 @@ import numpy as np
 
 from workbench.bodies.catalogue import load_skinned
 from workbench.plots.figure import house_style, png, sheet
-from workbench.priors.pose_gaussian import draw_poses
-from workbench.priors.pose_mixture import shipped_mixture
-from workbench.reports.summary import as_json
+from workbench.priors.poses import draw_poses, shipped_mixture
+from workbench.reports.provenance import as_json
 from workbench.studies.ablations.figures import (
     caption_pose_in_shape,
     caption_turn_errors,

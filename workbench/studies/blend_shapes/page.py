@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from workbench.reports.page import page
-from workbench.reports.summary import versions
 from workbench.reports.tables import Table
 from workbench.studies.blend_shapes import figures
 from workbench.studies.blend_shapes.predictors import repaired
@@ -114,7 +113,6 @@ def predictor_page(s: PredictorStudy) -> str:
         table=predictor_table(s),
         remarks=REMARKS,
         sections=sections,
-        versions=versions(),
     )
 
 

@@ -12,7 +12,7 @@ from workbench.arrays import Array
 from workbench.bodies.catalogue import load_skinned
 from workbench.errors import BadArgument
 from workbench.priors.mocap import held_out_poses
-from workbench.priors.pose_gaussian import draw_poses, shipped_gaussian
+from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.studies.blend_shapes import questions
 from workbench.studies.blend_shapes.evaluation import accuracy
 from workbench.studies.blend_shapes.posed_surfaces import PosedSurfaces

@@ -8,7 +8,6 @@ from typing import Any
 from workbench.bodies.files.gltf import write_gltf
 from workbench.plots import caption_stitching, plot_stitching
 from workbench.reports.page import page
-from workbench.reports.summary import versions
 from workbench.reports.tables import Table
 from workbench.studies.pages import drawn, text_of, write_study
 from workbench.studies.triangles import figures
@@ -254,7 +253,6 @@ def triangles_page(s: TriangleStudy) -> str:
             for name in SHOWN
         ],
         jumps=[s.result(without_bends(name)).seam_jump for name in (SCAPE, BLEND_SCAPE)],
-        versions=versions(),
     )
 
 

@@ -10,7 +10,7 @@ from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadArgument
 from workbench.priors.mocap import held_out_poses
-from workbench.priors.pose_gaussian import draw_poses, shipped_gaussian
+from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.studies.pages import Report
 from workbench.synthetic.sets import SetRecipe
 from workbench.synthetic.sources import gather_sources

@@ -169,7 +169,7 @@ def unposed(body: TriangleBody, pose: Array, vertices: Array) -> Array:
     straight = np.linalg.solve(at.B, edges(vertices, body.faces).transpose(0, 2, 1))
     found = np.asarray(straight.transpose(0, 2, 1), dtype=float)
     D = frames_on(found) @ np.linalg.inv(frames_on(at.bent))
-    V = body.stitching.vertices(body.arithmetic.edges @ D.transpose(0, 2, 1))
+    V = body.stitching.vertices(body.arithmetic.packed.edges @ D.transpose(0, 2, 1))
     return np.asarray(V - V.mean(axis=0))
 
 

@@ -82,11 +82,13 @@ def learn_bends(
     """
     here = [body.arithmetic.at(p, betas[i]) for p, i in zip(posed.poses, posed.person, strict=True)]
     left = np.stack([at.B @ at.D for at in here], axis=1)
-    in_plane, flat = _plane(body.arithmetic.edges)  # (F, 3, 2), (F, 2, 2): edges in the plane
+    in_plane, flat = _plane(
+        body.arithmetic.packed.edges
+    )  # (F, 3, 2), (F, 2, 2): edges in the plane
     twists = np.stack([at.twists for at in here], axis=1)  # (F, M, 3 J)
     F, M, T = twists.shape
     features = np.einsum("fiu,fmt->fimut", flat, twists).reshape(F, 2, M, 2 * T)
-    known = np.einsum("fmac,fic->fima", left, body.arithmetic.edges)
+    known = np.einsum("fmac,fic->fima", left, body.arithmetic.packed.edges)
     fit = StitchedFit(body.stitching, left, features, _missing(body, posed, known), measure)
     C = fit.solve(ridge, by=by).reshape(F, 3, 2, T)
     return replace(body, posedirs=np.einsum("faut,fcu->fact", C, in_plane))

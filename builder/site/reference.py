@@ -6,12 +6,13 @@ from collections import defaultdict
 from html import escape
 from pathlib import Path
 
-from workbench.site.docstrings import Link, inline, rendered, summary
-from workbench.site.examples import Example, fenced, raw
-from workbench.site.inventory import Entry, inventory, listed, resolve, tree
-from workbench.site.signatures import fields, is_property, of_class, of_function
+from builder.site.docstrings import Link, inline, rendered, summary
+from builder.site.examples import Example, fenced, raw
+from builder.site.inventory import Entry, inventory, listed, resolve, tree
+from builder.site.signatures import fields, is_property, of_class, of_function
 
 WORD = re.compile(r"[A-Za-z_]\w*")
+PLOT, CAPTION = "plot_", "caption_"  # the names of a figure's functions begin so
 INTRODUCTION = (
     "Every public name of the workbench has a page, in the room that it lives in. The names in the "
     "first table are what most programs need: after `import workbench as wb` they are `wb.solve` "
@@ -95,11 +96,21 @@ class Reference:
         )
 
     def _room(self, room: str) -> str:
-        rows = "".join(
-            f'<tr><td><a href="../{self.pages[entry]}.html"><code>{entry.name}</code></a></td>'
-            f"<td>{inline(entry.summary, _nowhere)}</td></tr>"
-            for entry in self.rooms[room]
-        )
+        captions = {e.name: e for e in self.rooms[room] if e.name.startswith(CAPTION)}
+        drawn = {e.name.replace(PLOT, CAPTION, 1) for e in self.rooms[room]} & captions.keys()
+        rows = ""
+        for entry in self.rooms[room]:
+            if entry.name in drawn:
+                continue  # it has no row of its own: it stands beside the figure
+            about = inline(entry.summary, _nowhere)
+            caption = captions.get(entry.name.replace(PLOT, CAPTION, 1))
+            if caption is not None:
+                to = f"../{self.pages[caption]}.html"
+                about += f' Its caption: <a href="{to}">{caption.name}</a>.'
+            rows += (
+                f'<tr><td><a href="../{self.pages[entry]}.html"><code>{entry.name}</code></a></td>'
+                f"<td>{about}</td></tr>"
+            )
         names = "\n".join(Path(self.pages[entry]).name for entry in self.rooms[room])
         table = f'<p>{inline(_about(room), _nowhere)}</p><table class="names">{rows}</table>'
         return f"# {room}\n\n{raw(table)}\n\n```{{toctree}}\n:hidden:\n\n{names}\n```\n"

@@ -1,18 +1,16 @@
-"""The whole site, and the course alone: pages are gathered, built, and put into their folder."""
+"""The full site: all pages are gathered, built, and put into their folder."""
 
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from builder.site.documents import START, TEXTS, checkout, contents, write_documents
+from builder.site.examples import NUMBERED, run_all, write_example_pages
+from builder.site.licence_page import write_licence_page
+from builder.site.reference import Reference
 from workbench.site.building import build, put, refuse
-from workbench.site.course_pages import write_course_pages
-from workbench.site.documents import START, TEXTS, checkout, contents, write_documents
-from workbench.site.examples import NUMBERED, run_all, write_example_pages
-from workbench.site.licences import copy_licences, write_licence_page
-from workbench.site.reference import Reference
-
-Tell = Callable[[str], None]
+from workbench.site.course_pages import Tell, write_course_pages
+from workbench.site.licences import copy_licences
 
 
 def write_site(folder: str | Path, tell: Tell = lambda said: None) -> Path:
@@ -50,21 +48,4 @@ def write_site(folder: str | Path, tell: Tell = lambda said: None) -> Path:
                 )
             )
         put(build("workbench", pages, files, scratch), folder)
-    return folder / "index.html"
-
-
-def write_course_site(folder: str | Path, tell: Tell = lambda said: None) -> Path:
-    """Run every lecture, write a site of the course alone, and return its first page.
-
-    Raises BadFile as `write_site` does; CellFailed is one of them.
-    """
-    folder = Path(folder)
-    refuse(folder)
-    with TemporaryDirectory(prefix="workbench-site-") as place:
-        scratch = Path(place)
-        pages, files = scratch / "pages", scratch / "files"
-        write_course_pages(pages, files, tell)
-        copy_licences(files / "licences")
-        tell("writing pages")
-        put(build("Body models", pages, files, scratch), folder)
     return folder / "index.html"

@@ -10,9 +10,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from builder.site.docstrings import inline, rendered, summary
 from workbench.course.student_process import environment
 from workbench.errors import BadFile
-from workbench.site.docstrings import inline, rendered, summary
 
 SECONDS = 600.0  # that an example may take
 NUMBERED = "[0-9]*.py"
@@ -119,9 +119,10 @@ def write_example_pages(examples: list[Example], pages: Path) -> None:
             f'<tr><td><a href="{example.name}.html">{_capital(example.title)}</a></td>'
             f"<td>{sentence}</td></tr>"
         )
+    table = raw(f'<table class="names">{"".join(rows)}</table>')
     (pages / "index.md").write_text(
         "# Examples\n\nEach example is one idea: a script with its figures and what it printed "
-        "when this site was built.\n\n" + raw(f"<table>{''.join(rows)}</table>") + "\n\n"
+        "when this site was built.\n\n" + table + "\n\n"
         "```{toctree}\n:hidden:\n\n" + "\n".join(example.name for example in examples) + "\n```\n",
         encoding="utf-8",
     )

@@ -7,7 +7,7 @@ from functools import cache
 from pathlib import Path
 
 import workbench
-from workbench.site.docstrings import summary
+from builder.site.docstrings import summary
 
 FRONT_DOOR = "workbench"
 ARRAYS = "workbench.arrays"  # the kinds of arrays need no page
@@ -94,7 +94,7 @@ def annotated(entry: Entry) -> Iterator[tuple[str, str, Definition]]:
             if isinstance(each, ast.FunctionDef) and each.name == "__init__":
                 parts += _annotations(each)
             elif isinstance(each, ast.FunctionDef) and not each.name.startswith("_"):
-                results.append(each.returns)
+                results += _annotations(each)
     for part in parts + results:
         for name in ast.walk(part) if part is not None else ():
             if not isinstance(name, ast.Name):

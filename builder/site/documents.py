@@ -66,7 +66,7 @@ def _linked(text: str, here: Path, source: Path, pages: Path) -> str:
         place = path.relative_to(source)
         if place == Path(FRONT):
             return f"{words}({os.path.relpath(source / START, here)}{anchor})"
-        if place.parts[0] == "examples" and path.suffix == ".py":
+        if path.parent == source / "examples" and path.suffix == ".py":
             return f"{words}({target.removesuffix('.py')}.md)"
         if path.suffix != ".md":
             copy = pages / place

@@ -1,10 +1,13 @@
-"""Screw interpolation: the steadiest way from one rigid motion to another."""
+"""Rigid motions one after the other, and the steadiest way from one to another."""
 
+import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from workbench.arrays import Array
+from workbench.geometry.dual_quaternions import _cross, _dot, _times
+from workbench.geometry.rotation import Matrix
 
 
 def screw(motion: ArrayLike, share: float) -> Array:
@@ -34,3 +37,15 @@ def between(first: ArrayLike, second: ArrayLike, share: float) -> Array:
     step = np.column_stack([b[:, :3] @ back, b[:, 3] - b[:, :3] @ back @ a[:, 3]])
     part = screw(step, share)
     return np.column_stack([part[:, :3] @ a[:, :3], part[:, :3] @ a[:, 3] + part[:, 3]])
+
+
+def product(a: Matrix, b: Matrix) -> Matrix:
+    """Quaternions a b, (4, K) each: the rotation of b, then that of a."""
+    w, r, v, s = a[0, :], a[1:, :], b[0, :], b[1:, :]
+    return cs.vertcat(w * v - _dot(r, s), _times(w, s) + _times(v, r) + _cross(r, s))
+
+
+def dual_product(a: Matrix, b: Matrix) -> Matrix:
+    """Dual quaternions a b, (8, K) each: the motion of b, then that of a."""
+    real = product(a[:4, :], b[:4, :])
+    return cs.vertcat(real, product(a[:4, :], b[4:, :]) + product(a[4:, :], b[:4, :]))

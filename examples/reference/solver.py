@@ -1,0 +1,37 @@
+"""Solver, Abilities: an algorithm of your own, taken wherever one of ours is."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+import workbench as wb
+from workbench.solvers import Boxes, Callback, Derivative
+from workbench.solvers.run import Run
+
+
+@dataclass(frozen=True)
+class HalfSteps:  # half of every step of Gauss and Newton's method
+    max_iterations: int = 100
+    max_evaluations: int = 500
+    max_seconds: float = 10.0
+    gradient_tolerance: float = 1e-6
+
+    @property
+    def abilities(self) -> wb.Abilities:
+        return wb.Abilities(Derivative.JACOBIAN, Boxes.UNKNOWN)
+
+    def solve(
+        self, problem: wb.Problem, start: wb.Values, *, callback: Callback | None = None
+    ) -> wb.Solution:
+        with Run("half-steps", self, problem, start, callback) as run:  # refuses what it must
+            x, here = run.x, run.begin()
+            while True:  # until the run has converged or reached a limit
+                x, here = run.move(x + 0.5 * here.step(0.0))
+        return run.solution()
+
+
+x = wb.Block("x", (2,))
+problem = wb.Problem([wb.Residual("data", x.symbol**2 - [1, 4], sigma=1.0)], ["x"], blocks=[x])
+solver: wb.Solver = HalfSteps()
+solution = wb.solve(problem, {"x": np.array([3.0, 3.0])}, solver)
+print(solution.status.name, solution.values["x"].round(4), solution.iterations, "steps")

@@ -1,0 +1,62 @@
+"""What every body of the catalogue must keep, whoever added it."""
+
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from tests.bodies_made_up import random_body
+from workbench.bodies.catalogue import BODIES, load_body, load_skinned
+from workbench.bodies.skinned import SkinnedBody
+from workbench.bodies.triangles import TriangleBody
+from workbench.cli.app import app
+from workbench.errors import BadFile
+from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
+
+EACH = pytest.mark.parametrize("name", BODIES)
+
+
+def assert_contract(body: SkinnedBody | TriangleBody) -> None:
+    rng = np.random.default_rng(0)
+    at_rest = body.vertices()
+    np.testing.assert_allclose(at_rest, body.template, atol=1e-9)
+    sums = np.asarray(body.weights.sum(axis=1)).ravel()
+    np.testing.assert_allclose(sums, 1, atol=1e-3)
+    pose, betas = 0.3 * rng.normal(size=(body.n_joints, 3)), rng.normal(size=body.n_betas)
+    posed, root = body.vertices(pose, betas), body.joints(pose, betas)[0]
+    turn, turned = matrix_from_vector([0.5, -1.0, 2.0]), pose.copy()
+    turned[0] = vector_from_matrix(turn @ matrix_from_vector(pose[0]))
+    moved = body.vertices(turned, betas, [1.0, 2.0, 3.0])
+    np.testing.assert_allclose(moved, (posed - root) @ turn.T + root + [1, 2, 3], atol=1e-8)
+    points = body.points(*(block.symbol for block in body.blocks()))
+    numeric = points.source.numeric
+    if numeric is not None:
+        values = dict(zip(numeric.reads, (pose, betas, np.zeros(3)), strict=True))
+        np.testing.assert_allclose(numeric.at(values).points, posed, atol=1e-9)
+    copied = pickle.loads(pickle.dumps(body))
+    np.testing.assert_array_equal(copied.template, body.template)
+
+
+@EACH
+def test_every_body_keeps_the_laws_of_bodies(name: str) -> None:
+    assert_contract(load_body(name))
+
+
+def mine() -> SkinnedBody:
+    """As a newcomer would write it, in a module of their own."""
+    return random_body(4, n_vertices=30, n_joints=4)
+
+
+def test_a_function_and_a_line_make_a_body(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(BadFile, match="no body is called 'mine'"):
+        load_body("mine")
+    monkeypatch.setitem(BODIES, "mine", mine)
+    assert_contract(load_body("mine"))
+    assert load_skinned("mine").n_joints == 4
+    with pytest.raises(BadFile, match=r"the bodies are default, .*mine"):
+        load_body("yours")
+    found = CliRunner().invoke(app, ["body", "mine", "--out", str(tmp_path)])
+    assert found.exit_code == 0, found.output
+    assert (tmp_path / "body-mine").is_dir()

@@ -1,0 +1,104 @@
+"""What registrations alone cannot tell of a body, by name, and what fixes it."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from workbench import Diagnosis, Values, diagnose
+from workbench.synthetic.made_up import draw_registrations, random_smpl, worm
+from workbench.training.estimate import Estimate, Sigmas
+from workbench.training.first_guess import Start
+from workbench.training.objective import Objective
+from workbench.training.symbolic_form import TERMS, SymbolicTraining
+
+SUBJECTS, POSES = 4, 6
+
+
+@cache
+def limb() -> tuple[SymbolicTraining, Values]:
+    """60 vertices on a root and one joint, in exact registrations of four subjects."""
+    tube = worm(15, 4)
+    half = np.where(tube.template[:, 0] > 0, 1, 0)
+    start = Start(tube.template, tube.faces, (-1, 0), ("root", "tip"), half)
+    body = random_smpl(start, 2, seed=3)
+    data, truth = draw_registrations(body, SUBJECTS, POSES, seed=4)
+    people = body.vertices(betas=truth.betas)
+    joints = np.stack([body.J_regressor @ person for person in people])
+    estimate = Estimate(people, joints, body.posedirs, body.weights, truth.poses, body.parents)
+    rings, weights = start.rings(), start.weights()
+    objective = Objective(data, rings, weights, None, Sigmas(), start.template)
+    symbolic = SymbolicTraining.of(body, objective)
+    return symbolic, symbolic.values(estimate)
+
+
+def diagnosed(*terms: str) -> Diagnosis:
+    symbolic, values = limb()
+    found = diagnose(symbolic.problem(terms), values)
+    assert isinstance(found, Diagnosis)
+    return found
+
+
+def test_every_gauge_of_the_data_alone_has_its_name() -> None:
+    d = diagnosed("E_D")
+    assert d.shape == (4320, 2700)
+    names = [direction.name for direction in d.null_directions]
+    expected = [
+        f"a shift of subject {s}/template and subject {s}/joints, undone by "
+        f"scan {POSES * s}/trans, scan {POSES * s + 1}/trans and 4 others, along {axis}"
+        for s in range(SUBJECTS)
+        for axis in "xyz"
+    ]
+    expected += [
+        f"subject {s}/joints[root] along {axis}, undone by scan {POSES * s}/trans, "
+        f"scan {POSES * s + 1}/trans and 4 others"
+        for s in range(SUBJECTS)
+        for axis in "xyz"
+    ]
+    expected += [f"a turn of all at rest about {axis}, undone by every root" for axis in "xyz"]
+    expected += [
+        f"posedirs that push all along the joint's axis by {how}, undone by every place"
+        for how in ("sin", *(f"(1 - cos) times its {axis}" for axis in "xyz"))
+    ]
+    assert sorted(names) == sorted(expected)
+    assert d.rank == 2700 - len(expected)
+    largest = float(d.here.column_norms.max())
+    assert max(direction.change for direction in d.null_directions) < 1e-12 * largest
+
+
+@pytest.mark.parametrize(
+    ("terms", "left"),
+    [
+        (("E_D", "E_P"), 12 + 12),  # shifts and roots: a turn would change the blend shapes
+        (("E_D", "E_T"), 12 + 4),  # roots and axes: templates may neither move nor turn
+        (TERMS, 0),
+    ],
+    ids=lambda given: " ".join(given) if isinstance(given, tuple) else str(given),
+)
+def test_what_the_other_terms_fix(terms: tuple[str, ...], left: int) -> None:
+    d = diagnosed(*terms)
+    assert len(d.null_directions) == d.shape[1] - d.rank == left
+    assert all(direction.kind in ("shift", "gauge") for direction in d.null_directions)
+
+
+def test_without_its_gauges_the_rank_is_full() -> None:
+    """A place of each subject and the root joints are held; E_P fixes turns and axes."""
+    symbolic, values = limb()
+    problem = symbolic.problem(["E_D", "E_P"])
+    free = [name for name in problem.free.names if not name.endswith("/joints")]
+    free += [f"subject {s}/joints[1]" for s in range(SUBJECTS)]
+    held = {f"scan {POSES * s}/trans" for s in range(SUBJECTS)}
+    found = diagnose(problem.freeing(*(name for name in free if name not in held)), values)
+    assert isinstance(found, Diagnosis)
+    assert found.rank == found.shape[1] == 2700 - 24
+
+
+def test_elimination_finds_the_null_space_of_singular_values() -> None:
+    d = diagnosed("E_D")
+    constrained = d.point.constrained
+    assert constrained.eliminated is not None
+    spectrum = constrained.stacked.spectrum
+    assert spectrum.rank == constrained.rank
+    null = spectrum.Vt[spectrum.rank :].T
+    overlap = np.linalg.svd(null.T @ constrained.null, compute_uv=False)
+    np.testing.assert_allclose(overlap, 1, atol=1e-6)  # those from J'J have half of the digits

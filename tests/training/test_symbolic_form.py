@@ -1,0 +1,93 @@
+"""Training as one `Problem` of symbols: the same numbers as by blocks, and what it leaves open."""
+
+from dataclasses import replace
+from math import inf
+
+import numpy as np
+import pytest
+
+from workbench.arrays import Array
+from workbench.errors import UnknownName
+from workbench.synthetic.made_up import Spoiled, draw_registrations, random_smpl, worm
+from workbench.training.estimate import Estimate, Sigmas
+from workbench.training.objective import Objective
+from workbench.training.symbolic_form import TERMS, SymbolicTraining
+
+START = worm(7, 5)
+BODY = random_smpl(START, 2, seed=3)
+EXACT, TRUTH = draw_registrations(BODY, 3, 4, seed=4)
+DATA = Spoiled(EXACT, seed=2, noise=0.002, missing=0.1)  # some vertices have confidence 0
+OBJECTIVE = Objective(
+    DATA, START.rings(), START.weights(), START.mirror(), Sigmas(), START.template
+)
+SYMBOLIC = SymbolicTraining.of(BODY, OBJECTIVE)
+RNG = np.random.default_rng(1)
+
+
+def near(array: Array, size: float) -> Array:
+    return np.asarray(array + size * RNG.standard_normal(array.shape))
+
+
+PEOPLE = BODY.vertices(betas=TRUTH.betas)
+ESTIMATE = Estimate(
+    near(PEOPLE, 0.01),
+    near(np.stack([BODY.J_regressor @ person for person in PEOPLE]), 0.01),
+    near(BODY.posedirs, 0.002),
+    BODY.weights,
+    near(TRUTH.poses, 0.1),
+    BODY.parents,
+)
+VALUES = SYMBOLIC.values(ESTIMATE)
+
+
+@pytest.mark.parametrize("term", TERMS)
+def test_each_term_is_that_of_the_blocks(term: str) -> None:
+    found = SYMBOLIC.problem([term]).linearize(VALUES).cost
+    assert found > 1
+    assert found == pytest.approx(OBJECTIVE.costs(ESTIMATE)[term], rel=1e-12)
+
+
+def test_the_gradient_of_all_other_terms_is_that_of_the_blocks() -> None:
+    names = ("templates", "posedirs", "joints", "weights")
+    expected = OBJECTIVE.prior_slope(ESTIMATE, names)
+    problem = SYMBOLIC.problem([term for term in TERMS if term != "E_D"])
+    found = problem.free.unpack(problem.linearize(VALUES).gradient)
+    for array in ("posedirs", "weights"):
+        np.testing.assert_allclose(found[array], -expected[array], rtol=1e-12, atol=1e-9)
+    for s in range(3):
+        for name, array in (("template", "templates"), ("joints", "joints")):
+            np.testing.assert_allclose(
+                found[f"subject {s}/{name}"], -expected[array][s], rtol=1e-12, atol=1e-9
+            )
+
+
+def test_the_gradient_of_the_data_is_that_of_the_blocks() -> None:
+    """The translation is at its optimum, so that it does not matter whether it follows."""
+    names = ("templates", "posedirs", "joints", "weights")
+    expected = ESTIMATE.zero_change(names)
+    for passed, pull, _ in OBJECTIVE.residuals(ESTIMATE):
+        passed.adjoint(-pull / OBJECTIVE.sigmas.data**2, expected)
+    problem = SYMBOLIC.problem(["E_D"])
+    found = problem.free.unpack(problem.linearize(VALUES).gradient)
+    largest = max(abs(array).max() for array in expected.values())
+    for array in ("posedirs", "weights"):
+        np.testing.assert_allclose(found[array], expected[array], atol=1e-12 * largest)
+    for s in range(3):
+        for name, array in (("template", "templates"), ("joints", "joints")):
+            there = found[f"subject {s}/{name}"]
+            np.testing.assert_allclose(there, expected[array][s], atol=1e-12 * largest)
+    for j in range(12):
+        assert abs(found[f"scan {j}/trans"]).max() < 1e-9 * largest
+
+
+def test_a_term_that_is_switched_off_has_no_residual() -> None:
+    off = Sigmas(**(dict.fromkeys(("symmetry", "joint_symmetry", "rings", "weights"), inf)))
+    quiet = replace(OBJECTIVE, sigmas=off, template=None)
+    symbolic = SymbolicTraining.of(BODY, quiet)
+    counts = {term: len(symbolic.residuals(term)) for term in TERMS}
+    assert counts == {"E_D": 12, "E_Y": 0, "E_J": 0, "E_P": 1, "E_W": 0, "E_T": 0}
+
+
+def test_a_term_that_there_is_not_is_refused() -> None:
+    with pytest.raises(UnknownName, match="E_X"):
+        SYMBOLIC.residuals("E_X")

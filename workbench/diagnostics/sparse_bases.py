@@ -1,0 +1,94 @@
+"""Bases of a null space: orthonormal ones, and ones whose vectors have few entries."""
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+from scipy.optimize import linprog
+
+from workbench.arrays import Array
+from workbench.diagnostics.named_subspaces import MANY
+
+FRESH = 1e-6  # sine of the angle to the directions so far, above which a direction is new
+CLEARLY_FRESH = 0.1  # the same sine, above which vectors are kept as they are
+
+
+def null_basis(A: Array, tolerance: float) -> Array:
+    """Orthonormal (n, d): the vectors that A (m, n) shortens to `tolerance` times their length."""
+    n = A.shape[1]
+    if not n:
+        return np.zeros((0, 0))
+    R = scipy.linalg.qr(A, mode="r")[0][:n] if len(A) > n else A
+    _, s, Vt = np.linalg.svd(R, full_matrices=True)
+    return np.asarray(Vt[int(np.sum(s > tolerance)) :].T)
+
+
+def beyond(known: Array, vectors: Array) -> tuple[Array, Array]:
+    """An orthonormal basis of the space that `vectors` add to that of `known`.
+
+    Also the combinations of `vectors`, so within their support, that are furthest from `known`.
+    """
+    rest = vectors - known @ (known.T @ vectors)
+    rest -= known @ (known.T @ rest)
+    U, s, Vt = np.linalg.svd(rest, full_matrices=False)
+    if s.size == vectors.shape[1] and (s > CLEARLY_FRESH).all():
+        return U, vectors
+    return U[:, s > FRESH], np.asarray(vectors @ Vt[s > FRESH].T)
+
+
+def sparsest(basis: Array, known: Array) -> Array:
+    """Vectors (n, d) of length 1 with few nonzeros that span the same space together with `known`.
+
+    Each minimizes sum |v_i| among the vectors whose entry at a pivot is 1, by a linear program
+    over the basis and over `known`. With more than 400 entries they are the vectors that are 1 at
+    one pivot and 0 at the others.
+    """
+    n, d = basis.shape
+    if not d:
+        return basis
+    pivots = scipy.linalg.qr(basis.T, mode="r", pivoting=True)[1][:d]
+    if n > MANY:
+        return _echelon(basis, pivots)
+    space = np.column_stack([basis, known])
+    space = space / np.linalg.norm(space, axis=0)
+    k = space.shape[1]
+    chosen: list[Array] = []
+    done = known
+    for pivot in pivots:
+        # v = space c = plus - minus; least sum of both; v[pivot] = 1
+        cost = np.concatenate([np.zeros(k), np.ones(2 * n)])
+        equal = np.hstack([space, -np.eye(n), np.eye(n)])
+        at_pivot = np.concatenate([space[pivot], np.zeros(2 * n)])
+        answer = linprog(
+            cost,
+            A_eq=np.vstack([equal, at_pivot]),
+            b_eq=np.append(np.zeros(n), 1.0),
+            bounds=[(None, None)] * k + [(0, None)] * (2 * n),
+            method="highs",
+        )
+        v = np.zeros(n) if answer.x is None else space @ answer.x[:k]
+        fresh = beyond(done, v[:, None] / (float(np.linalg.norm(v)) or 1.0))[0]
+        if fresh.shape[1]:
+            chosen.append(_polished(v, space))
+            done = np.column_stack([done, fresh])
+    left = beyond(done, basis)[0][:, : d - len(chosen)]
+    return np.column_stack([*(v[:, None] for v in chosen), left])
+
+
+def _echelon(basis: Array, pivots: NDArray[np.signedinteger]) -> Array:
+    """A basis of the same space, each vector 1 at its own pivot and 0 at the others'."""
+    vectors = np.linalg.solve(basis[pivots].T, basis.T).T
+    vectors[abs(vectors) < 1e-7 * abs(vectors).max(axis=0)] = 0
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=0))
+
+
+def _polished(v: Array, space: Array) -> Array:
+    """v of length 1, its tiny entries set to zero exactly where the space allows it."""
+    keep = abs(v) > 1e-7 * abs(v).max()
+    if keep.all():
+        return np.asarray(v / np.linalg.norm(v))
+    allowed = null_basis(space[~keep], 1e-9 * float(np.linalg.norm(space, 2)))
+    exact = space @ (allowed @ (allowed.T @ np.linalg.lstsq(space, v)[0]))
+    exact = np.where(keep, exact, 0.0)
+    if np.linalg.norm(exact - v) > 1e-5 * np.linalg.norm(v):
+        exact = v
+    return np.asarray(exact / np.linalg.norm(exact))
