@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 from scipy.sparse import csr_array
 
+from builder.local_blends import local_posedirs
 from workbench.arrays import Array, Index
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadBody
@@ -13,7 +14,6 @@ from workbench.synthetic.rig import at_most_four
 from workbench.synthetic.sources import SEARCH_RADIUS
 from workbench.training.estimate import Estimate
 from workbench.training.first_guess import Start
-from workbench.training.local_blends import local_posedirs
 from workbench.training.pose_training import PoseModel
 from workbench.training.shape_space import learn_shape_space
 

@@ -1,7 +1,7 @@
 """A body whose triangles deform one by one and are stitched: SCAPE and BlendSCAPE."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
-from workbench.blocks import Block, Points, Values
+from workbench.blocks import Block, Layout, Points, Values
 from workbench.bodies.body import Blocks, Given, blocks_of, landmark_set
 from workbench.bodies.forward import evaluation
 from workbench.bodies.forward.arguments import Arguments
@@ -22,7 +22,10 @@ from workbench.bodies.triangles.packed import PackedTriangles
 from workbench.bodies.triangles.sources import mean_points, surface_points
 from workbench.bodies.triangles.validation import check
 from workbench.bodies.validation import chosen_vertices
+from workbench.errors import UnknownName
 from workbench.geometry.stitching import Stitching
+
+FREEABLE = {"template": "m", "shapedirs": "1", "posedirs": "1/rad"}  # and their units
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +64,7 @@ class TriangleBody:
         name: what the body is called.
         card: where its numbers come from.
         extras: arrays of its file that nothing computes with.
+        free: the arrays that are unknowns, by name; see `freed`.
     """
 
     template: Array
@@ -76,11 +80,12 @@ class TriangleBody:
     name: str = "triangle body"
     card: Mapping[str, Any] = field(default_factory=dict)
     extras: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    free: Mapping[str, Block] = field(default_factory=dict)
     _made: dict[str, Blocks] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
         reals, matrices = ("template", "shapedirs", "posedirs"), ("weights", "J_regressor")
-        parts = readonly_parts(self, reals, matrices, ("faces", "near"), ("landmarks",))
+        parts = readonly_parts(self, reals, matrices, ("faces", "near"), ("landmarks", "free"))
         self.__dict__.update(parts)
         check(self)
 
@@ -122,11 +127,41 @@ class TriangleBody:
     @property
     def known_blocks(self) -> tuple[Block, ...]:
         """Every block that this body has made so far."""
-        return tuple(b for blocks in self._made.values() for b in blocks)
+        return (*(b for blocks in self._made.values() for b in blocks), *self.free.values())
+
+    def freed(self, *names: str, prefix: str = "") -> "TriangleBody":
+        """The same body, the named arrays being blocks of unknowns in every expression.
+
+        `template`, `shapedirs` and `posedirs` can be free. It shares its blocks with this one, so
+        that points of either fit into one problem. Its points have no arithmetic: CasADi
+        differentiates the whole graph, which is fit for some hundred faces. Raises UnknownName.
+        """
+        for name in names:
+            if name not in FREEABLE:
+                raise UnknownName("array to free", str(name), FREEABLE)
+        made = {n: Block(prefix + n, getattr(self, n).shape, FREEABLE[n]) for n in names}
+        return self._sharing_blocks(replace(self, free={**self.free, **made}))
+
+    def with_values(self, values: Mapping[str, ArrayLike]) -> "TriangleBody":
+        """The trained body: each free array has its value among `values`, and is free no longer.
+
+        Raises MissingValue, NotNumbers, ShapeMismatch or NonFiniteValue for a value, and BadBody
+        where the arrays no longer fit together.
+        """
+        found: dict[str, Any] = {
+            name: Layout((block,)).pack(values).reshape(block.shape)
+            for name, block in self.free.items()
+        }
+        return self._sharing_blocks(replace(self, free={}, **found))
+
+    def _sharing_blocks(self, other: "TriangleBody") -> "TriangleBody":
+        other.__dict__["_made"] = self._made
+        return other
 
     def start(self, prefix: str = "") -> Values:
-        """The template as values: zero pose, mean shape, at the origin."""
-        return {block.name: np.zeros(block.shape) for block in self.blocks(prefix)}
+        """The template as values: zero pose, mean shape, at the origin; free arrays as they are."""
+        zeros = {block.name: np.zeros(block.shape) for block in self.blocks(prefix)}
+        return zeros | {b.name: getattr(self, name).copy() for name, b in self.free.items()}
 
     def points(
         self, pose: cs.MX, betas: cs.MX, trans: cs.MX, *, vertices: ArrayLike | None = None
@@ -134,17 +169,18 @@ class TriangleBody:
         """The posed surface, (3, N) m, or some of it: a list of vertices, or a mask (N,)."""
         at = Arguments(self, pose, betas, trans)
         if vertices is None:
-            return Points.of(surface_points(at, self.arithmetic), "vertices")
+            return Points.of(surface_points(at, self.arithmetic, self.free), "vertices")
         chosen = chosen_vertices(self, vertices)
         some = np.arange(len(chosen)), np.array(chosen, dtype=np.int64)
         selection = csr_array((np.ones(len(chosen)), some), shape=(len(chosen), self.n_vertices))
         names = tuple(f"vertex {i}" for i in chosen)
-        return Points.of(mean_points(at, self.arithmetic, selection, names), "vertices")
+        return Points.of(mean_points(at, self.arithmetic, self.free, selection, names), "vertices")
 
     def joint_points(self, pose: cs.MX, betas: cs.MX, trans: cs.MX) -> Points:
         """The joints as the posed surface has them, (3, K) m: J_regressor times its vertices."""
         at = Arguments(self, pose, betas, trans)
-        source = mean_points(at, self.arithmetic, self.J_regressor, self.joint_names)
+        regressor, names = self.J_regressor, self.joint_names
+        source = mean_points(at, self.arithmetic, self.free, regressor, names)
         return Points.of(source, "joints")
 
     def landmark_points(self, name: str, pose: cs.MX, betas: cs.MX, trans: cs.MX) -> Points:
@@ -153,7 +189,8 @@ class TriangleBody:
             return self.joint_points(pose, betas, trans)
         found = landmark_set(self.landmarks, name)
         at = Arguments(self, pose, betas, trans)
-        return Points.of(mean_points(at, self.arithmetic, found.regressor, found.names), name)
+        source = mean_points(at, self.arithmetic, self.free, found.regressor, found.names)
+        return Points.of(source, name)
 
     # Points in numbers. Any argument may have batch axes in front.
 

@@ -43,6 +43,7 @@ class PackedTriangles:
 
     def __init__(self, body: TriangleArrays) -> None:
         self.stitching, self.weights = body.stitching, body.weights
+        self.template = body.template
         self.shapedirs, self.posedirs, self.near = body.shapedirs, body.posedirs, body.near
         self.shape_columns = body.shapedirs.reshape(9 * body.n_faces, body.n_betas)
         nowhere = Skeleton(np.zeros((len(body.parents), 3)), np.zeros((len(body.parents), 3, 0)))

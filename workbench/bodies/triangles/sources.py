@@ -11,6 +11,7 @@ import numpy as np
 from scipy.sparse import csr_array, kron
 
 from workbench.arrays import Array
+from workbench.blocks import Block
 from workbench.bodies.forward.arguments import Arguments
 from workbench.bodies.forward.numeric_sources import BodyPoints, BodyPointsAt, Named
 from workbench.bodies.forward.rows import Target, write
@@ -19,35 +20,47 @@ from workbench.bodies.triangles import surface
 from workbench.bodies.triangles.arithmetic import TriangleArithmetic
 
 
-def surface_points(at: Arguments, arithmetic: TriangleArithmetic) -> BodySource:
+def surface_points(
+    at: Arguments, arithmetic: TriangleArithmetic, free: Mapping[str, Block]
+) -> BodySource:
     """All vertices of the posed and stitched surface.
 
-    In symbols, the stitching's two triangular solves are part of the graph.
+    In symbols, the stitching's two triangular solves are part of the graph. Where arrays of the
+    body are `free`, the symbols are all that there is.
     """
     return BodySource(
         at,
         at.body.n_vertices,
         None,
-        (),
-        lambda: surface.posed(arithmetic.packed, *at.symbols),
-        lambda maps: Named(arithmetic, maps),
+        tuple(free.values()),
+        lambda: surface.posed(arithmetic.packed, *at.symbols, free),
+        lambda maps: None if free else Named(arithmetic, maps),
     )
 
 
 def mean_points(
-    at: Arguments, arithmetic: TriangleArithmetic, regressor: csr_array, names: tuple[str, ...]
+    at: Arguments,
+    arithmetic: TriangleArithmetic,
+    free: Mapping[str, Block],
+    regressor: csr_array,
+    names: tuple[str, ...],
 ) -> BodySource:
     """Weighted means of a surface's vertices, by a regressor (M, N): joints, landmarks, vertices.
 
     Joints of a surface that deforms are on no rigid bones.
     """
+
+    def express() -> cs.MX:
+        vertices = surface.posed(arithmetic.packed, *at.symbols, free)
+        return vertices @ cs.MX(cs.DM(regressor.T.tocsc()))
+
     return BodySource(
         at,
         len(names),
         names,
-        (),
-        lambda: surface.posed(arithmetic.packed, *at.symbols) @ cs.MX(cs.DM(regressor.T.tocsc())),
-        lambda maps: Named(NumericMeans(arithmetic, regressor), maps),
+        tuple(free.values()),
+        express,
+        lambda maps: None if free else Named(NumericMeans(arithmetic, regressor), maps),
         rigid_bones=False,
     )
 
