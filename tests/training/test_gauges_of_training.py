@@ -4,8 +4,11 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.sparse import csc_array
 
 from workbench import Diagnosis, Values, diagnose
+from workbench.diagnostics.parts import Parts
+from workbench.problem import Linearization
 from workbench.synthetic.made_up import draw_registrations, random_smpl, worm
 from workbench.training.estimate import Estimate, Sigmas
 from workbench.training.first_guess import Start
@@ -102,3 +105,18 @@ def test_elimination_finds_the_null_space_of_singular_values() -> None:
     null = spectrum.Vt[spectrum.rank :].T
     overlap = np.linalg.svd(null.T @ constrained.null, compute_uv=False)
     np.testing.assert_allclose(overlap, 1, atol=1e-6)  # those from J'J have half of the digits
+
+
+@pytest.mark.parametrize(
+    "J",
+    [
+        np.zeros((3, 0)),
+        np.zeros((0, 3)),
+        np.eye(4),  # each unknown by itself: nothing is shared
+        np.random.default_rng(0).normal(size=(40, 30)),  # nothing falls apart
+    ],
+    ids=["no unknowns", "no rows", "diagonal", "full"],
+)
+def test_a_jacobian_without_parts_has_none(J: np.ndarray) -> None:
+    assert Parts.of(Linearization(np.zeros(len(J)), csc_array(J))) is None
+    assert Parts.of(Linearization(np.zeros(len(J)), J)) is None

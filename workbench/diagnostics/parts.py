@@ -9,7 +9,7 @@ themselves, see `Elimination`.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csc_array, csr_array
+from scipy.sparse import coo_array, csc_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
 from workbench.arrays import Array, Index
@@ -18,6 +18,8 @@ from workbench.problem import Linearization
 from workbench.problem.storage import by_nonzeros
 
 CHEAPER = 0.1  # of the work of a dense factorisation: above, taking apart is not worth it
+TRIES = 16  # ways to tell shared unknowns from the others
+PAIRS = 1e8  # of unknowns in rows of J: with more, finding parts would take seconds
 EPS = float(np.finfo(float).eps)
 
 
@@ -85,14 +87,20 @@ def _divided(J: csc_array) -> tuple[tuple[Index, ...], Index] | None:
 
     The unknowns that meet most others in rows of J are shared.
     """
-    n = J.shape[1]
+    m, n = J.shape
+    in_row = np.bincount(J.indices, minlength=m)
+    if float(np.sum(in_row.astype(float) ** 2)) > PAIRS:
+        return None
     pattern = csc_array((np.ones(J.nnz, dtype=np.int32), J.indices, J.indptr), shape=J.shape)
-    meets = csc_array(pattern.T @ pattern)
-    degree = np.diff(meets.indptr)
+    degree = np.diff(csc_array(pattern.T @ pattern).indptr)
     least, best = CHEAPER * float(n) ** 3, None
-    for most in np.unique(degree)[:-1]:
+    for most in _few(np.unique(degree)[:-1]):
         inner = np.flatnonzero(degree <= most)
-        label = connected_components(meets[inner][:, inner], directed=False)[1]
+        if float(n - inner.size) ** 3 > least:
+            continue  # so many shared unknowns would be as much work
+        read = pattern[:, inner].tocoo()
+        ties = coo_array((read.data, (read.row, m + read.col)), shape=(m + inner.size,) * 2)
+        label = np.unique(connected_components(ties, directed=False)[1][m:], return_inverse=True)[1]
         sizes, shared = np.bincount(label).astype(float), n - inner.size
         work = float(np.sum((sizes + shared) ** 2 * sizes)) + float(shared) ** 3
         if work < least:
@@ -102,6 +110,13 @@ def _divided(J: csc_array) -> tuple[tuple[Index, ...], Index] | None:
     if best is None:
         return None
     return best, np.setdiff1d(np.arange(n), np.concatenate(best))
+
+
+def _few(degrees: Index) -> Index:
+    """At most TRIES of these numbers, evenly spread."""
+    if len(degrees) <= TRIES:
+        return degrees
+    return degrees[np.unique(np.linspace(0, len(degrees) - 1, TRIES).astype(np.int64))]
 
 
 def _diagonal(numbers: Array) -> csr_array:

@@ -167,7 +167,7 @@ def fit_weights(
     options: BlockOptions,
     execution: Execution = SERIAL,
 ) -> BlockResult:
-    """Each vertex's weights, exactly, as many above zero as the options allows.
+    """Each vertex's weights, exactly, as many above zero as the options allow.
 
     `kkt` is the worst residual of the conditions.
     """

@@ -82,7 +82,7 @@ LSQR = Lsqr()
 
 
 class Measure(Protocol):
-    """What of a stitched mesh is data_term: linear in the edges (2 F, k) that were asked for."""
+    """What of a stitched mesh is compared: linear in the edges (2 F, k) that were asked for."""
 
     def observed(self, edges: Array) -> Array:
         """What is compared, (rows, k) m."""
