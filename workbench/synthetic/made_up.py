@@ -17,6 +17,24 @@ def worm(rings: int = 25, around: int = 8) -> Start:
 
     Alike on both sides of x = 0 if the number of rings is odd.
     """
+    v, faces = _tube(rings, around)
+    segments = np.select(
+        [v[:, 0] > 0.32, v[:, 0] < -0.32, v[:, 0] > 0.14, v[:, 0] < -0.14, v[:, 1] > 0.05],
+        [3, 4, 1, 2, 5],
+        0,
+    )
+    names = ("root", "left_1", "right_1", "left_2", "right_2", "head")
+    return Start(v, faces, (-1, 0, 0, 1, 2, 0), names, segments)
+
+
+def limb(rings: int, around: int) -> Start:
+    """A tube like `worm`'s with two joints: the root, and the `tip`, which moves x > 0."""
+    v, faces = _tube(rings, around)
+    return Start(v, faces, (-1, 0), ("root", "tip"), np.where(v[:, 0] > 0, 1, 0))
+
+
+def _tube(rings: int, around: int) -> tuple[Array, Index]:
+    """The vertices (N, 3) m and faces of a closed tube along x, from -0.5 m to 0.5 m."""
     x = np.linspace(-0.5, 0.5, rings)
     phi = 2 * np.pi * np.arange(around) / around + np.pi / 2
     v = np.array([[a, 0.1 * np.sin(p), 0.1 * np.cos(p)] for a in x for p in phi])
@@ -29,13 +47,7 @@ def worm(rings: int = 25, around: int = 8) -> Start:
     end = (rings - 1) * around
     for k in range(1, around - 1):
         faces += [(0, k, k + 1), (end, end + k + 1, end + k)]
-    segments = np.select(
-        [v[:, 0] > 0.32, v[:, 0] < -0.32, v[:, 0] > 0.14, v[:, 0] < -0.14, v[:, 1] > 0.05],
-        [3, 4, 1, 2, 5],
-        0,
-    )
-    names = ("root", "left_1", "right_1", "left_2", "right_2", "head")
-    return Start(v, np.array(faces), (-1, 0, 0, 1, 2, 0), names, segments)
+    return v, np.array(faces)
 
 
 def random_smpl(

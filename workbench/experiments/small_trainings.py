@@ -1,0 +1,126 @@
+"""Small trainings of SMPL, each written as one `Problem`: the suite `training`.
+
+Synthetic people of 20 vertices on two joints were registered in some poses. Unknown are
+everybody's template and joints, the pose blend shapes and skinning weights that all share, and the
+pose and place of each registration (Loper et al., SMPL, 2015, section 4.1).
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from workbench.blocks import Values
+from workbench.errors import BadArgument, UnknownName
+from workbench.experiments.experiment import Experiment
+from workbench.experiments.synthetic_people import with_refined_answer
+from workbench.fitting.setup import Measure, Setup, distances, rms
+from workbench.synthetic.made_up import Spoiled, draw_registrations, limb, random_smpl
+from workbench.training.estimate import Estimate, Sigmas
+from workbench.training.objective import Objective
+from workbench.training.pose_training import first_estimate
+from workbench.training.symbolic_form import TERMS, SymbolicTraining
+
+SYNTHETIC = (
+    "the registrations are those of a random SMPL body on a tube of 20 vertices, in random poses "
+    "and with noise; nobody was measured"
+)
+FREE = ("gauss-newton", "levenberg-marquardt", "dogleg", "ipopt", "scipy-trf")
+CONSTRAINED = ("ipopt", "ipopt-exact", "sqp", "nlopt-slsqp")
+START_SIGMA = 0.3  # rad
+
+
+def training(
+    terms: str = " ".join(TERMS),
+    weights: bool = True,
+    subjects: int = 2,
+    poses: int = 4,
+    seed: int = 0,
+    start: int = 0,
+    noise: float = 0.002,
+    turn: float = 1.0,
+) -> Setup:
+    """Learn a body from registrations by some terms of the cost; noise in m, turn in rad.
+
+    With `weights` the skinning weights are free, not below zero, and sum to one for each vertex;
+    without, the first ones are kept, and there are neither bounds nor constraints. Every joint of
+    the people was turned by up to `turn`. Start 0 has the first template, joints and weights, no
+    pose blend shapes, and poses of zero; start k > 0 has random poses of 0.3 rad. Raises
+    UnknownName for another term, and BadArgument for a negative start.
+    """
+    chosen = terms.split()
+    for term in chosen:
+        if term not in TERMS:
+            raise UnknownName("term of training", term, TERMS)
+    if start < 0:
+        raise BadArgument(f"start must be from 0 on, not {start}")
+    guess = limb(5, 4)
+    body = random_smpl(guess, 2, seed=seed)
+    exact, truth = draw_registrations(body, subjects, poses, seed + 1, turn=turn)
+    data = Spoiled(exact, seed=seed + 2, noise=noise)
+    rings, first_weights = guess.rings(), guess.weights()
+    objective = Objective(
+        data, rings, first_weights, guess.mirror(), Sigmas(data=noise or 1e-3), guess.template
+    )
+    form = SymbolicTraining.of(body, objective)
+    problem = form.problem(chosen)
+    if not weights:
+        problem = problem.freeing(*(name for name in problem.free.names if name != "weights"))
+    first = first_estimate(data, guess, weights=first_weights, rings=rings)
+    if start:
+        rng = np.random.default_rng((seed, start))
+        first = replace(first, poses=START_SIGMA * rng.standard_normal(truth.poses.shape))
+    people = body.vertices(betas=truth.betas)
+    answer = Estimate(
+        templates=people,
+        joints=np.stack([body.J_regressor @ person for person in people]),
+        posedirs=body.posedirs,
+        weights=body.weights if weights else first_weights,
+        poses=truth.poses,
+        parents=body.parents,
+    )
+
+    def measures(values: Values) -> tuple[Measure, ...]:
+        residual = objective.sigmas.data * problem.linearize(values).residual  # m, in rows of E_D
+        scans = [
+            residual[problem.rows[name]].reshape(-1, 3) for name in problem.rows if is_data(name)
+        ]
+        return (rms("vertex to registration", distances(np.concatenate(scans), np.zeros(3))),)
+
+    held = "" if weights else ", the skinning weights being held"
+    setup = Setup(
+        problem=problem,
+        start=form.values(first),
+        question=f"{subjects} synthetic people (seed {seed}) were registered in {poses} poses "
+        f"each, to {1e3 * noise:g} mm. Which templates, joints, pose blend shapes and poses make "
+        f"{' + '.join(chosen)} least{held}?",
+        measures=measures,
+        priors=tuple(r.name for r in problem.residuals if not is_data(r.name)),
+        compared=CONSTRAINED if weights else FREE,
+        synthetic=SYNTHETIC,
+    )
+    return with_refined_answer(setup, form.values(answer))
+
+
+def is_data(name: str) -> bool:
+    """Whether a residual of this name compares with a registration."""
+    return name.startswith("E_D")
+
+
+TRAINING = (
+    Experiment("training", training, "all terms; weights not below zero that sum to one"),
+    Experiment(
+        "training-weights-held", training, "all terms but E_W, weights held", {"weights": False}
+    ),
+    Experiment(
+        "training-turned",
+        training,
+        "weights held, joints turned by up to 2 rad and begun at zero",
+        {"weights": False, "turn": 2.0},
+    ),
+    Experiment(
+        "training-data-alone",
+        training,
+        "E_D alone, weights held: rank-deficient",
+        {"weights": False, "terms": "E_D", "poses": 12},
+    ),
+)
