@@ -22,13 +22,14 @@ from builder.packing import (
     whole_shares,
     write_body,
 )
+from builder.symmetrize import regression_errors
 from workbench.arrays import Array
 from workbench.bodies.files.embedded import SYNTHETIC, read_embedded
 from workbench.bodies.forward.posing import Posing
 from workbench.errors import BadFile
 from workbench.geometry.mirror import REFLECTION, Mirror, mirrored_pose
 from workbench.geometry.solids import volume
-from workbench.synthetic.regressors import regress, regression_errors
+from workbench.synthetic.regressors import regress
 from workbench.synthetic.rig import HALF_OF, at_most_four, carrier
 from workbench.synthetic.shape_targets import Person, ShapeTargets
 from workbench.synthetic.skeleton import (

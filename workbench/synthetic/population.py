@@ -41,32 +41,6 @@ class Population:
     keypoints: Array
     masses: Array
 
-    @property
-    def statures(self) -> Array:
-        """From sole to crown, (P,) m."""
-        heights = self.vertices[:, :, 1]
-        spread: Array = heights.max(axis=1) - heights.min(axis=1)
-        return spread
-
-    @property
-    def body_mass_indices(self) -> Array:
-        """Mass / stature^2, (P,) kg / m^2."""
-        return self.masses / self.statures**2
-
-    def facts(self) -> dict[str, dict[str, float]]:
-        """Mean and standard deviation of stature, mass and body mass index, by gender."""
-        measures = {
-            "stature_m": self.statures,
-            "mass_kg": self.masses,
-            "bmi": self.body_mass_indices,
-        }
-        return {
-            gender: {"n": int(of.sum())}
-            | {f"{name}_mean": round(float(x[of].mean()), 3) for name, x in measures.items()}
-            | {f"{name}_std": round(float(x[of].std(ddof=1)), 3) for name, x in measures.items()}
-            for gender, of in (("female", self.female), ("male", ~self.female))
-        }
-
 
 def draw_person(rng: np.random.Generator, female: bool, thicker: Array) -> Person:
     """One adult; `thicker` (L,) marks the local changes that grow with girth."""

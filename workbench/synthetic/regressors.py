@@ -58,10 +58,3 @@ def _row(people: Array, points: Array, pairs: Index) -> Array:
     weights, _ = scipy.optimize.nnls(R, firm * Q[-1], maxiter=100 * len(pairs))
     scaled: Array = weights / weights.sum()
     return scaled
-
-
-def regression_errors(regressor: Array, people: Array, points: Array) -> Array:
-    """Root mean square distance of each regressed point from the true one, (M,) m."""
-    away = np.einsum("mn,pnc->pmc", regressor, people, optimize=True) - points
-    errors: Array = np.sqrt((away**2).sum(axis=2).mean(axis=0))
-    return errors

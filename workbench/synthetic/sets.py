@@ -13,7 +13,6 @@ import argparse
 import csv
 import hashlib
 import json
-from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -21,11 +20,11 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Mask
-from workbench.errors import BadFile
 from workbench.priors.mocap import read_mocap
 from workbench.priors.poses import LARGEST_ANGLE, draw_poses, shipped_mixture
 from workbench.synthetic.collapsing import collapsed
 from workbench.synthetic.ground_truth import GroundTruth
+from workbench.synthetic.population import Report
 from workbench.synthetic.regressors import regress
 from workbench.synthetic.rig import at_most_four
 from workbench.synthetic.skeleton import JOINT_NAMES, PARENTS
@@ -37,7 +36,6 @@ from workbench.training.first_guess import Start, write_start
 from workbench.training.folder import TABLE
 from workbench.writing import replacing
 
-Report = Callable[[str], None]
 CARD = "made.json"
 COUNTS = ("people", "subjects", "poses", "strangers", "others", "seed")  # options of the command
 
@@ -97,41 +95,20 @@ class Cast:
         return teacher.vertices(pose) + trans
 
 
-def already_made(folder: Path, recipe: SetRecipe, recorded: Array | None) -> bool:
-    """Whether both folders are there. Raises BadFile if they are of another recipe."""
-    cards = [folder / name / CARD for name in ("train", "held_out")]
-    if not all(card.is_file() for card in cards):
-        return False
-    for card in cards:
-        if card.read_text(encoding="utf-8", errors="replace") != _said(recipe, recorded):
-            raise BadFile(
-                f"{card} says that these sets were made otherwise; remove {folder} to make them "
-                "anew, or choose another folder"
-            )
-    return True
-
-
-def make_sets(
-    wheel: Wheel, recipe: SetRecipe, folder: Path, report: Report, recorded: Array | None = None
-) -> None:
-    """Write both folders. `recorded` are held-out poses (F, 24, 3) rad of people."""
-    make_sets_of(sources_of(wheel, recipe, report), recipe, folder, report, recorded)
-
-
 def sources_of(wheel: Wheel, recipe: SetRecipe, report: Report) -> Sources:
     """Everyone on the base mesh: the same whichever body's mesh they will be seen on."""
     everyone = recipe.people + recipe.subjects + recipe.strangers
     return gather_sources(wheel, everyone, recipe.seed, report)
 
 
-def make_sets_of(
+def make_sets(
     sources: Sources,
     recipe: SetRecipe,
     folder: Path,
     report: Report,
     recorded: Array | None = None,
 ) -> None:
-    """Both folders, of people that are there already."""
+    """Write both folders. `recorded` are held-out poses (F, 24, 3) rad of people."""
     further = gather_sources(sources.wheel, recipe.others, recipe.seed + 1, report)
     topology = read_topology(sources.wheel, recipe.body, sources.mesh)
     if recipe.vertices is not None:
@@ -169,7 +146,7 @@ def make_sets_of(
     for name in ("train", "held_out"):
         write_start(start, folder / name / "start.npz")
         with replacing(folder / name / CARD) as temporary:
-            temporary.write_text(_said(recipe, recorded), encoding="utf-8")
+            temporary.write_text(recipe_text(recipe, recorded), encoding="utf-8")
 
 
 def _stirred(poses: Array, recipe: SetRecipe) -> Array:
@@ -185,13 +162,14 @@ def _stirred(poses: Array, recipe: SetRecipe) -> Array:
     return np.asarray(stirred * (LARGEST_ANGLE / np.maximum(angles, LARGEST_ANGLE)))
 
 
-def _said(recipe: SetRecipe, recorded: Array | None) -> str:
+def recipe_text(recipe: SetRecipe, recorded: Array | None) -> str:
+    """The text of `made.json`, which says how sets were made."""
     poses = "draws of the mixture"
     if recorded is not None:
         digest = hashlib.sha256(np.ascontiguousarray(recorded).tobytes()).hexdigest()
         poses = f"held-out recording, SHA-256 of its poses {digest}"
-    said = {"synthetic": __doc__, "recipe": asdict(recipe), "held_out_poses": poses}
-    return json.dumps(said, indent=2) + "\n"
+    text = {"synthetic": __doc__, "recipe": asdict(recipe), "held_out_poses": poses}
+    return json.dumps(text, indent=2) + "\n"
 
 
 def _cast(sources: Sources, topology: Topology, recipe: SetRecipe) -> Cast:
@@ -268,7 +246,8 @@ def main() -> None:
         recorded = read_mocap(arguments.mocap).split()[1].poses
     asked = {name: getattr(arguments, name) for name in ("body", "vertices", *COUNTS)}
     recipe = replace(SetRecipe(), **asked)
-    make_sets(Wheel(arguments.wheel), recipe, arguments.out, print, recorded)
+    sources = sources_of(Wheel(arguments.wheel), recipe, print)
+    make_sets(sources, recipe, arguments.out, print, recorded)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,5 @@
 """What every embedded body is made from: the base mesh, its rig, and people on it."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,12 +7,10 @@ from scipy.sparse import csr_array
 
 from workbench.arrays import Array
 from workbench.synthetic.base_mesh import N_BODY, BaseMesh, read_base_mesh
-from workbench.synthetic.population import Population, draw_population
+from workbench.synthetic.population import Population, Report, draw_population
 from workbench.synthetic.rig import at_most_four, read_rig
 from workbench.synthetic.shape_targets import read_shape_targets
 from workbench.synthetic.wheel import Wheel
-
-Report = Callable[[str], None]
 
 SEARCH_RADIUS = {"joints": 0.25, "keypoints": 0.15}  # m, of the vertices that may give a point
 

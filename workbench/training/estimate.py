@@ -97,9 +97,5 @@ class Sigmas:
         """The weights of the lectures, by term."""
         return {name: (self.data / getattr(self, name)) ** 2 for name in TERMS}
 
-    def loosened(self, factor: float) -> "Sigmas":
-        """Every sigma but the data's multiplied by a factor."""
-        return replace(self, **{name: factor * getattr(self, name) for name in TERMS})
-
 
 TERMS = tuple(f.name for f in fields(Sigmas) if f.name != "data")
