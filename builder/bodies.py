@@ -71,9 +71,16 @@ class Builder:
     """
 
     def __init__(
-        self, sources: Sources, work: Path, out: Path, recorded: Array | None, jobs: int
+        self,
+        sources: Sources,
+        keypoint_names: tuple[str, ...],
+        work: Path,
+        out: Path,
+        recorded: Array | None,
+        jobs: int,
     ) -> None:
         self.sources, self.work, self.out, self.recorded = sources, work, out, recorded
+        self.keypoint_names = keypoint_names
         self.began = time.perf_counter()
         self.execution = Execution(Processes(jobs), BlockLines(self.say))
 
@@ -156,7 +163,7 @@ class Builder:
             weights=body.weights,
             faces=body.faces,
             mirror=parts.mirror.vertices,
-            keypoint_names=self.sources.keypoint_names,
+            keypoint_names=self.keypoint_names,
             keypoint_regressor=rows,
         )
         trial = self.work / f"{name}.npz"
@@ -179,7 +186,7 @@ class Builder:
         topology = read_topology(self.sources.wheel, mesh, self.sources.mesh)
         n = SetRecipe().people
         rest = topology.vertices(self.sources.population.vertices[:n])
-        points, names = self.sources.population.keypoints[:n], self.sources.keypoint_names
+        points, names = self.sources.population.keypoints[:n], self.keypoint_names
         rows = regress(rest, points, names, topology.mirror, SEARCH_RADIUS["keypoints"])
         return rows, regression_errors(rows, rest, points)
 

@@ -33,7 +33,7 @@ def test_every_option_of_the_command_is_in_the_recipe(
 ) -> None:
     asked: list[SetRecipe] = []
     monkeypatch.setattr(sets, "make_sets", lambda sources, recipe, *_: asked.append(recipe))
-    monkeypatch.setattr(sets, "sources_of", lambda *_: None)
+    monkeypatch.setattr(sets, "gather_sources", lambda *_: None)
     monkeypatch.setattr(sets, "Wheel", lambda path: path)
     options = "--body full --vertices 6890 --people 5 --subjects 4 --poses 3 --strangers 2"
     line = f"sets WHEEL --out {tmp_path} {options} --others 1 --seed 9"

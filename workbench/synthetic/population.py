@@ -31,7 +31,7 @@ class Population:
         female: (P,).
         vertices: (P, 13380, 3) m.
         joints: (P, 24, 3) m.
-        keypoints: (P, 23, 3) m.
+        keypoints: (P, M, 3) m, those that were asked for.
         masses: (P,) kg.
     """
 
@@ -79,7 +79,7 @@ def draw_population(
 ) -> Population:
     """`n` adults, women and men in turn.
 
-    `weights` (13380, 24) un-pose them; `keypoints` (23, 19158) are read off the base mesh.
+    `weights` (13380, 24) un-pose them; `keypoints` (M, 19158) are read off the base mesh.
     """
     rng = np.random.default_rng(seed)
     people = [draw_person(rng, i % 2 == 0, targets.girth) for i in range(n)]

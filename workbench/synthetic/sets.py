@@ -68,6 +68,11 @@ class SetRecipe:
     stirred: float = 0.3
     seed: int = 2000
 
+    @property
+    def everyone(self) -> int:
+        """How many people are drawn with `seed`: all but `others`."""
+        return self.people + self.subjects + self.strangers
+
 
 @dataclass(frozen=True, eq=False)
 class Cast:
@@ -93,12 +98,6 @@ class Cast:
         """The teacher's surface (N, 3) m of one person."""
         teacher = Teacher(self.rest[person], self.joints[person], self.fine_weights)
         return teacher.vertices(pose) + trans
-
-
-def sources_of(wheel: Wheel, recipe: SetRecipe, report: Report) -> Sources:
-    """Everyone on the base mesh: the same whichever body's mesh they will be seen on."""
-    everyone = recipe.people + recipe.subjects + recipe.strangers
-    return gather_sources(wheel, everyone, recipe.seed, report)
 
 
 def make_sets(
@@ -246,7 +245,8 @@ def main() -> None:
         recorded = read_mocap(arguments.mocap).split()[1].poses
     asked = {name: getattr(arguments, name) for name in ("body", "vertices", *COUNTS)}
     recipe = replace(SetRecipe(), **asked)
-    sources = sources_of(Wheel(arguments.wheel), recipe, print)
+    wheel = Wheel(arguments.wheel)
+    sources = gather_sources(wheel, recipe.everyone, recipe.seed, print)
     make_sets(sources, recipe, arguments.out, print, recorded)
 
 
