@@ -1,4 +1,4 @@
-"""A made-up population of adults, un-posed: what the shape directions are learned from."""
+"""A synthetic population of adults at rest, from which shape directions are learned."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -26,7 +26,7 @@ def regress(
     regressor = np.zeros((len(names), people.shape[1]))
     means = people.mean(axis=0)
     for k, opposite in enumerate(opposites(names)):
-        if opposite < k:  # its left twin came before
+        if opposite < k:  # the joint on the left has been done
             regressor[k] = regressor[opposite][mirror]
             continue
         near = _near(means, points[:, k].mean(axis=0), radius)

