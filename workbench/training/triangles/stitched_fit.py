@@ -9,8 +9,9 @@ do not fit together exactly, and a mesh shows them only after stitching. The unk
 are therefore found for all triangles at once, because stitching couples each with every other. LSQR
 (Paige and Saunders 1982) never forms a matrix, and can be used for whole people. Direct forms the
 matrix, and is meant for a few hundred triangles; it is exact to the last digit, even for unknowns
-that blended rotations show a million times less clearly than the others. S is linear, and either the edges of the stitched mesh (ClosedEdges, SCAPE's own measure, which
-hardly notices a limb that drifts) or its vertices about their mean (CentredVertices).
+that blended rotations show a million times less clearly than the others. S is linear: either the
+edges of the stitched mesh (ClosedEdges, SCAPE's own measure, which hardly notices a limb that
+drifts) or its vertices about their mean (CentredVertices).
 """
 
 from collections.abc import Callable
