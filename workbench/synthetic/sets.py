@@ -42,7 +42,7 @@ COUNTS = ("people", "subjects", "poses", "held_out", "others", "seed")  # option
 
 @dataclass(frozen=True)
 class SetRecipe:
-    """How many people and poses there are in the sets.
+    """How many people and poses the sets have.
 
     Attributes:
         body: the mesh, a key of `FILES`.
@@ -52,8 +52,9 @@ class SetRecipe:
         held_out: held-out people in poses.
         others: held-out people, each in one pose.
         vertices: how many of the mesh's are kept, by collapsing short edges; None for all.
-        jitter: rad on every axis of every joint, so that nobody stands twice alike.
-        stirred: rad on every axis of every joint, in every other pose, see `_stirred`.
+        jitter: in radians, the standard deviation of every joint's rotation about every axis, so
+            that no two people stand alike.
+        stirred: the same in every other pose of the multi-pose set, see `_stirred`.
         seed: of every draw.
     """
 

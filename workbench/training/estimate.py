@@ -16,7 +16,7 @@ NAMES = ("templates", "posedirs", "joints", "poses", "weights")
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """What training looks for: S subjects in J registrations of N vertices on K joints.
+    """The unknowns of training: S subjects in J registrations of N vertices on K joints.
 
     There are F = 9 (K - 1) pose features.
 

@@ -1,8 +1,8 @@
 """The cost of training: E_D + E_Y + E_J + E_P + E_W + E_T, each half a sum of whitened squares.
 
 E_T is not in the lectures. It keeps the subjects' templates near the first template. Without it
-nothing says which pose is the zero pose, and each subject finds one of its own that is bent
-towards the poses in which it was scanned.
+the zero pose is not determined: each subject would find its own, bent towards the poses in which
+it was scanned.
 
 The translation of each registration is always the one that makes E_D least.
 """
