@@ -1,8 +1,8 @@
 """SCAPE and BlendSCAPE from registrations whose poses are not known.
 
 It begins with the result of SMPL's training on the same registrations. Skinning weights and joint
-regressor stay as they are; everybody's pose and each subject's rest shape are found anew, in blocks,
-each of which holds everything else fixed:
+regressor stay as they are; everybody's pose and each subject's rest shape are found anew, in
+blocks, each of which holds everything else fixed:
 
 shapes   the poses of the multi-shape set, whose people are un-posed triangle by triangle; then
          the mean and the principal directions of their deformation gradients, S

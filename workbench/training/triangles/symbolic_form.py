@@ -78,7 +78,7 @@ class SymbolicTriangles:
         return found
 
     def problem(self, residuals: Iterable[Residual], free: Sequence[str] = ()) -> Problem:
-        """A problem of some terms, with the blocks `free`; without names, all that they read but betas."""
+        """A problem of some terms; without names, all blocks that they read but betas are free."""
         terms = list(residuals)
         read = dict.fromkeys(name for residual in terms for name in residual.reads)
         every = [name for name in read if not name.endswith("/betas")]
@@ -86,7 +86,7 @@ class SymbolicTriangles:
         return Problem(terms, free or every, blocks=blocks)
 
     def values(self) -> Values:
-        """The first values: the given poses and D, and for each mesh the translation that fits best."""
+        """The first values: the given poses and D, and the best translation of each mesh."""
         found = {"posedirs": self.body.posedirs}
         for s, subject in enumerate(self.subjects):
             found[f"subject {s}/shapedirs"] = subject.shapedirs
