@@ -9,11 +9,15 @@ further draws of poses; the bodies are the same, the measurements on their cards
 import argparse
 from pathlib import Path
 
+import numpy as np
+from scipy.sparse import csr_array
+
 from builder.bodies import Builder
 from builder.fine_weights import write_fine_weights
 from builder.held_out import PEOPLE, SEED, write_held_out_people
+from builder.torch_file import read_tensors
 from workbench.priors.mocap import read_mocap
-from workbench.synthetic.sets import SetRecipe, sources_of
+from workbench.synthetic.sets import SetRecipe
 from workbench.synthetic.sources import gather_sources
 from workbench.synthetic.wheel import Wheel
 
@@ -39,8 +43,13 @@ def main() -> None:
     wheel = Wheel(arguments.wheel)
     write_fine_weights(wheel, arguments.out)
     write_held_out_people(gather_sources(wheel, PEOPLE, SEED, print), arguments.out)
-    sources = sources_of(wheel, SetRecipe(), print)
-    builder = Builder(sources, arguments.work, arguments.out, recorded, arguments.jobs)
+    recipe = SetRecipe()
+    keypoints = read_tensors(wheel.read("keypoints/coco.pth"))
+    rows = csr_array(np.array([row / row.sum() for row in keypoints.values()]))
+    sources = gather_sources(wheel, recipe.everyone, recipe.seed, print, rows)
+    builder = Builder(
+        sources, tuple(keypoints), arguments.work, arguments.out, recorded, arguments.jobs
+    )
     known = builder.train("default")
     for name in arguments.also:
         builder.train(name, known)

@@ -10,6 +10,7 @@ directions and joint regressor are of their own people.
 import time
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,17 +18,18 @@ import numpy as np
 
 from builder.card import TrainedOn, card_of
 from builder.packing import BuiltBody, write_body
-from builder.symmetrize import PoseParts, even_body, pose_parts, regressor_from
+from builder.symmetrize import PoseParts, even_body, pose_parts, regression_errors, regressor_from
 from workbench.arrays import Array, Mask
 from workbench.bodies import SkinnedBody
 from workbench.bodies.files.embedded import read_embedded
+from workbench.bodies.unposing import unpose
 from workbench.errors import BadFile
 from workbench.reading.archive import open_arrays
 from workbench.reading.expected import doubles, read_expected, texts
 from workbench.synthetic.ground_truth import read_ground_truth
 from workbench.synthetic.ideal_skinning import best_linear, ideal_skinning_errors
-from workbench.synthetic.regressors import regress, regression_errors
-from workbench.synthetic.sets import SetRecipe, already_made, make_sets_of
+from workbench.synthetic.regressors import regress
+from workbench.synthetic.sets import CARD, SetRecipe, make_sets, recipe_text
 from workbench.synthetic.sources import SEARCH_RADIUS, Sources
 from workbench.synthetic.topology import read_topology
 from workbench.threads import limited_threads
@@ -39,7 +41,7 @@ from workbench.training.folder import FolderRegistrations, open_folder
 from workbench.training.lines import BlockLines
 from workbench.training.plan import REACH, alternation
 from workbench.training.pose_training import PoseModel, train_poses
-from workbench.training.shape_training import learn_shapes, unposed_at
+from workbench.training.shape_training import UnposingJob, about_root, learn_shapes, unposing_jobs
 from workbench.training.upsampling import finishing, upsampled
 from workbench.writing import replacing
 
@@ -69,9 +71,16 @@ class Builder:
     """
 
     def __init__(
-        self, sources: Sources, work: Path, out: Path, recorded: Array | None, jobs: int
+        self,
+        sources: Sources,
+        keypoint_names: tuple[str, ...],
+        work: Path,
+        out: Path,
+        recorded: Array | None,
+        jobs: int,
     ) -> None:
         self.sources, self.work, self.out, self.recorded = sources, work, out, recorded
+        self.keypoint_names = keypoint_names
         self.began = time.perf_counter()
         self.execution = Execution(Processes(jobs), BlockLines(self.say))
 
@@ -83,7 +92,7 @@ class Builder:
         """All bodies of one mesh. Raises BadFile if `work` holds those of another recipe."""
         folder, recipe = self.work / name, SetRecipe(body=name)
         if not already_made(folder, recipe, self.recorded):
-            make_sets_of(self.sources, recipe, folder, self.say, self.recorded)
+            make_sets(self.sources, recipe, folder, self.say, self.recorded)
         start = read_start(str(folder / "train" / "start.npz"))
         every = open_folder(folder / "train", len(start.template), start.faces)
         poses, shapes = every.only("poses"), every.only("shapes")
@@ -104,7 +113,8 @@ class Builder:
             first, _ = even_body(parts, parts.estimate.templates, regressor)
             self.say("  un-posing people")
             known = before.people if before else self._poses_of(first, shapes, parts, run)
-            people = unposed_at(first, shapes, known, self.execution)
+            each = self.execution.executor(partial(unposed, first), unposing_jobs(shapes, known))
+            people = about_root(np.concatenate(list(each)), first.J_regressor)
             for ending, gender in GENDERS.items():
                 if name != "small" or not ending:
                     self._write(f"{name}{ending}", gender, people, model, parts, poses, shapes)
@@ -153,7 +163,7 @@ class Builder:
             weights=body.weights,
             faces=body.faces,
             mirror=parts.mirror.vertices,
-            keypoint_names=self.sources.keypoint_names,
+            keypoint_names=self.keypoint_names,
             keypoint_regressor=rows,
         )
         trial = self.work / f"{name}.npz"
@@ -176,7 +186,7 @@ class Builder:
         topology = read_topology(self.sources.wheel, mesh, self.sources.mesh)
         n = SetRecipe().people
         rest = topology.vertices(self.sources.population.vertices[:n])
-        points, names = self.sources.population.keypoints[:n], self.sources.keypoint_names
+        points, names = self.sources.population.keypoints[:n], self.keypoint_names
         rows = regress(rest, points, names, topology.mirror, SEARCH_RADIUS["keypoints"])
         return rows, regression_errors(rows, rest, points)
 
@@ -184,15 +194,39 @@ class Builder:
         """The held-out errors of a body on people of its gender, as `workbench train` has them."""
         folder = self.work / mesh
         own = None if gender == "neutral" else gender
-        strangers = open_folder(folder / "held_out", body.n_vertices, body.faces)
-        found: dict[str, Any] = held_out_errors(body, strangers.only("poses", own), self.execution)
-        found |= shapes_explained(body, strangers.only("shapes", own), self.execution)
+        held_out = open_folder(folder / "held_out", body.n_vertices, body.faces)
+        found: dict[str, Any] = held_out_errors(body, held_out.only("poses", own), self.execution)
+        found |= shapes_explained(body, held_out.only("shapes", own), self.execution)
         if own is None:
             poses = open_folder(folder / "train", body.n_vertices, body.faces).only("poses")
             linear = best_linear(read_ground_truth(folder / "train"), poses, start)
             truth = read_ground_truth(folder / "held_out")
-            found |= ideal_skinning_errors(truth, strangers.only("poses"), start, linear)
+            found |= ideal_skinning_errors(truth, held_out.only("poses"), start, linear)
         return found
+
+
+def already_made(folder: Path, recipe: SetRecipe, recorded: Array | None) -> bool:
+    """Whether both folders are there. Raises BadFile if they are of another recipe."""
+    cards = [folder / name / CARD for name in ("train", "held_out")]
+    if not all(card.is_file() for card in cards):
+        return False
+    for card in cards:
+        text = card.read_text(encoding="utf-8", errors="replace")
+        text = text.replace('"strangers":', '"held_out":')  # as the number was called before
+        if text != recipe_text(recipe, recorded):
+            raise BadFile(
+                f"{card} says that these sets were made otherwise; remove {folder} to make them "
+                "anew, or choose another folder"
+            )
+    return True
+
+
+def unposed(body: SkinnedBody, job: UnposingJob) -> Array:
+    """People (c, N, 3) m at rest, every vertex of whom was scanned, from poses that are known."""
+    batch, poses = job
+    assert poses is not None  # they are known
+    each = zip(poses, batch.vertices, strict=True)
+    return np.stack([unpose(body, pose, V).vertices for pose, V in each])
 
 
 def _of(gender: str, those: FolderRegistrations) -> Mask:

@@ -12,6 +12,7 @@ from builder.packing import BuiltBody
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
 from workbench.synthetic import wheel
+from workbench.synthetic.population import Population
 from workbench.synthetic.sets import SetRecipe
 from workbench.synthetic.sources import Sources
 from workbench.synthetic.topology import FILES
@@ -95,7 +96,7 @@ def card_of(
             **asdict(SetRecipe(body=mesh)),
             "versions": {name: version(name) for name in ("numpy", "scipy", "trimesh")},
         },
-        "population": {"measured_on": "the base mesh", **sources.population.facts()},
+        "population": {"measured_on": "the base mesh", **population_facts(sources.population)},
         "trained_on": {
             "registrations": len(estimate.poses),
             "subjects": len(estimate.templates),
@@ -127,6 +128,22 @@ def card_of(
             zip(built.keypoint_names, _rounded(1e3 * trained_on.keypoint_errors, 2), strict=True)
         ),
         "largest_rounding_error_mm": round(1e3 * _rounding_error(built, stored, poses), 4),
+    }
+
+
+def population_facts(people: Population) -> dict[str, dict[str, float]]:
+    """Mean and standard deviation of stature, mass and body mass index, by gender."""
+    statures = np.ptp(people.vertices[:, :, 1], axis=1)  # from sole to crown, m
+    measures = {
+        "stature_m": statures,
+        "mass_kg": people.masses,
+        "bmi": people.masses / statures**2,
+    }
+    return {
+        gender: {"n": int(of.sum())}
+        | {f"{name}_mean": round(float(x[of].mean()), 3) for name, x in measures.items()}
+        | {f"{name}_std": round(float(x[of].std(ddof=1)), 3) for name, x in measures.items()}
+        for gender, of in (("female", people.female), ("male", ~people.female))
     }
 
 

@@ -13,7 +13,7 @@ PEOPLE, SEED = 4, 1000  # how many, and a seed with which nobody else was drawn
 
 
 def write_held_out_people(sources: Sources, folder: Path) -> Path:
-    """Write `strangers.npz`: for each body the rest vertices (4, N, 3) m of new people.
+    """Write `held_out_people.npz`: for each body the rest vertices (4, N, 3) m of new people.
 
     `sources` must hold a population of its own, drawn with another seed.
     """
@@ -22,6 +22,6 @@ def write_held_out_people(sources: Sources, folder: Path) -> Path:
         name: read_topology(sources.wheel, name, sources.mesh).vertices(people).astype(np.float32)
         for name in BODIES
     }
-    path = folder / "strangers.npz"
+    path = folder / "held_out_people.npz"
     write_arrays(path, arrays)
     return path

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 
+import numpy as np
 from scipy.sparse import csr_array
 
 from builder.local_blends import local_posedirs
@@ -9,7 +10,7 @@ from workbench.arrays import Array, Index
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadBody
 from workbench.geometry.mirror import Mirror
-from workbench.synthetic.regressors import regress, regression_errors
+from workbench.synthetic.regressors import regress
 from workbench.synthetic.rig import at_most_four
 from workbench.synthetic.sources import SEARCH_RADIUS
 from workbench.training.estimate import Estimate
@@ -46,6 +47,13 @@ def regressor_from(parts: PoseParts, subjects: Index) -> tuple[csr_array, Array]
     names, radius = parts.start.joint_names, SEARCH_RADIUS["joints"]
     rows = regress(people, joints, names, parts.mirror.vertices, radius)
     return csr_array(rows), regression_errors(rows, people, joints)
+
+
+def regression_errors(regressor: Array, people: Array, points: Array) -> Array:
+    """Root mean square distance of each regressed point from the true one, (M,) m."""
+    away = np.einsum("mn,pnc->pmc", regressor, people, optimize=True) - points
+    errors: Array = np.sqrt((away**2).sum(axis=2).mean(axis=0))
+    return errors
 
 
 def even_body(parts: PoseParts, people: Array, regressor: csr_array) -> tuple[SkinnedBody, Array]:

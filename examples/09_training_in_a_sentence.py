@@ -13,7 +13,6 @@ import numpy as np
 
 import workbench as wb
 from workbench.course.shapes.tubes import tube
-from workbench.training.general_form import gauges, general_form
 
 rng = np.random.default_rng(0)
 true = tube(rings=9, around=8)
@@ -24,8 +23,16 @@ meshes = meshes + 0.001 * rng.standard_normal(meshes.shape)  # 1 mm of noise
 
 dented = true.template + 0.01 * rng.standard_normal(true.template.shape)  # a first guess, 1 cm off
 first = replace(true, template=dented)
-form = general_form(first, list(meshes), freed=("template",), sigma=0.001)
-solution = wb.solve(form.problem, form.start)
+learning = first.freed("template")
+terms, start = [], {"template": dented}
+for j, mesh in enumerate(meshes):
+    symbols = [block.symbol for block in learning.blocks(f"scan {j}/")]
+    terms.append(wb.residuals.vertices(learning.points(*symbols), mesh, sigma=0.001))
+    terms.append(wb.residuals.gaussian(symbols[1], name=f"shape {j}"))
+    start |= learning.start(f"scan {j}/")
+    start[f"scan {j}/trans"] = mesh.mean(axis=0) - dented.mean(axis=0)
+problem = wb.Problem(terms, tuple(start))
+solution = wb.solve(problem, start)
 trained = replace(true, template=solution.values["template"])
 
 
@@ -43,15 +50,16 @@ def explains(body: wb.SkinnedBody, mesh: np.ndarray) -> float:
 stranger = true.vertices(0.6 * rng.standard_normal((2, 3)), [1.0])
 before, after = explains(first, stranger), explains(trained, stranger)
 
-here = form.problem.linearize(form.start | solution.values)
+here = problem.linearize(start | solution.values)
 unseen = len(here.gradient) - here.rank
-known = gauges(form, form.start | solution.values, true.n_betas)
 noticed = {}
-for name, change in known.items():
-    step = np.concatenate(
-        [np.ravel(change.get(b.name, np.zeros(b.shape))) for b in form.problem.free.blocks]
-    )
-    noticed[name] = np.linalg.norm(here.jacobian @ step) / np.linalg.norm(step)  # sigmas per unit
+for axis, along in zip("xyz", np.eye(3), strict=True):
+    step = {name: np.zeros_like(value) for name, value in start.items()}
+    step["template"] += along
+    step |= {f"scan {j}/trans": -along for j in range(len(meshes))}
+    packed = problem.free.pack(step)
+    change = np.linalg.norm(here.jacobian @ packed) / np.linalg.norm(packed)  # sigmas per unit
+    noticed[f"the template moves along {axis}, everybody back"] = change
 
 if __name__ == "__main__":
     from workbench.plots import house_style, png, sheet

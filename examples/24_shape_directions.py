@@ -53,7 +53,7 @@ for k in range(5):
 # explained variance: of the population, by its card; of strangers, by projecting them
 shares = np.array(body.card["betas"]["explained_variance"])
 own = variances(body) / variances(body).sum()  # the same ratios, from shapedirs alone
-with np.load(Path(wb.__file__).parent / "data" / "bodies" / "strangers.npz") as file:
+with np.load(Path(wb.__file__).parent / "data" / "bodies" / "held_out_people.npz") as file:
     strangers = file["default"].astype(float)  # four people it was not learned from
 left = reconstruction_errors(body, strangers)  # (11, 4) m
 

@@ -24,7 +24,6 @@ from workbench.studies.ablations.study import aligned, pose_share
 from workbench.synthetic.made_up import draw_registrations, random_smpl, worm
 from workbench.training import blocks
 from workbench.training.estimate import Estimate
-from workbench.training.general_form import gauges, general_form
 from workbench.training.joint_regressor import fit_joint_regressor
 from workbench.training.plan import alternation
 from workbench.training.pose_training import first_estimate, train_poses
@@ -236,7 +235,7 @@ source(Mirror.points)
 # memory:
 
 # %%
-source(blocks.fit_surfaces)
+source(blocks.fit_linear)
 
 # %%
 model = train_poses(few, start, alternation(rounds=2))
@@ -392,18 +391,30 @@ source(shares_to_zero)
 #
 # $$ \min_{\bar T} \sum_j \min_{\theta_j, \beta_j} \| M(\theta_j, \beta_j; \bar T) - V_j \|^2 . $$
 
-# %%
-source(general_form)
 
+# %%
+def in_a_sentence(body: wb.SkinnedBody, meshes: np.ndarray) -> tuple[wb.Problem, wb.Values]:
+    """The problem over the template and everybody's pose, betas and trans, and where it begins."""
+    learning = body.freed("template")
+    terms, start = [], {"template": body.template}
+    for j, mesh in enumerate(meshes):
+        symbols = [block.symbol for block in learning.blocks(f"scan {j}/")]
+        terms.append(wb.residuals.vertices(learning.points(*symbols), mesh, sigma=0.001))
+        start |= learning.start(f"scan {j}/")
+        start[f"scan {j}/trans"] = mesh.mean(axis=0) - body.template.mean(axis=0)
+    return wb.Problem(terms, tuple(start)), start
+
+
+# %%
 # %%
 rng = np.random.default_rng(0)
 pipe = tube(rings=7, around=6)
 meshes = pipe.vertices(0.6 * rng.standard_normal((5, 2, 3)), rng.standard_normal((5, 1)))
 dented = replace(pipe, template=pipe.template + 0.01 * rng.standard_normal(pipe.template.shape))
-form = general_form(dented, list(meshes), freed=("template",), sigma=0.001, shape_sigma=np.inf)
-solution = wb.solve(form.problem, form.start)
-values = form.start | solution.values
-here = form.problem.linearize(values)
+problem, first = in_a_sentence(dented, meshes)
+solution = wb.solve(problem, first)
+values = first | solution.values
+here = problem.linearize(values)
 print(
     f"{len(here.gradient)} unknowns, {len(here.residual)} residuals: cost from "
     f"{solution.trace[0].cost:.0f} to {solution.cost:.1e}"
@@ -415,13 +426,17 @@ print(
     len(here.gradient) - here.rank,
     "directions change no mesh:",
 )
-known = gauges(form, values, pipe.n_betas)
+known = {
+    f"the template moves along {axis}, everybody back": {"template": e + 0 * pipe.template}
+    | {f"scan {j}/trans": -e for j in range(len(meshes))}
+    for axis, e in zip("xyz", np.eye(3), strict=True)
+}
 known["the mean moves along the shape direction, all betas back"] = {
     "template": pipe.shapedirs[:, :, 0]
-} | {name: -np.ones(1) for name in form.own if name.endswith("betas")}
+} | {f"scan {j}/betas": -np.ones(1) for j in range(len(meshes))}
 for name, change in known.items():
-    every = {block.name: np.zeros(block.shape) for block in form.problem.free.blocks}
-    step = form.problem.free.pack(every | change)
+    every = {block.name: np.zeros(block.shape) for block in problem.free.blocks}
+    step = problem.free.pack(every | change)
     print(f"  {name}: {np.linalg.norm(here.jacobian @ step) / np.linalg.norm(step):.0e}")
 
 # %% [markdown]

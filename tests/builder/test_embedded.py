@@ -22,13 +22,15 @@ from builder.packing import (
     whole_shares,
     write_body,
 )
+from builder.symmetrize import regression_errors
+from builder.torch_file import read_tensors
 from workbench.arrays import Array
 from workbench.bodies.files.embedded import SYNTHETIC, read_embedded
 from workbench.bodies.forward.posing import Posing
 from workbench.errors import BadFile
 from workbench.geometry.mirror import REFLECTION, Mirror, mirrored_pose
 from workbench.geometry.solids import volume
-from workbench.synthetic.regressors import regress, regression_errors
+from workbench.synthetic.regressors import regress
 from workbench.synthetic.rig import HALF_OF, at_most_four, carrier
 from workbench.synthetic.shape_targets import Person, ShapeTargets
 from workbench.synthetic.skeleton import (
@@ -36,7 +38,6 @@ from workbench.synthetic.skeleton import (
     JOINT_NAMES,
     MIRRORED_JOINTS,
     PARENTS,
-    blended,
     joint_positions,
     offsets,
     unskin,
@@ -44,7 +45,6 @@ from workbench.synthetic.skeleton import (
 from workbench.synthetic.t_pose import smallest_rotation, to_t_pose
 from workbench.synthetic.teacher import DISTAL_SHARE, PROXIMAL_SHARE, Teacher, twist_about
 from workbench.synthetic.topology import _triangulated
-from workbench.synthetic.torch_file import read_tensors
 from workbench.synthetic.wheel import Wheel, WheelUnreadable, parse_obj
 from workbench.training.ridge import Sums, solve_ridge
 from workbench.training.shape_space import learn_shape_space
@@ -316,8 +316,8 @@ def test_teacher_keeps_the_radius_that_linear_blend_skinning_loses(angle: float)
     assert np.linalg.norm(linear[:, 1:], axis=1) == pytest.approx(expected)
     world = Posing.of(pose[None], PARENTS).world[0]
     placed = joint_positions(world, teacher.joints)
-    M, m = blended(weights, world, offsets(world, placed, teacher.joints))
-    correction = unskin(teacher.vertices(pose), M, m) - teacher.rest
+    shifts = offsets(world, placed, teacher.joints)
+    correction = unskin(teacher.vertices(pose), weights, world, shifts) - teacher.rest
     assert (
         abs(
             skinned(teacher.rest + correction, teacher.joints, weights, R) - teacher.vertices(pose)

@@ -61,7 +61,7 @@ def test_a_folder_becomes_a_body_with_a_card(tmp_path: Path) -> None:
     assert body.n_betas == 2
     assert body.card["trained_on"]["people_for_shape"] == 8
     met = body.card["held_out"]
-    assert (met["strangers"], met["registrations"]) == (3, 9)
+    assert (met["people_in_poses"], met["registrations"]) == (3, 9)
     assert 0 < met["mean_mm"] < met["mean_without_posedirs_mm"]
     assert "ideal_skinning_mean_mm" not in met  # nobody said how these were made
     assert others.is_dir()

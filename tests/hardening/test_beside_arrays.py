@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from builder.bodies import already_made
 from tests.hardening.archives import npy
 from workbench.cli.train import _origin
 from workbench.comparison.store import Folder
@@ -16,7 +17,7 @@ from workbench.reading.facts import json_in
 from workbench.reports.folder import SUMMARY, replacing_folder
 from workbench.solvers import Solution
 from workbench.synthetic.made_up import worm
-from workbench.synthetic.sets import CARD, SetRecipe, already_made
+from workbench.synthetic.sets import CARD, SetRecipe
 from workbench.training.folder import FolderRegistrations, Row
 
 START = worm(7, 5)

@@ -38,7 +38,7 @@ from workbench.studies.blend_shapes.sparsity import group_lasso, nonzero_share, 
 from workbench.studies.blend_shapes.study import PredictorPlan, PredictorStudy, predictor_study
 from workbench.studies.blend_shapes.training_data import Correctives, TrainingData
 from workbench.synthetic.fine_weights import body_on_teachers_rig, teacher_of
-from workbench.synthetic.skeleton import PARENTS, blended, joint_positions, offsets, unskin
+from workbench.synthetic.skeleton import PARENTS, joint_positions, offsets, unskin
 from workbench.training.ridge import Sums, solve_ridge
 
 EMBEDDED = wb.load_body("small")
@@ -113,8 +113,8 @@ def test_two_ways_of_un_posing_agree(data: TrainingData) -> None:
     for pose, offset in zip(few.poses, correctives(LBS, few), strict=True):
         world = Posing.of(pose[None], PARENTS).world[0]
         placed = joint_positions(world, teacher.joints)
-        M, m = blended(LBS.weights, world, offsets(world, placed, teacher.joints))
-        expected = unskin(teacher.vertices(pose), M, m) - teacher.rest
+        shifts = offsets(world, placed, teacher.joints)
+        expected = unskin(teacher.vertices(pose), LBS.weights, world, shifts) - teacher.rest
         np.testing.assert_allclose(offset, expected, atol=1e-12)
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
+from builder.bodies import already_made
 from workbench import load_body
 from workbench.errors import BadFile
 from workbench.synthetic import sets
@@ -31,13 +32,15 @@ def test_every_option_of_the_command_is_in_the_recipe(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[SetRecipe] = []
-    monkeypatch.setattr(sets, "make_sets", lambda wheel, recipe, *_: asked.append(recipe))
+    monkeypatch.setattr(sets, "make_sets", lambda sources, recipe, *_: asked.append(recipe))
+    monkeypatch.setattr(sets, "gather_sources", lambda *_: None)
     monkeypatch.setattr(sets, "Wheel", lambda path: path)
-    options = "--body full --vertices 6890 --people 5 --subjects 4 --poses 3 --strangers 2"
-    line = f"sets WHEEL --out {tmp_path} {options} --others 1 --seed 9"
-    monkeypatch.setattr("sys.argv", line.split())
-    sets.main()
-    assert asked == [SetRecipe("full", 5, 4, 3, 2, 1, 6890, seed=9)]
+    options = "--body full --vertices 6890 --people 5 --subjects 4 --poses 3"
+    for held_out in ("--held-out 2", "--strangers 2"):  # the second is the former name
+        line = f"sets WHEEL --out {tmp_path} {options} {held_out} --others 1 --seed 9"
+        monkeypatch.setattr("sys.argv", line.split())
+        sets.main()
+    assert asked == 2 * [SetRecipe("full", 5, 4, 3, 2, 1, 6890, seed=9)]
 
 
 def test_nobody_moves_without_a_pose() -> None:
@@ -98,12 +101,15 @@ def test_every_other_pose_moves_every_joint() -> None:
 
 def test_sets_of_another_recipe_are_refused(tmp_path: Path) -> None:
     recipe = SetRecipe()
-    assert not sets.already_made(tmp_path, recipe, None)
+    assert not already_made(tmp_path, recipe, None)
     for name in ("train", "held_out"):
         (tmp_path / name).mkdir()
-        (tmp_path / name / sets.CARD).write_text(sets._said(recipe, None))
-    assert sets.already_made(tmp_path, recipe, None)
+        (tmp_path / name / sets.CARD).write_text(sets.recipe_text(recipe, None))
+    assert already_made(tmp_path, recipe, None)
+    card = tmp_path / "train" / sets.CARD
+    card.write_text(card.read_text().replace('held_out":', 'strangers":'))  # of older versions
+    assert already_made(tmp_path, recipe, None)
     with pytest.raises(BadFile, match="were made otherwise; remove"):
-        sets.already_made(tmp_path, SetRecipe(seed=7), None)
+        already_made(tmp_path, SetRecipe(seed=7), None)
     with pytest.raises(BadFile, match="were made otherwise"):
-        sets.already_made(tmp_path, recipe, np.zeros((5, 24, 3)))
+        already_made(tmp_path, recipe, np.zeros((5, 24, 3)))

@@ -18,7 +18,7 @@ from workbench.errors import BadArgument
 from workbench.geometry.mesh_graph import NoMirror, find_mirror
 from workbench.geometry.solids import volume
 from workbench.synthetic.made_up import Spoiled, draw_registrations, random_smpl, worm
-from workbench.training.blocks import BLOCKS, BlockOptions
+from workbench.training.blocks import BLOCKS, BlockInput, BlockOptions
 from workbench.training.conjugate_gradients import dot, solve
 from workbench.training.estimate import NAMES, TERMS, Estimate, Sigmas
 from workbench.training.executor import Execution, Processes
@@ -271,11 +271,11 @@ def test_a_block_lowers_the_cost_and_stays_at_the_truth(block: str) -> None:
     away = true_estimate().moved(a_change(true_estimate(), 0.005))
     kept = away.weights.clip(0)
     away = replace(away, weights=kept / kept.sum(axis=1, keepdims=True))
-    found = BLOCKS[block](held, away, START.faces, BlockOptions()).estimate
+    found = BLOCKS[block](BlockInput(held, START.faces), away).estimate
     assert held.cost(found) < 0.999 * held.cost(away)
     np.testing.assert_allclose(found.weights.sum(axis=1), 1, atol=1e-13)
     assert found.weights.min() >= 0
-    at = BLOCKS[block](held, true_estimate(), START.faces, BlockOptions()).estimate
+    at = BLOCKS[block](BlockInput(held, START.faces), true_estimate()).estimate
     assert held.cost(at) < 1e-15
 
 
@@ -284,7 +284,7 @@ def test_surfaces_are_one_linear_problem() -> None:
     held = objective(Sigmas(), mirror=True)
     away = true_estimate().moved(a_change(true_estimate(), 0.02))
     found = BLOCKS["surfaces"](
-        held, away, START.faces, BlockOptions(linear_tolerance=1e-11)
+        BlockInput(held, START.faces, BlockOptions(linear_tolerance=1e-11)), away
     ).estimate
     names = ("templates", "posedirs", "joints")
     before, after = (NormalEquations(held, e, names).slope for e in (away, found))
@@ -296,7 +296,7 @@ def test_posedirs_shrink_as_their_sigma_does() -> None:
     sizes = []
     for sigma in (1.0, 0.1, 0.01, 0.001):
         held = objective(replace(Sigmas(), posedirs=sigma))
-        found = BLOCKS["surfaces"](held, true_estimate(), START.faces, BlockOptions()).estimate
+        found = BLOCKS["surfaces"](BlockInput(held, START.faces), true_estimate()).estimate
         sizes.append(float(np.linalg.norm(found.posedirs)))
     assert sizes == sorted(sizes, reverse=True)
     assert sizes[-1] < 0.5 * sizes[0]
@@ -304,7 +304,7 @@ def test_posedirs_shrink_as_their_sigma_does() -> None:
 
 def test_weights_follow_their_prior_where_it_is_tight() -> None:
     held = objective(replace(Sigmas(), weights=1e-7))
-    found = BLOCKS["weights"](held, true_estimate(), START.faces, BlockOptions())
+    found = BLOCKS["weights"](BlockInput(held, START.faces), true_estimate())
     np.testing.assert_allclose(found.estimate.weights, held.first_weights, atol=1e-6)
     assert found.facts["kkt"] < 1e-8
 
@@ -385,7 +385,7 @@ def test_means_at_points_inside_are_exact_and_even() -> None:
 
 def test_a_regressor_is_learned_and_lowers_the_cost() -> None:
     estimate, held = true_estimate(), objective(Sigmas())
-    found = BLOCKS["regressor"](held, estimate, START.faces, BlockOptions())
+    found = BLOCKS["regressor"](BlockInput(held, START.faces), estimate)
     assert held.cost(found.estimate) < held.cost(estimate)
     regressor = found.estimate.regressor
     assert regressor is not None
@@ -406,7 +406,7 @@ def test_templates_stay_about_the_first_one_where_they_are_held() -> None:
     estimate = true_estimate()
     away = float(np.sum((estimate.templates - first) ** 2))
     assert loose.costs(estimate)["E_T"] == pytest.approx(0.5 * away / 0.03**2)
-    found = BLOCKS["rest"](tight, estimate, START.faces, BlockOptions()).estimate
+    found = BLOCKS["rest"](BlockInput(tight, START.faces), estimate).estimate
     np.testing.assert_allclose(found.templates, first[None].repeat(3, axis=0), atol=1e-4)
 
 

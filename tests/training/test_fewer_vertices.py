@@ -15,7 +15,7 @@ from workbench.geometry.mesh_graph import find_mirror
 from workbench.geometry.solids import mesh_edges
 from workbench.synthetic.collapsing import collapsed
 from workbench.synthetic.topology import Topology
-from workbench.training.blocks import BlockOptions, fit_poses
+from workbench.training.blocks import BlockInput, BlockOptions, fit_poses
 from workbench.training.estimate import Estimate, Sigmas
 from workbench.training.first_guess import Start
 from workbench.training.locality import MaskedCholesky, local_features
@@ -73,7 +73,8 @@ def test_poses_come_back_from_some_of_the_vertices() -> None:
     truth, objective = _posed()
     near = truth.moved({"poses": 0.02 * np.random.default_rng(2).normal(size=truth.poses.shape)})
     for _ in range(4):
-        near = fit_poses(objective, near, BODY.faces, BlockOptions(pose_vertices=200)).estimate
+        given = BlockInput(objective, BODY.faces, BlockOptions(pose_vertices=200))
+        near = fit_poses(given, near).estimate
     assert objective.rms(near) < 1e-7
 
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from tests.bodies_made_up import random_body
+from tests.training.general_form import GeneralForm, gauges, general_form
 from workbench import LevenbergMarquardt, Values, diagnose, solve
-from workbench.training.general_form import GeneralForm, gauges, general_form
 
 BODY = random_body(2, n_vertices=12, n_joints=3, n_betas=2)
 RNG = np.random.default_rng(0)

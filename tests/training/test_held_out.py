@@ -38,9 +38,9 @@ def test_skinning_that_knows_all_is_exact_with_the_blend_shapes_that_made_it() -
     assert errors_of_ideal_skinning(truth, data, START, BODY.posedirs).largest < 1e-12
     alone = errors_of_ideal_skinning(truth, data, START)
     assert alone.mean > 1e-3
-    said = ideal_skinning_errors(truth, data, START, BODY.posedirs)
-    assert said["ideal_linear_mean_mm"] == 0
-    assert said["ideal_skinning_mean_mm"] == pytest.approx(1e3 * alone.mean, abs=1e-4)
+    found = ideal_skinning_errors(truth, data, START, BODY.posedirs)
+    assert found["ideal_linear_mean_mm"] == 0
+    assert found["ideal_skinning_mean_mm"] == pytest.approx(1e3 * alone.mean, abs=1e-4)
 
 
 def test_the_best_linear_predictor_is_that_of_the_generator() -> None:
@@ -59,17 +59,17 @@ def test_a_body_explains_those_it_made_and_a_wrong_one_does_not() -> None:
     wrong = evaluate_held_out(replace(uneven, posedirs=0 * BODY.posedirs), data).errors.mean
     assert told.errors.mean < 0.4 * wrong
     assert told.shape_explained > 0.7
-    said = held_out_errors(uneven, data)
-    assert said["mean_mm"] == pytest.approx(1e3 * told.errors.mean, abs=1e-4)
-    assert said["mean_without_posedirs_mm"] == pytest.approx(1e3 * wrong, abs=1e-4)
-    assert said["strangers"] == 2
+    found = held_out_errors(uneven, data)
+    assert found["mean_mm"] == pytest.approx(1e3 * told.errors.mean, abs=1e-4)
+    assert found["mean_without_posedirs_mm"] == pytest.approx(1e3 * wrong, abs=1e-4)
+    assert found["people_in_poses"] == 2
 
 
 def test_people_in_one_pose_are_as_the_body_makes_them() -> None:
     data, _ = draw_registrations(BODY, 6, 1, seed=8, turn=0.1)
-    said = shapes_explained(BODY, data)
-    assert said["people_in_one_pose"] == 6
-    assert said["their_shape_variance_explained"] > 0.95
+    found = shapes_explained(BODY, data)
+    assert found["people_in_one_pose"] == 6
+    assert found["their_shape_variance_explained"] > 0.95
     odd = replace(BODY, shapedirs=BODY.shapedirs[:, ::-1])
     assert shapes_explained(odd, data)["their_shape_variance_explained"] < 0.8
 

@@ -12,6 +12,7 @@ from math import inf
 import numpy as np
 import pytest
 
+from tests.training.annealing import annealed
 from workbench import SkinnedBody, load_body
 from workbench.geometry.rigid import procrustes
 from workbench.synthetic.made_up import (
@@ -21,12 +22,11 @@ from workbench.synthetic.made_up import (
     random_smpl,
     worm,
 )
-from workbench.training.blocks import BLOCKS, BlockOptions, BlockResult
+from workbench.training.blocks import BLOCKS, BlockInput, BlockOptions, BlockResult
 from workbench.training.estimate import Estimate, Sigmas
 from workbench.training.evaluation import generalization_errors
 from workbench.training.first_guess import Start
 from workbench.training.objective import Objective
-from workbench.training.plan import annealed
 from workbench.training.training import Trained, train
 
 FACTORS = (1.0, 10.0, 100.0)
@@ -115,7 +115,7 @@ class Near:
     def together(self, estimate: Estimate, **options: float) -> BlockResult:
         """The block with these options."""
         given = replace(BlockOptions(), **options)
-        return BLOCKS["together"](self.objective, estimate, self.start.faces, given)
+        return BLOCKS["together"](BlockInput(self.objective, self.start.faces, given), estimate)
 
 
 @pytest.fixture(scope="module")
@@ -194,7 +194,9 @@ def template_error(start: Start, body: SkinnedBody, poses: int, noise: float = 0
     exact = Objective(data, start.rings(), start.weights(), None, FREE)
     fitted = Objective(noisy, start.rings(), start.weights(), None, FREE)
     at = at_the_truth(body, truth)
-    found = BLOCKS["surfaces"](fitted, at, start.faces, BlockOptions(products=400)).estimate
+    found = BLOCKS["surfaces"](
+        BlockInput(fitted, start.faces, BlockOptions(products=400)), at
+    ).estimate
     return exact.rms(found)
 
 

@@ -15,11 +15,10 @@ from workbench import SkinnedBody, load_body, save_body
 from workbench.errors import BadArgument, BadFile
 from workbench.synthetic.made_up import Spoiled, draw_registrations, random_smpl, worm
 from workbench.training import blocks
-from workbench.training.blocks import BlockOptions, BlockResult
+from workbench.training.blocks import BlockInput, BlockOptions, BlockResult
 from workbench.training.checkpoint import FILE
 from workbench.training.estimate import Estimate
 from workbench.training.evaluation import generalization_errors
-from workbench.training.objective import Objective
 from workbench.training.plan import Plan, alternation
 from workbench.training.pose_training import NotLowered
 from workbench.training.progress import Progress
@@ -88,9 +87,7 @@ def test_one_subject_teaches_no_shape() -> None:
 
 
 def test_a_block_that_raises_the_cost_stops_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    def worse(
-        objective: Objective, estimate: Estimate, faces: object, options: BlockOptions, say: object
-    ) -> BlockResult:
+    def worse(given: BlockInput, estimate: Estimate) -> BlockResult:
         return BlockResult(replace(estimate, templates=1.01 * estimate.templates), {})
 
     monkeypatch.setitem(blocks.BLOCKS, "weights", worse)

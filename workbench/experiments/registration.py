@@ -31,7 +31,7 @@ def registration(
     """
     model = load_skinned(body)
     with (
-        as_file(files("workbench") / "data" / "bodies" / "strangers.npz") as path,
+        as_file(files("workbench") / "data" / "bodies" / "held_out_people.npz") as path,
         taken_for(path, "file of held-out people", "install the workbench again"),
         open_arrays(path) as archive,
     ):

@@ -60,23 +60,23 @@ def ideal_skinning(
 def errors_of_ideal_skinning(
     truth: GroundTruth, registrations: Registrations, start: Start, posedirs: Array | None = None
 ) -> VertexErrors:
-    """What linear blend skinning leaves although it is given the ground truth."""
+    """The errors of linear blend skinning that is given the ground truth."""
     estimate = ideal_skinning(truth, start.parents, posedirs)
     held = Objective(registrations, start.rings(), truth.weights, None, Sigmas())
     return errors_of(held, estimate)
 
 
 def best_linear(truth: GroundTruth, registrations: Registrations, start: Start) -> Array:
-    """Posedirs (N, 3, F): ridge regression of true un-posed errors, its ridge chosen on a fifth.
+    """Posedirs (N, 3, F) by ridge regression of the true un-posed errors.
 
-    That fifth of the subjects is held back until the ridge is chosen.
+    The ridge is chosen by the errors on a fifth of the subjects, which is held out until then.
     """
-    learned, held_back = (
+    learned, held_out = (
         Sums.of(_errors(truth, registrations, start, rows)).with_reflections(start.mirror())
         for rows in training_and_held_out(truth.subject)
     )
     whole = np.ones_like(learned.products[:, 0], dtype=bool)
-    return ridge_learned(learned, held_back, whole, RIDGES)[0]
+    return ridge_learned(learned, held_out, whole, RIDGES)[0]
 
 
 def _errors(

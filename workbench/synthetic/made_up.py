@@ -1,4 +1,4 @@
-"""Bodies and registrations that were made up, with known answers: nothing here was measured."""
+"""Synthetic bodies and registrations with known answers; nothing here was measured."""
 
 from dataclasses import dataclass
 
@@ -62,9 +62,10 @@ def random_smpl(
 ) -> SkinnedBody:
     """A body with random arrays on the mesh of a start, all of them smooth over the surface.
 
-    `shape` and `bend` are the rms of shapedirs and posedirs in m, `spread` m is how far weights
-    reach beyond their segment. A joint is a mean of its ring's vertices, all of them or so many
-    that are nearest to its middle. Not alike on both sides.
+    `shape` and `bend` are the rms of shapedirs and posedirs in metres, and `spread` is how far
+    weights reach beyond their segment, in metres. A joint is a weighted mean of the vertices of its
+    ring: of all, or of the `ring` vertices nearest to the ring's middle. The two sides of the body
+    differ.
     """
     rng = np.random.default_rng(seed)
     N, K = len(start.template), len(start.parents)
@@ -115,8 +116,8 @@ def draw_registrations(
 ) -> tuple[InMemory, Truth]:
     """Exact registrations of made-up subjects, every joint turned by up to `turn` rad.
 
-    Axes point anywhere, and angles are at least a fifth of the largest, so every joint is seen to
-    move; beyond two radians blending squeezes a surface until little can be learned there.
+    The axes are random, and angles are at least a fifth of the largest, so that every joint moves
+    visibly. Beyond two radians, blending squeezes a surface until little can be learned there.
     """
     rng = np.random.default_rng(seed)
     subject = np.repeat(np.arange(subjects), poses_each)
@@ -133,9 +134,14 @@ def draw_registrations(
 class Spoiled:
     """Registrations with noise, missing patches and outliers, the same for the same seed.
 
-    `noise` m on every coordinate; `missing`, the share of vertices that belong to a patch that
-    was not scanned (their trust is zero, their place that of the patch's middle); `outliers`, the
-    share of vertices that are `far` m off and trusted all the same.
+    Attributes:
+        of: the registrations without errors.
+        seed: of the errors.
+        noise: in metres, the standard deviation of every coordinate.
+        missing: the share of vertices in a patch that was not scanned; their confidence is zero,
+            and they are placed at the middle of the patch.
+        outliers: the share of vertices that are wrong by `far`, with a confidence of one.
+        far: in metres, how far outliers are from the truth.
     """
 
     of: Registrations
@@ -176,7 +182,7 @@ class Spoiled:
 
 
 def noisy_worms(noise: float) -> tuple[Start, Registrations]:
-    """A small set to try things on: six people in twelve poses each, noise in m."""
+    """A small training set: six people in twelve poses each, with `noise` in metres."""
     guess = worm(11, 6)
     exact, _ = draw_registrations(random_smpl(guess, 3, seed=0), 6, 12, seed=1)
     return guess, Spoiled(exact, seed=2, noise=noise)

@@ -1,4 +1,4 @@
-"""A made-up population of adults, un-posed: what the shape directions are learned from."""
+"""A synthetic population of adults at rest, from which shape directions are learned."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ class Population:
         female: (P,).
         vertices: (P, 13380, 3) m.
         joints: (P, 24, 3) m.
-        keypoints: (P, 23, 3) m.
+        keypoints: (P, M, 3) m, those that were asked for.
         masses: (P,) kg.
     """
 
@@ -40,32 +40,6 @@ class Population:
     joints: Array
     keypoints: Array
     masses: Array
-
-    @property
-    def statures(self) -> Array:
-        """From sole to crown, (P,) m."""
-        heights = self.vertices[:, :, 1]
-        spread: Array = heights.max(axis=1) - heights.min(axis=1)
-        return spread
-
-    @property
-    def body_mass_indices(self) -> Array:
-        """Mass / stature^2, (P,) kg / m^2."""
-        return self.masses / self.statures**2
-
-    def facts(self) -> dict[str, dict[str, float]]:
-        """Mean and standard deviation of stature, mass and body mass index, by gender."""
-        measures = {
-            "stature_m": self.statures,
-            "mass_kg": self.masses,
-            "bmi": self.body_mass_indices,
-        }
-        return {
-            gender: {"n": int(of.sum())}
-            | {f"{name}_mean": round(float(x[of].mean()), 3) for name, x in measures.items()}
-            | {f"{name}_std": round(float(x[of].std(ddof=1)), 3) for name, x in measures.items()}
-            for gender, of in (("female", self.female), ("male", ~self.female))
-        }
 
 
 def draw_person(rng: np.random.Generator, female: bool, thicker: Array) -> Person:
@@ -105,7 +79,7 @@ def draw_population(
 ) -> Population:
     """`n` adults, women and men in turn.
 
-    `weights` (13380, 24) un-pose them; `keypoints` (23, 19158) are read off the base mesh.
+    `weights` (13380, 24) un-pose them; `keypoints` (M, 19158) are read off the base mesh.
     """
     rng = np.random.default_rng(seed)
     people = [draw_person(rng, i % 2 == 0, targets.girth) for i in range(n)]

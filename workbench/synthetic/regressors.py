@@ -26,7 +26,7 @@ def regress(
     regressor = np.zeros((len(names), people.shape[1]))
     means = people.mean(axis=0)
     for k, opposite in enumerate(opposites(names)):
-        if opposite < k:  # its left twin came before
+        if opposite < k:  # the joint on the left has been done
             regressor[k] = regressor[opposite][mirror]
             continue
         near = _near(means, points[:, k].mean(axis=0), radius)
@@ -58,10 +58,3 @@ def _row(people: Array, points: Array, pairs: Index) -> Array:
     weights, _ = scipy.optimize.nnls(R, firm * Q[-1], maxiter=100 * len(pairs))
     scaled: Array = weights / weights.sum()
     return scaled
-
-
-def regression_errors(regressor: Array, people: Array, points: Array) -> Array:
-    """Root mean square distance of each regressed point from the true one, (M,) m."""
-    away = np.einsum("mn,pnc->pmc", regressor, people, optimize=True) - points
-    errors: Array = np.sqrt((away**2).sum(axis=2).mean(axis=0))
-    return errors

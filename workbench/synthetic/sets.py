@@ -13,7 +13,6 @@ import argparse
 import csv
 import hashlib
 import json
-from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -21,11 +20,11 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Mask
-from workbench.errors import BadFile
 from workbench.priors.mocap import read_mocap
 from workbench.priors.poses import LARGEST_ANGLE, draw_poses, shipped_mixture
 from workbench.synthetic.collapsing import collapsed
 from workbench.synthetic.ground_truth import GroundTruth
+from workbench.synthetic.population import Report
 from workbench.synthetic.regressors import regress
 from workbench.synthetic.rig import at_most_four
 from workbench.synthetic.skeleton import JOINT_NAMES, PARENTS
@@ -37,25 +36,25 @@ from workbench.training.first_guess import Start, write_start
 from workbench.training.folder import TABLE
 from workbench.writing import replacing
 
-Report = Callable[[str], None]
 CARD = "made.json"
-COUNTS = ("people", "subjects", "poses", "strangers", "others", "seed")  # options of the command
+COUNTS = ("people", "subjects", "poses", "held_out", "others", "seed")  # options of the command
 
 
 @dataclass(frozen=True)
 class SetRecipe:
-    """How many people and poses there are in the sets.
+    """How many people and poses the sets have.
 
     Attributes:
         body: the mesh, a key of `FILES`.
         people: of the multi-shape set.
         subjects: of the multi-pose set.
         poses: of each subject, and of each held-out person in poses.
-        strangers: held-out people in poses.
+        held_out: held-out people in poses.
         others: held-out people, each in one pose.
         vertices: how many of the mesh's are kept, by collapsing short edges; None for all.
-        jitter: rad on every axis of every joint, so that nobody stands twice alike.
-        stirred: rad on every axis of every joint, in every other pose, see `_stirred`.
+        jitter: in radians, the standard deviation of every joint's rotation about every axis, so
+            that no two people stand alike.
+        stirred: the same in every other pose of the multi-pose set, see `_stirred`.
         seed: of every draw.
     """
 
@@ -63,12 +62,17 @@ class SetRecipe:
     people: int = 1000
     subjects: int = 40
     poses: int = 25
-    strangers: int = 10
+    held_out: int = 10
     others: int = 100
     vertices: int | None = None
     jitter: float = 0.05
     stirred: float = 0.3
     seed: int = 2000
+
+    @property
+    def everyone(self) -> int:
+        """How many people are drawn with `seed`: all but `others`."""
+        return self.people + self.subjects + self.held_out
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,41 +101,14 @@ class Cast:
         return teacher.vertices(pose) + trans
 
 
-def already_made(folder: Path, recipe: SetRecipe, recorded: Array | None) -> bool:
-    """Whether both folders are there. Raises BadFile if they are of another recipe."""
-    cards = [folder / name / CARD for name in ("train", "held_out")]
-    if not all(card.is_file() for card in cards):
-        return False
-    for card in cards:
-        if card.read_text(encoding="utf-8", errors="replace") != _said(recipe, recorded):
-            raise BadFile(
-                f"{card} says that these sets were made otherwise; remove {folder} to make them "
-                "anew, or choose another folder"
-            )
-    return True
-
-
 def make_sets(
-    wheel: Wheel, recipe: SetRecipe, folder: Path, report: Report, recorded: Array | None = None
-) -> None:
-    """Write both folders. `recorded` are held-out poses (F, 24, 3) rad of people."""
-    make_sets_of(sources_of(wheel, recipe, report), recipe, folder, report, recorded)
-
-
-def sources_of(wheel: Wheel, recipe: SetRecipe, report: Report) -> Sources:
-    """Everyone on the base mesh: the same whichever body's mesh they will be seen on."""
-    everyone = recipe.people + recipe.subjects + recipe.strangers
-    return gather_sources(wheel, everyone, recipe.seed, report)
-
-
-def make_sets_of(
     sources: Sources,
     recipe: SetRecipe,
     folder: Path,
     report: Report,
     recorded: Array | None = None,
 ) -> None:
-    """Both folders, of people that are there already."""
+    """Write both folders. `recorded` are held-out poses (F, 24, 3) rad of people."""
     further = gather_sources(sources.wheel, recipe.others, recipe.seed + 1, report)
     topology = read_topology(sources.wheel, recipe.body, sources.mesh)
     if recipe.vertices is not None:
@@ -140,12 +117,12 @@ def make_sets_of(
     cast = _cast(sources, topology, recipe)
     rng = np.random.default_rng(recipe.seed)
     mixture = shipped_mixture()
-    drawn = draw_poses(mixture, (recipe.subjects + recipe.strangers) * recipe.poses, rng)
+    drawn = draw_poses(mixture, (recipe.subjects + recipe.held_out) * recipe.poses, rng)
     used = drawn[: recipe.subjects * recipe.poses].reshape(recipe.subjects, recipe.poses, -1, 3)
     used = _stirred(used, recipe)
     others = drawn[recipe.subjects * recipe.poses :] if recorded is None else recorded
-    chosen = rng.permutation(len(others))[: recipe.strangers * recipe.poses]
-    held = others[chosen].reshape(recipe.strangers, -1, len(PARENTS), 3)
+    chosen = rng.permutation(len(others))[: recipe.held_out * recipe.poses]
+    held = others[chosen].reshape(recipe.held_out, -1, len(PARENTS), 3)
     still = recipe.jitter * rng.standard_normal((recipe.people, 1, len(PARENTS), 3))
     first = recipe.people, recipe.people + recipe.subjects
     report("posing the multi-shape set")
@@ -156,27 +133,27 @@ def make_sets_of(
     _table(folder / "train", [("shapes", list(shapes)), ("poses", names)], cast)
     poses.save(folder / "train")
     report("posing those held out")
-    strangers = _stack(cast, first[1], held, rng, folder / "held_out" / "poses.npy")
-    names = [person + first[1] for person in strangers.subject]
+    of_held_out = _stack(cast, first[1], held, rng, folder / "held_out" / "poses.npy")
+    names = [person + first[1] for person in of_held_out.subject]
     newcomers = _others(further, cast, topology)
     still = recipe.jitter * rng.standard_normal((recipe.others, 1, len(PARENTS), 3))
     _stack(newcomers, 0, still, rng, folder / "held_out" / "shapes.npy")
     everyone = replace(cast, female=np.concatenate([cast.female, newcomers.female]))
     last = [("poses", names), ("shapes", [*range(len(cast.female), len(everyone.female))])]
     _table(folder / "held_out", last, everyone)
-    strangers.save(folder / "held_out")
+    of_held_out.save(folder / "held_out")
     start = _start(cast, recipe.people, topology)
     for name in ("train", "held_out"):
         write_start(start, folder / name / "start.npz")
         with replacing(folder / name / CARD) as temporary:
-            temporary.write_text(_said(recipe, recorded), encoding="utf-8")
+            temporary.write_text(recipe_text(recipe, recorded), encoding="utf-8")
 
 
 def _stirred(poses: Array, recipe: SetRecipe) -> Array:
     """Poses (P, n, 24, 3) rad, every other one with further turns of all joints at once.
 
-    People who are recorded hardly bend their wrists, and bend spine and neck together: what moves
-    little, or never alone, is not learned, and where its joint lies cannot be seen.
+    Recorded people hardly bend their wrists, and bend spine and neck together. From joints that
+    move little, or never alone, training learns neither the blend shapes nor where they lie.
     """
     rng = np.random.default_rng((recipe.seed, 1))
     stirred = poses.copy()
@@ -185,13 +162,14 @@ def _stirred(poses: Array, recipe: SetRecipe) -> Array:
     return np.asarray(stirred * (LARGEST_ANGLE / np.maximum(angles, LARGEST_ANGLE)))
 
 
-def _said(recipe: SetRecipe, recorded: Array | None) -> str:
+def recipe_text(recipe: SetRecipe, recorded: Array | None) -> str:
+    """The text of `made.json`, which says how sets were made."""
     poses = "draws of the mixture"
     if recorded is not None:
         digest = hashlib.sha256(np.ascontiguousarray(recorded).tobytes()).hexdigest()
         poses = f"held-out recording, SHA-256 of its poses {digest}"
-    said = {"synthetic": __doc__, "recipe": asdict(recipe), "held_out_poses": poses}
-    return json.dumps(said, indent=2) + "\n"
+    text = {"synthetic": __doc__, "recipe": asdict(recipe), "held_out_poses": poses}
+    return json.dumps(text, indent=2) + "\n"
 
 
 def _cast(sources: Sources, topology: Topology, recipe: SetRecipe) -> Cast:
@@ -261,14 +239,20 @@ def main() -> None:
     parser.add_argument("--mocap", type=Path, help="hold out real poses, of its held-out clips")
     parser.add_argument("--vertices", type=int, help="so many of the body's, and no more")
     for name in COUNTS:
-        parser.add_argument(f"--{name}", type=int, default=getattr(SetRecipe, name))
+        parser.add_argument(
+            f"--{name.replace('_', '-')}", type=int, default=getattr(SetRecipe, name)
+        )
+    former = "--strangers"  # the name of --held-out before
+    parser.add_argument(former, type=int, dest="held_out", help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     recorded = None
     if arguments.mocap:
         recorded = read_mocap(arguments.mocap).split()[1].poses
     asked = {name: getattr(arguments, name) for name in ("body", "vertices", *COUNTS)}
     recipe = replace(SetRecipe(), **asked)
-    make_sets(Wheel(arguments.wheel), recipe, arguments.out, print, recorded)
+    wheel = Wheel(arguments.wheel)
+    sources = gather_sources(wheel, recipe.everyone, recipe.seed, print)
+    make_sets(sources, recipe, arguments.out, print, recorded)
 
 
 if __name__ == "__main__":

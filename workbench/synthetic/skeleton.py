@@ -1,4 +1,4 @@
-"""The 24 joints of SMPL, and linear blend skinning on them in NumPy."""
+"""The 24 joints of SMPL, and the inverse of linear blend skinning on them, in NumPy."""
 
 import numpy as np
 
@@ -31,12 +31,10 @@ def offsets(R: Array, placed: Array, joints: Array) -> Array:
     return moved
 
 
-def blended(weights: Array, R: Array, shifts: Array) -> tuple[Array, Array]:
-    """The blended motion of each vertex: sum_k w_ik R_k (N, 3, 3) and sum_k w_ik o_k (N, 3)."""
-    return blend_matrices(weights, R), weights @ shifts
+def unskin(posed: Array, weights: Array, R: Array, shifts: Array) -> Array:
+    """The points (N, 3) m that linear blend skinning takes to `posed`: its exact inverse.
 
-
-def unskin(posed: Array, M: Array, m: Array) -> Array:
-    """The points (N, 3) m that linear blend skinning takes to `posed`: its exact inverse."""
-    rest = np.linalg.solve(M, (posed - m)[..., None])[..., 0]
-    return rest.astype(np.float64, copy=False)
+    The motion of joint k is v -> R_k v + o_k, with rotations R (24, 3, 3) and `shifts` o (24, 3) m.
+    """
+    turned = (posed - weights @ shifts)[..., None]
+    return np.asarray(np.linalg.solve(blend_matrices(weights, R), turned)[..., 0])

@@ -1,19 +1,15 @@
-"""What every embedded body is made from: the base mesh, its rig, and people on it."""
+"""The base mesh, its rig, and people on it, from which embedded bodies and sets are made."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
 from scipy.sparse import csr_array
 
 from workbench.arrays import Array
 from workbench.synthetic.base_mesh import N_BODY, BaseMesh, read_base_mesh
-from workbench.synthetic.population import Population, draw_population
+from workbench.synthetic.population import Population, Report, draw_population
 from workbench.synthetic.rig import at_most_four, read_rig
 from workbench.synthetic.shape_targets import read_shape_targets
 from workbench.synthetic.wheel import Wheel
-
-Report = Callable[[str], None]
 
 SEARCH_RADIUS = {"joints": 0.25, "keypoints": 0.15}  # m, of the vertices that may give a point
 
@@ -32,26 +28,29 @@ class Sources:
     population: Population
     weights: Array
     fine_weights: Array
-    keypoint_names: tuple[str, ...]
 
 
-def gather_sources(wheel: Wheel, people: int, seed: int, report: Report) -> Sources:
-    """Read the wheel and draw so many people."""
+def gather_sources(
+    wheel: Wheel, people: int, seed: int, report: Report, keypoints: csr_array | None = None
+) -> Sources:
+    """Read the wheel and draw so many people.
+
+    `keypoints` (M, 19158) are weighted means of base vertices that are wanted of every person.
+    """
     mesh = read_base_mesh(wheel)
     rig = read_rig(wheel, mesh)
     weights = at_most_four(rig.weights, mesh.mirror[:N_BODY])
     report("reading the shape targets")
     targets = read_shape_targets(wheel, len(mesh.vertices))
-    keypoints = wheel.tensors("keypoints/coco.pth")
     report(f"drawing and un-posing {people} adults")
     population = draw_population(
         mesh,
         rig,
         weights,
         targets,
-        csr_array(np.array([row / row.sum() for row in keypoints.values()])),
+        csr_array((0, len(mesh.vertices))) if keypoints is None else keypoints,
         n=people,
         seed=seed,
         report=report,
     )
-    return Sources(wheel, mesh, population, weights, rig.fine_weights, tuple(keypoints))
+    return Sources(wheel, mesh, population, weights, rig.fine_weights)

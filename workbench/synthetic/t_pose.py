@@ -9,7 +9,6 @@ from workbench.geometry.mirror import REFLECTION
 from workbench.synthetic.skeleton import (
     JOINT,
     N_JOINTS,
-    blended,
     joint_positions,
     offsets,
     unskin,
@@ -92,5 +91,5 @@ def to_t_pose(vertices: Array, joints: Array, knuckles: Array, weights: Array) -
     rest = joint_positions(R, joints)
     rest -= rest[0]
     back = R.transpose(0, 2, 1)
-    M, m = blended(weights, back, offsets(back, joints, rest))
-    return RestPose(unskin(vertices, M, m), rest, R)
+    shifts = offsets(back, joints, rest)
+    return RestPose(unskin(vertices, weights, back, shifts), rest, R)

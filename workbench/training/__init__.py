@@ -1,1 +1,1 @@
-"""From registrations to bodies: training a model, and the builder of the embedded ones."""
+"""From registrations to bodies: the model, the data, the plan, the blocks and the evaluation."""

@@ -11,7 +11,8 @@ together   all names at once: steps of Gauss and Newton in a trust region
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import partial
 from math import inf
 
 import numpy as np
@@ -76,16 +77,28 @@ class BlockOptions:
     pose_vertices: int = ENOUGH
 
 
-def fit_poses(
-    objective: Objective,
-    estimate: Estimate,
-    faces: Index,
-    options: BlockOptions,
-    execution: Execution = SERIAL,
-) -> BlockResult:
+@dataclass(frozen=True, eq=False)
+class BlockInput:
+    """What a block is given besides the estimate.
+
+    Attributes:
+        objective: the cost to lower, with the registrations.
+        faces: (F, 3) the triangles of the mesh.
+        options: when the block stops.
+        execution: runs the fits of poses, and reports the progress.
+    """
+
+    objective: Objective
+    faces: Index
+    options: BlockOptions = field(default_factory=BlockOptions)
+    execution: Execution = SERIAL
+
+
+def fit_poses(given: BlockInput, estimate: Estimate) -> BlockResult:
     """Fit each registration's pose to some vertices; keep it if all vertices fit worse then."""
+    objective, options = given.objective, given.options
     template = estimate.templates.mean(axis=0) if objective.template is None else objective.template
-    few = subsample(template, faces, options.pose_vertices)
+    few = subsample(template, given.faces, options.pose_vertices)
     found = fitted_poses(
         few.estimate(estimate),
         few.registrations(objective.registrations),
@@ -93,7 +106,7 @@ def fit_poses(
         VertexTerm(),
         objective.sigmas.data,
         POSE_STEPS,
-        execution,
+        given.execution,
     ).poses
     fitted = objective.by_registration(replace(estimate, poses=found))
     better = fitted < objective.by_registration(estimate)
@@ -101,35 +114,13 @@ def fit_poses(
     return BlockResult(replace(estimate, poses=poses), {"poses changed": float(better.mean())})
 
 
-def fit_surfaces(
-    objective: Objective,
-    estimate: Estimate,
-    faces: Index,
-    options: BlockOptions,
-    execution: Execution = SERIAL,
-) -> BlockResult:
-    """Fit templates, pose blend shapes and joints, in which the cost is quadratic."""
-    return _linear(objective, estimate, options, SURFACES)
+def fit_linear(names: tuple[str, ...], given: BlockInput, estimate: Estimate) -> BlockResult:
+    """Fit templates, joints and maybe pose blend shapes, in which the cost is quadratic.
 
-
-def fit_rest(
-    objective: Objective,
-    estimate: Estimate,
-    faces: Index,
-    options: BlockOptions,
-    execution: Execution = SERIAL,
-) -> BlockResult:
-    """Fit templates and joints alone.
-
-    While poses are rough, blend shapes would learn the errors of the poses, and then keep the
-    poses wrong for many rounds.
+    While poses are rough, blend shapes are left out: they would learn the errors of the poses,
+    and then keep the poses wrong for many rounds.
     """
-    return _linear(objective, estimate, options, REST)
-
-
-def _linear(
-    objective: Objective, estimate: Estimate, options: BlockOptions, names: tuple[str, ...]
-) -> BlockResult:
+    objective, options = given.objective, given.options
     equations = NormalEquations(objective, estimate, names)
     step = solve(
         equations.product,
@@ -145,14 +136,9 @@ def _linear(
     return BlockResult(moved, facts)
 
 
-def fit_regressor(
-    objective: Objective,
-    estimate: Estimate,
-    faces: Index,
-    options: BlockOptions,
-    execution: Execution = SERIAL,
-) -> BlockResult:
+def fit_regressor(given: BlockInput, estimate: Estimate) -> BlockResult:
     """Fit the joint regressor; from here on E_J compares joints with it, not with their rings."""
+    objective = given.objective
     found = fit_joint_regressor(estimate.templates, estimate.joints, objective.rings)
     kept = replace(estimate, regressor=found.matrix)
     if objective.cost(kept) > objective.cost(estimate):  # rings may reach farther than it does
@@ -160,17 +146,12 @@ def fit_regressor(
     return BlockResult(kept, {"kkt": found.kkt})
 
 
-def fit_weights(
-    objective: Objective,
-    estimate: Estimate,
-    faces: Index,
-    options: BlockOptions,
-    execution: Execution = SERIAL,
-) -> BlockResult:
+def fit_weights(given: BlockInput, estimate: Estimate) -> BlockResult:
     """Each vertex's weights, exactly, as many above zero as the options allow.
 
     `kkt` is the worst residual of the conditions.
     """
+    objective, options = given.objective, given.options
     grams, rights = weight_grams(objective, estimate)
     precision = objective.sigmas.weights**-2
     grams += precision * np.eye(grams.shape[1])
@@ -182,56 +163,26 @@ def fit_weights(
     return BlockResult(replace(estimate, weights=weights), {"kkt": worst})
 
 
-def cut_weights(
-    objective: Objective,
-    estimate: Estimate,
-    faces: Index,
-    options: BlockOptions,
-    execution: Execution = SERIAL,
-) -> BlockResult:
+def cut_weights(given: BlockInput, estimate: Estimate) -> BlockResult:
     """Keep only the largest weights of each vertex; only this block may raise the cost.
 
     From here on fewer weights are allowed than before. On noiseless data the others are zero by
     then, and nothing changes.
     """
-    weights = at_most(estimate.weights, options.most_weights)
+    weights = at_most(estimate.weights, given.options.most_weights)
     change = float(np.abs(weights - estimate.weights).max())
     return BlockResult(replace(estimate, weights=weights), {"largest change": change})
 
 
-def fit_together(
-    objective: Objective,
-    estimate: Estimate,
-    faces: Index,
-    options: BlockOptions,
-    execution: Execution = SERIAL,
+def fit_in_trust_region(
+    names: tuple[str, ...], given: BlockInput, estimate: Estimate
 ) -> BlockResult:
-    """Fit all names at once, in a few steps within a trust region.
+    """Fit several names at once, poses among them, in a few steps within a trust region.
 
     Alternation needs thousands of rounds to undo a twist of all poses for which the pose blend
-    shapes compensate; this block needs a few steps. Weights remain shares.
+    shapes compensate; these steps need a few. Weights remain shares.
     """
-    return _in_trust_region(objective, estimate, options, NAMES, execution)
-
-
-def fit_people(
-    objective: Objective,
-    estimate: Estimate,
-    faces: Index,
-    options: BlockOptions,
-    execution: Execution = SERIAL,
-) -> BlockResult:
-    """Fit templates, joints and poses at once, as `together` does; all else is held."""
-    return _in_trust_region(objective, estimate, options, PEOPLE, execution)
-
-
-def _in_trust_region(
-    objective: Objective,
-    estimate: Estimate,
-    options: BlockOptions,
-    names: tuple[str, ...],
-    execution: Execution,
-) -> BlockResult:
+    objective, options = given.objective, given.options
     cost, radius, longest = objective.cost(estimate), inf, 0.0
     facts = {"steps": 0.0, "products": 0.0}
     while facts["steps"] < options.together_steps and not _near(objective, estimate, options):
@@ -266,7 +217,7 @@ def _in_trust_region(
                 return BlockResult(estimate, facts)
         estimate, cost = moved, cost - fall
         facts["steps"] += 1
-        execution.finished(int(facts["steps"]), options.together_steps)
+        given.execution.finished(int(facts["steps"]), options.together_steps)
         if fall < options.together_stop * cost:
             break
     return BlockResult(estimate, facts)
@@ -282,15 +233,15 @@ def _as_shares(weights: Array) -> Array:
     return np.asarray(kept / kept.sum(axis=1, keepdims=True))
 
 
-Block = Callable[[Objective, Estimate, Index, BlockOptions, Execution], BlockResult]
+Block = Callable[[BlockInput, Estimate], BlockResult]
 BLOCKS: dict[str, Block] = {
     "poses": fit_poses,
-    "rest": fit_rest,
-    "surfaces": fit_surfaces,
+    "rest": partial(fit_linear, REST),
+    "surfaces": partial(fit_linear, SURFACES),
     "regressor": fit_regressor,
     "weights": fit_weights,
     "cut": cut_weights,
-    "people": fit_people,
-    "together": fit_together,
+    "people": partial(fit_in_trust_region, PEOPLE),
+    "together": partial(fit_in_trust_region, NAMES),
 }
 MAY_RISE = ("cut",)  # blocks that may raise the cost

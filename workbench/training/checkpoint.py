@@ -24,7 +24,7 @@ from workbench.training.registrations import FARTHEST, Registrations, batches
 from workbench.writing import replacing
 
 VERSION = "2:"  # of fingerprints
-FILE, FACTS = "checkpoint.npz", "said"
+FILE, FACTS = "checkpoint.npz", "said"  # the entry keeps its first name: old files are read
 SHARES = ("weights", "regressor")  # the arrays whose rows sum to one
 REMOVE = "remove it to start anew, or choose another folder"
 
@@ -45,12 +45,12 @@ class Checkpoint:
 
     def save(self, folder: Path) -> None:
         """Write the file in `folder`, completely or not at all."""
-        said = {
+        stored = {
             "fingerprint": self.fingerprint,
             "parents": list(self.estimate.parents),
             "log": [asdict(entry) for entry in self.log],
         }
-        arrays: dict[str, Any] = {FACTS: np.array(json.dumps(said)), **self.estimate.arrays()}
+        arrays: dict[str, Any] = {FACTS: np.array(json.dumps(stored)), **self.estimate.arrays()}
         with replacing(folder / FILE) as temporary, temporary.open("wb") as file:
             np.savez(file, **arrays)
 
@@ -68,16 +68,16 @@ def read_checkpoint(
     if not path.exists():
         return None
     with taken_for(path, "checkpoint of this training", REMOVE), open_arrays(path) as archive:
-        said = facts_in(read_expected(archive, {FACTS: texts()})[FACTS])
-        if (told := said.text("fingerprint")) != fingerprint:
+        stored = facts_in(read_expected(archive, {FACTS: texts()})[FACTS])
+        if (digest := stored.text("fingerprint")) != fingerprint:
             raise BadFile(
                 "it is of other registrations, another start or another plan"
-                if told.startswith(VERSION)
+                if digest.startswith(VERSION)
                 else "another version of the workbench wrote it, which cannot be continued"
             )
-        if said.several("parents", lambda parent, _: parent) != first.parents:
-            raise BadFile(f"its tree has the parents {shown(said.entries['parents'])}")
-        log = said.several("log", _entry)
+        if stored.several("parents", lambda parent, _: parent) != first.parents:
+            raise BadFile(f"its tree has the parents {shown(stored.entries['parents'])}")
+        log = stored.several("log", _entry)
         if [entry.block for entry in log] != list(blocks[: len(log)]):
             raise BadFile("its log tells of other blocks than the plan's")
         expected = {name: doubles(*array.shape) for name, array in first.arrays().items()}
@@ -100,13 +100,13 @@ def read_checkpoint(
 
 def _entry(given: object, name: str) -> LogEntry:
     """An entry of the log. Raises BadFile if it is none."""
-    told = facts(given, name)
+    entry = facts(given, name)
     found = LogEntry(
-        block=told.text("block"),
-        before=told.named("before", amount),
-        after=told.named("after", amount),
-        facts=told.named("facts", number),
-        seconds=told.amount("seconds"),
+        block=entry.text("block"),
+        before=entry.named("before", amount),
+        after=entry.named("after", amount),
+        facts=entry.named("facts", number),
+        seconds=entry.amount("seconds"),
     )
     if found.before.keys() != found.after.keys():
         raise BadFile(f"{name} has costs {listed(found.before)}, and later {listed(found.after)}")

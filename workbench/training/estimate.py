@@ -16,7 +16,7 @@ NAMES = ("templates", "posedirs", "joints", "poses", "weights")
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """What training looks for: S subjects in J registrations of N vertices on K joints.
+    """The unknowns of training: S subjects in J registrations of N vertices on K joints.
 
     There are F = 9 (K - 1) pose features.
 
@@ -96,10 +96,6 @@ class Sigmas:
     def lambdas(self) -> dict[str, float]:
         """The weights of the lectures, by term."""
         return {name: (self.data / getattr(self, name)) ** 2 for name in TERMS}
-
-    def loosened(self, factor: float) -> "Sigmas":
-        """Every sigma but the data's multiplied by a factor."""
-        return replace(self, **{name: factor * getattr(self, name) for name in TERMS})
 
 
 TERMS = tuple(f.name for f in fields(Sigmas) if f.name != "data")

@@ -14,7 +14,7 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
 from workbench.geometry.mirror import Mirror, opposites
-from workbench.training.blocks import BLOCKS, BlockOptions
+from workbench.training.blocks import BLOCKS, BlockInput, BlockOptions
 from workbench.training.estimate import Estimate, Sigmas
 from workbench.training.executor import SERIAL, Execution
 from workbench.training.first_guess import Start
@@ -133,8 +133,9 @@ def evaluate_held_out(
 
     def after(some: Registrations, estimate: Estimate, blocks: tuple[str, ...]) -> Estimate:
         objective = Objective(some, R, body.weights, mirror, sigmas, body.template)
+        given = BlockInput(objective, body.faces, options, execution)
         for name in blocks:
-            estimate = BLOCKS[name](objective, estimate, body.faces, options, execution).estimate
+            estimate = BLOCKS[name](given, estimate).estimate
         return estimate
 
     templates = after(shape_set, first_of(shape_set), ("rest", "poses", "people")).templates
@@ -184,7 +185,7 @@ def held_out_errors(
     errors, without = found.errors, evaluate_held_out(rigid, registrations, execution).errors
     return {
         "registrations": len(errors.distances),
-        "strangers": len(found.templates),
+        "people_in_poses": len(found.templates),
         "mean_mm": millimetres(errors.mean),
         "rms_mm": millimetres(errors.rms),
         "mean_without_posedirs_mm": millimetres(without.mean),

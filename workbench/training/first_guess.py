@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -187,13 +187,9 @@ def read_start(name: str | Path) -> Start:
         return Start.of(load_skinned(path))
     with taken_for(path, *what):
         try:
-            return Start(
-                arrays["template"],
-                arrays["faces"],
-                tuple(arrays["parents"].tolist()),
-                tuple(map(str, arrays["joint_names"])),
-                arrays["segmentation"],
-            )
+            parents = tuple(arrays.pop("parents").tolist())
+            names = tuple(map(str, arrays.pop("joint_names")))
+            return Start(parents=parents, joint_names=names, **arrays)
         except BadBody as error:
             raise BadFile(str(error)) from error
 
@@ -201,11 +197,5 @@ def read_start(name: str | Path) -> Start:
 def write_start(start: Start, path: Path) -> None:
     """Write a start as an .npz that `read_start` reads."""
     with replacing(path) as temporary, temporary.open("wb") as file:
-        np.savez_compressed(
-            file,
-            template=start.template,
-            faces=start.faces,
-            parents=np.array(start.parents),
-            joint_names=np.array(start.joint_names),
-            segmentation=start.segmentation,
-        )
+        arrays: dict[str, Any] = {name: np.asarray(getattr(start, name)) for name in EXPECTED}
+        np.savez_compressed(file, **arrays)

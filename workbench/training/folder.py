@@ -37,7 +37,7 @@ GENDERS, SETS = ("female", "male", "neutral"), ("poses", "shapes")
 LARGEST, SMALLEST = 10.0, 0.02  # m across: larger or smaller bodies are in another unit
 UNLIKE = 3.0  # how many times larger or smaller than most others a mesh may be
 COLUMNS = ("file", "subject", "gender", "set")
-MOST_TOLD = 10  # bad files in one message
+MOST_LISTED = 10  # bad files in one message
 LONGEST = 300  # letters of a file's or a subject's name: file systems take 255
 
 
@@ -172,10 +172,10 @@ def open_folder(folder: Path, n_vertices: int, faces: Index) -> FolderRegistrati
         volumes[i] = volume(vertices, faces)
     bad += list(_out_of_size(rows, sizes)) + list(_mirrored(rows, volumes))
     if bad:
-        more = f"\nand {len(bad) - MOST_TOLD} more" if len(bad) > MOST_TOLD else ""
-        told = "\n".join(f"  {text}" for text in bad[:MOST_TOLD])
+        more = f"\nand {len(bad) - MOST_LISTED} more" if len(bad) > MOST_LISTED else ""
+        first = "\n".join(f"  {text}" for text in bad[:MOST_LISTED])
         raise BadFile(
-            f"{len(bad)} of {len(rows)} registrations in {folder} cannot be used:\n{told}{more}"
+            f"{len(bad)} of {len(rows)} registrations in {folder} cannot be used:\n{first}{more}"
         )
     return found
 
@@ -236,13 +236,13 @@ def _row(path: Path, number: int, line: dict[str, str | None]) -> Row:
     where = f"{path}, line {number}"
     if None in line:
         raise BadFile(f"{where} has more cells than the table has columns")
-    said = {k: (v or "").strip() for k, v in line.items() if k in ("file", "subject")}
-    if not all(said.values()):
+    given = {k: (v or "").strip() for k, v in line.items() if k in ("file", "subject")}
+    if not all(given.values()):
         raise BadFile(f"{where}: file and subject must not be empty")
-    for name, told in said.items():
-        if len(told) > LONGEST:
-            raise BadFile(f"{where}: {name} has over {LONGEST} letters: {shown(told)}")
-    row = Row(**said)
+    for name, text in given.items():
+        if len(text) > LONGEST:
+            raise BadFile(f"{where}: {name} has over {LONGEST} letters: {shown(text)}")
+    row = Row(**given)
     for name, known in (("gender", GENDERS), ("set", SETS)):
         value = (line.get(name) or "").strip().lower() or getattr(row, name)
         if value not in known:

@@ -8,7 +8,7 @@ from workbench.training.progress import Progress
 
 @dataclass(frozen=True)
 class BlockLines:
-    """A report that gives a line about each block that has ended to a function."""
+    """A report that calls a function with a line of text when a block has ended."""
 
     print_line: Callable[[str], object]
 
@@ -21,4 +21,4 @@ class BlockLines:
         )
 
     def part(self, doing: str, done: int, of: int) -> None:
-        """Do nothing: only whole blocks are reported."""
+        """Do nothing, because only whole blocks are reported."""

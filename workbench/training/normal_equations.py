@@ -6,7 +6,6 @@ vertices times registrations. A product needs one piece of the registrations at 
 """
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property, partial
 
@@ -18,7 +17,7 @@ from workbench.bodies.forward.posing import crossed
 from workbench.training.estimate import Change, Estimate
 from workbench.training.locality import MaskedCholesky
 from workbench.training.objective import Objective, centred
-from workbench.training.registrations import Batch, halves, pieces
+from workbench.training.registrations import Batch, over_halves, pieces
 from workbench.training.skinning_pass import SkinningPass
 from workbench.training.weight_grams import weight_grams
 
@@ -55,8 +54,7 @@ class NormalEquations:
                 passed.adjoint(pull, data)
             return data
 
-        with ThreadPoolExecutor() as threads:
-            data = list(threads.map(of_data, halves(pieces(self.objective.registrations))))
+        data = over_halves(of_data, pieces(self.objective.registrations))
         return self._sum(found, data)
 
     def product(self, change: Change) -> Change:
@@ -70,8 +68,7 @@ class NormalEquations:
                 passed.adjoint(batch.confidence[..., None] * moved, data)
             return data
 
-        with ThreadPoolExecutor() as threads:
-            data = list(threads.map(of_data, halves(self._passes)))
+        data = over_halves(of_data, self._passes)
         return self._sum(self.objective.prior_curvature(self.estimate, change), data)
 
     def _passed(self, some: slice) -> Passed:
@@ -255,8 +252,7 @@ class NormalEquations:
                     rows = turns.transpose(0, 2, 1, 3).reshape(-1, 3 * K)
                     blocks[at] = rows.T @ (np.repeat(batch.confidence[j], 3)[:, None] * rows)
 
-        with ThreadPoolExecutor() as threads:
-            list(threads.map(fill, halves(pieces(self.objective.registrations))))
+        over_halves(fill, pieces(self.objective.registrations))
         return _inverses(blocks / self.objective.sigmas.data**2)
 
     @cached_property

@@ -1,14 +1,13 @@
 """The cost of training: E_D + E_Y + E_J + E_P + E_W + E_T, each half a sum of whitened squares.
 
 E_T is not in the lectures. It keeps the subjects' templates near the first template. Without it
-nothing says which pose is the zero pose, and each subject finds one of its own that is bent
-towards the poses in which it was scanned.
+the zero pose is not determined: each subject would find its own, bent towards the poses in which
+it was scanned.
 
 The translation of each registration is always the one that makes E_D least.
 """
 
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from math import inf
 
@@ -18,7 +17,7 @@ from scipy.sparse import csr_array
 from workbench.arrays import Array, Mask
 from workbench.geometry.mirror import REFLECTION, Mirror
 from workbench.training.estimate import Change, Estimate, Sigmas
-from workbench.training.registrations import Batch, Registrations, halves, pieces
+from workbench.training.registrations import Batch, Registrations, over_halves, pieces
 from workbench.training.skinning_pass import SkinningPass
 
 
@@ -83,8 +82,7 @@ class Objective:
             for passed, pull, residual in self.residuals(estimate, some):
                 found[passed.some] = np.einsum("jna,jna->j", pull, residual)
 
-        with ThreadPoolExecutor() as threads:
-            list(threads.map(fill, halves(pieces(self.registrations))))
+        over_halves(fill, pieces(self.registrations))
         return 0.5 * found / self.sigmas.data**2
 
     def residuals(

@@ -5,17 +5,13 @@ from math import inf
 
 from workbench.training.blocks import BlockOptions
 from workbench.training.estimate import Sigmas
-from workbench.training.first_guess import MOST_WEIGHTS
 
 NO_LIMIT = 10**6
 # For registrations with noise: digits that the next block changes are not worth their passes.
 QUICK = BlockOptions(linear_tolerance=1e-4, together_tolerance=0.1, together_steps=3, products=40)
 ROUND = ("regressor", "surfaces", "poses")
-FREE_ROUND = ("surfaces", "weights", "poses")
 REACH = 2  # bones between a vertex and the farthest joint that its blend shapes follow
 ROUGH, TIED = 2.5, 0.2  # factors on the sigma of E_D at first, and on that of E_J later
-TO_THE_END = 3000  # products in a step: directions that hardly change the data need that many
-EXACT = 1e-9  # m, rms of E_D: a thousandth of the accuracy that the model should have
 
 
 @dataclass(frozen=True)
@@ -81,22 +77,6 @@ def alternation(sigmas: Sigmas | None = None, rounds: int = 2, reach: int | None
         ),
         reach,
     )
-
-
-def annealed(sigmas: Sigmas, factors: tuple[float, ...] = (1.0, 10.0, 1e2, 1e3, inf)) -> Plan:
-    """A plan for registrations without noise, which switches every term but E_D off step by step.
-
-    Each lambda falls with the square of its factor; the last stage fits the data alone. Only
-    there the number of weights of a vertex is limited, because by then it is clear which of them
-    are zero. Only the last steps are solved to the end: joints that move few vertices are found
-    last.
-    """
-    free = BlockOptions(together_tolerance=1e-3, together_steps=12, most_weights=NO_LIMIT)
-    first = Stage(sigmas, FREE_ROUND, 3, free)
-    rest = [Stage(sigmas.loosened(f), ("weights", "together"), options=free) for f in factors]
-    limited = replace(free, most_weights=MOST_WEIGHTS, products=TO_THE_END, enough=EXACT)
-    last = Stage(sigmas.loosened(inf), ("cut", "weights", "together"), options=limited)
-    return Plan((first, *rest, last))
 
 
 def without(sigmas: Sigmas, *terms: str) -> Sigmas:

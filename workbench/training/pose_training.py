@@ -18,7 +18,7 @@ from workbench.arrays import Array
 from workbench.errors import BadFile, WorkbenchError
 from workbench.geometry.mirror import Mirror
 from workbench.threads import limited_threads
-from workbench.training.blocks import BLOCKS, MAY_RISE
+from workbench.training.blocks import BLOCKS, MAY_RISE, BlockInput
 from workbench.training.checkpoint import Checkpoint, fingerprint, read_checkpoint
 from workbench.training.estimate import Estimate
 from workbench.training.executor import SERIAL, Execution
@@ -134,8 +134,8 @@ def _after_block(
 ) -> Checkpoint:
     began = time.perf_counter()
     before = objective.costs(at.estimate)
-    execution = replace(execution, task=block)
-    found = BLOCKS[block](objective, at.estimate, start.faces, stage.options, execution)
+    given = BlockInput(objective, start.faces, stage.options, replace(execution, task=block))
+    found = BLOCKS[block](given, at.estimate)
     after = objective.costs(found.estimate)
     total, was = sum(after.values()), sum(before.values())
     lowered = total <= was + ROUNDING * (1 + was) or block in MAY_RISE

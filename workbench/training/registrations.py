@@ -1,6 +1,7 @@
 """Registrations: meshes of one topology, of people in poses, read a few at a time."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Protocol, TypeVar
 
@@ -10,10 +11,11 @@ from workbench.arrays import Array, Index
 from workbench.errors import BadArgument
 
 Item = TypeVar("Item")
+Sum = TypeVar("Sum")
 FARTHEST = 1e6  # m: larger numbers are no metres, and sums of their powers may overflow
 HELD_BYTES, HELD_EACH = 2**29, 32  # bytes of registrations kept in memory; bytes per vertex
 FEWEST = 64  # registrations in a piece: each piece reads and writes all posedirs once
-HELD_BACK = 5  # one subject in so many is held back, and at least one
+HELD_OUT = 5  # one subject in so many is held out, and at least one
 PIECE_BYTES = 2**23  # of a piece's largest array, (c, N, 3, 3): what a pass keeps in memory
 
 
@@ -153,7 +155,7 @@ def training_and_held_out(subject: Index) -> tuple[Index, Index]:
     if len(who) == 1:
         group = np.arange(len(subject))
     n = int(group.max()) + 1
-    held_out = group >= n - max(1, n // HELD_BACK)
+    held_out = group >= n - max(1, n // HELD_OUT)
     return np.flatnonzero(~held_out), np.flatnonzero(held_out)
 
 
@@ -193,6 +195,12 @@ def halves(items: Sequence[Item]) -> list[Sequence[Item]]:
     """
     middle = len(items) // 2
     return [items[:middle], items[middle:]] if middle else [items]
+
+
+def over_halves(work: Callable[[Sequence[Item]], Sum], items: Sequence[Item]) -> list[Sum]:
+    """What some work makes of each half of the items, on two threads."""
+    with ThreadPoolExecutor() as threads:
+        return list(threads.map(work, halves(items)))
 
 
 def _joined(read: Iterator[Batch]) -> Batch:

@@ -177,25 +177,6 @@ def learn_shapes(
     return ShapeModel(space, people, poses)
 
 
-def unposed_at(
-    body: SkinnedBody, registrations: Registrations, poses: Array, execution: Execution = SERIAL
-) -> Array:
-    """People (P, N, 3) m about their root joints, un-posed from known poses (P, K, 3) rad.
-
-    Every vertex must have been scanned.
-    """
-    jobs = unposing_jobs(registrations, poses)
-    people = np.concatenate(list(execution.executor(partial(_unposed, body), jobs)))
-    return about_root(people, body.J_regressor)
-
-
-def _unposed(body: SkinnedBody, job: UnposingJob) -> Array:
-    batch, poses = job
-    assert poses is not None  # they are known
-    each = zip(poses, batch.vertices, strict=True)
-    return np.stack([unpose(body, pose, V).vertices for pose, V in each])
-
-
 def start_shape(model: PoseModel, start: Start, n_betas: int) -> tuple[SkinnedBody, JointRegressor]:
     """The body whose shape directions are those of the multi-pose subjects, and its regressor."""
     regressor = regressor_of(model)

@@ -1,6 +1,8 @@
 """Linear blend skinning of a few registrations, its derivative and the adjoint of that."""
 
 from dataclasses import dataclass
+from functools import reduce
+from operator import add
 
 import numpy as np
 
@@ -63,37 +65,34 @@ class SkinningPass:
 
     def tangent(self, change: Change) -> Array:
         """How the points move with a small change of the estimate, (c, N, 3) m."""
-        rest, shifts, blended, subtree_weights = (None,) * 4
+        rest: list[Array] = []
+        shifts: list[Array] = []
+        blended: list[Array] = []
         if "templates" in change:
-            rest = change["templates"][self.subject]
+            rest.append(change["templates"][self.subject])
         if "posedirs" in change:
-            more = bent(change["posedirs"], self.features)
-            rest = more if rest is None else rest + more
+            rest.append(bent(change["posedirs"], self.features))
         if "joints" in change:
-            shifts = (self.posing.levers @ change["joints"][self.subject][..., None])[..., 0]
+            shifts.append(_each(self.posing.levers, change["joints"][self.subject]))
         if "poses" in change:
             d_world, d_local = self.posing.turning(change["poses"][self.some])
-            blended = blend_matrices(self.estimate.weights, d_world)
+            blended.append(blend_matrices(self.estimate.weights, d_world))
             d_levers = -d_world
             d_levers[:, 1:] += d_world[:, list(self.estimate.parents[1:])]
-            more = (d_levers @ self.estimate.joints[self.subject][..., None])[..., 0]
-            shifts = more if shifts is None else shifts + more
+            shifts.append(_each(d_levers, self.estimate.joints[self.subject]))
             d_features = d_local[:, 1:].reshape(len(d_local), -1)
-            more = bent(self.estimate.posedirs, d_features)
-            rest = more if rest is None else rest + more
+            rest.append(bent(self.estimate.posedirs, d_features))
         if "weights" in change:
-            more = blend_matrices(change["weights"], self.posing.world)
-            blended = more if blended is None else blended + more
-            subtree_weights = change["weights"] @ ancestors(self.estimate.parents)
+            blended.append(blend_matrices(change["weights"], self.posing.world))
         moved = np.zeros((len(self.subject), len(self.estimate.weights), 3))
-        if rest is not None:
-            moved += _apply(self.blended, rest)
-        if blended is not None:
-            moved += _apply(blended, self.rest)
-        if shifts is not None:
-            moved += self.estimate.subtree_weights @ shifts
-        if subtree_weights is not None:
-            moved += subtree_weights @ self.shifts
+        if rest:
+            moved += _apply(self.blended, reduce(add, rest))
+        if blended:
+            moved += _apply(reduce(add, blended), self.rest)
+        if shifts:
+            moved += self.estimate.subtree_weights @ reduce(add, shifts)
+        if "weights" in change:
+            moved += change["weights"] @ ancestors(self.estimate.parents) @ self.shifts
         return moved
 
     def adjoint(self, pull: Array, into: Change) -> None:
@@ -110,7 +109,7 @@ class SkinningPass:
         if names & {"joints", "poses"}:
             on_shifts = self.estimate.subtree_weights.T @ pull  # (c, K, 3)
         if "joints" in into:
-            on_joints = (self.posing.levers.swapaxes(-1, -2) @ on_shifts[..., None])[..., 0]
+            on_joints = _each(self.posing.levers.swapaxes(-1, -2), on_shifts)
             np.add.at(into["joints"], self.subject, on_joints)
         if names & {"poses", "weights"}:
             outer = (pull[..., :, None] * self.rest[..., None, :]).reshape(c, -1, 9)
@@ -149,7 +148,7 @@ class SkinningPass:
         A = ancestors(self.estimate.parents)
         offsets = A @ self.shifts  # of the binding motions
         posed = self.by_each() * self.estimate.weights[..., None]
-        at = (self.posing.world @ self.estimate.joints[self.subject][..., None])[..., 0] + offsets
+        at = _each(self.posing.world, self.estimate.joints[self.subject]) + offsets
         below = np.einsum("km,jnka->jnma", A, posed, optimize=True)
         return np.asarray(below - self.estimate.subtree_weights[..., None] * at[:, None])
 
@@ -169,6 +168,11 @@ def bent(posedirs: Array, features: Array) -> Array:
     """P f, (c, N, 3) m, of posedirs (N, 3, F) and features (c, F)."""
     N = len(posedirs)
     return np.asarray(features @ posedirs.reshape(3 * N, -1).T).reshape(-1, N, 3)
+
+
+def _each(matrices: Array, vectors: Array) -> Array:
+    """Matrices (..., 3, 3), each times its vector (..., 3), by matrix products."""
+    return np.asarray((matrices @ vectors[..., None])[..., 0])
 
 
 def _apply(matrices: Array, points: Array) -> Array:

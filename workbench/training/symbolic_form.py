@@ -125,19 +125,10 @@ class SymbolicTraining:
             pose, betas, trans = self.subjects[person].blocks(f"scan {j}/")
             found[pose.name] = estimate.poses[j]
             found[betas.name] = np.zeros(0)
-            there = self._body(estimate, int(person)).vertices(estimate.poses[j])
+            there = self.subjects[person].with_values(found).vertices(estimate.poses[j])
             trusted = batch.confidence[j]
             found[trans.name] = np.average(batch.vertices[j] - there, axis=0, weights=trusted)
         return found
-
-    def _body(self, estimate: Estimate, person: int) -> SkinnedBody:
-        at = {
-            "posedirs": estimate.posedirs,
-            "weights": estimate.weights,
-            f"subject {person}/template": estimate.templates[person],
-            f"subject {person}/joints": estimate.joints[person],
-        }
-        return self.subjects[person].with_values(at)
 
     def _data(self) -> Iterable[Residual]:
         """E_D: the registrations against the posed bodies of their subjects."""

@@ -84,7 +84,7 @@ def card_of(
     registrations = model.objective.registrations
     estimate, sigmas = model.estimate, model.objective.sigmas
     worst = max([regressor.kkt, *(e.facts["kkt"] for e in model.log if "kkt" in e.facts)])
-    said: dict[str, Any] = {
+    card: dict[str, Any] = {
         "trained_on": {
             "registrations": len(registrations.subject),
             "subjects": len(estimate.templates),
@@ -101,5 +101,5 @@ def card_of(
     }
     if shapes is not None:
         cumulative = np.cumsum(shapes.space.explained)
-        said["explained_variance_cumulative"] = [round(float(x), 5) for x in cumulative]
-    return said
+        card["explained_variance_cumulative"] = [round(float(x), 5) for x in cumulative]
+    return card

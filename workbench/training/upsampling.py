@@ -93,10 +93,12 @@ def train_coarse_first(
 
 
 def finishing(last: Stage | None = None, reach: int | None = None) -> Plan:
-    """For an estimate that was carried over: what every vertex is needed for, and poses once.
+    """The plan for an estimate that was interpolated from a coarser mesh.
 
-    Under the sigmas and with the options of `last`, or of the end of `alternation`, but poses from
-    every vertex: a finer mesh is finer in places, as at execution, which then count for more.
+    It runs the blocks that need every vertex, and fits the poses once. Sigmas and options are
+    those of `last`, or of the last stage of `alternation`; but poses are fitted to every vertex,
+    because a finer mesh has more vertices in some places, such as the hands, which then count for
+    more.
     """
     blocks = ("surfaces", "weights", "regressor", "poses", "surfaces")
     stage = alternation().stages[-1] if last is None else last

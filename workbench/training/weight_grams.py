@@ -1,14 +1,13 @@
 """The least-squares problem of each vertex's weights, everything else being held."""
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
 from workbench.arrays import Array
 from workbench.training.estimate import Estimate
 from workbench.training.objective import Objective, centred
-from workbench.training.registrations import halves, pieces
+from workbench.training.registrations import over_halves, pieces
 from workbench.training.skinning_pass import SkinningPass
 
 
@@ -33,8 +32,7 @@ def weight_grams(objective: Objective, estimate: Estimate) -> tuple[Array, Array
             rights += np.einsum("jnka,jna->nk", trusted, batch.vertices - trans[:, None])
         return grams, rights
 
-    with ThreadPoolExecutor() as threads:
-        found = list(threads.map(sums, halves(pieces(objective.registrations))))
+    found = over_halves(sums, pieces(objective.registrations))
     grams, rights = (np.sum([one[part] for one in found], axis=0) for part in (0, 1))
     scale = objective.sigmas.data**-2
     return scale * grams, scale * rights

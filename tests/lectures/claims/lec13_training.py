@@ -44,7 +44,7 @@ def regression(run: Run, name: str) -> list[float]:
 
 def turn_about_the_tube(run: Run) -> float:
     """How well some null direction turns the template about its axis: what is missed, a share."""
-    here, problem = run["here"], run["form"].problem
+    here, problem = run["here"], run["problem"]
     null = here.svd[2][here.rank :]
     template = problem.free.slices["template"]
     turn = np.cross([1.0, 0.0, 0.0], run["values"]["template"]).ravel()

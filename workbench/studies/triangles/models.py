@@ -10,9 +10,8 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.studies.pages import Report
 from workbench.studies.triangles.people import TriangleData
-from workbench.training.blocks import BLOCKS
+from workbench.training.blocks import BLOCKS, BlockInput
 from workbench.training.estimate import Estimate, Sigmas
-from workbench.training.executor import SERIAL
 from workbench.training.lines import BlockLines
 from workbench.training.objective import Objective
 from workbench.training.plan import QUICK, REACH, Plan, alternation
@@ -145,10 +144,12 @@ def choose_sigma(data: TriangleData, options: TrainingOptions) -> Selection:
     left = []
     for sigma in options.sigmas:
         objective, estimate = _some(first, posed, kept, sigma)
-        learned = BLOCKS["surfaces"](objective, estimate, start.faces, QUICK, SERIAL).estimate
+        given = BlockInput(objective, start.faces, QUICK)
+        learned = BLOCKS["surfaces"](given, estimate).estimate
         objective, estimate = _some(first, posed, back, sigma)
         bent = replace(estimate, posedirs=learned.posedirs)
-        found = BLOCKS["poses"](objective, bent, start.faces, QUICK, SERIAL).estimate
+        given = BlockInput(objective, start.faces, QUICK)
+        found = BLOCKS["poses"](given, bent).estimate
         left.append(_mm(objective, found))
     return Selection(options.sigmas, tuple(left))
 

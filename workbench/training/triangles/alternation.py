@@ -1,8 +1,8 @@
 """SCAPE and BlendSCAPE from registrations whose poses are not known.
 
-It begins with what SMPL's training found in the same registrations. The weights and the joint
-regressor stay; everybody's pose and each subject's rest shape are found anew, in blocks that hold
-everything else:
+It begins with the result of SMPL's training on the same registrations. Skinning weights and joint
+regressor stay as they are; everybody's pose and each subject's rest shape are found anew, in
+blocks, each of which holds everything else fixed:
 
 shapes   the poses of the multi-shape set, whose people are un-posed triangle by triangle; then
          the mean and the principal directions of their deformation gradients, S
@@ -56,7 +56,7 @@ QUICK = TriangleOptions()
 
 @dataclass(frozen=True, eq=False)
 class TriangleEstimate:
-    """What the alternation looks for.
+    """The unknowns of the alternation.
 
     Attributes:
         body: the triangle body, with the template and shape directions of everybody.
@@ -72,7 +72,7 @@ class TriangleEstimate:
 
     @staticmethod
     def begin(untrained: TriangleBody, smpl: Trained) -> "TriangleEstimate":
-        """The end of SMPL's training with shapes; `untrained` has the weights found there."""
+        """The first estimate, from SMPL's training with shapes; `untrained` has its weights."""
         assert smpl.shapes is not None
         found, body = smpl.poses.estimate, untrained
         D = gradients(body.template, found.templates, body.faces)
@@ -98,7 +98,7 @@ def train_triangles(
     ridge: float,
     options: TriangleOptions = QUICK,
 ) -> TriangleEstimate:
-    """Run all blocks in turn, in a number of rounds, and `shapes` and `bends` once more."""
+    """Run all blocks in turn for a number of rounds, then `shapes` and `bends` once more."""
     estimate = start
     for _ in range(options.rounds):
         estimate = shapes(estimate, standing, n_betas)

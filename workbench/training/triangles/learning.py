@@ -105,8 +105,8 @@ def learn_person(
 ) -> Array:
     """D_f (F, 3, 3) of one person from posed meshes alone, Q being the body's.
 
-    E_D, `smoothness` (m^2) times the sum of |D_f - D_g|^2 over neighbours, decides what the
-    meshes leave open (Hirshberg et al. 2012).
+    E_D, `smoothness` (m^2) times the sum of |D_f - D_g|^2 over neighbours, determines what the
+    meshes do not (Hirshberg et al., Coregistration, 2012).
     """
     here = [body.arithmetic.at(pose, np.zeros(body.n_betas)) for pose in posed.poses]
     left = np.stack([at.B for at in here], axis=1)

@@ -1,17 +1,17 @@
 """Per-triangle matrices by ridge least squares on the stitched mesh.
 
-Fitting X_f to each triangle of a mesh alone would be wrong: what a model's triangles ask for never
-quite closes, and the mesh shows only what is left of it after stitching. So the unknown C_f (3, q)
-of
+Fitting X_f to each triangle of a mesh alone would be wrong: the triangles that a model predicts
+do not fit together exactly, and a mesh shows them only after stitching. The unknown C_f (3, q) of
 
     minimise  sum over meshes |S(L_f C_f h_fi) - S(r_fi)|^2
               + smoothness sum over neighbours |C_f - C_g|^2 + ridge sum |C_f|^2
 
-are found for all triangles at once: stitching ties every one to every other. LSQR (Paige and
-Saunders 1982) never forms a matrix and takes whole people; Direct forms it and takes some hundred
-triangles, but to the last digit, also what blended rotations show a millionth as well as the rest.
-S is linear, and either the edges of the stitched mesh (ClosedEdges, SCAPE's own measure, which
-hardly notices a limb that drifts) or its vertices about their mean (CentredVertices).
+are therefore found for all triangles at once, because stitching couples each with every other. LSQR
+(Paige and Saunders 1982) never forms a matrix, and can be used for whole people. Direct forms the
+matrix, and is meant for a few hundred triangles; it is exact to the last digit, even for unknowns
+that blended rotations show a million times less clearly than the others. S is linear: either the
+edges of the stitched mesh (ClosedEdges, SCAPE's own measure, which hardly notices a limb that
+drifts) or its vertices about their mean (CentredVertices).
 """
 
 from collections.abc import Callable

@@ -26,7 +26,7 @@ from workbench.training.triangles.stitched_fit import neighbour_differences
 
 @dataclass(frozen=True, eq=False)
 class SymbolicTriangles:
-    """Posed meshes of S subjects, each of whom has a D of their own, and a Q that all share.
+    """Posed meshes of S subjects; each subject has its own D, and all share Q.
 
     Attributes:
         body: the body, whose `posedirs` are unknowns.
@@ -78,7 +78,7 @@ class SymbolicTriangles:
         return found
 
     def problem(self, residuals: Iterable[Residual], free: Sequence[str] = ()) -> Problem:
-        """A problem of some terms; free is everything that they read, but betas, or the named."""
+        """A problem of some terms; without names, all blocks that they read but betas are free."""
         terms = list(residuals)
         read = dict.fromkeys(name for residual in terms for name in residual.reads)
         every = [name for name in read if not name.endswith("/betas")]
@@ -86,7 +86,7 @@ class SymbolicTriangles:
         return Problem(terms, free or every, blocks=blocks)
 
     def values(self) -> Values:
-        """Where the meshes begin: the poses and D that were given, each mesh in its best place."""
+        """The first values: the given poses and D, and the best translation of each mesh."""
         found = {"posedirs": self.body.posedirs}
         for s, subject in enumerate(self.subjects):
             found[f"subject {s}/shapedirs"] = subject.shapedirs

@@ -1,8 +1,8 @@
 """Training as one sentence: Phi = argmin over Phi of sum_j min over theta_j, beta_j (lecture 5.1).
 
 This is a `Problem` in which the body's own arrays are free as well. For a tiny body it can be
-solved, differentiated and diagnosed as it is; `blocks` does the same for a body of thousands of
-vertices, whose Jacobian is too large to store.
+solved, differentiated and diagnosed as it is; `training.blocks` does the same for a body of
+thousands of vertices, whose Jacobian is too large to store.
 """
 
 from collections.abc import Sequence
