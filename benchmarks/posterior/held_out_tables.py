@@ -8,7 +8,7 @@ from benchmarks.posterior.counted import UNLIKELY, Found, band, held, number, sc
 from benchmarks.posterior.held_out import LEVEL, NUTS, WALKERS
 
 Results = Mapping[str, Found]
-COVERED = {"emcee": "emcee, rest at the truth", "Laplace": "Laplace, all free"}
+COVERED = {"emcee": "emcee, others fixed at the truth", "Laplace": "Laplace, all free"}
 
 
 def recorded(found: Found, _: Results) -> str:
@@ -19,9 +19,11 @@ def recorded(found: Found, _: Results) -> str:
         "## Coverage of held-out truths\n",
         f"{len(found['cases'])} frames. The table says how often the {LEVEL:.0%} interval from "
         "one camera contains the estimate from four cameras, which is taken as the truth. "
-        f"`emcee`: orientation, betas and place (16 entries, {WALKERS} walkers) are sampled and "
-        "the other 69 fixed at the four cameras' estimate, so that the interval is exact if the "
-        "model is. `Laplace`: Laplace's approximation, with all 85 free. The columns `mean` and "
+        f"`emcee`: orientation, betas and trans (16 entries, {WALKERS} walkers) are sampled, and "
+        "the other 69 are fixed at the four cameras' estimate, so that the "
+        "interval is exact if the "
+        "model is. `Laplace`: Laplace's approximation, with all 85 unknowns "
+        "free. The columns `mean` and "
         "`sd` are those of (truth - mean) / sd over the frames, by Laplace's approximation; they "
         "are 0 and 1 for independent frames of a correct model.\n",
         _coverage(found),
@@ -29,8 +31,9 @@ def recorded(found: Found, _: Results) -> str:
         _unusable(found),
         f"\nThe residuals of the fit to four cameras are {rms} px (root mean square of each "
         f"camera), which suits a sigma of {found['sigma of the residuals']:.1f} px rather than "
-        f"{found['sigma']:g}. Of their squares, {stays} are the same from frame to frame in each "
-        "keypoint: the detector's and the body's keypoints are not at the same places, and "
+        f"{found['sigma']:g}. Of their sum of squares, {stays} (camera by camera) come from a "
+        "displacement of each keypoint that is the same in all frames: the "
+        "detector's and the body's keypoints are not at the same places, and "
         "independent noise does not describe that.\n",
         _reading(found),
     ]
@@ -51,8 +54,9 @@ def _reading(found: Found) -> str:
         "the frames, (truth - mean) / sd has a standard deviation of "
         f"{np.median(z.std(axis=0)):.2f} (median of the entries), and would have 1 if they were "
         "independent, so that an entry is covered nearly always or hardly ever; see `One person "
-        "in all frames` below. The truth is itself an estimate: four cameras know "
-        f"{', '.join(open_still)} hardly better than one (sd above {OPEN} of one camera's). For "
+        "in all frames` below. The truth is itself an estimate: four cameras determine "
+        f"{', '.join(open_still)} hardly better than one camera does (sd above "
+        f"{OPEN} of one camera's). For "
         "these, both estimates are near the prior's mean, and 100 % says little.\n"
     )
 
@@ -64,7 +68,7 @@ def widened(found: Found, _: Results) -> str:
     """The same with another sigma."""
     return "\n".join(
         [
-            f"### The same with the sigma of the residuals ({found['sigma']:.1f} px)\n",
+            f"### Coverage with the sigma that suits the residuals ({found['sigma']:.1f} px)\n",
             f"{len(found['cases'])} frames.\n",
             _coverage(found),
             _unusable(found),
@@ -80,8 +84,9 @@ def simulated(found: Found, _: Results) -> str:
     inside = all(low <= n <= high for n in held(found, "emcee"))
     return "\n".join(
         [
-            "### Simulated\n",
-            f"{count} made-up truths: shape and pose from their priors, orientation and place from "
+            "### Coverage of synthetic truths\n",
+            f"{count} synthetic truths: shape and pose from their priors, "
+            "orientation and place from "
             "Gaussians of 0.3 rad and 0.3 m, which the posterior has as priors too, keypoints with "
             "noise of the model's sigma and with the recording's confidences.\n",
             _coverage(found),
@@ -102,7 +107,8 @@ def one_person(found: Found, results: Results) -> str:
     least = rates[:, shape].min(axis=1)
     lines = [
         "### One person in all frames\n",
-        f"{len(rates)} made-up people, each in {found['frames']} frames of the recording's poses, "
+        f"{len(rates)} synthetic people, each in {found['frames']} frames of "
+        "the recording's poses, "
         "each with their own betas and with noise of the model's sigma. The model is correct, and "
         f"Laplace's intervals cover {rates.mean():.1%} of all 16 entries. But of one person's ten "
         "betas the worst is covered in "
@@ -127,7 +133,8 @@ def _explained(recorded: Found, people: Found, shape: Sequence[int]) -> str:
     return (
         f"\nThe recorded person is no different: the errors of the betas vary by {within:.2f}. The "
         f"worst, {recorded['labels'][worst]}, is covered in {covered[worst]:.0%} of the frames, "
-        f"and {as_bad:.0%} of the made-up people have one that is covered as rarely. Forty frames "
+        f"and {as_bad:.0%} of the synthetic people have one that is covered as "
+        "rarely. Forty frames "
         "of one person are about one test of each beta, not forty."
     )
 
@@ -144,13 +151,13 @@ def _left_over(results: Results, people: Found, shape: Sequence[int]) -> str:
 
     said = [
         f"recorded: {rate('recorded', 'Laplace')} by Laplace, {rate('recorded', 'emcee')} by emcee "
-        "with the rest at the truth",
-        f"made-up people in the recorded poses: {np.mean(people['rates'], axis=0)[i]:.0%} by "
+        "with the others at the truth",
+        f"synthetic people in the recorded poses: {np.mean(people['rates'], axis=0)[i]:.0%} by "
         "Laplace",
     ]
     if "simulated" in results:
         said.append(
-            f"made-up people and poses: {rate('simulated', 'Laplace')} by Laplace, "
+            f"synthetic people and poses: {rate('simulated', 'Laplace')} by Laplace, "
             f"{rate('simulated', 'emcee')} by emcee"
         )
     if "widened" in results:
@@ -160,11 +167,13 @@ def _left_over(results: Results, people: Found, shape: Sequence[int]) -> str:
         )
     return (
         f"\n{people['labels'][i]} is covered least often of the other entries. Its coverage: "
-        f"{'; '.join(said)}. With the rest at the truth, the larger sigma is enough to restore the "
+        f"{'; '.join(said)}. With the others at the truth, the larger sigma is "
+        "enough to restore the "
         "coverage. With all free it is not, for three reasons: Laplace's approximation covers too "
-        "little even where everything is made up; the recorded poses are all alike, and no draws "
-        "of the prior; and real keypoints, unlike made-up ones, are off in the same direction in "
-        "all frames, which no sigma describes."
+        "little even where all data are synthetic; the recorded poses are all alike, and are not "
+        "draws from the prior; and real keypoints, unlike synthetic ones, are "
+        "displaced in the same "
+        "direction in all frames, which no sigma describes."
     )
 
 

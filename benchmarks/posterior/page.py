@@ -42,10 +42,10 @@ def _where(facts: Found) -> str:
 
 def _nuts(found: Found, _: Mapping[str, Found]) -> str:
     lines = [
-        "## Beside NUTS\n",
+        "## emcee compared with NUTS\n",
         "| block | entries | emcee: steps / autocorrelation time | emcee, s | NUTS: R-hat | "
         "divergences | effective draws | NUTS, s | emcee's sd over NUTS' | difference of means, "
-        "sd | sd over Laplace's | narrower than at the mode | |",
+        "sd | sd over Laplace's | at its narrowest, times narrower than at the mode | |",
         "| --- |" + " --: |" * 11 + " --- |",
     ]
     for name, one in found["blocks"].items():
@@ -62,15 +62,17 @@ def _nuts(found: Found, _: Mapping[str, Found]) -> str:
     arms = [one for name, one in found["blocks"].items() if "arm" in name]
     lines.append(
         f"\nThe two samplers agree if standard deviations differ by at most {ALLOWED_SD:.0%} and "
-        f"means by {ALLOWED_MEAN} of one, after {TIMES:.0f} autocorrelation times. All other "
+        f"means by at most {ALLOWED_MEAN} standard deviations, after "
+        f"{TIMES:.0f} autocorrelation times. All other "
         "entries are fixed at the solution of the fit."
     )
     if arms:
         most = max(one["bent"] for one in arms)
         lines.append(
-            "The arms are the hardest blocks. Least squares finds one mode with all of the mass, "
-            f"but the posterior is a bent ridge. In its narrowest hundredth it is {most:.0f} "
-            "times narrower than at the mode, so that NUTS needs small steps. "
+            "The arms are the hardest blocks. Least squares finds a single mode "
+            "with all of the mass, "
+            "but the posterior is a bent ridge. At one draw in a hundred the ridge is about "
+            f"{most:.0f} times narrower than at the mode, so that NUTS needs small steps. "
             f"{_usual(found['usual steps'])}Laplace's approximation of the arms is off by up to "
             f"{max(abs(np.array(one[OVER]) - 1).max() for one in arms):.0%}.\n"
         )
@@ -92,11 +94,11 @@ OVER = "sd over Laplace's"
 
 def _throughput(found: Found, _: Mapping[str, Found]) -> str:
     lines = [
-        "## Posterior densities a second\n",
-        "How many values of the density emcee gets in a second of one core, with "
-        f"{found['walkers']} walkers, all 85 entries free and its own moves and loops: the best "
-        "of four rounds, in seconds of the processor. Shares are of the rate of emcee with a "
-        "density that costs nothing.\n",
+        "## Posterior densities per second\n",
+        "The number of values of the density that emcee computes per second of processor time on "
+        f"one core, with {found['walkers']} walkers, all 85 entries free, and its own moves and "
+        "loops included; each number is the best of four rounds. A share is the quotient of this "
+        "rate and the rate of emcee alone, with a density that takes no time.\n",
         "| posterior | emcee alone | without a compiler | share | compiled | share |",
         "| --- |" + " --: |" * 5,
     ]
@@ -111,7 +113,7 @@ def _throughput(found: Found, _: Mapping[str, Found]) -> str:
     said = ", ".join(f"{rate:,.0f} on {use}" for use, rate in alone["costs a second"].items())
     lines += [
         "\nBoth ways compute meshes by matrix products; their residual is too long to compile.",
-        f"\nA cost that cannot be batched (a made-up pendulum, integrated by CVODES): {said} a "
+        f"\nA cost that cannot be batched (a synthetic pendulum, integrated by CVODES): {said} a "
         "second; the numbers are "
         + ("the same to the last bit." if alone["same bits"] else "NOT THE SAME.")
         + " The rows are divided among threads and not among processes: CasADi releases the "

@@ -88,8 +88,8 @@ def near_zero(rodrigues):
 
 @mistake(
     "rodrigues",
-    "the last term needs 1 - cos t, not cos t; the notes SMPL and SMPLify have it so, and at "
-    "t = 0 its R is not I",
+    "the last term needs 1 - cos t, not cos t; the cosine alone is a misprint of the course notes "
+    "'SMPL and SMPLify', and with it R is not I at t = 0",
 )
 def with_cos_for_one_minus_cos(w):
     t = np.linalg.norm(w)

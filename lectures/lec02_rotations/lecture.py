@@ -189,11 +189,11 @@ print(f"w is its own axis: R w - w is at most {np.abs(textbook(w) @ w - w).max()
 # %% [markdown]
 # ## Two misprints
 #
-# The formula is easily misprinted. Among the sources of this course, the notes *SMPL and SMPLify* have
-# $+\,[n]_\times^2 \cos t$ where $1 - \cos t$ belongs. *Body Models II* (Pons-Moll and Swoboda, 2018)
+# The formula is easily misprinted. Among the sources of this course, the notes *SMPL and SMPLify* print
+# $+\,[n]_\times^2 \cos t$ where the factor must be $1 - \cos t$. *Body Models II* (Pons-Moll and Swoboda, 2018)
 # has the cosine right, but writes $[w]_\times$ where the matrix of the *unit* axis belongs,
-# $[n]_\times$. Both look plausible. A test that does not need the right answer finds them out: a
-# rotation has $R^\top R = I$.
+# $[n]_\times$. Both look plausible. One property shows both errors without
+# the right answer at hand: a rotation satisfies $R^\top R = I$.
 
 
 # %%

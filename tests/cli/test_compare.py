@@ -43,7 +43,7 @@ def test_own_problem_and_own_solver_from_the_command_to_the_page(tmp_path: Path)
     assert "solving: 0 of 6" in done.stdout
     assert "each returned a point within the target τ = 1e-5 from all 3 starts." in done.stdout
     assert "Jacobian 1 + 1.5 n" in done.stdout
-    assert "they rank nobody" in done.stdout
+    assert "they rank no solver" in done.stdout
     page = (tmp_path / "found" / "index.html").read_text(encoding="utf-8")
     assert "A line through three points." in page
     assert "mine" in page

@@ -68,7 +68,7 @@ def test_a_wrong_answer_is_told_why(workbench: Run) -> None:
     )
     code, out, _ = workbench("lecture", "check", "2")
     assert code == 1
-    for told in ("failed", "expected", "came", "perhaps", "v x w", "no such name in the file"):
+    for told in ("failed", "expected", "returned", "perhaps", "v x w", "no such name in the file"):
         assert told in out
     code, _, err = workbench("lecture", "check", "6")
     assert code == 2

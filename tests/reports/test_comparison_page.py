@@ -60,7 +60,7 @@ def test_the_page_prints_prices_level_and_times_apart(tmp_path: Path) -> None:
     assert "Clopper and Pearson" in text
     effort, seconds = text.index('id="effort"'), text.index('id="seconds"')
     assert "seconds" not in text[effort:seconds].split("</table>")[0]
-    assert "rank nobody" in text[seconds:]
+    assert "rank no solver" in text[seconds:]
     assert "least" in text[seconds:]
     assert "median" in text[seconds:]
     assert "most" in text[seconds:]

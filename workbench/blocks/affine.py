@@ -171,7 +171,7 @@ def alone(maps: Sequence[Affine]) -> tuple[tuple[tuple[str, int] | None, ...], .
 
 
 def place_of(rows: Sequence[tuple[str, int] | None]) -> tuple[str, int] | None:
-    """Where consecutive rows stand that are consecutive entries of one block; None otherwise."""
+    """The place in one block of consecutive rows that are consecutive entries of it, or None."""
     first = rows[0]
     if first is None:
         return None

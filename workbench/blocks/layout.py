@@ -103,8 +103,8 @@ class Layout:
     def unpack(self, flat: Array, around: Mapping[str, ArrayLike] | None = None) -> Values:
         """The named arrays that a flat vector holds, as `pack` took them; they share one copy.
 
-        The other entries of a block that stands here in part are those `around`, where the whole
-        block has a value. Raises MissingValue if it has none.
+        If the layout has only part of a block, its other entries come from `around`, which holds
+        the whole block. Raises MissingValue if it has none.
         """
         own, found = np.array(flat, dtype=float), {}
         for block in self.blocks:

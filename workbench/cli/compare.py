@@ -40,7 +40,7 @@ Names = Annotated[
     ),
 ]
 Limits = comparison.Budget()
-MEASURED = "Seconds are as measured, on this machine and whatever else it did; they rank nobody."
+MEASURED = "Seconds were measured on this machine under whatever load it had; they rank no solver."
 
 
 def compare(
@@ -75,8 +75,8 @@ def compare(
 ) -> None:
     """Compare solvers on problems; an interrupted comparison continues where it stopped.
 
-    What is in the folder already is not run again. The page says which solver to take when, by
-    counts at published prices; times are shown apart and rank nobody.
+    Runs that the folder already holds are not repeated. The page says which solver to choose, by
+    counts of evaluations at published prices; times are shown separately and rank no solver.
     """
     console = Console()
     experiments = chosen(names, settings(setting))

@@ -125,7 +125,7 @@ def begin(
     number: Number,
     folder: Annotated[Path, typer.Argument(help="Where to put the file; it is made.")],
 ) -> None:
-    """Copy the exercises of a lecture into a folder of yours. Nothing there is written over."""
+    """Copy the exercises of a lecture into a folder of yours. No file there is overwritten."""
     path = hand_out(lecture(number), folder)
     console = Console()
     console.print(f"exercises: [bold]{escape(str(path))}[/]", soft_wrap=True)
@@ -175,7 +175,7 @@ def check(
 def notebooks(folder: Folder) -> None:
     """Write all lectures as notebooks, with the results of every cell. Needs the extra `course`.
 
-    Nothing there is written over.
+    No file there is overwritten.
     """
     console = Console()
     make_folder(folder)
@@ -235,7 +235,7 @@ def _state(mark: CheckResult) -> str:
 
 
 def _lines(mark: CheckResult) -> list[str]:
-    told = (("", mark.what), ("expected  ", mark.expected), ("came      ", mark.came))
+    told = (("", mark.what), ("expected  ", mark.expected), ("returned  ", mark.came))
     lines = [
         f"[dim]{title}[/]" + escape(text).replace("\n", "\n" + " " * len(title))
         for title, text in told

@@ -41,7 +41,7 @@ def train(
         Path | None,
         typer.Argument(
             help="Folder with registrations.csv (file, subject, gender, set) and meshes in metres; "
-            "without one, a made-up worm is trained from made-up registrations."
+            "without one, a synthetic worm is trained from synthetic registrations."
         ),
     ] = None,
     start: Annotated[
@@ -52,22 +52,23 @@ def train(
         ),
     ] = None,
     gender: Annotated[
-        str | None, typer.Option(help=f"Only those of one gender ({', '.join(GENDERS)}).")
+        str | None,
+        typer.Option(help=f"Use registrations of one gender ({', '.join(GENDERS)})."),
     ] = None,
     held_out: Annotated[
         Path | None,
         typer.Option(
-            help="Folder with registrations of other people: how well the body explains them "
-            "comes on its card."
+            help="Folder with registrations of other people; the model card says how well the "
+            "body explains them."
         ),
     ] = None,
-    betas: Annotated[int, typer.Option(help="Shape directions.")] = 10,
+    betas: Annotated[int, typer.Option(help="Number of shape directions.")] = 10,
     rounds: Annotated[int, typer.Option(help="Number of rounds of the alternation.")] = 2,
     reach: Annotated[
-        int, typer.Option(help="Bones from a vertex to the farthest joint that bends its surface.")
+        int, typer.Option(help="Number of bones from a vertex to the farthest joint that bends it.")
     ] = REACH,
     jobs: Annotated[
-        int, typer.Option(help="Processes that find poses; none changes a number.")
+        int, typer.Option(help="Number of processes; the result does not depend on it.")
     ] = 2,
     out: Out = Path("runs"),
 ) -> None:
@@ -137,12 +138,12 @@ def _mind_unused(console: Console, start: str | None, gender: str | None, reach:
     """Name the options that do not apply to registrations that are made up."""
     if start is not None:
         warn_without_effect(
-            console, "--start", "the made-up worm begins from a template of its own"
+            console, "--start", "the synthetic worm begins from a template of its own"
         )
     if gender is not None:
-        warn_without_effect(console, "--gender", "the made-up worms have none")
+        warn_without_effect(console, "--gender", "the synthetic worms have none")
     if reach != REACH:
-        warn_without_effect(console, "--reach", "every joint of the made-up worm bends its surface")
+        warn_without_effect(console, "--reach", "every joint of the worm bends its surface")
 
 
 def _data(
@@ -150,7 +151,7 @@ def _data(
 ) -> tuple[str, Start, Registrations, Registrations | None]:
     """The run's name, its start, and the two sets."""
     if folder is None:
-        console.print("no folder: a made-up worm with 1 mm of noise; nothing here was measured")
+        console.print("no folder: a synthetic worm with 1 mm of noise; nothing here was measured")
         return "made-up", *noisy_worms(noise=0.001), None
     own = folder / START
     guess = read_start(start or (own if own.is_file() else "default"))

@@ -47,7 +47,7 @@ def compare(
 
     Effort is counted at the prices of `workbench.comparison.prices`, in evaluations of the
     residual: gradient 4, Jacobian 1 + 1.5 n, Hessian 4 + 6 n, constraints 1. Times are kept, and
-    rank nobody.
+    rank no solver.
 
     Raises UnknownName, BadFile or BadArgument before anything runs; WorkbenchError if no
     experiment can be built. What a solver does wrong is in its records.

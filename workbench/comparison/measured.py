@@ -1,5 +1,5 @@
 """Times of a comparison as a clock measured them. They differ from machine to machine and from one
-run to the next, and so they stand apart, with their spread, and rank nobody.
+run to the next, and so they are shown separately, with their spread, and rank no solver.
 """
 
 from dataclasses import dataclass

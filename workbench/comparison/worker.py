@@ -56,7 +56,7 @@ def forking() -> None:
 
 
 def serve(channel: Channel) -> None:
-    """Answer jobs until no more can come."""
+    """Answer jobs until the connection is closed."""
     builder = Builder()
 
     def send(message: Any) -> None:

@@ -249,6 +249,6 @@ NEAR_OF_WIDTH = 1e-3  # of the way between two bounds, the most that counts as o
 def constrained_jacobian_at(
     problem: Problem, at: Mapping[str, ArrayLike], like: ActiveSet | None = None
 ) -> ConstrainedJacobian:
-    """The Jacobian of a problem at a point, and what its bounds and constraints hold there."""
+    """The Jacobian of a problem at a point, and what bounds and constraints fix there."""
     here = linearized(problem, at)
     return ConstrainedJacobian(here, active_set_at(problem, at, like).rows)

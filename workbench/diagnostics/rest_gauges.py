@@ -62,7 +62,7 @@ def _shift(free: Layout, scans: Sequence[Rest]) -> Iterator[NamedSubspace]:
 
 
 def _root(free: Layout, scans: Sequence[Rest]) -> Iterator[NamedSubspace]:
-    """The root joint moves, and every place undoes what turns about it have moved."""
+    """The root joint moves, and each translation compensates what rotations about it have moved."""
     joints = scans[0].joints
     if joints in free.slices and (places := _places(free, scans)) is not None:
         root = _entries(free, joints)[:3]

@@ -35,7 +35,7 @@ def find(name: str, arguments: Mapping[str, Any] | None = None) -> Experiment:
 
     A file defines `experiment` (an Experiment), or `setup` (a Setup, or a function that returns
     one, whose parameters are the arguments), or `problem` and `start`. Beside these two it may
-    define `priors` (names of the residuals that are no data, or these residuals), `body` (a
+    define `priors` (names of the residuals that are not data, or these residuals), `body` (a
     SkinnedBody, to draw) and `compared` (names of solvers to run as well); its docstring is the
     question. If it defines several of the three, the first one in this order counts.
 

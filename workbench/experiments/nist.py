@@ -68,7 +68,7 @@ def certified() -> Mapping[str, Mapping[str, Any]]:
 
 
 def nist(problem: str = "Misra1a", start: int = 1) -> Setup:
-    """A regression by NIST's name of it, from NIST's first start (far) or second (near)."""
+    """The regression of this name in NIST's list, from NIST's start 1 (far) or 2 (near)."""
     if problem not in MODELS:
         raise UnknownName("NIST problem", problem, MODELS)
     facts = certified()[problem]

@@ -13,7 +13,7 @@ ENOUGH = (
     "`problem` and `start`, or `setup` (a Setup, or a function that returns one), or `experiment`"
 )
 BESIDE = (
-    "beside `problem` and `start`, `priors` names the residuals that are no data, `body` is the "
+    "beside `problem` and `start`, `priors` names the residuals that are not data, `body` is the "
     "body to draw, and `compared` names solvers to run as well"
 )
 

@@ -14,8 +14,8 @@ HEADER, ROW = 84, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("
 def parse_stl(content: bytes) -> tuple[Array, Index]:
     """Vertices (3 F, 3), three for every triangle, and triangles (F, 3).
 
-    A file is binary if it is as long as its header says; many of those begin with `solid`, as the
-    others do. Raises ValueError with what is wrong.
+    A file is binary if its length is the one that its header gives. The first word does not decide:
+    text files begin with `solid`, and so do many binary ones. Raises ValueError with what is wrong.
     """
     count = int.from_bytes(content[80:HEADER], "little")
     if len(content) == HEADER + count * ROW.itemsize:

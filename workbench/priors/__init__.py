@@ -1,1 +1,1 @@
-"""What is likely of poses before any data: Gaussians and mixtures learned, and joint limits."""
+"""Which poses are likely before any data: Gaussians and mixtures learned, and joint limits."""

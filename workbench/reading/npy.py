@@ -41,7 +41,7 @@ class Header:
 
     @property
     def count(self) -> int:
-        """How many numbers it has."""
+        """The number of entries of the array."""
         return prod(self.shape)
 
     @property

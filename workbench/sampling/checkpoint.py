@@ -102,7 +102,7 @@ def image(ensembles: Sequence[SavedEnsemble], settings: Mapping[str, Any]) -> by
 
 
 def sealed(content: bytes) -> bytes:
-    """An HDF5 file with its digest behind it, where readers of HDF5 do not look."""
+    """The bytes of an HDF5 file followed by their digest, which readers of HDF5 ignore."""
     return content + SEAL + hashlib.sha256(content).hexdigest().encode()
 
 
