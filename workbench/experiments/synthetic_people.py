@@ -10,6 +10,7 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
+from workbench.bodies.body import Body
 from workbench.errors import BadArgument
 from workbench.fitting.known import KnownAnswer
 from workbench.fitting.setup import Setup
@@ -25,14 +26,14 @@ MADE_OF_THE_MODEL = (
 )
 
 
-def person_at_origin(body: SkinnedBody, rng: np.random.Generator, pose_sigma: float) -> Values:
+def person_at_origin(body: Body, rng: np.random.Generator, pose_sigma: float) -> Values:
     """Every joint turned by pose_sigma rad per axis from the bind pose, a shape of 1 sd."""
     names = (block.name for block in body.blocks())
     pose = body.bind_pose + pose_sigma * rng.standard_normal((body.n_joints, 3))
     return dict(zip(names, (pose, rng.standard_normal(body.n_betas), np.zeros(3)), strict=True))
 
 
-def bent_person(body: SkinnedBody, rng: np.random.Generator, pose_sigma: float) -> Values:
+def bent_person(body: Body, rng: np.random.Generator, pose_sigma: float) -> Values:
     """A `person_at_origin`, moved by 0.2 m per axis."""
     trans = body.blocks()[2].name
     return person_at_origin(body, rng, pose_sigma) | {trans: TRANS_SIGMA * rng.standard_normal(3)}
@@ -52,7 +53,7 @@ def likely_person(body: SkinnedBody, rng: np.random.Generator) -> Values:
     return found
 
 
-def random_start(body: SkinnedBody, seed: int, start: int, sigma: float = 0.3) -> Values:
+def random_start(body: Body, seed: int, start: int, sigma: float = 0.3) -> Values:
     """Start 0 is the template at the origin; start k > 0 is a random person, `sigma` rad per axis.
 
     It depends on the person's `seed` and on `start` alone, so that all solvers begin there.

@@ -1,0 +1,116 @@
+"""The suites of small trainings: what is known of each is true, and starts are numbered."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+from workbench import LevenbergMarquardt, solve
+from workbench.errors import BadArgument, UnknownName
+from workbench.experiments import SUITES, Setup, find
+
+KEPT: dict[str, Setup] = {}
+REFINED = ["training", "training-weights-held", "training-turned", "triangles-poses"]
+
+
+def standard(name: str) -> Setup:
+    """As it comes; built once."""
+    return KEPT[name] if name in KEPT else KEPT.setdefault(name, find(name).setup())
+
+
+@pytest.mark.parametrize("name", [*REFINED, "triangles-bends", "triangles-persons"])
+def test_what_is_known_is_true(name: str) -> None:
+    setup = standard(name)
+    assert setup.known is not None
+    assert setup.known.values is not None
+    assert setup.known.cost is not None
+    at = setup.start | setup.known.values
+    x, fixed = setup.problem.split(at)
+    here = setup.problem.linearize(at)
+    assert here.cost == pytest.approx(setup.known.cost, rel=1e-9)
+    assert here.cost < 0.1 * setup.problem.linearize(setup.start).cost
+    rounding = setup.problem.rounding(x, fixed, here.residual)
+    assert setup.problem.optimality(x, here, rounding) < 1e-7
+    (off,) = setup.measures(at)
+    assert off.unit == "mm"
+    assert 0.1 < off.value < 4.0  # noise is 3.5 mm a vertex, and much of it is fitted
+
+
+def test_a_linear_training_is_solved_in_one_step() -> None:
+    setup = standard("triangles-bends")
+    assert setup.known is not None
+    step = setup.problem.linearize(setup.start).step(0.0)
+    x, fixed = setup.problem.split(setup.start)
+    residual = setup.problem.residual(x + step, fixed)
+    assert 0.5 * residual @ residual == pytest.approx(setup.known.cost, rel=1e-9)
+
+
+def test_weights_of_the_training_are_on_their_simplex() -> None:
+    setup = standard("training")
+    assert setup.known is not None
+    assert setup.known.values is not None
+    weights = setup.known.values["weights"]
+    assert weights.min() >= -1e-8
+    np.testing.assert_allclose(weights.sum(axis=1), 1, atol=1e-6)
+    assert setup.problem.constraints
+    held = standard("training-weights-held").problem
+    assert "weights" not in held.free.names
+    assert not held.constraints
+    assert not held.bounded
+
+
+def test_starts_are_numbered_and_data_do_not_depend_on_them() -> None:
+    first, second = standard("training-weights-held"), find("training-weights-held", {"start": 2})
+    other = pickle.loads(pickle.dumps(second)).setup()
+    poses = [name for name in first.start if name.endswith("/pose")]
+    assert all((first.start[name] == 0).all() for name in poses)
+    assert all((other.start[name] != 0).all() for name in poses)
+    assert first.known is not None
+    assert other.known is not None
+    assert other.known.cost == first.known.cost
+
+
+def test_the_shape_space_has_its_principal_components_as_minimum_and_zero_as_a_saddle() -> None:
+    shapes, saddle = standard("triangles-shapes"), standard("triangles-shapes-saddle")
+    assert shapes.known is not None
+    assert saddle.known is not None
+    assert shapes.known.cost == saddle.known.cost
+    found = solve(shapes.problem, shapes.start, LevenbergMarquardt())
+    assert found.cost == pytest.approx(shapes.known.cost, rel=1e-9)
+    stuck = saddle.start | solve(saddle.problem, saddle.start, LevenbergMarquardt()).values
+    assert (stuck["directions"] == 0).all()
+    assert saddle.problem.linearize(stuck).cost > 2 * shapes.known.cost
+
+
+@pytest.mark.parametrize("model", ["lbs", "smpl", "scape", "blend-scape"])
+def test_each_model_is_fitted_to_points_of_itself(model: str) -> None:
+    setup = standard(f"body-points-{model}")
+    found = solve(setup.problem, setup.start)
+    assert setup.known is not None
+    assert found.cost == pytest.approx(setup.known.cost, rel=1e-6)
+    observed, everywhere = setup.measures(setup.start | found.values)
+    assert observed.value < 3**0.5 * 5  # mm: noise of 5 mm a coordinate
+    assert everywhere.value < 20  # mm: most vertices are not observed
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "wrong"),
+    [
+        ("training", {"terms": "E_D E_X"}, UnknownName),
+        ("training", {"start": -1}, BadArgument),
+        ("triangles-bends", {"model": "smpl"}, UnknownName),
+        ("triangles-bends", {"learned": "everything"}, UnknownName),
+        ("triangles-bends", {"start": -1}, BadArgument),
+        ("triangles-shapes", {"start": -1}, BadArgument),
+        ("body-points-smpl", {"model": "star"}, UnknownName),
+        ("body-points-smpl", {"every": 0}, BadArgument),
+    ],
+)
+def test_bad_arguments_are_refused(name: str, given: dict[str, object], wrong: type) -> None:
+    with pytest.raises(wrong):
+        find(name, given).setup()
+
+
+def test_the_suites_hold_them() -> None:
+    assert {len(SUITES["training"]), len(SUITES["triangles"])} == {4, 7}
+    assert sum(one.name.startswith("body-points-") for one in SUITES["bodies"]) == 4
