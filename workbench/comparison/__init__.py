@@ -1,6 +1,7 @@
 """Comparing solvers fairly: many problems and starts, one budget, targets common to all."""
 
 from workbench.comparison.budget import Budget
+from workbench.comparison.causes import Cause
 from workbench.comparison.compare import compare
 from workbench.comparison.comparison import Comparison
 from workbench.comparison.end_analysis import EndAnalysis
@@ -12,6 +13,7 @@ from workbench.comparison.targets import TAUS, TargetOutcome, Yardstick
 __all__ = [
     "TAUS",
     "Budget",
+    "Cause",
     "Comparison",
     "EndAnalysis",
     "Ending",

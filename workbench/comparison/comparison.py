@@ -8,6 +8,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.comparison import statistics
+from workbench.comparison.causes import Cause, cause
 from workbench.comparison.description import Description
 from workbench.comparison.end_analysis import EndAnalysis
 from workbench.comparison.log import KINDS
@@ -121,14 +122,18 @@ class Comparison:
         return tuple(dict.fromkeys(i.problem for i in self.comparable))
 
     @cached_property
+    def ends(self) -> dict[tuple[str, str], tuple[EndAnalysis, int]]:
+        """Each end that was analysed: the analysis and its number there, by instance and solver."""
+        found: dict[tuple[str, str], tuple[EndAnalysis, int]] = {}
+        for group, analysis in zip(self.groups, self.end_analyses, strict=True):
+            keys = ended(group, self.solvers, self.records)
+            found |= {key: (analysis, k) for k, key in enumerate(keys[: len(analysis.where)])}
+        return found
+
+    @cached_property
     def basins(self) -> dict[tuple[str, str], int]:
         """The basin of each end that has one, by instance and solver; 0 is the lowest."""
-        found: dict[tuple[str, str], int] = {}
-        for group, end_analysis in zip(self.groups, self.end_analyses, strict=True):
-            found |= dict(
-                zip(ended(group, self.solvers, self.records), end_analysis.where, strict=False)
-            )
-        return found
+        return {key: analysis.where[k] for key, (analysis, k) in self.ends.items()}
 
     def end_analysis(self, instance: str) -> EndAnalysis:
         """The analysis of the ends on the problem of an instance."""
@@ -147,6 +152,21 @@ class Comparison:
                 record, yardstick, lowest, self.plan.budget.stationary
             )
         return found
+
+    @cached_property
+    def causes(self) -> dict[tuple[str, str], Cause]:
+        """Why runs ended above 1.01 times the lowest cost known, by instance and solver.
+
+        Ends that could not be analysed, or compared with another cost, have no cause here.
+        """
+        tolerance = self.plan.budget.stationary
+        found = {
+            (instance, solver): cause(
+                self.records[instance, solver], self.yardsticks[instance], analysis, k, tolerance
+            )
+            for (instance, solver), (analysis, k) in self.ends.items()
+        }
+        return {key: why for key, why in found.items() if why is not None}
 
     # What it took.
 

@@ -7,14 +7,18 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.comparison.basins import basins
+from workbench.comparison.basins import Basin, basins
+from workbench.comparison.curvature import least_curvature
 from workbench.comparison.explanation import Explanation, explain
 from workbench.comparison.record import Stored
 from workbench.errors import BadFile, listed
 from workbench.fitting.setup import Setup
+from workbench.problem import Problem
+from workbench.problem.optimality import hidden
 from workbench.reading.facts import Facts, number, whole
 
 NOTHING = np.zeros(0)
+ABOVE = 1.01  # of the lowest cost: an end above it has a cause
 EXPLAINED = 8  # lost basins of one problem, the lowest; more are counted
 
 
@@ -26,6 +30,11 @@ class EndAnalysis:
         where: the basin of each end, in the order in which the ends were given.
         costs: the cost of each basin.
         optimality: `Problem.optimality` at the lowest point of each basin.
+        curvatures: the least curvature at this point of the lowest basins, by the largest one, NaN
+            where it is not known; see `least_curvature`.
+        lost_ranks: by how much the rank of the Jacobian at each end is below that at the lowest
+            point of all; 0 also for ends that cost about as little as that point.
+        hidden: how many unknowns rounding leaves undetermined at each end; 0 likewise.
         points: (basins, n) these lowest points.
         explanations: why a basin was not left for the best one, by the basin's number.
         message: why there is no analysis; empty if there is one.
@@ -34,6 +43,9 @@ class EndAnalysis:
     where: tuple[int, ...] = ()
     costs: tuple[float, ...] = ()
     optimality: tuple[float, ...] = ()
+    curvatures: tuple[float, ...] = ()
+    lost_ranks: tuple[int, ...] = ()
+    hidden: tuple[int, ...] = ()
     points: Array = field(default_factory=lambda: np.zeros((0, 0)))
     explanations: dict[int, Explanation] = field(default_factory=dict)
     message: str = ""
@@ -60,7 +72,17 @@ class EndAnalysis:
         if beyond := told.keys() - basins.keys():
             raise BadFile(f"explanations of {listed(beyond)}, which are no basins")
         explained = {basins[k]: explanation for k, explanation in told.items()}
-        return EndAnalysis(where, costs, optimality, points, explained, facts.text("message"))
+        return EndAnalysis(
+            where,
+            costs,
+            optimality,
+            facts.several("curvatures", number),
+            facts.several("lost_ranks", whole),
+            facts.several("hidden", whole),
+            points,
+            explained,
+            facts.text("message"),
+        )
 
 
 def analyse_ends(setup: Setup, ends: tuple[Array, ...]) -> EndAnalysis:
@@ -73,10 +95,25 @@ def analyse_ends(setup: Setup, ends: tuple[Array, ...]) -> EndAnalysis:
     for k, lost in list(enumerate(found))[1 : EXPLAINED + 1]:
         if np.isfinite(lost.cost):
             told[k] = explain(problem, fixed, lost, found[0], setup.priors)
+    looks = [_look(problem, end, fixed, found[0]) for end in ends]
     return EndAnalysis(
         where,
         tuple(basin.cost for basin in found),
         tuple(basin.optimality for basin in found),
+        tuple(least_curvature(problem, basin.x, fixed) for basin in found[: EXPLAINED + 1]),
+        tuple(lost_rank for lost_rank, _ in looks),
+        tuple(unknowns for _, unknowns in looks),
         np.array([basin.x for basin in found]),
         told,
     )
+
+
+def _look(problem: Problem, end: Array, fixed: Array, best: Basin) -> tuple[int, int]:
+    """How much rank is lost at an end, and how many unknowns rounding hides there."""
+    here = problem.linearize_at(end, fixed)
+    if not here.finite or here.cost <= ABOVE * best.cost:
+        return 0, 0
+    rounding = problem.rounding(end, fixed, here.residual)
+    undetermined = hidden(end, here, problem.support, rounding) > 0
+    lost = problem.linearize_at(best.x, fixed).rank - here.rank
+    return max(lost, 0), int(np.count_nonzero(undetermined))

@@ -19,6 +19,7 @@ RUN = (
     "number",
     "solver",
     "verdict",
+    "cause",
     "ending",
     "claim",
     "claim_holds",
@@ -71,12 +72,14 @@ def _row(comparison: Comparison, instance: Instance, solver: str) -> dict[str, A
     yardstick = comparison.yardsticks[instance.name]
     holds = stationary(record, comparison.plan.budget.stationary) if claims(record) else None
     basin = comparison.basins.get((instance.name, solver))
+    cause = comparison.causes.get((instance.name, solver))
     found: dict[str, Any] = {
         "problem": instance.problem,
         "argument": instance.argument,
         "number": instance.number if instance.argument else None,
         "solver": solver,
         "verdict": comparison.outcomes[instance.name, solver].name,
+        "cause": None if cause is None else cause.name,
         "ending": record.ending.name,
         "claim": record.claim,
         "claim_holds": holds,

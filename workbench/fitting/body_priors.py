@@ -1,6 +1,7 @@
 """The priors on a body's pose and shape that decide what observations leave open."""
 
 from workbench.bodies import SkinnedBody
+from workbench.bodies.body import Body
 from workbench.priors.poses import shipped_gaussian
 from workbench.residuals import Residual, gaussian
 
@@ -23,6 +24,6 @@ def pose_prior(body: SkinnedBody) -> Residual:
     )
 
 
-def shape_prior(body: SkinnedBody) -> Residual:
+def shape_prior(body: Body) -> Residual:
     """A standard normal prior on the shape coefficients betas."""
     return gaussian(body.blocks()[1].symbol, name="shape prior")

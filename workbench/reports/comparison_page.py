@@ -4,7 +4,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from workbench.comparison import Comparison
+from workbench.comparison import Cause, Comparison
 from workbench.comparison.comparison import MAIN
 from workbench.comparison.identity import code_version, identity
 from workbench.comparison.measured import ratios
@@ -76,6 +76,7 @@ def comparison_data(comparison: Comparison) -> dict[str, Any]:
                 "starts": group,
                 "costs": end_analysis.costs,
                 "optimality": end_analysis.optimality,
+                "curvatures": end_analysis.curvatures,
                 "explanations": {k + 1: e.data() for k, e in end_analysis.explanations.items()},
                 "message": end_analysis.message,
             }
@@ -139,6 +140,8 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
         accuracy=_accuracy(comparison),
         each=[_of(comparison, problem) for problem in comparison.problems],
         table=tables.problems_table(comparison),
+        ends=tables.ends_table(comparison),
+        causes={c.name.lower().replace("_", " "): c.value for c in Cause},
         failures=tables.failures_table(comparison),
         unbuilt=comparison.unbuilt,
         options=tables.options_table(comparison),

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from workbench.comparison import Comparison, TargetOutcome
+from workbench.comparison import Cause, Comparison, TargetOutcome
 from workbench.comparison.comparison import MAIN
 from workbench.comparison.identity import identity
 from workbench.comparison.log import KINDS, LIMITED
@@ -56,7 +56,7 @@ def verdicts_table(comparison: Comparison) -> Table:
         (solver, *(str(c[v]) for v in there))
         for solver, c in zip(comparison.solvers, counts, strict=True)
     )
-    return Table(("solver", *(_verdict(v) for v in there)), rows, tuple(range(1, len(there) + 1)))
+    return Table(("solver", *(_words(v) for v in there)), rows, tuple(range(1, len(there) + 1)))
 
 
 def prices_table() -> Table:
@@ -170,6 +170,35 @@ def problems_table(comparison: Comparison) -> Table:
     return Table(head, tuple(rows), tuple(range(1, len(head) - 1)))
 
 
+def ends_table(comparison: Comparison) -> Table:
+    """Where the runs of each solver on each problem ended, and why some ended above 1.01 f*."""
+    rows = []
+    for problem in comparison.problems:
+        cells = [_ends(comparison, comparison.of(problem), solver) for solver in comparison.solvers]
+        rows.append((problem, *cells))
+    return Table(("problem", *comparison.solvers), tuple(rows), ())
+
+
+def _ends(comparison: Comparison, chosen: tuple[Instance, ...], solver: str) -> str:
+    """`1 of 3 at f*; 2.13 f* second basin; refused`: how many are at f*, and the others."""
+    there, others = 0, list[str]()
+    for instance in chosen:
+        key = (instance.name, solver)
+        record, best = comparison.records[key], comparison.yardsticks[instance.name].best
+        if key in comparison.causes:
+            ratio = f"{number(record.cost / best, 3)} f*" if best > 0 else number(record.cost, 3)
+            others.append(f"{ratio} {_words(comparison.causes[key])}")
+        elif key in comparison.ends:
+            there += 1
+        else:
+            others.append(_words(comparison.outcomes[key]))
+    first = [f"{there} of {len(chosen)} at f*"] if there or len(chosen) > 1 else []
+    return "; ".join(
+        first
+        + [f"{others.count(o)} × {o}" if others.count(o) > 1 else o for o in dict.fromkeys(others)]
+    )
+
+
 def failures_table(comparison: Comparison) -> Table:
     """Every run that did not end at the lowest cost, with what it said."""
     rows = []
@@ -185,13 +214,24 @@ def failures_table(comparison: Comparison) -> Table:
                     instance.name,
                     solver,
                     verdict.value,
+                    _words(cause)
+                    if (cause := comparison.causes.get((instance.name, solver)))
+                    else "",
                     number(record.cost, 6),
                     number(record.optimality, 2),
                     f"{said}{record.message}",
                 )
             )
-    head = ("start", "solver", "it", "cost at its end", "optimality", "what it said itself")
-    return Table(head, tuple(rows), (3, 4))
+    head = (
+        "start",
+        "solver",
+        "it",
+        "cause",
+        "cost at its end",
+        "optimality",
+        "its message",
+    )
+    return Table(head, tuple(rows), (4, 5))
 
 
 def basins_table(comparison: Comparison, problem: str) -> Table:
@@ -243,11 +283,11 @@ def _verdicts(comparison: Comparison, chosen: tuple[Instance, ...], solver: str)
     found = [comparison.outcomes[i.name, solver] for i in chosen]
     names = dict.fromkeys(found)
     if len(chosen) == 1:
-        return _verdict(found[0])
-    return ", ".join(f"{found.count(v)} {_verdict(v)}" for v in names)
+        return _words(found[0])
+    return ", ".join(f"{found.count(v)} {_words(v)}" for v in names)
 
 
-def _verdict(verdict: TargetOutcome) -> str:
+def _words(verdict: TargetOutcome | Cause) -> str:
     return verdict.name.lower().replace("_", " ")
 
 

@@ -1,0 +1,45 @@
+"""Why a run ended at more than the lowest cost: one cause for each end."""
+
+from enum import Enum
+
+from workbench.comparison.curvature import SADDLE
+from workbench.comparison.end_analysis import ABOVE, EndAnalysis
+from workbench.comparison.record import Ending, Record
+from workbench.comparison.targets import LIMITS, Yardstick, stationary
+from workbench.experiments.relative_costs import relative_excess
+
+
+class Cause(Enum):
+    """Why an end costs more than 1.01 times the lowest cost known.
+
+    The first two are stationary points, the others are not: a solver was stopped on its way, or
+    gave up.
+    """
+
+    SECOND_BASIN = "it is another minimum"
+    SADDLE = "it is a saddle point: the cost falls along a direction of negative curvature"
+    LIMIT = "a limit of evaluations, iterations or time ended the run on its way"
+    ROUNDING = "rounding of the residual leaves unknowns undetermined there"
+    RANK = "the Jacobian has a lower rank there than at the lowest point"
+    STOPPED_EARLY = "the solver stopped on its way by a rule of its own"
+
+
+def cause(
+    record: Record, yardstick: Yardstick, ends: EndAnalysis, k: int, tolerance: float
+) -> Cause | None:
+    """The cause of an end, number k of an analysis; None if it costs 1.01 times f* or less.
+
+    The end is stationary if its `Problem.optimality` is within the tolerance.
+    """
+    excess = relative_excess(record.cost, yardstick.best, yardstick.start)
+    if yardstick.alone or not excess > ABOVE - 1:
+        return None
+    if stationary(record, tolerance):
+        basin = ends.where[k]
+        bends = basin < len(ends.curvatures) and ends.curvatures[basin] < SADDLE
+        return Cause.SADDLE if bends else Cause.SECOND_BASIN
+    if record.ending is Ending.CUT or record.claim in LIMITS:
+        return Cause.LIMIT
+    if ends.hidden[k]:
+        return Cause.ROUNDING
+    return Cause.RANK if ends.lost_ranks[k] else Cause.STOPPED_EARLY
