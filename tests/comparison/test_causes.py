@@ -98,4 +98,4 @@ def test_each_end_of_a_comparison_has_its_cause() -> None:
     stayed = {why for (_, solver), why in found.causes.items() if solver == "stays"}
     assert stayed == {Cause.STOPPED_EARLY}
     short = compare([SLIDE], solvers, budget=Budget(max_evaluations=3))
-    assert short.causes["slide", "levenberg-marquardt"] is Cause.LIMIT
+    assert short.causes["slide, start 0", "levenberg-marquardt"] is Cause.LIMIT

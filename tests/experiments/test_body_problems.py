@@ -43,7 +43,7 @@ def test_what_is_known_is_true(name: str) -> None:
     assert here.cost == pytest.approx(known.cost, rel=1e-12, abs=1e-15 * start)
     x, fixed = setup.problem.split(at)
     off = setup.problem.optimality(x, here, setup.problem.rounding(x, fixed, here.residual))
-    assert off < 1e-7
+    assert off < 3e-7  # of SCAPE: below, rounding hides by how much the cost still falls
     assert setup.measures(at)  # they can be asked for
 
 
