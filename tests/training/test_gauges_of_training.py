@@ -8,6 +8,7 @@ from scipy.sparse import csc_array
 
 from workbench import Diagnosis, Values, diagnose
 from workbench.diagnostics.parts import Parts
+from workbench.diagnostics.tied_elimination import TiedElimination
 from workbench.problem import Linearization
 from workbench.synthetic.made_up import draw_registrations, random_smpl, worm
 from workbench.training.estimate import Estimate, Sigmas
@@ -105,6 +106,20 @@ def test_elimination_finds_the_null_space_of_singular_values() -> None:
     null = spectrum.Vt[spectrum.rank :].T
     overlap = np.linalg.svd(null.T @ constrained.null, compute_uv=False)
     np.testing.assert_allclose(overlap, 1, atol=1e-6)  # those from J'J have half of the digits
+
+
+def test_the_rows_that_keep_joints_in_the_middle_of_vertices_are_added_afterwards() -> None:
+    """E_J ties all vertices of a subject together, and the parts are found all the same."""
+    d = diagnosed(*TERMS)
+    constrained = d.point.constrained
+    assert isinstance(constrained.eliminated, TiedElimination)
+    assert constrained.parts is not None
+    assert constrained.parts.ties.shape[0] == 2 * 3 * SUBJECTS
+    s = constrained.reduced.spectrum.s
+    assert d.condition == pytest.approx(s[0] / s[-1], rel=1e-4)
+    sigma = constrained.eliminated.deviations(constrained.parts.lengths)
+    J = constrained.stacked.dense
+    np.testing.assert_allclose(sigma**2, np.diag(np.linalg.inv(J.T @ J)), rtol=1e-4)
 
 
 @pytest.mark.parametrize(

@@ -9,10 +9,10 @@ from collections.abc import Callable
 
 import numpy as np
 import scipy.linalg
-from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
 from workbench.arrays import Array, Mask
 from workbench.problem import Problem
+from workbench.problem.lanczos import largest_eigenvalue
 
 SADDLE = -1e-4  # of the largest eigenvalue: below, a stationary point counts as a saddle
 STEP = 1e-5  # of a whitened unknown, for differences of gradients: their errors are about 1e-10
@@ -48,7 +48,7 @@ def least_curvature(problem: Problem, x: Array, fixed: Array) -> float:
         return np.asarray(of_cost + there.linearize(at, fixed).jacobian.T @ active)
 
     def product(v: Array) -> Array:
-        step = free @ v.ravel() * (STEP / np.linalg.norm(v))
+        step = free @ v * (STEP / np.linalg.norm(v))
         bend = (gradient(x + step) - gradient(x - step)) / (2 * STEP)
         return np.asarray(free.T @ bend * np.linalg.norm(v))
 
@@ -69,22 +69,11 @@ def _least_by_largest(product: Callable[[Array], Array], n: int) -> float:
             return np.nan
         values = np.linalg.eigvalsh((H + H.T) / 2)
         return _by_largest(values.min(), abs(values).max())
-    largest = _largest(product, n)
+    largest = largest_eigenvalue(product, n, ACCURATE)
     # shifted, the smallest one is the largest, and is found to a part of the largest
-    shifted = largest - _largest(lambda v: largest * v.ravel() - product(v), n)
+    shifted = largest - largest_eigenvalue(lambda v: largest * v - product(v), n, ACCURATE)
     return _by_largest(shifted, largest)
 
 
 def _by_largest(value: float, largest: float) -> float:
     return value / largest if largest > 0 else 0.0 * largest
-
-
-def _largest(product: Callable[[Array], Array], n: int) -> float:
-    """The eigenvalue of largest size of a symmetric product by Lanczos' method, its size."""
-    first = np.random.default_rng(0).standard_normal(n)
-    operator = LinearOperator((n, n), product, dtype=float)
-    try:
-        found = eigsh(operator, 1, which="LM", v0=first, tol=ACCURATE, return_eigenvectors=False)
-    except ArpackNoConvergence:
-        return np.nan
-    return float(abs(found[0]))

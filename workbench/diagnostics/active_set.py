@@ -10,8 +10,10 @@ from scipy.sparse import csc_array, vstack
 
 from workbench.arrays import Array, Index, Mask
 from workbench.diagnostics.elimination import Elimination
+from workbench.diagnostics.extreme_values import condition_along
 from workbench.diagnostics.linearized import linearized, pattern_of
 from workbench.diagnostics.parts import Parts
+from workbench.diagnostics.tied_elimination import TiedElimination
 from workbench.problem import Linearization, Problem
 from workbench.problem.steps import EPS
 from workbench.problem.storage import stacked
@@ -173,12 +175,12 @@ class ConstrainedJacobian:
         return Parts.of(self.stacked)
 
     @cached_property
-    def eliminated(self) -> Elimination | None:
+    def eliminated(self) -> Elimination | TiedElimination | None:
         """The unknowns eliminated part after part, where there are parts."""
         if self.parts is None:
             return None
         with limited_threads():  # its matrices are small
-            return Elimination.of(self.parts)
+            return TiedElimination.of(self.parts)
 
     @cached_property
     def null(self) -> Array:
@@ -207,10 +209,24 @@ class ConstrainedJacobian:
     @property
     def condition(self) -> float:
         """The condition of the reduced Jacobian; infinite without full rank."""
-        s, n = self.reduced.spectrum.s, self.here.shape[1]
+        n = self.here.shape[1]
         if self.rank < n or not n:
             return float("inf")
+        if self.eliminated is not None:
+            return self._condition_by_parts(self.eliminated)
+        s = self.reduced.spectrum.s
         return float(s[0] / s[-1]) if s.size else 1.0
+
+    def _condition_by_parts(self, eliminated: Elimination | TiedElimination) -> float:
+        lengths = self.stacked.column_norms  # none is zero: the rank is full
+
+        def covariance_times(B: Array) -> Array:
+            columns = B[:, None] if B.ndim == 1 else B
+            found = eliminated.covariance_times(columns / lengths[:, None]) / lengths[:, None]
+            return found.reshape(B.shape)
+
+        with limited_threads():
+            return condition_along(self.here, self.rows, covariance_times)
 
     @cached_property
     def laplace(self) -> tuple[Array, Array]:

@@ -134,6 +134,11 @@ class Elimination:
     @cached_property
     def variances(self) -> Array:
         """The diagonal of the inverse of J'J (n,); infinite where null vectors take part."""
+        return np.where(self.takes_part, np.inf, self.variances_seen)
+
+    @cached_property
+    def variances_seen(self) -> Array:
+        """The same (n,) with what no row sees held at zero."""
         found = np.zeros(self.size)
         known, covariance = np.zeros(0, dtype=np.int64), np.zeros((0, 0))
         for step in reversed(self.steps):
@@ -145,8 +150,17 @@ class Elimination:
             known = np.concatenate([step.u, step.w])
             covariance = np.block([[own, across], [across.T, of_w]])
             found[step.u] = np.diag(own)
-        found[self.takes_part] = np.inf
         return found
+
+    def covariance_times(self, B: Array) -> Array:
+        """The covariance times B (n, q), with what no row sees held at zero."""
+        B, X, pulled = B.copy(), np.zeros_like(B), []
+        for step in self.steps:
+            pulled.append(step.half.T @ B[step.u])
+            B[step.w] += step.answer.T @ B[step.u]
+        for step, z in zip(reversed(self.steps), reversed(pulled), strict=True):
+            X[step.u] = step.answer @ X[step.w] + step.half @ z
+        return X
 
     def deviations(self, lengths: Array) -> Array:
         """Standard deviations (n,) of the unknowns, whose columns had these lengths (n,)."""

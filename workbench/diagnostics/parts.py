@@ -3,22 +3,26 @@
 Where the unknowns that meet most others are left out, the rest of a large problem often falls into
 small parts that no row ties together: the vertices of a training beside the poses, the points of a
 bundle adjustment beside the cameras. The unknowns of each part can then be eliminated by
-themselves, see `Elimination`.
+themselves, see `Elimination`. A few long rows that do tie parts together, such as those that keep
+a joint at the middle of many vertices, are set aside and added afterwards, see `TiedElimination`.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import coo_array, csc_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
-from workbench.arrays import Array, Index
+from workbench.arrays import Array, Index, Mask
 from workbench.diagnostics.frame_rows import in_columns, largest_singular_value, triangle
 from workbench.problem import Linearization
 from workbench.problem.storage import by_nonzeros
 
 CHEAPER = 0.1  # of the work of a dense factorisation: above, taking apart is not worth it
 TRIES = 16  # ways to tell shared unknowns from the others
+TIES = 100  # rows that are set aside at the most
+CUTS = 3  # lengths of rows from which on they are set aside, in different tries
 PAIRS = 1e8  # of unknowns in rows of J: with more, finding parts would take seconds
 EPS = float(np.finfo(float).eps)
 
@@ -34,6 +38,7 @@ class Parts:
         shared: (b,) the places of the unknowns that parts share.
         triangles: for each part R of its rows by QR, in the columns (own, shared).
         rest: the rows that read shared unknowns alone; all others are empty here.
+        ties: (q, n) the rows that were set aside.
         tolerance: the size below which a singular value counts as zero.
     """
 
@@ -43,6 +48,7 @@ class Parts:
     shared: Index
     triangles: tuple[Array, ...]
     rest: csr_array
+    ties: csr_array
     tolerance: float
 
     @property
@@ -59,12 +65,16 @@ class Parts:
         divided = _divided(J)
         if divided is None:
             return None
-        own, shared = divided
+        own, shared, tie = divided
         lengths = np.where(here.column_norms > 0, here.column_norms, 1.0)
         unit = csr_array(J @ _diagonal(1 / lengths))
         part_of = np.full(J.shape[1], -1)
         for k, places in enumerate(own):
             part_of[places] = k
+        tolerance = EPS * max(J.shape) * max(largest_singular_value(unit), 1.0)
+        ties = csr_array(unit[tie])
+        unit = csr_array(_diagonal((~tie).astype(float)) @ unit)
+        unit.eliminate_zeros()
         row, column = unit.nonzero()
         of_row = np.full(J.shape[0], -1)
         np.maximum.at(of_row, row, part_of[column])
@@ -78,22 +88,46 @@ class Parts:
             triangles.append(triangle(in_columns(rows, place, len(columns))))
         keep = csr_array(_diagonal((of_row < 0).astype(float)) @ unit)
         keep.eliminate_zeros()
-        tolerance = EPS * max(J.shape) * max(largest_singular_value(unit), 1.0)
-        return Parts(J.shape, lengths, own, shared, tuple(triangles), keep, tolerance)
+        return Parts(J.shape, lengths, own, shared, tuple(triangles), keep, ties, tolerance)
 
 
-def _divided(J: csc_array) -> tuple[tuple[Index, ...], Index] | None:
-    """The unknowns of each part, and the shared ones, where that saves the most work.
+def _divided(J: csc_array) -> tuple[tuple[Index, ...], Index, Mask] | None:
+    """The unknowns of each part, the shared ones, and which rows are set aside (m,), where that
+    saves the most work.
 
-    The unknowns that meet most others in rows of J are shared.
+    The unknowns that meet most others in rows of J are shared, and the longest rows are set aside.
     """
     m, n = J.shape
     in_row = np.bincount(J.indices, minlength=m)
     if float(np.sum(in_row.astype(float) ** 2)) > PAIRS:
         return None
-    pattern = csc_array((np.ones(J.nnz, dtype=np.int32), J.indices, J.indptr), shape=J.shape)
-    degree = np.diff(csc_array(pattern.T @ pattern).indptr)
+    pattern = csr_array((np.ones(J.nnz, dtype=np.int32), J.indices, J.indptr), shape=(n, m)).T
     least, best = CHEAPER * float(n) ** 3, None
+    for tie in _ties(in_row):
+        kept = csc_array(_diagonal((~tie).astype(float)) @ pattern)
+        kept.eliminate_zeros()
+        found = _split(kept, least / (2 if tie.any() else 1))
+        if found is not None:
+            work, own = found
+            least, best = work, (own, np.setdiff1d(np.arange(n), np.concatenate(own)), tie)
+    return best
+
+
+def _ties(in_row: Index) -> Iterator[Mask]:
+    """Which rows (m,) may be set aside: none, or the longest, TIES of them at the most."""
+    yield np.zeros(len(in_row), dtype=bool)
+    for longest in np.unique(in_row)[:0:-1][:CUTS]:
+        tie = in_row >= longest
+        if np.count_nonzero(tie) > TIES:
+            return
+        yield tie
+
+
+def _split(pattern: csc_array, least: float) -> tuple[float, tuple[Index, ...]] | None:
+    """The unknowns of each part where that takes the least work, and this work, below `least`."""
+    m, n = pattern.shape
+    best = None
+    degree = np.diff(csc_array(pattern.T @ pattern).indptr)
     for most in _few(np.unique(degree)[:-1]):
         inner = np.flatnonzero(degree <= most)
         if float(n - inner.size) ** 3 > least:
@@ -106,10 +140,8 @@ def _divided(J: csc_array) -> tuple[tuple[Index, ...], Index] | None:
         if work < least:
             order = np.argsort(label, kind="stable")
             edges = np.cumsum(np.bincount(label))[:-1]
-            least, best = work, tuple(np.split(inner[order], edges))
-    if best is None:
-        return None
-    return best, np.setdiff1d(np.arange(n), np.concatenate(best))
+            least, best = work, (work, tuple(np.split(inner[order], edges)))
+    return best
 
 
 def _few(degrees: Index) -> Index:
