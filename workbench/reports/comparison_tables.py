@@ -1,5 +1,7 @@
 """The tables of a comparison of solvers, as rows of text."""
 
+from collections.abc import Callable, Iterable, Iterator, Sequence
+
 import numpy as np
 
 from workbench.comparison import Comparison, TargetOutcome
@@ -9,10 +11,11 @@ from workbench.comparison.log import KINDS, LIMITED
 from workbench.comparison.measured import Timing, ratios, seconds_of_runs, seconds_to
 from workbench.comparison.plan import Instance
 from workbench.comparison.prices import PRICES
-from workbench.comparison.statistics import median
+from workbench.comparison.record import Record
+from workbench.comparison.statistics import Interval, median
 from workbench.comparison.targets import named
 from workbench.comparison.words import percent
-from workbench.reports.tables import Row, Table, number
+from workbench.reports.tables import Columns, Row, Table, number
 
 PLURAL = {
     "residual": "residuals",
@@ -29,34 +32,26 @@ def success_table(comparison: Comparison) -> Table:
     """How often each solver met each target, and returned a point at the lowest cost; of several
     problems, on how many it met the target from every start.
     """
+    head = [*(f"τ = {named(tau)}" for tau in comparison.taus), "ended at the lowest cost"]
     several = len(comparison.compared) > 1
-    rows = tuple(
-        (
-            solver,
-            *(percent(comparison.success(solver, tau)) for tau in comparison.taus),
-            percent(comparison.reached(solver)),
-            *([percent(comparison.solved_problems(solver, MAIN))] if several else []),
-        )
-        for solver in comparison.solvers
-    )
-    head = (
-        "solver",
-        *(f"τ = {named(tau)}" for tau in comparison.taus),
-        "ended at the lowest cost",
-        *([f"problems, τ = {named(MAIN)}"] if several else []),
-    )
-    return Table(head, rows, tuple(range(1, len(head))))
+    if several:
+        head.append(f"problems, τ = {named(MAIN)}")
+
+    def shares(solver: str) -> Iterator[Interval]:
+        yield from (comparison.success(solver, tau) for tau in comparison.taus)
+        yield comparison.reached(solver)
+        if several:
+            yield comparison.solved_problems(solver, MAIN)
+
+    return _by_solver(comparison, head, lambda solver: map(percent, shares(solver)))
 
 
 def verdicts_table(comparison: Comparison) -> Table:
     """How many runs came to what; verdicts that nobody met are left out."""
-    counts = [comparison.counted(solver) for solver in comparison.solvers]
-    there = [v for v in TargetOutcome if any(c[v] for c in counts)]
-    rows = tuple(
-        (solver, *(str(c[v]) for v in there))
-        for solver, c in zip(comparison.solvers, counts, strict=True)
-    )
-    return Table(("solver", *(_verdict(v) for v in there)), rows, tuple(range(1, len(there) + 1)))
+    counts = {solver: comparison.counted(solver) for solver in comparison.solvers}
+    there = [v for v in TargetOutcome if any(c[v] for c in counts.values())]
+    head = [_verdict(v) for v in there]
+    return _by_solver(comparison, head, lambda solver: (str(counts[solver][v]) for v in there))
 
 
 def prices_table() -> Table:
@@ -68,37 +63,34 @@ def prices_table() -> Table:
 def effort_table(comparison: Comparison, tau: float = MAIN) -> Table:
     """What it took to meet a target, by counts: medians, failures counted as infinite."""
     kinds = _asked(comparison)
-    rows = []
-    for solver in comparison.solvers:
-        met = sum(comparison.solved(i.name, solver, tau) for i in comparison.comparable)
-        rows.append(
-            (
-                solver,
-                f"{met} of {len(comparison.comparable)}",
-                *_counts(comparison, solver, tau, kinds),
-                _effort(comparison, solver, tau),
-            )
-        )
-    head = ("solver", "met", *(PLURAL[kind] for kind in kinds), "effort")
-    return Table(head, tuple(rows), tuple(range(1, len(head))))
+    runs = comparison.comparable
+
+    def cells(solver: str) -> Row:
+        met = sum(comparison.solved(i.name, solver, tau) for i in runs)
+        counts = _counts(comparison, solver, tau, kinds)
+        return f"{met} of {len(runs)}", *counts, _effort(comparison, solver, tau)
+
+    return _by_solver(comparison, ["met", *(PLURAL[kind] for kind in kinds), "effort"], cells)
 
 
 def seconds_table(comparison: Comparison, tau: float = MAIN) -> Table:
     """Seconds as they were measured, with their spread."""
-    rows = tuple(
-        (
-            solver,
-            *_spread(seconds_to(comparison, solver, tau)),
-            *_spread(seconds_of_runs(comparison, solver)),
-        )
-        for solver in comparison.solvers
-    )
-    head = (
-        "solver",
-        *(f"until τ = {named(tau)}, {s}" for s in ("least", "median", "most")),
-        *(f"whole run, {s}" for s in ("least", "median", "most")),
-    )
-    return Table(head, rows, tuple(range(1, len(head))))
+
+    def cells(solver: str) -> Row:
+        until = _spread(seconds_to(comparison, solver, tau))
+        return *until, *_spread(seconds_of_runs(comparison, solver))
+
+    spans = f"until τ = {named(tau)}", "whole run"
+    head = [f"{span}, {s}" for span in spans for s in ("least", "median", "most")]
+    return _by_solver(comparison, head, cells)
+
+
+def _by_solver(
+    comparison: Comparison, head: Sequence[str], cells: Callable[[str], Iterable[str]]
+) -> Table:
+    """A row for each solver: its name, and the cells below the headings, which are numbers."""
+    rows = tuple((solver, *cells(solver)) for solver in comparison.solvers)
+    return Table(("solver", *head), rows, tuple(range(1, len(head) + 1)))
 
 
 def problem_table(comparison: Comparison, problem: str, tau: float = MAIN) -> Table:
@@ -172,26 +164,23 @@ def problems_table(comparison: Comparison) -> Table:
 
 def failures_table(comparison: Comparison) -> Table:
     """Every run that did not end at the lowest cost, with what it said."""
-    rows = []
-    for instance in comparison.instances:
-        for solver in comparison.solvers:
-            verdict = comparison.outcomes[instance.name, solver]
-            if verdict in (TargetOutcome.REACHED, TargetOutcome.ALONE):
-                continue
-            record = comparison.records[instance.name, solver]
-            said = f"{record.claim.lower().replace('_', ' ')}: " if record.claim else ""
-            rows.append(
-                (
-                    instance.name,
-                    solver,
-                    verdict.value,
-                    number(record.cost, 6),
-                    number(record.optimality, 2),
-                    f"{said}{record.message}",
-                )
-            )
-    head = ("start", "solver", "it", "cost at its end", "optimality", "what it said itself")
-    return Table(head, tuple(rows), (3, 4))
+    runs = [(i.name, solver) for i in comparison.instances for solver in comparison.solvers]
+    good = TargetOutcome.REACHED, TargetOutcome.ALONE
+    failed = [run for run in runs if comparison.outcomes[run] not in good]
+
+    def said(record: Record) -> str:
+        claim = f"{record.claim.lower().replace('_', ' ')}: " if record.claim else ""
+        return claim + record.message
+
+    columns: Columns[tuple[str, str]] = {
+        "start": lambda run: run[0],
+        "solver": lambda run: run[1],
+        "it": lambda run: comparison.outcomes[run].value,
+        "cost at its end": lambda run: number(comparison.records[run].cost, 6),
+        "optimality": lambda run: number(comparison.records[run].optimality, 2),
+        "what it said itself": lambda run: said(comparison.records[run]),
+    }
+    return Table.of(failed, columns, (3, 4))
 
 
 def basins_table(comparison: Comparison, problem: str) -> Table:
