@@ -11,8 +11,8 @@ from tests.bodies_made_up import random_body, smpl_like_body
 from workbench.bodies.catalogue import load_body
 from workbench.errors import BadFile
 from workbench.reports import card_text, write_card
-from workbench.reports.anatomy import facts, joints, shapes
-from workbench.reports.card import card_page
+from workbench.reports.anatomy import facts, shapes
+from workbench.reports.card import card_page, joint_table
 
 CARD = {
     "licence": "CC0 <1.0>",
@@ -74,11 +74,12 @@ def test_the_facts_are_the_bodys() -> None:
     found = facts(body)
     assert found["vertices V"] == "40"
     assert found["skinning weights"].startswith("at most 4 per vertex")
-    table = joints(body)
-    assert [j.parent for j in table] == ["–", *(f"joint{p}" for p in body.parents[1:])]
-    np.testing.assert_allclose([j.rest for j in table], body.joints())
-    assert [j.moved for j in table] == np.count_nonzero(body.weights, axis=0).tolist()
-    assert [j.regressor for j in table] == [4] * 5
+    columns = list(zip(*joint_table(body).rows, strict=True))
+    assert list(columns[2]) == ["–", *(f"joint{p}" for p in body.parents[1:])]
+    rest = np.array(columns[3:6], dtype=float).T
+    np.testing.assert_allclose(rest, body.joints(), rtol=0, atol=0.0005)
+    assert list(map(int, columns[6])) == np.count_nonzero(body.weights, axis=0).tolist()
+    assert list(columns[7]) == ["4"] * 5
 
 
 def test_a_body_of_people_who_were_made_up_is_called_synthetic() -> None:

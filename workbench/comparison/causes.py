@@ -1,5 +1,6 @@
 """Why a run ended at more than the lowest cost: one cause for each end."""
 
+from collections.abc import Mapping
 from enum import Enum
 
 from workbench.comparison.curvature import SADDLE
@@ -43,3 +44,21 @@ def cause(
     if ends.hidden[k]:
         return Cause.ROUNDING
     return Cause.RANK if ends.lost_ranks[k] else Cause.STOPPED_EARLY
+
+
+Run = tuple[str, str]  # the names of an instance and a solver
+
+
+def causes(
+    ends: Mapping[Run, tuple[EndAnalysis, int]],
+    records: Mapping[Run, Record],
+    yardsticks: Mapping[str, Yardstick],
+    tolerance: float,
+) -> dict[Run, Cause]:
+    """The causes of those ends that have one; see `cause`."""
+    found = {}
+    for run, (analysis, k) in ends.items():
+        why = cause(records[run], yardsticks[run[0]], analysis, k, tolerance)
+        if why is not None:
+            found[run] = why
+    return found

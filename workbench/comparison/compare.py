@@ -9,13 +9,13 @@ import numpy as np
 from joblib import Parallel, delayed
 
 from workbench.comparison.budget import Budget
-from workbench.comparison.comparison import Comparison, ended
+from workbench.comparison.comparison import Comparison
 from workbench.comparison.description import Description
 from workbench.comparison.end_analysis import EndAnalysis
 from workbench.comparison.jobs import AnalyseEnds, Answer, Describe, Failed, Job, Solve
 from workbench.comparison.named_solvers import Given, NamedSolver, named_solvers
 from workbench.comparison.plan import Experiments, Instance, Plan, plan
-from workbench.comparison.record import Record, Stored
+from workbench.comparison.record import Record, Stored, ended
 from workbench.comparison.store import Folder, Memory, Store
 from workbench.comparison.workers import answered, pool
 from workbench.errors import BadArgument, WorkbenchError

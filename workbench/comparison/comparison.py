@@ -8,14 +8,14 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.comparison import statistics
-from workbench.comparison.causes import Cause, cause
+from workbench.comparison.causes import Cause, causes
 from workbench.comparison.description import Description
 from workbench.comparison.end_analysis import EndAnalysis
 from workbench.comparison.log import KINDS
 from workbench.comparison.named_solvers import NamedSolver
 from workbench.comparison.plan import Instance, Plan
 from workbench.comparison.prices import prices, units
-from workbench.comparison.record import Ending, Record
+from workbench.comparison.record import Ending, Record, ended
 from workbench.comparison.targets import NEARLY, TAUS, TargetOutcome, Yardstick, target_outcome
 from workbench.experiments.relative_costs import share_left
 
@@ -155,18 +155,8 @@ class Comparison:
 
     @cached_property
     def causes(self) -> dict[tuple[str, str], Cause]:
-        """Why runs ended above 1.01 times the lowest cost known, by instance and solver.
-
-        Ends that could not be analysed, or compared with another cost, have no cause here.
-        """
-        tolerance = self.plan.budget.stationary
-        found = {
-            (instance, solver): cause(
-                self.records[instance, solver], self.yardsticks[instance], analysis, k, tolerance
-            )
-            for (instance, solver), (analysis, k) in self.ends.items()
-        }
-        return {key: why for key, why in found.items() if why is not None}
+        """Why ends that were analysed are above 1.01 times the lowest cost; see `causes.cause`."""
+        return causes(self.ends, self.records, self.yardsticks, self.plan.budget.stationary)
 
     # What it took.
 
@@ -307,11 +297,3 @@ class Comparison:
                 if self.described[i.name].certified
             ]
         )
-
-
-def ended(
-    group: tuple[str, ...], solvers: tuple[str, ...], records: dict[tuple[str, str], Record]
-) -> list[tuple[str, str]]:
-    """The runs of a group that ended at a point that can be looked at, in a fixed order."""
-    keys = [(name, solver) for name in group for solver in solvers]
-    return [key for key in keys if records[key].finite and records[key].inside]

@@ -125,6 +125,14 @@ class Record:
         )
 
 
+def ended(
+    group: tuple[str, ...], solvers: tuple[str, ...], records: dict[tuple[str, str], Record]
+) -> list[tuple[str, str]]:
+    """The runs of a group that ended at a point that can be looked at, in a fixed order."""
+    keys = [(name, solver) for name in group for solver in solvers]
+    return [key for key in keys if records[key].finite and records[key].inside]
+
+
 def array_of(arrays: Mapping[str, Array], name: str, axes: int) -> Array:
     """One of the stored arrays; raises BadFile if it is missing or has other axes."""
     found = arrays.get(name)

@@ -1,7 +1,5 @@
 """What a body is made of, in names and numbers."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from workbench.arrays import Array
@@ -14,18 +12,6 @@ LOWERED = 1.15  # rad that the arms hang down from a T-pose, so that shapes stan
 ENDS = 2.0  # standard deviations at which shapes are drawn
 NOT_READ = "arrays of its file that nothing here computes with; save_body writes them back"
 DRAWN = 5  # shape directions in the gallery
-
-
-@dataclass(frozen=True)
-class Joint:
-    """One row of the joint table; `rest` in metres."""
-
-    index: int
-    name: str
-    parent: str
-    rest: tuple[float, float, float]
-    moved: int  # the vertices that it moves, or faces of a triangle body
-    regressor: int  # vertices that it is regressed from
 
 
 def facts(body: SkinnedBody | TriangleBody) -> dict[str, str]:
@@ -76,25 +62,6 @@ def _deformations(body: TriangleBody) -> dict[str, str]:
         "joints that bend a face": f"{body.near.shape[1]} ({acting:,} nonzeros in posedirs)",
         "parts' weights": f"at most {weights.max()} per face, {weights.mean():.2f} on average",
     }
-
-
-def joints(body: SkinnedBody | TriangleBody) -> list[Joint]:
-    """The kinematic tree, parents first."""
-    rest = body.joints()
-    weights: Array = body.weights if isinstance(body, SkinnedBody) else body.weights.toarray()
-    moved = np.count_nonzero(weights, axis=0)
-    read = np.diff(body.J_regressor.indptr)
-    return [
-        Joint(
-            k,
-            name,
-            "–" if parent < 0 else body.joint_names[parent],
-            (float(rest[k, 0]), float(rest[k, 1]), float(rest[k, 2])),
-            int(moved[k]),
-            int(read[k]),
-        )
-        for k, (name, parent) in enumerate(zip(body.joint_names, body.parents, strict=True))
-    ]
 
 
 def shapes(body: SkinnedBody | TriangleBody) -> dict[str, Array]:

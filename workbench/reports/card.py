@@ -4,16 +4,19 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
 from workbench.bodies.skinned import not_skinned
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadBody
 from workbench.plots import caption_body, caption_shape_gallery, sheets
-from workbench.reports.anatomy import directions_drawn, facts, joints, shapes
+from workbench.reports.anatomy import directions_drawn, facts, shapes
 from workbench.reports.figures import shown
 from workbench.reports.folder import write_folder
 from workbench.reports.page import page
-from workbench.reports.tables import Table
+from workbench.reports.tables import Columns, Table
 
 
 def write_card(body: SkinnedBody | TriangleBody, folder: str | Path, source: str = "") -> Path:
@@ -76,20 +79,26 @@ def check_kind(body: object) -> None:
 
 def joint_table(body: SkinnedBody | TriangleBody) -> Table:
     """The joints with their parents and places."""
-    rows = tuple(
-        (
-            str(j.index),
-            j.name,
-            j.parent,
-            *(f"{round(x, 3) + 0.0:.3f}" for x in j.rest),
-            f"{j.moved:,}",
-            f"{j.regressor:,}",
-        )
-        for j in joints(body)
-    )
-    moved = "vertices moved" if isinstance(body, SkinnedBody) else "faces moved"
-    head = ("k", "joint", "parent", "x (m)", "y (m)", "z (m)", moved, "regressed from")
-    return Table(head, rows, (0, 3, 4, 5, 6, 7))
+    skinned = isinstance(body, SkinnedBody)
+    weights: Array = body.weights if isinstance(body, SkinnedBody) else body.weights.toarray()
+    rest, moved = body.joints(), np.count_nonzero(weights, axis=0)
+    regressed = np.diff(body.J_regressor.indptr)
+    names, parents = body.joint_names, body.parents
+    columns: Columns[int] = {
+        "k": str,
+        "joint": lambda k: names[k],
+        "parent": lambda k: "–" if parents[k] < 0 else names[parents[k]],
+        "x (m)": lambda k: _metres(rest[k, 0]),
+        "y (m)": lambda k: _metres(rest[k, 1]),
+        "z (m)": lambda k: _metres(rest[k, 2]),
+        "vertices moved" if skinned else "faces moved": lambda k: f"{moved[k]:,}",
+        "regressed from": lambda k: f"{regressed[k]:,}",
+    }
+    return Table.of(range(body.n_joints), columns, (0, 3, 4, 5, 6, 7))
+
+
+def _metres(x: float) -> str:
+    return f"{round(x, 3) + 0.0:.3f}"  # + 0.0: no negative zero
 
 
 def _nested(card: Mapping[str, Any], depth: int) -> list[str]:

@@ -22,6 +22,7 @@ from workbench.plots.profiles import caption_data_profile, caption_performance_p
 from workbench.plots.verdicts import caption_basins, caption_verdicts
 from workbench.plots.waterfall import caption_waterfall
 from workbench.reports import comparison_tables as tables
+from workbench.reports import end_tables as ends
 from workbench.reports.figures import Shown, shown
 from workbench.reports.folder import MAKER
 from workbench.reports.page import page
@@ -115,7 +116,7 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
         main=named(MAIN),
         verdicts=shown(sheets.verdicts_sheet(comparison), caption_verdicts(comparison)),
         outcomes=tables.verdicts_table(comparison),
-        meanings={v.name.lower().replace("_", " "): v.value for v in TargetOutcome},
+        meanings={ends.words_of(v): v.value for v in TargetOutcome},
         success=tables.success_table(comparison),
         effort=tables.effort_table(comparison),
         prices=tables.prices_table(),
@@ -140,9 +141,9 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
         accuracy=_accuracy(comparison),
         each=[_of(comparison, problem) for problem in comparison.problems],
         table=tables.problems_table(comparison),
-        ends=tables.ends_table(comparison),
-        causes={c.name.lower().replace("_", " "): c.value for c in Cause},
-        failures=tables.failures_table(comparison),
+        ends=ends.ends_table(comparison),
+        causes={ends.words_of(c): c.value for c in Cause},
+        failures=ends.failures_table(comparison),
         unbuilt=comparison.unbuilt,
         options=tables.options_table(comparison),
         budget=budget,
@@ -184,7 +185,7 @@ def _of(comparison: Comparison, problem: str) -> dict[str, Any]:
         if len(instances) >= FEW
         else None,
         "sentence": basin_sentence(comparison, problem),
-        "basins": tables.basins_table(comparison, problem) if several else None,
+        "basins": ends.basins_table(comparison, problem) if several else None,
         "bars": shown(sheets.basins_sheet(comparison, problem), caption_basins(comparison, problem))
         if several
         else None,

@@ -1,17 +1,20 @@
 """The tables of a comparison of solvers, as rows of text."""
 
+from collections.abc import Callable, Iterable, Iterator, Sequence
+
 import numpy as np
 
-from workbench.comparison import Cause, Comparison, TargetOutcome
+from workbench.comparison import Comparison, TargetOutcome
 from workbench.comparison.comparison import MAIN
 from workbench.comparison.identity import identity
 from workbench.comparison.log import KINDS, LIMITED
 from workbench.comparison.measured import Timing, ratios, seconds_of_runs, seconds_to
 from workbench.comparison.plan import Instance
 from workbench.comparison.prices import PRICES
-from workbench.comparison.statistics import median
+from workbench.comparison.statistics import Interval, median
 from workbench.comparison.targets import named
 from workbench.comparison.words import percent
+from workbench.reports.end_tables import words_of
 from workbench.reports.tables import Row, Table, number
 
 PLURAL = {
@@ -29,34 +32,26 @@ def success_table(comparison: Comparison) -> Table:
     """How often each solver met each target, and returned a point at the lowest cost; of several
     problems, on how many it met the target from every start.
     """
+    head = [*(f"τ = {named(tau)}" for tau in comparison.taus), "ended at the lowest cost"]
     several = len(comparison.compared) > 1
-    rows = tuple(
-        (
-            solver,
-            *(percent(comparison.success(solver, tau)) for tau in comparison.taus),
-            percent(comparison.reached(solver)),
-            *([percent(comparison.solved_problems(solver, MAIN))] if several else []),
-        )
-        for solver in comparison.solvers
-    )
-    head = (
-        "solver",
-        *(f"τ = {named(tau)}" for tau in comparison.taus),
-        "ended at the lowest cost",
-        *([f"problems, τ = {named(MAIN)}"] if several else []),
-    )
-    return Table(head, rows, tuple(range(1, len(head))))
+    if several:
+        head.append(f"problems, τ = {named(MAIN)}")
+
+    def shares(solver: str) -> Iterator[Interval]:
+        yield from (comparison.success(solver, tau) for tau in comparison.taus)
+        yield comparison.reached(solver)
+        if several:
+            yield comparison.solved_problems(solver, MAIN)
+
+    return _by_solver(comparison, head, lambda solver: map(percent, shares(solver)))
 
 
 def verdicts_table(comparison: Comparison) -> Table:
     """How many runs came to what; verdicts that nobody met are left out."""
-    counts = [comparison.counted(solver) for solver in comparison.solvers]
-    there = [v for v in TargetOutcome if any(c[v] for c in counts)]
-    rows = tuple(
-        (solver, *(str(c[v]) for v in there))
-        for solver, c in zip(comparison.solvers, counts, strict=True)
-    )
-    return Table(("solver", *(_words(v) for v in there)), rows, tuple(range(1, len(there) + 1)))
+    counts = {solver: comparison.counted(solver) for solver in comparison.solvers}
+    there = [v for v in TargetOutcome if any(c[v] for c in counts.values())]
+    head = [words_of(v) for v in there]
+    return _by_solver(comparison, head, lambda solver: (str(counts[solver][v]) for v in there))
 
 
 def prices_table() -> Table:
@@ -68,37 +63,34 @@ def prices_table() -> Table:
 def effort_table(comparison: Comparison, tau: float = MAIN) -> Table:
     """What it took to meet a target, by counts: medians, failures counted as infinite."""
     kinds = _asked(comparison)
-    rows = []
-    for solver in comparison.solvers:
-        met = sum(comparison.solved(i.name, solver, tau) for i in comparison.comparable)
-        rows.append(
-            (
-                solver,
-                f"{met} of {len(comparison.comparable)}",
-                *_counts(comparison, solver, tau, kinds),
-                _effort(comparison, solver, tau),
-            )
-        )
-    head = ("solver", "met", *(PLURAL[kind] for kind in kinds), "effort")
-    return Table(head, tuple(rows), tuple(range(1, len(head))))
+    runs = comparison.comparable
+
+    def cells(solver: str) -> Row:
+        met = sum(comparison.solved(i.name, solver, tau) for i in runs)
+        counts = _counts(comparison, solver, tau, kinds)
+        return f"{met} of {len(runs)}", *counts, _effort(comparison, solver, tau)
+
+    return _by_solver(comparison, ["met", *(PLURAL[kind] for kind in kinds), "effort"], cells)
 
 
 def seconds_table(comparison: Comparison, tau: float = MAIN) -> Table:
     """Seconds as they were measured, with their spread."""
-    rows = tuple(
-        (
-            solver,
-            *_spread(seconds_to(comparison, solver, tau)),
-            *_spread(seconds_of_runs(comparison, solver)),
-        )
-        for solver in comparison.solvers
-    )
-    head = (
-        "solver",
-        *(f"until τ = {named(tau)}, {s}" for s in ("least", "median", "most")),
-        *(f"whole run, {s}" for s in ("least", "median", "most")),
-    )
-    return Table(head, rows, tuple(range(1, len(head))))
+
+    def cells(solver: str) -> Row:
+        until = _spread(seconds_to(comparison, solver, tau))
+        return *until, *_spread(seconds_of_runs(comparison, solver))
+
+    spans = f"until τ = {named(tau)}", "whole run"
+    head = [f"{span}, {s}" for span in spans for s in ("least", "median", "most")]
+    return _by_solver(comparison, head, cells)
+
+
+def _by_solver(
+    comparison: Comparison, head: Sequence[str], cells: Callable[[str], Iterable[str]]
+) -> Table:
+    """A row for each solver: its name, and the cells below the headings, which are numbers."""
+    rows = tuple((solver, *cells(solver)) for solver in comparison.solvers)
+    return Table(("solver", *head), rows, tuple(range(1, len(head) + 1)))
 
 
 def problem_table(comparison: Comparison, problem: str, tau: float = MAIN) -> Table:
@@ -170,105 +162,6 @@ def problems_table(comparison: Comparison) -> Table:
     return Table(head, tuple(rows), tuple(range(1, len(head) - 1)))
 
 
-def ends_table(comparison: Comparison) -> Table:
-    """Where the runs of each solver on each problem ended, and why some ended above 1.01 f*."""
-    rows = []
-    for problem in comparison.problems:
-        cells = [_ends(comparison, comparison.of(problem), solver) for solver in comparison.solvers]
-        rows.append((problem, *cells))
-    return Table(("problem", *comparison.solvers), tuple(rows), ())
-
-
-def _ends(comparison: Comparison, chosen: tuple[Instance, ...], solver: str) -> str:
-    """`1 of 3 at f*; 2.13 f* second basin; refused`: how many are at f*, and the others."""
-    there, others = 0, list[str]()
-    for instance in chosen:
-        key = (instance.name, solver)
-        record, best = comparison.records[key], comparison.yardsticks[instance.name].best
-        if key in comparison.causes:
-            ratio = f"{number(record.cost / best, 3)} f*" if best > 0 else number(record.cost, 3)
-            others.append(f"{ratio} {_words(comparison.causes[key])}")
-        elif key in comparison.ends:
-            there += 1
-        else:
-            others.append(_words(comparison.outcomes[key]))
-    first = [f"{there} of {len(chosen)} at f*"] if there or len(chosen) > 1 else []
-    return "; ".join(
-        first
-        + [f"{others.count(o)} × {o}" if others.count(o) > 1 else o for o in dict.fromkeys(others)]
-    )
-
-
-def failures_table(comparison: Comparison) -> Table:
-    """Every run that did not end at the lowest cost, with what it said."""
-    rows = []
-    for instance in comparison.instances:
-        for solver in comparison.solvers:
-            verdict = comparison.outcomes[instance.name, solver]
-            if verdict in (TargetOutcome.REACHED, TargetOutcome.ALONE):
-                continue
-            record = comparison.records[instance.name, solver]
-            said = f"{record.claim.lower().replace('_', ' ')}: " if record.claim else ""
-            rows.append(
-                (
-                    instance.name,
-                    solver,
-                    verdict.value,
-                    _words(cause)
-                    if (cause := comparison.causes.get((instance.name, solver)))
-                    else "",
-                    number(record.cost, 6),
-                    number(record.optimality, 2),
-                    f"{said}{record.message}",
-                )
-            )
-    head = (
-        "start",
-        "solver",
-        "it",
-        "cause",
-        "cost at its end",
-        "optimality",
-        "its message",
-    )
-    return Table(head, tuple(rows), (4, 5))
-
-
-def basins_table(comparison: Comparison, problem: str) -> Table:
-    """The basins that ends of a problem lead to, of each data set by itself."""
-    rows: list[Row] = []
-    seen: set[int] = set()
-    for instance in comparison.of(problem):
-        end_analysis = comparison.end_analysis(instance.name)
-        if id(end_analysis) in seen:
-            continue
-        seen.add(id(end_analysis))
-        best = comparison.yardsticks[instance.name].best
-        same = [
-            i for i in comparison.of(problem) if comparison.end_analysis(i.name) is end_analysis
-        ]
-        names = {i.name for i in same}
-        of = problem if len(names) > 1 else instance.name
-        for k, cost in enumerate(end_analysis.costs):
-            who = [s for (name, s), b in comparison.basins.items() if b == k and name in names]
-            each = ", ".join(f"{s} {who.count(s)}" for s in dict.fromkeys(who))
-            rows.append(
-                (
-                    of,
-                    str(k + 1),
-                    number(cost, 8),
-                    number(cost - best, 3),
-                    number(end_analysis.optimality[k], 2),
-                    str(len(who)),
-                    each,
-                )
-            )
-    head = ("start", "basin", "cost", "above f*", "optimality", "ends", "whose")
-    if len(seen) == 1:  # of the problem as a whole
-        return Table(head[1:], tuple(row[1:] for row in rows), (0, 1, 2, 3, 4))
-    return Table(head, tuple(rows), (1, 2, 3, 4, 5))
-
-
 def options_table(comparison: Comparison) -> Table:
     """The solvers with all their options, as they ran."""
     rows = []
@@ -283,12 +176,8 @@ def _verdicts(comparison: Comparison, chosen: tuple[Instance, ...], solver: str)
     found = [comparison.outcomes[i.name, solver] for i in chosen]
     names = dict.fromkeys(found)
     if len(chosen) == 1:
-        return _words(found[0])
-    return ", ".join(f"{found.count(v)} {_words(v)}" for v in names)
-
-
-def _words(verdict: TargetOutcome | Cause) -> str:
-    return verdict.name.lower().replace("_", " ")
+        return words_of(found[0])
+    return ", ".join(f"{found.count(v)} {words_of(v)}" for v in names)
 
 
 def _asked(comparison: Comparison) -> tuple[str, ...]:

@@ -5,9 +5,9 @@ import numpy as np
 from workbench.diagnostics import Diagnosis
 from workbench.diagnostics.conditioning import PARALLEL
 from workbench.diagnostics.report import changed
-from workbench.diagnostics.structure import gathered, named_groups, named_rows
+from workbench.diagnostics.structure import Submatrix, gathered, named_groups, named_rows
 from workbench.reports import tables
-from workbench.reports.tables import Table, number
+from workbench.reports.tables import Columns, Table, number
 
 
 def suggestions_table(d: Diagnosis) -> Table:
@@ -20,17 +20,14 @@ def parts_table(d: Diagnosis) -> Table:
     """Dulmage and Mendelsohn's three parts."""
     s = d.structure
     parts = (("over-determined", s.over), ("square", s.square), ("under-determined", s.under))
-    rows = tuple(
-        (
-            name,
-            f"{len(p.rows):,}",
-            f"{len(p.columns):,}",
-            named_rows(d.point.rows, p.rows) or "–",
-            named_groups(d.free, p.columns) or "–",
-        )
-        for name, p in parts
-    )
-    return Table(("part", "rows", "unknowns", "which rows", "which unknowns"), rows, (1, 2))
+    columns: Columns[tuple[str, Submatrix]] = {
+        "part": lambda of: of[0],
+        "rows": lambda of: f"{len(of[1].rows):,}",
+        "unknowns": lambda of: f"{len(of[1].columns):,}",
+        "which rows": lambda of: named_rows(d.point.rows, of[1].rows) or "–",
+        "which unknowns": lambda of: named_groups(d.free, of[1].columns) or "–",
+    }
+    return Table.of(parts, columns, (1, 2))
 
 
 def ranks_table(d: Diagnosis) -> Table:
@@ -102,19 +99,15 @@ def known_table(d: Diagnosis) -> Table:
 def entries_table(d: Diagnosis) -> Table:
     """A table with a row for every unknown."""
     known, sizes = d.identifiability, d.point.yardsticks.sizes
-    rows = tuple(
-        (
-            d.free.label(i),
-            d.free.unit(i),
-            number(float(known.sigma[i]), 3),
-            number(float(known.prior_sigma[i]), 3),
-            number(float(sizes[i]), 3),
-            known.verdicts[i].value,
-        )
-        for i in range(min(d.free.size, tables.MOST))
-    )
-    head = ("unknown", "unit", "sigma", "prior sigma", "yardstick", "verdict")
-    return Table(head, rows, (2, 3, 4))
+    columns: Columns[int] = {
+        "unknown": d.free.label,
+        "unit": d.free.unit,
+        "sigma": lambda i: number(float(known.sigma[i]), 3),
+        "prior sigma": lambda i: number(float(known.prior_sigma[i]), 3),
+        "yardstick": lambda i: number(float(sizes[i]), 3),
+        "verdict": lambda i: known.verdicts[i].value,
+    }
+    return Table.of(range(min(d.free.size, tables.MOST)), columns, (2, 3, 4))
 
 
 def contributions_table(d: Diagnosis) -> Table | None:

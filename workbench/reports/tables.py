@@ -1,21 +1,27 @@
 """The tables of a report, as rows of text."""
 
+from __future__ import annotations
+
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
 from workbench.blocks import Block
 from workbench.diagnostics import Diagnosis, Direction
-from workbench.diagnostics.structure import gathered
+from workbench.diagnostics.structure import TermBlock, gathered
 from workbench.experiments.running import Outcome
 from workbench.fitting.setup import Measure
-from workbench.solvers import Status
+from workbench.residuals import Residual
+from workbench.solvers import Solution, Status
 
 SMALL = 24  # entries of a block that is listed number by number
 MOST = 3000  # entries of one that is listed row by row; what is larger is in the .npz alone
 Row = tuple[str, ...]
+T = TypeVar("T")
+Columns = Mapping[str, Callable[[T], str]]
 
 
 @dataclass(frozen=True)
@@ -25,6 +31,12 @@ class Table:
     head: Row
     rows: tuple[Row, ...]
     numbers: tuple[int, ...] = (1,)
+
+    @classmethod
+    def of(cls, things: Iterable[T], columns: Columns[T], numbers: tuple[int, ...] = (1,)) -> Table:
+        """A row for each of the things; a column is a heading and the function of its cells."""
+        rows = tuple(tuple(cell(thing) for cell in columns.values()) for thing in things)
+        return cls(tuple(columns), rows, numbers)
 
     def lines(self) -> list[str]:
         """The table for a terminal: its columns two spaces apart."""
@@ -57,20 +69,17 @@ def measures_table(measures: tuple[Measure, ...]) -> Table:
 
 def residuals_table(outcome: Outcome) -> Table:
     """What each residual adds to the cost, and which of them are priors."""
-    whole = sum(outcome.costs.values())
-    rows = tuple(
-        (
-            r.name,
-            "prior" if r.name in outcome.setup.priors else "data",
-            f"{r.size:,}",
-            _sigma(r.sigma),
-            _told(r.unit),
-            number(outcome.costs[r.name]),
-            f"{outcome.costs[r.name] / whole:.1%}" if whole else "–",
-        )
-        for r in outcome.setup.problem.residuals
-    )
-    return Table(("residual", "kind", "rows", "sigma", "unit", "cost", "share"), rows, (2, 3, 5, 6))
+    setup, costs, whole = outcome.setup, outcome.costs, sum(outcome.costs.values())
+    columns: Columns[Residual] = {
+        "residual": lambda r: r.name,
+        "kind": lambda r: "prior" if r.name in setup.priors else "data",
+        "rows": lambda r: f"{r.size:,}",
+        "sigma": lambda r: _sigma(r.sigma),
+        "unit": lambda r: _told(r.unit),
+        "cost": lambda r: number(costs[r.name]),
+        "share": lambda r: f"{costs[r.name] / whole:.1%}" if whole else "–",
+    }
+    return Table.of(setup.problem.residuals, columns, (2, 3, 5, 6))
 
 
 def priors_said(outcome: Outcome) -> str:
@@ -110,63 +119,34 @@ def interrupted_said(outcome: Outcome) -> str:
 
 def solvers_table(outcome: Outcome) -> Table:
     """How each solver ended, and what that took."""
-    rows = []
-    for name, s in outcome.compared.items():
-        above = outcome.excess(name)
-        counts = s.evaluations
-        rows.append(
-            (
-                name,
-                s.status.name.lower().replace("_", " "),
-                f"{s.seconds:.2f}",
-                f"{s.cost:.8g}",
-                number(above, 2),
-                number(s.optimality, 2),
-                str(s.iterations),
-                str(counts.residual),
-                str(counts.gradient),
-                str(counts.jacobian),
-                str(counts.hessian),
-            )
-        )
-    return Table(
-        (
-            "solver",
-            "status",
-            "seconds",
-            "cost",
-            "above the best",
-            "optimality",
-            "iterations",
-            "residuals",
-            "gradients",
-            "Jacobians",
-            "Hessians",
-        ),
-        tuple(rows),
-        tuple(range(2, 11)),
-    )
+    columns: Columns[tuple[str, Solution]] = {
+        "solver": lambda of: of[0],
+        "status": lambda of: of[1].status.name.lower().replace("_", " "),
+        "seconds": lambda of: f"{of[1].seconds:.2f}",
+        "cost": lambda of: f"{of[1].cost:.8g}",
+        "above the best": lambda of: number(outcome.excess(of[0]), 2),
+        "optimality": lambda of: number(of[1].optimality, 2),
+        "iterations": lambda of: str(of[1].iterations),
+        "residuals": lambda of: str(of[1].evaluations.residual),
+        "gradients": lambda of: str(of[1].evaluations.gradient),
+        "Jacobians": lambda of: str(of[1].evaluations.jacobian),
+        "Hessians": lambda of: str(of[1].evaluations.hessian),
+    }
+    return Table.of(outcome.compared.items(), columns, tuple(range(2, 11)))
 
 
 def terms_table(diagnosis: Diagnosis) -> Table:
     """The Jacobian by term and block."""
-    rows = tuple(
-        (
-            t.residual,
-            t.block,
-            f"{t.rows:,}",
-            f"{t.columns:,}",
-            f"{t.nonzeros:,}",
-            f"{t.nonzeros / max(1, t.rows * t.columns):.1%}",
-            number(t.norm),
-        )
-        for t in diagnosis.terms
-    )
-    return Table(
-        ("term", "block", "rows", "columns", "nonzeros", "density", "norm"),
-        rows,
-        tuple(range(2, 7)),
-    )
+    columns: Columns[TermBlock] = {
+        "term": lambda t: t.residual,
+        "block": lambda t: t.block,
+        "rows": lambda t: f"{t.rows:,}",
+        "columns": lambda t: f"{t.columns:,}",
+        "nonzeros": lambda t: f"{t.nonzeros:,}",
+        "density": lambda t: f"{t.nonzeros / max(1, t.rows * t.columns):.1%}",
+        "norm": lambda t: number(t.norm),
+    }
+    return Table.of(diagnosis.terms, columns, (2, 3, 4, 5, 6))
 
 
 def directions_table(diagnosis: Diagnosis) -> Table:
@@ -221,16 +201,14 @@ def array_tables(outcome: Outcome) -> dict[str, Table]:
 
 def fixed_table(outcome: Outcome) -> Table:
     """The blocks that were given, whole or in part."""
-    free = outcome.setup.problem.free.names
-    rows = tuple(
-        (
-            f"{b.name} (but for the free entries)" if b.name in free else b.name,
-            " × ".join(map(str, b.shape)) or "1",
-            _told(b.unit),
-        )
-        for b in outcome.setup.problem.fixed.blocks
-    )
-    return Table(("block", "shape", "unit"), rows, ())
+    problem = outcome.setup.problem
+    partly_free = " (but for the free entries)"
+    columns: Columns[Block] = {
+        "block": lambda b: b.name + (partly_free if b.name in problem.free.names else ""),
+        "shape": lambda b: " × ".join(map(str, b.shape)) or "1",
+        "unit": lambda b: _told(b.unit),
+    }
+    return Table.of(problem.fixed.blocks, columns, ())
 
 
 def _unit(block: Block) -> str:

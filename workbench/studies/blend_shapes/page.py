@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from workbench.reports.page import page
-from workbench.reports.tables import Table
+from workbench.reports.tables import Columns, Table
 from workbench.studies.blend_shapes import figures
-from workbench.studies.blend_shapes.predictors import repaired
+from workbench.studies.blend_shapes.predictors import Result, repaired
 from workbench.studies.blend_shapes.questions import ByPenalty
 from workbench.studies.blend_shapes.study import PredictorStudy
 from workbench.studies.pages import drawn, text_of, write_study
@@ -27,21 +27,17 @@ REMARKS = (
 
 def predictor_table(study: PredictorStudy) -> Table:
     """All predictors, the best first."""
-    rows = tuple(
-        (
-            str(place),
-            r.name,
-            f"{r.parameters:,}",
-            f"{r.accuracy.mean:.2f}",
-            f"{r.accuracy.rms:.2f}",
-            f"{r.accuracy.largest:.1f}",
-            f"{repaired(r, study.results):.0%}".replace("-", "−"),
-            f"{r.accuracy.milliseconds:.2f}",
-        )
-        for place, r in enumerate(study.results, start=1)
-    )
-    head = ("", "predictor", "parameters", "mean mm", "rms mm", "max mm", "repaired", "ms")
-    return Table(head, rows, (0, 2, 3, 4, 5, 6, 7))
+    columns: Columns[Result] = {
+        "": lambda r: str(1 + study.results.index(r)),
+        "predictor": lambda r: r.name,
+        "parameters": lambda r: f"{r.parameters:,}",
+        "mean mm": lambda r: f"{r.accuracy.mean:.2f}",
+        "rms mm": lambda r: f"{r.accuracy.rms:.2f}",
+        "max mm": lambda r: f"{r.accuracy.largest:.1f}",
+        "repaired": lambda r: f"{repaired(r, study.results):.0%}".replace("-", "−"),
+        "ms": lambda r: f"{r.accuracy.milliseconds:.2f}",
+    }
+    return Table.of(study.results, columns, (0, 2, 3, 4, 5, 6, 7))
 
 
 def table_text(study: PredictorStudy) -> str:

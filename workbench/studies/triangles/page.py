@@ -8,12 +8,13 @@ from typing import Any
 from workbench.bodies.files.gltf import write_gltf
 from workbench.plots import caption_stitching, plot_stitching
 from workbench.reports.page import page
-from workbench.reports.tables import Table
+from workbench.reports.tables import Columns, Table
 from workbench.studies.pages import drawn, text_of, write_study
 from workbench.studies.triangles import figures
 from workbench.studies.triangles.explained_variance import ExplainedVariance
 from workbench.studies.triangles.models import BLEND_SCAPE, SCAPE, SMPL, without_bends
-from workbench.studies.triangles.study import SHOWN, TriangleStudy
+from workbench.studies.triangles.study import SHOWN, ModelResult, TriangleStudy
+from workbench.training.selection import Selection
 
 SKINNED = "smpl.glb"
 REMARKS = (
@@ -110,25 +111,18 @@ def lecture_table(s: TriangleStudy) -> Table:
 
 def result_table(s: TriangleStudy) -> Table:
     """All models, with and without what they learned of pose."""
-    head = (
-        *("model", "parameters", "training rms", "rms at rest", "rms", "mean", "largest"),
-        *("jump", "together minus each alone"),
-    )
-    rows = tuple(
-        (
-            o.model,
-            f"{o.parameters:,}",
-            mm(o.training_rms),
-            mm(o.rest_rms),
-            f"{o.rms:.2f}",
-            f"{o.mean:.2f}",
-            f"{o.largest:.1f}",
-            f"{o.seam_jump:.3f}",
-            f"{o.gap:.2g}",
-        )
-        for o in s.results
-    )
-    return Table(head, rows, tuple(range(1, len(head))))
+    columns: Columns[ModelResult] = {
+        "model": lambda o: o.model,
+        "parameters": lambda o: f"{o.parameters:,}",
+        "training rms": lambda o: mm(o.training_rms),
+        "rms at rest": lambda o: mm(o.rest_rms),
+        "rms": lambda o: mm(o.rms),
+        "mean": lambda o: mm(o.mean),
+        "largest": lambda o: f"{o.largest:.1f}",
+        "jump": lambda o: f"{o.seam_jump:.3f}",
+        "together minus each alone": lambda o: f"{o.gap:.2g}",
+    }
+    return Table.of(s.results, columns, tuple(range(1, len(columns))))
 
 
 def mm(distance: float | None) -> str:
@@ -138,18 +132,18 @@ def mm(distance: float | None) -> str:
 
 def choice_table(s: TriangleStudy) -> Table:
     """How strongly the part that depends on pose was held, and the errors on held-out subjects."""
-    rows = tuple(
-        (
-            name,
-            "sigma of P, m" if name == SMPL else "ridge of Q, m²",
-            "; ".join(
-                f"{tried:g}: {left:.2f}" for tried, left in zip(c.tried, c.errors, strict=True)
-            ),
-            f"{c.chosen:g}",
-        )
-        for name, c in s.choices.items()
-    )
-    return Table(("model", "held by", "error on held-out subjects, rms mm", "chosen"), rows, (3,))
+
+    def errors(choice: Selection) -> str:
+        tried = zip(choice.tried, choice.errors, strict=True)
+        return "; ".join(f"{strength:g}: {left:.2f}" for strength, left in tried)
+
+    columns: Columns[str] = {
+        "model": str,
+        "held by": lambda name: "sigma of P, m" if name == SMPL else "ridge of Q, m²",
+        "error on held-out subjects, rms mm": lambda name: errors(s.choices[name]),
+        "chosen": lambda name: f"{s.choices[name].chosen:g}",
+    }
+    return Table.of(s.choices, columns, (3,))
 
 
 def claim(s: TriangleStudy) -> str:

@@ -1,0 +1,97 @@
+"""The tables of a comparison that tell where runs ended, as rows of text."""
+
+from workbench.comparison import Cause, Comparison, Record, TargetOutcome
+from workbench.comparison.plan import Instance
+from workbench.reports.tables import Columns, Row, Table, number
+
+
+def ends_table(comparison: Comparison) -> Table:
+    """Where the runs of each solver on each problem ended, and why some ended above 1.01 f*."""
+    columns: Columns[str] = {"problem": lambda problem: problem} | {
+        solver: lambda problem, solver=solver: _ends(comparison, comparison.of(problem), solver)
+        for solver in comparison.solvers
+    }
+    return Table.of(comparison.problems, columns, ())
+
+
+def _ends(comparison: Comparison, chosen: tuple[Instance, ...], solver: str) -> str:
+    """`1 of 3 at f*; 2.13 f* second basin; refused`: how many are at f*, and the others."""
+    there, others = 0, list[str]()
+    for instance in chosen:
+        key = (instance.name, solver)
+        record, best = comparison.records[key], comparison.yardsticks[instance.name].best
+        if key in comparison.causes:
+            ratio = f"{number(record.cost / best, 3)} f*" if best > 0 else number(record.cost, 3)
+            others.append(f"{ratio} {words_of(comparison.causes[key])}")
+        elif key in comparison.ends:
+            there += 1
+        else:
+            others.append(words_of(comparison.outcomes[key]))
+    first = [f"{there} of {len(chosen)} at f*"] if there or len(chosen) > 1 else []
+    counted = {text: others.count(text) for text in others}
+    return "; ".join(first + [t if n == 1 else f"{n} times {t}" for t, n in counted.items()])
+
+
+def failures_table(comparison: Comparison) -> Table:
+    """Every run that did not end at the lowest cost, with its cause and what it said."""
+    runs = [(i.name, solver) for i in comparison.instances for solver in comparison.solvers]
+    good = TargetOutcome.REACHED, TargetOutcome.ALONE
+    failed = [run for run in runs if comparison.outcomes[run] not in good]
+
+    def cause(run: tuple[str, str]) -> str:
+        return words_of(comparison.causes[run]) if run in comparison.causes else ""
+
+    def said(record: Record) -> str:
+        claim = f"{record.claim.lower().replace('_', ' ')}: " if record.claim else ""
+        return claim + record.message
+
+    columns: Columns[tuple[str, str]] = {
+        "start": lambda run: run[0],
+        "solver": lambda run: run[1],
+        "it": lambda run: comparison.outcomes[run].value,
+        "cause": cause,
+        "cost at its end": lambda run: number(comparison.records[run].cost, 6),
+        "optimality": lambda run: number(comparison.records[run].optimality, 2),
+        "its message": lambda run: said(comparison.records[run]),
+    }
+    return Table.of(failed, columns, (4, 5))
+
+
+def basins_table(comparison: Comparison, problem: str) -> Table:
+    """The basins that ends of a problem lead to, of each data set by itself."""
+    rows: list[Row] = []
+    seen: set[int] = set()
+    for instance in comparison.of(problem):
+        end_analysis = comparison.end_analysis(instance.name)
+        if id(end_analysis) in seen:
+            continue
+        seen.add(id(end_analysis))
+        best = comparison.yardsticks[instance.name].best
+        same = [
+            i for i in comparison.of(problem) if comparison.end_analysis(i.name) is end_analysis
+        ]
+        names = {i.name for i in same}
+        of = problem if len(names) > 1 else instance.name
+        for k, cost in enumerate(end_analysis.costs):
+            who = [s for (name, s), b in comparison.basins.items() if b == k and name in names]
+            each = ", ".join(f"{s} {who.count(s)}" for s in dict.fromkeys(who))
+            rows.append(
+                (
+                    of,
+                    str(k + 1),
+                    number(cost, 8),
+                    number(cost - best, 3),
+                    number(end_analysis.optimality[k], 2),
+                    str(len(who)),
+                    each,
+                )
+            )
+    head = ("start", "basin", "cost", "above f*", "optimality", "ends", "whose")
+    if len(seen) == 1:  # of the problem as a whole
+        return Table(head[1:], tuple(row[1:] for row in rows), (0, 1, 2, 3, 4))
+    return Table(head, tuple(rows), (1, 2, 3, 4, 5))
+
+
+def words_of(member: TargetOutcome | Cause) -> str:
+    """The name of an outcome or a cause in words."""
+    return member.name.lower().replace("_", " ")
