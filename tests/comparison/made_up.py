@@ -79,7 +79,11 @@ def comparison(
             min((r.cost for r, w in zip(ended, where, strict=True) if w == k), default=0.0)
             for k in range(count)
         )
-        judged.append(EndAnalysis(where, costs, (0.0,) * count, np.zeros((count, 1)), {}))
+        none = (0,) * len(where)
+        flat = (0.0,) * count
+        judged.append(
+            EndAnalysis(where, costs, flat, flat, none, none, points=np.zeros((count, 1)))
+        )
     seconds = {"residual": 1.0, "gradient": 1.0, "jacobian": 1.0}
     described = {
         p: Description(

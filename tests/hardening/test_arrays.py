@@ -81,6 +81,9 @@ JUDGEMENT = EndAnalysis(
     (0, 1, 0),
     (1.0, 2.0),
     (0.0, 1e-9),
+    (0.5, -0.1),
+    (0, 0, 1),
+    (0, 2, 0),
     np.eye(2),
     {1: Explanation(2.0, 1.0, 3.0, 0.5, (Component("a twist", 1.0, 0.1),), "the rest", 0.0)},
 )

@@ -26,9 +26,11 @@ def least_curvature(problem: Problem, x: Array, fixed: Array) -> float:
 
     Unknowns are measured by the lengths of their columns of the Jacobian there, so that no unit
     matters. Those on a bound are held, and the directions along which active constraints change
-    are left out. NaN where the gradient is not finite, and 0 where nothing is left free.
+    are left out. NaN where the linearization is not finite, and 0 where nothing is left free.
     """
     here = problem.linearize_at(x, fixed)
+    if not (np.isfinite(x).all() and here.finite):
+        return np.nan
     lengths = here.column_norms
     scale = np.where(lengths > 0, lengths, 1.0)
     free = np.eye(len(x))[:, _inside(problem, x)] / scale[:, None]

@@ -13,12 +13,13 @@ from workbench.comparison.explanation import Explanation, explain
 from workbench.comparison.record import Stored
 from workbench.errors import BadFile, listed
 from workbench.fitting.setup import Setup
-from workbench.problem import Problem
-from workbench.problem.optimality import hidden
+from workbench.problem import Linearization, Problem
+from workbench.problem.optimality import hidden as undetermined
 from workbench.reading.facts import Facts, number, whole
 
 NOTHING = np.zeros(0)
 ABOVE = 1.01  # of the lowest cost: an end above it has a cause
+RANKED = 2000  # unknowns up to which the rank at an end is computed: with more it takes minutes
 EXPLAINED = 8  # lost basins of one problem, the lowest; more are counted
 
 
@@ -33,7 +34,8 @@ class EndAnalysis:
         curvatures: the least curvature at this point of the lowest basins, by the largest one, NaN
             where it is not known; see `least_curvature`.
         lost_ranks: by how much the rank of the Jacobian at each end is below that at the lowest
-            point of all; 0 also for ends that cost about as little as that point.
+            point of all; 0 also for ends that cost about as little as that point, and where there
+            are more than 2,000 unknowns.
         hidden: how many unknowns rounding leaves undetermined at each end; 0 likewise.
         points: (basins, n) these lowest points.
         explanations: why a basin was not left for the best one, by the basin's number.
@@ -72,17 +74,12 @@ class EndAnalysis:
         if beyond := told.keys() - basins.keys():
             raise BadFile(f"explanations of {listed(beyond)}, which are no basins")
         explained = {basins[k]: explanation for k, explanation in told.items()}
-        return EndAnalysis(
-            where,
-            costs,
-            optimality,
-            facts.several("curvatures", number),
-            facts.several("lost_ranks", whole),
-            facts.several("hidden", whole),
-            points,
-            explained,
-            facts.text("message"),
-        )
+        lost_ranks, hidden = facts.several("lost_ranks", whole), facts.several("hidden", whole)
+        if not len(lost_ranks) == len(hidden) == len(where):
+            raise BadFile(f"{len(lost_ranks)} ranks and {len(hidden)} counts of {len(where)} ends")
+        curvatures = facts.several("curvatures", number)
+        of_basins = where, costs, optimality, curvatures, lost_ranks, hidden
+        return EndAnalysis(*of_basins, points, explained, facts.text("message"))
 
 
 def analyse_ends(setup: Setup, ends: tuple[Array, ...]) -> EndAnalysis:
@@ -114,6 +111,11 @@ def _look(problem: Problem, end: Array, fixed: Array, best: Basin) -> tuple[int,
     if not here.finite or here.cost <= ABOVE * best.cost:
         return 0, 0
     rounding = problem.rounding(end, fixed, here.residual)
-    undetermined = hidden(end, here, problem.support, rounding) > 0
-    lost = problem.linearize_at(best.x, fixed).rank - here.rank
-    return max(lost, 0), int(np.count_nonzero(undetermined))
+    unknowns = undetermined(end, here, problem.support, rounding) > 0
+    return _lost_rank(here, problem.linearize_at(best.x, fixed)), int(np.count_nonzero(unknowns))
+
+
+def _lost_rank(here: Linearization, best: Linearization) -> int:
+    if here.shape[1] > RANKED or not best.finite:
+        return 0
+    return max(best.rank - here.rank, 0)
