@@ -6,6 +6,7 @@ from workbench.blocks import Values
 from workbench.errors import BadArgument
 from workbench.problem import Problem
 from workbench.solvers.abilities import Abilities, Boxes, Derivative, Listed, check_abilities
+from workbench.solvers.damping import Damped
 from workbench.solvers.dogleg import Dogleg, RadiusRule, chumpy, textbook
 from workbench.solvers.gauss_newton import GaussNewton
 from workbench.solvers.ipopt import Ipopt
@@ -85,6 +86,7 @@ __all__ = [
     "Abilities",
     "Boxes",
     "Callback",
+    "Damped",
     "Derivative",
     "Dogleg",
     "Evaluations",

@@ -7,12 +7,14 @@ import casadi as cs
 from workbench.blocks import Values
 from workbench.problem import Problem
 from workbench.solvers.abilities import Abilities, Boxes, Derivative
+from workbench.solvers.damping import DAMPED, Damped
 from workbench.solvers.limits import Stop
 from workbench.solvers.oracle import (
     Hessian,
     Oracle,
     exact_hessian,
     gauss_newton_hessian,
+    needs_hessian,
     unless_solved,
 )
 from workbench.solvers.run import Run
@@ -50,8 +52,9 @@ class Ipopt:
     algorithm for large-scale nonlinear programming, 2006.
 
     Attributes:
-        hessian: the Hessian of the cost: `gauss_newton_hessian`, `exact_hessian`, a function of the
-            run, x (n,) and the linearization there, or None, with which IPOPT approximates the
+        hessian: the Hessian of the cost: `Damped` (Gauss and Newton's, with Levenberg and
+            Marquardt's damping), `gauss_newton_hessian`, `exact_hessian`, a function of the run,
+            x (n,) and the linearization there, or None, with which IPOPT approximates the
             Hessian from gradients (limited-memory BFGS). That of the constraints is added.
         max_iterations: the largest number of steps.
         max_evaluations: the largest number of evaluations of the residual, its gradient, its
@@ -62,7 +65,7 @@ class Ipopt:
             this has converged. A larger one ends earlier and farther from the minimum.
     """
 
-    hessian: Hessian | None = gauss_newton_hessian
+    hessian: Hessian | None = DAMPED
     max_iterations: int = 300
     max_evaluations: int = 10_000
     max_seconds: float = 600.0
@@ -71,7 +74,7 @@ class Ipopt:
     @property
     def abilities(self) -> Abilities:
         """It takes bounds and constraints; what it needs depends on `hessian`."""
-        exact = self.hessian not in (None, gauss_newton_hessian)
+        exact = needs_hessian(self.hessian)
         return Abilities(
             Derivative.HESSIAN if exact else Derivative.JACOBIAN,
             Boxes.TAKEN,
@@ -84,10 +87,9 @@ class Ipopt:
         self, problem: Problem, start: Values, *, callback: Callback | None = None
     ) -> Solution:
         """Solve from `start`, which is moved inside the bounds; see `Solver`."""
-        names = (("ipopt", gauss_newton_hessian), ("ipopt-exact", exact_hessian))
-        name = next((n for n, h in names if h is self.hessian), "ipopt-own")
-        if self.hessian is None:
-            name = "ipopt-lbfgs"
+        known = (None, "-lbfgs"), (exact_hessian, "-exact"), (gauss_newton_hessian, "-gauss-newton")
+        which = next((text for hessian, text in known if hessian is self.hessian), "-own")
+        name = "ipopt" if isinstance(self.hessian, Damped) else f"ipopt{which}"
         with Run(name, self, problem, start, callback) as run:
             unless_solved(run)  # a start that is not finite ends the run here, too
             answer = self._ask(run)

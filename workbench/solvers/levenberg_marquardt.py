@@ -9,11 +9,11 @@ from workbench.blocks import Values
 from workbench.problem import Linearization, Problem
 from workbench.problem.steps import EPS, LinearAlgebra, Step, automatic
 from workbench.solvers.abilities import Abilities, Boxes, Derivative
+from workbench.solvers.damping import FASTEST_FALL, eased
 from workbench.solvers.run import Run
 from workbench.solvers.scaling import Scaling, identity
 from workbench.solvers.solution import Callback, Solution
 
-FASTEST_FALL = 0.1  # of the damping in one step; the paper's 1/3 needs 4 more on a noiseless body
 STIFFEST = 1e140  # of a column in the units of its step: the square, damped, is still a number
 ROUNDS = 20  # of holding and releasing, before what is there is taken: it is feasible in any case
 
@@ -92,7 +92,7 @@ class LevenbergMarquardt:
                         continue
                     gain_ratio = run.gain_ratio(x, here, to, predicted)
                     if gain_ratio > 0:
-                        damping *= max(FASTEST_FALL, 1 - (2 * gain_ratio - 1) ** 3)
+                        damping *= eased(gain_ratio)
                         growth = 2.0
                         del here  # first: its memory serves the next one
                         x, here = run.move(to, damping, step.by)

@@ -13,10 +13,11 @@ from workbench.problem import Linearization, Problem
 from workbench.problem.pattern import Pattern
 from workbench.problem.storage import Stored, dense, gram_of_nonzeros, is_sparse, unblocked
 from workbench.solvers.convexity import raised, reflected
+from workbench.solvers.damping import Damped
 from workbench.solvers.external import Compute, External, Kept, Places, Recorder
 from workbench.solvers.run import Run
 
-Hessian = Callable[[Run, Array, Linearization], Stored]
+Hessian = Callable[[Run, Array, Linearization], Stored] | Damped
 StoredBy = Callable[[Array, Array], Stored]  # of x (n,) and the multipliers (k,)
 T = TypeVar("T")
 
@@ -32,6 +33,11 @@ def exact_hessian(run: Run, x: Array, here: Linearization) -> Stored:
     It is sparse where it is large and most of it is zero.
     """
     return run.hessian(x)
+
+
+def needs_hessian(hessian: Hessian | None) -> bool:
+    """Whether more than first derivatives of the residual go into it."""
+    return not (hessian in (None, gauss_newton_hessian) or isinstance(hessian, Damped))
 
 
 def unless_solved(run: Run) -> None:
@@ -53,7 +59,8 @@ class Oracle:
     """
 
     def __init__(self, run: Run, hessian: Hessian | None) -> None:
-        self._run, self._hessian, self._kept = run, hessian or gauss_newton_hessian, Kept()
+        self._run, self._kept = run, Kept()
+        self._hessian: Hessian = hessian or Damped()
         self._there = run.problem.stacked_constraints
         self._n, self._k = run.problem.free.size, 0 if self._there is None else self._there.size
 
@@ -175,7 +182,7 @@ class Oracle:
     @cached_property
     def _nonzeros(self) -> csc_array | None:
         """Where the Hessian of the cost can be nonzero, if it is sparse."""
-        if self._hessian is gauss_newton_hessian:
+        if isinstance(self._hessian, Damped) or self._hessian is gauss_newton_hessian:
             return _nonzeros_of_normal(self._run.problem)
         return _nonzeros_of_exact(self._run.problem) if self._hessian is exact_hessian else None
 
@@ -209,6 +216,8 @@ def _asked_twice(function: Callable[[Array], T]) -> Callable[[Array, Array], T]:
 
 def _of_cost(run: Run, hessian: Hessian) -> StoredBy:
     """The Hessian of the cost, which does not depend on the multipliers."""
+    if isinstance(hessian, Damped):
+        return hessian.along(run)
     if hessian is gauss_newton_hessian:
         return lambda x, _: unblocked(run.linearize(x).normal)
 

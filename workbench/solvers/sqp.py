@@ -1,4 +1,4 @@
-"""CasADi's sequential quadratic programming, with Gauss and Newton's Hessian."""
+"""CasADi's sequential quadratic programming, with a damped Gauss-Newton Hessian."""
 
 from dataclasses import dataclass
 
@@ -7,8 +7,9 @@ import casadi as cs
 from workbench.blocks import Values
 from workbench.problem import Problem
 from workbench.solvers.abilities import Abilities, Boxes, Derivative
+from workbench.solvers.damping import DAMPED
 from workbench.solvers.limits import Stop
-from workbench.solvers.oracle import Hessian, Oracle, gauss_newton_hessian, unless_solved
+from workbench.solvers.oracle import Hessian, Oracle, needs_hessian, unless_solved
 from workbench.solvers.run import Run
 from workbench.solvers.solution import Callback, Solution, Status
 
@@ -46,8 +47,9 @@ class Sqp:
     it is made so: see `Oracle.convex_hessian`.
 
     Attributes:
-        hessian: the Hessian of the cost: `gauss_newton_hessian`, `exact_hessian`, or a function of
-            the run, x (n,) and the linearization there. That of the constraints is added.
+        hessian: the Hessian of the cost: `Damped` (Gauss and Newton's, with Levenberg and
+            Marquardt's damping), `gauss_newton_hessian`, `exact_hessian`, or a function of the run,
+            x (n,) and the linearization there. That of the constraints is added.
         max_iterations: the largest number of steps.
         max_evaluations: the largest number of evaluations of the residual, its gradient, its
             Jacobian and its Hessian together.
@@ -57,7 +59,7 @@ class Sqp:
             this has converged. A larger one ends earlier and farther from the minimum.
     """
 
-    hessian: Hessian = gauss_newton_hessian
+    hessian: Hessian = DAMPED
     max_iterations: int = 200
     max_evaluations: int = 10_000
     max_seconds: float = 600.0
@@ -66,7 +68,7 @@ class Sqp:
     @property
     def abilities(self) -> Abilities:
         """It needs a Jacobian at every iterate, and takes bounds and constraints."""
-        exact = self.hessian is not gauss_newton_hessian
+        exact = needs_hessian(self.hessian)
         return Abilities(
             Derivative.HESSIAN if exact else Derivative.JACOBIAN,
             Boxes.TAKEN,
