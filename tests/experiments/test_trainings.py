@@ -45,6 +45,13 @@ def test_a_linear_training_is_solved_in_one_step() -> None:
     assert 0.5 * residual @ residual == pytest.approx(setup.known.cost, rel=1e-9)
 
 
+def test_the_order_of_unknowns_is_that_of_the_residuals() -> None:
+    """Another process, whose sets have another order, reads the same vector of unknowns."""
+    problem = standard("triangles-persons").problem
+    read = dict.fromkeys(name for residual in problem.residuals for name in residual.reads)
+    assert problem.free.names == tuple(name for name in read if name in problem.free.names)
+
+
 def test_weights_of_the_training_are_on_their_simplex() -> None:
     setup = standard("training")
     assert setup.known is not None

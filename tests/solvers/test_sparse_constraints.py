@@ -15,7 +15,7 @@ from workbench.errors import TooLarge
 from workbench.problem import storage
 from workbench.problem.bounds import Bounds
 from workbench.problem.nonzeros import entries_at
-from workbench.solvers import Solver, exact_hessian
+from workbench.solvers import Solver, exact_hessian, gauss_newton_hessian
 from workbench.solvers.convexity import raised
 from workbench.solvers.oracle import Oracle
 from workbench.solvers.run import Run
@@ -166,7 +166,7 @@ def test_the_places_given_to_casadi_hold_every_nonzero(monkeypatch: pytest.Monke
     y = np.random.default_rng(5).standard_normal(problem.stacked_constraints.size)
     J = problem.linearize_at(x, fixed)
     bend = problem.stacked_constraints.hessian(x, fixed, y)
-    expected = {None: J.normal, exact_hessian: problem.hessian_at(x, fixed)}
+    expected = {gauss_newton_hessian: J.normal, exact_hessian: problem.hessian_at(x, fixed)}
     always_sparse(monkeypatch)
     problem = frames()
     for hessian, H in expected.items():

@@ -80,7 +80,7 @@ def triangle_training(
     terms = form.data()
     terms += form.small_posedirs(RIDGE) if "posedirs" in free else []
     terms += form.smooth_subjects(SMOOTHNESS) if "shapedirs" in free else []
-    named = {name for r in terms for name in r.reads}
+    named = dict.fromkeys(name for r in terms for name in r.reads)
     problem = form.problem(
         terms, [name for name in named if name.rpartition("/")[2] in (*free, "trans")]
     )
