@@ -124,3 +124,30 @@ def test_parts_of_a_pose_are_free_by_name_and_made_of_anything() -> None:
     here = example.whole.freeing("pose").linearize(example.body.start())
     np.testing.assert_allclose(np.asarray(r).ravel(), here.residual, atol=1e-10)
     np.testing.assert_allclose(np.asarray(J), here.jacobian, atol=1e-9)
+
+
+def test_nine_numbers_cost_more_except_for_one_small_turn() -> None:
+    example = import_module("examples.16_nine_numbers_or_three")
+    assert example.SEEDS == 20
+    medians = {key: np.median(counts) for key, counts in example.iterations.items()}
+    for case in example.CASES:
+        for solver in ("ipopt", "sqp"):
+            nine, three = medians[case, "nine", solver], medians[case, "three", solver]
+            assert nine < three if case == "1 rotation by 30" else nine > three
+        assert sum(example.sooner[case]) == example.SEEDS
+    assert example.sooner["1 rotation by 30"][0] == 0
+    assert example.sooner["4 rotations by 90"] == [20, 0, 0]
+    unknowns = {key: some[0].unknowns for key, some in example.runs.items()}
+    assert unknowns["4 rotations by 90", "nine", "sqp"] == 36
+    assert unknowns["4 rotations by 90", "three", "sqp"] == 12
+    for (case, form, solver), some in example.runs.items():
+        for one in some:
+            assert one.violation < (1e-6 if form == "nine" else 1e-14)
+            assert one.solution.converged or (case, form, solver) == (
+                "4 rotations by 90",
+                "nine",
+                "ipopt",
+            )
+        assert example.at_best[case, form, solver] >= 18
+        if form == "three":
+            assert example.at_best[case, form, solver] == example.SEEDS
