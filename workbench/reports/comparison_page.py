@@ -22,7 +22,7 @@ from workbench.plots.profiles import caption_data_profile, caption_performance_p
 from workbench.plots.verdicts import caption_basins, caption_verdicts
 from workbench.plots.waterfall import caption_waterfall
 from workbench.reports import comparison_tables as tables
-from workbench.reports.figures import Shown, shown
+from workbench.reports.figures import Shown, drawn, shown
 from workbench.reports.folder import MAKER
 from workbench.reports.page import page
 from workbench.reports.provenance import as_json, versions
@@ -97,7 +97,6 @@ def machines(comparison: Comparison) -> list[str]:
 def comparison_page(comparison: Comparison, kept: bool) -> str:
     """The page; `kept` if the runs themselves are beside it."""
     taus = comparison.taus[1], comparison.taus[-1]
-    budget = comparison.plan.budget
     files = FILES | (
         {f"{RUNS}/": "every run with its trace; the same command continues from them"}
         if kept
@@ -107,12 +106,10 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
     return page(
         "comparison.html",
         title="Solvers compared",
-        solvers=comparison.solvers,
-        problems=comparison.problems,
-        starts=len(comparison.instances),
+        comparison=comparison,
         advice=advice(comparison),
         main=named(MAIN),
-        verdicts=shown(sheets.verdicts_sheet(comparison), caption_verdicts(comparison)),
+        verdicts=drawn(sheets.verdicts_sheet, caption_verdicts, comparison),
         outcomes=tables.verdicts_table(comparison),
         meanings={v.name.lower().replace("_", " "): v.value for v in TargetOutcome},
         success=tables.success_table(comparison),
@@ -120,7 +117,6 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
         prices=tables.prices_table(),
         price_source=SOURCE,
         seconds=tables.seconds_table(comparison),
-        compared=len(comparison.comparable),
         fewest=FEWEST,
         level=f"{LEVEL:.0%}",
         sure=bool(reliable(comparison, comparison.compared)) and bool(comparison.compared),
@@ -133,20 +129,18 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
         )
         if pairs
         else None,
-        pairwise=shown(sheets.pairwise_wins_sheet(comparison), caption_pairwise_wins(comparison))
+        pairwise=drawn(sheets.pairwise_wins_sheet, caption_pairwise_wins, comparison)
         if pairs
         else None,
         accuracy=_accuracy(comparison),
         each=[_of(comparison, problem) for problem in comparison.problems],
         table=tables.problems_table(comparison),
         failures=tables.failures_table(comparison),
-        unbuilt=comparison.unbuilt,
         options=tables.options_table(comparison),
-        budget=budget,
+        budget=comparison.plan.budget,
         taus=", ".join(named(tau) for tau in comparison.taus),
         machines=machines(comparison),
         by_clock=sum(ended_by_clock(r) for r in comparison.records.values()),
-        runs=len(comparison.records),
         files=files,
     )
 
@@ -154,7 +148,7 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
 def _accuracy(comparison: Comparison) -> Shown | None:
     if not any(d.certified for d in comparison.described.values()):
         return None
-    return shown(sheets.accuracy_sheet(comparison), caption_accuracy(comparison))
+    return drawn(sheets.accuracy_sheet, caption_accuracy, comparison)
 
 
 def _of(comparison: Comparison, problem: str) -> dict[str, Any]:
@@ -172,17 +166,13 @@ def _of(comparison: Comparison, problem: str) -> dict[str, Any]:
         "name": problem,
         "question": comparison.described[instances[0].name].question,
         "table": tables.problem_table(comparison, problem),
-        "traces": shown(
-            sheets.cost_traces_sheet(comparison, problem), caption_cost_traces(comparison, problem)
-        ),
-        "waterfall": shown(
-            sheets.waterfall_sheet(comparison, problem), caption_waterfall(comparison, problem)
-        )
+        "traces": drawn(sheets.cost_traces_sheet, caption_cost_traces, comparison, problem),
+        "waterfall": drawn(sheets.waterfall_sheet, caption_waterfall, comparison, problem)
         if len(instances) >= FEW
         else None,
         "sentence": basin_sentence(comparison, problem),
         "basins": tables.basins_table(comparison, problem) if several else None,
-        "bars": shown(sheets.basins_sheet(comparison, problem), caption_basins(comparison, problem))
+        "bars": drawn(sheets.basins_sheet, caption_basins, comparison, problem)
         if several
         else None,
         "explained": explained,

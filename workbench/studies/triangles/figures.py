@@ -1,6 +1,7 @@
 """Figures of the triangle study: what shape directions explain, and errors on posed bodies."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from itertools import product
 
 import matplotlib
 import numpy as np
@@ -8,9 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 
-from workbench.arrays import Index
+from workbench.arrays import Array, Index
 from workbench.plots.body import Figurine, line_up
 from workbench.plots.palette import AMOUNT, BLUE, FAINT, GREEN, VERMILLION
+from workbench.studies.triangles.explained_variance import ExplainedVariance
 from workbench.studies.triangles.measures import HeldOutFits
 from workbench.studies.triangles.study import ShapeDirections
 
@@ -23,21 +25,9 @@ def plot_explained(shapes: ShapeDirections, *, ax: Axes) -> Axes:
     """Share of the variance against the number of shape directions, from 1, logarithmic."""
     for level in LEVELS:
         ax.axhline(100 * level, color=FAINT, linewidth=0.7, alpha=0.6)
-    for name, colour in COLOURS.items():
-        for group, line, who in (
-            (shapes.training, "-", "training"),
-            (shapes.held_out, "--", "held out"),
-        ):
-            share = 100 * group[name].share[1:]
-            ax.plot(np.arange(1, len(share) + 1), share, line, color=colour, label=f"{name}, {who}")
-    own = 100 * shapes.gradients[1:]
-    ax.plot(
-        np.arange(1, len(own) + 1),
-        own,
-        ":",
-        color=GREEN,
-        label="gradients themselves, training",
-    )
+    _curves(ax, 1, shapes, lambda explained: 100 * explained.share)
+    own, label = 100 * shapes.gradients[1:], "gradients themselves, training"
+    ax.plot(np.arange(1, len(own) + 1), own, ":", color=GREEN, label=label)
     ax.set_xscale("log")
     _counts(ax, 1, len(own))
     ax.set_ylim(top=100.5)
@@ -62,13 +52,7 @@ def caption_explained(shapes: ShapeDirections) -> str:
 
 def plot_rms(shapes: ShapeDirections, *, ax: Axes) -> Axes:
     """The rms distance that shape directions leave, of training and held-out people."""
-    for name, colour in COLOURS.items():
-        for group, line, who in (
-            (shapes.training, "-", "training"),
-            (shapes.held_out, "--", "held out"),
-        ):
-            rms = 1e3 * group[name].rms[:-1]
-            ax.plot(np.arange(len(rms)), rms, line, color=colour, label=f"{name}, {who}")
+    _curves(ax, 0, shapes, lambda explained: 1e3 * explained.rms[:-1])
     ax.set_xscale("symlog", linthresh=1)
     _counts(ax, 0, len(shapes.leads) - 1)
     ax.set_yscale("log")
@@ -80,6 +64,17 @@ def plot_rms(shapes: ShapeDirections, *, ax: Axes) -> Axes:
     ax.set_ylabel("rms distance left (mm)")
     ax.legend(loc="lower left")
     return ax
+
+
+def _curves(
+    ax: Axes, first: int, shapes: ShapeDirections, of: Callable[[ExplainedVariance], Array]
+) -> None:
+    """A curve for each kind of directions and each group of people, from `first` directions on."""
+    groups = {"training": (shapes.training, "-"), "held out": (shapes.held_out, "--")}
+    for (name, colour), (who, (group, line)) in product(COLOURS.items(), groups.items()):
+        y = of(group[name])[first:]
+        x = first + np.arange(len(y))
+        ax.plot(x, y, line, color=colour, label=f"{name}, {who}")
 
 
 def _counts(ax: Axes, low: int, high: int) -> None:
