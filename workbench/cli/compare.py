@@ -12,11 +12,10 @@ from joblib import parallel_config
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Table as RichTable
 
 from workbench import comparison
 from workbench.cli.leaving import Interrupted
-from workbench.cli.output import print_page, rich_table, warn_without_effect
+from workbench.cli.output import print_page, solver_table, warn_without_effect
 from workbench.cli.run import Setting, settings
 from workbench.comparison.comparison import MAIN
 from workbench.comparison.measured import seconds_of_runs
@@ -114,10 +113,10 @@ def compare(
             f"interrupted while {told.last}; what was finished is stored in {out}, and the same "
             "command goes on from there"
         ) from error
-    console.print(_by_solver(_table(found)))
+    console.print(solver_table(_table(found)))
     for text in (prices_sentence(), *advice(found)):
         console.print(escape(text), highlight=False, soft_wrap=True)
-    console.print(_by_solver(_times(found)))
+    console.print(solver_table(_times(found)))
     console.print(MEASURED, highlight=False, soft_wrap=True)
     console.print("[dim]writing the page[/]")
     print_page(console, "report", write_comparison(found, out))
@@ -194,13 +193,6 @@ def _table(found: comparison.Comparison) -> Table:
         cells = *shares, *map(str, others), str(failed)
         rows.append((solver, *(cells if runs else ("–",) * len(head))))
     return Table(("solver", *head), tuple(rows), tuple(range(1, len(head) + 1)))
-
-
-def _by_solver(table: Table) -> RichTable:
-    """A table whose first column, the names of solvers, is never broken into lines."""
-    shown = rich_table(table)
-    shown.columns[0].no_wrap = True
-    return shown
 
 
 def _effort(found: comparison.Comparison, solver: str) -> str:

@@ -44,8 +44,15 @@ def rich_table(table: Table) -> RichTable:
     return shown
 
 
+def solver_table(table: Table) -> RichTable:
+    """A table whose first column, the names of solvers, is never broken into lines."""
+    shown = rich_table(table)
+    shown.columns[0].no_wrap = True
+    return shown
+
+
 def print_page(console: Console, kind: str, page: Path) -> None:
-    """Say where the page of a kind (report, card) was written."""
+    """Say where something of a kind (report, card, body) was written."""
     console.print(f"{kind}: [bold]{escape(str(page))}[/]", soft_wrap=True)
 
 

@@ -135,13 +135,12 @@ def _comparison(outcome: Outcome) -> Table:
         table.add_column(column, justify="right", no_wrap=True)
     table.add_column("status", no_wrap=True)
     for name, s in outcome.compared.items():
-        calls = s.evaluations
         table.add_row(
             name,
             f"{s.cost:.8g}",
             _typed(tables.number(outcome.excess(name), 1)),
             str(s.iterations),
-            str(calls.residual + calls.gradient + calls.jacobian + calls.hessian),
+            str(s.evaluations.total),
             f"{s.seconds:.2f}",
             s.status.name,
             style="" if s.status is Status.CONVERGED else "yellow",

@@ -154,13 +154,13 @@ def _accuracy(comparison: Comparison) -> Shown | None:
 def _of(comparison: Comparison, problem: str) -> dict[str, Any]:
     """What the page says of one problem."""
     instances = comparison.of(problem)
-    several = any(len(comparison.end_analysis(i.name).costs) > 1 for i in instances)
-    own = len({id(comparison.end_analysis(i.name)) for i in instances}) > 1  # data for each start
+    analyses = tables.end_analyses(comparison, problem)
+    several = any(len(analysis.costs) > 1 for _, analysis in analyses)
+    own = len(analyses) > 1  # data for each start
     explained = {
         (f"{group[0]}, basin {k + 1}" if own else f"basin {k + 1}"): str(e)
-        for group, end_analysis in zip(comparison.groups, comparison.end_analyses, strict=True)
-        if group[0] in {i.name for i in instances}
-        for k, e in end_analysis.explanations.items()
+        for group, analysis in analyses
+        for k, e in analysis.explanations.items()
     }
     return {
         "name": problem,
@@ -176,5 +176,5 @@ def _of(comparison: Comparison, problem: str) -> dict[str, Any]:
         if several
         else None,
         "explained": explained,
-        "unjudged": [m for i in instances if (m := comparison.end_analysis(i.name).message)],
+        "unjudged": [analysis.message for _, analysis in analyses if analysis.message],
     }

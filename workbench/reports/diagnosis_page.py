@@ -13,7 +13,7 @@ from workbench.errors import BadArgument
 from workbench.plots import sheets
 from workbench.reports import diagnosis_tables, tables
 from workbench.reports.direction_pictures import pictures
-from workbench.reports.figures import drawn, spectrum
+from workbench.reports.figures import drawn, plotted, spectrum
 from workbench.reports.folder import SUMMARY, write_folder
 from workbench.reports.page import page
 
@@ -125,11 +125,13 @@ def _numbers(d: Diagnosis, body: SkinnedBody | None) -> dict[str, Any]:
         "weak": tables.gathered_directions_table(d.weak_directions, "yardstick"),
         "weak_pictures": pictures(d, d.weak_directions, body),
         "conditioning": diagnosis_tables.conditioning_table(d),
-        "sigmas": drawn(sheets.sigmas_sheet, plots.caption_sigmas, d),
-        "share": drawn(sheets.data_share_sheet, plots.caption_data_share, d) if d.priors else None,
+        "sigmas": plotted(8.0, 4.4, plots.plot_sigmas, plots.caption_sigmas, d),
+        "share": plotted(8.0, 3.4, plots.plot_data_share, plots.caption_data_share, d)
+        if d.priors
+        else None,
         "known": diagnosis_tables.known_table(d),
         "entries": diagnosis_tables.entries_table(d),
         "contributions": diagnosis_tables.contributions_table(d),
-        "taylor": drawn(sheets.taylor_sheet, plots.caption_taylor, d),
+        "taylor": plotted(6.0, 3.8, plots.plot_taylor, plots.caption_taylor, d),
         "derivatives": diagnosis_tables.derivatives_table(d),
     }

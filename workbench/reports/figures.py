@@ -3,10 +3,12 @@
 from base64 import b64encode
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import ParamSpec
 
 from workbench.diagnostics import Diagnosis
 from workbench.plots import Figure, caption_singular_values, sheets, smallest
+from workbench.plots.figure import drawn as figure_of
 
 P = ParamSpec("P")
 
@@ -32,6 +34,17 @@ def drawn(
 ) -> Shown:
     """A figure that takes the same results as its caption."""
     return shown(sheet(*results, **options), caption(*results, **options))
+
+
+def plotted(
+    width: float,
+    height: float,
+    plot: Callable[..., object],
+    caption: Callable[..., str],
+    *results: object,
+) -> Shown:
+    """What `plot(*results, ax=...)` draws on width x height inches, above `caption(*results)`."""
+    return shown(figure_of(partial(plot, *results), width, height), caption(*results))
 
 
 def spectrum(diagnosis: Diagnosis) -> Shown:

@@ -11,7 +11,7 @@ from workbench.geometry.meshes import write_mesh
 from workbench.plots import sheets
 from workbench.reports import tables
 from workbench.reports.arrays import arrays
-from workbench.reports.figures import Shown, drawn, shown, spectrum
+from workbench.reports.figures import Shown, drawn, plotted, shown, spectrum
 from workbench.reports.folder import SUMMARY, Content, write_folder
 from workbench.reports.page import page
 from workbench.reports.summary import run_summary
@@ -113,7 +113,7 @@ def data_alone(outcome: Outcome) -> dict[str, object] | None:
 def overlay_figures(outcome: Outcome) -> list[Shown]:
     """The fitted body over the keypoints, one figure per view."""
     views = range(len(outcome.overlays))
-    return [drawn(sheets.overlay_sheet, plots.caption_overlay, outcome, i) for i in views]
+    return [plotted(4.8, 6.2, plots.plot_overlay, plots.caption_overlay, outcome, i) for i in views]
 
 
 def distance_figure(outcome: Outcome) -> Shown | None:

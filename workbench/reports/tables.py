@@ -79,13 +79,9 @@ def priors_said(outcome: Outcome) -> str:
     priors = outcome.setup.priors
     if not priors:
         return "The setup names no residual as a prior."
-    of = (
-        f"The prior, {priors[0]}, makes"
-        if len(priors) == 1
-        else (f"The priors, {' and '.join(priors)}, make")
-    )
+    prior, make = ("prior", "makes") if len(priors) == 1 else ("priors", "make")
     share = f"{outcome.prior_share:.1%}" if math.isfinite(outcome.prior_share) else "nothing"
-    return f"{of} up {share} of the cost at the end."
+    return f"The {prior}, {' and '.join(priors)}, {make} up {share} of the cost at the end."
 
 
 def better_said(outcome: Outcome) -> str:

@@ -1,27 +1,13 @@
-"""What the pages of studies share: figures with captions, tables as text, and their folder."""
+"""What the pages of studies share: tables as text, and their folder."""
 
 from collections.abc import Callable, Mapping
-from functools import partial
 from pathlib import Path
 from typing import Any
 
-from workbench.plots.figure import drawn as figure_of
-from workbench.reports.figures import Shown, shown
 from workbench.reports.folder import Content, write_folder
 from workbench.reports.tables import Table
 
 Report = Callable[[str], None]  # takes a line about what a study does next
-
-
-def drawn(
-    width: float,
-    height: float,
-    plot: Callable[..., object],
-    caption: Callable[..., str],
-    *results: object,
-) -> Shown:
-    """What `plot(*results, ax=...)` draws on width x height inches, above `caption(*results)`."""
-    return shown(figure_of(partial(plot, *results), width, height), caption(*results))
 
 
 def text_of(*tables: Table) -> str:

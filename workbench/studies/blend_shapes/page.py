@@ -4,12 +4,13 @@ from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 
+from workbench.reports.figures import plotted
 from workbench.reports.page import page
 from workbench.reports.tables import Columns, Table
 from workbench.studies.blend_shapes import figures
 from workbench.studies.blend_shapes.predictors import Result, repaired
 from workbench.studies.blend_shapes.study import PredictorStudy
-from workbench.studies.pages import drawn, text_of, write_study
+from workbench.studies.pages import text_of, write_study
 
 REMARKS = (
     "The teacher is synthetic: a finer rig, which spreads twist along the limbs, blended by dual "
@@ -55,17 +56,17 @@ def predictor_page(s: PredictorStudy) -> str:
     nonzero = "numbers that are not zero (%)"
     sections = {
         "The error of each predictor": [
-            drawn(8.0, 5.2, figures.plot_predictors, caption_predictors, s.results)
+            plotted(8.0, 5.2, figures.plot_predictors, caption_predictors, s.results)
         ],
         "Interpolation between examples": [
-            drawn(6.2, 4.0, figures.plot_by_examples, figures.caption_by_examples, s.by_examples),
-            drawn(6.2, 4.0, figures.plot_by_factor, figures.caption_by_factor, s.by_factor),
+            plotted(6.2, 4.0, figures.plot_by_examples, figures.caption_by_examples, s.by_examples),
+            plotted(6.2, 4.0, figures.plot_by_factor, figures.caption_by_factor, s.by_factor),
         ],
         "Which function of theta": [
-            drawn(7.0, 4.0, figures.plot_by_angle, figures.caption_by_angle, s.by_angle)
+            plotted(7.0, 4.0, figures.plot_by_angle, figures.caption_by_angle, s.by_angle)
         ],
         "Local and sparse blend shapes": [
-            drawn(6.2, 4.0, partial(figures.plot_by_penalty, what=name), caption, rows)
+            plotted(6.2, 4.0, partial(figures.plot_by_penalty, what=name), caption, rows)
             for rows, name, caption in (
                 (s.by_distance_penalty, far, figures.caption_by_distance_penalty),
                 (s.by_group_penalty, nonzero, figures.caption_by_group_penalty),

@@ -3,15 +3,13 @@
 from collections.abc import Callable, Mapping
 from itertools import product
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize
 
 from workbench.arrays import Array, Index
-from workbench.plots.body import Figurine, line_up
-from workbench.plots.palette import AMOUNT, BLUE, FAINT, GREEN, VERMILLION
+from workbench.plots.body import Figurine
+from workbench.plots.distances import line_up_coloured
+from workbench.plots.palette import BLUE, FAINT, GREEN, VERMILLION
 from workbench.studies.triangles.explained_variance import ExplainedVariance
 from workbench.studies.triangles.measures import HeldOutFits
 from workbench.studies.triangles.study import ShapeDirections
@@ -96,32 +94,26 @@ def caption_rms(shapes: ShapeDirections, k: int) -> str:
 
 def largest_shown(fits: Mapping[str, HeldOutFits]) -> float:
     """Where the colours of `plot_errors` end, mm: 99 % of all distances are smaller."""
-    return float(np.percentile(np.concatenate([h.distances for h in fits.values()]), 99))
+    distances = np.concatenate([1e3 * h.errors.distances for h in fits.values()])
+    return float(np.percentile(distances, 99))
 
 
 def plot_errors(fits: HeldOutFits, faces: Index, largest: float, *, ax: Axes) -> Axes:
     """A model in several poses, coloured by its distance to the truth from 0 to `largest` mm."""
-    scale = Normalize(0.0, largest)
-    shown = [
-        Figurine(
-            f"{away.mean():.1f} mm",
-            V - V.min(axis=0),
-            colours=matplotlib.colormaps[AMOUNT](scale(away[faces].mean(axis=1)))[:, :3],
-        )
-        for V, away in zip(fits.fits.surfaces, fits.distances, strict=True)
+    measured = [
+        (Figurine(f"{away.mean():.1f} mm", V - V.min(axis=0)), away)
+        for V, away in zip(fits.fits.surfaces, 1e3 * fits.errors.distances, strict=True)
     ]
-    line_up(shown, faces, ax=ax, contrast=0.25)
-    figure = ax.get_figure()
-    assert figure is not None
-    bar = figure.colorbar(ScalarMappable(scale, AMOUNT), ax=ax, shrink=0.85, pad=0.02, extend="max")
-    bar.set_label("distance to the synthetic truth (mm)")
-    return ax
+    label = "distance to the synthetic truth (mm)"
+    return line_up_coloured(measured, faces, largest, label, ax=ax)
 
 
 def caption_errors(model: str, fits: HeldOutFits) -> str:
     """The caption of `plot_errors`."""
+    errors = fits.errors
     return (
-        f"{model} in {len(fits.distances)} difficult poses, on none of which it was trained. The "
-        f"number below each is its mean distance. Over all of them the mean is {fits.mean:.1f} mm, "
-        f"the rms {fits.rms:.1f} mm, the largest distance {fits.largest:.0f} mm."
+        f"{model} in {len(errors.distances)} difficult poses, on none of which it was trained. The "
+        f"number below each is its mean distance. Over all of them the mean is "
+        f"{1e3 * errors.mean:.1f} mm, the rms {1e3 * errors.rms:.1f} mm, the largest distance "
+        f"{1e3 * errors.largest:.0f} mm."
     )

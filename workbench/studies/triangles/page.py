@@ -9,9 +9,10 @@ from typing import Any
 from workbench.arrays import Array
 from workbench.bodies.files.gltf import write_gltf
 from workbench.plots import caption_stitching, plot_stitching
+from workbench.reports.figures import plotted
 from workbench.reports.page import page
 from workbench.reports.tables import Columns, Table
-from workbench.studies.pages import drawn, text_of, write_study
+from workbench.studies.pages import text_of, write_study
 from workbench.studies.triangles import figures
 from workbench.studies.triangles.explained_variance import ExplainedVariance
 from workbench.studies.triangles.models import BLEND_SCAPE, SCAPE, SMPL, without_bends
@@ -221,13 +222,15 @@ def triangles_page(s: TriangleStudy) -> str:
         results=result_table(s),
         choices=choice_table(s),
         claim=claim(s),
-        soup=drawn(10.5, 4.6, plot_stitching, caption_soup, s.torn),
+        soup=plotted(10.5, 4.6, plot_stitching, caption_soup, s.torn),
         curves=[
-            drawn(6.4, 4.6, figures.plot_explained, figures.caption_explained, s.shapes),
-            drawn(6.4, 4.6, figures.plot_rms, caption_rms, s.shapes),
+            plotted(6.4, 4.6, figures.plot_explained, figures.caption_explained, s.shapes),
+            plotted(6.4, 4.6, figures.plot_rms, caption_rms, s.shapes),
         ],
         poses=[
-            drawn(10.5, 3.4, plot_errors, partial(figures.caption_errors, name), s.difficult[name])
+            plotted(
+                10.5, 3.4, plot_errors, partial(figures.caption_errors, name), s.difficult[name]
+            )
             for name in SHOWN
         ],
         jumps=[s.result(without_bends(name)).seam_jump for name in (SCAPE, BLEND_SCAPE)],
