@@ -128,9 +128,10 @@ def test_a_body_is_found_in_meshes_of_its_own(body: wb.SkinnedBody | TriangleBod
     rng = np.random.default_rng(2)
     betas, poses = rng.normal(size=(2, 10)), rng.normal(scale=0.3, size=(2, 24, 3))
     fits = HeldOutFits.of(body, SMALL, body.vertices(poses, betas, rng.normal(size=(2, 3))))
-    assert fits.largest < 0.5  # the prior on betas shows
+    assert 1e3 * fits.errors.largest < 0.5  # mm; the prior on betas shows
     np.testing.assert_allclose(fits.fits.betas, betas, atol=0.05)
-    assert fits.only([1]).rms == pytest.approx(np.sqrt(np.mean(fits.distances[1] ** 2)))
+    rms = np.sqrt(np.mean(fits.errors.distances[1] ** 2))
+    assert fits.only([1]).errors.rms == pytest.approx(rms)
 
 
 def test_jumps_are_jumps_between_parts_and_only_there() -> None:

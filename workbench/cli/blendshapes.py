@@ -7,19 +7,22 @@ import typer
 from rich.console import Console
 
 from workbench.cli.output import folder_to_write, print_page, timed_lines, warn_without_effect
+from workbench.cli.run import Out
 from workbench.studies.blend_shapes.page import table_text, write_predictor_study
 from workbench.studies.blend_shapes.study import PredictorPlan, predictor_study
 
 PLAN = PredictorPlan()
+Mocap = Annotated[
+    Path | None,
+    typer.Option(
+        help="A recording (.npz), tested on every fifth clip; without it, poses are drawn."
+    ),
+]
+Seed = Annotated[int, typer.Option(help="Seed of every draw.")]
 
 
 def blendshapes(
-    mocap: Annotated[
-        Path | None,
-        typer.Option(
-            help="A recording (.npz), tested on every fifth clip; without it, poses are drawn."
-        ),
-    ] = None,
+    mocap: Mocap = None,
     body: Annotated[str, typer.Option(help="The body: default or small.")] = PLAN.body,
     training: Annotated[int, typer.Option(help="Number of poses to learn from.")] = PLAN.training,
     validation: Annotated[
@@ -31,10 +34,8 @@ def blendshapes(
     examples: Annotated[
         int, typer.Option(help="Number of poses to interpolate between.")
     ] = PLAN.examples,
-    seed: Annotated[int, typer.Option(help="Seed of every draw.")] = PLAN.seed,
-    out: Annotated[Path, typer.Option(help="Folder in which the page's folder is made.")] = Path(
-        "runs"
-    ),
+    seed: Seed = PLAN.seed,
+    out: Out = Path("runs"),
 ) -> None:
     """Compare predictors of the errors of linear blending.
 
@@ -48,5 +49,4 @@ def blendshapes(
     found = predictor_study(plan, mocap, timed_lines(console))
     console.print(table_text(found), highlight=False, markup=False, soft_wrap=True)
     console.print(f"tested on {found.n_test} {found.test}", highlight=False, soft_wrap=True)
-    page = write_predictor_study(found, folder)
-    print_page(console, "page", page)
+    print_page(console, "page", write_predictor_study(found, folder))

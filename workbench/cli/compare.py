@@ -12,11 +12,10 @@ from joblib import parallel_config
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Table
 
 from workbench import comparison
 from workbench.cli.leaving import Interrupted
-from workbench.cli.output import warn_without_effect
+from workbench.cli.output import print_page, solver_table, warn_without_effect
 from workbench.cli.run import Setting, settings
 from workbench.comparison.comparison import MAIN
 from workbench.comparison.measured import seconds_of_runs
@@ -29,6 +28,7 @@ from workbench.experiments.own_file import ENOUGH
 from workbench.experiments.user_errors import caused_by
 from workbench.installation import pip_install
 from workbench.reports import write_comparison
+from workbench.reports.tables import Columns, Table
 from workbench.solvers import SOLVERS
 
 USUAL = ("gauss-newton", "levenberg-marquardt", "ipopt", "nlopt-lbfgs")
@@ -40,6 +40,7 @@ Names = Annotated[
     ),
 ]
 Limits = comparison.Budget()
+TOLD = TargetOutcome.REACHED, TargetOutcome.OTHER_BASIN, TargetOutcome.FALSE_CLAIM
 MEASURED = "Seconds were measured on this machine under whatever load it had; they rank no solver."
 
 
@@ -112,14 +113,13 @@ def compare(
             f"interrupted while {told.last}; what was finished is stored in {out}, and the same "
             "command goes on from there"
         ) from error
-    console.print(_table(found))
+    console.print(solver_table(_table(found)))
     for text in (prices_sentence(), *advice(found)):
         console.print(escape(text), highlight=False, soft_wrap=True)
-    console.print(_times(found))
+    console.print(solver_table(_times(found)))
     console.print(MEASURED, highlight=False, soft_wrap=True)
     console.print("[dim]writing the page[/]")
-    page = write_comparison(found, out)
-    console.print(f"report: [bold]{escape(str(page))}[/]", soft_wrap=True)
+    print_page(console, "report", write_comparison(found, out))
 
 
 @contextmanager
@@ -182,22 +182,17 @@ class _Told:
 
 def _table(found: comparison.Comparison) -> Table:
     """By counts alone, as narrow as a terminal; intervals are on the page."""
-    table = Table(box=None, header_style="bold")
-    table.add_column("solver", no_wrap=True)
-    for head in (f"met {named(MAIN)}", "lowest", "effort", "elsewhere", "false claims", "failed"):
-        table.add_column(head, justify="right")
+    head = (f"met {named(MAIN)}", "lowest", "effort", "elsewhere", "false claims", "failed")
+    runs, rows = found.comparable, []
     for solver in found.solvers:
-        outcomes = [found.outcomes[i.name, solver] for i in found.comparable]
-        runs, counts = len(outcomes), Counter(outcomes)
-        met = sum(found.solved(i.name, solver, MAIN) for i in found.comparable)
-        reached, elsewhere = counts[TargetOutcome.REACHED], counts[TargetOutcome.OTHER_BASIN]
-        wrong = counts[TargetOutcome.FALSE_CLAIM]
-        cells = f"{met}/{runs}", f"{reached}/{runs}", _effort(found, solver)
-        rest = str(elsewhere), str(wrong), str(runs - reached - elsewhere - wrong)
-        if not runs:
-            cells, rest = ("–",) * 3, ("–",) * 3
-        table.add_row(escape(solver), *cells, *rest)
-    return table
+        counts = Counter(found.outcomes[i.name, solver] for i in runs)
+        met = sum(found.solved(i.name, solver, MAIN) for i in runs)
+        reached, *others = (counts[outcome] for outcome in TOLD)
+        failed = len(runs) - reached - sum(others)
+        shares = f"{met}/{len(runs)}", f"{reached}/{len(runs)}", _effort(found, solver)
+        cells = *shares, *map(str, others), str(failed)
+        rows.append((solver, *(cells if runs else ("–",) * len(head))))
+    return Table(("solver", *head), tuple(rows), tuple(range(1, len(head) + 1)))
 
 
 def _effort(found: comparison.Comparison, solver: str) -> str:
@@ -209,12 +204,11 @@ def _effort(found: comparison.Comparison, solver: str) -> str:
 
 def _times(found: comparison.Comparison) -> Table:
     """Seconds as they were measured, apart from what ranks."""
-    table = Table(box=None, header_style="bold")
-    table.add_column("seconds of a run", no_wrap=True)
-    for head in ("least", "median", "most"):
-        table.add_column(head, justify="right")
-    for solver in found.solvers:
-        spread = seconds_of_runs(found, solver)
-        numbers = (spread.minimum, spread.median, spread.maximum)
-        table.add_row(escape(solver), *(f"{s:.3g}" for s in numbers))
-    return table
+    spreads = {solver: seconds_of_runs(found, solver) for solver in found.solvers}
+    columns: Columns[str] = {
+        "seconds of a run": str,
+        "least": lambda solver: f"{spreads[solver].minimum:.3g}",
+        "median": lambda solver: f"{spreads[solver].median:.3g}",
+        "most": lambda solver: f"{spreads[solver].maximum:.3g}",
+    }
+    return Table.of(found.solvers, columns, (1, 2, 3))

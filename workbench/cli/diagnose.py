@@ -16,6 +16,7 @@ from workbench.cli.run import (
     Setting,
     SolverName,
     settings,
+    solved,
     solver_named,
 )
 from workbench.errors import BadArgument
@@ -84,13 +85,7 @@ def _looked_at(
     setup = experiment.setup()
     if data_alone:
         _mind_priors(console, experiment, setup)
-    values = setup.start
-    if solver is not None:
-        console.print("[dim]solving[/]")
-        solution = solver.solve(setup.problem, setup.start)
-        said = f"{solution.status.name}, cost {solution.cost:.6g}"
-        console.print(f"[dim]{said}: {escape(solution.message)}[/]", soft_wrap=True)
-        values = setup.start | solution.values
+    values = setup.start if solver is None else solved(console, setup, solver)
     console.print("[dim]looking at the Jacobian[/]")
     if data_alone:
         return diagnostics.diagnose(setup.problem.without(*setup.priors), values), setup

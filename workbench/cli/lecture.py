@@ -14,7 +14,7 @@ from rich.syntax import Syntax
 from rich.table import Table
 
 from workbench import course
-from workbench.cli.output import make_folder
+from workbench.cli.output import make_folder, print_page
 from workbench.course.cells import Cell, carried_out
 from workbench.course.grades import CheckResult, CheckState, Grade
 from workbench.course.handing_out import hand_out
@@ -128,7 +128,7 @@ def begin(
     """Copy the exercises of a lecture into a folder of yours. No file there is overwritten."""
     path = hand_out(lecture(number), folder)
     console = Console()
-    console.print(f"exercises: [bold]{escape(str(path))}[/]", soft_wrap=True)
+    print_page(console, "exercises", path)
     console.print(
         f"check them: workbench lecture check {number} {escape(str(path))}", soft_wrap=True
     )
@@ -186,14 +186,14 @@ def notebooks(folder: Folder) -> None:
     for path, one in paths.items():
         console.print(f"[dim]running lecture {one.number}, {escape(one.title)}[/]")
         write_notebook(executed(notebook(one), one, folder), path)
-    console.print(f"notebooks: [bold]{escape(str(folder))}[/]", soft_wrap=True)
+    print_page(console, "notebooks", folder)
 
 
 def site(folder: Folder) -> None:
     """Write the course as a static site, with every lecture run. Needs the extra `course`."""
     console = Console()
     page = write_course_site(folder, lambda said: console.print(f"[dim]{escape(said)}[/]"))
-    console.print(f"site: [bold]{escape(str(page))}[/]", soft_wrap=True)
+    print_page(console, "site", page)
 
 
 def _print(console: Console, found: Grade) -> None:

@@ -6,9 +6,11 @@ from pathlib import Path
 
 from rich.console import Console
 from rich.markup import escape
+from rich.table import Table as RichTable
 
 from workbench.errors import WorkbenchError
 from workbench.reports.folder import refuse_foreign
+from workbench.reports.tables import Table
 
 
 def make_folder(folder: Path) -> None:
@@ -32,8 +34,25 @@ def folder_to_write(out: Path, name: str, source: str) -> Path:
     return out / name
 
 
+def rich_table(table: Table) -> RichTable:
+    """A table of a report as a terminal shows it."""
+    shown = RichTable(box=None, header_style="bold")
+    for i, head in enumerate(table.head):
+        shown.add_column(head, justify="right" if i in table.numbers else "left")
+    for row in table.rows:
+        shown.add_row(*map(escape, row))
+    return shown
+
+
+def solver_table(table: Table) -> RichTable:
+    """A table whose first column, the names of solvers, is never broken into lines."""
+    shown = rich_table(table)
+    shown.columns[0].no_wrap = True
+    return shown
+
+
 def print_page(console: Console, kind: str, page: Path) -> None:
-    """Say where the page of a kind (report, card) was written."""
+    """Say where something of a kind (report, card, body) was written."""
     console.print(f"{kind}: [bold]{escape(str(page))}[/]", soft_wrap=True)
 
 

@@ -8,6 +8,7 @@ from rich.live import Live
 from rich.markup import escape
 from rich.table import Table
 
+from workbench.cli.output import rich_table
 from workbench.diagnostics import Diagnosis
 from workbench.experiments.running import Outcome
 from workbench.reports import tables
@@ -51,19 +52,15 @@ class LiveTrace:
             )
 
     def _table(self) -> Table:
-        table = Table(box=None, header_style="bold")
-        for column in ("iteration", "cost", "gradient", "step", "damping", "seconds"):
-            table.add_column(column, justify="right")
-        for number, i in self._iterates:
-            table.add_row(
-                str(number),
-                f"{i.cost:.6g}",
-                f"{i.optimality:.1e}",
-                f"{i.step_norm:.1e}",
-                f"{i.damping:.1e}",
-                f"{i.seconds:.2f}",
-            )
-        return table
+        columns: tables.Columns[tuple[int, Iterate]] = {
+            "iteration": lambda of: str(of[0]),
+            "cost": lambda of: f"{of[1].cost:.6g}",
+            "gradient": lambda of: f"{of[1].optimality:.1e}",
+            "step": lambda of: f"{of[1].step_norm:.1e}",
+            "damping": lambda of: f"{of[1].damping:.1e}",
+            "seconds": lambda of: f"{of[1].seconds:.2f}",
+        }
+        return rich_table(tables.Table.of(self._iterates, columns, tuple(range(6))))
 
 
 def print_outcome(console: Console, outcome: Outcome) -> None:
@@ -105,13 +102,8 @@ def _print_residuals(console: Console, outcome: Outcome) -> None:
     found = tables.residuals_table(outcome)
     rows = sorted(zip(outcome.costs.values(), found.rows, strict=True), key=lambda row: -row[0])
     shown = {row for _, row in rows[:ROWS]}
-    table = Table(box=None, header_style="bold")
-    for i, head in enumerate(found.head):
-        table.add_column(head, justify="right" if i in found.numbers else "left")
-    for row in found.rows:
-        if row in shown:
-            table.add_row(*(escape(_typed(cell)) for cell in row))
-    console.print(table)
+    typed = tuple(tuple(map(_typed, row)) for row in found.rows if row in shown)
+    console.print(rich_table(tables.Table(found.head, typed, found.numbers)))
     if len(rows) > ROWS:
         console.print(f"and {len(rows) - ROWS} residuals of less cost (see the report)")
     console.print(escape(tables.priors_said(outcome)), highlight=False)
@@ -143,16 +135,14 @@ def _comparison(outcome: Outcome) -> Table:
         table.add_column(column, justify="right", no_wrap=True)
     table.add_column("status", no_wrap=True)
     for name, s in outcome.compared.items():
-        counts = s.evaluations
-        total = counts.residual + counts.gradient + counts.jacobian + counts.hessian
-        above = outcome.excess(name)
-        style = "" if s.status is Status.CONVERGED else "yellow"
-        row = (
+        table.add_row(
             name,
             f"{s.cost:.8g}",
-            f"{_typed(tables.number(above, 1))}",
+            _typed(tables.number(outcome.excess(name), 1)),
             str(s.iterations),
-            str(total),
+            str(s.evaluations.total),
+            f"{s.seconds:.2f}",
+            s.status.name,
+            style="" if s.status is Status.CONVERGED else "yellow",
         )
-        table.add_row(*row, f"{s.seconds:.2f}", s.status.name, style=style)
     return table

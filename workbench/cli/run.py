@@ -8,6 +8,7 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
+from workbench.blocks import Values
 from workbench.cli.leaving import Interrupted
 from workbench.cli.output import folder_to_write, print_page
 from workbench.cli.progress import LiveTrace, print_outcome
@@ -16,6 +17,7 @@ from workbench.experiments import EXPERIMENTS, SUITES, Experiment, find
 from workbench.experiments import run as run_experiment
 from workbench.experiments.own_file import BESIDE, ENOUGH
 from workbench.experiments.suites import SUMMARIES
+from workbench.fitting.setup import Setup
 from workbench.reports import write_report
 from workbench.solvers import SOLVERS, Solver
 
@@ -106,6 +108,15 @@ def carry_out(
     print_page(console, "report", write_report(outcome, folder))
     if outcome.interrupted:
         raise Interrupted("interrupted; the report holds what was found until then")
+
+
+def solved(console: Console, setup: Setup, solver: Solver) -> Values:
+    """Solve a setup, say how that ended, and return the values of all blocks at the end."""
+    console.print("[dim]solving[/]")
+    solution = solver.solve(setup.problem, setup.start)
+    said = f"{solution.status.name}, cost {solution.cost:.6g}"
+    console.print(f"[dim]{said}: {escape(solution.message)}[/]", soft_wrap=True)
+    return setup.start | solution.values
 
 
 def solver_named(name: str) -> Solver:

@@ -14,7 +14,7 @@ from rich.progress import Progress as Bar
 from workbench import sampling
 from workbench.cli.leaving import Interrupted
 from workbench.cli.output import folder_to_write, make_folder, print_page, warn_without_effect
-from workbench.cli.run import Name, Out, Setting, SolverName, settings, solver_named
+from workbench.cli.run import Name, Out, Setting, SolverName, settings, solved, solver_named
 from workbench.errors import UnknownName
 from workbench.experiments import find
 from workbench.reports import write_posterior
@@ -72,11 +72,7 @@ def sample(
     make_folder(kept)
     console.print(f"[dim]building {escape(experiment.name)}[/]")
     setup = experiment.setup()
-    console.print("[dim]solving[/]")
-    solution = solver_named(solver).solve(setup.problem, setup.start)
-    said = f"{solution.status.name}, cost {solution.cost:.6g}"
-    console.print(f"[dim]{said}: {escape(solution.message)}[/]", soft_wrap=True)
-    at = setup.start | solution.values
+    at = solved(console, setup, solver_named(solver))
     problem = setup.problem
     rest = sampling.conditional if conditional else sampling.fixed
     chosen: dict[str, sampling.Names] = {}

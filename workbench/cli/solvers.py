@@ -1,12 +1,11 @@
 """`workbench solvers`: the solvers, what each needs and what each can."""
 
-from collections.abc import Mapping
-
 import typer
 from rich.console import Console
-from rich.table import Table
 
+from workbench.cli.output import solver_table
 from workbench.experiments import find
+from workbench.reports.tables import Columns, Table
 from workbench.solvers import SOLVERS, Abilities, Boxes, Derivative
 from workbench.solvers.choice import recommend
 from workbench.solvers.nlopt_algorithms import ALGORITHMS
@@ -39,41 +38,16 @@ def solvers(
         print(recommend(setup.problem, setup.start))
         return
     listed = ALGORITHMS if nlopt else {name: s.abilities for name, s in SOLVERS.items()}
-    console = Console()
+    console, heads = Console(), [*COLUMNS]
     wide = console.width >= WIDE
-    console.print(_abilities(listed, with_sources=wide), highlight=False, markup=False)
-    if not wide:
-        console.print()
-        console.print(_sources(listed), highlight=False, markup=False)
+    tables = [heads] if wide else [heads[:-1], [heads[0], heads[-1]]]
+    for i, shown in enumerate(tables):
+        if i:
+            console.print()
+        table = Table.of(listed.items(), {head: COLUMNS[head] for head in shown}, ())
+        console.print(solver_table(table), highlight=False)
     if nlopt:
         console.print('In Python: Nlopt("LD_LBFGS").', highlight=False)
-
-
-def _abilities(listed: Mapping[str, Abilities], *, with_sources: bool) -> Table:
-    table = _table("asks for", "bounds", "constraints", "looks")
-    if with_sources:
-        table.add_column("described in")
-    for name, a in listed.items():
-        cells = ASKED[a.derivative], BOUNDS[a.bounds], _constraints(a), _looks(a), _described(a)
-        table.add_row(name, *cells[: None if with_sources else -1])
-    return table
-
-
-def _sources(listed: Mapping[str, Abilities]) -> Table:
-    """A table of its own where a terminal is narrow."""
-    table = _table()
-    table.add_column("described in")
-    for name, a in listed.items():
-        table.add_row(name, _described(a))
-    return table
-
-
-def _table(*titles: str) -> Table:
-    table = Table(box=None, padding=(0, 2, 0, 0))
-    table.add_column("solver", style="bold", no_wrap=True)
-    for title in titles:
-        table.add_column(title, no_wrap=True)
-    return table
 
 
 def _constraints(a: Abilities) -> str:
@@ -89,3 +63,13 @@ def _looks(a: Abilities) -> str:
 def _described(a: Abilities) -> str:
     notes = [a.source, "to teach" if a.teaching else "", a.note]
     return "; ".join(note for note in notes if note)
+
+
+COLUMNS: Columns[tuple[str, Abilities]] = {
+    "solver": lambda of: of[0],
+    "asks for": lambda of: ASKED[of[1].derivative],
+    "bounds": lambda of: BOUNDS[of[1].bounds],
+    "constraints": lambda of: _constraints(of[1]),
+    "looks": lambda of: _looks(of[1]),
+    "described in": lambda of: _described(of[1]),
+}

@@ -7,11 +7,10 @@ from typing import Annotated, Any
 
 import typer
 from rich.console import Console
-from rich.markup import escape
 
 from workbench.bodies.files.saving import save_body
 from workbench.cli.leaving import Interrupted
-from workbench.cli.output import make_folder, warn_without_effect
+from workbench.cli.output import make_folder, print_page, warn_without_effect
 from workbench.cli.run import Out
 from workbench.errors import BadArgument, BadFile
 from workbench.reading.facts import json_in
@@ -130,8 +129,8 @@ def train(
             console.print(f"  {said}: {number:g}")
     save_body(body, place / "body.npz")
     page = write_card(body, place / "card", str((place / "body.npz").resolve()))
-    console.print(f"body: [bold]{escape(str(place / 'body.npz'))}[/]", soft_wrap=True)
-    console.print(f"card: [bold]{escape(str(page))}[/]", soft_wrap=True)
+    print_page(console, "body", place / "body.npz")
+    print_page(console, "card", page)
 
 
 def _mind_unused(console: Console, start: str | None, gender: str | None, reach: int) -> None:

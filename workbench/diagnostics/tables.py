@@ -9,12 +9,18 @@ def sections(parts: Iterable[tuple[str, Iterable[str]]]) -> str:
     return "\n\n".join("\n".join([title, *lines]) for title, lines in indented if lines)
 
 
-def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """Lines of a table: the first column is aligned left, the others right."""
+def table(
+    header: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[int] | None = None
+) -> list[str]:
+    """Lines of a table, two spaces between its columns.
+
+    The columns with the indices `numbers`, or else all but the first, are aligned right.
+    """
+    right = range(1, len(header)) if numbers is None else numbers
     widths = [max(len(row[i]) for row in (header, *rows)) for i in range(len(header))]
     return [
         "  ".join(
-            cell.ljust(width) if i == 0 else cell.rjust(width)
+            cell.rjust(width) if i in right else cell.ljust(width)
             for i, (cell, width) in enumerate(zip(row, widths, strict=True))
         ).rstrip()
         for row in (header, *rows)

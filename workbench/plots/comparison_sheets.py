@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from workbench.comparison import Comparison
 from workbench.plots.accuracy import plot_accuracy
 from workbench.plots.cost_traces import SECONDS, UNITS, plot_cost_traces
-from workbench.plots.figure import drawn, house_style, sheet
+from workbench.plots.figure import drawn, side_by_side
 from workbench.plots.pairwise_wins import plot_pairwise_wins
 from workbench.plots.profiles import plot_data_profile, plot_performance_profile
 from workbench.plots.verdicts import plot_basins, plot_verdicts
@@ -64,25 +64,9 @@ def accuracy_sheet(comparison: Comparison) -> Figure:
 
 
 def _bars(comparison: Comparison, plot: Plot) -> Figure:
-    with house_style():
-        figure = drawn(plot, WIDE, 1.5 + 0.36 * len(comparison.solvers))
-        _legend(figure, 4)
-    return figure
+    return side_by_side([plot], WIDE, 1.5 + 0.36 * len(comparison.solvers), columns=4)
 
 
 def _curves(comparison: Comparison, plots: Sequence[Plot], width: float = WIDE) -> Figure:
-    """Plots side by side, with one label of the y-axis, and one legend below them."""
-    legend = 0.2 * ((len(comparison.solvers) + 2) // 3)  # inches
-    with house_style():
-        figure, axes = sheet(width, 3.6 + legend, len(plots))
-        for ax, plot in zip(axes, plots, strict=True):
-            plot(ax=ax)
-        for ax in axes[1:]:
-            ax.set_ylabel("")
-        _legend(figure, 3)
-    return figure
-
-
-def _legend(figure: Figure, columns: int) -> None:
-    handles, labels = figure.axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=columns)
+    """Plots side by side, with room for a line of the legend for every three solvers."""
+    return side_by_side(plots, width, 3.6 + 0.2 * ((len(comparison.solvers) + 2) // 3), columns=3)

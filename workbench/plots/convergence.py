@@ -15,7 +15,7 @@ from workbench.experiments.relative_costs import (
     share_left,
     start_cost,
 )
-from workbench.plots.labels import plain
+from workbench.plots.labels import note_at, plain
 from workbench.plots.palette import DASHES, FAINT, LINES, MARKERS
 from workbench.solvers import Iterate, Solution, Status
 
@@ -109,16 +109,7 @@ def plot_convergence(
     ax.yaxis.set_minor_locator(NullLocator())
     ax.axhline(floor, color=FAINT, linewidth=0.8, linestyle=(0, (1, 2)))
     against.scale(ax, longest)
-    ax.annotate(
-        "0: the lowest cost found",
-        (0.01, floor),
-        xycoords=("axes fraction", "data"),
-        xytext=(0, -4),
-        textcoords="offset points",
-        color=FAINT,
-        fontsize=8,
-        va="top",
-    )
+    note_at(ax, "0: the lowest cost found", 0.01, floor, FAINT, above=-4.0)
     ax.grid(color=FAINT, alpha=0.25, linewidth=0.6)
     ax.set_xlabel(against.label)
     ax.set_ylabel("(cost − best) / (start − best)")

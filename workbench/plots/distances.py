@@ -1,6 +1,7 @@
 """How far surfaces are from a reference, in colours on the body."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,15 +20,10 @@ def plot_distances(
     """A body (N, 3) m from the front and the back, coloured by `distances` (N,) mm from what
     is called `truth`.
     """
-    scale = _scale(float(distances.max(initial=0.0)))
-    colours = _colours(scale, distances, faces)
-    shown = (
-        Figurine("front", vertices, front, colours),
-        Figurine("back", vertices, back, colours),
-    )
-    line_up(shown, faces, ax=ax, contrast=0.25)
-    _bar(ax, scale, f"distance to the {truth} (mm)")
-    return ax
+    looks = {"front": front, "back": back}
+    shown = [(Figurine(name, vertices, look), distances) for name, look in looks.items()]
+    end = float(distances.max(initial=0.0))
+    return line_up_coloured(shown, faces, end, f"distance to the {truth} (mm)", ax=ax)
 
 
 def caption_distances(distances: Array, truth: str = "truth") -> str:
@@ -54,16 +50,10 @@ def plot_differences(
     The scale ends at `most` mm, or at the largest distance; larger ones have the last colour.
     """
     away = {label: distances_between(vertices, whole) for label, vertices in others.items()}
-    largest = max(float(d.max()) for d in away.values())
-    end = largest if most is None else most
-    scale = _scale(end)
-    coloured = [
-        Figurine(label, vertices, look, _colours(scale, away[label], faces))
-        for label, vertices in others.items()
-    ]
-    line_up([Figurine(name, whole, look), *coloured], faces, ax=ax, contrast=0.3)
-    _bar(ax, scale, f"distance from {name} (mm)", "max" if largest > end else "neither")
-    return ax
+    end = max(float(d.max()) for d in away.values()) if most is None else most
+    shown = [(Figurine(label, others[label], look), away[label]) for label in others]
+    first = [Figurine(name, whole, look)]
+    return line_up_coloured(shown, faces, end, f"distance from {name} (mm)", ax=ax, before=first)
 
 
 def caption_differences(whole: Array, others: Mapping[str, Array], name: str = "SMPL") -> str:
@@ -79,17 +69,29 @@ def caption_differences(whole: Array, others: Mapping[str, Array], name: str = "
     )
 
 
-def _scale(end: float) -> ScalarMappable:
-    """Colours from 0 to `end` mm."""
-    return ScalarMappable(Normalize(0.0, end if end > 0 else 1.0), AMOUNT)
+def line_up_coloured(
+    measured: Sequence[tuple[Figurine, Array]],
+    faces: Index,
+    end: float,
+    label: str,
+    *,
+    ax: Axes,
+    before: Sequence[Figurine] = (),
+) -> Axes:
+    """Bodies side by side, coloured by the distances (N,) in mm beside each, and the colour bar.
 
-
-def _colours(scale: ScalarMappable, distances: Array, faces: Index) -> Array:
-    """The colour (F, 3) of each face by the mean distance of its corners."""
-    return np.asarray(scale.to_rgba(distances[faces].mean(axis=1)))[:, :3]
-
-
-def _bar(ax: Axes, scale: ScalarMappable, label: str, extend: str = "neither") -> None:
+    Colours go from 0 to `end` mm, and a face has that of the mean distance of its corners. The
+    bodies in `before` stand to the left of the others and keep the colours that they have.
+    """
+    scale = ScalarMappable(Normalize(0.0, end if end > 0 else 1.0), AMOUNT)
+    coloured = [
+        replace(figurine, colours=np.asarray(scale.to_rgba(away[faces].mean(axis=1)))[:, :3])
+        for figurine, away in measured
+    ]
+    line_up([*before, *coloured], faces, ax=ax, contrast=0.25)
+    beyond = max(float(away.max(initial=0.0)) for _, away in measured) > end
+    extend = "max" if beyond else "neither"
     figure = ax.get_figure()
     assert figure is not None
     figure.colorbar(scale, ax=ax, shrink=0.85, pad=0.02, extend=extend).set_label(label)
+    return ax

@@ -1,6 +1,6 @@
 """Figures without a screen, in the house style, and their bytes as SVG or PNG."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from io import BytesIO
 
@@ -53,6 +53,23 @@ def drawn(plot: Callable[..., object], width: float, height: float) -> Figure:
     with house_style():
         figure, (ax,) = sheet(width, height)
         plot(ax=ax)
+    return figure
+
+
+def side_by_side(
+    plots: Sequence[Callable[..., object]], width: float, height: float, *, columns: int
+) -> Figure:
+    """Plots with one label of the y-axis, and one legend of that many columns below them all."""
+    with house_style():
+        figure, axes = sheet(width, height, len(plots))
+        for ax, plot in zip(axes, plots, strict=True):
+            plot(ax=ax)
+            if legend := ax.get_legend():
+                legend.remove()
+        for ax in axes[1:]:
+            ax.set_ylabel("")
+        handles, labels = axes[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=columns)
     return figure
 
 

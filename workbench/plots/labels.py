@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from functools import cache
 
 from matplotlib import font_manager
+from matplotlib.axes import Axes
 from matplotlib.ft2font import FT2Font
 
 
@@ -26,6 +27,28 @@ def apart(places: Sequence[float], sizes: Sequence[float], gap: float) -> list[i
         if all(abs(places[i] - places[j]) >= gap for j in kept):
             kept.append(i)
     return sorted(kept)
+
+
+def note_at(
+    ax: Axes, text: str, across: float, y: float, colour: str, *, above: float = 4.0
+) -> None:
+    """A short text beside a horizontal line at y, at a share of the width of the axes.
+
+    It stands `above` points over the line, or below it if that is negative, and ends at its place
+    if that is in the right half.
+    """
+    right = across > 0.5
+    ax.annotate(
+        text,
+        (across, y),
+        xycoords=("axes fraction", "data"),
+        xytext=(0, above),
+        textcoords="offset points",
+        color=colour,
+        fontsize=9,
+        ha="right" if right else "left",
+        va="bottom" if above > 0 else "top",
+    )
 
 
 @cache

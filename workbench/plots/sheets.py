@@ -1,4 +1,4 @@
-"""Each plot as a figure of its own, in the size and style in which reports show it."""
+"""Plots as figures of their own whose size, legend or scale depends on what is drawn."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -9,14 +9,12 @@ from matplotlib.figure import Figure
 
 from workbench.arrays import Array, Index
 from workbench.diagnostics import Diagnosis
-from workbench.experiments.running import Outcome
 from workbench.plots.body import plot_body, plot_shape_gallery
 from workbench.plots.convergence import ITERATIONS, SECONDS, plot_convergence
 from workbench.plots.direction import plot_direction
 from workbench.plots.distances import plot_distances
-from workbench.plots.figure import drawn, house_style, sheet
+from workbench.plots.figure import drawn, house_style, side_by_side
 from workbench.plots.labels import plain
-from workbench.plots.overlay import plot_overlay
 from workbench.plots.posterior import (
     plot_beside_laplace,
     plot_corner,
@@ -26,29 +24,14 @@ from workbench.plots.posterior import (
 )
 from workbench.plots.singular_values import plot_singular_values, unseen
 from workbench.plots.sparsity import plot_sparsity
-from workbench.plots.taylor import plot_taylor
-from workbench.plots.uncertainty import plot_data_share, plot_sigmas
 from workbench.sampling import Posterior
 from workbench.solvers import Solution
 
 
-def overlay_sheet(outcome: Outcome, view: int) -> Figure:
-    """The fitted body in one camera's image."""
-    return drawn(partial(plot_overlay, outcome, view), 4.8, 6.2)
-
-
 def convergence_sheet(solutions: Mapping[str, Solution]) -> Figure:
     """Convergence against iterations and against time, with one legend."""
-    with house_style():
-        figure, axes = sheet(8.0, 3.7 + 0.2 * ((len(solutions) + 1) // 2), 2)
-        for ax, against in zip(axes, (ITERATIONS, SECONDS), strict=True):
-            plot_convergence(solutions, ax=ax, against=against)
-            legend = ax.get_legend()
-            if legend is not None:
-                legend.remove()
-        axes[1].set_ylabel("")
-        figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
-    return figure
+    plots = [partial(plot_convergence, solutions, against=a) for a in (ITERATIONS, SECONDS)]
+    return side_by_side(plots, 8.0, 3.7 + 0.2 * ((len(solutions) + 1) // 2), columns=2)
 
 
 def sparsity_sheet(diagnosis: Diagnosis) -> Figure:
@@ -63,21 +46,6 @@ def singular_values_sheet(diagnosis: Diagnosis) -> Figure:
         8.0,
         max(4.2, 0.9 + 0.185 * len(unseen(diagnosis))),
     )
-
-
-def sigmas_sheet(diagnosis: Diagnosis) -> Figure:
-    """The standard deviation of each unknown."""
-    return drawn(partial(plot_sigmas, diagnosis), 8.0, 4.4)
-
-
-def data_share_sheet(diagnosis: Diagnosis) -> Figure:
-    """How much of the information the data bring, and how much the priors."""
-    return drawn(partial(plot_data_share, diagnosis), 8.0, 3.4)
-
-
-def taylor_sheet(diagnosis: Diagnosis) -> Figure:
-    """The error of the linear model against the step."""
-    return drawn(partial(plot_taylor, diagnosis), 6.0, 3.8)
 
 
 def direction_sheet(moved: Mapping[str, Array], faces: Index) -> Figure:

@@ -1,12 +1,14 @@
 """The singular values of a Jacobian: which directions the residuals notice, and how well."""
 
+from collections import Counter
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from workbench.diagnostics import Diagnosis, Direction
 from workbench.diagnostics.structure import counted
-from workbench.plots.labels import plain, shortened
+from workbench.plots.labels import note_at, plain, shortened
 from workbench.plots.palette import BLUE, FAINT, VERMILLION
 
 MOST = 26  # lines of text beside the spectrum
@@ -38,15 +40,8 @@ def plot_singular_values(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
     )
     if diagnosis.tolerance > floor:
         ax.axhline(diagnosis.tolerance, color=VERMILLION, linewidth=1.0, linestyle="--")
-        ax.annotate(
-            f"tolerance {diagnosis.tolerance:.1e}",
-            (0.02, diagnosis.tolerance),
-            xycoords=("axes fraction", "data"),
-            xytext=(0, 4),
-            textcoords="offset points",
-            color=VERMILLION,
-            fontsize=9,
-        )
+        text = f"tolerance {diagnosis.tolerance:.1e}"
+        note_at(ax, text, 0.02, diagnosis.tolerance, VERMILLION)
     ax.set_yscale("log")
     ax.set_ylim(floor / 3, 10 * max(float(s.max(initial=0.0)), 10 * floor))
     ax.set_xlim(0.0, n + 1.0)
@@ -113,10 +108,7 @@ def _entries(found: tuple[Direction, ...]) -> list[str]:
     entries = [d.name for d in found if d.kind == "entry"]
     if len(entries) <= 3:
         return entries
-    blocks: dict[str, int] = {}
-    for name in entries:
-        block = name.partition("[")[0]
-        blocks[block] = blocks.get(block, 0) + 1
+    blocks = Counter(name.partition("[")[0] for name in entries)
     return [f"{count} single entries of {block}" for block, count in blocks.items()]
 
 

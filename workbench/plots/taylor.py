@@ -14,15 +14,9 @@ def plot_taylor(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
     drawn = np.isfinite(error) & (error > 0)
     ax.loglog(h[drawn], error[drawn], "o-", color=BLUE, markersize=4, label="this Jacobian")
     if drawn.any():
-        top = error[drawn][0] * (h / h[drawn][0]) ** 2
-        ax.loglog(h, top, color=FAINT, linestyle="--", label="slope 2: right")
-        ax.loglog(
-            h,
-            error[drawn][0] * (h / h[drawn][0]),
-            color=FAINT,
-            linestyle=":",
-            label="slope 1: wrong",
-        )
+        for slope, line, verdict in ((2, "--", "right"), (1, ":", "wrong")):
+            y = error[drawn][0] * (h / h[drawn][0]) ** slope
+            ax.loglog(h, y, color=FAINT, linestyle=line, label=f"slope {slope}: {verdict}")
     ax.set_xlabel("step h (units of the unknowns)")
     ax.set_ylabel("error of the linear model (sigmas)")
     ax.grid(color=FAINT, alpha=0.25, linewidth=0.6)

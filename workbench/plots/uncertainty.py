@@ -5,6 +5,7 @@ from matplotlib.axes import Axes
 
 from workbench.arrays import Index
 from workbench.diagnostics import Diagnosis
+from workbench.plots.labels import note_at
 from workbench.plots.palette import BLUE, FAINT, LINES, MARKERS, VERMILLION
 
 
@@ -91,16 +92,7 @@ def plot_data_share(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
     ax.fill_between(x, share, step="mid", color=BLUE, alpha=0.25, linewidth=0)
     ax.step(x, share, where="mid", color=BLUE)
     ax.axhline(0.5, color=VERMILLION, linewidth=1.0, linestyle="--")
-    ax.annotate(
-        "half from the data",
-        (1.0, 0.5),
-        xycoords=("axes fraction", "data"),
-        xytext=(-4, 4),
-        textcoords="offset points",
-        ha="right",
-        color=VERMILLION,
-        fontsize=9,
-    )
+    note_at(ax, "half from the data", 0.99, 0.5, VERMILLION)
     ax.set_ylim(0, 1.04)
     ax.set_xlim(0.5, share.size + 0.5)
     ax.set_xlabel("direction, those that the data know best first")

@@ -1,6 +1,7 @@
 """What became of the runs of every solver, and in which basins they ended."""
 
 from collections import Counter
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,22 +20,19 @@ COLOURS = {
     TargetOutcome.FALSE_CLAIM: VERMILLION,
 }
 NO_ANSWER = "#c9cdd3"
-SHOWN_BASINS = 5
+BASINS = (GREEN, SKY, BLUE, ORANGE, PURPLE)
+Part = tuple[str, str, list[int]]  # of the bars: its label, its colour, and a count per solver
 
 
 def plot_verdicts(comparison: Comparison, *, ax: Axes) -> Axes:
     """A bar per solver, cut into what its runs came to."""
-    solvers = comparison.solvers
-    y = np.arange(len(solvers))[::-1]
-    left = np.zeros(len(solvers))
-    counts = [comparison.counted(s) for s in solvers]
-    for verdict, colour in COLOURS.items():
-        width = np.array([c[verdict] for c in counts], dtype=float)
-        label = verdict.name.lower().replace("_", " ")
-        left = _bars(ax, y, width, left, colour, label)
-    rest = np.array([sum(n for v, n in c.items() if v not in COLOURS) for c in counts], dtype=float)
-    _bars(ax, y, rest, left, NO_ANSWER, "no answer")
-    return _dressed(ax, y, solvers)
+    counts = [comparison.counted(s) for s in comparison.solvers]
+    parts: list[Part] = [
+        (verdict.name.lower().replace("_", " "), colour, [c[verdict] for c in counts])
+        for verdict, colour in COLOURS.items()
+    ]
+    rest = [sum(n for v, n in c.items() if v not in COLOURS) for c in counts]
+    return _bars(comparison.solvers, [*parts, ("no answer", NO_ANSWER, rest)], ax)
 
 
 def caption_verdicts(comparison: Comparison) -> str:
@@ -63,24 +61,16 @@ def caption_verdicts(comparison: Comparison) -> str:
 
 def plot_basins(comparison: Comparison, problem: str, *, ax: Axes) -> Axes:
     """A bar per solver, cut into the basins that its ends on one problem lead to."""
-    solvers = comparison.solvers
-    y = np.arange(len(solvers))[::-1]
     names = [i.name for i in comparison.of(problem)]
-    where = [[comparison.basins.get((name, s)) for name in names] for s in solvers]
-    left = np.zeros(len(solvers))
-    colours = (GREEN, SKY, BLUE, ORANGE, PURPLE)
-    most = max((b for row in where for b in row if b is not None), default=0)
-    for basin in range(min(most + 1, SHOWN_BASINS)):
-        width = np.array([sum(b == basin for b in row) for row in where], dtype=float)
-        label = f"basin {basin + 1}" + (", the lowest" if basin == 0 else "")
-        left = _bars(ax, y, width, left, colours[basin], label)
-    more = [sum(b is not None and b >= SHOWN_BASINS for b in row) for row in where]
-    if any(more):
-        left = _bars(ax, y, np.array(more, dtype=float), left, VERMILLION, "higher ones")
-    none = np.array([sum(b is None for b in row) for row in where], dtype=float)
-    if none.any():
-        _bars(ax, y, none, left, NO_ANSWER, "no end")
-    return _dressed(ax, y, solvers)
+    where = [[comparison.basins.get((name, s)) for name in names] for s in comparison.solvers]
+    parts: list[Part] = [
+        (f"basin {k + 1}" + ("" if k else ", the lowest"), colour, [row.count(k) for row in where])
+        for k, colour in enumerate(BASINS)
+    ]
+    more = [sum(b is not None and b >= len(BASINS) for b in row) for row in where]
+    none = [row.count(None) for row in where]
+    parts += [("higher ones", VERMILLION, more), ("no end", NO_ANSWER, none)]
+    return _bars(comparison.solvers, parts, ax)
 
 
 def caption_basins(comparison: Comparison, problem: str) -> str:
@@ -94,18 +84,16 @@ def caption_basins(comparison: Comparison, problem: str) -> str:
     )
 
 
-def _bars(
-    ax: Axes, y: np.ndarray, width: np.ndarray, left: np.ndarray, colour: str, label: str
-) -> np.ndarray:
-    if width.any():
-        ax.barh(y, width, left=left, color=colour, height=0.72, label=label, edgecolor="white")
-        for at, w, x in zip(y, width, left, strict=True):
-            if w:
-                ax.text(x + w / 2, at, f"{w:.0f}", ha="center", va="center", fontsize=8, color=INK)
-    return np.asarray(left + width)
-
-
-def _dressed(ax: Axes, y: np.ndarray, solvers: tuple[str, ...]) -> Axes:
+def _bars(solvers: Sequence[str], parts: Sequence[Part], ax: Axes) -> Axes:
+    """A bar per solver of parts side by side; a part that no solver has is left out."""
+    y, left = np.arange(len(solvers))[::-1], np.zeros(len(solvers))
+    for label, colour, counts in parts:
+        if not any(counts):
+            continue
+        bars = ax.barh(y, counts, left=left, color=colour, height=0.72, label=label, edgecolor="w")
+        shown = [str(count or "") for count in counts]
+        ax.bar_label(bars, shown, label_type="center", fontsize=8, color=INK)
+        left += counts
     ax.set_yticks(y, [plain(s) for s in solvers])
     ax.set_xlabel("runs")
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))

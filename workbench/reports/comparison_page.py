@@ -23,7 +23,7 @@ from workbench.plots.verdicts import caption_basins, caption_verdicts
 from workbench.plots.waterfall import caption_waterfall
 from workbench.reports import comparison_tables as tables
 from workbench.reports import end_tables as ends
-from workbench.reports.figures import Shown, shown
+from workbench.reports.figures import Shown, drawn, shown
 from workbench.reports.folder import MAKER
 from workbench.reports.page import page
 from workbench.reports.provenance import as_json, versions
@@ -99,7 +99,6 @@ def machines(comparison: Comparison) -> list[str]:
 def comparison_page(comparison: Comparison, kept: bool) -> str:
     """The page; `kept` if the runs themselves are beside it."""
     taus = comparison.taus[1], comparison.taus[-1]
-    budget = comparison.plan.budget
     files = FILES | (
         {f"{RUNS}/": "every run with its trace; the same command continues from them"}
         if kept
@@ -109,12 +108,10 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
     return page(
         "comparison.html",
         title="Solvers compared",
-        solvers=comparison.solvers,
-        problems=comparison.problems,
-        starts=len(comparison.instances),
+        comparison=comparison,
         advice=advice(comparison),
         main=named(MAIN),
-        verdicts=shown(sheets.verdicts_sheet(comparison), caption_verdicts(comparison)),
+        verdicts=drawn(sheets.verdicts_sheet, caption_verdicts, comparison),
         outcomes=tables.verdicts_table(comparison),
         meanings={ends.words_of(v): v.value for v in TargetOutcome},
         success=tables.success_table(comparison),
@@ -122,7 +119,6 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
         prices=tables.prices_table(),
         price_source=SOURCE,
         seconds=tables.seconds_table(comparison),
-        compared=len(comparison.comparable),
         fewest=FEWEST,
         level=f"{LEVEL:.0%}",
         sure=bool(reliable(comparison, comparison.compared)) and bool(comparison.compared),
@@ -135,7 +131,7 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
         )
         if pairs
         else None,
-        pairwise=shown(sheets.pairwise_wins_sheet(comparison), caption_pairwise_wins(comparison))
+        pairwise=drawn(sheets.pairwise_wins_sheet, caption_pairwise_wins, comparison)
         if pairs
         else None,
         accuracy=_accuracy(comparison),
@@ -144,13 +140,11 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
         ends=ends.ends_table(comparison),
         causes={ends.words_of(c): c.value for c in Cause},
         failures=ends.failures_table(comparison),
-        unbuilt=comparison.unbuilt,
         options=tables.options_table(comparison),
-        budget=budget,
+        budget=comparison.plan.budget,
         taus=", ".join(named(tau) for tau in comparison.taus),
         machines=machines(comparison),
         by_clock=sum(ended_by_clock(r) for r in comparison.records.values()),
-        runs=len(comparison.records),
         files=files,
     )
 
@@ -158,37 +152,33 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
 def _accuracy(comparison: Comparison) -> Shown | None:
     if not any(d.certified for d in comparison.described.values()):
         return None
-    return shown(sheets.accuracy_sheet(comparison), caption_accuracy(comparison))
+    return drawn(sheets.accuracy_sheet, caption_accuracy, comparison)
 
 
 def _of(comparison: Comparison, problem: str) -> dict[str, Any]:
     """What the page says of one problem."""
     instances = comparison.of(problem)
-    several = any(len(comparison.end_analysis(i.name).costs) > 1 for i in instances)
-    own = len({id(comparison.end_analysis(i.name)) for i in instances}) > 1  # data for each start
+    analyses = ends.end_analyses(comparison, problem)
+    several = any(len(analysis.costs) > 1 for _, analysis in analyses)
+    own = len(analyses) > 1  # data for each start
     explained = {
         (f"{group[0]}, basin {k + 1}" if own else f"basin {k + 1}"): str(e)
-        for group, end_analysis in zip(comparison.groups, comparison.end_analyses, strict=True)
-        if group[0] in {i.name for i in instances}
-        for k, e in end_analysis.explanations.items()
+        for group, analysis in analyses
+        for k, e in analysis.explanations.items()
     }
     return {
         "name": problem,
         "question": comparison.described[instances[0].name].question,
         "table": tables.problem_table(comparison, problem),
-        "traces": shown(
-            sheets.cost_traces_sheet(comparison, problem), caption_cost_traces(comparison, problem)
-        ),
-        "waterfall": shown(
-            sheets.waterfall_sheet(comparison, problem), caption_waterfall(comparison, problem)
-        )
+        "traces": drawn(sheets.cost_traces_sheet, caption_cost_traces, comparison, problem),
+        "waterfall": drawn(sheets.waterfall_sheet, caption_waterfall, comparison, problem)
         if len(instances) >= FEW
         else None,
         "sentence": basin_sentence(comparison, problem),
         "basins": ends.basins_table(comparison, problem) if several else None,
-        "bars": shown(sheets.basins_sheet(comparison, problem), caption_basins(comparison, problem))
+        "bars": drawn(sheets.basins_sheet, caption_basins, comparison, problem)
         if several
         else None,
         "explained": explained,
-        "unjudged": [m for i in instances if (m := comparison.end_analysis(i.name).message)],
+        "unjudged": [analysis.message for _, analysis in analyses if analysis.message],
     }

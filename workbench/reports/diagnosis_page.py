@@ -2,33 +2,18 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
+from workbench import plots
 from workbench.bodies import SkinnedBody
 from workbench.diagnostics import Diagnosis, DiagnosisComparison, SequenceDiagnosis
 from workbench.diagnostics.findings import held
 from workbench.diagnostics.structure import pose_moves_template
 from workbench.errors import BadArgument
-from workbench.plots import (
-    caption_data_share,
-    caption_sigmas,
-    caption_singular_values,
-    caption_sparsity,
-    caption_taylor,
-    sheets,
-)
-from workbench.reports import tables
-from workbench.reports.diagnosis_tables import (
-    conditioning_table,
-    contributions_table,
-    derivatives_table,
-    entries_table,
-    known_table,
-    parts_table,
-    ranks_table,
-    suggestions_table,
-)
+from workbench.plots import sheets
+from workbench.reports import diagnosis_tables, tables
 from workbench.reports.direction_pictures import pictures
-from workbench.reports.figures import shown
+from workbench.reports.figures import drawn, plotted, spectrum
 from workbench.reports.folder import SUMMARY, write_folder
 from workbench.reports.page import page
 
@@ -86,17 +71,7 @@ def _compared(
 
 def sequence_page(d: SequenceDiagnosis, title: str, question: str) -> str:
     """The page of a long sequence: its findings and its report."""
-    return page(
-        "sequence.html",
-        title=title,
-        question=question,
-        shape=f"{d.count:,} frames, {d.shape[0]:,} residuals by {d.shape[1]:,} unknowns",
-        rank=f"rank {d.rank} of {d.shape[1]}" if d.here.finite else "not finite",
-        warnings=[f.text for f in d.findings if f.warning],
-        notes=[f.text for f in d.findings if not f.warning],
-        report=d.report(),
-        files=FILES,
-    )
+    return page("sequence.html", **_findings(d, title, question), d=d, report=d.report())
 
 
 def diagnosis_page(
@@ -107,47 +82,56 @@ def diagnosis_page(
     compared: DiagnosisComparison | None,
 ) -> str:
     """The page of a diagnosis."""
-    finite = d.here.finite
     return page(
         "diagnosis.html",
-        title=title,
-        question=question,
-        shape=f"{d.shape[0]:,} residuals by {d.shape[1]:,} unknowns",
-        rank=f"rank {d.rank} of {d.shape[1]}" if finite else "not finite",
-        warnings=[f.text for f in d.findings if f.warning],
-        notes=[f.text for f in d.findings if not f.warning],
-        suggestions=suggestions_table(d),
-        density=f"{d.density:.1%}",
-        nonzeros=f"{d.nonzeros:,}",
-        thick=f"{d.thick:,}" if finite else "",
-        thin=finite and d.thick < d.nonzeros,
+        **_findings(d, title, question),
+        d=d,
+        suggestions=diagnosis_tables.suggestions_table(d),
+        thin=d.here.finite and d.thick < d.nonzeros,
         pose_moves_template=pose_moves_template(d.problem),
-        yardsticks=str(d.point.yardsticks) if finite else "",
         held=held(d) if d.point.active.any else "",
-        sparsity=None if d.here.estimated else shown(sheets.sparsity_sheet(d), caption_sparsity(d)),
+        sparsity=(
+            None if d.here.estimated else drawn(sheets.sparsity_sheet, plots.caption_sparsity, d)
+        ),
         terms=tables.terms_table(d),
-        parts=parts_table(d),
-        ranks=ranks_table(d) if finite else None,
-        spectrum=(
-            shown(sheets.singular_values_sheet(d), caption_singular_values(d)) if finite else None
-        ),
-        estimated=d.here.estimated,
-        unseen=tables.gathered_directions_table(d.null_directions) if finite else None,
-        unseen_pictures=pictures(d, d.null_directions, body) if finite else [],
-        weak=tables.gathered_directions_table(d.weak_directions, "yardstick") if finite else None,
-        weak_pictures=pictures(d, d.weak_directions, body) if finite else [],
-        conditioning=conditioning_table(d) if finite else None,
-        sigmas=shown(sheets.sigmas_sheet(d), caption_sigmas(d)) if finite else None,
-        share=(
-            shown(sheets.data_share_sheet(d), caption_data_share(d))
-            if finite and d.priors
-            else None
-        ),
-        known=known_table(d) if finite else None,
-        entries=entries_table(d) if finite else None,
-        contributions=contributions_table(d) if finite else None,
-        taylor=shown(sheets.taylor_sheet(d), caption_taylor(d)) if finite else None,
-        derivatives=derivatives_table(d) if finite else None,
+        parts=diagnosis_tables.parts_table(d),
         compared=None if compared is None else compared.report(),
-        files=FILES,
+        **(_numbers(d, body) if d.here.finite else {}),
     )
+
+
+def _findings(d: Diagnosis | SequenceDiagnosis, title: str, question: str) -> dict[str, Any]:
+    """What every page of a diagnosis begins and ends with."""
+    finite = d.here.finite
+    return {
+        "title": title,
+        "question": question,
+        "finite": finite,
+        "rank": f"rank {d.rank} of {d.shape[1]}" if finite else "not finite",
+        "warnings": [f.text for f in d.findings if f.warning],
+        "notes": [f.text for f in d.findings if not f.warning],
+        "files": FILES,
+    }
+
+
+def _numbers(d: Diagnosis, body: SkinnedBody | None) -> dict[str, Any]:
+    """What the page says of a Jacobian whose numbers are finite."""
+    return {
+        "yardsticks": str(d.point.yardsticks),
+        "ranks": diagnosis_tables.ranks_table(d),
+        "spectrum": spectrum(d),
+        "unseen": tables.gathered_directions_table(d.null_directions),
+        "unseen_pictures": pictures(d, d.null_directions, body),
+        "weak": tables.gathered_directions_table(d.weak_directions, "yardstick"),
+        "weak_pictures": pictures(d, d.weak_directions, body),
+        "conditioning": diagnosis_tables.conditioning_table(d),
+        "sigmas": plotted(8.0, 4.4, plots.plot_sigmas, plots.caption_sigmas, d),
+        "share": plotted(8.0, 3.4, plots.plot_data_share, plots.caption_data_share, d)
+        if d.priors
+        else None,
+        "known": diagnosis_tables.known_table(d),
+        "entries": diagnosis_tables.entries_table(d),
+        "contributions": diagnosis_tables.contributions_table(d),
+        "taylor": plotted(6.0, 3.8, plots.plot_taylor, plots.caption_taylor, d),
+        "derivatives": diagnosis_tables.derivatives_table(d),
+    }

@@ -1,6 +1,6 @@
 """The tables of a comparison that tell where runs ended, as rows of text."""
 
-from workbench.comparison import Cause, Comparison, Record, TargetOutcome
+from workbench.comparison import Cause, Comparison, EndAnalysis, Record, TargetOutcome
 from workbench.comparison.plan import Instance
 from workbench.reports.tables import Columns, Row, Table, number
 
@@ -57,21 +57,20 @@ def failures_table(comparison: Comparison) -> Table:
     return Table.of(failed, columns, (4, 5))
 
 
+def end_analyses(comparison: Comparison, problem: str) -> list[tuple[tuple[str, ...], EndAnalysis]]:
+    """The analyses of a problem's ends, one for each data set, with the names of its instances."""
+    names = {i.name for i in comparison.of(problem)}
+    found = zip(comparison.groups, comparison.end_analyses, strict=True)
+    return [(group, analysis) for group, analysis in found if group[0] in names]
+
+
 def basins_table(comparison: Comparison, problem: str) -> Table:
     """The basins that ends of a problem lead to, of each data set by itself."""
     rows: list[Row] = []
-    seen: set[int] = set()
-    for instance in comparison.of(problem):
-        end_analysis = comparison.end_analysis(instance.name)
-        if id(end_analysis) in seen:
-            continue
-        seen.add(id(end_analysis))
-        best = comparison.yardsticks[instance.name].best
-        same = [
-            i for i in comparison.of(problem) if comparison.end_analysis(i.name) is end_analysis
-        ]
-        names = {i.name for i in same}
-        of = problem if len(names) > 1 else instance.name
+    analyses = end_analyses(comparison, problem)
+    for names, end_analysis in analyses:
+        best = comparison.yardsticks[names[0]].best
+        of = problem if len(names) > 1 else names[0]
         for k, cost in enumerate(end_analysis.costs):
             who = [s for (name, s), b in comparison.basins.items() if b == k and name in names]
             each = ", ".join(f"{s} {who.count(s)}" for s in dict.fromkeys(who))
@@ -87,7 +86,7 @@ def basins_table(comparison: Comparison, problem: str) -> Table:
                 )
             )
     head = ("start", "basin", "cost", "above f*", "optimality", "ends", "whose")
-    if len(seen) == 1:  # of the problem as a whole
+    if len(analyses) == 1:  # of the problem as a whole
         return Table(head[1:], tuple(row[1:] for row in rows), (0, 1, 2, 3, 4))
     return Table(head, tuple(rows), (1, 2, 3, 4, 5))
 

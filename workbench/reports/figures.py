@@ -1,9 +1,16 @@
 """Figures inside a page."""
 
 from base64 import b64encode
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from typing import ParamSpec
 
-from workbench.plots import Figure, smallest
+from workbench.diagnostics import Diagnosis
+from workbench.plots import Figure, caption_singular_values, sheets, smallest
+from workbench.plots.figure import drawn as figure_of
+
+P = ParamSpec("P")
 
 
 @dataclass(frozen=True)
@@ -20,3 +27,26 @@ def shown(figure: Figure, caption: str) -> Shown:
     drawn, kind = smallest(figure)
     code = b64encode(drawn).decode("ascii")
     return Shown(f"data:{kind};base64,{code}", caption, round(100 * figure.get_figwidth()))
+
+
+def drawn(
+    sheet: Callable[P, Figure], caption: Callable[P, str], *results: P.args, **options: P.kwargs
+) -> Shown:
+    """A figure that takes the same results as its caption."""
+    return shown(sheet(*results, **options), caption(*results, **options))
+
+
+def plotted(
+    width: float,
+    height: float,
+    plot: Callable[..., object],
+    caption: Callable[..., str],
+    *results: object,
+) -> Shown:
+    """What `plot(*results, ax=...)` draws on width x height inches, above `caption(*results)`."""
+    return shown(figure_of(partial(plot, *results), width, height), caption(*results))
+
+
+def spectrum(diagnosis: Diagnosis) -> Shown:
+    """The singular values of a diagnosis."""
+    return drawn(sheets.singular_values_sheet, caption_singular_values, diagnosis)

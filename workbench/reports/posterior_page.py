@@ -9,19 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from workbench import plots
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
 from workbench.bodies.forward.arguments import arguments_from_values
 from workbench.fitting.setup import Setup
 from workbench.geometry.rotation import matrix_from_vector
-from workbench.plots import (
-    caption_beside_laplace,
-    caption_corner,
-    caption_spray,
-    caption_traces,
-    sheets,
-    widest,
-)
+from workbench.plots import sheets
 from workbench.reports.figures import Shown, shown
 from workbench.reports.folder import SUMMARY, Content, write_folder
 from workbench.reports.page import page
@@ -50,30 +44,18 @@ class Section:
     """What the page shows of one block's posterior.
 
     Attributes:
-        name: the block's name.
+        part: the block with its posterior.
         anchor: its name in the page's address.
-        good: whether the draws are usable.
-        mixed: whether intervals are shown, at least as conditional ones.
-        verdict: the verdict on the draws, in a sentence.
-        how: how they were made.
+        how: how the draws were made.
         modes: the minima that were found.
-        approximation: the verdict on Laplace's approximation.
-        held: what is held fixed, and how much wider intervals are if it is free.
-        given: the blocks that the problem takes as given.
         synthetic: whether the truth is known and marked.
         table: every entry.
     """
 
-    name: str
+    part: BlockPosterior
     anchor: str
-    good: bool
-    mixed: bool
-    verdict: str
     how: str
     modes: str
-    approximation: str
-    held: str
-    given: str
     synthetic: bool
     table: Table
     spray: Shown | None
@@ -94,7 +76,7 @@ def write_posterior(
     """Write the folder, whole or not at all, and return its page. Raises BadFile."""
     sections = [_section(part, setup) for part in parts]
     files = {"index.html": "this page", "posterior.txt": "the verdicts and numbers as text"}
-    files |= {f"{s.anchor}.npz": f"the draws of {s.name}, with their names" for s in sections}
+    files |= {f"{s.anchor}.npz": f"the draws of {s.part.name}, with their names" for s in sections}
     files |= {SUMMARY: "verdicts and numbers, for programs"}
     words = [
         f"{part.name}\n\n{part.posterior.summary(truth_of(part.posterior, setup))}\n"
@@ -106,7 +88,8 @@ def write_posterior(
     contents: dict[str, Content] = {"index.html": html, "posterior.txt": "\n".join(words)}
     for part, section in zip(parts, sections, strict=True):
         contents[f"{section.anchor}.npz"] = partial(_save_draws, part.posterior)
-    summary = {"kind": "posterior", "title": title, "parts": _summaries(parts, setup)}
+    numbers = {part.name: _summary(part.posterior, setup) for part in parts}
+    summary = {"kind": "posterior", "title": title, "parts": numbers}
     return write_folder(folder, source, contents, summary)
 
 
@@ -131,36 +114,32 @@ def truth_of(p: Posterior, setup: Setup) -> Array | None:
 def _section(part: BlockPosterior, setup: Setup) -> Section:
     p, laplace = part.posterior, part.approximation
     rows, truth = compared_with_laplace(p, laplace), truth_of(p, setup)
-    entries, known = widest(p, laplace), truth is not None
+    entries, known = plots.widest(p, laplace), truth is not None
     E, _, W, k = p.draws.shape
     m = p.mixing
     return Section(
-        name=part.name,
+        part=part,
         anchor=_anchor(part.name),
-        good=p.usable,
-        mixed=p.mixed,
-        verdict=p.verdict,
         how=f"{k} entries; {E} independent ensembles of {W} walkers, {m.steps:,} steps after "
         f"{m.discarded:,} that were discarded, {m.acceptance:.0%} of the proposals accepted, "
         f"{p.seconds:.0f} s" + ("; interrupted" if p.interrupted else ""),
         modes=_modes(p),
-        approximation=laplace.verdict,
-        held=str(p.conditioning),
-        given=", ".join(p.conditioning.given),
         synthetic=known,
         table=entries_table(p, rows, truth),
         spray=_spray(p, setup) if p.mixed else None,
         views=_views(p, setup) if p.mixed else [],
         beside=shown(
             sheets.beside_laplace_sheet(p, laplace, truth),
-            caption_beside_laplace([row.remark for row in rows], known),
+            plots.caption_beside_laplace([row.remark for row in rows], known),
         )
         if p.mixed
         else None,
-        corner=shown(sheets.corner_sheet(p, entries, truth), caption_corner(p, len(entries), known))
+        corner=shown(
+            sheets.corner_sheet(p, entries, truth), plots.caption_corner(p, len(entries), known)
+        )
         if p.mixed
         else None,
-        traces=shown(sheets.traces_sheet(p, entries, truth), caption_traces(p, known)),
+        traces=shown(sheets.traces_sheet(p, entries, truth), plots.caption_traces(p, known)),
     )
 
 
@@ -216,7 +195,7 @@ def _spray(p: Posterior, setup: Setup) -> Shown | None:
     bodies[..., 1] -= bodies[:DRAWN, :, 1].min()
     figure = sheets.spray_sheet(bodies[:DRAWN], body.faces, bodies[-1] if known else None)
     where = "turned upright, from the front and from the side"
-    return shown(figure, caption_spray(DRAWN, where, known))
+    return shown(figure, plots.caption_spray(DRAWN, where, known))
 
 
 def _views(p: Posterior, setup: Setup) -> list[Shown]:
@@ -235,7 +214,7 @@ def _views(p: Posterior, setup: Setup) -> list[Shown]:
         figure = sheets.spray_in_view_sheet(
             pixels, body.faces, view.observed, view.confidence, view.name + told, true
         )
-        said = caption_spray(DRAWN, f"as {view.name}{told} sees them", known)
+        said = plots.caption_spray(DRAWN, f"as {view.name}{told} sees them", known)
         found.append(shown(figure, said))
     return found
 
@@ -252,22 +231,18 @@ def _anchor(name: str) -> str:
     return re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-") or "block"
 
 
-def _summaries(parts: list[BlockPosterior], setup: Setup) -> dict[str, Any]:
+def _summary(p: Posterior, setup: Setup) -> dict[str, Any]:
     return {
-        part.name: {
-            "verdict": part.posterior.judgement[0].name,
-            "usable": part.posterior.usable,
-            "why": part.posterior.verdict,
-            "entries": list(part.posterior.labels),
-            "tau": part.posterior.mixing.times.tolist(),
-            "r_hat": part.posterior.mixing.scales.tolist(),
-            "mean": part.posterior.mean.tolist() if part.posterior.usable else None,
-            "sd": part.posterior.sd.tolist() if part.posterior.usable else None,
-            "held_fixed": list(part.posterior.conditioning.names),
-            "ratio": part.posterior.conditioning.ratios.tolist(),
-            "searches": part.posterior.mode_search.extent.starts,
-            "truth": None if truth is None else truth.tolist(),
-        }
-        for part in parts
-        for truth in [truth_of(part.posterior, setup)]
+        "verdict": p.judgement[0].name,
+        "usable": p.usable,
+        "why": p.verdict,
+        "entries": p.labels,
+        "tau": p.mixing.times,
+        "r_hat": p.mixing.scales,
+        "mean": p.mean if p.usable else None,
+        "sd": p.sd if p.usable else None,
+        "held_fixed": p.conditioning.names,
+        "ratio": p.conditioning.ratios,
+        "searches": p.mode_search.extent.starts,
+        "truth": truth_of(p, setup),
     }

@@ -4,20 +4,14 @@ from pathlib import Path
 
 import numpy as np
 
+from workbench import plots
 from workbench.experiments.running import Outcome
 from workbench.fitting.keypoints import LEAST_CONFIDENCE
 from workbench.geometry.meshes import write_mesh
-from workbench.plots import (
-    caption_convergence,
-    caption_distances,
-    caption_overlay,
-    caption_singular_values,
-    caption_sparsity,
-    sheets,
-)
+from workbench.plots import sheets
 from workbench.reports import tables
 from workbench.reports.arrays import arrays
-from workbench.reports.figures import Shown, shown
+from workbench.reports.figures import Shown, drawn, plotted, shown, spectrum
 from workbench.reports.folder import SUMMARY, Content, write_folder
 from workbench.reports.page import page
 from workbench.reports.summary import run_summary
@@ -69,41 +63,30 @@ def run_page(outcome: Outcome, files: dict[str, str]) -> str:
     return page(
         "run.html",
         title=outcome.name,
-        question=outcome.setup.question,
-        synthetic=outcome.setup.synthetic,
-        notes=outcome.setup.notes,
+        outcome=outcome,
+        setup=outcome.setup,
+        solution=solution,
+        diagnosis=diagnosis,
         truth=truth_called(outcome),
         measures=tables.measures_table(outcome.measures),
         status=solution.status.name.lower().replace("_", " "),
-        converged=solution.converged,
         better=tables.better_said(outcome),
         interrupted=tables.interrupted_said(outcome),
         advice=advice,
         message=solution.message if solution.message != advice else "",
-        solver=outcome.solver,
         residuals=tables.residuals_table(outcome),
         priors=tables.priors_said(outcome),
         cost=tables.number(solution.cost, 6),
         optimality=tables.number(solution.optimality, 2),
-        iterations=solution.iterations,
-        seconds=f"{solution.seconds:.2f}",
         overlays=overlay_figures(outcome),
         seen=LEAST_CONFIDENCE,
         distances=distance_figure(outcome),
-        convergence=shown(
-            sheets.convergence_sheet(outcome.compared), caption_convergence(outcome.compared)
-        ),
+        convergence=drawn(sheets.convergence_sheet, plots.caption_convergence, outcome.compared),
         solvers=tables.solvers_table(outcome),
-        rows=f"{diagnosis.shape[0]:,}",
-        columns=f"{diagnosis.shape[1]:,}",
-        nonzeros=f"{diagnosis.nonzeros:,}",
-        density=f"{diagnosis.density:.1%}",
-        rank=diagnosis.rank,
-        structural_rank=diagnosis.structural_rank,
         condition=tables.number(diagnosis.condition, 3),
-        sparsity=shown(sheets.sparsity_sheet(diagnosis), caption_sparsity(diagnosis)),
+        sparsity=drawn(sheets.sparsity_sheet, plots.caption_sparsity, diagnosis),
         terms=tables.terms_table(diagnosis),
-        spectrum=shown(sheets.singular_values_sheet(diagnosis), caption_singular_values(diagnosis)),
+        spectrum=spectrum(diagnosis),
         directions=tables.directions_table(diagnosis),
         alone=data_alone(outcome),
         values=tables.value_tables(outcome),
@@ -120,9 +103,8 @@ def data_alone(outcome: Outcome) -> dict[str, object] | None:
         return None
     return {
         "priors": " and ".join(outcome.setup.priors),
-        "rank": found.rank,
-        "columns": found.shape[1],
-        "spectrum": shown(sheets.singular_values_sheet(found), caption_singular_values(found)),
+        "diagnosis": found,
+        "spectrum": spectrum(found),
         "directions": tables.directions_table(found),
         "weak": tables.gathered_directions_table(found.weak_directions, "yardstick"),
     }
@@ -130,10 +112,8 @@ def data_alone(outcome: Outcome) -> dict[str, object] | None:
 
 def overlay_figures(outcome: Outcome) -> list[Shown]:
     """The fitted body over the keypoints, one figure per view."""
-    return [
-        shown(sheets.overlay_sheet(outcome, i), caption_overlay(outcome, i))
-        for i in range(len(outcome.overlays))
-    ]
+    views = range(len(outcome.overlays))
+    return [plotted(4.8, 6.2, plots.plot_overlay, plots.caption_overlay, outcome, i) for i in views]
 
 
 def distance_figure(outcome: Outcome) -> Shown | None:
@@ -144,7 +124,7 @@ def distance_figure(outcome: Outcome) -> Shown | None:
     distances = 1e3 * np.linalg.norm(surface - truth, axis=1)  # mm
     called = truth_called(outcome)
     figure = sheets.distances_sheet(surface, distances, body.faces, called)
-    return shown(figure, caption_distances(distances, called))
+    return shown(figure, plots.caption_distances(distances, called))
 
 
 def truth_called(outcome: Outcome) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 from workbench.blocks import Block
 from workbench.diagnostics import Diagnosis, Direction
 from workbench.diagnostics.structure import TermBlock, gathered
+from workbench.diagnostics.tables import table as lines_of
 from workbench.experiments.running import Outcome
 from workbench.fitting.setup import Measure
 from workbench.residuals import Residual
@@ -40,16 +41,7 @@ class Table:
 
     def lines(self) -> list[str]:
         """The table for a terminal: its columns two spaces apart."""
-        rows = [self.head, *self.rows]
-        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-        aligned = [
-            [
-                cell.rjust(width) if i in self.numbers else cell.ljust(width)
-                for i, (cell, width) in enumerate(zip(row, widths, strict=True))
-            ]
-            for row in rows
-        ]
-        return ["  ".join(cells).rstrip().replace("−", "-") for cells in aligned]
+        return [line.replace("−", "-") for line in lines_of(self.head, self.rows, self.numbers)]
 
 
 def number(value: float, digits: int = 4) -> str:
@@ -87,13 +79,9 @@ def priors_said(outcome: Outcome) -> str:
     priors = outcome.setup.priors
     if not priors:
         return "The setup names no residual as a prior."
-    of = (
-        f"The prior, {priors[0]}, makes"
-        if len(priors) == 1
-        else (f"The priors, {' and '.join(priors)}, make")
-    )
+    prior, make = ("prior", "makes") if len(priors) == 1 else ("priors", "make")
     share = f"{outcome.prior_share:.1%}" if math.isfinite(outcome.prior_share) else "nothing"
-    return f"{of} up {share} of the cost at the end."
+    return f"The {prior}, {' and '.join(priors)}, {make} up {share} of the cost at the end."
 
 
 def better_said(outcome: Outcome) -> str:

@@ -11,12 +11,13 @@ import numpy as np
 import scipy.linalg
 from scipy.sparse import csc_array, vstack
 
-from workbench.arrays import Array, Index, Mask
+from workbench.arrays import Array, Index
 from workbench.diagnostics.elimination import Elimination
 from workbench.diagnostics.frame_rows import FrameRows, frames_of_rows
 from workbench.errors import TooLarge
 from workbench.problem import Linearization, Problem
 from workbench.problem.block_matrix import BlockMatrix
+from workbench.sampling.descent import rows_between
 from workbench.sampling.subspace import Subspace
 
 RATIO = 1.2  # of the standard deviations: above it, intervals are of another question
@@ -111,17 +112,11 @@ def conditioning(problem: Problem, given: Array, space: Subspace, z: Array) -> C
     x = space.points(z[None])[0]
     here = problem.linearize_at(x, given)
     width = problem.upper - problem.lower
-    boxed = np.isfinite(width) & (width > 0)
     if here.by_frames and space.entries is not None:
-        return _of_a_sequence(problem, here, space, space.entries, boxed)
+        return _of_a_sequence(problem, here, space, space.entries)
     span = space.span
     held = np.flatnonzero(~(span != 0).any(axis=1))
-    J = np.vstack(
-        [
-            here.dense,
-            np.diag(np.where(boxed, np.sqrt(12) / np.where(boxed, width, 1.0), 0.0))[boxed],
-        ]
-    )
+    J = np.vstack([here.dense, rows_between(problem.lower, problem.upper, np.sqrt(12))])
     there = problem.stacked_constraints
     if there is not None:
         between = np.isfinite(there.upper - there.lower) & ~there.equal
@@ -150,7 +145,7 @@ def conditioning(problem: Problem, given: Array, space: Subspace, z: Array) -> C
 
 
 def _of_a_sequence(
-    problem: Problem, here: Linearization, space: Subspace, at: Index, boxed: Mask
+    problem: Problem, here: Linearization, space: Subspace, at: Index
 ) -> Conditioning:
     """`conditioning` for the entries `at` of a long sequence, by its banded normal equations."""
     if problem.stacked_constraints is not None:
@@ -159,6 +154,7 @@ def _of_a_sequence(
             "constraints; sample a part of the sequence"
         )
     width = problem.upper - problem.lower
+    boxed = np.isfinite(width) & (width > 0)
     between = np.where(boxed, 12.0 / np.where(boxed, width, 1.0) ** 2, 0.0)
     own = np.zeros((problem.free.size, len(at)))
     own[at, np.arange(len(at))] = 1.0

@@ -11,7 +11,7 @@ from workbench.arrays import Array
 from workbench.errors import WorkbenchError
 from workbench.sampling.feasible import violation_in_words
 from workbench.sampling.log_density import LogDensity
-from workbench.sampling.subspace import Improper
+from workbench.sampling.subspace import svd_of_full_rank
 
 Vector = Callable[[Array], Array]
 SETTLED = 0.1  # of the predicted decrease of the cost: at a minimum it is less
@@ -138,12 +138,11 @@ def dependent_bounds(target: LogDensity) -> tuple[Array, Array, Array]:
 
 def covariance_half(target: LogDensity, J: Array) -> Array:
     """A square root of (J'J)^-1; an entry with two bounds has a uniform variance at most."""
-    return inverse_half(target, np.vstack([J, bound_rows(target, np.sqrt(12))]))
+    return inverse_half(target, np.vstack([J, rows_between(*bounds_of(target), np.sqrt(12))]))
 
 
-def bound_rows(target: LogDensity, scale: float) -> Array:
+def rows_between(low: Array, high: Array, scale: float) -> Array:
     """For every entry with two bounds, a row that weighs it by `scale` over their distance."""
-    low, high = bounds_of(target)
     width = high - low
     known = np.isfinite(width) & (width > 0)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -152,17 +151,13 @@ def bound_rows(target: LogDensity, scale: float) -> Array:
 
 def inverse_half(target: LogDensity, J: Array) -> Array:
     """A half (k, k) with half half' = (J'J)^-1. Raises Improper if J has no full rank."""
-    space = target.subspace
-    lengths = np.linalg.norm(J, axis=0)  # of no matter, so that no unit decides what is seen
-    lengths = np.where(lengths > 0, lengths, 1.0)
-    _, s, Vt = np.linalg.svd(J / lengths, full_matrices=False)
-    if len(s) < space.size or s.min() <= np.finfo(float).eps * max(J.shape) * s.max():
-        label = space.labels[int(np.argmax(abs(Vt[-1])))]
-        raise Improper(
-            f"nothing holds a direction with {label}: its posterior has no width. Add a prior or "
-            "bounds, or fix it; `workbench diagnose` names all such directions"
-        )
-    return np.asarray(Vt.T / s / lengths[:, None])
+    labels = target.subspace.labels
+
+    def named(direction: Array) -> str:
+        return f"a direction with {labels[int(np.argmax(abs(direction)))]}"
+
+    lengths, s, V = svd_of_full_rank(J, named)
+    return np.asarray(V / s / lengths[:, None])
 
 
 def into_bounds(target: LogDensity, allowed: Array, z: Array) -> Array:

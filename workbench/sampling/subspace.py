@@ -178,21 +178,34 @@ def _entries(
 
 def _triangle(J: Array, layout: Layout, columns: Index) -> Array:
     """R with R'R = J'J, all of its diagonal above rounding; raises Improper."""
-    lengths = np.linalg.norm(J, axis=0)  # of no matter: a unit makes nothing unseen
-    lengths = np.where(lengths > 0, lengths, 1.0)
-    _, s, Vt = np.linalg.svd(J / lengths, full_matrices=True)
-    least = np.zeros(J.shape[1])
-    least[: s.size] = s
-    tolerance = np.finfo(float).eps * max(J.shape) * max(least.max(initial=0), 1e-300)
-    if (least <= tolerance).any():
-        direction = np.zeros(layout.size)
-        direction[columns] = Vt[int(np.argmin(least))] / lengths
-        raise Improper(
-            f"nothing holds {_mostly(layout, direction)}: its posterior has no width. Add a prior "
-            "or bounds, or fix it; `workbench diagnose` names all such directions"
-        )
+
+    def named(direction: Array) -> str:
+        whole = np.zeros(layout.size)
+        whole[columns] = direction
+        return _mostly(layout, whole)
+
+    svd_of_full_rank(J, named)
     R = scipy.linalg.qr(J, mode="r")[0][: J.shape[1]]
     return np.asarray(R * np.where(np.diag(R) < 0, -1.0, 1.0)[:, None])
+
+
+def svd_of_full_rank(J: Array, named: Callable[[Array], str]) -> tuple[Array, Array, Array]:
+    """L (n,), s (n,) and V (n, n), where J (m, n) = U diag(s) V' diag(L) and L are column lengths.
+
+    Raises Improper, which names the direction (n,) that is held least, if J has no full rank. That
+    is judged with columns of length 1, so that no unit decides what is seen.
+    """
+    lengths = np.linalg.norm(J, axis=0)
+    lengths = np.where(lengths > 0, lengths, 1.0)
+    _, found, Vt = np.linalg.svd(J / lengths, full_matrices=len(J) < J.shape[1])
+    s = np.zeros(J.shape[1])
+    s[: found.size] = found
+    if (s <= np.finfo(float).eps * max(J.shape) * max(s.max(initial=0), 1e-300)).any():
+        raise Improper(
+            f"nothing holds {named(Vt[int(np.argmin(s))] / lengths)}: its posterior has no width. "
+            "Add a prior or bounds, or fix it; `workbench diagnose` names all such directions"
+        )
+    return lengths, s, Vt.T
 
 
 def _mostly(layout: Layout, direction: Array) -> str:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.sampling.descent import Mode, bound_rows, bounds_of, dependent_bounds, inverse_half
+from workbench.sampling.descent import Mode, bounds_of, dependent_bounds, inverse_half, rows_between
 from workbench.sampling.log_density import LogDensity
 from workbench.sampling.truncated_normal import truncated_normal
 
@@ -57,7 +57,7 @@ def truncated_laplace(target: LogDensity, mode: Mode) -> TruncatedGaussian:
     x = space.points(mode.z[None])[0]
     here = target.problem.linearize_at(x, target.fixed)
     J = here.jacobian @ space.along
-    half = inverse_half(target, np.vstack([J, bound_rows(target, WIDE)]))
+    half = inverse_half(target, np.vstack([J, rows_between(*bounds_of(target), WIDE)]))
     mean = mode.z - half @ (half.T @ (J.T @ here.residual))
     rows = [(B @ half)[below], -(B @ half)[above]]
     margins = [(B @ mean - low)[below], (high - B @ mean)[above]]

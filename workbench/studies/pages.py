@@ -1,23 +1,13 @@
-"""What the pages of studies share: figures with captions, tables as text, and their folder."""
+"""What the pages of studies share: tables as text, and their folder."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from workbench.plots import house_style, sheet
-from workbench.reports.figures import Shown, shown
 from workbench.reports.folder import Content, write_folder
 from workbench.reports.tables import Table
 
 Report = Callable[[str], None]  # takes a line about what a study does next
-
-
-def drawn(width: float, height: float, draw: Callable[[Any], object], caption: str) -> Shown:
-    """A figure of one pair of axes, width x height inches, as a page holds it."""
-    with house_style():
-        figure, (ax,) = sheet(width, height)
-        draw(ax)
-    return shown(figure, caption)
 
 
 def text_of(*tables: Table) -> str:

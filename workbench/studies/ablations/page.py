@@ -8,20 +8,16 @@
 import argparse
 from collections.abc import Sequence
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from workbench.bodies.catalogue import load_skinned
-from workbench.plots.figure import house_style, png, sheet
+from workbench.plots.figure import drawn, png
 from workbench.priors.poses import draw_poses, shipped_mixture
 from workbench.reports.provenance import as_json
-from workbench.studies.ablations.figures import (
-    caption_pose_in_shape,
-    caption_turn_errors,
-    plot_pose_in_shape,
-    plot_turn_errors,
-)
+from workbench.studies.ablations import figures
 from workbench.studies.ablations.study import Ablated, Sets, ablate, turn_errors
 from workbench.training.estimate import Sigmas
 from workbench.training.first_guess import read_start
@@ -47,20 +43,18 @@ def write_ablations(results: Sequence[Ablated], place: Path, body: str) -> None:
     poses = draw_poses(shipped_mixture(), PEOPLE, np.random.default_rng(0))
     errors = turn_errors(model, poses, seed=1)
     place.mkdir(parents=True, exist_ok=True)
-    with house_style():
-        shape, (ax,) = sheet(6.4, 3.6)
-        plot_pose_in_shape(results, ax=ax)
-        turns, (ax,) = sheet(6.4, 3.6)
-        plot_turn_errors(errors, ax=ax)
-    for name, figure in (("pose_in_shape", shape), ("edges_or_vertices", turns)):
+    for name, plot in (
+        ("pose_in_shape", partial(figures.plot_pose_in_shape, results)),
+        ("edges_or_vertices", partial(figures.plot_turn_errors, errors)),
+    ):
         with replacing(place / f"{name}.png") as temporary:
-            temporary.write_bytes(png(figure))
+            temporary.write_bytes(png(drawn(plot, 6.4, 3.6)))
     said = {
         "results": [asdict(result) for result in results],
         "mean_error_degrees": {n: float(np.degrees(e[:, 1:].mean())) for n, e in errors.items()},
         "captions": {
-            "pose_in_shape": caption_pose_in_shape(results),
-            "edges_or_vertices": caption_turn_errors(errors),
+            "pose_in_shape": figures.caption_pose_in_shape(results),
+            "edges_or_vertices": figures.caption_turn_errors(errors),
         },
     }
     with replacing(place / "ablations.json") as temporary:

@@ -19,17 +19,9 @@ def plot_predictors(results: Sequence[Result], *, ax: Axes) -> Axes:
     rows = np.arange(len(results))[::-1]
     colours = [VERMILLION if r.name == LINEAR else BLUE for r in results]
     means = [r.accuracy.mean for r in results]
-    ax.barh(rows, means, color=colours, height=0.65)
+    bars = ax.barh(rows, means, color=colours, height=0.65)
     ax.plot([r.accuracy.largest for r in results], rows, "o", color=INK, markersize=4)
-    for row, mean in zip(rows, means, strict=True):
-        ax.annotate(
-            f"{mean:.2f}",
-            (mean, row),
-            xytext=(4, 0),
-            va="center",
-            textcoords="offset points",
-            fontsize=8.5,
-        )
+    ax.bar_label(bars, fmt="%.2f", padding=4, fontsize=8.5)
     ax.set_xscale("log")
     ax.set_yticks(rows, [plain(r.name) for r in results])
     ax.set_xlabel("distance to the teacher's vertices (mm): mean (bar), largest (dot)")

@@ -1,18 +1,16 @@
 """The study of predictors as a page, as text, and as data."""
 
-from collections.abc import Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import Any
 
+from workbench.reports.figures import plotted
 from workbench.reports.page import page
 from workbench.reports.tables import Columns, Table
 from workbench.studies.blend_shapes import figures
 from workbench.studies.blend_shapes.predictors import Result, repaired
-from workbench.studies.blend_shapes.questions import ByPenalty
 from workbench.studies.blend_shapes.study import PredictorStudy
-from workbench.studies.pages import drawn, text_of, write_study
+from workbench.studies.pages import text_of, write_study
 
 REMARKS = (
     "The teacher is synthetic: a finer rig, which spreads twist along the limbs, blended by dual "
@@ -47,55 +45,28 @@ def table_text(study: PredictorStudy) -> str:
 
 def write_predictor_study(study: PredictorStudy, folder: str | Path) -> Path:
     """Write the folder of a study and return its page; whole or not at all."""
-    data = {"kind": "blend shapes", "name": "blendshapes", **predictor_data(study)}
+    data = {"kind": "blend shapes", "name": "blendshapes", **asdict(study)}
     return write_study(folder, predictor_page(study), table_text(study), data, {})
-
-
-def predictor_data(study: PredictorStudy) -> dict[str, Any]:
-    """Every number of it, by the names of its fields."""
-    return asdict(study) | {
-        "by_factor": {name: list(lengths) for name, lengths in study.by_factor.items()},
-        "by_angle": {name: list(lengths) for name, lengths in study.by_angle.items()},
-    }
 
 
 def predictor_page(s: PredictorStudy) -> str:
     """The page as HTML."""
+    caption_predictors = partial(figures.caption_predictors, test=s.test, n_test=s.n_test)
     far = "norm of the blend shapes beyond 0.2 m of their joint (%)"
     nonzero = "numbers that are not zero (%)"
     sections = {
         "The error of each predictor": [
-            drawn(
-                8.0,
-                5.2,
-                lambda ax: figures.plot_predictors(s.results, ax=ax),
-                figures.caption_predictors(s.results, s.test, s.n_test),
-            )
+            plotted(8.0, 5.2, figures.plot_predictors, caption_predictors, s.results)
         ],
         "Interpolation between examples": [
-            drawn(
-                6.2,
-                4.0,
-                lambda ax: figures.plot_by_examples(s.by_examples, ax=ax),
-                figures.caption_by_examples(s.by_examples),
-            ),
-            drawn(
-                6.2,
-                4.0,
-                lambda ax: figures.plot_by_factor(s.by_factor, ax=ax),
-                figures.caption_by_factor(s.by_factor),
-            ),
+            plotted(6.2, 4.0, figures.plot_by_examples, figures.caption_by_examples, s.by_examples),
+            plotted(6.2, 4.0, figures.plot_by_factor, figures.caption_by_factor, s.by_factor),
         ],
         "Which function of theta": [
-            drawn(
-                7.0,
-                4.0,
-                lambda ax: figures.plot_by_angle(s.by_angle, ax=ax),
-                figures.caption_by_angle(s.by_angle),
-            )
+            plotted(7.0, 4.0, figures.plot_by_angle, figures.caption_by_angle, s.by_angle)
         ],
         "Local and sparse blend shapes": [
-            drawn(6.2, 4.0, partial(_by_penalty, rows, name), caption(rows))
+            plotted(6.2, 4.0, partial(figures.plot_by_penalty, what=name), caption, rows)
             for rows, name, caption in (
                 (s.by_distance_penalty, far, figures.caption_by_distance_penalty),
                 (s.by_group_penalty, nonzero, figures.caption_by_group_penalty),
@@ -110,7 +81,3 @@ def predictor_page(s: PredictorStudy) -> str:
         remarks=REMARKS,
         sections=sections,
     )
-
-
-def _by_penalty(rows: Sequence[ByPenalty], name: str, ax: Any) -> Any:
-    return figures.plot_by_penalty(rows, name, ax=ax)

@@ -1,16 +1,16 @@
 """Figures of the triangle study: what shape directions explain, and errors on posed bodies."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from itertools import product
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize
 
-from workbench.arrays import Index
-from workbench.plots.body import Figurine, line_up
-from workbench.plots.palette import AMOUNT, BLUE, FAINT, GREEN, VERMILLION
+from workbench.arrays import Array, Index
+from workbench.plots.body import Figurine
+from workbench.plots.distances import line_up_coloured
+from workbench.plots.palette import BLUE, FAINT, GREEN, VERMILLION
+from workbench.studies.triangles.explained_variance import ExplainedVariance
 from workbench.studies.triangles.measures import HeldOutFits
 from workbench.studies.triangles.study import ShapeDirections
 
@@ -23,21 +23,9 @@ def plot_explained(shapes: ShapeDirections, *, ax: Axes) -> Axes:
     """Share of the variance against the number of shape directions, from 1, logarithmic."""
     for level in LEVELS:
         ax.axhline(100 * level, color=FAINT, linewidth=0.7, alpha=0.6)
-    for name, colour in COLOURS.items():
-        for group, line, who in (
-            (shapes.training, "-", "training"),
-            (shapes.held_out, "--", "held out"),
-        ):
-            share = 100 * group[name].share[1:]
-            ax.plot(np.arange(1, len(share) + 1), share, line, color=colour, label=f"{name}, {who}")
-    own = 100 * shapes.gradients[1:]
-    ax.plot(
-        np.arange(1, len(own) + 1),
-        own,
-        ":",
-        color=GREEN,
-        label="gradients themselves, training",
-    )
+    _curves(ax, 1, shapes, lambda explained: 100 * explained.share)
+    own, label = 100 * shapes.gradients[1:], "gradients themselves, training"
+    ax.plot(np.arange(1, len(own) + 1), own, ":", color=GREEN, label=label)
     ax.set_xscale("log")
     _counts(ax, 1, len(own))
     ax.set_ylim(top=100.5)
@@ -62,13 +50,7 @@ def caption_explained(shapes: ShapeDirections) -> str:
 
 def plot_rms(shapes: ShapeDirections, *, ax: Axes) -> Axes:
     """The rms distance that shape directions leave, of training and held-out people."""
-    for name, colour in COLOURS.items():
-        for group, line, who in (
-            (shapes.training, "-", "training"),
-            (shapes.held_out, "--", "held out"),
-        ):
-            rms = 1e3 * group[name].rms[:-1]
-            ax.plot(np.arange(len(rms)), rms, line, color=colour, label=f"{name}, {who}")
+    _curves(ax, 0, shapes, lambda explained: 1e3 * explained.rms[:-1])
     ax.set_xscale("symlog", linthresh=1)
     _counts(ax, 0, len(shapes.leads) - 1)
     ax.set_yscale("log")
@@ -80,6 +62,17 @@ def plot_rms(shapes: ShapeDirections, *, ax: Axes) -> Axes:
     ax.set_ylabel("rms distance left (mm)")
     ax.legend(loc="lower left")
     return ax
+
+
+def _curves(
+    ax: Axes, first: int, shapes: ShapeDirections, of: Callable[[ExplainedVariance], Array]
+) -> None:
+    """A curve for each kind of directions and each group of people, from `first` directions on."""
+    groups = {"training": (shapes.training, "-"), "held out": (shapes.held_out, "--")}
+    for (name, colour), (who, (group, line)) in product(COLOURS.items(), groups.items()):
+        y = of(group[name])[first:]
+        x = first + np.arange(len(y))
+        ax.plot(x, y, line, color=colour, label=f"{name}, {who}")
 
 
 def _counts(ax: Axes, low: int, high: int) -> None:
@@ -101,32 +94,26 @@ def caption_rms(shapes: ShapeDirections, k: int) -> str:
 
 def largest_shown(fits: Mapping[str, HeldOutFits]) -> float:
     """Where the colours of `plot_errors` end, mm: 99 % of all distances are smaller."""
-    return float(np.percentile(np.concatenate([h.distances for h in fits.values()]), 99))
+    distances = np.concatenate([1e3 * h.errors.distances for h in fits.values()])
+    return float(np.percentile(distances, 99))
 
 
 def plot_errors(fits: HeldOutFits, faces: Index, largest: float, *, ax: Axes) -> Axes:
     """A model in several poses, coloured by its distance to the truth from 0 to `largest` mm."""
-    scale = Normalize(0.0, largest)
-    shown = [
-        Figurine(
-            f"{away.mean():.1f} mm",
-            V - V.min(axis=0),
-            colours=matplotlib.colormaps[AMOUNT](scale(away[faces].mean(axis=1)))[:, :3],
-        )
-        for V, away in zip(fits.fits.surfaces, fits.distances, strict=True)
+    measured = [
+        (Figurine(f"{away.mean():.1f} mm", V - V.min(axis=0)), away)
+        for V, away in zip(fits.fits.surfaces, 1e3 * fits.errors.distances, strict=True)
     ]
-    line_up(shown, faces, ax=ax, contrast=0.25)
-    figure = ax.get_figure()
-    assert figure is not None
-    bar = figure.colorbar(ScalarMappable(scale, AMOUNT), ax=ax, shrink=0.85, pad=0.02, extend="max")
-    bar.set_label("distance to the synthetic truth (mm)")
-    return ax
+    label = "distance to the synthetic truth (mm)"
+    return line_up_coloured(measured, faces, largest, label, ax=ax)
 
 
 def caption_errors(model: str, fits: HeldOutFits) -> str:
     """The caption of `plot_errors`."""
+    errors = fits.errors
     return (
-        f"{model} in {len(fits.distances)} difficult poses, on none of which it was trained. The "
-        f"number below each is its mean distance. Over all of them the mean is {fits.mean:.1f} mm, "
-        f"the rms {fits.rms:.1f} mm, the largest distance {fits.largest:.0f} mm."
+        f"{model} in {len(errors.distances)} difficult poses, on none of which it was trained. The "
+        f"number below each is its mean distance. Over all of them the mean is "
+        f"{1e3 * errors.mean:.1f} mm, the rms {1e3 * errors.rms:.1f} mm, the largest distance "
+        f"{1e3 * errors.largest:.0f} mm."
     )

@@ -15,6 +15,7 @@ from workbench.bodies.triangles import TriangleBody
 from workbench.geometry.triangles import gradients
 from workbench.problem import Problem
 from workbench.residuals import vertices as on_vertices
+from workbench.training.evaluation import VertexErrors
 from workbench.training.poses import Fits
 from workbench.training.triangles.fitting import AnyBody, fit_held_out
 from workbench.training.triangles.stitched_fit import neighbour_differences
@@ -28,39 +29,25 @@ class HeldOutFits:
 
     Attributes:
         fits: the poses, betas and surfaces that were found.
-        distances: (M, N) in mm, of the surfaces' vertices from those of the meshes.
+        errors: of the surfaces' vertices, in metres.
     """
 
     fits: Fits
-    distances: Array
+    errors: VertexErrors
 
     @classmethod
     def of(cls, body: AnyBody, first: SkinnedBody, meshes: Array) -> HeldOutFits:
         """Fit a body to meshes (M, N, 3) m, beginning with the segments of the body `first`."""
         fits = fit_held_out(body, first, meshes)
-        return cls(fits, np.asarray(1e3 * np.linalg.norm(fits.surfaces - meshes, axis=-1)))
+        return cls(fits, VertexErrors(np.linalg.norm(fits.surfaces - meshes, axis=-1)))
 
     def only(self, some: list[int]) -> HeldOutFits:
         """The chosen meshes alone."""
         f = self.fits
         return HeldOutFits(
-            Fits(f.poses[some], f.betas[some], f.surfaces[some]), self.distances[some]
+            Fits(f.poses[some], f.betas[some], f.surfaces[some]),
+            VertexErrors(self.errors.distances[some]),
         )
-
-    @property
-    def rms(self) -> float:
-        """The root mean square distance, mm."""
-        return float(np.sqrt(np.mean(self.distances**2)))
-
-    @property
-    def mean(self) -> float:
-        """The mean distance, mm."""
-        return float(self.distances.mean())
-
-    @property
-    def largest(self) -> float:
-        """The largest distance, mm."""
-        return float(self.distances.max())
 
 
 def additivity_gap(body: SkinnedBody | TriangleBody, pose: Array, betas: Array) -> Array:

@@ -1,15 +1,18 @@
 """SMPL beside SCAPE and BlendSCAPE as a page, as text, and as data."""
 
+from collections.abc import Mapping
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from workbench.arrays import Array
 from workbench.bodies.files.gltf import write_gltf
 from workbench.plots import caption_stitching, plot_stitching
+from workbench.reports.figures import plotted
 from workbench.reports.page import page
 from workbench.reports.tables import Columns, Table
-from workbench.studies.pages import drawn, text_of, write_study
+from workbench.studies.pages import text_of, write_study
 from workbench.studies.triangles import figures
 from workbench.studies.triangles.explained_variance import ExplainedVariance
 from workbench.studies.triangles.models import BLEND_SCAPE, SCAPE, SMPL, without_bends
@@ -186,11 +189,11 @@ def triangles_data(s: TriangleStudy) -> dict[str, Any]:
         "plan": asdict(s.plan),
         "test": s.test_poses,
         "explained": {
-            f"{name}, {who}": {"share": list(e.share), "rms_m": list(e.rms)}
+            f"{name}, {who}": {"share": e.share, "rms_m": e.rms}
             for who, group in (("training", shapes.training), ("held out", shapes.held_out))
             for name, e in group.items()
         },
-        "gradients": list(shapes.gradients),
+        "gradients": shapes.gradients,
         "results": [asdict(result) for result in s.results],
         "choices": {name: asdict(c) | {"chosen": c.chosen} for name, c in s.choices.items()},
         "true_seam_jump": s.true_seam_jump,
@@ -206,7 +209,9 @@ def write_triangles(s: TriangleStudy, folder: str | Path) -> Path:
 
 def triangles_page(s: TriangleStudy) -> str:
     """The page as HTML."""
-    torn = list(s.torn.values())
+    largest = figures.largest_shown(s.difficult)
+    plot_errors = partial(figures.plot_errors, faces=s.faces, largest=largest)
+    caption_rms = partial(figures.caption_rms, k=s.plan.betas)
     return page(
         "triangles.html",
         title="Vertices or triangles: SMPL beside SCAPE and BlendSCAPE",
@@ -217,32 +222,14 @@ def triangles_page(s: TriangleStudy) -> str:
         results=result_table(s),
         choices=choice_table(s),
         claim=claim(s),
-        soup=drawn(
-            10.5,
-            4.6,
-            lambda ax: plot_stitching(s.torn, ax=ax),
-            caption_stitching(torn[-2], torn[-1]),
-        ),
+        soup=plotted(10.5, 4.6, plot_stitching, caption_soup, s.torn),
         curves=[
-            drawn(
-                6.4,
-                4.6,
-                lambda ax: figures.plot_explained(s.shapes, ax=ax),
-                figures.caption_explained(s.shapes),
-            ),
-            drawn(
-                6.4,
-                4.6,
-                lambda ax: figures.plot_rms(s.shapes, ax=ax),
-                figures.caption_rms(s.shapes, s.plan.betas),
-            ),
+            plotted(6.4, 4.6, figures.plot_explained, figures.caption_explained, s.shapes),
+            plotted(6.4, 4.6, figures.plot_rms, caption_rms, s.shapes),
         ],
         poses=[
-            drawn(
-                10.5,
-                3.4,
-                partial(_errors, s, name),
-                figures.caption_errors(name, s.difficult[name]),
+            plotted(
+                10.5, 3.4, plot_errors, partial(figures.caption_errors, name), s.difficult[name]
             )
             for name in SHOWN
         ],
@@ -250,6 +237,7 @@ def triangles_page(s: TriangleStudy) -> str:
     )
 
 
-def _errors(s: TriangleStudy, model: str, ax: Any) -> Any:
-    largest = figures.largest_shown(s.difficult)
-    return figures.plot_errors(s.difficult[model], s.faces, largest, ax=ax)
+def caption_soup(stages: Mapping[str, Array]) -> str:
+    """The caption of the stages (F, 3, 3) m: how far edges are apart before and after stitching."""
+    *_, torn, stitched = stages.values()
+    return caption_stitching(torn, stitched)
