@@ -87,6 +87,18 @@ def test_what_synthetic_data_were_made_of_is_marked(tmp_path: Path) -> None:
     assert "synthetic" not in words((without / "index.html").read_text())
 
 
+def test_parts_whose_names_differ_only_in_signs_have_files_and_sections_of_their_own(
+    tmp_path: Path,
+) -> None:
+    _, part = written(tmp_path / "one", None, None, steps=400, seed=0)
+    parts = [replace(part, name=name) for name in ("x, y", "x y", "z")]
+    setup = Setup(part.posterior.problem, part.posterior.at, "How well is x known?")
+    page = write_posterior(parts, tmp_path / "three", title="made up", setup=setup)
+    names = re.findall('<h2 id="([^"]*)">', page.read_text())
+    assert len(set(names)) == len(names) == 4  # three parts, and the files
+    assert len(list(page.parent.glob("*.npz"))) == 3
+
+
 def test_every_synthetic_body_tells_what_it_was_made_of() -> None:
     """Where a true surface is known, the values are as well, and they make that surface."""
     for name in ("body-vertices", "body-outliers", "known-correspondences", "landmarks"):

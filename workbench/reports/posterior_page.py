@@ -39,32 +39,6 @@ class BlockPosterior:
     approximation: Posterior
 
 
-@dataclass(frozen=True, eq=False)
-class Section:
-    """What the page shows of one block's posterior.
-
-    Attributes:
-        part: the block with its posterior.
-        anchor: its name in the page's address.
-        how: how the draws were made.
-        modes: the minima that were found.
-        synthetic: whether the truth is known and marked.
-        table: every entry.
-    """
-
-    part: BlockPosterior
-    anchor: str
-    how: str
-    modes: str
-    synthetic: bool
-    table: Table
-    spray: Shown | None
-    views: list[Shown]
-    beside: Shown | None
-    corner: Shown | None
-    traces: Shown
-
-
 def write_posterior(
     parts: list[BlockPosterior],
     folder: str | Path,
@@ -74,20 +48,28 @@ def write_posterior(
     source: str | None = None,
 ) -> Path:
     """Write the folder, whole or not at all, and return its page. Raises BadFile."""
-    sections = [_section(part, setup) for part in parts]
+    anchors: dict[str, BlockPosterior] = {}
+    for part in parts:
+        anchor = _anchor(part.name)  # with a number where two names differ only in signs
+        anchors[f"{anchor}-{len(anchors) + 1}" if anchor in anchors else anchor] = part
     files = {"index.html": "this page", "posterior.txt": "the verdicts and numbers as text"}
-    files |= {f"{s.anchor}.npz": f"the draws of {s.part.name}, with their names" for s in sections}
+    for anchor, part in anchors.items():
+        files[f"{anchor}.npz"] = f"the draws of {part.name}, with their names"
     files |= {SUMMARY: "verdicts and numbers, for programs"}
     words = [
         f"{part.name}\n\n{part.posterior.summary(truth_of(part.posterior, setup))}\n"
         for part in parts
     ]
     html = page(
-        "posterior.html", title=title, question=setup.question, sections=sections, files=files
+        "posterior.html",
+        title=title,
+        question=setup.question,
+        sections={anchor: _section(part, setup) for anchor, part in anchors.items()},
+        files=files,
     )
     contents: dict[str, Content] = {"index.html": html, "posterior.txt": "\n".join(words)}
-    for part, section in zip(parts, sections, strict=True):
-        contents[f"{section.anchor}.npz"] = partial(_save_draws, part.posterior)
+    for anchor, part in anchors.items():
+        contents[f"{anchor}.npz"] = partial(_save_draws, part.posterior)
     numbers = {part.name: _summary(part.posterior, setup) for part in parts}
     summary = {"kind": "posterior", "title": title, "parts": numbers}
     return write_folder(folder, source, contents, summary)
@@ -111,36 +93,34 @@ def truth_of(p: Posterior, setup: Setup) -> Array | None:
     return None if setup.made_of is None else p.coordinates(setup.made_of)
 
 
-def _section(part: BlockPosterior, setup: Setup) -> Section:
+def _section(part: BlockPosterior, setup: Setup) -> dict[str, Any]:
+    """What the page says of one block: its figures of intervals only if these mean something."""
     p, laplace = part.posterior, part.approximation
     rows, truth = compared_with_laplace(p, laplace), truth_of(p, setup)
     entries, known = plots.widest(p, laplace), truth is not None
     E, _, W, k = p.draws.shape
     m = p.mixing
-    return Section(
-        part=part,
-        anchor=_anchor(part.name),
-        how=f"{k} entries; {E} independent ensembles of {W} walkers, {m.steps:,} steps after "
+    section = {
+        "part": part,
+        "how": f"{k} entries; {E} independent ensembles of {W} walkers, {m.steps:,} steps after "
         f"{m.discarded:,} that were discarded, {m.acceptance:.0%} of the proposals accepted, "
         f"{p.seconds:.0f} s" + ("; interrupted" if p.interrupted else ""),
-        modes=_modes(p),
-        synthetic=known,
-        table=entries_table(p, rows, truth),
-        spray=_spray(p, setup) if p.mixed else None,
-        views=_views(p, setup) if p.mixed else [],
-        beside=shown(
-            sheets.beside_laplace_sheet(p, laplace, truth),
-            plots.caption_beside_laplace([row.remark for row in rows], known),
-        )
-        if p.mixed
-        else None,
-        corner=shown(
-            sheets.corner_sheet(p, entries, truth), plots.caption_corner(p, len(entries), known)
-        )
-        if p.mixed
-        else None,
-        traces=shown(sheets.traces_sheet(p, entries, truth), plots.caption_traces(p, known)),
-    )
+        "modes": _modes(p),
+        "synthetic": known,
+        "table": entries_table(p, rows, truth),
+        "traces": shown(sheets.traces_sheet(p, entries, truth), plots.caption_traces(p, known)),
+    }
+    if p.mixed:
+        remarks = [row.remark for row in rows]
+        beside = sheets.beside_laplace_sheet(p, laplace, truth)
+        corner = sheets.corner_sheet(p, entries, truth)
+        section |= {
+            "spray": _spray(p, setup),
+            "views": _views(p, setup),
+            "beside": shown(beside, plots.caption_beside_laplace(remarks, known)),
+            "corner": shown(corner, plots.caption_corner(p, len(entries), known)),
+        }
+    return section
 
 
 def entries_table(
