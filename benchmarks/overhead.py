@@ -24,7 +24,7 @@ from benchmarks.timing import side_by_side
 from workbench.arrays import Array
 
 BODY = "default"
-IPOPT = wb.Ipopt()
+IPOPT = wb.Ipopt(hessian=wb.solvers.gauss_newton_hessian)  # undamped, as the one by hand
 SOLVERS: dict[str, wb.solvers.Solver] = {"NLopt's L-BFGS": wb.Nlopt("LD_LBFGS"), "IPOPT": IPOPT}
 SAME = 1e-6  # of the cost
 HAND, DECIDING = " by hand", " by hand, deciding"

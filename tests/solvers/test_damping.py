@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csc_array
 
-from workbench import Block, Problem, Residual
+from workbench import Block, Constraint, Problem, Residual
 from workbench.experiments import find
 from workbench.problem.storage import dense
 from workbench.solvers import Damped, Ipopt, Solver, Sqp, gauss_newton_hessian
@@ -61,7 +61,7 @@ def test_without_damping_it_is_the_hessian_of_gauss_and_newton() -> None:
         np.testing.assert_array_equal(found, gauss_newton_hessian(run, run.x, run.linearize(run.x)))
 
 
-@pytest.mark.parametrize("solver", [Ipopt(), Sqp(), Ipopt(hessian=Damped(1e-2))], ids=repr)
+@pytest.mark.parametrize("solver", [Ipopt(), Sqp(), Ipopt(hessian=Damped(1e-2))])
 def test_a_nearly_singular_fit_is_solved_by_damped_steps(solver: Solver) -> None:
     setup = find("body-points-lbs", {"start": 3}).setup()
     assert setup.known is not None
@@ -80,6 +80,15 @@ def test_undamped_the_line_search_cuts_each_step_of_it(solver: type[Ipopt] | typ
     assert not found.converged
     assert found.cost > 1.1 * setup.known.cost
     assert found.evaluations.residual > 2 * found.evaluations.jacobian
+
+
+def test_with_constraints_nothing_is_damped() -> None:
+    """There, line searches cut steps for the constraints' sake, too."""
+    x = Block("x", (2,)).symbol
+    circle = Constraint("circle", cs.sumsqr(x), 1.0, 1.0)
+    problem = Problem([Residual("r", x - cs.DM([2, 1]), 1.0)], ["x"], constraints=[circle])
+    with Run("test", Ipopt(), problem, {"x": np.array([1.0, 0.0])}, None) as run:
+        np.testing.assert_array_equal(Damped().along(run)(run.x, np.zeros(1)), np.eye(2))
 
 
 def test_of_a_sparse_jacobian_it_is_sparse(monkeypatch: pytest.MonkeyPatch) -> None:

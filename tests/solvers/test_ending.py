@@ -97,9 +97,7 @@ def meyer() -> Problem:
     )
 
 
-@pytest.mark.parametrize(
-    "solver", [GaussNewton(), Dogleg(), Ipopt(hessian=gauss_newton_hessian)], ids=repr
-)
+@pytest.mark.parametrize("solver", [GaussNewton(), Dogleg(), Ipopt(hessian=gauss_newton_hessian)])
 def test_a_leap_to_where_nothing_is_noticed_is_no_minimum(solver: Solver) -> None:
     """The first step ends where the exponential is zero, at 4e7 times the least cost."""
     solution = solver.solve(meyer(), {"b": [2.0, 400_000.0, 25_000.0]})

@@ -19,6 +19,7 @@ from workbench.solvers import Ipopt, LevenbergMarquardt, Solver
 
 POLISH_SECONDS = 20.0  # at most, per end
 POLISH_TO = 1e-13  # of Problem.optimality
+STATIONARY = 1e-9  # of Problem.optimality: an end as good as this is not followed
 FAR_ABOVE_ROUNDING = 1e3  # of |r|
 
 
@@ -62,15 +63,18 @@ def basins(
 ) -> tuple[tuple[Basin, ...], tuple[int, ...]]:
     """The basins, lowest first, and for each end the number of its own, 0 being the lowest.
 
-    An end at which the residual already equals that of a known minimum is not followed further.
+    An end is not followed further if its residual already equals that of a known minimum, or if it
+    is stationary.
     """
     found: list[list[Basin]] = []
     where = []
     for end in ends:
-        k = _place(problem, found, _at(problem, end, fixed), fixed)
+        basin = _at(problem, end, fixed)
+        k = _place(problem, found, basin, fixed)
         if k is None:
-            basin = _at(problem, polished(problem, end, fixed), fixed)
-            k = _place(problem, found, basin, fixed)
+            if not basin.optimality <= STATIONARY:
+                basin = _at(problem, polished(problem, end, fixed), fixed)
+                k = _place(problem, found, basin, fixed)
             if k is None:
                 k = len(found)
                 found.append([])

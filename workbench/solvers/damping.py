@@ -35,7 +35,8 @@ class Damped:
     than once since the last Hessian, which means that it cut the step; otherwise it follows the
     gain ratio, as that of Levenberg and Marquardt does (Madsen, Nielsen and Tingleff, Methods for
     non-linear least squares problems, 2004, section 3.2). It vanishes at the solution of a problem
-    that Gauss and Newton's method solves.
+    that Gauss and Newton's method solves. With constraints there is no damping, for a line search
+    then cuts steps for the sake of the constraints, too.
 
     Attributes:
         first_damping: the damping at the start.
@@ -45,7 +46,8 @@ class Damped:
 
     def along(self, run: Run) -> "DampedHessian":
         """The Hessian along one run."""
-        return DampedHessian(run, self.first_damping)
+        constrained = run.problem.stacked_constraints is not None
+        return DampedHessian(run, 0.0 if constrained else self.first_damping)
 
 
 DAMPED = Damped()
@@ -55,12 +57,14 @@ class DampedHessian:
     """A function of x (n,) and of multipliers, which it does not read, to the Hessian (n, n)."""
 
     def __init__(self, run: Run, first_damping: float) -> None:
-        self._run, self._damping = run, first_damping
+        self._run, self._damping, self._damped = run, first_damping, first_damping > 0
         self._last: Last | None = None
 
     def __call__(self, x: Array, multipliers: Array) -> Stored:
         """The Hessian at x; the damping follows what happened since the last one."""
         here = self._run.linearize(x)
+        if not self._damped:
+            return unblocked(here.normal)
         if self._last is not None:
             if np.array_equal(x, self._last.x):
                 return self._last.hessian
