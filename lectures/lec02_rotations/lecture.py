@@ -159,6 +159,9 @@ print(
 # three numbers $w$ give a rotation, by the angle $t = \|w\|$ about the axis $w / t$. In the pose of
 # SMPL there are 24 of these **rotation vectors**.
 #
+# One sometimes sees $[w]_\times$ itself called a rotation matrix. It is not: it gives the velocity of a
+# rotation. It takes its own axis to zero, so its determinant is zero; its exponential keeps that axis.
+#
 # Nobody sums the series. With the unit axis $n = w/t$ one finds $[n]_\times^3 = -[n]_\times$: powers
 # repeat, and the terms gather to a sine and a cosine. This is **Rodrigues' formula**:
 #
@@ -185,6 +188,11 @@ print(
     f"Rodrigues' formula is off the matrix exponential by {np.abs(textbook(w) - scipy.linalg.expm(hat(w))).max():.0e}"
 )
 print(f"w is its own axis: R w - w is at most {np.abs(textbook(w) @ w - w).max():.0e}")
+for name, matrix in (("skew matrix", hat(w)), ("exponential", scipy.linalg.expm(hat(w)))):
+    print(
+        f"{name}: |A'A - I| = {np.linalg.norm(matrix.T @ matrix - np.eye(3)):.3f}, "
+        f"det A = {np.linalg.det(matrix):.3f}, |A w| = {np.linalg.norm(matrix @ w):.3f}"
+    )
 
 # %% [markdown]
 # ## Two misprints

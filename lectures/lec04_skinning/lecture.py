@@ -22,6 +22,7 @@ from workbench.course.shapes.limbs import Limb
 from workbench.course.shapes.tubes import linear_radius, tube, volume_lost_bent, volume_lost_twisted
 from workbench.geometry.solids import volume
 from workbench.plots import house_style, plot_by_angle, sheet
+from workbench.plots.body import Figurine, front, line_up
 
 # %% [markdown]
 # ## One bone for each vertex
@@ -291,6 +292,29 @@ for name, body in ways.items():
 
 # %%
 whole = wb.load_body("default")
+shown = {
+    name: whole.weights[:, whole.joint_names.index(name)][whole.faces].mean(axis=1)  # (F,)
+    for name in ("left_shoulder", "left_elbow", "spine1", "left_knee")
+}
+pale, red = np.array([0.87, 0.87, 0.87]), np.array([0.75, 0.1, 0.1])
+with house_style():
+    figure, (ax,) = sheet(11, 4.2)
+    line_up(
+        [
+            Figurine(name, whole.template, front, pale + share[:, None] * (red - pale))
+            for name, share in shown.items()
+        ],
+        whole.faces,
+        ax=ax,
+    )
+Picture(
+    figure,
+    "Blend weights of four joints on the surface: grey is 0, full red is 1. Each joint moves the part "
+    "up to the next joint, and shares a zone with its neighbours. The joints of the back are close to "
+    "each other: no face follows spine1 alone.",
+)
+
+# %%
 linear = without_pose_blend_shapes(whole)
 on_body = {
     "linear blending": linear,

@@ -338,7 +338,64 @@ Picture(
 # $$ M(\theta, \beta) = W\left( \bar T + B_S(\beta) + B_P(\theta),\; J(\beta),\; \theta,\; \mathcal W \right) . $$
 #
 # (The notes *SMPL and SMPLify*, which this course uses, have $\beta$ for the third argument. It is the
-# pose.) In the library:
+# pose.) Step by step, for the tall person of the last figure:
+
+# %%
+f_bend = (matrix_from_vector(bend) - np.eye(3))[1:].ravel()
+shaped = body.vertices(betas=tall)
+prepared = shaped + body.posedirs @ f_bend
+G = body.kinematics.motion(bend, tall).G  # (24, 3, 4)
+M = np.einsum("nk,kij->nij", body.weights, G)
+skinned = np.einsum("nij,nj->ni", M[:, :, :3], prepared) + M[:, :, 3]
+print(f"the steps end at the library's vertices, to {np.abs(skinned - right).max():.0e} m")
+print(
+    f"pose blend shapes move the rest surface by up to "
+    f"{1e3 * np.linalg.norm(prepared - shaped, axis=1).max():.0f} mm"
+)
+steps = {
+    "template": body.template,
+    "+ shape": shaped,
+    "+ pose blend shapes": prepared,
+    "skinned": skinned,
+}
+with house_style():
+    figure, (ax,) = sheet(11, 4.4)
+    line_up([Figurine(name, v, side) for name, v in steps.items()], body.faces, ax=ax)
+Picture(
+    figure,
+    "SMPL step by step, from the side: the template, the person's shape, what skinning is going to lose "
+    "(a change of the rest surface, largest at the knees), and the skinned body.",
+)
+
+# %% [markdown]
+# Shape and pose can be given one by one, or both. To turn the whole body by $R$, turn its root: the
+# vertices turn about the root joint $j_0$, and become $R\,(M - j_0) + j_0$.
+
+# %%
+about_y = np.array([0, np.pi / 2, 0])
+facing = bend.copy()
+facing[0] = about_y
+as_whole = body.vertices(facing, tall)
+j_0 = body.joints(betas=tall)[0]
+by_hand = (right - j_0) @ matrix_from_vector(about_y).T + j_0
+print(f"the root turned, and R (M - j_0) + j_0: differ by {np.abs(as_whole - by_hand).max():.0e} m")
+panel = {
+    "M(0, β)": shaped,
+    "M(θ, 0)": body.vertices(bend),
+    "M(θ, β)": right,
+    "R M(θ, β)": as_whole,
+}
+with house_style():
+    figure, (ax,) = sheet(11, 4.4)
+    line_up([Figurine(name, v) for name, v in panel.items()], body.faces, ax=ax)
+Picture(
+    figure,
+    "The body as a function, from the front: shaped, posed, both, and both with the root turned by a "
+    "quarter turn.",
+)
+
+# %% [markdown]
+# In the library:
 
 # %%
 source(surface.rest)

@@ -277,9 +277,27 @@ Picture(
 # %% [markdown]
 # ## Side by side
 #
+# One row of the table needs a number. An edge is a difference of two vertices, so an offset cancels in
+# it. That is why SCAPE's matrices need no fourth column, and why SMPL's do:
+
+# %%
+G = body.kinematics.motion(pose, np.zeros(body.n_betas)).G  # (24, 3, 4): the row 0 0 0 1 left out
+hand = G[body.joint_names.index("left_wrist")]
+corners = template[faces[100]]
+edge = corners[2] - corners[0]
+with_offset = corners @ hand[:, :3].T + hand[:, 3]
+print(f"the offset in the matrix of the hand is {1e3 * np.linalg.norm(hand[:, 3]):.0f} mm long")
+print(
+    f"edges with the offset and without it differ by "
+    f"{1e3 * np.linalg.norm(with_offset[2] - with_offset[0] - hand[:, :3] @ edge):.0e} mm"
+)
+
+# %% [markdown]
 # | | SMPL | SCAPE, BlendSCAPE |
 # | --- | --- | --- |
 # | what moves | vertices | triangles, then stitched |
+# | a matrix of the pose | $4 \times 4$: it turns and shifts | $3 \times 3$: it turns and stretches |
+# | it is applied to | vertices | edges |
 # | shape and pose | added at rest | multiplied |
 # | joints | a chain; regressed from the rest surface | none: rotations of parts, edges add up |
 # | to pose it | matrix products | the same, and a sparse solve |

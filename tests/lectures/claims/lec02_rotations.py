@@ -39,6 +39,13 @@ def stretches(run: Run) -> list[float]:
 
 
 SAYS = {
+    "It takes its own axis to zero, so its determinant is zero; its exponential keeps that axis.": lambda run: (
+        all(abs(value) < 1e-9 for value in run.line("skew matrix")[-2:]),
+        run.line("skew matrix")[0] > 1,
+        run.line("exponential: ")[0] < 1e-9,
+        abs(run.line("exponential: ")[1] - 1) < 1e-9,
+        abs(run.line("exponential: ")[2] - np.linalg.norm(run["w"])) < 1e-3,
+    ),
     "begin with the nine numbers of a matrix, watch them fail, and end with the three": lambda run: (
         run["M"].size == 9 and run["w"].size == 3
     ),

@@ -18,6 +18,14 @@ def crossing(run: Run) -> float:
 
 
 SAYS = {
+    "Each joint moves the part up to the next joint, and shares a zone with its neighbours.": (
+        lambda run: all(
+            (share > 0.9).any() and ((share > 0.2) & (share < 0.8)).any()
+            for name, share in run["shown"].items()
+            if name != "spine1"
+        )
+    ),
+    "no face follows spine1 alone": lambda run: run["shown"]["spine1"].max() < 0.9,
     "A tube of 60 cm lies along $x$": lambda run: float(100 * np.ptp(run["pipe"].template[:, 0])),
     "We bend it by 90 degrees.": lambda run: float(np.degrees(run["right_angle"][0])),
     "The tube, bent by 90 degrees, cut": lambda run: float(np.degrees(run["right_angle"][0])),
@@ -82,6 +90,7 @@ SAYS = {
 }
 
 GIVEN = (
+    "grey is 0, full red is 1",  # the scale of the colours
     "outline around the joint, twisted by 0, 90 and 180 degrees",
     "nobody's wrist turns by 180 degrees",
 )

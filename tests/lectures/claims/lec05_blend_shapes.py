@@ -37,6 +37,15 @@ def tallest_and_shortest(run: Run) -> tuple[float, float]:
     return max(heights), min(heights)
 
 
+def at_a_knee(run: Run) -> bool:
+    """Whether the vertex that pose blend shapes move most is within 15 cm of a knee."""
+    moved = np.linalg.norm(run["prepared"] - run["shaped"], axis=1)
+    there = run["shaped"][moved.argmax()]
+    joints, names = run["body"].joints(betas=run["tall"]), run["body"].joint_names
+    knees = joints[[names.index("left_knee"), names.index("right_knee")]]
+    return bool(np.linalg.norm(knees - there, axis=1).min() < 0.15)
+
+
 SAYS = {
     "Here is one for an elbow bent by 90 degrees": lambda run: run.line("bent by 90 degrees")[0],
     "In its own pose it is perfect, and at rest it does harm.": lambda run: (
@@ -108,6 +117,17 @@ SAYS = {
     "A longer thigh has its knee further down.": lambda run: (
         run["body"].joints(betas=run["tall"])[run["body"].joint_names.index("left_knee"), 1]
         < run["body"].joints()[run["body"].joint_names.index("left_knee"), 1] - 0.01
+    ),
+    "SMPL step by step, from the side": lambda run: (
+        run.line("the steps end at the library's vertices")[0] < 1e-9,
+        0 < run.line("pose blend shapes move the rest surface")[0] < 100,
+    ),
+    "(a change of the rest surface, largest at the knees)": lambda run: at_a_knee(run),
+    "the vertices turn about the root joint": lambda run: (
+        run.line("the root turned, and R (M")[-1] < 1e-9
+    ),
+    "both with the root turned by a quarter turn": lambda run: np.allclose(
+        run["about_y"], [0, np.pi / 2, 0]
     ),
     "the shin sits 7 cm too high and 7 cm too far back": lambda run: (
         float(shin(run)[1]),

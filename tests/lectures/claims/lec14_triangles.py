@@ -55,6 +55,13 @@ SAYS = {
     ),
     "on 80 people drawn from our shape space": lambda run: len(run["people"]),
     "of 80 made-up people": lambda run: len(run["people"]),
+    "an offset cancels in it": lambda run: (
+        run.line("edges with the offset and without it")[0] < 1e-9,
+        run.line("the offset in the matrix of the hand")[0] > 100,
+    ),
+    "| a matrix of the pose | $4 \\times 4$: it turns and shifts | $3 \\times 3$: it turns and stretches |": (
+        lambda run: run["G"].shape == (24, 3, 4) and run["X"].shape == (len(run["faces"]), 3, 3)
+    ),
     "Vertices are never behind": lambda run: bool(
         (run["by_vertices"].share >= run["by_triangles"].share - 1e-12).all()
     ),

@@ -57,7 +57,9 @@ def rotation_vectors(at: Posture) -> cs.MX:
 def quaternion_elements(at: Posture) -> cs.MX:
     """(n sin t/2, cos t/2) less those of the bind pose, joint by joint: F = 4 (K - 1).
 
-    The features of STAR (Osman et al., ECCV 2020). Bounded; after one full turn they have the
+    The features of STAR (Osman et al., ECCV 2020) that belong to the pose. STAR has one more, the
+    shape coefficient beta_2, which stands for body mass; features here see no betas, so it is left
+    out: 92 features on 24 joints, where STAR has 93. Bounded; after one full turn they have the
     opposite quaternion, and are the same again only after two.
     """
     w, x, y, z = cs.vertsplit(half_turns(at.pose) - half_turns(at.bind), 1)
