@@ -131,7 +131,7 @@ if __name__ == "__main__":
     places, seen, held = keypoints(SHOWN)
     with house_style():
         three = ("SMPL", "SCAPE", "BlendSCAPE")
-        figure, axes = sheet(11, 5.6, columns=3)
+        figure, axes = sheet(11, 4.2, columns=3)
         for ax, name in zip(axes, three, strict=True):
             fit = fits[name][FRAMES.index(SHOWN)]
             middle = fits["SMPL"][FRAMES.index(SHOWN)].vertices.mean(axis=0)
