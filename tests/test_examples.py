@@ -126,6 +126,26 @@ def test_parts_of_a_pose_are_free_by_name_and_made_of_anything() -> None:
     np.testing.assert_allclose(np.asarray(J), here.jacobian, atol=1e-9)
 
 
+def test_three_body_models_are_fitted_to_the_same_points() -> None:
+    example = import_module("examples.14_three_body_models")
+    assert len(example.FRAMES) == 12
+    for frame in example.FRAMES:
+        places, seen, held = example.keypoints(frame)
+        known = np.flatnonzero(np.isfinite(places[:, 0]))
+        np.testing.assert_array_equal(np.sort([*seen, *held]), known)
+        assert len(held) == len(known) // 4
+    assert not example.models["SCAPE"].posedirs.any()
+    assert not example.models["BlendSCAPE"].posedirs.any()
+    assert all(fit.solution.converged for some in example.fits.values() for fit in some)
+    assert example.lower["SCAPE"] == example.lower["BlendSCAPE"] == 12
+    held_out = {n: np.array([f.held_out.mean() for f in some]) for n, some in example.fits.items()}
+    means = [off.mean() for off in held_out.values()]
+    errors = [off.std() / np.sqrt(len(off)) for off in held_out.values()]
+    assert max(means) - min(means) < min(errors)
+    assert example.observed["SMPL"].mean() < 20 < example.observed["SCAPE"].mean()
+    assert 10 < example.apart["SCAPE"].mean() < example.apart["BlendSCAPE"].mean() < 30  # mm
+
+
 def test_nine_numbers_cost_more_except_for_one_small_turn() -> None:
     example = import_module("examples.16_nine_numbers_or_three")
     assert example.SEEDS == 20
