@@ -143,6 +143,6 @@ if __name__ == "__main__":
     print(f"with one camera, distance and height have a correlation of {together:.2f}")
     print("Each number alone, and in pairs, with contours that hold 12, 39, 68 and 86 % of the")
     print(
-        "draws, slightly smoothed. With one camera, distance, height and betas[0] lie near a line. A"
+        "draws, slightly smoothed. With one camera, distance, height and betas[0] lie near a line."
     )
-    print("second camera narrows all four numbers, the first two by much and the elbow by little.")
+    print("A second camera narrows all four, the first two by much and the elbow by little.")
