@@ -146,6 +146,30 @@ def test_three_body_models_are_fitted_to_the_same_points() -> None:
     assert 10 < example.apart["SCAPE"].mean() < example.apart["BlendSCAPE"].mean() < 30  # mm
 
 
+def test_a_second_camera_narrows_what_is_known_of_a_person() -> None:
+    example = import_module("examples.15_how_well_a_person_is_known")
+    for posterior in example.posteriors.values():
+        assert posterior.usable
+        assert posterior.size == posterior.problem.free.size == 3 + 3 + 24 + 10
+        assert posterior.mixing.scales.max() < 1.01
+    assert example.share > 0.9
+    assert 1 < example.shift < 10  # mm
+    one, two = example.sds["one camera"], example.sds["two cameras"]
+    assert (two < one).all()
+    distance, height, elbow, _ = two / one
+    assert distance < 0.2
+    assert height < 0.4
+    assert elbow > 0.5
+    assert example.together > 0.9
+    assert np.corrcoef(example.numbers["one camera"].T)[0, 3] > 0.9
+    for name in example.sds:
+        low, high = example.intervals[name].T
+        middle = example.numbers[name].mean(axis=0)
+        assert (low < middle).all()
+        assert (middle < high).all()
+        assert (abs(example.reference - middle) < 2 * example.sds[name]).all()
+
+
 def test_nine_numbers_cost_more_except_for_one_small_turn() -> None:
     example = import_module("examples.16_nine_numbers_or_three")
     assert example.SEEDS == 20
