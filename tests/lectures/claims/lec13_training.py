@@ -53,6 +53,15 @@ def turn_about_the_tube(run: Run) -> float:
     return float(np.linalg.norm(missed) / np.linalg.norm(turn))
 
 
+def still_open(run: Run, name: str) -> list[str]:
+    """What the open directions of one of the lecture's diagnoses are called."""
+    return [direction.name for direction in run[name].null_directions]
+
+
+def counted(run: Run, name: str, words: str) -> int:
+    return sum(words in one for one in still_open(run, name))
+
+
 SAYS = {
     "a tiny one: 66 vertices, 6 joints, seconds": lambda run: (
         run["true"].n_vertices,
@@ -135,6 +144,59 @@ SAYS = {
         len(run["known"]) == 4,
         all(line[-1] < 1e-9 for line in run.lines("everybody back:")),
         turn_about_the_tube(run) < 1e-6,
+    ),
+    "For a body of 20 vertices, with a root and one joint": lambda run: (
+        run["mold"].n_vertices,
+        run["mold"].n_joints == 2,
+    ),
+    "Two synthetic people are registered in ten poses each, without noise, and we look at the Jacobian at "
+    "the true values, where the registrations are met exactly.": lambda run: (
+        len(run["twenty"].subject) // 2,
+        len(run["bodies"]) == 2,
+        abs(run["form"].problem(["E_D"]).linearize(run["at_truth"]).residual).max() < 1e-9,
+    ),
+    "Each registration reads its own pose and place, and its own person's template and joints; only the "
+    "blend shapes and the weights, on the left, are read by all registrations. E_P and E_W are "
+    "diagonal.": lambda run: (
+        [
+            set(one.reads)
+            == {"posedirs", "weights"}
+            | {f"subject {j // 10}/{name}" for name in ("template", "joints")}
+            | {f"scan {j}/{name}" for name in ("pose", "trans")}
+            for j, one in enumerate(run["form"].residuals("E_D"))
+        ]
+        == 20 * [True],
+        run["whole"].free.names[:2] == ("posedirs", "weights"),
+        all(
+            np.count_nonzero(J - np.diag(np.diag(J))) == 0
+            for term in ("E_P", "E_W")
+            for J in [run["form"].problem([term]).linearize(run["at_truth"]).dense]
+        ),
+    ),
+    "Most of it is zero: 3.2 % of the entries": lambda run: 100 * run["whole"].density,
+    "Registrations alone leave 19 directions open": lambda run: (
+        len(still_open(run, "data_alone")),
+        run["data_alone"].shape[1] - run["data_alone"].rank == 19,
+        all(one.kind in ("shift", "gauge") for one in run["data_alone"].null_directions),
+    ),
+    "- 6 **shifts**, three for each person": lambda run: counted(run, "data_alone", "a shift of"),
+    "- 6 moves of a **root joint**": lambda run: counted(run, "data_alone", "joints[root] along"),
+    "- 3 **turns** of everything at rest": lambda run: counted(run, "data_alone", "a turn of all"),
+    "- 4 kinds of **blend shapes** that push": lambda run: counted(
+        run, "data_alone", "posedirs that push"
+    ),
+    "closes the last two kinds, since both change blend shapes, and leaves 12.": lambda run: (
+        len(still_open(run, "small_shapes")),
+        counted(run, "small_shapes", "a shift of") == 6,
+        counted(run, "small_shapes", "joints[root] along") == 6,
+    ),
+    "No term says where along $y$ and $z$ a person stands: 4 directions stay open with all "
+    "five.": lambda run: (
+        len(still_open(run, "whole")),
+        all("a shift of" in one and one[-1] in "yz" for one in still_open(run, "whole")),
+    ),
+    "The rank is full, and it is the rank from before": lambda run: (
+        run["held"].rank == run["held"].shape[1] == run["whole"].rank
     ),
 }
 
