@@ -146,6 +146,7 @@ def test_three_body_models_are_fitted_to_the_same_points() -> None:
     assert 10 < example.apart["SCAPE"].mean() < example.apart["BlendSCAPE"].mean() < 30  # mm
 
 
+@pytest.mark.long
 def test_a_second_camera_narrows_what_is_known_of_a_person() -> None:
     example = import_module("examples.15_how_well_a_person_is_known")
     for posterior in example.posteriors.values():
