@@ -411,7 +411,6 @@ def in_a_sentence(body: wb.SkinnedBody, meshes: np.ndarray) -> tuple[wb.Problem,
 
 
 # %%
-# %%
 rng = np.random.default_rng(0)
 pipe = tube(rings=7, around=6)
 meshes = pipe.vertices(0.6 * rng.standard_normal((5, 2, 3)), rng.standard_normal((5, 1)))
