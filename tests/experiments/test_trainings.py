@@ -97,7 +97,7 @@ def test_each_model_is_fitted_to_points_of_itself(model: str) -> None:
     assert found.cost == pytest.approx(setup.known.cost, rel=1e-6)
     observed, everywhere = setup.measures(setup.start | found.values)
     assert observed.value < 3**0.5 * 5  # mm: noise of 5 mm a coordinate
-    assert everywhere.value < 20  # mm: most vertices are not observed
+    assert everywhere.value < 30  # mm: most vertices are not observed
 
 
 @pytest.mark.parametrize(

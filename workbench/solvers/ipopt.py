@@ -87,10 +87,7 @@ class Ipopt:
         self, problem: Problem, start: Values, *, callback: Callback | None = None
     ) -> Solution:
         """Solve from `start`, which is moved inside the bounds; see `Solver`."""
-        known = (None, "-lbfgs"), (exact_hessian, "-exact"), (gauss_newton_hessian, "-gauss-newton")
-        which = next((text for hessian, text in known if hessian is self.hessian), "-own")
-        name = "ipopt" if isinstance(self.hessian, Damped) else f"ipopt{which}"
-        with Run(name, self, problem, start, callback) as run:
+        with Run(self._name, self, problem, start, callback) as run:
             unless_solved(run)  # a start that is not finite ends the run here, too
             answer = self._ask(run)
             status = MEANING.get(answer, Status.STALLED)
@@ -99,6 +96,16 @@ class Ipopt:
                 run.stall(message)
             raise Stop(status, message)
         return run.solution()
+
+    @property
+    def _name(self) -> str:
+        if self.hessian is None:
+            return "ipopt-lbfgs"
+        if isinstance(self.hessian, Damped):
+            return "ipopt"
+        if self.hessian is exact_hessian:
+            return "ipopt-exact"
+        return "ipopt-gauss-newton" if self.hessian is gauss_newton_hessian else "ipopt-own"
 
     def _ask(self, run: Run) -> str:
         """Run IPOPT; its own word for how it ended."""

@@ -42,6 +42,12 @@ def way_back(run: Run) -> bool:
     return bool(np.allclose(np.sqrt(z), z / np.sqrt(z)) and np.allclose((1 + u) ** 2 / 2, z))
 
 
+def tall(run: Run, beta: float) -> float:
+    """The height of the body with this first shape coefficient, m."""
+    body = run["setup"].body
+    return float(np.ptp(body.vertices(betas=np.eye(body.n_betas)[0] * beta)[:, 1]))
+
+
 SAYS = {
     "A forearm of 0.25 m hangs on an elbow whose place is known, $D = 5$ m in front of a camera with a "
     "focal length of $F = 1000$ px.": lambda run: (run["LENGTH"], run["D"], run["F"]),
@@ -126,6 +132,31 @@ SAYS = {
     ),
     "Least squares finds its highest point.": lambda run: (
         abs(run["best"] - run.line("seen at")[1]) < 0.01
+    ),
+}
+
+SAYS |= {
+    "A synthetic person stands in front of one camera, or among four.": lambda run: (
+        set(run["people"]) == {"one-camera", "four-cameras"}
+    ),
+    "Free are the first two shape coefficients, the place and the left elbow: eight numbers": (
+        lambda run: run["problem"].free.size == 8
+    ),
+    "All others are held at the truth": lambda run: (
+        np.sum(run["answer"]["pose"] != run["setup"].made_of["pose"]) == 3
+        and np.sum(run["answer"]["betas"] != run["setup"].made_of["betas"]) == 2
+    ),
+    "the larger it is, the taller the person": lambda run: tall(run, 1.0) > tall(run, -1.0) + 0.02,
+    "a tall person far away looks like a short one nearby, so the draws lie along a line": (
+        lambda run: np.corrcoef(run["drawn"].flat[:, [0, 4]].T)[0, 1] < -0.95
+    ),
+    "One camera leaves the distance open by a standard deviation of 16 cm, and with it the height; four "
+    "know it to 2 mm.": lambda run: (
+        round(100 * run["drawn"].sd[4]),
+        round(1e3 * run["people"]["four-cameras"][2].sd[4]),
+    ),
+    "so Laplace's numbers agree with the draws": lambda run: (
+        run["drawn"].usable and np.allclose(run["drawn"].sd, run["straight"].sd, rtol=0.1)
     ),
 }
 
