@@ -127,6 +127,11 @@ class SkinnedBody:
         """The pose (K, 3) rad that leaves the template as it is."""
         return np.zeros((self.n_joints, 3)) if self.bound_in is None else self.bound_in.copy()
 
+    @property
+    def vertex_weights(self) -> Array:
+        """How much each vertex follows each joint, (N, K): its skinning weights."""
+        return self.weights
+
     # What a problem is written with.
 
     def blocks(self, prefix: str = "") -> tuple[Block, Block, Block]:
