@@ -36,16 +36,18 @@ def embedded_triangles(name: str) -> TriangleBody:
     Everything but posedirs is that of the skinned body, written as deformations of triangles.
     """
     with as_file(files("workbench") / "data" / "bodies" / f"{name}.npz") as packed:
-        return read_embedded_triangles(packed)
+        return read_embedded_triangles(packed, *UNTRAINED[name])
 
 
-def read_embedded_triangles(path: Path) -> TriangleBody:
-    """A body of `UNTRAINED` by the name of its file, whose posedirs are in the file.
+def read_embedded_triangles(
+    path: Path, mesh: str, model: Callable[[SkinnedBody], TriangleBody]
+) -> TriangleBody:
+    """A model of the embedded body `mesh` with the posedirs of a file, called like the file.
 
     Raises BadFile if the file is missing or is not one, BadBody if its arrays do not fit the body.
     """
-    mesh, model = UNTRAINED[path.stem]
-    body = model(embedded(mesh))
+    skinned = embedded(mesh)
+    body = model(skinned)
     with (
         taken_for(path, "embedded body", "install the workbench again, or build the body again"),
         open_arrays(path) as archive,
@@ -59,5 +61,5 @@ def read_embedded_triangles(path: Path) -> TriangleBody:
         posedirs=locked(learned),
         near=arrays["near"],
         name=path.stem,
-        card={**card, "skinned_body": dict(embedded(mesh).card)},
+        card={**card, "skinned_body": dict(skinned.card)},
     )
