@@ -333,6 +333,50 @@ print(
 # J'_k = j_0 + \sum_{c \,\in\, \text{path}(k)} R^{\text{world}}_{p(c)} \left( j_c - j_{p(c)} \right) .
 # $$
 #
+# In the sources of this course one also finds the posed joint called $G'_k$, the name of the binding
+# matrix. They are not the same. $G'_k$ takes the skin along, so its offset is where it takes the
+# *origin*: $J'_k - R^{\text{world}}_k j_k$, which at rest is the origin itself, for every joint, and in
+# any pose is off by as much as $j_k$ is from the origin. The posed joint is the offset of $G_k$; it is
+# also $G'_k\, j_k$, the joint at rest, taken along. All three:
+
+# %%
+joints4 = np.column_stack([joints, np.ones(24)])
+named = {
+    "offset of G": lambda G, bound: G[:, :3, 3],
+    "G' times the joint at rest": lambda G, bound: np.einsum("kij,kj->ki", bound, joints4)[:, :3],
+    "offset of G'": lambda G, bound: bound[:, :3, 3],
+}
+still = chained(matrix_from_vector(np.zeros((24, 3))), joints)
+for name, f in named.items():
+    at_rest, in_pose = f(still, still @ np.linalg.inv(still)), f(G, bound)
+    off_rest = 1e3 * np.linalg.norm(at_rest - joints, axis=1)
+    off_pose = 1e3 * np.linalg.norm(in_pose - body.joints(truth), axis=1)
+    print(
+        f"{name:26}: joints at rest off by up to {off_rest.max():3.0f} mm, posed by up to "
+        f"{off_pose.max():3.0f} mm"
+    )
+with house_style():
+    figure, axes = sheet(9, 4.0, columns=2)
+    for ax, name in zip(axes, ("offset of G", "offset of G'"), strict=True):
+        for points, style, label in (
+            (named[name](still, still @ np.linalg.inv(still)), "s--", "at rest"),
+            (named[name](G, bound), "o-", "posed"),
+        ):
+            for k in range(1, 24):
+                x, y = points[[k, parents[k]], :2].T
+                look = {"color": "0.6", "zorder": 3} if label == "at rest" else {"color": "C0"}
+                ax.plot(x, y, style, ms=4, label=label if k == 1 else None, **look)
+        ax.set(title=name, xlabel="x (m)", ylabel="y (m)", aspect="equal")
+        ax.set(xlim=(-1.0, 1.3), ylim=(-1.0, 1.3))
+    axes[0].legend(loc="lower left")
+Picture(
+    figure,
+    "Joints, tied to their parents, seen from the front. Left: offsets of G are the skeleton, at rest "
+    "and posed. Right: offsets of the binding matrices G' are no skeleton; at rest all 24 are at the "
+    "origin.",
+)
+
+# %% [markdown]
 # There is another answer that looks as good. The joints at rest are found from the rest surface by a
 # matrix, $J = \mathcal J\, T$: each joint is a weighted mean of vertices around it. Why not apply the
 # same $\mathcal J$ to the posed surface? Because there the skin around a joint has bent:
@@ -375,4 +419,4 @@ Picture(
 # - The root turns about the pelvis.
 # - The skin is drawn in the world: $G'_k = G_k(\theta)\, G_k(\theta^*)^{-1}$ takes it along, and is the
 #   identity in the pose that it is drawn in.
-# - Posed joints are the offsets of the chain, and not $\mathcal J$ times the posed skin.
+# - Posed joints are the offsets of the chain, $G_k$ and not $G'_k$, and not $\mathcal J$ times the posed skin.

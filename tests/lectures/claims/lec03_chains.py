@@ -68,6 +68,20 @@ SAYS = {
         run.line("in its own pose")[0] < 1e-14,
         run.line("in the pose 0")[1] > 0.1,
     ),
+    "which at rest is the origin itself, for every joint, and in any pose is off by as much as $j_k$ is "
+    "from the origin": lambda run: (
+        np.abs(run["still"] @ np.linalg.inv(run["still"]) - np.eye(4)).max() < 1e-12,
+        np.allclose(
+            np.linalg.norm(run["bound"][:, :3, 3] - run["body"].joints(run["truth"]), axis=1),
+            np.linalg.norm(run["joints"], axis=1),
+        ),
+    ),
+    "The posed joint is the offset of $G_k$; it is also $G'_k\\, j_k$": lambda run: (
+        max(run.line("offset of G ")[-2:]) < 1,  # mm
+        max(run.line("G' times the joint at rest")[-2:]) < 1,
+        min(run.line("offset of G'")[-2:]) > 100,
+    ),
+    "at rest all 24 are at the origin": lambda run: len(run["joints"]),
     "Because there the skin around a joint has bent": lambda run: (
         run.line("at rest:", "posed:")[0] < 1e-10,  # mm
         run.line("at rest:", "posed:")[1] > 5,
