@@ -104,7 +104,7 @@ def test_a_comparison_that_the_run_turns_round_is_noticed(
 @pytest.mark.parametrize(
     ("number", "phrase", "instead"),
     [
-        (1, "is six times as far off", "is no further off"),
+        (1, "is six times as large", "is no larger"),
         (3, "Fewer numbers, and a better answer", "Fewer numbers, and a worse answer"),
         (7, "not one of thirty starts ends", "two of thirty starts end"),
         (9, "The skin is hardly closer", "The skin is much closer"),
