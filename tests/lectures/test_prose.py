@@ -84,8 +84,8 @@ def is_bound(answer: object, k: int) -> bool:
         ),
         (
             3,
-            "surface off the truth by 12.0 mm",
-            "surface off the truth by 20.0 mm",
+            "surface 12.0 mm from the truth",
+            "surface 20.0 mm from the truth",
             "Fewer numbers, and a better answer",
         ),
     ],
