@@ -15,11 +15,10 @@ from workbench.cli.run import Out
 from workbench.errors import BadArgument, BadFile
 from workbench.reading.facts import json_in
 from workbench.reports import write_card
+from workbench.synthetic.ground_truth import CARD, read_ground_truth
 from workbench.synthetic.ground_truth import FILE as TRUTH
-from workbench.synthetic.ground_truth import read_ground_truth
 from workbench.synthetic.ideal_skinning import best_linear, ideal_skinning_errors
 from workbench.synthetic.made_up import noisy_worms
-from workbench.synthetic.sets import CARD
 from workbench.threads import limited_threads
 from workbench.training.checkpoint import FILE as CHECKPOINT
 from workbench.training.evaluation import held_out_errors, shapes_explained

@@ -2,7 +2,7 @@
 
     python -m workbench.studies.ablations.page FOLDER --out PLACE [--rounds 2]
 
-`FOLDER` holds `train` and `held_out` as `workbench.synthetic.sets` writes them.
+`FOLDER` holds `train` and `held_out` as `builder/sets.py` writes them.
 """
 
 import argparse
