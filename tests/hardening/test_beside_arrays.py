@@ -18,10 +18,10 @@ from workbench.reading.facts import json_in
 from workbench.reports.folder import SUMMARY, replacing_folder
 from workbench.solvers import Solution
 from workbench.synthetic.ground_truth import CARD
-from workbench.synthetic.made_up import worm
+from workbench.synthetic.made_up import jointed_tube
 from workbench.training.folder import FolderRegistrations, Row
 
-START = worm(7, 5)
+START = jointed_tube(7, 5)
 N = len(START.template)
 STACK = np.stack([START.template] * 3).astype(np.float32)
 
