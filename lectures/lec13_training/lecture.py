@@ -21,8 +21,7 @@ from workbench.geometry.mesh_graph import find_mirror
 from workbench.geometry.mirror import Mirror
 from workbench.plots import house_style, sheet
 from workbench.plots.sparsity import plot_sparsity
-from workbench.studies.ablations.figures import plot_costs
-from workbench.studies.ablations.study import aligned, pose_share
+from workbench.plots.training_costs import plot_costs
 from workbench.synthetic.made_up import draw_registrations, jointed_tube, limb, random_smpl
 from workbench.training import blocks
 from workbench.training.estimate import Estimate, Sigmas
@@ -30,6 +29,7 @@ from workbench.training.first_guess import Start
 from workbench.training.joint_regressor import fit_joint_regressor
 from workbench.training.objective import Objective
 from workbench.training.plan import alternation
+from workbench.training.pose_in_shape import aligned, pose_share
 from workbench.training.pose_training import first_estimate, train_poses
 from workbench.training.shape_space import learn_shape_space
 from workbench.training.simplex import shares_to_zero

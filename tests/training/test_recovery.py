@@ -12,6 +12,7 @@ from math import inf
 import numpy as np
 import pytest
 
+from benchmarks.ablations.study import generalization_errors
 from tests.training.annealing import annealed
 from workbench import SkinnedBody, load_body
 from workbench.geometry.rigid import procrustes
@@ -24,7 +25,6 @@ from workbench.synthetic.made_up import (
 )
 from workbench.training.blocks import BLOCKS, BlockInput, BlockOptions, BlockResult
 from workbench.training.estimate import Estimate, Sigmas
-from workbench.training.evaluation import generalization_errors
 from workbench.training.first_guess import Start
 from workbench.training.objective import Objective
 from workbench.training.training import Trained, train

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.ablations.study import generalization_errors
 from workbench import SkinnedBody, load_body, save_body
 from workbench.errors import BadArgument, BadFile
 from workbench.synthetic.made_up import (
@@ -23,7 +24,6 @@ from workbench.training import blocks
 from workbench.training.blocks import BlockInput, BlockOptions, BlockResult
 from workbench.training.checkpoint import FILE
 from workbench.training.estimate import Estimate
-from workbench.training.evaluation import generalization_errors
 from workbench.training.plan import Plan, alternation
 from workbench.training.pose_training import NotLowered
 from workbench.training.progress import Progress

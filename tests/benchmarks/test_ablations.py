@@ -5,15 +5,13 @@ from math import nan
 import numpy as np
 import pytest
 
-from workbench import load_body
-from workbench.studies.ablations.study import (
+from benchmarks.ablations.study import (
     Ablated,
     Sets,
     ablate,
-    aligned,
-    pose_share,
     turn_errors,
 )
+from workbench import load_body
 from workbench.synthetic.made_up import (
     CorruptedRegistrations,
     draw_registrations,
@@ -21,6 +19,7 @@ from workbench.synthetic.made_up import (
     random_smpl,
 )
 from workbench.training.estimate import Sigmas
+from workbench.training.pose_in_shape import aligned, pose_share
 from workbench.training.registrations import InMemory
 
 START = jointed_tube(7, 5)
