@@ -18,6 +18,8 @@ import numpy as np
 
 from builder.card import TrainedOn, card_of
 from builder.packing import BuiltBody, write_body
+from builder.regressors import regress
+from builder.sets import SetRecipe, make_sets, recipe_text
 from builder.symmetrize import PoseParts, even_body, pose_parts, regression_errors, regressor_from
 from workbench.arrays import Array, Mask
 from workbench.bodies import SkinnedBody
@@ -26,10 +28,8 @@ from workbench.bodies.unposing import unpose
 from workbench.errors import BadFile
 from workbench.reading.archive import open_arrays
 from workbench.reading.expected import doubles, read_expected, texts
-from workbench.synthetic.ground_truth import read_ground_truth
+from workbench.synthetic.ground_truth import CARD, read_ground_truth
 from workbench.synthetic.ideal_skinning import best_linear, ideal_skinning_errors
-from workbench.synthetic.regressors import regress
-from workbench.synthetic.sets import CARD, SetRecipe, make_sets, recipe_text
 from workbench.synthetic.sources import SEARCH_RADIUS, Sources
 from workbench.synthetic.topology import read_topology
 from workbench.threads import limited_threads
@@ -213,6 +213,7 @@ def already_made(folder: Path, recipe: SetRecipe, recorded: Array | None) -> boo
     for card in cards:
         text = card.read_text(encoding="utf-8", errors="replace")
         text = text.replace('"strangers":', '"held_out":')  # as the number was called before
+        text = text.replace("python -m workbench.synthetic.sets", "python -m builder.sets")
         if text != recipe_text(recipe, recorded):
             raise BadFile(
                 f"{card} says that these sets were made otherwise; remove {folder} to make them "

@@ -9,11 +9,11 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from builder.packing import BuiltBody
+from builder.sets import SetRecipe
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
 from workbench.synthetic import wheel
 from workbench.synthetic.population import Population
-from workbench.synthetic.sets import SetRecipe
 from workbench.synthetic.sources import Sources
 from workbench.synthetic.topology import FILES
 from workbench.training.plan import REACH

@@ -15,7 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from workbench.geometry.mirror import AXIAL, opposite
+from builder.mirrored_poses import AXIAL
+from workbench.geometry.mirror import opposite
 from workbench.priors.mocap import Mocap, read_mocap
 
 AXES = "xyz"

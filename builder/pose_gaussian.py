@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from builder.mirrored_poses import both_ways
 from workbench.priors.mocap import Mocap, read_mocap
 from workbench.priors.poses import GAUSSIAN_FILE, PoseGaussian
 
@@ -18,7 +19,7 @@ LEAST_STD = 0.01  # rad, added to every entry, so that the covariance can be inv
 
 def learn_pose_gaussian(mocap: Mocap) -> PoseGaussian:
     """The Gaussian of the frames and their mirror images."""
-    flat, still = mocap.both_ways()
+    flat, still = both_ways(mocap)
     covariance = np.cov(flat.T) + LEAST_STD**2 * np.eye(flat.shape[1])
     covariance[np.diag_indices_from(covariance)] += np.repeat(UNMEASURED_STD**2 * still, 3)
     names = np.array(mocap.joint_names[1:])

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from scipy.special import logsumexp
 
+from builder.mirrored_poses import both_ways
 from builder.packing import write_arrays
 from builder.pose_gaussian import LEAST_STD, UNMEASURED_STD
 from workbench.arrays import Array
@@ -27,7 +28,7 @@ def learn_pose_mixture(mocap: Mocap, components: int = COMPONENTS, seed: int = 0
 
     Joints that the recording does not move get a spread of their own, as in `pose_prior`.
     """
-    flat, still = mocap.both_ways()
+    flat, still = both_ways(mocap)
     unmeasured = np.repeat(UNMEASURED_STD**2 * still, 3)
     least = LEAST_STD**2 * np.eye(flat.shape[1]) + np.diag(unmeasured)
     rng = np.random.default_rng(seed)

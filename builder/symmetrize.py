@@ -6,11 +6,11 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from builder.local_blends import local_posedirs
+from builder.regressors import regress
 from workbench.arrays import Array, Index
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadBody
 from workbench.geometry.mirror import Mirror
-from workbench.synthetic.regressors import regress
 from workbench.synthetic.rig import at_most_four
 from workbench.synthetic.sources import SEARCH_RADIUS
 from workbench.training.estimate import Estimate

@@ -13,10 +13,10 @@ import casadi as cs
 import numpy as np
 
 import workbench as wb
-from workbench.synthetic.made_up import random_smpl, worm
+from workbench.synthetic.made_up import jointed_tube, random_smpl
 from workbench.training.first_guess import Start
 
-tube = worm(15, 4)
+tube = jointed_tube(15, 4)
 segments = np.where(tube.template[:, 0] > 0, 1, 0)
 start = Start(tube.template, tube.faces, (-1, 0), ("root", "tip"), segments)
 body = random_smpl(start, 1, seed=3)

@@ -8,7 +8,7 @@ MOST_RETURNS = {"train": 5}
 
 
 def test_training_leads_a_reader_down() -> None:
-    start = made_up.worm(7, 5)
+    start = made_up.jointed_tube(7, 5)
     body = made_up.random_smpl(start, 2, seed=3)
     poses, _ = made_up.draw_registrations(body, 3, 6, seed=0)
     shapes, _ = made_up.draw_registrations(body, 6, 1, seed=1, turn=0.2)

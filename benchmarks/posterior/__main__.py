@@ -32,7 +32,7 @@ HERE = Path(__file__).parents[1]
 def _nuts(asked: argparse.Namespace) -> dict[str, Any]:
     from benchmarks.posterior import nuts
 
-    return nuts.compared(asked.blocks, nuts.Plan(asked.draws), asked.steps)
+    return nuts.compared(asked.blocks, nuts.NutsSettings(asked.draws), asked.steps)
 
 
 def _recorded(asked: argparse.Namespace) -> dict[str, Any]:

@@ -20,7 +20,7 @@ import numpy as np
 import scipy.stats
 
 import workbench as wb
-from benchmarks.posterior.nuts import Plan, nuts
+from benchmarks.posterior.nuts import NutsSettings, nuts
 from workbench.arrays import Array, Index
 from workbench.blocks.entries import entries
 from workbench.experiments.balance import balance, balance_monocular, published
@@ -35,7 +35,7 @@ NAMES = ("pose[pelvis]", "betas", "trans")
 LEVEL = 0.9
 SIGMA = 4.0  # px, of the experiment
 ROOT, PLACE = 0.3, 0.3  # rad, m: priors of the simulated orientation and place
-NUTS = Plan(draws=400, warm=400, accepted=0.9)
+NUTS = NutsSettings(draws=400, warm=400, accepted=0.9)
 WALKERS = 40
 STEPS = 16_000  # of emcee's walkers, at most
 EVERY = 4  # cases: NUTS

@@ -33,7 +33,7 @@ SEARCHED = 400  # draws at which the curvature is looked at
 
 
 @dataclass(frozen=True)
-class Plan:
+class NutsSettings:
     """Of NUTS' four chains: draws, steps before the first of them, acceptance aimed at."""
 
     draws: int = 6000
@@ -41,27 +41,34 @@ class Plan:
     accepted: float = 0.97  # small steps
 
 
-USUAL = Plan(draws=3000, warm=1500, accepted=0.8)  # nutpie's own acceptance
+USUAL = NutsSettings(draws=3000, warm=1500, accepted=0.8)  # nutpie's own acceptance
 
 
-def compared(names: Sequence[str], plan: Plan, steps: int, seed: int = 1) -> dict[str, Any]:
+def compared(
+    names: Sequence[str], settings: NutsSettings, steps: int, seed: int = 1
+) -> dict[str, Any]:
     """Each block by both, and where they differ; the first arm again with NUTS' usual steps."""
     fitted = monocular()
 
-    def one(name: str, plan: Plan) -> dict[str, Any]:
-        found = beside(fitted.problem, fitted.at, BLOCKS[name], plan, steps, seed)
+    def one(name: str, settings: NutsSettings) -> dict[str, Any]:
+        found = beside(fitted.problem, fitted.at, BLOCKS[name], settings, steps, seed)
         print(f"{name}: agree {found['agree']}, {found['nuts']}", flush=True)
         return found
 
     arms = [name for name in names if "arm" in name][:1]
     return {
-        "blocks": {name: one(name, plan) for name in names},
+        "blocks": {name: one(name, settings) for name in names},
         "usual steps": {name: one(name, USUAL) for name in arms},
     }
 
 
 def beside(
-    problem: wb.Problem, at: wb.Values, block: Sequence[str], plan: Plan, steps: int, seed: int
+    problem: wb.Problem,
+    at: wb.Values,
+    block: Sequence[str],
+    settings: NutsSettings,
+    steps: int,
+    seed: int,
 ) -> dict[str, Any]:
     """One block of a posterior by both."""
     ours = sample(problem, at, block, seed=seed, steps=steps)
@@ -69,7 +76,7 @@ def beside(
         began = time.perf_counter()
         x, given = problem.split(at)
         places = entries(problem.free, block)
-        theirs, said = nuts(problem, x, given, places, ours.modes[0], plan, seed)
+        theirs, said = nuts(problem, x, given, places, ours.modes[0], settings, seed)
         seconds = time.perf_counter() - began
     flat = theirs.reshape(-1, ours.size)
     ratio = ours.sd / flat.std(axis=0)
@@ -102,7 +109,7 @@ def nuts(
     given: Array,
     places: Index,
     mode: Mode,
-    plan: Plan,
+    settings: NutsSettings,
     seed: int,
 ) -> tuple[Array, dict[str, Any]]:
     """Draws (4, N, k) of x's entries in these places, and what is known of them.
@@ -132,20 +139,20 @@ def nuts(
     )
     trace = nutpie.sample(
         model,
-        draws=plan.draws,
-        tune=plan.warm,
+        draws=settings.draws,
+        tune=settings.warm,
         chains=4,
         cores=1,
         seed=seed,
         progress_bar=False,
-        target_accept=plan.accepted,
+        target_accept=settings.accepted,
     )
     az = arviz()
     return np.asarray(trace.posterior["z"]), {
         "R-hat": float(az.rhat(trace)["z"].max()),
         "divergences": int(np.asarray(trace.sample_stats["diverging"]).sum()),
         "effective": float(az.ess(trace)["z"].min()),
-        "draws": 4 * plan.draws,
+        "draws": 4 * settings.draws,
     }
 
 
@@ -156,7 +163,7 @@ def bent(ours: Posterior, seed: int) -> float:
     """
     rng = np.random.default_rng(seed)
     z = ours.flat[rng.integers(len(ours.flat), size=SEARCHED)]
-    given = ours.problem.split(ours.at)[1]
+    given = ours.problem.split(ours.given)[1]
     scale = ours.subspace.along @ ours.modes[0].half
     largest = [
         np.linalg.norm(ours.problem.linearize_at(x, given).jacobian @ scale, 2)

@@ -3,9 +3,9 @@ learned from meshes of people in poses.
 """
 
 import workbench as wb
-from workbench.synthetic.made_up import draw_registrations, random_smpl, worm
+from workbench.synthetic.made_up import draw_registrations, jointed_tube, random_smpl
 
-start: wb.Start = worm(7, 5)  # a template, its tree, and the joint that carries each vertex
+start: wb.Start = jointed_tube(7, 5)  # a template, its tree, and the joint that carries each vertex
 true = random_smpl(start, 2, seed=3)
 drawn, _ = draw_registrations(true, subjects=4, poses_each=8, seed=0)
 registrations: wb.Registrations = wb.InMemory(drawn.vertices, drawn.subject)

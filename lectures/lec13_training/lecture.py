@@ -21,15 +21,15 @@ from workbench.geometry.mesh_graph import find_mirror
 from workbench.geometry.mirror import Mirror
 from workbench.plots import house_style, sheet
 from workbench.plots.sparsity import plot_sparsity
-from workbench.studies.ablations.figures import plot_costs
-from workbench.studies.ablations.study import aligned, pose_share
-from workbench.synthetic.made_up import draw_registrations, limb, random_smpl, worm
+from workbench.plots.training_costs import plot_costs
+from workbench.synthetic.made_up import draw_registrations, jointed_tube, limb, random_smpl
 from workbench.training import blocks
 from workbench.training.estimate import Estimate, Sigmas
 from workbench.training.first_guess import Start
 from workbench.training.joint_regressor import fit_joint_regressor
 from workbench.training.objective import Objective
 from workbench.training.plan import alternation
+from workbench.training.pose_in_shape import aligned, pose_share
 from workbench.training.pose_training import first_estimate, train_poses
 from workbench.training.shape_space import learn_shape_space
 from workbench.training.simplex import shares_to_zero
@@ -52,10 +52,10 @@ from workbench.training.symbolic_form import SymbolicTraining
 # way round it must be: a person in one pose cannot tell how their elbow bulges, and three people cannot tell
 # how thousands differ.)
 #
-# Our people are worms: each is a tube of six bones, drawn from a random model of SMPL's form.
+# Our people are jointed tubes of six bones each, drawn from a random model of SMPL's form.
 
 # %%
-start = worm(11, 6)  # a mesh, its tree, and which segment each vertex belongs to
+start = jointed_tube(11, 6)  # a mesh, its tree, and which segment each vertex belongs to
 true = random_smpl(start, 3, seed=0, shape=0.005)
 many, known = draw_registrations(true, 200, 1, seed=3, turn=0.3)  # multi-shape: nearly one pose
 print(
@@ -127,7 +127,7 @@ with house_style():
     ax.legend(loc="center right")
 Picture(
     figure,
-    "200 worms with three directions of shape. Un-posed, three directions explain all; as they stand, "
+    "200 tubes with three directions of shape. Un-posed, three directions explain all; as they stand, "
     "the first two are pose, and there is no end of them.",
 )
 
@@ -219,7 +219,7 @@ source(SkinningPass.points)
 
 # %%
 mirror = start.mirror()
-alike = start.template  # the worm before anything was random: alike on both sides
+alike = start.template  # the tube before anything was random: alike on both sides
 for name, U in {
     "both": mirror.points(alike),
     "x changes its sign": alike * [-1, 1, 1],

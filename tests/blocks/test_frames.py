@@ -101,7 +101,7 @@ def test_columns_are_those_of_the_frames(some: tuple[int, ...]) -> None:
 def test_an_expression_of_a_frame_in_some_frames(some: tuple[int, ...]) -> None:
     here = blocks()
     one = POSE.symbol @ cs.vertcat(1, 2, 3) * cs.sum1(BETAS.symbol) + TRANS.symbol
-    found = here.each(one, (POSE, BETAS, TRANS), some)
+    found = here.in_frames(one, (POSE, BETAS, TRANS), some)
     function = cs.Function("f", [here[n].symbol for n in VALUES], [found])
     values = (v.ravel().reshape(here[n].symbol_shape, order="F") for n, v in VALUES.items())
     expected = [
@@ -114,7 +114,7 @@ def test_a_graph_of_many_frames_is_as_small_as_one_of_few() -> None:
     sizes = []
     for count in (2, 200):
         here = FrameBlocks(count, {b.name: framed(b, count) for b in (POSE, BETAS, TRANS)})
-        found = here.each(cs.vec(POINTS.graph()), (POSE, BETAS, TRANS), range(count))
+        found = here.in_frames(cs.vec(POINTS.graph()), (POSE, BETAS, TRANS), range(count))
         sizes.append(cs.Function("f", [here[n].symbol for n in VALUES], [found]).n_nodes())
     assert sizes[0] == sizes[1]
 
@@ -145,7 +145,7 @@ def test_points_are_those_of_the_frames(shared: tuple[str, ...], some: tuple[int
     np.testing.assert_allclose(points, np.concatenate(each), atol=1e-13)
     assert source.count == len(points) == 3 * len(some)
     assert source.numeric is not None
-    here = source.numeric.at(values)
+    here = source.numeric.evaluate(values)
     np.testing.assert_allclose(here.points, points, atol=1e-13)
     scale = RNG.uniform(1, 2, 3 * len(points))
     into = {name: np.full((J.shape[1], J.shape[0]), np.nan) for name, J in slopes.items()}
@@ -173,9 +173,9 @@ def test_points_of_many_values_at_once() -> None:
     source = FramedPoints(POINTS.source, blocks(), (0, 2, 3))
     assert source.numeric is not None
     many = {n: np.stack([v, v + 0.1, v - 0.2]) for n, v in VALUES.items()}
-    found = source.numeric.many(many)
+    found = source.numeric.evaluate_batch(many)
     for i in range(3):
-        one = source.numeric.at({n: v[i] for n, v in many.items()}).points
+        one = source.numeric.evaluate({n: v[i] for n, v in many.items()}).points
         np.testing.assert_allclose(found[i], one, atol=1e-13)
 
 

@@ -200,7 +200,7 @@ def test_costs_of_many_values(
 def test_many_joints_at_once(given: Callable[[], Given]) -> None:
     arguments = given()
     problem = wb.Problem(terms(BODY, arguments)[2:], names_of(arguments))
-    many = BODY.joint_points(*arguments).source.numeric.many
+    many = BODY.joint_points(*arguments).source.numeric.evaluate_batch
     assert many is not None
     values = [values_of(problem, seed) for seed in range(3)]
     found = many({name: np.array([v[name] for v in values]) for name in values[0]})
@@ -212,7 +212,7 @@ def test_many_joints_at_once(given: Callable[[], Given]) -> None:
 
 
 def test_values_of_a_plain_block_are_not_copied() -> None:
-    maps = BODY.points(*plain()).source.at.maps
+    maps = BODY.points(*plain()).source.arguments.maps
     pose = np.zeros((K, 3))
     assert maps[0].value({"pose": pose}) is pose
     assert BODY.points(*plain()).source.numeric.plain == ("pose", "betas", "trans")
@@ -246,7 +246,7 @@ def test_an_affine_map_is_offset_and_matrices() -> None:
     a, b = RNG.normal(size=(2, 3)), RNG.normal(size=4)
     expected = (A @ b).reshape(2, 3) + 2 * a + 1
     np.testing.assert_allclose(found.value({"a": a, "b": b}), expected, atol=1e-14)
-    many = found.many({"a": np.array([a, 2 * a]), "b": np.array([b, b])})
+    many = found.value_batch({"a": np.array([a, 2 * a]), "b": np.array([b, b])})
     np.testing.assert_allclose(many[1], expected + 2 * a, atol=1e-14)
     g = RNG.normal(size=6)
     np.testing.assert_allclose(found.pulled(g)["b"], A.T @ g, atol=1e-14)

@@ -34,7 +34,7 @@ def assert_contract(body: SkinnedBody | TriangleBody) -> None:
     numeric = points.source.numeric
     if numeric is not None:
         values = dict(zip(numeric.reads, (pose, betas, np.zeros(3)), strict=True))
-        np.testing.assert_allclose(numeric.at(values).points, posed, atol=1e-9)
+        np.testing.assert_allclose(numeric.evaluate(values).points, posed, atol=1e-9)
     copied = pickle.loads(pickle.dumps(body))
     np.testing.assert_array_equal(copied.template, body.template)
 

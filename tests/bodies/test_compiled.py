@@ -80,7 +80,7 @@ def assert_right(
     made = arithmetic_of(body, surface.ALL)
     assert isinstance(made, kind)
     points, *by = graph_of(body, pose, betas)
-    here, asked_last = made.at(motion, betas), made.at(motion, betas)
+    here, asked_last = made.evaluate(motion, betas), made.evaluate(motion, betas)
     np.testing.assert_allclose(here.points, points, rtol=0, atol=1e-12)
     scale = rng.standard_normal(3 * N)
     into = {n: np.full((b.shape[1], 3 * N), np.nan) for n, b in zip(NAMES, by, strict=True)}
@@ -94,7 +94,7 @@ def assert_right(
         for got in (into[name], again[name]):
             np.testing.assert_allclose(got, wanted, rtol=1e-11, atol=1e-11 * largest)
     pull = rng.standard_normal((N, 3))
-    in_numpy = ChunkedArithmetic(chunks_of(body, slice(None)), body.parents).at(motion, betas)
+    in_numpy = ChunkedArithmetic(chunks_of(body, slice(None)), body.parents).evaluate(motion, betas)
     for got, expected in zip(here.adjoint(pull), in_numpy.adjoint(pull), strict=True):
         np.testing.assert_allclose(got, expected, atol=1e-12 * np.abs(expected).max(initial=1.0))
 
@@ -124,7 +124,9 @@ def test_every_joint_may_move_a_vertex() -> None:
 def test_some_vertices_in_any_order() -> None:
     body, some = body_of("small", 40), [31, 2, 2, 17]
     motion = body.kinematics.motion(pose_at("anywhere", 4), np.ones(2))
-    every, few = (arithmetic_of(body, v).at(motion, np.ones(2)).points for v in (surface.ALL, some))
+    every, few = (
+        arithmetic_of(body, v).evaluate(motion, np.ones(2)).points for v in (surface.ALL, some)
+    )
     assert isinstance(arithmetic_of(body, some), CompiledArithmetic)
     np.testing.assert_array_equal(few, every[some])
 
@@ -134,7 +136,7 @@ def test_some_vertices_in_any_order() -> None:
 def test_into_memory_of_any_layout(layout: str) -> None:
     body, betas, pose = body_of("small", 13), np.ones(2), pose_at("anywhere", 4)
     motion, slopes = body.kinematics.motion(pose, betas), body.kinematics.slopes(pose, betas)
-    made = arithmetic_of(body, surface.ALL).at(motion, betas)
+    made = arithmetic_of(body, surface.ALL).evaluate(motion, betas)
     plain = {"pose": np.zeros((12, 39)), "trans": np.zeros((3, 39))}
     made.tangent(slopes, plain, None)
     room = {

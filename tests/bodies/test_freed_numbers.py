@@ -42,7 +42,9 @@ def values_at(body: wb.SkinnedBody, free: tuple[str, ...], turned: float = 0.8) 
 
 
 def at(body: wb.SkinnedBody, chosen: np.ndarray, values: wb.Values) -> FreedSurfaceAt:
-    return FreedSurface(body, body.kinematics, chosen, {name: name for name in values}).at(values)
+    return FreedSurface(body, body.kinematics, chosen, {name: name for name in values}).evaluate(
+        values
+    )
 
 
 def in_symbols(values: wb.Values, block: wb.Block) -> np.ndarray:
@@ -164,9 +166,11 @@ def test_patterns_are_where_derivatives_are_not_zero(
             continue
         sparse.add(block.name)
         there = pattern.toarray() != 0
-        np.testing.assert_array_equal(source.at(full).jacobian(block.name).toarray() != 0, there)
+        np.testing.assert_array_equal(
+            source.evaluate(full).jacobian(block.name).toarray() != 0, there
+        )
         for at in (values, body.start() | {name: body.array(name) for name in free}):
-            assert there[source.at(at).jacobian(block.name).toarray() != 0].all()
+            assert there[source.evaluate(at).jacobian(block.name).toarray() != 0].all()
     through_regressor = {"template", "shapedirs"} if "J_regressor" in free else set()
     through_weights = {"J_regressor", "joints"} if "weights" in free else set()
     dense = through_weights | through_regressor

@@ -75,5 +75,5 @@ def test_few_means_are_found_without_the_surface_and_many_with_it() -> None:
         selection = csr_array(np.eye(body.n_vertices)[:count])
         means = NumericMeans(body.arithmetic, selection)
         wanted = body.vertices(*given)[:, :count]
-        np.testing.assert_allclose(means.many(*given), wanted, rtol=0, atol=TOLERANCE)
+        np.testing.assert_allclose(means.evaluate_batch(*given), wanted, rtol=0, atol=TOLERANCE)
         assert ("_without_surface" in vars(means)) == (count <= body.n_vertices / FEW)

@@ -314,10 +314,10 @@ def test_many_at_once_are_what_they_are_one_by_one(body: TriangleBody, count: in
     pose = rng.normal(size=(count, body.n_joints, 3)) * rng.choice([0.0, 0.3, 4.0], (count, 1, 1))
     betas, trans = rng.normal(size=(count, body.n_betas)), rng.normal(size=(count, 3))
     points = body.arithmetic
-    found = points.many(pose, betas, trans)
+    found = points.evaluate_batch(pose, betas, trans)
     assert found.shape == (count, body.n_vertices, 3)
     for i in range(count):
-        alone = points.at(pose[i], betas[i], trans[i]).points
+        alone = points.evaluate(pose[i], betas[i], trans[i]).points
         # sums of the same hundreds of products in another order, through a mesh's stiffness
         np.testing.assert_allclose(found[i], alone, rtol=0, atol=1e-11 * (1 + abs(alone).max()))
 

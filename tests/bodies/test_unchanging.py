@@ -166,7 +166,7 @@ def used(body: wb.SkinnedBody) -> wb.SkinnedBody:
     """The body after everything that it keeps for later was made, compiled arithmetic included."""
     symbols = [block.symbol for block in body.blocks("scan/")]
     body.vertices()
-    _ = body.packed.skinned_rest
+    _ = body.numeric.skinned_rest
     observed = wb.Block("observed", (body.n_vertices, 3), "m").symbol
     term = wb.residuals.vertices(body.points(*symbols), observed, sigma=1.0)
     wb.Problem([term], "scan/pose").prepare()

@@ -14,6 +14,7 @@ from scipy.sparse import csr_array
 from scipy.spatial.transform import Rotation
 
 import workbench
+from builder.mirrored_poses import mirrored_pose
 from builder.packing import (
     POSE_STEP,
     SHAPE_STEP,
@@ -22,15 +23,15 @@ from builder.packing import (
     whole_shares,
     write_body,
 )
+from builder.regressors import regress
 from builder.symmetrize import regression_errors
 from builder.torch_file import read_tensors
 from workbench.arrays import Array
 from workbench.bodies.files.embedded import SYNTHETIC, read_embedded
 from workbench.bodies.forward.posing import Posing
 from workbench.errors import BadFile
-from workbench.geometry.mirror import REFLECTION, Mirror, mirrored_pose
+from workbench.geometry.mirror import REFLECTION, Mirror
 from workbench.geometry.solids import volume
-from workbench.synthetic.regressors import regress
 from workbench.synthetic.rig import HALF_OF, at_most_four, carrier
 from workbench.synthetic.shape_targets import Person, ShapeTargets
 from workbench.synthetic.skeleton import (

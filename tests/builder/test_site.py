@@ -93,7 +93,7 @@ def test_every_example_of_the_reference_runs(
 
 INNER = {  # classes in annotations of public ones that users have no reason to name
     "kept by an object for its computations, whose results are properties of the object": {
-        "PackedBody",
+        "NumericBody",
         "Kinematics",
         "TriangleArithmetic",
         "Stitching",

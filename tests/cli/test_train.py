@@ -13,10 +13,15 @@ import workbench as wb
 from tests.cli.test_cli import workbench
 from workbench.cli.train import train
 from workbench.errors import BadArgument, BadFile
-from workbench.synthetic.made_up import Spoiled, draw_registrations, random_smpl, worm
+from workbench.synthetic.made_up import (
+    CorruptedRegistrations,
+    draw_registrations,
+    jointed_tube,
+    random_smpl,
+)
 from workbench.training.first_guess import write_start
 
-START = worm(7, 5)
+START = jointed_tube(7, 5)
 BODY = random_smpl(START, 2, seed=3)
 
 
@@ -26,7 +31,10 @@ def made_folder(folder: Path, seed: int = 4) -> Path:
     poses, _ = draw_registrations(BODY, 3, 6, seed=seed)
     shapes, _ = draw_registrations(BODY, 8, 1, seed=5, turn=0.1)
     write_start(START, folder / "start.npz")
-    np.save(folder / "poses.npy", Spoiled(poses, seed=6, noise=0.001).read(slice(0, 18)).vertices)
+    np.save(
+        folder / "poses.npy",
+        CorruptedRegistrations(poses, seed=6, noise=0.001).read(slice(0, 18)).vertices,
+    )
     np.save(folder / "shapes.npy", shapes.vertices)
     with (folder / "registrations.csv").open("w", newline="") as file:
         writer = csv.writer(file)

@@ -7,10 +7,10 @@ import numpy as np
 from tests.comparison.problems import slide
 from workbench.comparison import Budget, Comparison, Ending, Record
 from workbench.comparison.description import Description
+from workbench.comparison.design import Design, Instance
 from workbench.comparison.end_analysis import EndAnalysis
 from workbench.comparison.log import KINDS, ROW, Observed
 from workbench.comparison.named_solvers import NamedSolver
-from workbench.comparison.plan import Instance, Plan
 from workbench.experiments import Experiment
 from workbench.solvers import LevenbergMarquardt
 
@@ -103,9 +103,9 @@ def comparison(
         for p in problems
     }
     named_solvers = tuple(NamedSolver(s, LevenbergMarquardt()) for s in solvers)
-    plan = Plan(instances, named_solvers, Budget(), 1)
+    design = Design(instances, named_solvers, Budget(), 1)
     groups = tuple((p,) for p in problems)
-    return Comparison(plan, instances, {}, described, records, groups, tuple(judged))
+    return Comparison(design, instances, {}, described, records, groups, tuple(judged))
 
 
 def _instance(name: str) -> Instance:

@@ -114,7 +114,7 @@ def test_suggestions_keep_constraints_and_bounds() -> None:
         assert suggested.bounds == {n: bounds[n] for n in suggested.free.names}
     # the whole prior ends where the constraint allows it
     prior = next(s for s in d.suggestions if s.kind == "prior" and s.cured)
-    solution = solve(prior.problem, d.at, Sqp())
+    solution = solve(prior.problem, d.values, Sqp())
     assert float(solution.values["x"] @ solution.values["x"]) <= 4 + 1e-6
 
 

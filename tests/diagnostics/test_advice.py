@@ -19,7 +19,7 @@ def test_every_suggestion_does_what_it_says(case: Callable[[], cases.Case]) -> N
     assert found.suggestions  # each case has something wrong
     for suggestion in found.suggestions:
         assert suggestion.before == found.state
-        after = diagnose(suggestion.problem, suggestion.at)
+        after = diagnose(suggestion.problem, suggestion.values)
         if suggestion.kind == "rescale":  # the same problem, in other units
             s = np.linalg.svd(after.here.dense / after.here.column_norms, compute_uv=False)
             rank, condition = len(s), s[0] / s[-1]
@@ -60,8 +60,8 @@ def test_near_a_full_turn_one_turn_is_taken_off(past: float) -> None:
     (turned,) = (s for s in found.suggestions if s.kind == "rewrap")
     assert turned.after.condition < turned.before.condition / 3
     axis = pose[knee] / np.linalg.norm(pose[knee])
-    np.testing.assert_allclose(turned.at["pose"][knee], past * axis, atol=1e-12)
-    residual = turned.problem.linearize(turned.at).residual
+    np.testing.assert_allclose(turned.values["pose"][knee], past * axis, atol=1e-12)
+    residual = turned.problem.linearize(turned.values).residual
     np.testing.assert_allclose(residual, found.here.residual, atol=1e-9)
 
 
@@ -71,7 +71,7 @@ def test_what_is_fixed_keeps_its_value_and_other_bounds_stay() -> None:
     found = {s.what: s for s in diagnose(bounded, values).suggestions}
     assert found["fix scale"].problem.free.names == ("trans",)
     assert set(found["fix scale"].problem.bounds) == {"trans"}
-    assert found["fix scale"].at["scale"] == 1.0
+    assert found["fix scale"].values["scale"] == 1.0
     assert set(found["add a Gaussian prior on scale (sigma 1)"].problem.bounds) == {
         "scale",
         "trans",

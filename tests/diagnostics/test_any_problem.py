@@ -57,7 +57,7 @@ def test_no_problem_is_too_odd_for_a_report(batch: int) -> None:
         json.dumps(found.data(), allow_nan=False)
         for suggestion in found.suggestions:
             if suggestion.kind != "rescale":
-                again = diagnose(suggestion.problem, suggestion.at)
+                again = diagnose(suggestion.problem, suggestion.values)
                 assert again.state.rank == suggestion.after.rank, where
         if found.here.finite:
             assert len(found.null_directions) == found.shape[1] - found.rank, where

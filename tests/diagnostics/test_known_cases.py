@@ -45,7 +45,7 @@ def test_a_joint_after_a_full_turn_has_one_axis_left() -> None:
     assert turned_back.cured
     # it is the same rotation, so the same residual
     np.testing.assert_allclose(
-        turned_back.problem.linearize(turned_back.at).residual, found.here.residual, atol=1e-9
+        turned_back.problem.linearize(turned_back.values).residual, found.here.residual, atol=1e-9
     )
 
 
@@ -75,7 +75,7 @@ def test_a_residual_that_is_there_twice_is_named_and_dropped() -> None:
     (drop,) = (s for s in found.suggestions if s.kind == "drop")
     assert drop.what == "drop the residual second"
     assert list(drop.problem.rows) == ["first", "other"]
-    assert diagnose(drop.problem, drop.at).duplicates == ()
+    assert diagnose(drop.problem, drop.values).duplicates == ()
 
 
 def test_two_measurements_of_the_same_thing_are_no_duplicates() -> None:

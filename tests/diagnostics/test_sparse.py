@@ -101,7 +101,7 @@ def test_suggestions_are_carried_out_there_too(both: tuple[Diagnosis, Diagnosis]
     _, sparse = both
     assert sparse.suggestions
     for suggestion in sparse.suggestions:
-        after = diagnose(suggestion.problem, suggestion.at)
+        after = diagnose(suggestion.problem, suggestion.values)
         assert (after.rank, after.shape[1]) == (suggestion.after.rank, suggestion.after.unknowns)
     assert any(suggestion.cured for suggestion in sparse.suggestions)
 

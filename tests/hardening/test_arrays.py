@@ -34,14 +34,14 @@ from workbench.residuals import gaussian
 from workbench.solvers import Solution, solve
 from workbench.synthetic.ground_truth import FILE as TRUTH
 from workbench.synthetic.ground_truth import GroundTruth, read_ground_truth
-from workbench.synthetic.made_up import worm
+from workbench.synthetic.made_up import jointed_tube
 from workbench.training.checkpoint import Checkpoint, read_checkpoint
 from workbench.training.estimate import Estimate
 from workbench.training.first_guess import read_start, write_start
 from workbench.training.folder import FolderRegistrations, Row
 from workbench.training.progress import LogEntry
 
-START = worm(7, 5)
+START = jointed_tube(7, 5)
 N, K = len(START.template), len(START.parents)
 rng = np.random.default_rng(3)
 POSES = files("workbench") / "data" / "poses"

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from builder.bodies import already_made
+from builder.sets import SetRecipe
 from tests.hardening.archives import npy
 from workbench.cli.train import _origin
 from workbench.comparison.store import Folder
@@ -16,11 +17,11 @@ from workbench.errors import BadFile
 from workbench.reading.facts import json_in
 from workbench.reports.folder import SUMMARY, replacing_folder
 from workbench.solvers import Solution
-from workbench.synthetic.made_up import worm
-from workbench.synthetic.sets import CARD, SetRecipe
+from workbench.synthetic.ground_truth import CARD
+from workbench.synthetic.made_up import jointed_tube
 from workbench.training.folder import FolderRegistrations, Row
 
-START = worm(7, 5)
+START = jointed_tube(7, 5)
 N = len(START.template)
 STACK = np.stack([START.template] * 3).astype(np.float32)
 

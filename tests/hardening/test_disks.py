@@ -35,7 +35,7 @@ from workbench.sampling.checkpoint import (
     sealed,
 )
 from workbench.solvers import GaussNewton, LevenbergMarquardt
-from workbench.synthetic.made_up import draw_registrations, random_smpl, worm
+from workbench.synthetic.made_up import draw_registrations, jointed_tube, random_smpl
 from workbench.training.blocks import BlockOptions
 from workbench.training.plan import Plan, alternation
 from workbench.writing import Keeping, replacing
@@ -335,7 +335,7 @@ def test_the_process_survives_its_full_disk(tmp_path: Path) -> None:
 def test_a_full_disk_does_not_end_the_training(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    first = worm(7, 5)
+    first = jointed_tube(7, 5)
     data, _ = draw_registrations(random_smpl(first, 2, seed=3), 2, 4, seed=4)
     options = BlockOptions(linear_tolerance=1e-3, products=20, together_steps=1)
     plan = Plan(

@@ -8,9 +8,10 @@ import pytest
 
 import workbench
 from builder.joint_limits import anatomical, recorded
+from builder.mirrored_poses import mirrored_pose
 from workbench import Block, LevenbergMarquardt, Problem, load_body, residuals
 from workbench.errors import BadArgument, UnknownName
-from workbench.geometry.mirror import mirrored_pose, opposites
+from workbench.geometry.mirror import opposites
 from workbench.priors.joint_limits import JointLimits, joint_limits
 from workbench.priors.mocap import Mocap
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import workbench
+from builder.mirrored_poses import mirrored_pose
 from builder.pose_gaussian import LEAST_STD, UNMEASURED_STD, learn_pose_gaussian, save_pose_gaussian
 from workbench.errors import BadFile
-from workbench.geometry.mirror import mirrored_pose
 from workbench.priors.mocap import ELBOW_LIMIT, Mocap, read_mocap
 from workbench.priors.poses import GAUSSIAN_FILE, read_pose_gaussian
 from workbench.synthetic.skeleton import JOINT_NAMES, MIRRORED_JOINTS

@@ -85,7 +85,7 @@ def test_derivatives_are_those_of_differences(body: SkinnedBody, kind: str) -> N
     at, h = values_at(body), 1e-6
     numeric = body.landmark_points(kind, *symbols(body)).source.numeric
     assert numeric is not None
-    here = numeric.at(at)
+    here = numeric.evaluate(at)
     slopes = {name: np.empty((at[name].size, here.points.size)) for name in numeric.reads}
     here.tangent(slopes, None)
     pull = np.random.default_rng(2).standard_normal(here.points.size)
@@ -95,7 +95,7 @@ def test_derivatives_are_those_of_differences(body: SkinnedBody, kind: str) -> N
             step = np.zeros(value.size)
             step[i] = h
             beyond, before = (
-                numeric.at(at | {name: value + sign * step.reshape(value.shape)}).points
+                numeric.evaluate(at | {name: value + sign * step.reshape(value.shape)}).points
                 for sign in (1, -1)
             )
             difference = ((beyond - before) / (2 * h)).ravel()
@@ -112,8 +112,8 @@ def test_many_at_once_are_each_of_them(body: SkinnedBody, kind: str) -> None:
     each = [values_at(body, "anywhere", seed) for seed in range(5)]
     together = {name: np.array([one[name] for one in each]) for name in each[0]}
     expected = [body.landmark(kind, **one) for one in each]
-    np.testing.assert_allclose(numeric.many(together), expected, atol=1e-12)
-    np.testing.assert_allclose([numeric.at(one).points for one in each], expected, atol=1e-12)
+    np.testing.assert_allclose(numeric.evaluate_batch(together), expected, atol=1e-12)
+    np.testing.assert_allclose([numeric.evaluate(one).points for one in each], expected, atol=1e-12)
 
 
 @EACH_BODY
@@ -128,17 +128,17 @@ def test_turning_the_root_turns_the_derivative(body: SkinnedBody, kind: str) -> 
     turned[0] = vector_from_matrix(Q @ matrix_from_vector(at["pose"][0]))
     slopes = []
     for pose in (at["pose"], turned):
-        into = {"betas": np.empty((body.n_betas, 3 * numeric.at(at).points.shape[0]))}
-        numeric.at(at | {"pose": pose}).tangent(into, None)
+        into = {"betas": np.empty((body.n_betas, 3 * numeric.evaluate(at).points.shape[0]))}
+        numeric.evaluate(at | {"pose": pose}).tangent(into, None)
         slopes.append(into["betas"].reshape(body.n_betas, -1, 3))
-    root = body.packed.skeleton.slopes[0].T[:, None]  # about which the body turns
+    root = body.numeric.skeleton.slopes[0].T[:, None]  # about which the body turns
     np.testing.assert_allclose(slopes[1] - root, (slopes[0] - root) @ Q.T, atol=1e-12)
 
 
 def test_a_body_without_betas_has_arithmetic_too() -> None:
     body = with_landmarks(random_body(1, n_vertices=40, n_joints=5, n_betas=0))
     pose, betas, trans = values_at(body).values()
-    here = body.packed.joints.at(pose, betas, trans)
+    here = body.numeric.joints.evaluate(pose, betas, trans)
     into = {name: np.empty((size, 15)) for name, size in (("pose", 15), ("betas", 0))}
     here.tangent(into, None)
     pull = np.arange(15.0)
@@ -210,10 +210,10 @@ class NearestNumbers:
     def reads(self) -> tuple[str, ...]:
         return (self.of.block.name,)
 
-    def at(self, values: wb.Values) -> PointsAt:
+    def evaluate(self, values: wb.Values) -> PointsAt:
         return NearestAt(self.of, values[self.of.block.name])
 
-    def many(self, values: wb.Values) -> np.ndarray:
+    def evaluate_batch(self, values: wb.Values) -> np.ndarray:
         return np.array([NearestAt(self.of, one).points for one in values[self.of.block.name]])
 
 

@@ -92,7 +92,7 @@ def test_parts_whose_names_differ_only_in_signs_have_files_and_sections_of_their
 ) -> None:
     _, part = written(tmp_path / "one", None, None, steps=400, seed=0)
     parts = [replace(part, name=name) for name in ("x, y", "x y", "z")]
-    setup = Setup(part.posterior.problem, part.posterior.at, "How well is x known?")
+    setup = Setup(part.posterior.problem, part.posterior.given, "How well is x known?")
     page = write_posterior(parts, tmp_path / "three", title="made up", setup=setup)
     names = re.findall('<h2 id="([^"]*)">', page.read_text())
     assert len(set(names)) == len(names) == 4  # three parts, and the files

@@ -17,7 +17,12 @@ from workbench.bodies.unposing import unpose
 from workbench.errors import BadArgument
 from workbench.geometry.mesh_graph import NoMirror, find_mirror
 from workbench.geometry.solids import volume
-from workbench.synthetic.made_up import Spoiled, draw_registrations, random_smpl, worm
+from workbench.synthetic.made_up import (
+    CorruptedRegistrations,
+    draw_registrations,
+    jointed_tube,
+    random_smpl,
+)
 from workbench.training.blocks import BLOCKS, BlockInput, BlockOptions
 from workbench.training.conjugate_gradients import dot, solve
 from workbench.training.estimate import NAMES, TERMS, Estimate, Sigmas
@@ -38,7 +43,7 @@ from workbench.training.rotation_centres import (
 from workbench.training.simplex import few_shares, kkt_residual, shares, shares_to_zero
 from workbench.training.skinning_pass import SkinningPass
 
-START = worm(7, 5)
+START = jointed_tube(7, 5)
 BODY = random_smpl(START, 2, seed=3)
 DATA, TRUTH = draw_registrations(BODY, 3, 4, seed=4)
 OFF = dict.fromkeys(TERMS, inf)
@@ -477,20 +482,20 @@ def unpose_is_blind(body: SkinnedBody, pose: Array) -> bool:
 
 
 def test_spoiling_is_the_same_for_the_same_seed_however_it_is_read() -> None:
-    spoiled = Spoiled(DATA, seed=7, noise=0.002, missing=0.2, outliers=0.1)
-    whole = spoiled.read(slice(0, 12))
-    np.testing.assert_array_equal(spoiled.read(slice(5, 8)).vertices, whole.vertices[5:8])
+    corrupted = CorruptedRegistrations(DATA, seed=7, noise=0.002, missing=0.2, outliers=0.1)
+    whole = corrupted.read(slice(0, 12))
+    np.testing.assert_array_equal(corrupted.read(slice(5, 8)).vertices, whole.vertices[5:8])
     assert (whole.confidence == 0).mean() == pytest.approx(0.2, abs=0.01)
     away = np.linalg.norm(whole.vertices - DATA.vertices, axis=2)[whole.confidence > 0]
     assert 0.05 < (away > 0.05).mean() < 0.2
     assert np.median(away) < 0.006
     assert not np.array_equal(
-        Spoiled(DATA, 8, noise=0.002).read(slice(0, 12)).vertices, whole.vertices
+        CorruptedRegistrations(DATA, 8, noise=0.002).read(slice(0, 12)).vertices, whole.vertices
     )
 
 
 def test_missing_patches_change_nothing_where_the_data_are_exact() -> None:
-    hidden = Spoiled(DATA, seed=7, missing=0.2)
+    hidden = CorruptedRegistrations(DATA, seed=7, missing=0.2)
     exact = Objective(hidden, START.rings(), START.weights(), None, replace(Sigmas(), **OFF))
     assert exact.cost(true_estimate()) < 1e-18
 
@@ -530,7 +535,7 @@ def test_a_joint_that_carries_no_vertex_most_has_one_all_the_same() -> None:
 
 
 def test_held_registrations_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    hidden = Spoiled(DATA, seed=7, missing=0.2)
+    hidden = CorruptedRegistrations(DATA, seed=7, missing=0.2)
     kept = in_memory(hidden)
     assert isinstance(kept, InMemory)
     some = slice(3, 9)

@@ -7,11 +7,11 @@ import pytest
 
 from workbench.errors import BadBody, BadFile
 from workbench.geometry.meshes import write_mesh
-from workbench.synthetic.made_up import draw_registrations, random_smpl, worm
+from workbench.synthetic.made_up import draw_registrations, jointed_tube, random_smpl
 from workbench.training.first_guess import Start, read_start, write_start
 from workbench.training.folder import FolderRegistrations, open_folder
 
-START = worm(7, 5)
+START = jointed_tube(7, 5)
 DATA, _ = draw_registrations(random_smpl(START, 2, seed=3), 3, 3, seed=4)
 N = len(START.template)
 

@@ -10,7 +10,7 @@ from workbench import Diagnosis, Values, diagnose
 from workbench.diagnostics.parts import Parts
 from workbench.diagnostics.tied_elimination import TiedElimination
 from workbench.problem import Linearization
-from workbench.synthetic.made_up import draw_registrations, random_smpl, worm
+from workbench.synthetic.made_up import draw_registrations, jointed_tube, random_smpl
 from workbench.training.estimate import Estimate, Sigmas
 from workbench.training.first_guess import Start
 from workbench.training.objective import Objective
@@ -22,7 +22,7 @@ SUBJECTS, POSES = 4, 6
 @cache
 def limb() -> tuple[SymbolicTraining, Values]:
     """60 vertices on a root and one joint, in exact registrations of four subjects."""
-    tube = worm(15, 4)
+    tube = jointed_tube(15, 4)
     half = np.where(tube.template[:, 0] > 0, 1, 0)
     start = Start(tube.template, tube.faces, (-1, 0), ("root", "tip"), half)
     body = random_smpl(start, 2, seed=3)

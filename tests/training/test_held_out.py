@@ -12,7 +12,7 @@ from workbench.synthetic.ideal_skinning import (
     errors_of_ideal_skinning,
     ideal_skinning_errors,
 )
-from workbench.synthetic.made_up import draw_registrations, random_smpl, worm
+from workbench.synthetic.made_up import draw_registrations, jointed_tube, random_smpl
 from workbench.training.evaluation import (
     evaluate_held_out,
     held_out_errors,
@@ -21,7 +21,7 @@ from workbench.training.evaluation import (
 )
 from workbench.training.registrations import RegistrationSubset, training_and_held_out
 
-START = worm(7, 5)
+START = jointed_tube(7, 5)
 BODY = replace(random_smpl(START, 2, seed=3), mirror=START.mirror().vertices)  # type: ignore[union-attr]
 
 

@@ -12,19 +12,19 @@ from math import inf
 import numpy as np
 import pytest
 
+from benchmarks.ablations.study import generalization_errors
 from tests.training.annealing import annealed
 from workbench import SkinnedBody, load_body
 from workbench.geometry.rigid import procrustes
 from workbench.synthetic.made_up import (
-    Spoiled,
+    CorruptedRegistrations,
     Truth,
     draw_registrations,
+    jointed_tube,
     random_smpl,
-    worm,
 )
 from workbench.training.blocks import BLOCKS, BlockInput, BlockOptions, BlockResult
 from workbench.training.estimate import Estimate, Sigmas
-from workbench.training.evaluation import generalization_errors
 from workbench.training.first_guess import Start
 from workbench.training.objective import Objective
 from workbench.training.training import Trained, train
@@ -121,7 +121,7 @@ class Near:
 @pytest.fixture(scope="module")
 def near() -> Near:
     """Off by 1 mm, 0.01 rad, weights by a fiftieth, blend shapes by half a mm."""
-    start = worm(9, 6)
+    start = jointed_tube(9, 6)
     body = random_smpl(start, 1, seed=0)
     data, truth = draw_registrations(body, 4, 20, seed=1, turn=TURN)
     exact, rng = at_the_truth(body, truth), np.random.default_rng(7)
@@ -171,8 +171,8 @@ def test_steps_end_where_the_data_are_met_closely_enough(near: Near) -> None:
 @pytest.mark.parametrize(
     ("start", "n_betas", "subjects", "poses", "ring"),
     [
-        (worm(9, 6), 2, 5, 16, None),
-        (worm(25, 8), 4, 8, 12, None),
+        (jointed_tube(9, 6), 2, 5, 16, None),
+        (jointed_tube(25, 8), 4, 8, 12, None),
         (small_start(), 4, 6, 60, 12),
     ],
     ids=["54 vertices, 6 joints", "200 vertices, 6 joints", "369 vertices, 24 joints"],
@@ -190,7 +190,7 @@ def test_the_generator_is_recovered_from_segments_alone(
 def template_error(start: Start, body: SkinnedBody, poses: int, noise: float = 0.001) -> float:
     """Rms of E_D's surplus over the noise: how far the fitted points are from the exact ones."""
     data, truth = draw_registrations(body, 4, poses, seed=3, turn=TURN)
-    noisy = Spoiled(data, seed=4, noise=noise)
+    noisy = CorruptedRegistrations(data, seed=4, noise=noise)
     exact = Objective(data, start.rings(), start.weights(), None, FREE)
     fitted = Objective(noisy, start.rings(), start.weights(), None, FREE)
     at = at_the_truth(body, truth)
@@ -205,7 +205,7 @@ def test_with_noise_the_error_falls_as_the_count_of_unknowns_predicts() -> None:
 
     The unknowns stay the same, so with four times the registrations it is half as large.
     """
-    start = worm(7, 5)
+    start = jointed_tube(7, 5)
     body = random_smpl(start, 2, seed=0)
     S, K, N = 4, 6, 35
     errors = []

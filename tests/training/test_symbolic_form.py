@@ -8,15 +8,22 @@ import pytest
 
 from workbench.arrays import Array
 from workbench.errors import UnknownName
-from workbench.synthetic.made_up import Spoiled, draw_registrations, random_smpl, worm
+from workbench.synthetic.made_up import (
+    CorruptedRegistrations,
+    draw_registrations,
+    jointed_tube,
+    random_smpl,
+)
 from workbench.training.estimate import Estimate, Sigmas
 from workbench.training.objective import Objective
 from workbench.training.symbolic_form import TERMS, SymbolicTraining
 
-START = worm(7, 5)
+START = jointed_tube(7, 5)
 BODY = random_smpl(START, 2, seed=3)
 EXACT, TRUTH = draw_registrations(BODY, 3, 4, seed=4)
-DATA = Spoiled(EXACT, seed=2, noise=0.002, missing=0.1)  # some vertices have confidence 0
+DATA = CorruptedRegistrations(
+    EXACT, seed=2, noise=0.002, missing=0.1
+)  # some vertices have confidence 0
 OBJECTIVE = Objective(
     DATA, START.rings(), START.weights(), START.mirror(), Sigmas(), START.template
 )

@@ -11,23 +11,28 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.ablations.study import generalization_errors
 from workbench import SkinnedBody, load_body, save_body
 from workbench.errors import BadArgument, BadFile
-from workbench.synthetic.made_up import Spoiled, draw_registrations, random_smpl, worm
+from workbench.synthetic.made_up import (
+    CorruptedRegistrations,
+    draw_registrations,
+    jointed_tube,
+    random_smpl,
+)
 from workbench.training import blocks
 from workbench.training.blocks import BlockInput, BlockOptions, BlockResult
 from workbench.training.checkpoint import FILE
 from workbench.training.estimate import Estimate
-from workbench.training.evaluation import generalization_errors
 from workbench.training.plan import Plan, alternation
 from workbench.training.pose_training import NotLowered
 from workbench.training.progress import Progress
 from workbench.training.training import train
 
-START = worm(7, 5)
+START = jointed_tube(7, 5)
 BODY = random_smpl(START, 2, seed=3)
 EXACT, TRUTH = draw_registrations(BODY, 3, 8, seed=4)
-DATA = Spoiled(EXACT, seed=5, noise=0.001, missing=0.1)
+DATA = CorruptedRegistrations(EXACT, seed=5, noise=0.001, missing=0.1)
 SHAPES, _ = draw_registrations(BODY, 12, 1, seed=6, turn=0.1)
 
 
@@ -97,7 +102,7 @@ def test_a_block_that_raises_the_cost_stops_the_run(monkeypatch: pytest.MonkeyPa
 
 def test_a_checkpoint_of_another_training_is_refused(tmp_path: Path) -> None:
     train(DATA, START, plan=short_plan(), n_betas=2, folder=tmp_path)
-    other = Spoiled(EXACT, seed=6, noise=0.001)
+    other = CorruptedRegistrations(EXACT, seed=6, noise=0.001)
     with pytest.raises(BadFile, match="other registrations"):
         train(other, START, plan=short_plan(), folder=tmp_path)
     with pytest.raises(BadFile, match="another plan"):

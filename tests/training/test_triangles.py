@@ -91,7 +91,10 @@ def test_fitting_each_triangle_alone_would_not_do() -> None:
     # Q straight from each mesh's own gradients: what SCAPE's triangles ask for does not close
     true = generator()
     betas, posed = drawn(true, 50, 1)
-    at = [true.arithmetic.at(p, betas[i]) for p, i in zip(posed.poses, posed.person, strict=True)]
+    at = [
+        true.arithmetic.evaluate(p, betas[i])
+        for p, i in zip(posed.poses, posed.person, strict=True)
+    ]
     X = gradients(true.template, posed.vertices, true.faces)
     Q = np.linalg.solve(np.stack([a.B @ a.D for a in at]), X) - np.eye(3)
     twists = np.stack([a.twists for a in at])

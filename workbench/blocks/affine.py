@@ -103,7 +103,7 @@ class Affine:
             found[rows] += matrix @ values[name].reshape(-1)
         return found.reshape(self.shape)
 
-    def many(self, values: Mapping[str, Array]) -> Array:
+    def value_batch(self, values: Mapping[str, Array]) -> Array:
         """(M, *shape) of values that have M rows each."""
         if self.plain is not None:
             whole = values[self.plain]

@@ -39,7 +39,9 @@ class FramedPoints:
     def expression(self) -> cs.MX | None:
         """(3, N len(some)) m, in the blocks of the sequence."""
         found = self.source.expression
-        return None if found is None else self.frames.each(found, self.source.blocks, self.some)
+        return (
+            None if found is None else self.frames.in_frames(found, self.source.blocks, self.some)
+        )
 
     @property
     def blocks(self) -> tuple[Block, ...]:
@@ -120,17 +122,17 @@ class NumericFrames:
         """The names of the blocks that the points depend on."""
         return self.source.reads
 
-    def at(self, values: Mapping[str, Array]) -> "FramesAt":
+    def evaluate(self, values: Mapping[str, Array]) -> "FramesAt":
         """The points where the blocks of the sequence have these values."""
         each = [
-            self.source.at(
+            self.source.evaluate(
                 {n: values[n][t] if own else values[n] for n, own in self.framed.items()}
             )
             for t in self.some
         ]
         return FramesAt(self, each)
 
-    def many(self, values: Mapping[str, Array]) -> Array:
+    def evaluate_batch(self, values: Mapping[str, Array]) -> Array:
         """(M, N len(some), 3) m: all frames of all values at once."""
         M, T = len(next(iter(values.values()))), len(self.some)
 
@@ -141,7 +143,7 @@ class NumericFrames:
                 return value.reshape(M * T, *value.shape[2:])
             return np.repeat(value, T, axis=0)
 
-        found = self.source.many({name: row(name) for name in self.reads})
+        found = self.source.evaluate_batch({name: row(name) for name in self.reads})
         return found.reshape(M, -1, 3)
 
 
@@ -155,18 +157,18 @@ class FramesAt:
     """
 
     of: NumericFrames
-    each: Sequence[PointsAt]
+    frames: Sequence[PointsAt]
 
     @cached_property
     def points(self) -> Array:
         """The points, (N len(some), 3) m."""
-        return np.concatenate([here.points for here in self.each])
+        return np.concatenate([here.points for here in self.frames])
 
     def jacobian(self, name: str) -> csc_array:
         """The derivative by a block that has a pattern, (3 N len(some), size)."""
         block, sparse = self.of.blocks[name], pattern_of(self.of.source, name) is not None
         each = [
-            jacobian_of(here, name) if sparse else self._dense(here, name) for here in self.each
+            jacobian_of(here, name) if sparse else self._dense(here, name) for here in self.frames
         ]
         if not block.framed:
             return csc_array(vstack(each))
@@ -181,8 +183,8 @@ class FramesAt:
 
     def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
         """Transposed, into[block] (size, 3 N len(some)), with all of its zeros."""
-        width = 3 * len(self.each[0].points)
-        for i, (t, here) in enumerate(zip(self.of.some, self.each, strict=True)):
+        width = 3 * len(self.frames[0].points)
+        for i, (t, here) in enumerate(zip(self.of.some, self.frames, strict=True)):
             at = slice(i * width, (i + 1) * width)
             rooms = {}
             for name, array in into.items():
@@ -196,8 +198,8 @@ class FramesAt:
     def adjoint(self, pull: Array) -> dict[str, Array]:
         """The gradient by every block that is read, flat."""
         found = {name: np.zeros(block.size) for name, block in self.of.blocks.items()}
-        pulls = pull.reshape(len(self.each), -1)
-        for t, here, own in zip(self.of.some, self.each, pulls, strict=True):
+        pulls = pull.reshape(len(self.frames), -1)
+        for t, here, own in zip(self.of.some, self.frames, pulls, strict=True):
             for name, part in here.adjoint(own).items():
                 if self.of.framed[name]:
                     found[name][t * part.size : (t + 1) * part.size] += part

@@ -43,7 +43,7 @@ class FrameBlocks:
             return wide
         return wide[:, [t * width + i for t in some for i in range(width)]]
 
-    def each(
+    def in_frames(
         self,
         expression: cs.MX,
         blocks: Sequence[Block],

@@ -43,20 +43,22 @@ class NumericPoints(Protocol):
     def reads(self) -> tuple[str, ...]:
         """The names of the blocks that the points depend on."""
 
-    def at(self, values: Mapping[str, Array]) -> PointsAt:
+    def evaluate(self, values: Mapping[str, Array]) -> PointsAt:
         """The points where the blocks that are read have these values."""
 
-    def many(self, values: Mapping[str, Array]) -> Array:
+    def evaluate_batch(self, values: Mapping[str, Array]) -> Array:
         """(M, N, 3) m for M values of each block that is read, (M, *shape)."""
 
 
-def each_of(source: NumericPoints, values: Sequence[Mapping[str, Array]]) -> list[PointsAt]:
+def evaluate_each(source: NumericPoints, values: Sequence[Mapping[str, Array]]) -> list[PointsAt]:
     """The points at several sets of values.
 
-    A source may have a method `each` for that, where it finds several in fewer calls.
+    A source may have a method `evaluate_each` for that, where it finds several in fewer calls.
     """
-    each = getattr(source, "each", None)
-    return [source.at(some) for some in values] if each is None else list(each(values))
+    together = getattr(source, "evaluate_each", None)
+    return (
+        [source.evaluate(some) for some in values] if together is None else list(together(values))
+    )
 
 
 class PointSource(Protocol):

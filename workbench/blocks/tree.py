@@ -16,9 +16,9 @@ class Tree:
         pose: the name of the block that holds their rotation vectors, or of all blocks that do.
         names: the names of the joints.
         parents: parents[k] < k is the parent of joint k, -1 for the root.
-        at: where the three numbers of each joint stand: a block and the first entry. None for a
-            joint whose numbers are no entries of a block, such as those that are made of
-            coefficients of principal components. Without `at`, they stand one after the other in
+        given_places: where the three numbers of each joint stand: a block and the first entry.
+            None for a joint whose numbers are no entries of a block, such as those that are made of
+            coefficients of principal components. Without them, they stand one after the other in
             the block `pose`.
         rigid_bones: whether each joint keeps its place on the bone of its parent, as the rank law
             of observed joints requires; joints found on a surface that deforms do not.
@@ -27,14 +27,14 @@ class Tree:
     pose: str
     names: tuple[str, ...]
     parents: tuple[int, ...]
-    at: tuple[Place | None, ...] | None = None
+    given_places: tuple[Place | None, ...] | None = None
     rigid_bones: bool = True
 
     @cached_property
     def places(self) -> tuple[Place | None, ...]:
         """The block and first entry of each joint's three numbers; None where there are none."""
-        if self.at is not None:
-            return self.at
+        if self.given_places is not None:
+            return self.given_places
         return tuple((self.pose, 3 * k) for k in range(len(self.names)))
 
     @cached_property

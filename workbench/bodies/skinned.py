@@ -19,7 +19,7 @@ from workbench.bodies.forward.arrays import ALL
 from workbench.bodies.forward.features import Features, rotation_elements
 from workbench.bodies.forward.freeing import FREEABLE, check_freeable
 from workbench.bodies.forward.motion import Kinematics
-from workbench.bodies.forward.packed import PackedBody
+from workbench.bodies.forward.numeric_body import NumericBody
 from workbench.bodies.forward.skinning import Skinning, linear_blend
 from workbench.bodies.forward.sources import joint_points, landmark_points, surface_points
 from workbench.bodies.landmarks import Landmarks
@@ -196,12 +196,12 @@ class SkinnedBody:
         """The posed surface, (3, N) m, or some of it: a list of vertices, or a mask (N,)."""
         at = Arguments(self, pose, betas, trans)
         chosen = ALL if vertices is None else chosen_vertices(self, vertices)
-        return Points.of(surface_points(self, at, self.packed, chosen), "vertices")
+        return Points.of(surface_points(self, at, self.numeric, chosen), "vertices")
 
     def joint_points(self, pose: cs.MX, betas: cs.MX, trans: cs.MX) -> Points:
         """The posed joints, (3, K) m."""
         at = Arguments(self, pose, betas, trans)
-        return Points.of(joint_points(self, at, self.packed), "joints")
+        return Points.of(joint_points(self, at, self.numeric), "joints")
 
     def landmark_points(self, name: str, pose: cs.MX, betas: cs.MX, trans: cs.MX) -> Points:
         """A named set of landmarks on the posed surface, (3, M) m; `joints` are always there."""
@@ -209,17 +209,17 @@ class SkinnedBody:
             return self.joint_points(pose, betas, trans)
         at = Arguments(self, pose, betas, trans)
         found = landmark_set(self.landmarks, name)
-        return Points.of(landmark_points(self, at, self.packed, found), name)
+        return Points.of(landmark_points(self, at, self.numeric, found), name)
 
     # Points in numbers. Any argument may have batch axes in front.
 
     def vertices(self, pose: Given = None, betas: Given = None, trans: Given = None) -> Array:
         """The posed surface (..., N, 3) m of poses (..., K, 3) or (..., 3 K) rad."""
-        return evaluation.vertices(self.packed, pose, betas, trans)
+        return evaluation.vertices(self.numeric, pose, betas, trans)
 
     def joints(self, pose: Given = None, betas: Given = None, trans: Given = None) -> Array:
         """The posed joints (..., K, 3) m."""
-        return evaluation.joints(self.packed, pose, betas, trans)
+        return evaluation.joints(self.numeric, pose, betas, trans)
 
     def landmark(
         self, name: str, pose: Given = None, betas: Given = None, trans: Given = None
@@ -242,23 +242,23 @@ class SkinnedBody:
         if not isinstance(name, str) or name not in FREEABLE:
             raise UnknownName("array of a body", str(name), FREEABLE)
         if name == "joints":
-            return self.packed.skeleton.mean
+            return self.numeric.skeleton.mean
         array = getattr(self, name)
         return array.toarray() if isinstance(array, csr_array) else array
 
     @cached_property
-    def packed(self) -> PackedBody:
+    def numeric(self) -> NumericBody:
         """What numbers are computed with; free arrays have the numbers that they start from."""
         # not the body itself: what refers to itself is not freed before the garbage collector runs
         parts = {part.name: getattr(self, part.name) for part in fields(self)}
         alone = object.__new__(SkinnedBody)
         alone.__dict__.update(parts | {"free": {}})
-        return PackedBody(alone)
+        return NumericBody(alone)
 
     @property
     def kinematics(self) -> Kinematics:
         """The joints' motions and their derivatives in numbers."""
-        return self.packed.kinematics
+        return self.numeric.kinematics
 
 
 def not_skinned(body: object, what: str, instead: str) -> str:

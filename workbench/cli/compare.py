@@ -18,8 +18,8 @@ from workbench.cli.leaving import Interrupted
 from workbench.cli.output import print_page, solver_table, warn_without_effect
 from workbench.cli.run import Setting, settings
 from workbench.comparison.comparison import MAIN
+from workbench.comparison.design import chosen, numbering
 from workbench.comparison.measured import seconds_of_runs
-from workbench.comparison.plan import chosen, numbering
 from workbench.comparison.targets import TargetOutcome, named
 from workbench.comparison.words import advice, prices_sentence
 from workbench.errors import WorkbenchError

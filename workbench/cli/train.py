@@ -15,11 +15,10 @@ from workbench.cli.run import Out
 from workbench.errors import BadArgument, BadFile
 from workbench.reading.facts import json_in
 from workbench.reports import write_card
+from workbench.synthetic.ground_truth import CARD, read_ground_truth
 from workbench.synthetic.ground_truth import FILE as TRUTH
-from workbench.synthetic.ground_truth import read_ground_truth
 from workbench.synthetic.ideal_skinning import best_linear, ideal_skinning_errors
-from workbench.synthetic.made_up import noisy_worms
-from workbench.synthetic.sets import CARD
+from workbench.synthetic.made_up import noisy_tubes
 from workbench.threads import limited_threads
 from workbench.training.checkpoint import FILE as CHECKPOINT
 from workbench.training.evaluation import held_out_errors, shapes_explained
@@ -40,7 +39,7 @@ def train(
         Path | None,
         typer.Argument(
             help="Folder with registrations.csv (file, subject, gender, set) and meshes in metres; "
-            "without one, a synthetic worm is trained from synthetic registrations."
+            "without one, a synthetic tube is trained from synthetic registrations."
         ),
     ] = None,
     start: Annotated[
@@ -137,12 +136,12 @@ def _mind_unused(console: Console, start: str | None, gender: str | None, reach:
     """Name the options that do not apply to registrations that are made up."""
     if start is not None:
         warn_without_effect(
-            console, "--start", "the synthetic worm begins from a template of its own"
+            console, "--start", "the synthetic tube begins from a template of its own"
         )
     if gender is not None:
-        warn_without_effect(console, "--gender", "the synthetic worms have none")
+        warn_without_effect(console, "--gender", "the synthetic tubes have none")
     if reach != REACH:
-        warn_without_effect(console, "--reach", "every joint of the worm bends its surface")
+        warn_without_effect(console, "--reach", "every joint of the tube bends its surface")
 
 
 def _data(
@@ -150,8 +149,8 @@ def _data(
 ) -> tuple[str, Start, Registrations, Registrations | None]:
     """The run's name, its start, and the two sets."""
     if folder is None:
-        console.print("no folder: a synthetic worm with 1 mm of noise; nothing here was measured")
-        return "made-up", *noisy_worms(noise=0.001), None
+        console.print("no folder: a synthetic tube with 1 mm of noise; nothing here was measured")
+        return "made-up", *noisy_tubes(noise=0.001), None
     own = folder / START
     guess = read_start(start or (own if own.is_file() else "default"))
     console.print("[dim]looking at every registration[/]")
@@ -188,7 +187,7 @@ def _ideal_errors(
 def _origin(folder: Path | None) -> dict[str, Any]:
     """Where the registrations come from, as far as it is known."""
     if folder is None:
-        return {"provenance": ["Made up: random arrays on a worm. Nothing was measured."]}
+        return {"provenance": ["Made up: random arrays on a tube. Nothing was measured."]}
     made = folder / CARD
     if not made.is_file():
         return {"provenance": [f"Trained on the registrations in {folder.name}."]}

@@ -4,9 +4,9 @@ from workbench.comparison.budget import Budget
 from workbench.comparison.causes import Cause
 from workbench.comparison.compare import compare
 from workbench.comparison.comparison import Comparison
+from workbench.comparison.design import Instance
 from workbench.comparison.end_analysis import EndAnalysis
 from workbench.comparison.named_solvers import NamedSolver
-from workbench.comparison.plan import Instance
 from workbench.comparison.record import Ending, Record
 from workbench.comparison.targets import TAUS, TargetOutcome, Yardstick
 

@@ -11,10 +11,10 @@ from joblib import Parallel, delayed
 from workbench.comparison.budget import Budget
 from workbench.comparison.comparison import Comparison
 from workbench.comparison.description import Description
+from workbench.comparison.design import Design, Experiments, Instance, design
 from workbench.comparison.end_analysis import EndAnalysis
 from workbench.comparison.jobs import AnalyseEnds, Answer, Describe, Failed, Job, Solve
 from workbench.comparison.named_solvers import Given, NamedSolver, named_solvers
-from workbench.comparison.plan import Experiments, Instance, Plan, plan
 from workbench.comparison.record import Record, Stored, ended
 from workbench.comparison.store import Folder, Memory, Store
 from workbench.comparison.workers import answered, pool
@@ -52,7 +52,7 @@ def compare(
     Raises UnknownName, BadFile or BadArgument before anything runs; WorkbenchError if no
     experiment can be built. What a solver does wrong is in its records.
     """
-    chosen = plan(experiments, named_solvers(solvers), seeds, budget or Budget())
+    chosen = design(experiments, named_solvers(solvers), seeds, budget or Budget())
     if workers < 1:
         raise BadArgument(f"workers is how many runs go side by side, 1 or more; not {workers}")
     store: Store = Memory() if folder is None else Folder(folder)
@@ -98,7 +98,7 @@ def _keyed(job: Job) -> tuple[str, Answer | Failed]:
     return job.key, answered(job)
 
 
-def _carried_out(chosen: Plan, dispatcher: _Dispatcher) -> Comparison:
+def _carried_out(chosen: Design, dispatcher: _Dispatcher) -> Comparison:
     described, unbuilt = _described(chosen, dispatcher)
     instances = tuple(i for i in chosen.instances if i.name in described)
     if not instances:
@@ -117,7 +117,7 @@ def _carried_out(chosen: Plan, dispatcher: _Dispatcher) -> Comparison:
 
 
 def _described(
-    chosen: Plan, dispatcher: _Dispatcher
+    chosen: Design, dispatcher: _Dispatcher
 ) -> tuple[dict[str, Description], dict[str, str]]:
     """What each instance is; where numbers run out (`start=3` of two) there is no instance."""
     jobs = {
@@ -133,7 +133,7 @@ def _described(
     return {name: found[job.key] for name, job in jobs.items() if job.key in found}, unbuilt
 
 
-def _solve(chosen: Plan, instance: Instance, named: NamedSolver, about: Description) -> Solve:
+def _solve(chosen: Design, instance: Instance, named: NamedSolver, about: Description) -> Solve:
     return Solve(
         key=chosen.run_key(instance, named),
         experiment=instance.sent(),
@@ -163,7 +163,7 @@ def _groups(
 
 
 def _judged(
-    chosen: Plan,
+    chosen: Design,
     dispatcher: _Dispatcher,
     instances: tuple[Instance, ...],
     groups: tuple[tuple[str, ...], ...],

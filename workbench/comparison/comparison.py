@@ -10,10 +10,10 @@ from workbench.arrays import Array
 from workbench.comparison import statistics
 from workbench.comparison.causes import Cause, causes
 from workbench.comparison.description import Description
+from workbench.comparison.design import Design, Instance
 from workbench.comparison.end_analysis import EndAnalysis
 from workbench.comparison.log import KINDS
 from workbench.comparison.named_solvers import NamedSolver
-from workbench.comparison.plan import Instance, Plan
 from workbench.comparison.prices import prices, units
 from workbench.comparison.record import Ending, Record, ended
 from workbench.comparison.targets import NEARLY, TAUS, TargetOutcome, Yardstick, target_outcome
@@ -27,7 +27,7 @@ class Comparison:
     """Every run by instance and solver; what follows from them is computed when asked for.
 
     Attributes:
-        plan: what was to be run.
+        design: what was to be run.
         instances: the instances that could be built.
         unbuilt: why the others could not be built, by their names.
         described: the description of each instance, by its name.
@@ -37,7 +37,7 @@ class Comparison:
         taus: the targets.
     """
 
-    plan: Plan = field(repr=False)
+    design: Design = field(repr=False)
     instances: tuple[Instance, ...]
     unbuilt: dict[str, str]
     described: dict[str, Description] = field(repr=False)
@@ -49,12 +49,12 @@ class Comparison:
     @property
     def solvers(self) -> tuple[str, ...]:
         """The names of the solvers, in the order in which they were given."""
-        return tuple(named.name for named in self.plan.named_solvers)
+        return tuple(named.name for named in self.design.named_solvers)
 
     @property
     def named_solvers(self) -> tuple[NamedSolver, ...]:
         """The solvers themselves."""
-        return self.plan.named_solvers
+        return self.design.named_solvers
 
     @cached_property
     def problems(self) -> tuple[str, ...]:
@@ -149,14 +149,14 @@ class Comparison:
             costs = self.end_analysis(instance).costs
             lowest = None if basin is None else yardstick.near(costs[basin])
             found[instance, solver] = target_outcome(
-                record, yardstick, lowest, self.plan.budget.stationary
+                record, yardstick, lowest, self.design.budget.stationary
             )
         return found
 
     @cached_property
     def causes(self) -> dict[tuple[str, str], Cause]:
         """Why ends that were analysed are above 1.01 times the lowest cost; see `causes.cause`."""
-        return causes(self.ends, self.records, self.yardsticks, self.plan.budget.stationary)
+        return causes(self.ends, self.records, self.yardsticks, self.design.budget.stationary)
 
     # What it took.
 

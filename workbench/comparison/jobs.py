@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from workbench.arrays import Array
 from workbench.comparison.budget import Budget
+from workbench.comparison.design import SentExperiment
 from workbench.comparison.named_solvers import SentSolver
-from workbench.comparison.plan import SentExperiment
 from workbench.comparison.record import Stored
 
 Announce = Callable[[str, float], None]  # what begins, and how many seconds it may take

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from workbench.comparison.comparison import Comparison
+from workbench.comparison.design import Instance
 from workbench.comparison.log import KINDS
-from workbench.comparison.plan import Instance
 from workbench.comparison.targets import claims, named, stationary
 from workbench.writing import replacing
 
@@ -52,7 +52,7 @@ def deterministic(comparison: Comparison) -> tuple[str, ...]:
 
 
 def rows(comparison: Comparison) -> Iterator[dict[str, Any]]:
-    """One dict per run, in the order of the plan; what is unknown or not finite is empty."""
+    """One dict per run, in the order of the design; what is unknown or not finite is empty."""
     for instance in comparison.instances:
         for solver in comparison.solvers:
             yield {k: _plain(v) for k, v in _row(comparison, instance, solver).items()}
@@ -70,7 +70,7 @@ def write_csv(comparison: Comparison, path: Path, chosen: Sequence[str] | None =
 def _row(comparison: Comparison, instance: Instance, solver: str) -> dict[str, Any]:
     record = comparison.records[instance.name, solver]
     yardstick = comparison.yardsticks[instance.name]
-    holds = stationary(record, comparison.plan.budget.stationary) if claims(record) else None
+    holds = stationary(record, comparison.design.budget.stationary) if claims(record) else None
     basin = comparison.basins.get((instance.name, solver))
     cause = comparison.causes.get((instance.name, solver))
     found: dict[str, Any] = {

@@ -11,10 +11,10 @@ from collections import OrderedDict
 from typing import Any
 
 from workbench.comparison.description import describe
+from workbench.comparison.design import SentExperiment
 from workbench.comparison.end_analysis import analyse_ends
 from workbench.comparison.identity import identity
 from workbench.comparison.jobs import AnalyseEnds, Announce, Answer, Describe, Failed, Job, Solve
-from workbench.comparison.plan import SentExperiment
 from workbench.comparison.running import run_solver
 from workbench.errors import UnknownName, WorkbenchError
 from workbench.fitting.setup import Setup

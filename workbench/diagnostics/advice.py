@@ -18,7 +18,7 @@ TURN = 2 * np.pi
 def advise(diagnosis: Diagnosis) -> tuple[Suggestion, ...]:
     """Suggestions that improve the rank or the condition at the point of the diagnosis."""
     remedies = REMEDIES if diagnosis.here.finite else (_somewhere_else,)
-    problem, at = diagnosis.problem, dict(diagnosis.at)
+    problem, at = diagnosis.problem, dict(diagnosis.values)
     return tuple(s for remedy in remedies for s in remedy(diagnosis, problem, at))
 
 
@@ -232,7 +232,7 @@ def _tried(
 
     The values are those of the diagnosis unless others are given.
     """
-    at = dict(diagnosis.at) if at is None else at
+    at = dict(diagnosis.values) if at is None else at
     constrained = constrained_jacobian_at(problem, at)
     after = rank_and_condition(constrained)
     if not constrained.here.finite or not better(diagnosis.state, after):

@@ -38,14 +38,14 @@ class Diagnosis:
 
     Attributes:
         problem: the problem.
-        at: the values of all blocks that it reads.
+        values: the values of all blocks that it reads.
         here: its linearization at these values, without columns of rounding errors.
         wording: the functions that put it into words.
         priors: the names of the residuals that are priors, not data.
     """
 
     problem: Problem = field(repr=False)
-    at: Values = field(repr=False)
+    values: Values = field(repr=False)
     here: Linearization = field(repr=False)
     wording: "Wording[Diagnosis]" = field(repr=False)
     priors: tuple[str, ...] = ()
@@ -65,7 +65,7 @@ class Diagnosis:
     @cached_property
     def point(self) -> Point:
         """The active constraints at this point, and the yardstick of each unknown."""
-        return Point(self.problem, self.at, self.here, self.priors)
+        return Point(self.problem, self.values, self.here, self.priors)
 
     @cached_property
     def structure(self) -> Structure:
@@ -189,7 +189,7 @@ class Diagnosis:
         """The rank that the tree predicts, and why; None unless only joints are observed."""
         if self.point.active.any:
             return None
-        return law_of(self.problem, self.at)
+        return law_of(self.problem, self.values)
 
     # Conditioning.
 
@@ -242,7 +242,7 @@ class Diagnosis:
     @cached_property
     def derivatives(self) -> DerivativeCheck:
         """A check of the derivatives against finite differences."""
-        return check_derivatives(self.problem, self.at, self.here)
+        return check_derivatives(self.problem, self.values, self.here)
 
     # Conclusions.
 

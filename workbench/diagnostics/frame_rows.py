@@ -127,8 +127,8 @@ def frames_of_rows(residuals: Sequence[Residual]) -> Index:
     """The frame that each row of the stacked residual belongs to, (m,); -1 for none."""
     found = [np.zeros(0, dtype=np.int64)]
     for residual in residuals:
-        if residual.each:
-            found += [np.full(one.size, t) for t, one in residual.each]
+        if residual.by_frame:
+            found += [np.full(one.size, t) for t, one in residual.by_frame]
         else:
             found.append(np.full(residual.size, -1))
     return np.concatenate(found)

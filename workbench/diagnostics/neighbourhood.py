@@ -33,7 +33,7 @@ class Neighbourhood:
             return ()
         rng = np.random.default_rng(0)
         found = []
-        problem, at, steps = self.here.problem, self.here.at, self.here.yardsticks.sizes
+        problem, at, steps = self.here.problem, self.here.values, self.here.yardsticks.sizes
         sizes = problem.free.placed(steps)
         for _ in range(NEIGHBOURS):
             moved = {

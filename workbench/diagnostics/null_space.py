@@ -83,7 +83,7 @@ def count_weak(point: Point) -> int:
 
 def _motions(point: Point, pattern: csc_array) -> Iterator[NamedSubspace]:
     """The motions by which directions are named: gauges of bodies at rest first."""
-    yield from rest_gauges(point.problem, point.at)
+    yield from rest_gauges(point.problem, point.values)
     yield from named_subspaces(point.problem.free, point.problem.trees, pattern)
 
 

@@ -20,20 +20,20 @@ class Point:
 
     Attributes:
         problem: the problem.
-        at: the values of all blocks that it reads.
+        values: the values of all blocks that it reads.
         here: its linearization at these values, without columns of rounding errors.
         priors: the names of the residuals that are priors, not data.
     """
 
     problem: Problem = field(repr=False)
-    at: Values = field(repr=False)
+    values: Values = field(repr=False)
     here: Linearization = field(repr=False)
     priors: tuple[str, ...] = ()
 
     @cached_property
     def active(self) -> ActiveSet:
         """The bounds and constraints that are active here."""
-        return active_set_at(self.problem, self.at)
+        return active_set_at(self.problem, self.values)
 
     @property
     def active_pattern(self) -> csc_array:
@@ -54,7 +54,7 @@ class Point:
     def yardsticks(self) -> Yardsticks:
         """The yardstick of each unknown."""
         read = self.problem.known.values()
-        return yardsticks(self.problem.free, read, self.at, self.prior_sigma)
+        return yardsticks(self.problem.free, read, self.values, self.prior_sigma)
 
     @cached_property
     def is_prior(self) -> Mask:

@@ -178,7 +178,7 @@ def as_data(d: SequenceDiagnosis) -> dict[str, Any]:
                 "rows": r.size,
                 "unit": r.unit,
                 "prior": r.name in d.priors,
-                "frames": len({t for t, _ in r.each}),
+                "frames": len({t for t, _ in r.by_frame}),
                 "between": r.name in d.between,
             }
             for r in d.problem.residuals

@@ -38,14 +38,14 @@ class SequenceDiagnosis:
 
     Attributes:
         problem: the sequence.
-        at: the values of all blocks that it reads.
+        values: the values of all blocks that it reads.
         here: its linearization at these values, without columns of rounding errors.
         wording: the functions that put it into words.
         priors: the names of the residuals that are priors, not data.
     """
 
     problem: Problem = field(repr=False)
-    at: Values = field(repr=False)
+    values: Values = field(repr=False)
     here: Linearization = field(repr=False)
     wording: "Wording[SequenceDiagnosis]" = field(repr=False)
     priors: tuple[str, ...] = ()
@@ -63,7 +63,7 @@ class SequenceDiagnosis:
     @cached_property
     def frames(self) -> SingleFrames:
         """The frames one by one."""
-        return SingleFrames(self.problem, self.at)
+        return SingleFrames(self.problem, self.values)
 
     @property
     def count(self) -> int:
@@ -134,7 +134,7 @@ class SequenceDiagnosis:
         part = self.rows.rest[at][:, border].toarray() * self.rows.lengths[border]
         reads = np.asarray(part.any(axis=1))
         prior = prior_sigma(Linearization(np.zeros(len(part)), part), reads)
-        sizes = yardsticks(layout, self.problem.known.values(), self.at, prior)
+        sizes = yardsticks(layout, self.problem.known.values(), self.values, prior)
         return SharedUnknowns.of(self.rows, layout, sizes, self.sigma[border], self.null_vectors)
 
     @cached_property
@@ -168,8 +168,8 @@ class SequenceDiagnosis:
         """By name of a residual of single frames, the frames that have none of that name."""
         found = {}
         for residual in self.problem.residuals:
-            absent = sorted(set(range(self.count)) - {t for t, _ in residual.each})
-            if residual.each and absent:
+            absent = sorted(set(range(self.count)) - {t for t, _ in residual.by_frame})
+            if residual.by_frame and absent:
                 found[residual.name] = tuple(absent)
         return found
 
@@ -180,7 +180,7 @@ class SequenceDiagnosis:
         return tuple(
             r.name
             for r in self.problem.residuals
-            if not r.each and any(known[name].framed for name in r.reads)
+            if not r.by_frame and any(known[name].framed for name in r.reads)
         )
 
     # Conclusions.

@@ -19,11 +19,11 @@ class SingleFrames:
 
     Attributes:
         problem: the sequence.
-        at: the values of all blocks that it reads.
+        values: the values of all blocks that it reads.
     """
 
     problem: Problem
-    at: Values
+    values: Values
 
     @cached_property
     def count(self) -> int:
@@ -60,7 +60,7 @@ class SingleFrames:
     @cached_property
     def trees(self) -> tuple[Tree, ...]:
         """The kinematic trees of the bodies whose points single frames read."""
-        parts = {id(one): one for r in self.problem.residuals for _, one in r.each}
+        parts = {id(one): one for r in self.problem.residuals for _, one in r.by_frame}
         trees = (p.source.tree for one in parts.values() for p in one.points)
         return tuple({tree.places: tree for tree in trees if tree is not None}.values())
 
@@ -72,15 +72,19 @@ class SingleFrames:
         """
         if not 0 <= t < self.count:
             raise BadArgument(f"there is no frame {t}: the {self.count} frames count from 0")
-        own = [one for r in self.problem.residuals for s, one in r.each if s == t]
+        own = [one for r in self.problem.residuals for s, one in r.by_frame if s == t]
         if not own:
             raise BadArgument(f"frame {t} has no residuals of its own, and so no diagnosis")
-        terms = [*own, *(r for r in self.problem.residuals if not r.each and self._of_shared(r))]
+        terms = [
+            *own,
+            *(r for r in self.problem.residuals if not r.by_frame and self._of_shared(r)),
+        ]
         whole = Problem(terms, ())
         names = self._free_in(t, whole.known)
         known = self.problem.known
         values = {
-            name: self.at[name][t] if known[name].framed else self.at[name] for name in whole.known
+            name: self.values[name][t] if known[name].framed else self.values[name]
+            for name in whole.known
         }
         return whole.freeing(*names), values
 

@@ -184,7 +184,7 @@ def pose_moves_template(problem: Problem) -> bool:
     sources = [p.source for residual in problem.residuals for p in residual.points]
     return any(
         isinstance(source, BodySource)
-        and not free.isdisjoint(symbol.name() for symbol in cs.symvar(source.at.pose))
+        and not free.isdisjoint(symbol.name() for symbol in cs.symvar(source.arguments.pose))
         and source.bent
         for source in sources
     )
@@ -251,7 +251,7 @@ def only_joints(
     if [block.shape for block in others] not in ([], [(3,)]) or free.parts:
         return None
     if isinstance(found.source, BodySource) and others:
-        maps = found.source.at.maps
+        maps = found.source.arguments.maps
         if maps is None or maps[2].plain != others[0].name:
             return None
     stacked = cs.vertcat(*[residual.expression for residual in problem.residuals])

@@ -43,7 +43,7 @@ class Suggestion:
         before: rank and condition before.
         after: rank and condition with the suggestion carried out.
         problem: the problem with the suggestion carried out.
-        at: the values with the suggestion carried out.
+        values: the values with the suggestion carried out.
         kind: `fix`, `prior`, `drop`, `rescale`, `rewrap` or `move`.
     """
 
@@ -53,7 +53,7 @@ class Suggestion:
     before: RankAndCondition
     after: RankAndCondition
     problem: Problem = field(repr=False)
-    at: Values = field(repr=False)
+    values: Values = field(repr=False)
     kind: str = ""
 
     @property

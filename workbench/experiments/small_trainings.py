@@ -17,7 +17,13 @@ from workbench.errors import BadArgument, UnknownName
 from workbench.experiments.experiment import Experiment
 from workbench.experiments.synthetic_people import with_refined_answer
 from workbench.fitting.setup import Measure, Setup, distances, rms
-from workbench.synthetic.made_up import Spoiled, arms, draw_registrations, limb, random_smpl
+from workbench.synthetic.made_up import (
+    CorruptedRegistrations,
+    arms,
+    draw_registrations,
+    limb,
+    random_smpl,
+)
 from workbench.training.estimate import Estimate, Sigmas
 from workbench.training.first_guess import Start
 from workbench.training.objective import Objective
@@ -68,7 +74,7 @@ def training(
     mirror = guess.mirror()
     body = random_smpl(guess, 2, seed=seed)
     exact, truth = draw_registrations(body, subjects, poses, seed + 1, turn=turn)
-    data = Spoiled(exact, seed=seed + 2, noise=noise)
+    data = CorruptedRegistrations(exact, seed=seed + 2, noise=noise)
     rings, first_weights = guess.rings(), guess.weights()
     objective = Objective(
         data, rings, first_weights, mirror, Sigmas(data=noise or 1e-3), guess.template

@@ -13,7 +13,6 @@ import numpy as np
 from workbench.arrays import Array, Index
 
 REFLECTION = np.array([-1.0, 1.0, 1.0])  # what becomes of a position (x, y, z)
-AXIAL = np.array([1.0, -1.0, -1.0])  # what becomes of a rotation vector
 
 
 def opposite(name: str) -> str:
@@ -25,12 +24,6 @@ def opposite(name: str) -> str:
 def opposites(names: Sequence[str]) -> Index:
     """For each name the index of its opposite."""
     return np.array([list(names).index(opposite(name)) for name in names])
-
-
-def mirrored_pose(pose: Array, joints: Index) -> Array:
-    """Poses (..., K, 3) rad as seen in a mirror; `joints` (K,) are the opposites."""
-    mirrored: Array = pose[..., joints, :] * AXIAL
-    return mirrored
 
 
 @dataclass(frozen=True, eq=False)

@@ -46,15 +46,3 @@ def procrustes(
 def segment_motions(source: Array, target: Array, weights: Array) -> list[Similarity]:
     """The rigid motion of each of K segments, by `procrustes` with its row of weights (K, N)."""
     return [procrustes(source, target, w) for w in weights]
-
-
-def umeyama(source: ArrayLike, target: ArrayLike) -> Similarity:
-    """The similarity that takes source to target, both (N, 3), with the least squared error.
-
-    It is `procrustes` with a scale (Umeyama 1991, eq. 41-43).
-    """
-    p, q = np.asarray(source, dtype=float), np.asarray(target, dtype=float)
-    rigid = procrustes(p, q)
-    p0, q0 = p.mean(axis=0), q.mean(axis=0)
-    scale = float(np.sum((q - q0) * ((p - p0) @ rigid.R.T)) / np.sum((p - p0) ** 2))
-    return Similarity(rigid.R, q0 - scale * rigid.R @ p0, scale)

@@ -13,7 +13,6 @@ import numpy as np
 
 from workbench.arrays import Array, Index, Mask
 from workbench.errors import BadFile, listed
-from workbench.geometry.mirror import mirrored_pose, opposites
 from workbench.reading.archive import open_arrays
 from workbench.reading.damage import taken_for
 from workbench.reading.expected import check_numbers, read_expected, reals, texts, truths, wholes
@@ -53,16 +52,6 @@ class Mocap:
         """
         held_out = self.clip % HELD_OUT_EVERY == HELD_OUT_EVERY - 1
         return self._where(~held_out), self._where(held_out)
-
-    def both_ways(self) -> tuple[Array, Mask]:
-        """The frames and their mirror images without the root, (2 F, 3 (K - 1)) rad.
-
-        The second array (K - 1,) says which joints do not move in any of them.
-        """
-        turned = mirrored_pose(self.poses, opposites(self.joint_names))
-        both = np.concatenate([self.poses, turned])[:, 1:]
-        still: Mask = (np.ptp(both, axis=0) < 1e-6).all(axis=1)
-        return both.reshape(len(both), -1), still
 
     @property
     def absent(self) -> tuple[str, ...]:

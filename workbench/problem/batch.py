@@ -170,7 +170,7 @@ def _arithmetic(batch: Batch, x: Array, fixed: Array, places: Places) -> Costs:
     def costs(z: Array) -> Array:
         X = _filled(x, places, z)
         values = _values(batch, X, fixed)
-        points = (source.many(values).reshape(len(z), -1) for source in batch.sources)
+        points = (source.evaluate_batch(values).reshape(len(z), -1) for source in batch.sources)
         return run(X, fixed, *points)[0][:, 0]
 
     return costs

@@ -265,7 +265,7 @@ class Chain:
         last, key = self._last, x.tobytes() + fixed.tobytes()  # once: a thread may replace it
         if key != last[0]:
             values = all_values(self.free, x, self._fixed, fixed)
-            self._last = last = key, [source.at(values) for source in self.sources]
+            self._last = last = key, [source.evaluate(values) for source in self.sources]
         return last[1]
 
 

@@ -209,7 +209,7 @@ def _grouped(
     parts: dict[int, list[tuple[Residual, Index]]] = {}  # of each frame, with their rows
     for residual in residuals:
         first = rows[residual.name].start
-        for t, one in residual.each:
+        for t, one in residual.by_frame:
             parts.setdefault(t, []).append((one, np.arange(first, first + one.size)))
             first += one.size
     known: dict[object, SingleFrame] = {}
@@ -238,4 +238,4 @@ def _grouped(
         )
         for chain, members in chains.values()
     ]
-    return groups, [r for r in residuals if not r.each]
+    return groups, [r for r in residuals if not r.by_frame]

@@ -9,7 +9,7 @@ from scipy.sparse import csr_array
 from workbench.arrays import Array, Index, Mask
 from workbench.blocks import PointsAt
 from workbench.blocks.buffered import Buffered
-from workbench.blocks.points import each_of
+from workbench.blocks.points import evaluate_each
 from workbench.problem.band_order import run_of
 from workbench.problem.chain import Chain
 
@@ -56,7 +56,7 @@ class FrameGroup:
     def places(self, values: Each) -> list[list[PointsAt]]:
         """The points of each source, frame by frame."""
         some = [values[t] for t in self.frames]
-        return [each_of(source, some) for source in self.chain.sources]
+        return [evaluate_each(source, some) for source in self.chain.sources]
 
     def gradient(
         self, x: Array, fixed: Array, places: Sequence[Sequence[PointsAt]]

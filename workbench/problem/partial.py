@@ -41,18 +41,18 @@ class PartlyFreePoints:
         """The names of the blocks that the points depend on."""
         return self.source.reads
 
-    def many(self, values: Mapping[str, Array]) -> Array:
+    def evaluate_batch(self, values: Mapping[str, Array]) -> Array:
         """The points (M, N, 3) m for M values of each block."""
-        return self.source.many(values)
+        return self.source.evaluate_batch(values)
 
     def pattern(self, name: str) -> csc_array | None:
         """The columns of wanted entries in the source's pattern, if it has one."""
         found = pattern_of(self.source, name)
         return None if found is None else _columns(found, self.wanted.get(name))
 
-    def at(self, values: Mapping[str, Array]) -> "PartlyFreePointsAt":
+    def evaluate(self, values: Mapping[str, Array]) -> "PartlyFreePointsAt":
         """The points where whole blocks have these values."""
-        return PartlyFreePointsAt(self.source.at(values), self.wanted, values)
+        return PartlyFreePointsAt(self.source.evaluate(values), self.wanted, values)
 
 
 @dataclass(frozen=True, eq=False)

@@ -285,7 +285,7 @@ class Problem:
 
     @cached_property
     def _chain(self) -> Chain | FrameChain:
-        by_frames = any(residual.each for residual in self.residuals)
+        by_frames = any(residual.by_frame for residual in self.residuals)
         return (FrameChain if by_frames else Chain.of)(self.residuals, *self._layouts)
 
     @cached_property

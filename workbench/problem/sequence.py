@@ -46,24 +46,24 @@ def sequence(
     Raises BadArgument for no frames and for those that do not go together, UnknownName for a shared
     block that no frame reads, and what Problem raises.
     """
-    each = several("the frames of a sequence", frames, Problem, BadArgument)
-    if not each:
+    problems = several("the frames of a sequence", frames, Problem, BadArgument)
+    if not problems:
         raise BadArgument("a sequence needs at least one frame")
-    if any(block.framed for _, problem in _distinct(each) for block in problem.known.values()):
+    if any(block.framed for _, problem in _distinct(problems) for block in problem.known.values()):
         raise BadArgument(
             "one of the frames is a sequence itself; make one sequence of all the single frames"
         )
     names = texts("the names of shared blocks", shared)
-    whole = Frames(_blocks(each, names))
+    whole = Frames(_blocks(problems, names))
     once = {name: block for name, block in whole.blocks.blocks.items() if not block.framed}
     residuals = _gathered(
-        each,
+        problems,
         lambda one: one.residuals,
         once,
-        lambda parts: whole.residual({t: (part, each[t].known) for t, part in parts.items()}),
+        lambda parts: whole.residual({t: (part, problems[t].known) for t, part in parts.items()}),
     )
     constraints = _gathered(
-        each, lambda one: one.constraints, once, lambda parts: _limited(whole, each, parts)
+        problems, lambda one: one.constraints, once, lambda parts: _limited(whole, problems, parts)
     )
     if callable(between) or not isinstance(between, Iterable):
         raise BadArgument("what is between frames is a list of functions; put the one into a list")
@@ -80,14 +80,14 @@ def sequence(
                 f"{type(found).__name__}"
             )
         residuals.append(found)
-    free, blocks = _free(each, whole.blocks), tuple(whole.blocks.blocks.values())
-    return Problem(residuals, free, _bounds(each, whole.blocks), blocks, constraints)
+    free, blocks = _free(problems, whole.blocks), tuple(whole.blocks.blocks.values())
+    return Problem(residuals, free, _bounds(problems, whole.blocks), blocks, constraints)
 
 
-def _blocks(each: Sequence[Problem], shared: Sequence[str]) -> FrameBlocks:
+def _blocks(problems: Sequence[Problem], shared: Sequence[str]) -> FrameBlocks:
     """The blocks of the sequence. Raises BadArgument where frames have other shapes."""
     first: dict[str, tuple[int, Block]] = {}
-    for t, problem in _distinct(each):
+    for t, problem in _distinct(problems):
         for name, block in problem.known.items():
             s, known = first.setdefault(name, (t, block))
             if known.shape != block.shape:
@@ -99,24 +99,24 @@ def _blocks(each: Sequence[Problem], shared: Sequence[str]) -> FrameBlocks:
         if name not in first:
             raise UnknownName("block", name, first, more="a shared block is one that a frame reads")
     return FrameBlocks(
-        len(each),
+        len(problems),
         {
-            name: block if name in shared else framed(block, len(each))
+            name: block if name in shared else framed(block, len(problems))
             for name, (_, block) in first.items()
         },
     )
 
 
-def _distinct(each: Sequence[Problem]) -> list[tuple[int, Problem]]:
+def _distinct(problems: Sequence[Problem]) -> list[tuple[int, Problem]]:
     """Each problem once, with the first frame that it stands for."""
     first: dict[int, tuple[int, Problem]] = {}
-    for t, problem in enumerate(each):
+    for t, problem in enumerate(problems):
         first.setdefault(id(problem), (t, problem))
     return list(first.values())
 
 
 def _gathered(
-    each: Sequence[Problem],
+    problems: Sequence[Problem],
     of: Callable[[Problem], Sequence[Part]],
     once: dict[str, Block],
     stack: Callable[[dict[int, Part]], Part],
@@ -126,7 +126,7 @@ def _gathered(
     Those that read only shared blocks, which are in `once`, are taken once.
     """
     found: dict[str, dict[int, Part]] = {}
-    for t, problem in enumerate(each):
+    for t, problem in enumerate(problems):
         for part in of(problem):
             found.setdefault(part.name, {})[t] = part
     gathered = []
@@ -138,7 +138,7 @@ def _gathered(
         elif not same:  # every different one once
             distinct = {id(part): t for t, part in reversed(parts.items())}
             gathered.append(stack({t: parts[t] for t in sorted(distinct.values())}))
-        elif all(_same(each[t].known[name], once[name]) for name in first.reads):
+        elif all(_same(problems[t].known[name], once[name]) for name in first.reads):
             gathered.append(first)
         else:  # the frame has its own symbols for shared blocks
             gathered.append(stack({t: first}))
@@ -150,12 +150,14 @@ def _same(one: Block, other: Block) -> bool:
     return bool(one.symbol.__hash__() == other.symbol.__hash__())
 
 
-def _limited(whole: Frames, each: Sequence[Problem], parts: dict[int, Constraint]) -> Constraint:
+def _limited(
+    whole: Frames, problems: Sequence[Problem], parts: dict[int, Constraint]
+) -> Constraint:
     """The constraints of frames that have one name, as one, with the smallest tolerance.
 
     Raises BadConstraint where their units differ.
     """
-    columns = {t: (c.expression, each[t].known, c.points) for t, c in parts.items()}
+    columns = {t: (c.expression, problems[t].known, c.points) for t, c in parts.items()}
     expression, points = whole.stacked(columns)
     order = min(parts)
     first = parts[order]
@@ -177,10 +179,10 @@ def _limited(whole: Frames, each: Sequence[Problem], parts: dict[int, Constraint
     )
 
 
-def _free(each: Sequence[Problem], blocks: FrameBlocks) -> list[str]:
+def _free(problems: Sequence[Problem], blocks: FrameBlocks) -> list[str]:
     """Names of the free entries in the sequence. Raises BadArgument where frames disagree."""
     found: dict[str, tuple[int, tuple[int, ...]]] = {}
-    for t, problem in _distinct(each):
+    for t, problem in _distinct(problems):
         for name in problem.known:
             places = tuple(problem.free[name].places) if name in problem.free.names else ()
             s, known = found.setdefault(name, (t, places))
@@ -189,7 +191,7 @@ def _free(each: Sequence[Problem], blocks: FrameBlocks) -> list[str]:
                     f"block {name!r} is not free in the same entries in frame {t} as in frame {s}; "
                     "free it alike, or hold entries of single frames afterwards by freeing(...)"
                 )
-    order = dict.fromkeys(n for _, problem in _distinct(each) for n in problem.free.names)
+    order = dict.fromkeys(n for _, problem in _distinct(problems) for n in problem.free.names)
     names = []
     for name in order:
         block, (_, places) = blocks[name], found[name]
@@ -202,11 +204,13 @@ def _free(each: Sequence[Problem], blocks: FrameBlocks) -> list[str]:
     return names
 
 
-def _bounds(each: Sequence[Problem], blocks: FrameBlocks) -> dict[str, tuple[ArrayLike, ArrayLike]]:
+def _bounds(
+    problems: Sequence[Problem], blocks: FrameBlocks
+) -> dict[str, tuple[ArrayLike, ArrayLike]]:
     """The bounds of all frames; for a shared block, the narrowest."""
     low: dict[str, Array] = {}
     high: dict[str, Array] = {}
-    for t, problem in enumerate(each):
+    for t, problem in enumerate(problems):
         if not problem.bounded:
             continue
         for part in problem.free.blocks:

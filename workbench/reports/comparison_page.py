@@ -57,17 +57,17 @@ def write_comparison(comparison: Comparison, folder: str | Path) -> Path:
 
 def comparison_data(comparison: Comparison) -> dict[str, Any]:
     """Everything but the runs, as plain data."""
-    plan = comparison.plan
+    design = comparison.design
     return {
         "made_by": MAKER,
         "kind": "comparison",
         "problems": comparison.problems,
         "solvers": {
-            e.name: identity(plan.budget.given(e.solver)) | {"file": e.source}
+            e.name: identity(design.budget.given(e.solver)) | {"file": e.source}
             for e in comparison.named_solvers
         },
-        "budget": asdict(plan.budget),
-        "seeds": plan.seeds,
+        "budget": asdict(design.budget),
+        "seeds": design.seeds,
         "targets": comparison.taus,
         "prices": comparison.prices,
         "measured_prices": {p: ratios(comparison, p) for p in comparison.problems},
@@ -141,7 +141,7 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
         causes={ends.words_of(c): c.value for c in Cause},
         failures=ends.failures_table(comparison),
         options=tables.options_table(comparison),
-        budget=comparison.plan.budget,
+        budget=comparison.design.budget,
         taus=", ".join(named(tau) for tau in comparison.taus),
         machines=machines(comparison),
         by_clock=sum(ended_by_clock(r) for r in comparison.records.values()),

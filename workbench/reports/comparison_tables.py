@@ -6,10 +6,10 @@ import numpy as np
 
 from workbench.comparison import Comparison, TargetOutcome
 from workbench.comparison.comparison import MAIN
+from workbench.comparison.design import Instance
 from workbench.comparison.identity import identity
 from workbench.comparison.log import KINDS, LIMITED
 from workbench.comparison.measured import Timing, ratios, seconds_of_runs, seconds_to
-from workbench.comparison.plan import Instance
 from workbench.comparison.prices import PRICES
 from workbench.comparison.statistics import Interval, median
 from workbench.comparison.targets import named
@@ -166,7 +166,7 @@ def options_table(comparison: Comparison) -> Table:
     """The solvers with all their options, as they ran."""
     rows = []
     for each in comparison.named_solvers:
-        told = identity(comparison.plan.budget.given(each.solver))
+        told = identity(comparison.design.budget.given(each.solver))
         options = ", ".join(f"{k}={v}" for k, v in told.items() if k != "type")
         rows.append((each.name, str(told["type"]).split()[0], options, each.source))
     return Table(("solver", "class", "options", "file"), tuple(rows), ())

@@ -21,7 +21,7 @@ MOST_MOVE = 1.0  # units: two sigmas may be far out of the linear world
 def pictures(d: Diagnosis, found: Sequence[Direction], body: Body | None) -> list[Shown]:
     """The body moved along the first directions that move it at all; none for several frames."""
     several = any(block.framed for block in d.problem.known.values())
-    if body is None or several or _arguments(d, body, d.at) is None:
+    if body is None or several or _arguments(d, body, d.values) is None:
         return []
     drawn: list[Shown] = []
     for direction in sorted(found, key=lambda x: x.kind == "entry"):
@@ -43,10 +43,10 @@ def pictures(d: Diagnosis, found: Sequence[Direction], body: Body | None) -> lis
 def _moved(d: Diagnosis, direction: Direction, body: Body, amount: float) -> dict[str, Array]:
     """Surfaces (N, 3) m by label, the person upright whatever the world's axes are."""
     free = d.free
-    x = free.pack(d.at)
+    x = free.pack(d.values)
     surfaces, upright = {}, np.eye(3)
     for label, step in (("here", 0.0), ("−", -amount), ("+", amount)):
-        values = dict(d.at) | free.unpack(x + step * direction.vector, d.at)
+        values = dict(d.values) | free.unpack(x + step * direction.vector, d.values)
         arguments = _arguments(d, body, values)
         assert arguments is not None  # asked before
         upright = matrix_from_vector(arguments[0][0]) if label == "here" else upright

@@ -1,7 +1,7 @@
 """The tables of a comparison that tell where runs ended, as rows of text."""
 
 from workbench.comparison import Cause, Comparison, EndAnalysis, Record, TargetOutcome
-from workbench.comparison.plan import Instance
+from workbench.comparison.design import Instance
 from workbench.reports.tables import Columns, Row, Table, number
 
 

@@ -164,7 +164,7 @@ def _modes(p: Posterior) -> str:
 def _spray(p: Posterior, setup: Setup) -> Shown | None:
     """Bodies upright, as the mean pose of the root is."""
     body = setup.body
-    arguments = None if body is None else _arguments(p, body, p.at)
+    arguments = None if body is None else _arguments(p, body, p.given)
     if body is None or arguments is None:
         return None
     upright = matrix_from_vector(arguments[0][0])
@@ -180,7 +180,7 @@ def _spray(p: Posterior, setup: Setup) -> Shown | None:
 
 def _views(p: Posterior, setup: Setup) -> list[Shown]:
     body, found = setup.body, []
-    if body is None or _arguments(p, body, p.at) is None:
+    if body is None or _arguments(p, body, p.given) is None:
         return []
     several = p.values(DRAWN)
     surfaces = [_surface(p, body, values) for values in several]

@@ -103,7 +103,7 @@ def skinned_data(body: SkinnedBody) -> dict[str, Any]:
     carriers = np.pad(carriers, ((0, 0), (0, MOST_WEIGHTS - carriers.shape[1])))
     shares = np.take_along_axis(body.weights, carriers, axis=1)
     shares[:, body.n_joints :] = 0  # where there are fewer joints than weights
-    skeleton = body.packed.skeleton
+    skeleton = body.numeric.skeleton
     return {
         "model": "SMPL",
         **_common(body),

@@ -71,7 +71,7 @@ class Frames:
             symbols = [(own.symbol, whole.symbol) for own, whole in pairs]
             read = {s.name() for s in cs.symvar(expression)}
             own_blocks = [block for name, block in blocks.items() if name in read]
-            found = self.blocks.each(expression, own_blocks, some, symbols)
+            found = self.blocks.in_frames(expression, own_blocks, some, symbols)
             if len(groups) == 1:
                 return cs.vec(found), tuple(reads)
             columns |= zip(some, cs.horzsplit(found), strict=True)

@@ -36,7 +36,7 @@ class Residual:
     has no nonzeros, for a placeholder is a symbol of its own. `graph` is the same in the symbols of
     blocks, and `workbench.jacobian` refuses an expression with placeholders. `blocks` describe
     symbols that the expression reads, by unit and labels. A residual of a sequence has the rows of
-    all frames, and says in `each` which residual of a single frame they come from.
+    all frames, and says in `by_frame` which residual of a single frame they come from.
 
     Raises BadResidual if it is no column of symbols, reads a placeholder that is not among its
     points, has no positive and finite sigma, weights that are negative or do not fit, a kernel
@@ -54,7 +54,7 @@ class Residual:
         weights: one for all rows, (m,), or (m / d,); None where every row has the weight 1.
         blocks: units and labels of symbols that the expression reads.
         rows_per_point: d, how many successive rows are the coordinates of one point.
-        each: in a sequence, the frames and their residuals; empty otherwise.
+        by_frame: in a sequence, the frames and their residuals; empty otherwise.
     """
 
     name: str
@@ -67,7 +67,7 @@ class Residual:
     weights: cs.MX | ArrayLike | None = None
     blocks: tuple[Block, ...] = ()
     rows_per_point: int = 1
-    each: tuple[tuple[int, "Residual"], ...] = ()
+    by_frame: tuple[tuple[int, "Residual"], ...] = ()
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):
@@ -157,7 +157,7 @@ class Residual:
 
         In a sequence the frame comes first, as in `[12, left_wrist, u]`.
         """
-        if self.each:
+        if self.by_frame:
             t, one, row = self._of_frame(row)
             inner = one.label(row).removeprefix(f"{one.name}[")
             return f"{self.name}[{t}, {inner}"
@@ -165,9 +165,9 @@ class Residual:
 
     def _of_frame(self, row: int) -> tuple[int, "Residual", int]:
         """The frame that a row is of, the residual of that frame, and the row in it."""
-        edges = np.cumsum([one.size for _, one in self.each])
+        edges = np.cumsum([one.size for _, one in self.by_frame])
         i = int(np.searchsorted(edges, row, side="right"))
-        t, one = self.each[i]
+        t, one = self.by_frame[i]
         return t, one, row - int(edges[i]) + one.size
 
 

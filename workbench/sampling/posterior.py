@@ -38,7 +38,7 @@ class Posterior:
 
     Attributes:
         problem: the problem.
-        at: the values of every block that the problem reads.
+        given: the values of every block that the problem reads.
         subspace: what was sampled.
         draws: (E, S, W, k).
         log_prob: (E, S, W) log densities, up to a constant.
@@ -53,7 +53,7 @@ class Posterior:
     """
 
     problem: Problem = field(repr=False)
-    at: Values = field(repr=False)
+    given: Values = field(repr=False)
     subspace: Subspace = field(repr=False)
     draws: Array = field(repr=False)
     log_prob: Array = field(repr=False)
@@ -188,7 +188,7 @@ class Posterior:
 
         Where directions were sampled, it is the nearest point that they reach.
         """
-        x, space = self.problem.free.pack({**self.at, **values}), self.subspace
+        x, space = self.problem.free.pack({**self.given, **values}), self.subspace
         if space.entries is not None:
             return np.asarray(x[space.entries])
         span = space.span
@@ -202,7 +202,9 @@ class Posterior:
 
     def values(self, count: int, seed: int = 0) -> list[Values]:
         """Random draws as values of all blocks, fixed ones included, as a body takes them."""
-        fixed = {name: np.asarray(self.at[name], dtype=float) for name in self.problem.fixed.names}
+        fixed = {
+            name: np.asarray(self.given[name], dtype=float) for name in self.problem.fixed.names
+        }
         return [fixed | self.problem.free.unpack(x, fixed) for x in self.points(count, seed)]
 
     def inference_data(self) -> Any:

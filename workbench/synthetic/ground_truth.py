@@ -14,6 +14,7 @@ from workbench.reading.expected import check_numbers, read_expected, reals, whol
 from workbench.writing import replacing
 
 FILE = "truth.npz"
+CARD = "made.json"  # beside it: how the registrations were made
 EXPECTED = {
     "rest": reals("S", "N", 3),
     "joints": reals("S", "K", 3),
@@ -60,7 +61,7 @@ def read_ground_truth(folder: Path) -> GroundTruth:
     if not path.is_file():
         raise BadFile(
             f"{path} does not exist: what these registrations were made from is not known; "
-            "`python -m workbench.synthetic.sets` makes registrations that come with it"
+            "`python -m builder.sets`, in a checkout, makes registrations that come with it"
         )
     with taken_for(path, "record of what registrations were made from", "make them anew"):
         with open_arrays(path) as archive:

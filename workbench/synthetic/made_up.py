@@ -12,7 +12,7 @@ from workbench.training.first_guess import Start, at_most
 from workbench.training.registrations import Batch, InMemory, Registrations
 
 
-def worm(rings: int = 25, around: int = 8) -> Start:
+def jointed_tube(rings: int = 25, around: int = 8) -> Start:
     """A tube of rings x around vertices along x, 1 m long, with six joints and a bump on top.
 
     Alike on both sides of x = 0 if the number of rings is odd.
@@ -28,7 +28,7 @@ def worm(rings: int = 25, around: int = 8) -> Start:
 
 
 def limb(rings: int, around: int) -> Start:
-    """A tube like `worm`'s with two joints: the root, and the `tip`, which moves x > 0."""
+    """A tube like `jointed_tube`'s with two joints: the root, and the `tip`, which moves x > 0."""
     v, faces = _tube(rings, around)
     return Start(v, faces, (-1, 0), ("root", "tip"), np.where(v[:, 0] > 0, 1, 0))
 
@@ -142,7 +142,7 @@ def draw_registrations(
 
 
 @dataclass(frozen=True, eq=False)
-class Spoiled:
+class CorruptedRegistrations:
     """Registrations with noise, missing patches and outliers, the same for the same seed.
 
     Attributes:
@@ -173,7 +173,7 @@ class Spoiled:
         return self.of.n_vertices
 
     def read(self, some: slice) -> Batch:
-        """Spoiled one by one, so that it does not matter in which batch they are read."""
+        """Corrupted one by one, so that it does not matter in which batch they are read."""
         batch = self.of.read(some)
         vertices, confidence = batch.vertices.copy(), batch.confidence.copy()
         for at, v in enumerate(vertices):
@@ -192,8 +192,8 @@ class Spoiled:
         return Batch(batch.some, batch.subject, vertices, confidence)
 
 
-def noisy_worms(noise: float) -> tuple[Start, Registrations]:
+def noisy_tubes(noise: float) -> tuple[Start, Registrations]:
     """A small training set: six people in twelve poses each, with `noise` in metres."""
-    guess = worm(11, 6)
+    guess = jointed_tube(11, 6)
     exact, _ = draw_registrations(random_smpl(guess, 3, seed=0), 6, 12, seed=1)
-    return guess, Spoiled(exact, seed=2, noise=noise)
+    return guess, CorruptedRegistrations(exact, seed=2, noise=noise)

@@ -11,6 +11,7 @@ from workbench.synthetic.rig import at_most_four, read_rig
 from workbench.synthetic.shape_targets import read_shape_targets
 from workbench.synthetic.wheel import Wheel
 
+JITTER = 0.05  # rad, of every joint about every axis: no two people at rest stand alike
 SEARCH_RADIUS = {"joints": 0.25, "keypoints": 0.15}  # m, of the vertices that may give a point
 
 

@@ -1,6 +1,5 @@
 """How well a body explains people and poses that it was not trained on.
 
-`generalization_errors` fits pose and shape directions to each registration by itself.
 `evaluate_held_out` allows each held-out person a rest shape of their own: half of a person's
 registrations show it, with the body's posedirs, weights and regressor held; in the other half
 only poses are fitted, and the errors of these registrations count.
@@ -20,17 +19,14 @@ from workbench.training.executor import SERIAL, Execution
 from workbench.training.first_guess import Start
 from workbench.training.objective import Objective
 from workbench.training.pose_training import first_estimate, first_poses
-from workbench.training.poses import EdgeTerm, PoseFit, ShapePrior, VertexTerm, poses_of_segments
+from workbench.training.poses import EdgeTerm, ShapePrior
 from workbench.training.registrations import (
     Registrations,
     RegistrationSubset,
-    batches,
     in_memory,
 )
 from workbench.training.shape_training import unposed_people, unposing_jobs
 
-FIT_STEPS = 60  # of the fit of one registration in `generalization_errors`
-FIT_TOLERANCE = 1e-13
 STEPS = 4  # of Gauss and Newton for a held-out person's rest shape and poses
 ROUNDS = 4  # of fitting the poses of the registrations that count
 REGRESSED = 0.0005  # m: how far joints may be from the regressor's
@@ -65,29 +61,6 @@ class VertexErrors:
 def errors_of(objective: Objective, estimate: Estimate) -> VertexErrors:
     """The distances of the registrations of an objective from an estimate of them."""
     distances = [np.linalg.norm(r, axis=2) for _, _, r in objective.residuals(estimate)]
-    return VertexErrors(np.concatenate(distances))
-
-
-def generalization_errors(
-    body: SkinnedBody,
-    registrations: Registrations,
-    *,
-    sigma: float = 0.001,
-    betas_sigma: float = 1e3,
-) -> VertexErrors:
-    """The errors after fitting pose, betas and trans of a body to each registration.
-
-    `sigma` is the standard deviation of a vertex in metres, `betas_sigma` that of the prior on
-    betas in standard deviations of the population.
-    """
-    prior = ShapePrior(betas_sigma)
-    fit = PoseFit(body, body.n_vertices, VertexTerm(), sigma, FIT_STEPS, prior, FIT_TOLERANCE)
-    distances = []
-    for batch in batches(registrations):
-        each = zip(batch.vertices, batch.confidence, strict=True)
-        first = [poses_of_segments(body.template, body.weights, body.parents, *one) for one in each]
-        found = fit.fits(np.stack(first), batch.vertices, confidence=batch.confidence)
-        distances.append(np.linalg.norm(found.surfaces - batch.vertices, axis=2))
     return VertexErrors(np.concatenate(distances))
 
 

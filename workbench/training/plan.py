@@ -1,7 +1,6 @@
 """The plan of a training: which blocks run in which order, and with which sigmas."""
 
 from dataclasses import dataclass, field, replace
-from math import inf
 
 from workbench.training.blocks import BlockOptions
 from workbench.training.estimate import Sigmas
@@ -77,8 +76,3 @@ def alternation(sigmas: Sigmas | None = None, rounds: int = 2, reach: int | None
         ),
         reach,
     )
-
-
-def without(sigmas: Sigmas, *terms: str) -> Sigmas:
-    """The sigmas with some terms switched off, given by the names of their sigmas."""
-    return replace(sigmas, **dict.fromkeys(terms, inf))

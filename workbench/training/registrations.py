@@ -150,7 +150,7 @@ def training_and_held_out(subject: Index) -> tuple[Index, Index]:
     one subject, the last fifth of them is. Raises BadArgument for fewer than two registrations.
     """
     if len(subject) < 2:
-        raise BadArgument("of fewer than two registrations none can be held back; add some")
+        raise BadArgument("a registration cannot be held out of fewer than two; add some")
     who, group = np.unique(subject, return_inverse=True)
     if len(who) == 1:
         group = np.arange(len(subject))

@@ -74,7 +74,7 @@ SAYS = {
         min(by_pose(run, "a linear function of pose explains")[:2]) > 90,
         max(by_pose(run, "pose in the first coordinates")) < 10,
     ),
-    "200 worms with three directions of shape. Un-posed, three directions explain all; as they stand, the "
+    "200 tubes with three directions of shape. Un-posed, three directions explain all; as they stand, the "
     "first two are pose, and there is no end of them.": lambda run: (
         len(run["people"]),
         run.line("un-posed, variance explained by 3")[1] > 0.999999,

@@ -92,7 +92,7 @@ def write_gltf(
 def _glb(body: SkinnedBody, poses: Array, betas: Array, seconds: float) -> bytes:
     chunk, K = Chunk(), body.n_joints
     rest = body.template + body.shapedirs @ betas
-    J = body.packed.skeleton.at(betas)
+    J = body.numeric.skeleton.positions(betas)
     features = [body.kinematics.motion(pose, betas).features for pose in poses]
     attributes = {"POSITION": chunk.add(rest, "float32", ATTRIBUTES)}
     attributes |= _influences(body.weights, chunk)

@@ -36,7 +36,7 @@ class AtOrigin(Protocol):
 class Arithmetic(Protocol):
     """How points of a body are computed: its surface, its joints, or landmarks on it."""
 
-    def at(self, motion: Motion, betas: Array) -> AtOrigin:
+    def evaluate(self, motion: Motion, betas: Array) -> AtOrigin:
         """The points moved by a motion, of the person with these betas (B,)."""
 
 

@@ -54,7 +54,7 @@ class CompiledArithmetic:
             library, packed, N, (arrays.weights.shape[1], arrays.shapedirs.shape[2])
         )
 
-    def at(self, motion: Motion, betas: Array) -> CompiledSurface:
+    def evaluate(self, motion: Motion, betas: Array) -> CompiledSurface:
         """The surface moved by a motion, of the person with these betas (B,)."""
         return CompiledSurface(self, motion, betas)
 

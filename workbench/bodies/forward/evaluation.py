@@ -12,11 +12,11 @@ from workbench.arrays import Array
 from workbench.blocks.reals import reals
 from workbench.bodies.body import Body, Given
 from workbench.bodies.forward.numeric import many_points
-from workbench.bodies.forward.packed import PackedBody
+from workbench.bodies.forward.numeric_body import NumericBody
 from workbench.errors import BadBody
 
 
-def vertices(of: PackedBody, pose: Given, betas: Given, trans: Given) -> Array:
+def vertices(of: NumericBody, pose: Given, betas: Given, trans: Given) -> Array:
     """The posed surface over a broadcast batch, (..., N, 3) m."""
     body = of.arrays
     batch, theta, beta, move = arguments(body, pose, betas, trans)
@@ -35,7 +35,7 @@ def regressed(regressor: csr_array, points: Array) -> Array:
     return np.moveaxis(found, 0, -2)
 
 
-def joints(of: PackedBody, pose: Given, betas: Given, trans: Given) -> Array:
+def joints(of: NumericBody, pose: Given, betas: Given, trans: Given) -> Array:
     """The posed joints over a broadcast batch, (..., K, 3) m."""
     batch, theta, beta, move = arguments(of.arrays, pose, betas, trans)
     found = np.empty((len(theta), of.arrays.n_joints, 3))

@@ -60,17 +60,17 @@ class FreedSurface:
         """Where the derivative by a block can be nonzero; see `pattern_by`."""
         return pattern_by(self.body, self.chosen, self.own[name], self.names)
 
-    def at(self, values: Mapping[str, Array]) -> FreedSurfaceAt:
+    def evaluate(self, values: Mapping[str, Array]) -> FreedSurfaceAt:
         """The vertices where the blocks have these values."""
         found = {own: values[block] for own, block in self.names.items()}
         pose, betas, trans = (found.pop(name) for name in BLOCKS)
         return FreedSurfaceAt(self, found, pose, betas, trans)
 
-    def many(self, values: Mapping[str, Array]) -> Array:
+    def evaluate_batch(self, values: Mapping[str, Array]) -> Array:
         """The vertices (M, n, 3) m of M sets of values, one after the other."""
         count = len(values[self.names["pose"]])
         each = ({name: values[name][i] for name in self.reads} for i in range(count))
-        return np.array([self.at(one).points for one in each])
+        return np.array([self.evaluate(one).points for one in each])
 
 
 @dataclass(frozen=True, eq=False)

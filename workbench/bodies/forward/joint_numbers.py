@@ -30,7 +30,7 @@ class JointArithmetic:
     skeleton: Skeleton
     ancestors: Array
 
-    def at(self, motion: Motion, betas: Array) -> JointsAtOrigin:
+    def evaluate(self, motion: Motion, betas: Array) -> JointsAtOrigin:
         """The joints moved by a motion, of the person with these betas (B,)."""
         return JointsAtOrigin(self, motion, betas)
 
@@ -61,7 +61,7 @@ class JointsAtOrigin:
         """Gradients of sum(pull * points), pull (K, 3), by G (K, 3, 4), features and betas."""
         skeleton = self.of.skeleton
         rest = np.ones((len(pull), 4))
-        rest[:, :3] = skeleton.at(self.betas)
+        rest[:, :3] = skeleton.positions(self.betas)
         on_rest = np.matmul(pull[:, None], self.motion.G[:, :, :3]).ravel()
         on_betas = on_rest @ skeleton.slopes.reshape(len(on_rest), len(self.betas))
         return pull[:, :, None] * rest[:, None], np.zeros_like(self.motion.features), on_betas

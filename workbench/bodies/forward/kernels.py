@@ -61,7 +61,7 @@ def _agrees(loaded: ctypes.CDLL, parents: tuple[int, ...], B: int) -> bool:
     )
     betas, scale = rng.standard_normal(B), rng.standard_normal(3 * N)
     answers = [
-        _answers(way.at(motion, betas), slopes, betas, scale)
+        _answers(way.evaluate(motion, betas), slopes, betas, scale)
         for way in (
             CompiledArithmetic.of(loaded, arrays, slice(None)),
             ChunkedArithmetic(chunks_of(arrays, slice(None)), parents),
@@ -82,5 +82,5 @@ def _answers(
         for name, size in (("pose", 3 * K), ("betas", len(betas)), ("trans", 3))
     }
     surface.tangent(slopes, into, scale)
-    alone = surface.of.at(surface.motion, betas).points
+    alone = surface.of.evaluate(surface.motion, betas).points
     return [surface.points, alone, *into.values(), *surface.adjoint(scale.reshape(-1, 3))]

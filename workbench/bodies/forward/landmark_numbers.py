@@ -28,11 +28,11 @@ class LandmarkArithmetic:
     rest_points: RestPoints
     ancestors: Array
 
-    def at(self, motion: Motion, betas: Array) -> LandmarksAtOrigin:
+    def evaluate(self, motion: Motion, betas: Array) -> LandmarksAtOrigin:
         """The landmarks moved by a motion, of the person with these betas (B,)."""
         return LandmarksAtOrigin(self, motion, betas)
 
-    def many(self, motions: Motion, betas: Array) -> Array:
+    def evaluate_batch(self, motions: Motion, betas: Array) -> Array:
         """The landmarks (M, L, 3) m for M motions and betas (M, B), by matrix products."""
         points = self.rest_points
         moved = points.moved(points.turns(motions.G), points.rest(motions.features, betas))

@@ -138,11 +138,11 @@ class Kinematics:
         back = [cs.densify(cs.gradient(felt, pose)), cs.densify(cs.gradient(felt, betas))]
         self._back = Buffered(cs.Function("adjoint", [pose, betas, pull_G, pull_f], back))
 
-    def at(self, pose: Array, betas: Array) -> Posed:
+    def evaluate(self, pose: Array, betas: Array) -> Posed:
         """The kinematics at pose (K, 3) rad and betas (B,), computed when they are asked for."""
         return Posed(self, pose, betas)
 
-    def each(self, poses: Array, betas: Array) -> list[Posed]:
+    def evaluate_each(self, poses: Array, betas: Array) -> list[Posed]:
         """The kinematics at each of the poses (M, K, 3) rad with its betas (M, B)."""
         among = Together(self, poses, betas)
         return [Posed(self, poses[i], betas[i], among, i) for i in range(len(poses))]

@@ -100,7 +100,7 @@ class ChunkedArithmetic:
     chunks: list[Chunk]
     parents: tuple[int, ...]
 
-    def at(self, motion: Motion, betas: Array) -> ChunkedSurface:
+    def evaluate(self, motion: Motion, betas: Array) -> ChunkedSurface:
         """The surface moved by a motion, of the person with these betas (B,)."""
         return ChunkedSurface(self, motion, betas)
 

@@ -41,13 +41,13 @@ class BodyPointsAt(Protocol):
 class BodyPoints(Protocol):
     """Points of a body by arithmetic on its pose, betas and translation."""
 
-    def at(self, pose: Array, betas: Array, trans: Array) -> BodyPointsAt:
+    def evaluate(self, pose: Array, betas: Array, trans: Array) -> BodyPointsAt:
         """The points at pose (K, 3) rad, betas (B,) and trans (3,) m."""
 
-    def each(self, poses: Array, betas: Array, trans: Array) -> Sequence[BodyPointsAt]:
+    def evaluate_each(self, poses: Array, betas: Array, trans: Array) -> Sequence[BodyPointsAt]:
         """The points at each of M poses (M, K, 3) rad, betas (M, B) and translations (M, 3) m."""
 
-    def many(self, poses: Array, betas: Array, trans: Array) -> Array:
+    def evaluate_batch(self, poses: Array, betas: Array, trans: Array) -> Array:
         """(M, N, 3) m of M poses (M, K, 3) rad, betas (M, B) and translations (M, 3) m."""
 
 
@@ -80,20 +80,20 @@ class Named:
         """These points, with derivatives by the named entries of the named blocks only."""
         return Named(self.points, self.maps, {**wanted})
 
-    def at(self, values: Mapping[str, Array]) -> NamedAt:
+    def evaluate(self, values: Mapping[str, Array]) -> NamedAt:
         """Where the blocks have these values."""
         pose, betas, trans = self.maps
-        here = self.points.at(pose.value(values), betas.value(values), trans.value(values))
+        here = self.points.evaluate(pose.value(values), betas.value(values), trans.value(values))
         return NamedAt(self, here)
 
-    def each(self, values: Sequence[Mapping[str, Array]]) -> list[PointsAt]:
-        """The points at several sets of values, in fewer calls than by `at` for each."""
+    def evaluate_each(self, values: Sequence[Mapping[str, Array]]) -> list[PointsAt]:
+        """The points at several sets of values, in fewer calls than by `evaluate` for each."""
         arguments = (np.array([one.value(some) for some in values]) for one in self.maps)
-        return [NamedAt(self, here) for here in self.points.each(*arguments)]
+        return [NamedAt(self, here) for here in self.points.evaluate_each(*arguments)]
 
-    def many(self, values: Mapping[str, Array]) -> Array:
+    def evaluate_batch(self, values: Mapping[str, Array]) -> Array:
         """The points of M sets of values, (M, N, 3) m."""
-        return self.points.many(*(one.many(values) for one in self.maps))
+        return self.points.evaluate_batch(*(one.value_batch(values) for one in self.maps))
 
     def assembly(self, names: tuple[str, ...]) -> Assembly:
         """How the derivative by these blocks is put together."""
@@ -162,16 +162,16 @@ class PosedPoints:
     arithmetic: Arithmetic
     at_origin: Callable[[Array, Array], Array]
 
-    def at(self, pose: Array, betas: Array, trans: Array) -> PosedPointsAt:
+    def evaluate(self, pose: Array, betas: Array, trans: Array) -> PosedPointsAt:
         """The points at one pose, betas and translation."""
-        return PosedPointsAt(self.arithmetic, self.kinematics.at(pose, betas), trans)
+        return PosedPointsAt(self.arithmetic, self.kinematics.evaluate(pose, betas), trans)
 
-    def each(self, poses: Array, betas: Array, trans: Array) -> list[PosedPointsAt]:
+    def evaluate_each(self, poses: Array, betas: Array, trans: Array) -> list[PosedPointsAt]:
         """The points at M poses, betas and translations, whose kinematics are found together."""
-        posed = self.kinematics.each(poses, betas)
+        posed = self.kinematics.evaluate_each(poses, betas)
         return [PosedPointsAt(self.arithmetic, p, t) for p, t in zip(posed, trans, strict=True)]
 
-    def many(self, poses: Array, betas: Array, trans: Array) -> Array:
+    def evaluate_batch(self, poses: Array, betas: Array, trans: Array) -> Array:
         """The points (M, N, 3) m of M poses, betas and translations, all at once."""
         found = self.at_origin(poses, betas)
         found += trans[:, None]
@@ -189,7 +189,7 @@ class PosedPointsAt:
     @cached_property
     def here(self) -> AtOrigin:
         """The points before translation."""
-        return self.arithmetic.at(self.posed.motion, self.posed.betas)
+        return self.arithmetic.evaluate(self.posed.motion, self.posed.betas)
 
     @cached_property
     def points(self) -> Array:

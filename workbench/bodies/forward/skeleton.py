@@ -38,7 +38,7 @@ class Skeleton:
         slopes = np.asarray(body.J_regressor @ body.shapedirs.reshape(N, 3 * B))
         return Skeleton(mean, slopes.reshape(len(mean), 3, B))
 
-    def at(self, betas: Array) -> Array:
+    def positions(self, betas: Array) -> Array:
         """The joints of the person with these betas (B,), (K, 3) m."""
         return np.asarray(self.mean + self.slopes @ betas)
 

@@ -15,8 +15,8 @@ from workbench.bodies.forward import surface
 from workbench.bodies.forward.arguments import Arguments
 from workbench.bodies.forward.arrays import SkinnedArrays, Vertices
 from workbench.bodies.forward.assembly import Maps, plain_names
+from workbench.bodies.forward.numeric_body import NumericBody
 from workbench.bodies.forward.numeric_sources import Named
-from workbench.bodies.forward.packed import PackedBody
 from workbench.bodies.forward.skinning import linear_blend
 from workbench.bodies.landmarks import Landmarks
 
@@ -28,7 +28,7 @@ class BodySource:
     """A source of points on a body; see PointSource.
 
     Attributes:
-        at: the body, and what stands for its pose, betas and trans.
+        arguments: the body, and what stands for its pose, betas and trans.
         count: the number of points.
         labels: a name for each point, where they have names.
         free: the free arrays of the body that the points depend on.
@@ -39,7 +39,7 @@ class BodySource:
         resting: says which blocks the body at rest is made of.
     """
 
-    at: Arguments
+    arguments: Arguments
     count: int
     labels: tuple[str, ...] | None
     free: tuple[Block, ...]
@@ -57,18 +57,18 @@ class BodySource:
     @property
     def blocks(self) -> tuple[Block, ...]:
         """The blocks of the arguments, and the free arrays."""
-        return (*self.at.blocks(), *self.free)
+        return (*self.arguments.blocks(), *self.free)
 
     @cached_property
     def tree(self) -> Tree | None:
         """The kinematic tree of the body; None if the pose is no affine map of blocks."""
-        tree = self.at.tree
+        tree = self.arguments.tree
         return None if tree is None else replace(tree, rigid_bones=self.rigid_bones)
 
     @cached_property
     def rest(self) -> Rest | None:
         """The body at rest, where that is made of blocks; None if it is not, or not that alone."""
-        return None if self.at.maps is None else self.resting(self.at.maps)
+        return None if self.arguments.maps is None else self.resting(self.arguments.maps)
 
     @property
     def bent(self) -> bool:
@@ -78,11 +78,11 @@ class BodySource:
     @cached_property
     def numeric(self) -> NumericPoints | None:
         """The points by arithmetic; None if an argument is not affine, or there is none."""
-        return None if self.at.maps is None else self.compute(self.at.maps)
+        return None if self.arguments.maps is None else self.compute(self.arguments.maps)
 
 
 def surface_points(
-    body: SkinnedArrays, at: Arguments, packed: PackedBody, vertices: Vertices
+    body: SkinnedArrays, at: Arguments, numeric: NumericBody, vertices: Vertices
 ) -> BodySource:
     """Vertices of the posed surface, all or some.
 
@@ -94,11 +94,11 @@ def surface_points(
         if not body.is_smpl:
             return None
         if not body.free:
-            return Named(packed.surface(vertices), maps)
+            return Named(numeric.surface(vertices), maps)
         names, free = plain_names(maps), {name: block.name for name, block in body.free.items()}
         if names is None or len({*names, *free.values()}) < 3 + len(free):
             return None
-        return packed.freed(vertices, names, free)
+        return numeric.freed(vertices, names, free)
 
     def resting(maps: Maps) -> Rest | None:
         pose, trans = maps[0].plain, maps[2].plain
@@ -120,7 +120,7 @@ def surface_points(
     )
 
 
-def joint_points(body: SkinnedArrays, at: Arguments, packed: PackedBody) -> BodySource:
+def joint_points(body: SkinnedArrays, at: Arguments, numeric: NumericBody) -> BodySource:
     """The posed joints: J'_k is where G_k puts joint k, not the regressor on posed vertices.
 
     They depend on the free arrays that joints are made from. Joints that are given or free do not
@@ -140,12 +140,12 @@ def joint_points(body: SkinnedArrays, at: Arguments, packed: PackedBody) -> Body
         body.joint_names,
         tuple(block for name, block in body.free.items() if name in made_from),
         express,
-        lambda maps: None if body.free else Named(packed.joints, maps),
+        lambda maps: None if body.free else Named(numeric.joints, maps),
     )
 
 
 def landmark_points(
-    body: SkinnedArrays, at: Arguments, packed: PackedBody, landmarks: Landmarks
+    body: SkinnedArrays, at: Arguments, numeric: NumericBody, landmarks: Landmarks
 ) -> BodySource:
     """Weighted means of posed vertices; only the vertices that carry weight are posed.
 
@@ -160,13 +160,13 @@ def landmark_points(
         posture = surface.posture(body, at.pose, at.betas)
         G, _ = surface.motions(body, posture)
         features = body.features(posture)
-        means = packed.rest_points(landmarks).expression(G, features, at.betas)
+        means = numeric.rest_points(landmarks).expression(G, features, at.betas)
         return means + cs.repmat(at.trans, 1, len(landmarks.names))
 
     def compute(maps: Maps) -> NumericPoints | None:
         if body.free or not body.is_smpl:
             return None
-        return Named(packed.landmarks(landmarks), maps)
+        return Named(numeric.landmarks(landmarks), maps)
 
     names, free = landmarks.names, tuple(body.free.values())
     return BodySource(at, len(names), names, free, express, compute, body.posedirs)

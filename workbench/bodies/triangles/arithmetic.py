@@ -28,15 +28,15 @@ class TriangleArithmetic:
 
     packed: PackedTriangles
 
-    def at(self, pose: Array, betas: Array, trans: Array | None = None) -> SurfaceNumbers:
+    def evaluate(self, pose: Array, betas: Array, trans: Array | None = None) -> SurfaceNumbers:
         """The surface at pose (K, 3) rad, betas (B,) and trans (3,) m, zero if it is not given."""
         return SurfaceNumbers(self.packed, pose, betas, np.zeros(3) if trans is None else trans)
 
-    def each(self, poses: Array, betas: Array, trans: Array) -> list[SurfaceNumbers]:
+    def evaluate_each(self, poses: Array, betas: Array, trans: Array) -> list[SurfaceNumbers]:
         """The surface at M poses, betas and translations."""
-        return [self.at(*one) for one in zip(poses, betas, trans, strict=True)]
+        return [self.evaluate(*one) for one in zip(poses, betas, trans, strict=True)]
 
-    def many(self, poses: Array, betas: Array, trans: Array) -> Array:
+    def evaluate_batch(self, poses: Array, betas: Array, trans: Array) -> Array:
         """The vertices (M, N, 3) m of M poses, betas and translations, all at once."""
         return self._many(poses, betas) + trans[:, None]
 
@@ -57,7 +57,7 @@ class SurfaceNumbers:
     @cached_property
     def posed(self) -> Posed:
         """The kinematics, of which rotations alone are read."""
-        return self.of.kinematics.at(self.pose, np.zeros(0))
+        return self.of.kinematics.evaluate(self.pose, np.zeros(0))
 
     @property
     def rotations(self) -> Array:

@@ -208,7 +208,7 @@ class TriangleBody:
         batch, theta, beta, move = evaluation.arguments(self, pose, betas, trans)
         found = np.empty((len(theta), self.n_vertices, 3))
         for i in range(len(theta)):
-            found[i] = self.arithmetic.at(theta[i], beta[i], move[i]).points
+            found[i] = self.arithmetic.evaluate(theta[i], beta[i], move[i]).points
         return found.reshape(*batch, self.n_vertices, 3)
 
     def joints(self, pose: Given = None, betas: Given = None, trans: Given = None) -> Array:
@@ -231,7 +231,7 @@ class TriangleBody:
     def deformations(self, pose: ArrayLike, betas: ArrayLike) -> Array:
         """X_f (F, 3, 3) at pose (K, 3) rad and betas (B,), before stitching."""
         _, theta, beta, _ = evaluation.arguments(self, pose, betas, None)
-        return self.arithmetic.at(theta[0], beta[0]).deformations
+        return self.arithmetic.evaluate(theta[0], beta[0]).deformations
 
     @cached_property
     def stitching(self) -> Stitching:

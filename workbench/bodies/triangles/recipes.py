@@ -34,7 +34,7 @@ def blend_scape(body: SkinnedBody, n_near: int = 2) -> TriangleBody:
         )
     corners = body.weights[body.faces]  # (F, 3, K)
     weights = corners.mean(axis=1)
-    joints = body.packed.skeleton.mean
+    joints = body.numeric.skeleton.mean
     near = nearest_joints(
         body.template[body.faces].mean(axis=1), joints, weights.argmax(axis=1), body.parents, n_near
     )

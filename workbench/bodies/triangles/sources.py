@@ -80,19 +80,19 @@ class NumericMeans:
         """The matrix of weighted means, for each coordinate: (3 M, 3 N)."""
         return csr_array(kron(self.regressor, np.eye(3), format="csr"))
 
-    def at(self, pose: Array, betas: Array, trans: Array) -> MeansAt:
+    def evaluate(self, pose: Array, betas: Array, trans: Array) -> MeansAt:
         """The means at one pose, betas and translation."""
-        return MeansAt(self, self.surface.at(pose, betas, trans))
+        return MeansAt(self, self.surface.evaluate(pose, betas, trans))
 
-    def each(self, poses: Array, betas: Array, trans: Array) -> list[MeansAt]:
+    def evaluate_each(self, poses: Array, betas: Array, trans: Array) -> list[MeansAt]:
         """The means at M poses, betas and translations."""
-        return [MeansAt(self, here) for here in self.surface.each(poses, betas, trans)]
+        return [MeansAt(self, here) for here in self.surface.evaluate_each(poses, betas, trans)]
 
-    def many(self, poses: Array, betas: Array, trans: Array) -> Array:
+    def evaluate_batch(self, poses: Array, betas: Array, trans: Array) -> Array:
         """The means (M, L, 3) m of M poses, betas and translations."""
         if self.regressor.shape[0] * FEW <= self.regressor.shape[1]:
             return self._without_surface(poses, betas, trans)
-        whole = self.surface.many(poses, betas, trans)
+        whole = self.surface.evaluate_batch(poses, betas, trans)
         return np.array([self.regressor @ points for points in whole])
 
     @cached_property

@@ -67,7 +67,7 @@ def additivity_gap(body: SkinnedBody | TriangleBody, pose: Array, betas: Array) 
 def unposed(body: SkinnedBody | TriangleBody, pose: Array, betas: Array) -> Array:
     """The surface (N, 3) m deformed by pose and shape, before any joint turns it."""
     if isinstance(body, TriangleBody):
-        at = body.arithmetic.at(pose, betas)
+        at = body.arithmetic.evaluate(pose, betas)
         return np.asarray(at.of.placed(body.stitching.pulled(at.shaped)) + at.of.root)
     bent = body.posedirs @ body.kinematics.motion(pose, betas).features
     return np.asarray(body.template + body.shapedirs @ betas + bent)

@@ -12,8 +12,7 @@ from workbench.errors import BadArgument
 from workbench.priors.mocap import held_out_poses
 from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.studies.pages import Report
-from workbench.synthetic.sets import SetRecipe
-from workbench.synthetic.sources import gather_sources
+from workbench.synthetic.sources import JITTER, gather_sources
 from workbench.synthetic.teacher import Teacher
 from workbench.synthetic.topology import FILES, read_topology
 from workbench.synthetic.wheel import Wheel
@@ -138,7 +137,7 @@ def register(plan: TrianglePlan, people: People, mocap: Path | None) -> Triangle
     if mocap is not None:
         recorded = held_out_poses(mocap)
         others = recorded[rng.permutation(len(recorded))[: plan.test]]
-    still = SetRecipe.jitter * rng.standard_normal((plan.people, *seen.shape[1:]))
+    still = JITTER * rng.standard_normal((plan.people, *seen.shape[1:]))
     return TriangleData(
         people,
         _scanned(people.posed(people.training, _turned(still, rng)), rng),

@@ -165,7 +165,7 @@ def unposed(body: TriangleBody, pose: Array, vertices: Array) -> Array:
 
     D_f takes Q_f e_f to B_f^-1 times the mesh's edges; the triangles of these D_f are stitched.
     """
-    at = body.arithmetic.at(pose, np.zeros(body.n_betas))
+    at = body.arithmetic.evaluate(pose, np.zeros(body.n_betas))
     straight = np.linalg.solve(at.B, edges(vertices, body.faces).transpose(0, 2, 1))
     found = np.asarray(straight.transpose(0, 2, 1), dtype=float)
     D = frames_on(found) @ np.linalg.inv(frames_on(at.bent))

@@ -80,7 +80,10 @@ def learn_bends(
     `betas` (P, B) of each person. E_Q, how far Q_f is from the identity, is `ridge` (m^2) times
     the sum of squares of posedirs per rad.
     """
-    here = [body.arithmetic.at(p, betas[i]) for p, i in zip(posed.poses, posed.person, strict=True)]
+    here = [
+        body.arithmetic.evaluate(p, betas[i])
+        for p, i in zip(posed.poses, posed.person, strict=True)
+    ]
     left = np.stack([at.B @ at.D for at in here], axis=1)
     in_plane, flat = _plane(
         body.arithmetic.packed.edges
@@ -108,7 +111,7 @@ def learn_person(
     E_D, `smoothness` (m^2) times the sum of |D_f - D_g|^2 over neighbours, determines what the
     meshes do not (Hirshberg et al., Coregistration, 2012).
     """
-    here = [body.arithmetic.at(pose, np.zeros(body.n_betas)) for pose in posed.poses]
+    here = [body.arithmetic.evaluate(pose, np.zeros(body.n_betas)) for pose in posed.poses]
     left = np.stack([at.B for at in here], axis=1)
     bent = np.stack([at.bent for at in here], axis=2)  # (F, 2, M, 3)
     known = np.einsum("fmac,fimc->fima", left, bent)

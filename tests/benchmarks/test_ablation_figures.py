@@ -2,16 +2,15 @@
 
 import numpy as np
 
-from workbench.plots.figure import house_style, png, sheet
-from workbench.studies.ablations.figures import (
-    caption_costs,
+from benchmarks.ablations.figures import (
     caption_pose_in_shape,
     caption_turn_errors,
-    plot_costs,
     plot_pose_in_shape,
     plot_turn_errors,
 )
-from workbench.studies.ablations.study import Ablated
+from benchmarks.ablations.study import Ablated
+from workbench.plots.figure import house_style, png, sheet
+from workbench.plots.training_costs import caption_costs, plot_costs
 from workbench.training.progress import LogEntry
 
 ZERO = dict.fromkeys(("E_D", "E_Y", "E_J", "E_P", "E_W"), 0.0)

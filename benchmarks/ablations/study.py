@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from math import inf
 
 import numpy as np
 
@@ -9,19 +10,27 @@ from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
 from workbench.bodies.forward.posing import Posing
 from workbench.geometry.mirror import Mirror
-from workbench.geometry.rigid import procrustes
 from workbench.geometry.rotation import vector_from_matrix
 from workbench.training.estimate import Sigmas
-from workbench.training.evaluation import generalization_errors
+from workbench.training.evaluation import VertexErrors
 from workbench.training.first_guess import Start
-from workbench.training.plan import alternation, without
+from workbench.training.plan import alternation
+from workbench.training.pose_in_shape import aligned, pose_share
 from workbench.training.pose_training import first_estimate, first_poses
-from workbench.training.poses import DataTerm, EdgeTerm, VertexTerm
+from workbench.training.poses import (
+    DataTerm,
+    EdgeTerm,
+    PoseFit,
+    ShapePrior,
+    VertexTerm,
+    poses_of_segments,
+)
 from workbench.training.progress import SILENT, Report
 from workbench.training.registrations import InMemory, Registrations, batches
 from workbench.training.training import Trained, train
 
-SHOWN = 3  # shape directions for which the share of pose is measured
+FIT_STEPS = 60  # of the fit of one registration in `generalization_errors`
+FIT_TOLERANCE = 1e-13
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +69,11 @@ class Sets:
     shapes: Registrations
     held_out: Registrations
     start: Start
+
+
+def without(sigmas: Sigmas, *terms: str) -> Sigmas:
+    """The sigmas with some terms switched off, given by the names of their sigmas."""
+    return replace(sigmas, **dict.fromkeys(terms, inf))
 
 
 def cases(sigmas: Sigmas) -> dict[str, Sigmas]:
@@ -124,35 +138,27 @@ def measured(name: str, trained: Trained, sets: Sets, mirror: Mirror | None) -> 
     )
 
 
-def pose_share(people: Array, poses: Array) -> tuple[float, ...]:
-    """How much of each first principal coordinate a linear function of pose explains.
+def generalization_errors(
+    body: SkinnedBody,
+    registrations: Registrations,
+    *,
+    sigma: float = 0.001,
+    betas_sigma: float = 1e3,
+) -> VertexErrors:
+    """The errors after fitting pose, betas and trans of a body to each registration.
 
-    The adjusted R^2 of people (P, N, 3) on poses (P, K, 3) rad without the root's, which is R^2
-    minus what as many random numbers would explain.
+    `sigma` is the standard deviation of a vertex in metres, `betas_sigma` that of the prior on
+    betas in standard deviations of the population.
     """
-    away = (people - people.mean(axis=0)).reshape(len(people), -1)
-    U, s, _ = np.linalg.svd(away, full_matrices=False)
-    turns = poses[:, 1:].reshape(len(poses), -1)
-    A = np.concatenate([np.ones((len(poses), 1)), turns[:, turns.std(axis=0) > 1e-9]], axis=1)
-    rank, P = int(np.linalg.matrix_rank(A)), len(people)
-    if rank >= P:
-        return tuple(float("nan") for _ in range(SHOWN))
-    shares = []
-    for coordinate in (U * s)[:, :SHOWN].T:
-        left = coordinate - A @ np.linalg.lstsq(A, coordinate, rcond=None)[0]
-        unexplained = float(left @ left / (coordinate @ coordinate))
-        shares.append(1 - unexplained * (P - 1) / (P - rank))
-    return tuple(shares)
-
-
-def aligned(registrations: Registrations) -> Array:
-    """Every mesh moved rigidly onto the first, (P, N, 3) m, in the pose in which it was."""
-    meshes: list[Array] = []
+    prior = ShapePrior(betas_sigma)
+    fit = PoseFit(body, body.n_vertices, VertexTerm(), sigma, FIT_STEPS, prior, FIT_TOLERANCE)
+    distances = []
     for batch in batches(registrations):
-        for vertices in batch.vertices:
-            first = meshes[0] if meshes else vertices
-            meshes.append(procrustes(vertices, first)(vertices))
-    return np.stack(meshes)
+        each = zip(batch.vertices, batch.confidence, strict=True)
+        first = [poses_of_segments(body.template, body.weights, body.parents, *one) for one in each]
+        found = fit.fits(np.stack(first), batch.vertices, confidence=batch.confidence)
+        distances.append(np.linalg.norm(found.surfaces - batch.vertices, axis=2))
+    return VertexErrors(np.concatenate(distances))
 
 
 def turn_errors(

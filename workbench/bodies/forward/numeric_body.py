@@ -24,7 +24,7 @@ from workbench.bodies.forward.skeleton import Skeleton
 from workbench.bodies.landmarks import Landmarks
 
 
-class PackedBody:
+class NumericBody:
     """A skinned body's kinematics, its arrays packed for arithmetic, and its points in numbers."""
 
     def __init__(self, arrays: SkinnedArrays) -> None:
@@ -90,7 +90,7 @@ class PackedBody:
         arithmetic = LandmarkArithmetic(self.rest_points(landmarks), kinematics.ancestors)
 
         def many(poses: Array, betas: Array) -> Array:
-            return arithmetic.many(kinematics.motions(poses, betas), betas)
+            return arithmetic.evaluate_batch(kinematics.motions(poses, betas), betas)
 
         return PosedPoints(kinematics, arithmetic, many)
 

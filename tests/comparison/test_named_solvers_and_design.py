@@ -8,9 +8,9 @@ import pytest
 import workbench as wb
 from tests.comparison.problems import LINE, SLIDE
 from workbench.comparison import Budget
+from workbench.comparison.design import chosen, design
 from workbench.comparison.identity import digest, identity, of_the_house
 from workbench.comparison.named_solvers import named_solvers
-from workbench.comparison.plan import chosen, plan
 from workbench.course.outline import lecture
 from workbench.errors import BadFile, UnknownName
 from workbench.solvers import full_step
@@ -72,7 +72,7 @@ def test_what_is_wrong_in_a_file_is_said_with_its_line(
 
 def test_seeds_number_what_the_experiment_numbers() -> None:
     who = named_solvers("gauss-newton")
-    found = plan(("nist-misra1a", SLIDE, LINE), who, 2, Budget())
+    found = design(("nist-misra1a", SLIDE, LINE), who, 2, Budget())
     assert [(i.name, i.number) for i in found.instances] == [
         ("nist-misra1a, start 1", 1),
         ("nist-misra1a, start 2", 2),
@@ -82,8 +82,8 @@ def test_seeds_number_what_the_experiment_numbers() -> None:
         ("line, seed 1", 1),
     ]
     given = replace(LINE, arguments={"seed": 5})  # fixed: nothing left to number
-    assert [i.name for i in plan(given, who, 4, Budget()).instances] == ["line"]
-    whole = plan("nist", who, 1, Budget())
+    assert [i.name for i in design(given, who, 4, Budget()).instances] == ["line"]
+    whole = design("nist", who, 1, Budget())
     assert len(whole.instances) > 5
 
 
@@ -100,7 +100,7 @@ def test_keys_change_with_all_that_a_run_depends_on_and_nothing_else(tmp_path: P
     file.write_text(SOLVER + "solver = Mine()\n")
 
     def key(experiment: object = LINE, solver: object = "gauss-newton", **budget: int) -> str:
-        made = plan(experiment, named_solvers(solver), 1, Budget(**budget))  # type: ignore[arg-type]
+        made = design(experiment, named_solvers(solver), 1, Budget(**budget))  # type: ignore[arg-type]
         return made.run_key(made.instances[0], made.named_solvers[0])
 
     keys = [

@@ -1,8 +1,8 @@
 """What each term of training does, as figures and numbers.
 
-    python -m workbench.studies.ablations.page FOLDER --out PLACE [--rounds 2]
+    python -m benchmarks.ablations FOLDER --out PLACE [--rounds 2]
 
-`FOLDER` holds `train` and `held_out` as `workbench.synthetic.sets` writes them.
+`FOLDER` holds `train` and `held_out` as `builder/sets.py` writes them.
 """
 
 import argparse
@@ -13,12 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.ablations import figures
+from benchmarks.ablations.study import Ablated, Sets, ablate, turn_errors
 from workbench.bodies.catalogue import load_skinned
 from workbench.plots.figure import drawn, png
 from workbench.priors.poses import draw_poses, shipped_mixture
 from workbench.reports.provenance import as_json
-from workbench.studies.ablations import figures
-from workbench.studies.ablations.study import Ablated, Sets, ablate, turn_errors
 from workbench.training.estimate import Sigmas
 from workbench.training.first_guess import read_start
 from workbench.training.folder import open_folder
@@ -63,7 +63,7 @@ def write_ablations(results: Sequence[Ablated], place: Path, body: str) -> None:
 
 def main() -> None:
     """Parse, train, print, write."""
-    parser = argparse.ArgumentParser(prog="python -m workbench.studies.ablations.page")
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.ablations")
     parser.add_argument("folder", type=Path)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--rounds", type=int, default=2)

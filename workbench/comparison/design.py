@@ -75,7 +75,7 @@ class Instance:
 
 
 @dataclass(frozen=True)
-class Plan:
+class Design:
     """Every instance by every solver, within one budget.
 
     Attributes:
@@ -130,10 +130,10 @@ def _named(name: str) -> tuple[Experiment, ...]:
     return SUITES[name] if name in SUITES else (find(name),)
 
 
-def plan(
+def design(
     experiments: Experiments, named_solvers: tuple[NamedSolver, ...], seeds: int, budget: Budget
-) -> Plan:
-    """The plan of a comparison. Raises UnknownName, BadFile or BadArgument."""
+) -> Design:
+    """The design of a comparison. Raises UnknownName, BadFile or BadArgument."""
     if seeds < 1:
         raise BadArgument(f"seeds is how many starts there are, 1 or more; not {seeds}")
     single = isinstance(experiments, (str, Experiment))
@@ -156,7 +156,7 @@ def plan(
     twice = [label for label in labels if labels.count(label) > 1]
     if twice:
         raise BadArgument(f"{twice[0]} is there twice; give each experiment once")
-    return Plan(tuple(instances), named_solvers, budget, seeds)
+    return Design(tuple(instances), named_solvers, budget, seeds)
 
 
 def _repeated(label: str, experiment: Experiment, seeds: int) -> list[Instance]:

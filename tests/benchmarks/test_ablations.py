@@ -5,20 +5,24 @@ from math import nan
 import numpy as np
 import pytest
 
-from workbench import load_body
-from workbench.studies.ablations.study import (
+from benchmarks.ablations.study import (
     Ablated,
     Sets,
     ablate,
-    aligned,
-    pose_share,
     turn_errors,
 )
-from workbench.synthetic.made_up import Spoiled, draw_registrations, random_smpl, worm
+from workbench import load_body
+from workbench.synthetic.made_up import (
+    CorruptedRegistrations,
+    draw_registrations,
+    jointed_tube,
+    random_smpl,
+)
 from workbench.training.estimate import Sigmas
+from workbench.training.pose_in_shape import aligned, pose_share
 from workbench.training.registrations import InMemory
 
-START = worm(7, 5)
+START = jointed_tube(7, 5)
 BODY = random_smpl(START, 2, seed=3, shape=0.005)
 
 
@@ -27,7 +31,7 @@ def results() -> dict[str, Ablated]:
     poses, _ = draw_registrations(BODY, 3, 8, seed=4)
     shapes, _ = draw_registrations(BODY, 60, 1, seed=6, turn=0.3)
     held_out, _ = draw_registrations(BODY, 3, 2, seed=7)
-    sets = Sets(Spoiled(poses, seed=1, noise=0.001), shapes, held_out, START)
+    sets = Sets(CorruptedRegistrations(poses, seed=1, noise=0.001), shapes, held_out, START)
     found = ablate(sets, Sigmas(posedirs=0.005), rounds=1, n_betas=2)
     return {result.name: result for result in found}
 
