@@ -120,7 +120,7 @@ def test_thirty_two_null_directions_fit_beside_the_spectrum() -> None:
     diagnosis = joints_only()
     assert len(diagnosis.null_directions) == 32
     words = unseen(diagnosis)
-    assert words[0] == "32 directions not seen"
+    assert words[0] == "32 null directions"
     assert "15 single entries of pose" in words
     assert "   left_hip / left_knee" in words
     assert len(words) <= MOST
