@@ -58,10 +58,13 @@ class Temperament:
             free = self.unknowns - self.rank
             yield f"the Jacobian has rank {self.rank:,}: {free:,} directions are undetermined"
         else:
-            yield "condition number of the Jacobian with columns of length one: "
-            f"{self.condition:.2g}"
-        yield f"gain ratio of a Gauss-Newton step: {self.gain_ratio:.2f} (1: the linear model is "
-        "exact)"
+            yield (
+                f"condition number of the Jacobian with columns of length one: {self.condition:.2g}"
+            )
+        yield (
+            f"gain ratio of a Gauss-Newton step: {self.gain_ratio:.2f} "
+            "(1: the linear model is exact)"
+        )
 
 
 @dataclass(frozen=True)
