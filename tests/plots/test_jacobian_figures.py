@@ -113,7 +113,7 @@ def test_full_rank_gives_the_condition() -> None:
     _, (ax,) = sheet(6, 4)
     plot_singular_values(diagnosis, ax=ax)
     assert ax.get_title("left") == "rank 2 of 2, condition 100"
-    assert "condition of 100" in caption_singular_values(diagnosis)
+    assert "condition number is 100" in caption_singular_values(diagnosis)
 
 
 def test_thirty_two_null_directions_fit_beside_the_spectrum() -> None:

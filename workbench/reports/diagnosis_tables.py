@@ -31,7 +31,7 @@ def parts_table(d: Diagnosis) -> Table:
 
 
 def ranks_table(d: Diagnosis) -> Table:
-    """The rank from several sides."""
+    """The structural rank, the numerical rank, and what they depend on."""
     n = d.shape[1]
     rows = [
         ("structural rank", str(d.structural_rank), "the most that this pattern of zeros allows"),

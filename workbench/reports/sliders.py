@@ -31,7 +31,7 @@ def write_sliders(body: SkinnedBody, path: str | Path) -> Path:
 
 
 def sliders_page(body: SkinnedBody) -> str:
-    """The page."""
+    """The page of a body as HTML. Raises BadArgument for one that it cannot show."""
     return page(
         "sliders.html",
         title=f"Moving theta and beta: {body.name}",
@@ -78,7 +78,7 @@ def body_data(body: SkinnedBody) -> dict[str, Any]:
 
 
 def _bulge(body: SkinnedBody, joint: int) -> dict[str, Any]:
-    """A joint's blend shapes, of the vertices that notice it."""
+    """A joint's blend shapes, for the vertices that they move."""
     shapes = body.posedirs[:, :, 9 * (joint - 1) : 9 * joint]
     vertices = np.flatnonzero(shapes.any(axis=(1, 2)))
     return {
