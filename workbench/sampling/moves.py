@@ -47,13 +47,13 @@ def propose_together(move: Any, model: Any, state: Any) -> tuple[Any, Mask]:
 
 
 class DifferentialEvolution(emcee.moves.DEMove):  # type: ignore[misc]  # emcee has no types
-    """emcee's move of this name, with all proposals of a step accepted or rejected at once."""
+    """emcee's move of this name, in array operations on all proposals of a step."""
 
     propose = propose_together
 
 
 class Stretch(emcee.moves.StretchMove):  # type: ignore[misc]
-    """emcee's move of this name, with all proposals of a step accepted or rejected at once."""
+    """emcee's move of this name, in array operations on all proposals of a step."""
 
     propose = propose_together
 
