@@ -15,16 +15,16 @@ from workbench.diagnostics.yardsticks import Yardsticks
 
 @dataclass(frozen=True, eq=False)
 class SharedUnknowns:
-    """b unknowns, seen by T frames.
+    """What T frames say about the b unknowns that they share.
 
-    The rows of frame t are J_t x_t + B_t s. What the frame's own unknowns x_t can undo is projected
-    out of them by P_t, which is at right angles to the range of J_t. Unknown i is *seen* in frame t
-    where the length of column i of P_t B_t is above the tolerance of the rank; it is seen *well*
+    The rows of frame t are J_t x_t + B_t s. The projection P_t, orthogonal to the range of J_t,
+    removes from them what the frame's own unknowns x_t can compensate. Unknown i is *seen* in frame
+    t where the length of column i of P_t B_t is above the tolerance of the rank; it is seen *well*
     where a whole yardstick of it changes P_t B_t s by at least one sigma.
 
     Attributes:
         layout: the shared unknowns.
-        yardsticks: what changes of them are compared with.
+        yardsticks: the yardstick of each unknown.
         seen: (T, b) in which frames each unknown is seen.
         well: (T, b) in which frames each unknown is seen well.
         sigma: (b,) posterior standard deviations by all residuals; infinite where not identified.

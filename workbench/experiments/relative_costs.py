@@ -19,7 +19,7 @@ def best_cost(solutions: Mapping[str, Solution]) -> float:
 
 
 def excess(solution: Solution, among: Mapping[str, Solution]) -> float:
-    """A solution's relative excess over the lowest cost among several."""
+    """By which share of the lowest of several costs a solution's cost exceeds it."""
     return relative_excess(solution.cost, best_cost(among), start_cost(among))
 
 

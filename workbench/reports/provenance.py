@@ -17,5 +17,5 @@ def versions() -> dict[str, str | None]:
 
 
 def as_json(summary: Mapping[str, Any]) -> str:
-    """JSON as every reader takes it: arrays as lists, null where a number is not finite."""
+    """JSON that every reader accepts: arrays are lists, and a number that is not finite is null."""
     return json.dumps(plain(summary), indent=2, ensure_ascii=False, allow_nan=False) + "\n"

@@ -9,7 +9,7 @@ from workbench.solvers import Solution
 
 
 def run_summary(outcome: Outcome) -> dict[str, Any]:
-    """How a run ended, what it measured, and what it ran on."""
+    """How a run ended, its measures, and the machine on which it ran."""
     alone, priors = outcome.data_alone, list(outcome.setup.priors)
     return {
         "kind": "run",

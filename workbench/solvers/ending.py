@@ -83,7 +83,8 @@ def ending(run: Ended, stop: Stop) -> Ending:
         if unread:
             message += f" (no residual reads {_named(unread)})"
         if unnoticed:
-            message += f" (no residual notices {_named(unnoticed)} where its Jacobian was seen)"
+            where = "where its Jacobian was computed"
+            message += f" (no residual changes with {_named(unnoticed)} {where})"
     elif status in (Status.CONVERGED, Status.STALLED):
         if status is Status.CONVERGED:
             status, message = Status.STALLED, Status.STALLED.value

@@ -32,8 +32,8 @@ class Status(Enum):
     )
     STALLED = "no step lowers the cost although the gradient does not vanish; diagnose the problem"
     LOST = (
-        "the residual no longer notices some unknowns, although it did on the way, so that nothing "
-        "is learned about them here; start nearer, bound them, or give them a prior"
+        "the residual does not change with some unknowns here, although it did on the way, and "
+        "says nothing about them; start nearer, bound them, or give them a prior"
     )
     MAX_ITERATIONS = "out of iterations; raise max_iterations or start nearer"
     MAX_EVALUATIONS = "out of evaluations; raise max_evaluations or start nearer"
