@@ -38,9 +38,9 @@ from workbench.training.evaluation import held_out_errors, shapes_explained
 from workbench.training.executor import Execution, Processes
 from workbench.training.first_guess import Start, read_start
 from workbench.training.folder import FolderRegistrations, open_folder
-from workbench.training.lines import BlockLines
 from workbench.training.plan import REACH, alternation
 from workbench.training.pose_training import PoseModel, train_poses
+from workbench.training.progress import BlockLines
 from workbench.training.shape_training import UnposingJob, about_root, learn_shapes, unposing_jobs
 from workbench.training.upsampling import finishing, upsampled
 from workbench.writing import replacing

@@ -16,7 +16,7 @@ from workbench.synthetic.sources import SEARCH_RADIUS
 from workbench.training.estimate import Estimate
 from workbench.training.first_guess import Start
 from workbench.training.pose_training import PoseModel
-from workbench.training.shape_space import learn_shape_space
+from workbench.training.shape_training import learn_shape_space
 
 
 @dataclass(frozen=True, eq=False)

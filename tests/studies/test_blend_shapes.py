@@ -21,7 +21,7 @@ from workbench.bodies.forward.polynomial_features import Powers, products, unski
 from workbench.bodies.forward.posing import Posing
 from workbench.course.shapes.tubes import tube
 from workbench.errors import BadArgument, BadFile
-from workbench.geometry.geodesics import along_edges
+from workbench.geometry.mesh_graph import along_edges
 from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.studies.blend_shapes import questions
 from workbench.studies.blend_shapes.evaluation import Evaluation, accuracy

@@ -21,7 +21,7 @@ from workbench.arrays import Array
 from workbench.blocks import Layout, NumericPoints, PointsAt
 from workbench.blocks.buffered import Buffered
 from workbench.blocks.layout import all_values
-from workbench.blocks.sparse_points import jacobian_of, pattern_of
+from workbench.blocks.points import jacobian_of, pattern_of
 from workbench.problem.graph import FORWARD, Graph, split
 from workbench.problem.memory import check_fits
 from workbench.problem.naming import distinct
