@@ -30,7 +30,7 @@ from workbench.reading.archive import open_arrays
 from workbench.reading.expected import doubles, read_expected, texts
 from workbench.synthetic.ground_truth import CARD, read_ground_truth
 from workbench.synthetic.ideal_skinning import best_linear, ideal_skinning_errors
-from workbench.synthetic.sources import SEARCH_RADIUS, Sources
+from workbench.synthetic.population import SEARCH_RADIUS, Sources
 from workbench.synthetic.topology import read_topology
 from workbench.threads import limited_threads
 from workbench.training.checkpoint import fingerprint

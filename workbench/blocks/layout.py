@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, Index
 from workbench.blocks.block import Block
-from workbench.blocks.checks import mapping, several
-from workbench.blocks.reals import reals
+from workbench.blocks.checks import mapping, reals, several
 from workbench.errors import BadBlock, MissingValue, NonFiniteValue, ShapeMismatch, UnknownName
 
 # Of each block, by its name: its numbers, in its unit and of its shape.

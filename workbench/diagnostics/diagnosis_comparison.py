@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from workbench.diagnostics.diagnosis import Diagnosis
+from workbench.diagnostics.findings import names_of
 from workbench.diagnostics.null_space import Direction
 from workbench.diagnostics.structure import counted
-from workbench.diagnostics.summary import names_of
 from workbench.diagnostics.tables import table
 
 MUCH = 1.5  # factor by which a sigma has to change to be listed

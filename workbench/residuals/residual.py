@@ -9,9 +9,8 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
 from workbench.blocks import Block, Points, in_blocks
-from workbench.blocks.checks import several, texts
+from workbench.blocks.checks import reals, several, texts
 from workbench.blocks.points import unlisted
-from workbench.blocks.reals import reals
 from workbench.errors import BadResidual
 from workbench.residuals.kernels import Kernel, OfNorms, quadratic
 

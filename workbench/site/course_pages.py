@@ -7,8 +7,7 @@ from tempfile import TemporaryDirectory
 
 from workbench.course.notebooks import executed, notebook, write_notebook
 from workbench.course.outline import Lecture, course, root
-from workbench.site.building import build, put, refuse
-from workbench.site.licences import copy_licences
+from workbench.site.building import build, copy_licences, put, refuse
 
 GUIDES = ("GUIDE", "AUTHORS")  # the pages beside the lectures
 TABLE = "<!-- the outline -->"  # a guide has this line where the table of lectures belongs

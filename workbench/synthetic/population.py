@@ -9,9 +9,9 @@ from scipy.sparse import csr_array
 from workbench.arrays import Array, Mask
 from workbench.geometry.mirror import REFLECTION
 from workbench.geometry.solids import volume
-from workbench.synthetic.base_mesh import N_BODY, BaseMesh
-from workbench.synthetic.rig import Rig
-from workbench.synthetic.shape_targets import Person, ShapeTargets
+from workbench.synthetic.base_mesh import N_BODY, BaseMesh, read_base_mesh
+from workbench.synthetic.rig import Rig, at_most_four, read_rig
+from workbench.synthetic.shape_targets import Person, ShapeTargets, read_shape_targets
 from workbench.synthetic.skeleton import (
     JOINT,
     N_JOINTS,
@@ -19,6 +19,7 @@ from workbench.synthetic.skeleton import (
     offsets,
     unskin,
 )
+from workbench.synthetic.wheel import Wheel
 
 Report = Callable[[str], None]
 
@@ -30,6 +31,8 @@ WEIGHT_MEAN, WEIGHT_SPREAD = 0.9, 0.2
 GIRTH_MEANS, GIRTH_SPREAD = {"female": 0.15, "male": 0.02}, 0.14
 X, DOWN, FRONT = np.array([1.0, 0, 0]), np.array([0, -1.0, 0]), np.array([0, 0, 1.0])
 THIGH = np.array([0.05, -1.0, 0])  # the left thigh of the T-pose leaves the hip slightly outwards
+JITTER = 0.05  # rad, of every joint about every axis: no two people at rest stand alike
+SEARCH_RADIUS = {"joints": 0.25, "keypoints": 0.15}  # m, of the vertices that may give a point
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,3 +187,45 @@ def to_t_pose(vertices: Array, joints: Array, knuckles: Array, weights: Array) -
     back = R.transpose(0, 2, 1)
     shifts = offsets(back, joints, rest)
     return RestPose(unskin(vertices, weights, back, shifts), rest, R)
+
+
+@dataclass(frozen=True, eq=False)
+class Sources:
+    """Everyone on the base mesh, before any body's own mesh is chosen.
+
+    Attributes:
+        weights: (13380, 24), for linear blend skinning.
+        fine_weights: (13380, 32), for the teacher.
+    """
+
+    wheel: Wheel
+    mesh: BaseMesh
+    population: Population
+    weights: Array
+    fine_weights: Array
+
+
+def gather_sources(
+    wheel: Wheel, people: int, seed: int, report: Report, keypoints: csr_array | None = None
+) -> Sources:
+    """Read the wheel and draw so many people.
+
+    `keypoints` (M, 19158) are weighted means of base vertices that are wanted of every person.
+    """
+    mesh = read_base_mesh(wheel)
+    rig = read_rig(wheel, mesh)
+    weights = at_most_four(rig.weights, mesh.mirror[:N_BODY])
+    report("reading the shape targets")
+    targets = read_shape_targets(wheel, len(mesh.vertices))
+    report(f"drawing and un-posing {people} adults")
+    population = draw_population(
+        mesh,
+        rig,
+        weights,
+        targets,
+        csr_array((0, len(mesh.vertices))) if keypoints is None else keypoints,
+        n=people,
+        seed=seed,
+        report=report,
+    )
+    return Sources(wheel, mesh, population, weights, rig.fine_weights)

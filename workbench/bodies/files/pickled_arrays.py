@@ -15,10 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from workbench.bodies.files.entries import Contents, Unread
+from workbench.bodies.files.entries import Contents, Unread, from_places, from_pointers
 from workbench.bodies.files.pickle_records import NUMPY, SPARSE, Made, Name
 from workbench.bodies.files.pickles import DAMAGE, read_pickle
-from workbench.bodies.files.sparse_parts import from_places, from_pointers
 from workbench.errors import BadFile, UnsafePickle, cut, shown
 from workbench.reading.npy import check_letters
 
