@@ -187,6 +187,10 @@ class Layout:
         block, entry = self.block_of(index)
         return block.name + block.entry(entry)
 
+    def labels_of(self, places: Iterable[int]) -> list[str]:
+        """The names of several entries of the vector."""
+        return [self.label(int(place)) for place in places]
+
     def unit(self, index: int) -> str:
         """The unit of one entry of the vector."""
         return self.block_of(index)[0].unit

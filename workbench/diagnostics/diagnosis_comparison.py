@@ -100,7 +100,7 @@ def _seen_by(one: Diagnosis, other: Diagnosis) -> tuple[Direction, ...]:
     for direction in other.null_directions:
         v = np.zeros(one.free.size)
         entries = np.flatnonzero(direction.vector)
-        labels = [other.free.label(int(i)) for i in entries]
+        labels = other.free.labels_of(entries)
         if not set(labels) <= set(where):
             continue
         v[[where[label] for label in labels]] = direction.vector[entries]

@@ -9,6 +9,7 @@ from workbench.diagnostics.diagnosis import Diagnosis
 from workbench.diagnostics.null_space import Direction, dominant
 from workbench.diagnostics.structure import counted, gathered, named_groups
 from workbench.diagnostics.wording import Finding
+from workbench.errors import some_of
 
 ILL = 1e8  # condition of J from which half of the digits are gone
 UNEVEN = 1e6  # longest over shortest column
@@ -34,12 +35,6 @@ def _values(d: Diagnosis) -> Iterator[Finding]:
     ):
         if here:
             yield Finding("values", f"{what} is not finite: {some_of(here)}")
-
-
-def some_of(names: Sequence[str], most: int = 5) -> str:
-    """The first of several names, and how many more there are."""
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + more
 
 
 def listed(found: Sequence[Finding]) -> list[str]:

@@ -194,7 +194,7 @@ def _entries(
         along,
         x[named].copy(),
         rest,
-        tuple(layout.label(int(i)) for i in named),
+        tuple(layout.labels_of(named)),
         tuple(layout.unit(int(i)) for i in named),
         named,
     )
@@ -236,7 +236,7 @@ def _mostly(layout: Layout, direction: Array) -> str:
     """The two entries with most of a direction."""
     order = np.argsort(-abs(direction))[:2]
     large = [i for i in order if abs(direction[i]) > 0.3 * abs(direction[order[0]])]
-    return ", ".join(layout.label(int(i)) for i in large)
+    return ", ".join(layout.labels_of(large))
 
 
 def banded_rest(here: Linearization, named: Index) -> tuple[Array, BandedRest] | None:
