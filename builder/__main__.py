@@ -18,7 +18,7 @@ from builder.held_out import PEOPLE, SEED, write_held_out_people
 from builder.sets import SetRecipe
 from builder.torch_file import read_tensors
 from workbench.priors.mocap import read_mocap
-from workbench.synthetic.sources import gather_sources
+from workbench.synthetic.population import gather_sources
 from workbench.synthetic.wheel import Wheel
 
 

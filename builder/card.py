@@ -13,8 +13,7 @@ from builder.sets import SetRecipe
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
 from workbench.synthetic import wheel
-from workbench.synthetic.population import Population
-from workbench.synthetic.sources import Sources
+from workbench.synthetic.population import Population, Sources
 from workbench.synthetic.topology import FILES
 from workbench.training.plan import REACH
 from workbench.training.pose_training import PoseModel

@@ -6,7 +6,7 @@ import numpy as np
 
 from builder.packing import write_arrays
 from workbench.synthetic.fine_weights import BODIES
-from workbench.synthetic.sources import Sources
+from workbench.synthetic.population import Sources
 from workbench.synthetic.topology import read_topology
 
 PEOPLE, SEED = 4, 1000  # how many, and a seed with which nobody else was drawn

@@ -25,10 +25,9 @@ from workbench.arrays import Array, Mask
 from workbench.priors.mocap import read_mocap
 from workbench.priors.poses import LARGEST_ANGLE, draw_poses, shipped_mixture
 from workbench.synthetic.ground_truth import CARD, GroundTruth
-from workbench.synthetic.population import Report
+from workbench.synthetic.population import JITTER, SEARCH_RADIUS, Report, Sources, gather_sources
 from workbench.synthetic.rig import at_most_four
 from workbench.synthetic.skeleton import JOINT_NAMES, PARENTS
-from workbench.synthetic.sources import JITTER, SEARCH_RADIUS, Sources, gather_sources
 from workbench.synthetic.teacher import Teacher
 from workbench.synthetic.topology import FILES, Topology, read_topology
 from workbench.synthetic.wheel import Wheel

@@ -11,12 +11,12 @@ from workbench.arrays import Array, Index
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadBody
 from workbench.geometry.mirror import Mirror
+from workbench.synthetic.population import SEARCH_RADIUS
 from workbench.synthetic.rig import at_most_four
-from workbench.synthetic.sources import SEARCH_RADIUS
 from workbench.training.estimate import Estimate
 from workbench.training.first_guess import Start
 from workbench.training.pose_training import PoseModel
-from workbench.training.shape_space import learn_shape_space
+from workbench.training.shape_training import learn_shape_space
 
 
 @dataclass(frozen=True, eq=False)

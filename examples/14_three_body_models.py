@@ -107,7 +107,7 @@ if __name__ == "__main__":
     from matplotlib.colors import Normalize
 
     from workbench.plots import house_style, png, sheet
-    from workbench.plots.shading import painted
+    from workbench.plots.body import painted
 
     print(f"{len(FRAMES)} frames of a real person; distances in mm, means (and standard errors)")
     for name, some in fits.items():

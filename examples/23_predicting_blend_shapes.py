@@ -12,10 +12,12 @@ import numpy as np
 import workbench as wb
 from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.studies.blend_shapes import questions
-from workbench.studies.blend_shapes.evaluation import accuracy
-from workbench.studies.blend_shapes.posed_surfaces import PosedSurfaces, with_blend_shapes
-from workbench.studies.blend_shapes.predictors import LINEAR, LINEAR_IN
-from workbench.studies.blend_shapes.training_data import TrainingData
+from workbench.studies.blend_shapes.predictors import LINEAR, LINEAR_IN, accuracy
+from workbench.studies.blend_shapes.training_data import (
+    PosedSurfaces,
+    TrainingData,
+    with_blend_shapes,
+)
 from workbench.synthetic.fine_weights import body_on_teachers_rig, teacher_of
 
 body = wb.load_body("small")

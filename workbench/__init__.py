@@ -3,8 +3,11 @@
 `values -> blocks -> symbolic points -> residuals -> problem -> solver, diagnosis -> report`
 """
 
+import ast
+from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -128,55 +131,15 @@ __all__ = [
     "train",
 ]
 
-ROOMS = {  # where the names above live
-    "blocks": ("Block", "Layout", "Points", "Values", "jacobian"),
-    "bodies": ("Landmarks", "SkinnedBody", "dual_quaternion_blend", "linear_blend"),
-    "bodies.catalogue": ("load_body",),
-    "bodies.files.saving": ("save_body",),
-    "bodies.triangles": ("TriangleBody",),
-    "comparison": ("Budget", "Comparison", "Record", "TargetOutcome", "compare"),
-    "diagnostics": (
-        "Diagnosis",
-        "Direction",
-        "Finding",
-        "SequenceDiagnosis",
-        "Suggestion",
-        "diagnose",
-    ),
-    "errors": ("WorkbenchError",),
-    "experiments": ("Experiment",),
-    "fitting": ("KnownAnswer", "Measure", "Setup", "View"),
-    "geometry.camera": ("Camera",),
-    "problem": ("Constraint", "Linearization", "Problem", "sequence"),
-    "residuals": ("Residual",),
-    "sampling": ("Posterior", "laplace", "sample"),
-    "solvers": (
-        "SOLVERS",
-        "Abilities",
-        "Dogleg",
-        "Evaluations",
-        "GaussNewton",
-        "Ipopt",
-        "Iterate",
-        "LevenbergMarquardt",
-        "Newton",
-        "Nlopt",
-        "Scipy",
-        "Solution",
-        "Solver",
-        "Sqp",
-        "Staged",
-        "Status",
-        "SteepestDescent",
-        "solve",
-    ),
-    "training.blocks": ("BlockOptions",),
-    "training.estimate": ("Sigmas",),
-    "training.first_guess": ("Start",),
-    "training.plan": ("Plan", "Stage"),
-    "training.registrations": ("Batch", "InMemory", "Registrations"),
-    "training.training": ("Trained", "train"),
-}
+
+@cache
+def _rooms() -> dict[str, str]:
+    """The room of each public name, by the imports above, which only type checkers carry out."""
+    module = ast.parse(Path(__file__).read_text(encoding="utf-8"))
+    imports = next(node.body for node in module.body if isinstance(node, ast.If))
+    rooms = (node for node in imports if isinstance(node, ast.ImportFrom))
+    found = {name.name: str(room.module) for room in rooms for name in room.names}
+    return {name: room for name, room in found.items() if room != __name__}
 
 
 def __getattr__(name: str) -> Any:
@@ -184,9 +147,8 @@ def __getattr__(name: str) -> Any:
 
     To load all of them takes seconds, in which an interrupt would not be handled yet.
     """
-    for room, names in ROOMS.items():
-        if name in names:
-            return getattr(import_module(f"{__name__}.{room}"), name)
+    if name in _rooms():
+        return getattr(import_module(_rooms()[name]), name)
     if find_spec(f"{__name__}.{name}") is None:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return import_module(f"{__name__}.{name}")

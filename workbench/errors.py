@@ -1,7 +1,7 @@
 """The errors of the workbench: what was wrong, what exists instead, and what to do."""
 
 import traceback
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from itertools import islice
 
 MOST_SHOWN = 60  # characters of a value in a message
@@ -76,6 +76,12 @@ def some(names: Iterable[str]) -> str:
             break
         parts.append(cut(name, MOST_SHOWN))
     return ", ".join(parts) or "none"
+
+
+def some_of(names: Sequence[str], most: int = 5) -> str:
+    """The first of several names, and how many more there are."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
 
 
 class UnknownName(WorkbenchError):

@@ -18,7 +18,7 @@ from benchmarks.ablations.study import Ablated, Sets, ablate, turn_errors
 from workbench.bodies.catalogue import load_skinned
 from workbench.plots.figure import drawn, png
 from workbench.priors.poses import draw_poses, shipped_mixture
-from workbench.reports.provenance import as_json
+from workbench.reports.page import as_json
 from workbench.training.estimate import Sigmas
 from workbench.training.first_guess import read_start
 from workbench.training.folder import open_folder

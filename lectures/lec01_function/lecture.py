@@ -20,8 +20,7 @@ from workbench.bodies.forward.features import rotation_elements
 from workbench.course import Picture, source
 from workbench.plots import house_style, plot_differences, sheet
 from workbench.priors.poses import draw_poses, shipped_gaussian
-from workbench.studies.blend_shapes.posed_surfaces import PosedSurfaces
-from workbench.studies.blend_shapes.training_data import TrainingData
+from workbench.studies.blend_shapes.training_data import PosedSurfaces, TrainingData
 from workbench.synthetic.fine_weights import body_on_teachers_rig, teacher_of
 
 # %% [markdown]

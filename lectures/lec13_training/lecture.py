@@ -31,7 +31,7 @@ from workbench.training.objective import Objective
 from workbench.training.plan import alternation
 from workbench.training.pose_in_shape import aligned, pose_share
 from workbench.training.pose_training import first_estimate, train_poses
-from workbench.training.shape_space import learn_shape_space
+from workbench.training.shape_training import learn_shape_space
 from workbench.training.simplex import shares_to_zero
 from workbench.training.skinning_pass import SkinningPass
 from workbench.training.symbolic_form import SymbolicTraining

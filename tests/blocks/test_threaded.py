@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from workbench.blocks import threaded
-from workbench.blocks.batched import Batched, Mapped, OneByOne
-from workbench.blocks.buffered import Buffered
+from workbench.blocks.batched import Batched, Buffered, Mapped, OneByOne
 from workbench.blocks.threaded import TRIED, Threaded
 
 

@@ -22,7 +22,7 @@ from workbench.problem import batch
 from workbench.reports import write_report
 from workbench.reports.direction_pictures import pictures
 from workbench.sampling.log_density import LogDensity
-from workbench.sampling.rotations import shortest_rotations
+from workbench.sampling.modes import shortest_rotations
 from workbench.sampling.subspace import fixed
 from workbench.solvers.wrapping import rewrapped
 

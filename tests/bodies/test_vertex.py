@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from tests.bodies_made_up import random_body
+from workbench.bodies.forward.kernels import kernel
 from workbench.bodies.forward.vertex import motion_column, vertex_columns, vertex_functions
-from workbench.bodies.forward.vertex_code import kernel
 from workbench.errors import NotSupported
 
 

@@ -32,6 +32,7 @@ from workbench.bodies.forward.posing import Posing
 from workbench.errors import BadFile
 from workbench.geometry.mirror import REFLECTION, Mirror
 from workbench.geometry.solids import volume
+from workbench.synthetic.population import smallest_rotation, to_t_pose
 from workbench.synthetic.rig import HALF_OF, at_most_four, carrier
 from workbench.synthetic.shape_targets import Person, ShapeTargets
 from workbench.synthetic.skeleton import (
@@ -43,12 +44,11 @@ from workbench.synthetic.skeleton import (
     offsets,
     unskin,
 )
-from workbench.synthetic.t_pose import smallest_rotation, to_t_pose
 from workbench.synthetic.teacher import DISTAL_SHARE, PROXIMAL_SHARE, Teacher, twist_about
 from workbench.synthetic.topology import _triangulated
 from workbench.synthetic.wheel import Wheel, WheelUnreadable, parse_obj
 from workbench.training.ridge import Sums, solve_ridge
-from workbench.training.shape_space import learn_shape_space
+from workbench.training.shape_training import learn_shape_space
 
 DATA = Path(workbench.__file__).parent / "data"
 

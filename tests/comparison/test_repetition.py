@@ -61,7 +61,7 @@ def here(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[[int], Com
     def answered(job: Job) -> Answer:
         if isinstance(job, Solve):
             job = replace(job, log=str(tmp_path / f"log-{next(numbers)}"), rehearse=False)
-        return worker._answered(job, job.experiment.opened().setup(), lambda *_: None)
+        return worker._answered(job, job.experiment().setup(), lambda *_: None)
 
     def compared(seed: int) -> Comparison:
         clock = lying(seed)

@@ -12,8 +12,8 @@ from scipy.sparse import csc_array
 
 import workbench as wb
 from workbench.errors import TooLarge
-from workbench.problem import memory, storage
-from workbench.problem.memory import check_fits, free_memory
+from workbench.problem import storage
+from workbench.problem.storage import check_fits, free_memory
 from workbench.solvers import Solver, Status
 
 SENTENCE = (
@@ -89,8 +89,8 @@ def test_what_is_small_stays_dense() -> None:
 
 
 def test_it_says_what_was_asked_for_and_what_there_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(memory, "free_memory", lambda: 1000)
-    monkeypatch.setattr(memory, "SMALL", 0)
+    monkeypatch.setattr(storage, "free_memory", lambda: 1000)
+    monkeypatch.setattr(storage, "SMALL", 0)
     start = {"x": np.full(10, -1.2)}
     with pytest.raises(TooLarge, match=SENTENCE):
         chain(10).linearize(start)
@@ -125,9 +125,9 @@ def test_free_memory_is_asked_for_only_where_it_matters(monkeypatch: pytest.Monk
     def never() -> int:
         raise AssertionError
 
-    monkeypatch.setattr(memory, "free_memory", never)
+    monkeypatch.setattr(storage, "free_memory", never)
     check_fits(1000, 1000)
-    monkeypatch.setattr(memory, "free_memory", lambda: None)  # no Linux
+    monkeypatch.setattr(storage, "free_memory", lambda: None)  # no Linux
     check_fits(10**6, 10**6)
 
 
@@ -138,7 +138,7 @@ def test_free_memory_is_what_the_limit_leaves() -> None:
     assert free > 2**20
     code = (
         "import resource\n"
-        "from workbench.problem.memory import free_memory\n"
+        "from workbench.problem.storage import free_memory\n"
         "before = free_memory()\n"
         "from pathlib import Path\n"
         "taken = 4096 * int(Path('/proc/self/statm').read_text().split()[0])\n"

@@ -16,8 +16,7 @@ from workbench.plots import (
     png,
     sheet,
 )
-from workbench.plots.body import back, front, side
-from workbench.plots.shading import lightness
+from workbench.plots.body import back, front, lightness, side
 from workbench.plots.sheets import shape_gallery_sheet
 
 CUBE = np.array([[x, y, z] for x in (0, 1) for y in (0, 2) for z in (0, 3)], dtype=float)

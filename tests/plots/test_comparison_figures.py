@@ -9,8 +9,8 @@ from workbench.comparison import Comparison
 from workbench.plots import comparison_sheets as sheets
 from workbench.plots.accuracy import caption_accuracy, plot_accuracy
 from workbench.plots.cost_traces import LOWEST, UNITS, caption_cost_traces, plot_cost_traces
-from workbench.plots.decades import power
 from workbench.plots.figure import sheet
+from workbench.plots.labels import power
 from workbench.plots.pairwise_wins import caption_pairwise_wins, plot_pairwise_wins
 from workbench.plots.profiles import (
     caption_data_profile,

@@ -18,7 +18,7 @@ from workbench.plots.sheets import (
     distances_sheet,
     shape_gallery_sheet,
 )
-from workbench.reports.anatomy import shapes
+from workbench.reports.card import shapes
 
 
 def printed_over(figure: Figure) -> list[tuple[str, str]]:

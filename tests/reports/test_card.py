@@ -11,8 +11,7 @@ from tests.bodies_made_up import random_body, smpl_like_body
 from workbench.bodies.catalogue import load_body
 from workbench.errors import BadFile
 from workbench.reports import card_text, write_card
-from workbench.reports.anatomy import facts, shapes
-from workbench.reports.card import card_page, joint_table
+from workbench.reports.card import card_page, facts, joint_table, shapes
 
 CARD = {
     "licence": "CC0 <1.0>",

@@ -50,7 +50,7 @@ def test_laplace_within_two_bounds_is_uniform_where_nothing_else_is_known() -> N
 
 def test_a_gaussian_cut_by_bounds_in_five_dimensions() -> None:
     """Against rejection, which is exact: means and spreads, corner included."""
-    from workbench.sampling.truncated_normal import truncated_normal
+    from workbench.sampling.truncated_gaussian import truncated_normal
 
     C = conditioned(5, 20.0, seed=2)
     half, mean, rng = np.linalg.cholesky(C), np.full(5, 0.5), np.random.default_rng(0)

@@ -4,8 +4,13 @@ import numpy as np
 import pytest
 import scipy.signal
 
-from workbench.sampling.autocorrelation import disagreement, integrated_time, potential_scale
-from workbench.sampling.mixing import Mixing, Usability
+from workbench.sampling.mixing import (
+    Mixing,
+    Usability,
+    disagreement,
+    integrated_time,
+    potential_scale,
+)
 
 
 def autoregressive(rho: float, shape: tuple[int, int, int], seed: int = 0) -> np.ndarray:

@@ -21,8 +21,7 @@ def target_of(problem: wb.Problem, at: dict[str, object]) -> LogDensity:
 @pytest.mark.parametrize("apart", [20.0, 50.0, 100.0, 300.0])
 def test_equal_wells_are_found_on_both_sides(apart: float) -> None:
     from workbench.sampling.descent import mode_from
-    from workbench.sampling.modes import modes
-    from workbench.sampling.starts import REACH
+    from workbench.sampling.modes import REACH, modes
 
     target = target_of(two_modes(apart), {"x": [apart, 0.0]})
     first = mode_from(target, target.subspace.centre)
@@ -98,7 +97,7 @@ def test_a_plateau_is_no_mode() -> None:
 
 
 def test_a_turn_more_is_no_other_mode() -> None:
-    from workbench.sampling.rotations import shortest_rotations
+    from workbench.sampling.modes import shortest_rotations
 
     body = wb.load_body("small")
     pose, betas, trans = body.blocks()

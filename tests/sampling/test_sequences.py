@@ -7,9 +7,8 @@ import workbench as wb
 from tests.problem.sequences import SHARED, SMOOTH, both_storages, frame, values
 from workbench.errors import TooLarge
 from workbench.sampling import conditional
-from workbench.sampling.banded_rest import BandedRest
 from workbench.sampling.conditioning import conditioning
-from workbench.sampling.subspace import Improper, fixed, subspace_of
+from workbench.sampling.subspace import BandedRest, Improper, fixed, subspace_of
 
 T = 5
 

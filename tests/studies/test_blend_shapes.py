@@ -10,33 +10,46 @@ import pytest
 
 import workbench as wb
 from tests.bodies_made_up import random_body
-from workbench.bodies.forward.features import count_features, rotation_elements, rotation_vectors
+from workbench.bodies.forward.features import (
+    Powers,
+    count_features,
+    products,
+    rotation_elements,
+    rotation_vectors,
+    unskinned,
+)
 from workbench.bodies.forward.kernel_features import (
     Examples,
     GaussianKernels,
     NormalisedKernels,
     as_posedirs,
 )
-from workbench.bodies.forward.polynomial_features import Powers, products, unskinned
 from workbench.bodies.forward.posing import Posing
 from workbench.course.shapes.tubes import tube
 from workbench.errors import BadArgument, BadFile
-from workbench.geometry.geodesics import along_edges
+from workbench.geometry.mesh_graph import along_edges
 from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.studies.blend_shapes import questions
-from workbench.studies.blend_shapes.evaluation import Evaluation, accuracy
 from workbench.studies.blend_shapes.locality import far_share, joint_distances, local_ridge
-from workbench.studies.blend_shapes.posed_surfaces import (
+from workbench.studies.blend_shapes.predictors import (
+    LINEAR,
+    Evaluation,
+    accuracy,
+    fit_predictors,
+    ranked,
+    repaired,
+)
+from workbench.studies.blend_shapes.sparsity import group_lasso, nonzero_share, refitted
+from workbench.studies.blend_shapes.study import PredictorPlan, PredictorStudy, predictor_study
+from workbench.studies.blend_shapes.training_data import (
+    Correctives,
     PosedSurfaces,
+    TrainingData,
     correctives,
     feature_matrix,
     rms_error,
     with_blend_shapes,
 )
-from workbench.studies.blend_shapes.predictors import LINEAR, fit_predictors, ranked, repaired
-from workbench.studies.blend_shapes.sparsity import group_lasso, nonzero_share, refitted
-from workbench.studies.blend_shapes.study import PredictorPlan, PredictorStudy, predictor_study
-from workbench.studies.blend_shapes.training_data import Correctives, TrainingData
 from workbench.synthetic.fine_weights import body_on_teachers_rig, teacher_of
 from workbench.synthetic.skeleton import PARENTS, joint_positions, offsets, unskin
 from workbench.training.ridge import Sums, solve_ridge

@@ -21,13 +21,13 @@ from workbench.plots import (
     sheet,
 )
 from workbench.studies.blend_shapes import figures as drawn
-from workbench.studies.blend_shapes.evaluation import Accuracy
 from workbench.studies.blend_shapes.page import predictor_page, predictor_table, table_text
 from workbench.studies.blend_shapes.predictors import (
     INTERPOLATION,
     LINEAR,
     LINEAR_IN,
     NORMALISED,
+    Accuracy,
     Result,
 )
 from workbench.studies.blend_shapes.questions import FACTORS, TURNS, ByExamples, ByPenalty

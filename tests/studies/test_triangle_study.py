@@ -36,7 +36,7 @@ from workbench.studies.triangles.study import (
 )
 from workbench.synthetic.fine_weights import teacher_of
 from workbench.training.plan import Plan as TrainingPlan
-from workbench.training.selection import Selection
+from workbench.training.ridge import Selection
 from workbench.training.triangles.alternation import TriangleOptions
 from workbench.training.triangles.stitched_fit import Lsqr
 

@@ -31,15 +31,15 @@ from workbench.training.first_guess import Start
 from workbench.training.joint_regressor import fit_joint_regressor
 from workbench.training.normal_equations import NormalEquations, within
 from workbench.training.objective import Objective
-from workbench.training.poses import VertexTerm, body_of_subjects, fitted_poses
-from workbench.training.progress import Progress
-from workbench.training.registrations import InMemory, in_memory
-from workbench.training.rotation_centres import (
+from workbench.training.pose_training import (
     SegmentMotions,
     joint_guess,
     means_at,
     rotation_centres,
 )
+from workbench.training.poses import VertexTerm, body_of_subjects, fitted_poses
+from workbench.training.progress import Progress
+from workbench.training.registrations import InMemory, in_memory
 from workbench.training.simplex import few_shares, kkt_residual, shares, shares_to_zero
 from workbench.training.skinning_pass import SkinningPass
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.bodies_made_up import tube_body
+from tests.training.known_poses import Direct
 from workbench import LevenbergMarquardt, Problem, diagnose, solve
 from workbench.arrays import Array
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
@@ -17,7 +18,6 @@ from workbench.training.triangles.learning import PosedMeshes, learn_bends, lear
 from workbench.training.triangles.shape_space import learn_shapes
 from workbench.training.triangles.stitched_fit import (
     CentredVertices,
-    Direct,
     neighbour_differences,
 )
 from workbench.training.triangles.symbolic_form import SymbolicTriangles, shape_term

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import workbench as wb
+from tests.training.known_poses import Direct
 from tests.training.test_triangles import B, P, generator, untrained
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.training.registrations import InMemory
@@ -19,7 +20,7 @@ from workbench.training.triangles.alternation import (
     train_triangles,
     unposed,
 )
-from workbench.training.triangles.stitched_fit import Direct, neighbour_differences
+from workbench.training.triangles.stitched_fit import neighbour_differences
 
 SMALL = wb.load_body("small")
 BY = Direct()

@@ -9,6 +9,7 @@ import pytest
 
 import workbench as wb
 from tests.bodies_made_up import tube_body
+from tests.training.known_poses import Direct, learn
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.errors import BadArgument
 from workbench.geometry.stitching import Stitching
@@ -18,12 +19,11 @@ from workbench.studies.triangles.explained_variance import (
     explained_by_vertices,
 )
 from workbench.studies.triangles.measures import additivity_gap, n_parameters, unposed
-from workbench.training.triangles.learning import PosedMeshes, learn, learn_bends, learn_person
+from workbench.training.triangles.learning import PosedMeshes, learn_bends, learn_person
 from workbench.training.triangles.shape_space import learn_shapes, stitched_directions
 from workbench.training.triangles.stitched_fit import (
     CentredVertices,
     ClosedEdges,
-    Direct,
     LeastSquares,
     Lsqr,
     Measure,

@@ -3,10 +3,16 @@
 from collections.abc import Iterable, Mapping
 from typing import Any, TypeVar
 
-from workbench.errors import BadArgument, WorkbenchError
+import casadi as cs
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.arrays import Array
+from workbench.errors import BadArgument, NotNumbers, WorkbenchError
 
 T = TypeVar("T")
 Error = type[WorkbenchError]
+KINDS = {"U": "text", "S": "text", "c": "complex numbers", "M": "dates", "m": "time spans"}
 
 
 def several(what: str, given: object, kind: type[T], error: Error = BadArgument) -> tuple[T, ...]:
@@ -57,3 +63,25 @@ def _kind(given: object) -> str:
 
 def _hint(given: object) -> str:
     return "; take its .name" if isinstance(getattr(given, "name", None), str) else ""
+
+
+def numbers(what: str, value: object) -> NDArray[Any]:
+    """`value` as an array of whole or real numbers of any precision; `what` it is, for the error.
+
+    Raises NotNumbers.
+    """
+    if isinstance(value, (cs.MX, cs.SX)):
+        raise NotNumbers(what, "a symbol; give its numbers, or make it part of a residual")
+    try:
+        found = np.asarray(value)
+    except (ValueError, TypeError):
+        raise NotNumbers(what, "rows of different lengths") from None
+    if found.dtype.kind not in "biuf":
+        held = type(found.flat[0] if found.size else value).__name__
+        raise NotNumbers(what, KINDS.get(found.dtype.kind, f"something of type {held}"))
+    return found
+
+
+def reals(what: str, value: object) -> Array:
+    """`value` as float64, itself if it is that already. Raises NotNumbers."""
+    return numbers(what, value).astype(np.float64, copy=False)

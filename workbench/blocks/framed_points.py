@@ -11,8 +11,7 @@ from scipy.sparse import csc_array, vstack
 from workbench.arrays import Array
 from workbench.blocks.block import Block
 from workbench.blocks.frames import FrameBlocks
-from workbench.blocks.points import NumericPoints, PointsAt, PointSource
-from workbench.blocks.sparse_points import jacobian_of, pattern_of
+from workbench.blocks.points import NumericPoints, PointsAt, PointSource, jacobian_of, pattern_of
 from workbench.blocks.tree import Tree
 
 

@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, Index
 from workbench.blocks.block import Block
-from workbench.blocks.checks import mapping, several
-from workbench.blocks.reals import reals
+from workbench.blocks.checks import mapping, reals, several
 from workbench.errors import BadBlock, MissingValue, NonFiniteValue, ShapeMismatch, UnknownName
 
 # Of each block, by its name: its numbers, in its unit and of its shape.
@@ -184,6 +183,10 @@ class Layout:
         """The name of one entry of the vector: `pose[right_ankle, z]`."""
         block, entry = self.block_of(index)
         return block.name + block.entry(entry)
+
+    def labels_of(self, places: Iterable[int]) -> list[str]:
+        """The names of several entries of the vector."""
+        return [self.label(int(place)) for place in places]
 
     def unit(self, index: int) -> str:
         """The unit of one entry of the vector."""

@@ -2,9 +2,10 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, cast
 
 import casadi as cs
+from scipy.sparse import csc_array
 
 from workbench.arrays import Array
 from workbench.blocks.backwards import scalars_repeated
@@ -36,7 +37,7 @@ class NumericPoints(Protocol):
     """Points by arithmetic on arrays, faster than any graph.
 
     Points whose derivative by some of their blocks is sparse can also say where it is zero: see
-    `SparsePoints` in `sparse_points.py`.
+    `SparsePoints`.
     """
 
     @property
@@ -201,3 +202,37 @@ def unlisted(expression: cs.MX, points: Iterable[Points]) -> tuple[str, ...]:
         for s in cs.symvar(expression)
         if s.name().startswith(PLACEHOLDER) and s.__hash__() not in listed
     )
+
+
+class SparsePoints(Protocol):
+    """What NumericPoints may provide in addition: where a derivative can be nonzero."""
+
+    def pattern(self, name: str) -> csc_array | None:
+        """Where the points' derivative by a block can be nonzero at any values, (3 N, size).
+
+        The numbers that are stored in it have no meaning; each entry is stored once. None for a
+        block by which the derivative is dense. By a block that has a pattern, the points at one set
+        of values are asked for `jacobian`, and never for `tangent`.
+        """
+
+
+class SparsePointsAt(Protocol):
+    """What PointsAt of such points provide in addition."""
+
+    def jacobian(self, name: str) -> csc_array:
+        """The points' derivative by a block that has a pattern, (3 N, size), each entry once.
+
+        It has no nonzeros outside of the pattern, and may leave out zeros inside of it.
+        """
+
+
+def pattern_of(source: NumericPoints, name: str) -> csc_array | None:
+    """Where the points' derivative by a block can be nonzero; None if it is dense."""
+    if not hasattr(source, "pattern"):
+        return None
+    return cast(SparsePoints, source).pattern(name)
+
+
+def jacobian_of(here: PointsAt, name: str) -> csc_array:
+    """The sparse derivative by a block of which `pattern_of` has a pattern, (3 N, size)."""
+    return cast(SparsePointsAt, here).jacobian(name)

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array, issparse
 
 from workbench.arrays import Array, Index
-from workbench.blocks.checks import texts
-from workbench.blocks.reals import numbers, reals
+from workbench.blocks.checks import numbers, reals, texts
 from workbench.errors import BadBody, NotNumbers
 
 T = TypeVar("T")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
-from workbench.blocks.reals import numbers
+from workbench.blocks.checks import numbers
 from workbench.bodies.body import Body
 from workbench.bodies.files.extras import SKINNED, clashes
 from workbench.bodies.forward.arrays import SkinnedArrays

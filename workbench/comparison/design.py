@@ -1,8 +1,9 @@
 """What is to be run: every experiment, from every start, by every solver."""
 
 import pickle
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from inspect import Parameter
 from typing import Any
 
@@ -13,29 +14,8 @@ from workbench.errors import BadArgument, UnknownName
 from workbench.experiments import SUITES, Experiment, find
 from workbench.experiments.arguments import converted, parameters
 
+Opening = Callable[[], Experiment]  # gives an experiment in the process that received it
 NUMBERING = ("start", "seed")  # arguments that number starts or data, the first that there is
-
-
-@dataclass(frozen=True)
-class SentExperiment:
-    """An experiment as it is sent to another process: by its file, or pickled.
-
-    Attributes:
-        source: the file that defines it; empty if it is pickled.
-        arguments: the arguments with which it is built from the file.
-        blob: the pickled experiment; empty if there is a file.
-    """
-
-    source: str
-    arguments: Mapping[str, Any]
-    blob: bytes
-
-    def opened(self) -> Experiment:
-        """The experiment, in the process that received it."""
-        if self.source:
-            return find(self.source, self.arguments)
-        experiment: Experiment = pickle.loads(self.blob)
-        return experiment
 
 
 @dataclass(frozen=True)
@@ -66,12 +46,15 @@ class Instance:
         e = self.experiment
         return [e.name, identity(e.build), identity(e.arguments), file_digest(e.source)]
 
-    def sent(self) -> SentExperiment:
-        """The experiment as it is sent to another process. Raises BadArgument if it cannot be."""
+    def sent(self) -> Opening:
+        """The experiment as it is sent to another process: by its file if it has one, or pickled.
+
+        Raises BadArgument if it cannot be sent.
+        """
         e = self.experiment
         if e.source.endswith(".py"):
-            return SentExperiment(e.source, dict(e.arguments), b"")
-        return SentExperiment("", {}, pickled(e, f"experiment {e.name}"))
+            return partial(find, e.source, dict(e.arguments))
+        return partial(pickle.loads, pickled(e, f"experiment {e.name}"))
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from workbench.arrays import Array
 from workbench.comparison.budget import Budget
-from workbench.comparison.design import SentExperiment
+from workbench.comparison.design import Opening
 from workbench.comparison.named_solvers import SentSolver
 from workbench.comparison.record import Stored
 
@@ -18,14 +18,14 @@ class Describe:
 
     Attributes:
         key: the key under which the answer is stored.
-        experiment: the experiment with its arguments.
+        experiment: opens the experiment with its arguments.
         instance: the name of the instance.
         budget: the limits.
         own: the solver whose process it needs; empty if the process is shared.
     """
 
     key: str
-    experiment: SentExperiment
+    experiment: Opening
     instance: str
     budget: Budget
     own: str = ""
@@ -37,7 +37,7 @@ class Solve:
 
     Attributes:
         key: the key under which the answer is stored.
-        experiment: the experiment with its arguments.
+        experiment: opens the experiment with its arguments.
         solver: the solver.
         instance: the name of the instance.
         repetition: the number of the repetition, which seeds random numbers.
@@ -49,7 +49,7 @@ class Solve:
     """
 
     key: str
-    experiment: SentExperiment
+    experiment: Opening
     solver: SentSolver
     instance: str
     repetition: int
@@ -66,14 +66,14 @@ class AnalyseEnds:
 
     Attributes:
         key: the key under which the answer is stored.
-        experiment: the experiment with its arguments.
+        experiment: opens the experiment with its arguments.
         ends: the ends, (n,) each.
         budget: the limits.
         own: the solver whose process it needs; empty if the process is shared.
     """
 
     key: str
-    experiment: SentExperiment
+    experiment: Opening
     ends: tuple[Array, ...]
     budget: Budget
     own: str = ""

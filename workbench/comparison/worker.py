@@ -11,9 +11,8 @@ from collections import OrderedDict
 from typing import Any
 
 from workbench.comparison.description import describe
-from workbench.comparison.design import SentExperiment
+from workbench.comparison.design import Opening
 from workbench.comparison.end_analysis import analyse_ends
-from workbench.comparison.identity import identity
 from workbench.comparison.jobs import AnalyseEnds, Announce, Answer, Describe, Failed, Job, Solve
 from workbench.comparison.running import run_solver
 from workbench.errors import UnknownName, WorkbenchError
@@ -31,13 +30,13 @@ class Builder:
     """Builds setups, and keeps the last few."""
 
     def __init__(self) -> None:
-        self._built: OrderedDict[str, Setup] = OrderedDict()
+        self._built: OrderedDict[bytes, Setup] = OrderedDict()
 
-    def setup(self, sent: SentExperiment) -> Setup:
+    def setup(self, sent: Opening) -> Setup:
         """Raises whatever building it raises."""
-        key = str(identity(sent)) if sent.source else str(hash(sent.blob))
+        key = pickle.dumps(sent)
         if key not in self._built:
-            self._built[key] = sent.opened().setup()
+            self._built[key] = sent().setup()
             while len(self._built) > KEPT:
                 self._built.popitem(last=False)
         self._built.move_to_end(key)

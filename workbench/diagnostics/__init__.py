@@ -9,11 +9,10 @@ from workbench.diagnostics.identifiability import (
     EntryIdentifiability,
     Identifiability,
 )
-from workbench.diagnostics.neighbourhood import Neighbourhood
 from workbench.diagnostics.null_space import Direction
+from workbench.diagnostics.point import Neighbourhood
 from workbench.diagnostics.sequence_names import NullDirections
-from workbench.diagnostics.sequences import SequenceDiagnosis
-from workbench.diagnostics.shared_unknowns import SharedUnknowns
+from workbench.diagnostics.sequences import SequenceDiagnosis, SharedUnknowns
 from workbench.diagnostics.structure import Structure, Submatrix, TermBlock
 from workbench.diagnostics.suggestion import RankAndCondition, Suggestion
 from workbench.diagnostics.wording import Finding, Undiagnosed

@@ -17,9 +17,8 @@ from workbench.diagnostics.identifiability import (
     identifiability,
 )
 from workbench.diagnostics.linearized import not_finite, pattern_at, thick
-from workbench.diagnostics.neighbourhood import Neighbourhood
 from workbench.diagnostics.null_space import Direction
-from workbench.diagnostics.point import Point
+from workbench.diagnostics.point import Neighbourhood, Point
 from workbench.diagnostics.rank_law import law_of
 from workbench.diagnostics.structure import Structure, TermBlock
 from workbench.diagnostics.suggestion import RankAndCondition, Suggestion, rank_and_condition

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from workbench.diagnostics.diagnosis import Diagnosis
+from workbench.diagnostics.findings import names_of
 from workbench.diagnostics.null_space import Direction
 from workbench.diagnostics.structure import counted
-from workbench.diagnostics.summary import names_of
 from workbench.diagnostics.tables import table
 
 MUCH = 1.5  # factor by which a sigma has to change to be listed
@@ -100,7 +100,7 @@ def _seen_by(one: Diagnosis, other: Diagnosis) -> tuple[Direction, ...]:
     for direction in other.null_directions:
         v = np.zeros(one.free.size)
         entries = np.flatnonzero(direction.vector)
-        labels = [other.free.label(int(i)) for i in entries]
+        labels = other.free.labels_of(entries)
         if not set(labels) <= set(where):
             continue
         v[[where[label] for label in labels]] = direction.vector[entries]

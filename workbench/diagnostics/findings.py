@@ -6,9 +6,10 @@ import numpy as np
 
 from workbench.diagnostics.conditioning import PARALLEL
 from workbench.diagnostics.diagnosis import Diagnosis
-from workbench.diagnostics.null_space import dominant
-from workbench.diagnostics.structure import counted, named_groups
+from workbench.diagnostics.null_space import Direction, dominant
+from workbench.diagnostics.structure import counted, gathered, named_groups
 from workbench.diagnostics.wording import Finding
+from workbench.errors import some_of
 
 ILL = 1e8  # condition of J from which half of the digits are gone
 UNEVEN = 1e6  # longest over shortest column
@@ -34,12 +35,6 @@ def _values(d: Diagnosis) -> Iterator[Finding]:
     ):
         if here:
             yield Finding("values", f"{what} is not finite: {some_of(here)}")
-
-
-def some_of(names: Sequence[str], most: int = 5) -> str:
-    """The first of several names, and how many more there are."""
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + more
 
 
 def listed(found: Sequence[Finding]) -> list[str]:
@@ -178,3 +173,54 @@ def _derivatives(d: Diagnosis) -> Iterator[Finding]:
         )
         yield Finding("derivatives", text)
     yield from (Finding("derivatives", fault) for fault in check.faults)
+
+
+def summary(d: Diagnosis) -> str:
+    """Size, rank, and the names of the null directions."""
+    return "\n".join(_lines(d))
+
+
+def _lines(d: Diagnosis) -> Iterator[str]:
+    m, n = d.shape
+    yield f"Jacobian {m} x {n}, {d.nonzeros} nonzeros ({d.density:.1%})"
+    structural = f"structural rank {d.structural_rank} of {n}"
+    yield f"{structural}, the largest that the sparsity pattern allows"
+    if not d.here.finite:
+        yield from (finding.text for finding in d.findings)
+        return
+    yield f"numerical rank {d.rank} of {n}{gap(d)}"
+    if d.point.active.any:
+        yield held(d)
+    if d.rank == n:
+        yield f"full rank, condition {d.condition:.3g}"
+    else:
+        count = counted(len(d.null_directions), "null direction")
+        yield f"{count} (no residual changes along them):"
+        yield from (f"  {line}" for line in names_of(d.null_directions))
+    if d.weak_count:
+        yield (
+            f"{counted(d.weak_count, 'weak direction')} (a whole yardstick changes the residuals "
+            f"by less than one sigma; a yardstick is {d.point.yardsticks})"
+        )
+
+
+def names_of(directions: Sequence[Direction]) -> list[str]:
+    """The names of null directions, with all single entries in one line."""
+    entries = [x.name for x in directions if x.kind == "entry"]
+    others = [x.name for x in directions if x.kind != "entry"]
+    noun = "single entry" if len(entries) == 1 else "single entries"
+    first = [f"{len(entries)} {noun}: {', '.join(gathered(entries))}"]
+    return (first if entries else []) + others
+
+
+def gap(d: Diagnosis) -> str:
+    """Between which singular values the tolerance lies; empty for a rank of zero or full rank.
+
+    Empty, too, where the rank was found by elimination, without singular values.
+    """
+    if d.point.constrained.eliminated is not None:
+        return ""
+    s, rank = d.singular_values, d.reduced_rank
+    if not 0 < rank < s.size:
+        return ""
+    return f" (singular value {rank} is {s[rank - 1]:.2g}, the next {s[rank]:.2g})"

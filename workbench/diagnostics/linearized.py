@@ -76,8 +76,7 @@ def pattern_at(problem: Problem) -> csc_array:
     arithmetic has are in no graph. There it is the pattern of the chain rule, in which each point
     reads all of its body's blocks.
     """
-    sources = [points.source for residual in problem.residuals for points in residual.points]
-    if problem.size * problem.free.size > BY_GRAPH or any(s.expression is None for s in sources):
+    if problem.size * problem.free.size > BY_GRAPH or not problem.has_graph:
         return problem.pattern
     return pattern_of(problem.function)
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from workbench.diagnostics.conditioning import PARALLEL
 from workbench.diagnostics.diagnosis import Diagnosis
-from workbench.diagnostics.findings import held, listed, unread
+from workbench.diagnostics.findings import gap, held, listed, names_of, unread
 from workbench.diagnostics.identifiability import UNCHANGED, EntryIdentifiability
 from workbench.diagnostics.structure import (
     counted,
@@ -15,7 +15,6 @@ from workbench.diagnostics.structure import (
     named_rows,
     pose_moves_template,
 )
-from workbench.diagnostics.summary import gap, names_of
 from workbench.diagnostics.tables import sections, table
 
 MOST = 12  # lines of one list

@@ -34,8 +34,8 @@ LEVI_CIVITA = np.array(
 def rest_gauges(problem: Problem, values: Mapping[str, Array]) -> Iterator[NamedSubspace]:
     """The subspaces in which the gauges of a problem lie, at the values of its blocks."""
     free = problem.free
-    sources = (points.source for residual in problem.residuals for points in residual.points)
-    rests = [rest for source in sources if (rest := getattr(source, "rest", None)) is not None]
+    found = (getattr(points.source, "rest", None) for points in problem.points)
+    rests = [rest for rest in found if rest is not None]
     subjects: dict[tuple[str | None, str | None], list[Rest]] = {}
     for rest in rests:
         subjects.setdefault((rest.template, rest.joints), []).append(rest)

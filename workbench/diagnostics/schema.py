@@ -37,11 +37,11 @@ def as_data(d: Diagnosis) -> dict[str, Any]:
         ],
         "terms": [vars(term) for term in d.terms],
         "structure": {
-            "unread": _labels(d, d.structure.unread),
+            "unread": d.free.labels_of(d.structure.unread),
             "under_determined": {
                 "rows": len(d.structure.under.rows),
                 "of": named_rows(d.point.rows, d.structure.under.rows),
-                "unknowns": _labels(d, d.structure.under.columns),
+                "unknowns": d.free.labels_of(d.structure.under.columns),
             },
             "square": len(d.structure.square.columns),
             "over_determined": {
@@ -98,7 +98,7 @@ def _numbers(d: Diagnosis) -> dict[str, Any]:
             {
                 "singular_value": w.singular_value,
                 "change": w.change,
-                "columns": [d.free.label(i) for i in w.columns],
+                "columns": d.free.labels_of(w.columns),
                 "rows": [d.problem.row_label(i) for i in w.rows],
             }
             for w in d.weakest
@@ -141,10 +141,6 @@ def _numbers(d: Diagnosis) -> dict[str, Any]:
 def _direction(d: Diagnosis, x: Direction) -> dict[str, Any]:
     entries = {d.free.label(int(i)): x.vector[i] for i in np.flatnonzero(x.vector)}
     return {"name": x.name, "kind": x.kind, "change": x.change, "entries": entries}
-
-
-def _labels(d: Diagnosis, columns: np.ndarray) -> list[str]:
-    return [d.free.label(int(i)) for i in columns]
 
 
 def plain(value: Any) -> Any:

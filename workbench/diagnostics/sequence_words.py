@@ -6,12 +6,13 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.diagnostics.findings import listed, some_of
+from workbench.diagnostics.findings import listed
 from workbench.diagnostics.schema import plain
 from workbench.diagnostics.sequences import SequenceDiagnosis
 from workbench.diagnostics.structure import counted
 from workbench.diagnostics.tables import sections, table
 from workbench.diagnostics.wording import Finding, Wording
+from workbench.errors import some_of
 
 SCHEMA = "workbench.sequence-diagnosis"
 VERSION = 1  # raised when a key is removed or changes its meaning; new keys do not raise it

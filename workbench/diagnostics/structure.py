@@ -17,7 +17,7 @@ from scipy.sparse import csc_array, vstack
 
 from workbench.arrays import Array, Index
 from workbench.blocks import Layout, Tree
-from workbench.blocks.buffered import Buffered
+from workbench.blocks.batched import Buffered
 from workbench.bodies.forward.sources import BodySource
 from workbench.problem import Linearization, Problem
 from workbench.problem.nonzeros import columns_of_nonzeros
@@ -181,12 +181,11 @@ def _same(here: Linearization, rows: slice, others: slice) -> bool:
 def pose_moves_template(problem: Problem) -> bool:
     """Whether a free pose moves the surface of a body that has pose blend shapes."""
     free = set(problem.free.names)
-    sources = [p.source for residual in problem.residuals for p in residual.points]
     return any(
         isinstance(source, BodySource)
         and not free.isdisjoint(symbol.name() for symbol in cs.symvar(source.arguments.pose))
         and source.bent
-        for source in sources
+        for source in (points.source for points in problem.points)
     )
 
 
@@ -198,7 +197,7 @@ def named_groups(layout: Layout, columns: Index) -> str:
         if layout[name].whole is None and inside.size == part.stop - part.start:
             names.append(name if inside.size == 1 else f"all of {name}")
         elif inside.size:
-            names.extend(gathered([layout.label(int(i)) for i in inside]))
+            names.extend(gathered(layout.labels_of(inside)))
     return ", ".join(names)
 
 
@@ -233,10 +232,9 @@ def only_joints(
     None unless all residuals read the joints of one body, coordinate by coordinate, and nothing is
     free but its pose and perhaps its translation.
     """
-    points = {p.symbol.__hash__(): p for r in problem.residuals for p in r.points}
-    if len(points) != 1:
+    if len(problem.points) != 1:
         return None
-    (found,) = points.values()
+    (found,) = problem.points
     tree, free = found.source.tree, problem.free
     if tree is None or not tree.rigid_bones or found.labels != tree.names:
         return None

@@ -3,10 +3,9 @@
 from workbench.blocks import Values
 from workbench.diagnostics.advice import advise
 from workbench.diagnostics.diagnosis import Diagnosis
-from workbench.diagnostics.findings import findings
+from workbench.diagnostics.findings import findings, summary
 from workbench.diagnostics.report import report
 from workbench.diagnostics.schema import as_data
-from workbench.diagnostics.summary import summary
 from workbench.diagnostics.wording import Wording
 from workbench.problem import Linearization, Problem
 

@@ -143,8 +143,7 @@ def run(
     )
     compared, skipped = _compare(setup, own, solution, wanted, progress)
     body = setup.body
-    read = [points for residual in setup.problem.residuals for points in residual.points]
-    arguments = arguments_from_values(body, read, values) if body else None
+    arguments = arguments_from_values(body, setup.problem.points, values) if body else None
     return Outcome(
         name=experiment.name,
         setup=setup,

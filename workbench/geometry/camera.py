@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
 from workbench.blocks import Block, Layout, Values
-from workbench.blocks.reals import reals
+from workbench.blocks.checks import reals
 from workbench.errors import BadCamera
 from workbench.geometry.rotation import matrix_from_vector, rodrigues, vector_from_matrix
 

@@ -6,11 +6,12 @@ from collections.abc import Mapping
 import numpy as np
 import scipy.sparse.linalg
 from scipy.sparse import csc_array, csr_array, diags_array
+from scipy.sparse.csgraph import dijkstra
 
 from workbench.arrays import Array, Index
 from workbench.errors import WorkbenchError
 from workbench.geometry.mirror import REFLECTION
-from workbench.geometry.solids import mesh_edges
+from workbench.geometry.solids import lengths, mesh_edges
 
 TRIED = 200  # faces that the first one is tried to be the mirror image of
 UNEVEN = 0.1  # of the mesh's spread: how far a vertex may be from its mirror image, in the mean
@@ -106,3 +107,17 @@ def _fits(image: Mapping[int, int], centred: Array) -> bool:
     there = np.fromiter(image.values(), int)
     away = np.linalg.norm(centred[here] - centred[there] * REFLECTION, axis=1)
     return bool(away.mean() < UNEVEN * np.linalg.norm(centred.std(axis=0)))
+
+
+def along_edges(vertices: Array, triangles: Index, sources: list[Index]) -> Array:
+    """From each set of vertices to every vertex along the mesh's edges, (len(sources), N) m.
+
+    Dijkstra's shortest paths: never shorter than the surface's own, and longer where edges zigzag.
+    Infinite where there is no way.
+    """
+    pairs = mesh_edges(triangles)
+    N, weights = len(vertices), lengths(vertices, pairs)
+    graph = csr_array((weights, (pairs[:, 0], pairs[:, 1])), shape=(N, N))
+    return np.array(
+        [dijkstra(graph, directed=False, indices=some, min_only=True) for some in sources]
+    ).reshape(len(sources), N)

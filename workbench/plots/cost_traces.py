@@ -7,8 +7,7 @@ from matplotlib.axes import Axes
 
 from workbench.comparison import Comparison
 from workbench.comparison.targets import named
-from workbench.plots.decades import decades
-from workbench.plots.labels import plain
+from workbench.plots.labels import decades, plain
 from workbench.plots.palette import FAINT, solver_line
 
 LOWEST = 1e-12  # of the way from the start to the lowest cost; smaller values are drawn there

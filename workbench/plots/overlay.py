@@ -10,9 +10,9 @@ from matplotlib.transforms import ScaledTranslation
 from workbench.arrays import Array
 from workbench.experiments.running import Outcome, Overlay
 from workbench.fitting.keypoints import COUNTED, LEAST_CONFIDENCE, reprojection_errors
+from workbench.plots.body import painted
 from workbench.plots.labels import plain
 from workbench.plots.palette import BLUE, FAINT, OUTSIDE, VERMILLION
-from workbench.plots.shading import painted
 
 BELOW = 36  # points that the numbers and the label of the axis take
 

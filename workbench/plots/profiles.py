@@ -8,8 +8,7 @@ from workbench.arrays import Array
 from workbench.comparison import Comparison
 from workbench.comparison.profiles import data_profile, performance_profile, ratios
 from workbench.comparison.targets import named
-from workbench.plots.decades import decades
-from workbench.plots.labels import plain
+from workbench.plots.labels import decades, plain
 from workbench.plots.palette import FAINT, solver_line
 
 POINTS = 400

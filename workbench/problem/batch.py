@@ -15,8 +15,7 @@ import numpy as np
 
 from workbench.arrays import Array, Index
 from workbench.blocks import Layout, NumericPoints
-from workbench.blocks.batched import LONGEST, Batched, Mapped, OneByOne, scalar
-from workbench.blocks.buffered import Buffered
+from workbench.blocks.batched import LONGEST, Batched, Buffered, Mapped, OneByOne, scalar
 from workbench.blocks.simd import simd_function
 from workbench.blocks.threaded import Threaded
 from workbench.compiling import NoLibrary

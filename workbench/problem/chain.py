@@ -19,16 +19,15 @@ from scipy.sparse import csc_array, csr_array
 
 from workbench.arrays import Array
 from workbench.blocks import Layout, NumericPoints, PointsAt
-from workbench.blocks.buffered import Buffered
+from workbench.blocks.batched import Buffered
 from workbench.blocks.layout import all_values
-from workbench.blocks.sparse_points import jacobian_of, pattern_of
+from workbench.blocks.points import jacobian_of, pattern_of
 from workbench.problem.graph import FORWARD, Graph, split
-from workbench.problem.memory import check_fits
 from workbench.problem.naming import distinct
 from workbench.problem.nonzeros import columns_of_nonzeros
 from workbench.problem.pattern import Assembly, Part, Pattern, Scattered, merged
 from workbench.problem.rounding import Support, half_squared
-from workbench.problem.storage import Stored, is_sparse
+from workbench.problem.storage import Stored, check_fits, is_sparse
 from workbench.residuals import Residual
 
 SUMS = 3  # sums of a row's terms with random weights: in a single one they may cancel

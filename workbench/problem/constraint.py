@@ -8,8 +8,7 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
 from workbench.blocks import Points, in_blocks
-from workbench.blocks.checks import several
-from workbench.blocks.reals import reals
+from workbench.blocks.checks import reals, several
 from workbench.errors import BadConstraint, BadResidual
 from workbench.residuals.residual import blocks_read, check_listed, check_symbolic
 

@@ -4,7 +4,7 @@ import numpy as np
 import scipy.linalg
 
 from workbench.arrays import Array
-from workbench.problem.normal_factors import factor_of
+from workbench.problem.steps import factor_of
 from workbench.problem.storage import Symmetric
 
 NEGLIGIBLE = 1e-9  # the square of an entry's part in the null space up to which it has none

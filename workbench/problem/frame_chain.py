@@ -9,7 +9,7 @@ from scipy.sparse import csc_array, csr_array
 from workbench.arrays import Array, Index
 from workbench.blocks import Layout, PointsAt
 from workbench.blocks.layout import all_values
-from workbench.blocks.sparse_points import pattern_of
+from workbench.blocks.points import pattern_of
 from workbench.problem.band_order import BandOrder
 from workbench.problem.block_matrix import BlockMatrix, BlockPlaces, SparsePlaces, joined
 from workbench.problem.chain import Chain

@@ -8,7 +8,7 @@ from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index, Mask
 from workbench.blocks import PointsAt
-from workbench.blocks.buffered import Buffered
+from workbench.blocks.batched import Buffered
 from workbench.blocks.points import evaluate_each
 from workbench.problem.band_order import run_of
 from workbench.problem.chain import Chain

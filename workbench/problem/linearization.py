@@ -14,9 +14,8 @@ from workbench.problem import storage
 from workbench.problem.block_matrix import BlockMatrix
 from workbench.problem.constraint_set import LinearizedConstraints
 from workbench.problem.covariance import covariance_of, inverse_times
-from workbench.problem.graded import graded_svd
 from workbench.problem.rounding import half_squared
-from workbench.problem.spectrum import Spectrum
+from workbench.problem.spectrum import Spectrum, graded_svd
 from workbench.problem.steps import EPS, UNEVEN, automatic
 from workbench.problem.storage import Matrix, Symmetric
 

@@ -8,7 +8,7 @@ from scipy.sparse import csc_array
 
 from workbench.arrays import Array, Index
 from workbench.blocks import Layout, NumericPoints, PointsAt
-from workbench.blocks.sparse_points import jacobian_of, pattern_of
+from workbench.blocks.points import jacobian_of, pattern_of
 
 Entries = Mapping[str, Index]
 

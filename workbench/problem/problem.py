@@ -88,10 +88,7 @@ class Problem:
     # Values in and out.
 
     def read(self, values: Mapping[str, ArrayLike]) -> Values:
-        """The values of the blocks that the problem reads, as arrays.
-
-        Blocks that have no value are left out.
-        """
+        """The values of the blocks that the problem reads, as arrays; others are left out."""
         names = (*self.free.names, *self.fixed.names)
         return {n: np.asarray(values[n], dtype=float) for n in names if n in values}
 
@@ -134,9 +131,19 @@ class Problem:
         return part.label(place)
 
     @cached_property
+    def points(self) -> tuple[Points, ...]:
+        """The points that the residuals read, each once."""
+        return naming.distinct(p for r in self.residuals for p in r.points)
+
+    @cached_property
+    def has_graph(self) -> bool:
+        """Whether every point has an expression, and not arithmetic alone."""
+        return all(p.source.expression is not None for p in self.points)
+
+    @cached_property
     def trees(self) -> tuple[Tree, ...]:
         """The kinematic trees of the bodies whose points are read, one for each pose."""
-        trees = (p.source.tree for p in self._points)
+        trees = (p.source.tree for p in self.points)
         return tuple({tree.places: tree for tree in trees if tree is not None}.values())
 
     @cached_property
@@ -174,7 +181,7 @@ class Problem:
 
     def graph(self) -> cs.MX:
         """The stacked, whitened residual (m, 1) in the symbols of blocks; see `Residual.graph`."""
-        return in_blocks(self._whitened, self._points)
+        return in_blocks(self._whitened, self.points)
 
     def prepare(self) -> None:
         """Build the functions that evaluations need, so that the first one takes no longer."""
@@ -256,14 +263,6 @@ class Problem:
         return optimality(x, here, self.support, box, rounding)
 
     @cached_property
-    def _points(self) -> tuple[Points, ...]:
-        return naming.distinct(p for r in self.residuals for p in r.points)
-
-    @cached_property
-    def _points_of_all(self) -> tuple[Points, ...]:
-        return naming.distinct((*self._points, *(p for c in self.constraints for p in c.points)))
-
-    @cached_property
     def _whitened(self) -> cs.MX:
         """The stacked residual, its points being placeholders."""
         return cs.vertcat(*[residual.whitened for residual in self.residuals])
@@ -272,16 +271,17 @@ class Problem:
     def known(self) -> dict[str, Block]:
         """Every block that is read, by name, with the unit and labels that are known of it."""
         of_residuals = (b for r in self.residuals for b in r.blocks)
-        of_points = (b for p in self._points_of_all for b in p.source.blocks)
+        points = naming.distinct((*self.points, *(p for c in self.constraints for p in c.points)))
+        of_points = (b for p in points for b in p.source.blocks)
         described = (*of_points, *of_residuals, *self._named)  # the last one counts
         limited = [constraint.expression for constraint in self.constraints]
         weightless = [one.expression for one in self.residuals]  # read also where a weight is 0
         stacked = cs.veccat(self._whitened, *limited, *weightless)
-        return naming.blocks_behind(stacked, self._points_of_all, described)
+        return naming.blocks_behind(stacked, points, described)
 
     @cached_property
     def _graph(self) -> Graph:
-        return Graph.of(in_blocks(self._whitened, self._points), *self._layouts)
+        return Graph.of(in_blocks(self._whitened, self.points), *self._layouts)
 
     @cached_property
     def _chain(self) -> Chain | FrameChain:
@@ -290,9 +290,8 @@ class Problem:
 
     @cached_property
     def _batch(self) -> Batch:
-        drawn = all(p.source.expression is not None for p in self._points)
-        whole = self._graph if drawn else None
-        parts = split(self._whitened, self._points, *self._layouts)
+        whole = self._graph if self.has_graph else None
+        parts = split(self._whitened, self.points, *self._layouts)
         return Batch(whole, *parts, *self._layouts)
 
     @property

@@ -5,11 +5,12 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 import scipy.linalg
+from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import LinearOperator, lsmr
 
 from workbench.arrays import Array
-from workbench.problem.banded import BandedMatrix
-from workbench.problem.normal_factors import factor_of
+from workbench.problem.banded import BandedFactor, BandedMatrix
+from workbench.problem.sparse_cholesky import SparseFactor, factorized
 from workbench.problem.storage import Matrix, Symmetric, scaled_sparse
 
 EPS = float(np.finfo(float).eps)
@@ -213,3 +214,15 @@ def automatic(here: LinearModel, damping: float, D: Array) -> Step:
         if step is not None:
             return step
     return krylov(here, damping, D) if here.estimated else svd(here, damping, D)
+
+
+def factor_of(
+    normal: csc_array | BandedMatrix, raised: Array
+) -> BandedFactor | SparseFactor | None:
+    """The factor of A + diag(raised), raised (n,).
+
+    None where the matrix is not positive definite or too few digits are left.
+    """
+    if isinstance(normal, BandedMatrix):
+        return normal.factorized(raised)
+    return factorized(csc_array(normal + diags_array(raised)) if raised.any() else normal)

@@ -4,6 +4,9 @@ A Jacobian is an array, or sparse (CSC), or, in a sequence of frames, a `BlockMa
 equations are an array, sparse or a `BandedMatrix`.
 """
 
+import os
+from contextlib import suppress
+from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
@@ -13,7 +16,6 @@ from workbench.arrays import Array, Index, Mask
 from workbench.errors import TooLarge
 from workbench.problem.banded import BandedMatrix
 from workbench.problem.block_matrix import BlockMatrix
-from workbench.problem.memory import check_fits
 from workbench.problem.nonzeros import columns_of_nonzeros, sums
 
 Stored: TypeAlias = Array | csc_array  # with all of its zeros, or by its nonzeros
@@ -22,6 +24,9 @@ Symmetric: TypeAlias = Stored | BandedMatrix
 DENSE_FROM = 2**22  # entries, 32 MB: a smaller matrix is an array, whatever is in it
 SPARSE_UP_TO = 1 / 8  # nonzeros an entry: above that an array is smaller and much quicker
 WIDE = 4000  # columns of a sparse matrix whose n x n arrays still fit
+SMALL = 2**28  # bytes: not worth asking for
+GIGA = 1e9
+INSTEAD = "free fewer blocks at a time, or divide the problem, as a long sequence into short ones"
 
 
 def is_sparse(rows: int, columns: int, nonzeros: int) -> bool:
@@ -206,3 +211,40 @@ def distance(one: Matrix, a: float, other: Matrix, b: float) -> float:
     if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
         return float(np.linalg.norm(a * dense(one) - b * dense(other)))
     return float(np.linalg.norm((a * by_nonzeros(one) - b * by_nonzeros(other)).data))
+
+
+def check_fits(rows: int, columns: int) -> None:
+    """Raise TooLarge unless a dense Jacobian fits twice into the memory that is free."""
+    size = 8 * rows * columns
+    if size <= SMALL:
+        return
+    free = free_memory()
+    if free is not None and 2 * size > free:  # a factorization of it takes as much again
+        raise TooLarge(
+            f"a dense Jacobian of {rows:,} x {columns:,} takes {size / GIGA:.3g} GB, and a step "
+            f"with it as much again; {free / GIGA:.2g} GB of memory are free; {INSTEAD}"
+        )
+
+
+def free_memory() -> int | None:
+    """The bytes that this process may still allocate; None where the system does not tell.
+
+    It is the available memory of the machine, or what a limit of the process or of its container
+    leaves if that is less. Only Linux tells.
+    """
+    limits: list[int] = []
+    with suppress(OSError, ValueError):
+        facts = dict(line.split(":", 1) for line in Path("/proc/meminfo").read_text().splitlines())
+        limits.append(1024 * int(facts["MemAvailable"].split()[0]))
+    with suppress(OSError, ValueError, ImportError):
+        import resource
+
+        most = resource.getrlimit(resource.RLIMIT_AS)[0]
+        taken = int(Path("/proc/self/statm").read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")
+        if most != resource.RLIM_INFINITY:
+            limits.append(max(0, most - taken))
+    with suppress(OSError, ValueError):
+        group = Path("/sys/fs/cgroup")
+        most = int((group / "memory.max").read_text())  # "max" is no number: no limit
+        limits.append(max(0, most - int((group / "memory.current").read_text())))
+    return min(limits, default=None)

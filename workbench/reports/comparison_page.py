@@ -25,8 +25,7 @@ from workbench.reports import comparison_tables as tables
 from workbench.reports import end_tables as ends
 from workbench.reports.figures import Shown, drawn, shown
 from workbench.reports.folder import MAKER
-from workbench.reports.page import page
-from workbench.reports.provenance import as_json, versions
+from workbench.reports.page import as_json, page, versions
 from workbench.writing import replacing
 
 RESULTS = "results.csv"

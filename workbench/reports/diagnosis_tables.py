@@ -67,7 +67,7 @@ def conditioning_table(d: Diagnosis) -> Table:
         label = "the same column" if pair.sine <= PARALLEL else "nearly parallel (sine)"
         rows.append((label, number(pair.sine, 2), what))
     for weak in d.weakest[:2]:
-        columns = ", ".join(gathered([d.free.label(i) for i in weak.columns[:8]]))
+        columns = ", ".join(gathered(d.free.labels_of(weak.columns[:8])))
         seen_by = ", ".join(d.problem.row_label(i) for i in weak.rows[:3])
         more = " and others" if len(weak.rows) > 3 else ""
         rows.append(

@@ -10,7 +10,7 @@ from typing import Any
 
 from workbench.errors import BadFile
 from workbench.reading.facts import json_in
-from workbench.reports.provenance import as_json, versions
+from workbench.reports.page import as_json, versions
 from workbench.writing import leftovers, temporary_prefix
 
 SUMMARY = "summary.json"  # by which a folder of ours is known, and what in it is ours

@@ -1,20 +1,23 @@
 """A run as a folder: one page with the figures in it, and the numbers beside it."""
 
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from workbench import plots
+from workbench.arrays import Array
+from workbench.diagnostics import Diagnosis
 from workbench.experiments.running import Outcome
 from workbench.fitting.keypoints import LEAST_CONFIDENCE
 from workbench.geometry.meshes import write_mesh
 from workbench.plots import sheets
 from workbench.reports import tables
-from workbench.reports.arrays import arrays
 from workbench.reports.figures import Shown, drawn, plotted, shown, spectrum
 from workbench.reports.folder import SUMMARY, Content, write_folder
 from workbench.reports.page import page
-from workbench.reports.summary import run_summary
+from workbench.solvers import Solution
 from workbench.writing import write_arrays
 
 FILES = {
@@ -130,3 +133,60 @@ def distance_figure(outcome: Outcome) -> Shown | None:
 def truth_called(outcome: Outcome) -> str:
     """What the true surface is called: `synthetic truth` if the data are synthetic."""
     return "synthetic truth" if outcome.setup.synthetic else "truth"
+
+
+def arrays(outcome: Outcome) -> dict[str, Array]:
+    """Every block under its own name, and per view `projected:`, `observed:` (M, 2) px and
+    `confidence:` (M,), exactly as drawn; `surface` (N, 3) m where there is a body.
+    """
+    found: dict[str, Array] = {}
+    if outcome.surface is not None:
+        found["surface"] = outcome.surface
+    for overlay in outcome.overlays:
+        found[f"projected:{overlay.view.name}"] = overlay.projected
+        found[f"observed:{overlay.view.name}"] = overlay.view.observed
+        found[f"confidence:{overlay.view.name}"] = overlay.view.confidence
+    return found | {name: np.asarray(value) for name, value in outcome.values.items()}
+
+
+def run_summary(outcome: Outcome) -> dict[str, Any]:
+    """How a run ended, what it measured, and what it ran on."""
+    alone, priors = outcome.data_alone, list(outcome.setup.priors)
+    return {
+        "kind": "run",
+        "name": outcome.name,
+        "synthetic": outcome.setup.synthetic,
+        "notes": list(outcome.setup.notes),
+        **_ending(outcome.solution),
+        "solver": outcome.solver,
+        "better": outcome.better,
+        "best_cost": outcome.best_cost,
+        **_seen(outcome.diagnosis),
+        "data_alone": None if alone is None else {"without": priors, **_seen(alone)},
+        "costs": dict(outcome.costs),
+        "priors": priors,
+        "measures": [asdict(measure) for measure in outcome.measures],
+        "compared": {
+            name: _ending(solution) | {"excess": outcome.excess(name)}
+            for name, solution in outcome.compared.items()
+        },
+        "interrupted": outcome.interrupted,
+        "skipped": list(outcome.skipped),
+    }
+
+
+def _seen(diagnosis: Diagnosis) -> dict[str, int]:
+    rows, unknowns = diagnosis.shape
+    return {"rows": rows, "unknowns": unknowns, "rank": diagnosis.rank}
+
+
+def _ending(solution: Solution) -> dict[str, Any]:
+    return {
+        "status": solution.status.name,
+        "message": solution.message,
+        "cost": solution.cost,
+        "optimality": solution.optimality,
+        "iterations": solution.iterations,
+        "evaluations": asdict(solution.evaluations),
+        "seconds": solution.seconds,
+    }

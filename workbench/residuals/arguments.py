@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import Index
 from workbench.blocks import Block, Points
-from workbench.blocks.reals import numbers, reals
+from workbench.blocks.checks import numbers, reals
 from workbench.errors import BadResidual
 from workbench.residuals.residual import check_symbolic
 

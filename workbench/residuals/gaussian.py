@@ -5,7 +5,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
-from workbench.blocks.reals import reals
+from workbench.blocks.checks import reals
 from workbench.errors import BadResidual
 from workbench.residuals.arguments import named
 from workbench.residuals.residual import Residual, check_symbolic

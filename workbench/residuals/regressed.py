@@ -6,7 +6,7 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
 from workbench.blocks import Points
-from workbench.blocks.reals import reals
+from workbench.blocks.checks import reals
 from workbench.errors import BadResidual
 from workbench.residuals.arguments import expressed, named_after
 from workbench.residuals.residual import Residual

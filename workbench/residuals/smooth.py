@@ -5,7 +5,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.blocks import Block, Points
-from workbench.blocks.reals import reals
+from workbench.blocks.checks import reals
 from workbench.errors import BadArgument, BadResidual
 from workbench.residuals.frames import Between, Frames
 from workbench.residuals.kernels import Kernel, quadratic

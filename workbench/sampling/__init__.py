@@ -5,8 +5,7 @@ from workbench.sampling.descent import Mode
 from workbench.sampling.determined import determined
 from workbench.sampling.ensemble_settings import Progress
 from workbench.sampling.importance import Importance
-from workbench.sampling.laplace import laplace
-from workbench.sampling.laplace_comparison import EntryComparison, compared_with_laplace
+from workbench.sampling.laplace import EntryComparison, compared_with_laplace, laplace
 from workbench.sampling.limbs import sampling_blocks
 from workbench.sampling.mixing import Mixing, Usability
 from workbench.sampling.modes import ModeSearch, search_in_words

@@ -9,8 +9,7 @@ the same everywhere: the density of z is exp(-cost) on them, up to a constant.
 import numpy as np
 
 from workbench.arrays import Array, Index, Mask
-from workbench.blocks import Layout
-from workbench.errors import BadArgument
+from workbench.errors import BadArgument, some_of
 from workbench.problem import Linearization, Problem
 from workbench.sampling.subspace import Subspace, fixed
 
@@ -32,16 +31,17 @@ def determined(problem: Problem, here: Linearization, x: Array, chosen: Index) -
     lengths = np.linalg.norm(A, axis=1)
     A = A[lengths > 0] / lengths[lengths > 0, None]
     ties, others = _tied(A, chosen)
+    labels = problem.free.labels_of
     A = A[ties]
     moves, _, rank, _ = np.linalg.lstsq(A[:, others], -A[:, chosen])
     if rank < len(others):
         raise BadArgument(
-            f"the equations leave open how {_listed(problem.free, others)} follow: of these "
+            f"the equations leave open how {some_of(labels(others))} follow: of these "
             f"{len(others)} numbers they tell {rank}. Name {len(others) - rank} more of them"
         )
     if (abs(A[:, others] @ moves + A[:, chosen]) > ROUNDED).any():
         raise BadArgument(
-            f"the equations tie {_listed(problem.free, chosen)} to each other, so they cannot all "
+            f"the equations tie {some_of(labels(chosen))} to each other, so they cannot all "
             "be drawn; name fewer of them, and the others follow"
         )
     # what is left of sums that cancel would count as a way to move
@@ -61,8 +61,3 @@ def _tied(A: Array, chosen: Index) -> tuple[Mask, Index]:
             moving[chosen] = False
             return ties, np.flatnonzero(moving)
         moving = grown
-
-
-def _listed(free: Layout, places: Index, most: int = 5) -> str:
-    names = [free.label(int(i)) for i in places[:most]]
-    return ", ".join(names) + (f" and {len(places) - most} more" if len(places) > most else "")

@@ -42,7 +42,7 @@ def sampling_blocks(
 def _of_joint(layout: Layout, tree: Tree, joint: int) -> list[str]:
     """The names of a joint's free numbers: of their row, or one by one."""
     at = tree.entries(joint, layout)
-    labels = [layout.label(i) for i in at]
+    labels = layout.labels_of(at)
     rows = {label.rpartition(", ")[0] for label in labels}
     return [f"{rows.pop()}]"] if len(at) == 3 and len(rows) == 1 and "" not in rows else labels
 

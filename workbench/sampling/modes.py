@@ -1,14 +1,14 @@
 """Where a posterior has its modes: minima of the cost, looked for from many places."""
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.sampling.descent import Mode, NoMinimum, into_bounds, mode_from
+from workbench.geometry import rotation
+from workbench.sampling.descent import Mode, NoMinimum, bounds_of, into_bounds, mode_from
 from workbench.sampling.log_density import LogDensity
-from workbench.sampling.rotations import shortest_rotations
-from workbench.sampling.starts import SearchExtent, wide_starts
 from workbench.sampling.subspace import Improper
 
 APART = 1.0  # standard deviations: minima that are nearer to each other are one
@@ -17,6 +17,31 @@ SETTLED = 0.01  # of the mass of all: in smaller modes no walker begins, for it 
 COMPARABLE = 0.05  # of the mass of all: a mode that draws have to visit
 VISITED = 0.2  # of a mode's share: fewer of the draws are there, and it counts as missed
 ASSIGNED = 20_000  # draws that are looked at
+REACH = (3.0, 1000.0)  # standard deviations of Laplace's approximation that starts are away
+SHELLS = 8  # of distances, in equal ratios
+TRIED = 128  # points in each of them
+
+
+@dataclass(frozen=True)
+class SearchExtent:
+    """How widely other modes were looked for.
+
+    Attributes:
+        starts: how many searches there were.
+        farthest: the largest distance of a start, in Laplace's standard deviations.
+        boxed: how many entries have two bounds, over which starts were spread as well.
+    """
+
+    starts: int
+    farthest: float
+    boxed: int
+
+    def __str__(self) -> str:
+        if not self.starts:
+            return "no other modes were looked for"
+        said = f"{self.starts} searches for other modes, up to {self.farthest:,.0f} sd away"
+        entries = "entry" if self.boxed == 1 else "entries"
+        return said + (f" and all over the bounds of {self.boxed} {entries}" if self.boxed else "")
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,3 +142,72 @@ def walkers_at(
         else:
             z[i] = into_bounds(target, mode.z, z[i])
     return z
+
+
+def shortest_rotations(target: LogDensity, z: Array) -> Array:
+    """z (k,) with rotation vectors beyond half a turn replaced by those of the same rotations.
+
+    Rotation vectors are those of the joints of the problem's bodies. One of which only a part is
+    sampled stays as it is, and so does one whose bounds forbid the shorter vector.
+    """
+    space, problem = target.subspace, target.problem
+    if space.entries is None:
+        return z
+    x, sampled = space.points(z[None])[0], np.isin(np.arange(problem.free.size), space.entries)
+    for row in problem.rotations:
+        length = float(np.linalg.norm(x[row]))
+        if length > np.pi and sampled[row].all():
+            shorter = rotation.shortest(x[row])
+            if ((shorter >= problem.lower[row]) & (shorter <= problem.upper[row])).all():
+                x[row] = shorter
+    return np.asarray(x[space.entries])
+
+
+def wide_starts(
+    target: LogDensity, first: Mode, rng: np.random.Generator
+) -> tuple[list[Array], SearchExtent]:
+    """Starts (k,) for searches, and how far they reach.
+
+    Each shell of distances gives two: of many random points the one with the least cost, and the
+    one with the least cost on the other side of the first mode. Half of the points move all
+    entries, the other half a single one, and what is correlated with it. Where entries have two
+    bounds, two more come from points all over these. Points without a density are left out.
+    """
+    k = target.subspace.size
+    low, high = bounds_of(target)
+    edges = np.geomspace(*REACH, SHELLS + 1)
+    covariance = first.half @ first.half.T
+    alone = covariance / np.sqrt(np.diag(covariance))  # columns: one entry by 1 sd, all along
+    found: list[Array] = []
+    farthest = 0.0
+    for near, far in pairwise(edges):
+        distance = near * (far / near) ** rng.uniform(size=(TRIED, 1))
+        way = rng.standard_normal((TRIED, k)) @ first.half.T
+        single = rng.integers(k, size=TRIED // 2)
+        way[::2] = rng.choice([-1.0, 1.0], size=(TRIED // 2, 1)) * alone[:, single].T
+        z = np.clip(first.z + distance * way, low, high)
+        chosen = _lowest(target, first, z)
+        if chosen:
+            farthest = far
+        found += chosen
+    two_sided = np.isfinite(high - low) & (high > low)
+    if two_sided.any():
+        z = first.z + REACH[0] * rng.standard_normal((TRIED, k)) @ first.half.T
+        share = rng.uniform(size=(TRIED, int(two_sided.sum())))
+        z[:, two_sided] = low[two_sided] + share * (high - low)[two_sided]
+        found += _lowest(target, first, np.clip(z, low, high))
+    return found, SearchExtent(len(found), farthest, int(two_sided.sum()))
+
+
+def _lowest(target: LogDensity, first: Mode, z: Array) -> list[Array]:
+    """The point of least cost among z (M, k), and that on the other side of the first mode."""
+    value = target(z)
+    known = np.isfinite(value)
+    if not known.any():
+        return []
+    best = int(np.argmax(value))
+    ways = np.linalg.solve(first.half, (z - first.z).T).T
+    other = known & (ways @ ways[best] < 0)
+    if not other.any():
+        return [z[best]]
+    return [z[best], z[int(np.argmax(np.where(other, value, -np.inf)))]]

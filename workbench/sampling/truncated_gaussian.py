@@ -4,15 +4,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from workbench.arrays import Array
+from workbench.arrays import Array, Index
+from workbench.errors import NotSupported
 from workbench.sampling.descent import Mode, bounds_of, dependent_bounds, inverse_half, rows_between
 from workbench.sampling.log_density import LogDensity
-from workbench.sampling.truncated_normal import truncated_normal
 
 TRIED = 2000  # draws that are looked at for what linear constraints cut away
 ENOUGH = 100  # of them that must be allowed, so that a share of 0.05 is seen
 REACHED = 1e-6  # of the largest value of a linear limit: on it
 WIDE = 1 / 30  # over the distance of two bounds: a Gaussian that is flat between them to 0.06 %
+CHAINS = 1000  # particles side by side
+WARM = 40  # flights before the first that counts
+APART = 10  # flights from one that counts to the next: in a tail, one alone does not forget
+MOST = 2000  # reflections of a flight; one with more is undone, which is as likely both ways
+UNDONE = 0.01  # of all flights, at most
+TOUCHING = 1e-12  # of the size of the terms: on the limit, but for rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,3 +125,66 @@ def draws_from(
         w = truncated_normal(gaussian.F, gaussian.g, gaussian.start, count, rng)
     log_q = -gaussian.cost - 0.5 * (np.sum(w**2, axis=1) - np.sum(gaussian.start**2))
     return gaussian.mean + w @ gaussian.half.T, log_q
+
+
+def truncated_normal(
+    F: Array, g: Array, start: Array, count: int, rng: np.random.Generator
+) -> Array:
+    """`count` draws (count, k) of w ~ N(0, 1) where F w + g >= 0, from a point that meets it.
+
+    F is (c, k), g (c,). A limit that the start misses counts as touched there. Raises NotSupported
+    where the limits leave so little room that particles do not get through it.
+    """
+    g = np.maximum(g, -(F @ start))
+    w = np.repeat(start[None], CHAINS, axis=0)
+    kept, undone, flights = [], 0, WARM + APART * -(-count // CHAINS)
+    for flight in range(flights):
+        before = w
+        w = _flown(F, g, w, rng.standard_normal(w.shape))
+        undone += int(np.sum((w == before).all(axis=1)))
+        if flight >= WARM and flight % APART == APART - 1:
+            kept.append(w)
+        if undone > UNDONE * flights * CHAINS:
+            raise NotSupported(
+                "bounds and constraints leave the Gaussian too little room to draw from, so that "
+                "Laplace's approximation says nothing here. If they limit numbers that are "
+                "integrated out, name these numbers too; else draw with `sample`, or widen them"
+            )
+    return np.concatenate(kept)[:count]
+
+
+def _flown(F: Array, g: Array, w: Array, v: Array) -> Array:
+    """The particles w (N, k) with velocities v after a quarter of a turn."""
+    before, w = w, w.copy()
+    left = np.full(len(w), np.pi / 2)
+    lengths = np.sum(F**2, axis=1)
+    going = np.arange(len(w))
+    for _ in range(MOST):
+        t, limit = _met(F, g, w[going], v[going])
+        t = np.minimum(t, left[going])
+        c, s = np.cos(t)[:, None], np.sin(t)[:, None]
+        w[going], v[going] = w[going] * c + v[going] * s, v[going] * c - w[going] * s
+        left[going] -= t
+        on = left[going] > 0
+        going, limit = going[on], limit[on]
+        if not going.size:
+            break
+        f = F[limit]
+        speed = np.sum(f * v[going], axis=1) / lengths[limit]
+        v[going] -= 2 * speed[:, None] * f
+    w[going] = before[going]
+    return w
+
+
+def _met(F: Array, g: Array, w: Array, v: Array) -> tuple[Array, Index]:
+    """When each particle next meets a limit from inside, and which; infinity if none is met."""
+    a, b = v @ F.T, w @ F.T  # the limit's value is b cos t + a sin t + g
+    size = np.hypot(a, b)
+    phase = np.arctan2(-a, b)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        falls = np.arccos(np.clip(-g / size, -1, 1)) - phase
+    t = np.where(size > abs(g), np.mod(falls, 2 * np.pi), np.inf)
+    touching = b + g <= TOUCHING * (abs(b) + abs(g))
+    t = np.where(touching & (a < 0), 0.0, t)
+    limit = np.argmin(t, axis=1)
+    return t[np.arange(len(w)), limit], limit

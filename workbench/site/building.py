@@ -2,6 +2,7 @@
 
 import shutil
 import warnings
+from importlib.metadata import distribution
 from importlib.util import find_spec
 from io import StringIO
 from pathlib import Path
@@ -14,6 +15,9 @@ STYLE = Path(__file__).with_name("site.css")
 NEEDED = ("sphinx", "myst_nb", "sphinx-mathjax-offline")  # beside the tools of notebooks
 LIGHT, DARK = "default", "github-dark"  # the colours of code, by Pygments' names
 MADE_BY_US = "searchindex.js"  # a folder with this file is a site, which may be built anew
+SHIPPED = ("Sphinx", "Pygments", "myst-nb")  # their style sheets and scripts are copied
+LICENCE = ("licen", "copying", "notice", "authors")  # how the names of such files begin
+OTHERS = Path(__file__).with_name("licence_texts")  # of what is installed without its own: MathJax
 
 
 def refuse(folder: Path) -> None:
@@ -96,3 +100,14 @@ def _style() -> str:
     return (
         f"{STYLE.read_text(encoding='utf-8')}\n@media (prefers-color-scheme: dark) {{\n{dark}\n}}\n"
     )
+
+
+def copy_licences(folder: Path) -> None:
+    """Copy the licences of the libraries whose style sheets, scripts and fonts a site ships."""
+    shutil.copytree(OTHERS, folder)
+    for name in SHIPPED:
+        for path in distribution(name).files or ():
+            if path.name.lower().startswith(LICENCE) and path.suffix not in (".py", ".pyc"):
+                source = Path(str(path.locate()))
+                if source.is_file():
+                    shutil.copy(source, folder / f"{name}-{path.stem}.txt")

@@ -7,6 +7,7 @@ from tempfile import TemporaryDirectory
 
 from workbench.course.notebooks import executed, notebook, write_notebook
 from workbench.course.outline import Lecture, course, root
+from workbench.site.building import build, copy_licences, put, refuse
 
 GUIDES = ("GUIDE", "AUTHORS")  # the pages beside the lectures
 TABLE = "<!-- the outline -->"  # a guide has this line where the table of lectures belongs
@@ -75,3 +76,22 @@ def _table() -> str:
     ]
     head = "| | lecture | minutes | assumes | teaches |\n| --- | --- | --- | --- | --- |"
     return "\n".join((head, *rows))
+
+
+def write_course_site(folder: str | Path, tell: Tell = lambda said: None) -> Path:
+    """Run every lecture, write a site of the course alone, and return its first page.
+
+    `tell` is called with a line for each part that begins. Raises BadFile if a tool is missing, if
+    Sphinx warns, or if the folder holds something else than a site, and CellFailed, which is a
+    BadFile, if a lecture fails.
+    """
+    folder = Path(folder)
+    refuse(folder)
+    with TemporaryDirectory(prefix="workbench-site-") as place:
+        scratch = Path(place)
+        pages, files = scratch / "pages", scratch / "files"
+        write_course_pages(pages, files, tell)
+        copy_licences(files / "licences")
+        tell("writing pages")
+        put(build("Body models", pages, files, scratch), folder)
+    return folder / "index.html"

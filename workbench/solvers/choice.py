@@ -97,8 +97,7 @@ def recommend(problem: Problem, start: Values) -> Recommendation:
     """
     found = temperament(problem, start)
     if found.equations or found.inequalities:
-        points = [p for residual in problem.residuals for p in residual.points]
-        name, others, reasons = _constrained(all(p.source.expression is not None for p in points))
+        name, others, reasons = _constrained(problem.has_graph)
     else:
         name, others, reasons = _least_squares(found)
     if found.rank < found.unknowns:

@@ -6,6 +6,7 @@ import numpy as np
 
 from workbench.arrays import Array, Mask
 from workbench.blocks import Layout
+from workbench.errors import some_of
 from workbench.problem import Linearization, Problem
 from workbench.problem.optimality import hidden
 from workbench.problem.rounding import half_squared
@@ -71,20 +72,23 @@ def ending(run: Ended, stop: Stop) -> Ending:
         return Ending(status, f"{message} (no gradient at the best point: {error})")
     free = run.problem.free
     never, read = run.sensitivity.never, run.problem.support.read
-    labels, unread, unnoticed = (_labels(free, m) for m in (gone, never & ~read, never & read))
+    labels, unread, unnoticed = (
+        tuple(free.labels_of(np.flatnonzero(m))) for m in (gone, never & ~read, never & read)
+    )
     converged = optimality <= run.limits.gradient_tolerance
     if best.violation > 1:
         if status in (Status.CONVERGED, Status.STALLED):
             status, message = Status.INFEASIBLE, _violation(run)
     elif gone.any() and (converged or status in (Status.CONVERGED, Status.STALLED)):
-        status, message = Status.LOST, Status.LOST.value.replace("some unknowns", _named(labels))
+        names = some_of(labels, NAMED)
+        status, message = Status.LOST, Status.LOST.value.replace("some unknowns", names)
     elif converged:
         status, message = Status.CONVERGED, Status.CONVERGED.value
         if unread:
-            message += f" (no residual reads {_named(unread)})"
+            message += f" (no residual reads {some_of(unread, NAMED)})"
         if unnoticed:
-            where = "where its Jacobian was computed"
-            message += f" (no residual changes with {_named(unnoticed)} {where})"
+            names = some_of(unnoticed, NAMED)
+            message += f" (no residual changes with {names} where its Jacobian was computed)"
     elif status in (Status.CONVERGED, Status.STALLED):
         if status is Status.CONVERGED:
             status, message = Status.STALLED, Status.STALLED.value
@@ -169,12 +173,3 @@ def _hidden(run: Ended, here: Linearization, free: Layout) -> str:
         f"is known only to about {left[i]:.1g}{unit}{others}; choose units or sigmas that make "
         "the terms smaller"
     )
-
-
-def _labels(free: Layout, marked: Mask) -> tuple[str, ...]:
-    return tuple(free.label(int(i)) for i in np.flatnonzero(marked))
-
-
-def _named(labels: tuple[str, ...]) -> str:
-    more = f" and {len(labels) - NAMED} more" if len(labels) > NAMED else ""
-    return ", ".join(labels[:NAMED]) + more

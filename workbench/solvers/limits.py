@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from workbench.errors import TooLarge
-from workbench.problem.memory import INSTEAD
+from workbench.problem.storage import INSTEAD
 from workbench.solvers.abilities import Abilities
 from workbench.solvers.solution import Status
 

@@ -28,7 +28,7 @@ def jointed_tube(rings: int = 25, around: int = 8) -> Start:
 
 
 def limb(rings: int, around: int) -> Start:
-    """A tube as `jointed_tube` makes it, with two joints: the root, and the `tip`, which moves x > 0."""
+    """A tube like `jointed_tube`'s with two joints: the root, and the `tip`, which moves x > 0."""
     v, faces = _tube(rings, around)
     return Start(v, faces, (-1, 0), ("root", "tip"), np.where(v[:, 0] > 0, 1, 0))
 

@@ -7,11 +7,19 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Mask
+from workbench.geometry.mirror import REFLECTION
 from workbench.geometry.solids import volume
-from workbench.synthetic.base_mesh import N_BODY, BaseMesh
-from workbench.synthetic.rig import Rig
-from workbench.synthetic.shape_targets import Person, ShapeTargets
-from workbench.synthetic.t_pose import to_t_pose
+from workbench.synthetic.base_mesh import N_BODY, BaseMesh, read_base_mesh
+from workbench.synthetic.rig import Rig, at_most_four, read_rig
+from workbench.synthetic.shape_targets import Person, ShapeTargets, read_shape_targets
+from workbench.synthetic.skeleton import (
+    JOINT,
+    N_JOINTS,
+    joint_positions,
+    offsets,
+    unskin,
+)
+from workbench.synthetic.wheel import Wheel
 
 Report = Callable[[str], None]
 
@@ -21,6 +29,10 @@ LOCAL_SHARE, LOCAL_SPREAD = 0.5, 0.18  # how many of the local changes a person 
 # artists' bodies are thinner than people, and extending their weight much further looks wrong.
 WEIGHT_MEAN, WEIGHT_SPREAD = 0.9, 0.2
 GIRTH_MEANS, GIRTH_SPREAD = {"female": 0.15, "male": 0.02}, 0.14
+X, DOWN, FRONT = np.array([1.0, 0, 0]), np.array([0, -1.0, 0]), np.array([0, 0, 1.0])
+THIGH = np.array([0.05, -1.0, 0])  # the left thigh of the T-pose leaves the hip slightly outwards
+JITTER = 0.05  # rad, of every joint about every axis: no two people at rest stand alike
+SEARCH_RADIUS = {"joints": 0.25, "keypoints": 0.15}  # m, of the vertices that may give a point
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,3 +110,122 @@ def draw_population(
         if (i + 1) % 100 == 0:
             report(f"  {i + 1} of {n} adults")
     return Population(np.array([p.female for p in people]), vertices, joints, marks, masses)
+
+
+@dataclass(frozen=True, eq=False)
+class RestPose:
+    """One person in the T-pose: `vertices` (N, 3) m and `joints` (24, 3) m, pelvis at the origin.
+
+    `rotations` (24, 3, 3) took each joint from the A-pose to the T-pose.
+    """
+
+    vertices: Array
+    joints: Array
+    rotations: Array
+
+
+def direction(v: Array) -> Array:
+    """The vector scaled to unit length."""
+    unit: Array = v / np.linalg.norm(v)
+    return unit
+
+
+def frame(first: Array, second: Array) -> Array:
+    """The orthonormal frame (3, 3) whose columns begin along `first` and lean to `second`."""
+    x = direction(first)
+    y = direction(second - x * (x @ second))
+    return np.stack([x, y, np.cross(x, y)], axis=1)
+
+
+def smallest_rotation(origin: Array, goal: Array) -> Array:
+    """The rotation (3, 3) by the smallest angle that takes one direction to another."""
+    u, v = direction(origin), direction(goal)
+    c, (x, y, z) = u @ v, np.cross(u, v)
+    K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    R: Array = np.eye(3) + K + K @ K / (1 + c)
+    return R
+
+
+def t_pose_rotations(joints: Array, knuckles: Array) -> Array:
+    """World rotations (24, 3, 3) from the A-pose to the T-pose, right as the mirror of left.
+
+    Legs straight down, arms straight along x, the elbow's axis vertical, so that it bends
+    forwards, palms down and index finger forward; the trunk, head and feet stay.
+    `joints` (24, 3) m; `knuckles` (3, 3) m of the left index, middle and little finger.
+    """
+    at = {name: joints[k] for name, k in JOINT.items()}
+    upper, fore = (
+        at["left_elbow"] - at["left_shoulder"],
+        at["left_wrist"] - at["left_elbow"],
+    )
+    index, middle, little = knuckles
+    shoulder = frame(X, FRONT) @ frame(upper, fore).T
+    hand = frame(X, FRONT) @ frame(middle - at["left_wrist"], index - little).T
+    left = {
+        "left_hip": smallest_rotation(at["left_knee"] - at["left_hip"], THIGH),
+        "left_knee": smallest_rotation(at["left_ankle"] - at["left_knee"], DOWN),
+        "left_shoulder": shoulder,
+        "left_elbow": smallest_rotation(shoulder @ fore, X) @ shoulder,
+        "left_wrist": hand,
+        "left_hand": hand,
+    }
+    rotations = np.tile(np.eye(3), (N_JOINTS, 1, 1))
+    for name, R in left.items():
+        rotations[JOINT[name]] = R
+        rotations[JOINT[name.replace("left", "right")]] = R * np.outer(REFLECTION, REFLECTION)
+    return rotations
+
+
+def to_t_pose(vertices: Array, joints: Array, knuckles: Array, weights: Array) -> RestPose:
+    """The rest surface that linear blend skinning takes back to `vertices` (N, 3) exactly.
+
+    `joints` (24, 3) m of the A-pose, `knuckles` as above, `weights` (N, 24).
+    """
+    R = t_pose_rotations(joints, knuckles)
+    rest = joint_positions(R, joints)
+    rest -= rest[0]
+    back = R.transpose(0, 2, 1)
+    shifts = offsets(back, joints, rest)
+    return RestPose(unskin(vertices, weights, back, shifts), rest, R)
+
+
+@dataclass(frozen=True, eq=False)
+class Sources:
+    """Everyone on the base mesh, before any body's own mesh is chosen.
+
+    Attributes:
+        weights: (13380, 24), for linear blend skinning.
+        fine_weights: (13380, 32), for the teacher.
+    """
+
+    wheel: Wheel
+    mesh: BaseMesh
+    population: Population
+    weights: Array
+    fine_weights: Array
+
+
+def gather_sources(
+    wheel: Wheel, people: int, seed: int, report: Report, keypoints: csr_array | None = None
+) -> Sources:
+    """Read the wheel and draw so many people.
+
+    `keypoints` (M, 19158) are weighted means of base vertices that are wanted of every person.
+    """
+    mesh = read_base_mesh(wheel)
+    rig = read_rig(wheel, mesh)
+    weights = at_most_four(rig.weights, mesh.mirror[:N_BODY])
+    report("reading the shape targets")
+    targets = read_shape_targets(wheel, len(mesh.vertices))
+    report(f"drawing and un-posing {people} adults")
+    population = draw_population(
+        mesh,
+        rig,
+        weights,
+        targets,
+        csr_array((0, len(mesh.vertices))) if keypoints is None else keypoints,
+        n=people,
+        seed=seed,
+        report=report,
+    )
+    return Sources(wheel, mesh, population, weights, rig.fine_weights)

@@ -24,11 +24,10 @@ from workbench.training.executor import SERIAL, Execution
 from workbench.training.first_guess import MOST_WEIGHTS, at_most
 from workbench.training.joint_regressor import fit_joint_regressor
 from workbench.training.normal_equations import NormalEquations
-from workbench.training.objective import Objective
+from workbench.training.objective import Objective, weight_grams
 from workbench.training.poses import VertexTerm, fitted_poses
 from workbench.training.simplex import few_shares
 from workbench.training.subsampling import ENOUGH, subsample
-from workbench.training.weight_grams import weight_grams
 
 REST = ("templates", "joints")
 PEOPLE = ("templates", "joints", "poses")

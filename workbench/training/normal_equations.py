@@ -16,10 +16,9 @@ from workbench.arrays import Array, Mask
 from workbench.bodies.forward.posing import crossed
 from workbench.training.estimate import Change, Estimate
 from workbench.training.locality import MaskedCholesky
-from workbench.training.objective import Objective, centred
+from workbench.training.objective import Objective, centred, weight_grams
 from workbench.training.registrations import Batch, over_halves, pieces
 from workbench.training.skinning_pass import SkinningPass
-from workbench.training.weight_grams import weight_grams
 
 Passed = tuple[Batch, SkinningPass]
 KEPT_BYTES = 2**32  # kept between products; where more would be needed, it is computed anew

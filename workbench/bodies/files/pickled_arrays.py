@@ -5,7 +5,7 @@ therefore found once. Every array is paid for from the `Allowance` of its file b
 """
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from math import prod
 from pathlib import Path
@@ -15,11 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from workbench.bodies.files.entries import Contents, Unread
-from workbench.bodies.files.pickle_allowance import MOST_ENTRIES, Allowance, sizes_in
+from workbench.bodies.files.entries import Contents, Unread, from_places, from_pointers
 from workbench.bodies.files.pickle_records import NUMPY, SPARSE, Made, Name
 from workbench.bodies.files.pickles import DAMAGE, read_pickle
-from workbench.bodies.files.sparse_parts import from_places, from_pointers
 from workbench.errors import BadFile, UnsafePickle, cut, shown
 from workbench.reading.npy import check_letters
 
@@ -27,6 +25,43 @@ MOST_ROWS = 10**7  # of a sparse matrix, whose shape takes no bytes in the file
 DEEPEST = 16  # chumpy values inside chumpy values; files have two
 PLAIN = re.compile(r"[biuf]\d{1,2}|[SU]\d{1,4}")  # types of numbers and of short texts
 NUMERIC = "biuf"  # kinds of what chumpy and scipy compute with
+MOST_RECORDS = 2000  # arrays, matrices and chumpy's values that are looked into; files have sixty
+MOST_ENTRIES = 10_000  # of the dictionary that the file is; files have thirty
+SPARE_BYTES = 2**26  # that the arrays of any file may take, however small it is
+# Further bytes for each byte of the file. A number of one byte becomes a float64 of eight, so that
+# arrays which share no bytes are never refused.
+PER_BYTE = 8
+NUMBER = 8  # bytes of a float64, which all numbers of a body become
+
+
+class Allowance:
+    """What may still be spent on a file of `size` bytes. Raises BadFile when it is spent."""
+
+    def __init__(self, size: int) -> None:
+        self.size, self.records = size, MOST_RECORDS
+        self.bytes = SPARE_BYTES + PER_BYTE * size
+
+    def pay_record(self) -> None:
+        """For looking into one record."""
+        self.records -= 1
+        if self.records < 0:
+            raise BadFile(
+                f"it is made of more than {MOST_RECORDS:,} arrays and chumpy values, and a body of "
+                "a few dozen; export it again with nothing but the arrays of the body"
+            )
+
+    def pay(self, sizes: Iterable[int], itemsize: int = NUMBER) -> None:
+        """For an array of these sizes; a size of 0 counts as 1, for nothing else bounds the rest.
+
+        Numbers count as float64, texts as what they take.
+        """
+        self.bytes -= prod(max(n, 1) for n in sizes) * max(itemsize, NUMBER)
+        if self.bytes < 0:
+            raise BadFile(
+                f"its arrays would take more than {PER_BYTE} times its own {self.size:,} bytes and "
+                f"{SPARE_BYTES // 2**20} MB, because they name the same bytes again and again or "
+                "are much larger than what they hold; export it again with arrays of their own"
+            )
 
 
 def read_pickled_arrays(path: Path) -> Contents:
@@ -232,3 +267,14 @@ MEANINGS: dict[tuple[str, str], Callable[[_Reading, Made], Any]] = {
     **{(f"{numpy}.multiarray", "scalar"): _scalar for numpy in NUMPY},
     **{(f"{numpy}.numeric", "_frombuffer"): _from_buffer for numpy in NUMPY},
 }
+
+
+def sizes_in(value: Any, what: str, most: int = 32) -> tuple[int, ...]:
+    """A shape, or an order of axes: a few whole numbers of 32 bits. Raises ValueError."""
+    if isinstance(value, np.ndarray) and value.size <= most:
+        value = value.tolist()
+    if not (isinstance(value, (tuple, list)) and len(value) <= most):
+        raise ValueError(f"its {what} is no tuple of sizes")
+    if not all(type(n) is int and -1 <= n < 2**31 for n in value):
+        raise ValueError(f"its {what} is no tuple of sizes from 0 to {2**31 - 1:,}")
+    return tuple(value)

@@ -123,7 +123,7 @@ def arguments_from_values(
         pose, betas, trans = (np.asarray(values[name], dtype=float) for name in own)
         return pose, betas, trans
     for one in points:
-        at = getattr(one.source, "at", None)
+        at = getattr(one.source, "arguments", None)
         if not isinstance(at, Arguments) or at.body is not body or at.maps is None:
             continue
         if all(name in values for part in at.maps for name in part.reads):

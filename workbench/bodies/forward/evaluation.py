@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
 from workbench.arrays import Array
-from workbench.blocks.reals import reals
+from workbench.blocks.checks import reals
 from workbench.bodies.body import Body, Given
 from workbench.bodies.forward.numeric import many_points
 from workbench.bodies.forward.numeric_body import NumericBody

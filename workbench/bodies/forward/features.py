@@ -5,10 +5,11 @@ of `SkinnedBody.features`: whatever they are, posedirs (N, 3, F) hold a shape fo
 a shape coefficient as well.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import casadi as cs
+import numpy as np
 
 from workbench.bodies.forward.kinematics import pose_features
 from workbench.errors import BadArgument
@@ -110,3 +111,27 @@ CLASSICAL: tuple[Features, ...] = (
     rotation_vectors,
     quaternion_elements,
 )
+
+
+def unskinned(points: cs.MX, motions: Sequence[cs.MX], weights: cs.MX) -> cs.MX:
+    """The points (3, N) unchanged: there are no bones that move them."""
+    return points
+
+
+@dataclass(frozen=True)
+class Powers:
+    """x, x^2, ..., x^degree of every number x of theta by itself: F = 3 (K - 1) degree."""
+
+    degree: int
+
+    def __call__(self, at: Posture) -> cs.MX:
+        """The features (F, 1), in powers of rad."""
+        x = rotation_vectors(at)
+        return cs.vertcat(*[x**power for power in range(1, self.degree + 1)])
+
+
+def products(at: Posture) -> cs.MX:
+    """x and all products x y of two numbers of theta: F = n + n (n + 1) / 2, n = 3 (K - 1)."""
+    x = rotation_vectors(at)
+    rows, columns = np.triu_indices(x.shape[0])
+    return cs.vertcat(x, x[rows.tolist()] * x[columns.tolist()])

@@ -2,23 +2,27 @@
 
 import ctypes
 import logging
+from collections.abc import Mapping
 from functools import cache
+from importlib.resources import files
 from typing import NamedTuple
 
+import casadi as cs
 import numpy as np
 
 from workbench.arrays import Array
+from workbench.blocks.simd import C_OF, statements
 from workbench.bodies.forward.compiled import CompiledArithmetic, CompiledSurface
 from workbench.bodies.forward.motion import Motion, Slopes
 from workbench.bodies.forward.numeric import ChunkedArithmetic, ChunkedSurface, chunks_of
-from workbench.bodies.forward.vertex import vertex_functions
-from workbench.bodies.forward.vertex_code import vertex_code
-from workbench.compiling import NoLibrary, library
+from workbench.bodies.forward.vertex import ADDED, OF_JOINT, vertex_functions
+from workbench.compiling import NoLibrary, library, vectors
 from workbench.errors import NotSupported
 
 LOG = logging.getLogger(__name__)
 NAME = "vertex-kernels"
 TRIED = 11  # vertices: all lanes full at least once, and some that are left over
+SUMS_AND_PRODUCTS = {op: C_OF[op] for op in (cs.OP_ADD, cs.OP_SUB, cs.OP_MUL, cs.OP_NEG)}
 
 
 @cache
@@ -84,3 +88,45 @@ def _answers(
     surface.tangent(slopes, into, scale)
     alone = surface.of.evaluate(surface.motion, betas).points
     return [surface.points, alone, *into.values(), *surface.adjoint(scale.reshape(-1, 3))]
+
+
+def vertex_code(functions: Mapping[str, cs.Function], K: int, B: int) -> str:
+    """The whole source, for K joints and B betas: the kernels, and loops around them."""
+    sizes = {
+        "JOINTS": K,
+        "BETAS": B,
+        "SHAPEDIRS": 3,
+        "WEIGHTS": 3 + 3 * B,
+        "POSEDIRS": 3 + 3 * B + K,
+        "ROWS": 3 + 3 * B + K + 27 * (K - 1),
+        "FEATURES": B,
+        "MOTIONS": B + 9 * (K - 1),
+        "CENTRES": B + 9 * (K - 1) + 12 * K,
+        "OF_JOINTS": B + 9 * (K - 1) + 15 * K,
+        "OF_JOINT": OF_JOINT,
+        "OF_BETAS": B + 9 * (K - 1) + (15 + OF_JOINT) * K,
+    }
+    loops = files(__package__).joinpath("vertex_loops.c").read_text(encoding="utf-8")
+    defines = [f"#define {name} {size}" for name, size in sizes.items()]
+    kernels = [kernel(f, "+=" if name in ADDED else "=") for name, f in functions.items()]
+    return "\n".join([vectors(), *defines, *kernels, loops])
+
+
+def kernel(function: cs.Function, put: str = "=") -> str:
+    """A function as C for several vertices; the input called `motion` is the same for all.
+
+    `put` says whether outputs are set or, with `+=`, added to what is there.
+    Raises NotSupported for any operation but sums and products.
+    """
+    shared = [function.name_in(i) == "motion" for i in range(function.n_in())]
+    lines = [
+        f"{to} {put} {text.format(*of)};"
+        if to.startswith("o")
+        else f"const v {to} = {text.format(*of)};"
+        for to, of, text in statements(function, shared, SUMS_AND_PRODUCTS)
+    ]
+    inputs = [
+        f"const {'double' if same else 'anywhere'} *restrict i{i}" for i, same in enumerate(shared)
+    ]
+    head = f"static ALWAYS_INLINE void {function.name()}({', '.join(inputs)}, v *restrict o0)"
+    return "\n".join([head, "{", *lines, "}", ""])

@@ -9,8 +9,7 @@ from functools import cached_property
 import casadi as cs
 
 from workbench.arrays import Array
-from workbench.blocks.batched import Batched, Mapped
-from workbench.blocks.buffered import Buffered
+from workbench.blocks.batched import Batched, Buffered, Mapped
 from workbench.bodies.forward.kinematics import (
     ancestors,
     binding_motions,

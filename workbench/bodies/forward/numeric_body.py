@@ -13,9 +13,8 @@ from workbench.bodies.forward import surface
 from workbench.bodies.forward.arithmetic import arithmetic_of
 from workbench.bodies.forward.arrays import ALL, SkinnedArrays, Vertices
 from workbench.bodies.forward.freed_numbers import BLOCKS, FreedSurface
-from workbench.bodies.forward.joint_numbers import JointArithmetic
+from workbench.bodies.forward.joint_numbers import JointArithmetic, JointBatch
 from workbench.bodies.forward.landmark_numbers import LandmarkArithmetic
-from workbench.bodies.forward.many_joints import ManyJoints
 from workbench.bodies.forward.motion import Kinematics
 from workbench.bodies.forward.numeric import Chunk, chunks_of, many_points
 from workbench.bodies.forward.numeric_sources import PosedPoints
@@ -49,7 +48,7 @@ class NumericBody:
     @cached_property
     def joints(self) -> PosedPoints:
         """The posed joints in numbers."""
-        many = ManyJoints.of(self.skeleton, self.arrays.bind_pose, self.arrays.parents)
+        many = JointBatch.of(self.skeleton, self.arrays.bind_pose, self.arrays.parents)
         arithmetic = JointArithmetic(self.skeleton, self.kinematics.ancestors)
         return PosedPoints(self.kinematics, arithmetic, many)
 

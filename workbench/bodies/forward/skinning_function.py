@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
-from workbench.blocks.reals import reals
+from workbench.blocks.checks import reals
 from workbench.bodies.forward.kinematics import binding_motions
 from workbench.bodies.forward.skinning import linear_blend
 from workbench.errors import BadArgument

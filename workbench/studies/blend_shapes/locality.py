@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
-from workbench.geometry.geodesics import along_edges
+from workbench.geometry.mesh_graph import along_edges
 from workbench.geometry.solids import mesh_edges
 
 FAR = 0.2  # m from the joint: what counts as far in `far_share`

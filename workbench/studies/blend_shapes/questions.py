@@ -9,18 +9,24 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.bodies.forward.features import Features, quaternion_elements, rotation_elements
-from workbench.studies.blend_shapes.evaluation import Accuracy, accuracy
 from workbench.studies.blend_shapes.locality import far_share, joint_distances, local_ridge
-from workbench.studies.blend_shapes.posed_surfaces import (
+from workbench.studies.blend_shapes.predictors import (
+    INTERPOLATION,
+    LINEAR_IN,
+    NORMALISED,
+    Accuracy,
+    accuracy,
+)
+from workbench.studies.blend_shapes.sparsity import group_lasso, nonzero_share, refitted
+from workbench.studies.blend_shapes.training_data import (
+    Correctives,
     PosedSurfaces,
+    TrainingData,
     feature_matrix,
     rms_error,
     rms_length,
     with_blend_shapes,
 )
-from workbench.studies.blend_shapes.predictors import INTERPOLATION, LINEAR_IN, NORMALISED
-from workbench.studies.blend_shapes.sparsity import group_lasso, nonzero_share, refitted
-from workbench.studies.blend_shapes.training_data import Correctives, TrainingData
 from workbench.studies.pages import Report
 from workbench.training.skinning_pass import bent
 

@@ -14,11 +14,9 @@ from workbench.errors import BadArgument
 from workbench.priors.mocap import held_out_poses
 from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.studies.blend_shapes import questions
-from workbench.studies.blend_shapes.evaluation import accuracy
-from workbench.studies.blend_shapes.posed_surfaces import PosedSurfaces
-from workbench.studies.blend_shapes.predictors import Result, fit_predictors, ranked
+from workbench.studies.blend_shapes.predictors import Result, accuracy, fit_predictors, ranked
 from workbench.studies.blend_shapes.questions import ByExamples, ByPenalty
-from workbench.studies.blend_shapes.training_data import TrainingData
+from workbench.studies.blend_shapes.training_data import PosedSurfaces, TrainingData
 from workbench.studies.pages import Report
 from workbench.synthetic.fine_weights import body_on_teachers_rig, teacher_of
 

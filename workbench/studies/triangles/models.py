@@ -12,12 +12,12 @@ from workbench.studies.pages import Report
 from workbench.studies.triangles.people import TriangleData
 from workbench.training.blocks import BLOCKS, BlockInput
 from workbench.training.estimate import Estimate, Sigmas
-from workbench.training.lines import BlockLines
 from workbench.training.objective import Objective
 from workbench.training.plan import QUICK, REACH, Plan, alternation
 from workbench.training.pose_training import PoseModel, train_poses
+from workbench.training.progress import BlockLines
 from workbench.training.registrations import InMemory, training_and_held_out
-from workbench.training.selection import Selection
+from workbench.training.ridge import Selection
 from workbench.training.training import train
 from workbench.training.triangles.alternation import (
     QUICK as QUICK_BLOCKS,

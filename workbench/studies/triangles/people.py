@@ -12,7 +12,7 @@ from workbench.errors import BadArgument
 from workbench.priors.mocap import held_out_poses
 from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.studies.pages import Report
-from workbench.synthetic.sources import JITTER, gather_sources
+from workbench.synthetic.population import JITTER, gather_sources
 from workbench.synthetic.teacher import Teacher
 from workbench.synthetic.topology import FILES, read_topology
 from workbench.synthetic.wheel import Wheel

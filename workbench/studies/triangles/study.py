@@ -42,7 +42,7 @@ from workbench.studies.triangles.people import (
     draw_people,
     register,
 )
-from workbench.training.selection import Selection
+from workbench.training.ridge import Selection
 from workbench.training.triangles.fitting import AnyBody
 
 SHOWN = (SMPL, SCAPE, BLEND_SCAPE)

@@ -22,7 +22,7 @@ from workbench.training.blocks import POSE_STEPS
 from workbench.training.pose_training import FIRST_SIGMA
 from workbench.training.poses import EdgeTerm, Fits, PoseFit, ShapePrior, VertexTerm
 from workbench.training.registrations import InMemory, training_and_held_out
-from workbench.training.selection import Selection
+from workbench.training.ridge import Selection
 from workbench.training.training import Trained
 from workbench.training.triangles.fitting import SIGMA
 from workbench.training.triangles.learning import PosedMeshes, learn_bends, learn_person

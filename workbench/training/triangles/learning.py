@@ -4,14 +4,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, Index
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadArgument
 from workbench.geometry.stitching import Stitching
 from workbench.geometry.triangles import edges
-from workbench.training.triangles.shape_space import learn_shapes
 from workbench.training.triangles.stitched_fit import (
     LSQR,
     ClosedEdges,
@@ -42,28 +40,6 @@ class PosedMeshes:
                 f"meshes {self.vertices.shape}, poses {self.poses.shape} and persons "
                 f"{self.person.shape} must be as many, and at least one"
             )
-
-
-def learn(
-    start: TriangleBody,
-    people: ArrayLike,
-    posed: PosedMeshes,
-    *,
-    n_betas: int,
-    ridge: float,
-    by: LeastSquares = LSQR,
-    measure: Callable[[Stitching], Measure] = ClosedEdges,
-) -> TriangleBody:
-    """Learn SCAPE or BlendSCAPE, depending on the weights of `start`, from two sets of meshes.
-
-    `people` (P, N, 3) m at rest give the template and D; `posed` meshes of them give Q, with the
-    betas that each person has at rest. SCAPE also has one set of people and one of poses.
-    """
-    shapes = learn_shapes(people, start.faces, n_betas)
-    shaped = replace(start, template=shapes.template, shapedirs=shapes.shapedirs)
-    if posed.person.min() < 0 or posed.person.max() >= len(shapes.betas):
-        raise BadArgument(f"posed meshes are of persons 0 to {len(shapes.betas) - 1}, no others")
-    return learn_bends(shaped, posed, shapes.betas, ridge=ridge, by=by, measure=measure)
 
 
 def learn_bends(

@@ -7,11 +7,9 @@ do not fit together exactly, and a mesh shows them only after stitching. The unk
               + smoothness sum over neighbours |C_f - C_g|^2 + ridge sum |C_f|^2
 
 are therefore found for all triangles at once, because stitching couples each with every other. LSQR
-(Paige and Saunders 1982) never forms a matrix, and can be used for whole people. Direct forms the
-matrix, and is meant for a few hundred triangles; it is exact to the last digit, even for unknowns
-that blended rotations show a million times less clearly than the others. S is linear: either the
-edges of the stitched mesh (ClosedEdges, SCAPE's own measure, which hardly notices a limb that
-drifts) or its vertices about their mean (CentredVertices).
+(Paige and Saunders 1982) never forms a matrix, and can be used for whole people. S is linear:
+either the edges of the stitched mesh (ClosedEdges, SCAPE's own measure, which hardly notices a limb
+that drifts) or its vertices about their mean (CentredVertices).
 """
 
 from collections.abc import Callable
@@ -19,12 +17,11 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from scipy.linalg import lstsq
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import LinearOperator, lsqr
 
 from workbench.arrays import Array, Index
-from workbench.errors import BadArgument, WorkbenchError
+from workbench.errors import WorkbenchError
 from workbench.geometry.stitching import Stitching
 
 
@@ -57,25 +54,6 @@ class Lsqr:
                 "allow more of them, or raise the ridge or the tolerance"
             )
         return np.asarray(x)
-
-
-@dataclass(frozen=True)
-class Direct:
-    """By QR with pivots of the matrix itself. Raises BadArgument for more than `most` unknowns."""
-
-    cutoff: float = 1e-13  # of the largest singular value: smaller ones count as zero
-    most: int = 3000
-
-    def solve(self, A: LinearOperator, b: Array) -> Array:
-        """The minimum x."""
-        n = A.shape[1]
-        if n > self.most:
-            raise BadArgument(
-                f"{n} unknowns are too many for a direct solution, which takes up to {self.most}; "
-                "take Lsqr"
-            )
-        matrix = A @ np.eye(n)
-        return np.asarray(lstsq(matrix, b, cond=self.cutoff, lapack_driver="gelsy")[0])
 
 
 LSQR = Lsqr()
