@@ -31,9 +31,9 @@ INTRODUCTION = """# The gym
 `python -m benchmarks.gym` runs solvers on problems with known answers: regressions that NIST
 certified, published sums of squares from 1, 10 and 100 times their starts, curves and regressions
 with outliers drawn at random, bundle adjustment, arms that reach, and bodies. A hash of a problem's
-name decides whether solvers may be tuned on it (`gym/split.py`). The others are left untouched: they
-are run by `python -m benchmarks.gym --untouched PURPOSE`, which writes every look at them down in
-`gym/looks.md`.
+name decides whether solvers may be tuned on it (`gym/split.py`). The others are left untouched:
+they are run by `python -m benchmarks.gym --untouched PURPOSE`, which writes every look at them down
+in `gym/looks.md`.
 
 A run has *solved* a case if it ends at a cost of at most (1 + 1e-6) f* + 1e-12 f_0, where f* is the
 cost of the known answer and f_0 the least cost at any start of the problem; where NIST certified
