@@ -20,7 +20,16 @@ TUNED_NIST: tuple[Case, ...] = tuple(
     for start in (1, 2)
 )
 TUNED_SUMS: tuple[Case, ...] = (
-    *(case(one.name, "more-wild, tuned", more_wild, one.arguments) for one in MORE_WILD),
+    *(
+        case(
+            f"more-wild-{one.arguments['function']}-{one.arguments['n']}",
+            "more-wild, tuned",
+            more_wild,
+            one.arguments,
+            f"start x {one.arguments['scale']:g}",
+        )
+        for one in MORE_WILD
+    ),
     *(
         case(
             f"more-wild-{function}-{n}",
