@@ -4,6 +4,7 @@ from benchmarks.gym.bodies import FAR_BODIES
 from benchmarks.gym.case import Case, case
 from benchmarks.gym.chains import CHAINS
 from benchmarks.gym.curves import CURVES
+from benchmarks.gym.farther import FARTHER
 from benchmarks.gym.mgh import MGH
 from benchmarks.gym.outliers import ROBUST
 from benchmarks.gym.published import PUBLISHED
@@ -54,4 +55,4 @@ NEW: tuple[Case, ...] = (
     *ARMS,
     *FAR_BODIES,
 )
-CASES: tuple[Case, ...] = (*TUNED_NIST, *TUNED_SUMS, *NEW)
+CASES: tuple[Case, ...] = (*TUNED_NIST, *FARTHER, *TUNED_SUMS, *NEW)

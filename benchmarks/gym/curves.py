@@ -3,8 +3,8 @@
 Each seed draws the true parameters, the places of the observations, the noise and the start. Data
 without noise have the truth as their answer, with a cost of 0. The answer of noisy data is the
 minimum next to the truth, which Newton's method in 40 digits finds from there. Starts are the truth
-with each parameter multiplied by exp(FAR z), z standard normal, and with offsets and phases moved
-by a half: nearer than a guess, farther than a polished one.
+with each parameter multiplied by exp(0.7 z), z standard normal, and with offsets and phases moved
+by 0.5 z; far starts have 1.5 and 1 instead.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -19,7 +19,7 @@ from workbench.arrays import Array
 from workbench.blocks import Block
 from workbench.fitting.setup import Setup
 
-FAR = 0.7
+STARTS = {"": (0.7, 0.5), "far": (1.5, 1.0)}  # factors of z: of logarithms, and of what is added
 SEEDS = range(6)
 NOISE = 0.02  # of the root mean square of the data
 
@@ -111,7 +111,7 @@ FAMILIES: Mapping[str, Family] = {
 }
 
 
-def curve(family: str = "damped", seed: int = 0, noise: float = 0.0) -> Setup:
+def curve(family: str = "damped", seed: int = 0, noise: float = 0.0, start: str = "") -> Setup:
     """A curve of a family; the noise is a share of the root mean square of the data."""
     one = FAMILIES[family]
     rng = np.random.default_rng((sorted(FAMILIES).index(family), seed))
@@ -120,9 +120,10 @@ def curve(family: str = "damped", seed: int = 0, noise: float = 0.0) -> Setup:
     clean = np.asarray(one.curve(list(truth), x), dtype=float).ravel()
     errors = rng.standard_normal(clean.size)
     moved = rng.standard_normal(truth.size)
-    start = truth * np.exp(FAR * moved)
+    factor, shift = STARTS[start]
+    begin = truth * np.exp(factor * moved)
     additive = list(one.additive)
-    start[additive] = truth[additive] + 0.5 * moved[additive]
+    begin[additive] = truth[additive] + shift * moved[additive]
     # rounded, so that another library's exp gives the same data
     seen = np.round(clean + noise * np.sqrt(np.mean(clean**2)) * errors, 9) if noise else clean
     b = Block("b", (truth.size,), labels=tuple(f"b{i + 1}" for i in range(truth.size)))
@@ -130,9 +131,9 @@ def curve(family: str = "damped", seed: int = 0, noise: float = 0.0) -> Setup:
     name = name_of(family, seed, noise)
     if noise:
         source = "the minimum next to the truth that the data were made of"
-        return setup(name, model - cs.DM(seen), b, np.round(start, 9), source, made_of=truth)
+        return setup(name, model - cs.DM(seen), b, np.round(begin, 9), source, made_of=truth)
     source = "the truth that the data were made of"
-    return setup(name, model - cs.DM(seen), b, np.round(start, 9), source, truth)
+    return setup(name, model - cs.DM(seen), b, np.round(begin, 9), source, truth)
 
 
 def name_of(family: str, seed: int, noise: float) -> str:
@@ -145,9 +146,11 @@ CURVES: tuple[Case, ...] = tuple(
         name_of(family, seed, noise),
         family,
         curve,
-        {"family": family, "seed": seed, "noise": noise},
+        {"family": family, "seed": seed, "noise": noise, "start": start},
+        f"start {start}" if start else "",
     )
     for family in FAMILIES
     for noise in (0.0, NOISE)
     for seed in SEEDS
+    for start in STARTS
 )
