@@ -12,8 +12,9 @@ import numpy as np
 from workbench.blocks import Values
 from workbench.errors import BadArgument, UnknownName
 from workbench.experiments.experiment import Experiment
-from workbench.experiments.synthetic_people import with_refined_answer
+from workbench.experiments.synthetic_people import TIGHT, with_refined_answer
 from workbench.fitting.setup import Measure, Setup, distances, rms
+from workbench.solvers import Ipopt, exact_hessian
 from workbench.synthetic.made_up import Spoiled, draw_registrations, limb, random_smpl
 from workbench.training.estimate import Estimate, Sigmas
 from workbench.training.objective import Objective
@@ -98,7 +99,8 @@ def training(
         compared=CONSTRAINED if weights else FREE,
         synthetic=SYNTHETIC,
     )
-    return with_refined_answer(setup, form.values(answer))
+    newton = Ipopt(hessian=exact_hessian, gradient_tolerance=TIGHT)  # soon at weights of zero
+    return with_refined_answer(setup, form.values(answer), solver=newton if weights else None)
 
 
 def is_data(name: str) -> bool:
