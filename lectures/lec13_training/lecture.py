@@ -376,7 +376,7 @@ for name, R in (("least squares", free), ("shares", as_shares)):
     )
 
 # %% [markdown]
-# On people who stand where the others stood, the two are alike. But least squares has never seen
+# On people who stand where the others stood, the two are nearly alike. But least squares has never seen
 # anybody move, and leaves the joints behind. Shares go along, keep joints inside the hull of the skin,
 # and most of their entries become zero by themselves. The library solves it row by row, by non-negative
 # least squares (NNLS, Lawson and Hanson):

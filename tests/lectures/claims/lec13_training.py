@@ -126,8 +126,8 @@ SAYS = {
     "By the training error alone, $\\lambda$ should be zero.": lambda run: (
         np.argmin(run["learned"]) == 0
     ),
-    "On people who stand where the others stood, the two are alike.": lambda run: (
-        abs(regression(run, "least squares")[1] / regression(run, "shares")[1] - 1) < 0.05
+    "On people who stand where the others stood, the two are nearly alike.": lambda run: (
+        abs(regression(run, "least squares")[1] / regression(run, "shares")[1] - 1) < 0.1
     ),
     "and leaves the joints behind. Shares go along, keep joints inside the hull of the skin, and most of "
     "their entries become zero": lambda run: (
