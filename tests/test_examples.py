@@ -171,6 +171,20 @@ def test_a_second_camera_narrows_what_is_known_of_a_person() -> None:
         assert (abs(example.reference - middle) < 2 * example.sds[name]).all()
 
 
+@pytest.mark.long
+def test_joints_tell_pose_and_shape_of_scape() -> None:
+    example = import_module("examples.17_posterior_of_scape")
+    posterior = example.posterior
+    assert posterior.usable
+    assert posterior.size == posterior.problem.free.size == 28
+    assert posterior.mixing.scales.max() < 1.01
+    assert 11 < example.distance < 57  # 99.8 % of chi^2 of 28 degrees of freedom
+    assert (example.narrower > 2).all()
+    height, volume, *_ = example.numbers.std(axis=0)
+    assert 0.005 < height < 0.02
+    assert 4 < volume < 7
+
+
 def test_nine_numbers_cost_more_except_for_one_small_turn() -> None:
     example = import_module("examples.16_nine_numbers_or_three")
     assert example.SEEDS == 20

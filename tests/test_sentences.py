@@ -168,10 +168,10 @@ def test_what_is_of_the_wrong_kind_is_told_in_a_sentence(call: Callable[[Any], o
 # What the field tried, one by one.
 
 
-def test_a_triangle_body_has_no_sliders_and_what_is_no_body_no_card(tmp_path: Path) -> None:
+def test_what_is_no_body_has_no_sliders_and_no_card(tmp_path: Path) -> None:
     body = scape(BODY)
     with pytest.raises(BadArgument, match="the page of sliders is made of a SkinnedBody"):
-        sliders_page(body)  # type: ignore[arg-type]
+        sliders_page("small")  # type: ignore[arg-type]
     with pytest.raises(BadFile, match="made of a SkinnedBody, not of something of type str"):
         wb.save_body("small", tmp_path / "a.npz")  # type: ignore[arg-type]
     for make in (card_page, card_text, lambda b: write_card(b, tmp_path / "card")):

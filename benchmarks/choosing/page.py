@@ -10,34 +10,36 @@ from workbench.comparison.statistics import rate
 INTRODUCTION = """# Choosing a solver
 
 `workbench solvers --for FILE.py` looks at a problem and recommends solvers with reasons. This page
-has the comparisons behind its advice. Each section is one kind of problem. All solvers began at the
-same starts, with at most 5,000 evaluations and 20 seconds a run. A start is *solved* if the run
-visited a point with f - f* <= tau (f0 - f*), where f is its cost, f0 the cost at the start and f*
-the lowest cost known. *Effort* is the median over the starts, in evaluations of the residual: every
-other evaluation counts as so many of these as its price in `workbench.comparison.prices`. A dash
-means that the median start was not solved. Intervals are exact 95 % intervals of Clopper and
-Pearson for independent starts; several starts of one problem are alike, so that with them the
-intervals should be wider.
+has the comparisons on which the advice rests. Each section is about one kind of problem. All
+solvers began at the same starts, and each run had at most 5,000 evaluations and 20 seconds. A
+start is *solved* if the run visited a point with f - f* <= tau (f0 - f*), where f is the cost at
+that point, f0 the cost at the start and f* the lowest cost known. *Effort* is counted in
+evaluations of the residual. Other evaluations are converted to these by the prices in
+`workbench.comparison.prices`; a Jacobian of n unknowns, for example, counts as 1 + 1.5 n
+evaluations. The table shows the median over all starts, or a dash if at most half of the starts
+were solved. The intervals are exact 95 % intervals (Clopper and Pearson) for independent starts.
+Starts of the same problem are not independent, so where a problem has several starts the true
+intervals are wider.
 
 `python -m benchmarks.choosing` makes the page.
 """
 ADVICE = {
-    "well-behaved": "Use Levenberg-Marquardt, the default, or Gauss-Newton. Solvers that see only "
-    "the gradient need about three times the effort of Levenberg-Marquardt, or more.",
-    "far start": "Use Levenberg-Marquardt: no solver solves more, and none needs less effort.",
+    "well-behaved": "Use Levenberg-Marquardt, which is the default, or Gauss-Newton. Solvers that "
+    "use only the gradient need about three times the effort of Levenberg-Marquardt, or more.",
+    "far start": "Use Levenberg-Marquardt: no solver solves more starts, and none needs less "
+    "effort.",
     "noisy": "Noise of this size does not stop Levenberg-Marquardt: it solves the most starts, "
     "with less than half the effort of BOBYQA, which needs no derivatives.",
-    "bounds": "Levenberg-Marquardt projects its steps on the bounds and solves all starts. SLSQP, "
-    "SQP, NLopt's L-BFGS, SciPy's trf and IPOPT solve all as well. SLSQP needs the least effort "
-    "here.",
-    "constraints": "Use IPOPT with the exact Hessian. With a Hessian approximated from gradients "
-    "(ipopt-lbfgs), it solves none of these starts.",
+    "bounds": "Levenberg-Marquardt projects its steps on the bounds and solves all starts. So do "
+    "SLSQP, SQP, NLopt's L-BFGS, SciPy's trf and IPOPT. SLSQP needs the least effort here.",
+    "constraints": "Use IPOPT with the exact Hessian. With a Hessian that is approximated from "
+    "gradients (ipopt-lbfgs), IPOPT solves none of these starts.",
     "many unknowns": "Gauss-Newton, Levenberg-Marquardt and IPOPT use the Jacobian's sparsity. "
-    "NLopt's L-BFGS needs the least effort; SLSQP, which stores dense matrices, solves none.",
-    "no derivatives": "Levenberg-Marquardt with finite differences solves more than BOBYQA, at a "
-    "quarter of the effort.",
-    "several minima": "No solver reaches the lowest minimum known from more than a quarter of the "
-    "starts. Start from several places and keep the best end.",
+    "NLopt's L-BFGS needs the least effort. SLSQP, which stores dense matrices, solves no start.",
+    "no derivatives": "Levenberg-Marquardt with finite differences solves more starts than BOBYQA, "
+    "with a quarter of the effort.",
+    "several minima": "No solver reaches the lowest known minimum from more than a quarter of the "
+    "starts. Start from several places and keep the best result.",
 }
 
 

@@ -163,7 +163,8 @@ TEMPERAMENTS: Mapping[str, Temperament] = {
     for one in (
         Temperament(
             "well-behaved",
-            "the start is near, the residuals at the answer are small, and the data see everything",
+            "the start is near, the residuals at the answer are small, and the data determine all "
+            "unknowns",
             _of("bodies", "vertices", "vertices-noisy", "joints", "four-cameras"),
             (*JACOBIAN, *GENERAL),
             3,
@@ -199,7 +200,8 @@ TEMPERAMENTS: Mapping[str, Temperament] = {
         ),
         Temperament(
             "many unknowns",
-            "hundreds or thousands of unknowns, each of which meets a few others",
+            "there are hundreds or thousands of unknowns, and each shares residuals with only a "
+            "few others",
             (
                 Experiment("chained-valleys", chained, "extended Rosenbrock, 1,000 unknowns"),
                 Experiment("tridiagonal", tridiagonal, "Broyden's, 1,000 unknowns"),
@@ -210,7 +212,8 @@ TEMPERAMENTS: Mapping[str, Temperament] = {
         ),
         Temperament(
             "no derivatives",
-            "the residual is a program that nobody can differentiate; six unknowns at most",
+            "a program that cannot be differentiated computes the residual, and there are at most "
+            "six unknowns",
             _near(),
             ("levenberg-marquardt", "scipy-lm", "nlopt-lbfgs", "nlopt-bobyqa"),
             2,

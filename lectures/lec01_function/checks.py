@@ -48,7 +48,7 @@ A, b = RNG.standard_normal((2, 3)), np.array([5.0, -4.0])
 
 @check("linear_fit", points=1)
 def finds_the_map_again(linear_fit):
-    """where examples come from such a map, it finds it"""
+    """if the examples come from such a map, it finds that map"""
     found, constant = linear_fit(X, X @ A.T + b)
     equal(found, A, "A")
     equal(constant, b, "b")
@@ -56,7 +56,7 @@ def finds_the_map_again(linear_fit):
 
 @check("linear_fit", points=1)
 def is_nearest(linear_fit):
-    """with noise, the errors are at right angles to everything it could still change"""
+    """with noise, the errors are orthogonal to a constant and to x"""
     v = X @ A.T + b + 0.3 * np.sin(7 * X[:, :2])
     found, constant = linear_fit(X, v)
     errors = v - X @ found.T - constant
@@ -64,12 +64,12 @@ def is_nearest(linear_fit):
     equal(errors.T @ X, np.zeros((2, 3)), "the errors times x", 1e-7)
 
 
-@mistake("linear_fit", "without a constant all maps go through zero: add a column of ones")
+@mistake("linear_fit", "without a constant, x = 0 is always taken to 0: add a column of ones")
 def through_zero(x, v):
     return np.linalg.lstsq(x, v, rcond=None)[0].T, np.zeros(v.shape[1])
 
 
-@mistake("linear_fit", "A comes out transposed: v = A x for columns is v = x A' for rows")
+@mistake("linear_fit", "A is transposed: what is v = A x for columns is v = x A' for rows")
 def transposed(x, v):
     found, constant = solutions.linear_fit(x, v)
     return found.T, constant
@@ -77,7 +77,7 @@ def transposed(x, v):
 
 @mistake(
     "linear_fit",
-    "b is not the mean of v: that is where the mean of x goes, and x = 0 goes to b",
+    "b is not the mean of v: the mean of x is taken to the mean of v, but x = 0 is taken to b",
 )
 def with_the_mean_for_b(x, v):
     return solutions.linear_fit(x, v)[0], v.mean(axis=0)
@@ -88,26 +88,29 @@ def with_the_mean_for_b(x, v):
 
 @check("shortening", points=1)
 def is_that_of_the_mean(shortening):
-    """it is the length of the mean of two unit vectors"""
+    """it is the length of the mean of two unit vectors that are alpha apart"""
     for alpha in (0.0, 0.5, np.pi / 2, 2.0, np.pi):
         ends = np.array([[np.cos(a), np.sin(a)] for a in (0, alpha)])
         expected = np.linalg.norm(ends.mean(axis=0))
         equal(shortening(alpha), expected, f"the share of the length for alpha = {alpha:.3f}")
 
 
-@mistake("shortening", "halfway is half of the angle: cos(alpha / 2)")
+@mistake("shortening", "halfway through the turn the angle is half as large: cos(alpha / 2)")
 def by_the_whole_angle(alpha):
     return np.cos(alpha)
 
 
 @mistake(
-    "shortening", "this is half of the distance between the two ends; asked is that from the joint"
+    "shortening",
+    "this is half of the distance between the two ends; the length is the distance from the joint",
 )
 def half_of_the_chord(alpha):
     return np.sin(alpha / 2)
 
 
-@mistake("shortening", "not linear in the angle: for small angles hardly anything is lost")
+@mistake(
+    "shortening", "the length is not linear in the angle: for small angles hardly anything is lost"
+)
 def in_a_line(alpha):
     return 1 - alpha / np.pi
 
@@ -126,7 +129,7 @@ def is_that_of_smpl(parameter_count):
 
 @check("parameter_count", points=1)
 def is_that_of_others(parameter_count):
-    """it is right for a hand and for a stick"""
+    """it is right for bodies of other sizes, such as a hand"""
     for size in ((778, 16, 10), (4, 2, 1)):
         found = parameter_count(*size)
         for name, n in solutions.parameter_count(*size).items():
@@ -200,7 +203,7 @@ def without_the_constant(f, n):
 
 @mistake(
     "is_linear",
-    "f(2 x) = 2 f(x) holds for |x| too: linear means f(x + y) = f(x) + f(y), for any two x and y",
+    "f(2 x) = 2 f(x) holds for |x| as well; linear means f(x + y) = f(x) + f(y) for any x and y",
 )
 def by_doubling(f, n):
     x = np.random.default_rng(0).standard_normal(n)
@@ -208,7 +211,8 @@ def by_doubling(f, n):
 
 
 @mistake(
-    "is_linear", "points on one axis do not tell: x0 x1 is zero on all of them. Take random ones"
+    "is_linear",
+    "points on the axes are not enough: x0 x1 is zero on all of them. Take random points",
 )
 def on_the_axes(f, n):
     at_zero = f(np.zeros(n))
@@ -216,7 +220,8 @@ def on_the_axes(f, n):
 
 
 @mistake(
-    "is_linear", "at +1, 0 and -1 the function x^3 - x is zero, and no line: take random points"
+    "is_linear",
+    "the function x^3 - x is zero at +1, 0 and -1 and is not linear: take random points",
 )
 def at_three_points(f, n):
     at_zero = f(np.zeros(n))
@@ -270,20 +275,23 @@ def is_right_among_the_examples(predict):
 
 @check("predict", points=2)
 def is_right_everywhere(predict):
-    """to within 1 mm everywhere, and several turns further"""
+    """to within 1 mm everywhere, and also two turns further"""
     for name, new in (("elsewhere", ELSEWHERE), ("two turns further", ANGLES + 4 * np.pi)):
         found = off(predict, new, upper=0.28, lower=0.24)
         holds(found < 1, f"the largest error, {name}", "below 1 mm", f"{found:.3g} mm")
 
 
-@mistake("predict", "the hand's place is not linear in the angles: take cosines and sines of them")
+@mistake(
+    "predict", "the position of the hand is not linear in the angles: take their cosines and sines"
+)
 def linear_in_the_angles(x, v, new):
     A, b = solutions.linear_fit(x, v)
     return new @ A.T + b
 
 
 @mistake(
-    "predict", "polynomials of the angles do not come back after a turn, and bones do not shrink"
+    "predict",
+    "polynomials of the angles do not come back after a full turn, and they change the bones' lengths",
 )
 def cubic(x, v, new):
     def features(angles):

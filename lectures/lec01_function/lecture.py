@@ -3,10 +3,10 @@
 #
 # **What kind of function turns pose and shape into a surface?**
 #
-# Numbers go in, some for the pose and some for the shape of a person, and the places of some thousand
-# points of the skin come out. That is a function. Is it linear? A polynomial? We try both, from
-# examples, watch them fail, and see what kind of function SMPL is. Angles are in radians, lengths in
-# metres.
+# A body model takes some numbers for the pose of a person and some for the shape, and returns the
+# positions of the points of a mesh that covers the skin. That is a function. Is it linear? Is it a
+# polynomial? We fit both to examples, watch them fail, and then see what kind of function SMPL is.
+# Angles are in radians, lengths in metres.
 
 # %%
 from dataclasses import replace
@@ -24,21 +24,21 @@ from workbench.studies.blend_shapes.training_data import PosedSurfaces, Training
 from workbench.synthetic.fine_weights import body_on_teachers_rig, teacher_of
 
 # %% [markdown]
-# ## Input and output, in small
+# ## One input and one output
 #
-# We begin with one number in and one number out: an elbow bends by the angle $x$, and we look at how
-# far to the body's left the tip of the middle finger is, $v$. Ten examples are given. A polynomial of
-# degree three is
+# We begin with one input and one output: an elbow bends by the angle $x$, and the tip of the middle
+# finger is then at the distance $v$ to the left of the body's middle. Ten examples are given. A
+# polynomial of degree three is
 #
 # $$ f(x; w) = w_3 x^3 + w_2 x^2 + w_1 x + w_0 . $$
 #
-# The number $x$ is the **input**. The $w$ are the **parameters**: they say *which* function of this
-# kind it is. They are learned once from examples, here by least squares, because $f$ is linear in $w$.
-# What is chosen before anything is learned, such as the degree of the polynomial, is called a
-# **hyper-parameter**. (In the lecture *Body Models II*, which this course follows, Pons-Moll and
-# Swoboda (2018) call the $w$ themselves hyper-parameters, because to the user of a finished model they
-# are as fixed as the degree. The field keeps that word for what is chosen and not learned, and so do
-# we.)
+# The number $x$ is the **input**. The $w$ are the **parameters**: they say *which* polynomial it is.
+# They are learned once, from examples. Here this is a linear least-squares problem, because $f$ is
+# linear in $w$. What is chosen before anything is learned, such as the degree of the polynomial, is
+# called a **hyper-parameter**. (This course follows the lecture *Body Models II* by Pons-Moll and
+# Swoboda (2018), which calls the $w$ themselves hyper-parameters, because they are as fixed as the
+# degree for whoever uses a finished model. Elsewhere the word means what is chosen and not learned, and
+# so it does here.)
 
 # %%
 body = wb.load_body("small")
@@ -47,7 +47,7 @@ finger = int(body.template[:, 0].argmax())  # the vertex furthest to the left
 
 
 def tip(angle):
-    """How far left the fingertip is when the left elbow bends forwards, (n,) m."""
+    """How far to the left the fingertip is when the left elbow is bent forwards, (n,) m."""
     pose = np.zeros((np.size(angle), 24, 3))
     pose[:, elbow, 1] = -np.ravel(angle)
     return body.vertices(pose)[:, finger, 0]
@@ -60,7 +60,7 @@ for degree, w in fits.items():
     inside = np.abs(np.polyval(w, given) - tip(given)).max()
     once_more = np.abs(np.polyval(w, given + 2 * np.pi) - tip(given + 2 * np.pi)).max()
     print(
-        f"degree {degree}: off by up to {1e3 * inside:.0f} mm where examples are, "
+        f"degree {degree}: off by up to {1e3 * inside:.0f} mm at the examples, "
         f"{1e3 * once_more:,.0f} mm one turn further"
     )
 
@@ -74,14 +74,16 @@ with house_style():
     ax.legend()
 Picture(
     figure,
-    "A fingertip as a function of the elbow's angle. The cubic follows the examples and leaves at "
-    "their end; the body comes back after a full turn (2 pi = 6.28), a polynomial never does.",
+    "The position of a fingertip as a function of the elbow's angle. The cubic follows the examples, "
+    "but leaves the true curve where they end. The body comes back after a full turn (2 pi = 6.28); a "
+    "polynomial never does.",
 )
 
 # %% [markdown]
-# A polynomial does not know that an angle and the same angle plus a full turn are one and the same.
+# A polynomial does not know that an angle and the same angle plus a full turn are the same rotation.
 # *Body Models II* prints the cubic as $w_1 x^3 + w_2 x^2 + w_1 x + w_0$, with $w_1$ twice. This looks
-# like a detail, but then one number has to serve for two, and the best fit is six times as far off:
+# like a detail, but then one number has to serve as two coefficients, and the largest error of the best
+# fit is six times as large:
 
 # %%
 for name, columns in (
@@ -95,17 +97,19 @@ for name, columns in (
 # %% [markdown]
 # ## The whole body
 #
-# Now all of it: 72 numbers in, 369 vertices out. As examples we take poses drawn from a model of motion
-# capture, and the surfaces of a synthetic teacher in these poses. (The teacher's skin twists gradually
-# along a limb, which SMPL's does not, so that SMPL, too, has something to get wrong.) The root is left
-# at rest, because functions without bones could not cope with its turns. We learn, by ridge regression,
+# Now we take the whole body: 72 numbers in, 369 vertices out. The examples are poses drawn from a
+# statistical model of recorded poses, and the surface that belongs to each pose. The surfaces come from
+# a synthetic teacher, which is another body, whose skin follows fixed rules. (In the teacher a twist
+# spreads gradually along the limb. SMPL cannot do this exactly, so SMPL makes errors as well.) The root
+# joint stays at rest, because functions without bones could not cope with turns of the whole body. By
+# ridge regression, which is least squares with a penalty on large parameters, we learn
 #
-# - the linear function of the 72 numbers,
-# - one with the squares and cubes of each as well,
+# - a linear function of the 72 numbers, and
+# - a polynomial that also has the square and the cube of each number.
 #
-# and compare both with bones whose skin follows them: SMPL without its pose blend shapes, which learns
-# nothing from any pose, and SMPL, whose blend shapes (lecture 5) are learned from the same four
-# hundred.
+# We compare both with two models that have bones, which the skin follows. The first is SMPL without its
+# pose blend shapes, which learns nothing from the poses. The second is SMPL with pose blend shapes
+# (lecture 5), which are learned from the same four hundred examples.
 
 # %%
 rng = np.random.default_rng(0)
@@ -133,7 +137,7 @@ posedirs, _ = data.fit(rotation_elements, data.correctives(bones))
 
 
 def learned(degree, ridge=1.0):
-    """Predictions for the test poses, (60, 369, 3) m."""
+    """Surfaces that ridge regression predicts for the test poses, (60, 369, 3) m."""
     A, V = powers(poses, degree), surfaces.reshape(len(poses), -1)
     w = np.linalg.solve(A.T @ A + ridge * np.eye(A.shape[1]), A.T @ V)
     return (powers(test_poses, degree) @ w).reshape(-1, body.n_vertices, 3)
@@ -157,17 +161,18 @@ with house_style():
     plot_differences(test_surfaces[worst], shown, body.faces, ax=ax, name="the teacher")
 Picture(
     figure,
-    "One unseen pose, as three functions predict it, coloured by the distance to the teacher's "
-    "surface. Without bones limbs shrink and bend where there is no joint.",
+    "A pose that is not among the examples, as three functions predict it, coloured by the distance to "
+    "the teacher's surface. In the models without bones, limbs shrink, and they bend where there is no "
+    "joint.",
 )
 
 # %% [markdown]
-# Four hundred examples do not teach a polynomial what an arm is: both polynomials are off by
-# centimetres in the mean, and SMPL by less than a millimetre. Nor is this a matter of a few more terms.
-# A full cubic in 72 numbers has $\binom{75}{3}$ = 67,525 coefficients for every coordinate, and none of
-# them knows that **bones keep their length**. For the pose halfway between two others, a linear
-# function takes the mean of the two surfaces. Let a forearm turn by the angle $\alpha$ from one to the
-# other. The forearm gets shorter:
+# Four hundred examples do not teach a polynomial what an arm is: both polynomials are off by centimetres
+# on average, and SMPL by less than a millimetre. A few more terms would not help. A full cubic in 72
+# numbers has $\binom{75}{3}$ = 67,525 coefficients for every coordinate, and none of them knows that
+# **bones keep their length**. For the pose halfway between two others, a linear function predicts the
+# mean of the two surfaces. If the forearm turns by the angle $\alpha$ from one pose to the other, this
+# mean makes it shorter:
 #
 # $$ \left\| \tfrac12 (v_1 + v_2) \right\| = \|v\| \cos \tfrac{\alpha}{2}. $$
 
@@ -180,18 +185,18 @@ for alpha in (0.5, 1.0, 2.0, 3.0):
     )
 
 # %% [markdown]
-# ## The idea: put in what is known
+# ## The idea: build in what is known
 #
 # SMPL is a function
 #
 # $$ M(\theta, \beta; w), \qquad w = \{ \bar T, S, P, W, \mathcal J \} $$
 #
 # of two inputs, pose $\theta$ (24 rotation vectors) and shape $\beta$ (a few numbers). That bones turn
-# and keep their length is written into it. What is not known, and has to be learned once from scans,
-# are its parameters: the template $\bar T$, the directions $S$ in which people differ, the directions
-# $P$ in which pose deforms them, weights $W$ that say which bones a vertex follows, and the regressor
-# $\mathcal J$ that finds joints in a surface. The library computes a person at rest, and then the posed
-# surface, in this way:
+# and keep their length is built into the function. What is not known, and has to be learned once from
+# scans, are its parameters: the template $\bar T$, the directions $S$ in which people differ, the
+# directions $P$ in which pose deforms them, the weights $W$ that say which bones a vertex follows, and
+# the regressor $\mathcal J$ that computes joints from a surface. The library first computes the person
+# at rest, and then the posed surface:
 
 # %%
 source(surface.rest)
@@ -217,20 +222,20 @@ for name, n in counts.items():
 print(f"{'together':12}{sum(counts.values()):>10,}")
 
 # %% [markdown]
-# (The table in *Body Models II* adds up to 6,014,970. Two of its rows are not what a model file holds:
-# it counts the regressor as a free map from all coordinates to all joints, and the four weights of a
-# vertex as twelve.)
+# (The table in *Body Models II* adds up to 6,014,970. Two of its rows differ from what a model file
+# holds: it counts the regressor as a map from all coordinates of the vertices to all coordinates of the
+# joints, and the four weights of a vertex as twelve.)
 #
-# ## What is linear in it?
+# ## In which arguments is it linear?
 #
-# So SMPL is neither linear nor a polynomial. But let us look at one argument at a time: in which of
-# them is it linear while the others are held fixed? CasADi knows the graph of the function and can
-# tell.
+# So SMPL is neither linear nor a polynomial. But let us look at one argument at a time: in which of them
+# is SMPL linear (up to a constant) while the others are held fixed? CasADi, the library in which the
+# workbench writes its formulas, keeps the whole expression and can tell.
 
 
 # %%
 def linear_in(*names):
-    """Whether vertices are linear in these blocks together."""
+    """Whether the vertices are a linear function of these arguments together."""
     freed = body.freed(*(name for name in names if name not in ("pose", "betas", "trans")))
     arguments = [block.symbol for block in freed.blocks()]
     some = freed.points(*arguments, vertices=[10, 200, finger]).source.expression
@@ -263,14 +268,16 @@ for names in (
     print(f"{' and '.join(names):24}{'linear' if linear_in(*names) else 'not linear'}")
 
 # %% [markdown]
-# SMPL is not linear in the pose, nor in two arguments together that multiply each other; in each other
-# argument alone it is linear. This is worth more than it seems. When the pose is known, template and
-# pose directions are the solution of *one* linear least-squares problem, and when these are known, the
-# weights are that of another: this is how such models are trained (lecture 13). With a finished model,
-# only the pose needs a nonlinear solver. That is most of what this course is about.
+# SMPL is not linear in the pose. It is linear in each of the other arguments alone, but not in two
+# arguments that are multiplied with each other, such as the shape directions and the betas. This is
+# worth more than it seems. When the poses are known, the template and the pose directions are the
+# solution of *one* linear least-squares problem; when these are known, the weights are the solution of
+# another. This is how such models are trained (lecture 13). With a finished model, only the pose needs a
+# nonlinear solver, and most of this course is about that.
 #
 # ## What to remember
 #
-# - A body model is a function of pose and shape; its parameters were learned before.
-# - Polynomials of angles do not come back after a turn, and shrink bones by $\cos(\alpha/2)$.
-# - SMPL is linear in everything but the pose, one argument at a time.
+# - A body model is a function of pose and shape; its parameters have been learned beforehand.
+# - Polynomials of angles do not come back after a full turn. Halfway through a turn by $\alpha$, linear
+#   interpolation shortens a bone by the factor $\cos(\alpha/2)$.
+# - Taken one at a time, all arguments of SMPL but the pose enter linearly.

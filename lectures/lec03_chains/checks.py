@@ -36,12 +36,16 @@ def undoes_it(inverse):
         equal(G @ inverse(G), np.eye(4), "G times the inverse")
 
 
-@mistake("inverse", "the offset has to be turned back as well: from y = R x + t follows R'(y - t)")
+@mistake(
+    "inverse", "the offset has to be turned back as well: from y = R x + t follows x = R'(y - t)"
+)
 def offset_only_negated(G):
     return motion(G[:3, :3].T, -G[:3, 3])
 
 
-@mistake("inverse", "a rigid motion is no rotation of four-space: its transpose is not its inverse")
+@mistake(
+    "inverse", "the 4 x 4 matrix of a rigid motion is no rotation: its transpose is not its inverse"
+)
 def transposed(G):
     return G.T
 
@@ -84,12 +88,15 @@ def turns_the_right_way(turned_body):
     equal(came, solutions.turned_body(CLOUD, JOINTS[0], TURNS[0]), "the turned surface")
 
 
-@mistake("turned_body", "this turns about the origin; the pelvis must stay: take it away first")
+@mistake(
+    "turned_body",
+    "this turns about the origin, but the pelvis must stay where it is: subtract the pelvis first",
+)
 def about_the_origin(vertices, pelvis, R):
     return vertices @ R.T
 
 
-@mistake("turned_body", "the pelvis has been taken away but not added again")
+@mistake("turned_body", "the pelvis was subtracted, but not added again")
 def left_at_the_origin(vertices, pelvis, R):
     return (vertices - pelvis) @ R.T
 
@@ -104,7 +111,7 @@ def with_r_for_its_transpose(vertices, pelvis, R):
 
 @check("world_rotations", points=1)
 def are_right_when_one_turns(world_rotations):
-    """if one joint turns, all that hangs on it turns along, and nothing else"""
+    """if one joint turns, everything that hangs on it turns along, and nothing else does"""
     for k in range(K):
         R = REST.copy()
         R[k] = QUARTER
@@ -144,14 +151,16 @@ def in_the_other_order(R, parents):
 
 @mistake(
     "world_rotations",
-    "this goes up one joint only: multiply with how the parent is turned in the world, not with how "
-    "it is turned relative to its own parent",
+    "this goes up by one joint only: multiply with the parent's rotation in the world, not with its "
+    "rotation relative to its own parent",
 )
 def of_one_parent(R, parents):
     return np.array([R[0], *(R[parents[k]] @ R[k] for k in range(1, len(parents)))])
 
 
-@mistake("world_rotations", "these are relative to the parent still: nothing was multiplied")
+@mistake(
+    "world_rotations", "these rotations are still relative to the parents: nothing was multiplied"
+)
 def relative(R, parents):
     return R
 
@@ -166,7 +175,7 @@ def without_branches(R, parents):
 
 @check("posed_joints", points=1)
 def keep_bones(posed_joints):
-    """bones keep their lengths, the root its place, and at rest all do"""
+    """bones keep their lengths, the root stays, and at rest nothing moves"""
     equal(posed_joints(REST, JOINTS, PARENTS), JOINTS, "the joints at rest")
     up = PARENTS[1:]
     posed = posed_joints(TURNS, JOINTS, PARENTS)
@@ -177,7 +186,7 @@ def keep_bones(posed_joints):
 
 @check("posed_joints", points=2)
 def are_those_of_the_chain(posed_joints):
-    """they are where the chain has them"""
+    """they are where the chain puts them"""
     row = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]])
     R = REST[:3].copy()
     R[1] = QUARTER
@@ -190,7 +199,7 @@ def are_those_of_the_chain(posed_joints):
     equal(
         posed_joints(R, row, [-1, 0, 1]),
         [[0, 0, 0], [0, 1, 0], [-1, 1, 0]],
-        "the same when the first one does, too",
+        "three joints in a row along x, when the first two make a quarter turn about z",
     )
     expected = solutions.posed_joints(TURNS, JOINTS, PARENTS)
     equal(posed_joints(TURNS, JOINTS, PARENTS), expected, "the joints of a tree in a random pose")
@@ -198,8 +207,8 @@ def are_those_of_the_chain(posed_joints):
 
 @mistake(
     "posed_joints",
-    "the bone to joint k is turned by its parent and all above, not by joint k itself: a wrist "
-    "does not move when it turns",
+    "the bone to joint k is turned by the parent and all joints above it, not by joint k itself: a "
+    "wrist does not move when it turns",
 )
 def by_their_own_rotation(R, joints, parents):
     world = solutions.world_rotations(R, parents)
@@ -211,7 +220,7 @@ def by_their_own_rotation(R, joints, parents):
 
 @mistake(
     "posed_joints",
-    "this adds the joint's place at rest where the bone to it belongs: the difference of two joints",
+    "this adds the joint's position at rest; add the bone, which is the difference of two joints",
 )
 def with_places_for_bones(R, joints, parents):
     world = solutions.world_rotations(R, parents)
@@ -223,8 +232,8 @@ def with_places_for_bones(R, joints, parents):
 
 @mistake(
     "posed_joints",
-    "the bone has been turned by its parent relative to the grandparent; it takes the rotation in "
-    "the world",
+    "the bone was turned by the parent's rotation relative to the grandparent; take the parent's "
+    "rotation in the world",
 )
 def by_the_parents_own(R, joints, parents):
     posed = [joints[0]]
@@ -235,7 +244,7 @@ def by_the_parents_own(R, joints, parents):
 
 @mistake(
     "posed_joints",
-    "the root does not stay in its place: it was put to the origin, or turned about it",
+    "the root has moved: it was put at the origin, or was turned about it",
 )
 def from_the_origin(R, joints, parents):
     return solutions.posed_joints(R, joints, parents) - joints[0]
@@ -246,13 +255,13 @@ def from_the_origin(R, joints, parents):
 
 @check("binding", points=1)
 def are_nothing_at_rest(binding):
-    """in the pose at rest they leave everything where it is"""
+    """at rest they leave everything where it is"""
     equal(binding(REST, JOINTS, PARENTS), np.tile(np.eye(4), (K, 1, 1)), "the matrices at rest")
 
 
 @check("binding", points=1)
 def take_joints_along(binding):
-    """they take each joint to where the chain has it, from either of its two bones"""
+    """the matrices of both bones that meet at a joint move it to where the chain puts it"""
     G = binding(TURNS, JOINTS, PARENTS)
     expected = solutions.posed_joints(TURNS, JOINTS, PARENTS)
     for k in range(K):
@@ -287,8 +296,8 @@ def without_the_inverse(R, joints, parents):
 
 @mistake(
     "binding",
-    "the inverse is on the wrong side: first from the rest into the joint's frame, then into the "
-    "posed world; what comes first stands on the right",
+    "the inverse is on the wrong side: it comes first, from the world at rest into the joint's frame, "
+    "and what comes first stands on the right",
 )
 def with_the_inverse_on_the_left(R, joints, parents):
     back = np.linalg.inv(chained(np.tile(np.eye(3), (len(parents), 1, 1)), joints, parents))
@@ -297,7 +306,7 @@ def with_the_inverse_on_the_left(R, joints, parents):
 
 @mistake(
     "binding",
-    "the joint at rest has been added and not taken away: G_k(rest)^-1 is a translation by minus "
+    "the joint at rest was added and not subtracted: G_k(rest)^-1 is a translation by minus "
     "the joint",
 )
 def with_the_rest_itself(R, joints, parents):
@@ -307,7 +316,8 @@ def with_the_rest_itself(R, joints, parents):
 
 @mistake(
     "binding",
-    "each rotation is relative to the parent still: multiply along the chain, the parent's on the left",
+    "each rotation is still relative to the parent: multiply along the chain, with the parent on the "
+    "left",
 )
 def of_relative_rotations(R, joints, parents):
     G = np.tile(np.eye(4), (len(parents), 1, 1))
@@ -316,7 +326,7 @@ def of_relative_rotations(R, joints, parents):
     return G
 
 
-@mistake("binding", "they go the other way, from the posed surface to the one at rest")
+@mistake("binding", "these matrices go the other way, from the posed surface to the one at rest")
 def the_other_way(R, joints, parents):
     return np.linalg.inv(solutions.binding(R, joints, parents))
 
@@ -349,18 +359,19 @@ def gets_there(reach):
 
 @check("reach", points=1)
 def stretches(reach):
-    """it stretches towards what is too far"""
+    """it stretches towards a target that is too far away"""
     misses(reach, FAR)
 
 
-@mistake("reach", "that is the arm at rest: nothing was turned")
+@mistake("reach", "this is the arm at rest: nothing was turned")
 def at_rest(bones, target):
     return np.zeros(bones.shape)
 
 
 @mistake(
     "reach",
-    "the arm points at the target, stretched, and overshoots a near one: it has to bend as well",
+    "the arm is stretched towards the target, and reaches beyond one that is near: it has to bend as "
+    "well",
 )
 def pointing(bones, target):
     return solutions.stretched(bones, target / np.linalg.norm(target))
@@ -368,8 +379,8 @@ def pointing(bones, target):
 
 @mistake(
     "reach",
-    "these are rotations in the world: each joint's is relative to the joint before, which has "
-    "turned already",
+    "these are rotations in the world, but the answer for a joint is relative to the joint before it, "
+    "which has turned already",
 )
 def in_the_world(bones, target):
     pose = solutions.reach(bones, target)
@@ -379,7 +390,7 @@ def in_the_world(bones, target):
     return Rotation.from_matrix(R).as_rotvec()
 
 
-@mistake("reach", "the first joint alone has turned, and the rest of the arm went along unbent")
+@mistake("reach", "only the first joint was turned, and the rest of the arm stays straight")
 def the_first_joint(bones, target):
     pose = np.zeros(bones.shape)
     turn, _ = Rotation.align_vectors([target / np.linalg.norm(target)], [bones.sum(axis=0)])

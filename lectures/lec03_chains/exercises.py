@@ -1,8 +1,8 @@
 """Exercises of lecture 3, kinematic chains.
 
-Write each answer in place of the line that raises. Names, arguments and shapes stay as they are.
-Rotations are matrices, lengths in metres. `parents[k]` is the joint that joint k hangs on, before k
-in the list; -1 for the root, joint 0. Then
+Write each answer in place of the line that raises `Unsolved`, and keep the names, arguments and shapes.
+Rotations are matrices, and lengths are in metres. `parents[k]` is the joint on which joint k hangs; it
+comes before k in the list, and is -1 for the root, joint 0. This command grades the file:
 
     workbench lecture check 3 lec03_chains.py
 """
@@ -15,7 +15,7 @@ Array = np.ndarray
 
 
 def inverse(G: Array) -> Array:
-    """The inverse of a rigid motion [R t; 0 1], by transposing and multiplying alone.
+    """The inverse of a rigid motion [R t; 0 1], computed by transposing and multiplying only.
 
     G (4, 4) -> (4, 4)
     """
@@ -31,7 +31,7 @@ def turned_body(vertices: Array, pelvis: Array, R: Array) -> Array:
 
 
 def world_rotations(R: Array, parents: list[int]) -> Array:
-    """How each joint is turned in the world, from how each is turned relative to its parent.
+    """The rotation of each joint in the world, from the rotations relative to the parents.
 
     R (K, 3, 3), parents (K,) -> (K, 3, 3)
     """
@@ -39,7 +39,7 @@ def world_rotations(R: Array, parents: list[int]) -> Array:
 
 
 def posed_joints(R: Array, joints: Array, parents: list[int]) -> Array:
-    """Where the joints are after all of them have turned; the root stays in its place.
+    """Where the joints are after all of them have turned; the root stays where it is.
 
     R (K, 3, 3), relative to the parent; joints (K, 3) m, at rest, where no joint is turned;
     parents (K,) -> (K, 3) m
@@ -48,7 +48,7 @@ def posed_joints(R: Array, joints: Array, parents: list[int]) -> Array:
 
 
 def binding(R: Array, joints: Array, parents: list[int]) -> Array:
-    """The matrices G_k(pose) G_k(rest)^-1 that take points of the surface at rest to the posed one.
+    """The matrices G_k(pose) G_k(rest)^-1, which move points from the surface at rest to the posed one.
 
     R (K, 3, 3), relative to the parent; joints (K, 3) m, at rest, where no joint is turned;
     parents (K,) -> (K, 4, 4)
@@ -57,14 +57,14 @@ def binding(R: Array, joints: Array, parents: list[int]) -> Array:
 
 
 def reach(bones: Array, target: Array) -> Array:
-    """A pose in which the tip of an arm is at a target, or as near to it as the arm can get.
+    """A pose in which the tip of an arm is at a target, or as near to the target as it can get.
 
-    The arm is a chain without branches. Its root is at the origin; bones[k] leads from joint k to
-    joint k + 1 while nothing is turned, the last bone to the tip. The answer is a rotation vector
-    for each joint, relative to the joint before. Any pose will do that brings the tip to within
-    1e-4 m of the target, or of the least distance that there is. Every target is further away
-    than the longest bone, so nothing has to be folded up.
-    `scipy.optimize.least_squares` looks for numbers that make a function's entries small.
+    The arm is a chain without branches. Its root is at the origin; when nothing is turned, bones[k]
+    leads from joint k to joint k + 1, and the last bone leads to the tip. The answer is a rotation
+    vector for each joint, relative to the joint before it. Every pose is right in which the tip is at
+    most 1e-4 m further from the target than it has to be. Every target is further from the root than the
+    longest bone is long, so the arm need not fold up. `scipy.optimize.least_squares` finds numbers for
+    which the entries of a function are small.
 
     bones (n, 3) m; target (3,) m -> (n, 3) rad
     """

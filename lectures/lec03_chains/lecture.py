@@ -3,10 +3,10 @@
 #
 # **How do 24 rotations place 24 bones?**
 #
-# A body has parts that hardly change their form: forearms, shins, a head. We begin by giving each
-# part a place and a rotation of its own, watch the body fall apart, and tie the parts together: a
-# chain of rotations in which each joint turns all that hangs on it. Then we find out how a skin is
-# bound to such a chain. Lengths are in metres, angles in radians. The body is made up, so that the
+# A body has parts that hardly change their form: forearms, shins, a head. We begin by giving each part a
+# position and a rotation of its own, and watch the body fall apart. Then we tie the parts together by a
+# chain of rotations, in which each joint turns everything that hangs on it. At the end we bind a skin to
+# this chain. Lengths are in metres, angles in radians. The body and its pose are synthetic, so that the
 # truth is known.
 
 # %%
@@ -25,13 +25,13 @@ from workbench.plots import house_style, sheet
 from workbench.plots.body import Figurine, line_up
 
 # %% [markdown]
-# ## Each part for itself
+# ## Every part on its own
 #
-# Somebody wears four markers on each of the 24 parts of the body, and we see them with noise. A part is
-# rigid: it has a rotation $R_k$ and a place $p_k$, and moves a point $v$ from rest to
-# $R_k (v - j_k) + p_k$, where $j_k$ is the place of the part's joint at rest and $p_k$ its place now.
-# The best $R_k$ and $p_k$ for four points have a closed form (lecture 2's nearest rotation), so the fit
-# of the whole body is 24 small ones: $24 \times 6 = 144$ numbers.
+# Somebody wears four markers on each of the 24 parts of the body, and we see the markers with noise. A
+# part is rigid: with the rotation $R_k$ and the position $p_k$, a point that is at $v$ at rest moves to
+# $R_k (v - j_k) + p_k$. Here $j_k$ is where the part's joint is at rest, and $p_k$ is where it is now.
+# The best $R_k$ and $p_k$ for four points have a closed form (from the nearest rotation of lecture 2),
+# so fitting the whole body consists of 24 small fits, with $24 \times 6 = 144$ numbers in all.
 
 # %%
 body = wb.load_body("default")
@@ -47,7 +47,7 @@ markers = np.array(
 
 
 def each_for_itself(seen):
-    """Turns and places (24, 3) that fit the markers of each part (24, 4, 3) best."""
+    """Rotation vectors and positions (24, 3) that fit the markers of each part (24, 4, 3) best."""
     turns, places = [], []
     for k in range(24):
         best = procrustes(body.template[markers[k]], seen[k])
@@ -60,7 +60,7 @@ seen = where[markers] + 0.01 * rng.standard_normal((24, 4, 3))  # 10 mm of noise
 turns, places = each_for_itself(seen)
 torn = parts.vertices(turns, places)
 print(
-    f"markers are met to {1e3 * np.sqrt(np.mean((torn[markers] - seen) ** 2)):.0f} mm a coordinate"
+    f"markers are fitted to {1e3 * np.sqrt(np.mean((torn[markers] - seen) ** 2)):.0f} mm per coordinate"
 )
 gaps = parts.gaps(turns, places)
 widest = np.argmax(gaps)
@@ -70,15 +70,15 @@ print(
 )
 
 # %% [markdown]
-# The markers are met to within their noise. But at a joint two parts meet, and each has its own opinion of
-# where that joint is. The distance between the two is the **gap**. It is no error of the fit: nothing
-# in 144 free numbers says that an arm hangs on a shoulder.
+# The fit reproduces the markers to within their noise. But two parts meet at each joint, and the two
+# disagree about where that joint is. The distance between their answers is the **gap**. The solver made
+# no mistake: nothing in the 144 free numbers says that an arm hangs on a shoulder.
 #
-# ## The same with a chain
+# ## The parts on a chain
 #
-# Now the parts hang together: 24 rotations, each relative to the part that it hangs on, and one place
-# of the whole body, $72 + 3 = 75$ numbers. (The rest of this lecture says how.) We use the same markers
-# with the same noise:
+# Now the parts hang together: there are 24 rotations, each relative to the part that it hangs on, and
+# one position of the whole body, $72 + 3 = 75$ numbers. (The rest of this lecture explains how.) We use
+# the same markers with the same noise:
 
 # %%
 rigid = without_pose_blend_shapes(parts.rigid)  # rigid parts on a chain, and nothing else
@@ -95,9 +95,10 @@ fitted = parts.articulated(solution.values["pose"], solution.values["trans"])
 whole = parts.vertices(fitted["turns"], fitted["places"])
 print(f"unknowns: {solution.values['pose'].size + solution.values['trans'].size}")
 print(f"joints are torn by at most {parts.gaps(fitted['turns'], fitted['places']).max():.0e} m")
-for name, v in (("each for itself", torn), ("a chain", whole)):
+for name, v in (("on its own", torn), ("a chain", whole)):
     off = np.linalg.norm(v - where, axis=1)
-    print(f"{name:16} surface off the truth by {1e3 * np.sqrt(np.mean(off**2)):.1f} mm")
+    rms = 1e3 * np.sqrt(np.mean(off**2))
+    print(f"{name:10} surface {rms:.1f} mm from the truth (root mean square)")
 
 # %%
 sigmas = np.array([1, 2, 5, 10, 20]) * 1e-3  # m
@@ -111,7 +112,7 @@ for sigma in sigmas:
 
 
 def bones_drawn(ax, turns, places, shift, name):
-    """Each part's bones as it has them itself, seen from the front, and the gaps between them."""
+    """The bones as each part places them, seen from the front, and the gaps between them."""
     R = matrix_from_vector(turns)
     for k in range(1, 24):
         above = parents[k]
@@ -124,24 +125,27 @@ def bones_drawn(ax, turns, places, shift, name):
 
 with house_style():
     figure, (left, right) = sheet(10.5, 4.8, columns=2)
-    bones_drawn(left, turns, places, 0.0, "each for itself")
+    bones_drawn(left, turns, places, 0.0, "on its own")
     bones_drawn(left, fitted["turns"], fitted["places"], 1.4, "")
     left.set(xlabel="x (m)", ylabel="y (m)", aspect="equal", ylim=(-1.2, 1.3))
     left.legend(loc="upper left")
-    right.loglog(1e3 * sigmas, np.array(torn_by)[:, 0], "o-", label="each for itself, mean")
-    right.loglog(1e3 * sigmas, np.array(torn_by)[:, 1], "s--", label="the widest of five draws")
+    right.loglog(1e3 * sigmas, np.array(torn_by)[:, 0], "o-", label="on its own, mean")
+    right.loglog(
+        1e3 * sigmas, np.array(torn_by)[:, 1], "s--", label="on its own, the widest of five draws"
+    )
     right.set(xlabel="noise of the markers (mm)", ylabel="gap at a joint (mm)")
     right.legend()
 Picture(
     figure,
-    "Left: the bones as 24 parts have them, and as a chain has them, from the same markers, seen from "
-    "the front; where two parts disagree about their joint, the gap is orange. Right: the "
-    "gaps grow with the noise; those of the chain are zero and cannot be drawn here.",
+    "Left: the bones where 24 separate parts put them and where a chain puts them, both fitted to the "
+    "same markers and seen from the front. Where two parts disagree about their joint, the gap is "
+    "orange. Right: the gaps grow with the noise of the markers; those of the chain are zero, which a "
+    "logarithmic axis cannot show.",
 )
 
 # %% [markdown]
-# Fewer numbers, and a better answer: what the forearm's markers say about the elbow now helps the
-# upper arm. A model that cannot do what bodies cannot do needs less data.
+# Fewer numbers, and a better answer: what the forearm's markers say about the elbow now helps to place
+# the upper arm as well. A model that excludes what no body can do needs fewer data.
 #
 # ## Rigid motions
 #
@@ -149,28 +153,30 @@ Picture(
 #
 # $$ G = \begin{pmatrix} R & t \\ 0 & 1 \end{pmatrix}, $$
 #
-# Then one motion after another is a product of matrices, in which the one that is done first stands on
-# the right, and a motion is undone by the inverse matrix: $x = R^\top (y - t)$.
+# Then doing one motion after another is a product of matrices, in which the motion that is done first
+# stands on the right. The inverse matrix undoes a motion: from $y = R x + t$ follows
+# $x = R^\top (y - t)$.
 #
 # ## The chain
 #
-# Each joint $k$ but the root hangs on a **parent** $p(k)$. At rest no joint is turned, and the bone to
-# joint $k$ is $j_k - j_{p(k)}$. Let joint $k$ carry a frame of axes. Relative to the frame of its
-# parent, it is turned by $R_k$ and stands at the end of the bone:
+# Each joint $k$ except the root hangs on another joint, its **parent** $p(k)$. At rest no joint is
+# turned, and the bone to joint $k$ is $j_k - j_{p(k)}$. Each joint carries a **frame**: three axes that
+# turn with it and begin at the joint. Relative to the frame of its parent, the frame of joint $k$ is
+# turned by $R_k$ and sits at the end of the bone:
 #
 # $$
 # G_k = G_{p(k)} \begin{pmatrix} R_k & j_k - j_{p(k)} \\ 0 & 1 \end{pmatrix}, \qquad
 # G_0 = \begin{pmatrix} R_0 & j_0 \\ 0 & 1 \end{pmatrix}.
 # $$
 #
-# A point with coordinates $q$ in the frame of the wrist is at $G_{\text{wrist}}\, q$ in the world:
-# from the wrist's frame into the elbow's, from that into the shoulder's, and so on. Since parents come
-# before their children in the list, one loop does it:
+# A point with coordinates $q$ in the frame of the wrist is at $G_{\text{wrist}}\, q$ in the world: the
+# product takes it from the wrist's frame into the elbow's, from there into the shoulder's, and so on.
+# Since parents come before their children in the list of joints, a single loop computes all $G_k$:
 
 
 # %%
 def chained(R, joints):
-    """G_k (24, 4, 4) of rotations (24, 3, 3) and joints at rest (24, 3) m."""
+    """G_k (24, 4, 4), from rotations (24, 3, 3) and joints at rest (24, 3) m."""
     world = []
     for k, up in enumerate(parents):
         local = np.eye(4)
@@ -185,16 +191,17 @@ G = chained(R, joints)
 print(f"off the library's joints by {np.abs(G[:, :3, 3] - body.joints(truth)).max():.0e} m")
 
 # %% [markdown]
-# The library's loop is the same, with symbols in the place of numbers:
+# The loop in the library is the same, with symbols in place of numbers:
 
 # %%
 source(world_motions)
 
 # %% [markdown]
-# Two mistakes are easily made. One is the **order**: with $R_k R_{p(k)}$ in the place of $R_{p(k)} R_k$
-# a joint turns about axes of the world, and not about its own. The other one is the **bone**: it is
-# turned by the parent and by all joints above that, and not by joint $k$ itself. (A wrist does not move
-# when it turns.) Both keep the lengths of all bones, so a test of lengths notices neither:
+# Two mistakes are easily made. One is the **order**: with $R_k R_{p(k)}$ in place of $R_{p(k)} R_k$, a
+# joint turns about axes of the world, and not about its own. The other is the **bone**: the bone to
+# joint $k$ is turned by the parent and all joints above the parent, and not by joint $k$ itself. (A
+# wrist does not move when it turns.) Both mistakes keep the lengths of all bones, so a test of lengths
+# notices neither:
 
 
 # %%
@@ -208,7 +215,7 @@ def other_order(R, joints):
 
 
 def own_rotation(R, joints):
-    """Where the joints are if each bone is turned by the joint at its end."""
+    """Where the joints are if each bone is turned by the joint at its far end."""
     world, at = [R[0]], [joints[0]]
     for k in range(1, 24):
         world.append(world[parents[k]] @ R[k])
@@ -227,18 +234,21 @@ for name, f in (
         joints[1:] - joints[up], axis=1
     )
     off = np.linalg.norm(at - body.joints(truth), axis=1).max()
-    print(f"{name:6} bones off by {np.abs(bones).max():.0e} m, joints by {1e3 * off:.0f} mm")
+    print(
+        f"{name:6} bones too long or short by {np.abs(bones).max():.0e} m, "
+        f"joints off by {1e3 * off:.0f} mm"
+    )
 
 # %% [markdown]
 # ## The root turns about the pelvis
 #
-# The root is no special joint: it turns about its own place $j_0$, the pelvis, and not about the
-# origin. So if the root alone turns, the surface $V$ at rest goes to
+# The root turns as every other joint does: about its own position $j_0$, the pelvis, and not about the
+# origin. So if the root alone turns, the surface $V$ at rest moves to
 #
 # $$ R_0 (V - j_0) + j_0 . $$
 #
-# With the origin in its place the result is off by $(R_0 - I)\, j_0$, a common surprise when recordings
-# of two programs are compared.
+# If it is turned about the origin instead, the result is off by $(R_0 - I)\, j_0$. This is a common
+# surprise when recordings from two programs are compared.
 
 # %%
 alone = np.zeros((24, 3))
@@ -246,7 +256,7 @@ alone[0] = [0, 0, np.pi / 2]
 R0 = matrix_from_vector(alone[0])
 ground = [0, body.template[:, 1].min(), 0]
 for name, drawn in (
-    ("as it is drawn", body),
+    ("as it comes", body),
     ("on the ground", replace(body, template=body.template - ground)),
 ):
     V, j0 = drawn.template, drawn.joints()[0]
@@ -254,19 +264,20 @@ for name, drawn in (
     about_pelvis = np.linalg.norm(turned - ((V - j0) @ R0.T + j0), axis=1).max()
     about_origin = np.linalg.norm(turned - V @ R0.T, axis=1).max()
     print(
-        f"{name:16} pelvis at {1e3 * j0.round(4) + 0.0} mm; a quarter turn, taken about the pelvis: "
-        f"off by {1e3 * about_pelvis:.0e} mm, about the origin: {1e3 * about_origin:.1f} mm"
+        f"{name:16} pelvis at {1e3 * j0.round(4) + 0.0} mm; a quarter turn about the pelvis is "
+        f"off by {1e3 * about_pelvis:.0e} mm, one about the origin by {1e3 * about_origin:.1f} mm"
     )
 
 # %% [markdown]
-# This body has its pelvis at the origin, whatever its shape, and there the mistake does not show.
-# Others stand on the ground. A test with this body alone would let the mistake pass.
+# This body has its pelvis at the origin, whatever its shape, and there the mistake does not show. Other
+# bodies stand on the ground. A test with this body alone would let the mistake pass.
 
 # %% [markdown]
 # ## Binding the skin
 #
-# $G_k$ takes points from the frame of joint $k$ to the world. But the template is drawn in the world,
-# with all vertices at their places at rest. Applied to those, $G_k$ adds the joint once more:
+# $G_k$ takes points from the frame of joint $k$ to the world. But the vertices of the template are given
+# in the coordinates of the world, at rest. If $G_k$ is applied to them, it adds the position of the
+# joint once more:
 
 # %%
 part = parts.part
@@ -275,18 +286,19 @@ twice = np.einsum(
     "nij,nj->ni", chained(matrix_from_vector(np.zeros((24, 3))), joints)[part], rest4
 )[:, :3]
 print(
-    f"nobody turned, and vertices moved by up to {np.linalg.norm(twice - body.template, axis=1).max():.2f} m"
+    f"no joint is turned, and yet vertices moved by up to "
+    f"{np.linalg.norm(twice - body.template, axis=1).max():.2f} m"
 )
 
 # %% [markdown]
-# So we first go the other way, from the world into the frame of the joint *at rest*, and then out again
-# by the posed frame. This is the **binding matrix**
+# So we first go the other way, from the world into the frame of the joint *at rest*, and then back into
+# the world by the frame of the *posed* joint. Together this is the **binding matrix**
 #
 # $$ G'_k = G_k(\theta)\, G_k(\theta^*)^{-1}, $$
 #
-# where $\theta^*$ is the pose that the template is drawn in. At $\theta = \theta^*$ it is the identity.
-# With a template in T-pose, $\theta^* = 0$, it has the rotation of $G_k$ and the offset
-# $t_k - R^{\text{world}}_k j_k$.
+# where $\theta^*$ is the pose in which the template was drawn. At $\theta = \theta^*$ it is the
+# identity. For a template in the T-pose, $\theta^* = 0$, it has the rotation $R^{\text{world}}_k$ of
+# $G_k$ and the offset $t_k - R^{\text{world}}_k j_k$, where $t_k$ is the offset of $G_k$.
 
 # %%
 bound = G @ np.linalg.inv(chained(matrix_from_vector(np.zeros((24, 3))), joints))
@@ -301,17 +313,18 @@ with house_style():
     line_up(shown, body.faces, ax=ax)
 Picture(
     figure,
-    "Left: the template. Middle: what G makes of it although no joint is turned: every part is "
-    "moved by its own joint once more. Right: the template, bound and posed. Each vertex follows a"
-    " single joint here, which shows in the skin at the joints; the next lecture improves on that.",
+    "Left: the template. Middle: what G alone makes of the template although no joint is turned: each "
+    "part is moved once more by the position of its joint. Right: the template, bound and posed. Each "
+    "vertex follows a single joint here, which tears the skin at the joints; the next lecture improves "
+    "on that.",
 )
 
 # %%
 source(binding_motions)
 
 # %% [markdown]
-# Templates are not always drawn in a T-pose. Suppose that this one is drawn with its arms lowered by 45
-# degrees. Then it comes out as drawn if the pose is that one, and not if the pose is zero:
+# Templates are not always drawn in a T-pose. Suppose that this one were drawn with its arms lowered by
+# 45 degrees. Then the surface is the template if the pose is that pose, and not if the pose is zero:
 
 # %%
 lowered = np.zeros((24, 3))
@@ -327,15 +340,60 @@ print(
 # %% [markdown]
 # ## Where are the posed joints?
 #
-# They are at the offsets of the $G_k$, which are sums along the path from the root to joint $k$:
+# The offset of $G_k$ is the position of the posed joint. It is a sum along the path from the root to
+# joint $k$:
 #
 # $$
 # J'_k = j_0 + \sum_{c \,\in\, \text{path}(k)} R^{\text{world}}_{p(c)} \left( j_c - j_{p(c)} \right) .
 # $$
 #
-# There is another answer that looks as good. The joints at rest are found from the rest surface by a
+# In the sources of this course one also finds the posed joint called $G'_k$, the name of the binding
+# matrix. They are not the same. $G'_k$ takes the skin along, so its offset is where it takes the
+# *origin*: $J'_k - R^{\text{world}}_k j_k$, which at rest is the origin itself, for every joint, and in
+# any pose is off by as much as $j_k$ is from the origin. The posed joint is the offset of $G_k$; it is
+# also $G'_k\, j_k$, the joint at rest, taken along. All three:
+
+# %%
+joints4 = np.column_stack([joints, np.ones(24)])
+named = {
+    "offset of G": lambda G, bound: G[:, :3, 3],
+    "G' times the joint at rest": lambda G, bound: np.einsum("kij,kj->ki", bound, joints4)[:, :3],
+    "offset of G'": lambda G, bound: bound[:, :3, 3],
+}
+still = chained(matrix_from_vector(np.zeros((24, 3))), joints)
+for name, f in named.items():
+    at_rest, in_pose = f(still, still @ np.linalg.inv(still)), f(G, bound)
+    off_rest = 1e3 * np.linalg.norm(at_rest - joints, axis=1)
+    off_pose = 1e3 * np.linalg.norm(in_pose - body.joints(truth), axis=1)
+    print(
+        f"{name:26}: joints at rest off by up to {off_rest.max():3.0f} mm, posed by up to "
+        f"{off_pose.max():3.0f} mm"
+    )
+with house_style():
+    figure, axes = sheet(9, 4.0, columns=2)
+    for ax, name in zip(axes, ("offset of G", "offset of G'"), strict=True):
+        for points, style, label in (
+            (named[name](still, still @ np.linalg.inv(still)), "s--", "at rest"),
+            (named[name](G, bound), "o-", "posed"),
+        ):
+            for k in range(1, 24):
+                x, y = points[[k, parents[k]], :2].T
+                look = {"color": "0.6", "zorder": 3} if label == "at rest" else {"color": "C0"}
+                ax.plot(x, y, style, ms=4, label=label if k == 1 else None, **look)
+        ax.set(title=name, xlabel="x (m)", ylabel="y (m)", aspect="equal")
+        ax.set(xlim=(-1.0, 1.3), ylim=(-1.0, 1.3))
+    axes[0].legend(loc="lower left")
+Picture(
+    figure,
+    "Joints, tied to their parents, seen from the front. Left: offsets of G are the skeleton, at rest "
+    "and posed. Right: offsets of the binding matrices G' are no skeleton; at rest all 24 are at the "
+    "origin.",
+)
+
+# %% [markdown]
+# Another answer looks just as good. The joints at rest are computed from the surface at rest by a
 # matrix, $J = \mathcal J\, T$: each joint is a weighted mean of vertices around it. Why not apply the
-# same $\mathcal J$ to the posed surface? Because there the skin around a joint has bent:
+# same $\mathcal J$ to the posed surface? Because there the skin around a joint has been bent:
 
 # %%
 posed = body.vertices(truth)
@@ -356,23 +414,26 @@ with house_style():
     order = np.argsort(-gap)
     ax.bar(range(24), gap[order])
     ax.set_xticks(range(24), [names[k].replace("_", " ") for k in order], rotation=60, ha="right")
-    ax.set(ylabel="from the chain's joint (mm)")
+    ax.set(ylabel="distance from the chain's joint (mm)")
 Picture(
     figure,
-    "How far the joints regressed from the posed skin are from those of the chain, in a random pose. "
-    "The skin of a bent joint is no longer where its weighted mean finds the joint.",
+    "The distance between the joints that the regressor computes from the posed skin and those of the "
+    "chain, in a random pose. Once the skin around a joint is bent, its weighted mean is no longer at "
+    "the joint.",
 )
 
 # %% [markdown]
-# A rotation of the whole body does no harm: the rows of $\mathcal J$ sum to one, so the joints turn
-# with it. Bending does. The regressor is for the rest surface; posed joints come from the chain. When
-# you compare with joints from another program, ask which of the two they are.
+# A rotation of the whole body does no harm: each row of $\mathcal J$ sums to one, so the joints turn
+# with the body. Bending does harm. The regressor is for the surface at rest; posed joints come from the
+# chain. When you compare them with joints from another program, ask which of the two that program
+# returns.
 #
 # ## What to remember
 #
-# - 24 free parts are 144 numbers and fall apart; a chain has 75 and cannot.
-# - $G_k = G_{p(k)} [R_k,\, j_k - j_{p(k)}]$: the parent on the left, the bone turned by the parent.
+# - 24 free parts have 144 numbers and fall apart; a chain has 75 numbers and cannot fall apart.
+# - $G_k = G_{p(k)} [R_k,\, j_k - j_{p(k)}]$: the parent's matrix stands on the left, and the parent
+#   turns the bone.
 # - The root turns about the pelvis.
-# - The skin is drawn in the world: $G'_k = G_k(\theta)\, G_k(\theta^*)^{-1}$ takes it along, and is the
-#   identity in the pose that it is drawn in.
-# - Posed joints are the offsets of the chain, and not $\mathcal J$ times the posed skin.
+# - The template is given in the coordinates of the world: $G'_k = G_k(\theta)\, G_k(\theta^*)^{-1}$
+#   moves it, and is the identity in the pose in which the template was drawn.
+# - Posed joints are the offsets of the chain, $G_k$ and not $G'_k$, and not $\mathcal J$ times the posed skin.

@@ -17,7 +17,7 @@ SEEN = np.array([0.11, 0.29, -0.05, 0.43, -0.2, 0.5])
 
 @check("residual", points=1)
 def is_zero_at_the_truth(residual):
-    """it is zero where the model says what was seen"""
+    """it is zero where the model agrees with what was seen"""
     for x in ANGLES:
         seen = solutions.residual(x, np.zeros(6))
         equal(residual(x, seen), np.zeros(6), f"the residual at the truth, x = {x}", 1e-12)
@@ -32,7 +32,9 @@ def is_model_minus_seen(residual):
         equal(residual(x, SEEN), solutions.residual(x, SEEN), f"the residual for x = {x}")
 
 
-@mistake("residual", "this is what was seen minus the model: the sign of all that follows changes")
+@mistake(
+    "residual", "this is what was seen minus the model: the sign of everything that follows changes"
+)
 def seen_minus_model(x, seen):
     return -solutions.residual(x, seen)
 
@@ -58,7 +60,7 @@ def with_a_hand_along_b_and_c(x, seen):
     return placed([x[0], x[0] + x[1], x[1] + x[2]]) - seen
 
 
-@mistake("residual", "each bone starts where the one before ends, not from the shoulder")
+@mistake("residual", "each bone starts where the bone before it ends, not at the shoulder")
 def without_the_elbow(x, seen):
     return placed(np.cumsum(x), start_over=True) - seen
 
@@ -68,7 +70,7 @@ def without_the_elbow(x, seen):
 
 @check("jacobian", points=1)
 def leaves_the_elbow_to_the_shoulder(jacobian):
-    """an angle moves only what comes after it"""
+    """an angle moves only the points that come after it"""
     for x in ANGLES:
         J = jacobian(x)
         equal(J[:2, 1:], np.zeros((2, 2)), f"the elbow by b and c, for x = {x}")
@@ -84,7 +86,10 @@ def is_what_differences_say(jacobian):
         equal(jacobian(x), expected, f"the Jacobian for x = {x}", 1e-8)
 
 
-@mistake("jacobian", "a turns the forearm too: the wrist's derivative by a has both bones in it")
+@mistake(
+    "jacobian",
+    "the angle a turns the forearm too: the derivative of the wrist by a contains both bones",
+)
 def forearm_left_behind(x):
     J = solutions.jacobian(x)
     J[2:4, 0] = J[4:, 0] = J[:2, 0]
@@ -92,7 +97,7 @@ def forearm_left_behind(x):
     return J
 
 
-@mistake("jacobian", "the hand moves with every angle: all three bones are in the tip's rows")
+@mistake("jacobian", "every angle moves the hand: the rows of the tip contain all three bones")
 def hand_left_behind(x):
     J = solutions.jacobian(x)
     J[4:, :2] = J[2:4, :2]
@@ -106,7 +111,7 @@ def with_the_sign_of_sin(x):
     return J
 
 
-@mistake("jacobian", "the columns have changed places: the first is the derivative by a")
+@mistake("jacobian", "the columns are in another order: the first is the derivative by a")
 def columns_swapped(x):
     return solutions.jacobian(x)[:, ::-1]
 
@@ -139,8 +144,8 @@ def is_the_slope_of_f(gradient):
 @mistake(
     "gradient",
     "the factor 2 is missing: the derivative of e^2 is 2 e e'. Body Models II (Pons-Moll and "
-    "Swoboda, 2018) has lost it, too; it is "
-    "right for F / 2",
+    "Swoboda, 2018) omits it as well; without the 2, "
+    "this is the gradient of F / 2",
 )
 def without_the_two(e, J):
     return J.T @ e
@@ -235,7 +240,7 @@ one_sided_by_1e8, one_sided_by_root = (
 
 too_long = mistake(
     "numeric_jacobian",
-    "this h is too long: the error of differences from both sides grows with h^2. Try 1e-5",
+    "this h is too large: the error of central differences grows with h^2. Try 1e-5",
 )
 too_long_by_1e2, too_long_by_1e3 = too_long(from_both_sides(1e-2)), too_long(from_both_sides(1e-3))
 
@@ -245,20 +250,24 @@ def numeric_jacobian_transposed(f, x):
     return solutions.numeric_jacobian(f, x).T
 
 
-@mistake("numeric_jacobian", "the two points are 2 h apart: divide by 2 h")
+@mistake("numeric_jacobian", "the two points are at a distance of 2 h: divide by 2 h")
 def over_h(f, x):
     return 2 * solutions.numeric_jacobian(f, x)
 
 
 @mistake(
     "numeric_jacobian",
-    "this h is too short: f(x + h) and f(x - h) agree in most digits, and rounding is divided by h",
+    "this h is too small: f(x + h) and f(x - h) agree in most digits, and rounding errors are divided "
+    "by h",
 )
 def with_too_short_a_step(f, x):
     return from_both_sides(1e-11)(f, x)
 
 
-@mistake("numeric_jacobian", "the step went backwards: f(x - h) - f(x + h) has the other sign")
+@mistake(
+    "numeric_jacobian",
+    "the sign is wrong: subtract f(x - h) from f(x + h), not the other way round",
+)
 def with_the_other_sign(f, x):
     return -solutions.numeric_jacobian(f, x)
 
@@ -279,7 +288,7 @@ def is_least(gauss_newton_step):
 
 @check("gauss_newton_step", points=1)
 def does_not_square_the_condition(gauss_newton_step):
-    """it meets what can be met, also where columns are nearly dependent"""
+    """it finds an exact solution if there is one, even if columns are nearly dependent"""
     J = LINEAR[0][1].copy()
     J[:, 2] = J[:, 0] + 1e-6 * J[:, 2]
     p = np.array([1.0, -2.0, 0.5])
@@ -303,8 +312,8 @@ def twice_as_long(e, J):
 
 @mistake(
     "gauss_newton_step",
-    "J'J has the square of the condition of J, and loses twice the digits: solve the least-squares "
-    "problem itself (np.linalg.lstsq, or QR)",
+    "the condition number of J'J is the square of that of J, so twice as many digits are lost: solve "
+    "the least-squares problem itself (np.linalg.lstsq, or QR)",
 )
 def by_the_normal_equations(e, J):
     return np.linalg.solve(J.T @ J, -J.T @ e)
@@ -331,7 +340,7 @@ def is_right_elsewhere(left_out):
         equal(left_out(x, SEEN[:2]), solutions.left_out(x, SEEN[:2]), f"what is left out at {x}")
 
 
-@mistake("left_out", "the sign: the second derivative of (cos, sin) is minus (cos, sin)")
+@mistake("left_out", "the sign is wrong: the second derivative of (cos, sin) is minus (cos, sin)")
 def with_the_other_curvature(x, seen):
     return -solutions.left_out(x, seen)
 
@@ -343,13 +352,14 @@ def over_the_length(x, seen):
 
 @mistake(
     "left_out",
-    "rho / UPPER - 1 holds at the best angle only; elsewhere the angle between bone and point counts",
+    "rho / UPPER - 1 holds only at the best angle; elsewhere it depends on the angle between bone and "
+    "point",
 )
 def the_law_everywhere(x, seen):
     return np.linalg.norm(seen) / UPPER - 1
 
 
-@mistake("left_out", "this is the whole Hessian over J'J; the part that was kept is 1 of it")
+@mistake("left_out", "this is the whole Hessian over J'J; subtract 1 for the part that was kept")
 def of_the_whole(x, seen):
     return 1 + solutions.left_out(x, seen)
 
@@ -408,8 +418,8 @@ def ends(fit, f, J, start, what):
     holds(
         slope < 1e-6,
         f"the gradient at the end, {what}",
-        "below 1e-6, where steepest descent takes too long to come: linearize and solve, and "
-        "halve what does not help",
+        "below 1e-6 (steepest descent takes too long for this: take Gauss-Newton steps, and "
+        "halve those that do not help)",
         f"{slope:.1e}",
     )
     at_start, at_end = np.sum(f(np.array(start)) ** 2), np.sum(f(x) ** 2)
@@ -423,7 +433,7 @@ def ends(fit, f, J, start, what):
 
 @check("fit", points=1)
 def ends_where_it_is_easy(fit):
-    """it finds the arm's angles, and a decay through noisy points"""
+    """it finds the angles of the arm, and an exponential decay through noisy points"""
     ends(fit, *arm(), [0.5, 0.5, 0.5], "for the arm")
     times = np.arange(8) / 2.0
     ends(fit, *decay(2 * np.exp(-0.8 * times) + NOISE), [1.0, 0.3], "for the decay")
@@ -431,14 +441,12 @@ def ends_where_it_is_easy(fit):
 
 @check("fit", points=2)
 def ends_where_full_steps_do_not(fit):
-    """it ends in Rosenbrock's valley, and where full steps lead away"""
-    ends(fit, *valley(), [-1.2, 1.0], "in Rosenbrock's valley")
+    """it finds the minimum of Rosenbrock's function, and one from which full steps lead away"""
+    ends(fit, *valley(), [-1.2, 1.0], "for Rosenbrock's function")
     ends(fit, *bone(2.6), [0.6], "for a bone and a point at 2.6 times its length")
 
 
-@mistake(
-    "fit", "one step is not the end of it: linearize again where it led to, until J'e is small"
-)
+@mistake("fit", "one step is not enough: linearize again at the new point, until J'e is small")
 def one_step(f, J, x):
     return x + solutions.gauss_newton_step(f(x), J(x))
 
@@ -454,8 +462,8 @@ def descended(s, n):
 
 descent = mistake(
     "fit",
-    "these are steps of steepest descent of a fixed length: short ones creep along valleys, long "
-    "ones leap out of them to NaN. Take the Gauss-Newton step",
+    "these are steps of steepest descent of a fixed length: short ones creep along valleys, and long "
+    "ones diverge to NaN. Take Gauss-Newton steps",
 )
 descent_short, descent_longer = descent(descended(1e-3, 100)), descent(descended(1e-2, 100))
 descent_long, descent_creeping = descent(descended(0.1, 100)), descent(descended(1e-3, 1000))
@@ -474,6 +482,6 @@ def full_steps(f, J, x):
     return x
 
 
-@mistake("fit", "that is the start: nothing was done")
+@mistake("fit", "this is the start: nothing was done")
 def nothing(f, J, x):
     return x

@@ -1,7 +1,7 @@
 """Exercises of lecture 6, least squares.
 
-Write each answer in place of the line that raises. Names, arguments and shapes stay as they are.
-Angles are in radians, lengths in metres. Then
+Write each answer in place of the line that raises `Unsolved`, and keep the names, arguments and shapes.
+Angles are in radians, lengths in metres. This command grades the file:
 
     workbench lecture check 6 lec06_least_squares.py
 """
@@ -12,14 +12,14 @@ from workbench.course import Unsolved
 
 Array = np.ndarray
 
-UPPER, LOWER, HAND = 0.30, 0.25, 0.18  # m, the lecture's arm, and a hand at the end of it
+UPPER, LOWER, HAND = 0.30, 0.25, 0.18  # m; the arm of the lecture, with a hand at its end
 
 
 def residual(x: Array, seen: Array) -> Array:
-    """What an arm with a hand says, minus what was seen.
+    """Where an arm with a hand has its points, minus where they were seen.
 
-    It is the arm of the lecture, and a third bone of length HAND from the wrist to the finger tip,
-    which points along a + b + c.
+    It is the arm of the lecture with a third bone of length HAND, from the wrist to the fingertip. This
+    bone points in the direction of the angle a + b + c.
 
     x (3,) rad, the angles a, b, c; seen (6,) m: x and y of elbow, wrist and tip -> (6,) m
     """
@@ -27,7 +27,7 @@ def residual(x: Array, seen: Array) -> Array:
 
 
 def jacobian(x: Array) -> Array:
-    """The derivatives of that residual, worked out by hand: a row for each entry of the residual.
+    """The derivatives of that residual, as formulas: a row for each entry of the residual.
 
     x (3,) rad -> (6, 3) m/rad
     """
@@ -45,17 +45,18 @@ def gradient(e: Array, J: Array) -> Array:
 def numeric_jacobian(f, x: Array) -> Array:
     """The Jacobian of any function, from its values alone.
 
-    Good to 1e-8 where f and its derivatives are of order one: forward differences will not do.
+    The error must be below 1e-8 if f and its derivatives are of order one. One-sided differences are not
+    accurate enough.
 
-    f takes (n,) and answers (m,); x (n,) -> (m, n)
+    f takes an array (n,) and returns an array (m,); x (n,) -> (m, n)
     """
     raise Unsolved("numeric_jacobian")
 
 
 def gauss_newton_step(e: Array, J: Array) -> Array:
-    """The p that is least in |e + J p|^2, good to seven digits also where columns are nearly alike.
+    """The p with the least |e + J p|^2, to seven digits even if columns are nearly alike.
 
-    The condition of J'J is the square of that of J; NumPy can solve least squares without it.
+    The condition number of J'J is the square of that of J; NumPy can solve least squares without J'J.
 
     e (m,), J (m, n) with m >= n and independent columns -> (n,)
     """
@@ -63,10 +64,10 @@ def gauss_newton_step(e: Array, J: Array) -> Array:
 
 
 def left_out(x: Array, seen: Array) -> float:
-    """How much of the curvature Gauss-Newton leaves out for one bone, over what it keeps.
+    """The part of the curvature that Gauss-Newton leaves out, over the part that it keeps, for one bone.
 
-    The bone is UPPER long and turns about the origin; the residual is its tip minus `seen`. With
-    s = the sum of e_i times the second derivative of e_i: s / J'J, with its sign.
+    The bone has the length UPPER and turns about the origin; the residual e is its tip minus `seen`. If
+    s is the sum of e_i times the second derivative of e_i, the answer is s / J'J, with its sign.
 
     x (1,) rad, the bone's angle; seen (2,) m -> a number
     """
@@ -74,11 +75,11 @@ def left_out(x: Array, seen: Array) -> float:
 
 
 def fit(f, J, x: Array) -> Array:
-    """The x that is least in |f(x)|^2, from a start that may be far: any method that gets there.
+    """The x with the least |f(x)|^2, from a start that may be far away, by any method.
 
-    The gradient at your answer must be below 1e-6 in every entry. Full steps of Gauss and Newton
-    are not always enough; nor are 100 steps of steepest descent.
+    The gradient at your answer must be below 1e-6 in every entry. Full Gauss-Newton steps do not always
+    get there, and neither do 100 steps of steepest descent.
 
-    f (n,) -> (m,), J (n,) -> (m, n), both functions; x (n,) the start -> (n,)
+    f and J are functions, (n,) -> (m,) and (n,) -> (m, n); x (n,) is the start -> (n,)
     """
     raise Unsolved("fit")

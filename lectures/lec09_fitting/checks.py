@@ -22,7 +22,7 @@ OFFSETS = np.array([[0.3, -0.2, 4.0], [-0.2, 0.1, 5.0], [0.1, 0.4, 3.5]])
 
 @check("project", points=1)
 def is_a_pinhole(project):
-    """the axis goes to the centre, and what is twice as far is half as large"""
+    """a point on the axis is seen at the centre, and at twice the depth things look half as large"""
     f, points = 1000.0, np.array([[0.0, 0, 3], [0.1, 0.2, 2], [0.1, 0.2, 4]])
     came = project(points, np.eye(3), np.zeros(3), f, C)
     equal(came[0], C, "the image of a point on the axis")
@@ -32,20 +32,20 @@ def is_a_pinhole(project):
 
 @check("project", points=1)
 def goes_to_the_cameras_frame(project):
-    """the world is taken to the camera's frame first"""
+    """points are first written in the coordinates of the camera"""
     for R, t in zip(TURNS, OFFSETS, strict=True):
         came = project(POINTS, R, t, 800.0, C)
         equal(came, solutions.project(POINTS, R, t, 800.0, C), "the image of some points", 1e-7)
 
 
-@mistake("project", "R and t take the world to the camera: R x + t. This turns the other way")
+@mistake("project", "R and t lead from the world to the camera: R x + t. This turns the other way")
 def with_r_for_its_transpose(points, R, t, f, c):
     return solutions.project(points, R.T, t, f, c)
 
 
 @mistake(
     "project",
-    "t is where the world's origin is in the camera's frame, and not where the camera stands: R x + t",
+    "t is the world's origin in the camera's coordinates, and not where the camera stands: R x + t",
 )
 def with_t_as_the_cameras_place(points, R, t, f, c):
     return solutions.project(points - t, R, np.zeros(3), f, c)
@@ -62,7 +62,7 @@ def without_the_centre(points, R, t, f, c):
     return solutions.project(points, R, t, f, np.zeros(2))
 
 
-@mistake("project", "v goes down, and so does the camera's y: no sign is to be turned")
+@mistake("project", "v points down, and so does the camera's y: no sign has to be changed")
 def with_v_upwards(points, R, t, f, c):
     return (solutions.project(points, R, t, f, c) - c) * [1, -1] + c
 
@@ -90,12 +90,17 @@ def is_of_the_means(depth):
     )
 
 
-@mistake("depth", "upside down: what is further away looks smaller, so pixels stand below")
+@mistake(
+    "depth",
+    "the fraction is upside down: what is further away looks smaller, so divide by the pixels",
+)
 def upside_down(lengths, pixels, f):
     return f * np.mean(pixels) / np.mean(lengths)
 
 
-@mistake("depth", "a mean of ratios is another number: one bone seen at its end spoils it")
+@mistake(
+    "depth", "the mean of the ratios is another number: one bone that points at the camera ruins it"
+)
 def mean_of_ratios(lengths, pixels, f):
     return f * np.mean(lengths / pixels)
 
@@ -105,7 +110,7 @@ def without_f(lengths, pixels, f):
     return np.mean(lengths) / np.mean(pixels)
 
 
-@mistake("depth", "one bone alone: take all of them")
+@mistake("depth", "this uses one bone only: use all of them")
 def of_the_first(lengths, pixels, f):
     return f * lengths[0] / pixels[0]
 
@@ -118,20 +123,20 @@ CONFIDENCE = np.array([1.0, 0.5, 0.0, 0.9])
 
 @check("keypoint_residual", points=1)
 def is_in_sigmas(keypoint_residual):
-    """a sure point one sigma off is one"""
+    """for confidence 1 it is the difference in units of sigma"""
     off = np.array([[3.0, -6.0]])
     equal(
         keypoint_residual(OBSERVED[:1] + off, OBSERVED[:1], np.ones(1), 3.0),
         [1, -2],
-        "of a point that the model has (3, -6) px off, sigma 3 px",
+        "the residual of a point that is off by (3, -6) px, for sigma = 3 px",
     )
     came = keypoint_residual(SEEN, OBSERVED, np.ones(4), 5.0)
-    equal(came, ((SEEN - OBSERVED) / 5).ravel(), "the residual of four sure points")
+    equal(came, ((SEEN - OBSERVED) / 5).ravel(), "the residual of four points of confidence 1")
 
 
 @check("keypoint_residual", points=1)
 def hears_confidence(keypoint_residual):
-    """half the confidence is twice the sigma, and none no say"""
+    """half the confidence means twice the sigma, and at confidence 0 the residual is zero"""
     r = keypoint_residual(SEEN, OBSERVED, CONFIDENCE, 5.0)
     equal(r[4:6], [0, 0], "the residual of a point of confidence 0")
     equal(
@@ -141,14 +146,15 @@ def hears_confidence(keypoint_residual):
     )
 
 
-@mistake("keypoint_residual", "confidence was not heard")
+@mistake("keypoint_residual", "the confidence was not used")
 def without_confidence(seen, observed, confidence, sigma):
     return solutions.keypoint_residual(seen, observed, np.ones(len(seen)), sigma)
 
 
 @mistake(
     "keypoint_residual",
-    "sigma / c is the sigma of the residual, so c stands beside it as it is; a root would be right for a weight of the square",
+    "sigma / c is the standard deviation, so the residual is multiplied by c; its square root would be "
+    "right if c were a weight of the square",
 )
 def with_the_root(seen, observed, confidence, sigma):
     return solutions.keypoint_residual(seen, observed, np.sqrt(confidence), sigma)
@@ -159,7 +165,7 @@ def the_other_sign(seen, observed, confidence, sigma):
     return -solutions.keypoint_residual(seen, observed, confidence, sigma)
 
 
-@mistake("keypoint_residual", "the order: this has all u first and then all v")
+@mistake("keypoint_residual", "the order is wrong: this has all u first and then all v")
 def all_u_first(seen, observed, confidence, sigma):
     return (confidence[:, None] * (seen - observed) / sigma).T.ravel()
 
@@ -180,7 +186,7 @@ def images(point, cameras):
 
 @check("triangulate", points=1)
 def is_seen_where_it_was(triangulate):
-    """the answer is seen where the point was"""
+    """the cameras see the answer where they saw the point"""
     for cameras in (CAMERAS[:2], CAMERAS[1:], CAMERAS):
         for x in POINTS[:3]:
             came = triangulate(cameras, images(x, cameras))
@@ -191,7 +197,7 @@ def is_seen_where_it_was(triangulate):
 
 @check("triangulate", points=1)
 def is_where_it_is(triangulate):
-    """it is where the point is"""
+    """it is the position of the point"""
     for cameras in (CAMERAS[:2], CAMERAS):
         for x in POINTS[3:]:
             equal(triangulate(cameras, images(x, cameras)), x, "the point", 1e-7)
@@ -203,14 +209,18 @@ def rows(cameras, seen):
     )
 
 
-@mistake("triangulate", "four numbers stand for a point up to a factor: divide by the last")
+@mistake(
+    "triangulate",
+    "four homogeneous coordinates stand for a point up to a factor: divide by the last",
+)
 def not_divided(cameras, seen):
     return np.linalg.svd(rows(cameras, seen))[2][-1][:3]
 
 
 @mistake(
     "triangulate",
-    "that is the direction that the equations notice most; the solution is the one that they do not notice, the last row",
+    "this is the singular vector of the largest singular value; the solution belongs to the smallest, "
+    "the last row",
 )
 def of_the_first_row(cameras, seen):
     h = np.linalg.svd(rows(cameras, seen))[2][0]
@@ -223,7 +233,10 @@ def of_a_column(cameras, seen):
     return h[:3] / h[3]
 
 
-@mistake("triangulate", "the translation of the cameras is missing: all would stand in one place")
+@mistake(
+    "triangulate",
+    "the translations of the cameras are missing: all cameras would stand in one place",
+)
 def without_translation(cameras, seen):
     A = np.array(
         [s[i] * P[2, :3] - P[i, :3] for P, s in zip(cameras, seen, strict=True) for i in range(2)]
@@ -239,7 +252,7 @@ NOISES = [0.02 * RNG.standard_normal((5, 3)) for _ in range(3)]
 
 @check("place", points=1)
 def is_exact_without_noise(place):
-    """it finds a motion that there was"""
+    """without noise it finds the motion"""
     for cloud, R, t in zip(CLOUDS, TURNS, OFFSETS, strict=True):
         found, shift = place(cloud, cloud @ R.T + t)
         equal(found, R, "R", 1e-9)
@@ -248,7 +261,7 @@ def is_exact_without_noise(place):
 
 @check("place", points=1)
 def is_least(place):
-    """it is a rotation, and none meets noisy points better"""
+    """R is a rotation, and no other motion brings noisy points nearer"""
     mirror = np.diag([1.0, 1.0, -1.0])
     for cloud, R, t, noise in zip(CLOUDS, TURNS, OFFSETS, NOISES, strict=True):
         for seen in (cloud @ R.T + t + noise, cloud @ mirror + t + noise):
@@ -275,13 +288,15 @@ def the_other_way(rest, seen):
     return R, q - R @ p
 
 
-@mistake("place", "the mean of the points is turned too: t = mean of y - R times the mean of x")
+@mistake("place", "R turns the mean of the points as well: t = mean of y - R times the mean of x")
 def with_the_mean_unturned(rest, seen):
     R, _ = solutions.place(rest, seen)
     return R, seen.mean(axis=0) - rest.mean(axis=0)
 
 
-@mistake("place", "take the means away first, or the offset takes part in the rotation")
+@mistake(
+    "place", "subtract the means first; otherwise the offset between them changes the rotation"
+)
 def without_the_means(rest, seen):
     U, _, Vt = np.linalg.svd(seen.T @ rest)
     R = U @ np.diag([1, 1, np.linalg.det(U @ Vt)]) @ Vt
@@ -289,7 +304,8 @@ def without_the_means(rest, seen):
 
 
 @mistake(
-    "place", "this may reflect: turn the direction of the smallest singular value where det is -1"
+    "place",
+    "this may be a reflection: where det is -1, change the sign that belongs to the smallest singular value",
 )
 def with_reflections(rest, seen):
     p, q = rest.mean(axis=0), seen.mean(axis=0)
@@ -319,7 +335,7 @@ def cost(body, seen, pose, betas, trans):
 
 @check("fit", points=1)
 def meets_the_joints(fit):
-    """the joints are met to within twice the noise"""
+    """the fitted joints are within twice the noise"""
     for body, seen in people():
         off = np.sqrt(np.mean((body.joints(*fit(seen)) - seen) ** 2))
         holds(
@@ -332,25 +348,25 @@ def meets_the_joints(fit):
 
 @check("fit", points=2)
 def is_least_of_all(fit):
-    """it is least in what is asked, the priors included"""
+    """it minimises the whole sum, with the priors"""
     for body, seen in people():
         came = cost(body, seen, *fit(seen))
         least = cost(body, seen, *solutions.fit(seen))
         holds(came < least + 0.05, "the sum of squares", f"at most {least:.2f}", f"{came:.2f}")
 
 
-@mistake("fit", "that is the body at rest: nothing was fitted")
+@mistake("fit", "this is the body at rest: nothing was fitted")
 def at_rest(seen):
     start = wb.load_body(BODY).start()
     return start["pose"], start["betas"], start["trans"]
 
 
-@mistake("fit", "pose and betas alone are free: the body has to move, too")
+@mistake("fit", "only pose and betas are free: trans has to be free as well")
 def without_translation_of_the_body(seen):
     return solutions.solved(tuple(seen.ravel()), POSE**2, ("pose", "betas"))
 
 
-@mistake("fit", "there are no priors: twists that no joint shows and people of any shape are free")
+@mistake("fit", "the priors are missing: nothing limits twists that move no joint, or the shape")
 def without_priors(seen):
     return solutions.solved(tuple(seen.ravel()), np.inf)
 
@@ -360,6 +376,6 @@ def with_sigma_for_the_variance(seen):
     return solutions.solved(tuple(seen.ravel()), POSE)
 
 
-@mistake("fit", "the mean person stayed: betas are unknown as well")
+@mistake("fit", "the betas were kept at zero: they are unknown as well")
 def without_betas(seen):
     return solutions.solved(tuple(seen.ravel()), POSE**2, ("pose", "trans"))

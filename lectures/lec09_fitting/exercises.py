@@ -1,8 +1,8 @@
 """Exercises of lecture 9, fitting.
 
-Write each answer in place of the line that raises. Names, arguments and shapes stay as they are.
-Lengths are in metres, angles in radians, images in pixels; a camera's frame has x to the right, y
-down and z forward. Then
+Write each answer in place of the line that raises `Unsolved`, and keep the names, arguments and shapes.
+Lengths are in metres, angles in radians, images in pixels. In the coordinates of a camera, x points to
+the right, y down and z forward. This command grades the file:
 
     workbench lecture check 9 lec09_fitting.py
 """
@@ -14,12 +14,12 @@ from workbench.course import Unsolved
 
 Array = np.ndarray
 
-BODY = "small"  # of the last exercise: wb.load_body(BODY)
-NOISE, POSE, BETAS = 0.005, 0.25, 1.0  # m, rad, 1: the sigmas of the last exercise
+BODY = "small"  # in the last exercise: wb.load_body(BODY)
+NOISE, POSE, BETAS = 0.005, 0.25, 1.0  # m, rad, 1: the sigmas in the last exercise
 
 
 def project(points: Array, R: Array, t: Array, f: float, c: Array) -> Array:
-    """What a pinhole camera sees of points in the world. R and t take the world to its frame.
+    """Where a pinhole camera sees points of the world; R x + t is a point x in its coordinates.
 
     points (n, 3) m; R (3, 3), t (3,) m; f px; c (2,) px, the image's centre -> (n, 2) px
     """
@@ -27,29 +27,30 @@ def project(points: Array, R: Array, t: Array, f: float, c: Array) -> Array:
 
 
 def depth(lengths: Array, pixels: Array, f: float) -> float:
-    """How far away a body is, by similar triangles: f times the mean length over the mean of the pixels.
+    """The depth of a body by similar triangles: f times the mean length over the mean of the pixels.
 
-    lengths (n,) m, of some bones across the line of sight; pixels (n,) px, how long they appear;
-    f px -> m
+    lengths (n,) m of some bones across the line of sight; pixels (n,) px, their lengths in the image; f
+    px -> m
     """
     raise Unsolved("depth")
 
 
 def keypoint_residual(seen: Array, observed: Array, confidence: Array, sigma: float) -> Array:
-    """The residual of keypoints, in sigmas; a point of confidence c has the sigma sigma / c px.
+    """The residual of keypoints in standard deviations, which are sigma / c px at the confidence c.
 
-    Model minus observation; u and v of the first point, u and v of the second, and so on.
+    It is model minus observation: u and v of the first point, u and v of the second, and so on.
 
-    seen (n, 2) px, by the model; observed (n, 2) px; confidence (n,) from 0 to 1; sigma px -> (2 n,)
+    seen (n, 2) px, where the model puts the points; observed (n, 2) px; confidence (n,) from 0 to 1;
+    sigma px -> (2 n,)
     """
     raise Unsolved("keypoint_residual")
 
 
 def triangulate(cameras: list[Array], seen: list[Array]) -> Array:
-    """Where a point is that two cameras or more have seen; there is no noise.
+    """The position of a point that two or more cameras saw without noise.
 
-    cameras[i] (3, 4) is [R t], from the world to that camera's frame; seen[i] (2,) is where its
-    image is at depth one: (X / Z, Y / Z), pixels less the centre over the focal length.
+    cameras[i] (3, 4) is [R t], from the world to the coordinates (X, Y, Z) of that camera; seen[i] (2,)
+    is (X / Z, Y / Z), which is the pixel minus the image's centre, over the focal length.
 
     -> (3,) m
     """
@@ -57,9 +58,9 @@ def triangulate(cameras: list[Array], seen: list[Array]) -> Array:
 
 
 def place(rest: Array, seen: Array) -> tuple[Array, Array]:
-    """The rigid motion x -> R x + t that takes points nearest to where they were seen.
+    """The rigid motion x -> R x + t that brings points nearest to where they were seen.
 
-    Least in the sum of |R x_i + t - y_i|^2, and R is no reflection.
+    It minimises the sum of |R x_i + t - y_i|^2, and R is a rotation, not a reflection.
 
     rest (n, 3) m; seen (n, 3) m -> (R (3, 3), t (3,) m)
     """
@@ -67,10 +68,10 @@ def place(rest: Array, seen: Array) -> tuple[Array, Array]:
 
 
 def fit(seen: Array) -> tuple[Array, Array, Array]:
-    """Pose, betas and translation of the body BODY, from where its 24 joints were seen.
+    """The pose, betas and translation of the body BODY, from its 24 joints as they were seen.
 
-    Least in |joints - seen|^2 / NOISE^2 + |pose|^2 / POSE^2 + |betas|^2 / BETAS^2. As in the
-    lecture: blocks, residuals, a problem, `wb.solve`.
+    They minimise |joints - seen|^2 / NOISE^2 + |pose|^2 / POSE^2 + |betas|^2 / BETAS^2. As in the
+    lecture, make blocks, residuals and a problem, and call `wb.solve`.
 
     seen (24, 3) m -> (pose (24, 3) rad, betas (10,), trans (3,) m)
     """

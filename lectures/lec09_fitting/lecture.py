@@ -3,10 +3,10 @@
 #
 # **Which pose and shape explain what we saw?**
 #
-# We begin with all that one could wish for, every vertex seen and known by its number, and take it
-# away piece by piece: a few landmarks, then four cameras, then one. At each step we ask what is still
-# known. Lengths are in metres, angles in radians, images in pixels. The person is made up, so that the
-# truth is known.
+# We begin with the best data that one could wish for: every vertex is seen, and we know which vertex it
+# is. Then we take information away, step by step: first only the joints are seen, then only the images
+# of joints in some cameras. At each step we ask what the data still determine. Lengths are in metres,
+# angles in radians, images in pixels. The person is synthetic, so that the truth is known.
 
 # %%
 import numpy as np
@@ -31,22 +31,22 @@ surface, joints = body.vertices(**truth), body.joints(**truth)
 
 
 def distances(values):
-    """How far the skin of fitted values is from the true one, vertex by vertex, mm."""
+    """How far each vertex of the fitted surface is from the true one, mm."""
     return 1e3 * np.linalg.norm(body.vertices(**{k: values[k] for k in truth}) - surface, axis=1)
 
 
 # %% [markdown]
 # ## Every vertex known
 #
-# We saw vertex $i$ of the model, $M_i(\theta, \beta) + t$, at $v_i$, with a noise of 5 mm. Its number
-# $i$ is known: we have **correspondences**. The residual is the model minus what was seen, divided by
-# sigma, and the unknowns are 72 numbers of the pose $\theta$, 10 of the shape $\beta$ and 3 of the
-# place $t$.
+# Vertex $i$ of the model is at $M_i(\theta, \beta) + t$, and we saw it at $v_i$, with a noise of 5 mm.
+# We know the number $i$ that belongs to each observed point; such pairs are called **correspondences**.
+# The residual is the model minus the observation, divided by the standard deviation sigma. The unknowns
+# are 72 numbers of the pose $\theta$, 10 of the shape $\beta$ and 3 of the translation $t$.
 #
-# In the workbench a fit has four lines. A *block* is a named array with a symbol: the body has three
-# (`pose`, `betas`, `trans`), and what was observed gets one of its own. A *residual* is made from
-# symbols; a *problem* is some residuals and the names that are free. `solve` takes a start that has a
-# value for each block.
+# In the workbench a fit takes four lines. A *block* is a named array with a symbol: the body has three
+# (`pose`, `betas`, `trans`), and the observations get a block of their own. A *residual* is made from
+# symbols. A *problem* consists of residuals and of the names of the blocks that are free, which means
+# unknown. `solve` takes a start that has a value for each block.
 
 # %%
 pose, betas, trans = (block.symbol for block in body.blocks())
@@ -61,20 +61,20 @@ for noise in (0.0, NOISE):
     rms = np.sqrt(np.mean(distances(solution.values) ** 2) / 3)
     print(
         f"noise {1e3 * noise:.0f} mm: {solution.status.name} after {solution.iterations} iterations, "
-        f"skin off by {rms:.2g} mm a coordinate"
+        f"surface off by {rms:.2g} mm per coordinate"
     )
 m, p = 3 * body.n_vertices, 72 + 10 + 3
 print(f"5 mm times the root of {p} / {m}: {5 * np.sqrt(p / m):.2f} mm")
 
 # %% [markdown]
-# That is as good as it gets: about ten iterations, and the fit is *better* than its data. It has
-# $m = 1107$ equations for $p = 85$ unknowns, and the fit can follow noise only in the 85 directions in
-# which the model can move: of the noise's squared length $\sigma^2 m$, the share $p / m$ is left. So
-# the error is $\sigma \sqrt{p/m}$, to first order.
+# No fit could be much better: it takes about ten iterations, and the fit is *closer to the truth* than
+# its data. It has $m = 1107$ equations for $p = 85$ unknowns, and it can follow the noise only in the 85
+# directions in which the model can move. Of the expected squared length of the noise, $\sigma^2 m$, the
+# share $p / m$ remains in the fit. So the error per coordinate is $\sigma \sqrt{p/m}$, to first order.
 #
-# ## A few landmarks
+# ## Only the joints
 #
-# Nobody sees all vertices. Take the 24 joints, seen as well as the vertices were, and do the same:
+# In practice nobody sees all vertices. Take the 24 joints, seen with the same noise, and do the same:
 
 # %%
 seen_joints = wb.Block("seen_joints", (24, 3), "m")
@@ -92,46 +92,47 @@ for name, residuals in (("joints alone", [at_joints]), ("joints and priors", [at
     off = 1e3 * (body.joints(**solution.values) - given["seen_joints"])
     rank = problem.linearize(given | solution.values).rank
     print(
-        f"{name:18} rank {rank} of 85: joints met to {np.sqrt(np.mean(off**2)):.1f} mm, skin off by "
-        f"{distances(solution.values).mean():.0f} mm on average, "
-        f"worst beta off by {np.abs(solution.values['betas'] - truth['betas']).max():.1f}"
+        f"{name:18} rank {rank} of 85: joints fitted to {np.sqrt(np.mean(off**2)):.1f} mm, surface off "
+        f"by {distances(solution.values).mean():.0f} mm on average, worst beta off by "
+        f"{np.abs(solution.values['betas'] - truth['betas']).max():.1f}"
     )
 
 # %% [markdown]
-# The joints alone are met to *less* than their noise, which is no good sign: there are 72 equations for
-# 85 unknowns, and what is free follows the noise. Lecture 8 explained why: only 53 of the 85 directions
-# are seen. The shape is free to explain noise as well, and one of its betas is off by 1.3 standard
-# deviations.
+# Without priors, the joints are fitted to *less* than their noise, which is a bad sign: there are 72
+# equations for 85 unknowns, and the unknowns follow the noise. As in lecture 8, the data determine only
+# some of the directions: the rank is 53 of 85. The shape follows the noise as well, and one beta is off
+# by 1.3 standard deviations.
 #
-# What we know besides the data can be said in the same language. Among people each beta is 0 on
-# average, with a standard deviation of 1; the angles of this lecture are 0 on average, with a standard
-# deviation of 0.25 rad. Those are residuals too: $\theta / 0.25$ and $\beta / 1$, called **priors**.
-# `gaussian` makes them; it takes a variance, hence the squares. With them something is known of every
-# direction, and the rank is full. The worst beta is now off by half a standard deviation. The skin is
-# hardly closer, 18 mm in place of 19 mm: nearly half of that comes from turns of bones that no joint
-# depends on (lecture 8), and of these the prior says only that they are probably small. Lecture 10 is
-# about priors.
+# Knowledge other than the data can be written as residuals too. Among people each beta is 0 on average,
+# with a standard deviation of 1; the angles of this lecture are 0 on average, with a standard deviation
+# of 0.25 rad. This gives the residuals $\theta / 0.25$ and $\beta / 1$, which are called **priors**. The
+# function `gaussian` makes them; it takes a variance, hence the squares in the code. With priors, every
+# direction is determined to some degree, and the rank is full. The worst beta is now off by half a
+# standard deviation. The surface is hardly closer, 18 mm in place of 19 mm: nearly half of this error
+# comes from turns of bones that move no joint (lecture 8), about which the prior says only that they are
+# probably small. Lecture 10 is about priors.
 #
 # ## A camera
 #
-# A camera does not see metres. A point $x$ of the world goes to the camera's frame, $X = R x + t$ (to
-# the right, down, forward), and then to pixels by dividing by its depth:
+# A camera measures pixels and not metres. A point $x$ in the world is first written in the coordinates
+# of the camera, $X = R x + t$ (to the right, down, forward), with the entries $X$, $Y$ and $Z$, and then
+# divided by its depth $Z$ to give pixels:
 #
 # $$ u = f \frac{X}{Z} + c_x, \qquad v = f \frac{Y}{Z} + c_y . $$
 #
-# Note that $t$ is not where the camera stands; it is where the world's origin is, seen from the camera.
-# The library's line has lens distortion in it as well, which is zero here:
+# Note that $t$ is not where the camera stands; it is the world's origin in the coordinates of the
+# camera. The library's function also handles lens distortion, which is zero here:
 
 # %%
 source(project)
 
 # %%
-F, DISTANCE, PIXELS = 1000.0, 4.0, 2.0  # px, m, px of noise
+F, DISTANCE, PIXELS = 1000.0, 4.0, 2.0  # focal length px, distance m, noise px
 K = np.array([[F, 0, 500], [0, F, 500], [0, 0, 1]])
 
 
 def camera_at(i, angle):
-    """Camera i at a distance of 4 m, `angle` around the body from its front; and its numbers."""
+    """Camera i and its numbers: 4 m from the body, turned around it by `angle` from the front."""
     forward = -np.array([np.sin(angle), 0, np.cos(angle)])
     right = np.cross(forward, [0.0, 1.0, 0.0])
     R = np.array([right, np.cross(forward, right), forward])
@@ -147,7 +148,7 @@ views = [
 
 
 def by_cameras(which):
-    """The problem of some of the cameras, with priors, and the cameras' numbers."""
+    """The problem for some of the cameras, with priors, and the numbers of these cameras."""
     points, residuals, blocks, numbers = body.joint_points(pose, betas, trans), list(priors), [], {}
     for i in which:
         camera, values = cameras[i]
@@ -163,8 +164,9 @@ def by_cameras(which):
 
 # %% [markdown]
 # `keypoints` is the residual: model minus observation in pixels, divided by sigma and multiplied by the
-# root of the weight that the detector's confidence gives (here 1). One camera, from the front, and the
-# same start as before:
+# square root of a weight, which comes from the detector's confidence (here 1). We take only the camera
+# in front of the person and fit twice: once from the same start as before, and once from a start that
+# faces away from the camera:
 
 # %%
 one, numbers = by_cameras([0])
@@ -178,26 +180,26 @@ for name, angle in (("facing the camera", 0.0), ("facing away", np.pi)):
     angles = np.linalg.norm(found.values["pose"][1:], axis=1)
     print(
         f"begun {name:18}: {found.status.name} after {found.iterations:2} iterations, cost "
-        f"{found.cost:4.1f}: image missed by {np.sqrt(np.mean(missed**2)):.1f} px, "
+        f"{found.cost:4.1f}: image off by {np.sqrt(np.mean(missed**2)):.1f} px, "
         f"{body.joint_names[1 + np.argmax(angles)]} turned by {angles.max():.2f} rad"
     )
 
 # %% [markdown]
-# Both converged, and both meet the image as well as the detector is good. But the one that began on the
-# wrong side had to twist itself to do so: it sits in another minimum, at ten times the cost. No solver
-# can be blamed for going downhill. So a fit to one image needs a good start. If in doubt, try several,
-# and keep the one that ends at the lowest cost.
+# Both fits converged, and both reproduce the image to within the noise of the detector. But the one that
+# began turned away had to twist the body to do so: it ended in another minimum, at ten times the cost.
+# This is no error of the solver, which only goes downhill. A fit to one image needs a good start. If in
+# doubt, try several starts, and keep the fit with the lowest cost.
 #
 # ## Where to begin: similar triangles
 #
-# How far away is the person? Something that is $H$ metres long across the line of sight and $h$ pixels
-# long in the image is at the depth
+# How far away is the person? If something is $H$ metres long, lies across the line of sight and appears
+# $h$ pixels long in the image, it is at the depth
 #
 # $$ Z = f\, \frac{H}{h} . $$
 #
-# SMPLify begins in this way, with the trunk: it divides the mean of $H$ of several bones by the mean of
-# $h$. For a trunk across the line of sight that is exact. How good is it when the person leans towards
-# the camera?
+# SMPLify (Bogo et al., 2016) finds its start in this way, from the trunk: it divides the mean length $H$
+# of two distances, from each shoulder to the hip, by the mean of their $h$. For a trunk across the line
+# of sight this is exact. How good is it when the person leans towards the camera?
 
 # %%
 names = body.joint_names
@@ -223,7 +225,7 @@ for lean in (0, 30, 60):
     k = lean // 5
     said = ", ".join(f"{name} {guess[k]:.2f}" for name, guess in wide.items())
     print(
-        f"leaning by {lean:2} degrees, the guess over the truth: {said}; 1 / cos is "
+        f"leaning by {lean:2} degrees, estimated depth over true depth: {said}; 1 / cos is "
         f"{1 / np.cos(np.radians(lean)):.2f}"
     )
 
@@ -232,20 +234,25 @@ with house_style():
     for (name, guess), dash in zip(wide.items(), ("-", "--"), strict=True):
         ax.plot(np.degrees(leans), guess, dash, label=name)
     ax.plot(np.degrees(leans), 1 / np.cos(leans), "k.", ms=5, label="1 / cos")
-    ax.set(xlabel="how far the trunk leans to the camera (degrees)", ylabel="guess over true depth")
+    ax.set(
+        xlabel="lean of the trunk towards the camera (degrees)", ylabel="estimated over true depth"
+    )
     ax.legend()
 Picture(
     figure,
-    "The depth by similar triangles. A trunk that leans looks short, and what looks short is taken to "
-    "be far away: too far by about 1 / cos, and by less if the camera is near.",
+    "The depth that similar triangles give. A trunk that leans towards the camera looks short, so it "
+    "is taken to be further away than it is: by a factor of about 1 / cos, and by less if the camera "
+    "is near.",
 )
 
 # %% [markdown]
-# For a start it is good enough: 11 to 19 % too far at 30 degrees. For an answer it is not.
+# This is good enough for a start, with a depth that is 11 to 19 % too large at 30 degrees, but it is not
+# good enough for an answer.
 #
-# ## What one camera does not know
+# ## What one camera does not determine
 #
-# Now the fit that began on the right side. In the image it is perfect. From the side?
+# Now we look at the fit that began facing the camera. In the image it agrees with the data to within the
+# noise. How does it look from the side?
 
 # %%
 results = {}
@@ -259,7 +266,7 @@ for count in (1, 2, 4):
     x, y, z = 1e3 * np.sqrt(np.diag(covariance)[-3:])
     print(
         f"{count} camera{'s' * (count > 1):1} joints off by {off[0]:3.0f}, {off[1]:3.0f}, "
-        f"{off[2]:4.0f} mm across, up and in depth; sigma of the place {x:.0f}, {y:.0f}, {z:.0f} mm"
+        f"{off[2]:4.0f} mm across, up and in depth; sigma of trans {x:.0f}, {y:.0f}, {z:.0f} mm"
     )
 
 # %%
@@ -285,16 +292,17 @@ with house_style():
     right.set(xlabel="z, towards camera 0 (m)", ylabel="y (m)", aspect="equal")
 Picture(
     figure,
-    "Left: what camera 0 sees; the truth and the fits to one camera and to four lie on top of each"
-    " other. Right: the same three from the side. One camera has the person elsewhere in depth and"
-    " bent otherwise.",
+    "Left: what camera 0 sees; the truth and the fits to one camera and to four cameras lie on top of "
+    "each other. Right: the same three from the side. The fit to one camera is at another depth, and "
+    "its limbs are bent differently.",
 )
 
 # %% [markdown]
-# The Jacobian alone says the same: with one camera the place is known to 8 mm across the image, and to
-# 230 mm in depth. There is a reason that no data can overcome. Make a person larger and move them away
-# in proportion, all about the camera's centre: $X / Z$ stays, and so does every pixel. With one camera,
-# size and depth are one unknown, and only the prior of the shape tells them apart.
+# The Jacobian predicts this, without the truth: with one camera, the standard deviation of the
+# translation is 8 mm across the image, and 230 mm in depth. There is a reason for this that no better
+# data from one camera can remove. Make a person larger, and move the person away by the same factor, as
+# seen from the camera: $X / Z$ stays the same, and so does every pixel. One camera sees only the ratio
+# of size and depth; the shape prior alone tells the two apart.
 
 # %%
 camera, numbers = cameras[0]
@@ -305,14 +313,16 @@ for share in (1.05, 1.5):
     print(f"{share:.2f} times as large and as far: pixels move by {moved:.0e} px")
 
 # %% [markdown]
-# Two cameras that look along different lines tell them apart: joints that were off by 190 mm in depth
-# are off by 6 mm.
+# Two cameras that look in different directions can tell size and depth apart: the joints, which were off
+# by 190 mm in depth, are now off by 6 mm.
 #
 # ## A start for several cameras
 #
-# With two cameras or more there is a closed form for the start. A pixel says $x Z = X$ and $y Z = Y$,
-# linear equations for the point in the world: two for each camera, three unknowns. The singular vector
-# of the smallest singular value solves them. That is **triangulation**:
+# With two cameras or more there is a closed form for the start. Let $(x, y) = (X / Z, Y / Z)$ be the
+# position in the image in units of the focal length, from the image's centre. Then $x Z = X$ and
+# $y Z = Y$ are linear equations for the point in the world: each camera gives two, and there are three
+# unknowns. With the homogeneous coordinates of the point, they are solved by the singular vector that
+# belongs to the smallest singular value. This is **triangulation**:
 
 # %%
 source(triangulate)
@@ -327,9 +337,10 @@ begun = np.sqrt(np.mean((motion(rest) - joints) ** 2))
 print(f"the body at rest, moved onto them: off by {1e3 * begun:.0f} mm")
 
 # %% [markdown]
-# The second step is Procrustes' problem: the rigid motion that takes the joints at rest nearest to the
-# triangulated ones. Subtract the mean from each set of joints, find the rotation nearest to
-# $\sum_i y_i x_i^\top$ (lecture 2), and choose the translation that takes one mean to the other.
+# The last line comes from Procrustes' problem: find the rigid motion that brings the joints at rest as
+# near as possible to the triangulated ones. Subtract the mean from each set of joints, find the rotation
+# nearest to $\sum_i y_i x_i^\top$ (lecture 2), where $x_i$ are the joints at rest and $y_i$ the
+# triangulated ones, and choose the translation that takes one mean to the other.
 
 # %%
 source(procrustes)
@@ -337,9 +348,11 @@ source(procrustes)
 # %% [markdown]
 # ## What to remember
 #
-# - With every vertex known the fit is better than its data: $\sigma \sqrt{p/m}$.
-# - Landmarks leave directions open. Data that are met to less than their noise are a warning; priors
-#   decide what is open, and pull on the rest.
-# - One camera: begin with $Z = f H / h$, try both sides, keep the cheaper. Size and depth remain one
-#   unknown.
-# - Two cameras know depth, and triangulation gives the start in closed form.
+# - With every vertex known, the fit is closer to the truth than its data: the error is
+#   $\sigma \sqrt{p/m}$ per coordinate.
+# - A few landmarks leave some directions undetermined. A fit that is closer to its data than their noise
+#   is a warning. Priors decide what the data leave open, and pull on the rest.
+# - With one camera, begin at the depth $Z = f H / h$, try a body that faces the camera and one that
+#   faces away, and keep the fit with the lower cost. Size and depth cannot be told apart without a
+#   prior.
+# - Two cameras determine depth, and triangulation gives the start in closed form.

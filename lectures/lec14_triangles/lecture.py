@@ -16,8 +16,10 @@ import numpy as np
 
 import workbench as wb
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
+from workbench.comparison.statistics import median
 from workbench.course import Picture, source
-from workbench.geometry.rotation import matrix_from_vector
+from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
+from workbench.geometry.solids import mesh_edges
 from workbench.geometry.stitching import Stitching
 from workbench.geometry.triangles import edges, frames, gradients, soup
 from workbench.plots import house_style, plot_stitching, sheet
@@ -335,6 +337,87 @@ for name, model in models.items():
 # they do not tell which model is nearer to people: `examples/14_three_body_models.py` fits the three to
 # keypoints of a real person.
 #
+# ## Edges or vertices: where does a pose come from?
+#
+# To learn who somebody is, one first needs the pose of every registration, and finds it with a template of
+# somebody else. What should be compared, the vertices, or the edges as SCAPE does? SMPL's own training takes edges
+# (Loper and others, *SMPL: A Skinned Multi-Person Linear Model*, 2015). We ask 12 made-up people whose poses are
+# known. Both fits have the same body with mean shape, the same start at rest, and the same solver with
+# the same stopping rule; a fit to vertices also finds the translation, which edges do not have.
+
+# %%
+blocks = body.blocks()
+points = body.points(*(block.symbol for block in blocks))
+mesh = wb.Block("mesh", (body.n_vertices, 3), "m")
+by = {
+    "edges": wb.Problem(
+        [wb.residuals.edges(points, mesh.symbol, mesh_edges(faces), sigma=0.005)],
+        ["pose"],
+        blocks=[mesh],
+    ),
+    "vertices": wb.Problem(
+        [wb.residuals.vertices(points, mesh.symbol, sigma=0.005)], ["pose", "trans"], blocks=[mesh]
+    ),
+}
+solver = wb.LevenbergMarquardt(max_iterations=500)
+
+
+def turned_wrongly(spread, noise, seed, compared, at_the_truth=False):
+    """Mean error of the joints' rotations without the root's, in degrees, and how the fit ended."""
+    rng = np.random.default_rng(seed)
+    true = np.vstack([np.zeros(3), 0.3 * rng.standard_normal((23, 3))])  # rad
+    person = body.vertices(true, spread * rng.standard_normal(body.n_betas))
+    seen = person + noise * rng.standard_normal(person.shape)
+    begin = {"mesh": seen} | ({"pose": true} if at_the_truth else {})
+    fit = solver.solve(by[compared], body.start() | begin)
+    away = matrix_from_vector(fit.values["pose"]) @ matrix_from_vector(true).swapaxes(1, 2)
+    return np.degrees(np.linalg.norm(vector_from_matrix(away)[1:], axis=1).mean()), fit.status.name
+
+
+cases = {  # standard deviations of shape, and of noise in m
+    "another person, exact": (1.0, 0.0),
+    "the same person, 5 mm of noise": (0.0, 0.005),
+}
+degrees, ends = {}, set()
+for case, (spread, noise) in cases.items():
+    for compared in by:
+        fits = [turned_wrongly(spread, noise, seed, compared) for seed in range(12)]
+        degrees[case, compared] = np.array([error for error, _ in fits])
+        ends |= {end for _, end in fits}
+        m = median(degrees[case, compared])
+        print(
+            f"{case:30} by {compared:8} median {m.value:4.1f} degrees, "
+            f"between {m.low:.1f} and {m.high:.1f} ({100 * m.coverage:.0f} %)"
+        )
+print("how the fits ended:", *ends)
+from_truth = np.array([turned_wrongly(1.0, 0.0, seed, "vertices", True)[0] for seed in range(12)])
+print(f"by vertices, begun at the true pose: median {np.median(from_truth):.1f} degrees")
+
+with house_style():
+    figure, axes = sheet(9, 3.8, columns=2)
+    for ax, case in zip(axes, cases, strict=True):
+        pair = np.array([degrees[case, compared] for compared in by])
+        ax.plot([0, 1], pair, "o-", color="0.6", ms=4, lw=0.8)
+        ax.plot([0, 1], np.median(pair, axis=1), "D", ms=8)
+        ax.set(title=case, xticks=[0, 1], xticklabels=by, xlim=(-0.4, 1.4), ylim=(0, None))
+        ax.set(xlabel="pose found by", ylabel="error of a joint (degrees)")
+Picture(
+    figure,
+    "Errors of poses that were found by edges and by vertices. Each line is one of 12 made-up people, "
+    "and a diamond is the median. With another person's template edges are better for everybody; with "
+    "the right template and noise, vertices are.",
+)
+
+# %% [markdown]
+# With another person's template the median error is 1.8 degrees by edges and 12 degrees by vertices; the intervals
+# above, which hold the median with a confidence of 96 %, lie far apart. This is not a
+# matter of the start: fits to vertices that begin at the true pose leave it and end at 12 degrees too. If an
+# upper arm is too long, every vertex below the elbow is in the wrong place, and other joints bend to make up for it;
+# its edges keep nearly the right directions, and a wrong length stays where it is. Edges have a price. Each is a
+# difference of two vertices, so it carries the noise of both over a short length. With the right template and noise,
+# vertices give 3.2 degrees and edges 3.9. These people and poses are synthetic, so the numbers
+# say what happens with this body, and not how large the errors are for people who were scanned.
+#
 # ## Side by side
 #
 # One row of the table needs a number. An edge is a difference of two vertices, so an offset cancels in
@@ -364,9 +447,19 @@ print(
 # | bones keep their length | by construction | nearly |
 # | in a game engine | as it is | no |
 #
+# And for a pose that is found in a mesh:
+#
+# | | vertices | edges |
+# | --- | --- | --- |
+# | unknowns beside the pose | the translation | none |
+# | a wrong length | is made up for by other joints | stays where it is |
+# | error of the pose, another person's template | 12 degrees | 1.8 degrees |
+# | error of the pose, the right template and 5 mm of noise | 3.2 degrees | 3.9 degrees |
+#
 # ## What to remember
 #
 # - A triangle's deformation needs a third axis; two edges leave it open.
 # - Stitching is linear least squares with one sparse matrix. It sees edges only, and not where the body is.
 # - Blended rotations lose volume, $\cos^2(\alpha/2)$, with triangles as with vertices.
+# - With a template of somebody else, a pose is found by edges; vertices bend the body until it reaches them.
 # - SMPL adds, SCAPE multiplies. Principal components of vertices are never behind, on vertices.

@@ -11,7 +11,7 @@ from tests.bodies.variants import SKINNINGS, variants, varied
 from tests.bodies_made_up import random_body, smpl_like_body
 from tests.differences import assert_hessian, assert_jacobian
 from workbench import SkinnedBody
-from workbench.bodies.forward.features import CLASSICAL, Features, rotation_elements
+from workbench.bodies.forward.features import CLASSICAL, Features, rotation_elements, star_features
 from workbench.errors import BadBody, BadFile
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 
@@ -19,7 +19,7 @@ VARIANTS = variants()
 EACH = pytest.mark.parametrize("body", VARIANTS.values(), ids=list(VARIANTS))
 SMALL = {
     name: body
-    for name, body in variants(n_vertices=4, n_joints=3, n_betas=1).items()
+    for name, body in variants(n_vertices=4, n_joints=3, n_betas=2).items()
     if body.bound_in is None and body.posedirs.size
 }
 EACH_SMALL = pytest.mark.parametrize("body", SMALL.values(), ids=list(SMALL))
@@ -57,6 +57,8 @@ def test_the_bind_pose_leaves_the_template_alone(body: SkinnedBody) -> None:
     np.testing.assert_allclose(body.vertices(), body.template, atol=1e-14)
     betas = arguments(body)[1]
     shaped = body.template + body.shapedirs @ betas
+    if body.features is star_features:
+        shaped += betas[1] * body.posedirs[:, :, -1]
     np.testing.assert_allclose(body.vertices(betas=betas), shaped, atol=1e-13)
 
 
@@ -194,11 +196,13 @@ def test_posedirs_must_fit_the_features() -> None:
     body = smpl_like_body()
     with pytest.raises(BadBody, match=r"posedirs has shape .* but must be \(60, 3, 69\)"):
         replace(body, features=CLASSICAL[1])
-    with pytest.raises(BadBody, match="its features cannot be made of a pose of 24 joints"):
+    with pytest.raises(
+        BadBody, match="its features cannot be made of a pose of 24 joints and 4 betas"
+    ):
         replace(body, features=lambda at: at.nothing)  # type: ignore[attr-defined]
 
 
-def test_files_hold_smpls_features_alone(tmp_path) -> None:  # type: ignore[no-untyped-def]
-    with pytest.raises(BadFile, match="do not go by rotation_elements"):
+def test_files_hold_features_of_smpl_and_star_alone(tmp_path) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(BadFile, match="go neither by rotation_elements nor by star_features"):
         wb.save_body(varied(random_body(), CLASSICAL[1]), tmp_path / "body.npz")
     wb.save_body(varied(random_body(), rotation_elements), tmp_path / "body.npz")

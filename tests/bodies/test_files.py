@@ -212,7 +212,6 @@ def test_a_mirror_that_is_none_is_left_out(tmp_path: Path) -> None:
         ({"weights": None, "f": None}, "has no weights, f; it has J_regressor, kintree_table, po"),
         ({"bs_style": np.array("dqbs")}, "bs_style 'dqbs'"),
         ({"bs_style": np.array(b"dqbs")}, "bs_style 'dqbs'"),
-        ({"posedirs": np.zeros((40, 3, 93))}, "STAR"),
         ({"shapedirs": np.zeros((41, 3, 10))}, r"shapedirs has shape \(41, 3, 10\)"),
         ({"v_template": np.zeros((40, 2))}, r"v_template has shape \(40, 2\)"),
         ({"v_template": np.zeros((0, 3))}, r"v_template has shape \(0, 3\)"),

@@ -17,6 +17,7 @@ from workbench.bodies.catalogue import load_skinned
 from workbench.bodies.triangles import TriangleBody, blend_scape
 from workbench.errors import BadBody, BadFile
 from workbench.experiments.body_problems import body_outliers
+from workbench.experiments.model_fits import body_points
 from workbench.reports import card_text, write_card
 
 EXTRAS = {"joint_limits": np.arange(6.0).reshape(3, 2), "gender": np.array("neutral")}
@@ -85,11 +86,12 @@ def test_a_file_says_which_kind_it_holds(tmp_path: Path) -> None:
     for name, style in (("skinned", "lbs"), ("triangles", "triangles")):
         with np.load(tmp_path / f"{name}.npz") as archive:
             assert archive["bs_style"].item() == style
-    said = r"a SkinnedBody is needed here, but .*triangles\.npz' holds body .*, a TriangleBody"
+    said = r"a SkinnedBody is needed here, but body .* is a TriangleBody; the skinned bodies are"
     with pytest.raises(BadBody, match=said):
         load_skinned(tmp_path / "triangles.npz")
     with pytest.raises(BadBody, match=said):
-        body_outliers(str(tmp_path / "triangles.npz"))
+        body_points(body=str(tmp_path / "triangles.npz"))
+    assert body_outliers(str(tmp_path / "triangles.npz")).body is not None
 
 
 def test_a_triangle_body_is_no_pickle_for_smplx(tmp_path: Path) -> None:

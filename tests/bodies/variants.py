@@ -13,6 +13,7 @@ from workbench.bodies.forward.features import (
     quaternion_elements,
     rotation_elements,
     rotation_vectors,
+    star_features,
 )
 from workbench.bodies.forward.skinning import dual_quaternion_blend, linear_blend
 
@@ -21,13 +22,14 @@ FEATURES: tuple[Features, ...] = (
     rotation_elements,
     rotation_vectors,
     quaternion_elements,
+    star_features,
     no_features,
 )
 
 
 def varied(body: SkinnedBody, features: Features, seed: int = 0) -> SkinnedBody:
     """The body with other features, and random directions for them."""
-    F = count_features(features, body.n_joints)
+    F = count_features(features, body.n_joints, body.n_betas)
     made = np.random.default_rng(seed).normal(scale=0.01, size=(body.n_vertices, 3, F))
     return replace(body, features=features, posedirs=made)
 

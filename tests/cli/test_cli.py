@@ -161,7 +161,7 @@ def test_body_prints_a_card_and_draws_it(tmp_path: Path) -> None:
     assert (tmp_path / "runs" / "body-small" / "index.html").is_file()
 
 
-def test_a_file_of_a_triangle_body_has_a_card_and_no_skin_to_fit(tmp_path: Path) -> None:
+def test_a_file_of_a_triangle_body_has_a_card_and_is_fitted(tmp_path: Path) -> None:
     body = wb.load_body("small")
     wb.save_body(scape(body), tmp_path / "scape.npz")
     done = workbench("body", "scape.npz", cwd=tmp_path)
@@ -170,5 +170,9 @@ def test_a_file_of_a_triangle_body_has_a_card_and_no_skin_to_fit(tmp_path: Path)
     assert (tmp_path / "runs" / "body-scape" / "index.html").is_file()
     write_mesh(tmp_path / "me.obj", body.vertices(), body.faces)
     fit = workbench("fit", "me.obj", "--body", "scape.npz", cwd=tmp_path)
-    assert fit.returncode == 2
-    assert "a SkinnedBody is needed here, but 'scape.npz' holds" in " ".join(fit.stderr.split())
+    assert fit.returncode == 0, fit.stderr
+    assert "vertex to observation, rms" in fit.stdout
+    sliders = workbench("sliders", "scape.npz", cwd=tmp_path)
+    assert sliders.returncode == 0, sliders.stderr
+    study = workbench("blendshapes", "--body", "scape.npz", cwd=tmp_path)
+    assert study.returncode == 2

@@ -73,7 +73,7 @@ def is_bound(answer: object, k: int) -> bool:
 @pytest.mark.parametrize(
     ("number", "printed", "instead", "phrase"),
     [
-        (9, "skin off by 18 mm", "skin off by 21 mm", "The skin is hardly closer"),
+        (9, "surface off by 18 mm", "surface off by 21 mm", "The surface is hardly closer"),
         (9, "worst beta off by 0.5", "worst beta off by 0.9", "off by half a standard deviation"),
         (12, "3000 steps: 90 %", "3000 steps: there is no interval", "refuses an interval"),
         (
@@ -84,8 +84,8 @@ def is_bound(answer: object, k: int) -> bool:
         ),
         (
             3,
-            "surface off the truth by 12.0 mm",
-            "surface off the truth by 20.0 mm",
+            "surface 12.0 mm from the truth",
+            "surface 20.0 mm from the truth",
             "Fewer numbers, and a better answer",
         ),
     ],
@@ -104,10 +104,10 @@ def test_a_comparison_that_the_run_turns_round_is_noticed(
 @pytest.mark.parametrize(
     ("number", "phrase", "instead"),
     [
-        (1, "is six times as far off", "is no further off"),
+        (1, "is six times as large", "is no larger"),
         (3, "Fewer numbers, and a better answer", "Fewer numbers, and a worse answer"),
         (7, "not one of thirty starts ends", "two of thirty starts end"),
-        (9, "The skin is hardly closer", "The skin is much closer"),
+        (9, "The surface is hardly closer", "The surface is much closer"),
         (12, "the draws are too wide", "the draws are too narrow"),
     ],
 )

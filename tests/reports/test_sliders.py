@@ -15,8 +15,12 @@ import pytest
 import workbench as wb
 from tests.bodies_made_up import random_body
 from workbench.bodies.ablations import ABLATIONS, without_blend_weights, without_pose_blend_shapes
+from workbench.bodies.catalogue import load_body
+from workbench.bodies.triangles import TriangleBody, scape
+from workbench.bodies.triangles.recipes import one_part
 from workbench.errors import BadArgument, BadFile
 from workbench.geometry.solids import volume
+from workbench.geometry.triangles import edges
 from workbench.reports.sliders import sliders_page, write_sliders
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
@@ -38,6 +42,14 @@ KEPT = {
     "dual": ({"dual": True}, replace(BODY, skinning=wb.dual_quaternion_blend)),
 }
 
+TRIANGLES = load_body("small-blend-scape")
+KEPT_OF_TRIANGLES = {
+    "whole": ({}, TRIANGLES),
+    "one part": ({"weights": False}, one_part(TRIANGLES, "one part")),
+    "unbent": ({"pose_shapes": False}, replace(TRIANGLES, posedirs=0 * TRIANGLES.posedirs)),
+    "alike": ({"shape_shapes": False}, replace(TRIANGLES, shapedirs=0 * TRIANGLES.shapedirs)),
+}
+
 ASKED = """
 <pre id="answers"></pre>
 <script>
@@ -53,6 +65,8 @@ const beta_slider = document.querySelectorAll("#betas input")[1];
 beta_slider.value = 2;
 beta_slider.dispatchEvent(new Event("input"));
 answers.measured = document.getElementById("measured").textContent;
+answers.drawn = body.drawn(state.pose, state.betas, { stitched: false });
+answers.drawn = [...(answers.drawn.points ?? answers.drawn)];
 answers.address = decodeURIComponent(location.hash.slice(1));
 document.getElementById("answers").textContent = JSON.stringify(answers);
 </script>
@@ -61,15 +75,24 @@ document.getElementById("answers").textContent = JSON.stringify(answers);
 
 @pytest.fixture(scope="module")
 def answers(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """What the page says when it is asked in the browser."""
+    """What the page of a skinned body says when it is asked in the browser."""
+    return asked(BODY, KEPT, tmp_path_factory.mktemp("page"))
+
+
+@pytest.fixture(scope="module")
+def answers_of_triangles(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """What the page of a BlendSCAPE body says."""
+    return asked(TRIANGLES, KEPT_OF_TRIANGLES, tmp_path_factory.mktemp("page"))
+
+
+def asked(body: wb.SkinnedBody | TriangleBody, kept: Any, folder: Path) -> Any:
     if BROWSER is None:
         pytest.skip(f"no browser is called {', '.join(BROWSERS)}")
-    folder = tmp_path_factory.mktemp("page")
-    page = write_sliders(BODY, folder / "sliders.html")
+    page = write_sliders(body, folder / "sliders.html")
     questions = {
         f"{where}, {which}": [pose.ravel().tolist(), BETAS.tolist(), keep]
         for where, pose in POSES.items()
-        for which, (keep, _) in KEPT.items()
+        for which, (keep, _) in kept.items()
     }
     text = page.read_text(encoding="utf-8")
     asking = text.replace("</main>", ASKED % json.dumps(questions) + "</main>")
@@ -96,6 +119,43 @@ def test_vertices_in_the_browser_are_those_of_python(answers: Any, where: str, w
     found = np.array(answers[f"{where}, {which}"]).reshape(-1, 3)
     body = KEPT[which][1]
     np.testing.assert_allclose(found, body.vertices(POSES[where], BETAS), rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize("which", KEPT_OF_TRIANGLES)
+@pytest.mark.parametrize("where", POSES)
+def test_triangles_in_the_browser_are_those_of_python(
+    answers_of_triangles: Any, where: str, which: str
+) -> None:
+    found = np.array(answers_of_triangles[f"{where}, {which}"]).reshape(-1, 3)
+    body = KEPT_OF_TRIANGLES[which][1]
+    np.testing.assert_allclose(found, body.vertices(POSES[where], BETAS), rtol=0, atol=1e-6)
+
+
+def test_without_stitching_triangles_have_their_own_edges_about_their_middles(
+    answers_of_triangles: Any,
+) -> None:
+    pose, betas = np.zeros((24, 3)), np.zeros(10)
+    pose[TRIANGLES.joint_names.index("left_elbow"), 1], betas[1] = np.radians(-120), 2.0
+    corners = np.array(answers_of_triangles["drawn"]).reshape(-1, 3, 3)
+    X = TRIANGLES.deformations(pose, betas)
+    wanted = edges(TRIANGLES.template, TRIANGLES.faces) @ X.transpose(0, 2, 1)
+    own = np.stack([corners[:, 2] - corners[:, 0], corners[:, 1] - corners[:, 0]], axis=1)
+    np.testing.assert_allclose(own, wanted, atol=1e-6)
+    middles = TRIANGLES.vertices(pose, betas)[TRIANGLES.faces].mean(axis=1)
+    np.testing.assert_allclose(corners.mean(axis=1), middles, atol=1e-6)
+    assert "l of BlendSCAPE" in answers_of_triangles["measured"]
+
+
+def test_the_page_of_triangles_has_the_switches_of_its_model() -> None:
+    switches = {
+        body.name: re.findall(r'id="(\w+)" data-part', sliders_page(body))
+        for body in (TRIANGLES, load_body("small-scape"), BODY)
+    }
+    assert switches == {
+        "small-blend-scape": ["weights", "pose_shapes", "shape_shapes", "stitched"],
+        "small-scape": ["pose_shapes", "shape_shapes", "stitched"],
+        "small": ["weights", "pose_shapes", "shape_shapes", "dual"],
+    }
 
 
 def test_without_what_is_stored_in_single_precision_they_agree_to_rounding(answers: Any) -> None:
@@ -138,10 +198,12 @@ def test_the_page_fetches_nothing_and_holds_its_sentence() -> None:
         (random_body(bound=True), "drawn in a pose that is not zero"),
         (BODY.freed("template"), "has free arrays"),
         (replace(random_body(), weights=np.full((30, 5), 0.2)), "has 5 weights in a vertex"),
+        (TRIANGLES.freed("template"), "has free arrays"),
+        (scape(load_body("full")), "has 12,272 vertices, and the page stitches up to 2,000"),
     ],
 )
 def test_what_the_page_cannot_show_is_refused(
-    body: wb.SkinnedBody, text: str, tmp_path: Path
+    body: wb.SkinnedBody | TriangleBody, text: str, tmp_path: Path
 ) -> None:
     with pytest.raises(BadArgument, match=text):
         write_sliders(body, tmp_path / "page.html")

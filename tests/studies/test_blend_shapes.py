@@ -224,7 +224,7 @@ def test_predictors_are_fitted_like_smpl(data: TrainingData, wanted: Correctives
 def test_without_bones_a_polynomial_is_found_again() -> None:
     body, rng = random_body(n_joints=3), np.random.default_rng(0)
     for features in (rotation_vectors, Powers(3), products):
-        F = count_features(features, 3)
+        F = count_features(features, 3, 0)
         truth = replace(
             body, features=features, posedirs=rng.normal(size=(30, 3, F)), skinning=unskinned
         )
@@ -232,7 +232,7 @@ def test_without_bones_a_polynomial_is_found_again() -> None:
         A = feature_matrix(truth, features, poses)
         found = ridge(A, truth.vertices(poses) - truth.template, 1e-14)
         np.testing.assert_allclose(found, truth.posedirs, atol=1e-7)
-    assert [count_features(f, 24) for f in (Powers(3), products)] == [207, 69 + 69 * 70 // 2]
+    assert [count_features(f, 24, 0) for f in (Powers(3), products)] == [207, 69 + 69 * 70 // 2]
 
 
 def test_small_and_large_normal_equations_agree() -> None:

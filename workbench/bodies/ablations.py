@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from workbench.bodies.forward.features import star_features
 from workbench.bodies.skinned import SkinnedBody
 from workbench.errors import BadBody
 
@@ -32,8 +33,14 @@ def without_pose_blend_shapes(body: SkinnedBody) -> SkinnedBody:
 def without_shape_blend_shapes(body: SkinnedBody) -> SkinnedBody:
     """Everybody is the mean person, joints included: betas are accepted and change nothing."""
     _refuse_free(body, "shapedirs")
-    none = np.zeros_like(body.shapedirs)
-    return replace(body, shapedirs=none, name=f"{body.name} without shape blend shapes")
+    none, posedirs = np.zeros_like(body.shapedirs), body.posedirs
+    if body.features is star_features:  # the last of which is beta_2
+        _refuse_free(body, "posedirs")
+        posedirs = posedirs.copy()
+        posedirs[:, :, -1] = 0
+    return replace(
+        body, shapedirs=none, posedirs=posedirs, name=f"{body.name} without shape blend shapes"
+    )
 
 
 ABLATIONS: Mapping[str, Ablation] = {

@@ -28,6 +28,10 @@ class Body(Protocol):
         """The name of the body."""
 
     @property
+    def card(self) -> Mapping[str, Any]:
+        """Where its numbers come from."""
+
+    @property
     def template(self) -> Array:
         """The vertices of the mean person at rest, (N, 3) m."""
 
@@ -67,6 +71,10 @@ class Body(Protocol):
     def bind_pose(self) -> Array:
         """The pose (K, 3) rad that leaves the template as it is."""
 
+    @property
+    def vertex_weights(self) -> Array:
+        """How much each vertex follows each joint, (N, K); rows sum to one."""
+
     def blocks(self, prefix: str = "") -> Blocks:
         """`pose` (K, 3) rad, `betas` (B,), `trans` (3,) m: the same objects for the same prefix."""
 
@@ -93,6 +101,14 @@ class Body(Protocol):
 
     def joints(self, pose: Given = None, betas: Given = None, trans: Given = None) -> Array:
         """The posed joints (..., K, 3) m."""
+
+    def landmark(
+        self, name: str, pose: Given = None, betas: Given = None, trans: Given = None
+    ) -> Array:
+        """A named set of landmarks (..., M, 3) m; `joints` are always there."""
+
+    def landmark_names(self, name: str) -> tuple[str, ...]:
+        """The names of the points of a landmark set."""
 
 
 def blocks_of(body: Body, prefix: str, made: dict[str, Blocks]) -> Blocks:

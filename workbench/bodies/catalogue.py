@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Literal, get_args, overload
 
 from workbench.bodies.files.embedded import embedded
+from workbench.bodies.files.embedded_triangles import embedded_triangles
 from workbench.bodies.files.npz_files import read_npz
 from workbench.bodies.files.pickled_arrays import read_pickled_arrays
 from workbench.bodies.files.smpl_layout import body_from
@@ -25,8 +26,12 @@ Embedded = Literal[  # of these, type checkers know that they are skinned
     "full-female",
     "full-male",
 ]
+EmbeddedTriangles = Literal[
+    "small-scape", "small-blend-scape", "default-scape", "default-blend-scape"
+]
 BODIES: dict[str, Callable[[], SkinnedBody | TriangleBody]] = {
     **{name: partial(embedded, name) for name in get_args(Embedded)},
+    **{name: partial(embedded_triangles, name) for name in get_args(EmbeddedTriangles)},
 }  # a body of your own is a function without arguments that returns it, and a line here
 NPZ = b"PK\x03\x04"
 PICKLES = (b"\x80", b"(", b"}", b"]", b"c")  # protocol 2 and later; Python 2's own
@@ -47,6 +52,8 @@ OTHERS = (  # how other files begin that people try
 
 @overload
 def load_body(name_or_path: Embedded = "default") -> SkinnedBody: ...
+@overload
+def load_body(name_or_path: EmbeddedTriangles) -> TriangleBody: ...
 @overload
 def load_body(name_or_path: str | Path) -> SkinnedBody | TriangleBody: ...
 def load_body(name_or_path: str | Path = "default") -> SkinnedBody | TriangleBody:
@@ -92,14 +99,14 @@ def load_body(name_or_path: str | Path = "default") -> SkinnedBody | TriangleBod
 def load_skinned(name_or_path: str | Path = "default") -> SkinnedBody:
     """A body with a chain of bones and weights for each vertex; otherwise as `load_body`.
 
-    Raises what `load_body` raises, and BadBody for the file of a TriangleBody.
+    Raises what `load_body` raises, and BadBody for a TriangleBody.
     """
     body = load_body(name_or_path)
     if isinstance(body, SkinnedBody):
         return body
     raise BadBody(
-        f"a SkinnedBody is needed here, but {str(name_or_path)!r} holds body {body.name!r}, a "
-        f"TriangleBody; the bodies are {listed(BODIES)}, or give a file of another kind"
+        f"a SkinnedBody is needed here, but body {body.name!r} is a TriangleBody; the skinned "
+        f"bodies are {listed(get_args(Embedded))}, or give a file of another kind"
     )
 
 

@@ -47,7 +47,8 @@ class SkinnedBody:
     Attributes:
         template: (N, 3) m, the mean rest surface.
         shapedirs: (N, 3, B) m per unit of betas.
-        posedirs: (N, 3, F) m per unit of pose feature; F is 9 (K - 1) as in SMPL.
+        posedirs: (N, 3, F) m per unit of pose feature; F is 9 (K - 1) as in SMPL, and
+            4 (K - 1) + 1 as in STAR.
         J_regressor: (K, N) from rest vertices to joints; rows sum to one.
         weights: (N, K) skinning weights; rows sum to one.
         parents: (K,) with parents[0] == -1 and parents[k] < k.
@@ -56,7 +57,8 @@ class SkinnedBody:
         mirror: (N,) the vertex on the other side of each, or None.
         landmarks: sets of landmarks by name.
         skinning: how the motions of joints are blended.
-        features: the functions of the pose that posedirs are multiplied with.
+        features: the functions of the pose that posedirs are multiplied with; those of STAR are
+            functions of beta_2 as well.
         name: what the body is called.
         card: where its numbers come from.
         bound_in: (K, 3) rad, the pose that the template is drawn in; None is the zero pose.
@@ -126,6 +128,11 @@ class SkinnedBody:
     def bind_pose(self) -> Array:
         """The pose (K, 3) rad that leaves the template as it is."""
         return np.zeros((self.n_joints, 3)) if self.bound_in is None else self.bound_in.copy()
+
+    @property
+    def vertex_weights(self) -> Array:
+        """How much each vertex follows each joint, (N, K): its skinning weights."""
+        return self.weights
 
     # What a problem is written with.
 

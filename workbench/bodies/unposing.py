@@ -9,6 +9,7 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.forward.kinematics import ancestors
 from workbench.bodies.forward.posing import Posing
 from workbench.bodies.forward.skinning import blend_matrices
+from workbench.errors import BadBody
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +41,13 @@ def unpose(body: SkinnedBody, pose: Array, vertices: Array) -> Unposed:
     Skinning is linear in the rest shape, its joints included: V_i = M_i (T_i + P_i f) + sum_m
     c_im D_m (J_regressor T)_m. The M_i are 3 x 3, the joints few, so what is to be solved is 3 K
     equations for the joints. T stands where the posed root stands: translation is not sought.
+
+    Raises BadBody for a body whose skinning or features are not SMPL's.
     """
+    if not body.is_smpl:
+        raise BadBody(
+            f"body {body.name!r} cannot be unposed: that takes linear_blend and rotation_elements"
+        )
     posing = Posing.of(np.asarray(pose, dtype=float).reshape(1, body.n_joints, 3), body.parents)
     N, K = body.weights.shape
     M = blend_matrices(body.weights, posing.world[0])

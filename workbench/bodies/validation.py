@@ -44,10 +44,11 @@ def check(body: Mirrored) -> None:
     N, K = len(body.template), len(body.parents)
     F = 9 * (K - 1)
     if body.features is not rotation_elements:
+        B = body.shapedirs.shape[2] if body.shapedirs.ndim == 3 else 0
         try:
-            F = count_features(body.features, K)
+            F = count_features(body.features, K, B)
         except Exception as error:
-            refuse(f"its features cannot be made of a pose of {K} joints: {error}")
+            refuse(f"its features cannot be made of a pose of {K} joints and {B} betas: {error}")
     check_shapes(
         refuse,
         {

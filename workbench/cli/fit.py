@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from workbench.bodies.catalogue import load_skinned
+from workbench.bodies.catalogue import load_body
 from workbench.cli.output import warn_without_effect
 from workbench.cli.run import SOLVER, Compare, Out, SolverName, carry_out, solver_named
 from workbench.errors import BadArgument, BadFile
@@ -63,7 +63,7 @@ def fit(
     if focal is not None and not 0 < focal < math.inf:
         raise BadArgument(f"--focal takes a length in px above 0, not {focal:g}")
     image, console = _size(size), Console()
-    model = load_skinned(body)
+    model = load_body(body)
     if files[0].suffix.lower() in READERS:
         if len(files) > 1:
             raise BadFile("give one mesh at a time")

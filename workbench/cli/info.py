@@ -9,9 +9,11 @@ from rich.console import Console
 from rich.logging import RichHandler
 from rich.table import Table
 
-from workbench.bodies.catalogue import load_skinned
+from workbench.bodies import SkinnedBody
+from workbench.bodies.catalogue import load_body
 from workbench.bodies.forward.arithmetic import WORTH_COMPILING
 from workbench.bodies.forward.kernels import kernels
+from workbench.bodies.triangles import TriangleBody
 from workbench.comparison.machine import processor
 from workbench.compiling import NoLibrary, cache_folder, find_compiler
 from workbench.installation import DISTRIBUTION, version_of
@@ -45,14 +47,9 @@ def info(
 
 
 def _facts(name: str) -> list[tuple[str, str]]:
-    model = load_skinned(name)
-    library, why = kernels(model.parents, model.n_betas)
-    active = (
-        f"compiled from {WORTH_COMPILING} vertices on, NumPy below" if library else f"NumPy: {why}"
-    )
-    active += f"; {name} has {model.n_vertices} vertices"
+    model = load_body(name)
     return [
-        ("surfaces", active),
+        ("surfaces", f"{_arithmetic(model)}; {name} has {model.n_vertices} vertices"),
         ("compiler", _compiler()),
         ("cache", _cache()),
         ("BLAS threads", f"{thread_count()} in a run (WORKBENCH_THREADS sets it)"),
@@ -63,6 +60,15 @@ def _facts(name: str) -> list[tuple[str, str]]:
         *((package, version_of(package) or "not installed") for package in PACKAGES),
         *((name, os.environ[name]) for name in VARIABLES if name in os.environ),
     ]
+
+
+def _arithmetic(model: SkinnedBody | TriangleBody) -> str:
+    if isinstance(model, TriangleBody):
+        return "NumPy, and a sparse factorization that stitches triangles"
+    library, why = kernels(model.parents, model.n_betas)
+    return (
+        f"compiled from {WORTH_COMPILING} vertices on, NumPy below" if library else f"NumPy: {why}"
+    )
 
 
 def _compiler() -> str:

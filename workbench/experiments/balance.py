@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.arrays import Array
-from workbench.bodies.catalogue import load_skinned
+from workbench.bodies.catalogue import load_body
 from workbench.errors import UnknownName, listed
 from workbench.fitting.compared_solvers import MANY
 from workbench.fitting.keypoints import keypoint_fit, landmark_set
@@ -110,7 +110,7 @@ def balance(
     for name in held_out:
         if name not in known:
             raise UnknownName("camera", name, known)
-    model = load_skinned(body)
+    model = load_body(body)
     places = dict(zip(observed.names, triangulated, strict=True))
     landmarks = model.landmark_names(landmark_set(model))
     reference = np.array([places.get(name, np.full(3, np.nan)) for name in landmarks])

@@ -11,8 +11,8 @@ from dataclasses import replace
 import numpy as np
 
 from workbench.blocks import Values
-from workbench.bodies import SkinnedBody
-from workbench.bodies.catalogue import load_skinned
+from workbench.bodies.body import Body
+from workbench.bodies.catalogue import load_body
 from workbench.errors import UnknownName
 from workbench.experiments.body_video import body_video
 from workbench.experiments.experiment import Experiment
@@ -46,9 +46,9 @@ KERNELS: Mapping[str, tuple[Kernel, float]] = {  # with the sigma that suits eac
 
 def _bent(
     body: str, seed: int, pose_sigma: float = 0.3
-) -> tuple[SkinnedBody, np.random.Generator, Values]:
+) -> tuple[Body, np.random.Generator, Values]:
     """A body, the source of its noise, and a `bent_person` of it."""
-    model, rng = load_skinned(body), np.random.default_rng(seed)
+    model, rng = load_body(body), np.random.default_rng(seed)
     return model, rng, bent_person(model, rng, pose_sigma)
 
 
@@ -143,7 +143,7 @@ def body_bounds(body: str = "small", seed: int = 0, start: int = 0, limit: float
 
 def body_joints(body: str = "small", seed: int = 0, start: int = 0, noise: float = 0.01) -> Setup:
     """Fit all joints, known to `noise` m, with priors on pose and shape."""
-    model = load_skinned(body)
+    model = load_body(body)
     rng = np.random.default_rng(seed)
     truth = likely_person(model, rng)
     joints = model.joints(**truth)
@@ -185,7 +185,7 @@ def body_cameras(
     body: str = "small", seed: int = 0, start: int = 0, cameras: int = 4, noise: float = 4.0
 ) -> Setup:
     """Fit keypoints in images of 1000 px from all around, with the usual priors; noise in px."""
-    model = load_skinned(body)
+    model = load_body(body)
     rng = np.random.default_rng(seed)
     truth = likely_person(model, rng)
     kind = landmark_set(model)

@@ -6,8 +6,8 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.blocks import Block, Values
-from workbench.bodies import SkinnedBody
-from workbench.bodies.catalogue import load_skinned
+from workbench.bodies.body import Body
+from workbench.bodies.catalogue import load_body
 from workbench.errors import BadArgument
 from workbench.experiments.synthetic_cameras import looking_in
 from workbench.experiments.synthetic_people import (
@@ -63,7 +63,7 @@ def body_video(
         raise BadArgument(f"a video has two frames or more, not {frames}")
     if cameras < 1:
         raise BadArgument(f"a video is seen by one camera or more, not by {cameras}")
-    model = load_skinned(body)
+    model = load_body(body)
     rng = np.random.default_rng(seed)
     truth = walk(model, rng, frames)
     pose, betas, trans = model.blocks()
@@ -111,7 +111,7 @@ def body_video(
     return with_refined_answer(setup, truth)
 
 
-def walk(body: SkinnedBody, rng: np.random.Generator, frames: int) -> Values:
+def walk(body: Body, rng: np.random.Generator, frames: int) -> Values:
     """Pose (T, K, 3) rad, betas (B,) and trans (T, 3) m of a likely person who walks forwards.
 
     Hips and shoulders swing, if the body's joints have SMPL's names.
@@ -127,14 +127,14 @@ def walk(body: SkinnedBody, rng: np.random.Generator, frames: int) -> Values:
     return person | {pose: poses, trans: person[trans] + steps[:, None] * [0.0, 0.0, 1.0]}
 
 
-def _start_of_all(body: SkinnedBody, seed: int, start: int, frames: int) -> Values:
+def _start_of_all(body: Body, seed: int, start: int, frames: int) -> Values:
     """The start by `random_start`, with the same pose and trans in every frame."""
     pose, _, trans = (block.name for block in body.blocks())
     one = random_start(body, seed, start)
     return one | {name: np.repeat(one[name][None], frames, axis=0) for name in (pose, trans)}
 
 
-def _measures(body: SkinnedBody, values: Mapping[str, Array], truth: Values) -> tuple[Measure, ...]:
+def _measures(body: Body, values: Mapping[str, Array], truth: Values) -> tuple[Measure, ...]:
     pose, betas, trans = (block.name for block in body.blocks())
 
     def joints(found: Mapping[str, Array]) -> Array:

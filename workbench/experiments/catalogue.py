@@ -36,8 +36,9 @@ def find(name: str, arguments: Mapping[str, Any] | None = None) -> Experiment:
     A file defines `experiment` (an Experiment), or `setup` (a Setup, or a function that returns
     one, whose parameters are the arguments), or `problem` and `start`. Beside these two it may
     define `priors` (names of the residuals that are not data, or these residuals), `body` (a
-    SkinnedBody, to draw) and `compared` (names of solvers to run as well); its docstring is the
-    question. If it defines several of the three, the first one in this order counts.
+    SkinnedBody or TriangleBody, to draw) and `compared` (names of solvers to run as well); its
+    docstring is the question. If it defines several of the three, the first one in this order
+    counts.
 
     Arguments are values, or the texts that were typed for them. Raises UnknownName, BadArgument, or
     BadFile with the line of the file that failed.

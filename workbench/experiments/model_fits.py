@@ -84,6 +84,8 @@ def body_points(
         question=f"{len(seen)} vertices of a synthetic person (seed {seed}) of the model {model} "
         f"are known to {1e3 * noise:g} mm. Does a fit of this model find the person"
         f"{start_text(start)}?",
+        body=fitted,
+        truth=surface,
         measures=measures,
         priors=("shape prior",),
         compared=GRADED,

@@ -5,7 +5,8 @@ from importlib.resources import as_file, files
 
 import numpy as np
 
-from workbench.bodies.catalogue import load_skinned
+from workbench.bodies.catalogue import load_body
+from workbench.bodies.files.embedded_triangles import UNTRAINED
 from workbench.errors import UnknownName
 from workbench.fitting.body_priors import shape_prior
 from workbench.fitting.compared_solvers import LARGE
@@ -29,15 +30,16 @@ def registration(
 
     `pose_sigma` in rad. Raises UnknownName for a body without such people, or another person.
     """
-    model = load_skinned(body)
+    model = load_body(body)
     with (
         as_file(files("workbench") / "data" / "bodies" / "held_out_people.npz") as path,
         taken_for(path, "file of held-out people", "install the workbench again"),
         open_arrays(path) as archive,
     ):
-        if body not in archive.headers:
+        mesh, *_ = UNTRAINED.get(body, (body,))  # that of a triangle body is a skinned body's
+        if mesh not in archive.headers:
             raise UnknownName("body with held-out people", body, archive.headers)
-        templates = read_expected(archive, {body: reals("people", model.n_vertices, 3)})[body]
+        templates = read_expected(archive, {mesh: reals("people", model.n_vertices, 3)})[mesh]
     if not 0 <= person < len(templates):
         raise UnknownName("person", str(person), hint=f"0 to {len(templates) - 1}")
     shape = replace(model, template=templates[person], name="held-out person")

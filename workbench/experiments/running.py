@@ -7,7 +7,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.blocks import Values
-from workbench.bodies import SkinnedBody
+from workbench.bodies.body import Body
 from workbench.bodies.forward.arguments import arguments_from_values
 from workbench.diagnostics import Diagnosis, diagnose_whole
 from workbench.errors import WorkbenchError
@@ -185,7 +185,7 @@ def _prepare(problem: Problem, solver: Solver, compared: Iterable[str]) -> None:
 
 
 def overlay(
-    body: SkinnedBody, view: View, values: Values, arguments: tuple[Array, Array, Array]
+    body: Body, view: View, values: Values, arguments: tuple[Array, Array, Array]
 ) -> Overlay:
     """Project the landmarks and the surface of a body, at pose, betas and trans, into a view."""
     surface = body.vertices(*arguments)

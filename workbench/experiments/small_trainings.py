@@ -1,10 +1,13 @@
 """Small trainings of SMPL, each written as one `Problem`: the suite `training`.
 
-Synthetic people of 20 vertices on two joints were registered in some poses. Unknown are
-everybody's template and joints, the pose blend shapes and skinning weights that all share, and the
-pose and place of each registration (Loper et al., SMPL, 2015, section 4.1).
+Synthetic people of 20 vertices on two joints, or of 12 vertices with an arm on each side of the
+root, were registered in some poses. Unknown are everybody's template and joints, the pose blend
+shapes and skinning weights that all share, and the pose and place of each registration (Loper et
+al., SMPL, 2015, section 4.1). Only the people with two arms have sides, of which E_Y asks that
+they be alike.
 """
 
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -16,19 +19,21 @@ from workbench.experiments.synthetic_people import with_refined_answer
 from workbench.fitting.setup import Measure, Setup, distances, rms
 from workbench.synthetic.made_up import (
     CorruptedRegistrations,
+    arms,
     draw_registrations,
     limb,
     random_smpl,
 )
 from workbench.training.estimate import Estimate, Sigmas
+from workbench.training.first_guess import Start
 from workbench.training.objective import Objective
 from workbench.training.pose_training import first_estimate
 from workbench.training.symbolic_form import TERMS, SymbolicTraining
 
-SYNTHETIC = (
-    "the registrations are those of a random SMPL body on a tube of 20 vertices, in random poses "
-    "and with noise; nobody was measured"
-)
+GUESSES: Mapping[str, Callable[[], Start]] = {
+    "limb": lambda: limb(5, 4),
+    "arms": lambda: arms(3, 4),
+}
 FREE = ("gauss-newton", "levenberg-marquardt", "dogleg", "ipopt", "scipy-trf")
 CONSTRAINED = ("ipopt", "ipopt-exact", "sqp", "nlopt-slsqp")
 START_SIGMA = 0.3  # rad
@@ -43,6 +48,7 @@ def training(
     start: int = 0,
     noise: float = 0.002,
     turn: float = 1.0,
+    person: str = "limb",
 ) -> Setup:
     """Learn a body from registrations by some terms of the cost; noise in m, turn in rad.
 
@@ -50,7 +56,11 @@ def training(
     without, the first ones are kept, and there are neither bounds nor constraints. Every joint of
     the people was turned by up to `turn`. Start 0 has the first template, joints and weights, no
     pose blend shapes, and poses of zero; start k > 0 has random poses of 0.3 rad. Raises
-    UnknownName for another term, and BadArgument for a negative start.
+    UnknownName for another term or person, and BadArgument for a negative start.
+
+    A `person` is a `limb` of 20 vertices with a tip, which has no sides, so that E_Y is no term of
+    its cost; or `arms`, 12 vertices with an arm on the left and one on the right. The two arms of
+    the people that are registered differ, so that E_Y pulls against E_D.
     """
     chosen = terms.split()
     for term in chosen:
@@ -58,13 +68,16 @@ def training(
             raise UnknownName("term of training", term, TERMS)
     if start < 0:
         raise BadArgument(f"start must be from 0 on, not {start}")
-    guess = limb(5, 4)
+    if person not in GUESSES:
+        raise UnknownName("person of a training", person, tuple(GUESSES))
+    guess = GUESSES[person]()
+    mirror = guess.mirror()
     body = random_smpl(guess, 2, seed=seed)
     exact, truth = draw_registrations(body, subjects, poses, seed + 1, turn=turn)
     data = CorruptedRegistrations(exact, seed=seed + 2, noise=noise)
     rings, first_weights = guess.rings(), guess.weights()
     objective = Objective(
-        data, rings, first_weights, guess.mirror(), Sigmas(data=noise or 1e-3), guess.template
+        data, rings, first_weights, mirror, Sigmas(data=noise or 1e-3), guess.template
     )
     form = SymbolicTraining.of(body, objective)
     problem = form.problem(chosen)
@@ -91,17 +104,19 @@ def training(
         ]
         return (rms("vertex to registration", distances(np.concatenate(scans), np.zeros(3))),)
 
+    written = [term for term in chosen if term != "E_Y" or mirror is not None]
     held = "" if weights else ", the skinning weights being held"
     setup = Setup(
         problem=problem,
         start=form.values(first),
         question=f"{subjects} synthetic people (seed {seed}) were registered in {poses} poses "
         f"each, to {1e3 * noise:g} mm. Which templates, joints, pose blend shapes and poses make "
-        f"{' + '.join(chosen)} least{held}?",
+        f"{' + '.join(written)} least{held}?",
         measures=measures,
         priors=tuple(r.name for r in problem.residuals if not is_data(r.name)),
         compared=CONSTRAINED if weights else FREE,
-        synthetic=SYNTHETIC,
+        synthetic=f"the registrations are those of a random SMPL body on a tube of "
+        f"{body.n_vertices} vertices, in random poses and with noise; nobody was measured",
     )
     return with_refined_answer(setup, form.values(answer))
 
@@ -121,6 +136,12 @@ TRAINING = (
         training,
         "weights held, joints turned by up to 2 rad and begun at zero",
         {"weights": False, "turn": 2.0},
+    ),
+    Experiment(
+        "training-two-sides",
+        training,
+        "weights held, people with a left and a right arm: E_Y takes part",
+        {"weights": False, "person": "arms"},
     ),
     Experiment(
         "training-data-alone",

@@ -5,7 +5,7 @@
 | `bodies` | 17 fits of synthetic people, graded; start 0 or a random one | answer or best cost |
 | `more-wild` | 54 sums of squares, 2 to 100 unknowns, near and far starts | best cost |
 | `nist` | 12 regressions of NIST's, 2 to 8 unknowns, 2 starts | answer, deviations: 11 digits |
-| `training` | 4 small trainings of SMPL, 744 to 888 unknowns | best cost |
+| `training` | 5 small trainings of SMPL, 744 to 888 unknowns | best cost |
 | `triangles` | 7 small trainings of SCAPE and BlendSCAPE, 276 to 702 unknowns | best cost |
 
 Each problem is an experiment with a name of its own: `workbench run nist-misra1a --set start=2`.

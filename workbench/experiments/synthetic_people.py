@@ -9,7 +9,6 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.blocks import Values
-from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.errors import BadArgument
 from workbench.fitting.known import KnownAnswer
@@ -39,7 +38,7 @@ def bent_person(body: Body, rng: np.random.Generator, pose_sigma: float) -> Valu
     return person_at_origin(body, rng, pose_sigma) | {trans: TRANS_SIGMA * rng.standard_normal(3)}
 
 
-def likely_person(body: SkinnedBody, rng: np.random.Generator) -> Values:
+def likely_person(body: Body, rng: np.random.Generator) -> Values:
     """A person drawn from the priors of a keypoint fit, so that these priors are right.
 
     The root, which has no prior, is turned by 0.3 rad per axis.
@@ -71,7 +70,7 @@ def start_text(start: int, sigma: float = 0.3) -> str:
     return f", from random start {start} ({sigma:g} rad)" if start else ", from the template"
 
 
-def exact_answer(body: SkinnedBody, truth: Values) -> KnownAnswer:
+def exact_answer(body: Body, truth: Values) -> KnownAnswer:
     """The known answer of data without noise: the person of whom they were made, at a cost of 0.
 
     Rotation vectors are shortened to at most half a turn, since a whole turn changes nothing.

@@ -1,6 +1,5 @@
 """The priors on a body's pose and shape that decide what observations leave open."""
 
-from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.priors.poses import shipped_gaussian
 from workbench.residuals import Residual, gaussian
@@ -8,7 +7,7 @@ from workbench.residuals import Residual, gaussian
 SMPL_JOINTS = 24  # of the bodies for which the pose prior was learned
 
 
-def pose_prior(body: SkinnedBody) -> Residual:
+def pose_prior(body: Body) -> Residual:
     """A Gaussian on all joint rotations but the root's, learned from motion capture.
 
     `data/poses/cmu_gaussian.npz` holds it, and PROVENANCE.md beside it names the source. A body

@@ -6,7 +6,7 @@ import numpy as np
 
 from workbench.arrays import Array, Mask
 from workbench.blocks import Values
-from workbench.bodies import SkinnedBody
+from workbench.bodies.body import Body
 from workbench.fitting.mesh_start import moved
 from workbench.fitting.observations import BadObservation
 from workbench.fitting.setup import View
@@ -17,7 +17,7 @@ from workbench.geometry.rotation import matrix_from_vector
 TORSO = ("left_shoulder", "right_shoulder", "left_hip", "right_hip")
 
 
-def place_body(body: SkinnedBody, views: Sequence[View], values: Values) -> Values:
+def place_body(body: Body, views: Sequence[View], values: Values) -> Values:
     """The root's rotation and the translation, by triangulation or from a single image.
 
     Raises BadObservation if fewer than three keypoints are known, or there is no image.
@@ -29,13 +29,13 @@ def place_body(body: SkinnedBody, views: Sequence[View], values: Values) -> Valu
     return _from_one(body, views[0], values)
 
 
-def _rest(body: SkinnedBody, views: Sequence[View]) -> tuple[Array, Mask]:
+def _rest(body: Body, views: Sequence[View]) -> tuple[Array, Mask]:
     """The landmarks (M, 3) m of the body at rest, and which of them are on the torso (M,)."""
     names = body.landmark_names(views[0].landmarks)
     return body.landmark(views[0].landmarks), np.isin(names, TORSO)
 
 
-def _from_several(body: SkinnedBody, views: Sequence[View], values: Values) -> Values:
+def _from_several(body: Body, views: Sequence[View], values: Values) -> Values:
     """The rest body moved rigidly onto triangulated keypoints, of the torso if these suffice."""
     rest, torso = _rest(body, views)
     places = triangulate(
@@ -55,7 +55,7 @@ def _from_several(body: SkinnedBody, views: Sequence[View], values: Values) -> V
     return moved(body, motion.R, motion.t)
 
 
-def _from_one(body: SkinnedBody, view: View, values: Values) -> Values:
+def _from_one(body: Body, view: View, values: Values) -> Values:
     """The place of the rest body by similar triangles, as SMPLify begins (Bogo et al. 2016).
 
     The body is turned about its own axis and in the image plane, and scaled to the keypoints; the

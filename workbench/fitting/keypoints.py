@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
 from workbench.blocks import Block, Points, Values
-from workbench.bodies import SkinnedBody
+from workbench.bodies.body import Body
 from workbench.fitting.body_priors import pose_prior, shape_prior
 from workbench.fitting.detector_layouts import counted_by_part
 from workbench.fitting.keypoint_start import place_body
@@ -26,7 +26,7 @@ FOCAL_SIGMA = 0.3  # of log f, for a camera of unknown focal length
 
 def keypoint_fit(
     observations: Observations,
-    body: SkinnedBody,
+    body: Body,
     question: str,
     *,
     sigma: float = 4.0,
@@ -116,7 +116,7 @@ def camera_residual(
     return residual, (observed, confidence)
 
 
-def unused(observations: Observations, body: SkinnedBody) -> tuple[str, ...]:
+def unused(observations: Observations, body: Body) -> tuple[str, ...]:
     """A sentence on the observed keypoints that have no landmark on the body, if there are any."""
     kind = landmark_set(body)
     landmarks, observed = body.landmark_names(kind), observations.observed()
@@ -130,7 +130,7 @@ def unused(observations: Observations, body: SkinnedBody) -> tuple[str, ...]:
     )
 
 
-def landmark_set(body: SkinnedBody) -> str:
+def landmark_set(body: Body) -> str:
     """The landmark set that is fitted: `coco` where the body has it, or else its joints."""
     return "coco" if "coco" in body.landmarks else "joints"
 
@@ -155,7 +155,7 @@ def focal_prior(camera: Camera, start: Values) -> Residual:
 
 
 def measures(
-    body: SkinnedBody, views: Sequence[View], values: Values, reference: Array | None
+    body: Body, views: Sequence[View], values: Values, reference: Array | None
 ) -> tuple[Measure, ...]:
     """The mean reprojection error of every view, by `reprojection_errors`, and the mean distances
     of COCO's 17 keypoints to their triangulated and published positions.

@@ -2,14 +2,14 @@
 
 from workbench.arrays import Array
 from workbench.blocks import Block, Values
-from workbench.bodies import SkinnedBody
+from workbench.bodies.body import Body
 from workbench.fitting.setup import Measure, Setup, distances, rms
 from workbench.problem import Problem
 from workbench.residuals import Residual, landmarks
 
 
 def joint_fit(
-    body: SkinnedBody,
+    body: Body,
     observed: Array,
     question: str,
     *,

@@ -6,27 +6,27 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.blocks import Block, Layout, Values
-from workbench.bodies import SkinnedBody
+from workbench.bodies.body import Body
 from workbench.bodies.forward.posing import local_rotations, world_rotations
 from workbench.geometry.rigid import procrustes, segment_motions
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 
-Start = Callable[[SkinnedBody, Array], Values]  # from a body and a mesh (N, 3) m of its topology
+Start = Callable[[Body, Array], Values]  # from a body and a mesh (N, 3) m of its topology
 RIGID = 0.03  # m: how far off a body is whose parts are placed as if each were rigid
 
 
-def zero(body: SkinnedBody, observed: Array) -> Values:
+def zero(body: Body, observed: Array) -> Values:
     """Bind pose, mean shape and no translation: the template where it is."""
     return body.start()
 
 
-def placed(body: SkinnedBody, observed: Array) -> Values:
+def placed(body: Body, observed: Array) -> Values:
     """The root's rotation and the translation of the rest body moved rigidly onto a mesh."""
     motion = procrustes(body.vertices(), observed)
     return moved(body, motion.R, motion.t)
 
 
-def moved(body: SkinnedBody, R: Array, t: Array) -> Values:
+def moved(body: Body, R: Array, t: Array) -> Values:
     """Pose and trans of the rest body moved as a whole by p -> R p + t; the root turns about its
     own joint.
     """
@@ -37,11 +37,11 @@ def moved(body: SkinnedBody, R: Array, t: Array) -> Values:
     return {pose.name: turned, trans.name: R @ root + t - root}
 
 
-def from_correspondences(body: SkinnedBody, observed: Array) -> Values:
+def from_correspondences(body: Body, observed: Array) -> Values:
     """Pose, betas and trans of a body near a mesh (N, 3) m, however far it is bent.
 
     Each part is moved rigidly onto the mesh by itself (Procrustes; vertices are weighted by the
-    squares of their skinning weights). The rotations along the tree are those of each part
+    squares of their `vertex_weights`). The rotations along the tree are those of each part
     relative to its parent; their angles lie in [0, pi]. The vertices are then linear in betas and
     trans, which are solved for. Betas have their standard normal prior, because the shape would
     otherwise make up for parts that are not rigid.
@@ -52,7 +52,7 @@ def from_correspondences(body: SkinnedBody, observed: Array) -> Values:
     mesh = Layout((target,)).pack({target.name: observed}).reshape(target.shape)
     bound = world_rotations(matrix_from_vector(body.bind_pose), body.parents)
     at_rest = local_rotations(bound, body.parents)
-    weights = body.weights.T**2
+    weights = body.vertex_weights.T**2
     visible = np.count_nonzero(weights, axis=1) >= 3
     motions = segment_motions(body.template, mesh, np.where(visible[:, None], weights, 1.0))
     world = np.stack([motion.R for motion in motions]) @ bound
@@ -64,7 +64,7 @@ def from_correspondences(body: SkinnedBody, observed: Array) -> Values:
     return {pose.name: found, betas.name: shape, trans.name: shift}
 
 
-def _shape_of(body: SkinnedBody, pose: Array, mesh: Array) -> tuple[Array, Array]:
+def _shape_of(body: Body, pose: Array, mesh: Array) -> tuple[Array, Array]:
     """Betas (B,) and trans (3,) m for a known pose, by ridge regression.
 
     A part is off as a whole, so all of its vertices together count as one observation.

@@ -9,6 +9,8 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
+from workbench.bodies.body import Body
+from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadSetup, UnknownName
 from workbench.fitting.known import KnownAnswer
 from workbench.geometry.camera import Camera
@@ -99,7 +101,7 @@ class Setup:
     problem: Problem
     start: Values
     question: str
-    body: SkinnedBody | None = None
+    body: Body | None = None
     views: tuple[View, ...] = ()
     truth: Array | None = None
     measures: Callable[[Values], tuple[Measure, ...]] = lambda values: ()
@@ -113,7 +115,8 @@ class Setup:
     def __post_init__(self) -> None:
         expect("problem", self.problem, Problem, "a Problem")
         expect("start", self.start, Mapping, "a dict of arrays by the names of blocks")
-        expect("body", self.body, (SkinnedBody, NoneType), "a SkinnedBody or None")
+        kinds = SkinnedBody, TriangleBody, NoneType
+        expect("body", self.body, kinds, "a SkinnedBody, a TriangleBody or None")
         expect("question", self.question, str, "a text")
         expect("known", self.known, (KnownAnswer, NoneType), "a KnownAnswer or None")
         expect("views", self.views, (tuple, list), "several Views")

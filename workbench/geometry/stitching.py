@@ -14,8 +14,9 @@ from typing import Any
 import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg import cholesky_banded
 from scipy.sparse import csc_array, csr_array
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse.csgraph import connected_components, reverse_cuthill_mckee
 from scipy.sparse.linalg import SuperLU, splu
 
 from workbench.arrays import Array, Index
@@ -104,10 +105,15 @@ class Stitching:
         return cs.vertcat(found, cs.MX.zeros(1, pulls.shape[1]))[place.tolist(), :]
 
     @cached_property
+    def solved(self) -> Index:
+        """The vertices that are solved for: all but the first one of every component."""
+        first = np.unique(self.components, return_index=True)[1]
+        return np.setdiff1d(np.arange(self.n_vertices), first)
+
+    @cached_property
     def _factors(self) -> tuple[SuperLU, Index]:
         """A'A without the first vertex of every component, and the vertices that are left."""
-        first = np.unique(self.components, return_index=True)[1]
-        kept = np.setdiff1d(np.arange(self.n_vertices), first)
+        kept = self.solved
         normal = csc_array(self.A.T @ self.A)[kept][:, kept]
         # positive definite: no pivoting, and an order for symmetric matrices, keep it sparse
         lu = splu(
@@ -117,6 +123,25 @@ class Stitching:
             options={"SymmetricMode": True, "Equil": False},
         )
         return lu, kept
+
+
+def banded_factor(stitching: Stitching) -> tuple[Array, Index]:
+    """The Cholesky factor L of A'A for a program without sparse matrices, and its order.
+
+    The factor (width, n) has L[j + m, j] in row m and column j, as LAPACK stores it. Its rows are
+    the vertices `order` (n,), which Cuthill and McKee's algorithm keeps near their neighbours;
+    those that `solve` puts at 0 are left out.
+    """
+    kept = stitching.solved
+    normal = csr_array(stitching.A.T @ stitching.A)[kept][:, kept]
+    places = reverse_cuthill_mckee(csr_array(normal), symmetric_mode=True)
+    near = csr_array(normal[places][:, places])
+    rows, columns = near.nonzero()
+    width = 1 + int((rows - columns).max(initial=0))
+    banded = np.zeros((width, len(kept)))
+    below = rows >= columns
+    banded[(rows - columns)[below], columns[below]] = near.data[below]
+    return np.asarray(cholesky_banded(banded, lower=True)), kept[places]
 
 
 def _sorted(factor: Any) -> csc_array:

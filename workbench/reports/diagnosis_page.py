@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from workbench import plots
-from workbench.bodies import SkinnedBody
+from workbench.bodies.body import Body
 from workbench.diagnostics import Diagnosis, DiagnosisComparison, SequenceDiagnosis
 from workbench.diagnostics.findings import held
 from workbench.diagnostics.structure import pose_moves_template
@@ -31,7 +31,7 @@ def write_diagnosis(
     *,
     title: str,
     question: str = "",
-    body: SkinnedBody | None = None,
+    body: Body | None = None,
     against: Diagnosis | SequenceDiagnosis | None = None,
     source: str | None = None,
 ) -> Path:
@@ -78,7 +78,7 @@ def diagnosis_page(
     d: Diagnosis,
     title: str,
     question: str,
-    body: SkinnedBody | None,
+    body: Body | None,
     compared: DiagnosisComparison | None,
 ) -> str:
     """The page of a diagnosis."""
@@ -114,7 +114,7 @@ def _findings(d: Diagnosis | SequenceDiagnosis, title: str, question: str) -> di
     }
 
 
-def _numbers(d: Diagnosis, body: SkinnedBody | None) -> dict[str, Any]:
+def _numbers(d: Diagnosis, body: Body | None) -> dict[str, Any]:
     """What the page says of a Jacobian whose numbers are finite."""
     return {
         "yardsticks": str(d.point.yardsticks),

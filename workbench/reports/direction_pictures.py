@@ -6,7 +6,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.blocks import Values
-from workbench.bodies import SkinnedBody
+from workbench.bodies.body import Body
 from workbench.bodies.forward.arguments import arguments_from_values
 from workbench.diagnostics import Diagnosis, Direction
 from workbench.geometry.rotation import matrix_from_vector
@@ -18,7 +18,7 @@ UNSEEN_MOVE = 0.5  # units along a direction that nothing holds
 MOST_MOVE = 1.0  # units: two sigmas may be far out of the linear world
 
 
-def pictures(d: Diagnosis, found: Sequence[Direction], body: SkinnedBody | None) -> list[Shown]:
+def pictures(d: Diagnosis, found: Sequence[Direction], body: Body | None) -> list[Shown]:
     """The body moved along the first directions that move it at all; none for several frames."""
     several = any(block.framed for block in d.problem.known.values())
     if body is None or several or _arguments(d, body, d.values) is None:
@@ -40,9 +40,7 @@ def pictures(d: Diagnosis, found: Sequence[Direction], body: SkinnedBody | None)
     return drawn
 
 
-def _moved(
-    d: Diagnosis, direction: Direction, body: SkinnedBody, amount: float
-) -> dict[str, Array]:
+def _moved(d: Diagnosis, direction: Direction, body: Body, amount: float) -> dict[str, Array]:
     """Surfaces (N, 3) m by label, the person upright whatever the world's axes are."""
     free = d.free
     x = free.pack(d.values)
@@ -56,7 +54,5 @@ def _moved(
     return {label: surfaces[label] for label in ("−", "here", "+")}
 
 
-def _arguments(
-    d: Diagnosis, body: SkinnedBody, values: Values
-) -> tuple[Array, Array, Array] | None:
+def _arguments(d: Diagnosis, body: Body, values: Values) -> tuple[Array, Array, Array] | None:
     return arguments_from_values(body, (p for r in d.problem.residuals for p in r.points), values)

@@ -11,7 +11,7 @@ import numpy as np
 
 from workbench import plots
 from workbench.arrays import Array
-from workbench.bodies import SkinnedBody
+from workbench.bodies.body import Body
 from workbench.bodies.forward.arguments import arguments_from_values
 from workbench.fitting.setup import Setup
 from workbench.geometry.rotation import matrix_from_vector
@@ -199,11 +199,11 @@ def _views(p: Posterior, setup: Setup) -> list[Shown]:
     return found
 
 
-def _arguments(p: Posterior, body: SkinnedBody, values: Mapping[str, Any]) -> Any:
+def _arguments(p: Posterior, body: Body, values: Mapping[str, Any]) -> Any:
     return arguments_from_values(body, (q for r in p.problem.residuals for q in r.points), values)
 
 
-def _surface(p: Posterior, body: SkinnedBody, values: Mapping[str, Any]) -> Any:
+def _surface(p: Posterior, body: Body, values: Mapping[str, Any]) -> Any:
     return body.vertices(*_arguments(p, body, values))
 
 

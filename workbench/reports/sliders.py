@@ -1,6 +1,7 @@
-"""A body as one page in which theta and beta can be moved: SMPL in the browser, nothing fetched."""
+"""A body as one page in which theta and beta can be moved, computed in the browser."""
 
 from base64 import b64encode
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -9,20 +10,52 @@ from numpy.typing import NDArray
 
 from workbench.bodies import SkinnedBody
 from workbench.bodies.skinned import not_skinned
+from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadArgument
+from workbench.geometry.stitching import banded_factor
 from workbench.reports.page import page
 from workbench.writing import replacing
 
 MOST_WEIGHTS = 4  # per vertex, as in SMPL
+MOST_STITCHED = 2_000  # vertices: beyond, the factor of the stitching makes the page too large
 NOTE = (
-    "This page computes what the workbench computes, in double precision; only the pose blend "
-    "shapes are stored in single precision. A test compares its vertices in a browser with those "
-    "of Python: they differ by less than 0.00001 mm. The page's address keeps the settings, so "
-    "that a link to it shows the same body."
+    "This page computes what the workbench computes, in double precision; only {single} stored in "
+    "single precision. A test compares its vertices in a browser with those of Python: they differ "
+    "by less than 0.00001 mm. The page's address keeps the settings, so that a link to it shows "
+    "the same body."
 )
 
 
-def write_sliders(body: SkinnedBody, path: str | Path) -> Path:
+@dataclass(frozen=True)
+class Part:
+    """A switch of the page.
+
+    Attributes:
+        id: what the page's program calls the part.
+        label: what the reader sees.
+        on: whether it is on at first; the whole model has all parts in this state.
+    """
+
+    id: str
+    label: str
+    on: bool = True
+
+
+SKINNED = (
+    Part("weights", "blend weights"),
+    Part("pose_shapes", "pose blend shapes"),
+    Part("shape_shapes", "shape blend shapes"),
+    Part("dual", "dual quaternions instead of linear blending", on=False),
+)
+STITCHED = (
+    Part("pose_shapes", "Q, what the pose does to each triangle"),
+    Part("shape_shapes", "D, what the shape does to each triangle"),
+    Part("stitched", "stitching; without it, each triangle stands about its middle"),
+)
+BLENDED = Part("weights", "blending of the parts' rotations, of which each triangle has several")
+
+
+def write_sliders(body: SkinnedBody | TriangleBody, path: str | Path) -> Path:
     """Write the page of a body. Raises BadArgument for one that it cannot show, and BadFile."""
     text, path = sliders_page(body), Path(path)
     with replacing(path) as temporary:
@@ -30,17 +63,25 @@ def write_sliders(body: SkinnedBody, path: str | Path) -> Path:
     return path
 
 
-def sliders_page(body: SkinnedBody) -> str:
-    """The page."""
+def sliders_page(body: SkinnedBody | TriangleBody) -> str:
+    """The page. Raises BadArgument for a body that it cannot show."""
+    if isinstance(body, TriangleBody):
+        data, script, stored = triangle_data(body), "scape.js", "the deformations of triangles are"
+        parts = STITCHED if data["model"] == "SCAPE" else (BLENDED, *STITCHED)
+    else:
+        data, script, stored = skinned_data(body), "smpl.js", "the pose blend shapes are"
+        parts = SKINNED
     return page(
         "sliders.html",
         title=f"Moving theta and beta: {body.name}",
-        data=body_data(body),
-        note=NOTE,
+        data=data,
+        parts=parts,
+        script=script,
+        note=NOTE.format(single=stored),
     )
 
 
-def body_data(body: SkinnedBody) -> dict[str, Any]:
+def skinned_data(body: SkinnedBody) -> dict[str, Any]:
     """The arrays for smpl.js, in base64: little-endian, row by row.
 
     Raises BadArgument for a body that is not SMPL's, is not bound in the pose zero, has free arrays
@@ -64,16 +105,55 @@ def body_data(body: SkinnedBody) -> dict[str, Any]:
     shares[:, body.n_joints :] = 0  # where there are fewer joints than weights
     skeleton = body.numeric.skeleton
     return {
-        "joint_names": list(body.joint_names),
-        "parents": list(body.parents),
-        "template": _text(body.template, "<f8"),
+        "model": "SMPL",
+        **_common(body),
         "shapedirs": _text(body.shapedirs.transpose(2, 0, 1), "<f8"),
         "joints_mean": _text(skeleton.mean, "<f8"),
         "joints_move": _text(skeleton.slopes.transpose(2, 0, 1), "<f8"),
         "weights": _text(shares, "<f8"),
         "carriers": _text(carriers, "<u2"),
-        "faces": _text(body.faces, "<u4"),
         "bulges": [_bulge(body, k) for k in range(1, body.n_joints)],
+    }
+
+
+def triangle_data(body: TriangleBody) -> dict[str, Any]:
+    """The arrays for scape.js, in base64: little-endian, row by row.
+
+    Raises BadArgument for a body with free arrays, or of more than 2,000 vertices.
+    """
+    for wrong, why in (
+        (body.free, "has free arrays; give them values first"),
+        (
+            body.n_vertices > MOST_STITCHED,
+            f"has {body.n_vertices:,} vertices, and the page stitches up to {MOST_STITCHED:,}",
+        ),
+    ):
+        if wrong:
+            raise BadArgument(f"body {body.name!r} {why}; the page cannot show it")
+    factor, order = banded_factor(body.stitching)
+    one_part = int(np.diff(body.weights.indptr).max()) == 1
+    return {
+        "model": "SCAPE" if one_part else "BlendSCAPE",
+        **_common(body),
+        "shapedirs": _text(body.shapedirs, "<f4"),
+        "posedirs": _text(body.posedirs, "<f4"),
+        "near": _text(body.near, "<u2"),
+        "shares": _text(body.weights.data, "<f8"),
+        "carriers": _text(body.weights.indices, "<u2"),
+        "ends": _text(body.weights.indptr[1:], "<u4"),
+        "root_row": _text(body.J_regressor[[0]].toarray(), "<f8"),
+        "factor": _text(factor, "<f8"),
+        "order": _text(order, "<u4"),
+    }
+
+
+def _common(body: SkinnedBody | TriangleBody) -> dict[str, Any]:
+    """What every body has."""
+    return {
+        "joint_names": list(body.joint_names),
+        "parents": list(body.parents),
+        "template": _text(body.template, "<f8"),
+        "faces": _text(body.faces, "<u4"),
     }
 
 

@@ -33,6 +33,17 @@ def limb(rings: int, around: int) -> Start:
     return Start(v, faces, (-1, 0), ("root", "tip"), np.where(v[:, 0] > 0, 1, 0))
 
 
+def arms(rings: int, around: int) -> Start:
+    """A tube like `worm`'s with three joints: the root, and an arm on each side of it.
+
+    The arms are what lies more than a quarter of the way out. Alike on both sides of x = 0 if the
+    number of rings is odd, so that it has a mirror.
+    """
+    v, faces = _tube(rings, around)
+    segments = np.select([v[:, 0] > 0.125, v[:, 0] < -0.125], [1, 2], 0)
+    return Start(v, faces, (-1, 0, 0), ("root", "left_arm", "right_arm"), segments)
+
+
 def _tube(rings: int, around: int) -> tuple[Array, Index]:
     """The vertices (N, 3) m and faces of a closed tube along x, from -0.5 m to 0.5 m."""
     x = np.linspace(-0.5, 0.5, rings)

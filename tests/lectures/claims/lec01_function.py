@@ -27,37 +27,37 @@ SAYS = {
         len(run["given"]),
         3 in run["fits"],
     ),
-    "The cubic follows the examples and leaves at their end": lambda run: (
+    "The cubic follows the examples, but leaves the true curve where they end.": lambda run: (
         run.line("degree 3")[1] < 5,
         run.line("degree 3")[2] > 1000,
     ),
-    "the body comes back after a full turn (2 pi = 6.28), a polynomial never does": lambda run: (
+    "The body comes back after a full turn (2 pi = 6.28); a polynomial never does.": lambda run: (
         2,
         2 * pi,
         np.allclose(run["tip"](run["given"] + 2 * pi), run["tip"](run["given"])),
         all(line[2] > 1000 for line in run.lines("one turn further")),
     ),
-    "the best fit is six times as far off": lambda run: (
+    "the largest error of the best fit is six times as large": lambda run: (
         5.5 < with_one_coefficient_twice(run)[1] / with_one_coefficient_twice(run)[0] < 6.8
     ),
-    "Now all of it: 72 numbers in, 369 vertices out.": lambda run: (
+    "Now we take the whole body: 72 numbers in, 369 vertices out.": lambda run: (
         run["poses"][0].size,
         run["body"].n_vertices,
     ),
-    "the linear function of the 72 numbers": lambda run: run["poses"][0].size,
-    "are learned from the same four hundred. Four hundred examples do not teach": lambda run: (
+    "a linear function of the 72 numbers": lambda run: run["poses"][0].size,
+    "are learned from the same four hundred examples. Four hundred examples do not teach": lambda run: (
         len(run["poses"]),
         len(run["poses"]),
         min(polynomials(run)) > 20 * mean_error(run, "bones and skin"),
     ),
-    "both polynomials are off by centimetres in the mean, and SMPL by less than a millimetre": (
+    "both polynomials are off by centimetres on average, and SMPL by less than a millimetre": (
         lambda run: (min(polynomials(run)) > 20, mean_error(run, "SMPL") < 1)
     ),
     "A full cubic in 72 numbers has $\\binom{75}{3}$ = 67,525 coefficients": lambda run: (
         run["poses"][0].size,
         comb(72 + 3, 3),
     ),
-    "The forearm gets shorter": lambda run: all(
+    "this mean makes it shorter": lambda run: all(
         line[1] == line[-1] < 1 for line in run.lines("rad apart")
     ),
     "pose $\\theta$ (24 rotation vectors)": lambda run: run["body"].n_joints,
@@ -66,22 +66,20 @@ SAYS = {
         run["K"] - 1,
         run["B"],
     ),
-    "SMPL is not linear in the pose, nor in two arguments together that multiply each "
-    "other; in each other argument alone it is linear.": lambda run: (
+    "SMPL is not linear in the pose. It is linear in each of the other arguments alone, but not in two arguments that are multiplied with each other": lambda run: (
         {line[:24].strip() for line in run.printed.splitlines() if line.endswith("not linear")}
         == {"weights and posedirs", "shapedirs and betas", "pose"}
     ),
-    "template and pose directions are the solution of *one* linear least-squares problem": lambda run: (
+    "the template and the pose directions are the solution of *one* linear least-squares problem": lambda run: (
         run["linear_in"]("template", "posedirs")
     ),
-    "SMPL is linear in everything but the pose, one argument at a time.": lambda run: all(
+    "Taken one at a time, all arguments of SMPL but the pose enter linearly.": lambda run: all(
         run["linear_in"](name) == (name != "pose")
         for name in ("template", "shapedirs", "posedirs", "weights", "betas", "trans", "pose")
     ),
 }
 
 GIVEN = (
-    "some thousand points of the skin",
     "(The table in *Body Models II* adds up to 6,014,970.",
     "the four weights of a vertex as twelve",
 )

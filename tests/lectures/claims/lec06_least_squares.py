@@ -37,7 +37,7 @@ SAYS = {
     ),
     "its length $u = 0.30$ m": lambda run: run["UPPER"],
     "here $4 \\times 2$": lambda run: run["jacobian"](run["start"]).shape == (4, 2),
-    "Half of the gradient still points downhill": lambda run: np.allclose(
+    "Minus half of the gradient still points downhill": lambda run: np.allclose(
         run["printed"] / run["slope"], 0.5, atol=1e-6
     ),
     "the elbow is bent by about 0.2 rad, and add $w\\,(b - 0.2)^2$ with $w = 0.02$ m²/rad²": (
@@ -47,10 +47,10 @@ SAYS = {
             np.isclose(run["both"](np.array([0, 1.2])) - run["F"](np.array([0, 1.2])), run["w"]),
         )
     ),
-    "The lost factor has doubled the weight of the belief, without a word, and the answer is off by "
-    "0.09 rad.": lambda run: elbows(run)[0] - elbows(run)[1],
-    "Too short a step (0.2) creeps; one that is a little too long (2.8) never settles, a longer one "
-    "(4.5) leaps about": lambda run: (
+    "The lost factor has silently doubled the weight of the belief, and the answer is off by 0.09 rad.": lambda run: (
+        elbows(run)[0] - elbows(run)[1]
+    ),
+    "With a factor s that is too small (0.2) it creeps; with one that is a little too large (2.8) it never settles, and with a still larger one (4.5) it leaps about.": lambda run: (
         run["lengths"][0],
         run["lengths"][2],
         run["lengths"][3],
@@ -58,35 +58,33 @@ SAYS = {
         run["fallen"][2.8][-1] > 1e-3,
         np.ptp(run["fallen"][4.5][-20:]) > np.ptp(run["fallen"][2.8][-20:]),
     ),
-    "The border is at 2 over the largest eigenvalue": lambda run: (
+    "The descent settles if $s$ is below 2 over the largest eigenvalue": lambda run: (
         2,
         run["lengths"][1] < 2 / run["largest"] < run["lengths"][2],
     ),
-    "Five of these steps do what sixty of the others did not do": lambda run: (
+    "Five of these steps make $F$ smaller than sixty of the others did": lambda run: (
         len(run["fallen"][2.0]) - 1,
         run["F"](run["way"][5]) < 1e-3 * min(costs[-1] for costs in run["fallen"].values()),
     ),
-    "and each of the last ones doubles the number of right digits": lambda run: all(
+    "and each of the last steps doubles the number of correct digits": lambda run: all(
         1.8 < digits(off(run), step) < 2.6 for step in (4, 5)
     ),
     "that of $J^\\top J$ is the *square* of that of $J$": lambda run: (
         abs(run.line("condition of J:")[1] / run.line("condition of J:")[0] ** 2 - 1) < 0.3
     ),
     "so we solve for twenty answers": lambda run: len(run["answers"]),
-    "the library changes over to that": lambda run: (
+    "this is the library's other way": lambda run: (
         worst(run, "normal equations") > 1e-6 > 1e-8 > worst(run, "the library"),
         worst(run, "np.linalg.lstsq") < 1e-8,
     ),
-    "(negative where the point is nearer than the bone is long)": lambda run: (
+    "(which is negative if the point is nearer to the shoulder than the bone is long)": lambda run: (
         run.line("rho = 0.5 u: J'J")[-1] < 0 < run.line("rho = 1.5 u: J'J")[-1]
     ),
-    "**triples** the digits": lambda run: digits(run["found"][1.0], 2) > 2.5,
-    "And at $\\rho > 2 u$ it is more than one.": lambda run: (
+    "**triples** the number of correct digits": lambda run: digits(run["found"][1.0], 2) > 2.5,
+    "For $\\rho > 2 u$ the factor is larger than one.": lambda run: (
         run["found"][2.2][8] > run["found"][2.2][0]
     ),
-    "Where the point can be met (ρ = u) each step triples the right digits; where it cannot, it "
-    "multiplies the error by |1 - ρ/u|; beyond 2 u the steps lead away, however near they began (that "
-    "line starts at 0.01 rad, the others at 0.5 rad)": lambda run: (
+    "If the bone can reach the point (ρ = u), each step triples the number of correct digits. If it cannot, each step multiplies the error by about |1 - ρ/u|. Beyond 2 u the steps lead away, however near to the best angle they begin (that line starts at 0.01 rad, the others at 0.5 rad)": lambda run: (
         1,
         2,
         run["found"][2.2][0],
@@ -95,8 +93,7 @@ SAYS = {
         all(abs(run.line(f"rho = {rho} u: factor")[1] - abs(1 - rho)) < 1e-3 for rho in (1.2, 0.5)),
         bool((np.diff(run["found"][2.2][:9]) > 0).all()),
     ),
-    "(At 1.9 u the law is not yet met: it is one of small errors, and after 12 steps the error is not "
-    "small.)": lambda run: (
+    "(At 1.9 u the printed factor does not yet agree with the law, which holds for small errors: after 12 steps the error is not small.)": lambda run: (
         1.9,
         len(run["found"][1.9]) - 1,
         abs(run.line("rho = 1.9 u: factor")[1] - 0.9) > 1e-3,
@@ -107,29 +104,28 @@ SAYS = {
         0,
         np.isclose(run["far"]["target"][0], 2.2 * run["UPPER"]),
     ),
-    "Full steps go to and fro, and none of them was better than the start.": lambda run: (
+    "Full steps go back and forth, and none of them leads to a better point than the start.": lambda run: (
         run.line("gauss-newton-full:")[-1] == 0.5,
     ),
-    "the status says that it did not converge": lambda run: (
+    "the status says that the solver did not converge": lambda run: (
         "gauss-newton-full: MAX_ITERATIONS" in run.printed
     ),
-    "halves the step until a fair share is kept": lambda run: (
+    "halves the step until the actual decrease is a fair share of the predicted one": lambda run: (
         "gauss-newton     : CONVERGED" in run.printed,
         abs(run.line("gauss-newton     :")[-1]) < 1e-3,
     ),
-    "72 numbers of the pose and 3 of its place, fitted to 369 vertices that we made up": lambda run: (
+    "72 numbers for the pose and 3 for the position are fitted to 369 vertices": lambda run: (
         run["bent"]["pose"].size,
         run["bent"]["trans"].size,
         run["body"].n_vertices,
     ),
-    "In the second line the cost has fallen twentyfold, and yet one number of the pose is further off "
-    "than at the start": lambda run: (
+    "In the second printed line the cost is twenty times smaller, and yet one number of the pose is further off than at the start": lambda run: (
         run["solution"].trace[0].cost / run["solution"].trace[1].cost,
         pose_off(run)[1] > 1.05 * pose_off(run)[0],
     ),
-    "Gauss-Newton is quick where the data can be met.": lambda run: (
+    "Gauss-Newton is fast if the model can fit the data closely.": lambda run: (
         len(run["solution"].trace) < 10 and pose_off(run)[-1] < 1e-9
     ),
 }
 
-GIVEN = ("Below 1e-17 is drawn at 1e-17.",)
+GIVEN = ("Errors below 1e-17 are drawn at 1e-17.",)

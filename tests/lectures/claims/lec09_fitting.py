@@ -41,7 +41,7 @@ def depth(run: Run, cameras: int) -> float:
 
 def place(run: Run) -> list[float]:
     """How well one camera tells the place: across, up and in depth, mm."""
-    return [float(one) for one in run.line("1 camera ", "sigma of the place")[-3:]]
+    return [float(one) for one in run.line("1 camera ", "sigma of trans")[-3:]]
 
 
 def unseen_turns(run: Run) -> float:
@@ -61,29 +61,28 @@ def unseen_turns(run: Run) -> float:
 
 
 SAYS = {
-    "with a noise of 5 mm. Its": lambda run: 1e3 * run["NOISE"],
-    "the unknowns are 72 numbers of the pose $\\theta$, 10 of the shape $\\beta$ and 3 of the place": (
+    "with a noise of 5 mm. We know": lambda run: 1e3 * run["NOISE"],
+    "The unknowns are 72 numbers of the pose $\\theta$, 10 of the shape $\\beta$ and 3 of the translation": (
         lambda run: tuple(run["truth"][name].size for name in ("pose", "betas", "trans"))
     ),
-    "about ten iterations, and the fit is *better* than its data": lambda run: (
+    "it takes about ten iterations, and the fit is *closer to the truth* than its data": lambda run: (
         10,
         all(7 < line[1] < 14 for line in run.lines("noise ", "iterations")),
         run.line("noise 5 mm")[2] < 5,
     ),
     "It has $m = 1107$ equations for $p = 85$ unknowns": lambda run: (run["m"], run["p"]),
-    "the fit can follow noise only in the 85 directions": unknowns,
-    "So the error is $\\sigma \\sqrt{p/m}$, to first order.": lambda run: (
+    "it can follow the noise only in the 85 directions": unknowns,
+    "So the error per coordinate is $\\sigma \\sqrt{p/m}$, to first order.": lambda run: (
         abs(run.line("noise 5 mm")[2] / run.line("5 mm times the root of")[-1] - 1) < 0.1
     ),
-    "Take the 24 joints, seen as well": lambda run: run["body"].n_joints,
-    "The joints alone are met to *less* than their noise, which is no good sign: there are 72 equations "
-    "for 85 unknowns": lambda run: (
+    "Take the 24 joints, seen with the same noise": lambda run: run["body"].n_joints,
+    "Without priors, the joints are fitted to *less* than their noise, which is a bad sign: there are 72 equations for 85 unknowns": lambda run: (
         run["seen_joints"].size,
         unknowns(run),
         joints(run)[2] < 5,
     ),
-    "only 53 of the 85 directions are seen": lambda run: (joints(run)[0], unknowns(run)),
-    "one of its betas is off by 1.3 standard deviations": lambda run: joints(run)[4],
+    "the rank is 53 of 85": lambda run: (joints(run)[0], unknowns(run)),
+    "one beta is off by 1.3 standard deviations": lambda run: joints(run)[4],
     "Among people each beta is 0 on average, with a standard deviation of 1; the angles of this lecture "
     "are 0 on average, with a standard deviation of 0.25 rad.": lambda run: (
         0,
@@ -95,18 +94,18 @@ SAYS = {
         priors(run)[0] == unknowns(run),
         priors(run)[4] == 0.5,
     ),
-    "The skin is hardly closer, 18 mm in place of 19 mm": lambda run: (
+    "The surface is hardly closer, 18 mm in place of 19 mm": lambda run: (
         priors(run)[3],
         joints(run)[3],
         priors(run)[3] < joints(run)[3],
     ),
-    "nearly half of that comes from turns of bones that no joint depends on": lambda run: (
+    "nearly half of this error comes from turns of bones that move no joint": lambda run: (
         0.4 < unseen_turns(run) < 0.5
     ),
-    "both meet the image as well as the detector is good": lambda run: (
+    "both reproduce the image to within the noise of the detector": lambda run: (
         max(missed(run)) < run["PIXELS"]
     ),
-    "had to twist itself to do so: it sits in another minimum, at ten times the cost": lambda run: (
+    "had to twist the body to do so: it ended in another minimum, at ten times the cost": lambda run: (
         costs(run)[1] / costs(run)[0],
         run.line("begun facing away")[-1] > 1.5,
         "spine1 turned by" in run.printed,
@@ -114,28 +113,30 @@ SAYS = {
     "How good is it when the person leans towards the camera?": lambda run: (
         run["wide"]["from 80 m"][12] > 1.5
     ),
-    "too far by about 1 / cos, and by less if the camera is near": lambda run: (
+    "by a factor of about 1 / cos, and by less if the camera is near": lambda run: (
         1,
         bool((run["wide"]["from 4 m"][1:] < run["wide"]["from 80 m"][1:]).all()),
         np.allclose(run["wide"]["from 4 m"] * np.cos(run["leans"]), 1, atol=0.15),
     ),
-    "11 to 19 % too far at 30 degrees": lambda run: (
+    "11 to 19 % too large at 30 degrees": lambda run: (
         too_far(run, "from 4 m"),
         too_far(run, "from 80 m"),
         float(np.degrees(run["leans"][6])),
     ),
-    "In the image it is perfect.": lambda run: missed(run)[0] < run["PIXELS"],
-    "One camera has the person elsewhere in depth and bent otherwise.": lambda run: (
+    "In the image it agrees with the data to within the noise.": lambda run: (
+        missed(run)[0] < run["PIXELS"]
+    ),
+    "The fit to one camera is at another depth, and its limbs are bent differently.": lambda run: (
         depth(run, 1) > 100
     ),
-    "the place is known to 8 mm across the image, and to 230 mm in depth": lambda run: (
+    "the standard deviation of the translation is 8 mm across the image, and 230 mm in depth": lambda run: (
         place(run)[0],
         place(run)[2],
     ),
-    "$X / Z$ stays, and so does every pixel": lambda run: all(
+    "$X / Z$ stays the same, and so does every pixel": lambda run: all(
         line[-1] < 1e-10 for line in run.lines("times as large and as far")
     ),
-    "joints that were off by 190 mm in depth are off by 6 mm": lambda run: (
+    "the joints, which were off by 190 mm in depth, are now off by 6 mm": lambda run: (
         depth(run, 1),
         depth(run, 2),
     ),
@@ -144,4 +145,7 @@ SAYS = {
     ),
 }
 
-GIVEN = ("the weight that the detector's confidence gives (here 1)", "Left: what camera 0 sees")
+GIVEN = (
+    "a weight, which comes from the detector's confidence (here 1)",
+    "Left: what camera 0 sees",
+)

@@ -13,7 +13,7 @@ from scipy.sparse import csr_array
 from workbench.bodies.files.entries import SPARSE_PARTS
 from workbench.bodies.files.smplx_vertices import vertex_ids
 from workbench.bodies.files.triangle_layout import STYLE
-from workbench.bodies.forward.features import rotation_elements
+from workbench.bodies.forward.features import rotation_elements, star_features
 from workbench.bodies.forward.skinning import linear_blend
 from workbench.bodies.skinned import SkinnedBody, not_skinned
 from workbench.bodies.triangles import TriangleBody
@@ -28,8 +28,9 @@ def save_body(body: SkinnedBody | TriangleBody, path: str | Path) -> None:
 
     Both have SMPL's keys, float64 arrays, and the body's name, joint names, mirror, landmarks,
     bind pose, joints at rest where they are given, card and `extras`; `load_body` returns the same
-    numbers. A pickle holds numpy arrays only. A TriangleBody is saved as .npz, with the keys that
-    `triangles/layout.py` lists.
+    numbers. A pickle holds numpy arrays only. The features are SMPL's or, in .npz alone, STAR's,
+    which are told by the number of columns of posedirs. A TriangleBody is saved as .npz, with the
+    keys that `triangles/layout.py` lists.
 
     The package smplx opens the .pkl of a body of 24 joints. Beside it, `<stem>_vertex_ids.json`
     says which vertices are the nose, the eyes, the finger tips and so on, which smplx appends to
@@ -72,6 +73,11 @@ def save_body(body: SkinnedBody | TriangleBody, path: str | Path) -> None:
             f"body {body.name!r} is given its joints at rest, which a .pkl for smplx cannot say; "
             "save it as .npz, or find a J_regressor for them"
         )
+    if body.features is star_features:
+        raise BadFile(
+            f"the pose blend shapes of body {body.name!r} go by star_features, which the package "
+            "smplx does not know; save it as .npz"
+        )
     # the names come last: a model without them is whole, names without a model are not
     with replacing(path.with_name(f"{path.stem}_vertex_ids.json")) as names:
         names.write_text(json.dumps(vertex_ids(body), indent=2) + "\n")
@@ -93,10 +99,10 @@ def _skinned(body: SkinnedBody) -> dict[str, NDArray[Any]]:
             f"body {body.name!r} is not skinned by linear_blend, and its files say no other; "
             "save dataclasses.replace(body, skinning=linear_blend)"
         )
-    if body.features is not rotation_elements:
+    if body.features not in (rotation_elements, star_features):
         raise BadFile(
-            f"the pose blend shapes of body {body.name!r} do not go by rotation_elements, and its "
-            "files say nothing else; keep it as a program that makes it"
+            f"the pose blend shapes of body {body.name!r} go neither by rotation_elements nor by "
+            "star_features, and its files say nothing else; keep it as a program that makes it"
         )
     arrays = dict(body.extras) | {
         "shapedirs": body.shapedirs,

@@ -9,6 +9,7 @@ from workbench.arrays import Array, Index
 from workbench.bodies.files.entries import Contents, Entries
 from workbench.bodies.files.extras import LANDMARKS, MIRROR, REQUIRED, SKINNED, sorted_out
 from workbench.bodies.files.joint_names import family, joint_names
+from workbench.bodies.forward.features import Features, rotation_elements, star_features
 from workbench.bodies.landmarks import Landmarks
 from workbench.bodies.readonly import locked
 from workbench.bodies.skinned import SkinnedBody
@@ -22,7 +23,6 @@ INSTEAD = (  # keys by which other kinds of files are recognized
     ({"means", "covars"}, "a pose prior"),
 )
 MOST_JOINTS = 10_000  # every one of them is looked at in Python, and a body has some dozens
-STAR_COLUMNS = 93  # of its posedirs: features of quaternions, where SMPL has 207 of matrices
 
 
 def body_from(raw: Contents, name: str, where: str) -> SkinnedBody:
@@ -38,13 +38,13 @@ def body_from(raw: Contents, name: str, where: str) -> SkinnedBody:
     N, parents = _vertices(entries), parents_from(entries)
     _check_shape(entries, name, "weights", (N, len(parents)))
     _check_shape(entries, name, "J_regressor", (len(parents), N))
-    mirror = _mirror(entries, N)
+    mirror, posedirs = _mirror(entries, N), entries.directions("posedirs", N)
     own = SKINNED if mirror is None else SKINNED | {MIRROR}
     extras, left_out = sorted_out(raw, own)
     return SkinnedBody(
         template=locked(entries.reals("v_template")),
         shapedirs=locked(entries.directions("shapedirs", N)),
-        posedirs=locked(_posedirs(entries, N)),
+        posedirs=locked(posedirs),
         J_regressor=entries.matrix("J_regressor"),
         weights=locked(entries.reals("weights")),
         parents=parents,
@@ -53,6 +53,7 @@ def body_from(raw: Contents, name: str, where: str) -> SkinnedBody:
         if "joint_names" in entries
         else joint_names(len(parents)),
         mirror=mirror,
+        features=_features(posedirs, len(parents)),
         landmarks=landmarks_from(entries),
         name=entries.name("name", name),
         bound_in=entries.reals("bind_pose") if "bind_pose" in entries else None,
@@ -116,14 +117,13 @@ def parents_from(entries: Entries) -> tuple[int, ...]:
     return (-1, *(int(parent) for parent in table[0, 1:]))
 
 
-def _posedirs(entries: Entries, N: int) -> Array:
-    posedirs = entries.directions("posedirs", N)
-    if posedirs.shape[2] == STAR_COLUMNS:
-        raise BadFile(
-            f"{entries.where}: posedirs have {STAR_COLUMNS} columns, as in STAR; its features of "
-            "quaternions are not supported, SMPL's 9 (K - 1) of rotation matrices are"
-        )
-    return posedirs
+def _features(posedirs: Array, K: int) -> Features:
+    """STAR's, if posedirs (N, 3, F) have as many columns: 93 on 24 joints; otherwise SMPL's.
+
+    9 (K - 1), SMPL's number, is never 4 (K - 1) + 1.
+    """
+    is_star = posedirs.shape[2] == 4 * (K - 1) + 1
+    return star_features if is_star else rotation_elements
 
 
 def _mirror(entries: Entries, N: int) -> Index | None:

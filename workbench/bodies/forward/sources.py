@@ -128,8 +128,8 @@ def joint_points(body: SkinnedArrays, at: Arguments, numeric: NumericBody) -> Bo
     """
 
     def express() -> cs.MX:
-        posture = surface.posture(body, at.pose)
-        _, joints = surface.motions(body, posture, at.betas)
+        posture = surface.posture(body, at.pose, at.betas)
+        _, joints = surface.motions(body, posture)
         return joints + cs.repmat(at.trans, 1, body.n_joints)
 
     regressed = body.rest_joints is None and "joints" not in body.free
@@ -157,8 +157,8 @@ def landmark_points(
             regressor, used = landmarks.of_vertices
             posed = surface.posed(body, *at.symbols, used)
             return posed @ cs.MX(cs.DM(regressor.T.tocsc()))
-        posture = surface.posture(body, at.pose)
-        G, _ = surface.motions(body, posture, at.betas)
+        posture = surface.posture(body, at.pose, at.betas)
+        G, _ = surface.motions(body, posture)
         features = body.features(posture)
         means = numeric.rest_points(landmarks).expression(G, features, at.betas)
         return means + cs.repmat(at.trans, 1, len(landmarks.names))

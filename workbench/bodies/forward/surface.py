@@ -55,19 +55,19 @@ def rest_joints(body: SkinnedArrays, betas: cs.MX) -> cs.MX:
     return Skeleton.of(body).joints(betas)
 
 
-def posture(body: SkinnedArrays, pose: cs.MX) -> Posture:
-    """The pose with its rotations, beside the one that the template is drawn in."""
-    return Posture.of(pose, cs.DM(body.bind_pose.T))
+def posture(body: SkinnedArrays, pose: cs.MX, betas: cs.MX) -> Posture:
+    """A person's pose with its rotations, beside the one that the template is drawn in."""
+    return Posture.of(pose, cs.DM(body.bind_pose.T), betas)
 
 
-def motions(body: SkinnedArrays, at: Posture, betas: cs.MX) -> tuple[list[cs.MX], cs.MX]:
+def motions(body: SkinnedArrays, at: Posture) -> tuple[list[cs.MX], cs.MX]:
     """Binding motions (3, 4) per joint, posed joints (3, K) m."""
-    return binding_motions(at.R, at.R_bind, rest_joints(body, betas), body.parents)
+    return binding_motions(at.R, at.R_bind, rest_joints(body, at.betas), body.parents)
 
 
-def rest(body: SkinnedArrays, at: Posture, betas: cs.MX, vertices: Vertices = ALL) -> cs.MX:
+def rest(body: SkinnedArrays, at: Posture, vertices: Vertices = ALL) -> cs.MX:
     """T + B_S(beta) + B_P(theta), (3, N) m: what is skinned."""
-    person = shaped(body, betas, vertices)
+    person = shaped(body, at.betas, vertices)
     bulges = directions(body, "posedirs", vertices) @ body.features(at)
     return person + cs.reshape(bulges, person.shape)
 
@@ -76,8 +76,8 @@ def posed(
     body: SkinnedArrays, pose: cs.MX, betas: cs.MX, trans: cs.MX, vertices: Vertices = ALL
 ) -> cs.MX:
     """M(theta, beta) + trans, (3, N) m."""
-    at = posture(body, pose)
-    G, _ = motions(body, at, betas)
-    points = rest(body, at, betas, vertices)
+    at = posture(body, pose, betas)
+    G, _ = motions(body, at)
+    points = rest(body, at, vertices)
     skinned = body.skinning(points, G, weights(body, vertices))
     return skinned + cs.repmat(trans, 1, points.shape[1])

@@ -118,6 +118,15 @@ class TriangleBody:
         """The pose (K, 3) rad that leaves the template as it is: zero."""
         return np.zeros((self.n_joints, 3))
 
+    @property
+    def vertex_weights(self) -> Array:
+        """How much each vertex follows each joint, (N, K): the mean of its faces' weights."""
+        corners = self.faces.ravel()
+        shares = np.repeat(self.weights.toarray(), 3, axis=0) / np.bincount(corners)[corners, None]
+        found = np.zeros((self.n_vertices, self.n_joints))
+        np.add.at(found, corners, shares)
+        return found
+
     # What a problem is written with.
 
     def blocks(self, prefix: str = "") -> Blocks:

@@ -13,11 +13,14 @@ from scipy.sparse import csr_array, kron
 from workbench.arrays import Array
 from workbench.blocks import Block
 from workbench.bodies.forward.arguments import Arguments
-from workbench.bodies.forward.numeric_sources import BodyPoints, BodyPointsAt, Named
+from workbench.bodies.forward.numeric_sources import BodyPointsAt, Named
 from workbench.bodies.forward.rows import Target, write
 from workbench.bodies.forward.sources import BodySource
 from workbench.bodies.triangles import surface
 from workbench.bodies.triangles.arithmetic import TriangleArithmetic
+from workbench.bodies.triangles.means import StitchedMeans
+
+FEW = 6  # vertices for each mean, from which on the whole surface costs more than the means
 
 
 def surface_points(
@@ -69,7 +72,7 @@ def mean_points(
 class NumericMeans:
     """Weighted means of the points of a surface: `regressor` (M, N); see BodyPoints."""
 
-    surface: BodyPoints
+    surface: TriangleArithmetic
     regressor: csr_array
 
     @cached_property
@@ -86,9 +89,15 @@ class NumericMeans:
         return [MeansAt(self, here) for here in self.surface.evaluate_each(poses, betas, trans)]
 
     def evaluate_batch(self, poses: Array, betas: Array, trans: Array) -> Array:
-        """The means (M, L, 3) m of M poses, betas and translations, from the vertices of each."""
+        """The means (M, L, 3) m of M poses, betas and translations."""
+        if self.regressor.shape[0] * FEW <= self.regressor.shape[1]:
+            return self._without_surface(poses, betas, trans)
         whole = self.surface.evaluate_batch(poses, betas, trans)
         return np.array([self.regressor @ points for points in whole])
+
+    @cached_property
+    def _without_surface(self) -> StitchedMeans:
+        return StitchedMeans(self.surface.packed, self.regressor)
 
 
 @dataclass(frozen=True, eq=False)

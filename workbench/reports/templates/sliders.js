@@ -1,9 +1,9 @@
 "use strict";
-// Sliders to a pose, a pose to two drawings by one camera: what was chosen, and SMPL whole.
+// Sliders to a pose, a pose to two drawings by one camera: what was chosen, and the whole model.
 
 const get = id => document.getElementById(id), DEGREE = Math.PI / 180, AXES = ["x", "y", "z"];
 const state = { pose: new Float64Array(3 * body.K), betas: new Float64Array(body.B), turn: 0.5, tilt: 0.1 };
-const TOGGLES = ["weights", "pose_shapes", "shape_shapes", "dual"];
+const TOGGLES = [...document.querySelectorAll("input[data-part]")].map(input => input.id);
 const PRESETS = {
   "as drawn": {},
   "elbows bent": { left_elbow: [0, -110, 0], right_elbow: [0, 110, 0] },
@@ -64,8 +64,8 @@ function colour(share) { // cividis, coarsely: dark blue, grey, yellow
   return stops[i].map((low, c) => low + t * (stops[i + 1][c] - low));
 }
 
-function paint(canvas, points, away, most) {
-  const context = canvas.getContext("2d"), { width, height } = canvas, N = body.N;
+function paint(canvas, { points, faces }, away, most) {
+  const context = canvas.getContext("2d"), { width, height } = canvas, N = points.length / 3;
   const size = height / 2.15, sin = Math.sin(state.turn), cos = Math.cos(state.turn);
   const up = Math.cos(state.tilt), lean = Math.sin(state.tilt), seen = new Float64Array(3 * N);
   for (let i = 0; i < N; i++) {
@@ -75,9 +75,9 @@ function paint(canvas, points, away, most) {
     seen[3 * i + 1] = height / 2 - size * (up * y - lean * depth);
     seen[3 * i + 2] = size * (up * depth + lean * y);
   }
-  const F = body.faces.length / 3, order = new Uint32Array(F), depths = new Float64Array(F);
+  const F = faces.length / 3, order = new Uint32Array(F), depths = new Float64Array(F);
   for (let f = 0; f < F; f++) {
-    const [a, b, c] = body.faces.subarray(3 * f, 3 * f + 3);
+    const [a, b, c] = faces.subarray(3 * f, 3 * f + 3);
     depths[f] = seen[3 * a + 2] + seen[3 * b + 2] + seen[3 * c + 2];
     order[f] = f;
   }
@@ -85,7 +85,7 @@ function paint(canvas, points, away, most) {
   context.clearRect(0, 0, width, height);
   context.lineWidth = 0.6;
   for (const f of order) {
-    const [a, b, c] = body.faces.subarray(3 * f, 3 * f + 3);
+    const [a, b, c] = faces.subarray(3 * f, 3 * f + 3);
     const p = [a, b, c].map(v => seen.subarray(3 * v, 3 * v + 3));
     const u = [0, 1, 2].map(d => p[1][d] - p[0][d]), w = [0, 1, 2].map(d => p[2][d] - p[0][d]);
     const n = [u[1] * w[2] - u[2] * w[1], u[2] * w[0] - u[0] * w[2], u[0] * w[1] - u[1] * w[0]];
@@ -101,10 +101,10 @@ function paint(canvas, points, away, most) {
   }
 }
 
-function volume(points) {
+function volume({ points, faces }) {
   let six = 0;
-  for (let f = 0; f < body.faces.length; f += 3) {
-    const [a, b, c] = [0, 1, 2].map(i => points.subarray(3 * body.faces[f + i], 3 * body.faces[f + i] + 3));
+  for (let f = 0; f < faces.length; f += 3) {
+    const [a, b, c] = [0, 1, 2].map(i => points.subarray(3 * faces[f + i], 3 * faces[f + i] + 3));
     six += a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0]);
   }
   return six / 6;
@@ -112,13 +112,14 @@ function volume(points) {
 
 function draw() {
   const keep = Object.fromEntries(TOGGLES.map(id => [id, get(id).checked]));
-  const chosen = body.vertices(state.pose, state.betas, keep);
-  const whole = body.vertices(state.pose, state.betas);
-  const away = new Float64Array(body.N);
+  const chosen = body.drawn(state.pose, state.betas, keep);
+  const whole = { points: body.vertices(state.pose, state.betas), faces: body.faces };
+  const n = chosen.points.length / 3, away = new Float64Array(n);
   let mean = 0, most = 0;
-  for (let i = 0; i < body.N; i++) {
-    away[i] = 1000 * Math.hypot(...[0, 1, 2].map(d => chosen[3 * i + d] - whole[3 * i + d]));
-    mean += away[i] / body.N;
+  for (let i = 0; i < n; i++) {
+    const same = chosen.of ? chosen.of[i] : i;
+    away[i] = 1000 * Math.hypot(...[0, 1, 2].map(d => chosen.points[3 * i + d] - whole.points[3 * same + d]));
+    mean += away[i] / n;
     most = Math.max(most, away[i]);
   }
   get.middle = get.middle ?? (() => {
@@ -129,7 +130,7 @@ function draw() {
   paint(get("chosen"), chosen, away, +get("scale").value);
   paint(get("whole"), whole, null, 1);
   get("measured").textContent = `mean ${mean.toFixed(2)} mm, largest ${most.toFixed(1)} mm; volume ` +
-    `${(1000 * volume(chosen)).toFixed(2)} l here, ${(1000 * volume(whole)).toFixed(2)} l of SMPL`;
+    `${(1000 * volume(chosen)).toFixed(2)} l here, ${(1000 * volume(whole)).toFixed(2)} l of ${body.model}`;
   get("most").textContent = `${get("scale").value} mm`;
   const said = { pose: {}, betas: [...state.betas] };
   body.joint_names.forEach((name, k) => {

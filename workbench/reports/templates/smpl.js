@@ -1,33 +1,5 @@
-"use strict";
 // The SMPL function in plain JavaScript, in double precision, on the arrays that Python wrote.
-// The same as workbench.bodies.surface: rest surface, joints, chain, skinning.
-
-function decoded(text, Kind) {
-  const bytes = atob(text), buffer = new Uint8Array(bytes.length);
-  for (let i = 0; i < bytes.length; i++) buffer[i] = bytes.charCodeAt(i);
-  return new Kind(buffer.buffer);
-}
-
-function rotation(x, y, z) { // exp of a rotation vector in radians, row by row
-  const t = Math.hypot(x, y, z);
-  const a = t < 1e-4 ? 1 - t * t / 6 : Math.sin(t) / t;
-  const s = t < 1e-4 ? 0.5 - t * t / 48 : Math.sin(t / 2) / t, b = 2 * s * s, c = 1 - b * t * t;
-  return [c + b * x * x, b * x * y - a * z, b * x * z + a * y,
-          b * x * y + a * z, c + b * y * y, b * y * z - a * x,
-          b * x * z - a * y, b * y * z + a * x, c + b * z * z];
-}
-
-function times(A, B) {
-  const C = new Array(9);
-  for (let r = 0; r < 3; r++) for (let c = 0; c < 3; c++)
-    C[3 * r + c] = A[3 * r] * B[c] + A[3 * r + 1] * B[3 + c] + A[3 * r + 2] * B[6 + c];
-  return C;
-}
-
-function applied(A, v) {
-  return [A[0] * v[0] + A[1] * v[1] + A[2] * v[2], A[3] * v[0] + A[4] * v[1] + A[5] * v[2],
-          A[6] * v[0] + A[7] * v[1] + A[8] * v[2]];
-}
+// The same as workbench.bodies.forward.surface: rest surface, joints, chain, skinning.
 
 function dualQuaternion(R, t) { // Shepperd's choice of the largest of four, then 1/2 (0, t) q
   const [xx, xy, xz, yx, yy, yz, zx, zy, zz] = R;
@@ -100,6 +72,10 @@ class Body {
     return dual && weights ? this.dual(rest, turn, shift) : this.linear(rest, turn, shift, weights);
   }
 
+  drawn(pose, betas, keep) {
+    return { points: this.vertices(pose, betas, keep), faces: this.faces };
+  }
+
   linear(rest, turn, shift, weights) {
     const posed = new Float64Array(3 * this.N);
     for (let i = 0; i < this.N; i++) {
@@ -137,5 +113,3 @@ class Body {
     return posed;
   }
 }
-
-const body = new Body(JSON.parse(document.getElementById("body").textContent));

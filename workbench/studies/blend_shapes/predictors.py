@@ -155,8 +155,8 @@ class Evaluation:
 
     def __init__(self, body: SkinnedBody) -> None:
         pose, rest = cs.MX.sym("pose", 3, body.n_joints), cs.MX.sym("rest", 3, body.n_vertices)
-        at = surface.posture(body, pose)
-        G, _ = surface.motions(body, at, cs.MX.zeros(body.n_betas))
+        at = surface.posture(body, pose, cs.MX.zeros(body.n_betas))
+        G, _ = surface.motions(body, at)
         self._features = cs.Function("features", [pose], [cs.densify(body.features(at))])
         skinned = body.skinning(rest, G, surface.weights(body))
         self._skinned = cs.Function("skinned", [pose, rest], [skinned])

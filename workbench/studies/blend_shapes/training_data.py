@@ -162,9 +162,9 @@ def correctives(body: SkinnedBody, posed: PosedSurfaces) -> Array:
 
 
 def feature_matrix(body: SkinnedBody, features: Features, poses: Array) -> Array:
-    """The features f(theta) of poses (n, K, 3) rad, one row for each pose: (n, F)."""
+    """The features of the mean person in poses (n, K, 3) rad, one row for each pose: (n, F)."""
     pose = cs.MX.sym("pose", 3, body.n_joints)
-    column = features(Posture.of(pose, cs.DM(body.bind_pose.T)))
+    column = features(Posture.of(pose, cs.DM(body.bind_pose.T), cs.MX.zeros(body.n_betas)))
     f = cs.Function("features", [pose], [cs.densify(column)])
     return np.array([np.asarray(f(theta.T)).ravel() for theta in poses])
 
@@ -190,8 +190,8 @@ def rms_length(vectors: Array) -> float:
 def _vertex_motions(body: SkinnedBody) -> cs.Function:
     """pose -> (3, 4 N): where skinning takes the origin and the three unit vectors."""
     pose, N = cs.MX.sym("pose", 3, body.n_joints), body.n_vertices
-    betas = cs.MX.zeros(body.n_betas)
-    G, _ = symbolic.motions(body, symbolic.posture(body, pose), betas)
+    at = symbolic.posture(body, pose, cs.MX.zeros(body.n_betas))
+    G, _ = symbolic.motions(body, at)
     weights = symbolic.weights(body)
     corners = np.vstack([np.zeros(3), np.eye(3)])
     moved = [
