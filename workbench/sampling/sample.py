@@ -43,7 +43,7 @@ def sample(
     thin: int | None = None,
     checkpoint: str | Path | None = None,
     every: float = 30.0,
-    callback: Callback | None = None,
+    callback: Callback = None,
 ) -> Posterior:
     """Draw from exp(-cost) in what is named (all that is free), from around `at`.
 
