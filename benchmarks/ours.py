@@ -10,8 +10,7 @@ from benchmarks.bodies_made_up import Case, case_of
 from benchmarks.candidates import Candidate
 from workbench.arrays import Array
 from workbench.bodies.forward.arithmetic import arithmetic_of
-from workbench.bodies.forward.compiled import CompiledArithmetic
-from workbench.bodies.forward.kernels import kernels
+from workbench.bodies.forward.kernels import CompiledArithmetic, kernels
 
 NUMPY, COMPILED = "workbench", "workbench, compiled"
 SWITCH = "WORKBENCH_COMPILE"

@@ -19,6 +19,7 @@ from workbench.errors import (
     BadResidual,
     UnknownName,
     UnreadBlock,
+    some_of,
 )
 from workbench.reports.card import card_page, card_text, write_card
 from workbench.reports.sliders import sliders_page
@@ -253,3 +254,9 @@ def test_sets_of_landmarks_that_nobody_could_ask_for() -> None:
         with pytest.raises(BadBody, match=r"must be Landmarks\(names, regressor\), not .* ndarray"):
             replace(body, landmarks={"mine": np.eye(1, BODY.n_vertices)})
         assert replace(body, landmarks={"mine": one}).landmark("mine").shape == (1, 3)
+
+
+def test_of_many_names_the_first_are_told() -> None:
+    assert some_of(["a", "b"]) == "a, b"
+    assert some_of(list("abcdefg")) == "a, b, c, d, e and 2 more"
+    assert some_of(list("abc"), 2) == "a, b and 1 more"

@@ -26,7 +26,7 @@ class Fitted:
     """A setup at its answer."""
 
     setup: Setup
-    at: wb.Values
+    values: wb.Values
 
     @property
     def problem(self) -> wb.Problem:

@@ -51,7 +51,7 @@ def compared(
     fitted = monocular()
 
     def one(name: str, settings: NutsSettings) -> dict[str, Any]:
-        found = beside(fitted.problem, fitted.at, BLOCKS[name], settings, steps, seed)
+        found = beside(fitted.problem, fitted.values, BLOCKS[name], settings, steps, seed)
         print(f"{name}: agree {found['agree']}, {found['nuts']}", flush=True)
         return found
 

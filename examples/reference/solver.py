@@ -21,7 +21,7 @@ class HalfSteps:  # half of every step of Gauss and Newton's method
         return wb.Abilities(Derivative.JACOBIAN, Boxes.UNKNOWN)
 
     def solve(
-        self, problem: wb.Problem, start: wb.Values, *, callback: Callback | None = None
+        self, problem: wb.Problem, start: wb.Values, *, callback: Callback = None
     ) -> wb.Solution:
         with Run("half-steps", self, problem, start, callback) as run:  # refuses what it must
             x, here = run.x, run.begin()

@@ -70,6 +70,7 @@ def test_entries_are_labelled_with_block_row_and_axis() -> None:
     assert LAYOUT.label(6) == "pose[right_ankle, z]"
     assert LAYOUT.label(7) == "betas[0]"
     assert LAYOUT.label(LAYOUT.size - 1) == "walk[1, 4, z]"
+    assert LAYOUT.labels_of(np.array([7, 0])) == ["betas[0]", "scale"]
     assert LAYOUT.unit(6) == "rad"
     for i in (-1, LAYOUT.size):
         with pytest.raises(IndexError):

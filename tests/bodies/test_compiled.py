@@ -16,8 +16,7 @@ from workbench import compiling
 from workbench.bodies import SkinnedBody
 from workbench.bodies.forward import arithmetic, surface
 from workbench.bodies.forward.arithmetic import arithmetic_of
-from workbench.bodies.forward.compiled import CompiledArithmetic
-from workbench.bodies.forward.kernels import NAME, kernels
+from workbench.bodies.forward.kernels import NAME, CompiledArithmetic, kernels
 from workbench.bodies.forward.numeric import ChunkedArithmetic, chunks_of
 
 COMPILER = next((c for c in ("gcc", "clang", "cc") if shutil.which(c)), None)

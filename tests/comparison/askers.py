@@ -21,9 +21,7 @@ class Asker:
 
     ask: Callable[[Problem, Array, Array], Ways]
 
-    def solve(
-        self, problem: Problem, start: Values, *, callback: Callback | None = None
-    ) -> Solution:
+    def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         x, fixed = problem.split(start)
         cost, step = self.ask(problem, x, fixed)
         best = cost(x)
@@ -102,9 +100,7 @@ def by_batches(problem: Problem, x: Array, fixed: Array) -> Ways:
 class Embedded:
     """IPOPT through nlpsol, with a graph of the problem inside: nobody sees what it evaluates."""
 
-    def solve(
-        self, problem: Problem, start: Values, *, callback: Callback | None = None
-    ) -> Solution:
+    def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         x, fixed = problem.split(start)
         symbol = cs.MX.sym("x", len(x))
         nlp = {"x": symbol, "f": problem.adjoint(symbol, fixed)[0]}
@@ -116,9 +112,7 @@ class Embedded:
 class OwnGraph:
     """From the expressions of the residuals: the problem is never asked at all."""
 
-    def solve(
-        self, problem: Problem, start: Values, *, callback: Callback | None = None
-    ) -> Solution:
+    def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         (block,) = problem.free.blocks
         r = cs.vertcat(*(residual.whitened for residual in problem.residuals))
         nlp = {"x": block.symbol, "f": 0.5 * cs.sumsqr(r)}

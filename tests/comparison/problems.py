@@ -73,9 +73,7 @@ def says(problem: Problem, values: Values, status: Status = Status.CONVERGED) ->
 class Liar:
     """Stays where it is and claims to have converged."""
 
-    def solve(
-        self, problem: Problem, start: Values, *, callback: Callback | None = None
-    ) -> Solution:
+    def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         return says(problem, start)
 
 
@@ -83,9 +81,7 @@ class Liar:
 class Raiser:
     """Looks once, and raises."""
 
-    def solve(
-        self, problem: Problem, start: Values, *, callback: Callback | None = None
-    ) -> Solution:
+    def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         problem.linearize(start)
         raise ValueError("out of ideas")
 
@@ -94,9 +90,7 @@ class Raiser:
 class NotANumber:
     """Returns NaN."""
 
-    def solve(
-        self, problem: Problem, start: Values, *, callback: Callback | None = None
-    ) -> Solution:
+    def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         return says(problem, {name: np.nan * value for name, value in start.items()})
 
 
@@ -104,9 +98,7 @@ class NotANumber:
 class Forever:
     """Looks once, and never stops: nor does it listen to any limit."""
 
-    def solve(
-        self, problem: Problem, start: Values, *, callback: Callback | None = None
-    ) -> Solution:
+    def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         problem.linearize(start)
         while True:
             pass
@@ -116,9 +108,7 @@ class Forever:
 class InC:
     """Never stops inside of C, with the interpreter locked; nor does it hear a signal."""
 
-    def solve(
-        self, problem: Problem, start: Values, *, callback: Callback | None = None
-    ) -> Solution:
+    def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         problem.linearize(start)
         return says(problem, start, Status(sum(range(10**15))))
 
@@ -127,9 +117,7 @@ class InC:
 class Dies:
     """Takes its process with it."""
 
-    def solve(
-        self, problem: Problem, start: Values, *, callback: Callback | None = None
-    ) -> Solution:
+    def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         print("farewell")
         os.abort()
 
@@ -138,9 +126,7 @@ class Dies:
 class Leaves:
     """Ends the program, as far as it can."""
 
-    def solve(
-        self, problem: Problem, start: Values, *, callback: Callback | None = None
-    ) -> Solution:
+    def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         raise SystemExit(3)
 
 
@@ -148,9 +134,7 @@ class Leaves:
 class Spendthrift:
     """Asks for one residual after the other, and knows no limits."""
 
-    def solve(
-        self, problem: Problem, start: Values, *, callback: Callback | None = None
-    ) -> Solution:
+    def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         x, fixed = problem.split(start)
         while True:
             problem.residual(x, fixed)
@@ -160,9 +144,7 @@ class Spendthrift:
 class Drawer:
     """Goes to points that it draws, from the generators that everybody shares."""
 
-    def solve(
-        self, problem: Problem, start: Values, *, callback: Callback | None = None
-    ) -> Solution:
+    def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         x, fixed = problem.split(start)
         for _ in range(20):
             x = np.random.normal(size=x.size) + random.random()

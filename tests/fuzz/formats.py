@@ -245,7 +245,7 @@ def _registrations(folder: Path) -> None:
     some = [body.template + rng.normal(0, 1e-3, 3) for _ in range(4)]
     write_mesh(folder / "a.ply", some[0], body.faces)
     write_mesh(folder / "b.obj", some[1], body.faces)
-    np.savez(folder / "c.npz", vertices=some[2], faces=body.faces, seen=np.ones(len(some[2])))
+    np.savez(folder / "c.npz", vertices=some[2], faces=body.faces, confidence=np.ones(len(some[2])))
     np.save(folder / "many.npy", np.stack(some))
     text = "file,subject,gender,set\na.ply,anna,female,poses\nb.obj,bob,male,shapes\n"
     text += "c.npz,anna,female,poses\nmany.npy#3,carl,,\n"

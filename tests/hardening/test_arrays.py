@@ -156,12 +156,14 @@ READERS = {
         "checkpoint.npz",
         lambda path: CHECKPOINT.save(path.parent),
         lambda path: read_checkpoint(path.parent, "mark", ESTIMATE, BLOCKS),
-        "said",
+        "facts",
     ),
     "start": Reader("start.npz", lambda path: write_start(START, path), read_start),
     "registration": Reader(
         "one.npz",
-        lambda path: np.savez(path, vertices=START.template, seen=np.ones(N), faces=START.faces),
+        lambda path: np.savez(
+            path, vertices=START.template, confidence=np.ones(N), faces=START.faces
+        ),
         one_registration,
     ),
     "truth": Reader(
@@ -249,13 +251,13 @@ ARRAYS = {  # the arrays of numbers of each reader whose file says nothing but w
     "judgement": ("points",),
     "checkpoint": ("templates", "joints", "posedirs", "weights", "poses", "regressor"),
     "start": ("template", "faces", "parents", "segmentation"),
-    "registration": ("vertices", "seen", "faces"),
+    "registration": ("vertices", "confidence", "faces"),
     "truth": ("rest", "joints", "subject", "poses", "trans", "weights"),
     "pose prior": ("mean", "covariance", "n_frames"),
     "mixture": ("shares", "means", "covariances"),
     "recording": ("poses", "clip"),
 }
-OPTIONAL = {("checkpoint", "regressor"), ("registration", "seen"), ("registration", "faces")}
+OPTIONAL = {("checkpoint", "regressor"), ("registration", "confidence"), ("registration", "faces")}
 NAMED = ("complex", "truth values", "dates", "columns", "bytes", "half precision", "long double")
 EACH_ARRAY = pytest.mark.parametrize(
     ("name", "array"), [(name, array) for name, arrays in ARRAYS.items() for array in arrays]
@@ -403,7 +405,7 @@ def test_an_entry_of_the_log_that_is_none_is_refused(
         told["log"][0][at] = value
         return told
 
-    refused(reader, path, with_facts(path.read_bytes(), "said", change), "log[0]")
+    refused(reader, path, with_facts(path.read_bytes(), "facts", change), "log[0]")
 
 
 TEXTS = {
@@ -506,7 +508,7 @@ SIZES = {
     "registration": {
         "vertices": 1e9 * START.template,
         "faces": START.faces[::-1, ::-1],
-        "seen": np.full(N, 2.0),
+        "confidence": np.full(N, 2.0),
     },
     "recording": {"clip": np.full(4, 1, dtype=np.uint8), "joint_names": np.array(["a"] * 24)},
     "pose prior": {"covariance": np.zeros((3, 3))},

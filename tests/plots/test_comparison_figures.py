@@ -8,7 +8,14 @@ from tests.comparison.made_up import comparison
 from workbench.comparison import Comparison
 from workbench.plots import comparison_sheets as sheets
 from workbench.plots.accuracy import caption_accuracy, plot_accuracy
-from workbench.plots.cost_traces import LOWEST, UNITS, caption_cost_traces, plot_cost_traces
+from workbench.plots.cost_traces import (
+    LOWEST,
+    UNITS,
+    caption_cost_traces,
+    caption_waterfall,
+    plot_cost_traces,
+    plot_waterfall,
+)
 from workbench.plots.figure import sheet
 from workbench.plots.labels import power
 from workbench.plots.pairwise_wins import caption_pairwise_wins, plot_pairwise_wins
@@ -19,7 +26,6 @@ from workbench.plots.profiles import (
     plot_performance_profile,
 )
 from workbench.plots.verdicts import caption_basins, caption_verdicts, plot_basins, plot_verdicts
-from workbench.plots.waterfall import caption_waterfall, plot_waterfall
 
 RUNS = {
     ("p", "good"): [50.0, 9.0, 0.0],

@@ -244,6 +244,7 @@ def nearest_problem() -> wb.Problem:
 
 def test_points_without_a_graph_are_fitted() -> None:
     problem = nearest_problem()
+    assert not problem.has_graph
     start = {"place": np.array([0.5, -0.2, 0.3])}
     x, fixed = problem.split(start)
     here = problem.linearize(start)

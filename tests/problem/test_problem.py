@@ -305,3 +305,17 @@ def test_without_a_residual_what_nobody_reads_is_no_longer_free() -> None:
     assert not left.bounded
     with pytest.raises(UnknownName, match="no residual is called 'three'; there are one, two"):
         problem.without("three")
+
+
+def test_the_points_that_residuals_read_are_listed_once() -> None:
+    body = random_body(n_vertices=12, n_joints=4)
+    symbols = [block.symbol for block in body.blocks()]
+    joints, surface = body.joint_points(*symbols), body.points(*symbols)
+    terms = [
+        residuals.landmarks(joints, body.joints(), sigma=0.1, name="one"),
+        residuals.landmarks(joints, 1 + body.joints(), sigma=0.1, name="two"),
+        residuals.vertices(surface, body.vertices(), sigma=0.1, name="three"),
+    ]
+    assert Problem(terms, ("pose",)).points == (joints, surface)
+    assert Problem(terms[:2], ("pose",)).points == (joints,)
+    assert Problem(terms, ("pose",)).has_graph

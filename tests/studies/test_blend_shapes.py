@@ -30,7 +30,6 @@ from workbench.errors import BadArgument, BadFile
 from workbench.geometry.mesh_graph import along_edges
 from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.studies.blend_shapes import questions
-from workbench.studies.blend_shapes.locality import far_share, joint_distances, local_ridge
 from workbench.studies.blend_shapes.predictors import (
     LINEAR,
     Evaluation,
@@ -39,7 +38,14 @@ from workbench.studies.blend_shapes.predictors import (
     ranked,
     repaired,
 )
-from workbench.studies.blend_shapes.sparsity import group_lasso, nonzero_share, refitted
+from workbench.studies.blend_shapes.sparsity import (
+    far_share,
+    group_lasso,
+    joint_distances,
+    local_ridge,
+    nonzero_share,
+    refitted,
+)
 from workbench.studies.blend_shapes.study import PredictorPlan, PredictorStudy, predictor_study
 from workbench.studies.blend_shapes.training_data import (
     Correctives,

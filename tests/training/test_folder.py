@@ -23,7 +23,7 @@ def made_folder(folder: Path) -> list[str]:
         name = f"mesh {j}.{('ply', 'obj', 'off')[j % 3]}"
         write_mesh(folder / name, vertices, START.faces)
         lines.append(f"{name},person {DATA.subject[j]},{('female', 'male')[j % 2]},poses")
-    np.savez(folder / "six.npz", vertices=DATA.vertices[6], seen=np.ones(N))
+    np.savez(folder / "six.npz", vertices=DATA.vertices[6], confidence=np.ones(N))
     np.save(folder / "two.npy", DATA.vertices[7:9].astype(np.float32))
     lines += ["six.npz,person 2,,", "two.npy#0,person 2,,shapes", "two.npy#1,person 9,,shapes"]
     (folder / "registrations.csv").write_text("\n".join(lines) + "\n")
@@ -46,6 +46,14 @@ def test_every_format_is_read_in_the_table_s_order(tmp_path: Path) -> None:
     assert shapes.subject.tolist() == [0, 1]  # numbered anew
     assert len(found.only("poses", "female").rows) == 3
     np.testing.assert_allclose(shapes.read(slice(1, 2)).vertices[0], DATA.vertices[8], atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["confidence", "seen"])  # the second is the former name
+def test_confidence_is_read(tmp_path: Path, name: str) -> None:
+    made_folder(tmp_path)
+    confidence = np.linspace(0.1, 1, N)
+    np.savez(tmp_path / "six.npz", vertices=DATA.vertices[6], **{name: confidence})
+    np.testing.assert_array_equal(opened(tmp_path).read(slice(6, 7)).confidence[0], confidence)
 
 
 def spoil_topology(folder: Path) -> None:

@@ -15,8 +15,14 @@ from workbench.comparison.log import Log
 from workbench.comparison.machine import machine
 from workbench.comparison.record import Ending, Record
 from workbench.processes.channel import Channel
-from workbench.processes.fork_server import FORKING, Forked, ForkServer, absolute_paths
-from workbench.processes.started import Started, signal_name
+from workbench.processes.fork_server import (
+    FORKING,
+    Forked,
+    ForkServer,
+    Started,
+    absolute_paths,
+    signal_name,
+)
 from workbench.threads import thread_count
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")

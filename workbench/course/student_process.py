@@ -17,7 +17,7 @@ from workbench.course.plain import Malformed
 from workbench.course.words import legible
 from workbench.errors import BadArgument, BadFile
 from workbench.processes.channel import Channel
-from workbench.processes.started import Started, signal_name
+from workbench.processes.fork_server import Started, signal_name
 
 STARTING = 120.0  # s, for Python to start and import the workbench on a slow machine
 SECONDS = 10.0  # s, for all answers to an exercise, and for loading the file

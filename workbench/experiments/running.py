@@ -110,7 +110,7 @@ def run(
     solver: Solver | None = None,
     *,
     compare: bool = True,
-    callback: Callback | None = None,
+    callback: Callback = None,
     progress: Progress = lambda text: None,
 ) -> Outcome:
     """Solve an experiment, diagnose its Jacobian, and solve it with the solvers that it compares.

@@ -31,8 +31,7 @@ def plot_accuracy(comparison: Comparison, *, ax: Axes) -> Axes:
             ax.plot([digits.mean()] * 2, [y[k] - 0.38, y[k] + 0.38], color=INK, linewidth=1.6)
     ax.axvline(ENOUGH, color=FAINT, linewidth=1.0, linestyle="--")
     ax.set_yticks(y, [plain(s) for s in comparison.solvers])
-    ax.set_xlim(-0.3, CERTIFIED_DIGITS + 0.3)
-    ax.set_ylim(-0.6, len(comparison.solvers) - 0.4)
+    ax.set(xlim=(-0.3, CERTIFIED_DIGITS + 0.3), ylim=(-0.6, len(comparison.solvers) - 0.4))
     ax.set_xlabel("digits that agree with the known answer (log relative error)")
     ax.grid(axis="x", color=FAINT, alpha=0.25, linewidth=0.6)
     return ax

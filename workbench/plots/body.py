@@ -115,15 +115,13 @@ def line_up(
         at += slot + gap
     low = min(float(s[:, 1].min()) for s in solids)
     high = max(float(s[:, 1].max()) for s in solids)
-    ax.set_xlim(-gap, at)
-    ax.set_ylim(low - gap / 2, high + gap / 2)
+    ax.set(xlim=(-gap, at), ylim=(low - gap / 2, high + gap / 2))
     ax.set_aspect("equal")
     ax.set_xticks(places, labels)
     ax.tick_params(axis="x", length=0)
     ax.yaxis.set_major_locator(MultipleLocator(_step(high - low)))
     ax.grid(axis="y", color=FAINT, alpha=0.25, linewidth=0.6)
-    ax.set_ylabel("y (m)")
-    ax.set_xlabel("the horizontal scale is the same as the vertical one")
+    ax.set(ylabel="y (m)", xlabel="the horizontal scale is the same as the vertical one")
     ax.spines["bottom"].set_visible(False)
     return ax
 

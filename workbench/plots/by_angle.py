@@ -29,9 +29,7 @@ def plot_by_angle(
     if law is not None:
         ax.plot(degrees, law[1], ".", color=INK, markersize=4, label=plain(law[0]))
     ax.axhline(at_rest, color=FAINT, linewidth=0.7)
-    ax.set_xlabel("angle (degrees)")
-    ax.set_ylabel(plain(quantity))
-    ax.set_xlim(degrees[0], degrees[-1])
+    ax.set(xlabel="angle (degrees)", ylabel=plain(quantity), xlim=(degrees[0], degrees[-1]))
     ax.legend()
     return ax
 

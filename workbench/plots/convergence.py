@@ -102,8 +102,7 @@ def plot_convergence(
             markerfacecolor=colour if solution.converged else "white",
             linestyle="none",
         )
-    ax.set_yscale("log")
-    ax.set_ylim(floor / 100, 5.0)
+    ax.set(yscale="log", ylim=(floor / 100, 5.0))
     ticks = [float(t) for t in ax.get_yticks() if 5 * floor < t <= 1]  # the floor stands for 0
     ax.set_yticks(ticks)
     ax.yaxis.set_minor_locator(NullLocator())
@@ -111,8 +110,7 @@ def plot_convergence(
     against.scale(ax, longest)
     note_at(ax, "0: the lowest cost found", 0.01, floor, FAINT, above=-4.0)
     ax.grid(color=FAINT, alpha=0.25, linewidth=0.6)
-    ax.set_xlabel(against.label)
-    ax.set_ylabel("(cost − best) / (start − best)")
+    ax.set(xlabel=against.label, ylabel="(cost − best) / (start − best)")
     ax.legend(loc="upper right")
     return ax
 

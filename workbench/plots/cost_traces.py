@@ -4,11 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 
 from workbench.comparison import Comparison
 from workbench.comparison.targets import named
 from workbench.plots.labels import decades, plain
-from workbench.plots.palette import FAINT, solver_line
+from workbench.plots.palette import FAINT, solver_line, solver_mark
 
 LOWEST = 1e-12  # of the way from the start to the lowest cost; smaller values are drawn there
 
@@ -51,8 +52,7 @@ def plot_cost_traces(
             ax.plot(x[-1:], y[-1:], ".", color=solver_line(k)["color"], alpha=alpha, markersize=5)
         ax.plot([], [], linewidth=1.6, label=plain(solver), **solver_line(k))
     relative_cost_axis(comparison, ax)
-    ax.set_xscale("log")
-    ax.set_xlim(against.least, 1.5 * longest)
+    ax.set(xscale="log", xlim=(against.least, 1.5 * longest))
     decades(ax.xaxis, against.least, 1.5 * longest)
     ax.set_xlabel(against.label)
     return ax
@@ -62,8 +62,7 @@ def relative_cost_axis(comparison: Comparison, ax: Axes) -> None:
     """Label the y-axis with (f - f*) / (f_0 - f*), and mark the targets on it."""
     for tau in comparison.taus:
         ax.axhline(tau, color=FAINT, linewidth=0.7, linestyle=(0, (1, 3)))
-    ax.set_yscale("log")
-    ax.set_ylim(LOWEST / 3, 5)
+    ax.set(yscale="log", ylim=(LOWEST / 3, 5))
     decades(ax.yaxis, LOWEST, 1.0)
     ax.set_ylabel("(f − f*) / (f₀ − f*)")
     ax.grid(color=FAINT, alpha=0.2, linewidth=0.6)
@@ -80,4 +79,38 @@ def caption_cost_traces(comparison: Comparison, problem: str) -> str:
         f"{named(LOWEST)} are drawn there. A line that stays flat above the targets is in another "
         "basin, or stuck. Effort is counted at fixed prices; time is measured, and differs from "
         "machine to machine and from run to run."
+    )
+
+
+def plot_waterfall(comparison: Comparison, problem: str, *, ax: Axes) -> Axes:
+    """(f - f*) / (f_0 - f*) of the ends on one problem, each solver's sorted, worst last."""
+    instances = comparison.of(problem)
+    for k, solver in enumerate(comparison.solvers):
+        gaps = [t[-1, 2] for i in instances if len(t := comparison.trace(i, solver))]
+        y = np.maximum(np.sort(np.array(gaps, dtype=float)), LOWEST)
+        x = np.arange(1, len(y) + 1)
+        ax.plot(
+            x,
+            y,
+            marker=solver_mark(k),
+            markersize=4,
+            linewidth=1.0,
+            label=plain(solver),
+            **solver_line(k),
+        )
+    relative_cost_axis(comparison, ax)
+    ax.set_xlim(0.5, len(instances) + 0.5)
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+    ax.set_xlabel("run, best first")
+    return ax
+
+
+def caption_waterfall(comparison: Comparison, problem: str) -> str:
+    """What `plot_waterfall` shows."""
+    runs = len(comparison.of(problem))
+    return (
+        f"{problem}: how far above the lowest cost known each solver's {runs} "
+        "runs got at best, sorted for each solver separately. Flat steps are basins that several "
+        "runs ended in; the further right a solver's curve stays at the bottom, the more starts "
+        "it leads there. Dotted lines are the targets."
     )

@@ -65,8 +65,7 @@ def plot_overlay(outcome: Outcome, view: int, *, ax: Axes, shape: float = 1.25) 
     ax.set_xlim(left, right)
     ax.set_ylim(bottom, top)  # v down
     ax.set_aspect("equal")
-    ax.set_xlabel("u (px)")
-    ax.set_ylabel("v (px)")
+    ax.set(xlabel="u (px)", ylabel="v (px)")
     ax.set_title(_title(overlay), loc="left")
     below = ScaledTranslation(0, -BELOW / 72, ax.figure.dpi_scale_trans)
     legend = ax.legend(

@@ -149,9 +149,7 @@ def plot_spray(
         if truth is not None:
             draw_outline(seen[-1], faces, *own, ax=ax)
     ax.set_aspect("equal")
-    ax.set_xlim(low[0], high[0])
-    ax.set_ylim(low[1], high[1])
-    ax.set_ylabel("y (m)")
+    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), ylabel="y (m)")
     ax.set_xlabel("from the front, and from the right: the same scale across as up")
     return ax
 
@@ -189,8 +187,7 @@ def plot_spray_in_view(
     ax.set_xlim(low[0], high[0])
     ax.set_ylim(high[1], low[1])  # v down
     ax.set_aspect("equal")
-    ax.set_xlabel("u (px)")
-    ax.set_ylabel("v (px)")
+    ax.set(xlabel="u (px)", ylabel="v (px)")
     ax.legend(loc="lower right", bbox_to_anchor=(1, 1))
     return ax
 

@@ -55,8 +55,7 @@ def _curves(
         lift = 0.012 * (k / max(1, count - 1) - 0.5)  # so that equal curves do not hide each other
         y = shares[:, names.index(solver)] + lift
         ax.step(x, y, where="post", linewidth=1.6, label=plain(solver), **solver_line(k))
-    ax.set_xscale("log")
-    ax.set_xlim(x[0], x[-1])
+    ax.set(xscale="log", xlim=(x[0], x[-1]))
     decades(ax.xaxis, x[0], x[-1])
     ax.set_ylim(-0.03, 1.05)
     ax.yaxis.set_major_formatter(PercentFormatter(1.0))

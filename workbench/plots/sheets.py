@@ -73,8 +73,7 @@ def shape_gallery_sheet(shapes: Mapping[str, Array], faces: Index) -> Figure:
         low, high = (pick(ax.get_ylim()[i] for ax in axes) for i, pick in ((0, min), (1, max)))
         for ax in axes:  # one scale for both
             middle = sum(ax.get_xlim()) / 2
-            ax.set_xlim(middle - widest / 2, middle + widest / 2)
-            ax.set_ylim(low, high)
+            ax.set(xlim=(middle - widest / 2, middle + widest / 2), ylim=(low, high))
         figure.set_figheight(sum(_height(ax, 7.2) for ax in axes))
     return figure
 

@@ -42,16 +42,14 @@ def plot_singular_values(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
         ax.axhline(diagnosis.tolerance, color=VERMILLION, linewidth=1.0, linestyle="--")
         text = f"tolerance {diagnosis.tolerance:.1e}"
         note_at(ax, text, 0.02, diagnosis.tolerance, VERMILLION)
-    ax.set_yscale("log")
-    ax.set_ylim(floor / 3, 10 * max(float(s.max(initial=0.0)), 10 * floor))
+    ax.set(yscale="log", ylim=(floor / 3, 10 * max(float(s.max(initial=0.0)), 10 * floor)))
     ax.set_xlim(0.0, n + 1.0)
     if rank < n:
         ax.axvline(rank + 0.5, color=FAINT, linewidth=1.0)
         ax.axvspan(rank + 0.5, n + 1.0, color=VERMILLION, alpha=0.07, linewidth=0)
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     ax.grid(color=FAINT, alpha=0.25, linewidth=0.6)
-    ax.set_xlabel("index, largest first")
-    ax.set_ylabel("singular value (whitened residual per unit)")
+    ax.set(xlabel="index, largest first", ylabel="singular value (whitened residual per unit)")
     if rank == n:
         ax.set_title(f"rank {rank} of {n}, condition {diagnosis.condition:.3g}", loc="left")
         return ax

@@ -49,8 +49,7 @@ def plot_sparsity(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
     _label_columns(ax, diagnosis.free.names, np.asarray(columns))
     _label_joints(ax, diagnosis)
     ax.spines[:].set_visible(True)
-    ax.set_xlabel("free numbers, by block (columns)")
-    ax.set_ylabel("whitened residuals, by term (rows)")
+    ax.set(xlabel="free numbers, by block (columns)", ylabel="whitened residuals, by term (rows)")
     ax.set_title(
         f"{m:,} × {n:,}, {diagnosis.nonzeros:,} nonzeros ({diagnosis.density:.1%})", loc="left"
     )

@@ -17,8 +17,7 @@ def plot_taylor(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
         for slope, line, verdict in ((2, "--", "right"), (1, ":", "wrong")):
             y = error[drawn][0] * (h / h[drawn][0]) ** slope
             ax.loglog(h, y, color=FAINT, linestyle=line, label=f"slope {slope}: {verdict}")
-    ax.set_xlabel("step h (units of the unknowns)")
-    ax.set_ylabel("error of the linear model (sigmas)")
+    ax.set(xlabel="step h (units of the unknowns)", ylabel="error of the linear model (sigmas)")
     ax.grid(color=FAINT, alpha=0.25, linewidth=0.6)
     ax.legend(loc="upper left")
     return ax

@@ -93,8 +93,7 @@ def plot_data_share(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
     ax.step(x, share, where="mid", color=BLUE)
     ax.axhline(0.5, color=VERMILLION, linewidth=1.0, linestyle="--")
     note_at(ax, "half from the data", 0.99, 0.5, VERMILLION)
-    ax.set_ylim(0, 1.04)
-    ax.set_xlim(0.5, share.size + 0.5)
+    ax.set(ylim=(0, 1.04), xlim=(0.5, share.size + 0.5))
     ax.set_xlabel("direction, those that the data know best first")
     ax.set_ylabel("share from the data (0 to 1)")
     ax.set_title(

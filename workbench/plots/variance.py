@@ -12,9 +12,7 @@ def plot_left_over(left: Array, *, ax: Axes) -> Axes:
     b = np.arange(len(left))
     ax.plot(b, 1e3 * left, color=FAINT, linewidth=0.9)
     ax.plot(b, 1e3 * left.mean(axis=1), color=VERMILLION, marker="o", label="mean of these people")
-    ax.set_xlabel("shape directions used")
-    ax.set_ylabel("rms distance left (mm)")
-    ax.set_xlim(0, b[-1])
+    ax.set(xlabel="shape directions used", ylabel="rms distance left (mm)", xlim=(0, b[-1]))
     ax.set_ylim(bottom=0)
     ax.legend()
     return ax
@@ -36,9 +34,7 @@ def plot_variances(shares: Array, *, ax: Axes) -> Axes:
     ax.bar(k, 100 * shares, color=BLUE, width=0.7, label="of one direction")
     ax.plot(k, 100 * np.cumsum(shares), color=VERMILLION, marker="o", label="of all up to it")
     ax.set_xticks(k)
-    ax.set_xlabel("shape direction")
-    ax.set_ylabel("share of the population's variance (%)")
-    ax.set_ylim(0, 103)
+    ax.set(xlabel="shape direction", ylabel="share of the population's variance (%)", ylim=(0, 103))
     ax.legend(loc="center right")
     return ax
 

@@ -10,14 +10,16 @@ import pickle
 import signal
 import socket
 import struct
+import subprocess
 import sys
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from pathlib import Path
 from typing import NoReturn
 
+from workbench.processes import orphans
 from workbench.processes.channel import Channel
-from workbench.processes.started import Started, kill_group
 
 FORKING = hasattr(os, "fork") and hasattr(socket, "send_fds")
 NUMBER = struct.Struct("!q")
@@ -134,3 +136,62 @@ def _child(handle: int, work: Callable[[Channel], None]) -> NoReturn:
             work(channel)
     finally:
         os._exit(0)
+
+
+class Started:
+    """A Python process in a process group of its own, which reads and prints nothing.
+
+    The last of its arguments is the handle of a socket; `connection` is the other end. The process
+    ends by itself after this one if it calls `orphans.end_with_parent`.
+
+    Attributes:
+        pid: the number of the process.
+        connection: this process's end of the socket.
+    """
+
+    def __init__(
+        self, arguments: Sequence[str], environment: Mapping[str, str], folder: Path | None = None
+    ) -> None:
+        self.connection, theirs = socket.socketpair()
+        posix = os.name == "posix"
+        with theirs:
+            theirs.set_inheritable(True)  # for Windows, which does not know `pass_fds`
+            self._popen = subprocess.Popen(
+                [sys.executable, *arguments, str(theirs.fileno())],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                cwd=folder,
+                env={**os.environ, **environment, **orphans.environment()},
+                start_new_session=True,
+                close_fds=posix,
+                pass_fds=(theirs.fileno(),) if posix else (),
+            )
+        self.pid = self._popen.pid
+
+    def wait(self, seconds: float) -> int | None:
+        """Wait for its exit code, which is minus a signal's number; None if it still runs."""
+        with suppress(subprocess.TimeoutExpired):
+            return self._popen.wait(timeout=seconds)
+        return None
+
+    def end(self) -> int:
+        """Kill it with all that it has started; return the exit code, that of its death if it was
+        dead.
+        """
+        kill_group(self.pid)
+        self._popen.kill()  # on Windows, where there are no groups
+        return self._popen.wait()
+
+
+def kill_group(pid: int) -> None:
+    """Kill the process group that a process leads, also after this process has ended by itself."""
+    with suppress(OSError):
+        if hasattr(os, "killpg"):
+            os.killpg(pid, signal.SIGKILL)
+
+
+def signal_name(code: int) -> str:
+    """Name the signal that ended a process with a negative exit code: `SIGKILL`, `signal 37`."""
+    known = {one.value: one.name for one in signal.Signals}
+    return known.get(-code, f"signal {-code}")

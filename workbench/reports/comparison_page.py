@@ -16,11 +16,10 @@ from workbench.comparison.tidy import write_csv
 from workbench.comparison.words import advice, basin_sentence, reliable
 from workbench.plots import comparison_sheets as sheets
 from workbench.plots.accuracy import caption_accuracy
-from workbench.plots.cost_traces import caption_cost_traces
+from workbench.plots.cost_traces import caption_cost_traces, caption_waterfall
 from workbench.plots.pairwise_wins import caption_pairwise_wins
 from workbench.plots.profiles import caption_data_profile, caption_performance_profile
 from workbench.plots.verdicts import caption_basins, caption_verdicts
-from workbench.plots.waterfall import caption_waterfall
 from workbench.reports import comparison_tables as tables
 from workbench.reports import end_tables as ends
 from workbench.reports.figures import Shown, drawn, shown

@@ -55,4 +55,4 @@ def _moved(d: Diagnosis, direction: Direction, body: Body, amount: float) -> dic
 
 
 def _arguments(d: Diagnosis, body: Body, values: Values) -> tuple[Array, Array, Array] | None:
-    return arguments_from_values(body, (p for r in d.problem.residuals for p in r.points), values)
+    return arguments_from_values(body, d.problem.points, values)

@@ -200,7 +200,7 @@ def _views(p: Posterior, setup: Setup) -> list[Shown]:
 
 
 def _arguments(p: Posterior, body: Body, values: Mapping[str, Any]) -> Any:
-    return arguments_from_values(body, (q for r in p.problem.residuals for q in r.points), values)
+    return arguments_from_values(body, p.problem.points, values)
 
 
 def _surface(p: Posterior, body: Body, values: Mapping[str, Any]) -> Any:

@@ -32,7 +32,8 @@ class Progress:
     seconds: float
 
 
-Callback = Callable[[Progress], object]  # called after each step; the run stops if it returns True
+# called after each step; the run stops if it returns True
+Callback = Callable[[Progress], object] | None
 
 
 @dataclass(frozen=True)

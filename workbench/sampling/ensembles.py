@@ -65,7 +65,7 @@ def run(
     *,
     checkpoint: Path | None = None,
     every: float = 30.0,
-    callback: Callback | None = None,
+    callback: Callback = None,
 ) -> EnsembleRun:
     """Sample, or go on with what the checkpoint holds; every so many seconds it is replaced.
 
@@ -109,7 +109,7 @@ def _drawn(
     plan: EnsembleSettings,
     kept: Checkpoint,
     interrupts: Interrupts,
-    callback: Callback | None,
+    callback: Callback,
 ) -> bool:
     """Draw until there is enough; whether it ended before that, by the callback or by Ctrl-C."""
     began = time.perf_counter()

@@ -43,7 +43,7 @@ def sample(
     thin: int | None = None,
     checkpoint: str | Path | None = None,
     every: float = 30.0,
-    callback: Callback | None = None,
+    callback: Callback = None,
 ) -> Posterior:
     """Draw samples of the named entries (or of all that are free) from exp(-cost), around `at`.
 

@@ -65,7 +65,7 @@ def solve(
     start: Values,
     solver: Solver | None = None,
     *,
-    callback: Callback | None = None,
+    callback: Callback = None,
 ) -> Solution:
     """Minimise the cost of a problem over its free blocks, from starting values.
 

@@ -62,9 +62,7 @@ class Listed(Protocol):
     def abilities(self) -> Abilities:
         """What the solver needs and supports."""
 
-    def solve(
-        self, problem: Problem, start: Values, *, callback: Callback | None = None
-    ) -> Solution:
+    def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         """The best point found from `start`; see `Solver`."""
 
 

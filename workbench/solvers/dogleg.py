@@ -103,9 +103,7 @@ class Dogleg:
             note="by the rules of the course's optimizer" if self.rule is chumpy else "",
         )
 
-    def solve(
-        self, problem: Problem, start: Values, *, callback: Callback | None = None
-    ) -> Solution:
+    def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         """Solve from `start`; see `Solver`. Raises NotSupported for bounds or constraints."""
         with Run("dogleg", self, problem, start, callback) as run:
             x, here = run.x, run.begin()

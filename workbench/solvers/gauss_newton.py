@@ -53,9 +53,7 @@ class GaussNewton:
             source="Gauss 1809; Armijo 1966 (the line search)",
         )
 
-    def solve(
-        self, problem: Problem, start: Values, *, callback: Callback | None = None
-    ) -> Solution:
+    def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         """Solve from `start`; see `Solver`. Raises NotSupported for bounds or constraints."""
         with Run("gauss-newton", self, problem, start, callback) as run:
             x, here = run.x, run.begin()

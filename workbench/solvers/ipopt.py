@@ -83,9 +83,7 @@ class Ipopt:
             source="Waechter and Biegler 2006",
         )
 
-    def solve(
-        self, problem: Problem, start: Values, *, callback: Callback | None = None
-    ) -> Solution:
+    def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         """Solve from `start`, which is moved inside the bounds; see `Solver`."""
         with Run(self._name, self, problem, start, callback) as run:
             unless_solved(run)  # a start that is not finite ends the run here, too

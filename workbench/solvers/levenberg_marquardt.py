@@ -65,9 +65,7 @@ class LevenbergMarquardt:
             source="Levenberg 1944; Marquardt 1963; Moré 1978; Nielsen 1999",
         )
 
-    def solve(
-        self, problem: Problem, start: Values, *, callback: Callback | None = None
-    ) -> Solution:
+    def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         """Solve from `start`; see `Solver`. Raises NotSupported for constraints."""
         with Run("levenberg-marquardt", self, problem, start, callback) as run:
             x, here = run.x, run.linearize(run.x)

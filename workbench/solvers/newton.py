@@ -55,9 +55,7 @@ class Newton:
             Derivative.HESSIAN, Boxes.UNKNOWN, source="Nocedal and Wright 2006, section 3.4"
         )
 
-    def solve(
-        self, problem: Problem, start: Values, *, callback: Callback | None = None
-    ) -> Solution:
+    def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         """Solve from `start`; see `Solver`. Raises NotSupported for bounds or constraints."""
         with Run("newton", self, problem, start, callback) as run:
             x, here = run.x, run.begin()

@@ -78,9 +78,7 @@ class Nlopt:
         """The entry of `ALGORITHMS`."""
         return ALGORITHMS[self.algorithm]
 
-    def solve(
-        self, problem: Problem, start: Values, *, callback: Callback | None = None
-    ) -> Solution:
+    def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         """Solve from `start`, which is moved inside the bounds; see `Solver`.
 
         Raises NotSupported for bounds or constraints that the algorithm does not take, and for

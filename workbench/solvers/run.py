@@ -45,7 +45,7 @@ class Run:
     """
 
     def __init__(
-        self, name: str, solver: Options, problem: Problem, start: Values, callback: Callback | None
+        self, name: str, solver: Options, problem: Problem, start: Values, callback: Callback
     ) -> None:
         refuse(name, solver.abilities, problem)
         self.name, self.limits, self.problem, self.callback = name, solver, problem, callback

@@ -61,9 +61,7 @@ class Scipy:
         """The entry of `METHODS`."""
         return METHODS[self.method]
 
-    def solve(
-        self, problem: Problem, start: Values, *, callback: Callback | None = None
-    ) -> Solution:
+    def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         """Solve from `start`, which is moved inside the bounds; see `Solver`.
 
         Raises NotSupported for constraints, and for bounds if the method is `lm`.

@@ -285,15 +285,14 @@ def _evaluations(facts: Facts) -> Evaluations:
     return Evaluations(**{name: facts.whole(name) for name in needed})
 
 
-Callback = Callable[[Iterate], object]  # called at every iterate; stops the solver if it says True
+# called at every iterate; stops the solver if it says True
+Callback = Callable[[Iterate], object] | None
 
 
 class Solver(Protocol):
     """Anything that solves a problem from starting values."""
 
-    def solve(
-        self, problem: Problem, start: Values, *, callback: Callback | None = None
-    ) -> Solution:
+    def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         """The best point found from `start`, which has a value for every block of the problem.
 
         `callback` is called at every iterate, and stops the solver if it returns True.

@@ -77,9 +77,7 @@ class Sqp:
             source="Nocedal and Wright 2006, chapter 18; CasADi's sqpmethod",
         )
 
-    def solve(
-        self, problem: Problem, start: Values, *, callback: Callback | None = None
-    ) -> Solution:
+    def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         """Solve from `start`, which is moved inside the bounds; see `Solver`."""
         with Run("sqp", self, problem, start, callback) as run:
             unless_solved(run)

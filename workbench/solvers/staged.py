@@ -56,9 +56,7 @@ class Staged:
         """The abilities of the solver, if it has any to tell."""
         return getattr(self.solver, "abilities", None)
 
-    def solve(
-        self, problem: Problem, start: Values, *, callback: Callback | None = None
-    ) -> Solution:
+    def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         """Solve stage by stage from `start`; see `Solver`.
 
         Raises UnknownName for what the problem does not leave free.

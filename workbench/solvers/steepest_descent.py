@@ -44,9 +44,7 @@ class SteepestDescent:
         """It needs a Jacobian for the length of the step, and is meant for teaching."""
         return Abilities(Derivative.JACOBIAN, Boxes.UNKNOWN, teaching=True, source="Cauchy 1847")
 
-    def solve(
-        self, problem: Problem, start: Values, *, callback: Callback | None = None
-    ) -> Solution:
+    def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         """Solve from `start`; see `Solver`. Raises NotSupported for bounds or constraints."""
         with Run("steepest-descent", self, problem, start, callback) as run:
             x, here = run.x, run.begin()

@@ -24,7 +24,7 @@ from workbench.training.registrations import FARTHEST, Registrations, batches
 from workbench.writing import replacing
 
 VERSION = "2:"  # of fingerprints
-FILE, FACTS = "checkpoint.npz", "said"  # the entry keeps its first name: old files are read
+FILE, FACTS, FORMER = "checkpoint.npz", "facts", "said"  # the former name is read as well
 SHARES = ("weights", "regressor")  # the arrays whose rows sum to one
 REMOVE = "remove it to start anew, or choose another folder"
 
@@ -68,7 +68,8 @@ def read_checkpoint(
     if not path.exists():
         return None
     with taken_for(path, "checkpoint of this training", REMOVE), open_arrays(path) as archive:
-        stored = facts_in(read_expected(archive, {FACTS: texts()})[FACTS])
+        named = FORMER if FORMER in archive.headers else FACTS
+        stored = facts_in(read_expected(archive, {named: texts()})[named])
         if (digest := stored.text("fingerprint")) != fingerprint:
             raise BadFile(
                 "it is of other registrations, another start or another plan"
@@ -84,7 +85,7 @@ def read_checkpoint(
         regressor = doubles(*first.weights.T.shape)
         learned = any(entry.block == "regressor" for entry in log)  # and kept from there on
         expected["regressor"] = regressor if learned else optional(regressor)
-        nothing_else(archive, (*expected, FACTS))
+        nothing_else(archive, (*expected, named))
         arrays = read_expected(archive, expected)
         for name, array in arrays.items():
             if abs(array).max(initial=0) > FARTHEST:

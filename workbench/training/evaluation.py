@@ -19,7 +19,7 @@ from workbench.training.executor import SERIAL, Execution
 from workbench.training.first_guess import Start
 from workbench.training.objective import Objective
 from workbench.training.pose_training import first_estimate, first_poses
-from workbench.training.poses import EdgeTerm, ShapePrior
+from workbench.training.poses import ShapePrior
 from workbench.training.registrations import (
     Registrations,
     RegistrationSubset,
@@ -137,7 +137,7 @@ def shapes_explained(
 
     They are un-posed as the people were that shapedirs were learned from.
     """
-    work = partial(unposed_people, body, EdgeTerm(body.faces), ShapePrior())
+    work = partial(unposed_people, body, ShapePrior())
     found = execution.executor(work, unposing_jobs(registrations))
     people = np.concatenate([rest for _, rest in found])
     return {

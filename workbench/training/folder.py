@@ -2,8 +2,8 @@
 
     registrations.csv    file,subject[,gender][,set]
     walk_001.ply         a mesh (.obj, .ply, .off, .glb) in metres, vertices in one order
-    jump.npz             vertices (N, 3) m, and optionally faces (F, 3) and seen (N,), the
-                         confidence of each vertex from 0 to 1
+    jump.npz             vertices (N, 3) m, and optionally faces (F, 3) and confidence (N,), which
+                         is from 0 to 1; `seen` is its former name
     many.npy#17          row 17 of a stack (J, N, 3) m, which is read a few at a time
 
 `gender` is female, male or neutral; `set` is poses (some people, many poses each) or shapes (many
@@ -107,7 +107,7 @@ class FolderRegistrations:
             with taken_for(row.file, "registration", "repair it, or leave it out of the table"):
                 arrays = self._arrays(path)
             vertices, faces = arrays["vertices"], arrays.get("faces")
-            confidence = arrays.get("seen", confidence)
+            confidence = arrays.get("confidence", arrays.get("seen", confidence))
         else:
             mesh = read_registered(path, points_alone=True)
             vertices, faces = mesh.vertices, mesh.faces if len(mesh.faces) else None
@@ -121,6 +121,7 @@ class FolderRegistrations:
                 {
                     "vertices": any_reals(self.n_vertices, 3),
                     "faces": optional(wholes("F", 3)),
+                    "confidence": optional(any_reals(self.n_vertices)),
                     "seen": optional(any_reals(self.n_vertices)),
                 },
             )
@@ -135,13 +136,15 @@ class FolderRegistrations:
             bad = int(np.argmax(~np.isfinite(vertices).all(axis=1)))
             raise BadFile(
                 f"{row.file}: vertex {bad} is {vertices[bad].tolist()}; repair it, or give it any "
-                "place and seen = 0 in an .npz"
+                "place and confidence 0 in an .npz"
             )
         if (far := float(abs(vertices).max())) > FARTHEST:
             raise BadFile(f"{row.file} reaches {far:.3g} m far; metres are expected")
         within = (confidence >= 0) & (confidence <= 1)
         if confidence.shape != (N,) or not within.all() or not confidence.any():
-            raise BadFile(f"{row.file}: seen must be ({N},) numbers from 0 to 1, not all zero")
+            raise BadFile(
+                f"{row.file}: confidence must be ({N},) numbers from 0 to 1, not all zero"
+            )
         if self.faces is None or faces is None:
             return
         if not same_faces(faces, self.faces):

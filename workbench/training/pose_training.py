@@ -68,7 +68,6 @@ def train_poses(
     *,
     folder: Path | None = None,
     execution: Execution = SERIAL,
-    data_term: DataTerm | None = None,
     initial: Estimate | None = None,
     mirror: Mirror | None = None,
 ) -> PoseModel:
@@ -76,7 +75,7 @@ def train_poses(
 
     With a `folder`, the run is saved there after every block, and continues from there when it is
     called again; the result is the same to the last bit. If a checkpoint cannot be written, the
-    log warns once and the run continues. The first poses are fitted to edges, or by `data_term`.
+    log warns once and the run continues. The first poses are fitted to edges.
     `mirror` is that of `start` where it is not given.
 
     Raises NotLowered if a block raises the cost, which is checked after every block, and BadFile
@@ -106,7 +105,7 @@ def train_poses(
     with limited_threads():
         if at is None:
             if initial is None:
-                first = first_poses(first, registrations, start, data_term, execution)
+                first = first_poses(first, registrations, start, None, execution)
             at = Checkpoint(first, (), identity)
             if folder:
                 keep(partial(at.save, folder))

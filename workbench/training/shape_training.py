@@ -20,7 +20,6 @@ from workbench.training.joint_regressor import JointRegressor, fit_joint_regress
 from workbench.training.pose_training import FIRST_SIGMA, KKT, NotLowered, PoseModel
 from workbench.training.poses import (
     JOB_SIZE,
-    DataTerm,
     EdgeTerm,
     PoseFit,
     ShapePrior,
@@ -132,7 +131,7 @@ def unposing_jobs(
 
 
 def unposed_people(
-    body: SkinnedBody, data_term: DataTerm, prior: ShapePrior | None, job: UnposingJob
+    body: SkinnedBody, prior: ShapePrior | None, job: UnposingJob
 ) -> tuple[Array, Array]:
     """The poses (c, K, 3) rad of people, and the people at rest (c, N, 3) m.
 
@@ -142,7 +141,7 @@ def unposed_people(
     batch, starts = job
     few = subsample(body.template, body.faces)
     sparse, n = few.body(body), len(few.vertices)
-    fit = PoseFit(sparse, n, data_term.on(few.faces), FIRST_SIGMA, STEPS, prior)
+    fit = PoseFit(sparse, n, EdgeTerm(few.faces), FIRST_SIGMA, STEPS, prior)
     poses, people = [], []
     for i, (V, confidence) in enumerate(zip(batch.vertices, batch.confidence, strict=True)):
         own, trusted = V[few.vertices], confidence[few.vertices]
@@ -167,17 +166,13 @@ def learn_shapes(
     n_betas: int,
     mirror: Mirror | None,
     rounds: int = 2,
-    data_term: DataTerm | None = None,
-    prior: float = 1.0,
     execution: Execution = SERIAL,
 ) -> ShapeModel:
     """Fit poses, un-pose the people and find the principal directions, in a few rounds.
 
     The first round fits poses with the body's mean shape, as the paper does. Later rounds fit
-    the shape directions of the round before as well, betas having a standard deviation of
-    `prior`.
+    the shape directions of the round before as well, with a prior on betas.
     """
-    data = EdgeTerm(body.faces) if data_term is None else data_term
     J, N, K = len(registrations.subject), body.n_vertices, body.n_joints
     poses, people = np.zeros((J, K, 3)), np.zeros((J, N, 3))
     space: ShapeSpace | None = None
@@ -185,8 +180,8 @@ def learn_shapes(
         shaped, shapes = body, None
         if space is not None:
             shaped = replace(body, template=space.template, shapedirs=space.shapedirs)
-            shapes = ShapePrior(prior)
-        work = partial(unposed_people, shaped, data, shapes)
+            shapes = ShapePrior()
+        work = partial(unposed_people, shaped, shapes)
         jobs = unposing_jobs(registrations, poses if number else None)
         done = 0
         for own_poses, own_people in execution.executor(work, jobs):

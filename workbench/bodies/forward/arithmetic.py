@@ -7,8 +7,7 @@ from typing import Protocol
 
 from workbench.arrays import Array
 from workbench.bodies.forward.arrays import SkinnedArrays, Vertices
-from workbench.bodies.forward.compiled import CompiledArithmetic
-from workbench.bodies.forward.kernels import kernels
+from workbench.bodies.forward.kernels import CompiledArithmetic, kernels
 from workbench.bodies.forward.motion import Motion, Slopes
 from workbench.bodies.forward.numeric import Chunk, ChunkedArithmetic, chunks_of
 from workbench.bodies.forward.rows import Target

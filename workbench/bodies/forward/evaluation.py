@@ -11,7 +11,7 @@ from scipy.sparse import csr_array
 from workbench.arrays import Array
 from workbench.blocks.checks import reals
 from workbench.bodies.body import Body, Given
-from workbench.bodies.forward.numeric import many_points
+from workbench.bodies.forward.numeric import batch_points
 from workbench.bodies.forward.numeric_body import NumericBody
 from workbench.errors import BadBody
 
@@ -21,7 +21,7 @@ def vertices(of: NumericBody, pose: Given, betas: Given, trans: Given) -> Array:
     body = of.arrays
     batch, theta, beta, move = arguments(body, pose, betas, trans)
     if body.is_smpl:
-        found = many_points(of.chunks, of.kinematics.motions(theta, beta), beta)
+        found = batch_points(of.chunks, of.kinematics.motions(theta, beta), beta)
     else:
         each = [np.asarray(of.skinned_rest(t.T, b)).T for t, b in zip(theta, beta, strict=True)]
         found = np.array(each).reshape(len(theta), body.n_vertices, 3)

@@ -98,7 +98,7 @@ class Together:
     @cached_property
     def slopes(self) -> list[Slopes]:
         """The derivative of the motion of each pose."""
-        all_of = self.kinematics.many_slopes(self.poses, self.betas)
+        all_of = self.kinematics.slopes_batch(self.poses, self.betas)
         parts = all_of.turns, all_of.d_features, all_of.d_shift
         return [Slopes(*one) for one in zip(*parts, strict=True)]
 
@@ -158,10 +158,10 @@ class Kinematics:
         """The derivatives of the motion at pose (K, 3) rad and betas (B,)."""
         return self._shaped_slopes(self._slopes(pose, betas))
 
-    def many_slopes(self, poses: Array, betas: Array) -> Slopes:
+    def slopes_batch(self, poses: Array, betas: Array) -> Slopes:
         """The derivatives of the motions at poses (M, K, 3) rad and betas (M, B), as arrays."""
         return self._shaped_slopes(
-            self._many_slopes(poses.reshape(len(poses), 3 * self._sizes[0]), betas)
+            self._slopes_batch(poses.reshape(len(poses), 3 * self._sizes[0]), betas)
         )
 
     @cached_property
@@ -169,7 +169,7 @@ class Kinematics:
         return Mapped(self._motion.function, (False, False))
 
     @cached_property
-    def _many_slopes(self) -> Batched:
+    def _slopes_batch(self) -> Batched:
         return Mapped(self._slopes.function, (False, False))
 
     def _shaped(self, outputs: Sequence[Array]) -> Motion:

@@ -169,7 +169,7 @@ class ChunkedSurface:
         return self._rest[first]
 
 
-def many_points(chunks: list[Chunk], motions: Motion, betas: Array) -> Array:
+def batch_points(chunks: list[Chunk], motions: Motion, betas: Array) -> Array:
     """The vertices (M, N, 3) m for M motions and betas (M, B).
 
     Before translation, by matrix products over many of them at a time.

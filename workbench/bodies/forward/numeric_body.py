@@ -16,7 +16,7 @@ from workbench.bodies.forward.freed_numbers import BLOCKS, FreedSurface
 from workbench.bodies.forward.joint_numbers import JointArithmetic, JointBatch
 from workbench.bodies.forward.landmark_numbers import LandmarkArithmetic
 from workbench.bodies.forward.motion import Kinematics
-from workbench.bodies.forward.numeric import Chunk, chunks_of, many_points
+from workbench.bodies.forward.numeric import Chunk, batch_points, chunks_of
 from workbench.bodies.forward.numeric_sources import PosedPoints
 from workbench.bodies.forward.rest_points import RestPoints
 from workbench.bodies.forward.skeleton import Skeleton
@@ -61,7 +61,7 @@ class NumericBody:
         chunks = cache(lambda: self.chunks if some == ALL else chunks_of(self.arrays, some))
 
         def many(poses: Array, betas: Array) -> Array:
-            return many_points(chunks(), kinematics.motions(poses, betas), betas)
+            return batch_points(chunks(), kinematics.motions(poses, betas), betas)
 
         return PosedPoints(kinematics, arithmetic_of(self.arrays, some, chunks), many)
 

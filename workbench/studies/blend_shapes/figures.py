@@ -57,15 +57,13 @@ def plot_by_examples(rows: Sequence[ByExamples], *, ax: Axes) -> Axes:
         ax.plot(n, [each.mean for each in found], color=colour, marker=marker, label=label)
         label = f"{name}: time for one pose (ms)"
         ax.plot(n, times, "--", color=colour, marker=marker, alpha=0.7, label=label)
-    ax.set_xscale("log")
-    ax.set_yscale("log")
+    ax.set(xscale="log", yscale="log")
     ax.set_xticks(n, [str(x) for x in n])
     low, high = ax.get_ylim()
     shown = [y for y in ROUND if low <= y <= high]
     ax.set_yticks(shown, [f"{y:g}" for y in shown])
     ax.minorticks_off()
-    ax.set_xlabel("examples")
-    ax.set_ylabel("mm, or ms")
+    ax.set(xlabel="examples", ylabel="mm, or ms")
     ax.legend()
     return ax
 
@@ -89,8 +87,7 @@ def plot_by_factor(found: Mapping[str, Array], *, ax: Axes) -> Axes:
         ax.plot(FACTORS, sizes, color=LINES[i], linestyle=DASHES[i % 4], label=plain(name))
     ax.axvspan(0, 1, color=FAINT, alpha=0.15, linewidth=0)
     ax.set_xlabel("factor on theta (1: the pose as drawn)")
-    ax.set_ylabel("rms length of the blend shapes (mm)")
-    ax.set_xlim(FACTORS[0], FACTORS[-1])
+    ax.set(ylabel="rms length of the blend shapes (mm)", xlim=(FACTORS[0], FACTORS[-1]))
     ax.set_ylim(bottom=0)
     ax.legend()
     return ax
@@ -120,8 +117,7 @@ def plot_by_angle(found: Mapping[str, Array], *, ax: Axes) -> Axes:
     for turn in (360, 720):
         ax.axvline(turn, color=FAINT, linewidth=0.8)
     ax.set_xticks(range(0, 721, 90))
-    ax.set_xlim(0, 720)
-    ax.set_ylim(0, 1.3 * max(float(sizes.max()) for sizes in found.values()))
+    ax.set(xlim=(0, 720), ylim=(0, 1.3 * max(float(sizes.max()) for sizes in found.values())))
     ax.set_xlabel("turn of the neck about the vertical (degrees)")
     ax.set_ylabel("rms length of the blend shapes (mm)")
     ax.legend(loc="upper left")
@@ -164,8 +160,7 @@ def plot_by_penalty(rows: Sequence[ByPenalty], what: str, *, ax: Axes) -> Axes:
     ax.set_xscale("log")
     ax.minorticks_off()
     ax.set_xticks(shares, [f"{x:.2g}" for x in shares])
-    ax.set_xlabel(plain(what))
-    ax.set_ylabel("distance (mm)")
+    ax.set(xlabel=plain(what), ylabel="distance (mm)")
     ax.set_ylim(bottom=0)
     ax.legend()
     return ax

@@ -22,8 +22,13 @@ from workbench.bodies.forward.features import (
     rotation_elements,
     rotation_vectors,
 )
-from workbench.studies.blend_shapes.locality import joint_distances, local_ridge
-from workbench.studies.blend_shapes.sparsity import group_lasso, nonzero_share, refitted
+from workbench.studies.blend_shapes.sparsity import (
+    group_lasso,
+    joint_distances,
+    local_ridge,
+    nonzero_share,
+    refitted,
+)
 from workbench.studies.blend_shapes.training_data import (
     PosedSurfaces,
     TrainingData,

@@ -9,7 +9,6 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.bodies.forward.features import Features, quaternion_elements, rotation_elements
-from workbench.studies.blend_shapes.locality import far_share, joint_distances, local_ridge
 from workbench.studies.blend_shapes.predictors import (
     INTERPOLATION,
     LINEAR_IN,
@@ -17,7 +16,14 @@ from workbench.studies.blend_shapes.predictors import (
     Accuracy,
     accuracy,
 )
-from workbench.studies.blend_shapes.sparsity import group_lasso, nonzero_share, refitted
+from workbench.studies.blend_shapes.sparsity import (
+    far_share,
+    group_lasso,
+    joint_distances,
+    local_ridge,
+    nonzero_share,
+    refitted,
+)
 from workbench.studies.blend_shapes.training_data import (
     Correctives,
     PosedSurfaces,

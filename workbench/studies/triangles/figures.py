@@ -29,8 +29,7 @@ def plot_explained(shapes: ShapeDirections, *, ax: Axes) -> Axes:
     ax.set_xscale("log")
     _counts(ax, 1, len(own))
     ax.set_ylim(top=100.5)
-    ax.set_xlabel("shape directions")
-    ax.set_ylabel("share of the variance explained (%)")
+    ax.set(xlabel="shape directions", ylabel="share of the variance explained (%)")
     ax.legend(loc="lower right")
     return ax
 
@@ -58,8 +57,7 @@ def plot_rms(shapes: ShapeDirections, *, ax: Axes) -> Axes:
     shown = [mm for mm in (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50) if mm <= ax.get_ylim()[1]]
     ax.set_yticks(shown, [f"{mm:g}" for mm in shown])
     ax.minorticks_off()
-    ax.set_xlabel("shape directions")
-    ax.set_ylabel("rms distance left (mm)")
+    ax.set(xlabel="shape directions", ylabel="rms distance left (mm)")
     ax.legend(loc="lower left")
     return ax
 
