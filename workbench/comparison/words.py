@@ -165,8 +165,8 @@ def _uncounted(comparison: Comparison, tau: float) -> list[str]:
         if runs:
             out.append(
                 f"{solver}: not everything was counted in {len(runs)} of "
-                f"{len(comparison.instances)} runs, so its effort is unknown, and it is left out of "
-                "all statements on effort. It evaluated a graph of the problem in its own code "
+                f"{len(comparison.instances)} runs, so its effort is unknown, and it is left out "
+                "of all statements on effort. It evaluated a graph of the problem in its own code "
                 "(as nlpsol does), or returned a point that it never evaluated."
             )
     return out
