@@ -13,7 +13,7 @@ KINDS = {"U": "text", "S": "text", "c": "complex numbers", "M": "dates", "m": "t
 
 
 def numbers(what: str, value: object) -> NDArray[Any]:
-    """`value` as an array of whole or real numbers of any precision; `what` it is, for the error.
+    """`value` as an array of whole or real numbers of any precision; errors call it `what`.
 
     Raises NotNumbers.
     """
