@@ -39,8 +39,8 @@ def keypoint_fit(
 
     A detector's confidence c enters as the weight c^2, outside of the kernel, as in SPIN
     (Kolotouros et al. 2019): without a robust kernel, that keypoint has the standard deviation
-    sigma / c. Priors on the pose (`pose_prior`) and the shape (`shape_prior`) decide what the
-    keypoints do not. Photographs in `held_out` are drawn and measured, not fitted. `reference`
+    sigma / c. Priors on the pose (`pose_prior`) and the shape (`shape_prior`) determine what the
+    keypoints do not. Photographs in `held_out` are not fitted, but drawn and measured. `reference`
     (M, 3) m holds published positions of the body's landmarks, NaN where there is none. A camera
     without K gets a free focal length.
 
