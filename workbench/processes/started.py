@@ -44,7 +44,7 @@ class Started:
         self.pid = self._popen.pid
 
     def wait(self, seconds: float) -> int | None:
-        """The exit code, minus the number of a signal that ended it; None if it still runs."""
+        """Wait for the exit code, minus the number of a signal; None if the process still runs."""
         with suppress(subprocess.TimeoutExpired):
             return self._popen.wait(timeout=seconds)
         return None

@@ -26,7 +26,8 @@ def check_weights(
     """Raise BadResidual unless there is one weight, or one of `counts`, none below zero.
 
     `why` ends the sentence about weights that do not fit. If weights depend on symbols, only
-    their shape is checked. Raises NotNumbers for text."""
+    their shape is checked. Raises NotNumbers for text.
+    """
     if weights is None:
         return
     if isinstance(weights, cs.MX):
