@@ -70,16 +70,19 @@ class Dogleg:
     nonlinear equations, 1970, and Madsen, Nielsen and Tingleff, Methods for non-linear least
     squares problems, 2004, section 3.3.
 
-        ibutes: rule: how the radius follows the gain ratio: `textbook`, or `chumpy`, with which
-            this is the optimizer by which SMPL was first fitted. scaling: the metric D of the trust
-            region. `identity`: a radian, a metre and a standard deviation count the same;
-            `columns`: units of unknowns do not matter. linear_algebra: how the Gauss-Newton step is
-            computed; `automatic` chooses a factorization. max_iterations: the largest number of
-            steps. max_evaluations: the largest number of evaluations of the residual, its gradient,
-            its Jacobian and its Hessian together. max_seconds: wall time in seconds. It is looked
-            at before every evaluation, so that one step of linear algebra may exceed it.
-            gradient_tolerance: a point whose `Problem.optimality` (a cosine, without unit) is at
-            most this has converged. A larger one ends earlier and farther from the minimum.
+    Attributes:
+        rule: how the radius follows the gain ratio: `textbook`, or `chumpy`, with which this is the
+            optimizer by which SMPL was first fitted.
+        scaling: the metric D of the trust region. `identity`: a radian, a metre and a standard
+            deviation count the same; `columns`: units of unknowns do not matter.
+        linear_algebra: how the Gauss-Newton step is computed; `automatic` chooses a factorization.
+        max_iterations: the largest number of steps.
+        max_evaluations: the largest number of evaluations of the residual, its gradient, its
+            Jacobian and its Hessian together.
+        max_seconds: wall time in seconds. It is looked at before every evaluation, so that one step
+            of linear algebra may exceed it.
+        gradient_tolerance: a point whose `Problem.optimality` (a cosine, without unit) is at most
+            this has converged. A larger one ends earlier and farther from the minimum.
     """
 
     rule: RadiusRule = textbook
