@@ -124,8 +124,8 @@ def unused(observations: Observations, body: SkinnedBody) -> tuple[str, ...]:
     if not others:
         return ()
     return (
-        f"Of {len(observed)} keypoints that were seen, {len(observed) - len(others)} are fitted; "
-        f"the landmarks {kind!r} of body {body.name!r} have no place for the others: "
+        f"Of {len(observed)} observed keypoints, {len(observed) - len(others)} are fitted; "
+        f"the landmarks {kind!r} of the body {body.name!r} do not include the others: "
         f"{counted_by_part(others)}",
     )
 
