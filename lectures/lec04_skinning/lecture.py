@@ -467,9 +467,8 @@ depth = np.zeros(24, dtype=int)
 for k, parent in enumerate(fine.parents[1:], start=1):
     depth[k] = depth[parent] + 1
 hue = 2 * np.pi * (0.43 * np.arange(24)[:, None] - np.arange(3) / 3)
-paint = np.where(depth % 2, 0.5, 0.7)[:, None] + 0.25 * np.cos(
-    hue
-)  # (24, 3): a colour for each joint
+base = np.where(depth % 2, 0.5, 0.7)[:, None]
+paint = base + 0.25 * np.cos(hue)  # (24, 3): a colour for each joint
 in_ring = (rings.toarray()[1:] > 0).any(axis=0)[fine.faces].all(axis=1)
 panels = [
     Figurine("segments", fine.template, front, paint[begun.segmentation[fine.faces[:, 0]]]),

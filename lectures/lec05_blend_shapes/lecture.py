@@ -600,7 +600,7 @@ source(surface.posed)
 #
 # SMPL's recipe was used again for hands: MANO (Romero, Tzionas and Black, *Embodied Hands: Modeling and
 # Capturing Hands and Bodies Together*, 2017) was learned from about 1000 scans of the hands of 31 people.
-# A hand has more joints for its size, and there are fewer data. One problem can be shown here. SMPL lets
+# A hand has many joints, and there are few data. One problem can be shown here. SMPL lets
 # every vertex depend on every joint; if poses are few, blend shapes learn relations that are chance. So we
 # teach blend shapes once more, on the whole body: the truth is what dual quaternions do, seen with 2 mm of
 # noise. One pupil has all 207 features for each vertex; for the other, a vertex depends only on the joints that
@@ -645,13 +645,10 @@ for n in counts:
         best = min(tried, key=lambda P: missed(P, slice(160, 210)))
         scores[name].append(missed(best, slice(210, 260)))
 nothing = missed(np.zeros((body.n_vertices, 3, 207)), slice(210, 260))
+print("poses learned from: " + ", ".join(map(str, counts)))
 for name, mask in pupils.items():
-    print(
-        f"{name}: {3 * int(mask.sum())} numbers; off by "
-        + ", ".join(
-            f"{score:.1f} mm from {n} poses" for n, score in zip(counts, scores[name], strict=True)
-        )
-    )
+    off_by = ", ".join(f"{score:.1f}" for score in scores[name])
+    print(f"{name:11}: {3 * int(mask.sum()):6} numbers, off by {off_by} mm")
 print(f"without blend shapes: {nothing:.1f} mm")
 with house_style():
     figure, (ax,) = sheet(7.5, 3.6)
@@ -678,8 +675,8 @@ Picture(
 # | 45 angles, more than an image tells | a linear space of few directions, learned from poses | *Embodied Hands* | lecture 10: a Gaussian of poses; below, for bodies |
 # | far joints move a vertex by chance | blend shapes that are local: a penalty that grows with the distance along the skin, or joints that are left out | the notes on MANO that this course uses; Osman, Bolkart and Black, *STAR*, 2020 | above; the embedded bodies are local |
 # | skin collapses where a joint bends | blend shapes that are linear in $R - I$ | Loper and others, *SMPL*, 2015 | above |
-# | the template is drawn in a pose of its own | binding matrices | the same notes | lecture 3 |
-# | where are the joints of a posed hand? | the offsets of the chain, and not regressed from posed skin | the same notes ask | lecture 3 |
+# | the template is drawn in a pose of its own | binding matrices | the notes on MANO | lecture 3 |
+# | where are the joints of a posed hand? | the offsets of the chain, and not regressed from posed skin | the notes on MANO ask | lecture 3 |
 
 # %%
 variances = np.linalg.eigvalsh(shipped_gaussian().covariance)[::-1]  # of recorded body poses
