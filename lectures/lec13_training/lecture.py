@@ -52,7 +52,7 @@ from workbench.training.symbolic_form import SymbolicTraining
 # way round it must be: a person in one pose cannot tell how their elbow bulges, and three people cannot tell
 # how thousands differ.)
 #
-# Our people are jointed tubes of six bones each, drawn from a random model of SMPL's form.
+# Our people are jointed tubes with six joints each, drawn from a random model of SMPL's form.
 
 # %%
 start = jointed_tube(11, 6)  # a mesh, its tree, and which segment each vertex belongs to

@@ -67,7 +67,7 @@ SAYS = {
         run["true"].n_vertices,
         run["true"].n_joints,
     ),
-    "a tube of six bones": lambda run: run["true"].n_joints == 6,
+    "jointed tubes with six joints each": lambda run: run["true"].n_joints == 6,
     "In truth there are three such directions.": lambda run: run["true"].n_betas == 3,
     "and did, but for 0.06 to 0.3 rad in each joint": turns,
     "The first two directions are not shape: they are how people happened to bend.": lambda run: (
