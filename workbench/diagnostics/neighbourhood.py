@@ -55,6 +55,8 @@ class Neighbourhood:
     @property
     def weaker_here(self) -> float:
         """How many times weaker the weakest direction that is seen is here than typically there."""
+        if not self.points:
+            return 1.0
         here = self.here.measured.reduced
         rank = here.spectrum.rank
         there = [s[rank - 1] for _, s in self.points if s.size >= rank]

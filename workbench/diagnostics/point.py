@@ -9,6 +9,7 @@ from scipy.sparse import csc_array
 from workbench.arrays import Array, Mask
 from workbench.blocks import Values
 from workbench.diagnostics.active_set import ActiveSet, ConstrainedJacobian, active_set_at
+from workbench.diagnostics.eliminated_jacobian import EliminatedJacobian
 from workbench.diagnostics.identifiability import prior_sigma
 from workbench.diagnostics.yardsticks import Yardsticks, yardsticks
 from workbench.problem import Linearization, Problem
@@ -49,6 +50,12 @@ class Point:
     def measured(self) -> ConstrainedJacobian:
         """The constrained Jacobian with every unknown in units of its yardstick."""
         return self.constrained.measured(self.yardsticks.sizes)
+
+    @cached_property
+    def by_elimination(self) -> EliminatedJacobian | None:
+        """The same without singular values, where the unknowns were eliminated part after part."""
+        found = self.constrained.by_elimination
+        return None if found is None else found.scaled(self.yardsticks.sizes)
 
     @cached_property
     def yardsticks(self) -> Yardsticks:
