@@ -140,6 +140,7 @@ def test_a_file_in_stars_layout_is_read_and_smpls_stays_smpls(tmp_path: Path) ->
     body = wb.load_body(tmp_path / "star.npz")
     assert isinstance(body, wb.SkinnedBody)
     assert body.features is star_features
+    assert (smpl.card["model"], body.card["model"]) == ("SMPL", "STAR")
     betas = np.array([0.0, 2.0])
     expected = raw["v_template"] + raw["shapedirs"][:, :, 1] * 2 + raw["posedirs"][:, :, 92] * 2
     np.testing.assert_allclose(body.vertices(betas=betas), expected, atol=1e-12)

@@ -12,7 +12,7 @@ from workbench import Block, Problem, Values, diagnose, load_body, residuals, se
 from workbench.diagnostics import Diagnosis, SequenceDiagnosis, Undiagnosed
 from workbench.diagnostics.linearized import linearized
 from workbench.diagnostics.words import diagnosis_of
-from workbench.errors import BadArgument
+from workbench.errors import BadArgument, NotFinite
 from workbench.problem import frame_chain, storage
 from workbench.reports import write_diagnosis
 from workbench.residuals import Residual
@@ -307,6 +307,19 @@ def test_values_that_are_not_finite_are_named() -> None:
     json.dumps(d.data(), allow_nan=False)
     with pytest.raises(Undiagnosed, match="there is no rank"):
         d.assert_rank(6)
+    assert [d.problem.row_label(i) for i, j in d.not_finite if j < 0] == ["seen[1, 1]"]
+
+
+@pytest.mark.parametrize("part", ["rank", "sigma", "null_directions", "shared", "blind"])
+def test_what_is_asked_of_values_that_are_not_finite_gets_a_sentence(part: str) -> None:
+    x = Block("x", (2,), "m")
+    frame = Problem([Residual("seen", cs.sqrt(x.symbol), 0.1)], ("x",), blocks=(x,))
+    at = {"x": np.array([[1.0, 1], [1, -1], [1, 1]])}
+    with pytest.raises(NotFinite, match="holds NaN or infinity here; see `not_finite` for where"):
+        getattr(long(sequence([frame] * 3), at), part)
+    ordinary = diagnose(frame, {"x": np.array([1.0, -1])})
+    with pytest.raises(NotFinite, match="holds NaN or infinity here; see `not_finite` for where"):
+        ordinary.rank  # noqa: B018
 
 
 def test_data_and_page_are_written(tmp_path: Path) -> None:

@@ -7,7 +7,6 @@ from scipy.sparse import csc_array
 from workbench.arrays import Array
 from workbench.diagnostics.active_set import ConstrainedJacobian
 from workbench.diagnostics.elimination import Elimination
-from workbench.diagnostics.extreme_values import condition_along
 from workbench.diagnostics.parts import Parts
 from workbench.diagnostics.tied_elimination import TiedElimination
 from workbench.problem import Linearization
@@ -74,19 +73,6 @@ def test_ties_that_see_much_more_than_the_parts_are_left_to_the_dense_way() -> N
     weak[:, 0] *= 1e-9  # the ties alone tell what this unknown is
     weak[:, 1] = weak[:, 0]
     assert TiedElimination.of(parts_of(J)) is None
-
-
-@pytest.mark.parametrize("constraints", [0, 7])
-def test_the_condition_is_that_of_the_jacobian_along_what_constraints_allow(
-    constraints: int,
-) -> None:
-    J = jacobian(0, np.eye(30))
-    A = np.random.default_rng(2).standard_normal((constraints, J.shape[1]))
-    Z = np.linalg.svd(A)[2][constraints:].T if constraints else np.eye(J.shape[1])
-    inverse = np.linalg.inv(J.T @ J + 2.0 * A.T @ A)
-    here = Linearization(np.zeros(len(J)), csc_array(J))
-    found = condition_along(here, A, lambda v: inverse @ v)
-    assert found == pytest.approx(np.linalg.cond(J @ Z), rel=1e-5)
 
 
 def test_a_diagnosis_uses_it() -> None:

@@ -94,7 +94,12 @@ def test_nan_has_its_own_hint_also_beside_another_mistake() -> None:
 
 @pytest.mark.parametrize(
     ("h", "sides", "told"),
-    [(1e-3, 2, "too large"), (7e-4, 2, "too large"), (1e-6, 1, "one-sided"), (1e-7, 1, "one-sided")],
+    [
+        (1e-3, 2, "too large"),
+        (7e-4, 2, "too large"),
+        (1e-6, 1, "one-sided"),
+        (1e-7, 1, "one-sided"),
+    ],
 )
 def test_a_step_that_is_too_long_is_told_from_a_one_sided_one(h, sides, told) -> None:
     def quotient(f, x):

@@ -123,6 +123,36 @@ def test_the_rows_that_keep_joints_in_the_middle_of_vertices_are_added_afterward
     np.testing.assert_allclose(sigma**2, np.diag(np.linalg.inv(J.T @ J)), rtol=1e-4)
 
 
+def test_the_report_of_a_training_needs_no_singular_values(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """One over all of its singular values would be more work than everything else together."""
+
+    def refused(_: Linearization) -> None:
+        raise AssertionError("an array of 2,700 x 2,700 was computed")
+
+    for name in ("spectrum", "singular_values", "unit_triangle", "R"):
+        monkeypatch.setattr(Linearization, name, property(refused))
+    symbolic, values = limb()
+    problem = symbolic.problem(["E_D", "E_P"])
+    found = diagnose(problem, values, priors=[r.name for r in problem.residuals if "E_P" in r.name])
+    assert isinstance(found, Diagnosis)
+    text = found.report()
+    assert "numerical rank 2676 of 2700" in text
+    assert found.identifiability.data_share is None
+    assert 0 < found.identifiability.effective < 2676
+    s, vectors = found.by_elimination.weakest(3) if found.by_elimination else (0, 0)
+    np.testing.assert_allclose(np.linalg.norm(found.point.measured.here.along(vectors), axis=0), s)
+
+
+def test_the_weakest_directions_of_the_data_alone_are_those_of_an_svd() -> None:
+    """By QR and SVD of the whole Jacobian in yardsticks; from J'J they would be rounding errors."""
+    found = diagnosed("E_D").by_elimination
+    assert found is not None
+    np.testing.assert_allclose(found.weakest(3)[0], [1.41914752, 1.88592626, 2.15485326], rtol=1e-6)
+    assert [found.count_below(limit) for limit in (2, 10, 30)] == [2, 35, 91]
+
+
 @pytest.mark.parametrize(
     "J",
     [

@@ -9,9 +9,10 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csc_array, vstack
 
 from workbench.arrays import Array, Index, Mask
+from workbench.diagnostics.eliminated_jacobian import EliminatedJacobian
 from workbench.diagnostics.elimination import Elimination
-from workbench.diagnostics.extreme_values import condition_along
-from workbench.diagnostics.linearized import linearized, pattern_of
+from workbench.diagnostics.inertia import row_space
+from workbench.diagnostics.linearized import check_finite, linearized, pattern_of
 from workbench.diagnostics.parts import Parts
 from workbench.diagnostics.tied_elimination import TiedElimination
 from workbench.problem import Linearization, Problem
@@ -150,7 +151,7 @@ class ConstrainedJacobian:
     @property
     def count(self) -> int:
         """How many directions the constraints forbid."""
-        return self.here.shape[1] - self.tangent.shape[1] if len(self.rows) else 0
+        return len(row_space(self.rows))
 
     @cached_property
     def reduced(self) -> Linearization:
@@ -171,7 +172,11 @@ class ConstrainedJacobian:
 
     @cached_property
     def parts(self) -> Parts | None:
-        """The parts into which the Jacobian and the rows fall; None if it is dense, or has none."""
+        """The parts into which the Jacobian and the rows fall; None if it is dense, or has none.
+
+        Raises NotFinite.
+        """
+        check_finite(self.here)
         return Parts.of(self.stacked)
 
     @cached_property
@@ -181,6 +186,14 @@ class ConstrainedJacobian:
             return None
         with limited_threads():  # its matrices are small
             return TiedElimination.of(self.parts)
+
+    @cached_property
+    def by_elimination(self) -> EliminatedJacobian | None:
+        """What is known without singular values, where the unknowns were eliminated."""
+        if self.parts is None or self.eliminated is None:
+            return None
+        here, rows, lengths = self.here, self.rows, self.parts.lengths
+        return EliminatedJacobian(here, rows, self.eliminated, self.parts, lengths)
 
     @cached_property
     def null(self) -> Array:
@@ -212,21 +225,11 @@ class ConstrainedJacobian:
         n = self.here.shape[1]
         if self.rank < n or not n:
             return float("inf")
-        if self.eliminated is not None:
-            return self._condition_by_parts(self.eliminated)
+        if self.by_elimination is not None:
+            with limited_threads():
+                return self.by_elimination.condition
         s = self.reduced.spectrum.s
         return float(s[0] / s[-1]) if s.size else 1.0
-
-    def _condition_by_parts(self, eliminated: Elimination | TiedElimination) -> float:
-        lengths = self.stacked.column_norms  # none is zero: the rank is full
-
-        def covariance_times(B: Array) -> Array:
-            columns = B[:, None] if B.ndim == 1 else B
-            found = eliminated.covariance_times(columns / lengths[:, None]) / lengths[:, None]
-            return found.reshape(B.shape)
-
-        with limited_threads():
-            return condition_along(self.here, self.rows, covariance_times)
 
     @cached_property
     def laplace(self) -> tuple[Array, Array]:

@@ -8,8 +8,10 @@ from workbench.blocks import Values
 from workbench.diagnostics.active_set import constrained_jacobian_at
 from workbench.diagnostics.diagnosis import Diagnosis
 from workbench.diagnostics.suggestion import RankAndCondition, Suggestion, rank_and_condition
+from workbench.errors import TooLarge
 from workbench.problem import Problem
 from workbench.residuals import gaussian
+from workbench.threads import limited_threads
 
 NEARBY = 1e-3  # of a yardstick: how far from a point that is not finite to try again
 TURN = 2 * np.pi
@@ -83,7 +85,7 @@ def _rewrap(diagnosis: Diagnosis, problem: Problem, at: Values) -> Iterator[Sugg
 def _fix(diagnosis: Diagnosis, problem: Problem, at: Values) -> Iterator[Suggestion]:
     """Fix one of the blocks that take part in null directions."""
     unread = set(diagnosis.structure.unread.tolist())
-    for name in _blind_blocks(diagnosis)[: 3 if diagnosis.here.estimated else None]:
+    for name in _blind_blocks(diagnosis)[: _most(diagnosis)]:
         part = problem.free.slices[name]
         others = problem.free.spelled([name])
         if others and not unread.issuperset(range(part.start, part.stop)):
@@ -105,7 +107,7 @@ def _prior(diagnosis: Diagnosis, problem: Problem, at: Values) -> Iterator[Sugge
         return
     sizes = diagnosis.point.yardsticks.sizes
     sigma = {n: float(sizes[problem.free.slices[n]][0]) for n in names}
-    for chosen in ([[name] for name in names] if len(names) > 1 else []) + [names]:
+    for chosen in ([[n] for n in names[: _most(diagnosis)]] if len(names) > 1 else []) + [names]:
         priors = [
             gaussian(
                 problem.free[name].symbol,
@@ -178,15 +180,11 @@ def _unread(diagnosis: Diagnosis, problem: Problem, at: Values) -> Iterator[Sugg
 
 def _rescale(diagnosis: Diagnosis, problem: Problem, at: Values) -> Iterator[Suggestion]:
     """Scale the columns to length 1, where that improves the condition a hundred times."""
-    here = diagnosis.here
     if diagnosis.null_directions or np.isinf(diagnosis.condition):
         return
     if diagnosis.point.active.any:  # lengths of columns do not show what may move
         return
-    s = diagnosis.scaled_singular_values
-    after = RankAndCondition(
-        here.shape[1], int(np.sum(s > 0)), float(s[0] / s[-1]) if s[-1] > 0 else np.inf
-    )
+    after = _by_unit_columns(diagnosis)
     if after.condition * 100 < diagnosis.condition:
         yield Suggestion(
             "measure each unknown in units of 1 / |its column|, as scaling=columns does",
@@ -198,6 +196,22 @@ def _rescale(diagnosis: Diagnosis, problem: Problem, at: Values) -> Iterator[Sug
             dict(at),
             "rescale",
         )
+
+
+def _most(diagnosis: Diagnosis) -> int | None:
+    """How many blocks are tried one by one; None for all."""
+    return 3 if diagnosis.here.estimated else None
+
+
+def _by_unit_columns(diagnosis: Diagnosis) -> RankAndCondition:
+    """Rank and condition with columns of length 1."""
+    n, eliminated = diagnosis.here.shape[1], diagnosis.point.constrained.by_elimination
+    if eliminated is not None:
+        with limited_threads():
+            unit = eliminated.scaled(1 / eliminated.lengths)
+            return RankAndCondition(n, diagnosis.rank, unit.condition)
+    s = diagnosis.scaled_singular_values
+    return RankAndCondition(n, int(np.sum(s > 0)), float(s[0] / s[-1]) if s[-1] > 0 else np.inf)
 
 
 def _blind_blocks(diagnosis: Diagnosis) -> list[str]:
@@ -234,7 +248,10 @@ def _tried(
     """
     at = dict(diagnosis.values) if at is None else at
     constrained = constrained_jacobian_at(problem, at)
-    after = rank_and_condition(constrained)
+    try:
+        after = rank_and_condition(constrained)
+    except TooLarge:  # it cannot be tried
+        return []
     if not constrained.here.finite or not better(diagnosis.state, after):
         return []
     return [Suggestion(what, why, cost, diagnosis.state, after, problem, at, kind)]

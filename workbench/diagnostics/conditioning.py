@@ -1,16 +1,17 @@
 """How far columns and rows are from parallel, and which ones make a Jacobian ill-conditioned."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
+from scipy.sparse import csc_array, triu
 
-from workbench.arrays import Array
-from workbench.blocks import Layout, Tree
-from workbench.diagnostics.active_set import ConstrainedJacobian
+from workbench.arrays import Array, Index
+from workbench.diagnostics.eliminated_jacobian import EliminatedJacobian
+from workbench.diagnostics.point import Point
 from workbench.diagnostics.sparse_bases import sparsest
 from workbench.problem import Linearization
+from workbench.problem.storage import by_nonzeros
 
 PARALLEL = 1e-8  # sine of the angle up to which columns are called parallel
 NEARLY = 1e-3  # sine of the angle up to which columns are called nearly parallel
@@ -70,18 +71,19 @@ class JointTurn:
     second: float
 
 
-def joint_turns(here: Linearization, free: Layout, trees: Sequence[Tree]) -> tuple[JointTurn, ...]:
+def joint_turns(point: Point) -> tuple[JointTurn, ...]:
     """The strongest two turns of each joint, all other joints at rest.
 
     Points in space show two turns of a bone equally well. One image shows only one of them if the
     bone lies across the line of sight: the other turn moves its end in depth.
     """
-    found = []
-    for tree in trees:
-        for k, place in tree.turned(free).items():
-            columns = here.R[:, place]
+    found, here, tolerance = [], point.here, point.constrained.tolerance
+    for tree in point.problem.trees:
+        for k, place in tree.turned(point.problem.free).items():
+            some = np.arange(place.start, place.stop)
+            columns = here.columns(some).dense if here.estimated else here.R[:, place]
             best, second, *_ = *np.linalg.svd(columns, compute_uv=False), 0.0, 0.0
-            if best > here.spectrum.tolerance:
+            if best > tolerance:
                 found.append(JointTurn(tree.names[k], float(best), float(second)))
     return tuple(found)
 
@@ -90,16 +92,31 @@ def parallel_columns(here: Linearization, within: float = NEARLY) -> tuple[Paral
     """Pairs of columns whose angle has a sine of at most `within`, the nearest first."""
     norms = here.column_norms
     read = np.flatnonzero(norms > 1e-14 * norms.max(initial=0.0))
-    unit = here.R[:, read] / norms[read]
-    cosines = np.triu(abs(unit.T @ unit), 1)
-    i, j = np.nonzero(cosines > np.sqrt(max(0.0, 1 - within**2)) - 1e-12)
+    least = np.sqrt(max(0.0, 1 - within**2)) - 1e-12
+    i, j, cosine = _cosines(here, read, least)
     pairs = []
-    for k in np.argsort(-cosines[i, j])[: 50 * MOST]:
+    for k in np.argsort(-cosine, kind="stable")[: 50 * MOST]:
         a, b = int(read[i[k]]), int(read[j[k]])
         # a sine, because cosines of 1e-9 and 1e-10 are equal; of J itself where R is an estimate
         x, y = (here.column(a), here.column(b)) if here.estimated else (here.R[:, a], here.R[:, b])
         pairs.append(ParallelPair(a, b, _sine(x / norms[a], y / norms[b])))
     return tuple(sorted((p for p in pairs if p.sine <= within), key=lambda p: p.sine)[:MOST])
+
+
+def _cosines(here: Linearization, read: Index, least: float) -> tuple[Index, Index, Array]:
+    """Pairs of these columns whose cosine has a size above `least`: their places, and the size."""
+    if here.estimated:
+        unit = here.columns(read).scaled(1 / here.column_norms[read])
+        normal = unit.normal  # in which most columns have no common row
+        stored = csc_array(normal) if isinstance(normal, np.ndarray) else by_nonzeros(normal)
+        products = triu(stored, 1).tocoo()
+        size = abs(products.data)
+        some = size > least
+        return products.row[some], products.col[some], size[some]
+    columns = here.R[:, read] / here.column_norms[read]
+    cosines = np.triu(abs(columns.T @ columns), 1)
+    i, j = np.nonzero(cosines > least)
+    return i, j, cosines[i, j]
 
 
 def parallel_rows(here: Linearization, within: float = SAME_ROW) -> tuple[ParallelPair, ...]:
@@ -134,12 +151,15 @@ def _sine(a: Array, b: Array) -> float:
     return float(min(np.linalg.norm(a - b), np.linalg.norm(a + b)))
 
 
-def weakest(constrained: ConstrainedJacobian, most: int = 3) -> tuple[WeakestDirection, ...]:
+def weakest(point: Point, most: int = 3) -> tuple[WeakestDirection, ...]:
     """The directions of the smallest singular values above the tolerance, under the constraints.
 
     Directions about as weak, within a factor of three, are separated into vectors that have few
-    entries each.
+    entries each, unless the unknowns were eliminated part after part.
     """
+    if point.by_elimination is not None:
+        return _weakest_of(point.by_elimination, most)
+    constrained = point.measured
     s, Vt = constrained.reduced.spectrum.s, constrained.reduced.spectrum.Vt
     found: list[WeakestDirection] = []
     k = constrained.reduced.spectrum.rank - 1
@@ -154,6 +174,17 @@ def weakest(constrained: ConstrainedJacobian, most: int = 3) -> tuple[WeakestDir
             change = float(np.linalg.norm(moved))
             found.append(WeakestDirection(float(s[i]), d, change, _main(d), _main(moved)))
         k -= group.size
+    return tuple(found)
+
+
+def _weakest_of(jacobian: EliminatedJacobian, most: int) -> tuple[WeakestDirection, ...]:
+    """The same of a Jacobian that was eliminated part after part, each direction by itself."""
+    s, vectors = jacobian.weakest(most)
+    found = []
+    for value, d in zip(s, vectors.T, strict=True):
+        moved = jacobian.here.along(d)
+        change = float(np.linalg.norm(moved))
+        found.append(WeakestDirection(float(value), d, change, _main(d), _main(moved)))
     return tuple(found)
 
 

@@ -10,7 +10,7 @@ from workbench.diagnostics.diagnosis import Diagnosis
 from workbench.diagnostics.linearized import linearized
 from workbench.diagnostics.sequences import SequenceDiagnosis
 from workbench.diagnostics.words import diagnosis_of
-from workbench.errors import BadArgument
+from workbench.errors import BadArgument, TooLarge
 from workbench.problem import Linearization, Problem
 from workbench.problem.storage import check_wide, is_long
 
@@ -22,11 +22,13 @@ def diagnose(
 
     For a long sequence of frames, with more than 4,000 unknowns, the result is a SequenceDiagnosis:
     it answers the same questions about rank and null directions, frame after frame, and has no
-    singular values. For any other problem it is a Diagnosis.
+    singular values. For any other problem it is a Diagnosis. It has no singular values either
+    where the Jacobian is large, sparse and falls into parts, which are eliminated instead.
 
     `priors` are the names of the residuals that are priors and not data, or one such name; the
     diagnosis separates what they contribute. Raises UnknownName for a name that no residual has,
-    BadArgument for anything but a problem, and whatever `Problem.split` raises for the values.
+    BadArgument for anything but a problem, TooLarge for more than 4,000 unknowns whose Jacobian is
+    sparse and falls into no small parts, and whatever `Problem.split` raises for the values.
     """
     names = _checked(problem, priors)
     here = linearized(problem, at)  # looks at every value
@@ -46,8 +48,13 @@ def diagnose_whole(
 def _whole(
     problem: Problem, at: Mapping[str, ArrayLike], here: Linearization, priors: tuple[str, ...]
 ) -> Diagnosis:
-    check_wide(here.jacobian)
-    return diagnosis_of(problem, problem.read(at), here, priors)
+    found = diagnosis_of(problem, problem.read(at), here, priors)
+    try:
+        check_wide(here.jacobian)
+    except TooLarge:
+        if here.by_frames or (here.finite and found.point.constrained.by_elimination is None):
+            raise
+    return found
 
 
 def _checked(problem: Problem, priors: str | Iterable[str]) -> tuple[str, ...]:

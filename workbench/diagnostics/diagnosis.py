@@ -10,6 +10,7 @@ from workbench.arrays import Array, Mask
 from workbench.blocks import Layout, Values
 from workbench.diagnostics import conditioning, null_space, structure
 from workbench.diagnostics.derivatives import DerivativeCheck, check_derivatives
+from workbench.diagnostics.eliminated_jacobian import EliminatedJacobian
 from workbench.diagnostics.identifiability import (
     Contribution,
     Identifiability,
@@ -119,13 +120,23 @@ class Diagnosis:
     # Rank and null directions.
 
     @property
+    def by_elimination(self) -> EliminatedJacobian | None:
+        """The Jacobian by parts, in yardsticks; None where there are singular values instead."""
+        return self.point.by_elimination
+
+    @property
     def singular_values(self) -> Array:
-        """The singular values of the (reduced) Jacobian, (min(m, n),), falling."""
+        """The singular values of the (reduced) Jacobian, (min(m, n),), falling.
+
+        With `by_elimination` nothing else asks for them. Raises TooLarge above 4,000 unknowns.
+        """
         return self.point.constrained.reduced.spectrum.s
 
     @property
     def tolerance(self) -> float:
         """The singular value below which a direction counts as null."""
+        if self.by_elimination is not None:
+            return self.point.constrained.tolerance
         return self.point.constrained.reduced.spectrum.tolerance
 
     @property
@@ -156,6 +167,8 @@ class Diagnosis:
     @cached_property
     def scaled_rank(self) -> int:
         """The rank with every column scaled to length 1."""
+        if self.by_elimination is not None:
+            return self.rank  # in such columns
         s = self.scaled_singular_values
         relative = self.tolerance / max(float(self.singular_values.max(initial=0.0)), 1e-300)
         return int(np.sum(s > relative * s.max(initial=0.0)))
@@ -174,11 +187,12 @@ class Diagnosis:
     def weak_directions(self) -> tuple[Direction, ...]:
         """Directions along which a yardstick changes residuals by less than a sigma, weakest first.
 
-        The vectors have length 1 once every unknown is measured by its own yardstick.
+        The vectors have length 1 once every unknown is measured by its own yardstick. With
+        `by_elimination` these are the weakest 12.
         """
         return null_space.weak_directions(self.point, self.structure.pattern)
 
-    @property
+    @cached_property
     def weak_count(self) -> int:
         """How many directions change the residuals by less than a sigma per yardstick."""
         return null_space.count_weak(self.point)
@@ -205,12 +219,12 @@ class Diagnosis:
     @cached_property
     def joint_turns(self) -> tuple[conditioning.JointTurn, ...]:
         """The strongest two turns of each joint that the residuals depend on."""
-        return conditioning.joint_turns(self.here, self.free, self.problem.trees)
+        return conditioning.joint_turns(self.point)
 
     @cached_property
     def weakest(self) -> tuple[conditioning.WeakestDirection, ...]:
         """The directions of the smallest nonzero singular values, in yardsticks."""
-        return conditioning.weakest(self.point.measured)
+        return conditioning.weakest(self.point)
 
     @cached_property
     def leverage(self) -> Array | None:

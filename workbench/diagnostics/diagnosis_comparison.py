@@ -105,7 +105,7 @@ def _seen_by(one: Diagnosis, other: Diagnosis) -> tuple[Direction, ...]:
             continue
         v[[where[label] for label in labels]] = direction.vector[entries]
         here = one.point.constrained.stacked  # what a constraint forbids is seen as well
-        if np.linalg.norm(here.along(v)) > 1e3 * here.spectrum.tolerance:
+        if np.linalg.norm(here.along(v)) > 1e3 * one.point.constrained.tolerance:
             found.append(direction)
     return tuple(found)
 

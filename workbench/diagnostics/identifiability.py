@@ -13,12 +13,19 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 import numpy as np
+from scipy.sparse import coo_array, csc_array
+from scipy.sparse.csgraph import connected_components
 
 from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Layout
 from workbench.diagnostics.active_set import ConstrainedJacobian
+from workbench.diagnostics.eliminated_jacobian import EliminatedJacobian
 from workbench.problem import Linearization
+from workbench.problem.storage import unblocked
+from workbench.threads import limited_threads
 
+MOST = 20  # correlations that are listed
+STRONG = 0.5  # size from which on a correlation is listed
 UNCHANGED = 0.9  # posterior over prior sigma from which on the data added nothing
 
 
@@ -39,25 +46,21 @@ class Identifiability:
         sigma: (n,) posterior standard deviations; infinite where a null direction takes part.
         prior_sigma: (n,) standard deviations by the priors alone; infinite where they say nothing.
         correlations: pairs of entries and their correlation, the strongest first.
-        data_share: c^2 (rank,), falling: the data's share of the information on each direction.
+        data_share: c^2 (rank,), falling: the data's share of the information on each direction;
+            None where unknowns were eliminated part after part, without singular values.
+        effective: effective degrees of freedom: how many directions the data decide, the sum of
+            c^2.
+        better_from_data: how many directions the data determine better than the priors do.
         verdicts: how well each entry is identified.
     """
 
     sigma: Array
     prior_sigma: Array
     correlations: tuple[tuple[int, int, float], ...]
-    data_share: Array = field(repr=False)
+    data_share: Array | None = field(repr=False)
+    effective: float
+    better_from_data: int
     verdicts: tuple[EntryIdentifiability, ...] = field(repr=False)
-
-    @property
-    def effective(self) -> float:
-        """Effective degrees of freedom: how many directions the data decide."""
-        return float(self.data_share.sum())
-
-    @property
-    def better_from_data(self) -> int:
-        """How many directions the data determine better than the priors do."""
-        return int(np.sum(self.data_share > 0.5))
 
     @property
     def shrinkage(self) -> Array:
@@ -83,11 +86,51 @@ def identifiability(
     with its yardstick (n,) where no prior determines it. `unread` and `under` are the columns that
     nothing reads and those of the under-determined part.
     """
+    eliminated = constrained.by_elimination
+    if eliminated is not None:
+        with limited_threads():
+            return _by_elimination(eliminated, prior_rows, prior, yardsticks, unread, under)
     sigma, half = constrained.laplace
     blind = np.isinf(sigma)
     share = _data_share(constrained.here, prior_rows, half)
+    decided, better = float(share.sum()), int(np.sum(share > 0.5))
     verdicts = _verdicts(sigma, prior, yardsticks, blind, unread, under)
-    return Identifiability(sigma, prior, _correlated(half, blind), share, verdicts)
+    return Identifiability(sigma, prior, _correlated(half, blind), share, decided, better, verdicts)
+
+
+def _by_elimination(
+    jacobian: EliminatedJacobian,
+    prior_rows: Mask,
+    prior: Array,
+    yardsticks: Array,
+    unread: Index,
+    under: Index,
+) -> Identifiability:
+    """The same without singular values."""
+    sigma = np.sqrt(jacobian.variances)
+    decided: float = jacobian.eliminated.rank - len(jacobian.forbidden)
+    better = int(decided)
+    if prior_rows.any():
+        decided -= jacobian.information_in(prior_rows)
+        better = jacobian.count_mostly_from(prior_rows)
+    pairs = _strongest(jacobian, sigma)
+    verdicts = _verdicts(sigma, prior, yardsticks, np.isinf(sigma), unread, under)
+    return Identifiability(sigma, prior, pairs, None, decided, better, verdicts)
+
+
+def _strongest(jacobian: EliminatedJacobian, sigma: Array) -> tuple[tuple[int, int, float], ...]:
+    """The MOST strongest correlations of unknowns that are known, above one half."""
+    known = np.isfinite(sigma) & (sigma > 0)
+    over = np.where(known, 1 / np.where(known, sigma, 1.0), 0.0)
+    found: list[tuple[int, int, float]] = []
+    for first, columns in jacobian.covariances():
+        C = columns * over[:, None] * over[first : first + columns.shape[1]]
+        C[np.arange(len(C))[:, None] >= first + np.arange(columns.shape[1])] = 0.0  # pairs once
+        order = np.argpartition(-abs(C), min(MOST, C.size - 1), axis=None)[:MOST]
+        a, b = np.unravel_index(order, C.shape)
+        found += zip(a.tolist(), (first + b).tolist(), C[a, b].tolist(), strict=True)
+        found = sorted(found, key=lambda pair: -abs(pair[2]))[:MOST]
+    return tuple(pair for pair in found if abs(pair[2]) > STRONG)
 
 
 def _data_share(here: Linearization, prior_rows: Mask, half: Array) -> Array:
@@ -105,8 +148,29 @@ def prior_sigma(here: Linearization, prior_rows: Mask) -> Array:
         return sigma
     rows = here.rows(np.flatnonzero(prior_rows))
     read = np.flatnonzero(rows.column_norms)
-    sigma[read] = ConstrainedJacobian(rows.columns(read), np.zeros((0, read.size))).laplace[0]
+    sigma[read] = 1 / rows.column_norms[read]  # where no row reads another unknown as well
+    for some in _apart(rows, read):
+        if some.size > 1:
+            sigma[some] = _sigma(ConstrainedJacobian(rows.columns(some), np.zeros((0, some.size))))
     return sigma
+
+
+def _sigma(constrained: ConstrainedJacobian) -> Array:
+    eliminated = constrained.by_elimination
+    return constrained.laplace[0] if eliminated is None else np.sqrt(eliminated.variances)
+
+
+def _apart(rows: Linearization, read: Index) -> list[Index]:
+    """The unknowns that these rows read, apart where no row reads both, if J is sparse."""
+    if not rows.estimated:
+        return [read]
+    J = csc_array(unblocked(rows.jacobian))[:, read]
+    m = J.shape[0]
+    pattern = J.tocoo()
+    ties = coo_array((np.ones(J.nnz), (pattern.row, m + pattern.col)), shape=(m + read.size,) * 2)
+    label = np.unique(connected_components(ties, directed=False)[1][m:], return_inverse=True)[1]
+    order = np.argsort(label, kind="stable")
+    return np.split(read[order], np.cumsum(np.bincount(label))[:-1])
 
 
 def _verdicts(
@@ -128,14 +192,14 @@ def _verdicts(
     return tuple(found.tolist())
 
 
-def _correlated(half: Array, blind: Mask, most: int = 20) -> tuple[tuple[int, int, float], ...]:
+def _correlated(half: Array, blind: Mask) -> tuple[tuple[int, int, float], ...]:
     known = np.flatnonzero(~blind)
     rows = half[known] / np.maximum(np.linalg.norm(half[known], axis=1), 1e-300)[:, None]
     C = np.triu(rows @ rows.T, 1)
-    order = np.argsort(-abs(C), axis=None)[:most]
+    order = np.argsort(-abs(C), axis=None)[:MOST]
     pairs = [(int(a), int(b)) for a, b in zip(*np.unravel_index(order, C.shape), strict=True)]
     return tuple(
-        (int(known[a]), int(known[b]), float(C[a, b])) for a, b in pairs if abs(C[a, b]) > 0.5
+        (int(known[a]), int(known[b]), float(C[a, b])) for a, b in pairs if abs(C[a, b]) > STRONG
     )
 
 

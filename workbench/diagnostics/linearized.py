@@ -10,6 +10,7 @@ from scipy.sparse import csc_array
 
 from workbench.arrays import Array, Mask
 from workbench.blocks import Layout
+from workbench.errors import NotFinite
 from workbench.problem import Linearization, Problem
 from workbench.problem.nonzeros import columns_of_nonzeros
 from workbench.problem.steps import EPS
@@ -29,6 +30,12 @@ def linearized(problem: Problem, at: Mapping[str, ArrayLike]) -> Linearization:
         return here
     noise = only_rounding(here.column_norms, problem.split(at)[0], problem.free, problem.size)
     return here.scaled(np.where(noise, 0.0, 1.0)) if noise.any() else here
+
+
+def check_finite(here: Linearization) -> None:
+    """Raise NotFinite if there is NaN or infinity, of which there are no ranks and directions."""
+    if not here.finite:
+        raise NotFinite("the Jacobian holds NaN or infinity here; see `not_finite` for where")
 
 
 def only_rounding(lengths: Array, x: Array, free: Layout, m: int) -> Mask:

@@ -9,6 +9,7 @@ from scipy.sparse import csc_array
 
 from workbench.arrays import Array
 from workbench.blocks import Layout
+from workbench.diagnostics.eliminated_jacobian import EliminatedJacobian
 from workbench.diagnostics.named_subspaces import NamedSubspace, named_subspaces
 from workbench.diagnostics.point import Point
 from workbench.diagnostics.rest_gauges import rest_gauges
@@ -16,8 +17,10 @@ from workbench.diagnostics.sparse_bases import FRESH, beyond, null_basis, sparse
 from workbench.diagnostics.turned_joints import named_by_joints
 from workbench.problem import Linearization
 from workbench.problem.storage import by_nonzeros
+from workbench.threads import limited_threads
 
 WEAK = 0.99  # sigmas per yardstick; a prior as wide as the yardstick has 1
+LISTED = 12  # weak directions that are looked for where there are no singular values
 ALIKE = 1e-6  # entries of a direction that differ by less count as equal
 
 
@@ -56,8 +59,11 @@ def null_directions(point: Point, pattern: csc_array) -> tuple[Direction, ...]:
 def weak_directions(point: Point, pattern: csc_array) -> tuple[Direction, ...]:
     """Directions along which a yardstick changes the residuals by less than a sigma, weakest first.
 
-    The vectors have length 1 once every unknown is measured by its own yardstick.
+    The vectors have length 1 once every unknown is measured by its own yardstick. Where the rank
+    was found by elimination there are LISTED at the most, each named by its largest entries.
     """
+    if point.by_elimination is not None:
+        return _weakest(point, point.by_elimination)
     nothing = point.constrained.rank == point.here.shape[1] and not count_weak(point)
     if point.here.estimated or nothing:
         return ()
@@ -71,14 +77,23 @@ def weak_directions(point: Point, pattern: csc_array) -> tuple[Direction, ...]:
 
 
 def count_weak(point: Point) -> int:
-    """How many directions change the residuals by less than a sigma per yardstick.
-
-    None are counted where the rank was found by elimination, without singular values.
-    """
-    if point.constrained.eliminated is not None:
-        return 0
+    """How many directions change the residuals by less than a sigma per yardstick."""
+    if point.by_elimination is not None:
+        with limited_threads():
+            return point.by_elimination.count_below(WEAK)
     noticed = point.constrained.reduced.spectrum.rank
     return int(np.sum(point.measured.reduced.spectrum.s[:noticed] < WEAK))
+
+
+def _weakest(point: Point, jacobian: EliminatedJacobian) -> tuple[Direction, ...]:
+    """The directions of the smallest singular values below WEAK, found without the others."""
+    if not count_weak(point):
+        return ()
+    with limited_threads():
+        s, vectors = jacobian.weakest(LISTED)
+    free, sizes = point.problem.free, point.yardsticks.sizes
+    found = (_mixed(v, jacobian.here, free) for v in vectors[:, s < WEAK].T)
+    return tuple(replace(d, vector=d.vector * sizes) for d in found)
 
 
 def _motions(point: Point, pattern: csc_array) -> Iterator[NamedSubspace]:
@@ -107,7 +122,8 @@ def directions(
     R = here.R if isinstance(J, np.ndarray) else by_nonzeros(J)
     gram: Any = R.T @ R  # an array, or sparse as R is
     silent = here.column_norms <= tolerance  # entries that are null directions
-    known = np.eye(free.size)[:, silent]  # orthonormal basis of what was found
+    known = np.zeros((free.size, int(silent.sum())))  # orthonormal basis of what was found
+    known[np.flatnonzero(silent), np.arange(known.shape[1])] = 1.0
     searched: set[bytes] = set()
     found: list[Direction] = []
     for motion in dictionary:

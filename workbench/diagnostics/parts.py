@@ -39,6 +39,7 @@ class Parts:
         triangles: for each part R of its rows by QR, in the columns (own, shared).
         rest: the rows that read only shared unknowns; all other rows are empty here.
         ties: (q, n) the rows that were set aside.
+        tie_rows: (q,) the places of these rows.
         tolerance: the size below which a singular value counts as zero.
     """
 
@@ -49,6 +50,7 @@ class Parts:
     triangles: tuple[Array, ...]
     rest: csr_array
     ties: csr_array
+    tie_rows: Index
     tolerance: float
 
     @property
@@ -88,7 +90,17 @@ class Parts:
             triangles.append(triangle(in_columns(rows, place, len(columns))))
         keep = csr_array(_diagonal((of_row < 0).astype(float)) @ unit)
         keep.eliminate_zeros()
-        return Parts(J.shape, lengths, own, shared, tuple(triangles), keep, ties, tolerance)
+        return Parts(
+            J.shape,
+            lengths,
+            own,
+            shared,
+            tuple(triangles),
+            keep,
+            ties,
+            np.flatnonzero(tie),
+            tolerance,
+        )
 
 
 def _divided(J: csc_array) -> tuple[tuple[Index, ...], Index, Mask] | None:

@@ -14,6 +14,7 @@ from workbench.diagnostics.active_set import (
     active_set_at,
     constrained_jacobian_at,
 )
+from workbench.diagnostics.eliminated_jacobian import EliminatedJacobian
 from workbench.diagnostics.identifiability import prior_sigma
 from workbench.diagnostics.yardsticks import Yardsticks, yardsticks
 from workbench.problem import Linearization, Problem
@@ -57,6 +58,12 @@ class Point:
     def measured(self) -> ConstrainedJacobian:
         """The constrained Jacobian with every unknown in units of its yardstick."""
         return self.constrained.measured(self.yardsticks.sizes)
+
+    @cached_property
+    def by_elimination(self) -> EliminatedJacobian | None:
+        """The same without singular values, where the unknowns were eliminated part after part."""
+        found = self.constrained.by_elimination
+        return None if found is None else found.scaled(self.yardsticks.sizes)
 
     @cached_property
     def yardsticks(self) -> Yardsticks:
@@ -125,6 +132,8 @@ class Neighbourhood:
     @property
     def weaker_here(self) -> float:
         """How many times weaker the weakest direction that is seen is here than typically there."""
+        if not self.points:
+            return 1.0
         here = self.here.measured.reduced
         rank = here.spectrum.rank
         there = [s[rank - 1] for _, s in self.points if s.size >= rank]

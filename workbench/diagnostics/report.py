@@ -86,8 +86,13 @@ def _rank(d: Diagnosis) -> Iterator[str]:
         yield held(d)
     if d.here.estimated:
         yield (
-            "the Jacobian is large and sparse: singular values are estimated from J'J, down to "
-            "1e-8 of the largest; leverage, nearby points and contributions are left out"
+            "the Jacobian is large and sparse: "
+            + (
+                "singular values are estimated from J'J, down to 1e-8 of the largest"
+                if d.by_elimination is None
+                else "the rank was found by eliminating its parts, without singular values"
+            )
+            + "; leverage, nearby points and contributions are left out"
         )
     if d.structural_rank > d.rank:
         yield (
@@ -127,8 +132,8 @@ def _weak(d: Diagnosis) -> Iterator[str]:
     yield "a whole yardstick along each of these changes the residuals by less than one sigma"
     yield f"(a yardstick is {d.point.yardsticks})"
     yield from table(("direction", "|J d|"), [(x.name, f"{x.change:.2g}") for x in shown])
-    if len(d.weak_directions) > MOST:
-        yield f"and {len(d.weak_directions) - MOST} more"
+    if d.weak_count > len(shown):
+        yield f"and {d.weak_count - len(shown)} more"
 
 
 def _conditioning(d: Diagnosis) -> Iterator[str]:

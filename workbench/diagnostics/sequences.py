@@ -13,7 +13,7 @@ from workbench.diagnostics.diagnosis import Diagnosis
 from workbench.diagnostics.elimination import Elimination
 from workbench.diagnostics.frame_rows import FrameRows, frames_of_rows
 from workbench.diagnostics.identifiability import prior_sigma
-from workbench.diagnostics.linearized import linearized
+from workbench.diagnostics.linearized import check_finite, linearized, not_finite
 from workbench.diagnostics.null_space import WEAK
 from workbench.diagnostics.sequence_names import NullDirections, named
 from workbench.diagnostics.single_frames import SingleFrames
@@ -133,11 +133,20 @@ class SequenceDiagnosis:
         priors = tuple(name for name in self.priors if name in problem.rows)
         return diagnosis_of(problem, values, linearized(problem, values), priors)
 
+    @cached_property
+    def not_finite(self) -> tuple[tuple[int, int], ...]:
+        """Rows and columns of entries that are NaN or infinite; column -1: of the residual."""
+        return not_finite(self.here)
+
     # Rank and null directions.
 
     @cached_property
     def rows(self) -> FrameRows:
-        """The rows of each frame, and those between frames, in columns of length 1."""
+        """The rows of each frame, and those between frames, in columns of length 1.
+
+        Raises NotFinite, and so does everything that is computed from them.
+        """
+        check_finite(self.here)
         return FrameRows.of(self.here, frames_of_rows(self.problem.residuals))
 
     @cached_property

@@ -5,6 +5,7 @@ from matplotlib.axes import Axes
 
 from workbench.arrays import Index
 from workbench.diagnostics import Diagnosis
+from workbench.errors import BadArgument
 from workbench.plots.labels import note_at
 from workbench.plots.palette import BLUE, FAINT, LINES, MARKERS, VERMILLION
 
@@ -86,8 +87,18 @@ def caption_sigmas(diagnosis: Diagnosis) -> str:
 
 
 def plot_data_share(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
-    """The share of its information that comes from the data, for every direction, largest first."""
-    share = np.sort(diagnosis.identifiability.data_share)[::-1]
+    """The share of its information that comes from the data, for every direction, largest first.
+
+    Raises BadArgument where unknowns were eliminated part after part, without singular values.
+    """
+    known = diagnosis.identifiability
+    if known.data_share is None:
+        raise BadArgument(
+            "the shares of single directions take singular values, which a Jacobian that was "
+            f"eliminated part after part does not have; the data decide {known.effective:.1f} of "
+            f"{diagnosis.shape[1]} directions"
+        )
+    share = np.sort(known.data_share)[::-1]
     x = np.arange(1, share.size + 1)
     ax.fill_between(x, share, step="mid", color=BLUE, alpha=0.25, linewidth=0)
     ax.step(x, share, where="mid", color=BLUE)

@@ -1,4 +1,4 @@
-"""The largest eigenvalue of a symmetric matrix of which only products with vectors are known."""
+"""The largest eigenvalues of a symmetric matrix of which only products with vectors are known."""
 
 from collections.abc import Callable
 
@@ -26,3 +26,27 @@ def largest_eigenvalue(product: Callable[[Array], Array], n: int, accuracy: floa
     except ArpackNoConvergence:
         return np.nan
     return float(abs(found[0]))
+
+
+def largest_eigenpairs(
+    product: Callable[[Array], Array], n: int, most: int, accuracy: float
+) -> tuple[Array, Array]:
+    """The `most` largest eigenvalues (q,), falling, of a matrix without negative ones.
+
+    With them come their vectors (n, q), orthonormal. There are fewer where the method does not
+    converge, and none where a product is not finite.
+    """
+    first = np.random.default_rng(0).standard_normal(n)
+    if most < 1 or not np.isfinite(product(first)).all():
+        return np.zeros(0), np.zeros((n, 0))
+    if n <= max(2, most + 1):  # too small for the method
+        matrix = np.column_stack([product(unit) for unit in np.eye(n)])
+        values, vectors = np.linalg.eigh((matrix + matrix.T) / 2)
+    else:
+        operator = LinearOperator((n, n), lambda v: product(v.ravel()), dtype=float)
+        try:
+            values, vectors = eigsh(operator, most, v0=first, tol=accuracy)
+        except ArpackNoConvergence as error:
+            values, vectors = error.eigenvalues, error.eigenvectors
+    order = np.argsort(-values)[:most]
+    return np.asarray(values[order]), np.asarray(vectors[:, order])

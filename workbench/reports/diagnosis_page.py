@@ -127,7 +127,7 @@ def _numbers(d: Diagnosis, body: Body | None) -> dict[str, Any]:
         "conditioning": diagnosis_tables.conditioning_table(d),
         "sigmas": plotted(8.0, 4.4, plots.plot_sigmas, plots.caption_sigmas, d),
         "share": plotted(8.0, 3.4, plots.plot_data_share, plots.caption_data_share, d)
-        if d.priors
+        if d.priors and d.identifiability.data_share is not None
         else None,
         "known": diagnosis_tables.known_table(d),
         "entries": diagnosis_tables.entries_table(d),

@@ -47,6 +47,8 @@ def plotted(
     return shown(figure_of(partial(plot, *results), width, height), caption(*results))
 
 
-def spectrum(diagnosis: Diagnosis) -> Shown:
-    """The singular values of a diagnosis."""
+def spectrum(diagnosis: Diagnosis) -> Shown | None:
+    """The singular values of a diagnosis; None where its rank was found without them."""
+    if diagnosis.by_elimination is not None:
+        return None
     return drawn(sheets.singular_values_sheet, caption_singular_values, diagnosis)

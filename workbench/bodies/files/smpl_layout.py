@@ -58,7 +58,7 @@ def body_from(raw: Contents, name: str, where: str) -> SkinnedBody:
         name=entries.name("name", name),
         bound_in=entries.reals("bind_pose") if "bind_pose" in entries else None,
         rest_joints=entries.reals("rest_joints") if "rest_joints" in entries else None,
-        card=_card(entries, len(parents), mirror, left_out),
+        card=_card(entries, _model(posedirs, len(parents)), mirror, left_out),
         extras=extras,
     )
 
@@ -122,8 +122,7 @@ def _features(posedirs: Array, K: int) -> Features:
 
     9 (K - 1), SMPL's number, is never 4 (K - 1) + 1.
     """
-    is_star = posedirs.shape[2] == 4 * (K - 1) + 1
-    return star_features if is_star else rotation_elements
+    return star_features if posedirs.shape[2] == 4 * (K - 1) + 1 else rotation_elements
 
 
 def _mirror(entries: Entries, N: int) -> Index | None:
@@ -147,13 +146,20 @@ def landmarks_from(entries: Entries) -> dict[str, Landmarks]:
     }
 
 
-def _card(entries: Entries, K: int, mirror: Index | None, left_out: list[str]) -> dict[str, Any]:
+def _model(posedirs: Array, K: int) -> str:
+    """What a file without a card is called: its family by the number of joints, or STAR."""
+    return "STAR" if _features(posedirs, K) is star_features else family(K)
+
+
+def _card(
+    entries: Entries, model: str, mirror: Index | None, left_out: list[str]
+) -> dict[str, Any]:
     """The file's own card, or what can be said of a file without one; and what was left out."""
     if "card" in entries:
         return own_card(entries, left_out)
     file, notes = Path(entries.where).name, []
     guessed = next((g for g in ("female", "male", "neutral") if g in file.lower()), "unknown")
-    if family(K) == "SMPL-X":
+    if model == "SMPL-X":
         notes.append("betas are the shape's, followed by the expression's")
     if MIRROR in entries and mirror is None:
         notes.append(
@@ -162,7 +168,7 @@ def _card(entries: Entries, K: int, mirror: Index | None, left_out: list[str]) -
         )
     return {
         "name": file,
-        "model": family(K),
+        "model": model,
         "gender": entries.name("gender", guessed),
         "source": file,
         "licence": "its owners'; do not pass it on without theirs",
