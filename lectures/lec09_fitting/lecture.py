@@ -67,10 +67,11 @@ m, p = 3 * body.n_vertices, 72 + 10 + 3
 print(f"5 mm times the root of {p} / {m}: {5 * np.sqrt(p / m):.2f} mm")
 
 # %% [markdown]
-# No fit could be much better: it takes about ten iterations, and the fit is *closer to the truth* than
-# its data. It has $m = 1107$ equations for $p = 85$ unknowns, and it can follow the noise only in the 85
-# directions in which the model can move. Of the expected squared length of the noise, $\sigma^2 m$, the
-# share $p / m$ remains in the fit. So the error per coordinate is $\sigma \sqrt{p/m}$, to first order.
+# This is as good as a fit can be: it takes about ten iterations, and the fit is *closer to the truth*
+# than its data. It has $m = 1107$ equations for $p = 85$ unknowns, and it can follow the noise only in
+# the 85 directions in which the model can move. Of the expected squared length of the noise,
+# $\sigma^2 m$, the share $p / m$ remains in the fit. So the error per coordinate is $\sigma \sqrt{p/m}$,
+# to first order.
 #
 # ## Only the joints
 #
@@ -115,8 +116,9 @@ for name, residuals in (("joints alone", [at_joints]), ("joints and priors", [at
 # ## A camera
 #
 # A camera measures pixels and not metres. A point $x$ in the world is first written in the coordinates
-# of the camera, $X = R x + t$ (to the right, down, forward), with the entries $X$, $Y$ and $Z$, and then
-# divided by its depth $Z$ to give pixels:
+# of the camera, $R x + t = (X, Y, Z)$, which point to the right, down and forward. Then it is divided by
+# its depth $Z$ and scaled to pixels by the focal length $f$, where $(c_x, c_y)$ is the centre of the
+# image:
 #
 # $$ u = f \frac{X}{Z} + c_x, \qquad v = f \frac{Y}{Z} + c_y . $$
 #
@@ -318,9 +320,9 @@ for share in (1.05, 1.5):
 #
 # ## A start for several cameras
 #
-# With two cameras or more there is a closed form for the start. Let $(x, y) = (X / Z, Y / Z)$ be the
-# position in the image in units of the focal length, from the image's centre. Then $x Z = X$ and
-# $y Z = Y$ are linear equations for the point in the world: each camera gives two, and there are three
+# With two cameras or more there is a closed form for the start. Let $(a, b) = (X / Z, Y / Z)$ be the
+# position in the image in units of the focal length, from the image's centre. Then $a Z = X$ and
+# $b Z = Y$ are linear equations for the point in the world: each camera gives two, and there are three
 # unknowns. With the homogeneous coordinates of the point, they are solved by the singular vector that
 # belongs to the smallest singular value. This is **triangulation**:
 

@@ -106,7 +106,7 @@ INNER = {  # classes in annotations of public ones that users have no reason to 
         "Elimination",
     },
     "an intermediate result: `Comparison` has what is made of it": {
-        "Plan",
+        "Design",
         "Description",
         "Observed",
     },

@@ -163,7 +163,7 @@ def test_an_interrupt_keeps_what_was_finished(tmp_path: Path) -> None:
     _, said = program.communicate(timeout=60)
     assert program.returncode == 130
     assert "interrupted while solving" in said
-    assert "the same command goes on from there" in " ".join(said.split())
+    assert "the same command continues from there" in " ".join(said.split())
     assert "Traceback" not in said
     assert 2 <= len(list(tmp_path.glob("found/runs/run-*.npz"))) < 40
     assert not (tmp_path / "found" / "index.html").exists()

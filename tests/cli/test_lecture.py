@@ -83,7 +83,7 @@ def test_every_failed_line_has_a_reason_and_no_line_is_blank(workbench: Run) -> 
     )
     code, out, _ = workbench("lecture", "check", "6")
     assert code == 1
-    assert "not reached: see above" in out
+    assert "not checked: see above" in out
     lines = out.rstrip().splitlines()
     assert all(line.strip() for line in lines)
     failed = [i for i, line in enumerate(lines) if line.startswith("  failed")]

@@ -132,4 +132,4 @@ def test_an_interrupt_says_that_it_goes_on_later(tmp_path: Path) -> None:
     run.send_signal(signal.SIGINT)
     _, error = run.communicate(timeout=60)
     assert run.returncode == 130
-    assert "goes on from there" in error
+    assert "continues from there" in error

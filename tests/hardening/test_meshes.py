@@ -110,9 +110,9 @@ HOSTILE: dict[str, tuple[Callable[[], bytes], str]] = {
     "3 billion numbers.glb": (lambda: positions(count=MANY), "holds 3,000,000,000 VEC3, but its"),
     "numbers of no bytes.glb": (
         lambda: positions(count=MANY, bufferView=None),
-        r"accessors\[0\] is sparse, or packed by an",
+        r"accessors\[0\] is sparse, or compressed by an",
     ),
-    "sparse numbers.glb": (lambda: positions(sparse={"count": 1}), "is sparse, or packed by an"),
+    "sparse numbers.glb": (lambda: positions(sparse={"count": 1}), "or compressed by an"),
     "numbers before the bytes.glb": (
         lambda: positions(byteOffset=-12),
         "its byteOffset is -12, but must be a whole number",

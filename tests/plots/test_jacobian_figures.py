@@ -113,14 +113,14 @@ def test_full_rank_gives_the_condition() -> None:
     _, (ax,) = sheet(6, 4)
     plot_singular_values(diagnosis, ax=ax)
     assert ax.get_title("left") == "rank 2 of 2, condition 100"
-    assert "condition of 100" in caption_singular_values(diagnosis)
+    assert "condition number is 100" in caption_singular_values(diagnosis)
 
 
 def test_thirty_two_null_directions_fit_beside_the_spectrum() -> None:
     diagnosis = joints_only()
     assert len(diagnosis.null_directions) == 32
     words = unseen(diagnosis)
-    assert words[0] == "32 directions not seen"
+    assert words[0] == "32 null directions"
     assert "15 single entries of pose" in words
     assert "   left_hip / left_knee" in words
     assert len(words) <= MOST

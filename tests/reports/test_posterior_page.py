@@ -49,7 +49,7 @@ def test_a_conditional_posterior_says_so_everywhere(tmp_path: Path) -> None:
         assert "Held fixed: 2 of the 3 numbers of x" in said
         assert f"{ratio:.3g} times as large" in said
         assert "usable: " not in said.replace("NOT USABLE: ", "")
-    assert "holds only if what is held fixed is known exactly" in page
+    assert "is true only if the unknowns that are held fixed are known exactly" in page
     assert "sd if free" in page
     data = json.loads((folder / "summary.json").read_text())["parts"]["part"]
     assert data["verdict"] == "CONDITIONAL"

@@ -171,7 +171,7 @@ def alone(maps: Sequence[Affine]) -> tuple[tuple[tuple[str, int] | None, ...], .
 
 
 def place_of(rows: Sequence[tuple[str, int] | None]) -> tuple[str, int] | None:
-    """The place in one block of consecutive rows that are consecutive entries of it, or None."""
+    """Where in one block consecutive rows are its consecutive entries, or None if they are not."""
     first = rows[0]
     if first is None:
         return None

@@ -29,7 +29,7 @@ def several(what: str, given: object, kind: type[T], error: Error = BadArgument)
 
 
 def texts(what: str, given: object, error: Error = BadArgument) -> tuple[str, ...]:
-    """One text or several, as a tuple of them. Raises the error."""
+    """A text or several texts as a tuple of texts. Raises the given error for anything else."""
     if isinstance(given, str):
         return (given,)
     if not _iterable(given):

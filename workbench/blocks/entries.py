@@ -38,7 +38,7 @@ def entries(layout: Layout, names: str | Iterable[str], kind: str = "free block"
 
 
 def block_of(name: str, known: Collection[str]) -> str:
-    """The name of the block that a name is of, or that it begins with."""
+    """The name of the block in the name of an entry: `pose` for `pose[head, x]`."""
     if name in known:
         return name
     begun = [block for block in known if name.startswith(f"{block}[")]

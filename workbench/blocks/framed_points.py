@@ -132,7 +132,7 @@ class NumericFrames:
         return FramesAt(self, each)
 
     def evaluate_batch(self, values: Mapping[str, Array]) -> Array:
-        """(M, N len(some), 3) m: all frames of all values at once."""
+        """The points (M, N len(some), 3) m in all these frames, for M sets of values."""
         M, T = len(next(iter(values.values()))), len(self.some)
 
         def row(name: str) -> Array:

@@ -11,7 +11,7 @@ from workbench.errors import UnknownName
 
 @dataclass(frozen=True, eq=False)
 class FrameBlocks:
-    """T frames. A block of each frame, of a shape such as (K, 3), is one of shape (T, K, 3) here.
+    """The blocks of T frames. A block of shape (K, 3) in each frame has the shape (T, K, 3) here.
 
     A block that is not `framed` is shared by all frames.
 
@@ -30,7 +30,7 @@ class FrameBlocks:
         return self.blocks[name]
 
     def columns(self, one: Block, some: Sequence[int]) -> cs.MX:
-        """The symbol of a frame's block in some frames, side by side: (3, K len(some)) of (K, 3).
+        """The symbols of a (K, 3) block in some frames, side by side: (3, K len(some)).
 
         A shared block is repeated.
         """

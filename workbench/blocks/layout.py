@@ -20,7 +20,7 @@ Values = dict[str, Array]
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Blocks side by side in one vector, each row by row: (N, 3) is x0 y0 z0 x1 y1 z1 ...
+    """Blocks one after another in one vector, each row by row: (N, 3) is x0 y0 z0 x1 y1 z1 ...
 
     Values are always those of whole blocks.
 
@@ -58,7 +58,7 @@ class Layout:
 
     @cached_property
     def single_labels(self) -> dict[str, int]:
-        """The place of each label that no other label continues: of `pose[12, head, x]`, say."""
+        """The place of each label that names exactly one entry, such as `pose[12, head, x]`."""
         found: dict[str, int] = {}
         several: set[str] = set()
         for i in range(self.size):
@@ -77,10 +77,10 @@ class Layout:
         raise UnknownName("block", name, self.names)
 
     def pack(self, values: Mapping[str, ArrayLike]) -> Array:
-        """The named arrays as one vector (size,); checks every name, shape and number.
+        """The named arrays as one vector (size,), after a check of every name, shape and number.
 
-        Raises MissingValue, NotNumbers, ShapeMismatch, NonFiniteValue, or BadArgument for what is
-        no dict.
+        Raises MissingValue, NotNumbers, ShapeMismatch, NonFiniteValue, or BadArgument if `values`
+        is no dict.
         """
         mapping("values of blocks", values)
         flat = np.empty(self.size)
@@ -100,7 +100,7 @@ class Layout:
         return flat
 
     def unpack(self, flat: Array, around: Mapping[str, ArrayLike] | None = None) -> Values:
-        """The named arrays that a flat vector holds, as `pack` took them; they share one copy.
+        """The named arrays from a flat vector, the inverse of `pack`; they share one copy of it.
 
         If the layout has only part of a block, its other entries come from `around`, which holds
         the whole block. Raises MissingValue if it has none.
@@ -119,19 +119,16 @@ class Layout:
         return found
 
     def placed(self, flat: Array) -> Values:
-        """The numbers in arrays of whole blocks, zero where entries are not in the vector."""
+        """The numbers as whole blocks, with zeros for entries that are not in the vector."""
         return self.unpack(flat, {b.name: np.zeros(b.base.shape) for b in self.parts})
 
     @cached_property
     def parts(self) -> tuple[Block, ...]:
-        """The blocks of which only some entries stand here."""
+        """The blocks of which only some entries are in the vector."""
         return tuple(block for block in self.blocks if block.whole is not None)
 
     def spelled(self, without: Iterable[str] = ()) -> tuple[str, ...]:
-        """Names that mean these numbers and no others, except for those of the blocks `without`.
-
-        A block by its name, a part of one by the names of its rows or entries.
-        """
+        """Names for exactly these numbers, without those in the blocks `without`."""
         left = set(without)
         return tuple(
             name for block in self.blocks if block.name not in left for name in _names(block)
@@ -203,7 +200,7 @@ class Layout:
 def all_values(free: Layout, x: Array, fixed: Layout, given: Array) -> Values:
     """The values of all blocks, from their free and fixed numbers x and `given`.
 
-    A block that is free in part stands in both layouts, in the fixed one as a whole.
+    A block that is free in part is in both layouts; the fixed layout has the whole block.
     """
     around = fixed.unpack(given)
     return around | free.unpack(x, around)

@@ -17,7 +17,7 @@ PLACEHOLDER = "placeholder("  # how the names of placeholders begin when a graph
 
 
 class PointsAt(Protocol):
-    """Points at one set of values; intermediate results of one answer are kept for the next."""
+    """Points at one set of values; each method can use intermediate results of earlier calls."""
 
     @property
     def points(self) -> Array:
@@ -30,7 +30,7 @@ class PointsAt(Protocol):
         """
 
     def adjoint(self, pull: Array) -> dict[str, Array]:
-        """The gradient of sum(pull * points), pull (3 N,), by each block that is read, flat."""
+        """The gradient of sum(pull * points), pull (3 N,), by each block that is read; flat."""
 
 
 class NumericPoints(Protocol):
@@ -97,11 +97,12 @@ class PointSource(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """What a residual is written in: a symbol that stands for the points of a source.
+    """The points that a residual reads: a symbol that stands for the points of a source.
 
-    A residual never knows a body. The problem puts the source's expression in place of
-    the symbol when it wants the whole graph. As far as CasADi knows, an expression in the symbol
-    does not depend on the blocks behind the source: `graph` expresses the points in these blocks.
+    A residual need not know a body. When the whole graph is needed, the problem puts the source's
+    expression in place of the symbol. For CasADi an expression in this symbol does not depend on
+    the blocks from which the source computes the points; `graph` gives the points as an expression
+    in these blocks.
 
     Attributes:
         symbol: the placeholder, (3, N) in metres.
@@ -132,18 +133,18 @@ class Points:
         return self.source.labels
 
     def graph(self) -> cs.MX:
-        """The points in the symbols of the blocks behind them, (3, N) m; see `in_blocks`."""
+        """The points as an expression in the blocks' symbols, (3, N) m; see `in_blocks`."""
         return in_blocks(self.symbol, (self,))
 
 
 def in_blocks(expression: cs.MX, points: Iterable[Points]) -> cs.MX:
     """An expression with these placeholders replaced by the expressions of their sources.
 
-    The result depends on the symbols of blocks alone, so that casadi.jacobian by them, its
-    sparsity, casadi.Function and C code are what they should be. See `scalars_repeated` for what
-    makes Jacobians right in both directions.
+    The result depends only on the symbols of blocks, so that casadi.jacobian, sparsity,
+    casadi.Function and generated C code are right. See `scalars_repeated` for what makes Jacobians
+    right in both directions.
 
-    Raises NotSupported for points that only arithmetic has.
+    Raises NotSupported for points whose source has only arithmetic.
     """
     listed = tuple(points)
     if not listed:
@@ -157,10 +158,10 @@ def in_blocks(expression: cs.MX, points: Iterable[Points]) -> cs.MX:
 def jacobian(expression: cs.MX, by: cs.MX | Block) -> cs.MX:
     """The derivative of a column (m, 1) by a block or its symbol, (m, n), in symbols.
 
-    That of casadi.jacobian, which is zero without a word where points of a body are meant but a
-    placeholder stands for them: here that is refused. Raises BadResidual for such an expression
-    and for what is no expression, and TwoSymbolsOneName if the expression reads another symbol that
-    has the same name.
+    It is computed by casadi.jacobian. That function silently returns zero if the expression
+    contains a placeholder for points of a body, so such an expression is refused here. Raises
+    BadResidual for such an expression and for anything that is no expression, and TwoSymbolsOneName
+    if the expression reads another symbol with the same name.
     """
     if not isinstance(expression, cs.MX):
         hint = "; take its graph()" if hasattr(expression, "graph") else ""

@@ -43,9 +43,10 @@ C_OF: Mapping[int, str] = {
 
 
 def simd_function(function: cs.Function, shared: Sequence[bool]) -> Batched:
-    """A function of scalar instructions by a library that is compiled once and kept on disk.
+    """A function of scalar instructions as compiled code, which is kept in a library on disk.
 
-    Raises NoLibrary without a compiler, NotSupported for an instruction that has no C here.
+    Raises NoLibrary without a compiler, and NotSupported for an instruction that cannot be written
+    as C here.
     """
     source = simd_code(function, shared)
     usual = Mapped(function, shared)

@@ -1,11 +1,13 @@
 """Bodies: named blocks of numbers in, points out; and the files they live in."""
 
+from workbench.bodies.body import Body
 from workbench.bodies.forward.skinning import Skinning, dual_quaternion_blend, linear_blend
 from workbench.bodies.forward.skinning_function import skin, skin_vertices
 from workbench.bodies.landmarks import Landmarks
 from workbench.bodies.skinned import SkinnedBody
 
 __all__ = [
+    "Body",
     "Landmarks",
     "SkinnedBody",
     "Skinning",

@@ -37,7 +37,7 @@ NPZ = b"PK\x03\x04"
 PICKLES = (b"\x80", b"(", b"}", b"]", b"c")  # protocol 2 and later; Python 2's own
 OTHERS = (  # how other files begin that people try
     (b"\x93NUMPY", "a single array (.npy)"),
-    (b"\x1f\x8b", "packed with gzip; unpack it first"),
+    (b"\x1f\x8b", "compressed with gzip; decompress it first"),
     (b"Rar!", "a rar archive; unpack it first"),
     (b"7z\xbc\xaf", "a 7z archive; unpack it first"),
     (b"\x89HDF", "an HDF5 file"),

@@ -111,7 +111,7 @@ def compare(
             raise
         raise Interrupted(
             f"interrupted while {told.last}; what was finished is stored in {out}, and the same "
-            "command goes on from there"
+            "command continues from there"
         ) from error
     console.print(solver_table(_table(found)))
     for text in (prices_sentence(), *advice(found)):

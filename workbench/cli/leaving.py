@@ -85,8 +85,9 @@ class Signals:
 
 @contextmanager
 def held() -> Iterator[None]:
-    """Ctrl-C and SIGTERM wait until the block is over: some modules, while they are imported,
-    swallow whatever is raised.
+    """Defer Ctrl-C and SIGTERM until the block ends.
+
+    Some modules swallow every exception while they are imported.
     """
     arrived: list[int] = []
     asked = [s for s in (signal.SIGINT, signal.SIGTERM) if callable(signal.getsignal(s))]

@@ -33,12 +33,14 @@ COLOUR = {
     CheckState.NOT_ATTEMPTED: "dim",
 }
 
-Folder = Annotated[Path, typer.Argument(help="Where to write; it is made.")]
+Folder = Annotated[
+    Path, typer.Argument(help="Folder to write to; it is made if it does not exist.")
+]
 Number = Annotated[int, typer.Argument(help="The number of a lecture; `list` names them.")]
 
 
 def list_() -> None:
-    """List the lectures: what each asks, how long it takes, and the points of its exercises."""
+    """List the lectures with their questions, their minutes and the points of their exercises."""
     table = Table(box=None, padding=(0, 2, 0, 0))
     for title in ("", "lecture", "minutes", "points"):
         table.add_column(title, justify="left" if title == "lecture" else "right")
@@ -53,7 +55,7 @@ def list_() -> None:
 
 
 def show(number: Number) -> None:
-    """Show what a lecture asks, assumes and teaches, its exercises, and where its text is."""
+    """Show a lecture's question, what it assumes and teaches, its exercises, and its file."""
     one, console = lecture(number), Console()
     console.print(f"[bold]{number} {escape(one.title)}[/]\n{escape(one.question)}\n")
     for title, text in (
@@ -123,7 +125,9 @@ def _literal(prose: str) -> str:
 
 def begin(
     number: Number,
-    folder: Annotated[Path, typer.Argument(help="Where to put the file; it is made.")],
+    folder: Annotated[
+        Path, typer.Argument(help="Folder for the file; it is made if it does not exist.")
+    ],
 ) -> None:
     """Copy the exercises of a lecture into a folder of yours. No file there is overwritten."""
     path = hand_out(lecture(number), folder)
@@ -140,7 +144,8 @@ def check(
         list[Path] | None,
         typer.Argument(
             metavar="FILE",
-            help="Files with answers, or their folders; else the lecture's file in this folder.",
+            help="Files with answers, or folders that contain them; by default the lecture's file "
+            "in this folder.",
         ),
     ] = None,
     seconds: Annotated[
@@ -148,7 +153,7 @@ def check(
     ] = SECONDS,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON, for a grade book.")] = False,
 ) -> None:
-    """Check answers, each file in a process of its own; print points, and hints where they fail.
+    """Check answers, each file in its own process; print points, and hints for wrong answers.
 
     Exits with 1 unless every check of every file passed.
     """
@@ -160,7 +165,7 @@ def check(
     ]
     every: list[Grade] = []
     for path in paths:
-        with Console(stderr=True).status(f"checking {escape(str(path))}, some seconds"):
+        with Console(stderr=True).status(f"checking {escape(str(path))}, which takes some seconds"):
             found = grade(one, path, seconds)
         every.append(found)
         if not as_json:
@@ -182,7 +187,7 @@ def notebooks(folder: Folder) -> None:
     paths = {folder / f"{one.folder_name}.ipynb": one for one in outline() if one.there}
     for path in paths:
         if path.exists():
-            raise BadFile(f"{path} is there already, maybe with somebody's work; give a new folder")
+            raise BadFile(f"{path} exists already, perhaps with somebody's work; name a new folder")
     for path, one in paths.items():
         console.print(f"[dim]running lecture {one.number}, {escape(one.title)}[/]")
         write_notebook(executed(notebook(one), one, folder), path)
@@ -221,7 +226,7 @@ def _print(console: Console, found: Grade) -> None:
             table.add_row(_state(mark), escape(mark.check), f"[dim]{mark.points}/{mark.of}[/]")
             lines = _lines(mark)
             if lines:  # once, if all checks meet with the same
-                again = "[dim]not reached: see above[/]"
+                again = "[dim]not checked: see above[/]"
                 table.add_row("", again if lines == told else "\n".join(lines))
             told = lines
         if printed := found.printed.get(name):
@@ -257,4 +262,4 @@ COMMANDS: dict[str, Callable[..., None]] = {
     "notebooks": notebooks,
     "site": site,
 }
-HELP = "The course: lectures that run, and exercises that are checked."
+HELP = "The course: lectures that can be run, and exercises that are graded."

@@ -26,8 +26,8 @@ def make_folder(folder: Path) -> None:
 def folder_to_write(out: Path, name: str, source: str) -> Path:
     """The folder `name` in `out`, which a command checks before it begins its work.
 
-    Raises BadFile if it holds something else than a report on `source`, and WorkbenchError if
-    `out` cannot be made.
+    Raises BadFile if it holds anything but a report on `source`, and WorkbenchError if `out`
+    cannot be made.
     """
     make_folder(out)
     refuse_foreign(out / name, source)

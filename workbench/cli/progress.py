@@ -105,7 +105,7 @@ def _print_residuals(console: Console, outcome: Outcome) -> None:
     typed = tuple(tuple(map(_typed, row)) for row in found.rows if row in shown)
     console.print(rich_table(tables.Table(found.head, typed, found.numbers)))
     if len(rows) > ROWS:
-        console.print(f"and {len(rows) - ROWS} residuals of less cost (see the report)")
+        console.print(f"and {len(rows) - ROWS} residuals with less cost (see the report)")
     console.print(escape(tables.priors_said(outcome)), highlight=False)
 
 
@@ -115,13 +115,15 @@ def _typed(text: str) -> str:
 
 
 def _seen(what: str, d: Diagnosis) -> str:
-    """Size, rank and the first directions that are not seen."""
+    """Size and rank, and the first null and weak directions."""
     m, n = d.shape
-    said = "every direction is seen"
+    said = "every direction changes a residual"
     if d.null_directions:
-        said = f"{len(d.null_directions)} directions are not seen"
+        said = f"{len(d.null_directions)} directions change no residual"
     if d.weak_count:
-        said += f", {d.weak_count} hardly (less than one sigma for a whole yardstick)"
+        said += (
+            f", {d.weak_count} hardly any (by less than one sigma for a yardstick, such as 1 rad)"
+        )
     short = [x.name for x in (*d.null_directions, *d.weak_directions) if x.joints][:3]
     if short:
         said += f"; among them {', '.join(short)} (see the report)"

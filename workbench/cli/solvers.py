@@ -1,4 +1,4 @@
-"""`workbench solvers`: the solvers, what each needs and what each can."""
+"""`workbench solvers`: the solvers, what each needs and what each can do."""
 
 import typer
 from rich.console import Console
@@ -57,19 +57,19 @@ def _constraints(a: Abilities) -> str:
 
 def _looks(a: Abilities) -> str:
     where = "everywhere" if a.is_global else "downhill"
-    return f"{where}, with dice" if a.stochastic else where
+    return f"{where}, at random" if a.stochastic else where
 
 
 def _described(a: Abilities) -> str:
-    notes = [a.source, "to teach" if a.teaching else "", a.note]
+    notes = [a.source, "for teaching" if a.teaching else "", a.note]
     return "; ".join(note for note in notes if note)
 
 
 COLUMNS: Columns[tuple[str, Abilities]] = {
     "solver": lambda of: of[0],
-    "asks for": lambda of: ASKED[of[1].derivative],
+    "evaluates": lambda of: ASKED[of[1].derivative],
     "bounds": lambda of: BOUNDS[of[1].bounds],
     "constraints": lambda of: _constraints(of[1]),
-    "looks": lambda of: _looks(of[1]),
+    "searches": lambda of: _looks(of[1]),
     "described in": lambda of: _described(of[1]),
 }

@@ -68,7 +68,7 @@ def unprinted(error: Exception | None) -> OSError | None:
 
 
 def tell(sentence: str) -> None:
-    """Print to the standard error; where even that fails, the exit code has to do."""
+    """Print to the standard error; if that fails as well, only the exit code says what happened."""
     with suppress(OSError):
         print(sentence, file=sys.stderr, flush=True)
     failure(sys.stderr)

@@ -39,7 +39,7 @@ def train(
         Path | None,
         typer.Argument(
             help="Folder with registrations.csv (file, subject, gender, set) and meshes in metres; "
-            "without one, a synthetic tube is trained from synthetic registrations."
+            "without one, a synthetic tube with bones is trained from synthetic registrations."
         ),
     ] = None,
     start: Annotated[
@@ -63,7 +63,11 @@ def train(
     betas: Annotated[int, typer.Option(help="Number of shape directions.")] = 10,
     rounds: Annotated[int, typer.Option(help="Number of rounds of the alternation.")] = 2,
     reach: Annotated[
-        int, typer.Option(help="Number of bones from a vertex to the farthest joint that bends it.")
+        int,
+        typer.Option(
+            help="Number of bones from a vertex to the furthest joint whose rotation "
+            "changes the skin there."
+        ),
     ] = REACH,
     jobs: Annotated[
         int, typer.Option(help="Number of processes; the result does not depend on it.")
@@ -110,9 +114,9 @@ def train(
     except KeyboardInterrupt:
         raise Interrupted(
             f"interrupted; what was found until the last block is in {place}, and the same "
-            "command goes on from there"
+            "command continues from there"
             if any(place.rglob(CHECKPOINT))
-            else f"interrupted; there is no checkpoint in {place}, so nothing was kept"
+            else f"interrupted; there is no checkpoint in {place}, so no result was kept"
         ) from None
     body = trained.body
     if people is not None and held_out is not None:
@@ -133,15 +137,15 @@ def train(
 
 
 def _mind_unused(console: Console, start: str | None, gender: str | None, reach: int) -> None:
-    """Name the options that do not apply to registrations that are made up."""
+    """Name the options that have no effect on synthetic registrations."""
     if start is not None:
-        warn_without_effect(
-            console, "--start", "the synthetic tube begins from a template of its own"
-        )
+        warn_without_effect(console, "--start", "the synthetic tube has its own template")
     if gender is not None:
-        warn_without_effect(console, "--gender", "the synthetic tubes have none")
+        warn_without_effect(console, "--gender", "the synthetic tubes have no gender")
     if reach != REACH:
-        warn_without_effect(console, "--reach", "every joint of the tube bends its surface")
+        warn_without_effect(
+            console, "--reach", "every joint of the synthetic tube changes its whole surface"
+        )
 
 
 def _data(
@@ -149,17 +153,21 @@ def _data(
 ) -> tuple[str, Start, Registrations, Registrations | None]:
     """The run's name, its start, and the two sets."""
     if folder is None:
-        console.print("no folder: a synthetic tube with 1 mm of noise; nothing here was measured")
+        console.print(
+            "no folder was given: training a synthetic tube with bones from data with 1 mm of "
+            "noise; nothing here was measured"
+        )
         return "made-up", *noisy_tubes(noise=0.001), None
     own = folder / START
     guess = read_start(start or (own if own.is_file() else "default"))
-    console.print("[dim]looking at every registration[/]")
+    console.print("[dim]reading every registration[/]")
     every = open_folder(folder, len(guess.template), guess.faces)
     poses, shapes = every.only("poses", gender), every.only("shapes", gender)
     if not poses.rows:
         raise BadArgument(
             f"{folder} has no registrations of the set 'poses'"
-            f"{f' and gender {gender!r}' if gender else ''}; they teach how pose bends a body"
+            f"{f' and gender {gender!r}' if gender else ''}; training learns from them how the "
+            "pose changes the surface"
         )
     console.print(
         f"{len(poses.rows)} registrations of {len(poses.subjects)} subjects in poses, "
@@ -185,27 +193,29 @@ def _ideal_errors(
 
 
 def _origin(folder: Path | None) -> dict[str, Any]:
-    """Where the registrations come from, as far as it is known."""
+    """What is known about where the registrations come from."""
     if folder is None:
-        return {"provenance": ["Made up: random arrays on a tube. Nothing was measured."]}
+        return {
+            "provenance": ["Synthetic: random arrays on a tube with bones. Nothing was measured."]
+        }
     made = folder / CARD
     if not made.is_file():
         return {"provenance": [f"Trained on the registrations in {folder.name}."]}
     try:
         told = json_in(made)
     except BadFile as error:
-        raise BadFile(f"{error}; remove it, or mend it") from error
+        raise BadFile(f"{error}; remove it or correct it") from error
     return {"provenance": ["Synthetic: see registrations."], "registrations": told}
 
 
 class Lines:
-    """A line per block, and one now and then within what takes long."""
+    """A line for each block, and further lines within blocks that take long."""
 
     def __init__(self, console: Console) -> None:
         self._console, self._told = console, time.monotonic()
 
     def block(self, progress: Progress) -> None:
-        """What it cost before and after, by term."""
+        """The cost before and after a block, and its terms."""
         entry = progress.entry
         before, after = sum(entry.before.values()), sum(entry.after.values())
         terms = ", ".join(f"{name} {cost:.4g}" for name, cost in entry.after.items())
@@ -216,7 +226,7 @@ class Lines:
         )
 
     def part(self, doing: str, done: int, of: int) -> None:
-        """How far it is, every few seconds."""
+        """How much of a block is done, every few seconds."""
         if time.monotonic() - self._told > EVERY:
             self._print(f"        {doing}: {done} of {of}")
 

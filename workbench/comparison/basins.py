@@ -13,14 +13,13 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.comparison.feasible import feasible
 from workbench.comparison.running import look
-from workbench.experiments.relative_costs import AS_GOOD
 from workbench.problem import Problem
 from workbench.solvers import Ipopt, LevenbergMarquardt, Solver
+from workbench.solvers.minima import one_minimum
 
 POLISH_SECONDS = 20.0  # at most, per end
 POLISH_TO = 1e-13  # of Problem.optimality
 STATIONARY = 1e-9  # of Problem.optimality: an end as good as this is not followed
-FAR_ABOVE_ROUNDING = 1e3  # of |r|
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,10 +89,7 @@ def _place(problem: Problem, found: list[list[Basin]], at: Basin, fixed: Array) 
     """The first basin with a member that has the same residual."""
     for k, members in enumerate(found):
         for member in members:
-            apart = at.residual - member.residual
-            rounding = FAR_ABOVE_ROUNDING * problem.rounding(member.x, fixed, member.residual).norm
-            least = AS_GOOD * max(at.cost, member.cost) + 0.5 * rounding**2
-            if 0.5 * float(apart @ apart) <= least:
+            if one_minimum(problem, fixed, member.x, member.residual, at.residual):
                 return k
     return None
 

@@ -28,7 +28,7 @@ class Cause(Enum):
 def cause(
     record: Record, yardstick: Yardstick, ends: EndAnalysis, k: int, tolerance: float
 ) -> Cause | None:
-    """The cause of an end, number k of an analysis; None if it costs 1.01 times f* or less.
+    """The cause of end number k of an analysis; None if its cost is at most 1.01 times f*.
 
     The end is stationary if its `Problem.optimality` is within the tolerance.
     """

@@ -59,7 +59,7 @@ class Instance:
 
 @dataclass(frozen=True)
 class Design:
-    """Every instance by every solver, within one budget.
+    """A comparison to be carried out: every instance is solved by every solver, within one budget.
 
     Attributes:
         instances: the instances.

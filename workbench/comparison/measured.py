@@ -33,7 +33,7 @@ class Timing:
 def seconds_to(
     comparison: Comparison, solver: str, tau: float, problem: str | None = None
 ) -> Timing:
-    """The time until a target, over the starts from which a run met it."""
+    """The seconds until a target was met, over the starts from which a run met it."""
     chosen = comparison.starts(problem)
     rows = [comparison.met(i.name, solver, tau) for i in chosen]
     return Timing.of([row[-2] for row in rows if row is not None])

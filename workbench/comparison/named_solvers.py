@@ -45,10 +45,10 @@ class NamedSolver:
 
 @dataclass(frozen=True)
 class SentSolver:
-    """A solver as it is sent to another process: by its file, or pickled.
+    """A solver in the form in which it is sent to another process: its file, or its pickle.
 
     Attributes:
-        name: the name that it goes by.
+        name: its name in the comparison.
         source: the file that defines it; empty if it is pickled.
         called: its name in that file.
         blob: the pickled solver; empty if there is a file.
@@ -60,7 +60,7 @@ class SentSolver:
     blob: bytes = b""
 
     def opened(self) -> Solver:
-        """There."""
+        """The solver, made again in the process that received it."""
         if not self.source:
             solver: Solver = pickle.loads(self.blob)
             return solver

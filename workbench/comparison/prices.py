@@ -36,7 +36,7 @@ class Price:
     Attributes:
         name: the name of the kind.
         formula: the formula, as text.
-        of: the formula: from n to evaluations of the residual.
+        of: the formula as a function of n; it returns evaluations of the residual.
     """
 
     name: str
@@ -62,7 +62,7 @@ def prices(n: int) -> dict[str, float]:
 
 
 def units(counts: ArrayLike, n: int) -> Array:
-    """The effort of evaluations (..., kinds) in evaluations of the residual: counts by prices."""
+    """The effort in evaluations of the residual: the counts (..., kinds) times their prices."""
     return np.asarray(np.asarray(counts, dtype=float) @ np.array(list(prices(n).values())))
 
 

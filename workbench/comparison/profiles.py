@@ -10,7 +10,7 @@ from workbench.arrays import Array
 
 
 def ratios(times: ArrayLike) -> Array:
-    """(P, S): what each needed over the least that anybody did; infinite where it failed."""
+    """(P, S): each solver's effort over the least on the problem; infinite if it failed."""
     t = np.asarray(times, dtype=float)
     if t.shape[1] == 0:
         return t

@@ -29,9 +29,9 @@ REHEARSED = 10  # evaluations: enough to load what a solver loads, and to build 
 
 
 def run_solver(job: Solve, setup: Setup, announce: Announce) -> Record:
-    """Run a solver, after a rehearsal of a few evaluations that no clock counts.
+    """Run a solver, after a few trial evaluations that no clock counts.
 
-    The problem judges the returned point; what the solver claims is kept beside that.
+    The problem judges the returned point; what the solver reports about itself is stored as well.
     """
     problem, budget = setup.problem, job.budget
     longest = budget.max_seconds + job.grace
@@ -71,7 +71,7 @@ def run_solver(job: Solve, setup: Setup, announce: Announce) -> Record:
 
 
 def warm(problem: Problem, start: Values) -> None:
-    """Build what is built once, and touch it: no clock counts this."""
+    """Build and call what a run builds only once, so that no clock counts it."""
     problem.prepare()
     x, fixed = problem.split(start)
     with limited_threads():

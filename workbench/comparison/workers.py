@@ -63,7 +63,7 @@ class Worker:
 
 
 class Pool:
-    """Lends out workers; a solver from outside the catalogue shares no process with others."""
+    """Worker processes; a solver that is not in the catalogue shares no process with others."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -101,7 +101,7 @@ class Pool:
         return self._server.new()
 
     def close(self) -> None:
-        """End every worker, busy or not; what they are forked from stays for the next ones."""
+        """End every worker, busy or not; the process that forks workers remains."""
         with self._lock:
             every = [*self._busy, *(w for idle in self._idle.values() for w in idle)]
             self._idle.clear()
@@ -109,7 +109,7 @@ class Pool:
             worker.kill()
 
     def end(self) -> None:
-        """End everything."""
+        """End every worker and the process that forks them."""
         self.close()
         if self._server is not None:
             self._server.close()

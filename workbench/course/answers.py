@@ -24,7 +24,7 @@ class Raised:
     Attributes:
         kind: the class of the error.
         message: what it said, with the line of the student's file.
-        unsolved: whether the exercise stands as it was handed out.
+        unsolved: whether the exercise is as it was handed out.
     """
 
     kind: str

@@ -18,7 +18,7 @@ from workbench.problem.storage import check_wide, is_long
 def diagnose(
     problem: Problem, at: Mapping[str, ArrayLike], *, priors: str | Iterable[str] = ()
 ) -> Diagnosis | SequenceDiagnosis:
-    """Look at a problem's whitened Jacobian at the values `at`.
+    """Diagnose a problem by its whitened Jacobian at the values `at`.
 
     For a long sequence of frames, with more than 4,000 unknowns, the result is a SequenceDiagnosis:
     it answers the same questions about rank and null directions, frame after frame, and has no
@@ -26,7 +26,7 @@ def diagnose(
 
     `priors` are the names of the residuals that are priors and not data, or one such name; the
     diagnosis separates what they contribute. Raises UnknownName for a name that no residual has,
-    BadArgument for what is no problem, and what `Problem.split` raises for the values.
+    BadArgument for anything but a problem, and whatever `Problem.split` raises for the values.
     """
     names = _checked(problem, priors)
     here = linearized(problem, at)  # looks at every value

@@ -50,8 +50,8 @@ def named_subspaces(
 ) -> Iterator[NamedSubspace]:
     """All motions of the dictionary; those with few entries come first.
 
-    With the `pattern` (m, n) of the Jacobian there are also shifts of points that residuals tie
-    to each other and not to the rest.
+    With the `pattern` (m, n) of the Jacobian there are also shifts of groups of points that no
+    residual ties to other points.
     """
     moving = [tree for tree in trees if tree.moves(free)]
     turned = _joints_of(free, moving)

@@ -61,9 +61,9 @@ def rank_of_observed_joints(
 
 
 def law_of(problem: Problem, at: Mapping[str, ArrayLike]) -> tuple[int, str] | None:
-    """The rank that the law predicts for a problem, and why; None where it says nothing.
+    """The rank that the law predicts for a problem, and why; None if the law does not apply.
 
-    It speaks where every residual reads the joints of one body and nothing is free but its pose
+    The law applies if every residual reads the joints of one body, and nothing is free but its pose
     and perhaps its translation.
     """
     found = only_joints(problem, at)

@@ -101,8 +101,9 @@ def balance(
 ) -> Setup:
     """Fit pose, betas and trans of a body to the 2D keypoints; `sigma` is in px.
 
-    The cameras are the `adjusted` ones, or else the published ones; those in `held_out` are not
-    fitted, only measured. Raises UnknownName for a frame or a camera that does not exist.
+    The calibration is the adjusted one if `adjusted`, and otherwise the published one. Cameras in
+    `held_out` are not used for the fit, only for the measures. Raises UnknownName for a frame or a
+    camera that does not exist.
     """
     observed, triangulated = observations(frame, adjusted=adjusted)
     known = [p.name for p in observed.photographs]

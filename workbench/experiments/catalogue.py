@@ -22,10 +22,12 @@ EXPERIMENTS: Mapping[str, Experiment] = {
         Experiment("balance", balance, "a real person on a beam, four cameras"),
         Experiment("balance-monocular", balance_monocular, "a real person on a beam, one camera"),
         Experiment(
-            "known-correspondences", known_correspondences, "vertices of the model, each known"
+            "known-correspondences",
+            known_correspondences,
+            "every vertex is seen, and its number is known",
         ),
         Experiment("landmarks", shape_from_landmarks, "shape from 3D joints alone"),
-        Experiment("registration", registration, "a person whom the shape space does not hold"),
+        Experiment("registration", registration, "a person who is not in the shape space"),
     )
 }
 

@@ -57,7 +57,7 @@ def known_correspondences(
 def shape_from_landmarks(
     body: str = "default", seed: int = 0, pose_sigma: float = 0.3, noise: float = 0.01
 ) -> Setup:
-    """The joints in space of a posed and shaped body of the model (synthetic), with noise.
+    """Fit a body to its own 3D joints with noise, at a synthetic pose and shape.
 
     `pose_sigma` is in rad, and `noise`, which is the residuals' sigma as well, in m. Raises
     BadArgument if there is no noise.

@@ -68,7 +68,7 @@ def certified() -> Mapping[str, Mapping[str, Any]]:
 
 
 def nist(problem: str = "Misra1a", start: int = 1) -> Setup:
-    """The regression of this name in NIST's list, from NIST's start 1 (far) or 2 (near)."""
+    """The regression with this name in NIST's collection, from NIST's start 1 (far) or 2 (near)."""
     if problem not in MODELS:
         raise UnknownName("NIST problem", problem, MODELS)
     facts = certified()[problem]

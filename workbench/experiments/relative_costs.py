@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
 from workbench.solvers import Solution
+from workbench.solvers.minima import AS_GOOD
 
-AS_GOOD = 1e-6  # of the best cost: costs that differ by less count as equal
 SMALLEST = 1e-16  # of the cost at the start: below it a difference of costs is rounding
 
 
@@ -19,7 +19,7 @@ def best_cost(solutions: Mapping[str, Solution]) -> float:
 
 
 def excess(solution: Solution, among: Mapping[str, Solution]) -> float:
-    """A solution's relative excess over the lowest cost among several."""
+    """By which share of the lowest of several costs a solution's cost exceeds it."""
     return relative_excess(solution.cost, best_cost(among), start_cost(among))
 
 

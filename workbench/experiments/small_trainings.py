@@ -127,14 +127,17 @@ def is_data(name: str) -> bool:
 
 
 TRAINING = (
-    Experiment("training", training, "all terms; weights not below zero that sum to one"),
+    Experiment("training", training, "all terms; weights are at least zero and sum to one"),
     Experiment(
-        "training-weights-held", training, "all terms but E_W, weights held", {"weights": False}
+        "training-weights-held",
+        training,
+        "all terms but E_W; weights are fixed",
+        {"weights": False},
     ),
     Experiment(
         "training-turned",
         training,
-        "weights held, joints turned by up to 2 rad and begun at zero",
+        "weights are fixed; joints turn by up to 2 rad, from a start at zero",
         {"weights": False, "turn": 2.0},
     ),
     Experiment(
@@ -146,7 +149,7 @@ TRAINING = (
     Experiment(
         "training-data-alone",
         training,
-        "E_D alone, weights held: rank-deficient",
+        "E_D alone, weights are fixed: rank-deficient",
         {"weights": False, "terms": "E_D", "poses": 12},
     ),
 )

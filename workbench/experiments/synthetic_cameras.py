@@ -10,7 +10,7 @@ SIZE, FOCAL, AWAY = 1000, 1200.0, 4.0  # px, px, m
 
 
 def looking_in(angle: float) -> Mapping[str, Array]:
-    """The calibration of a camera on a circle about the origin, upright, from the front at 0."""
+    """The calibration of an upright camera on a circle about the origin, in front at angle 0."""
     forward = -np.array([np.sin(angle), 0.0, np.cos(angle)])
     down = np.array([0.0, -1.0, 0.0])
     middle = (SIZE - 1) / 2

@@ -174,7 +174,7 @@ TRIANGLES = (
     Experiment(
         "triangles-shapes-saddle",
         triangle_shapes,
-        "the shape space, begun at a saddle",
+        "the shape space, from a start at a saddle point",
         {"start": 0},
     ),
 )

@@ -136,7 +136,7 @@ def landmark_set(body: Body) -> str:
 
 
 def camera_values(camera: Camera, photo: Photograph) -> Values:
-    """The camera's numbers; without K the focal length is guessed as the image's longer side."""
+    """The camera's numbers; without K, the focal length is guessed as the longer side in px."""
     width, height = photo.size
     return camera.values(
         K=pinhole(max(photo.size), width, height) if photo.K is None else photo.K,

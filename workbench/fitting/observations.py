@@ -67,7 +67,7 @@ class Observations:
     Attributes:
         names: the M keypoints, in the order of the photographs' rows.
         photographs: one per camera.
-        notes: sentences on what the files hold that was not read.
+        notes: sentences about contents of the files that were not read.
     """
 
     names: tuple[str, ...]

@@ -74,8 +74,8 @@ class _Document:
         accessor, name = self.entry("accessors", index), f"accessors[{shown(index)}]"
         if "sparse" in accessor or "bufferView" not in accessor:
             raise ValueError(
-                f"{name} is sparse, or packed by an extension such as Draco's, which is not read; "
-                "export the mesh without compression"
+                f"{name} is sparse, or compressed by an extension such as Draco's, which is not "
+                "read; export the mesh without compression"
             )
         code = accessor.get("componentType")
         if accessor.get("type") != kind or type(code) is not int or code not in COMPONENTS:

@@ -92,7 +92,7 @@ def read_registered(path: str | Path, *, points_alone: bool = False) -> Mesh:
 
 
 def same_faces(one: Index, other: Index) -> bool:
-    """Whether faces (F, 3) are the same, in any order and each from any of its corners."""
+    """Whether two sets of faces (F, 3) are the same, in any order and from any first corner."""
     return _canonical(one) == _canonical(other)
 
 

@@ -12,7 +12,7 @@ LONGEST_LINE = 10**6  # characters; a line is split into its words before these 
 
 
 def text_lines(content: bytes) -> Iterator[str]:
-    """The lines of a text. Raises ValueError for one that is longer than any of a mesh."""
+    """The lines of a text. Raises ValueError for a line that is too long for a mesh file."""
     text = TextIOWrapper(BytesIO(content), encoding="utf-8", errors="replace")
     number = 0
     while line := text.readline(LONGEST_LINE + 1):

@@ -33,7 +33,7 @@ def procrustes(
 ) -> Similarity:
     """The rigid motion that takes source to target, both (N, 3), with the least squared error.
 
-    Kabsch's solution; the rotation is proper also for mirrored data (Umeyama 1991).
+    This is Kabsch's solution; the result is a rotation even for mirrored data (Umeyama 1991).
     """
     p, q = np.asarray(source, dtype=float), np.asarray(target, dtype=float)
     w = np.ones(len(p)) if weights is None else np.asarray(weights, dtype=float)

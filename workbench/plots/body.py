@@ -50,7 +50,7 @@ class Figurine:
         label: the text below it.
         vertices: (N, 3) in metres.
         look: from which side it is drawn.
-        colours: (F, 3) of the faces, or one for all; None for the colour of skin.
+        colours: (F, 3) for the faces, or one colour for all; None for the colour of skin.
     """
 
     label: str

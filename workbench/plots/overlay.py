@@ -18,8 +18,10 @@ BELOW = 36  # points that the numbers and the label of the axis take
 
 
 def plot_overlay(outcome: Outcome, view: int, *, ax: Axes, shape: float = 1.25) -> Axes:
-    """View number `view`: the body, circles where keypoints were observed (as opaque as the
-    detector was confident), crosses where the fitted body has them, lines between the pairs.
+    """The body in view number `view`, with observed and fitted keypoints.
+
+    Circles are observed keypoints, the more opaque the higher their confidence. Crosses are the
+    same points on the fitted body. Lines join the pairs.
 
     All in pixels, v down, cropped to the person; `shape` is the crop's height over width.
     """
@@ -104,7 +106,7 @@ def caption_overlay(outcome: Outcome, view: int) -> str:
 
 
 def reprojection(overlay: Overlay) -> tuple[float, int]:
-    """Mean distance (px) of the keypoints that were seen well, and how many those are."""
+    """The mean distance (px) of the keypoints of sufficient confidence, and their number."""
     off = reprojection_errors(overlay.view.observed, overlay.projected, overlay.view.confidence)
     return (float(off.mean()) if off.size else float("nan")), off.size
 

@@ -13,7 +13,7 @@ from workbench.plots.palette import INK
 
 
 def plot_pairwise_wins(comparison: Comparison, tau: float = MAIN, *, ax: Axes) -> Axes:
-    """How many starts the solver of a row won against that of a column, and lost.
+    """From how many starts the solver of a row won against that of a column, and lost.
 
     Below these numbers is the p-value of the sign test on problems, corrected for all pairs.
     """

@@ -101,9 +101,9 @@ def plot_traces(
 def plot_beside_laplace(
     posterior: Posterior, approximation: Posterior, truth: Array | None = None, *, ax: Axes
 ) -> Axes:
-    """Every entry's 90 % range of draws, in Laplace's standard deviations from its mean.
+    """The interval of 90 % of each entry's draws, in Laplace's standard deviations.
 
-    `truth` (k,) is what synthetic data were made of: a cross.
+    `truth` (k,) are the values from which synthetic data were made; they are drawn as crosses.
     """
     z = (posterior.flat - approximation.mean) / approximation.sd
     low, middle, high = np.quantile(z, [0.05, 0.5, 0.95], axis=0)
@@ -129,9 +129,9 @@ def plot_spray(
     ax: Axes,
     looks: Sequence[Look] = (front, side),
 ) -> Axes:
-    """How many of the bodies (M, N, 3) m of as many draws cover each place, from each side.
+    """How many of M drawn bodies (M, N, 3) m cover each place, seen from the front and the side.
 
-    `truth` (N, 3) m is the body that synthetic data were made of: an outline.
+    `truth` (N, 3) m is the body from which synthetic data were made; it is drawn as an outline.
     """
     at, placed = 0.0, []
     everybody = bodies if truth is None else np.concatenate([bodies, truth[None]])

@@ -72,25 +72,27 @@ def caption_singular_values(diagnosis: Diagnosis) -> str:
     k = diagnosis.reduced_rank
     first = f"Constraints forbid {rank - k} of {n} directions. " if rank > k else ""
     if rank == n and s.size:
+        every = n if rank == k else f"other {k}"
         return (
-            f"{first}All {n if rank == k else f'other {k}'} directions are seen: the singular "
-            f"values fall from {s[0]:.3g} to {s[-1]:.3g}, a condition of "
+            f"{first}The residuals change along all {every} directions: the singular values fall "
+            f"from {s[0]:.3g} to {s[-1]:.3g}, so that the condition number is "
             f"{diagnosis.condition:.3g}."
         )
     gap = f" The values fall from {s[k - 1]:.2g} to {s[k]:.2g}" if 0 < k < s.size else ""
     where = f"{gap} at the rank." if gap else ""
     return (
-        f"{first}The residuals notice {k} of {n} directions; along the other {n - rank} the free "
-        f"numbers can change without changing any residual.{where} The table below names them all."
+        f"{first}The residuals change along {k} of {n} directions; along the other {n - rank} the "
+        f"free numbers can change without changing any residual.{where} The table below names all "
+        "of these."
     )
 
 
 def unseen(diagnosis: Diagnosis) -> list[str]:
     """The null directions in a few short lines."""
     if diagnosis.rank == diagnosis.shape[1]:
-        return ["every direction is seen", f"condition {diagnosis.condition:.3g}"]
+        return ["every direction changes a residual", f"condition {diagnosis.condition:.3g}"]
     found = diagnosis.null_directions
-    text = [f"{counted(len(found), 'direction')} not seen", *_entries(found)]
+    text = [f"{counted(len(found), 'null direction')}", *_entries(found)]
     alone = [d.joints[0] for d in found if d.kind == "twist" and len(d.joints) == 1]
     pairs = [" / ".join(d.joints) for d in found if d.kind == "twist" and len(d.joints) > 1]
     text += _group(alone, "of one joint alone") + _group(pairs, "undone at the child")

@@ -68,25 +68,25 @@ def caption_sigmas(diagnosis: Diagnosis) -> str:
     known = diagnosis.identifiability
     blind = int(np.sum(~np.isfinite(known.sigma)))
     said = [
-        "How well each unknown is known: its standard deviation in Laplace's approximation. "
+        "How well each unknown is determined: its standard deviation in Laplace's approximation. "
         "Lower is better."
     ]
     if diagnosis.priors:
         said.append(
-            "Dashes are the standard deviations of the priors alone; an unknown whose mark is on "
-            "its dash has learned nothing from the data."
+            "Dashes are the standard deviations of the priors alone; where a mark lies on its "
+            "dash, the data say nothing about the unknown."
         )
     if blind:
         entries = "1 entry takes" if blind == 1 else f"{blind} entries take"
         said.append(
-            f"{entries} part in directions that no residual notices: their standard deviation is "
+            f"{entries} part in directions that change no residual: their standard deviation is "
             "infinite and cannot be drawn; the shaded strips show which entries these are."
         )
     return " ".join(said)
 
 
 def plot_data_share(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
-    """For every direction, best known first, the share of its information that the data bring."""
+    """The share of its information that comes from the data, for every direction, largest first."""
     share = np.sort(diagnosis.identifiability.data_share)[::-1]
     x = np.arange(1, share.size + 1)
     ax.fill_between(x, share, step="mid", color=BLUE, alpha=0.25, linewidth=0)

@@ -58,7 +58,7 @@ class JointLimits:
         return JointLimits(wider, self.sources)
 
     def over(self, others: "JointLimits") -> "JointLimits":
-        """These limits, and the others where these have none."""
+        """These limits, completed by the others where these have none."""
         both = dict(others.limits)
         for at, (low, high) in self.limits.items():
             below, above = both.get(at, (-np.inf, np.inf))

@@ -39,14 +39,14 @@ LARGEST_ANGLE = np.radians(150)  # blending two rotations 180 degrees apart has 
 
 @dataclass(frozen=True, eq=False)
 class PoseGaussian:
-    """pose[3:] ~ N(mean, covariance) in rad, alike on both sides; the pelvis is left out.
+    """pose[3:] ~ N(mean, covariance) in rad, the same on both sides; the pelvis is left out.
 
     Attributes:
         mean: (69,) rad.
         covariance: (69, 69) rad^2.
         joint_names: the names of the 23 joints.
         n_frames: the number of recorded poses that it was learned from.
-        unmeasured: the joints that no recording moved, whose spread is a guess.
+        unmeasured: the joints that move in no recording, whose standard deviation is a guess.
         held_out: the names of the clips that it was not learned from.
     """
 

@@ -222,11 +222,11 @@ class Chain:
         return half_squared(r), g
 
     def made_of(self, x: Array, fixed: Array) -> Array:
-        """The size of what each row is made of (m,): sqrt(sum of (dr/da_i a_i)^2), estimated.
+        """The size of each row's terms (m,): sqrt(sum of (dr/da_i a_i)^2), estimated.
 
-        Terms that cancel each other in the residual must not cancel here. The squares of a few
-        sums with normal weights are that size in the mean, without the derivatives one by one
-        (Hutchinson, A stochastic estimator of the trace of the influence matrix, 1990).
+        Terms that cancel each other in the residual must not cancel here. The mean of the squares
+        of a few sums with normally distributed weights estimates this size, without the single
+        derivatives (Hutchinson, A stochastic estimator of the trace of the influence matrix, 1990).
         """
         return self.to_size(x, fixed, *self._points(x, fixed))[0]
 

@@ -59,7 +59,7 @@ def optimality(
 def explained_by_rounding(
     x: Array, here: Linearization, support: Support, rounding: Rounding
 ) -> Array:
-    """How much of each d_i, (n,), rounding errors of the rows that x_i can change may explain.
+    """The part of each d_i, (n,), that rounding errors of the rows that x_i can change may explain.
 
     It explains nothing where rounding hides an unknown (see `hidden`): there it is the reason why
     no better point is found, which does not mean that this is the minimum. The same holds for

@@ -14,7 +14,7 @@ Entries = Mapping[str, Index]
 
 
 def by_free_entries(source: NumericPoints, free: Layout) -> NumericPoints:
-    """The source, with derivatives by those entries of its blocks that are free."""
+    """The source, with derivatives only by the free entries of its blocks."""
     parts = (block for block in free.parts if block.name in source.reads)
     wanted = {block.name: np.array(block.places) for block in parts}
     if not wanted:

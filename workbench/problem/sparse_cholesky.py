@@ -24,7 +24,7 @@ SMALLEST = 1e-8  # of a pivot, where the diagonal is one: below that half of the
 
 @dataclass(frozen=True, eq=False)
 class SparseFactor:
-    """A positive definite matrix A (n, n) in units in which its diagonal is one, factorized.
+    """The factors of a positive definite matrix A (n, n), scaled so that its diagonal is one.
 
     Attributes:
         units: (n,) the square roots of A's diagonal.

@@ -79,8 +79,8 @@ LinearAlgebra = Callable[[LinearModel, float, Array], Step | None]
 def cholesky(here: LinearModel, damping: float, D: Array) -> Step | None:
     """The step by the normal equations J'J + damping D^2, scaled to a diagonal of ones.
 
-    This is the fastest way for tall Jacobians. The condition is the square of that of the Jacobian;
-    None where that leaves too few digits.
+    This is the fastest way for Jacobians with many more rows than columns. The condition number is
+    the square of that of the Jacobian; None if that leaves too few digits.
     """
     normal = here.normal
     if not isinstance(normal, np.ndarray):
@@ -105,9 +105,10 @@ def cholesky(here: LinearModel, damping: float, D: Array) -> Step | None:
 def qr(here: LinearModel, damping: float, D: Array) -> Step | None:
     """The step by QR of J, then of its triangle above sqrt(damping) D (Moré 1978).
 
-    The condition is not squared. None for a sparse Jacobian, and where the columns are dependent to
-    rounding and the damping is too small to make up for it, so that rounding errors would grow. See
-    Moré, The Levenberg-Marquardt algorithm: implementation and theory, 1978, section 3.
+    The condition number is not squared. None for a sparse Jacobian, and if the columns are
+    dependent up to rounding and the damping is too small to compensate for this, so that rounding
+    errors would grow. See Moré, The Levenberg-Marquardt algorithm: implementation and theory, 1978,
+    section 3.
     """
     if here.estimated:
         return None
@@ -158,7 +159,7 @@ def krylov(here: LinearModel, damping: float, D: Array) -> Step:
 
     See Fong and Saunders, LSMR: an iterative algorithm for sparse least-squares problems, 2011. If
     it needs too many products, it is preconditioned for a sequence of frames; otherwise the result
-    is the best step so far, along which the cost falls as along all of them.
+    is the best step so far, along which the cost falls.
     """
     if damping == 0:
         D = _even(here.column_norms)

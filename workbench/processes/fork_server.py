@@ -84,8 +84,8 @@ def serve_forks(handle: int, work: Callable[[Channel], None]) -> None:
     """Inside the server: fork a process that does the `work` whenever asked to, until the end of
     input.
 
-    The input ends as well when the owner has died. Then every forked process that is left is
-    killed, for nobody waits for its answer.
+    The input also ends when the owner has died. Then every remaining forked process is killed,
+    because nobody waits for its answer.
     """
     children: set[int] = set()
     with socket.socket(fileno=handle) as asked:

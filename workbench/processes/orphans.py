@@ -17,15 +17,16 @@ PR_SET_PDEATHSIG = 1  # of Linux's prctl: the signal that a process gets when it
 
 
 def environment() -> dict[str, str]:
-    """What a process has to find in its environment in order to `end_with_parent`: this one."""
+    """The environment variables with which a process ends with this one: `end_with_parent`."""
     return {PARENT: str(os.getpid())}
 
 
 def end_with_parent() -> None:
     """End this process when the one that made its environment is gone.
 
-    On Linux the system sees to it also where code in C never gives a thread its turn. It takes
-    the thread that started a process for its parent, so that thread has to outlive the process.
+    On Linux the system does this, even if code in C never lets another thread run. The system takes
+    the thread that started the process for its parent, so that thread has to live longer than the
+    process.
     """
     parent = os.environ.pop(PARENT, "")
     if not parent.isdecimal():

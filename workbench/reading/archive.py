@@ -91,7 +91,7 @@ class Archive:
     def _header(self, name: str) -> Header:
         member = self._members[name]
         if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-            raise BadFile(f"{name} is packed in another way than numpy packs arrays")
+            raise BadFile(f"{name} is compressed in another way than NumPy compresses arrays")
         with damage(name), self._archive.open(member) as stream:
             head = stream.read(LONGEST_HEADER)
             header = header_of(head)
@@ -135,7 +135,7 @@ class _InPieces:
 
 @contextmanager
 def open_arrays(path: Path) -> Iterator[Archive]:
-    """The arrays in an .npz file. Raises BadFile as Archive does."""
+    """Open the arrays in an .npz file. Raises BadFile as Archive does."""
     refuse_what_is_no_file(path)
     with damage():
         file = path.open("rb")

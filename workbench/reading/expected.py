@@ -44,12 +44,12 @@ class Kind:
 
 @dataclass(frozen=True)
 class Expected:
-    """What one array of a file must be.
+    """The kind and the shape that an array of a file must have.
 
     Attributes:
         kind: what its elements are.
         shape: its shape, with a letter for each size that the file chooses.
-        optional: whether a file may do without it.
+        optional: whether a file may lack it.
     """
 
     kind: Kind
@@ -65,8 +65,8 @@ def optional(expected: Expected) -> Expected:
 def read_expected(archive: Archive, expected: Mapping[str, Expected]) -> dict[str, NDArray[Any]]:
     """The expected arrays by name, all headers being compared before any array is read.
 
-    Other arrays are not read. Raises BadFile with what is missing, or which array is not what it
-    must be.
+    Other arrays are not read. Raises BadFile, which names what is missing or the array that has
+    another kind or shape.
     """
     headers = archive.headers
     if objects := [n for n in expected if n in headers and headers[n].dtype.hasobject]:
@@ -89,7 +89,7 @@ def read_expected(archive: Archive, expected: Mapping[str, Expected]) -> dict[st
 
 
 def nothing_else(archive: Archive, expected: Iterable[str]) -> None:
-    """Raise BadFile if a file that the workbench alone writes holds what it never writes."""
+    """Raise BadFile if a file of the workbench's own holds an array that it never writes."""
     others = [*(archive.headers.keys() - set(expected)), *archive.others]
     if others:
         raise BadFile(f"it also holds {listed(others)}, which do not belong there")

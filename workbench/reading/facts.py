@@ -84,7 +84,7 @@ def facts_in(array: NDArray[Any]) -> "Facts":
 
 @dataclass(frozen=True)
 class Facts:
-    """An object of JSON. Every question raises BadFile if the entry is missing or of another kind.
+    """A JSON object. Every method raises BadFile if the entry is missing or of another kind.
 
     Attributes:
         entries: what the object holds, by name.
@@ -126,11 +126,11 @@ class Facts:
         return given
 
     def several(self, key: str, of: Callable[[object, str], T]) -> tuple[T, ...]:
-        """A list, `of` being what its entries are: text, number, whole, ..."""
+        """A list whose entries are all of the kind `of`: text, number, whole, ..."""
         return self._one(key, lambda given, name: several(given, name, of))
 
     def named(self, key: str, of: Callable[[object, str], T]) -> dict[str, T]:
-        """An object whose entries are all of one kind."""
+        """An object whose entries are all of the kind `of`."""
         inner = self._one(key, facts)
         return {name: of(given, f"{inner.where}{name}") for name, given in inner.entries.items()}
 
@@ -139,7 +139,7 @@ class Facts:
         return self._one(key, facts)
 
     def nothing_else(self, *keys: str) -> None:
-        """Raise BadFile if there are others."""
+        """Raise BadFile if there are entries with other names."""
         if others := self.entries.keys() - set(keys):
             raise BadFile(f"{self.where}{listed(map(str, others))} is not known")
 
@@ -199,7 +199,7 @@ def facts(given: object, name: str) -> Facts:
 
 
 def several(given: object, name: str, of: Callable[[object, str], T]) -> tuple[T, ...]:
-    """A list of things of one kind."""
+    """The given value if it is a list whose entries are all of one kind."""
     if not isinstance(given, (list, tuple)):
         _refuse(given, name, "a list")
     return tuple(of(one, f"{name}[{k}]") for k, one in enumerate(given))

@@ -46,7 +46,7 @@ class Header:
 
     @property
     def widened(self) -> int:
-        """Bytes that it takes once numbers are float64 and texts are Python's, or read as JSON."""
+        """The bytes of the array in memory: numbers as float64, texts as Python's or as JSON."""
         size, kind = self.dtype.itemsize, self.dtype.kind
         return self.count * (max(size, 8) if kind in NUMBERS else PER_LETTER * size)
 
@@ -85,7 +85,7 @@ def widened(array: NDArray[Any]) -> Array:
 
 
 def check_letters(array: NDArray[Any]) -> None:
-    """Raise BadFile unless an array of texts holds letters: Python trusts their numbers."""
+    """Raise BadFile if an array of texts holds invalid characters, which Python does not check."""
     if array.size and array.itemsize:
         order = ">" if array.dtype.byteorder == ">" else "="
         letters = np.ascontiguousarray(array).reshape(-1).view(f"{order}u4")
@@ -96,7 +96,7 @@ def check_letters(array: NDArray[Any]) -> None:
 
 
 def mapped_array(path: Path) -> NDArray[Any]:
-    """The array in an .npy file, mapped into memory: only those parts that are used are read.
+    """The array in an .npy file, mapped into memory: only the parts that are used are read.
 
     Raises BadFile if it is damaged or an array of Python objects.
     """

@@ -38,7 +38,7 @@ def write_card(body: SkinnedBody | TriangleBody, folder: str | Path, source: str
 
 
 def card_page(body: SkinnedBody | TriangleBody) -> str:
-    """The page of a body. Raises BadBody for what is none."""
+    """The page of a body. Raises BadBody for anything else."""
     check_kind(body)
     gallery = shapes(body)
     return page(

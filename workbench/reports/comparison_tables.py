@@ -61,7 +61,7 @@ def prices_table() -> Table:
 
 
 def effort_table(comparison: Comparison, tau: float = MAIN) -> Table:
-    """What it took to meet a target, by counts: medians, failures counted as infinite."""
+    """The evaluations until a target was met: medians, in which failures count as infinite."""
     kinds = _asked(comparison)
     runs = comparison.comparable
 

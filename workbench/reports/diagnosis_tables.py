@@ -31,7 +31,7 @@ def parts_table(d: Diagnosis) -> Table:
 
 
 def ranks_table(d: Diagnosis) -> Table:
-    """The rank from several sides."""
+    """The structural rank, the numerical rank, and what they depend on."""
     n = d.shape[1]
     rows = [
         ("structural rank", str(d.structural_rank), "the most that this pattern of zeros allows"),
@@ -71,17 +71,21 @@ def conditioning_table(d: Diagnosis) -> Table:
         seen_by = ", ".join(d.problem.row_label(i) for i in weak.rows[:3])
         more = " and others" if len(weak.rows) > 3 else ""
         rows.append(
-            ("weakest seen (|J d|)", number(weak.change, 2), f"{columns}; seen by {seen_by}{more}")
+            (
+                "weakest direction (|J d|)",
+                number(weak.change, 2),
+                f"{columns}; it changes {seen_by}{more}",
+            )
         )
     if d.leverage is not None:
         for i in np.argsort(-d.leverage)[:3]:
             row = d.problem.row_label(int(i))
             rows.append(("leverage", number(float(d.leverage[i]), 2), f"{row}, of at most 1"))
-    return Table(("what", "value", "where"), tuple(rows), (1,))
+    return Table(("quantity", "value", "where"), tuple(rows), (1,))
 
 
 def known_table(d: Diagnosis) -> Table:
-    """Verdicts by block."""
+    """How many entries of each block are identified, and why others are not."""
     known = d.identifiability
     names = np.array([v.name for v in known.verdicts])
     rows = []
@@ -111,7 +115,7 @@ def entries_table(d: Diagnosis) -> Table:
 
 
 def contributions_table(d: Diagnosis) -> Table | None:
-    """What each residual adds."""
+    """The rank and the standard deviations with and without each residual, None if not computed."""
     if not d.contributions:
         return None
     rows = tuple(
@@ -151,9 +155,9 @@ def derivatives_table(d: Diagnosis) -> Table:
         rows.append(("exact Hessian", number(check.hessian_error, 2), "against differences"))
     if check.neglected is not None:
         share = f"{check.neglected:.1%}"
-        rows.append(("left out by J'J", share, "of the exact Hessian, by Gauss and Newton"))
+        rows.append(("left out by J'J", share, "of the exact Hessian, as in Gauss-Newton"))
     for s in check.suspects:
         where = f"{d.problem.row_label(s.row)} by {d.free.label(s.column)}"
         said = f"given {number(s.given, 6)}, differences {number(s.differences, 6)}"
         rows.append(("suspect", said, where))
-    return Table(("what", "value", "where"), tuple(rows), (1,))
+    return Table(("quantity", "value", "where"), tuple(rows), (1,))

@@ -19,7 +19,7 @@ MOST_MOVE = 1.0  # units: two sigmas may be far out of the linear world
 
 
 def pictures(d: Diagnosis, found: Sequence[Direction], body: Body | None) -> list[Shown]:
-    """The body moved along the first directions that move it at all; none for several frames."""
+    """The body moved along the first directions that move it; no pictures for several frames."""
     several = any(block.framed for block in d.problem.known.values())
     if body is None or several or _arguments(d, body, d.values) is None:
         return []

@@ -52,9 +52,9 @@ def write_folder(
 ) -> Path:
     """Write a folder whole or not at all, and return its page, `index.html`.
 
-    `contents` has a text, or a function that writes to the path it is given, for each file. Beside
-    them stands SUMMARY: the summary, who made it with which versions, from which source, and the
-    names of the files. Raises BadFile as `replacing_folder` does.
+    `contents` has for each file its text, or a function that writes it to a given path. The folder
+    also gets SUMMARY, which holds the summary, the versions and the source from which the files
+    were made, and their names. Raises BadFile as `replacing_folder` does.
     """
     target = Path(folder)
     with replacing_folder(target, source) as fresh:

@@ -47,7 +47,7 @@ def write_posterior(
     setup: Setup,
     source: str | None = None,
 ) -> Path:
-    """Write the folder, whole or not at all, and return its page. Raises BadFile."""
+    """Write the folder, and return its page; it is written whole or not at all. Raises BadFile."""
     anchors: dict[str, BlockPosterior] = {}
     for part in parts:
         anchor = _anchor(part.name)  # with a number where two names differ only in signs
@@ -126,9 +126,9 @@ def _section(part: BlockPosterior, setup: Setup) -> dict[str, Any]:
 def entries_table(
     p: Posterior, rows: tuple[EntryComparison, ...], truth: Array | None = None
 ) -> Table:
-    """Every entry; intervals only where the verdict carries them, and how much is due to the rest.
+    """A row for every entry, with an interval only if the verdict allows it.
 
-    `if free` is the standard deviation with what is held fixed free as well, by J'J.
+    `if free` is the standard deviation, from J'J, if the fixed unknowns are free as well.
     """
     held = p.conditioning
     columns: dict[str, list[str]] = {"entry": list(p.labels), "unit": list(p.units)}

@@ -100,7 +100,7 @@ def run_page(outcome: Outcome, files: dict[str, str]) -> str:
 
 
 def data_alone(outcome: Outcome) -> dict[str, object] | None:
-    """The diagnosis of the data alone, where there are priors."""
+    """The diagnosis of the data alone, or None if there are no priors."""
     found = outcome.data_alone
     if found is None:
         return None
@@ -120,7 +120,7 @@ def overlay_figures(outcome: Outcome) -> list[Shown]:
 
 
 def distance_figure(outcome: Outcome) -> Shown | None:
-    """The distances to the true surface, where it is known."""
+    """The distances to the true surface, or None if it is not known."""
     truth, surface, body = outcome.setup.truth, outcome.surface, outcome.setup.body
     if truth is None or surface is None or body is None:
         return None
@@ -131,7 +131,7 @@ def distance_figure(outcome: Outcome) -> Shown | None:
 
 
 def truth_called(outcome: Outcome) -> str:
-    """The name of the true surface, which says so if it was made up."""
+    """What the true surface is called: `synthetic truth` if the data are synthetic."""
     return "synthetic truth" if outcome.setup.synthetic else "truth"
 
 

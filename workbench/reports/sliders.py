@@ -64,7 +64,7 @@ def write_sliders(body: SkinnedBody | TriangleBody, path: str | Path) -> Path:
 
 
 def sliders_page(body: SkinnedBody | TriangleBody) -> str:
-    """The page. Raises BadArgument for a body that it cannot show."""
+    """The page of a body as HTML. Raises BadArgument for a body that it cannot show."""
     if isinstance(body, TriangleBody):
         data, script, stored = triangle_data(body), "scape.js", "the deformations of triangles are"
         parts = STITCHED if data["model"] == "SCAPE" else (BLENDED, *STITCHED)
@@ -158,7 +158,7 @@ def _common(body: SkinnedBody | TriangleBody) -> dict[str, Any]:
 
 
 def _bulge(body: SkinnedBody, joint: int) -> dict[str, Any]:
-    """A joint's blend shapes, of the vertices that notice it."""
+    """A joint's blend shapes, for the vertices that they move."""
     shapes = body.posedirs[:, :, 9 * (joint - 1) : 9 * joint]
     vertices = np.flatnonzero(shapes.any(axis=(1, 2)))
     return {

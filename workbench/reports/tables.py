@@ -45,14 +45,14 @@ class Table:
 
 
 def number(value: float, digits: int = 4) -> str:
-    """A number for people: `12.35`, `3.1e-11`; a dash for what is not one."""
+    """A number as text, such as `12.35` or `3.1e-11`; a dash if it is not a number."""
     if not math.isfinite(value):
         return "∞" if value == math.inf else "–"
     return f"{value:.{digits}g}".replace("-", "−")
 
 
 def measures_table(measures: tuple[Measure, ...]) -> Table:
-    """What was measured, with units, and over what it is a mean."""
+    """The measures with their units, and what each is a mean over."""
     rows = tuple((m.name, number(m.value), _told(m.unit), m.over) for m in measures)
     if any(m.over for m in measures):
         return Table(("measure", "value", "unit", "mean over"), rows)
@@ -60,7 +60,7 @@ def measures_table(measures: tuple[Measure, ...]) -> Table:
 
 
 def residuals_table(outcome: Outcome) -> Table:
-    """What each residual adds to the cost, and which of them are priors."""
+    """The part of the cost that each residual makes up, and which residuals are priors."""
     setup, costs, whole = outcome.setup, outcome.costs, sum(outcome.costs.values())
     columns: Columns[Residual] = {
         "residual": lambda r: r.name,
@@ -75,7 +75,7 @@ def residuals_table(outcome: Outcome) -> Table:
 
 
 def priors_said(outcome: Outcome) -> str:
-    """Which residuals are priors, and what they make of the cost, in a sentence."""
+    """Which residuals are priors, and their share of the cost, in a sentence."""
     priors = outcome.setup.priors
     if not priors:
         return "The setup names no residual as a prior."
@@ -85,7 +85,7 @@ def priors_said(outcome: Outcome) -> str:
 
 
 def better_said(outcome: Outcome) -> str:
-    """That another solver found less, and how much less; empty if none did."""
+    """That another solver found a lower cost, and by how much; empty if none did."""
     if outcome.better is None:
         return ""
     own, other = outcome.solution.cost, outcome.compared[outcome.better].cost
@@ -97,7 +97,7 @@ def better_said(outcome: Outcome) -> str:
 
 
 def interrupted_said(outcome: Outcome) -> str:
-    """That an interrupt cut the run short, and what it lacks; empty if none did."""
+    """That an interrupt ended the run early, and what is missing; empty if none did."""
     if not outcome.interrupted:
         return ""
     lacks = f"; not run: {', '.join(outcome.skipped)}" if outcome.skipped else ""
@@ -106,7 +106,7 @@ def interrupted_said(outcome: Outcome) -> str:
 
 
 def solvers_table(outcome: Outcome) -> Table:
-    """How each solver ended, and what that took."""
+    """How each solver ended, with its time and its evaluations."""
     columns: Columns[tuple[str, Solution]] = {
         "solver": lambda of: of[0],
         "status": lambda of: of[1].status.name.lower().replace("_", " "),
@@ -138,13 +138,13 @@ def terms_table(diagnosis: Diagnosis) -> Table:
 
 
 def directions_table(diagnosis: Diagnosis) -> Table:
-    """What no residual notices, by name."""
+    """The null directions, by name."""
     rows = tuple((d.name, d.kind, number(d.change, 2)) for d in diagnosis.null_directions)
     return Table(("null direction", "kind", "change of the whitened residual"), rows, (2,))
 
 
 def gathered_directions_table(directions: Sequence[Direction], per: str = "unit") -> Table:
-    """Single entries gathered, all others one by one; `per` is what a change is counted by."""
+    """Single entries in one row, other directions one by one; `per` is the unit of a change."""
     entries = [x for x in directions if x.kind == "entry"]
     rows = []
     if entries:
@@ -157,7 +157,7 @@ def gathered_directions_table(directions: Sequence[Direction], per: str = "unit"
 
 
 def value_tables(outcome: Outcome) -> list[Table]:
-    """The free numbers of small blocks, one by one, a table for each block."""
+    """The free numbers of each small block, one by one."""
     found = []
     for block in outcome.diagnosis.free.blocks:
         if block.size <= SMALL:
@@ -170,7 +170,7 @@ def value_tables(outcome: Outcome) -> list[Table]:
 
 
 def array_tables(outcome: Outcome) -> dict[str, Table]:
-    """Free blocks of rows with three numbers, such as a pose, a table each, by a title."""
+    """A table by its title for each free block with rows of three numbers, such as a pose."""
     found = {}
     for block in outcome.diagnosis.free.blocks:
         if SMALL < block.size <= MOST and len(block.shape) == 2 and block.shape[1] == 3:
@@ -188,7 +188,7 @@ def array_tables(outcome: Outcome) -> dict[str, Table]:
 
 
 def fixed_table(outcome: Outcome) -> Table:
-    """The blocks that were given, whole or in part."""
+    """The blocks of which all or some entries are fixed."""
     problem = outcome.setup.problem
     partly_free = " (but for the free entries)"
     columns: Columns[Block] = {

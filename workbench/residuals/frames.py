@@ -57,7 +57,7 @@ class Frames:
         return self._made[key]
 
     def stacked(self, each: Mapping[int, Column]) -> tuple[cs.MX, tuple[Points, ...]]:
-        """Columns of single frames below each other, and the points of frames that they read.
+        """Columns of single frames, stacked, and the points of frames that they read.
 
         Frames that share one expression, not only equal ones, are evaluated by one map.
         """

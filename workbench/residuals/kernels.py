@@ -28,12 +28,12 @@ def quadratic(s: cs.MX) -> cs.MX:
 
 
 def geman_mcclure(s: cs.MX) -> cs.MX:
-    """rho(s) = s / (1 + s), at most 1 however far the outlier.
+    """rho(s) = s / (1 + s), which is at most 1, however far away an outlier is.
 
     In the residual x: sigma^2 rho = sigma^2 x^2 / (sigma^2 + x^2), SMPLify's penaliser; dividing
     by sigma^2 here makes the cost dimensionless, so weights taken from SMPLify, which keeps the
     sigma^2, are not interchangeable with ours (Geman and McClure 1987; Bogo et al. 2016).
-    Halfway (rho = 1/2) at |x| = sigma; the pull is strongest at |x| = sigma / sqrt(3).
+    rho is 1/2 at |x| = sigma; the pull of a residual is strongest at |x| = sigma / sqrt(3).
     Raises BadResidual for a number, because this kernel has no parameter.
     """
     if not isinstance(s, (cs.MX, cs.SX, cs.DM)):
@@ -95,11 +95,10 @@ class OfNorms:
 def of_norms(kernel: Kernel) -> OfNorms:
     """The kernel of |p - q| instead of each coordinate: 1/2 sum over points of rho(|r / sigma|^2).
 
-    Every coordinate of a point is shrunk by the same factor, g(s) r / sigma with
-    s = |r / sigma|^2, so the squares of its rows add up to rho(s). The cost does not depend on
-    the directions of the axes, as that of a kernel of single coordinates does, and a point that
-    is wrong in one coordinate is not believed in the others either. With `quadratic` nothing
-    changes.
+    Every coordinate of a point is shrunk by the same factor, g(s) r / sigma with s = |r / sigma|^2,
+    so the squares of its rows add up to rho(s). The cost does not depend on the directions of the
+    axes, as that of a kernel of single coordinates does, and a point that is wrong in one
+    coordinate is trusted less in the others as well. With `quadratic` nothing changes.
 
     A point keeps its two or three rows. One row sqrt(rho(|r|^2)) would have the same cost, but no
     derivative where r is zero, as |r| has none, and Gauss-Newton would see one direction of

@@ -24,7 +24,7 @@ TWISTER = 624  # words in the state of NumPy's RandomState
 
 @dataclass(frozen=True, eq=False)
 class SavedEnsemble:
-    """One ensemble as it was after its last step that was kept.
+    """One ensemble as it was after its last stored step.
 
     Attributes:
         chain: (S, W, k) the draws: steps, walkers, entries.
@@ -201,8 +201,9 @@ def refuse_other(path: Path, before: Mapping[str, Any], now: Mapping[str, Any]) 
 def refuse_unlike(
     path: Path, ensembles: Sequence[SavedEnsemble], count: int, shape: tuple[int, int, int]
 ) -> None:
-    """Raise BadFile unless there are so many ensembles, each with at most so many steps (S, W, k)
-    of so many walkers in so many dimensions.
+    """Raise BadFile unless there are `count` ensembles of at most the `shape` (S, W, k).
+
+    S may be smaller, because a chain may have fewer steps than the settings allow.
     """
     S, W, k = shape
     shapes = [saved.chain.shape for saved in ensembles]
@@ -215,7 +216,7 @@ def refuse_unlike(
 
 
 def memory(saved: SavedEnsemble) -> emcee.backends.Backend:
-    """A backend in memory that goes on from there."""
+    """A backend in memory that continues from this state."""
     steps, walkers, k = saved.chain.shape
     backend = emcee.backends.Backend()
     backend.reset(walkers, k)

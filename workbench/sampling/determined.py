@@ -18,11 +18,11 @@ ROUNDED = 1e-10  # of the length of a row: zero, but for rounding
 
 
 def determined(problem: Problem, here: Linearization, x: Array, chosen: Index) -> Subspace:
-    """What equations tie to the chosen numbers follows them; all else stays where it is.
+    """Numbers that equations tie to the chosen numbers follow them; all others are fixed.
 
-    The equations must be linear, which `sample` and `laplace` look at, and must say of all numbers
-    that follow how they do. Raises BadArgument where they leave some of these open, or do not
-    leave the chosen numbers free.
+    The equations must be linear, which `sample` and `laplace` check, and must determine every
+    number that follows. Raises BadArgument if they leave one of these undetermined, or restrict the
+    chosen numbers.
     """
     space, there = fixed(problem, here, x, chosen), here.constraints
     if there is None:

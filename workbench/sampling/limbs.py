@@ -9,10 +9,11 @@ from workbench.blocks.entries import places_named
 def sampling_blocks(
     layout: Layout, trees: Iterable[Tree], most: int = 21
 ) -> dict[str, tuple[str, ...]]:
-    """Parts of the unknowns small enough to be sampled each by itself, by what they are.
+    """Parts of the unknowns by name, each small enough to be sampled.
 
-    All of them, if they are few; else `shape and place` (all that is no pose, and the root's
-    rotation) and the limbs: joints in a row between two that branch.
+    If there are few unknowns, all of them are one part. Otherwise the parts are `shape and place`,
+    with everything but the pose, and with the root's rotation, and the limbs, which are chains of
+    joints between two branchings.
     """
     if layout.size <= most:
         return {"all": layout.names}

@@ -27,7 +27,7 @@ class BiasedMove(WorkbenchError):
 
 
 def propose_together(move: Any, model: Any, state: Any) -> tuple[Any, Mask]:
-    """emcee's red-blue step in array operations, of the same random numbers in the same order."""
+    """emcee's red-blue step in array operations, with the same random numbers in the same order."""
     walkers = len(state.coords)
     move.setup(state.coords)
     accepted = np.zeros(walkers, dtype=bool)
@@ -47,13 +47,13 @@ def propose_together(move: Any, model: Any, state: Any) -> tuple[Any, Mask]:
 
 
 class DifferentialEvolution(emcee.moves.DEMove):  # type: ignore[misc]  # emcee has no types
-    """emcee's, accepted together."""
+    """emcee's move of this name, in array operations on all proposals of a step."""
 
     propose = propose_together
 
 
 class Stretch(emcee.moves.StretchMove):  # type: ignore[misc]
-    """emcee's, accepted together."""
+    """emcee's move of this name, in array operations on all proposals of a step."""
 
     propose = propose_together
 

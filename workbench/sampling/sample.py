@@ -45,29 +45,30 @@ def sample(
     every: float = 30.0,
     callback: Callback = None,
 ) -> Posterior:
-    """Draw from exp(-cost) in what is named (all that is free), from around `at`.
+    """Draw samples of the named entries (or of all that are free) from exp(-cost), around `at`.
 
     `names` are blocks and entries (`betas[0:3]`, `pose[left_elbow]`, `pose[left_elbow, x]`), or a
-    choice such as `directions(20, priors)`. All else stays where it is (`rest=fixed`), or is
-    integrated out by its Gaussian conditional (`rest=conditional`), or moves with what is named as
-    linear equations among the constraints tell (`rest=determined`). Holding it fixed makes
-    intervals narrower; `Posterior.conditioning` says by how much, and above a factor of 1.2
-    they are not called usable. Up to about 20 entries can be sampled; more are allowed, and the
-    verdict will say whether their draws are usable.
+    choice such as `directions(20, priors)`. All other numbers are held fixed (`rest=fixed`), or
+    integrated out by their Gaussian conditional (`rest=conditional`), or follow the named entries
+    by the linear equations among the constraints (`rest=determined`). Holding numbers fixed makes
+    intervals narrower; `Posterior.conditioning` says by how much, and if the factor is above 1.2,
+    the draws are not called usable. Up to about 20 entries can be sampled well; more are allowed,
+    and the verdict says whether their draws are usable.
 
-    Bounds and inequality constraints end the posterior: beyond them it is zero.
+    Beyond bounds and inequality constraints the posterior density is zero.
 
-    `ensembles` independent ones of `walkers` (64, or twice the entries and more) take at most
-    `steps` steps each, fewer if a check finds them usable. Of every `thin` steps one is kept.
-    The same seed gives the same draws. With a `checkpoint`, a file in emcee's HDF5 format that is
-    replaced every so many seconds, a run goes on where it was stopped or killed, and ends as if
-    nothing had been. One that cannot be written, on a full disk say, is told in the log once and
-    in `Posterior.unsaved`, and the run goes on. An interrupt from the keyboard, or a callback that
-    returns True, ends a run; what was drawn is kept.
+    There are `ensembles` independent ensembles of `walkers` walkers (64, or more than twice the
+    number of entries). Each takes at most `steps` steps, or fewer if a check finds the draws
+    usable. One of every `thin` steps is kept. The same seed gives the same draws. With a
+    `checkpoint`, which is a file in emcee's HDF5 format that is replaced every few seconds, a run
+    that was stopped or killed continues where it was, and its result is the same. If the checkpoint
+    cannot be written, for example on a full disk, the log says so once, `Posterior.unsaved` says
+    why, and the run continues. An interrupt from the keyboard, or a callback that returns True,
+    ends a run; the draws up to then are kept.
 
-    Raises UnknownName, BadArgument, Improper for a direction that nothing holds, NotSupported for
-    an equation among the constraints that draws would not meet or for an entry with equal
-    bounds, BiasedMove, or BadFile for the checkpoint of another run.
+    Raises UnknownName, BadArgument, Improper for a direction that neither data nor priors restrict,
+    NotSupported for an equation among the constraints that draws would not satisfy or for an entry
+    with equal bounds, BiasedMove, or BadFile for the checkpoint of another run.
     """
     x, given = problem.split(at)
     with limited_threads():

@@ -111,7 +111,7 @@ Names = str | Iterable[str] | Choice | None
 
 
 def subspace_of(problem: Problem, x: Array, given: Array, names: Names, rest: Rest) -> Subspace:
-    """The subspace that is meant: by a choice, or by names and what becomes of the rest."""
+    """The subspace to sample, by a choice, or by names and what becomes of all other numbers."""
     if callable(names):
         return names(problem, x, given)
     meant = entries(problem.free, problem.free.names if names is None else names)
@@ -119,7 +119,7 @@ def subspace_of(problem: Problem, x: Array, given: Array, names: Names, rest: Re
 
 
 def fixed(problem: Problem, here: Linearization, x: Array, named: Index) -> Subspace:
-    """All that is not named stays where it is."""
+    """All numbers that are not named are held fixed."""
     along = np.zeros((len(x), len(named)))
     along[named, np.arange(len(named))] = 1.0
     return _entries(problem.free, x, named, along, np.empty((len(x), 0)))
@@ -152,7 +152,7 @@ def conditional(problem: Problem, here: Linearization, x: Array, named: Index) -
 
 
 def directions(count: int, priors: Iterable[str]) -> Choice:
-    """The `count` directions that the data know best, compared with the priors; see `informed`."""
+    """The `count` directions that the data determine best beyond the priors; see `informed`."""
     told = tuple(priors)
 
     def choice(problem: Problem, x: Array, given: Array) -> Subspace:

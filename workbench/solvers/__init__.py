@@ -20,6 +20,7 @@ from workbench.solvers.scipy import Scipy
 from workbench.solvers.solution import (
     Callback,
     Evaluations,
+    Hypothesis,
     Iterate,
     Solution,
     Solver,
@@ -27,6 +28,7 @@ from workbench.solvers.solution import (
 )
 from workbench.solvers.sqp import Sqp
 from workbench.solvers.staged import Staged
+from workbench.solvers.starts import Draw, Spread, Starts, within_bounds
 from workbench.solvers.steepest_descent import SteepestDescent
 
 # Solvers by the names that the command line knows; `workbench solvers` prints what each can do.
@@ -89,8 +91,10 @@ __all__ = [
     "Damped",
     "Derivative",
     "Dogleg",
+    "Draw",
     "Evaluations",
     "GaussNewton",
+    "Hypothesis",
     "Ipopt",
     "Iterate",
     "LevenbergMarquardt",
@@ -101,8 +105,10 @@ __all__ = [
     "Scipy",
     "Solution",
     "Solver",
+    "Spread",
     "Sqp",
     "Staged",
+    "Starts",
     "Status",
     "SteepestDescent",
     "backtracking",
@@ -114,4 +120,5 @@ __all__ = [
     "identity",
     "solve",
     "textbook",
+    "within_bounds",
 ]

@@ -1,7 +1,7 @@
 """Which solver suits a problem, by what the problem is like at its start.
 
 The advice follows rules of the field (Nocedal and Wright, Numerical Optimization, 2006, chapters 2,
-4, 10 and 18), each of which `benchmarks/SOLVERS.md` holds to comparisons.
+4, 10 and 18), which the comparisons in `benchmarks/SOLVERS.md` test.
 """
 
 from collections.abc import Iterator
@@ -48,7 +48,7 @@ class Temperament:
         """What the problem is like, in sentences."""
         yield (
             f"{self.unknowns:,} unknowns, {self.residuals:,} residuals; {self.density:.0%} of the "
-            "Jacobian is not zero"
+            "Jacobian's entries can be nonzero"
         )
         if self.bounded:
             yield f"{self.bounded:,} unknowns are bounded"
@@ -58,8 +58,13 @@ class Temperament:
             free = self.unknowns - self.rank
             yield f"the Jacobian has rank {self.rank:,}: {free:,} directions are undetermined"
         else:
-            yield f"condition of the Jacobian, with columns of length one: {self.condition:.2g}"
-        yield f"gain ratio of a Gauss-Newton step: {self.gain_ratio:.2f} (1: the model is exact)"
+            yield (
+                f"condition number of the Jacobian with columns of length one: {self.condition:.2g}"
+            )
+        yield (
+            f"gain ratio of a Gauss-Newton step: {self.gain_ratio:.2f} "
+            "(1: the linear model is exact)"
+        )
 
 
 @dataclass(frozen=True)
@@ -97,8 +102,8 @@ def recommend(problem: Problem, start: Values) -> Recommendation:
         name, others, reasons = _least_squares(found)
     if found.rank < found.unknowns:
         reasons.append(
-            "The residuals leave directions undetermined, and solvers end at different points. "
-            "`workbench diagnose` names these directions."
+            "The residuals leave some directions undetermined, so that solvers end at different "
+            "points. `workbench diagnose` names these directions."
         )
     reasons.append("No local solver looks for other minima. Start from several places if in doubt.")
     return Recommendation(name, tuple(reasons), others, found)
@@ -108,7 +113,7 @@ def _constrained(drawn: bool) -> tuple[str, tuple[str, ...], list[str]]:
     reasons = ["An interior point method takes equations, inequalities and bounds."]
     if not drawn:
         return "ipopt", ("sqp", "nlopt-slsqp"), reasons
-    reasons.append("The exact Hessian saves iterations where constraints are curved.")
+    reasons.append("The exact Hessian saves iterations if constraints are curved.")
     return "ipopt-exact", ("ipopt", "sqp"), reasons
 
 
@@ -116,15 +121,21 @@ def _least_squares(found: Temperament) -> tuple[str, tuple[str, ...], list[str]]
     reasons = ["The cost is a sum of squares, and damped Gauss-Newton steps need few evaluations."]
     others: tuple[str, ...] = ("dogleg", "scipy-trf", "ipopt")
     if found.bounded:
-        reasons.append("It projects its steps on the bounds. Gauss-Newton and dogleg take none.")
+        reasons.append(
+            "It projects its steps on the bounds. Gauss-Newton and dogleg cannot keep bounds."
+        )
         others = ("scipy-trf", "ipopt")
     if found.unknowns > MANY:
         reasons.append("It uses the sparsity of the Jacobian, which NLopt's algorithms do not.")
         others = ("ipopt", "scipy-trf")
     if found.gain_ratio < STEEP:
-        reasons.append("The linear model does not hold for a full step: steps must be limited.")
+        reasons.append(
+            "The linear model is wrong about a full Gauss-Newton step: steps must be limited."
+        )
     elif not found.bounded:
-        reasons.append("The linear model holds for a full step, so that gauss-newton does as well.")
+        reasons.append(
+            "The linear model is right about a full step, so that gauss-newton works as well."
+        )
         others = ("gauss-newton", *others)
     if found.condition > ILL:
         reasons.append(

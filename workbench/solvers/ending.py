@@ -88,7 +88,7 @@ def ending(run: Ended, stop: Stop) -> Ending:
             message += f" (no residual reads {some_of(unread, NAMED)})"
         if unnoticed:
             names = some_of(unnoticed, NAMED)
-            message += f" (no residual notices {names} where its Jacobian was seen)"
+            message += f" (no residual changes with {names} where its Jacobian was computed)"
     elif status in (Status.CONVERGED, Status.STALLED):
         if status is Status.CONVERGED:
             status, message = Status.STALLED, Status.STALLED.value

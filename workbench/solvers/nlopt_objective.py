@@ -18,9 +18,9 @@ LOOK = 3.0  # times the tolerance: an estimate of the optimality at which it is 
 class Objective:
     """The cost and the constraints in NLopt's variables y = scale x.
 
-    An exception stops NLopt and is kept as `error`. Where the residual is not finite, NLopt sees a
-    cone that rises from the last good point: given a NaN, COBYLA never returns and the others do
-    not get far.
+    An exception stops NLopt and is kept as `error`. Where the residual is not finite, NLopt gets
+    the values of a cone that rises from the last good point, because with a NaN COBYLA never
+    returns and the other algorithms do not get far.
     """
 
     def __init__(

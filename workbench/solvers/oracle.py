@@ -30,18 +30,18 @@ def gauss_newton_hessian(run: Run, x: Array, here: Linearization) -> Array:
 def exact_hessian(run: Run, x: Array, here: Linearization) -> Stored:
     """The Hessian of the cost (n, n), J'J + sum r_i H_i, by differentiation of the whole graph.
 
-    It is sparse where it is large and most of it is zero.
+    It is sparse if it is large and most of it is zero.
     """
     return run.hessian(x)
 
 
 def needs_hessian(hessian: Hessian | None) -> bool:
-    """Whether more than first derivatives of the residual go into it."""
+    """Whether the Hessian needs more than the first derivatives of the residual."""
     return not (hessian in (None, gauss_newton_hessian) or isinstance(hessian, Damped))
 
 
 def unless_solved(run: Run) -> None:
-    """End the run if its start is a solution already, so that no solver has to be made."""
+    """End the run if its start is already a solution; then no solver has to be made."""
     here = run.linearize(run.x)
     if run.optimality(run.x, here) <= run.limits.gradient_tolerance:
         run.record(run.x, here.cost, here)

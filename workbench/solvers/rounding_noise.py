@@ -15,9 +15,9 @@ OFTEN = 5  # linearizations after which they are measured in any case
 class RoundingNoise:
     """How much rounding errors hide at the points of a run.
 
-    A measurement takes about a tenth of the time of a linearization. On most of the way the
-    measurement of a few points ago is enough to tell that rounding errors are much smaller than
-    the residual.
+    Measuring rounding errors takes about a tenth of the time of a linearization. During most of a
+    run, the measurement at an earlier point is enough to tell that rounding errors are much smaller
+    than the residual.
     """
 
     def __init__(self, problem: Problem, fixed: Array, linearizations: LinearizationCache) -> None:

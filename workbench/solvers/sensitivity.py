@@ -18,7 +18,7 @@ class Sensitivity:
         self._longest = np.zeros(n)
 
     def observe(self, here: Linearization) -> None:
-        """Take account of another point of the run."""
+        """Record the columns at another point of the run."""
         self._longest = np.maximum(self._longest, here.column_norms)
 
     @property

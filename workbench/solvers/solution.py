@@ -19,7 +19,7 @@ from workbench.reading.facts import Facts, amount, duration, facts_in, number, s
 from workbench.reading.facts import facts as facts_of
 from workbench.writing import replacing
 
-FACTS, VALUE, TRACE = "solution", "value:", "trace:"  # how the arrays of a file are called
+FACTS, VALUE, TRACE, HYPOTHESES = "solution", "value:", "trace:", "hypotheses:"  # in a file
 Row = tuple[Any, ...]  # all of an Iterate but its values
 
 
@@ -32,8 +32,8 @@ class Status(Enum):
     )
     STALLED = "no step lowers the cost although the gradient does not vanish; diagnose the problem"
     LOST = (
-        "the residual no longer notices some unknowns, although it did on the way, so that nothing "
-        "is learned about them here; start nearer, bound them, or give them a prior"
+        "the residual does not change with some unknowns here, although it did on the way, and "
+        "says nothing about them; start nearer, bound them, or give them a prior"
     )
     MAX_ITERATIONS = "out of iterations; raise max_iterations or start nearer"
     MAX_EVALUATIONS = "out of evaluations; raise max_evaluations or start nearer"
@@ -101,6 +101,25 @@ class Iterate:
 
 
 @dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """A minimum that a solver with several starts found; see `Starts`.
+
+    Attributes:
+        values: the values of the free blocks.
+        cost: the cost there.
+        status: how the best run to it ended.
+        starts: the numbers of the starts that led to it, that of the best run first.
+        violation: by how many tolerances the worst constraint is exceeded.
+    """
+
+    values: Values
+    cost: float
+    status: Status
+    starts: tuple[int, ...]
+    violation: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
 class Solution:
     """The best point that a solver found, how it ended, and the way there.
 
@@ -120,6 +139,7 @@ class Solution:
             does at this point.
         unnoticed: labels of unknowns whose columns of the Jacobian were zero at all points where it
             was computed.
+        hypotheses: the minima that several starts led to, this one first; empty for one start.
     """
 
     values: Values
@@ -134,6 +154,7 @@ class Solution:
     violation: float = 0.0
     lost: tuple[str, ...] = ()
     unnoticed: tuple[str, ...] = ()
+    hypotheses: tuple[Hypothesis, ...] = ()
 
     @property
     def converged(self) -> bool:
@@ -165,11 +186,14 @@ class Solution:
             "lost": self.lost,
             "unnoticed": self.unnoticed,
             "trace": [list(asdict(replace(i, values={})).values())[1:] for i in self.trace],
+            "hypotheses": [[h.cost, h.status.name, h.starts, h.violation] for h in self.hypotheses],
         }
         arrays = {FACTS: np.array(json.dumps(facts))}
         arrays |= {VALUE + name: value for name, value in self.values.items()}
         for name in self.values:
             arrays[TRACE + name] = np.array([i.values[name] for i in self.trace])
+            if self.hypotheses:
+                arrays[HYPOTHESES + name] = np.array([h.values[name] for h in self.hypotheses])
         with replacing(path) as temporary, temporary.open("wb") as file:
             np.savez_compressed(file, **arrays)  # type: ignore[arg-type]  # its bool has another name
 
@@ -182,6 +206,7 @@ class Solution:
         ):
             facts = facts_in(read_expected(archive, {FACTS: texts()})[FACTS])
             rows = facts.several("trace", _row)
+            minima = facts.several("hypotheses", _minimum) if "hypotheses" in facts.entries else ()
             expected = {}
             shapes = {
                 key.removeprefix(VALUE): header.shape
@@ -192,8 +217,16 @@ class Solution:
                 expected[VALUE + name] = doubles(*shape)
                 # the array of an empty trace has the shape (0,)
                 expected[TRACE + name] = doubles(len(rows), *shape) if rows else doubles(0)
+                if minima:
+                    expected[HYPOTHESES + name] = doubles(len(minima), *shape)
             nothing_else(archive, (*expected, FACTS))
-            return _solution(facts, rows, read_expected(archive, expected), tuple(shapes))
+            arrays = read_expected(archive, expected)
+            found = _solution(facts, rows, arrays, tuple(shapes))
+        several_minima = (
+            Hypothesis({name: arrays[HYPOTHESES + name][i] for name in shapes}, *one)
+            for i, one in enumerate(minima)
+        )
+        return replace(found, hypotheses=tuple(several_minima))
 
 
 def _solution(facts: Facts, rows: Sequence[Row], arrays: Values, names: Sequence[str]) -> Solution:
@@ -230,6 +263,18 @@ def _row(given: object, name: str) -> Row:
         duration(seconds, name),
         *(text(one, name) for one in by),
     )
+
+
+def _minimum(given: object, name: str) -> Row:
+    """All of one hypothesis but its values."""
+    entries = several(given, name, lambda entry, _: entry)
+    if len(entries) != 4:
+        raise BadFile(f"{name} has {len(entries)} entries, but must have 4")
+    cost, status, starts, violation = entries
+    if not isinstance(status, str) or status not in Status.__members__:
+        raise BadFile(f"{name} has the status {status!r:.40}, which does not exist")
+    numbers = tuple(int(one) for one in several(starts, name, number))
+    return amount(cost, name), Status[status], numbers, amount(violation, name)
 
 
 def _evaluations(facts: Facts) -> Evaluations:

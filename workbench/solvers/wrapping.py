@@ -14,9 +14,9 @@ BEYOND = np.pi * (1 + 1e-6)  # at half a turn exactly there are two, and no reas
 def rewrapped(problem: Problem, x: Array, is_free: Callable[[Array], bool]) -> Array:
     """The point x (n,) with rotation vectors of at most half a turn, where that `is_free`.
 
-    All joints that are turned by more than pi are changed at once; if that is not free, one after
-    the other, as far as each change is. No change leaves the bounds. Without any change the result
-    is the array x itself.
+    All joints that are turned by more than pi are changed at once. If that is not free, they are
+    changed one after the other, where each change is free. No change leaves the bounds. Without any
+    change the result is the array x itself.
     """
     turns = _shorter(problem, x)
     together = x.copy()

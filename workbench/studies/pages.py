@@ -22,7 +22,7 @@ def write_study(
     data: Mapping[str, Any],
     others: Mapping[str, Content],
 ) -> Path:
-    """Write the folder of a study, whole or not at all, and return its page.
+    """Write the folder of a study, and return its page; it is written whole or not at all.
 
     It holds the page, `tables.txt`, `summary.json` with the data, and each of `others`.
     """

@@ -173,7 +173,7 @@ class CorruptedRegistrations:
         return self.of.n_vertices
 
     def read(self, some: slice) -> Batch:
-        """Corrupted one by one, so that it does not matter in which batch they are read."""
+        """Some registrations with errors; those of one registration do not depend on the batch."""
         batch = self.of.read(some)
         vertices, confidence = batch.vertices.copy(), batch.confidence.copy()
         for at, v in enumerate(vertices):

@@ -55,7 +55,7 @@ class Population:
 
 
 def draw_person(rng: np.random.Generator, female: bool, thicker: Array) -> Person:
-    """One adult; `thicker` (L,) marks the local changes that grow with girth."""
+    """One adult at random; `thicker` (L,) says which local changes grow with girth."""
     lean = min(abs(rng.normal(0, 0.08)), 0.3)
 
     def trait(mean: float, std: float, low: float = 0.0, high: float = 1.0) -> float:

@@ -69,7 +69,7 @@ class Rig:
 
     @property
     def weights(self) -> Array:
-        """Weights (13380, 24) for linear blend skinning, the halves of a limb together."""
+        """Weights (13380, 24) for linear blend skinning, with both halves of a limb added."""
         return coarse(self.fine_weights)
 
 
@@ -143,9 +143,9 @@ def _mean_of(vertices: list[int], mesh: BaseMesh) -> Array:
 
 
 def at_most_four(weights: Array, mirror: Index) -> Array:
-    """The four largest weights of each vertex, rows summing to one, alike on both sides.
+    """The four largest weights of each vertex, in rows that sum to one, the same on both sides.
 
-    On the midline a joint goes with its opposite, or neither stays.
+    On the midline a joint is kept together with its mirror image, or both are dropped.
     """
     order = np.argsort(-weights, axis=1, kind="stable")
     kept = np.zeros(weights.shape, dtype=bool)

@@ -65,10 +65,11 @@ class Person:
         return self.gender > 0.5
 
     def factors(self) -> Factors:
-        """How much of each level this person has: levels of a trait sum to one, or to less.
+        """The share of each level of each trait; the levels of a trait sum to at most one.
 
-        Gender and age are linear between two levels; muscle, weight, cup size and firmness
-        piecewise linear between three; height and proportions leave the middle empty.
+        Gender and age are interpolated between two levels, and muscle, weight, cup size and
+        firmness between three. Height and proportions have two levels, and none of either in the
+        middle.
         """
         shares: dict[str, tuple[float, ...]] = {
             "gender": (1 - self.gender, self.gender),

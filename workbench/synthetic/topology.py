@@ -23,9 +23,9 @@ class Topology:
     """N vertices, each a weighted mean of base vertices, and the triangles between them.
 
     Attributes:
-        follows: (N, 13380), rows sum to one.
-        faces: (F, 3), facing outwards, the same on both sides.
-        mirror: (N,), the vertex on the other side of each.
+        follows: (N, 13380), the weights of base vertices, in rows that sum to one.
+        faces: (F, 3), facing outwards, symmetric.
+        mirror: (N,), for each vertex the one on the other side.
     """
 
     follows: csr_array

@@ -258,7 +258,7 @@ def fitted_poses(
     steps: int,
     execution: Execution = SERIAL,
 ) -> Estimate:
-    """The estimate with every pose fitted anew, in at most `steps` steps each."""
+    """The estimate with every pose fitted again, in at most `steps` steps for each."""
 
     def job(rows: slice) -> tuple[Estimate, Batch]:
         batch = registrations.read(rows)

@@ -103,7 +103,7 @@ def regressor_of(model: PoseModel) -> JointRegressor:
 def subjects_space(
     model: PoseModel, regressor: csr_array, faces: Index, n_betas: int, mirror: Mirror | None
 ) -> ShapeSpace:
-    """The principal directions of the subjects' templates, each about its root joint."""
+    """The principal directions of the subjects' templates, with their root joints at zero."""
     templates = model.estimate.templates
     n = min(n_betas, len(templates) - 1)
     if n < 1:
@@ -196,7 +196,7 @@ def learn_shapes(
 
 
 def start_shape(model: PoseModel, start: Start, n_betas: int) -> tuple[SkinnedBody, JointRegressor]:
-    """The body whose shape directions are those of the multi-pose subjects, and its regressor."""
+    """A body with the shape directions of the multi-pose subjects, and its joint regressor."""
     regressor = regressor_of(model)
     mirror = model.objective.active_mirror
     space = subjects_space(model, regressor.matrix, start.faces, n_betas, mirror)

@@ -86,7 +86,7 @@ def _balanced(G: Array, c: Array) -> Array:
 
 
 def kkt_residual(gram: Array, right: Array, w: Array, allowed: Mask) -> float:
-    """The residual of the Karush-Kuhn-Tucker conditions at w, for the shares that are allowed.
+    """The residual of the Karush-Kuhn-Tucker conditions at w, for the weights that are allowed.
 
     It has no unit: gradients are divided by the largest diagonal entry of the matrix.
     """

@@ -66,7 +66,7 @@ SAYS = {
         run["K"] - 1,
         run["B"],
     ),
-    "SMPL is not linear in the pose. It is linear in each of the other arguments alone, but not in two arguments that are multiplied with each other": lambda run: (
+    "SMPL is not linear in the pose. It is linear in each of the other arguments alone, but not in two arguments together that are multiplied with each other": lambda run: (
         {line[:24].strip() for line in run.printed.splitlines() if line.endswith("not linear")}
         == {"weights and posedirs", "shapedirs and betas", "pose"}
     ),

@@ -1,4 +1,4 @@
-"""Reading the bodies that come with the workbench, as the builder packed them."""
+"""Reading the bodies that come with the workbench, in the compact form that the builder wrote."""
 
 from collections.abc import Mapping
 from importlib.resources import as_file, files
@@ -61,7 +61,7 @@ def embedded(name: str) -> SkinnedBody:
 
 
 def read_embedded(path: Path) -> SkinnedBody:
-    """A body in the form in which those of the workbench are packed, in metres, y up, facing +z.
+    """A body from a file in the compact form of the embedded bodies, in metres, y up, facing +z.
 
     Raises BadFile if the file is missing or is not one, BadBody if its arrays do not fit together.
     """
@@ -75,7 +75,7 @@ def read_embedded(path: Path) -> SkinnedBody:
 
 
 def _unpacked(arrays: dict[str, NDArray[Any]], card: Mapping[str, Any]) -> dict[str, Any]:
-    """The arguments of SkinnedBody, from the arrays as they are packed."""
+    """The arguments of SkinnedBody, from the arrays of a file."""
     N, joint_names = len(arrays["template"]), _names(arrays["joint_names"])
     coco_names = _names(arrays["coco_names"])
     weights = np.zeros((N, len(joint_names)))

@@ -35,8 +35,8 @@ class FreedSurface:
     See NumericPoints and SparsePoints.
 
     Attributes:
-        body: whose other arrays are used.
-        kinematics: of which turns and features alone are read; these know no joints.
+        body: the body, whose other arrays are used.
+        kinematics: only its rotations and features are used, which do not depend on the joints.
         chosen: (n,) the numbers of the vertices.
         names: the problem's blocks by the names `pose`, `betas`, `trans` and those of arrays.
     """
@@ -53,7 +53,7 @@ class FreedSurface:
 
     @cached_property
     def own(self) -> dict[str, str]:
-        """The body's own names of the blocks, by those of the problem."""
+        """The names of the blocks in the body, by their names in the problem."""
         return {block: own for own, block in self.names.items()}
 
     def pattern(self, name: str) -> csc_array | None:

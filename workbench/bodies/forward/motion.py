@@ -104,7 +104,7 @@ class Together:
 
 
 class Kinematics:
-    """A body's joints, motions and features as CasADi functions of pose and betas, and back."""
+    """A body's joints, motions and features as CasADi functions of pose and betas; adjoints."""
 
     def __init__(self, skeleton: Skeleton, bind_pose: Array, parents: Sequence[int]) -> None:
         K, _, B = skeleton.slopes.shape
@@ -155,11 +155,11 @@ class Kinematics:
         return self._shaped(self._motions(poses.reshape(len(poses), 3 * self._sizes[0]), betas))
 
     def slopes(self, pose: Array, betas: Array) -> Slopes:
-        """How the motion changes at pose (K, 3) rad and betas (B,)."""
+        """The derivatives of the motion at pose (K, 3) rad and betas (B,)."""
         return self._shaped_slopes(self._slopes(pose, betas))
 
     def slopes_batch(self, poses: Array, betas: Array) -> Slopes:
-        """How the motions change at poses (M, K, 3) rad and betas (M, B), as arrays over all."""
+        """The derivatives of the motions at poses (M, K, 3) rad and betas (M, B), as arrays."""
         return self._shaped_slopes(
             self._slopes_batch(poses.reshape(len(poses), 3 * self._sizes[0]), betas)
         )

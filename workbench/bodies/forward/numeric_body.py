@@ -24,7 +24,7 @@ from workbench.bodies.landmarks import Landmarks
 
 
 class NumericBody:
-    """A skinned body's kinematics, its arrays packed for arithmetic, and its points in numbers."""
+    """A skinned body's kinematics, its arrays in the order of arithmetic, and its points."""
 
     def __init__(self, arrays: SkinnedArrays) -> None:
         self.arrays = arrays
@@ -42,7 +42,7 @@ class NumericBody:
 
     @cached_property
     def chunks(self) -> list[Chunk]:
-        """The arrays of all vertices, packed in chunks."""
+        """The arrays of all vertices, in chunks of vertices."""
         return chunks_of(self.arrays, ALL)
 
     @cached_property
@@ -68,7 +68,7 @@ class NumericBody:
     def freed(
         self, vertices: Vertices, arguments: tuple[str, str, str], free: Mapping[str, str]
     ) -> FreedSurface:
-        """Vertices of an SMPL body, of which the blocks `free` hold some arrays.
+        """Vertices of an SMPL body, some of whose arrays are in the blocks `free`.
 
         `arguments` are the blocks of pose, betas and trans.
         """

@@ -28,7 +28,7 @@ class BodySource:
     """A source of points on a body; see PointSource.
 
     Attributes:
-        arguments: the body, and what stands for its pose, betas and trans.
+        arguments: the body, and the arguments for its pose, betas and trans.
         count: the number of points.
         labels: a name for each point, where they have names.
         free: the free arrays of the body that the points depend on.
@@ -67,7 +67,7 @@ class BodySource:
 
     @cached_property
     def rest(self) -> Rest | None:
-        """The body at rest, where that is made of blocks; None if it is not, or not that alone."""
+        """The body at rest, if it is made of blocks alone; otherwise None."""
         return None if self.arguments.maps is None else self.resting(self.arguments.maps)
 
     @property

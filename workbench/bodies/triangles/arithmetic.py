@@ -24,7 +24,7 @@ from workbench.bodies.triangles.packed import PackedTriangles
 
 @dataclass(frozen=True, eq=False)
 class TriangleArithmetic:
-    """The vertices of a triangle body by arithmetic on its packed arrays; see BodyPoints."""
+    """The vertices of a triangle body by arithmetic; see BodyPoints."""
 
     packed: PackedTriangles
 

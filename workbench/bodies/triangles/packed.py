@@ -39,7 +39,7 @@ class Limb:
 
 
 class PackedTriangles:
-    """The arrays of a triangle body, packed for arithmetic."""
+    """The arrays of a triangle body, in the order that arithmetic needs."""
 
     def __init__(self, body: TriangleArrays) -> None:
         self.stitching, self.weights = body.stitching, body.weights

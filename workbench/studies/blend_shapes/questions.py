@@ -46,12 +46,12 @@ TURNS = np.radians(np.arange(0, 721, 5))
 
 @dataclass(frozen=True)
 class ByExamples:
-    """Interpolation between n examples, tested.
+    """The test of interpolation between n examples.
 
     Attributes:
         n: how many examples there are.
-        normalised: the accuracy with normalised kernels.
-        exact: the accuracy with kernels that reproduce the examples exactly.
+        normalised: the errors with normalised kernels.
+        exact: the errors with kernels that reproduce the examples exactly.
     """
 
     n: int
@@ -84,7 +84,7 @@ def by_examples(
     counts: Sequence[int],
     report: Report,
 ) -> list[ByExamples]:
-    """What interpolation costs, and how accurate it is, with more and more examples."""
+    """The cost and the errors of interpolation for growing numbers of examples."""
     rows = []
     for n in counts:
         report(f"  {n} examples")

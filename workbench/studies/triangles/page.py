@@ -170,7 +170,7 @@ def claim(s: TriangleStudy) -> str:
 
 
 def count(explained: ExplainedVariance, level: float) -> str:
-    """How many directions, or that there are not so many."""
+    """The number of directions as text, or that there are not enough of them."""
     found = explained.count_for(level)
     return f"more than {len(explained.share) - 1}" if found is None else str(found)
 
@@ -202,7 +202,7 @@ def triangles_data(s: TriangleStudy) -> dict[str, Any]:
 
 
 def write_triangles(s: TriangleStudy, folder: str | Path) -> Path:
-    """Write the folder of a study and return its page; whole or not at all."""
+    """Write the folder of a study, and return its page; it is written whole or not at all."""
     others = {SKINNED: lambda path: write_gltf(path, s.smpl, s.poses)}
     return write_study(folder, triangles_page(s), triangles_text(s), triangles_data(s), others)
 

@@ -51,16 +51,16 @@ DIFFICULT, APART = 5, 0.25  # poses that are drawn; their least rms distance, ra
 
 @dataclass(frozen=True)
 class ModelResult:
-    """One model in numbers; distances in mm, where pose and shape were unknown in every mesh.
+    """The numbers of one model; distances are in mm, and pose and shape of every mesh were unknown.
 
     Attributes:
         model: its name.
-        parameters: how many numbers training decided.
+        parameters: the number of trained parameters.
         training_rms: of the training meshes; None for a model that is not trained by itself.
         rest_rms: of held-out people at rest; None where it was not measured.
         rms: of held-out people in held-out poses.
-        mean: the same in the mean.
-        largest: the same at most.
+        mean: the mean distance of the same meshes.
+        largest: the largest distance of the same meshes.
         seam_jump: rms jump of the deformation where parts meet, in those poses.
         gap: rms of shape and pose together minus each alone, on the unposed surface, see
             `additivity_gap`.
@@ -181,7 +181,7 @@ def compare_models(
 
 
 def explain(people: People) -> ShapeDirections:
-    """What both kinds of directions explain of the training people, and of those held out."""
+    """The variance that both kinds of directions explain, of training and of held-out people."""
     training, faces = people.training, people.body.faces
     most = len(training) - 1
     own, others = (
@@ -238,7 +238,7 @@ def stages(body: TriangleBody, pose: Array) -> dict[str, Array]:
 
 
 def timings(mesh: str, models: Mapping[str, AnyBody]) -> list[Timing]:
-    """The times of the models that are shown, and of untrained ones on the full mesh."""
+    """The times of the trained models, and of untrained models on the full mesh."""
     found = [timing(mesh, name, models[name]) for name in SHOWN]
     full = load_skinned("full")
     made: dict[str, AnyBody] = {SMPL: full, SCAPE: scape(full), BLEND_SCAPE: blend_scape(full)}

@@ -161,9 +161,9 @@ def choose_ridge(
 
 
 def unposed(body: TriangleBody, pose: Array, vertices: Array) -> Array:
-    """The person (N, 3) m at rest, about its mean, that a body takes to a posed mesh.
+    """The person at rest, (N, 3) m about its mean, from whom the body makes a posed mesh.
 
-    D_f takes Q_f e_f to B_f^-1 times the mesh's edges; the triangles of these D_f are stitched.
+    D_f maps Q_f e_f to B_f^-1 times the mesh's edges; the triangles with these D_f are stitched.
     """
     at = body.arithmetic.evaluate(pose, np.zeros(body.n_betas))
     straight = np.linalg.solve(at.B, edges(vertices, body.faces).transpose(0, 2, 1))

@@ -82,10 +82,10 @@ def learn_person(
     by: LeastSquares = LSQR,
     measure: Callable[[Stitching], Measure] = ClosedEdges,
 ) -> Array:
-    """D_f (F, 3, 3) of one person from posed meshes alone, Q being the body's.
+    """D_f (F, 3, 3) of one person from posed meshes alone, with the Q of the body.
 
-    E_D, `smoothness` (m^2) times the sum of |D_f - D_g|^2 over neighbours, determines what the
-    meshes do not (Hirshberg et al., Coregistration, 2012).
+    What the meshes do not determine is determined by E_D, which is `smoothness` (m^2) times the sum
+    of |D_f - D_g|^2 over neighbours (Hirshberg et al., Coregistration, 2012).
     """
     here = [body.arithmetic.evaluate(pose, np.zeros(body.n_betas)) for pose in posed.poses]
     left = np.stack([at.B for at in here], axis=1)

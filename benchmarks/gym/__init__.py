@@ -1,0 +1,1 @@
+"""The gym: problems with known answers, split into those for tuning and those left untouched."""

@@ -1,0 +1,167 @@
+"""The page of the gym, written from the numbers that were kept."""
+
+import json
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.gym.case import Case
+from benchmarks.gym.runs import Kept
+from workbench.arrays import Array
+from workbench.comparison.profiles import performance_profile
+
+FACTORS = (1, 2, 5, 10)
+DEFAULT = "levenberg-marquardt"
+TRF = ("peer trf", "peer trf, jac")
+PROFILED = (  # of those that were run: a profile depends on who takes part
+    DEFAULT,
+    "levenberg-marquardt-columns",
+    "gauss-newton",
+    "dogleg",
+    *TRF,
+    "peer dogbox",
+    "peer dogbox, jac",
+    "peer lm",
+)
+INTRODUCTION = """# The gym
+
+`python -m benchmarks.gym` runs solvers on problems with known answers: regressions that NIST
+certified, published sums of squares from 1, 10 and 100 times their starts, curves and regressions
+with outliers drawn at random, bundle adjustment, arms that reach, and bodies. A hash of a problem's
+name decides whether solvers may be tuned on it (`gym/split.py`). The others are left untouched:
+they are run by `python -m benchmarks.gym --untouched PURPOSE`, which writes every look at them down
+in `gym/looks.md`.
+
+A run has *solved* a case if it ends at a cost of at most (1 + 1e-6) f* + 1e-12 f_0, where f* is the
+cost of the known answer and f_0 the least cost at any start of the problem; where NIST certified
+the parameters, these must agree to four digits as well. *False claims* are runs that say that they
+converged and have not solved the case; a worse minimum is among them. *Evaluations* is the median
+number of evaluations of all kinds until the target, over the cases that a solver solved. All runs
+have the limits of a comparison, 2,000 evaluations and 30 seconds, but "as it comes" is the default
+with its own limits. `peer` is `scipy.optimize.least_squares` without the workbench around it, and
+`jac` its option `x_scale="jac"`.
+
+A performance profile is the share of the cases that a solver solves with at most so many times the
+effort of the best one of the profile (Dolan and Moré 2002). Effort is counted in evaluations of the
+residual, at the prices of `workbench.comparison.prices`.
+"""
+
+
+def kept(cases: Sequence[Case], runs: Sequence[Kept]) -> dict[str, Any]:
+    """Cases, and by solver what is needed for the page, in the order of the cases."""
+    by = {(one.case, one.solver): one for one in runs}
+    names = dict.fromkeys(one.solver for one in runs)
+    return {
+        "cases": [[one.name, one.family] for one in cases],
+        "solvers": {
+            name: {
+                "solved": [int(by[one.name, name].solved) for one in cases],
+                "claimed": [int(by[one.name, name].claimed) for one in cases],
+                "evaluations": [by[one.name, name].evaluations for one in cases],
+                "effort": [by[one.name, name].effort for one in cases],
+            }
+            for name in names
+        },
+    }
+
+
+def read(path: Path) -> dict[str, Any]:
+    """The numbers as they were kept."""
+    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return found
+
+
+def efforts(found: Mapping[str, Any], solvers: Sequence[str]) -> Array:
+    """(P, S) effort until the target, infinite where it was not met."""
+    columns = [
+        np.where(np.array(row["solved"], bool), row["effort"], np.inf)
+        for row in (found["solvers"][name] for name in solvers)
+    ]
+    return np.column_stack(columns)
+
+
+def profiled(found: Mapping[str, Any]) -> list[str]:
+    """The solvers of the profile that were run."""
+    return [name for name in PROFILED if name in found["solvers"]]
+
+
+def profile(found: Mapping[str, Any], factors: Sequence[float] = FACTORS) -> Array:
+    """(len(factors), S) the performance profile of the `profiled` solvers."""
+    return performance_profile(efforts(found, profiled(found)), factors)
+
+
+def lost(found: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Names and families of the cases that SciPy's trf solves, scaled or not, and we do not."""
+    solvers = found["solvers"]
+    ours = solvers[DEFAULT]["solved"]
+    theirs = np.any([solvers[name]["solved"] for name in TRF if name in solvers], axis=0)
+    return [
+        (name, family)
+        for (name, family), mine, other in zip(found["cases"], ours, theirs, strict=True)
+        if other and not mine
+    ]
+
+
+def write(path: Path, parts: Mapping[str, Mapping[str, Any]]) -> None:
+    """The whole page as Markdown; `parts` are by the name of the half."""
+    path.write_text("\n".join(lines(parts)) + "\n", encoding="utf-8")
+
+
+def lines(parts: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
+    """Line by line."""
+    yield INTRODUCTION
+    for half, found in parts.items():
+        yield f"## {half.capitalize()}\n"
+        yield from _half(half, found)
+
+
+def _half(half: str, found: Mapping[str, Any]) -> Iterator[str]:
+    families = Counter(family for _, family in found["cases"])
+    yield (
+        f"{len(found['cases'])} cases: "
+        + ", ".join(f"{count} {family}" for family, count in families.items())
+        + ".\n"
+    )
+    yield "| solver | solved | false claims | evaluations |"
+    yield "| --- | --: | --: | --: |"
+    for name, row in sorted(found["solvers"].items(), key=lambda item: -sum(item[1]["solved"])):
+        solved = np.array(row["solved"], bool)
+        false = int(np.sum(np.array(row["claimed"], bool) & ~solved))
+        median = np.median(np.array(row["evaluations"])[solved]) if solved.any() else np.nan
+        yield f"| {name} | {solved.sum()} of {solved.size} | {false} | {median:,.0f} |"
+    names = profiled(found)
+    yield "\nThe performance profile, by factors of the least effort:\n"
+    yield "| solver | " + " | ".join(f"{factor:g}" for factor in FACTORS) + " |"
+    yield "| --- |" + " --: |" * len(FACTORS)
+    for name, shares in zip(names, profile(found).T, strict=True):
+        yield f"| {name} | " + " | ".join(f"{share:.1%}" for share in shares) + " |"
+    yield f"\n![Performance profiles on the {half} cases](results/gym-{half}.svg)\n"
+    missing = lost(found)
+    if missing:
+        yield "Cases that SciPy's trf solves, with one of its scalings, and the default does not:\n"
+        for name, family in missing:
+            yield f"- {name} ({family})"
+        yield ""
+    yield from _families(families, found, names)
+    facts = found.get("machine", {})
+    if facts:
+        yield f"Measured on {facts.get('processor', 'one machine')}, {facts.get('date', '')}.\n"
+
+
+def _families(
+    families: Mapping[str, int], found: Mapping[str, Any], names: Sequence[str]
+) -> Iterator[str]:
+    """Solved cases by family, of the solvers of the profile."""
+    of = np.array([family for _, family in found["cases"]])
+    yield "Solved cases by family:\n"
+    yield "| family | cases | " + " | ".join(names) + " |"
+    yield "| --- |" + " --: |" * (1 + len(names))
+    for family, count in families.items():
+        solved = (
+            int(np.array(found["solvers"][name]["solved"])[of == family].sum()) for name in names
+        )
+        yield f"| {family} | {count} | " + " | ".join(map(str, solved)) + " |"
+    yield ""

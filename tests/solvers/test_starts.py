@@ -1,0 +1,175 @@
+"""Several starts by one solver: minima as hypotheses, and how sure it is that there are no more."""
+
+import os
+from dataclasses import replace
+from math import lgamma
+from pathlib import Path
+
+import casadi as cs
+import numpy as np
+import pytest
+
+import workbench as wb
+from tests.solvers.problems import body_fit
+from workbench import SOLVERS, LevenbergMarquardt, Spread, Starts, Status
+from workbench.errors import BadArgument, UnknownName
+from workbench.processes.forked import FORKING, ProcessDied, forked
+from workbench.solvers import Iterate, Solution, within_bounds
+from workbench.solvers.minima import all_seen, clusters, share_seen
+
+OMEGA = 4.0
+TWENTY = Starts(20, draw=Spread({"omega": 4.0}))
+
+
+def waves(bounded: bool = False) -> tuple[wb.Problem, wb.Values]:
+    """sin(omega t) as it was seen for omega = 4: many minima in omega."""
+    omega, times = wb.Block("omega", (), "rad/s"), np.linspace(0, 3, 40)
+    r = wb.Residual("wave", cs.sin(omega.symbol * times) - np.sin(OMEGA * times), sigma=0.1)
+    bounds = {"omega": (0.5, 20.0)} if bounded else None
+    return wb.Problem([r], ["omega"], bounds, [omega]), {"omega": np.array(9.0)}
+
+
+def test_the_lowest_end_is_the_solution_and_the_others_are_hypotheses() -> None:
+    problem, start = waves()
+    solution = TWENTY.solve(problem, start)
+    assert solution.converged
+    assert abs(solution.values["omega"]) == pytest.approx(OMEGA)
+    costs = [one.cost for one in solution.hypotheses]
+    assert costs == sorted(costs)
+    assert costs[0] == solution.cost
+    assert len(costs) > 2
+    assert sorted(k for one in solution.hypotheses for k in one.starts) == list(range(20))
+    assert solution.cost < LevenbergMarquardt().solve(problem, start).cost
+    for one in solution.hypotheses:
+        here = problem.linearize({**start, **one.values})
+        assert here.cost == pytest.approx(one.cost, rel=1e-9, abs=1e-20)
+        assert problem.optimality(problem.free.pack(one.values), here) <= 1e-6
+
+
+def test_minima_are_told_apart_by_residuals_and_not_by_unknowns() -> None:
+    """Residuals of omega^2 cannot tell omega from -omega: that is one minimum."""
+    omega = wb.Block("omega", (), "rad/s")
+    r = wb.Residual("square", omega.symbol**2 - 4.0, sigma=1.0)
+    problem = wb.Problem([r], ["omega"], blocks=[omega])
+    starts = [{"omega": np.array(x)} for x in (-3.0, 3.0, 1.0)]
+    solution = Starts(starts).solve(problem, starts[0])
+    assert [sorted(one.starts) for one in solution.hypotheses] == [[0, 1, 2]]
+    assert "3 of 3 starts led here, and none elsewhere" in solution.message
+
+
+def test_a_start_leaves_out_what_stays_as_given() -> None:
+    problem, start = body_fit()
+    given = [{"trans": start["trans"] + move} for move in (0.0, 0.3)]
+    seen: list[Iterate] = []
+    solution = Starts(given).solve(problem, start, callback=seen.append)
+    firsts = [one for one in seen if one.step_norm == 0 or np.isnan(one.step_norm)]
+    for first, one in zip(firsts, given, strict=False):
+        np.testing.assert_allclose(first.values["trans"], one["trans"])
+        np.testing.assert_allclose(first.values["pose"], start["pose"])
+    assert solution.converged
+
+
+def test_start_k_depends_on_the_seed_and_k_alone() -> None:
+    problem, start = waves()
+    few, many = (replace(TWENTY, starts=n).drawn(problem, start) for n in (3, 6))
+    assert [one["omega"] for one in few] == [one["omega"] for one in many[:3]]
+    assert few[0]["omega"] == start["omega"]
+    other = replace(TWENTY, seed=1).drawn(problem, start)
+    assert other[1]["omega"] != many[1]["omega"]
+
+
+@pytest.mark.skipif(not FORKING, reason="this system cannot copy processes")
+def test_copies_of_the_process_give_the_same() -> None:
+    problem, start = waves()
+    seen: list[Iterate] = []
+    alone = TWENTY.solve(problem, start)
+    together = replace(TWENTY, workers=3).solve(problem, start, callback=seen.append)
+    assert together.values["omega"] == alone.values["omega"]
+    assert [one.starts for one in together.hypotheses] == [one.starts for one in alone.hypotheses]
+    assert together.evaluations == alone.evaluations
+    assert together.message == alone.message
+    assert len(seen) >= 20 + together.iterations
+
+
+@pytest.mark.skipif(not FORKING, reason="this system cannot copy processes")
+def test_what_a_copy_raises_is_raised_and_one_that_dies_is_named() -> None:
+    def work(k: int) -> int:
+        if k == 2:
+            raise BadArgument("two is too much")
+        return k
+
+    with pytest.raises(BadArgument, match="two is too much"):
+        list(forked(work, 5, 2))
+    with pytest.raises(ProcessDied, match="the process that did job 0 has died"):
+        list(forked(lambda k: os._exit(1) if k == 0 else k, 2, 2))
+    assert dict(forked(lambda k: k * k, 7, 3)) == {k: k * k for k in range(7)}
+    found = forked(lambda k: k, 100, 2)
+    next(found)
+    found.close()  # leaves no process behind
+
+
+def test_a_callback_ends_all_runs() -> None:
+    problem, start = waves()
+    solution = TWENTY.solve(problem, start, callback=lambda _: True)
+    assert solution.status is Status.STOPPED
+    assert solution.hypotheses[0].starts == (0,)
+    assert len(solution.hypotheses) == 1
+
+
+def test_starts_between_bounds() -> None:
+    problem, start = waves(bounded=True)
+    drawn = Starts(40).drawn(problem, start)
+    values = [float(one["omega"]) for one in drawn[1:]]
+    assert 0.5 <= min(values) < 4 < 15 < max(values) <= 20.0
+    assert Starts(20).solve(problem, start).values["omega"] == pytest.approx(OMEGA)
+    with pytest.raises(BadArgument, match=r"but omega has not both; bound them, or draw by Spread"):
+        within_bounds(*waves(), np.random.default_rng(0))
+
+
+def test_bad_input() -> None:
+    problem, start = waves()
+    for wrong in (0, []):
+        with pytest.raises(BadArgument, match="`starts` must be 1 or more, not 0"):
+            Starts(wrong)
+    with pytest.raises(BadArgument, match="`workers` must be 1 or more, not 0"):
+        Starts(2, workers=0)
+    with pytest.raises(UnknownName, match="omeg"):
+        Starts(3, draw=Spread({"omeg": 1.0})).solve(problem, start)
+    assert Starts(2, SOLVERS["ipopt"]).abilities == SOLVERS["ipopt"].abilities
+
+
+def test_it_is_saved_and_read_with_its_hypotheses(tmp_path: Path) -> None:
+    problem, start = waves()
+    solution = TWENTY.solve(problem, start)
+    solution.save(tmp_path / "found.npz")
+    again = Solution.load(tmp_path / "found.npz")
+    for one, other in zip(again.hypotheses, solution.hypotheses, strict=True):
+        assert (one.cost, one.status, one.starts) == (other.cost, other.status, other.starts)
+        np.testing.assert_array_equal(one.values["omega"], other.values["omega"])
+
+
+@pytest.mark.parametrize(("n", "w"), [(10, 2), (20, 5), (30, 1), (12, 8)])
+def test_the_probabilities_are_those_of_the_posterior_of_the_number_of_minima(
+    n: int, w: int
+) -> None:
+    """Summed over every number k of minima, with Dirichlet(1) shares of the starts."""
+    k = np.arange(w, 400_000)
+    log = np.array([lgamma(i + 1) - lgamma(i - w + 1) + lgamma(i) - lgamma(n + i) for i in k])
+    weights = np.exp(log - log.max())
+    weights /= weights.sum()
+    assert all_seen(n, w) == pytest.approx(weights[0], rel=1e-3)
+    assert share_seen(n, w) == pytest.approx(float(weights @ ((n + w) / (n + k))), rel=1e-3)
+
+
+def test_too_few_starts_say_nothing() -> None:
+    assert np.isnan(all_seen(3, 2))
+    assert np.isnan(share_seen(3, 2))
+    assert all_seen(1000, 1) > 0.99
+
+
+def test_clusters_of_one_minimum_are_found_whatever_the_order() -> None:
+    problem, start = waves()
+    _, fixed = problem.split(start)
+    ends = [np.array([x]) for x in (4.0, 9.0, 4.0 + 1e-9, -7.0, 9.0)]
+    assert clusters(problem, fixed, ends, least=1e-10) == ((0, 2), (1, 4), (3,))
+    assert len(clusters(problem, fixed, ends)) == 4  # without noise no cost is left to compare with

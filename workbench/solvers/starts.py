@@ -1,0 +1,202 @@
+"""Several starts by one solver: the lowest end, and all minima that were found as hypotheses."""
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from workbench.arrays import Array
+from workbench.blocks import Values
+from workbench.errors import BadArgument, UnknownName, listed
+from workbench.interrupts import Interrupts
+from workbench.problem import Problem
+from workbench.processes.forked import forked
+from workbench.solvers.abilities import Abilities
+from workbench.solvers.levenberg_marquardt import LevenbergMarquardt
+from workbench.solvers.minima import all_seen, clusters
+from workbench.solvers.run import INTERRUPTED
+from workbench.solvers.solution import (
+    Callback,
+    Evaluations,
+    Hypothesis,
+    Solution,
+    Solver,
+    Status,
+)
+
+NEGLIGIBLE = 1e-12  # of the largest cost at a start: two ends without noise differ by as much
+Draw = Callable[[Problem, Values, np.random.Generator], Values]
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Starts about the given one: independent normal noise is added to each number.
+
+    Attributes:
+        sigmas: the standard deviation of the noise by the name of a block, in its unit, such as
+            `{"pose": 0.3, "trans": 0.1}`; other blocks stay. Between bounds, numbers are moved
+            inside.
+    """
+
+    sigmas: Mapping[str, float]
+
+    def __call__(self, problem: Problem, start: Values, rng: np.random.Generator) -> Values:
+        """A start. Raises UnknownName for a block that the problem does not leave free."""
+        free = {block.name: block for block in problem.free.blocks}
+        for name in self.sigmas:
+            if name not in free:
+                raise UnknownName("free block", name, free)
+        x, fixed = problem.split(start)
+        sigma = problem.free.pack(
+            {n: np.full(block.shape, self.sigmas.get(n, 0.0)) for n, block in free.items()}
+        )
+        moved = x + sigma * rng.standard_normal(len(x))
+        return problem.values(np.clip(moved, problem.lower, problem.upper), fixed)
+
+
+def within_bounds(problem: Problem, start: Values, rng: np.random.Generator) -> Values:
+    """A start whose free numbers are drawn uniformly between their bounds.
+
+    Raises BadArgument for a number without two finite bounds.
+    """
+    open_ended = ~(np.isfinite(problem.lower) & np.isfinite(problem.upper))
+    if open_ended.any():
+        labels = problem.free.labels_of(np.flatnonzero(open_ended))
+        raise BadArgument(
+            f"starts are drawn between two bounds, but {listed(labels[:6])} "
+            f"{'has' if len(labels) == 1 else 'have'} not both; bound them, or draw by Spread"
+        )
+    _, fixed = problem.split(start)
+    return problem.values(rng.uniform(problem.lower, problem.upper), fixed)
+
+
+@dataclass(frozen=True)
+class Starts:
+    """Solve from several starts, and keep every minimum that was found.
+
+    The solution is the lowest end. Its `hypotheses` are the minima, the lowest first, each with
+    the starts that led to it; ends whose residuals cannot be told apart are one minimum. The
+    message says how likely it is that no further minimum exists, from how often each was found.
+    The trace is that of the best start's run, evaluations and seconds are those of all runs, and
+    the limits of the solver apply to each run by itself.
+
+    Attributes:
+        starts: the values of blocks at each start, in which what is left out stays as it is given
+            to `solve`; or a number of starts, of which the first is the given one and the others
+            are drawn.
+        solver: what solves from each start.
+        draw: how further starts are drawn, if `starts` is a number: `Spread({"pose": 0.3})` about
+            the given one, `within_bounds`, or a function of your own.
+        seed: of the draws. Start k depends on the seed and k alone.
+        workers: how many copies of this process solve at the same time. The result is the same.
+    """
+
+    starts: int | Sequence[Mapping[str, Any]]
+    solver: Solver = field(default_factory=LevenbergMarquardt)
+    draw: Draw = within_bounds
+    seed: int = 0
+    workers: int = 1
+
+    def __post_init__(self) -> None:
+        count = self.starts if isinstance(self.starts, int) else len(self.starts)
+        for name, number in (("starts", count), ("workers", self.workers)):
+            if number < 1:
+                raise BadArgument(f"`{name}` must be 1 or more, not {number}")
+
+    @property
+    def abilities(self) -> Abilities | None:
+        """The abilities of the solver, if it has any to tell."""
+        return getattr(self.solver, "abilities", None)
+
+    def drawn(self, problem: Problem, start: Values) -> list[Values]:
+        """The values of all blocks at each start. Raises what `draw` raises."""
+        if not isinstance(self.starts, int):
+            return [{**start, **one} for one in self.starts]
+        further = range(1, self.starts)
+        draws = [self.draw(problem, start, np.random.default_rng((self.seed, k))) for k in further]
+        return [{**start}, *({**start, **one} for one in draws)]
+
+    def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
+        """Solve from every start; see `Solver`.
+
+        With several workers, `callback` gets the iterates of a run when the run has ended. An
+        interrupt, or a callback that returns True, ends all runs; what was found is returned.
+        """
+        began, starts = time.perf_counter(), self.drawn(problem, start)
+        alone = callback if self.workers == 1 else None
+        ends: dict[int, Solution] = {}
+
+        def run(k: int) -> Solution:
+            return self.solver.solve(problem, starts[k], callback=alone)
+
+        with _interrupts() as interrupts, closing(forked(run, len(starts), self.workers)) as found:
+            for k, end in found:
+                ends[k] = end
+                told = callback is not None and alone is None
+                stopped = told and any([callback(one) for one in end.trace])  # type: ignore[misc]
+                if stopped or end.status is Status.STOPPED or interrupts.pressed:
+                    break
+        numbered = dict(sorted(ends.items()))
+        hypotheses = _hypotheses(problem, starts, numbered)
+        best = numbered[hypotheses[0].starts[0]]
+        whole = replace(
+            best,
+            solver=f"{len(starts)} starts of {best.solver}",
+            message=f"{best.message}; {_in_words(hypotheses, len(ends))}",
+            evaluations=sum((end.evaluations for end in ends.values()), Evaluations()),
+            seconds=time.perf_counter() - began,
+            hypotheses=hypotheses,
+        )
+        if len(ends) < len(starts):
+            return replace(whole, status=Status.STOPPED, message=f"{INTERRUPTED}; {whole.message}")
+        return whole
+
+
+@contextmanager
+def _interrupts() -> Iterator[Interrupts]:
+    """Ctrl-C ends the run that it meets, and then all others."""
+    interrupts = Interrupts()
+    interrupts.open()
+    try:
+        yield interrupts
+    finally:
+        interrupts.close()
+
+
+def _order(end: Solution) -> tuple[bool, float]:
+    return end.violation > 1, end.cost if np.isfinite(end.cost) else np.inf
+
+
+def _hypotheses(
+    problem: Problem, starts: Sequence[Values], ends: Mapping[int, Solution]
+) -> tuple[Hypothesis, ...]:
+    """The minima among the ends, the lowest first; an end without a cost is one by itself."""
+    finite = [k for k, end in ends.items() if np.isfinite(end.cost)]
+    fixed: Array = problem.split(starts[0])[1]
+    points = [problem.free.pack(ends[k].values) for k in finite]
+    first = max((ends[k].trace[0].cost for k in finite if ends[k].trace), default=0.0)
+    least = NEGLIGIBLE * first if np.isfinite(first) else 0.0
+    groups = [tuple(finite[i] for i in some) for some in clusters(problem, fixed, points, least)]
+    groups += [(k,) for k in ends if k not in finite]
+    found = []
+    for members in groups:
+        in_order = tuple(sorted(members, key=lambda k: _order(ends[k])))
+        end = ends[in_order[0]]
+        found.append(Hypothesis(end.values, end.cost, end.status, in_order, end.violation))
+    return tuple(sorted(found, key=lambda one: _order(ends[one.starts[0]])))
+
+
+def _in_words(hypotheses: Sequence[Hypothesis], starts: int) -> str:
+    """How many starts led to the best, and how sure it is that there are no other minima."""
+    here, minima = len(hypotheses[0].starts), len(hypotheses)
+    said = f"{here} of {starts} starts led here"
+    if minima == 1:
+        return f"{said}, and none elsewhere"
+    said += f", the others to {minima - 1} other end{'s' if minima > 2 else ''}"
+    sure = all_seen(starts, minima)
+    if not np.isfinite(sure):
+        return f"{said}; these are too few starts to say whether others exist"
+    return f"{said}; the probability that there are no more is {sure:.2g}"
