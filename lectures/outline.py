@@ -10,7 +10,8 @@ COURSE = (
         question="What kind of function turns pose and shape into a surface?",
         minutes=45,
         assumes="vectors and matrices; Python with NumPy",
-        teaches="inputs and learned parameters of SMPL; what is linear in it; why polynomials lose",
+        teaches="inputs and learned parameters of SMPL; which of them it is linear in; why "
+        "polynomials fail",
     ),
     Lecture(
         2,
@@ -55,7 +56,8 @@ COURSE = (
         question="How does an optimizer know where to go, and how far?",
         minutes=60,
         assumes="derivatives of functions of several variables, linear equations",
-        teaches="residuals, Jacobian, gradient and its factor 2, Gauss-Newton and when it is quick",
+        teaches="residuals, Jacobian, gradient and its factor 2, Gauss-Newton and when it "
+        "converges fast",
     ),
     Lecture(
         7,

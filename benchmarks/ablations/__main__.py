@@ -28,7 +28,7 @@ PEOPLE = 60  # whose poses are fitted to edges and to vertices
 
 
 def in_words(result: Ablated) -> str:
-    """One training in a line of text."""
+    """The numbers of one training as a line of text."""
     shares = ", ".join(f"{100 * share:.1f}" for share in result.pose_in_shape)
     return (
         f"{result.name:20} training {1e3 * result.training_rms:.3f} mm per coordinate, held out "

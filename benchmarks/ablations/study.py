@@ -35,15 +35,15 @@ FIT_TOLERANCE = 1e-13
 
 @dataclass(frozen=True, eq=False)
 class Ablated:
-    """One training in numbers.
+    """The numbers of one training.
 
     Attributes:
         name: what was switched off.
-        training_rms: m per coordinate.
-        held_out_rms: m per vertex, on other people in other poses.
-        asymmetry: m, rms distance of the subjects' templates from their mirror images.
-        posedirs_rms: m per unit of feature.
-        pose_in_shape: of each of the first shape directions, see `pose_share`.
+        training_rms: in metres per coordinate, the rms distance from the training meshes.
+        held_out_rms: in metres per vertex, the same for other people in other poses.
+        asymmetry: in metres, the rms distance of the subjects' templates from their mirror images.
+        posedirs_rms: the rms of the pose directions, in metres per unit of a feature.
+        pose_in_shape: the share of pose in each of the first shape directions, see `pose_share`.
     """
 
     name: str

@@ -121,8 +121,8 @@ def write_example_pages(examples: list[Example], pages: Path) -> None:
         )
     table = raw(f'<table class="names">{"".join(rows)}</table>')
     (pages / "index.md").write_text(
-        "# Examples\n\nEach example is one idea: a script with its figures and what it printed "
-        "when this site was built.\n\n" + table + "\n\n"
+        "# Examples\n\nEach example shows one idea by a script, with the figures that it drew and "
+        "the text that it printed when this site was built.\n\n" + table + "\n\n"
         "```{toctree}\n:hidden:\n\n" + "\n".join(example.name for example in examples) + "\n```\n",
         encoding="utf-8",
     )

@@ -27,7 +27,7 @@ def test_a_solver_that_failed_a_problem_is_not_advised() -> None:
         "slow and slower each returned a point within the target τ = 1e-5 from all 8 starts. The "
         "others did so from fewer of the 8: quick 7."
     )
-    assert any(text.startswith("Of these take slow:") for text in said)
+    assert any(text.startswith("Of these, take slow:") for text in said)
     assert not any("take quick" in text for text in said)
 
 
@@ -67,7 +67,7 @@ def test_ties_are_said_to_be_ties() -> None:
     found = comparison({(p, s): QUICK for p in "pqrstuv" for s in "ab"})
     said = advice(found)
     assert said[0] == "a and b each returned a point within the target τ = 1e-5 from all 7 starts."
-    assert said[1].startswith("Of these a and b have the least median effort")
+    assert said[1].startswith("Of these, a and b have the least median effort")
 
 
 @pytest.mark.parametrize("problems", ["pqrstu", "pqrst", "pq"])
@@ -173,7 +173,7 @@ def test_what_was_not_counted_is_said_and_neither_zero_nor_a_failure() -> None:
     assert found.all_counted(1e-5) == ("seen", "other")
     said = advice(found)
     assert said[0].startswith("seen, hidden and other each returned a point within the target")
-    assert said[1].startswith("Of these seen and other have the least median effort")
+    assert said[1].startswith("Of these, seen and other have the least median effort")
     assert said[2].startswith("hidden: not everything was counted in 7 of 7 runs")
 
 

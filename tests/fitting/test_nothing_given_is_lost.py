@@ -125,8 +125,8 @@ def test_a_body_with_fingers_is_fitted_to_them_and_another_says_that_it_is_not(
     seen = read_observations([written(tmp_path / "a.json", openpose(**hands))], size=SIZE)
     (said,) = unused(seen, load_body("small"))
     assert said == (
-        "Of 67 keypoints that were seen, 23 are fitted; the landmarks 'coco' of body 'small' have "
-        "no place for the others: 21 of the left hand, 21 of the right hand, neck, mid_hip"
+        "Of 67 observed keypoints, 23 are fitted; the landmarks 'coco' of the body 'small' do not "
+        "include the others: 21 of the left hand, 21 of the right hand, neck, mid_hip"
     )
     smpl_h = body_from(entries(K=52), "with fingers", "b")
     (said,) = unused(seen, smpl_h)

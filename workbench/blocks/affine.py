@@ -181,7 +181,7 @@ def place_of(rows: Sequence[tuple[str, int] | None]) -> tuple[str, int] | None:
 
 
 def filled(matrix: csr_array) -> Array | csr_array:
-    """The matrix as a dense array where few of its entries are zero or where it is small."""
+    """The matrix as a dense array, if it is small or few of its entries are zero."""
     size = matrix.shape[0] * matrix.shape[1]
     return matrix.toarray() if matrix.nnz > FILLED * size or size < SMALL else matrix
 

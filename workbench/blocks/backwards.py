@@ -11,10 +11,10 @@ LOSES = (cs.OP_ADD, cs.OP_SUB, cs.OP_FMOD, cs.OP_REMAINDER)
 
 
 def scalars_repeated(expression: cs.MX) -> cs.MX:
-    """An equal expression in which every scalar that is added to a matrix is repeated first.
+    """An equal expression in which every scalar is repeated to a matrix before it is added to one.
 
-    casadi.jacobian of it by a symbol is right in both directions. A function that the expression
-    calls, and that CasADi did not put in the place of its call, is left as it is.
+    casadi.jacobian of the result by a symbol is right forwards and backwards. Functions that the
+    expression calls without being inlined by CasADi are left as they are.
     """
     graph = cs.Function("graph", cs.symvar(expression), [expression])
     sums, repeated = [], []

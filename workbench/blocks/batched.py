@@ -51,9 +51,9 @@ class Batched(Protocol):
 
 
 def scalar(function: cs.Function, longest: int = LONGEST) -> cs.Function | None:
-    """The function in scalar instructions, if it has at most `longest`; None otherwise.
+    """The function in scalar instructions, if these are at most `longest`; None otherwise.
 
-    A function that calls another that is not CasADi's own has none.
+    A function that calls a function of the user has no such form.
     """
     rows = sum(function.nnz_out(i) for i in range(function.n_out()))
     if max(rows, *(function.nnz_in(i) for i in range(function.n_in()))) > longest:
@@ -108,5 +108,5 @@ class Mapped:
 
 
 def count(arguments: Sequence[Array], shared: Sequence[bool]) -> int:
-    """M, as the first argument that is not shared has it."""
+    """M, the number of rows of the first argument that is not shared."""
     return next(len(a) for a, s in zip(arguments, shared, strict=True) if not s)

@@ -181,7 +181,7 @@ class FramesAt:
         return csc_array(into.T)
 
     def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
-        """Transposed, into[block] (size, 3 N len(some)), with all of its zeros."""
+        """The derivative, transposed and with all its zeros, into[block] (size, 3 N len(some))."""
         width = 3 * len(self.frames[0].points)
         for i, (t, here) in enumerate(zip(self.of.some, self.frames, strict=True)):
             at = slice(i * width, (i + 1) * width)

@@ -63,5 +63,5 @@ class FrameBlocks:
 
 
 def framed(one: Block, count: int) -> Block:
-    """The block of `count` frames, each of which has one like this."""
+    """The block of `count` frames, each of which has its own values of this block."""
     return Block(one.name, (count, *one.base.shape), one.unit, one.base.labels, framed=True)

@@ -17,7 +17,7 @@ T = TypeVar("T")
 
 
 def readonly(what: str, given: object) -> Array:
-    """float64, in one piece and read-only: the array itself if it is all that, else a copy.
+    """The array as float64, contiguous and read-only; it is copied only if it is not all of that.
 
     Raises NotNumbers.
     """
@@ -111,7 +111,7 @@ def readonly_parts(
 
 
 def parts_of(body: Any) -> dict[str, Any]:
-    """The fields that a body was made with, as they are pickled."""
+    """The fields from which a body was made, as pickling needs them."""
     parts = {part.name: getattr(body, part.name) for part in fields(body) if part.init}
     return {n: dict(v) if isinstance(v, MappingProxyType) else v for n, v in parts.items()}
 

@@ -39,7 +39,7 @@ def blendshapes(
 ) -> None:
     """Compare predictors of the errors of linear blending.
 
-    This takes several minutes, or one with --body small.
+    This takes several minutes, or one minute with --body small.
     """
     console = Console()
     plan = PredictorPlan(body, training, validation, test, examples, seed)

@@ -50,14 +50,15 @@ def compare(
         list[str] | None,
         typer.Option(
             "--solver",
-            help=f"Of {', '.join(SOLVERS)}, or a Python file that defines "
-            "`solver`, or several solvers; once for each solver.",
+            help=f"One of {', '.join(SOLVERS)}, or a Python file that defines "
+            "one or more "
+            "solvers; repeat the option for each solver.",
         ),
     ] = None,
     setting: Setting = None,
     seeds: Annotated[
         int,
-        typer.Option(help="Number of starts of each problem that has an argument start or seed."),
+        typer.Option(help="Number of starts, for problems with an argument start or seed."),
     ] = 1,
     workers: Annotated[
         int, typer.Option(help="Number of runs at the same time on this machine.")
@@ -67,7 +68,9 @@ def compare(
     ] = None,
     max_evaluations: Annotated[
         int,
-        typer.Option(help="Limit of each run: residuals, gradients, Jacobians, Hessians together."),
+        typer.Option(
+            help="Limit of each run on residuals, gradients, Jacobians and Hessians together."
+        ),
     ] = Limits.max_evaluations,
     max_seconds: Annotated[
         float, typer.Option(help="Limit of each run, in seconds.")

@@ -1,4 +1,4 @@
-"""`workbench diagnose`: what a fit cannot see, in names, and what to do about it."""
+"""`workbench diagnose`: what a fit does not determine, by name, and what to do about it."""
 
 from pathlib import Path
 from typing import Annotated
@@ -102,6 +102,6 @@ def _mind_priors(console: Console, experiment: Experiment, setup: Setup) -> None
         warn_without_effect(console, "--data-alone", because)
     if set(setup.priors) == set(setup.problem.rows):
         raise BadArgument(
-            f"--data-alone leaves nothing to look at: every residual of {experiment.name} is a "
+            f"--data-alone leaves nothing to diagnose: every residual of {experiment.name} is a "
             "prior; leave the option out"
         )

@@ -1,4 +1,4 @@
-"""`workbench fit`: a user's own keypoints or mesh, without a line of Python."""
+"""`workbench fit`: fits a body to keypoints or a mesh of the user."""
 
 import math
 import re
@@ -31,7 +31,7 @@ def fit(
     cameras: Annotated[
         Path | None,
         typer.Option(
-            help="Calibration, cameras in the files' order: Pose2Sim TOML, or JSON "
+            help="Calibration with the cameras in the order of the files: Pose2Sim TOML, or JSON "
             '{"name": {"K": 3x3, "R": 3x3, "t": 3, "distortion": [...], "size": [w, h]}}.'
         ),
     ] = None,

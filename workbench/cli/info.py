@@ -54,7 +54,7 @@ def _facts(name: str) -> list[tuple[str, str]]:
         ("cache", _cache()),
         ("BLAS threads", f"{thread_count()} in a run (WORKBENCH_THREADS sets it)"),
         *(("BLAS", text) for text in blas_libraries()),
-        ("processor", f"{processor()}, {os.cpu_count()} cores seen"),
+        ("processor", f"{processor()}, {os.cpu_count()} cores"),
         ("system", f"{platform.system()} {platform.release()}, {platform.machine()}"),
         ("python", platform.python_version()),
         *((package, version_of(package) or "not installed") for package in PACKAGES),

@@ -35,7 +35,7 @@ def folder_to_write(out: Path, name: str, source: str) -> Path:
 
 
 def rich_table(table: Table) -> RichTable:
-    """A table of a report as a terminal shows it."""
+    """A table of a report in the form for a terminal."""
     shown = RichTable(box=None, header_style="bold")
     for i, head in enumerate(table.head):
         shown.add_column(head, justify="right" if i in table.numbers else "left")

@@ -124,7 +124,8 @@ def _seen(what: str, d: Diagnosis) -> str:
         said += (
             f", {d.weak_count} hardly any (by less than one sigma for a yardstick, such as 1 rad)"
         )
-    short = [x.name for x in (*d.null_directions, *d.weak_directions) if x.joints][:3]
+    named = [x.name for x in (*d.null_directions, *d.weak_directions) if x.joints]
+    short = list(dict.fromkeys(named))[:3]
     if short:
         said += f"; among them {', '.join(short)} (see the report)"
     return f"{what}: {m} x {n}, {d.density:.0%} nonzero, rank {d.rank} of {n}; {said}"

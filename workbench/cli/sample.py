@@ -1,4 +1,4 @@
-"""`workbench sample`: how well each number of a fit is known, by draws that are judged first."""
+"""`workbench sample`: how well each number of a fit is determined, by draws from its posterior."""
 
 import re
 from collections.abc import Iterable, Mapping
@@ -37,14 +37,14 @@ def sample(
     directions: Annotated[
         int | None,
         typer.Option(
-            help="Sample this number of directions instead, those that the data know best."
+            help="Sample this number of directions instead: those that the data determine best."
         ),
     ] = None,
     conditional: Annotated[
         bool,
         typer.Option(
             "--conditional",
-            help="Integrate the other unknowns out, by their Gaussian; without it, they are fixed.",
+            help="Integrate the other unknowns out as a Gaussian; otherwise they are held fixed.",
         ),
     ] = False,
     steps: Annotated[int, typer.Option(help="Largest number of steps of each walker.")] = 20_000,
@@ -170,7 +170,7 @@ def _bar(console: Console) -> Bar:
 def _print_beside(
     console: Console, posterior: sampling.Posterior, approximation: sampling.Posterior
 ) -> None:
-    """What Laplace's approximation is worth by itself, and where it does not do."""
+    """How good Laplace's approximation is, and the entries for which it is not good enough."""
     console.print(
         f"Laplace's approximation by itself: {escape(approximation.verdict)}",
         highlight=False,

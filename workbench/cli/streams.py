@@ -44,7 +44,7 @@ def nowhere() -> bool:
 
 
 def failure(stream: TextIO) -> OSError | None:
-    """Why what was printed cannot be written, if it cannot; what is left of it is given up."""
+    """The reason why printed text cannot be written, if there is one; the rest is discarded."""
     try:
         stream.flush()
     except OSError as error:

@@ -55,7 +55,7 @@ def causes(
     yardsticks: Mapping[str, Yardstick],
     tolerance: float,
 ) -> dict[Run, Cause]:
-    """The causes of those ends that have one; see `cause`."""
+    """The causes of the ends that are not at the lowest cost; see `cause`."""
     found = {}
     for run, (analysis, k) in ends.items():
         why = cause(records[run], yardsticks[run[0]], analysis, k, tolerance)

@@ -22,11 +22,11 @@ ACCURATE = 1e-5  # of the largest eigenvalue, by Lanczos' method
 
 
 def least_curvature(problem: Problem, x: Array, fixed: Array) -> float:
-    """The smallest eigenvalue of the Hessian at a stationary point x (n,), by the largest one.
+    """The smallest eigenvalue of the Hessian at a stationary point x (n,) over the largest one.
 
-    Unknowns are measured by the lengths of their columns of the Jacobian there, so that no unit
-    matters. Those on a bound are held, and the directions along which active constraints change
-    are left out. NaN where the linearization is not finite, and 0 where nothing is left free.
+    Unknowns are scaled by the lengths of their columns of the Jacobian there, so that units do not
+    matter. Unknowns on a bound are held fixed, and directions along which active constraints change
+    are left out. NaN if the linearization is not finite, and 0 if nothing remains free.
     """
     here = problem.linearize_at(x, fixed)
     if not (np.isfinite(x).all() and here.finite):

@@ -59,7 +59,7 @@ class Instance:
 
 @dataclass(frozen=True)
 class Design:
-    """A comparison to be carried out: every instance is solved by every solver, within one budget.
+    """What a comparison carries out: every solver solves every instance, within one budget.
 
     Attributes:
         instances: the instances.

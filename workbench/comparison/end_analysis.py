@@ -31,14 +31,14 @@ class EndAnalysis:
         where: the basin of each end, in the order in which the ends were given.
         costs: the cost of each basin.
         optimality: `Problem.optimality` at the lowest point of each basin.
-        curvatures: the least curvature at this point of the lowest basins, by the largest one, NaN
-            where it is not known; see `least_curvature`.
+        curvatures: the least curvature over the largest one at these points, for the lowest basins;
+            NaN where it is not known; see `least_curvature`.
         lost_ranks: by how much the rank of the Jacobian at each end is below that at the lowest
             point of all; 0 also for ends that cost about as little as that point, and where there
             are more than 2,000 unknowns.
         hidden: how many unknowns rounding leaves undetermined at each end; 0 likewise.
-        points: (basins, n) these lowest points.
-        explanations: why a basin was not left for the best one, by the basin's number.
+        points: (basins, n) the lowest point of each basin.
+        explanations: why runs ended in a basin and not in the best one, by the basin's number.
         message: why there is no analysis; empty if there is one.
     """
 

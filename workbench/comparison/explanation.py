@@ -1,4 +1,4 @@
-"""Why a lost basin was lost: the way from its lowest point to the best one, in named motions."""
+"""Why a run ended in another basin: the way from there to the best end, in named motions."""
 
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -90,17 +90,17 @@ class Explanation:
             )
             said += (
                 f"{way} goes along weak directions, so the data did little to keep a solver from "
-                f"sliding here; most of all {named}. "
+                f"sliding here; the largest parts are {named}. "
             )
         else:
             said += (
                 f"Only {way} goes along weak directions; it is mostly {self.rest}, which the data "
-                "do notice: not a slide, but another minimum. "
+                "determine: this is another minimum, and not a slide. "
             )
         if self.ridge > 0:
             return said + (
-                f"On the straight line between them the cost rises by {self.ridge:.3g}: whoever "
-                "only goes down does not come back that way."
+                f"On the straight line between them the cost rises by {self.ridge:.3g}: a solver "
+                "that only goes downhill does not return along it."
             )
         return said + "On the straight line between them the cost only falls."
 

@@ -12,7 +12,7 @@ Duels = dict[tuple[str, str], Duel]  # by two names, both ways round
 
 
 def duels(comparison: Comparison, tau: float = MAIN) -> Duels:
-    """By effort until a target; the tests are corrected for the number of pairs."""
+    """All pairs of solvers by effort until a target; the tests are corrected for their number."""
     return _pairs(comparison, comparison.needed(tau))
 
 

@@ -93,8 +93,10 @@ def _below(k: int, n: int) -> float:
 
 
 def sign_test(first: int, second: int) -> float:
-    """The exact two-sided p-value of so many wins against so many: the probability, were each win
-    equally likely to be either's, of a count at least as far from one half.
+    """The exact two-sided p-value of two numbers of wins.
+
+    It is the probability that a number of wins is at least as far from one half of all as here, if
+    each win is equally likely for both.
     """
     n, k = first + second, max(first, second)
     return min(1.0, 2 * _below(n - k + 1, n))

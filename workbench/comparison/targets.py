@@ -31,16 +31,16 @@ class TargetOutcome(Enum):
 
     REACHED = "ended at the lowest cost known"
     ALONE = "is the only one that ended, and no cost is known to compare it with"
-    OTHER_BASIN = "ended at a stationary point of another basin, which costs more"
-    FALSE_CLAIM = "claims convergence where the cost still slopes"
-    STALLED = "gave up where the cost still slopes"
+    OTHER_BASIN = "ended at a stationary point of another basin, where the cost is higher"
+    FALSE_CLAIM = "claims convergence at a point that is not stationary"
+    STALLED = "gave up at a point that is not stationary"
     OUT_OF_BUDGET = "ran out of evaluations, iterations or time"
     NOT_STOPPING = "did not stop in time, and was ended with its process"
-    CRASHED = "died, and its process with it"
+    CRASHED = "crashed, which ended its process"
     RAISED = "raised an exception"
     NO_SOLUTION = "returned no solution, or one that is not finite"
     NOT_ALLOWED = "returned a point that bounds or constraints forbid"
-    REFUSED = "is not made for this problem"
+    REFUSED = "refused the problem, for example its bounds or constraints"
 
 
 LIMITS = {Status.MAX_EVALUATIONS.name, Status.MAX_ITERATIONS.name, Status.MAX_SECONDS.name}
@@ -108,7 +108,7 @@ def claims(record: Record) -> bool:
 
 
 def ended_by_clock(record: Record) -> bool:
-    """Whether more time might have led it further: a quicker machine may tell another story."""
+    """Whether more time might have led the run further, as on a faster machine."""
     out_of_time = record.claim == Status.MAX_SECONDS.name
     cut = record.ending is Ending.CUT and record.message == Status.MAX_SECONDS.value
     return out_of_time or cut or record.ending is Ending.KILLED

@@ -39,7 +39,7 @@ MEASURED = ("seconds", "machine")  # not the same on another machine, or a secon
 
 
 def columns(comparison: Comparison) -> tuple[str, ...]:
-    """Of a run; for each target the evaluations and the effort until it was met."""
+    """The columns of the table, with the evaluations and the effort until each target was met."""
     until = [f"{what} to {named(tau)}" for tau in comparison.taus for what in (*KINDS,)]
     effort = [f"units to {named(tau)}" for tau in comparison.taus]
     seconds = [f"seconds to {named(tau)}" for tau in comparison.taus]

@@ -30,9 +30,10 @@ def reliable(comparison: Comparison, problems: Iterable[str], tau: float = MAIN)
 
 
 def advice(comparison: Comparison, tau: float = MAIN) -> tuple[str, ...]:
-    """Which solver to take when, and why; nothing where the runs do not tell. A solver is advised
-    for problems only if it returned an answer within the target from every start of them, and by
-    counts and published prices only: no clock is asked.
+    """Which solver to take for which problems, and why; nothing if the runs do not show it.
+
+    A solver is advised for problems only if it returned an answer within the target from each of
+    their starts. The advice depends on counts and published prices, and not on any clock.
     """
     compared = comparison.compared
     out = _nothing_to_compare(comparison)
@@ -50,7 +51,7 @@ def _nothing_to_compare(comparison: Comparison) -> list[str]:
     left = len(comparison.instances) - len(comparison.comparable)
     if not left:
         return []
-    why = "only one run ended and no cost is known beforehand, so nothing says whether it is low"
+    why = "only one run ended and no known cost shows whether its cost is low"
     if comparison.comparable:
         return [f"{left} of {len(comparison.instances)} starts are left out: {why}."]
     return [
@@ -77,15 +78,15 @@ def _sure(comparison: Comparison, everywhere: tuple[str, ...], tau: float) -> li
     if open_:
         least = min(pairs[everywhere[0], s].corrected for s in open_)
         out.append(
-            f"Whether {_and(open_)} would fail more often on other problems too, these runs do not "
-            f"tell (sign test over {_problems(comparison)}: p {_at_least(least)}; "
+            f"These runs do not show whether {_and(open_)} would also fail more often on other "
+            f"problems (sign test over {_problems(comparison)}: p {_at_least(least)}; "
             f"level {LEVEL:.0%})."
         )
     return out
 
 
 def _cheapest(comparison: Comparison, everywhere: tuple[str, ...], tau: float) -> list[str]:
-    """Among those that reached the target everywhere: who needs least, and whether by chance."""
+    """Which solver that always met the target needed the least effort, and how sure that is."""
     known = comparison.all_counted(tau)
     ranked = {s: comparison.effort(s, tau).value for s in everywhere if s in known}
     if len(ranked) < 2:
@@ -97,7 +98,7 @@ def _cheapest(comparison: Comparison, everywhere: tuple[str, ...], tau: float) -
         if all(pairs[one, s].won for s in others):
             worst = max(pairs[one, s].corrected for s in others)
             return [
-                f"Of these take {one}: it needed less effort than {_and(others)} on more problems "
+                f"Of these, take {one}: it needed less effort than {_and(others)} on more problems "
                 f"than chance would explain ({test} = {worst:.2g}"
                 f"{' or less' if len(others) > 1 else ''}, {level}). "
                 f"Its median effort is {_worth(ranked[one])}."
@@ -105,15 +106,15 @@ def _cheapest(comparison: Comparison, everywhere: tuple[str, ...], tau: float) -
     least = min(ranked.values())
     first = tuple(s for s, effort in ranked.items() if effort == least)
     if len(first) > 1:
-        return [f"Of these {_and(first)} have the least median effort, {_worth(least)}."]
+        return [f"Of these, {_and(first)} have the least median effort, {_worth(least)}."]
     one, others = first[0], tuple(s for s in ranked if s != first[0])
     ahead = tuple(s for s in others if pairs[s, one].won)
     unbeaten = tuple(s for s in others if not pairs[one, s].decided)
-    text = f"Of these {one} has the least median effort, {_worth(least)}"
+    text = f"Of these, {one} has the least median effort, {_worth(least)}"
     if unbeaten:
         smallest = min(pairs[one, s].corrected for s in unbeaten)
         text += (
-            f", but that it is ahead of {_and(unbeaten)} may be chance ({test} "
+            f", but its lead over {_and(unbeaten)} may be chance ({test} "
             f"{_at_least(smallest)}, {level})"
         )
     if ahead:
@@ -131,7 +132,7 @@ def _worth(effort: float) -> str:
 
 
 def _none(comparison: Comparison, compared: tuple[str, ...], tau: float) -> list[str]:
-    """Nobody reached it everywhere: who did so on which problems."""
+    """If no solver always met the target: which solvers did so on which problems."""
     out = [
         f"No solver returned a point within the target τ = {named(tau)} from "
         + (
@@ -152,27 +153,27 @@ def _none(comparison: Comparison, compared: tuple[str, ...], tau: float) -> list
         told = f"{_and(who)} did so" if who else "no solver did so"
         out.append(f"On {_and(tuple(groups[who]))}: {told} from every start.")
     if len(order) > LISTED:
-        out.append("The page tells of the other problems one by one.")
+        out.append("The page shows the other problems one by one.")
     return out
 
 
 def _uncounted(comparison: Comparison, tau: float) -> list[str]:
-    """Whose evaluations were not all seen."""
+    """The solvers of which not all evaluations were counted."""
     out = []
     for solver in comparison.solvers:
         runs = [i.name for i in comparison.instances if comparison.uncounted(i.name, solver, tau)]
         if runs:
             out.append(
                 f"{solver}: not everything was counted in {len(runs)} of "
-                f"{len(comparison.instances)} runs, so its effort is unknown and it is left out of "
-                "what is said of effort. It took one of the problem's graphs into code of its own "
-                "(as nlpsol does), or ended at a point about which it never asked the problem."
+                f"{len(comparison.instances)} runs, so its effort is unknown, and it is left out "
+                "of all statements on effort. It evaluated a graph of the problem in its own code "
+                "(as nlpsol does), or returned a point that it never evaluated."
             )
     return out
 
 
 def _lost(comparison: Comparison) -> list[str]:
-    """Who is lured into other basins, who is wrong about itself, and who fails."""
+    """The solvers that end in other basins, that claim convergence wrongly, or that fail."""
     out = []
     for solver in comparison.solvers:
         counts = comparison.counted(solver)
@@ -180,8 +181,8 @@ def _lost(comparison: Comparison) -> list[str]:
         wrong = counts[TargetOutcome.FALSE_CLAIM]
         if wrong:
             out.append(
-                f"{solver} claims convergence where the cost still slopes, in {wrong} of {runs} "
-                "runs: do not believe its status."
+                f"{solver} claims convergence at points that are not stationary, in {wrong} of "
+                f"{runs} runs: do not believe its status."
             )
         elsewhere = counts[TargetOutcome.OTHER_BASIN]
         if elsewhere and elsewhere >= runs / 2:
@@ -193,13 +194,13 @@ def _lost(comparison: Comparison) -> list[str]:
 
 
 def _clock(comparison: Comparison) -> list[str]:
-    """Whether any run was cut short by time."""
+    """A sentence if the clock ended any run."""
     late = sum(ended_by_clock(r) for r in comparison.records.values())
     if not late:
         return []
     return [
-        f"{late} of {len(comparison.records)} runs were ended by the clock: on a quicker or less "
-        "busy machine they may get further, and all of this may change."
+        f"{late} of {len(comparison.records)} runs were ended by the clock: on a faster or less "
+        "busy machine they may get further, and all of these results may change."
     ]
 
 
@@ -208,7 +209,7 @@ def prices_sentence() -> str:
     return (
         "Effort is the number of evaluations until the target is met, each kind times a fixed "
         f"price in units of one evaluation of the residual: {prices_in_words()} "
-        f"(upper bounds from {SOURCE}; constraints by convention). No clock enters it."
+        f"(upper bounds from {SOURCE}; constraints by convention). It does not depend on any clock."
     )
 
 

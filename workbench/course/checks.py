@@ -60,7 +60,7 @@ class Missed(Exception):
 
 
 def check(exercise: str, points: int = 1) -> Callable[[Callable[[Answer], None]], Check]:
-    """Make a function of an answer a check, named by the first line of its docstring."""
+    """Make a function a check of an answer, named by the first line of its docstring."""
 
     def made(run: Callable[[Answer], None]) -> Check:
         return Check(exercise, points, (run.__doc__ or run.__name__).splitlines()[0], run)
@@ -69,7 +69,7 @@ def check(exercise: str, points: int = 1) -> Callable[[Callable[[Answer], None]]
 
 
 def mistake(exercise: str, hint: str) -> Callable[[Answer], Mistake]:
-    """Make a wrong function a known mistake, whose hint is shown for the same answers."""
+    """Make a wrong function a known mistake; its hint is shown for the same answers."""
     return lambda answer: Mistake(exercise, hint, answer)
 
 

@@ -26,7 +26,7 @@ class Described:
 
 
 def described(value: Any, words: str = "") -> Described:
-    """A value that cannot be sent, in words; a function is described as one to be called."""
+    """A value that cannot be sent, in words; for a function they say that it has to be called."""
     return Described(kind(value), words or ("call it" if callable(value) else in_words(value)))
 
 

@@ -56,7 +56,7 @@ def _somewhere_else(diagnosis: Diagnosis, problem: Problem, at: Values) -> Itera
 
 
 def _rewrap(diagnosis: Diagnosis, problem: Problem, at: Values) -> Iterator[Suggestion]:
-    """Shorten rotation vectors near a full turn by it, which leaves the rotation the same."""
+    """Shorten rotation vectors near a full turn by one turn, which leaves the rotation the same."""
     for tree in problem.trees:
         x = problem.split(at)[0]
         turned = tree.turned(problem.free)
@@ -81,7 +81,7 @@ def _rewrap(diagnosis: Diagnosis, problem: Problem, at: Values) -> Iterator[Sugg
 
 
 def _fix(diagnosis: Diagnosis, problem: Problem, at: Values) -> Iterator[Suggestion]:
-    """Each block that takes part in null directions, fixed alone."""
+    """Fix one of the blocks that take part in null directions."""
     unread = set(diagnosis.structure.unread.tolist())
     for name in _blind_blocks(diagnosis)[: 3 if diagnosis.here.estimated else None]:
         part = problem.free.slices[name]
@@ -147,7 +147,7 @@ def _drop(diagnosis: Diagnosis, problem: Problem, at: Values) -> Iterator[Sugges
             "drop",
             f"drop the residual {second}",
             f"it repeats {first} row by row; counted twice, it makes sigmas too small",
-            "nothing: only a false certainty is lost",
+            "nothing; sigmas that were too small become right",
             problem.without(second),
             lambda before, after: after.unknowns - after.rank == before.unknowns - before.rank,
         )
@@ -191,7 +191,7 @@ def _rescale(diagnosis: Diagnosis, problem: Problem, at: Values) -> Iterator[Sug
         yield Suggestion(
             "measure each unknown in units of 1 / |its column|, as scaling=columns does",
             "the columns of the Jacobian have very different lengths",
-            "damping then treats all unknowns alike, also those that the data hardly determine",
+            "damping then treats all unknowns alike, even those that the data hardly determine",
             diagnosis.state,
             after,
             problem,

@@ -1,4 +1,4 @@
-"""What a diagnosis finds: warnings, where a fit's answer is arbitrary or wrong, and notes."""
+"""What a diagnosis finds: notes, and warnings if a fit's answer is arbitrary or wrong."""
 
 from collections.abc import Iterator, Sequence
 
@@ -129,7 +129,7 @@ def _depth(d: Diagnosis) -> Iterator[Finding]:
 
 def _conditioning(d: Diagnosis) -> Iterator[Finding]:
     if ILL < d.condition < np.inf:
-        text = f"the condition is {d.condition:.1e}: at least half of the digits are lost"
+        text = f"the condition number is {d.condition:.1e}: at least half of the digits are lost"
         yield Finding("conditioning", text)
     norms = d.here.column_norms[d.here.column_norms > 0]
     if norms.size and norms.max() > UNEVEN * norms.min():

@@ -34,10 +34,10 @@ class Parts:
     Attributes:
         shape: the numbers of rows and columns, (m, n).
         lengths: (n,) the lengths of the columns before; 1 where a column is zero.
-        own: for each part the places of its unknowns.
-        shared: (b,) the places of the unknowns that parts share.
+        own: the places of the unknowns of each part.
+        shared: (b,) the places of the unknowns that several parts share.
         triangles: for each part R of its rows by QR, in the columns (own, shared).
-        rest: the rows that read shared unknowns alone; all others are empty here.
+        rest: the rows that read only shared unknowns; all other rows are empty here.
         ties: (q, n) the rows that were set aside.
         tolerance: the size below which a singular value counts as zero.
     """

@@ -39,7 +39,7 @@ NATURAL = {  # how many of the unit make one yardstick, and its name
 
 @dataclass(frozen=True, eq=False)
 class Yardsticks:
-    """One per entry of the free vector, in the entry's unit, and in words by block.
+    """A yardstick for each entry of the free vector, in the entry's unit, and in words by block.
 
     Attributes:
         sizes: (n,) the yardstick of each entry, above zero.

@@ -184,7 +184,7 @@ def body_joints_alone(
 def body_cameras(
     body: str = "small", seed: int = 0, start: int = 0, cameras: int = 4, noise: float = 4.0
 ) -> Setup:
-    """Fit keypoints in images of 1000 px from all around, with the usual priors; noise in px."""
+    """Fit keypoints in images of 1000 px from cameras around the body, with priors; noise in px."""
     model = load_body(body)
     rng = np.random.default_rng(seed)
     truth = likely_person(model, rng)

@@ -52,7 +52,7 @@ def body_points(
     noise: float = 0.005,
     pose_sigma: float = 0.4,
 ) -> Setup:
-    """Fit one of MODELS to every `every`-th vertex of itself; noise in m, pose_sigma in rad.
+    """Fit one of MODELS to every `every`-th of its own vertices; noise in m, pose_sigma in rad.
 
     The triangle models have the template, tree, shape space and J_regressor of `body`, and no
     learned posedirs. Raises UnknownName for another model.

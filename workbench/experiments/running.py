@@ -123,7 +123,7 @@ def run(
     _measured(experiment, setup, setup.start)  # so that a mistake in it is found before the solve
     solver = solver or SOLVERS["levenberg-marquardt"]
     wanted = setup.compared if compare else ()
-    progress("deriving")  # before anything is timed
+    progress("differentiating")  # before anything is timed
     _prepare(setup.problem, solver, wanted)
     progress("solving")
     solution = solver.solve(setup.problem, setup.start, callback=callback)

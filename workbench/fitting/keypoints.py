@@ -39,8 +39,8 @@ def keypoint_fit(
 
     A detector's confidence c enters as the weight c^2, outside of the kernel, as in SPIN
     (Kolotouros et al. 2019): without a robust kernel, that keypoint has the standard deviation
-    sigma / c. Priors on the pose (`pose_prior`) and the shape (`shape_prior`) decide what the
-    keypoints do not. Photographs in `held_out` are drawn and measured, not fitted. `reference`
+    sigma / c. Priors on the pose (`pose_prior`) and the shape (`shape_prior`) determine what the
+    keypoints do not. Photographs in `held_out` are not fitted, but drawn and measured. `reference`
     (M, 3) m holds published positions of the body's landmarks, NaN where there is none. A camera
     without K gets a free focal length.
 
@@ -124,8 +124,8 @@ def unused(observations: Observations, body: Body) -> tuple[str, ...]:
     if not others:
         return ()
     return (
-        f"Of {len(observed)} keypoints that were seen, {len(observed) - len(others)} are fitted; "
-        f"the landmarks {kind!r} of body {body.name!r} have no place for the others: "
+        f"Of {len(observed)} observed keypoints, {len(observed) - len(others)} are fitted; "
+        f"the landmarks {kind!r} of the body {body.name!r} do not include the others: "
         f"{counted_by_part(others)}",
     )
 

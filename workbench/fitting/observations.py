@@ -17,7 +17,7 @@ FEET = tuple(f"{side}_{part}" for side in SIDES for part in ("big_toe", "small_t
 
 
 class BadObservation(WorkbenchError):
-    """Keypoints or cameras that a fit cannot use."""
+    """The error for keypoints or cameras that a fit cannot use."""
 
 
 @dataclass(frozen=True, eq=False)

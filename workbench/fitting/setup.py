@@ -149,6 +149,6 @@ class Setup:
 
 
 def expect(name: str, value: object, kind: type | tuple[type, ...], wanted: str) -> None:
-    """Raise BadSetup unless a field of a setup is of a kind, which `wanted` describes."""
+    """Raise BadSetup unless a field of a setup has the right kind, which `wanted` describes."""
     if not isinstance(value, kind):
         raise BadSetup(f"`{name}` of a setup must be {wanted}, not {value!r:.80}")

@@ -36,12 +36,12 @@ def heat(vertices: Array, faces: Index, spread: float) -> scipy.sparse.linalg.Su
 
 
 def find_mirror(vertices: Array, faces: Index) -> Index:
-    """The vertex on the other side of each, (N,), found from how the mesh is connected.
+    """For each vertex the one on the other side, (N,), found from the connections of the mesh.
 
-    The image of one triangle decides that of its neighbours, so noise in `vertices` (N, 3) does
-    no harm; they only say which triangles to try. It is verified that every face becomes a face
-    looking the other way, that vertices swap in pairs, and that it is about a reflection in x.
-    Raises NoMirror.
+    The mirror image of one triangle determines that of its neighbours. The `vertices` (N, 3) only
+    say which triangles to try first, so noise in them does no harm. It is verified that every face
+    becomes a face with the other orientation, that vertices are exchanged in pairs, and that the
+    result is nearly a reflection in x. Raises NoMirror.
     """
     beyond = {
         (int(a), int(b)): int(c) for f in faces for a, b, c in (f, np.roll(f, -1), np.roll(f, -2))

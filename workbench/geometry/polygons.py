@@ -39,7 +39,7 @@ def fans(corners: Index, counts: Index) -> Index:
 
 
 def vertex_numbers(numbers: NDArray[np.generic] | Iterable[int]) -> Index:
-    """Numbers of vertices. Raises ValueError for what is no whole number from 0."""
+    """Numbers of vertices. Raises ValueError for anything but whole numbers from 0."""
     found = np.asarray(numbers)
     if found.dtype.kind == "f":
         whole = (found >= 0) & (found < 2.0**53) & (found == np.trunc(found))

@@ -77,7 +77,7 @@ def _numeric() -> cs.Function:
 
 
 def matrix_from_vector(w: ArrayLike) -> Array:
-    """Rotation vectors (..., 3) in radians -> rotation matrices (..., 3, 3)."""
+    """The rotation matrices (..., 3, 3) of rotation vectors (..., 3) in radians."""
     w = np.asarray(w, dtype=float)
     if not w.size:
         return np.empty((*w.shape[:-1], 3, 3))  # to CasADi no columns mean one of zeros

@@ -41,7 +41,7 @@ def frames(vertices: ArrayLike, faces: Index) -> Array:
 
 
 def frames_on(e: Array) -> Array:
-    """Frames on edges (..., F, 2, 3) m, which need not close; see `frames`."""
+    """Frames on edges (..., F, 2, 3) m, which need not fit together to a mesh; see `frames`."""
     n = np.cross(e[..., 1, :], e[..., 0, :])  # m^2
     root = np.sqrt(np.linalg.norm(n, axis=-1, keepdims=True))
     axis = np.divide(n, root, out=np.zeros_like(n), where=root > 0)

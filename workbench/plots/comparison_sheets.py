@@ -49,7 +49,7 @@ def waterfall_sheet(comparison: Comparison, problem: str) -> Figure:
 
 
 def pairwise_wins_sheet(comparison: Comparison) -> Figure:
-    """The wins of each solver over each other one, as large as there are solvers."""
+    """The wins of each solver over each other one; the sheet grows with their number."""
     n = len(comparison.solvers)
     plot = partial(plot_pairwise_wins, comparison)
     figure = drawn(plot, min(WIDE, 2.6 + 0.75 * n), min(7.5, 1.8 + 0.5 * n))

@@ -59,7 +59,7 @@ def drawn(plot: Callable[..., object], width: float, height: float) -> Figure:
 def side_by_side(
     plots: Sequence[Callable[..., object]], width: float, height: float, *, columns: int
 ) -> Figure:
-    """Plots with one label of the y-axis, and one legend of that many columns below them all."""
+    """Plots side by side, with one label of the y-axis and below them one legend in `columns`."""
     with house_style():
         figure, axes = sheet(width, height, len(plots))
         for ax, plot in zip(axes, plots, strict=True):

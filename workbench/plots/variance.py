@@ -8,7 +8,7 @@ from workbench.plots.palette import BLUE, FAINT, VERMILLION
 
 
 def plot_left_over(left: Array, *, ax: Axes) -> Axes:
-    """`left` (B + 1, P) m: what the first 0 ... B directions leave of each of P people."""
+    """`left` (B + 1, P) m: what remains of P people without the first 0 ... B directions."""
     b = np.arange(len(left))
     ax.plot(b, 1e3 * left, color=FAINT, linewidth=0.9)
     ax.plot(b, 1e3 * left.mean(axis=1), color=VERMILLION, marker="o", label="mean of these people")

@@ -49,9 +49,9 @@ def caption_verdicts(comparison: Comparison) -> str:
     if came[TargetOutcome.OTHER_BASIN]:
         text += " Light blue runs converged in another basin."
     if came[TargetOutcome.FALSE_CLAIM]:
-        text += " Vermillion runs claim convergence where the cost still slopes."
+        text += " Vermillion runs claim convergence at points that are not stationary."
     else:
-        text += " No run claims convergence where the cost still slopes."
+        text += " No run claims convergence at a point that is not stationary."
     if came[TargetOutcome.ALONE]:
         text += " Blue is the only end on a problem whose lowest cost is unknown: low or high."
     if any(n for verdict, n in came.items() if verdict not in COLOURS):

@@ -19,14 +19,14 @@ FULL = 0.25  # of a row's entries: a row that reads more of its frame is stored 
 
 
 class FrameGroup:
-    """F frames that have the chain rule of one frame.
+    """F frames that have the same chain rule.
 
     Attributes:
         chain: the chain rule of one frame.
         frames: (F,) the numbers of the frames in the sequence.
-        rows: (F, m) where the rows of each frame stand among those of the sequence.
-        columns: (F, n) where its free numbers stand among those of the sequence.
-        given: (F, h) where its fixed numbers stand among those of the sequence.
+        rows: (F, m) where the rows of each frame are among those of the sequence.
+        columns: (F, n) where its free numbers are among those of the sequence.
+        given: (F, h) where its fixed numbers are among those of the sequence.
     """
 
     def __init__(
@@ -92,7 +92,7 @@ class FrameGroup:
 
     @property
     def whole_rows(self) -> Index:
-        """(F, k) of the stacked residual."""
+        """The numbers (F, k) of the whole rows in the stacked residual."""
         return self.rows[:, self.whole]
 
     @property

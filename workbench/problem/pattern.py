@@ -61,7 +61,7 @@ class Pattern:
 
 
 class Part(NamedTuple):
-    """A dense part of a matrix: some rows of some columns, every entry of them.
+    """A dense part of a matrix: all entries in some rows of some columns.
 
     Attributes:
         rows: the numbers of the rows, rising.

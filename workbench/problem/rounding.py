@@ -64,9 +64,9 @@ def fall(residual: Array, to: Array) -> float:
 class Support:
     """Which rows of the residual each free number can change, by the structure of the graph.
 
-    Number i can change the rows of its group, `groups[group_of[i]]` (m,), and those that are
-    marked in row i of `own` (n, m). Rows that no free number changes are constant: they add to the
-    cost and say nothing about how near a minimum is.
+    Number i can change the rows of its group, `groups[group_of[i]]` (m,), and those that are marked
+    in row i of `own` (n, m). Rows that no free number changes are constant: they add to the cost,
+    but do not show how near a minimum is.
     """
 
     def __init__(
@@ -82,7 +82,8 @@ class Support:
         """The support of a sequence.
 
         `parts` are groups of F similar frames: the support of one frame, and the rows (F, m) and
-        the free numbers (F, n) of all of them. `rest` (n, m) marks what else numbers can change.
+        the free numbers (F, n) of all of them. `rest` (n, m) marks the other rows that numbers can
+        change.
         """
         n, m = rest.shape
         group_of, first = np.zeros(n, dtype=np.int64), 1  # the first group is empty

@@ -14,7 +14,7 @@ class TooLong(Exception):
 
 
 class Channel:
-    """One end of a connection, by which whole messages are sent and received."""
+    """One end of a connection that sends and receives whole messages."""
 
     def __init__(self, connection: socket.socket) -> None:
         self._connection = connection

@@ -26,7 +26,7 @@ DAMAGE: tuple[type[Exception], ...] = (
 
 @contextmanager
 def taken_for(path: str | Path, what: str, do: str) -> Iterator[None]:
-    """BadFile with a reason becomes BadFile with a sentence: `PATH is no WHAT (REASON); DO`."""
+    """Turn BadFile with a reason into BadFile with a sentence: `PATH is no WHAT (REASON); DO`."""
     try:
         yield
     except BadFile as error:
@@ -35,7 +35,7 @@ def taken_for(path: str | Path, what: str, do: str) -> Iterator[None]:
 
 @contextmanager
 def damage(name: str = "") -> Iterator[None]:
-    """Whatever numpy and zipfile raise for a damaged file becomes BadFile with the reason.
+    """Turn whatever NumPy and zipfile raise for a damaged file into BadFile with the reason.
 
     `name` is the array that was being read.
     """

@@ -96,7 +96,7 @@ def nothing_else(archive: Archive, expected: Iterable[str]) -> None:
 
 
 def check_numbers(name: str, numbers: Index, end: int) -> None:
-    """Raise BadFile unless all numbers are from 0 to `end` - 1."""
+    """Raise BadFile unless all numbers lie between 0 and `end` - 1."""
     if numbers.size and not 0 <= numbers.min() <= numbers.max() < end:
         raise BadFile(f"{name} holds {numbers.min()} to {numbers.max()}, not 0 to {end - 1} alone")
 

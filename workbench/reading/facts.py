@@ -158,7 +158,7 @@ def text(given: object, name: str) -> str:
 
 
 def number(given: object, name: str) -> float:
-    """A number, which may be NaN or infinite; true and false are none."""
+    """A number, which may be NaN or infinite; true and false are no numbers."""
     if isinstance(given, bool) or not isinstance(given, (int, float)):
         _refuse(given, name, "a number")
     try:

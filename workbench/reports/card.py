@@ -61,7 +61,7 @@ def card_page(body: SkinnedBody | TriangleBody) -> str:
 
 
 def card_text(body: SkinnedBody | TriangleBody) -> str:
-    """The card for a terminal. Raises BadBody for what is no body."""
+    """The card as text for a terminal. Raises BadBody for anything but a body."""
     check_kind(body)
     known = facts(body)
     widest = max(map(len, known))
@@ -71,7 +71,7 @@ def card_text(body: SkinnedBody | TriangleBody) -> str:
 
 
 def template_called(body: SkinnedBody | TriangleBody) -> str:
-    """What the template is, as a caption says it."""
+    """The words for the template in a caption."""
     return "synthetic template" if "synthetic" in body.card else "template"
 
 

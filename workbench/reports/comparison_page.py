@@ -90,7 +90,7 @@ def comparison_data(comparison: Comparison) -> dict[str, Any]:
 
 
 def machines(comparison: Comparison) -> list[str]:
-    """On which the runs were measured, each once."""
+    """The machines on which the runs were measured, each listed once."""
     return sorted({record.machine for record in comparison.records.values()})
 
 

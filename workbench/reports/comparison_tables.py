@@ -94,7 +94,7 @@ def _by_solver(
 
 
 def problem_table(comparison: Comparison, problem: str, tau: float = MAIN) -> Table:
-    """The same for one problem; seconds last, as least, median and most."""
+    """Success, effort and ends of every solver on one problem; the last column has seconds."""
     chosen, kinds = comparison.of(problem), _asked(comparison)
     rows = []
     for solver in comparison.solvers:

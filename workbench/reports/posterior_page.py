@@ -89,7 +89,7 @@ def _save_draws(p: Posterior, path: Path) -> None:
 
 
 def truth_of(p: Posterior, setup: Setup) -> Array | None:
-    """What synthetic data were made of, of the sampled entries (k,); None for other data."""
+    """The true values (k,) of the sampled entries of synthetic data; None for other data."""
     return None if setup.made_of is None else p.coordinates(setup.made_of)
 
 

@@ -81,7 +81,9 @@ def priors_said(outcome: Outcome) -> str:
         return "The setup names no residual as a prior."
     prior, make = ("prior", "makes") if len(priors) == 1 else ("priors", "make")
     share = f"{outcome.prior_share:.1%}" if math.isfinite(outcome.prior_share) else "nothing"
-    return f"The {prior}, {' and '.join(priors)}, {make} up {share} of the cost at the end."
+    *first, last = priors
+    named = f"{', '.join(first)} and {last}" if first else last
+    return f"The {prior}, {named}, {make} up {share} of the cost at the end."
 
 
 def better_said(outcome: Outcome) -> str:

@@ -60,10 +60,10 @@ def huber(threshold: float = 1.345) -> Kernel:
 
 @dataclass(frozen=True)
 class Huber:
-    """Huber's kernel as a value, so that two of one threshold are equal: `huber`.
+    """Huber's kernel as a value, so that two with the same threshold are equal; see `huber`.
 
     Attributes:
-        threshold: k, in sigmas, from which on rho is linear.
+        threshold: k, in sigmas; beyond it rho is linear.
     """
 
     threshold: float
@@ -104,9 +104,9 @@ def of_norms(kernel: Kernel) -> OfNorms:
     derivative where r is zero, as |r| has none, and Gauss-Newton would see one direction of
     three. The factors are smooth there.
 
-    One sigma is meant for all coordinates of a point. Where they differ, |r / sigma| is
-    Mahalanobis' distance. The border of an outlier is now a distance: of Gaussian points in
-    space 95 % lie within 2.80 sigma, not within 1.96.
+    Usually all coordinates of a point have the same sigma; if they differ, |r / sigma| is
+    Mahalanobis' distance. An outlier is now defined by a distance: 95 % of Gaussian points in space
+    lie within 2.80 sigma, and not within 1.96.
 
     Raises BadResidual if it is given no function, or a kernel that is already one of norms.
     """

@@ -17,9 +17,10 @@ def mirrored(
     """p_i - U(p)_i in metres: E_Y, the symmetry of a template or of its joints (SMPL, section 4.1).
 
     U exchanges the sides: U(p)_i = (-x, y, z) of p_opposite[i]. `points` are the symbol of a block
-    (N, 3), or points of a body; `opposite` (N,) is the number of the point on the other side of
-    each, its own in the middle. Each pair stands in the residual twice, once from each side, as in
-    the source. A motion along y or z, and a rotation about x, change nothing.
+    (N, 3), or points of a body; `opposite` (N,) has for each point the number of the point on the
+    other side, and for a point in the middle its own number. Each pair is in the residual twice,
+    once from each side, as in the source. A motion along y or z, and a rotation about x, change
+    nothing.
 
     Raises BadResidual unless the other side of the other side is the point itself.
     """

@@ -112,7 +112,7 @@ def log_scaled_tail(u: Array) -> Array:
 
 
 def bounds_of(target: LogDensity) -> tuple[Array, Array]:
-    """The bounds of z, (k,) each; infinite where z are directions and no entries."""
+    """The bounds of z, (k,) each; infinite if z are directions and not entries."""
     space, problem = target.subspace, target.problem
     if space.entries is None:
         return np.full(space.size, -np.inf), np.full(space.size, np.inf)

@@ -23,7 +23,7 @@ JUMPS = 0.1  # of the steps
 
 
 class BiasedMove(WorkbenchError):
-    """A move that does not leave the posterior as it is."""
+    """The error for a move under which the posterior is not the stationary distribution."""
 
 
 def propose_together(move: Any, model: Any, state: Any) -> tuple[Any, Mask]:
@@ -122,7 +122,7 @@ def refuse_biased(moves: Moves) -> None:
 
     Up to emcee 3.1.6 it divides by the root of the distance and halves the exponent of the
     factor: the variance of a standard normal comes out as 0.89 in 2 dimensions and 0.53 in 40.
-    What it does is looked at, not what it is called.
+    The check tries what the move does, whatever its version says.
     """
     for move, _ in moves:
         if isinstance(move, emcee.moves.DESnookerMove) and not _right_snooker(move):

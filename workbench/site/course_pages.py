@@ -60,8 +60,8 @@ def _index(there: list[Lecture]) -> str:
     names = [one.folder_name for one in there]
     return (
         "# Body models, from a function to a posterior\n\n"
-        "A course on the workbench: every figure and number on these pages was computed when they "
-        "were made, by code that stands beside it.\n\n"
+        "A course on the workbench. All figures and numbers on these pages were computed by the "
+        "code beside them when the pages were made.\n\n"
         "| | lecture | minutes | points |\n| --- | --- | --- | --- |\n" + "\n".join(rows) + "\n\n"
         "```{toctree}\n:hidden:\n\n" + "\n".join((*names, *GUIDES)) + "\n```\n"
     )

@@ -71,8 +71,8 @@ class Dogleg:
     squares problems, 2004, section 3.3.
 
     Attributes:
-        rule: how the radius follows the gain ratio: `textbook`, or `chumpy`, by which this is the
-            optimizer that SMPL was first fitted with.
+        rule: how the radius follows the gain ratio: `textbook`, or `chumpy`, with which this is the
+            optimizer by which SMPL was first fitted.
         scaling: the metric D of the trust region. `identity`: a radian, a metre and a standard
             deviation count the same; `columns`: units of unknowns do not matter.
         linear_algebra: how the Gauss-Newton step is computed; `automatic` chooses a factorization.

@@ -26,7 +26,7 @@ TOLERANCE = 1e-15  # of SciPy's own rules, so that ours is asked first
 
 @dataclass(frozen=True)
 class Scipy:
-    """A method of `scipy.optimize.least_squares`. Raises UnknownName for a method not named here.
+    """A method of `scipy.optimize.least_squares`. Raises UnknownName for any other method.
 
     Attributes:
         method: `trf` (Branch, Coleman and Li, A subspace, interior, and conjugate gradient method

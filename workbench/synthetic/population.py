@@ -91,7 +91,8 @@ def draw_population(
 ) -> Population:
     """`n` adults, women and men in turn.
 
-    `weights` (13380, 24) un-pose them; `keypoints` (M, 19158) are read off the base mesh.
+    With `weights` (13380, 24) they are brought into the rest pose; `keypoints` (M, 19158) are means
+    of vertices of the base mesh.
     """
     rng = np.random.default_rng(seed)
     people = [draw_person(rng, i % 2 == 0, targets.girth) for i in range(n)]

@@ -116,7 +116,7 @@ class ShapeTargets:
 
 
 def read_shape_targets(wheel: Wheel, n_vertices: int) -> ShapeTargets:
-    """The targets that apply to adults, of both genders and alike on both sides."""
+    """The targets that apply to adults of both genders, the same on both sides."""
     macro = dict(_macro_targets(wheel))
     local = dict(_local_targets(wheel))
     more = [_sum(wheel, plus, n_vertices) for plus, _ in local.values()]

@@ -21,10 +21,10 @@ class Step:
 
     Attributes:
         change: the change of each name.
-        length: in the norm of the preconditioner.
+        length: the length of the step in the norm of the preconditioner.
         predicted: the decrease of the cost that the linear model predicts.
-        iterations: how many products it took.
-        inside: whether it is shorter than the trust region's radius.
+        iterations: the number of products.
+        inside: whether the step is shorter than the trust region's radius.
     """
 
     change: Change

@@ -135,7 +135,7 @@ def shapes_explained(
 ) -> dict[str, float]:
     """The entries of a model card about held-out people in one pose.
 
-    They are un-posed as the people were that shapedirs were learned from.
+    They are brought into the rest pose in the same way as the people in the training.
     """
     work = partial(unposed_people, body, ShapePrior())
     found = execution.executor(work, unposing_jobs(registrations))

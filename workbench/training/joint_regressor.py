@@ -13,10 +13,10 @@ FEWEST = 60  # vertices that a row may use at least
 
 @dataclass(frozen=True, eq=False)
 class JointRegressor:
-    """Joints from vertices.
+    """A regressor, which computes joints from vertices.
 
     Attributes:
-        matrix: (K, N) rows of shares.
+        matrix: (K, N), the weights of vertices; each row sums to one.
         rms: (K,) in metres, the distance of each regressed joint from the given ones.
         kkt: the largest residual of the Karush-Kuhn-Tucker conditions.
     """

@@ -32,12 +32,12 @@ class Stage:
 
 @dataclass(frozen=True)
 class Plan:
-    """Stages in order.
+    """The plan of a training: its stages, in order.
 
     Attributes:
         stages: the stages.
-        reach: how many bones away joints may be that bend a vertex, see
-            `locality.local_features`; None allows all joints.
+        reach: the largest number of bones from a vertex to a joint that changes the surface there,
+            see `locality.local_features`; None allows all joints.
     """
 
     stages: tuple[Stage, ...]

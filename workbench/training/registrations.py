@@ -188,10 +188,10 @@ def rows_of_jobs(count: int, size: int) -> list[slice]:
 
 
 def halves(items: Sequence[Item]) -> list[Sequence[Item]]:
-    """The items of the first thread and those of the second.
+    """The items for the first thread and those for the second.
 
-    Each thread adds up its half in order, and the two sums are added last: the same numbers
-    come out whichever thread is faster. A single item is not divided.
+    Each thread adds up its half in order, and the two sums are added at the end, so that the result
+    does not depend on which thread is faster. A single item is not divided.
     """
     middle = len(items) // 2
     return [items[:middle], items[middle:]] if middle else [items]

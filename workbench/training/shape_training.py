@@ -135,8 +135,8 @@ def unposed_people(
 ) -> tuple[Array, Array]:
     """The poses (c, K, 3) rad of people, and the people at rest (c, N, 3) m.
 
-    Poses are fitted, with betas too given a `prior`. Where no pose is known, the segments are
-    turned first. Vertices that were not scanned are those of the body.
+    The poses are fitted, and the betas too if a `prior` is given. If no pose is known, the segments
+    are turned first. Vertices that were not scanned are taken from the body.
     """
     batch, starts = job
     few = subsample(body.template, body.faces)

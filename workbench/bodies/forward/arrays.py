@@ -27,7 +27,7 @@ class SurfaceArrays(Protocol):
 
     @property
     def shapedirs(self) -> Array:
-        """What one standard deviation of each of the betas adds to them, (N, 3, B) m."""
+        """What one standard deviation of each beta adds to the template, (N, 3, B) m."""
 
     @property
     def posedirs(self) -> Array:
@@ -39,7 +39,7 @@ class SurfaceArrays(Protocol):
 
 
 class SkeletonArrays(Protocol):
-    """What a body's joints are made of; N vertices, K joints, B betas."""
+    """The arrays that determine a body's joints, for N vertices, K joints and B betas."""
 
     @property
     def template(self) -> Array:
@@ -47,7 +47,7 @@ class SkeletonArrays(Protocol):
 
     @property
     def shapedirs(self) -> Array:
-        """What one standard deviation of each of the betas adds to them, (N, 3, B) m."""
+        """What one standard deviation of each beta adds to the template, (N, 3, B) m."""
 
     @property
     def J_regressor(self) -> csr_array:
@@ -55,19 +55,19 @@ class SkeletonArrays(Protocol):
 
     @property
     def rest_joints(self) -> Array | None:
-        """(K, 3) m, the joints at rest where they are given; None if `J_regressor` finds them."""
+        """(K, 3) m, the joints at rest if they are given; None if `J_regressor` computes them."""
 
 
 class SkinnedArrays(SurfaceArrays, SkeletonArrays, Body, Protocol):
-    """A body of these arrays: how they are put together, and which of them are free."""
+    """The arrays of a skinned body, the functions that combine them, and which are free."""
 
     @property
     def skinning(self) -> Skinning:
-        """How motions are blended."""
+        """The function that blends the motions of joints."""
 
     @property
     def features(self) -> Features:
-        """What posedirs are multiplied with."""
+        """The function of the pose by which posedirs are multiplied."""
 
     @property
     def is_smpl(self) -> bool:

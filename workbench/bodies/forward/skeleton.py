@@ -16,8 +16,8 @@ from workbench.geometry.rotation import Matrix
 class Skeleton:
     """J(beta) = J_regressor (T + B_S(beta)) = mean + slopes beta (SMPL eq. 10).
 
-    The number of vertices has dropped out. Where a body's joints are given, they do not depend on
-    betas.
+    These arrays do not depend on the number of vertices. If a body's joints are given, they do not
+    depend on betas.
 
     Attributes:
         mean: (K, 3) m, the joints of the mean person.

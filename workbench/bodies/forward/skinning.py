@@ -46,8 +46,9 @@ def dual_quaternion_blend(points: cs.MX, motions: Sequence[cs.MX], weights: cs.M
     """v'_i is moved by sum over k of w_ik s_ik q_k, normalised, q_k being the motions G'_k.
 
     Dual quaternion blending (Kavan et al. 2008): every vertex is moved rigidly, so that twisted
-    limbs keep their radius. Where two joints that a vertex blends are 180 degrees apart, both ways
-    round are as long: there it jumps from one to the other, and has no derivative.
+    limbs keep their radius. If the rotations of two joints that a vertex blends are 180 degrees
+    apart, the ways in both directions are equally long. There the vertex jumps from one to the
+    other, and has no derivative.
 
     For points (3, N) in m, motions (3, 4), weights (N, K).
     """

@@ -84,7 +84,7 @@ class Result:
 
 
 def fit_predictors(data: TrainingData, n_examples: int, report: Report) -> Iterator[Predictor]:
-    """Every predictor, each fitted when it is asked for; two interpolate `n_examples` poses."""
+    """Every predictor, each fitted when it is first used; two interpolate `n_examples` poses."""
     body = data.body
     linear = without_pose_blend_shapes(body)
     dual = replace(linear, skinning=dual_quaternion_blend)

@@ -64,10 +64,10 @@ class ByPenalty:
     """Blend shapes fitted with one penalty.
 
     Attributes:
-        penalty: its strength, per m^2 and pose or in m.
-        share: what is left of the penalised part: of the norm, how much is far from the joint; or
-            of the numbers, how many are not zero.
-        training_rms: in mm, at rest.
+        penalty: the strength of the penalty, per m^2 and pose, or in m.
+        share: the remaining share of what is penalised: of the norm far from the joint, or of the
+            numbers that are not zero.
+        training_rms: in mm, the rms error of the blend shapes at rest in the training poses.
         test_mean: in mm, the mean distance of posed vertices in the test poses.
     """
 

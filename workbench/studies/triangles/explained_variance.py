@@ -49,7 +49,7 @@ def explained_by_vertices(
 def explained_by_triangles(
     people: ArrayLike, faces: Index, most: int, others: ArrayLike | None = None
 ) -> ExplainedVariance:
-    """What the first principal components of deformation gradients explain, once stitched.
+    """The variance that principal components of deformation gradients explain, after stitching.
 
     Each person gets the betas that bring the vertices nearest, which explains more than betas
     trained on gradients would. The arguments are those of `explained_by_vertices`.

@@ -100,15 +100,15 @@ def n_seams(faces: Index, part: Index) -> int:
 
 @dataclass(frozen=True)
 class Timing:
-    """How long one body takes on one core, once everything is made that is made once.
+    """The times of one body on one core, without work that is done only once.
 
     Attributes:
         mesh: the name of the mesh.
         model: the name of the model.
         n_vertices: of the mesh.
         n_faces: of the mesh.
-        vertices_ms: the surface at one pose and shape, the least of several times.
-        jacobian_ms: residual and Jacobian of all vertices with respect to pose, betas and trans.
+        vertices_ms: the time of the surface at one pose and shape, the least of several.
+        jacobian_ms: the time of the residual and its Jacobian by pose, betas and trans.
         density: the share of this Jacobian's entries that are not zero.
     """
 

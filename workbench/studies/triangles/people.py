@@ -97,7 +97,7 @@ class People:
 
 @dataclass(frozen=True, eq=False)
 class TriangleData:
-    """What the models are trained on, in unknown poses, and tested on; all of it is synthetic.
+    """The data on which the models are trained, in unknown poses, and tested; all are synthetic.
 
     Attributes:
         people: everybody at rest.
@@ -115,7 +115,7 @@ class TriangleData:
 
     @property
     def start(self) -> Start:
-        """Where training starts: the mean person, its tree, and the part that each vertex is of."""
+        """Where training starts: the mean person, its tree, and the part of each vertex."""
         body = self.people.body
         return replace(Start.of(body), template=self.people.training.mean(axis=0))
 

@@ -60,10 +60,10 @@ LSQR = Lsqr()
 
 
 class Measure(Protocol):
-    """What of a stitched mesh is compared: linear in the edges (2 F, k) that were asked for."""
+    """What is compared of a stitched mesh, as a linear function of the given edges (2 F, k)."""
 
     def observed(self, edges: Array) -> Array:
-        """What is compared, (rows, k) m."""
+        """The quantities that are compared, (rows, k) m."""
 
     def adjoint(self, pull: Array) -> Array:
         """The gradient (2 F, k) of sum(pull * observed(edges)) by the edges."""
