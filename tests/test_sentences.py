@@ -19,6 +19,7 @@ from workbench.errors import (
     BadResidual,
     UnknownName,
     UnreadBlock,
+    joined,
     some_of,
 )
 from workbench.reports.card import card_page, card_text, write_card
@@ -257,6 +258,7 @@ def test_sets_of_landmarks_that_nobody_could_ask_for() -> None:
 
 
 def test_of_many_names_the_first_are_told() -> None:
+    assert [joined("abc"[:n]) for n in (1, 2, 3)] == ["a", "a and b", "a, b and c"]
     assert some_of(["a", "b"]) == "a, b"
     assert some_of(list("abcdefg")) == "a, b, c, d, e and 2 more"
     assert some_of(list("abc"), 2) == "a, b and 1 more"

@@ -78,6 +78,11 @@ def some(names: Iterable[str]) -> str:
     return ", ".join(parts) or "none"
 
 
+def joined(names: Sequence[str]) -> str:
+    """One name or more as a sentence enumerates them: `a, b and c`."""
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
 def some_of(names: Sequence[str], most: int = 5) -> str:
     """The first of several names, and how many more there are."""
     more = f" and {len(names) - most} more" if len(names) > most else ""

@@ -66,7 +66,7 @@ def _hint(given: object) -> str:
 
 
 def numbers(what: str, value: object) -> NDArray[Any]:
-    """`value` as an array of whole or real numbers of any precision; `what` it is, for the error.
+    """`value` as an array of whole or real numbers of any precision; errors call it `what`.
 
     Raises NotNumbers.
     """

@@ -8,6 +8,7 @@ from workbench.comparison.pairs import duels, surer
 from workbench.comparison.prices import SOURCE, prices_in_words
 from workbench.comparison.statistics import FEWEST, LEVEL, Interval
 from workbench.comparison.targets import TargetOutcome, ended_by_clock, named
+from workbench.errors import joined
 
 LISTED = 5  # groups of problems that are told one by one
 
@@ -63,7 +64,7 @@ def _nothing_to_compare(comparison: Comparison) -> list[str]:
 def _sure(comparison: Comparison, everywhere: tuple[str, ...], tau: float) -> list[str]:
     starts = len(comparison.comparable)
     each = " each" if len(everywhere) > 1 else ""
-    text = f"{_and(everywhere)}{each} returned a point within the target τ = {named(tau)} from "
+    text = f"{joined(everywhere)}{each} returned a point within the target τ = {named(tau)} from "
     text += f"all {starts} starts." if starts > 1 else "the one start."
     others = [s for s in comparison.solvers if s not in everywhere]
     if others:
@@ -78,7 +79,7 @@ def _sure(comparison: Comparison, everywhere: tuple[str, ...], tau: float) -> li
     if open_:
         least = min(pairs[everywhere[0], s].corrected for s in open_)
         out.append(
-            f"These runs do not show whether {_and(open_)} would also fail more often on other "
+            f"These runs do not show whether {joined(open_)} would also fail more often on other "
             f"problems (sign test over {_problems(comparison)}: p {_at_least(least)}; "
             f"level {LEVEL:.0%})."
         )
@@ -98,15 +99,15 @@ def _cheapest(comparison: Comparison, everywhere: tuple[str, ...], tau: float) -
         if all(pairs[one, s].won for s in others):
             worst = max(pairs[one, s].corrected for s in others)
             return [
-                f"Of these, take {one}: it needed less effort than {_and(others)} on more problems "
-                f"than chance would explain ({test} = {worst:.2g}"
+                f"Of these, take {one}: it needed less effort than {joined(others)} on more "
+                f"problems than chance would explain ({test} = {worst:.2g}"
                 f"{' or less' if len(others) > 1 else ''}, {level}). "
                 f"Its median effort is {_worth(ranked[one])}."
             ]
     least = min(ranked.values())
     first = tuple(s for s, effort in ranked.items() if effort == least)
     if len(first) > 1:
-        return [f"Of these, {_and(first)} have the least median effort, {_worth(least)}."]
+        return [f"Of these, {joined(first)} have the least median effort, {_worth(least)}."]
     one, others = first[0], tuple(s for s in ranked if s != first[0])
     ahead = tuple(s for s in others if pairs[s, one].won)
     unbeaten = tuple(s for s in others if not pairs[one, s].decided)
@@ -114,12 +115,12 @@ def _cheapest(comparison: Comparison, everywhere: tuple[str, ...], tau: float) -
     if unbeaten:
         smallest = min(pairs[one, s].corrected for s in unbeaten)
         text += (
-            f", but its lead over {_and(unbeaten)} may be chance ({test} "
+            f", but its lead over {joined(unbeaten)} may be chance ({test} "
             f"{_at_least(smallest)}, {level})"
         )
     if ahead:
         text += (
-            f"; yet {_and(ahead)} needed less than it on more problems than chance would explain"
+            f"; yet {joined(ahead)} needed less than it on more problems than chance would explain"
         )
     text += "."
     if len(comparison.compared) < FEWEST:
@@ -150,8 +151,8 @@ def _none(comparison: Comparison, compared: tuple[str, ...], tau: float) -> list
         groups.setdefault(reliable(comparison, (problem,), tau), []).append(problem)
     order = sorted(groups, key=lambda who: (not who, -len(groups[who])))
     for who in order[:LISTED]:
-        told = f"{_and(who)} did so" if who else "no solver did so"
-        out.append(f"On {_and(tuple(groups[who]))}: {told} from every start.")
+        told = f"{joined(who)} did so" if who else "no solver did so"
+        out.append(f"On {joined(tuple(groups[who]))}: {told} from every start.")
     if len(order) > LISTED:
         out.append("The page shows the other problems one by one.")
     return out
@@ -220,10 +221,6 @@ def _problems(comparison: Comparison) -> str:
 
 def _at_least(p: float) -> str:
     return "= 1" if p >= 1 else f"= {p:.2g} or more"
-
-
-def _and(names: tuple[str, ...]) -> str:
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
 def basin_sentence(comparison: Comparison, problem: str) -> str:

@@ -83,7 +83,7 @@ def caption_cost_traces(comparison: Comparison, problem: str) -> str:
 
 
 def plot_waterfall(comparison: Comparison, problem: str, *, ax: Axes) -> Axes:
-    """(f - f*) / (f_0 - f*) of the ends on one problem, each solver's sorted, worst last."""
+    """(f - f*) / (f_0 - f*) at the ends on one problem, sorted for each solver, the worst last."""
     instances = comparison.of(problem)
     for k, solver in enumerate(comparison.solvers):
         gaps = [t[-1, 2] for i in instances if len(t := comparison.trace(i, solver))]

@@ -170,22 +170,20 @@ class Started:
         self.pid = self._popen.pid
 
     def wait(self, seconds: float) -> int | None:
-        """Wait for its exit code, which is minus a signal's number; None if it still runs."""
+        """Wait for the exit code, minus the number of a signal; None if the process still runs."""
         with suppress(subprocess.TimeoutExpired):
             return self._popen.wait(timeout=seconds)
         return None
 
     def end(self) -> int:
-        """Kill it with all that it has started; return the exit code, that of its death if it was
-        dead.
-        """
+        """Kill the process and all that it started, and return its exit code."""
         kill_group(self.pid)
         self._popen.kill()  # on Windows, where there are no groups
         return self._popen.wait()
 
 
 def kill_group(pid: int) -> None:
-    """Kill the process group that a process leads, also after this process has ended by itself."""
+    """Kill the process group that a process leads, even if this process has already ended."""
     with suppress(OSError):
         if hasattr(os, "killpg"):
             os.killpg(pid, signal.SIGKILL)

@@ -211,10 +211,10 @@ def root(weights: cs.MX | ArrayLike) -> cs.MX | cs.DM:
 def check_weights(
     name: str, weights: cs.MX | ArrayLike | None, counts: tuple[int, ...], why: str
 ) -> None:
-    """Raise BadResidual unless there is one weight, or one of these `counts`, none below zero.
+    """Raise BadResidual unless there is one weight, or one of `counts`, none below zero.
 
-    `why` ends the sentence about weights that do not fit. Only the shape is checked of weights that
-    depend on symbols. Raises NotNumbers for text.
+    `why` ends the sentence about weights that do not fit. If weights depend on symbols, only
+    their shape is checked. Raises NotNumbers for text.
     """
     if weights is None:
         return

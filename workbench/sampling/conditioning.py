@@ -14,7 +14,7 @@ from scipy.sparse import csc_array, vstack
 from workbench.arrays import Array, Index
 from workbench.diagnostics.elimination import Elimination
 from workbench.diagnostics.frame_rows import FrameRows, frames_of_rows
-from workbench.errors import TooLarge
+from workbench.errors import TooLarge, joined
 from workbench.problem import Linearization, Problem
 from workbench.problem.block_matrix import BlockMatrix
 from workbench.sampling.descent import rows_between
@@ -67,7 +67,7 @@ class Conditioning:
         """The names of what is held fixed."""
         if len(self.names) > UNNAMED:
             return f"{', '.join(self.names[:UNNAMED])} and {len(self.names) - UNNAMED} blocks more"
-        return " and ".join([", ".join(self.names[:-1]), self.names[-1]][len(self.names) < 2 :])
+        return joined(self.names)
 
     def __str__(self) -> str:
         if not self.count:

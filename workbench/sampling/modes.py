@@ -168,10 +168,11 @@ def wide_starts(
 ) -> tuple[list[Array], SearchExtent]:
     """Starts (k,) for searches, and how far they reach.
 
-    Each shell of distances gives two: of many random points the one with the least cost, and the
-    one with the least cost on the other side of the first mode. Half of the points move all
-    entries, the other half a single one, and what is correlated with it. Where entries have two
-    bounds, two more come from points all over these. Points without a density are left out.
+    Each shell of distances gives two starts: of many random points the one with the least cost, and
+    the one with the least cost on the other side of the first mode. Half of the points move all
+    entries, the other half a single entry and those that are correlated with it. If entries have
+    two bounds, two more starts come from points everywhere between these. Points without a density
+    are left out.
     """
     k = target.subspace.size
     low, high = bounds_of(target)

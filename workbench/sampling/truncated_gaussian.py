@@ -130,10 +130,10 @@ def draws_from(
 def truncated_normal(
     F: Array, g: Array, start: Array, count: int, rng: np.random.Generator
 ) -> Array:
-    """`count` draws (count, k) of w ~ N(0, 1) where F w + g >= 0, from a point that meets it.
+    """`count` draws (count, k) of w ~ N(0, 1) under F w + g >= 0, from a start that satisfies it.
 
-    F is (c, k), g (c,). A limit that the start misses counts as touched there. Raises NotSupported
-    where the limits leave so little room that particles do not get through it.
+    F is (c, k), g (c,). A limit that the start violates is moved to the start. Raises NotSupported
+    if the limits leave so little room that the particles do not get through it.
     """
     g = np.maximum(g, -(F @ start))
     w = np.repeat(start[None], CHAINS, axis=0)

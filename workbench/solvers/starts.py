@@ -64,7 +64,7 @@ def within_bounds(problem: Problem, start: Values, rng: np.random.Generator) -> 
     """
     open_ended = ~(np.isfinite(problem.lower) & np.isfinite(problem.upper))
     if open_ended.any():
-        labels = [problem.free.label(int(i)) for i in np.flatnonzero(open_ended)]
+        labels = problem.free.labels_of(np.flatnonzero(open_ended))
         raise BadArgument(
             f"starts are drawn between two bounds, but {listed(labels[:6])} "
             f"{'has' if len(labels) == 1 else 'have'} not both; bound them, or draw by Spread"
@@ -119,9 +119,7 @@ class Starts:
         draws = [self.draw(problem, start, np.random.default_rng((self.seed, k))) for k in further]
         return [{**start}, *({**start, **one} for one in draws)]
 
-    def solve(
-        self, problem: Problem, start: Values, *, callback: Callback | None = None
-    ) -> Solution:
+    def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         """Solve from every start; see `Solver`.
 
         With several workers, `callback` gets the iterates of a run when the run has ended. An

@@ -34,7 +34,7 @@ def limb(rings: int, around: int) -> Start:
 
 
 def arms(rings: int, around: int) -> Start:
-    """A tube like `worm`'s with three joints: the root, and an arm on each side of it.
+    """A tube like `jointed_tube`'s with three joints: the root, and an arm on each side of it.
 
     The arms are what lies more than a quarter of the way out. Alike on both sides of x = 0 if the
     number of rings is odd, so that it has a mirror.

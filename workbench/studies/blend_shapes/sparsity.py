@@ -106,7 +106,7 @@ def local_ridge(
 
 
 def far_share(posedirs: Array, distances: Array) -> float:
-    """|P farther than FAR from its joint| / |P|: the share of their norm that is not local."""
+    """The norm of blend shapes further than FAR from their joint, over the norm of all of them."""
     per_joint = posedirs.shape[2] // len(distances)
     far = np.repeat(distances.T > FAR, per_joint, axis=1)[:, None]
     return float(np.linalg.norm(posedirs * far) / np.linalg.norm(posedirs))
