@@ -159,7 +159,7 @@ def test_what_is_not_used_stands_in_the_terminal_the_page_and_the_summary(
     page = write_report(outcome, tmp_path / "run")
     summary = json.loads((page.parent / "summary.json").read_text(encoding="utf-8"))
     (note,) = outcome.setup.notes
-    assert note.endswith("no place for the others: 21 of the left hand")
+    assert note.endswith("do not include the others: 21 of the left hand")
     assert f"note: {note}" in console.export_text()
     assert note.replace("'", "&#39;") in page.read_text(encoding="utf-8")
     assert summary["notes"] == [note]

@@ -172,7 +172,7 @@ def _print_beside(
 ) -> None:
     """How good Laplace's approximation is, and the entries for which it is not good enough."""
     console.print(
-        f"Laplace's approximation by itself: {escape(approximation.verdict)}",
+        f"Laplace's approximation: {escape(approximation.verdict)}",
         highlight=False,
         soft_wrap=True,
     )

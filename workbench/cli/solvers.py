@@ -46,6 +46,7 @@ def solvers(
             console.print()
         table = Table.of(listed.items(), {head: COLUMNS[head] for head in shown}, ())
         console.print(solver_table(table), highlight=False)
+    console.print("constraints: = equations, < inequalities", highlight=False)
     if nlopt:
         console.print('In Python: Nlopt("LD_LBFGS").', highlight=False)
 

@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from workbench.comparison import Comparison, TargetOutcome
+from workbench.diagnostics.structure import counted
 from workbench.plots.labels import plain
 from workbench.plots.palette import BLUE, FAINT, GREEN, INK, ORANGE, PURPLE, SKY, VERMILLION
 
@@ -40,8 +41,9 @@ def caption_verdicts(comparison: Comparison) -> str:
     came = Counter[TargetOutcome]()
     for solver in comparison.solvers:
         came.update(comparison.counted(solver))
+    runs = counted(len(comparison.instances), "run")
     text = (
-        f"How the {len(comparison.instances)} runs of each solver ended, judged by the problem's "
+        f"How the {runs} of each solver ended, judged by the problem's "
         "own cost and gradient at the returned point, never by what the solver reports."
     )
     if came[TargetOutcome.REACHED]:

@@ -108,15 +108,16 @@ class Posterior:
 
     @cached_property
     def missed_mode(self) -> tuple[float, float] | None:
-        """A mode that the draws hardly visit: its share of the mass, and of the draws; or None."""
+        """A mode that the draws hardly visit, or None: its shares of the mass and of the draws."""
         return missed_mode(self.modes, self.flat)
 
     @cached_property
     def judgement(self) -> tuple[Usability, str]:
-        """The verdict, and its reason: the first thing that is wrong, or what was looked at.
+        """The verdict, and its reason: the first problem that was found, or the checks passed.
 
-        In this order: chains that have not mixed; modes that draws miss; a Gaussian that does not
-        hold; intervals that are narrow because of what was held fixed.
+        The checks are, in this order: whether the chains have mixed; whether the draws miss a mode;
+        whether Laplace's Gaussian fits; whether intervals are narrow because numbers are held
+        fixed.
         """
         verdict, why = self.mixing.judgement
         if verdict is not Usability.USABLE:
@@ -151,20 +152,20 @@ class Posterior:
 
     @property
     def mixed(self) -> bool:
-        """Whether intervals mean something at least where what is held fixed is known exactly."""
+        """Whether intervals are right at least if the fixed numbers are known exactly."""
         return self.judgement[0] in (Usability.USABLE, Usability.CONDITIONAL)
 
     @property
     def verdict(self) -> str:
-        """What the draws are worth, in a sentence or two."""
+        """Whether the draws can be used, and why, in a sentence or two."""
         verdict, why = self.judgement
         return f"{verdict.value}: {why}"
 
     def interval(self, level: float = 0.9) -> Array:
         """The central interval of each entry (k, 2), `held.what` being fixed if anything is.
 
-        Raises NotConverged unless the draws are usable. Where nothing is wrong but that what is
-        held fixed makes the interval narrow, `conditional_interval` still gives it.
+        Raises NotConverged unless the draws are usable. If the only problem is that numbers
+        held fixed make the interval narrow, `conditional_interval` still returns it.
         """
         if not self.usable:
             raise NotConverged(f"there is no interval: {self.verdict}")
@@ -228,7 +229,9 @@ class Posterior:
             lines.append(f"Least squares finds {len(self.modes)} modes, with {shares} of the mass")
         lines.append(str(self.conditioning))
         if self.conditioning.given:
-            lines.append(f"Taken as given by the problem: {', '.join(self.conditioning.given)}.")
+            lines.append(
+                f"The problem assumes that these are known: {', '.join(self.conditioning.given)}."
+            )
         lines += list(_intervals(self, truth))
         if self.size > MOST:
             lines.append(f"and {self.size - MOST} entries more")
@@ -241,8 +244,8 @@ def _how(posterior: Posterior) -> str:
         return f"Laplace's approximation, {E * S} independent draws of {k} entries"
     mixing = posterior.mixing
     return (
-        f"emcee: {E} ensembles of {W} walkers, {mixing.steps} steps after {mixing.discarded}, "
-        f"{mixing.acceptance:.0%} accepted, {posterior.seconds:.1f} s"
+        f"emcee: {E} ensembles of {W} walkers, {mixing.steps} steps after {mixing.discarded} "
+        f"discarded, {mixing.acceptance:.0%} accepted, {posterior.seconds:.1f} s"
         + (", interrupted" if posterior.interrupted else "")
     )
 
