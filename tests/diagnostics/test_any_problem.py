@@ -88,6 +88,7 @@ KEYS_OF_NUMBERS = (
     "tolerance",
     "condition",
     "singular_values",
+    "weak_count",
     "scaled_rank",
     "ranks_nearby",
     "weaker_here",

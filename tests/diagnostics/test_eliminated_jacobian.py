@@ -192,7 +192,7 @@ def test_a_diagnosis_has_weak_directions_and_no_singular_values(
     assert "by eliminating its parts, without singular values" in text
     assert f"and {count - LISTED} more" in text
     assert f"{count} weak directions" in str(sparse)
-    assert sparse.data()["singular_values"] is None
+    assert sparse.data()["singular_values"] == []
     assert sparse.data()["weak_count"] == count
 
 

@@ -19,7 +19,10 @@ CHECKED = (
 
 
 def as_data(d: Diagnosis) -> dict[str, Any]:
-    """All parts of a diagnosis; infinite and undefined numbers are null."""
+    """All parts of a diagnosis; infinite and undefined numbers are null.
+
+    There are no singular values where the unknowns were eliminated part after part.
+    """
     data: dict[str, Any] = {
         "schema": SCHEMA,
         "version": VERSION,
@@ -82,7 +85,7 @@ def _numbers(d: Diagnosis) -> dict[str, Any]:
         "held": d.point.active.names,
         "tolerance": d.tolerance,
         "condition": d.condition,
-        "singular_values": None if d.by_elimination is not None else d.singular_values,
+        "singular_values": [] if d.by_elimination is not None else d.singular_values,
         "weak_count": d.weak_count,
         "scaled_rank": d.scaled_rank,
         "ranks_nearby": d.nearby.ranks,
