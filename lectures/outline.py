@@ -38,7 +38,7 @@ COURSE = (
         question="What does the skin do between two bones?",
         minutes=60,
         assumes="lecture 3",
-        teaches="linear blend skinning, the candy wrapper, dual quaternions, what each costs",
+        teaches="linear blend skinning, the candy wrapper, dual quaternions, first weights",
     ),
     Lecture(
         5,
@@ -47,7 +47,7 @@ COURSE = (
         question="How does a surface learn from examples what skinning gets wrong?",
         minutes=60,
         assumes="lecture 4",
-        teaches="scattered data, features of a pose, pose and shape blend shapes, joints",
+        teaches="scattered data, features of a pose, pose and shape blend shapes, groups, joints",
     ),
     Lecture(
         6,

@@ -89,7 +89,7 @@ def _uniform(*ranges: tuple[float, float]) -> Callable[[np.random.Generator], Ar
 
 FAMILIES: Mapping[str, Family] = {
     "exponentials": Family(exponentials, _exponentials, np.linspace(0, 10, 60)),
-    "peaks": Family(peaks, _peaks, np.linspace(0, 10, 80)),
+    "peaks": Family(peaks, _peaks, np.linspace(0, 10, 80), (2, 5)),
     "logistic": Family(
         logistic, _uniform((2, 9), (3, 6), (0.7, 1.5), (0.2, 1)), np.linspace(0, 10, 30)
     ),

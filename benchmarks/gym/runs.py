@@ -12,6 +12,7 @@ import numpy as np
 from joblib import Parallel, delayed
 
 from benchmarks.gym.case import Case
+from benchmarks.gym.cases import CASES
 from benchmarks.gym.success import counts_until, effort_until, is_solved, target
 from workbench.comparison import Budget
 from workbench.comparison.jobs import Solve
@@ -71,12 +72,14 @@ def run(
 ) -> list[Kept]:
     """Every case by every solver; runs that the file already holds are not repeated."""
     there = {(kept.case, kept.solver): kept for kept in read(file)} if file.exists() else {}
-    least = least_starts(cases)
-    jobs = [
-        delayed(_of_case)(one, missing, least[one.problem], budget)
+    missing = [
+        (one, left)
         for one in cases
-        if (missing := {n: s for n, s in solvers.items() if (one.name, n) not in there})
+        if (left := {n: s for n, s in solvers.items() if (one.name, n) not in there})
     ]
+    begun = dict.fromkeys(one.problem for one, _ in missing)
+    least = least_starts(one for one in CASES if one.problem in begun)
+    jobs = [delayed(_of_case)(one, left, least[one.problem], budget) for one, left in missing]
     file.parent.mkdir(parents=True, exist_ok=True)
     parallel = Parallel(n_jobs=workers, return_as="generator_unordered", batch_size=1)
     for done, found in enumerate(parallel(jobs), 1):

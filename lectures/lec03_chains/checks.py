@@ -250,6 +250,15 @@ def from_the_origin(R, joints, parents):
     return solutions.posed_joints(R, joints, parents) - joints[0]
 
 
+@mistake(
+    "posed_joints",
+    "these are offsets of G'_k, which take the origin along: at rest all of them are zero. Posed joints "
+    "are offsets of G_k",
+)
+def of_the_binding_matrices(R, joints, parents):
+    return solutions.binding(R, joints, parents)[:, :3, 3]
+
+
 # binding
 
 

@@ -382,3 +382,96 @@ def smeared_out(s):
 @mistake("weights", "rows have to sum to one, or the limb gets thin for that reason alone")
 def not_summing_to_one(s):
     return np.exp(-((4 * s[:, None] - np.arange(5)) ** 2))
+
+
+# first_weights
+
+TRIANGLES = np.array([[0, 1], [0, 2], [1, 2], [1, 3], [2, 3], [3, 4], [2, 4], [4, 5], [3, 5]])
+LENGTHS = np.random.default_rng(7).uniform(0.01, 0.03, len(TRIANGLES))
+THREE = np.array([0, 0, 1, 1, 2, 2])
+ROW = np.column_stack([np.arange(40), np.arange(1, 41)])  # a line of 41 vertices
+HALVES = (np.arange(41) > 20).astype(int)
+
+
+@check("first_weights", points=1)
+def are_shares_of_heat(first_weights):
+    """they are not negative, rows sum to one, no heat is lost, and without a border nothing flows"""
+    for border in (0.005, 0.03, 0.2):
+        W = first_weights(THREE, TRIANGLES, LENGTHS, border)
+        holds(W.min() >= -1e-12, "the smallest weight", "not negative", W.min())
+        equal(W.sum(axis=1), np.ones(6), f"the sums of the rows, border {border} m")
+        equal(W.sum(axis=0), [2, 2, 2], f"the heat of each segment in all, border {border} m")
+    came = first_weights(THREE, TRIANGLES, LENGTHS, 1e-7)
+    equal(came, np.eye(3)[THREE], "the weights, border 0.1 micrometres", 1e-6)
+
+
+@check("first_weights", points=1)
+def fall_by_a_constant_ratio(first_weights):
+    """on a line, from one vertex to the next the weight falls by the ratio that solves the equation"""
+    for spacing, border in ((0.01, 0.03), (0.02, 0.02), (0.005, 0.02)):
+        W = first_weights(HALVES, ROW, np.full(40, spacing), border)
+        c = 1 + (spacing / border) ** 2
+        equal(
+            W[12:17, 1] / W[13:18, 1],
+            np.full(5, c - np.sqrt(c**2 - 1)),
+            f"the ratios of neighbours, {1e3 * spacing:.0f} mm apart, border {1e3 * border:.0f} mm",
+            1e-4,
+        )
+
+
+@check("first_weights", points=1)
+def solve_the_equation(first_weights):
+    """(I + border^2 L / 2) W is the segmentation"""
+    L = solutions.laplacian(TRIANGLES, LENGTHS, 6)
+    for border in (0.01, 0.05):
+        W = first_weights(THREE, TRIANGLES, LENGTHS, border)
+        came = W + border**2 * L @ W / 2
+        equal(came, np.eye(3)[THREE], f"(I + border^2 L / 2) W, border {border} m", 1e-7)
+
+
+@mistake(
+    "first_weights",
+    "this is an explicit step: where the border is longer than an edge, weights become negative. "
+    "Solve with the matrix",
+)
+def by_an_explicit_step(segments, edges, lengths, border):
+    L = solutions.laplacian(edges, lengths, len(segments))
+    W = np.eye(segments.max() + 1)[segments]
+    return W - border**2 * L @ W / 2
+
+
+@mistake(
+    "first_weights",
+    "each row of L was divided by its diagonal: rows of the weights still sum to one, but a segment "
+    "with many neighbours gains heat, and lengths no longer matter",
+)
+def with_divided_rows(segments, edges, lengths, border):
+    L = solutions.laplacian(edges, lengths, len(segments))
+    L = L / np.diag(L)[:, None] / np.mean(lengths) ** 2
+    return np.linalg.solve(np.eye(len(L)) + border**2 * L / 2, np.eye(segments.max() + 1)[segments])
+
+
+@mistake("first_weights", "the border is squared, and halved once: border^2 / 2")
+def without_the_half(segments, edges, lengths, border):
+    return solutions.first_weights(segments, edges, lengths, np.sqrt(2) * border)
+
+
+@mistake(
+    "first_weights",
+    "an edge counts 1 / length^2: with 1 / length, the border would not be in metres",
+)
+def with_plain_lengths(segments, edges, lengths, border):
+    return solutions.first_weights(segments, edges, np.sqrt(lengths), border)
+
+
+@mistake(
+    "first_weights",
+    "the diagonal of L is missing: without it, heat comes from nowhere and rows do not sum to one",
+)
+def without_the_diagonal(segments, edges, lengths, border):
+    L = solutions.laplacian(edges, lengths, len(segments))
+    L = L - np.diag(np.diag(L))
+    return np.linalg.solve(
+        np.eye(len(L)) + border**2 * L / 2 + 1e-9 * np.eye(len(L)),
+        np.eye(segments.max() + 1)[segments],
+    )

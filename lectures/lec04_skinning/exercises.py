@@ -76,3 +76,16 @@ def weights(s: Array) -> Array:
     s (n,), from 0 to 1 -> (n, 5), not negative, rows summing to one
     """
     raise Unsolved("weights")
+
+
+def first_weights(segments: Array, edges: Array, lengths: Array, border: float) -> Array:
+    """First blend weights from a segmentation, by one implicit step of the heat equation.
+
+    Solve (I + border^2 L / 2) W = W_0. W_0 has a one in each row, in the column of the vertex's
+    segment. L has -1 / length^2 for the two vertices of an edge, and on the diagonal what makes the
+    sum of each row zero. Keep all weights, however small.
+
+    segments (N,) whole numbers from 0 to K - 1, each used; edges (E, 2) vertices; lengths (E,) m;
+    border m -> (N, K)
+    """
+    raise Unsolved("first_weights")

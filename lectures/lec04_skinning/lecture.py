@@ -20,9 +20,12 @@ from workbench.bodies.forward.skinning import blended, dual_quaternion_blend, li
 from workbench.course import Picture, source
 from workbench.course.shapes.limbs import Limb
 from workbench.course.shapes.tubes import linear_radius, tube, volume_lost_bent, volume_lost_twisted
+from workbench.geometry.mesh_graph import heat
 from workbench.geometry.solids import volume
 from workbench.plots import house_style, plot_by_angle, sheet
 from workbench.plots.body import Figurine, front, line_up
+from workbench.training.estimate import Sigmas
+from workbench.training.first_guess import Start
 
 # %% [markdown]
 # ## One bone for each vertex
@@ -346,6 +349,198 @@ Picture(
 )
 
 # %% [markdown]
+# ## Without blend weights
+#
+# A script of the lecture *Body Models II* draws SMPL with "no blend weights". That cannot be meant
+# literally, for in $\sum_k w_{ik} G'_k t_i$ something has to stand for $w_{ik}$. Here are four readings,
+# at rest and in a pose, beside the weights as they are:
+
+# %%
+dance = np.zeros((24, 3))
+for joint, degrees in {
+    "left_shoulder": (0, 0, -40),
+    "left_elbow": (0, -100, 0),
+    "right_shoulder": (0, 0, 65),
+    "right_elbow": (0, 70, 0),
+    "left_hip": (-75, 0, 0),
+    "left_knee": (100, 0, 0),
+}.items():
+    dance[whole.joint_names.index(joint)] = np.radians(degrees)
+
+
+def skinned(weights, pose):
+    """The template in a pose, blended with any weights (N, 24), whatever they sum to."""
+    G = whole.kinematics.motion(pose, np.zeros(whole.n_betas)).G  # (24, 3, 4)
+    M = np.einsum("nk,kij->nij", weights, G)
+    return np.einsum("nij,nj->ni", M[:, :, :3], whole.template) + M[:, :, 3]
+
+
+ones = np.ones_like(whole.weights)
+readings = {
+    "as they are": whole.weights,
+    "all weights 0": 0 * ones,
+    "all weights 1": ones,
+    "all weights 1/24": ones / 24,
+    "one bone for each": without_blend_weights(whole).weights,
+}
+meant = skinned(whole.weights, dance)
+for name, weights in readings.items():
+    at_rest = np.linalg.norm(skinned(weights, 0 * dance) - whole.template, axis=1)
+    in_pose = np.linalg.norm(skinned(weights, dance) - meant, axis=1)
+    print(
+        f"{name:17} {np.ptp(skinned(weights, 0 * dance)[:, 1]):5.2f} m tall at rest; off by "
+        f"{1e3 * at_rest.mean():5.0f} mm at rest, by {1e3 * in_pose.mean():5.1f} mm in the pose"
+    )
+with house_style():
+    figure, (ax,) = sheet(11, 4.0)
+    drawn = ("as they are", "all weights 1/24", "one bone for each")
+    line_up([Figurine(name, skinned(readings[name], dance)) for name in drawn], whole.faces, ax=ax)
+Picture(
+    figure,
+    "One pose with the weights as they are, with equal weights, and with one bone for each vertex. "
+    "Equal weights keep the body together, but no limb follows its bone: every vertex takes the mean "
+    "of all motions. With one bone for each vertex limbs follow, and the skin is torn where they bend, "
+    "most visibly at the left shoulder and the left hip.",
+)
+
+# %% [markdown]
+# With weights of 0 the body is a point, and with 1 it is 24 times as tall. What is meant is the last
+# reading, the weight of the strongest bone rounded up to one and all others to zero; that is also what the
+# library takes away:
+
+# %%
+source(without_blend_weights)
+
+# %% [markdown]
+# ## Where the first weights come from
+#
+# Weights are learned (lecture 13), but learning has to begin somewhere. It begins with a
+# **segmentation**: for each vertex, somebody says to which part of the body it belongs. That is one bone
+# for each vertex again, and two things are made of it.
+#
+# - **Rings.** Take the edges that lead from the segment of joint $k$ to the segment of its parent. The
+#   vertices at their ends lie in a ring around the limb, and their mean is the first guess of joint $k$.
+# - **Diffused weights.** Treat the segmentation as heat: each vertex has one unit of the heat of its own
+#   segment. Let it flow along the edges of the mesh, and read what has arrived as weights.
+#
+# With $W_0$ for the segmentation, which is an $N \times K$ matrix of zeros and ones, the library makes a
+# single implicit step of the heat equation:
+#
+# $$
+# \left( I + \tfrac12 b^2 L \right) W_I = W_0, \qquad
+# L_{ij} = - \frac{1}{\|e_{ij}\|^2} \text{ for an edge } e_{ij}, \qquad
+# L_{ii} = \sum_{j \ne i} \frac{1}{\|e_{ij}\|^2} .
+# $$
+#
+# There are no steps to be counted. One number says how far heat flows, the **border** $b$, a length: on a
+# line of vertices that are close together $L$ is $-d^2/dx^2$, so beyond the seam the weight is
+# $\tfrac12 e^{-\sqrt 2\, d / b}$ at the distance $d$. The matrix keeps three properties for every $b$.
+# Rows of $L$ sum to zero, so the weights of a vertex still sum to one. $L$ is symmetric, so no heat is
+# lost. And off the diagonal nothing is positive, so no weight becomes negative. In the end each vertex
+# keeps its four largest weights.
+
+# %%
+source(heat)
+
+# %%
+source(Start.weights)
+
+# %%
+source(Start.rings)
+
+# %% [markdown]
+# We need a mesh whose triangles are smaller than the border, so we take the finest of the embedded bodies.
+# Its segmentation is read off its own trained weights: the segment of a vertex is that of its largest
+# weight. So this shows the steps, and does not show that they find weights that nobody knew.
+
+# %%
+fine = wb.load_body("full")
+begun = Start.of(fine)
+rings, first_weights = begun.rings(), begun.weights()
+middles = rings @ fine.template
+misplaced = 1e3 * np.linalg.norm(middles - fine.joints(), axis=1)[1:]  # mm; the root has no ring
+print(
+    f"means of rings are {misplaced.mean():.0f} mm from the trained joints on average, "
+    f"{misplaced.max():.0f} mm at the {fine.joint_names[1 + misplaced.argmax()]}"
+)
+depth = np.zeros(24, dtype=int)
+for k, parent in enumerate(fine.parents[1:], start=1):
+    depth[k] = depth[parent] + 1
+hue = 2 * np.pi * (0.43 * np.arange(24)[:, None] - np.arange(3) / 3)
+base = np.where(depth % 2, 0.5, 0.7)[:, None]
+paint = base + 0.25 * np.cos(hue)  # (24, 3): a colour for each joint
+in_ring = (rings.toarray()[1:] > 0).any(axis=0)[fine.faces].all(axis=1)
+panels = [
+    Figurine("segments", fine.template, front, paint[begun.segmentation[fine.faces[:, 0]]]),
+    Figurine("rings", fine.template, front, pale + in_ring[:, None] * (red - pale)),
+    Figurine(
+        "diffused weights", fine.template, front, (first_weights @ paint)[fine.faces].mean(axis=1)
+    ),
+]
+with house_style():
+    figure, (ax,) = sheet(11, 4.0)
+    line_up(panels, fine.faces, ax=ax)
+Picture(
+    figure,
+    "From a segmentation to first weights. Left: each vertex belongs to one part. Centre: the rings, "
+    "where a segment meets that of its parent. The front of the waist has none, because there the "
+    "segments of pelvis and spine2 meet, and neither is the other's parent. Right: the weights after "
+    "diffusion, drawn as mixtures of the parts' colours; borders have become zones.",
+)
+
+# %% [markdown]
+# How wide should the border be? On the tube the law can be checked. Its mesh has diagonals as well, along
+# which heat flows too, so the weight falls somewhat more slowly than on a line.
+
+# %%
+apart = rigid.weights.argmax(axis=1)
+painted_tube = Start(pipe.template, pipe.faces, pipe.parents, pipe.joint_names, apart)
+along_x = pipe.template[:-2].reshape(-1, 32, 3)[:, 0, 0]  # m, of the rings of vertices
+borders = (0.01, 0.03, 0.1)  # m
+with house_style():
+    figure, (left, right) = sheet(10, 3.8, columns=2)
+    for border in borders:
+        spread = painted_tube.weights(border)[:-2, 1].reshape(-1, 32).mean(axis=1)
+        left.plot(1e2 * along_x, spread, label=f"b = {1e2 * border:.0f} cm")
+        tail = (along_x < -0.02) & (spread > 1e-3)
+        slope = np.polyfit(along_x[tail], np.log(spread[tail]), 1)[0]
+        print(
+            f"border {1e2 * border:3.0f} cm: on the tube a weight falls to 1/e in {1e2 / slope:4.1f} cm; "
+            f"on a line the law says {1e2 * border / np.sqrt(2):4.1f} cm"
+        )
+    left.plot(1e2 * along_x, np.clip(0.5 + along_x / 0.1, 0, 1), "k:", label="of this lecture")
+    left.set(xlabel="x (cm)", ylabel="weight of the second bone", xlim=(-25, 25))
+    left.legend()
+    widths = np.geomspace(0.005, 0.2, 9)
+    away = [
+        50 * np.abs(begun.weights(border) - fine.weights).sum(axis=1).mean() for border in widths
+    ]
+    right.semilogx(1e2 * widths, away, "o-")
+    right.axvline(3, color="0.6", ls=":")
+    right.set_xticks([0.5, 1, 2, 5, 10, 20], ["0.5", "1", "2", "5", "10", "20"])
+    right.minorticks_off()
+    right.set(xlabel="border b (cm)", ylabel="weight in other places (%)", ylim=(0, None))
+nearest = widths[np.argmin(away)]
+hard_start = 50 * np.abs(np.eye(24)[begun.segmentation] - fine.weights).sum(axis=1).mean()
+print(
+    f"of a vertex's weight, in other places than training put it: {hard_start:.1f} % before diffusion, "
+    f"{min(away):.1f} % with a border of {1e2 * nearest:.1f} cm"
+)
+print(f"lambda_W = {Sigmas().lambdas['weights']:.1e} m^2: (2 mm / 0.3)^2")
+Picture(
+    figure,
+    "Left: weights along the tube for three borders, and the straight ramp that this lecture uses. "
+    "Right: how much of a vertex's weight is in other places than where training put it in the end, on the "
+    "body. The least is near 3 cm (dotted), the library's border.",
+)
+
+# %% [markdown]
+# That proves less than it seems to, for training began with such weights and holds on to them: the term
+# $E_W = \| \mathcal W - \mathcal W_I \|^2$ pulls weights back to the diffused ones. Its factor
+# $\lambda_W$ is the square of a ratio: a registration may be off by 2 mm, and a weight by 0.3. With a
+# large $\lambda_W$ training would end where it began.
+
+# %% [markdown]
 # ## What to remember
 #
 # - One bone for each vertex tears the skin; weights blend. They sum to one, or the body lags behind.
@@ -354,3 +549,4 @@ Picture(
 # - Blended quaternions, brought to length one, keep every ring rigid; mind the signs. They bulge, jump
 #   at half a turn, and are not linear in the weights.
 # - SMPL blends linearly and repairs the rest surface.
+# - First weights are a segmentation whose borders are diffused; rings of vertices give first joints.

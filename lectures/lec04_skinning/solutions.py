@@ -32,3 +32,17 @@ def blend_quaternions(Q: Array, weights: Array) -> Array:
 def weights(s: Array) -> Array:
     # two neighbours at a time, 45 degrees apart: cos(22.5 degrees) = 0.92 is the worst
     return np.maximum(0, 1 - np.abs(4 * s[:, None] - np.arange(5)))
+
+
+def laplacian(edges: Array, lengths: Array, vertices: int) -> Array:
+    """L (N, N) of a graph; each edge counts 1 / length^2."""
+    L = np.zeros((vertices, vertices))
+    for (i, j), length in zip(edges, lengths, strict=True):
+        L[[i, j], [j, i]] -= 1 / length**2
+        L[[i, j], [i, j]] += 1 / length**2
+    return L
+
+
+def first_weights(segments: Array, edges: Array, lengths: Array, border: float) -> Array:
+    L = laplacian(edges, lengths, len(segments))
+    return np.linalg.solve(np.eye(len(L)) + border**2 * L / 2, np.eye(segments.max() + 1)[segments])

@@ -344,3 +344,71 @@ def the_mean_of_all(people, joints):
 def the_nearest_vertex(people, joints):
     off = np.linalg.norm(people - joints[:, None], axis=2).mean(axis=0)
     return np.eye(len(off))[off.argmin()]
+
+
+# mixed
+
+SMALL = RNG.standard_normal((12, 3)) * [1.0, 0.5, 0.2] + [0.0, 1.0, 2.0]
+LARGE = RNG.standard_normal((28, 3)) * [0.3, 0.9, 0.4] + [2.0, 0.5, 1.0]
+
+
+def spread(people):
+    return people.mean(axis=0), np.cov(people.T, ddof=0)
+
+
+@check("mixed", points=1)
+def is_one_group_at_the_ends(mixed):
+    """with all people in one group it is that group, and it does not matter which is the first"""
+    first, second = spread(SMALL), spread(LARGE)
+    for share, expected in ((1.0, first), (0.0, second)):
+        mean, C = mixed(*first, *second, share)
+        equal(mean, expected[0], f"the mean, share {share}")
+        equal(C, expected[1], f"the covariance, share {share}")
+    mean, C = mixed(*first, *second, 0.2)
+    other_mean, other_C = mixed(*second, *first, 0.8)
+    equal(other_mean, mean, "the mean with the groups exchanged, share 0.8 for 0.2")
+    equal(other_C, C, "the covariance with the groups exchanged, share 0.8 for 0.2")
+
+
+@check("mixed", points=1)
+def is_that_of_everybody(mixed):
+    """12 people and 28 people are 40 people"""
+    mean, C = mixed(*spread(SMALL), *spread(LARGE), 0.3)
+    expected_mean, expected = spread(np.vstack([SMALL, LARGE]))
+    equal(mean, expected_mean, "the mean of all 40")
+    equal(C, expected, "the covariance of all 40")
+
+
+def pooled(mean_1, C_1, mean_2, C_2, share):
+    """The common mean, and the covariance within the groups."""
+    return share * mean_1 + (1 - share) * mean_2, share * C_1 + (1 - share) * C_2
+
+
+@mistake(
+    "mixed",
+    "the means differ, and that is variance too: what is missing is the difference between the groups",
+)
+def without_the_difference(mean_1, C_1, mean_2, C_2, share):
+    return pooled(mean_1, C_1, mean_2, C_2, share)
+
+
+@mistake("mixed", "one fourth is right for groups of one size alone: the factor is p (1 - p)")
+def always_a_fourth(mean_1, C_1, mean_2, C_2, share):
+    mean, C = pooled(mean_1, C_1, mean_2, C_2, share)
+    return mean, C + np.outer(mean_2 - mean_1, mean_2 - mean_1) / 4
+
+
+@mistake("mixed", "the share is that of the first group: this gives it to the second")
+def of_the_other_group(mean_1, C_1, mean_2, C_2, share):
+    return solutions.mixed(mean_1, C_1, mean_2, C_2, 1 - share)
+
+
+@mistake("mixed", "the mean of everybody is nearer to the larger group: means are weighted as well")
+def with_the_plain_mean(mean_1, C_1, mean_2, C_2, share):
+    return (mean_1 + mean_2) / 2, solutions.mixed(mean_1, C_1, mean_2, C_2, share)[1]
+
+
+@mistake("mixed", "d d' needs its factor: each group is off the common mean by a part of d only")
+def with_the_whole_difference(mean_1, C_1, mean_2, C_2, share):
+    mean, C = pooled(mean_1, C_1, mean_2, C_2, share)
+    return mean, C + np.outer(mean_2 - mean_1, mean_2 - mean_1)

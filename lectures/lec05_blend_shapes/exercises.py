@@ -71,3 +71,16 @@ def regressor(people: Array, joints: Array) -> Array:
     people (n, N, 3) m; joints (n, 3) m -> (N,)
     """
     raise Unsolved("regressor")
+
+
+def mixed(
+    mean_1: Array, C_1: Array, mean_2: Array, C_2: Array, share: float
+) -> tuple[Array, Array]:
+    """Mean and covariance of everybody, if the people are of two groups.
+
+    A share of all people is of the first group, the others are of the second.
+
+    mean_1 and mean_2 (m,) m; C_1 and C_2 (m, m) m^2, their covariances; share from 0 to 1
+    -> (mean (m,) m, C (m, m) m^2)
+    """
+    raise Unsolved("mixed")

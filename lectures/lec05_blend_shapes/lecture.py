@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 import workbench as wb
+from workbench.bodies.ablations import without_pose_blend_shapes
 from workbench.bodies.forward import surface
 from workbench.bodies.forward.features import rotation_elements, rotation_vectors
 from workbench.bodies.forward.kernel_features import (
@@ -23,12 +24,16 @@ from workbench.bodies.forward.kernel_features import (
     as_posedirs,
 )
 from workbench.bodies.forward.kinematics import pose_features
+from workbench.bodies.unposing import unpose
 from workbench.course import Picture, source
 from workbench.course.shapes.shape_directions import along, joint_moves, with_joints_of_the_mean
 from workbench.course.shapes.tubes import tube
+from workbench.geometry.rigid import procrustes
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.plots import caption_shape_gallery, house_style, plot_shape_gallery, sheet
 from workbench.plots.body import Figurine, line_up, side
+from workbench.priors.poses import draw_poses, shipped_gaussian, shipped_mixture
+from workbench.training.locality import MaskedCholesky, local_features
 
 # %% [markdown]
 # ## What an artist would do
@@ -288,6 +293,193 @@ with house_style():
 Picture(figure, caption_shape_gallery(gallery, "three"))
 
 # %% [markdown]
+# ## Women, men, and everybody
+#
+# SMPL has a model of women, one of men, and one of everybody. The workbench has them too, on one mesh.
+# **Their people are synthetic**, drawn from the shape targets of artists, so this section says what
+# principal components do with two groups, and nothing about people. We draw 200 of each, and take the
+# components of the women, of the men, and of all 400:
+
+
+# %%
+def principal(people, k):
+    """Mean (m,), unit directions (k, m) and standard deviations (k,) m of people (n, m) m."""
+    mean = people.mean(axis=0)
+    _, s, Vt = np.linalg.svd(people - mean, full_matrices=False)
+    return mean, Vt[:k], s[:k] / np.sqrt(len(people) - 1)
+
+
+rng = np.random.default_rng(1)
+groups = {
+    name: of.vertices(betas=rng.standard_normal((200, of.n_betas))).reshape(200, -1)
+    for name, of in (
+        ("women", wb.load_body("default-female")),
+        ("men", wb.load_body("default-male")),
+    )
+}
+groups["all"] = np.vstack([groups["women"], groups["men"]])
+found = {name: principal(group, 3) for name, group in groups.items()}
+apart = found["men"][0] - found["women"][0]  # (m,) m, from the mean woman to the mean man
+d = apart / np.linalg.norm(apart)
+for name, other in (("women", "men"), ("women", "all"), ("men", "all")):
+    alike = np.abs(found[name][1][0] @ found[other][1][0])
+    print(f"first directions of {name} and of {other}: |cosine| {alike:.3f}")
+for name in groups:
+    print(
+        f"first direction of {name} and the difference of the means: {abs(found[name][1][0] @ d):.2f}"
+    )
+
+
+def between(direction):
+    """The share of a coordinate's variance that is between the means of the groups."""
+    w, m = groups["women"] @ direction, groups["men"] @ direction
+    return ((w.mean() - m.mean()) / 2) ** 2 / np.var(np.concatenate([w, m]))
+
+
+first_of_all = found["all"][1][0]
+print(
+    f"{between(first_of_all):.0%} of the variance of the common first coordinate lies between the groups"
+)
+
+# %%
+ends = {}
+for name, (mean, axes, sd) in found.items():
+    upright = np.sign(
+        axes[0].reshape(-1, 3)[body.template[:, 1].argmax(), 1]
+    )  # + is the taller one
+    for amount in (-3, 3):
+        ends[f"{name}, {amount:+d} sd"] = (mean + amount * upright * sd[0] * axes[0]).reshape(-1, 3)
+with house_style():
+    figure, (ax,) = sheet(12, 4.0)
+    line_up([Figurine(name, v) for name, v in ends.items()], body.faces, ax=ax)
+Picture(
+    figure,
+    "The first direction of synthetic women, of men and of all, at minus and plus three standard "
+    "deviations. In all three it is mostly stature. The common one is longer: it begins near the small end "
+    "of the women, and ends near the tall end of the men.",
+)
+
+# %% [markdown]
+# The three are nearly parallel: within each group people differ most in stature, and the groups differ in
+# it too. So the common first direction mixes two reasons to be tall. Why it must is a line of algebra. If
+# a share $p$ of the people has the mean $\mu_1$ and the covariance $C_1$, and the others $\mu_2$ and
+# $C_2$, then everybody together has the covariance
+#
+# $$ C = p\, C_1 + (1 - p)\, C_2 + p (1 - p)\, d\, d^\top, \qquad d = \mu_2 - \mu_1 . $$
+#
+# A difference between groups counts like one more direction of shape. To see it alone, we **make up** two
+# groups: both vary like the synthetic women, and their means differ only along the women's *fourth*
+# direction. We move the means apart:
+
+# %%
+within = wb.load_body("default-female").shapedirs.reshape(-1, body.n_betas)
+lengths = np.linalg.norm(within, axis=0)  # m: the standard deviations along the directions
+axes = within / lengths
+steps = np.linspace(0, 4, 41)  # m, over all coordinates together
+shares = []
+for step in steps:
+    everything = np.column_stack([within, step / 2 * axes[:, 3]])  # C = A A'
+    U, s, _ = np.linalg.svd(everything, full_matrices=False)
+    shares.append(np.abs(U[:, :2].T @ axes[:, 3]))
+shares = np.array(shares)
+per_vertex = 1e3 * steps / np.sqrt(body.n_vertices)  # mm, rms of a vertex
+taken = steps[np.argmax(shares[:, 0] > 0.9)]
+needed_step = 2 * np.sqrt(lengths[0] ** 2 - lengths[3] ** 2)
+print(
+    f"the first direction becomes the difference when means are {1e3 * taken / np.sqrt(body.n_vertices):.0f} mm "
+    f"apart (rms of a vertex); 2 sqrt(s_1^2 - s_4^2) is {1e3 * needed_step / np.sqrt(body.n_vertices):.0f} mm"
+)
+with house_style():
+    figure, (left, right) = sheet(10, 3.8, columns=2)
+    centre = groups["all"].mean(axis=0)
+    for name, dash in (("women", "-"), ("men", "--")):
+        coordinates = (groups[name] - centre) @ first_of_all * np.sign(first_of_all @ d)
+        counts, edges = np.histogram(coordinates, bins=np.linspace(-4.5, 4.5, 19))
+        left.stairs(counts, edges, label=name, ls=dash, lw=1.8)
+    left.set(xlabel="common first coordinate (m)", ylabel="people (of 200)")
+    left.legend()
+    for k, (name, dash) in enumerate((("first", "-"), ("second", "--"))):
+        right.plot(per_vertex, shares[:, k], dash, label=f"{name} direction")
+    right.set(xlabel="means apart by (mm rms of a vertex)", ylabel="|cosine| with the difference")
+    right.legend()
+Picture(
+    figure,
+    "Left: synthetic women and men along the common first direction; the two groups overlap, and their "
+    "means differ. Right: two made-up groups that differ in what hardly varies within them. Far enough "
+    "apart, the difference of the means becomes the second direction, and then the first.",
+)
+
+# %% [markdown]
+# From then on the first "shape" of the mixture is one along which nobody in either group varies much: the
+# coordinate says which group a person belongs to. A Gaussian prior on such a $\beta$ expects most people
+# between the groups, where there are none. Models of one group each avoid this. But each has directions of
+# its own, so the betas of one model are not those of another.
+#
+# ## Shape is learned at rest
+#
+# Where do the people at rest come from? The notes *SMPL and SMPLify* say in one place that $S$ is learned
+# from the multi-pose set, which has few people, each in many poses. (They have exchanged the two sets:
+# $S$ comes from many people, each in about one pose, and after their poses were taken back.) We do what
+# the notes say, with 10 of our synthetic people in 36 poses each that were learned from motion capture. The
+# meshes are moved rigidly onto each other, and decomposed as they are posed; then once more, after skinning and
+# pose blend shapes were taken back as at the beginning of this lecture; then 360 people, who are at rest.
+
+# %%
+poses = draw_poses(shipped_mixture(), 360, rng)
+who = np.repeat(np.arange(10), 36)
+ten = rng.standard_normal((10, body.n_betas))
+posed = body.vertices(poses, ten[who])
+unposed = [unpose(body, pose, v).vertices for pose, v in zip(poses, posed, strict=True)]
+sets = {
+    "10 people, posed": np.array([procrustes(v, posed[0])(v) for v in posed]),
+    "10 people, un-posed": np.array(unposed),
+    "360 people at rest": body.vertices(betas=rng.standard_normal((360, body.n_betas))),
+}
+newcomers = body.vertices(betas=rng.standard_normal((100, body.n_betas))).reshape(100, -1)
+newcomers = newcomers - newcomers.mean(axis=0)
+
+
+def share_of_pose(meshes, who):
+    """The share of the variance that is left within each person: what changes with the pose."""
+    flat = meshes.reshape(len(meshes), -1)
+    means = np.array([flat[who == k].mean(axis=0) for k in np.unique(who)])
+    return np.sum((flat - means[who]) ** 2) / np.sum((flat - flat.mean(axis=0)) ** 2)
+
+
+learned_from = {name: principal(meshes.reshape(360, -1), 5) for name, meshes in sets.items()}
+for name, (_, directions, _) in learned_from.items():
+    own = share_of_pose(sets[name], who) if name.startswith("10") else 0.0
+    left_over = newcomers - newcomers @ directions.T @ directions
+    explained = 1 - np.sum(left_over**2) / np.sum(newcomers**2)
+    print(
+        f"{name:19}: pose is {own:4.0%} of the variance; five directions explain {explained:.0%} "
+        "of how 100 new people differ"
+    )
+coordinate = sets["10 people, posed"].reshape(360, -1) @ learned_from["10 people, posed"][1][0]
+print(f"of the first posed coordinate alone, pose is {share_of_pose(coordinate, who):.0%}")
+
+with house_style():
+    figure, (ax,) = sheet(11, 4.2)
+    ends_drawn = []
+    for name in ("10 people, posed", "10 people, un-posed"):
+        mean, directions, sd = learned_from[name]
+        for amount in (-2, 2):
+            up = np.sign(directions[0].reshape(-1, 3)[body.template[:, 0].argmax(), 1])  # of a hand
+            v = (mean + amount * up * sd[0] * directions[0]).reshape(-1, 3)
+            ends_drawn.append(Figurine(f"{name.split(', ')[1]}, {amount:+d} sd", v))
+    line_up(ends_drawn, body.faces, ax=ax)
+Picture(
+    figure,
+    "The first direction of the same 360 meshes. Left: of the meshes as they are posed, it goes from "
+    "lowered hands to raised ones, and legs change their length on the way, since a direction moves "
+    "every vertex along a straight line. Right: after poses were taken back, it is mostly stature.",
+)
+
+# %% [markdown]
+# Here un-posing is exact, because the meshes were made by the model that un-poses them; real registrations
+# are un-posed as well as the model can. Even then the meshes of ten people fill nine directions at most,
+# however many poses there are. Poses do not replace people.
+#
 # ## Joints move with the person
 #
 # A longer thigh has its knee further down. So the joints are no constants; they are found from the
@@ -404,6 +596,98 @@ source(surface.rest)
 source(surface.posed)
 
 # %% [markdown]
+# ## Hands: few data, many joints
+#
+# SMPL's recipe was used again for hands: MANO (Romero, Tzionas and Black, *Embodied Hands: Modeling and
+# Capturing Hands and Bodies Together*, 2017) was learned from about 1000 scans of the hands of 31 people.
+# A hand has many joints, and there are few data. One problem can be shown here. SMPL lets
+# every vertex depend on every joint; if poses are few, blend shapes learn relations that are chance. So we
+# teach blend shapes once more, on the whole body: the truth is what dual quaternions do, seen with 2 mm of
+# noise. One pupil has all 207 features for each vertex; for the other, a vertex depends only on the joints that
+# move it and on their neighbours. The price of each is chosen on 50 further poses, and the error is
+# measured on 50 others.
+
+# %%
+plain = without_pose_blend_shapes(body)
+ideal = replace(plain, skinning=wb.dual_quaternion_blend)
+lessons = draw_poses(shipped_mixture(), 260, rng)
+F_all = (matrix_from_vector(lessons) - np.eye(3))[:, 1:].reshape(260, -1)
+wanted = []
+for lesson in lessons:
+    G_lesson = plain.kinematics.motion(lesson, np.zeros(body.n_betas)).G[:, :, :3]
+    turned = np.einsum("nk,kij->nij", body.weights, G_lesson)
+    off = ideal.vertices(lesson) - plain.vertices(lesson)
+    wanted.append(np.linalg.solve(turned, off[..., None])[..., 0])
+wanted = np.array(wanted)  # (260, N, 3) m
+noisy = wanted + 0.002 * rng.standard_normal(wanted.shape)
+pupils = {
+    "all joints": np.ones((body.n_vertices, 207), dtype=bool),
+    "near joints": local_features(body.weights, body.parents, 1),
+}
+
+
+def missed(P, which):
+    """How far blend shapes P (N, 3, 207) m are off in some of the poses, mm rms of a vertex."""
+    off = np.einsum("nif,jf->jni", P, F_all[which]) - wanted[which]
+    return 1e3 * np.sqrt((off**2).sum(axis=2).mean())
+
+
+counts = (20, 40, 80, 160)
+scores = {name: [] for name in pupils}
+for n in counts:
+    gram = F_all[:n].T @ F_all[:n]
+    sums = np.einsum("jf,jni->nif", F_all[:n], noisy[:n])
+    for name, mask in pupils.items():
+        tried = [
+            MaskedCholesky.of(gram + price * np.eye(207), mask).solved(sums * mask[:, None, :])
+            for price in (0.1, 1.0, 10.0, 100.0)
+        ]
+        best = min(tried, key=lambda P: missed(P, slice(160, 210)))
+        scores[name].append(missed(best, slice(210, 260)))
+nothing = missed(np.zeros((body.n_vertices, 3, 207)), slice(210, 260))
+print("poses learned from: " + ", ".join(map(str, counts)))
+for name, mask in pupils.items():
+    off_by = ", ".join(f"{score:.1f}" for score in scores[name])
+    print(f"{name:11}: {3 * int(mask.sum()):6} numbers, off by {off_by} mm")
+print(f"without blend shapes: {nothing:.1f} mm")
+with house_style():
+    figure, (ax,) = sheet(7.5, 3.6)
+    for (name, score), mark in zip(scores.items(), ("s--", "o-"), strict=True):
+        ax.plot(counts, score, mark, label=name)
+    ax.axhline(nothing, color="0.6", ls=":", label="no blend shapes")
+    ax.set(xlabel="poses learned from", ylabel="off in new poses (mm rms)", ylim=(0, None))
+    ax.set_xticks(counts)
+    ax.legend(loc="lower left")
+Picture(
+    figure,
+    "Blend shapes learned from few poses. If a vertex may depend on near joints only, a quarter of the "
+    "poses does as well.",
+)
+
+# %% [markdown]
+# This truth is local: dual quaternions move a vertex by its own joints only. Of skin one has to find out. Other
+# problems of hand models have answers too, and most of them are met again in this course:
+#
+# | problem | answer | whose | here |
+# | --- | --- | --- | --- |
+# | in scans of whole bodies hands are small, coarse and often hidden | learn the hand from scans of hands alone, and attach it to SMPL (SMPL+H) | *Embodied Hands* | not yet: these bodies have one joint for all fingers |
+# | few scans | mirror the left hands: one set for both sides | *Embodied Hands*, supplement | lecture 13: a mirror changes the sign of $x$ and exchanges vertices |
+# | 45 angles, more than an image tells | a linear space of few directions, learned from poses | *Embodied Hands* | lecture 10: a Gaussian of poses; below, for bodies |
+# | far joints move a vertex by chance | blend shapes that are local: a penalty that grows with the distance along the skin, or joints that are left out | the notes on MANO that this course uses; Osman, Bolkart and Black, *STAR*, 2020 | above; the embedded bodies are local |
+# | skin collapses where a joint bends | blend shapes that are linear in $R - I$ | Loper and others, *SMPL*, 2015 | above |
+# | the template is drawn in a pose of its own | binding matrices | the notes on MANO | lecture 3 |
+# | where are the joints of a posed hand? | the offsets of the chain, and not regressed from posed skin | the notes on MANO ask | lecture 3 |
+
+# %%
+variances = np.linalg.eigvalsh(shipped_gaussian().covariance)[::-1]  # of recorded body poses
+told = np.cumsum(variances) / variances.sum()
+print(
+    f"recorded poses of bodies, {len(variances)} angles: 10 directions explain {told[9]:.0%} of the "
+    f"variance, 20 directions {told[19]:.0%}"
+)
+print(f"embedded body: {np.mean(body.posedirs == 0):.0%} of the pose blend shapes are exactly zero")
+
+# %% [markdown]
 # ## What to remember
 #
 # - A blend shape is a displacement of the rest surface: find it by taking skinning back.
@@ -413,3 +697,6 @@ source(surface.posed)
 #   for the same rotation: elements of $R - I$, row by row, without the root.
 # - Shape directions are principal components, scaled so that betas are standard deviations; joints are
 #   regressed from the shaped surface.
+# - Groups whose means differ add a direction to the principal components of all. Shape directions are
+#   learned from many people, with their poses taken back.
+# - If poses are few, let a vertex depend on near joints only.

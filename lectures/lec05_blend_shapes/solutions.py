@@ -40,3 +40,11 @@ def regressor(people: Array, joints: Array) -> Array:
     strong = 1e3 * np.ones((1, A.shape[1]))  # the sum, as one more equation
     w, _ = nnls(np.vstack([A, strong]), np.r_[joints.ravel(), 1e3])
     return w / w.sum()
+
+
+def mixed(
+    mean_1: Array, C_1: Array, mean_2: Array, C_2: Array, share: float
+) -> tuple[Array, Array]:
+    d = mean_2 - mean_1
+    within = share * C_1 + (1 - share) * C_2
+    return share * mean_1 + (1 - share) * mean_2, within + share * (1 - share) * np.outer(d, d)

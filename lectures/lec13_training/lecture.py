@@ -52,7 +52,7 @@ from workbench.training.symbolic_form import SymbolicTraining
 # way round it must be: a person in one pose cannot tell how their elbow bulges, and three people cannot tell
 # how thousands differ.)
 #
-# Our people are jointed tubes of six bones each, drawn from a random model of SMPL's form.
+# Our people are jointed tubes with six joints each, drawn from a random model of SMPL's form.
 
 # %%
 start = jointed_tube(11, 6)  # a mesh, its tree, and which segment each vertex belongs to
@@ -376,7 +376,7 @@ for name, R in (("least squares", free), ("shares", as_shares)):
     )
 
 # %% [markdown]
-# On people who stand where the others stood, the two are alike. But least squares has never seen
+# On people who stand where the others stood, the two are nearly alike. But least squares has never seen
 # anybody move, and leaves the joints behind. Shares go along, keep joints inside the hull of the skin,
 # and most of their entries become zero by themselves. The library solves it row by row, by non-negative
 # least squares (NNLS, Lawson and Hanson):

@@ -11,7 +11,7 @@ import pytest
 
 from benchmarks.gym import page
 from benchmarks.gym.cases import CASES, NEW
-from benchmarks.gym.looks import looked
+from benchmarks.gym.looks import HEAD, LOG, looked
 from benchmarks.gym.peers import ALL, AS_IT_COMES, Peer
 from benchmarks.gym.runs import BUDGET, Kept, least_starts, read, run
 from benchmarks.gym.split import is_even, is_for_tuning, tuning, untouched
@@ -75,6 +75,12 @@ def test_a_look_is_written_down_before_it_is_taken(tmp_path: Path) -> None:
         looked("  ", log)
     with pytest.raises(OSError, match="no"):
         looked("nowhere to write", tmp_path / "no" / "looks.md")
+
+
+def test_the_log_of_looks_is_in_the_repository() -> None:
+    text = LOG.read_text()
+    assert text.startswith(HEAD)
+    assert all(len(line.split("|")) == 6 for line in text[len(HEAD) :].splitlines())
 
 
 def test_the_command_says_that_a_purpose_is_needed() -> None:
@@ -193,4 +199,4 @@ def test_the_page_is_written_from_the_numbers_that_are_kept() -> None:
     }
     assert (PLACE / "GYM.md").read_text() == "\n".join(page.lines(kept)) + "\n"
     assert [name for name, _ in kept["tuning"]["cases"]] == [one.name for one in tuning()]
-    assert set(kept["tuning"]["solvers"]) == set(ALL)
+    assert set(page.PROFILED) <= set(kept["tuning"]["solvers"]) <= set(ALL)

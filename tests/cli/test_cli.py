@@ -74,7 +74,7 @@ def test_a_problem_of_a_suite_is_run_and_reported(tmp_path: Path) -> None:
         (("run", "--set", "frames=1"), "no argument of balance is called 'frames'"),
         (("run", "missing.py"), "there is no file missing.py"),
         (("fit", "missing.json"), "cannot be read as JSON"),
-        (("body", "huge"), "default, default-female"),
+        (("body", "huge"), "default-blend-scape, default-female"),
     ],
 )
 def test_mistakes_get_a_sentence_and_no_output(

@@ -156,7 +156,7 @@ def test_a_summary_whose_files_are_none_takes_nothing_away(files: object, tmp_pa
 @EACH_JSON
 def test_a_card_of_registrations_that_is_none_is_said(name: str, tmp_path: Path) -> None:
     (tmp_path / CARD).write_bytes(JSON[name])
-    with pytest.raises(BadFile, match=rf"{CARD} cannot be read as JSON.*remove it, or mend it"):
+    with pytest.raises(BadFile, match=rf"{CARD} cannot be read as JSON.*remove it or correct it"):
         _origin(tmp_path)
 
 

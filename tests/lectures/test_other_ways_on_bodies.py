@@ -71,6 +71,23 @@ def smooth(s: Array) -> Array:
     return x**2 * (3 - 2 * x)
 
 
+def by_modes(segments: Array, edges: Array, lengths: Array, border: float) -> Array:
+    """Each mode of the graph fades by its own factor."""
+    differences = np.zeros((len(edges), len(segments)))
+    for row, (i, j), length in zip(differences, edges, lengths, strict=True):
+        row[[i, j]] = 1 / length, -1 / length
+    values, U = np.linalg.eigh(differences.T @ differences)
+    return U @ (U.T @ np.eye(max(segments) + 1)[segments] / (1 + border**2 * values / 2)[:, None])
+
+
+def by_second_moments(
+    mean_1: Array, C_1: Array, mean_2: Array, C_2: Array, share: float
+) -> tuple[Array, Array]:
+    mean = mean_2 + share * (mean_1 - mean_2)
+    moments = [C + np.outer(m, m) for m, C in ((mean_1, C_1), (mean_2, C_2))]
+    return mean, share * moments[0] + (1 - share) * moments[1] - np.outer(mean, mean)
+
+
 def by_eigenvectors(people: Array, k: int) -> tuple[Array, Array]:
     values, V = np.linalg.eigh(np.cov(people.T))
     return people.mean(axis=0), -V[:, ::-1][:, :k] * np.sqrt(values[::-1][:k])
@@ -166,6 +183,7 @@ WAYS = {
         "blended_turn": lambda w, a: 2 * np.angle(1 - w + w * np.exp(0.5j * a)),
         "blend_quaternions": with_the_other_sign,
         "weights": smooth,
+        "first_weights": by_modes,
     },
     5: {
         "shares": lambda x, e, w: scipy.special.softmax(-np.sum((x - e) ** 2, axis=1) / w**2),
@@ -183,6 +201,7 @@ WAYS = {
         )[0],
         "directions": by_eigenvectors,
         "regressor": on_the_simplex,
+        "mixed": by_second_moments,
     },
     9: {
         "project": lambda p, R, t, f, c: [

@@ -213,7 +213,7 @@ def test_costs_and_slopes_of_many_points(free: tuple[str, ...]) -> None:
 class Plain:
     """A source that knows nothing of entries: one number moves two points."""
 
-    count, tree, labels, many = 2, None, ("a", "b"), None
+    count, tree, labels, evaluate_batch = 2, None, ("a", "b"), None
 
     def __init__(self) -> None:
         self.block = wb.Block("x", (4,), "m")
@@ -230,7 +230,7 @@ class Plain:
     def numeric(self) -> "Plain":
         return self
 
-    def at(self, values: wb.Values) -> "Plain":
+    def evaluate(self, values: wb.Values) -> "Plain":
         found = Plain()
         found.x = values["x"]  # type: ignore[attr-defined]
         return found

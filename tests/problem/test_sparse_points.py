@@ -62,10 +62,10 @@ class WebNumbers:
     def pattern(self, name: str) -> csc_array | None:
         return self.of.A if name == self.of.a.name else None
 
-    def at(self, values: wb.Values) -> "WebAt":
+    def evaluate(self, values: wb.Values) -> "WebAt":
         return WebAt(self.of, values[self.of.a.name], values[self.of.b.name])
 
-    def many(self, values: wb.Values) -> np.ndarray:
+    def evaluate_batch(self, values: wb.Values) -> np.ndarray:
         pairs = zip(*(values[name] for name in self.reads), strict=True)
         return np.array([WebAt(self.of, a, b).points for a, b in pairs])
 

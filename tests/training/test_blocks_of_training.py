@@ -446,6 +446,40 @@ def test_weights_start_near_the_segments_and_rings_between_them() -> None:
     assert volume(START.template, START.faces) > 0
 
 
+def test_a_ring_is_where_a_segment_meets_its_parent_s() -> None:
+    for start in (START, Start.of(load_body("small"))):
+        segment, parents = start.segmentation.tolist(), start.parents
+        rings = start.rings().toarray()
+        for k, parent in enumerate(parents[1:], start=1):
+            ring = {
+                int(v)
+                for face in start.faces.tolist()
+                for v in face
+                for w in face
+                if {segment[v], segment[w]} == {k, parent}
+            }
+            if ring:
+                np.testing.assert_array_equal(np.flatnonzero(rings[k]), sorted(ring))
+                np.testing.assert_allclose(rings[k, sorted(ring)], 1 / len(ring))
+
+
+def test_means_of_rings_are_near_the_joints_of_the_embedded_body() -> None:
+    body = load_body("default")
+    start = Start.of(body)
+    segments = np.eye(24)[:, start.segmentation]
+    joints = body.joints()[1:]
+    both = np.array([segments[[k, p]].sum(axis=0) for k, p in enumerate(body.parents) if p >= 0])
+    off = {
+        name: 1e3 * np.linalg.norm(rows @ body.template - joints, axis=1).mean()
+        for name, rows in (
+            ("rings", start.rings()[1:]),
+            ("segments", both / both.sum(axis=1, keepdims=True)),
+        )
+    }
+    assert off["rings"] == pytest.approx(31, abs=0.5)  # mm, as CHANGELOG.md has it
+    assert off["segments"] == pytest.approx(59, abs=0.5)
+
+
 # Un-posing.
 
 

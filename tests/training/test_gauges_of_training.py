@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from scipy.sparse import csc_array
+from scipy.sparse import csc_array, csr_array
 
 from workbench import Diagnosis, Values, diagnose
 from workbench.diagnostics.parts import Parts
@@ -30,8 +30,9 @@ def limb() -> tuple[SymbolicTraining, Values]:
     people = body.vertices(betas=truth.betas)
     joints = np.stack([body.J_regressor @ person for person in people])
     estimate = Estimate(people, joints, body.posedirs, body.weights, truth.poses, body.parents)
-    rings, weights = start.rings(), start.weights()
-    objective = Objective(data, rings, weights, None, Sigmas(), start.template)
+    weights = start.weights()
+    middle = csr_array(np.full((2, body.n_vertices), 1 / body.n_vertices))  # E_J reads all vertices
+    objective = Objective(data, middle, weights, None, Sigmas(), start.template)
     symbolic = SymbolicTraining.of(body, objective)
     return symbolic, symbolic.values(estimate)
 

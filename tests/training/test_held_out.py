@@ -101,5 +101,5 @@ def test_the_last_fifth_of_the_subjects_is_held_back() -> None:
 def test_of_one_subject_registrations_are_held_back() -> None:
     kept, back = training_and_held_out(np.full(11, 3))
     assert (kept.tolist(), back.tolist()) == ([*range(9)], [9, 10])
-    with pytest.raises(BadArgument, match="fewer than two registrations"):
+    with pytest.raises(BadArgument, match="cannot be held out of fewer than two"):
         training_and_held_out(np.zeros(1, int))

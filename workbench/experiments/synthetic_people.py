@@ -15,7 +15,7 @@ from workbench.fitting.known import KnownAnswer
 from workbench.fitting.setup import Setup
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 from workbench.priors.poses import shipped_gaussian
-from workbench.solvers import Ipopt, LevenbergMarquardt
+from workbench.solvers import Ipopt, LevenbergMarquardt, Solver
 
 TRANS_SIGMA = 0.2  # m
 TIGHT = 1e-9  # gradient tolerance, with which costs have more digits than are ever compared
@@ -82,16 +82,17 @@ def exact_answer(body: Body, truth: Values) -> KnownAnswer:
     )
 
 
-def with_refined_answer(setup: Setup, truth: Values, begin: Values | None = None) -> Setup:
+def with_refined_answer(
+    setup: Setup, truth: Values, begin: Values | None = None, solver: Solver | None = None
+) -> Setup:
     """Add to a setup of noisy data, made of `truth`, the minimum that a solver finds from there.
 
-    `begin` is where the solver begins if `truth` violates the bounds.
+    `begin` is where the solver begins if `truth` violates the bounds. Without a `solver` it is
+    IPOPT if there are bounds, and Levenberg and Marquardt's otherwise.
     """
-    solver = (
-        Ipopt(gradient_tolerance=TIGHT)
-        if setup.problem.bounded
-        else LevenbergMarquardt(gradient_tolerance=TIGHT, max_iterations=500)
-    )
+    if solver is None and setup.problem.bounded:
+        solver = Ipopt(gradient_tolerance=TIGHT)
+    solver = solver or LevenbergMarquardt(gradient_tolerance=TIGHT, max_iterations=500)
     found = solver.solve(setup.problem, setup.start | (begin or truth))
     source = (
         f"{found.solver} from the synthetic person that the data were made of; no proof that there "

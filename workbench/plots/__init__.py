@@ -23,6 +23,7 @@ from workbench.plots.distances import (
     plot_distances,
 )
 from workbench.plots.figure import house_style, png, sheet, smallest, svg
+from workbench.plots.minima import caption_minima, plot_minima
 from workbench.plots.overlay import caption_overlay, plot_overlay
 from workbench.plots.posterior import (
     caption_beside_laplace,
@@ -67,6 +68,7 @@ __all__ = [
     "caption_direction",
     "caption_distances",
     "caption_left_over",
+    "caption_minima",
     "caption_overlay",
     "caption_shape_gallery",
     "caption_sigmas",
@@ -88,6 +90,7 @@ __all__ = [
     "plot_direction",
     "plot_distances",
     "plot_left_over",
+    "plot_minima",
     "plot_overlay",
     "plot_shape_gallery",
     "plot_sigmas",

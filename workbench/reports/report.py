@@ -86,6 +86,8 @@ def run_page(outcome: Outcome, files: dict[str, str]) -> str:
         distances=distance_figure(outcome),
         convergence=drawn(sheets.convergence_sheet, plots.caption_convergence, outcome.compared),
         solvers=tables.solvers_table(outcome),
+        minima=minima_figure(solution),
+        hypotheses=tables.hypotheses_table(solution),
         condition=tables.number(diagnosis.condition, 3),
         sparsity=drawn(sheets.sparsity_sheet, plots.caption_sparsity, diagnosis),
         terms=tables.terms_table(diagnosis),
@@ -97,6 +99,13 @@ def run_page(outcome: Outcome, files: dict[str, str]) -> str:
         fixed=tables.fixed_table(outcome),
         files=files,
     )
+
+
+def minima_figure(solution: Solution) -> Shown | None:
+    """Where several starts ended, or None if there was one."""
+    if not solution.hypotheses:
+        return None
+    return plotted(8.0, 3.6, plots.plot_minima, plots.caption_minima, solution)
 
 
 def data_alone(outcome: Outcome) -> dict[str, object] | None:

@@ -13,13 +13,15 @@ from workbench.blocks import Block
 from workbench.diagnostics import Diagnosis, Direction
 from workbench.diagnostics.structure import TermBlock, gathered
 from workbench.diagnostics.tables import table as lines_of
+from workbench.errors import some_of
 from workbench.experiments.running import Outcome
 from workbench.fitting.setup import Measure
 from workbench.residuals import Residual
-from workbench.solvers import Solution, Status
+from workbench.solvers import Hypothesis, Solution, Status
 
 SMALL = 24  # entries of a block that is listed number by number
 MOST = 3000  # entries of one that is listed row by row; what is larger is in the .npz alone
+MOST_STARTS = 12  # that are listed by number
 Row = tuple[str, ...]
 T = TypeVar("T")
 Columns = Mapping[str, Callable[[T], str]]
@@ -123,6 +125,18 @@ def solvers_table(outcome: Outcome) -> Table:
         "Hessians": lambda of: str(of[1].evaluations.hessian),
     }
     return Table.of(outcome.compared.items(), columns, tuple(range(2, 11)))
+
+
+def hypotheses_table(solution: Solution) -> Table:
+    """The minima that several starts led to."""
+    columns: Columns[tuple[int, Hypothesis]] = {
+        "minimum": lambda of: str(of[0]),
+        "cost": lambda of: f"{of[1].cost:.8g}",
+        "starts": lambda of: str(len(of[1].starts)),
+        "their numbers": lambda of: some_of(list(map(str, sorted(of[1].starts))), MOST_STARTS),
+        "best run": lambda of: of[1].status.name.lower().replace("_", " "),
+    }
+    return Table.of(enumerate(solution.hypotheses, 1), columns, (0, 1, 2))
 
 
 def terms_table(diagnosis: Diagnosis) -> Table:

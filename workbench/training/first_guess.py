@@ -143,7 +143,7 @@ class Start:
         rows = np.zeros((K, N))
         for k, parent in enumerate(self.parents[1:], start=1):
             ends = self.segmentation[edges]
-            across = ((ends == [k, parent]) | (ends == [parent, k])).all(axis=1)
+            across = (np.sort(ends, axis=1) == sorted((k, parent))).all(axis=1)
             ring = np.unique(edges[across])
             rows[k, ring if len(ring) else self._closest(k, parent)] = 1
         rows /= rows.sum(axis=1, keepdims=True).clip(1)

@@ -1,8 +1,11 @@
 """What lecture 4 says of its run."""
 
+import inspect
+
 import numpy as np
 
 from tests.lectures.prose import Run
+from workbench.geometry.solids import mesh_edges
 
 
 def arm(run: Run, name: str) -> np.ndarray:
@@ -17,7 +20,78 @@ def crossing(run: Run) -> float:
     return float(np.degrees(run["angles"][first]))
 
 
+def stretch(run: Run, segment: str, parent: str) -> float:
+    """How many times longer the longest edge between two segments gets with one bone for each."""
+    body = run["whole"]
+    edges = mesh_edges(body.faces)
+    ends = np.sort(body.weights.argmax(axis=1)[edges], axis=1)
+    pair = sorted((body.joint_names.index(segment), body.joint_names.index(parent)))
+    across = edges[(ends == pair).all(axis=1)]
+    torn = run["skinned"](run["readings"]["one bone for each"], run["dance"])
+    before, after = (
+        np.linalg.norm(v[across[:, 0]] - v[across[:, 1]], axis=1) for v in (body.template, torn)
+    )
+    return float((after / before).max())
+
+
+def meeting(run: Run) -> set[tuple[str, str]]:
+    """The names of the segments that meet anywhere on the mesh, the lower number first."""
+    begun, names = run["begun"], run["fine"].joint_names
+    pairs = np.sort(begun.segmentation[mesh_edges(begun.faces)], axis=1)
+    return {(names[a], names[b]) for a, b in pairs.tolist() if a != b}
+
+
 SAYS = {
+    "Here are four readings": lambda run: len(run["readings"]) == 5,
+    "With weights of 0 the body is a point, and with 1 it is 24 times as tall.": lambda run: (
+        0,
+        1,
+        run.line("all weights 1 ", "tall at rest")[1] / run.line("as they are", "tall at rest")[0],
+        run.line("all weights 0", "tall at rest")[1] == 0,
+    ),
+    "Equal weights keep the body together, but no limb follows its bone": lambda run: (
+        run.line("all weights 1/24")[-2] < 1e-9,
+        run.line("all weights 1/24")[-1] > 100,  # mm
+    ),
+    "With one bone for each vertex limbs follow, and the skin is torn where they bend, most visibly "
+    "at the left shoulder and the left hip.": lambda run: (
+        run.line("one bone for each", "tall at rest")[-1] < 5,  # mm
+        stretch(run, "left_shoulder", "left_collar") > 2,
+        stretch(run, "left_hip", "pelvis") > 2,
+    ),
+    "We need a mesh whose triangles are smaller than the border": lambda run: (
+        np.median(
+            np.linalg.norm(
+                np.subtract(
+                    *run["fine"].template[mesh_edges(run["fine"].faces)].transpose(1, 0, 2)
+                ),
+                axis=1,
+            )
+        )
+        < 0.03
+    ),
+    "The front of the waist has none, because there the segments of pelvis and spine2 meet, and "
+    "neither is the other's parent.": lambda run: (
+        ("pelvis", "spine2") in meeting(run),
+        run["fine"].parents[run["fine"].joint_names.index("spine2")]
+        == run["fine"].joint_names.index("spine1"),
+    ),
+    "along which heat flows too, so the weight falls somewhat more slowly than on a line": lambda run: (
+        all(1 < line[-2] / line[-1] < 1.5 for line in run.lines("on the tube a weight falls"))
+    ),
+    "In the end each vertex keeps its four largest weights.": lambda run: (
+        int((run["first_weights"] > 0).sum(axis=1).max()) == 4
+    ),
+    "The least is near 3 cm (dotted), the library's border.": lambda run: (
+        100 * inspect.signature(type(run["begun"]).weights).parameters["border"].default,
+        bool(0.02 < run["nearest"] < 0.05),
+        run.line("in other places than training")[1] < run.line("in other places than training")[0],
+    ),
+    "a registration may be off by 2 mm, and a weight by 0.3": lambda run: (
+        1e3 * run["Sigmas"]().data,
+        run["Sigmas"]().weights,
+    ),
+    "three borders, and the straight ramp": lambda run: len(run["borders"]) == 3,
     "Each joint moves the part up to the next joint, and shares a zone with its neighbours.": (
         lambda run: all(
             (share > 0.9).any() and ((share > 0.2) & (share < 0.8)).any()

@@ -67,7 +67,7 @@ SAYS = {
         run["true"].n_vertices,
         run["true"].n_joints,
     ),
-    "a tube of six bones": lambda run: run["true"].n_joints == 6,
+    "jointed tubes with six joints each": lambda run: run["true"].n_joints == 6,
     "In truth there are three such directions.": lambda run: run["true"].n_betas == 3,
     "and did, but for 0.06 to 0.3 rad in each joint": turns,
     "The first two directions are not shape: they are how people happened to bend.": lambda run: (
@@ -126,8 +126,8 @@ SAYS = {
     "By the training error alone, $\\lambda$ should be zero.": lambda run: (
         np.argmin(run["learned"]) == 0
     ),
-    "On people who stand where the others stood, the two are alike.": lambda run: (
-        abs(regression(run, "least squares")[1] / regression(run, "shares")[1] - 1) < 0.05
+    "On people who stand where the others stood, the two are nearly alike.": lambda run: (
+        abs(regression(run, "least squares")[1] / regression(run, "shares")[1] - 1) < 0.1
     ),
     "and leaves the joints behind. Shares go along, keep joints inside the hull of the skin, and most of "
     "their entries become zero": lambda run: (
