@@ -94,7 +94,12 @@ def test_nan_has_its_own_hint_also_beside_another_mistake() -> None:
 
 @pytest.mark.parametrize(
     ("h", "sides", "told"),
-    [(1e-3, 2, "too long"), (7e-4, 2, "too long"), (1e-6, 1, "one-sided"), (1e-7, 1, "one-sided")],
+    [
+        (1e-3, 2, "too large"),
+        (7e-4, 2, "too large"),
+        (1e-6, 1, "one-sided"),
+        (1e-7, 1, "one-sided"),
+    ],
 )
 def test_a_step_that_is_too_long_is_told_from_a_one_sided_one(h, sides, told) -> None:
     def quotient(f, x):
@@ -206,7 +211,7 @@ def test_a_function_that_is_handed_out_answers_as_it_does_in_the_checks(tmp_path
     )
     found = grade(lecture(6), path, seconds=60)
     assert {m.state for m in found.exercises["numeric_jacobian"]} == {CheckState.PASSED}
-    assert all("one step is not the end of it" in m.hint for m in found.exercises["fit"])
+    assert all("one step is not enough" in m.hint for m in found.exercises["fit"])
 
 
 def test_what_is_expected_may_be_an_array(tmp_path: Path) -> None:
