@@ -70,5 +70,5 @@ def test_lectures_are_recognised_wherever_they_are(tmp_path: Path) -> None:
 def test_the_guide_says_what_this_is_and_what_it_is_not() -> None:
     guide = " ".join((root() / "GUIDE.md").read_text().split())
     assert "cannot import the solutions or the checks of a lecture, or open their files" in guide
-    assert "This prevents only the easiest way of copying:" in guide
+    assert "This prevents only the easiest way of copying" in guide
     assert "**no sandbox**" in guide
