@@ -147,10 +147,18 @@ def test_the_report_of_a_training_needs_no_singular_values(
 
 def test_the_weakest_directions_of_the_data_alone_are_those_of_an_svd() -> None:
     """By QR and SVD of the whole Jacobian in yardsticks; from J'J they would be rounding errors."""
-    found = diagnosed("E_D").by_elimination
+    d = diagnosed("E_D")
+    found = d.by_elimination
     assert found is not None
-    np.testing.assert_allclose(found.weakest(3)[0], [1.41914752, 1.88592626, 2.15485326], rtol=1e-6)
-    assert [found.count_below(limit) for limit in (2, 10, 30)] == [2, 35, 91]
+    J, forbidden = d.point.measured.here.dense, found.forbidden
+    allowed = J - (J @ forbidden.T) @ forbidden  # without what the sums of weights forbid
+    s = np.linalg.svd(np.linalg.qr(allowed, mode="r"), compute_uv=False)[::-1]
+    seen = s[len(forbidden) + found.nullity :]
+    np.testing.assert_allclose(found.weakest(3)[0], seen[:3], rtol=1e-6)
+    assert 1 < seen[0] < 2
+    counts = [int(np.sum(seen < limit)) for limit in (2, 10, 30)]
+    assert [found.count_below(limit) for limit in (2, 10, 30)] == counts
+    assert 0 < counts[0] < counts[1] < counts[2]
 
 
 @pytest.mark.parametrize(
