@@ -119,6 +119,7 @@ __all__ = [
     "TargetOutcome",
     "Trained",
     "TriangleBody",
+    "TrustRegion",
     "Values",
     "View",
     "WorkbenchError",

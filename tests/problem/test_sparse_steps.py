@@ -10,7 +10,7 @@ from workbench import Linearization, residuals
 from workbench.problem import steps, storage
 from workbench.problem.pattern import Assembly, Part, Pattern, merged
 from workbench.problem.sparse_cholesky import factorized
-from workbench.solvers.levenberg_marquardt import box_step
+from workbench.solvers.box_step import box_step
 
 
 def sparse_matrix(seed: int, m: int = 60, n: int = 25, crowded: int = 0) -> np.ndarray:

@@ -10,7 +10,7 @@ from tests.solvers.problems import decay, rosenbrock
 from workbench import Block, LevenbergMarquardt, Linearization, Problem, Residual, Status
 from workbench.problem.steps import automatic
 from workbench.solvers import columns
-from workbench.solvers.levenberg_marquardt import box_step
+from workbench.solvers.box_step import box_step
 
 
 @pytest.mark.parametrize("seed", range(20))

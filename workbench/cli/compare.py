@@ -29,9 +29,9 @@ from workbench.experiments.user_errors import caused_by
 from workbench.installation import pip_install
 from workbench.reports import write_comparison
 from workbench.reports.tables import Columns, Table
-from workbench.solvers import SOLVERS
+from workbench.solvers import DEFAULT, SOLVERS
 
-USUAL = ("gauss-newton", "levenberg-marquardt", "ipopt", "nlopt-lbfgs")
+USUAL = (DEFAULT, "gauss-newton", "levenberg-marquardt", "ipopt", "nlopt-lbfgs")
 Names = Annotated[
     list[str],
     typer.Argument(

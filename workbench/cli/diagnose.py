@@ -10,7 +10,6 @@ from rich.markup import escape
 from workbench import diagnostics
 from workbench.cli.output import folder_to_write, print_page, warn_without_effect
 from workbench.cli.run import (
-    SOLVER,
     Name,
     Out,
     Setting,
@@ -23,7 +22,7 @@ from workbench.errors import BadArgument
 from workbench.experiments import Experiment, find
 from workbench.fitting.setup import Setup
 from workbench.reports import write_diagnosis
-from workbench.solvers import SOLVERS, Solver
+from workbench.solvers import DEFAULT, SOLVERS, Solver
 
 WARNED = 1  # the exit code if there are warnings
 
@@ -44,7 +43,7 @@ def diagnose(
     data_alone: Annotated[
         bool, typer.Option("--data-alone", help="Leave the priors out of the Jacobian.")
     ] = False,
-    solver: SolverName = SOLVER,
+    solver: SolverName = DEFAULT,
     out: Out = Path("runs"),
 ) -> None:
     """Diagnose a fit's Jacobian: its rank, what it cannot determine, and what to do about it.
@@ -55,7 +54,7 @@ def diagnose(
     experiment = find(name, settings(setting))
     other = find(against) if against is not None else None
     by = solver_named(solver)
-    if at_start and by != SOLVERS[SOLVER]:
+    if at_start and by != SOLVERS[DEFAULT]:
         warn_without_effect(console, "--solver", "with --at-start nothing is solved")
     folder = folder_to_write(out, f"{experiment.name}-diagnosis", experiment.source)
     solving = None if at_start else by

@@ -10,7 +10,7 @@ from rich.console import Console
 
 from workbench.bodies.catalogue import load_body
 from workbench.cli.output import warn_without_effect
-from workbench.cli.run import SOLVER, Compare, Out, SolverName, carry_out, solver_named
+from workbench.cli.run import Compare, Out, SolverName, carry_out, solver_named
 from workbench.errors import BadArgument, BadFile
 from workbench.experiments import Experiment
 from workbench.fitting.compared_solvers import MANY
@@ -18,6 +18,7 @@ from workbench.fitting.keypoint_files import read_observations
 from workbench.fitting.keypoints import keypoint_fit
 from workbench.fitting.meshes import own_mesh
 from workbench.geometry.meshes import READERS, REGISTERED
+from workbench.solvers import DEFAULT
 
 
 def fit(
@@ -53,7 +54,7 @@ def fit(
             help="Standard deviation of the data; by default 4 px, or 0.002 m for a mesh."
         ),
     ] = None,
-    solver: SolverName = SOLVER,
+    solver: SolverName = DEFAULT,
     compare: Compare = False,
     out: Out = Path("runs"),
 ) -> None:

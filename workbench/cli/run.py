@@ -19,7 +19,7 @@ from workbench.experiments.own_file import BESIDE, ENOUGH
 from workbench.experiments.suites import SUMMARIES
 from workbench.fitting.setup import Setup
 from workbench.reports import write_report
-from workbench.solvers import SOLVERS, Solver
+from workbench.solvers import DEFAULT, SOLVERS, Solver
 
 Name = Annotated[
     str,
@@ -39,7 +39,6 @@ Out = Annotated[
     Path, typer.Option(help="Folder in which the command makes a folder for its results.")
 ]
 SolverName = Annotated[str, typer.Option("--solver", help=f"One of {', '.join(SOLVERS)}.")]
-SOLVER = "levenberg-marquardt"  # the default
 Compare = Annotated[
     bool, typer.Option(help="Also solve with the solvers that the experiment compares.")
 ]
@@ -48,7 +47,7 @@ Compare = Annotated[
 def run(
     name: Name = "balance",
     setting: Setting = None,
-    solver: SolverName = SOLVER,
+    solver: SolverName = DEFAULT,
     compare: Compare = True,
     out: Out = Path("runs"),
     listing: Annotated[

@@ -20,6 +20,7 @@ from workbench.experiments import find
 from workbench.reports import write_posterior
 from workbench.reports.posterior_page import BlockPosterior, truth_of
 from workbench.sampling import MOVES
+from workbench.solvers import DEFAULT
 
 NOT_CONVERGED = 1  # the exit code if a block is not usable
 
@@ -55,7 +56,7 @@ def sample(
     fresh: Annotated[
         bool, typer.Option("--fresh", help="Begin anew, even if an earlier run left draws.")
     ] = False,
-    solver: SolverName = "levenberg-marquardt",
+    solver: SolverName = DEFAULT,
     out: Out = Path("runs"),
 ) -> None:
     """Sample the posterior of a fit, block by block, and judge whether the draws can be used.

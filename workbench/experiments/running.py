@@ -16,7 +16,7 @@ from workbench.experiments.relative_costs import as_good, best_cost, excess
 from workbench.experiments.user_errors import caused_by, user_errors
 from workbench.fitting.setup import Measure, Setup, View, expect
 from workbench.problem import Problem
-from workbench.solvers import SOLVERS, Callback, Solution, Solver, Status
+from workbench.solvers import DEFAULT, SOLVERS, Callback, Solution, Solver, Status
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +121,7 @@ def run(
     progress(f"building {experiment.name}")
     setup = experiment.setup()
     _measured(experiment, setup, setup.start)  # so that a mistake in it is found before the solve
-    solver = solver or SOLVERS["levenberg-marquardt"]
+    solver = solver or SOLVERS[DEFAULT]
     wanted = setup.compared if compare else ()
     progress("differentiating")  # before anything is timed
     _prepare(setup.problem, solver, wanted)

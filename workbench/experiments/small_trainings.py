@@ -35,7 +35,7 @@ GUESSES: Mapping[str, Callable[[], Start]] = {
     "limb": lambda: limb(5, 4),
     "arms": lambda: arms(3, 4),
 }
-FREE = ("gauss-newton", "levenberg-marquardt", "dogleg", "ipopt", "scipy-trf")
+FREE = ("trust-region", "gauss-newton", "levenberg-marquardt", "dogleg", "ipopt", "scipy-trf")
 CONSTRAINED = ("ipopt", "ipopt-exact", "sqp", "nlopt-slsqp")
 START_SIGMA = 0.3  # rad
 

@@ -29,7 +29,7 @@ SYNTHETIC = (
     "the meshes are those of a random triangle body on a tube of 9 vertices, with noise; nobody "
     "was measured"
 )
-COMPARED = ("gauss-newton", "levenberg-marquardt", "dogleg", "ipopt", "scipy-trf")
+COMPARED = ("trust-region", "gauss-newton", "levenberg-marquardt", "dogleg", "ipopt", "scipy-trf")
 MODELS: Mapping[str, Callable[[SkinnedBody], TriangleBody]] = {
     "scape": scape,
     "blend-scape": blend_scape,

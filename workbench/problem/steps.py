@@ -5,6 +5,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 import scipy.linalg
+from scipy.linalg import lapack
 from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import LinearOperator, lsmr
 
@@ -87,19 +88,22 @@ def cholesky(here: LinearModel, damping: float, D: Array) -> Step | None:
         factor = factor_of(normal, damping * D**2)
         which = "band" if isinstance(normal, BandedMatrix) else "sparse"
         return None if factor is None else Step(-factor.solve(here.gradient), f"{which} cholesky")
-    A = normal + damping * np.diag(D**2)
-    d = np.sqrt(np.diag(A))
+    A = normal.copy()
+    np.einsum("ii->i", A)[:] += damping * D**2
+    d = np.sqrt(A.diagonal())
     if not (d > 0).all() or not np.isfinite(d).all():
         return None
-    A /= np.outer(d, d)
-    norm = np.abs(A).sum(axis=0).max()
-    L, failed = scipy.linalg.lapack.dpotrf(A, lower=True)
+    A /= d
+    A /= d[:, None]
+    norm = lapack.dlange("1", A.T)  # A is its own transpose, which LAPACK does not have to copy
+    L, failed = lapack.dpotrf(A.T, lower=True, clean=False, overwrite_a=True)
     if failed:
         return None
-    inverse_condition, _ = scipy.linalg.lapack.dpocon(L, norm, uplo="L")
+    inverse_condition, _ = lapack.dpocon(L, norm, uplo="L")
     if inverse_condition < CHOLESKY_UP_TO**-2:
         return None
-    return Step(-scipy.linalg.cho_solve((L, True), here.gradient / d) / d, "cholesky")
+    p, _ = lapack.dpotrs(L, here.gradient / d, lower=True)
+    return Step(-p / d, "cholesky")
 
 
 def qr(here: LinearModel, damping: float, D: Array) -> Step | None:
@@ -125,7 +129,7 @@ def qr(here: LinearModel, damping: float, D: Array) -> Step | None:
 
 
 def _inverse_condition(R: Array) -> float:
-    found, _ = scipy.linalg.lapack.dtrcon(R)
+    found, _ = lapack.dtrcon(R)
     return float(found)
 
 

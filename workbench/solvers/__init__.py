@@ -30,9 +30,11 @@ from workbench.solvers.sqp import Sqp
 from workbench.solvers.staged import Staged
 from workbench.solvers.starts import Draw, Spread, Starts, within_bounds
 from workbench.solvers.steepest_descent import SteepestDescent
+from workbench.solvers.trust_region import TrustRegion
 
 # Solvers by the names that the command line knows; `workbench solvers` prints what each can do.
 SOLVERS: Mapping[str, Listed] = {
+    "trust-region": TrustRegion(),
     "gauss-newton": GaussNewton(),
     "gauss-newton-full": GaussNewton(line_search=full_step),
     "levenberg-marquardt": LevenbergMarquardt(),
@@ -58,6 +60,7 @@ SOLVERS: Mapping[str, Listed] = {
     "nlopt-mlsl": Nlopt("G_MLSL_LDS"),
 }
 check_abilities(SOLVERS)
+DEFAULT = "trust-region"  # the solver of `solve` and of the commands, where none is named
 
 
 def solve(
@@ -70,8 +73,8 @@ def solve(
     """Minimise the cost of a problem over its free blocks, from starting values.
 
     `start` has an array for every block that the problem reads, free and fixed, in the unit of the
-    block. `solver` is any Solver, such as one of `SOLVERS`; without one it is LevenbergMarquardt(),
-    which honours bounds (Levenberg 1944; Marquardt 1963). `callback` is called with each Iterate,
+    block. `solver` is any Solver, such as one of `SOLVERS`; without one it is TrustRegion(), which
+    honours bounds (Moré 1978). `callback` is called with each Iterate,
     and ends the run if it returns True. The Solution says how the run ended; its point is never
     worse than the start.
 
@@ -80,10 +83,11 @@ def solve(
     """
     if not isinstance(problem, Problem):
         raise BadArgument(f"a Problem is solved, not something of type {type(problem).__name__}")
-    return (solver or LevenbergMarquardt()).solve(problem, start, callback=callback)
+    return (solver or SOLVERS[DEFAULT]).solve(problem, start, callback=callback)
 
 
 __all__ = [
+    "DEFAULT",
     "SOLVERS",
     "Abilities",
     "Boxes",
@@ -111,6 +115,7 @@ __all__ = [
     "Starts",
     "Status",
     "SteepestDescent",
+    "TrustRegion",
     "backtracking",
     "chumpy",
     "columns",

@@ -82,7 +82,7 @@ def refuse(name: str, abilities: Abilities, problem: Problem) -> None:
     if abilities.bounds is Boxes.UNKNOWN and problem.bounded:
         raise NotSupported(
             f"{name} takes no bounds, but the problem bounds {', '.join(problem.bounds)}; "
-            "use levenberg-marquardt, ipopt or an NLopt algorithm, or drop the bounds"
+            "use trust-region, ipopt or an NLopt algorithm, or drop the bounds"
         )
     if abilities.bounds is Boxes.NEEDED:
         for i, (low, high) in enumerate(zip(problem.lower, problem.upper, strict=True)):

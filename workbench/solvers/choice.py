@@ -141,7 +141,7 @@ def _least_squares(found: Temperament) -> tuple[str, tuple[str, ...], list[str]]
         reasons.append(
             "Columns of the Jacobian nearly depend on each other. Damping keeps the steps short."
         )
-    return "levenberg-marquardt", others, reasons
+    return "trust-region", others, reasons
 
 
 def temperament(problem: Problem, start: Values) -> Temperament:

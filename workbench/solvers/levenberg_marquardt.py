@@ -4,18 +4,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.arrays import Array, Mask
 from workbench.blocks import Values
-from workbench.problem import Linearization, Problem
-from workbench.problem.steps import EPS, LinearAlgebra, Step, automatic
+from workbench.problem import Problem
+from workbench.problem.steps import EPS, LinearAlgebra, automatic
 from workbench.solvers.abilities import Abilities, Boxes, Derivative
+from workbench.solvers.box_step import box_step
 from workbench.solvers.damping import FASTEST_FALL, eased
 from workbench.solvers.run import Run
 from workbench.solvers.scaling import Scaling, identity
 from workbench.solvers.solution import Callback, Solution
 
 STIFFEST = 1e140  # of a column in the units of its step: the square, damped, is still a number
-ROUNDS = 20  # of holding and releasing, before what is there is taken: it is feasible in any case
 
 
 @dataclass(frozen=True)
@@ -51,7 +50,7 @@ class LevenbergMarquardt:
     scaling: Scaling = identity
     linear_algebra: LinearAlgebra = automatic
     first_damping: float = 1e-3
-    max_iterations: int = 200
+    max_iterations: int = 2_000
     max_evaluations: int = 10_000
     max_seconds: float = 600.0
     gradient_tolerance: float = 1e-6
@@ -101,55 +100,3 @@ class LevenbergMarquardt:
                 damping *= growth
                 growth *= 2
         return run.solution()
-
-
-def box_step(
-    here: Linearization, damping: float, D: Array, low: Array, high: Array, solve: LinearAlgebra
-) -> Step | None:
-    """The p that minimises |J p + r|^2 + damping |D p|^2 with low <= p <= high, low <= 0 <= high.
-
-    It is found by an active-set method (Nocedal and Wright, Numerical Optimization, 2006, section
-    16.5): entries that leave the box are held at its sides, the rest is solved again, and then
-    those that the gradient pulls back inside are released. Near a solution it is the damped step in
-    the entries that no bound stops, and takes as little time. None where `solve` has no answer.
-    """
-    g = here.gradient
-    held = ((low >= 0) & (g > 0)) | ((high <= 0) & (g < 0)) | (low >= high)
-    if not held.any():  # the common case: nothing is in the way
-        step = solve(here, damping, D)
-        if step is None or ((low <= step.p) & (step.p <= high)).all():
-            return step
-    p = np.zeros_like(g)
-    by = ""
-    for _ in range(ROUNDS):
-        if not held.all():
-            step = _in_the_rest(here, held, p, damping, D, solve)
-            if step is None:
-                return None
-            p[~held], by = step.p, step.by
-        outside = ~held & ((p < low) | (p > high))
-        if outside.any():
-            p, held = np.clip(p, low, high), held | outside
-            continue
-        slope = g + here.normal @ p + damping * D**2 * p
-        inwards = ((p <= low) & (slope < 0)) | ((p >= high) & (slope > 0))
-        released = held & inwards & (low < high)
-        if not released.any():
-            break
-        held &= ~released
-    return Step(np.clip(p, low, high), by)
-
-
-def _in_the_rest(
-    here: Linearization,
-    held: Mask,
-    p: Array,
-    damping: float,
-    D: Array,
-    solve: LinearAlgebra,
-) -> Step | None:
-    """The step in the entries that are not held, after the held ones have moved by p."""
-    if not here.by_frames:
-        return solve(here.without(held, p), damping, D[~held])
-    whole = solve(here.holding(held, p), damping, D)  # frames stay alike; what is held stays
-    return None if whole is None else Step(whole.p[~held], whole.by)

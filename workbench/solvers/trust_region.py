@@ -1,0 +1,133 @@
+"""The default: damped Gauss-Newton steps, as long as the linear model has proved to be good for."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.arrays import Array
+from workbench.blocks import Values
+from workbench.problem import Linearization, Problem
+from workbench.problem.steps import LinearAlgebra, Step, automatic
+from workbench.solvers.abilities import Abilities, Boxes, Derivative
+from workbench.solvers.box_step import box_step
+from workbench.solvers.damped_length import step_within
+from workbench.solvers.run import Run
+from workbench.solvers.solution import Callback, Solution
+
+TAKEN = 1e-4  # gain ratio above which a step is taken
+POOR, GOOD = 0.25, 0.75  # gain ratios: the region shrinks below POOR and may grow from GOOD on
+SLOW = 0.1  # of the cost: after a smaller decrease, steps are bent
+AHEAD = 0.1  # of a step: where its bend is measured
+BENT = 0.75  # of the length of a step: 2 |a| of a bend that is trusted
+SHORTEST = 1e-16  # of the size of the point: a smaller region ends the run
+
+
+@dataclass(frozen=True)
+class TrustRegion:
+    """The Levenberg-Marquardt method with a trust region, and the default of `solve`.
+
+    Every step p minimises the linear model |J p + r| among the steps of at most a certain length,
+    the radius of the trust region. It is (J'J + damping I) p = -J'r, with the damping that gives it
+    that length, or the Gauss-Newton step where that is short enough. The radius follows the gain
+    ratio, which is the actual decrease of the cost over the one that the model predicts: below 1/4
+    it is halved, or quartered if the cost rose by as much as it should fall; from 3/4 on, and after
+    a Gauss-Newton step of more than 1/4, it becomes twice the length of the step. The first radius
+    is the length of the start, or 1 where that is 0, and shrinks to the length of the first step.
+    See Moré, The Levenberg-Marquardt algorithm: implementation and theory, 1978. Unlike there, a
+    radian, a metre and a standard deviation count the same, whatever the columns of the Jacobian.
+
+    In a long curved valley, steps along straight lines are short. So after a step that lowers the
+    cost by less than a tenth, the next one that is damped is bent: p becomes p + a with
+    (J'J + damping I) a = -1/2 J'r_pp, where r_pp, the second derivative of the residual along p, is
+    measured by one more evaluation, a tenth of the way ahead. It stays straight if 2 |a| is more
+    than 3/4 |p| (Transtrum and Sethna, Improvements to the Levenberg-Marquardt algorithm for
+    nonlinear least-squares minimization, 2012). Between bounds the step is the best one that stays
+    inside.
+
+    Attributes:
+        first_radius: the first radius, in the units of the unknowns; None for the length of the
+            start.
+        linear_algebra: how the step is computed; `automatic` chooses a factorization.
+        max_iterations: the largest number of steps.
+        max_evaluations: the largest number of evaluations of the residual, its gradient, its
+            Jacobian and its Hessian together.
+        max_seconds: wall time in seconds. It is looked at before every evaluation, so that one step
+            of linear algebra may exceed it.
+        gradient_tolerance: a point whose `Problem.optimality` (a cosine, without unit) is at most
+            this has converged. A larger one ends earlier and farther from the minimum.
+    """
+
+    first_radius: float | None = None
+    linear_algebra: LinearAlgebra = automatic
+    max_iterations: int = 2_000
+    max_evaluations: int = 10_000
+    max_seconds: float = 600.0
+    gradient_tolerance: float = 1e-6
+
+    @property
+    def abilities(self) -> Abilities:
+        """It needs a Jacobian at every iterate, and takes bounds."""
+        return Abilities(
+            Derivative.JACOBIAN,
+            Boxes.TAKEN,
+            source="Moré 1978; Transtrum and Sethna 2012",
+        )
+
+    def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
+        """Solve from `start`; see `Solver`. Raises NotSupported for constraints."""
+        with Run("trust-region", self, problem, start, callback) as run:
+            x, here = run.x, run.begin()
+            size = float(np.linalg.norm(x))
+            radius = self.first_radius or size or 1.0
+            damping, slow, least = 0.0, False, SHORTEST * max(size, radius)
+            while True:
+                steepness = float(np.linalg.norm(here.gradient))
+                step, damping = step_within(
+                    radius, self._damped(problem, x, here), steepness, damping
+                )
+                if step is None:
+                    run.stall("the columns of the Jacobian are dependent; use automatic")
+                length = float(np.linalg.norm(step.p))
+                predicted = here.predicted_decrease(step.p)
+                if damping > 0 and run.rounding_noise.hides(predicted, x, here):
+                    radius *= 10  # the decrease of a longer step may be visible
+                    continue
+                p = step.p + bend(run, x, here, step.p, damping) if slow and damping > 0 else step.p
+                to = np.clip(x + p, problem.lower, problem.upper)
+                gain_ratio = run.gain_ratio(x, here, to, predicted)
+                if len(run.trace) == 1:
+                    radius = min(radius, length)
+                if not gain_ratio > POOR:
+                    radius = min(radius, 10 * length) * (1 / 2 if gain_ratio > -1 else 1 / 4)
+                elif gain_ratio >= GOOD or damping == 0:
+                    radius = 2 * length
+                if gain_ratio > TAKEN:
+                    slow = gain_ratio * predicted < SLOW * here.cost
+                    del here  # first: its memory serves the next one
+                    x, here = run.move(to, damping, step.by)
+                elif radius <= least or np.array_equal(to, x):
+                    run.stall()
+        return run.solution()
+
+    def _damped(
+        self, problem: Problem, x: Array, here: Linearization
+    ) -> Callable[[float], Step | None]:
+        """The step from x (n,) as a function of its damping."""
+        D, low, high = np.ones_like(x), problem.lower - x, problem.upper - x
+        return lambda damping: box_step(here, damping, D, low, high, self.linear_algebra)
+
+
+def bend(run: Run, x: Array, here: Linearization, p: Array, damping: float) -> Array:
+    """The a (n,) by which the residual's second derivative along the step p (n,) bends it.
+
+    It is 0 where it is no small correction. See `TrustRegion`.
+    """
+    ahead = np.clip(x + AHEAD * p, run.problem.lower, run.problem.upper)
+    residual = run.cost_and_residual(ahead)[1]
+    r_pp = 2 / AHEAD * ((residual - here.residual) / AHEAD - here.along(p))
+    pull = here.jacobian.T @ (-0.5 * r_pp)
+    a = here.inverse_times(pull[:, None], damping) if np.isfinite(pull).all() else None
+    if a is None or not 2 * np.linalg.norm(a) <= BENT * np.linalg.norm(p):
+        return np.zeros_like(p)
+    return a.ravel()
