@@ -55,6 +55,7 @@ if TYPE_CHECKING:
         Starts,
         Status,
         SteepestDescent,
+        TrustRegion,
         solve,
     )
     from workbench.training.blocks import BlockOptions

@@ -95,8 +95,8 @@ def cholesky(here: LinearModel, damping: float, D: Array) -> Step | None:
         return None
     A /= d
     A /= d[:, None]
-    norm = lapack.dlange("1", A.T)  # A is its own transpose, which LAPACK does not have to copy
-    L, failed = lapack.dpotrf(A.T, lower=True, clean=False, overwrite_a=True)
+    norm = np.abs(A).sum(axis=0).max()
+    L, failed = lapack.dpotrf(A.T, lower=True, clean=False, overwrite_a=True)  # A.T is A: no copy
     if failed:
         return None
     inverse_condition, _ = lapack.dpocon(L, norm, uplo="L")
