@@ -17,7 +17,9 @@ from scipy.optimize import brentq
 import workbench as wb
 from workbench.course import Picture, source
 from workbench.plots import house_style, sheet
+from workbench.solvers.damped_length import step_within
 from workbench.solvers.dogleg import cauchy_point, dogleg_step
+from workbench.solvers.trust_region import bend
 
 # %% [markdown]
 # ## An arm and its wrist
@@ -283,15 +285,58 @@ Picture(
 )
 
 # %% [markdown]
-# Does it matter which? The same thirty starts, by both:
+# ## What the workbench does unless told otherwise
+#
+# `wb.solve` without a named solver takes Levenberg's step *and* a radius. It searches for the $\lambda$
+# of that radius after all: beside the Jacobian of a body another factorization costs little, and a step
+# whose length is right to a tenth is as good as an exact one (Hebden 1973; Moré 1978). As $\lambda$ runs
+# over many powers of ten, the search joins two trials by a straight line between *logarithms*:
 
 # %%
-for name in ("levenberg-marquardt", "dogleg"):
+source(step_within)
+
+# %% [markdown]
+# The gain ratio now sets the radius. After a poor step it is halved; after a good one, or a Gauss-Newton
+# step that was not poor, it is twice the length of the step. Why is this better than setting $\lambda$
+# directly? A radius keeps its meaning from one point to the next. If the singular values of $J$ change
+# by a factor of a thousand, as on the way out of a flat region, the same $\lambda$ damps a thousand
+# million times more or less of the step, while a step of 0.1 rad stays one of 0.1 rad.
+
+# %%
+source(wb.TrustRegion.solve)
+
+# %% [markdown]
+# One thing in the loop is new: `bend`. A narrow valley that curves allows straight steps only as long as
+# the valley is straight, and the cost falls by a little each time. Once a step lowers the cost by less
+# than a tenth, the loop therefore looks a tenth of the next step ahead, measures by how much the
+# residual $e$ bends along $p$, and adds the correction $a$ that the linear model has for that
+# (Transtrum and Sethna 2012, where the corrected step follows a geodesic):
+#
+# $$ (J^\top J + \lambda I)\, a = -\tfrac12 J^\top e_{pp}, \qquad
+#    e_{pp} = \frac{d^2}{dt^2}\, e(x + t p) \Big|_{t=0} . $$
+
+# %%
+source(bend)
+
+# %%
+solution = wb.solve(problem, {"angles": start, "target": beyond})
+for k, iterate in enumerate(solution.trace):
+    print(
+        f"{k:2}: elbow {iterate.values['angles'][1]:+.4f} rad, cost above the least "
+        f"{iterate.cost - best:.1e} m^2, step {iterate.step_norm:.3f} rad, lambda {iterate.damping:.1e}"
+    )
+print(solution.status.name, "after", solution.iterations, "iterations")
+
+# %% [markdown]
+# Does it matter which? The same thirty starts, by all three:
+
+# %%
+for name in ("levenberg-marquardt", "dogleg", "trust-region"):
     tried(name)
 
 # %% [markdown]
-# With both ways to a shorter step, all runs end. Which is quicker depends on the problem; lecture 11 is
-# about comparing.
+# With each of these ways to a shorter step, all runs end. Which is quicker depends on the problem;
+# lecture 11 is about comparing.
 #
 # ## What is long?
 #
@@ -321,5 +366,6 @@ for name, scaling in (("Levenberg, D = I", np.ones(2)), ("Marquardt, D = |J_i|",
 # - A linear model is good nearby. How near, the **gain** tells: the actual fall over the promised one.
 # - Halving a bad step leaves its direction bad. Damping shortens each direction by its own share,
 #   $s_i^2 / (s_i^2 + \lambda)$ of Gauss-Newton's.
-# - $\lambda$ and a radius are two names of one thing; the dogleg goes there with one factorization.
+# - $\lambda$ and a radius are two names of one thing; the dogleg goes there with one factorization, the
+#   workbench's default with two or three, and exactly.
 # - A length needs a unit: $D$ says what a unit of each entry costs.

@@ -90,9 +90,6 @@ class TrustRegion:
                     run.stall("the columns of the Jacobian are dependent; use automatic")
                 length = float(np.linalg.norm(step.p))
                 predicted = here.predicted_decrease(step.p)
-                if damping > 0 and run.rounding_noise.hides(predicted, x, here):
-                    radius *= 10  # the decrease of a longer step may be visible
-                    continue
                 p = step.p + bend(run, x, here, step.p, damping) if slow and damping > 0 else step.p
                 to = np.clip(x + p, problem.lower, problem.upper)
                 gain_ratio = run.gain_ratio(x, here, to, predicted)
@@ -124,7 +121,7 @@ def bend(run: Run, x: Array, here: Linearization, p: Array, damping: float) -> A
     It is 0 where it is no small correction. See `TrustRegion`.
     """
     ahead = np.clip(x + AHEAD * p, run.problem.lower, run.problem.upper)
-    residual = run.cost_and_residual(ahead)[1]
+    residual = run.evaluate("residual", lambda: run.problem.residual(ahead, run.fixed))
     r_pp = 2 / AHEAD * ((residual - here.residual) / AHEAD - here.along(p))
     pull = here.jacobian.T @ (-0.5 * r_pp)
     a = here.inverse_times(pull[:, None], damping) if np.isfinite(pull).all() else None
