@@ -6,7 +6,7 @@ from matplotlib.ticker import MaxNLocator
 
 from workbench.plots.palette import LINES
 from workbench.solvers import Solution
-from workbench.solvers.minima import all_seen
+from workbench.solvers.minima import further_minima
 
 LEAST = 1e-12  # of the largest cost; lower costs are drawn there
 
@@ -36,12 +36,9 @@ def caption_minima(solution: Solution) -> str:
     """What `plot_minima` shows."""
     minima = solution.hypotheses
     starts, here = sum(len(one.starts) for one in minima), len(minima[0].starts)
-    text = (
+    return (
         f"The cost at the end of {starts} runs, one from each start, sorted. Each step of one "
         f"colour is a minimum, as wide as the number of starts that led to it: there are "
         f"{len(minima)}, and {here} of the {starts} starts led to the lowest. "
+        f"{further_minima(starts, len(minima)).capitalize()}."
     )
-    sure = all_seen(starts, len(minima))
-    if not np.isfinite(sure):
-        return text + "These are too few starts to say whether there are further minima."
-    return text + f"The probability that there are no further minima is {sure:.2g}."
