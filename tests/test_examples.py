@@ -183,6 +183,10 @@ def test_joints_tell_pose_and_shape_of_scape() -> None:
     height, volume, *_ = example.numbers.std(axis=0)
     assert 0.005 < height < 0.02
     assert 4 < volume < 7
+    E, _, W, _ = posterior.draws.shape
+    evaluations = E * W * (posterior.mixing.discarded + posterior.mixing.steps)
+    assert 1.8e6 < evaluations < 2e6
+    assert "chain of nearly two million evaluations" in " ".join(example.__doc__.split())
 
 
 def test_nine_numbers_cost_more_except_for_one_small_turn() -> None:

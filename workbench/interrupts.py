@@ -10,7 +10,7 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from types import FrameType
+from types import FrameType, TracebackType
 from typing import Any
 
 Handler = Callable[[int, FrameType | None], Any]
@@ -31,7 +31,9 @@ class _Received:
 class Interrupts:
     """Notes signals from `open` to `close`; `check` raises what their handlers have raised.
 
-    The handler that was there before decides what a signal means: what it raises is kept.
+    It is a context manager that opens and closes itself; code that cannot be inside of one `with`
+    calls both. The handler that was there before decides what a signal means: what it raises is
+    kept.
     A signal without a Python handler is left alone, and so is everything outside of the main
     thread, where Python runs no handlers.
     """
@@ -67,6 +69,15 @@ class Interrupts:
         self._restore()
         if self._received.error is not None and not self.pressed:
             raise self._received.error
+
+    def __enter__(self) -> "Interrupts":
+        self.open()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
+    ) -> None:
+        self.close()
 
     @property
     def pressed(self) -> bool:

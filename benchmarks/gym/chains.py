@@ -6,33 +6,14 @@ unconstrained and equality constrained optimization (Institute of Computer Scien
 and the CUTEst collection.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 
 import casadi as cs
 import numpy as np
 
-from benchmarks.gym.case import Case, case, setup
-from workbench.arrays import Array
-from workbench.blocks import Block
+from benchmarks.gym.case import Case, case
+from benchmarks.gym.published_function import PublishedFunction
 from workbench.fitting.setup import Setup
-
-
-@dataclass(frozen=True)
-class Chain:
-    """A function of any number of unknowns.
-
-    Attributes:
-        residual: from x (n, 1) to the residuals (m, 1).
-        start: (n,) the published start.
-        source: who published it.
-        zero: (n,) a point where every residual is 0, where there is one in closed form.
-    """
-
-    residual: Callable[[cs.MX], cs.MX]
-    start: Array
-    source: str
-    zero: Array | None = None
 
 
 def _shifted(x: cs.MX, by: int) -> cs.MX:
@@ -147,23 +128,25 @@ def oscillating_path(x: cs.MX) -> cs.MX:
 LUKSAN = "Lukšan 1996"
 VLCEK = "Lukšan and Vlček 1999"
 CUTEST = "CUTEst"
-CHAINED: Mapping[str, Chain] = {
-    "serpentine": Chain(serpentine, np.full(20, -0.8), LUKSAN, np.ones(20)),
-    "modified-47": Chain(modified_47, np.full(20, -1.0), LUKSAN),
-    "modified-48": Chain(modified_48, np.full(20, -1.0), LUKSAN),
-    "modified-53": Chain(modified_53, np.full(20, -1.0), LUKSAN),
-    "trigonometric-exponential": Chain(trigonometric_exponential, np.zeros(30), VLCEK, np.ones(30)),
-    "tridiagonal": Chain(tridiagonal, np.full(30, 12.0), VLCEK, np.ones(30)),
-    "singular-broyden": Chain(singular_broyden, np.full(30, -1.0), VLCEK),
-    "chandrasekhar": Chain(chandrasekhar, np.ones(20), "Moré 1990"),
-    "quartic": Chain(quartic, np.full(20, 0.1), CUTEST, np.ones(20)),
-    "large-squares": Chain(large_squares, np.full(20, 4.0), CUTEST, np.ones(20)),
-    "qing": Chain(qing, np.ones(20), "Qing 2006", np.sqrt(np.arange(1.0, 21))),
-    "chained-rosenbrock": Chain(
+CHAINED: Mapping[str, PublishedFunction] = {
+    "serpentine": PublishedFunction(serpentine, np.full(20, -0.8), LUKSAN, np.ones(20)),
+    "modified-47": PublishedFunction(modified_47, np.full(20, -1.0), LUKSAN),
+    "modified-48": PublishedFunction(modified_48, np.full(20, -1.0), LUKSAN),
+    "modified-53": PublishedFunction(modified_53, np.full(20, -1.0), LUKSAN),
+    "trigonometric-exponential": PublishedFunction(
+        trigonometric_exponential, np.zeros(30), VLCEK, np.ones(30)
+    ),
+    "tridiagonal": PublishedFunction(tridiagonal, np.full(30, 12.0), VLCEK, np.ones(30)),
+    "singular-broyden": PublishedFunction(singular_broyden, np.full(30, -1.0), VLCEK),
+    "chandrasekhar": PublishedFunction(chandrasekhar, np.ones(20), "Moré 1990"),
+    "quartic": PublishedFunction(quartic, np.full(20, 0.1), CUTEST, np.ones(20)),
+    "large-squares": PublishedFunction(large_squares, np.full(20, 4.0), CUTEST, np.ones(20)),
+    "qing": PublishedFunction(qing, np.ones(20), "Qing 2006", np.sqrt(np.arange(1.0, 21))),
+    "chained-rosenbrock": PublishedFunction(
         chained_rosenbrock, np.tile([-1.2, 1.0], 10), "Toint 1978", np.ones(20)
     ),
-    "error-in-rosenbrock": Chain(error_in_rosenbrock, np.full(20, -1.0), "Toint 1978"),
-    "oscillating-path": Chain(
+    "error-in-rosenbrock": PublishedFunction(error_in_rosenbrock, np.full(20, -1.0), "Toint 1978"),
+    "oscillating-path": PublishedFunction(
         oscillating_path, np.r_[-1.0, np.ones(4)], "Nesterov; Jarre 2011", np.ones(5)
     ),
 }
@@ -171,10 +154,7 @@ CHAINED: Mapping[str, Chain] = {
 
 def chained(function: str = "serpentine") -> Setup:
     """A function of the table, begun at its published start."""
-    one = CHAINED[function]
-    n = one.start.size
-    x = Block("x", (n,), labels=tuple(f"x{i + 1}" for i in range(n)))
-    return setup(f"chain-{function}", one.residual(x.symbol), x, one.start, one.source, one.zero)
+    return CHAINED[function].setup(f"chain-{function}")
 
 
 CHAINS: tuple[Case, ...] = tuple(

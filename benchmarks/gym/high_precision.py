@@ -12,6 +12,7 @@ import mpmath as mp
 import numpy as np
 
 from workbench.arrays import Array
+from workbench.errors import NotSupported
 from workbench.problem import Problem
 
 DIGITS = 40
@@ -59,11 +60,19 @@ BINARY: Mapping[int, Callable[[Any, Any], Any]] = {
     cs.OP_HYPOT: mp.hypot,
 }
 
+KNOWN = (*UNARY, *BINARY)
+
+
+def _name_of(operation: int) -> str:
+    """What CasADi calls an operation, such as OP_ERF."""
+    operations = (name for name in dir(cs) if name.startswith("OP_"))
+    return next((name for name in operations if getattr(cs, name) == operation), str(operation))
+
 
 def evaluated(function: cs.Function, numbers: Sequence[Any]) -> Any:
     """The one dense output (rows, columns) of a scalar function of one dense vector, as a matrix.
 
-    Raises NotImplementedError for an operation that is in neither table.
+    Raises NotSupported for an operation that is in neither table.
     """
     work: list[Any] = [mp.mpf(0)] * function.sz_w()
     shape = function.size_out(0)
@@ -83,7 +92,11 @@ def evaluated(function: cs.Function, numbers: Sequence[Any]) -> Any:
         elif operation in BINARY:
             work[into[0]] = BINARY[operation](work[of[0]], work[of[1]])
         else:
-            raise NotImplementedError(f"CasADi's operation {operation}")
+            raise NotSupported(
+                f"{function.name()!r} has CasADi's operation {_name_of(operation)}, which is not "
+                f"evaluated in many digits; those that are: {', '.join(map(_name_of, KNOWN))}. "
+                "Write the function with these, or add the operation to UNARY or BINARY"
+            )
     return found
 
 

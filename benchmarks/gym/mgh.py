@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import casadi as cs
 import numpy as np
 
-from benchmarks.gym.case import Case, case, setup
+from benchmarks.gym.case import Case, case
+from benchmarks.gym.published_function import PublishedFunction
 from workbench.arrays import Array
-from workbench.blocks import Block
 from workbench.fitting.setup import Setup
 
 SOURCE = "Moré, Garbow and Hillstrom 1981"
@@ -186,9 +186,9 @@ ZERO = "a point where every residual is 0"
 def mgh(function: str = "wood", scale: float = 1.0) -> Setup:
     """A function of the paper, begun at its standard start times `scale`."""
     one = FUNCTIONS[function]
-    x = Block("x", (one.start.size,), labels=tuple(f"x{i + 1}" for i in range(one.start.size)))
     source = SOURCE if one.zero is None else f"{SOURCE}: {ZERO}"
-    return setup(f"mgh-{function}", one.residual(x.symbol), x, scale * one.start, source, one.zero)
+    begun = PublishedFunction(one.residual, scale * one.start, source, one.zero)
+    return begun.setup(f"mgh-{function}")
 
 
 MGH: tuple[Case, ...] = tuple(

@@ -8,37 +8,19 @@ unconstrained testing environment with safe threads, Computational Optimization 
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 import casadi as cs
 import numpy as np
 
-from benchmarks.gym.case import Case, case, setup
+from benchmarks.gym.case import Case, case
+from benchmarks.gym.published_function import PublishedFunction
 from workbench.arrays import Array
-from workbench.blocks import Block
 from workbench.fitting.setup import Setup
 
 FILE = Path(__file__).parent / "data" / "published.json"
 Residuals = Callable[[cs.MX], cs.MX]
-
-
-@dataclass(frozen=True)
-class Published:
-    """A function with its start.
-
-    Attributes:
-        residual: from x (n, 1) to the residuals (m, 1).
-        start: (n,) the published start.
-        source: who published it.
-        zero: (n,) a point where every residual is 0, where there is one in closed form.
-    """
-
-    residual: Residuals
-    start: tuple[float, ...]
-    source: str
-    zero: tuple[float, ...] | None = None
 
 
 @cache
@@ -235,54 +217,50 @@ DENNIS = "Dennis and Schnabel 1983"
 OPTIMA = "The OPTIMA user manual, Hatfield Polytechnic 1989"
 BUCKLEY = "Buckley 1989"
 GLASSER = "De Villiers and Glasser 1981"
-PUBLISHED_FUNCTIONS: Mapping[str, Published] = {
-    "dennis-schnabel-a": Published(dennis_schnabel_a, (1, 1), DENNIS, (0, 0)),
-    "dennis-schnabel-b": Published(dennis_schnabel_b, (1, 1), DENNIS, (2, -1)),
-    "dennis-schnabel-c": Published(dennis_schnabel_c, (2, 3), DENNIS, (1, 1)),
-    "dennis-schnabel-d": Published(dennis_schnabel_d, (10, 10, 10), DENNIS, (0, 0, 0)),
-    "dennis-schnabel-e": Published(dennis_schnabel_e, (2, 3, -8), DENNIS, (0, 0, 0)),
-    "dennis-schnabel-f": Published(dennis_schnabel_f, (2, 0), DENNIS),
-    "hatfield-d": Published(_growing(*HATFIELD_D.T), (1, -1, 0), OPTIMA),
-    "hatfield-f": Published(hatfield_f, (0.1,) * 3, OPTIMA),
-    "hatfield-g": Published(hatfield_g, (1,) * 25, OPTIMA),
-    "exponential-growth": Published(exponential_growth, (0, 0), BUCKLEY),
-    "engvall": Published(engvall, (1, 2, 0), BUCKLEY, (0, 0, 1)),
-    "gottfried": Published(gottfried, (0.5, 0.5), BUCKLEY, (0, 0)),
-    "hyperbola-circle": Published(hyperbola_circle, (0, 1), BUCKLEY),
-    "recipe": Published(recipe, (2, 5, 1), BUCKLEY, (5, 0, 0)),
-    "cluster": Published(cluster, (0, 0), BUCKLEY),
-    "powell-square": Published(powell_square, (3, 1), "Powell 1970", (0, 0)),
-    "heart-6": Published(heart_6, (0, 0, 1, 1, 1, 1), "Dennis, Gay and Vu 1985"),
-    "vibrating-beam": Published(beam, (-3.5, 1, 0, 0, 1.7, 0, 0, 0), "Toint and Montgomery 1993"),
-    "himmelblau-32": Published(himmelblau, (2.7, 90, 1500, 10), "Himmelblau 1972"),
-    "judge": Published(judge, (1, 5), "Judge et al. 1985"),
-    "devilliers-glasser-1": Published(
+PUBLISHED_FUNCTIONS: Mapping[str, PublishedFunction] = {
+    "dennis-schnabel-a": PublishedFunction(dennis_schnabel_a, (1, 1), DENNIS, (0, 0)),
+    "dennis-schnabel-b": PublishedFunction(dennis_schnabel_b, (1, 1), DENNIS, (2, -1)),
+    "dennis-schnabel-c": PublishedFunction(dennis_schnabel_c, (2, 3), DENNIS, (1, 1)),
+    "dennis-schnabel-d": PublishedFunction(dennis_schnabel_d, (10, 10, 10), DENNIS, (0, 0, 0)),
+    "dennis-schnabel-e": PublishedFunction(dennis_schnabel_e, (2, 3, -8), DENNIS, (0, 0, 0)),
+    "dennis-schnabel-f": PublishedFunction(dennis_schnabel_f, (2, 0), DENNIS),
+    "hatfield-d": PublishedFunction(_growing(*HATFIELD_D.T), (1, -1, 0), OPTIMA),
+    "hatfield-f": PublishedFunction(hatfield_f, (0.1,) * 3, OPTIMA),
+    "hatfield-g": PublishedFunction(hatfield_g, (1,) * 25, OPTIMA),
+    "exponential-growth": PublishedFunction(exponential_growth, (0, 0), BUCKLEY),
+    "engvall": PublishedFunction(engvall, (1, 2, 0), BUCKLEY, (0, 0, 1)),
+    "gottfried": PublishedFunction(gottfried, (0.5, 0.5), BUCKLEY, (0, 0)),
+    "hyperbola-circle": PublishedFunction(hyperbola_circle, (0, 1), BUCKLEY),
+    "recipe": PublishedFunction(recipe, (2, 5, 1), BUCKLEY, (5, 0, 0)),
+    "cluster": PublishedFunction(cluster, (0, 0), BUCKLEY),
+    "powell-square": PublishedFunction(powell_square, (3, 1), "Powell 1970", (0, 0)),
+    "heart-6": PublishedFunction(heart_6, (0, 0, 1, 1, 1, 1), "Dennis, Gay and Vu 1985"),
+    "vibrating-beam": PublishedFunction(
+        beam, (-3.5, 1, 0, 0, 1.7, 0, 0, 0), "Toint and Montgomery 1993"
+    ),
+    "himmelblau-32": PublishedFunction(himmelblau, (2.7, 90, 1500, 10), "Himmelblau 1972"),
+    "judge": PublishedFunction(judge, (1, 5), "Judge et al. 1985"),
+    "devilliers-glasser-1": PublishedFunction(
         devilliers_glasser_1, (2, 2, 2, 2), GLASSER, (60.137, 1.371, 3.112, 1.761)
     ),
-    "devilliers-glasser-2": Published(
+    "devilliers-glasser-2": PublishedFunction(
         devilliers_glasser_2, (20, 2, 2, 2, 0.2), GLASSER, (53.81, 1.27, 3.012, 2.13, 0.507)
     ),
-    "exponentials-of-two": Published(
+    "exponentials-of-two": PublishedFunction(
         exponentials_of_two, (1, 5), "Ampgo benchmark, Gavana 2013", (1, 10)
     ),
-    "schittkowski-308": Published(schittkowski_308, (3, 0.1), "Schittkowski 1987"),
-    "cragg-levy": Published(cragg_levy, (1, 2, 2, 2), "Cragg and Levy 1969", (0, 1, 1, 1)),
-    "sine-valley": Published(sine_valley, (4.712389, -1), "Xiao and Zhou 1992", (0, 0)),
-    "egg-crate": Published(egg_crate, (1, 2), "Ampgo benchmark, Gavana 2013", (0, 0)),
-    "el-attar": Published(el_attar, (1, 5), "El-Attar, Vidyasagar and Dutta 1979"),
-    "pole-fit": Published(pole_fit, (1, 0, 1), "Toint 1993", (1, 3, 2)),
+    "schittkowski-308": PublishedFunction(schittkowski_308, (3, 0.1), "Schittkowski 1987"),
+    "cragg-levy": PublishedFunction(cragg_levy, (1, 2, 2, 2), "Cragg and Levy 1969", (0, 1, 1, 1)),
+    "sine-valley": PublishedFunction(sine_valley, (4.712389, -1), "Xiao and Zhou 1992", (0, 0)),
+    "egg-crate": PublishedFunction(egg_crate, (1, 2), "Ampgo benchmark, Gavana 2013", (0, 0)),
+    "el-attar": PublishedFunction(el_attar, (1, 5), "El-Attar, Vidyasagar and Dutta 1979"),
+    "pole-fit": PublishedFunction(pole_fit, (1, 0, 1), "Toint 1993", (1, 3, 2)),
 }
 
 
 def published(function: str = "engvall") -> Setup:
     """A function of the table, begun at its published start."""
-    one = PUBLISHED_FUNCTIONS[function]
-    n = len(one.start)
-    x = Block("x", (n,), labels=tuple(f"x{i + 1}" for i in range(n)))
-    zero = None if one.zero is None else np.array(one.zero, dtype=float)
-    return setup(
-        function, one.residual(x.symbol), x, np.array(one.start, dtype=float), one.source, zero
-    )
+    return PUBLISHED_FUNCTIONS[function].setup(function)
 
 
 PUBLISHED: tuple[Case, ...] = tuple(

@@ -2,6 +2,7 @@
 
 import hashlib
 
+import casadi as cs
 import mpmath as mp
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from benchmarks.gym import answers
 from benchmarks.gym.cases import CASES, NEW
 from benchmarks.gym.high_precision import derivatives, evaluated, newton_step, residual_of
 from benchmarks.gym.regressions import MODELS, REGRESSIONS, certified
+from workbench.errors import NotSupported
 from workbench.fitting.setup import Setup
 
 FIRST = {one.problem: one for one in reversed(NEW)}
@@ -205,6 +207,14 @@ def test_what_is_drawn_is_drawn_again() -> None:
         assert setup.problem.linearize(setup.start).cost == pytest.approx(cost, rel=1e-5), name
         again = built(name)
         assert all((setup.start[k] == again.start[k]).all() for k in setup.start)
+
+
+def test_an_operation_without_many_digits_is_named_with_those_that_there_are() -> None:
+    x = cs.SX.sym("x", 2)
+    with pytest.raises(
+        NotSupported, match=r"'odd' has CasADi's operation OP_ERF, .*OP_EXP, OP_LOG"
+    ):
+        evaluated(cs.Function("odd", [x], [cs.erf(x)]), [1.0, 2.0])
 
 
 def test_high_precision_sees_what_doubles_do_not() -> None:

@@ -1,19 +1,25 @@
 """The embedded SCAPE and BlendSCAPE bodies: what they learned, and that they go everywhere."""
 
+import re
 from importlib.resources import files
+from itertools import chain
 from pathlib import Path
 from typing import get_args
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import workbench as wb
 from workbench.bodies.catalogue import EmbeddedTriangles, load_body
 from workbench.bodies.files.embedded_triangles import UNTRAINED, read_embedded_triangles
 from workbench.bodies.triangles import TriangleBody, scape
-from workbench.errors import BadFile
-from workbench.experiments import find, run
+from workbench.cli.app import app
+from workbench.errors import BadArgument, BadBody, BadFile
+from workbench.experiments import EXPERIMENTS, SUITES, find, run
+from workbench.experiments.arguments import parameters
 from workbench.priors.poses import draw_poses, shipped_gaussian
+from workbench.studies.triangles.people import TrianglePlan
 
 FOLDER = Path(str(files("workbench"))) / "data" / "bodies"
 EACH = pytest.mark.parametrize("name", get_args(EmbeddedTriangles))
@@ -74,6 +80,30 @@ def test_the_card_says_what_was_learned_and_from_whom(name: str) -> None:
     assert card["builder"]["ridge_m2"] == max(allowed)
 
 
+@EACH
+def test_the_table_of_their_provenance_says_what_the_cards_say(name: str) -> None:
+    said = (FOLDER / "PROVENANCE.md").read_text(encoding="utf-8")
+    card = loaded(name).card
+    held_out, builder = card["held_out"], card["builder"]
+    row = f"| `{name}` | {held_out['rms_mm']:.1f} | {held_out['rms_without_posedirs_mm']:.1f} |"
+    assert said.count(row) == 1
+    assert (
+        f"mm, {held_out['people']} held-out people and poses | as shipped | without posed" in said
+    )
+    assert f"    {builder['command']}\n" in said
+    text = " ".join(said.split())
+    assert f"{builder['people']} of its people, each in one pose" in text
+    assert f"turned further at random by {builder['turned_rad']} rad on every axis" in text
+    assert len(builder["ridges_m2"]) == 4
+    assert "the largest of four whose error on 100 further people is within 10 %" in text
+
+
+def test_the_table_of_provenance_has_no_other_rows() -> None:
+    said = (FOLDER / "PROVENANCE.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `([\w-]*scape)` \|", said, re.MULTILINE)
+    assert rows == list(get_args(EmbeddedTriangles))
+
+
 def test_a_damaged_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(BadFile, match=r"nothing\.npz is no embedded body"):
         read_embedded_triangles(tmp_path / "nothing.npz", "small", scape)
@@ -82,6 +112,10 @@ def test_a_damaged_file_is_refused(tmp_path: Path) -> None:
         read_embedded_triangles(tmp_path / "other.npz", "small", scape)
 
 
+NEEDS_SKINNED = (
+    r"a SkinnedBody is needed here, but body 'small-scape' is a TriangleBody; the skinned bodies "
+    r"are default, .*, small, or give a file of another kind"
+)
 FITS = (
     "known-correspondences",
     "balance",
@@ -93,6 +127,53 @@ FITS = (
     "body-video",
     "body-outliers",
 )
+
+
+OWN = tuple(f"body-points-{model}" for model in ("lbs", "smpl", "scape", "blend-scape"))
+CHOOSING = tuple(  # the experiments that let their body be chosen
+    one.name
+    for one in (*EXPERIMENTS.values(), *chain.from_iterable(SUITES.values()))
+    if "body" in parameters(one.build)
+)
+
+
+def test_the_fits_and_those_that_make_their_own_bodies_let_the_body_be_chosen() -> None:
+    assert set(FITS) < set(CHOOSING)
+    assert set(OWN) < set(CHOOSING)
+    assert len(CHOOSING) > len(FITS) + len(OWN)
+
+
+@pytest.mark.parametrize("experiment", [name for name in CHOOSING if name not in (*FITS, *OWN)])
+def test_every_other_problem_that_lets_its_body_be_chosen_takes_one(experiment: str) -> None:
+    setup = find(experiment, {"body": "small-scape"}).setup()
+    assert isinstance(setup.body, TriangleBody)
+    assert setup.problem.free.size > 3
+    assert np.isfinite(setup.problem.linearize(setup.start).cost)
+
+
+@pytest.mark.parametrize("experiment", OWN)
+def test_experiments_that_make_their_own_triangle_bodies_refuse_one(experiment: str) -> None:
+    with pytest.raises(BadBody, match=NEEDS_SKINNED):
+        find(experiment, {"body": "small-scape"}).setup()
+
+
+@pytest.mark.parametrize(
+    "command",
+    [("blendshapes", "--body", "small-scape"), ("train", ".", "--start", "small-scape")],
+    ids=lambda command: command[0],
+)
+def test_commands_that_start_from_skinned_bodies_refuse_a_triangle_body(
+    command: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(app, command)
+    assert isinstance(done.exception, BadBody)
+    assert re.search(NEEDS_SKINNED, str(done.exception))
+
+
+def test_the_study_of_triangles_refuses_a_triangle_body() -> None:
+    with pytest.raises(BadArgument, match="no body 'small-scape'; there are default, small, full"):
+        TrianglePlan(body="small-scape")
 
 
 @pytest.mark.parametrize("experiment", FITS)

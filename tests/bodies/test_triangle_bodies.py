@@ -136,6 +136,16 @@ def test_one_hot_weights_make_blend_scape_scape(skinned: wb.SkinnedBody) -> None
     assert abs(hot.vertices(pose, betas) - blended.vertices(pose, betas)).max() > 1e-3
 
 
+@pytest.mark.parametrize("skinned", [tube_body(), SMALL], ids=["tube", "small"])
+def test_scape_has_one_part_per_face_and_blend_scape_several(skinned: wb.SkinnedBody) -> None:
+    assert scape(skinned).one_part_per_face
+    assert not blend_scape(skinned).one_part_per_face
+    dense = scape(skinned).weights.toarray()
+    stored = csr_array((dense.ravel(), np.indices(dense.shape).reshape(2, -1)), shape=dense.shape)
+    assert stored.nnz == dense.size  # zeros are stored, and are no parts
+    assert replace(scape(skinned), weights=stored).one_part_per_face
+
+
 # What the two differ in.
 
 

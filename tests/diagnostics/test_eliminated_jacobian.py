@@ -14,7 +14,6 @@ from workbench.arrays import Array
 from workbench.diagnostics.active_set import ConstrainedJacobian
 from workbench.diagnostics.eliminated_jacobian import EliminatedJacobian
 from workbench.diagnostics.identifiability import identifiability, prior_sigma
-from workbench.diagnostics.inertia import row_space
 from workbench.diagnostics.null_space import LISTED
 from workbench.errors import NotFinite, TooLarge
 from workbench.problem import Linearization, storage
@@ -108,14 +107,6 @@ def test_priors_that_share_no_row_have_sigmas_of_their_own() -> None:
     )
     np.testing.assert_allclose(sparse, dense, rtol=1e-9)
     np.testing.assert_allclose(sparse[[0, 1, 4, 5]], [0.5, 0.25, np.inf, np.inf])
-
-
-def test_a_row_space_has_the_rank_of_the_rows() -> None:
-    rows = np.array([[0.0, 0, 2, 0], [1, 1, 0, 0], [1, 1, 5, 0], [2, 2, 1, 0]])
-    basis = row_space(rows)
-    np.testing.assert_allclose(basis @ basis.T, np.eye(2), atol=1e-14)
-    np.testing.assert_allclose(rows @ basis.T @ basis, rows, atol=1e-13)
-    assert row_space(np.zeros((0, 4))).shape == (0, 4)
 
 
 def test_eigenpairs_are_found_from_products() -> None:

@@ -205,17 +205,13 @@ def test_other_threads_leave_signals_alone() -> None:
 
 
 def test_the_third_signal_is_raised_wherever_the_program_is() -> None:
-    interrupts = Interrupts()
-    interrupts.open()
-    try:
+    with Interrupts() as interrupts:
         signal.raise_signal(signal.SIGINT)
         signal.raise_signal(signal.SIGINT)
         with pytest.raises(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
         with pytest.raises(KeyboardInterrupt):
             interrupts.check()
-    finally:
-        interrupts.close()
     assert interrupts.pressed
 
 
@@ -226,13 +222,12 @@ def test_an_error_that_c_code_made_of_an_interrupt_is_an_interrupt() -> None:
         except KeyboardInterrupt:
             raise SystemError("error return without exception set") from None
 
-    interrupts = Interrupts()
-    interrupts.open()
-    try:
-        with pytest.raises(KeyboardInterrupt), interrupts.raised_at_once():
-            casadi_like()
-    finally:
-        interrupts.close()
+    with (
+        Interrupts() as interrupts,
+        pytest.raises(KeyboardInterrupt),
+        interrupts.raised_at_once(),
+    ):
+        casadi_like()
 
 
 @pytest.mark.parametrize("times", [1, 2], ids=["once", "twice"])

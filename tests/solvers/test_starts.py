@@ -1,6 +1,8 @@
 """Several starts by one solver: minima as hypotheses, and how sure it is that there are no more."""
 
 import os
+import signal
+from contextlib import suppress
 from dataclasses import replace
 from math import lgamma
 from pathlib import Path
@@ -15,7 +17,7 @@ from workbench import SOLVERS, LevenbergMarquardt, Spread, Starts, Status
 from workbench.errors import BadArgument, UnknownName
 from workbench.processes.forked import FORKING, ProcessDied, forked
 from workbench.solvers import Iterate, Solution, within_bounds
-from workbench.solvers.minima import all_seen, clusters, share_seen
+from workbench.solvers.minima import all_seen, clusters, further_minima
 
 OMEGA = 4.0
 TWENTY = Starts(20, draw=Spread({"omega": 4.0}))
@@ -114,6 +116,38 @@ def test_a_callback_ends_all_runs() -> None:
     assert solution.status is Status.STOPPED
     assert solution.hypotheses[0].starts == (0,)
     assert len(solution.hypotheses) == 1
+    assert solution.message == (
+        "stopped by the callback; 1 of 1 starts led here, and none elsewhere"
+    )
+
+
+@pytest.mark.skipif(not FORKING, reason="this system cannot copy processes")
+def test_a_callback_ends_all_copies_and_the_message_says_so() -> None:
+    solution = replace(TWENTY, workers=2).solve(*waves(), callback=lambda _: True)
+    assert solution.status is Status.STOPPED
+    assert solution.message.startswith("stopped by the callback; ")
+    assert "interrupted" not in solution.message
+    assert sum(len(one.starts) for one in solution.hypotheses) == 1
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_ctrl_c_ends_all_runs_and_the_message_says_so(workers: int) -> None:
+    iterates = []
+
+    def press(iterate: Iterate) -> bool:
+        """Press Ctrl-C, as the callback returns True, in the second run."""
+        iterates.append(iterate)
+        if sum(one.evaluations.residual == 0 for one in iterates) < 2:
+            return False
+        with suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        return True
+
+    solution = replace(TWENTY, workers=workers).solve(*waves(), callback=press)
+    assert solution.status is Status.STOPPED
+    assert solution.message.startswith("interrupted from the keyboard; ")
+    assert "callback" not in solution.message
+    assert sum(len(one.starts) for one in solution.hypotheses) == 2
 
 
 def test_starts_between_bounds() -> None:
@@ -158,13 +192,25 @@ def test_the_probabilities_are_those_of_the_posterior_of_the_number_of_minima(
     weights = np.exp(log - log.max())
     weights /= weights.sum()
     assert all_seen(n, w) == pytest.approx(weights[0], rel=1e-3)
-    assert share_seen(n, w) == pytest.approx(float(weights @ ((n + w) / (n + k))), rel=1e-3)
 
 
 def test_too_few_starts_say_nothing() -> None:
     assert np.isnan(all_seen(3, 2))
-    assert np.isnan(share_seen(3, 2))
+    assert further_minima(3, 2) == (
+        "these are too few starts to say whether there are further minima"
+    )
     assert all_seen(1000, 1) > 0.99
+
+
+def test_the_message_says_how_sure_it_is_that_there_are_no_further_minima() -> None:
+    solution = TWENTY.solve(*waves())
+    minima = len(solution.hypotheses)
+    sure = all_seen(20, minima)
+    assert 0 < sure < 1
+    assert solution.message.endswith(
+        f"others to {minima - 1} other ends; "
+        f"the probability that there are no further minima is {sure:.2g}"
+    )
 
 
 def test_clusters_of_one_minimum_are_found_whatever_the_order() -> None:

@@ -16,7 +16,6 @@ from workbench.bodies.forward.features import (
     products,
     rotation_elements,
     rotation_vectors,
-    unskinned,
 )
 from workbench.bodies.forward.kernel_features import (
     Examples,
@@ -25,6 +24,7 @@ from workbench.bodies.forward.kernel_features import (
     as_posedirs,
 )
 from workbench.bodies.forward.posing import Posing
+from workbench.bodies.forward.skinning import unskinned
 from workbench.course.shapes.tubes import tube
 from workbench.errors import BadArgument, BadFile
 from workbench.geometry.mesh_graph import along_edges

@@ -30,7 +30,10 @@ class Store(Protocol):
         """
 
     def put(self, key: str, stored: Stored) -> None:
-        """Keep a result."""
+        """Keep a result, its facts and its arrays, so that `get` finds it under this key.
+
+        A result that was kept under the same key before is replaced.
+        """
 
 
 class Memory:

@@ -11,12 +11,11 @@ from scipy.sparse import csc_array, vstack
 from workbench.arrays import Array, Index, Mask
 from workbench.diagnostics.eliminated_jacobian import EliminatedJacobian
 from workbench.diagnostics.elimination import Elimination
-from workbench.diagnostics.inertia import row_space
 from workbench.diagnostics.linearized import check_finite, linearized, pattern_of
 from workbench.diagnostics.parts import Parts
+from workbench.diagnostics.row_spaces import row_space, tangent_space
 from workbench.diagnostics.tied_elimination import TiedElimination
 from workbench.problem import Linearization, Problem
-from workbench.problem.steps import EPS
 from workbench.problem.storage import stacked
 from workbench.threads import limited_threads
 
@@ -132,21 +131,7 @@ class ConstrainedJacobian:
     @cached_property
     def tangent(self) -> Array:
         """Z (n, p), orthonormal; entries that no row reads stay what they are."""
-        n = self.here.shape[1]
-        alone = np.count_nonzero(self.rows, axis=1) == 1  # such a row holds one entry, as bounds do
-        still = self.rows[alone].any(axis=0)
-        A = self.rows[~alone] / np.linalg.norm(self.rows[~alone], axis=1)[:, None]
-        A[:, still] = 0.0
-        read = np.flatnonzero(A.any(axis=0))
-        A = A[:, read]
-        _, s, Vt = np.linalg.svd(A, full_matrices=True)
-        # rows of length 1, but for what is held already: of that, rounding may be left
-        local = Vt[int(np.sum(s > EPS * max(A.shape))) :].T
-        others = np.setdiff1d(np.flatnonzero(~still), read)
-        Z = np.zeros((n, others.size + local.shape[1]))
-        Z[others, np.arange(others.size)] = 1.0
-        Z[read, others.size :] = local
-        return Z
+        return tangent_space(self.rows)
 
     @property
     def count(self) -> int:

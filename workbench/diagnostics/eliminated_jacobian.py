@@ -14,8 +14,9 @@ from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Mask
 from workbench.diagnostics.elimination import Elimination
-from workbench.diagnostics.inertia import negative_eigenvalues, row_space
+from workbench.diagnostics.inertia import negative_eigenvalues
 from workbench.diagnostics.parts import Parts
+from workbench.diagnostics.row_spaces import row_space
 from workbench.diagnostics.tied_elimination import TiedElimination
 from workbench.problem import Linearization
 from workbench.problem.lanczos import largest_eigenpairs, largest_eigenvalue

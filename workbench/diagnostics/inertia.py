@@ -12,6 +12,7 @@ from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index, Mask
 from workbench.diagnostics.parts import Parts
+from workbench.diagnostics.row_spaces import held, row_space, tangent_space
 
 LEAST = 1e-15  # size of an eigenvalue by which is divided, in columns of length 1
 
@@ -46,7 +47,7 @@ def negative_eigenvalues(
     found = -int(np.sum(signs[tied] > 0)) - len(border)
     for k, own in enumerate(parts.own):
         u = own[~fixed[own]]
-        Z = _tangent(rest[home == k][:, u])
+        Z = tangent_space(rest[home == k][:, u])
         values, V = np.linalg.eigh(Z.T @ _block(S, u, shift) @ Z)
         across = (Z @ V).T @ np.hstack([S[u][:, shared].toarray(), W[:, u].T])
         found += int(np.sum(values < 0))
@@ -55,33 +56,12 @@ def negative_eigenvalues(
     return found + int(np.sum(np.linalg.eigvalsh(left) < 0)) if n else 0
 
 
-def row_space(rows: Array) -> Array:
-    """An orthonormal basis (r, n) of the span of rows (k, n)."""
-    alone = np.count_nonzero(rows, axis=1) == 1
-    still = np.flatnonzero(rows[alone].any(axis=0))
-    others = rows[~alone].copy()
-    others[:, still] = 0.0
-    before = np.linalg.norm(rows[~alone], axis=1)
-    others = others[before > 0] / before[before > 0, None]
-    read = np.flatnonzero(others.any(axis=0))
-    _, s, Vt = np.linalg.svd(others[:, read], full_matrices=False)
-    # rows of length 1, but for what is held already: of that, rounding may be left
-    count = int(np.sum(s > np.finfo(float).eps * max(1, *others[:, read].shape)))
-    found = np.zeros((still.size + count, rows.shape[1]))
-    found[np.arange(still.size), still] = 1.0
-    found[still.size :, read] = Vt[:count]
-    return found
-
-
 def _at_home(parts: Parts, forbidden: Array) -> tuple[Mask, Array, Index]:
     """Which unknowns are fixed (n,), what else is forbidden (k, n), and in which part that is.
 
     -1 stands for rows that read several parts, or shared unknowns.
     """
-    alone = np.count_nonzero(forbidden, axis=1) == 1
-    fixed = np.asarray(forbidden[alone].any(axis=0), dtype=bool)
-    rest = np.where(fixed, 0.0, forbidden[~alone])
-    rest = rest[rest.any(axis=1)]
+    fixed, rest = held(forbidden)
     part_of = np.full(forbidden.shape[1], -1)
     for k, own in enumerate(parts.own):
         part_of[own] = k
@@ -92,12 +72,3 @@ def _at_home(parts: Parts, forbidden: Array) -> tuple[Mask, Array, Index]:
 
 def _block(S: csr_array, places: Index, shift: Array) -> Array:
     return np.asarray(S[places][:, places].toarray() - np.diag(shift[places]))
-
-
-def _tangent(rows: Array) -> Array:
-    """An orthonormal basis (n, n - r) of what rows (k, n) do not read."""
-    if not len(rows):
-        return np.eye(rows.shape[1])
-    unit = rows / np.linalg.norm(rows, axis=1)[:, None]
-    _, s, Vt = np.linalg.svd(unit, full_matrices=True)
-    return np.asarray(Vt[int(np.sum(s > np.finfo(float).eps * max(unit.shape))) :].T)

@@ -78,12 +78,12 @@ class TiedElimination:
 
     @cached_property
     def _across(self) -> Array:
-        """P C' (n, q)."""
+        """P C' (n, q), the covariance of the unknowns with C times the unknowns, given J_0."""
         return self.alone.covariance_times(self.ties.T.toarray())
 
     @cached_property
     def _innovation(self) -> Array:
-        """S (q, q)."""
+        """S = I + C P C' (q, q), the covariance of what the ties observe, noise included."""
         return np.asarray(np.eye(self.ties.shape[0]) + self.ties @ self._across)
 
     @cached_property

@@ -11,8 +11,9 @@ from dataclasses import replace
 import numpy as np
 
 from workbench.blocks import Values
-from workbench.bodies.body import Body
+from workbench.bodies import SkinnedBody
 from workbench.bodies.catalogue import load_body
+from workbench.bodies.triangles import TriangleBody
 from workbench.errors import UnknownName
 from workbench.experiments.body_video import body_video
 from workbench.experiments.experiment import Experiment
@@ -46,7 +47,7 @@ KERNELS: Mapping[str, tuple[Kernel, float]] = {  # with the sigma that suits eac
 
 def _bent(
     body: str, seed: int, pose_sigma: float = 0.3
-) -> tuple[Body, np.random.Generator, Values]:
+) -> tuple[SkinnedBody | TriangleBody, np.random.Generator, Values]:
     """A body, the source of its noise, and a `bent_person` of it."""
     model, rng = load_body(body), np.random.default_rng(seed)
     return model, rng, bent_person(model, rng, pose_sigma)

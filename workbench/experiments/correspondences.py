@@ -6,8 +6,9 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.blocks import Values
-from workbench.bodies.body import Body
+from workbench.bodies import SkinnedBody
 from workbench.bodies.catalogue import load_body
+from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadArgument, UnknownName
 from workbench.experiments.synthetic_people import (
     MADE_OF_THE_MODEL,
@@ -79,7 +80,9 @@ def shape_from_landmarks(
     )
 
 
-def _person(body: str, seed: int, pose_sigma: float) -> tuple[Body, np.random.Generator, Values]:
+def _person(
+    body: str, seed: int, pose_sigma: float
+) -> tuple[SkinnedBody | TriangleBody, np.random.Generator, Values]:
     """A body, the source of its noise, and a person of it at the origin."""
     model, rng = load_body(body), np.random.default_rng(seed)
     return model, rng, person_at_origin(model, rng, pose_sigma)

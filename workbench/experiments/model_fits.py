@@ -11,9 +11,8 @@ import numpy as np
 
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
-from workbench.bodies.body import Body
 from workbench.bodies.catalogue import load_skinned
-from workbench.bodies.triangles import blend_scape, scape
+from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.errors import BadArgument, UnknownName
 from workbench.experiments.experiment import Experiment
 from workbench.experiments.synthetic_people import (
@@ -34,7 +33,7 @@ def _linear_blend_skinning(body: SkinnedBody) -> SkinnedBody:
     return replace(body, posedirs=np.zeros_like(body.posedirs), name=f"{body.name}, LBS")
 
 
-MODELS: Mapping[str, Callable[[SkinnedBody], Body]] = {
+MODELS: Mapping[str, Callable[[SkinnedBody], SkinnedBody | TriangleBody]] = {
     "lbs": _linear_blend_skinning,
     "smpl": lambda body: body,
     "scape": scape,

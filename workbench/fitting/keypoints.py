@@ -8,7 +8,9 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
 from workbench.blocks import Block, Points, Values
+from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
+from workbench.bodies.triangles import TriangleBody
 from workbench.fitting.body_priors import pose_prior, shape_prior
 from workbench.fitting.detector_layouts import counted_by_part
 from workbench.fitting.keypoint_start import place_body
@@ -26,7 +28,7 @@ FOCAL_SIGMA = 0.3  # of log f, for a camera of unknown focal length
 
 def keypoint_fit(
     observations: Observations,
-    body: Body,
+    body: SkinnedBody | TriangleBody,
     question: str,
     *,
     sigma: float = 4.0,

@@ -2,14 +2,15 @@
 
 from workbench.arrays import Array
 from workbench.blocks import Block, Values
-from workbench.bodies.body import Body
+from workbench.bodies import SkinnedBody
+from workbench.bodies.triangles import TriangleBody
 from workbench.fitting.setup import Measure, Setup, distances, rms
 from workbench.problem import Problem
 from workbench.residuals import Residual, landmarks
 
 
 def joint_fit(
-    body: Body,
+    body: SkinnedBody | TriangleBody,
     observed: Array,
     question: str,
     *,

@@ -6,7 +6,8 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.blocks import Block, Values
-from workbench.bodies.body import Body
+from workbench.bodies import SkinnedBody
+from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadFile
 from workbench.fitting.body_priors import pose_prior, shape_prior
 from workbench.fitting.compared_solvers import LARGE
@@ -20,7 +21,7 @@ from workbench.residuals.kernels import Kernel, quadratic
 
 
 def mesh_fit(
-    body: Body,
+    body: SkinnedBody | TriangleBody,
     observed: Array,
     question: str,
     *,
@@ -71,7 +72,7 @@ def mesh_fit(
     )
 
 
-def own_mesh(path: str | Path, body: Body, sigma: float) -> Setup:
+def own_mesh(path: str | Path, body: SkinnedBody | TriangleBody, sigma: float) -> Setup:
     """Fit a user's mesh of the body's topology, in metres, from a rigid placement; sigma is in m.
 
     Raises BadFile for another number of vertices, a file format that does not keep their order

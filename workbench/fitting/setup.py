@@ -9,7 +9,6 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
-from workbench.bodies.body import Body
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadSetup, UnknownName
 from workbench.fitting.known import KnownAnswer
@@ -101,7 +100,7 @@ class Setup:
     problem: Problem
     start: Values
     question: str
-    body: Body | None = None
+    body: SkinnedBody | TriangleBody | None = None
     views: tuple[View, ...] = ()
     truth: Array | None = None
     measures: Callable[[Values], tuple[Measure, ...]] = lambda values: ()

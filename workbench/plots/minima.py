@@ -4,20 +4,24 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
+from workbench.errors import BadArgument
 from workbench.plots.palette import LINES
-from workbench.solvers import Solution
-from workbench.solvers.minima import all_seen
+from workbench.solvers import Hypothesis, Solution
+from workbench.solvers.minima import further_minima
 
 LEAST = 1e-12  # of the largest cost; lower costs are drawn there
 
 
 def plot_minima(solution: Solution, *, ax: Axes) -> Axes:
-    """The cost of the minimum to which each start led, the lowest first: `Starts` found them."""
-    costs = np.array([one.cost for one in solution.hypotheses])
-    finite = costs[np.isfinite(costs)]
-    largest = float(np.max(finite, initial=0.0)) or 1.0
+    """The cost of the minimum to which each start led, the lowest first: `Starts` found them.
+
+    Ends without a finite cost keep their places, which stay empty. Raises BadArgument for the
+    solution of a single start.
+    """
+    minima = _minima(solution)
+    largest = max((one.cost for one in minima if np.isfinite(one.cost)), default=0.0) or 1.0
     first = 1
-    for k, one in enumerate(solution.hypotheses):
+    for k, one in enumerate(minima):
         last = first + len(one.starts)
         if np.isfinite(one.cost):
             x = np.arange(first, last)
@@ -33,15 +37,24 @@ def plot_minima(solution: Solution, *, ax: Axes) -> Axes:
 
 
 def caption_minima(solution: Solution) -> str:
-    """What `plot_minima` shows."""
-    minima = solution.hypotheses
+    """What `plot_minima` shows. Raises BadArgument for the solution of a single start."""
+    minima = _minima(solution)
     starts, here = sum(len(one.starts) for one in minima), len(minima[0].starts)
-    text = (
+    lost = sum(len(one.starts) for one in minima if not np.isfinite(one.cost))
+    failed = f"{lost} of the runs ended without a finite cost and {'is' if lost == 1 else 'are'} "
+    return (
         f"The cost at the end of {starts} runs, one from each start, sorted. Each step of one "
         f"colour is a minimum, as wide as the number of starts that led to it: there are "
         f"{len(minima)}, and {here} of the {starts} starts led to the lowest. "
+        + (f"{failed}not drawn. " if lost else "")
+        + f"{further_minima(starts, len(minima)).capitalize()}."
     )
-    sure = all_seen(starts, len(minima))
-    if not np.isfinite(sure):
-        return text + "These are too few starts to say whether there are further minima."
-    return text + f"The probability that there are no further minima is {sure:.2g}."
+
+
+def _minima(solution: Solution) -> tuple[Hypothesis, ...]:
+    if not solution.hypotheses:
+        raise BadArgument(
+            f"the solution of {solution.solver} holds no minima of several starts; solve with "
+            "`Starts`, such as Starts(20, solver)"
+        )
+    return solution.hypotheses

@@ -145,9 +145,8 @@ def facts(body: SkinnedBody | TriangleBody) -> dict[str, str]:
 def _type(body: SkinnedBody | TriangleBody) -> str:
     if isinstance(body, SkinnedBody):
         return f"SkinnedBody, {body.skinning.__name__.replace('_', ' ')} skinning"
-    single = np.diff(body.weights.indptr).max() == 1
-    each = "each triangle with one part" if single else "each triangle with several parts"
-    return f"TriangleBody, {each}, then stitched"
+    parts = "one part" if body.one_part_per_face else "several parts"
+    return f"TriangleBody, each triangle with {parts}, then stitched"
 
 
 def _skin(body: SkinnedBody) -> dict[str, str]:

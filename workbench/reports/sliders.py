@@ -21,8 +21,8 @@ MOST_STITCHED = 2_000  # vertices: beyond, the factor of the stitching makes the
 NOTE = (
     "This page computes what the workbench computes, in double precision; only {single} stored in "
     "single precision. A test compares its vertices in a browser with those of Python: they differ "
-    "by less than 0.00001 mm. The page's address keeps the settings, so that a link to it shows "
-    "the same body."
+    "by less than {millimetres} mm. The page's address keeps the settings, so that a link to it "
+    "shows the same body."
 )
 
 
@@ -66,10 +66,12 @@ def write_sliders(body: SkinnedBody | TriangleBody, path: str | Path) -> Path:
 def sliders_page(body: SkinnedBody | TriangleBody) -> str:
     """The page of a body as HTML. Raises BadArgument for a body that it cannot show."""
     if isinstance(body, TriangleBody):
-        data, script, stored = triangle_data(body), "scape.js", "the deformations of triangles are"
+        data, script = triangle_data(body), "scape.js"
+        single, millimetres = "the deformations of triangles are", "0.00005"
         parts = STITCHED if data["model"] == "SCAPE" else (BLENDED, *STITCHED)
     else:
-        data, script, stored = skinned_data(body), "smpl.js", "the pose blend shapes are"
+        data, script = skinned_data(body), "smpl.js"
+        single, millimetres = "the pose blend shapes are", "0.00001"
         parts = SKINNED
     return page(
         "sliders.html",
@@ -77,7 +79,7 @@ def sliders_page(body: SkinnedBody | TriangleBody) -> str:
         data=data,
         parts=parts,
         script=script,
-        note=NOTE.format(single=stored),
+        note=NOTE.format(single=single, millimetres=millimetres),
     )
 
 
@@ -131,9 +133,8 @@ def triangle_data(body: TriangleBody) -> dict[str, Any]:
         if wrong:
             raise BadArgument(f"body {body.name!r} {why}; the page cannot show it")
     factor, order = banded_factor(body.stitching)
-    one_part = int(np.diff(body.weights.indptr).max()) == 1
     return {
-        "model": "SCAPE" if one_part else "BlendSCAPE",
+        "model": "SCAPE" if body.one_part_per_face else "BlendSCAPE",
         **_common(body),
         "shapedirs": _text(body.shapedirs, "<f4"),
         "posedirs": _text(body.posedirs, "<f4"),

@@ -93,13 +93,9 @@ def run(
             samplers = [_fresh(target, plan, found.modes, seed) for seed in seeds]
         team = _Team(samplers, plan)
         kept = Checkpoint(checkpoint, every, lambda path: team.save(path, settings))
-        interrupts = Interrupts()
-        interrupts.open()
-        try:
+        with Interrupts() as interrupts:
             stopped = _drawn(team, plan, kept, interrupts, callback)
             kept.save()
-        finally:
-            interrupts.close()
     seconds, interrupted = time.perf_counter() - began, stopped or interrupts.pressed
     return team.drawn(found, seconds, interrupted, kept.failure)
 

@@ -37,7 +37,7 @@ class BandedRest:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """(n, c)."""
+        """The number n of all unknowns, and the number c of those that are integrated out."""
         return self.factor.order.size, len(self.others)
 
     def times(self, w: Array) -> Array:

@@ -50,23 +50,21 @@ def clusters(
     return tuple(map(tuple, found))
 
 
-def share_seen(starts: int, minima: int) -> float:
-    """The expected share of the starts that lead to one of the minima already seen.
-
-    Starts are drawn independently, and nothing is known of the sizes of basins beforehand. NaN
-    where there are too few starts to tell. Boender and Rinnooy Kan, Bayesian stopping rules for
-    multistart global optimization methods, 1987.
-    """
-    n, w = starts, minima
-    return (n - w - 1) * (n + w) / (n * (n - 1)) if n > w + 1 else np.nan
-
-
 def all_seen(starts: int, minima: int) -> float:
-    """The probability that there are no other minima than those seen, under the same assumptions.
+    """The probability that there are no other minima than those seen.
 
-    Boender and Rinnooy Kan 1987: every number of minima is equally likely beforehand. NaN where
-    there are too few starts to tell.
+    Starts are drawn independently; beforehand, every number of minima is equally likely, and
+    nothing is known of the sizes of basins. NaN where there are too few starts to tell. Boender
+    and Rinnooy Kan, Bayesian stopping rules for multistart global optimization methods, 1987.
     """
     if not starts > minima + 1:
         return np.nan
     return prod((starts - 1 - i) / (starts - 1 + i) for i in range(1, minima + 1))
+
+
+def further_minima(starts: int, minima: int) -> str:
+    """What `all_seen` gives, as a sentence without its capital and its full stop."""
+    sure = all_seen(starts, minima)
+    if np.isnan(sure):
+        return "these are too few starts to say whether there are further minima"
+    return f"the probability that there are no further minima is {sure:.2g}"

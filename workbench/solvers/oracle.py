@@ -91,7 +91,7 @@ class Oracle:
 
     @cached_property
     def cost(self) -> External:
-        """The cost at x."""
+        """The cost at x (n,), half the sum of squares, as a number; infinite if not finite."""
         return self._external("cost", (), _asked_twice(self._run.cost))
 
     @cached_property

@@ -81,9 +81,7 @@ class Staged:
             trace.append(whole)
             return None if callback is None else callback(whole)
 
-        interrupts = Interrupts()  # also between the stages
-        interrupts.open()
-        try:
+        with Interrupts() as interrupts:  # also between the stages
             for free in (*parts, problem.free):
                 if last is not None and (last.status not in GOES_ON or interrupts.pressed):
                     break
@@ -92,8 +90,6 @@ class Staged:
                 last = self.solver.solve(part, values, callback=record)
                 values |= last.values
                 before, seconds = before + last.evaluations, seconds + last.seconds
-        finally:
-            interrupts.close()
         assert last is not None  # the last stage is always there
         solution = replace(
             last,

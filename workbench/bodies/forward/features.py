@@ -5,7 +5,7 @@ of `SkinnedBody.features`: whatever they are, posedirs (N, 3, F) hold a shape fo
 a shape coefficient as well.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import casadi as cs
@@ -111,11 +111,6 @@ CLASSICAL: tuple[Features, ...] = (
     rotation_vectors,
     quaternion_elements,
 )
-
-
-def unskinned(points: cs.MX, motions: Sequence[cs.MX], weights: cs.MX) -> cs.MX:
-    """The points (3, N) unchanged: there are no bones that move them."""
-    return points
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Blending the motions of several joints into one per vertex."""
+"""Skinning: how the motions of several joints move each vertex."""
 
 from collections.abc import Callable, Sequence
 
@@ -54,6 +54,11 @@ def dual_quaternion_blend(points: cs.MX, motions: Sequence[cs.MX], weights: cs.M
     """
     Q = dual_quaternions(motions)
     return moved(points, blended(Q, weights))
+
+
+def unskinned(points: cs.MX, motions: Sequence[cs.MX], weights: cs.MX) -> cs.MX:
+    """The points (3, N) m unchanged: no joint moves them."""
+    return points
 
 
 def blended(Q: cs.MX, weights: cs.MX) -> cs.MX:

@@ -114,6 +114,11 @@ class TriangleBody:
         return int(self.shapedirs.shape[3])
 
     @property
+    def one_part_per_face(self) -> bool:
+        """Whether each face belongs to a single part, as in SCAPE; in BlendSCAPE some do not."""
+        return int(self.weights.count_nonzero()) == self.n_faces  # rows sum to one: none is zero
+
+    @property
     def bind_pose(self) -> Array:
         """The pose (K, 3) rad that leaves the template as it is: zero."""
         return np.zeros((self.n_joints, 3))
