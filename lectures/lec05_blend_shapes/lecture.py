@@ -26,10 +26,10 @@ from workbench.bodies.forward.kernel_features import (
 from workbench.bodies.forward.kinematics import pose_features
 from workbench.bodies.unposing import unpose
 from workbench.course import Picture, source
-from workbench.course.shapes.shape_directions import along, joint_moves, with_joints_of_the_mean
-from workbench.course.shapes.tubes import tube
 from workbench.geometry.rigid import procrustes
 from workbench.geometry.rotation import matrix_from_vector
+from workbench.lectures.material.shape_directions import along, joint_moves, with_joints_of_the_mean
+from workbench.lectures.material.tubes import tube
 from workbench.plots import caption_shape_gallery, house_style, plot_shape_gallery, sheet
 from workbench.plots.body import Figurine, line_up, side
 from workbench.priors.poses import draw_poses, shipped_gaussian, shipped_mixture

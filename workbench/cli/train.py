@@ -50,8 +50,7 @@ def train(
         ),
     ] = None,
     gender: Annotated[
-        str | None,
-        typer.Option(help=f"Use registrations of one gender ({', '.join(GENDERS)})."),
+        str | None, typer.Option(help=f"Use registrations of one gender ({', '.join(GENDERS)}).")
     ] = None,
     held_out: Annotated[
         Path | None,
@@ -177,11 +176,7 @@ def _data(
 
 
 def _ideal_errors(
-    folder: Path | None,
-    held_out: Path,
-    guess: Start,
-    poses: Registrations,
-    people: Registrations,
+    folder: Path | None, held_out: Path, guess: Start, poses: Registrations, people: Registrations
 ) -> dict[str, float]:
     """The errors of ideal skinning on held-out people whose ground truth is known."""
     if not (held_out / TRUTH).is_file():

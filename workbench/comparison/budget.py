@@ -53,9 +53,5 @@ class Budget:
         options: Any = solver
         fits = fields(options) if is_dataclass(options) else ()
         has = {field.name for field in fits if field.init} & wanted.keys()
-        return _changed(options, {name: wanted[name] for name in has})
-
-
-def _changed(solver: Any, options: dict[str, Any]) -> Solver:
-    changed: Solver = replace(solver, **options) if options else solver
-    return changed
+        given: Solver = replace(options, **{name: wanted[name] for name in has}) if has else solver
+        return given

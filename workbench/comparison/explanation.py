@@ -125,7 +125,8 @@ def explain(
     data = problem.without(*priors) if 0 < len(priors) < len(problem.residuals) else problem
     seen = diagnose_whole(data, values)
     along, components = _along(way, _weak(seen, data, problem))
-    costs = [_cost(problem, lost.x + s * way, fixed) for s in np.linspace(0, 1, POINTS)]
+    between = [lost.x + s * way for s in np.linspace(0, 1, POINTS)]
+    costs = [half_squared(problem.residual(x, fixed)) for x in between]
     return Explanation(
         cost=lost.cost,
         best=best.cost,
@@ -182,7 +183,3 @@ def _along(way: Array, weak: tuple[Direction, ...]) -> tuple[float, tuple[Compon
         for i, x in zip(chosen, c, strict=True)
     ]
     return min(1.0, share), tuple(sorted(components, key=lambda part: -part.length))
-
-
-def _cost(problem: Problem, x: Array, fixed: Array) -> float:
-    return half_squared(problem.residual(x, fixed))

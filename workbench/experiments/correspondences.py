@@ -9,11 +9,7 @@ from workbench.blocks import Values
 from workbench.bodies.body import Body
 from workbench.bodies.catalogue import load_body
 from workbench.errors import BadArgument, UnknownName
-from workbench.experiments.synthetic_people import (
-    MADE_OF_THE_MODEL,
-    exact_answer,
-    person_at_origin,
-)
+from workbench.experiments.synthetic_people import MADE_OF_THE_MODEL, exact_answer, person_at_origin
 from workbench.fitting.body_priors import pose_prior, shape_prior
 from workbench.fitting.compared_solvers import LARGE, SECOND_ORDER
 from workbench.fitting.landmarks import joint_fit

@@ -97,8 +97,7 @@ def _bars(solvers: Sequence[str], parts: Sequence[Part], ax: Axes) -> Axes:
         ax.bar_label(bars, shown, label_type="center", fontsize=8, color=INK)
         left += counts
     ax.set_yticks(y, [plain(s) for s in solvers])
-    ax.set_xlabel("runs")
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     ax.grid(axis="x", color=FAINT, alpha=0.25, linewidth=0.6)
-    ax.set_ylim(-0.6, len(solvers) - 0.4)
+    ax.set(xlabel="runs", ylim=(-0.6, len(solvers) - 0.4))
     return ax
