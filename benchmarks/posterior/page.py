@@ -75,8 +75,8 @@ def _nuts(found: Found, _: Mapping[str, Found]) -> str:
         most = max(one["bent"] for one in arms)
         lines.append(
             "The arms are the hardest blocks. They have a single mode, but around it the posterior "
-            "is a bent ridge. At one draw in a hundred the ridge is about "
-            f"{most:.0f} times narrower than at the mode or more, so that NUTS needs small steps. "
+            "is a bent ridge. One draw in a hundred lies where the ridge is at least "
+            f"{most:.1f} times narrower than at the mode, so that NUTS needs small steps. "
             f"{_usual(found['usual steps'])}The standard deviations of Laplace's "
             "approximation of the arms are off by up to "
             f"{max(abs(np.array(one[OVER]) - 1).max() for one in arms):.0%}.\n"

@@ -533,7 +533,8 @@ Picture(
 # $$ M(\theta, \beta) = W\left( \bar T + B_S(\beta) + B_P(\theta),\; J(\beta),\; \theta,\; \mathcal W \right) . $$
 #
 # Here $W$ is linear blend skinning, and $\mathcal W$ are its weights. (The notes *SMPL and SMPLify*, which this
-# course uses, have $\beta$ for the third argument. It is the pose.) Step by step, for the tall person of the last figure:
+# course uses, have $\beta$ for the third argument. It is the pose.) Step by step, for the tall person of the
+# last figure:
 
 # %%
 f_bend = (matrix_from_vector(bend) - np.eye(3))[1:].ravel()

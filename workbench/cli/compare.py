@@ -126,7 +126,7 @@ def compare(
 
 @contextmanager
 def _cluster(address: str | None) -> Iterator[None]:
-    """Runs go to a Dask cluster inside, if there is an address of one."""
+    """Send runs to a Dask cluster inside of the context, if an address is given."""
     if address is None:
         yield
         return
@@ -205,7 +205,7 @@ def _effort(found: comparison.Comparison, solver: str) -> str:
 
 
 def _times(found: comparison.Comparison) -> Table:
-    """Seconds as they were measured, apart from what ranks."""
+    """A table of the measured seconds, which rank no solver."""
     spreads = {solver: seconds_of_runs(found, solver) for solver in found.solvers}
     columns: Columns[str] = {
         "seconds of a run": str,

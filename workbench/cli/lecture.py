@@ -103,7 +103,7 @@ def _nothing(cell: Cell) -> None:
 
 
 def _show_code(cell: Cell) -> None:
-    """Before the cell is run, so that what it prints stands below."""
+    """Print a cell of code. It is called before the cell runs, whose output then stands below."""
     if not cell.prose:
         Console().print(Syntax(cell.text, "python", background_color="default"))
 

@@ -150,7 +150,7 @@ def _mind_unused(console: Console, start: str | None, gender: str | None, reach:
 def _data(
     console: Console, folder: Path | None, start: str | None, gender: str | None
 ) -> tuple[str, Start, Registrations, Registrations | None]:
-    """The run's name, its start, and the two sets."""
+    """The run's name, its start, and the registrations of the two sets, poses and shapes."""
     if folder is None:
         console.print(
             "no folder was given: training a synthetic tube with bones from data with 1 mm of "

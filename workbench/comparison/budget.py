@@ -40,8 +40,9 @@ class Budget:
                 raise BadArgument(f"{field.name} of a budget must be above 0, not {value!r}")
 
     def given(self, solver: Solver, repetition: int = 0) -> Solver:
-        """The solver with these limits in those of the house's options that it has, and a seed of
-        its own for each repetition if it has one.
+        """The solver with these limits, as far as it has the house's options for them.
+
+        If it has a seed, each repetition gets another.
         """
         wanted = {
             "max_evaluations": self.max_evaluations,

@@ -113,11 +113,11 @@ def _component(given: object, name: str) -> Component:
 def explain(
     problem: Problem, fixed: Array, lost: Basin, best: Basin, priors: tuple[str, ...] = ()
 ) -> Explanation:
-    """Decompose the way on the named directions that are weak at the lost end, those
-    residuals being left out that are priors.
+    """Decompose the way from the lost end to the best one into directions with names.
 
-    Weak is a singular value below a tenth of the median one, or below one sigma for a whole unit
-    and a tenth of the largest.
+    They are the directions that are weak at the lost end, without the residuals that are priors: a
+    singular value is weak if it is below a tenth of the median one, or below one sigma for a whole
+    unit and below a tenth of the largest.
     """
     way = best.x - lost.x
     length = float(np.linalg.norm(way))

@@ -152,9 +152,10 @@ class Duel:
 
 
 def duel(a: ArrayLike, b: ArrayLike, problems: Sequence[Hashable], tie: float = TIE) -> Duel:
-    """Efforts of two solvers (P,), infinite where one failed, and the problem of each start;
-    within `tie` of each other is a tie. A start on which an effort is unknown, NaN, is left out,
-    unless the other one failed there.
+    """Compare two solvers by their efforts (P,) from the same starts, infinite where one failed.
+
+    `problems` names the problem of each start. Efforts that differ by at most the share `tie` are a
+    tie. A start at which an effort is unknown (NaN) is left out, unless the other solver failed.
     """
     x, y = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
     fails = np.isposinf(x) & np.isposinf(y)

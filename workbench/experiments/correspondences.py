@@ -76,7 +76,7 @@ def shape_from_landmarks(
 
 
 def _person(body: str, seed: int, pose_sigma: float) -> tuple[Body, np.random.Generator, Values]:
-    """A body, the source of its noise, and a person of it at the origin."""
+    """A body, a generator of random numbers, and a `person_at_origin` drawn with it."""
     model, rng = load_body(body), np.random.default_rng(seed)
     return model, rng, person_at_origin(model, rng, pose_sigma)
 

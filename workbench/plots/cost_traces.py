@@ -108,6 +108,6 @@ def caption_waterfall(comparison: Comparison, problem: str) -> str:
     return (
         f"{problem}: how far above the lowest cost known each solver's {runs} "
         "runs got at best, sorted for each solver separately. Flat steps are basins that several "
-        "runs ended in; the further right a solver's curve stays at the bottom, the more starts "
-        "it leads there. Dotted lines are the targets."
+        "runs ended in; the further right a solver's curve stays at the bottom, the more of its "
+        "runs end there. Dotted lines are the targets."
     )

@@ -210,7 +210,7 @@ def caption_spray(count: int, where: str, synthetic: bool = False) -> str:
     """What `plot_spray` and `plot_spray_in_view` show."""
     return (
         f"{count} bodies drawn from the posterior, {where}: white pixels are covered by none, "
-        "full blue by all. Where the outline is blurred, the data leave the body open; what "
-        "was not sampled is the same in all of them."
+        "full blue by all. Where the outline is blurred, data and priors do not determine the "
+        "body; unknowns that were not sampled are the same in all of them."
         + (f"{MADE_OF}: the red outline of that body." if synthetic else "")
     )
