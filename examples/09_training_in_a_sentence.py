@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 import workbench as wb
-from workbench.course.shapes.tubes import tube
+from workbench.lectures.material.tubes import tube
 
 rng = np.random.default_rng(0)
 true = tube(rings=9, around=8)

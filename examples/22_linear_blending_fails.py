@@ -12,9 +12,9 @@ import numpy as np
 
 import workbench as wb
 from workbench.bodies.ablations import without_pose_blend_shapes
-from workbench.course.shapes.limbs import Limb
-from workbench.course.shapes.tubes import linear_radius, tube, volume_lost_bent
 from workbench.geometry.solids import volume
+from workbench.lectures.material.limbs import Limb
+from workbench.lectures.material.tubes import linear_radius, tube, volume_lost_bent
 
 angles = np.radians(np.arange(0, 181, 10))
 body = wb.load_body("full")  # 12,272 vertices: volumes want a fine mesh
@@ -50,7 +50,8 @@ stretch = {
 }
 
 if __name__ == "__main__":
-    from workbench.plots import caption_by_angle, house_style, plot_by_angle, png, sheet
+    from workbench.lectures.material.by_angle import caption_by_angle, plot_by_angle
+    from workbench.plots import house_style, png, sheet
 
     with house_style():
         figure, axes = sheet(14, 4.2, columns=3)

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 import workbench as wb
-from workbench.course.shapes.shape_directions import along, joint_moves, with_joints_of_the_mean
+from workbench.lectures.material.shape_directions import along, joint_moves, with_joints_of_the_mean
 
 
 def variances(body: wb.SkinnedBody) -> np.ndarray:
@@ -97,16 +97,13 @@ released = sizes(6890, 24, 10)
 here = {name: body.array(name) for name in PUBLISHED}
 
 if __name__ == "__main__":
-    from workbench.plots import (
+    from workbench.lectures.material.variance import (
         caption_left_over,
-        caption_shape_gallery,
         caption_variances,
-        house_style,
         plot_left_over,
         plot_variances,
-        png,
-        sheet,
     )
+    from workbench.plots import caption_shape_gallery, house_style, png, sheet
     from workbench.plots.sheets import shape_gallery_sheet
 
     shown = {name: v for name, v in gallery.items() if "+" in name or name == "mean"}

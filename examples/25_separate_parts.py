@@ -11,7 +11,7 @@ import numpy as np
 
 import workbench as wb
 from workbench.bodies.ablations import without_blend_weights, without_pose_blend_shapes
-from workbench.course.shapes.separate_parts import SeparateParts
+from workbench.lectures.material.separate_parts import SeparateParts
 
 body = without_pose_blend_shapes(wb.load_body("small"))
 parts, tree = SeparateParts(body), without_blend_weights(body)

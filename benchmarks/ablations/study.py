@@ -11,11 +11,11 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.forward.posing import Posing
 from workbench.geometry.mirror import Mirror
 from workbench.geometry.rotation import vector_from_matrix
+from workbench.lectures.material.pose_in_shape import aligned, pose_share
 from workbench.training.estimate import Sigmas
 from workbench.training.evaluation import VertexErrors
 from workbench.training.first_guess import Start
 from workbench.training.plan import alternation
-from workbench.training.pose_in_shape import aligned, pose_share
 from workbench.training.pose_training import first_estimate, first_poses
 from workbench.training.poses import (
     DataTerm,

@@ -16,26 +16,27 @@ start is *solved* if the run visited a point with f - f* <= tau (f0 - f*), where
 that point, f0 the cost at the start and f* the lowest cost known. *Effort* is counted in
 evaluations of the residual. Other evaluations are converted to these by the prices in
 `workbench.comparison.prices`; a Jacobian of n unknowns, for example, counts as 1 + 1.5 n
-evaluations. The table shows the median over all starts, or a dash if at most half of the starts
-were solved. The intervals are exact 95 % intervals (Clopper and Pearson) for independent starts.
-Starts of the same problem are not independent, so where a problem has several starts the true
-intervals are wider.
+evaluations. The table shows the median over all starts, those that were not solved counted as
+infinite; a dash means that at most half of the starts were solved. The intervals are exact 95 %
+intervals (Clopper and Pearson) for independent starts. Starts of the same problem are not
+independent, so where a problem has several starts correct intervals would be wider.
 
-`python -m benchmarks.choosing` makes the page.
+`python -m benchmarks.choosing` measures all of this and writes this page.
 """
 ADVICE = {
     "well-behaved": "Use Levenberg-Marquardt, which is the default, or Gauss-Newton. Solvers that "
     "use only the gradient need about three times the effort of Levenberg-Marquardt, or more.",
     "far start": "Use Levenberg-Marquardt: no solver solves more starts, and none needs less "
     "effort.",
-    "noisy": "Noise of this size does not stop Levenberg-Marquardt: it solves the most starts, "
-    "with less than half the effort of BOBYQA, which needs no derivatives.",
+    "noisy": "Noise of this size does not stop Levenberg-Marquardt: no solver solves more starts, "
+    "and it needs less than half the effort of BOBYQA, which needs no derivatives.",
     "bounds": "Levenberg-Marquardt projects its steps on the bounds and solves all starts. So do "
     "SLSQP, SQP, NLopt's L-BFGS, SciPy's trf and IPOPT. SLSQP needs the least effort here.",
     "constraints": "Use IPOPT with the exact Hessian. With a Hessian that is approximated from "
     "gradients (ipopt-lbfgs), IPOPT solves none of these starts.",
     "many unknowns": "Gauss-Newton, Levenberg-Marquardt and IPOPT use the Jacobian's sparsity. "
-    "NLopt's L-BFGS needs the least effort. SLSQP, which stores dense matrices, solves no start.",
+    "NLopt's L-BFGS needs the least effort, and Gauss-Newton solves the most starts. SLSQP, which "
+    "stores dense matrices, solves no start.",
     "no derivatives": "Levenberg-Marquardt with finite differences solves more starts than BOBYQA, "
     "with a quarter of the effort.",
     "several minima": "No solver reaches the lowest known minimum from more than a quarter of the "
@@ -60,9 +61,10 @@ def lines(kept: dict[str, Any]) -> Iterator[str]:
     for name, one in kept["found"].items():
         yield f"## {name.capitalize()}\n"
         yield f"{one['meaning'][0].upper()}{one['meaning'][1:]}. {ADVICE[name]}\n"
-        starts = f"{one['seeds']} starts each" if one["seeds"] > 1 else "one start each"
         count = len(one["problems"])
-        yield f"{count} problem{'s' if count > 1 else ''}, {starts}; tau = {one['tau']:g}.\n"
+        starts = f"{one['seeds']} starts" if one["seeds"] > 1 else "one start"
+        each = f"{count} problems, {starts} each" if count > 1 else f"1 problem, {starts}"
+        yield f"{each}; tau = {one['tau']:g}.\n"
         yield "| solver | solved | 95 % interval | effort |"
         yield "| --- | --: | --: | --: |"
         for solver, row in ordered(one["solvers"]):

@@ -220,7 +220,7 @@ TEMPERAMENTS: Mapping[str, Temperament] = {
         ),
         Temperament(
             "several minima",
-            "other minima of the cost are worse, and a start may lead to one of them",
+            "the cost has several minima, and a start may lead to one that is not the lowest",
             _of("bodies", "one-camera", "outliers-geman-mcclure"),
             (*JACOBIAN, "ipopt", "nlopt-lbfgs"),
             10,

@@ -8,7 +8,10 @@ from benchmarks.posterior.counted import UNLIKELY, Found, band, held, number, sc
 from benchmarks.posterior.held_out import LEVEL, NUTS, WALKERS
 
 Results = Mapping[str, Found]
-COVERED = {"emcee": "emcee, others fixed at the truth", "Laplace": "Laplace, all free"}
+COVERED = {
+    "emcee": "covered by emcee, others fixed at the truth",
+    "Laplace": "covered by Laplace, all free",
+}
 
 
 def recorded(found: Found, _: Results) -> str:
@@ -20,12 +23,12 @@ def recorded(found: Found, _: Results) -> str:
         f"{len(found['cases'])} frames. The table says how often the {LEVEL:.0%} interval from "
         "one camera contains the estimate from four cameras, which is taken as the truth. "
         f"`emcee`: orientation, betas and trans (16 entries, {WALKERS} walkers) are sampled, and "
-        "the other 69 are fixed at the four cameras' estimate, so that the "
-        "interval is exact if the "
-        "model is. `Laplace`: Laplace's approximation, with all 85 unknowns "
-        "free. The columns `mean` and "
-        "`sd` are those of (truth - mean) / sd over the frames, by Laplace's approximation; they "
-        "are 0 and 1 for independent frames of a correct model.\n",
+        "the other 69 are fixed at the four cameras' estimate. If the model is correct, these "
+        f"intervals contain the truth in {LEVEL:.0%} of the cases. `Laplace`: Laplace's "
+        "approximation with all 85 unknowns free. The columns `mean` and `sd` are the mean and the "
+        "standard deviation, over the frames, of (truth - Laplace's mean) / Laplace's sd; they are "
+        "0 and 1 for independent frames of a correct model. The last column divides the standard "
+        "deviation from four cameras by that from one.\n",
         _coverage(found),
         _also_nuts(found),
         _unusable(found),
@@ -47,11 +50,12 @@ def _reading(found: Found) -> str:
     sd = np.mean([case["Laplace"]["sd"] for case in found["cases"]], axis=0)
     names = found["labels"]
     open_still = [names[i] for i in range(len(names)) if four[i] > OPEN * sd[i]]
-    low = ", ".join(f"{names[i]} {rate[i]:.0%}" for i in np.argsort(rate) if rate[i] < FEW)
+    low = ", ".join(f"{names[i]} in {rate[i]:.0%}" for i in np.argsort(rate) if rate[i] < FEW)
     return (
         "All entries together are covered as often as they should be, but single ones are not: "
-        f"{low} by Laplace, most others 100 %. Forty frames are not forty independent tests: over "
-        "the frames, (truth - mean) / sd has a standard deviation of "
+        f"Laplace's intervals cover {low}, and most others in 100 % of the frames. Forty frames "
+        "are not forty independent tests: over the frames, (truth - mean) / sd has a standard "
+        "deviation of "
         f"{np.median(z.std(axis=0)):.2f} (median of the entries), and would have 1 if they were "
         "independent, so that an entry is covered nearly always or hardly ever; see `One person "
         "in all frames` below. The truth is itself an estimate: four cameras determine "
@@ -85,16 +89,16 @@ def simulated(found: Found, _: Results) -> str:
     return "\n".join(
         [
             "### Coverage of synthetic truths\n",
-            f"{count} synthetic truths: shape and pose from their priors, "
-            "orientation and place from "
-            "Gaussians of 0.3 rad and 0.3 m, which the posterior has as priors too, keypoints with "
-            "noise of the model's sigma and with the recording's confidences.\n",
+            f"{count} synthetic truths. Shape and pose are drawn from their priors, and "
+            "orientation and place from Gaussians of 0.3 rad and 0.3 m, which are priors of the "
+            "posterior too. "
+            "Keypoints have noise of the model's sigma and the recording's confidences.\n",
             _coverage(found),
             _also_nuts(found),
             _unusable(found),
-            f"\nWith correct intervals, the counts of all 16 entries lie between {low} and {high} "
-            f"of {count} with a probability of {1 - UNLIKELY:.1%}. "
-            + ("emcee's counts do." if inside else "emcee's counts DO NOT."),
+            f"\nCorrect intervals cover each of the 16 entries in {low} to {high} of the {count} "
+            f"cases, with a probability of {1 - UNLIKELY:.1%} for all entries together. "
+            + ("emcee's intervals do." if inside else "emcee's intervals DO NOT."),
             "",
         ]
     )
@@ -110,12 +114,13 @@ def one_person(found: Found, results: Results) -> str:
         f"{len(rates)} synthetic people, each in {found['frames']} frames of "
         "the recording's poses, "
         "each with their own betas and with noise of the model's sigma. The model is correct, and "
-        f"Laplace's intervals cover {rates.mean():.1%} of all 16 entries. But of one person's ten "
-        "betas the worst is covered in "
+        f"Laplace's intervals cover {rates.mean():.1%} of all 16 entries. But among a person's ten "
+        "betas, the lowest coverage is "
         + ", ".join(f"{r:.0%}" for r in np.sort(least))
-        + " of the frames, for each person, because the error is nearly the same in all of "
-        f"them: it varies by {np.median(spread[:, shape]):.2f} of a standard deviation within a "
-        "person, and would vary by 1 if frames were independent.",
+        + " of the frames (one number for each person). The reason is that a person's error is "
+        "nearly the same in all frames: "
+        f"it has a standard deviation of {np.median(spread[:, shape]):.2f} over the frames, in "
+        "units of Laplace's, and would have one of 1 if frames were independent.",
     ]
     if "recorded" in results:
         lines.append(_explained(results["recorded"]["found"], found, shape))
@@ -131,11 +136,11 @@ def _explained(recorded: Found, people: Found, shape: Sequence[int]) -> str:
     every = np.array(people["rates"])[:, shape].min(axis=1)
     as_bad = np.mean(every <= covered[worst])
     return (
-        f"\nThe recorded person is no different: the errors of the betas vary by {within:.2f}. The "
-        f"worst, {recorded['labels'][worst]}, is covered in {covered[worst]:.0%} of the frames, "
-        f"and {as_bad:.0%} of the synthetic people have one that is covered as "
-        "rarely. Forty frames "
-        "of one person are about one test of each beta, not forty."
+        f"\nThe recorded person is no different: the same standard deviation is {within:.2f}. The "
+        f"beta with the lowest coverage, {recorded['labels'][worst]}, is covered in "
+        f"{covered[worst]:.0%} of the frames, and {as_bad:.0%} of the synthetic people have a beta "
+        "that is covered no more often. Forty frames of one person test each beta about once, not "
+        "forty times."
     )
 
 
@@ -150,41 +155,40 @@ def _left_over(results: Results, people: Found, shape: Sequence[int]) -> str:
         return f"{held(found, way)[i] / number(found, way):.0%}"
 
     said = [
-        f"recorded: {rate('recorded', 'Laplace')} by Laplace, {rate('recorded', 'emcee')} by emcee "
-        "with the others at the truth",
-        f"synthetic people in the recorded poses: {np.mean(people['rates'], axis=0)[i]:.0%} by "
-        "Laplace",
+        f"| recorded | {rate('recorded', 'Laplace')} | {rate('recorded', 'emcee')} |",
+        f"| synthetic people in the recorded poses | {np.mean(people['rates'], axis=0)[i]:.0%} | |",
     ]
     if "simulated" in results:
         said.append(
-            f"synthetic people and poses: {rate('simulated', 'Laplace')} by Laplace, "
-            f"{rate('simulated', 'emcee')} by emcee"
+            f"| synthetic people and poses | {rate('simulated', 'Laplace')} | "
+            f"{rate('simulated', 'emcee')} |"
         )
     if "widened" in results:
         said.append(
-            f"recorded, with the sigma of the residuals: {rate('widened', 'Laplace')} by "
-            f"Laplace, {rate('widened', 'emcee')} by emcee"
+            f"| recorded, with the sigma of the residuals | {rate('widened', 'Laplace')} | "
+            f"{rate('widened', 'emcee')} |"
         )
     return (
-        f"\n{people['labels'][i]} is covered least often of the other entries. Its coverage: "
-        f"{'; '.join(said)}. With the others at the truth, the larger sigma is "
-        "enough to restore the "
-        "coverage. With all free it is not, for three reasons: Laplace's approximation covers too "
-        "little even where all data are synthetic; the recorded poses are all alike, and are not "
-        "draws from the prior; and real keypoints, unlike synthetic ones, are "
-        "displaced in the same "
+        f"\nOf the entries that are no betas, {people['labels'][i]} is covered least often:\n\n"
+        "| data | by Laplace, all free | by emcee, others fixed at the truth |\n"
+        "| --- | --: | --: |\n" + "\n".join(said) + "\n\n"
+        "The larger sigma restores the coverage where the others are fixed at the truth. Where all "
+        "are free it does not. Three things contribute: Laplace's approximation covers too little "
+        "even where all data are synthetic; the recorded poses are all alike, and are not draws "
+        "from the prior; and real keypoints, unlike synthetic ones, are displaced in the same "
         "direction in all frames, which no sigma describes."
     )
 
 
 def _coverage(found: Found) -> str:
     count = len(found["cases"])
-    heads = [f"{said}, covered" for said in COVERED.values()]
+    heads = list(COVERED.values())
     z = scores(found, "Laplace")
     four = found.get("sd of four cameras")
     sd = np.mean([case["Laplace"]["sd"] for case in found["cases"]], axis=0)
     lines = [
-        f"| entry | {' | '.join(heads)} | mean | sd |" + (" sd of four over one |" if four else ""),
+        f"| entry | {' | '.join(heads)} | mean | sd |"
+        + (" sd from four / sd from one |" if four else ""),
         "| --- |" + " --: |" * (len(COVERED) + 2 + bool(four)),
     ]
     rates = {way: held(found, way) / number(found, way) for way in COVERED}
@@ -212,15 +216,16 @@ def _also_nuts(found: Found) -> str:
         way: held(part, way, all_of=True).sum() / (16 * len(some)) for way in ("NUTS", "Laplace")
     }
     return (
-        f"\nDraws of all 85 by NUTS ({NUTS.draws} of each of four chains) in {len(some)} of these "
-        f"cases: {rates['NUTS']:.1%} covered, and {rates['Laplace']:.1%} by Laplace in the same "
-        f"cases. Only {len(good)} of the {len(some)} runs have R-hat at most 1.05: 85 entries, "
-        "most of them determined by the priors alone, are hard for NUTS as well."
+        f"\nIn {len(some)} of these cases NUTS sampled all 85 unknowns, with four chains of "
+        f"{NUTS.draws} draws. Its intervals cover {rates['NUTS']:.1%} of the 16 entries, and "
+        f"Laplace's cover {rates['Laplace']:.1%} in the same cases. Only {len(good)} of the "
+        f"{len(some)} runs have an R-hat of at most 1.05: 85 entries, most of them determined by "
+        "the priors alone, are hard for NUTS as well."
     )
 
 
 def _unusable(found: Found) -> str:
     bad = [case["case"] for case in found["cases"] if not case["emcee"]["usable"]]
     if not bad:
-        return "\nEvery run of emcee is usable."
+        return "\nThe draws of every run of emcee are usable, by the workbench's own criteria."
     return f"\nNot usable by emcee, and not counted: {', '.join(bad)}."

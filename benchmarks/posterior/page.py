@@ -7,13 +7,14 @@ import numpy as np
 from benchmarks.page import machine
 from benchmarks.posterior import held_out_tables as tables
 from benchmarks.posterior.counted import Found
-from benchmarks.posterior.nuts import ALLOWED_MEAN, ALLOWED_SD, TIMES
+from benchmarks.posterior.nuts import ALLOWED_MEAN, ALLOWED_SD, TIMES, USUAL, NutsSettings
 
 HEAD = """# Posteriors, measured
 
 Written by `python -m benchmarks.posterior PART` from the numbers in `results/`; `--help` lists the
-parts. All of them are for one person on a beam (`workbench run balance-monocular`): 85 unknowns, 23
-keypoints in one camera, sigma 4 px, a Gaussian prior on pose and on shape.
+parts. Unless a section says otherwise, the problem is `workbench run balance-monocular`: one
+recorded person who balances on a beam, seen by one camera. It has 85 unknowns, 23 keypoints with a
+sigma of 4 px, and Gaussian priors on pose and shape.
 """
 
 
@@ -43,9 +44,14 @@ def _where(facts: Found) -> str:
 def _nuts(found: Found, _: Mapping[str, Found]) -> str:
     lines = [
         "## emcee compared with NUTS\n",
+        "A block is sampled with all entries outside of it fixed at the solution of the fit. "
+        f"NUTS aims at an acceptance rate of {NutsSettings().accepted:.0%}. Successive draws of "
+        "NUTS can be negatively correlated; their effective number is then larger than their "
+        "number.\n",
         "| block | entries | emcee: steps / autocorrelation time | emcee, s | NUTS: R-hat | "
-        "divergences | effective draws | NUTS, s | emcee's sd over NUTS' | difference of means, "
-        "sd | sd over Laplace's | at its narrowest, times narrower than at the mode | |",
+        "NUTS: divergences | NUTS: effective draws | NUTS, s | emcee's sd / NUTS's sd | "
+        "difference of means / sd | sd / Laplace's sd | width at the mode / width at the "
+        "narrowest 1% of the draws | |",
         "| --- |" + " --: |" * 11 + " --- |",
     ]
     for name, one in found["blocks"].items():
@@ -57,23 +63,22 @@ def _nuts(found: Found, _: Mapping[str, Found]) -> str:
             f"| {name} | {len(one['entries'])} | {ours['times']:.0f} | {ours['seconds']:.0f} | "
             f"{theirs['R-hat']:.3f} | {theirs['divergences']} | {theirs['effective']:,.0f} of "
             f"{theirs['draws']:,} | {theirs['seconds']:.0f} | {_span(one['sd ratio'])} | "
-            f"{max(one['mean apart']):.3f} | {_span(one[OVER])} | {one['bent']:.1f} × | {said} |"
+            f"{max(one['mean apart']):.3f} | {_span(one[OVER])} | {one['bent']:.1f} | {said} |"
         )
     arms = [one for name, one in found["blocks"].items() if "arm" in name]
     lines.append(
         f"\nThe two samplers agree if standard deviations differ by at most {ALLOWED_SD:.0%} and "
         f"means by at most {ALLOWED_MEAN} standard deviations, after "
-        f"{TIMES:.0f} autocorrelation times. All other "
-        "entries are fixed at the solution of the fit."
+        f"{TIMES:.0f} autocorrelation times or more.\n"
     )
     if arms:
         most = max(one["bent"] for one in arms)
         lines.append(
-            "The arms are the hardest blocks. Least squares finds a single mode "
-            "with all of the mass, "
-            "but the posterior is a bent ridge. At one draw in a hundred the ridge is about "
-            f"{most:.0f} times narrower than at the mode, so that NUTS needs small steps. "
-            f"{_usual(found['usual steps'])}Laplace's approximation of the arms is off by up to "
+            "The arms are the hardest blocks. They have a single mode, but around it the posterior "
+            "is a bent ridge. One draw in a hundred lies where the ridge is at least "
+            f"{most:.1f} times narrower than at the mode, so that NUTS needs small steps. "
+            f"{_usual(found['usual steps'])}The standard deviations of Laplace's "
+            "approximation of the arms are off by up to "
             f"{max(abs(np.array(one[OVER]) - 1).max() for one in arms):.0%}.\n"
         )
     return "\n".join(lines)
@@ -81,7 +86,7 @@ def _nuts(found: Found, _: Mapping[str, Found]) -> str:
 
 def _usual(found: Found) -> str:
     return "".join(
-        f"With nutpie's default steps (an acceptance of 0.8) the {name} has R-hat "
+        f"With nutpie's default, an acceptance rate of {USUAL.accepted:.0%}, the {name} has R-hat "
         f"{one['nuts']['R-hat']:.2f}, {one['nuts']['divergences']} divergences and "
         f"{one['nuts']['effective']:.0f} effective draws in {one['nuts']['draws']:,}, and its "
         f"standard deviations are {abs(1 / np.array(one['sd ratio']) - 1).max():.0%} off. "
@@ -95,10 +100,11 @@ OVER = "sd over Laplace's"
 def _throughput(found: Found, _: Mapping[str, Found]) -> str:
     lines = [
         "## Posterior densities per second\n",
-        "The number of values of the density that emcee computes per second of processor time on "
-        f"one core, with {found['walkers']} walkers, all 85 entries free, and its own moves and "
-        "loops included; each number is the best of four rounds. A share is the quotient of this "
-        "rate and the rate of emcee alone, with a density that takes no time.\n",
+        "The table says how many values of the density emcee computes per second of processor time "
+        f"on one core, with {found['walkers']} walkers and all 85 entries free. The time "
+        "of emcee's own moves and loops is included. Each number is the best of four rounds. "
+        "`emcee alone` is "
+        "the rate with a density that takes no time, and `share` is a rate divided by that one.\n",
         "| posterior | emcee alone | without a compiler | share | compiled | share |",
         "| --- |" + " --: |" * 5,
     ]
@@ -112,11 +118,12 @@ def _throughput(found: Found, _: Mapping[str, Found]) -> str:
     alone = found["not batched"]
     said = ", ".join(f"{rate:,.0f} on {use}" for use, rate in alone["costs a second"].items())
     lines += [
-        "\nBoth ways compute meshes by matrix products; their residual is too long to compile.",
-        f"\nA cost that cannot be batched (a synthetic pendulum, integrated by CVODES): {said} a "
-        "second; the numbers are "
+        "\nMeshes are computed by matrix products in both columns, because their residual is too "
+        "long to compile.",
+        "\nThe cost of a synthetic pendulum, which CVODES integrates, cannot be batched. Its "
+        f"values per second: {said}; they are "
         + ("the same to the last bit." if alone["same bits"] else "NOT THE SAME.")
-        + " The rows are divided among threads and not among processes: CasADi releases the "
+        + " The points are divided among threads and not among processes: CasADi releases the "
         "interpreter's lock while it works, and each process would have to build a problem's "
         "symbols anew. Threads are used only where they are measured to be faster.\n",
     ]

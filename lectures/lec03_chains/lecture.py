@@ -18,9 +18,9 @@ import workbench as wb
 from workbench.bodies.ablations import without_pose_blend_shapes
 from workbench.bodies.forward.kinematics import binding_motions, world_motions
 from workbench.course import Picture, source
-from workbench.course.shapes.separate_parts import SeparateParts
 from workbench.geometry.rigid import procrustes
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
+from workbench.lectures.material.separate_parts import SeparateParts
 from workbench.plots import house_style, sheet
 from workbench.plots.body import Figurine, line_up
 
@@ -28,7 +28,7 @@ from workbench.plots.body import Figurine, line_up
 # ## Every part on its own
 #
 # Somebody wears four markers on each of the 24 parts of the body, and we see the markers with noise. A
-# part is rigid: with the rotation $R_k$ and the position $p_k$, a point that lies at $v$ when the body
+# part is rigid: it has a rotation $R_k$ and a position $p_k$, and a point that lies at $v$ when the body
 # is at rest moves to $R_k (v - j_k) + p_k$. Here $j_k$ is where the part's joint is at rest, and $p_k$
 # is where it is now. The best $R_k$ and $p_k$ for four points have a closed form (from the nearest
 # rotation of lecture 2), so fitting the whole body consists of 24 small fits, with $24 \times 6 = 144$
@@ -244,8 +244,8 @@ for name, f in (
 # %% [markdown]
 # ## The root turns about the pelvis
 #
-# The root turns as every other joint does: about its own position $j_0$, the pelvis, and not about the
-# origin. So if the root alone turns, the surface $V$ at rest moves to
+# The root turns like every other joint: about its own position $j_0$, the pelvis, and not about the
+# origin. So if the root alone turns, the surface at rest, $V$, moves to
 #
 # $$ R_0 (V - j_0) + j_0 . $$
 #
@@ -271,7 +271,7 @@ for name, drawn in (
     )
 
 # %% [markdown]
-# This body has its pelvis at the origin, whatever its shape, and there the mistake does not show. Other
+# This body has its pelvis at the origin, whatever its shape, so the mistake does not show. Other
 # bodies stand on the ground. A test with this body alone would let the mistake pass.
 
 # %% [markdown]
@@ -299,8 +299,10 @@ print(
 # $$ G'_k = G_k(\theta)\, G_k(\theta^*)^{-1}, $$
 #
 # where $\theta^*$ is the pose in which the template was drawn. At $\theta = \theta^*$ it is the
-# identity. For a template in the T-pose, $\theta^* = 0$, it has the rotation $R^{\text{world}}_k$ of
-# $G_k$ and the offset $t_k - R^{\text{world}}_k j_k$, where $t_k$ is the offset of $G_k$.
+# identity. The first three columns of such a matrix are its rotation, and the last column is its **offset**.
+# With $R^{\text{world}}_k$ and $t_k$ for the rotation and the offset of $G_k$, and for a template in the
+# T-pose, $\theta^* = 0$, the binding matrix has the rotation $R^{\text{world}}_k$ and the offset
+# $t_k - R^{\text{world}}_k j_k$.
 
 # %%
 bound = G @ np.linalg.inv(chained(matrix_from_vector(np.zeros((24, 3))), joints))
@@ -326,7 +328,7 @@ source(binding_motions)
 
 # %% [markdown]
 # Templates are not always drawn in a T-pose. Suppose that this one were drawn with its arms lowered by
-# 45 degrees. Then the surface is the template if the pose is that pose, and not if the pose is zero:
+# 45 degrees. Then the body looks like the template in the pose with lowered arms, and not in the pose zero:
 
 # %%
 lowered = np.zeros((24, 3))
@@ -349,11 +351,11 @@ print(
 # J'_k = j_0 + \sum_{c \,\in\, \text{path}(k)} R^{\text{world}}_{p(c)} \left( j_c - j_{p(c)} \right) .
 # $$
 #
-# In the sources of this course one also finds the posed joint called $G'_k$, the name of the binding
-# matrix. They are not the same. $G'_k$ takes the skin along, so its offset is where it takes the
-# *origin*: $J'_k - R^{\text{world}}_k j_k$, which at rest is the origin itself, for every joint, and in
-# any pose is off by as much as $j_k$ is from the origin. The posed joint is the offset of $G_k$; it is
-# also $G'_k\, j_k$, the joint at rest, taken along. All three:
+# The sources of this course also use the name $G'_k$, that of the binding matrix, for the posed joint. The
+# offset of $G'_k$ is not the posed joint. It is the point to which $G'_k$ moves the *origin*,
+# $J'_k - R^{\text{world}}_k j_k$. At rest this is the origin itself, for every joint. In every pose its
+# distance from the posed joint is the distance of $j_k$ from the origin. The posed joint is the offset of
+# $G_k$. It is also $G'_k\, j_k$, the point to which $G'_k$ moves the joint at rest. We compare the three:
 
 # %%
 joints4 = np.column_stack([joints, np.ones(24)])
@@ -393,9 +395,10 @@ Picture(
 )
 
 # %% [markdown]
-# Another answer looks just as good. The joints at rest are computed from the surface at rest by a
-# matrix, $J = \mathcal J\, T$: each joint is a weighted mean of vertices around it. Why not apply the
-# same $\mathcal J$ to the posed surface? Because there the skin around a joint has been bent:
+# There is another way to compute posed joints, and it looks just as good. The joints at rest are computed
+# from the surface at rest, $T$, by a matrix, the **regressor** $\mathcal J$: $J = \mathcal J\, T$ makes each
+# joint a weighted mean of vertices around it. Why not apply the same $\mathcal J$ to the posed surface?
+# Because there the skin around a joint has been bent:
 
 # %%
 posed = body.vertices(truth)
@@ -438,4 +441,5 @@ Picture(
 # - The root turns about the pelvis.
 # - The template is given in the coordinates of the world: $G'_k = G_k(\theta)\, G_k(\theta^*)^{-1}$
 #   moves it, and is the identity in the pose in which the template was drawn.
-# - Posed joints are the offsets of the chain, $G_k$ and not $G'_k$, and not $\mathcal J$ times the posed skin.
+# - Posed joints are the offsets of the chain's matrices $G_k$. They are neither the offsets of $G'_k$ nor
+#   $\mathcal J$ times the posed skin.

@@ -6,7 +6,7 @@
 # Lecture 3 ends with a matrix $G'_k$ for each bone, which takes points from where they are at rest to
 # where that bone carries them. Between two bones a vertex has to follow both. We begin with one bone
 # for each vertex, see the skin torn, blend, and find out what blending costs. Most of this happens on a
-# tube, where all can be computed by hand. Lengths are in metres.
+# tube, where everything can be computed by hand. Lengths are in metres.
 
 # %%
 from dataclasses import replace
@@ -18,11 +18,17 @@ import workbench as wb
 from workbench.bodies.ablations import without_blend_weights, without_pose_blend_shapes
 from workbench.bodies.forward.skinning import blended, dual_quaternion_blend, linear_blend
 from workbench.course import Picture, source
-from workbench.course.shapes.limbs import Limb
-from workbench.course.shapes.tubes import linear_radius, tube, volume_lost_bent, volume_lost_twisted
 from workbench.geometry.mesh_graph import heat
 from workbench.geometry.solids import volume
-from workbench.plots import house_style, plot_by_angle, sheet
+from workbench.lectures.material.by_angle import plot_by_angle
+from workbench.lectures.material.limbs import Limb
+from workbench.lectures.material.tubes import (
+    linear_radius,
+    tube,
+    volume_lost_bent,
+    volume_lost_twisted,
+)
+from workbench.plots import house_style, sheet
 from workbench.plots.body import Figurine, front, line_up
 from workbench.training.estimate import Sigmas
 from workbench.training.first_guess import Start
@@ -59,9 +65,9 @@ with house_style():
         ax.set(title=name, xlabel="x (cm)", ylabel="y (cm)", aspect="equal")
 Picture(
     figure,
-    "The tube, bent by 90 degrees, cut along its middle; dots are vertices. Left: outside the skin is "
-    "torn open (one edge spans the gap), inside it runs into itself. Right: what blending makes "
-    "of it.",
+    "The tube, bent by 90 degrees, cut along its middle; dots are vertices. Left: on the outside of the "
+    "bend the skin is torn open (one edge spans the gap), and on the inside it runs into itself. Right: "
+    "the same with blended weights.",
 )
 
 # %% [markdown]
@@ -81,7 +87,7 @@ Picture(
 source(linear_blend)
 
 # %% [markdown]
-# Why must weights sum to one? If all bones move by the same $d$, the vertex moves by
+# Why must weights sum to one? If all bones move by the same offset $d$, the vertex moves by
 # $d \sum_k w_{ik}$. With a sum of 0.98 it lags behind, and is drawn to the origin even at rest:
 
 # %%
@@ -109,7 +115,7 @@ except wb.WorkbenchError as error:
 #
 # $$ c\, z, \qquad c = 1 - w + w e^{i\alpha}, \qquad |c|^2 = 1 - 4 w (1 - w) \sin^2 \tfrac\alpha2 . $$
 #
-# The mean of two points of a circle lies *inside* the circle. In the middle, $w = \tfrac12$, the share
+# The mean of two points of a circle lies *inside* the circle. In the middle, where $w = \tfrac12$, the share
 # $|\cos \tfrac\alpha2|$ of the radius is left, and at half a turn nothing:
 
 # %%
@@ -160,16 +166,17 @@ Picture(
 # %% [markdown]
 # ## Bend it
 #
-# The same $c$, now with the plane of the bend as the complex plane, pulls the middle of the elbow
-# towards the inside. Over a zone of length $l$ in which the weight goes from 0 to 1, a tube of
-# cross-section $A$ loses
+# In a bend the same $c$ multiplies points of the plane of the bend, written as complex numbers whose origin is
+# the joint. It pulls the middle of the elbow towards the inside. Over a zone of length $l$ in which the weight
+# goes from 0 to 1, a tube of cross-section $A$ loses the volume
 #
 # $$
 # \text{bent: } \tfrac13 A\, l \sin^2 \tfrac\alpha2, \qquad
-# \text{twisted: } \int A\, (1 - |c|^2) .
+# \text{twisted: } \int_0^l A\, (1 - |c|^2)\, ds .
 # $$
 #
-# Along the zone, $w (1 - w)$ integrates to $l/6$. (To work out the second integral is an exercise.)
+# Here $s$ runs along the zone, over which $w (1 - w)$ integrates to $l/6$. (To work out the second integral is
+# an exercise.)
 
 # %%
 area = 16 * 0.05**2 * np.sin(2 * np.pi / 32)  # m^2, of the tube's 32-gon
@@ -188,7 +195,7 @@ for name, axis, law in (("bent", BEND, volume_lost_bent), ("twisted", TWIST, vol
 print(f"(the zone itself holds {1e6 * area * 0.1:.0f} cm^3)")
 
 # %% [markdown]
-# ## The idea: blend motions, and not places
+# ## The idea: blend motions instead of points
 #
 # The mean of two rotation matrices is no rotation; it shrinks. Lecture 2 would take the nearest
 # rotation. There is a cheaper way. A rotation by $\alpha$ about the unit axis $n$ is also the unit
@@ -276,8 +283,9 @@ Picture(
 )
 
 # %% [markdown]
-# **It is not linear.** With linear blending, the posed vertices are linear in the weights: so weights
-# can be learned by linear least squares (lecture 13). CasADi can prove such a thing:
+# **It is not linear in the weights.** With linear blending, the posed vertices are linear in the weights, so
+# that weights can be learned by linear least squares (lecture 13). With dual quaternions they are not. CasADi
+# can prove both:
 
 # %%
 for name, body in ways.items():
@@ -290,8 +298,8 @@ for name, body in ways.items():
 # ## On the body
 #
 # The wrist and the elbow of a real template are no tubes, but they behave in the same way. SMPL keeps
-# linear blending, and repairs it in another way, with the *pose blend shapes* of the next lecture,
-# which add to the rest surface what blending is going to lose.
+# linear blending, and repairs it in another way, with the *pose blend shapes* of the next lecture. They add
+# to the rest surface what blending is going to lose.
 
 # %%
 whole = wb.load_body("default")
@@ -352,8 +360,8 @@ Picture(
 # ## Without blend weights
 #
 # A script of the lecture *Body Models II* draws SMPL with "no blend weights". That cannot be meant
-# literally, for in $\sum_k w_{ik} G'_k t_i$ something has to stand for $w_{ik}$. Here are four readings,
-# at rest and in a pose, beside the weights as they are:
+# literally, for in $\sum_k w_{ik} G'_k t_i$ something has to stand for $w_{ik}$. Here are four ways to read
+# it, at rest and in a pose, beside the weights as they are:
 
 # %%
 dance = np.zeros((24, 3))
@@ -404,9 +412,9 @@ Picture(
 )
 
 # %% [markdown]
-# With weights of 0 the body is a point, and with 1 it is 24 times as tall. What is meant is the last
-# reading, the weight of the strongest bone rounded up to one and all others to zero; that is also what the
-# library takes away:
+# With weights of 0 the body is a point, and with 1 it is 24 times as tall. The last of the four must be meant:
+# the largest weight of each vertex becomes one, and its other weights become zero. The library's function
+# does this:
 
 # %%
 source(without_blend_weights)
@@ -423,8 +431,8 @@ source(without_blend_weights)
 # - **Diffused weights.** Treat the segmentation as heat: each vertex has one unit of the heat of its own
 #   segment. Let it flow along the edges of the mesh, and read what has arrived as weights.
 #
-# With $W_0$ for the segmentation, which is an $N \times K$ matrix of zeros and ones, the library makes a
-# single implicit step of the heat equation:
+# Let $W_0$ be the segmentation as an $N \times K$ matrix of zeros and ones, and $W_I$ the first weights. The
+# library makes a single implicit step of the heat equation:
 #
 # $$
 # \left( I + \tfrac12 b^2 L \right) W_I = W_0, \qquad
@@ -432,12 +440,12 @@ source(without_blend_weights)
 # L_{ii} = \sum_{j \ne i} \frac{1}{\|e_{ij}\|^2} .
 # $$
 #
-# There are no steps to be counted. One number says how far heat flows, the **border** $b$, a length: on a
-# line of vertices that are close together $L$ is $-d^2/dx^2$, so beyond the seam the weight is
-# $\tfrac12 e^{-\sqrt 2\, d / b}$ at the distance $d$. The matrix keeps three properties for every $b$.
-# Rows of $L$ sum to zero, so the weights of a vertex still sum to one. $L$ is symmetric, so no heat is
-# lost. And off the diagonal nothing is positive, so no weight becomes negative. In the end each vertex
-# keeps its four largest weights.
+# One number says how far heat flows: the **border** $b$, a length. (With many explicit steps one would have to
+# choose their number too.) On a line of vertices that are close together, $L$ is $-d^2/dx^2$. So at the
+# distance $d$ beyond the seam between two segments the weight is $\tfrac12 e^{-\sqrt 2\, d / b}$. Three
+# properties hold for every $b$. Rows of $L$ sum to zero, so the weights of a vertex still sum to one. $L$ is
+# symmetric, so no heat is lost. And no entry of $L$ off the diagonal is positive, so no weight becomes
+# negative. In the end each vertex keeps its four largest weights.
 
 # %%
 source(heat)
@@ -451,7 +459,7 @@ source(Start.rings)
 # %% [markdown]
 # We need a mesh whose triangles are smaller than the border, so we take the finest of the embedded bodies.
 # Its segmentation is read off its own trained weights: the segment of a vertex is that of its largest
-# weight. So this shows the steps, and does not show that they find weights that nobody knew.
+# weight. So this shows how the steps work. It does not show that they would find weights that are unknown.
 
 # %%
 fine = wb.load_body("full")
@@ -489,8 +497,8 @@ Picture(
 )
 
 # %% [markdown]
-# How wide should the border be? On the tube the law can be checked. Its mesh has diagonals as well, along
-# which heat flows too, so the weight falls somewhat more slowly than on a line.
+# How wide should the border be? On the tube the law for a line can be checked. The tube's mesh has diagonals
+# as well, along which heat flows too, so the weight falls somewhat more slowly than on a line.
 
 # %%
 apart = rigid.weights.argmax(axis=1)
@@ -519,34 +527,35 @@ with house_style():
     right.axvline(3, color="0.6", ls=":")
     right.set_xticks([0.5, 1, 2, 5, 10, 20], ["0.5", "1", "2", "5", "10", "20"])
     right.minorticks_off()
-    right.set(xlabel="border b (cm)", ylabel="weight in other places (%)", ylim=(0, None))
+    right.set(xlabel="border b (cm)", ylabel="weight at other joints (%)", ylim=(0, None))
 nearest = widths[np.argmin(away)]
 hard_start = 50 * np.abs(np.eye(24)[begun.segmentation] - fine.weights).sum(axis=1).mean()
 print(
-    f"of a vertex's weight, in other places than training put it: {hard_start:.1f} % before diffusion, "
+    f"share of a vertex's weight at other joints than after training: {hard_start:.1f} % before diffusion, "
     f"{min(away):.1f} % with a border of {1e2 * nearest:.1f} cm"
 )
 print(f"lambda_W = {Sigmas().lambdas['weights']:.1e} m^2: (2 mm / 0.3)^2")
 Picture(
     figure,
     "Left: weights along the tube for three borders, and the straight ramp that this lecture uses. "
-    "Right: how much of a vertex's weight is in other places than where training put it in the end, on the "
-    "body. The least is near 3 cm (dotted), the library's border.",
+    "Right: on the body, the share of a vertex's weight that is at other joints than after training. It is "
+    "least near 3 cm (dotted), the library's border.",
 )
 
 # %% [markdown]
-# That proves less than it seems to, for training began with such weights and holds on to them: the term
-# $E_W = \| \mathcal W - \mathcal W_I \|^2$ pulls weights back to the diffused ones. Its factor
-# $\lambda_W$ is the square of a ratio: a registration may be off by 2 mm, and a weight by 0.3. With a
-# large $\lambda_W$ training would end where it began.
+# This agreement proves less than it seems to, for training began with such weights and holds on to them: the
+# term $E_W = \| \mathcal W - W_I \|^2$ pulls the weights $\mathcal W$ back to the diffused ones. Its
+# factor $\lambda_W$ is the square of a ratio of two standard deviations: a registration may be off by 2 mm,
+# and a weight by 0.3. With a large $\lambda_W$ training would end where it began.
 
 # %% [markdown]
 # ## What to remember
 #
-# - One bone for each vertex tears the skin; weights blend. They sum to one, or the body lags behind.
-# - Linear blending shrinks: $|c|^2 = 1 - 4 w (1 - w) \sin^2 \tfrac\alpha2$. Candy wrapper, collapsed
-#   elbow.
+# - One bone for each vertex tears the skin; blend weights keep it together. They have to sum to one, or the
+#   body lags behind.
+# - Linear blending shrinks: $|c|^2 = 1 - 4 w (1 - w) \sin^2 \tfrac\alpha2$. A twisted limb becomes a candy
+#   wrapper, and a bent elbow collapses.
 # - Blended quaternions, brought to length one, keep every ring rigid; mind the signs. They bulge, jump
 #   at half a turn, and are not linear in the weights.
 # - SMPL blends linearly and repairs the rest surface.
-# - First weights are a segmentation whose borders are diffused; rings of vertices give first joints.
+# - First weights are a segmentation that is diffused; rings of vertices give first joints.

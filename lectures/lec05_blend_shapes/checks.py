@@ -173,45 +173,48 @@ D = RNG.standard_normal((12, 6))
 @check("learn", points=1)
 def has_no_slope(learn):
     """no other P is cheaper: the slope is zero there"""
-    for price in (1e-3, 0.5, 20.0):
-        P = learn(F, D, price)
+    for ridge in (1e-3, 0.5, 20.0):
+        P = learn(F, D, ridge)
         equal(
-            F.T @ (F @ P - D) + price * P, np.zeros((4, 6)), f"half of the gradient, price {price}"
+            F.T @ (F @ P - D) + ridge * P, np.zeros((4, 6)), f"half of the gradient, ridge {ridge}"
         )
 
 
 @check("learn", points=1)
 def is_bounded_where_examples_are_few(learn):
-    """it has an answer with fewer poses than features, and a higher price makes it smaller"""
-    sizes = [np.linalg.norm(learn(F[:2], D[:2], price)) for price in (1e-2, 1.0, 100.0)]
+    """it has an answer with fewer poses than features, and a higher ridge makes it smaller"""
+    sizes = [np.linalg.norm(learn(F[:2], D[:2], ridge)) for ridge in (1e-2, 1.0, 100.0)]
     equal(
         sizes,
         [np.linalg.norm(solutions.learn(F[:2], D[:2], p)) for p in (1e-2, 1.0, 100.0)],
-        "the size of P, from two poses, for the prices 0.01, 1 and 100",
+        "the size of P, from two poses, for the ridges 0.01, 1 and 100",
         1e-7,
     )
 
 
-@mistake("learn", "the price is missing: where poses are few, P follows every noise")
-def without_the_price(F, D, price):
+@mistake("learn", "the ridge is missing: where poses are few, P follows every noise")
+def without_the_ridge(F, D, ridge):
     return np.linalg.lstsq(F, D, rcond=None)[0]
 
 
-@mistake("learn", "the price stands before |P|^2 as it is; this has squared it")
-def with_the_price_squared(F, D, price):
-    return solutions.learn(F, D, price**2)
+@mistake("learn", "the ridge stands before |P|^2 as it is; this has squared it")
+def with_the_ridge_squared(F, D, ridge):
+    return solutions.learn(F, D, ridge**2)
 
 
 @mistake(
-    "learn", "squares are summed and not averaged: the price does not grow with the number of poses"
+    "learn", "squares are summed and not averaged: the ridge does not grow with the number of poses"
 )
-def of_the_mean(F, D, price):
-    return solutions.learn(F, D, price * len(F))
+def of_the_mean(F, D, ridge):
+    return solutions.learn(F, D, ridge * len(F))
 
 
-@mistake("learn", "the sign of the price: a price rewards small P, so it is added to F'F")
-def with_the_other_sign(F, D, price):
-    return np.linalg.solve(F.T @ F - price * np.eye(F.shape[1]), F.T @ D)
+@mistake(
+    "learn",
+    "the sign of the ridge: the second term is a penalty on large P, so the ridge is added to F'F",
+)
+def with_the_other_sign(F, D, ridge):
+    return np.linalg.solve(F.T @ F - ridge * np.eye(F.shape[1]), F.T @ D)
 
 
 # directions

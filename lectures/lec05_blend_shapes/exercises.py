@@ -42,10 +42,10 @@ def features(R: Array) -> Array:
     raise Unsolved("features")
 
 
-def learn(F: Array, D: Array, price: float) -> Array:
-    """Pose blend shapes from examples: least in |F P - D|^2 + price |P|^2, all squares summed.
+def learn(F: Array, D: Array, ridge: float) -> Array:
+    """Pose blend shapes from examples: least in |F P - D|^2 + ridge |P|^2, all squares summed.
 
-    F (n, f), the features of n poses; D (n, m) m, the displacements in these poses; price above 0
+    F (n, f), the features of n poses; D (n, m) m, the displacements in these poses; ridge above 0
     -> P (f, m) m
     """
     raise Unsolved("learn")

@@ -26,10 +26,10 @@ from workbench.bodies.forward.kernel_features import (
 from workbench.bodies.forward.kinematics import pose_features
 from workbench.bodies.unposing import unpose
 from workbench.course import Picture, source
-from workbench.course.shapes.shape_directions import along, joint_moves, with_joints_of_the_mean
-from workbench.course.shapes.tubes import tube
 from workbench.geometry.rigid import procrustes
 from workbench.geometry.rotation import matrix_from_vector
+from workbench.lectures.material.shape_directions import along, joint_moves, with_joints_of_the_mean
+from workbench.lectures.material.tubes import tube
 from workbench.plots import caption_shape_gallery, house_style, plot_shape_gallery, sheet
 from workbench.plots.body import Figurine, line_up, side
 from workbench.priors.poses import draw_poses, shipped_gaussian, shipped_mixture
@@ -39,9 +39,9 @@ from workbench.training.locality import MaskedCholesky, local_features
 # ## What an artist would do
 #
 # The arm is the tube of lecture 4, blended linearly. So that there is a truth, we take what dual
-# quaternions make of it. In pose $\theta$ linear blending takes vertex $i$ by a matrix and an offset,
-# $v \mapsto M_i v + m_i$. To end where it should, at $v_i^*$, the vertex has to start at rest not from
-# $t_i$ but from
+# quaternions make of it. In pose $\theta$ linear blending moves vertex $i$ by a matrix and an offset,
+# $v \mapsto M_i v + m_i$. To end where it should, at $v_i^*$, the vertex has to start at rest not from its
+# place $t_i$ in the template but from
 #
 # $$ t_i + P_i, \qquad P_i = M_i^{-1} (v_i^* - m_i) - t_i . $$
 #
@@ -146,21 +146,21 @@ with house_style():
     ax.legend(loc="upper center", ncols=2)
 Picture(
     figure,
-    "The error by angle. Grey lines are the examples. Shares hit no example, because its "
-    "neighbours contribute as well; kernels that are not divided add up to too much; with "
-    "coefficients that are solved for, they are exact at the examples and good between.",
+    "The error by angle. Grey lines are the examples. Kernels that are divided by their sum reproduce no "
+    "example, because its neighbours contribute as well; kernels that are not divided add up to too much; "
+    "with coefficients that are solved for, kernels are exact at the examples and good between them.",
 )
 
 # %% [markdown]
-# Far from all examples the kernels fade, and hardly anything is repaired; shares stay with the nearest
-# example, whatever is there. And there is a worse trouble. Seven examples will do for one angle. Here are three
-# angles for each of 23 joints, and each example is a whole body, $3 N$ numbers, to be kept and to be
-# summed. Examples cannot fill 69 dimensions.
+# Far from all examples the kernels fade, and hardly anything is repaired. If they are divided by their sum, the
+# nearest example is used instead, whether it fits or not. And there is a bigger problem. Seven examples will do
+# for one angle. A body has three angles for each of 23 joints, and each example is a whole body, $3 N$ numbers,
+# that have to be kept and summed. Examples cannot fill 69 dimensions.
 #
 # ## The idea: a function of the pose that is linear in what is learned
 #
 # Do not keep the examples; learn from them once. Choose some **features** $f_n(\theta)$ of the pose, few
-# and cheap, and let there be a blend shape for each:
+# and cheap, and give each of them a blend shape:
 #
 # $$ B_P(\theta) = \sum_n f_n(\theta)\, P_n . $$
 #
@@ -169,20 +169,20 @@ Picture(
 #
 # $$ \min_P \; \|F P - D\|^2 + \lambda \|P\|^2, \qquad (F^\top F + \lambda I)\, P = F^\top D . $$
 #
-# The second term is the *price*: it keeps $P$ small where examples say little.
+# The second term keeps $P$ small where examples say little. Its factor $\lambda$ is called the **ridge**.
 #
 # Which features? The obvious ones are the angles themselves, $f(\theta) = \theta$. SMPL takes the
 # elements of the rotation matrices, less those at rest, $\operatorname{vec}(R_k - I)$.
 
 
 # %%
-def learned(features, poses, price=1e-4):
+def learned(features, poses, ridge=1e-4):
     """The arm with blend shapes for these features, learned from poses (n,) rad."""
     joint = np.array([bent(angle)[1] for angle in poses])  # (n, 3) rad
     elements = (matrix_from_vector(joint) - np.eye(3)).reshape(-1, 9)
     F = joint if features is rotation_vectors else elements
     D = np.array([needed(angle).ravel() for angle in poses])
-    P = np.linalg.solve(F.T @ F + price * np.eye(F.shape[1]), F.T @ D)
+    P = np.linalg.solve(F.T @ F + ridge * np.eye(F.shape[1]), F.T @ D)
     posedirs = P.T.reshape(arm.n_vertices, 3, F.shape[1])
     return replace(arm, features=features, posedirs=posedirs)
 
@@ -203,7 +203,7 @@ for name, body in {"none": arm, **students}.items():
 # function of the angle has opposite signs on the two sides. $R$ has $\cos \alpha - 1$ among its
 # elements, which is even.
 #
-# There is a worse failure. Turn once all the way round, and the joint is where it was. Is its skin?
+# There is a worse failure. Turn a joint all the way round, and it is where it was. Is its skin too?
 
 # %%
 for name, body in students.items():
@@ -235,7 +235,8 @@ Picture(
 #
 # $B_P(\theta) = \sum_{n=1}^{9K} \left( R_n(\theta) - R_n(\theta^*) \right) P_n$, with $K = 23$: the
 # root is left out, because a person who turns as a whole keeps their form. That is 207 features. Their
-# order is part of the file: entry $9 (k - 1) + 3 r + c$ is row $r$, column $c$ of joint $k$.
+# order is part of the file format: entry $9 (k - 1) + 3 r + c$ is row $r$, column $c$ of the matrix of joint
+# $k$. Rows, columns and joints are counted from zero, and the root comes first.
 
 # %%
 source(pose_features)
@@ -256,8 +257,8 @@ N = 6890
 print(f"numbers in P for {N} vertices: 3 x {N} x 207 = {3 * N * 207}")
 
 # %% [markdown]
-# (*Body Models II* has the product $9 \cdot 23 \cdot 6890$ beside the right number, which includes a
-# factor 3 for the coordinates.)
+# (*Body Models II* writes the product $9 \cdot 23 \cdot 6890$ beside the right number, which includes a factor 3
+# for the coordinates.)
 #
 # ## People
 #
@@ -265,11 +266,12 @@ print(f"numbers in P for {N} vertices: 3 x {N} x 207 = {3 * N * 207}")
 # template $\bar T$, and the directions in which they differ most are the principal components (a
 # singular value decomposition, once the mean is taken away):
 #
-# $$ B_S(\beta) = S \beta, \qquad S = V_k \operatorname{diag}(s) / \sqrt{n - 1} . $$
+# $$ B_S(\beta) = S \beta, \qquad S = V_k \operatorname{diag}(s) / \sqrt{n - 1} , $$
 #
-# The scale is a convention that has to be stated: with it, $\beta$ is in standard deviations, and one
-# person in twenty is beyond $\pm 2$. We learn the directions from 60 people that we draw from the
-# body's own shape space:
+# where $n$ is the number of people, the columns of $V_k$ are the first $k$ singular vectors, and $s$ are their
+# singular values. The scale is a convention that has to be stated: with it, $\beta$ is in standard deviations,
+# and along each direction one person in twenty is beyond $\pm 2$. We learn the directions from 60 people that
+# we draw from the body's own shape space:
 
 # %%
 rng = np.random.default_rng(0)
@@ -297,7 +299,7 @@ Picture(figure, caption_shape_gallery(gallery, "three"))
 #
 # SMPL has a model of women, one of men, and one of everybody. The workbench has them too, on one mesh.
 # **Their people are synthetic**, drawn from the shape targets of artists, so this section says what
-# principal components do with two groups, and nothing about people. We draw 200 of each, and take the
+# principal components do with two groups, and nothing about real people. We draw 200 of each, and take the
 # components of the women, of the men, and of all 400:
 
 
@@ -361,8 +363,8 @@ Picture(
 
 # %% [markdown]
 # The three are nearly parallel: within each group people differ most in stature, and the groups differ in
-# it too. So the common first direction mixes two reasons to be tall. Why it must is a line of algebra. If
-# a share $p$ of the people has the mean $\mu_1$ and the covariance $C_1$, and the others $\mu_2$ and
+# it too. So the common first direction mixes two reasons to be tall. One line of algebra shows that it has to.
+# If a share $p$ of the people has the mean $\mu_1$ and the covariance $C_1$, and the others have $\mu_2$ and
 # $C_2$, then everybody together has the covariance
 #
 # $$ C = p\, C_1 + (1 - p)\, C_2 + p (1 - p)\, d\, d^\top, \qquad d = \mu_2 - \mu_1 . $$
@@ -419,10 +421,11 @@ Picture(
 #
 # Where do the people at rest come from? The notes *SMPL and SMPLify* say in one place that $S$ is learned
 # from the multi-pose set, which has few people, each in many poses. (They have exchanged the two sets:
-# $S$ comes from many people, each in about one pose, and after their poses were taken back.) We do what
-# the notes say, with 10 of our synthetic people in 36 poses each that were learned from motion capture. The
-# meshes are moved rigidly onto each other, and decomposed as they are posed; then once more, after skinning and
-# pose blend shapes were taken back as at the beginning of this lecture; then 360 people, who are at rest.
+# $S$ comes from many people, each in about one pose, and their poses are undone first.) We do what the notes
+# say, with 10 of our synthetic people in 36 poses each, drawn from a mixture that was learned from motion
+# capture. We compute principal components of three sets of meshes: first the meshes as they are posed, moved
+# rigidly onto each other; then the same meshes un-posed, which means that skinning and pose blend shapes were
+# undone as at the beginning of this lecture; and last 360 people, who are at rest.
 
 # %%
 poses = draw_poses(shipped_mixture(), 360, rng)
@@ -472,25 +475,25 @@ Picture(
     figure,
     "The first direction of the same 360 meshes. Left: of the meshes as they are posed, it goes from "
     "lowered hands to raised ones, and legs change their length on the way, since a direction moves "
-    "every vertex along a straight line. Right: after poses were taken back, it is mostly stature.",
+    "every vertex along a straight line. Right: of the un-posed meshes, it is mostly stature.",
 )
 
 # %% [markdown]
 # Here un-posing is exact, because the meshes were made by the model that un-poses them; real registrations
-# are un-posed as well as the model can. Even then the meshes of ten people fill nine directions at most,
-# however many poses there are. Poses do not replace people.
+# are un-posed only as well as the model describes them. Even with exact un-posing, the meshes of ten people fill
+# nine directions at most, however many poses there are. Poses do not replace people.
 #
 # ## Joints move with the person
 #
-# A longer thigh has its knee further down. So the joints are no constants; they are found from the
-# *shaped* surface, before the pose, by a matrix of weights:
+# A longer thigh has its knee further down. So the joints are not constant. They are computed from the
+# *shaped* surface, before it is posed, by a matrix of weights:
 #
 # $$ J(\beta) = \mathcal J\, (\bar T + S \beta), \qquad \mathcal J \ge 0, \text{ rows of sum one.} $$
 #
-# Why these conditions? With a sum of one a joint moves along with a person who stands elsewhere; with
-# weights that are not negative it lies among its vertices, and few of them are not zero. Least squares
-# with weights that are not negative is solved by `scipy.optimize.nnls`; that they sum to one is one
-# more equation, which is multiplied by a large number. What if the joints of the mean person are kept
+# Why these conditions? If the weights of a joint sum to one, the joint moves along with a person who stands
+# elsewhere. If none is negative, the joint lies among its vertices, and least squares then makes most weights
+# zero. `scipy.optimize.nnls` solves least squares with weights that are not negative; one more equation,
+# multiplied by a large number, says that they sum to one. What if the joints of the mean person are kept
 # instead?
 
 # %%
@@ -524,13 +527,14 @@ Picture(
 # %% [markdown]
 # ## All together
 #
-# That is SMPL: the mean person, changed to somebody else, given what skinning is going to lose, and
-# skinned by the joints of that person:
+# That is SMPL: the mean person gets the shape of somebody else, then what skinning is going to lose is added,
+# and the result is skinned by the joints of that person:
 #
 # $$ M(\theta, \beta) = W\left( \bar T + B_S(\beta) + B_P(\theta),\; J(\beta),\; \theta,\; \mathcal W \right) . $$
 #
-# (The notes *SMPL and SMPLify*, which this course uses, have $\beta$ for the third argument. It is the
-# pose.) Step by step, for the tall person of the last figure:
+# Here $W$ is linear blend skinning, and $\mathcal W$ are its weights. (The notes *SMPL and SMPLify*, which this
+# course uses, have $\beta$ for the third argument. It is the pose.) Step by step, for the tall person of the
+# last figure:
 
 # %%
 f_bend = (matrix_from_vector(bend) - np.eye(3))[1:].ravel()
@@ -601,11 +605,11 @@ source(surface.posed)
 # SMPL's recipe was used again for hands: MANO (Romero, Tzionas and Black, *Embodied Hands: Modeling and
 # Capturing Hands and Bodies Together*, 2017) was learned from about 1000 scans of the hands of 31 people.
 # A hand has many joints, and there are few data. One problem can be shown here. SMPL lets
-# every vertex depend on every joint; if poses are few, blend shapes learn relations that are chance. So we
-# teach blend shapes once more, on the whole body: the truth is what dual quaternions do, seen with 2 mm of
-# noise. One pupil has all 207 features for each vertex; for the other, a vertex depends only on the joints that
-# move it and on their neighbours. The price of each is chosen on 50 further poses, and the error is
-# measured on 50 others.
+# every vertex depend on every joint; if poses are few, blend shapes learn relations that are due to chance. So
+# we learn blend shapes once more, on the whole body: the truth is what dual quaternions do, seen with 2 mm of
+# noise. We learn two kinds. The first has all 207 features for each vertex; in the second, a vertex depends only
+# on the joints that move it and on their neighbours. The ridge of each is chosen on 50 further poses, and the
+# error is measured on 50 others.
 
 # %%
 plain = without_pose_blend_shapes(body)
@@ -639,8 +643,8 @@ for n in counts:
     sums = np.einsum("jf,jni->nif", F_all[:n], noisy[:n])
     for name, mask in pupils.items():
         tried = [
-            MaskedCholesky.of(gram + price * np.eye(207), mask).solved(sums * mask[:, None, :])
-            for price in (0.1, 1.0, 10.0, 100.0)
+            MaskedCholesky.of(gram + ridge * np.eye(207), mask).solved(sums * mask[:, None, :])
+            for ridge in (0.1, 1.0, 10.0, 100.0)
         ]
         best = min(tried, key=lambda P: missed(P, slice(160, 210)))
         scores[name].append(missed(best, slice(210, 260)))
@@ -661,12 +665,13 @@ with house_style():
 Picture(
     figure,
     "Blend shapes learned from few poses. If a vertex may depend on near joints only, a quarter of the "
-    "poses does as well.",
+    "poses is enough for the same error.",
 )
 
 # %% [markdown]
-# This truth is local: dual quaternions move a vertex by its own joints only. Of skin one has to find out. Other
-# problems of hand models have answers too, and most of them are met again in this course:
+# This truth is local: dual quaternions move a vertex by its own joints only. Whether real skin is as local has
+# to be measured. Other problems of hand models have answers too, and most of these occur elsewhere in this
+# course:
 #
 # | problem | answer | whose | here |
 # | --- | --- | --- | --- |
@@ -690,13 +695,13 @@ print(f"embedded body: {np.mean(body.posedirs == 0):.0%} of the pose blend shape
 # %% [markdown]
 # ## What to remember
 #
-# - A blend shape is a displacement of the rest surface: find it by taking skinning back.
-# - Interpolation between examples works near them. Kernels have to be divided by their sum, and then
-#   reproduce no example exactly; the cost grows with the number of examples.
+# - A blend shape is a displacement of the rest surface: find it by undoing skinning.
+# - Interpolation between examples works near them. Kernels that are divided by their sum reproduce no example
+#   exactly; with coefficients that are solved for, they do. The cost grows with the number of examples.
 # - Blend shapes that are linear in features are learned by least squares. Features should be the same
 #   for the same rotation: elements of $R - I$, row by row, without the root.
 # - Shape directions are principal components, scaled so that betas are standard deviations; joints are
 #   regressed from the shaped surface.
 # - Groups whose means differ add a direction to the principal components of all. Shape directions are
-#   learned from many people, with their poses taken back.
+#   learned from many people, whose poses are undone first.
 # - If poses are few, let a vertex depend on near joints only.

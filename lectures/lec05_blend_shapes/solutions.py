@@ -25,8 +25,8 @@ def features(R: Array) -> Array:
     return (R[1:] - np.eye(3)).ravel()
 
 
-def learn(F: Array, D: Array, price: float) -> Array:
-    return np.linalg.solve(F.T @ F + price * np.eye(F.shape[1]), F.T @ D)
+def learn(F: Array, D: Array, ridge: float) -> Array:
+    return np.linalg.solve(F.T @ F + ridge * np.eye(F.shape[1]), F.T @ D)
 
 
 def directions(people: Array, k: int) -> tuple[Array, Array]:

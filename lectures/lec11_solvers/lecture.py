@@ -16,11 +16,12 @@ import numpy as np
 
 import workbench as wb
 from workbench.comparison.profiles import performance_profile, ratios
-from workbench.comparison.statistics import rate, wilson
+from workbench.comparison.statistics import rate
 from workbench.comparison.targets import TAUS, Yardstick
 from workbench.course import Picture, source
 from workbench.experiments.more_wild import MORE_WILD
 from workbench.geometry.rotation import matrix_from_vector, rodrigues
+from workbench.lectures.material.wilson import wilson
 from workbench.plots import house_style, sheet
 
 # %% [markdown]

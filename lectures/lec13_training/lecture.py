@@ -16,12 +16,13 @@ import numpy as np
 import workbench as wb
 from workbench.bodies.unposing import unpose
 from workbench.course import Picture, source
-from workbench.course.shapes.tubes import tube
 from workbench.geometry.mesh_graph import find_mirror
 from workbench.geometry.mirror import Mirror
+from workbench.lectures.material.pose_in_shape import aligned, pose_share
+from workbench.lectures.material.training_costs import plot_costs
+from workbench.lectures.material.tubes import tube
 from workbench.plots import house_style, sheet
 from workbench.plots.sparsity import plot_sparsity
-from workbench.plots.training_costs import plot_costs
 from workbench.synthetic.made_up import draw_registrations, jointed_tube, limb, random_smpl
 from workbench.training import blocks
 from workbench.training.estimate import Estimate, Sigmas
@@ -29,7 +30,6 @@ from workbench.training.first_guess import Start
 from workbench.training.joint_regressor import fit_joint_regressor
 from workbench.training.objective import Objective
 from workbench.training.plan import alternation
-from workbench.training.pose_in_shape import aligned, pose_share
 from workbench.training.pose_training import first_estimate, train_poses
 from workbench.training.shape_training import learn_shape_space
 from workbench.training.simplex import shares_to_zero

@@ -68,16 +68,15 @@ print(
 )
 
 # %% [markdown]
-# Every triangle is perfect and the surface is gone: the forearm has not even moved away from where it
-# was, its triangles have only turned on the spot. What we want is a surface whose *edges* are like
-# these triangles'.
+# Every triangle is perfect and the surface is gone. The forearm has not even left its place: its triangles
+# have only turned on the spot. What we want is a surface whose *edges* are like those of these triangles.
 #
 # ## What a triangle knows
 #
 # With corners $T_0, T_1, T_2$ a triangle's edges are $e_0 = T_2 - T_0$ and $e_1 = T_1 - T_0$. Its
-# deformation is a $3 \times 3$ matrix $X$ with $X e_i = e_i'$. Do the two edges determine it? They make six
-# equations for nine unknowns: two edges span a plane, and what $X$ does to the normal of that plane stays
-# open.
+# deformation is a $3 \times 3$ matrix $X$ with $X e_i = e_i'$, where $e_i'$ are the edges of the deformed
+# triangle. Do the two edges determine it? They give six equations for nine unknowns: two edges span a plane,
+# and what $X$ does to the normal of that plane stays open.
 
 # %%
 T = template[faces[100]]
@@ -93,9 +92,10 @@ print(
 print("rank of that X:", np.linalg.matrix_rank(by_edges))
 
 # %% [markdown]
-# The shortest answer flattens space. A third axis has to be added to the two edges. The usual one is
-# $n / \sqrt{\|n\|}$ with $n = e_1 \times e_0$: normal to the triangle, and as long as the root of twice
-# its area, so that it grows with the triangle and has the unit of an edge.
+# Of all matrices that meet the edges, the one with the smallest norm flattens space: it takes the normal to
+# zero. A third axis has to be added to the two edges. The usual one is $n / \sqrt{\|n\|}$ with
+# $n = e_1 \times e_0$. It is normal to the triangle. Its length is the root of twice the triangle's area, so
+# that it grows with the triangle and has the unit of an edge.
 
 # %%
 source(frames)
@@ -113,9 +113,9 @@ print(f"the whole mesh turned and scaled: every X is that, to {np.abs(found - tu
 # $$ \min_V \sum_f \sum_{i} \| X_f e_{f,i} - (A V)_{f,i} \|^2 . $$
 #
 # $A$ is a sparse matrix of $+1$ and $-1$ that takes vertices to edges, the same for $x$, $y$ and $z$.
-# So this is linear least squares, with a matrix that does not depend on the pose: factorised once, a
-# stitching is two triangular solves. $A$ sees differences only. Where the mesh is as a whole stays
-# open, one direction for each coordinate (and each connected piece), and has to be given.
+# So this is linear least squares, with a matrix that does not depend on the pose. It is factorised once, and
+# every stitching after that takes two triangular solves. $A$ sees differences only. It leaves open where the
+# mesh is as a whole: one direction for each coordinate (and each connected piece), which has to be given.
 
 # %%
 source(Stitching.vertices)
@@ -150,8 +150,8 @@ Picture(
 
 # %% [markdown]
 # The forearm has moved to where it belongs, although nobody said where the elbow is: edges add up. One
-# sometimes reads that these models have no skeleton. They have no *joints*; but there is a rotation for
-# each part, and so a choice of parts.
+# sometimes reads that these models have no skeleton. They have no *joints*; but each part has a rotation, so
+# somebody has to choose the parts.
 #
 # ## SCAPE
 #
@@ -160,14 +160,16 @@ Picture(
 # $$ X_f = R_{\ell(f)}\; D_f(\beta)\; Q_f(\theta) : $$
 #
 # first what bending does to the skin ($Q_f$, linear in the rotation vectors of the joints nearby), then
-# the person's shape ($D_f$), then the rotation of the part. All of it is learned by least squares on
-# triangles.
+# the person's shape ($D_f$), then the rotation $R_{\ell(f)}$ of the part $\ell(f)$ to which the triangle
+# belongs. $Q$ and $D$ are learned by least squares on triangles.
 #
 # Our elbow had neither $D$ nor $Q$, and it has a crease: on one side of the elbow all triangles turn by
 # 1.6 rad, on the other none. **BlendSCAPE** (Hirshberg and others, 2012) blends the rotations as skinning
 # does:
 #
-# $$ X_f = B_f D_f Q_f, \qquad B_f = \sum_k w_{fk} R_k . $$
+# $$ X_f = B_f D_f Q_f, \qquad B_f = \sum_k w_{fk} R_k , $$
+#
+# with a weight $w_{fk}$ for each triangle and part.
 
 # %%
 source(TriangleBody.deformations)
@@ -195,14 +197,14 @@ for name, deformed in (("SCAPE", X), ("BlendSCAPE", Y)):
     )
 
 # %% [markdown]
-# The crease is smaller, and something else has gone wrong, which lecture 4 knows already: a mean of
+# The crease is smaller, and something else has gone wrong. Lecture 4 has shown it already: a mean of
 # rotations is no rotation. The mean of two rotations that are an angle $\alpha$ apart has the
 # determinant
 #
 # $$ \det \tfrac12 (I + R_\alpha) = \cos^2 \tfrac{\alpha}{2}, $$
 #
-# so triangles at the bend shrink. In linear blend skinning the same factor is the candy wrapper. It is
-# what $Q$ has to repair here, and pose blend shapes there.
+# so triangles at the bend shrink. In linear blend skinning the same factor makes the candy wrapper. There
+# pose blend shapes have to repair it, and here $Q$ does.
 
 # %%
 angles = np.linspace(0, np.pi, 60)
@@ -229,8 +231,9 @@ Picture(
 # ## Added or multiplied?
 #
 # In SMPL shape and pose are *added* to the template, before the joints turn it. In SCAPE they are
-# *multiplied*. So in SMPL what shape and pose do together is what they do one by one; in SCAPE a
-# stout person's skin bends in proportion. To see it, we give the triangles some bending $Q$, made up:
+# *multiplied*. So in SMPL the effect of shape and pose together is the sum of their single effects. In SCAPE it
+# is not: what a bend does to the skin is larger on a larger person. To see this, we give the triangles a
+# made-up bending $Q$:
 
 # %%
 rng = np.random.default_rng(0)
@@ -239,7 +242,9 @@ some_pose = 0.3 * rng.standard_normal((24, 3))
 some_betas = 2 * rng.standard_normal(body.n_betas)
 for name, model in (("SMPL", body), ("BlendSCAPE", bending)):
     gap = np.linalg.norm(additivity_gap(model, some_pose, some_betas), axis=1)
-    print(f"{name:11} together less one by one: up to {1e3 * gap.max():.2g} mm")
+    print(
+        f"{name:11} effect of both minus the sum of single effects: up to {1e3 * gap.max():.2g} mm"
+    )
 
 # %% [markdown]
 # ## How many directions do people need?
@@ -248,7 +253,7 @@ for name, model in (("SMPL", body), ("BlendSCAPE", bending)):
 # depend on the data, and we could not verify that one. But one thing is a theorem. Among all spaces of
 # $k$ directions the principal components of the vertices explain the most variance *of the vertices*
 # (Eckart and Young, 1936); and $k$ directions of deformations, stitched, are $k$ directions of
-# vertices. So for every $k$, SMPL's way explains at least as much. How much more is it on 80 people
+# vertices. So for every $k$, SMPL's way explains at least as much. How much more does it explain of 80 people
 # drawn from our shape space, each of whom is also posed a little, as in every registration?
 
 # %%
@@ -274,11 +279,12 @@ with house_style():
 Picture(
     figure,
     "Variance of the vertices of 80 made-up people, explained by the first k directions of either "
-    "kind. Vertices are never behind: that is a theorem; by how much is a matter of the data.",
+    "kind. Directions of vertices never explain less, by the theorem; how much more they explain depends on "
+    "the data.",
 )
 
 # %% [markdown]
-# Where do SCAPE's directions go? They describe nine numbers for each triangle, and a mesh has far fewer: most
+# What do SCAPE's directions describe? There are nine numbers for each triangle, and a mesh has far fewer: most
 # deformations are those of no mesh at all, and stitching averages them away. SCAPE's principal components
 # count each triangle alike, however small it is. So they spend directions on what hardly moves the mesh:
 
@@ -296,15 +302,16 @@ for share in (0.9, 0.95):
         print(f"{100 * share:.0f} % of the {what}: {k or 'more than 20'} directions")
 
 # %% [markdown]
-# Eight of SCAPE's directions explain 90 % of how the vertices vary, but 90 % of the deformations takes 14. The
-# rest is capacity for transformations that do not move the mesh, and it answers why SCAPE is said to need more
-# directions.
+# Eight of SCAPE's directions explain 90 % of the variance of the vertices, but 90 % of the variance of the
+# deformations takes 14. The others describe deformations that hardly move the mesh. This may be why
+# SCAPE is said to need more directions.
 #
 # ## Fits
 #
-# A triangle body has the same blocks as SMPL, pose, betas and trans, and its points are residuals like any
-# others. So the three models can be fitted to the same 123 vertices of one person, whom SMPL has made and who is
-# seen with 5 mm of noise. SMPL has to win here; the question is how near the others come without learned bends.
+# A triangle body has the same blocks as SMPL (pose, betas and trans), and residuals take its points like those
+# of any body. So the three models can be fitted to the same 123 vertices of one person, whom SMPL has made and
+# who is seen with 5 mm of noise. SMPL has to win here; the question is how near the others come without learned
+# bends, that is with $Q = I$.
 
 # %%
 truth = {
@@ -332,15 +339,16 @@ for name, model in models.items():
     )
 
 # %% [markdown]
-# BlendSCAPE blends rotations over the triangles of a joint. In the mean it comes nearer than SCAPE, whose parts
+# BlendSCAPE blends rotations over the triangles of a joint. On average it comes nearer than SCAPE, whose parts
 # are rigid. Both lack what SMPL has learned of bends, and both need more iterations. Since SMPL made these data,
 # they do not tell which model is nearer to people: `examples/14_three_body_models.py` fits the three to
 # keypoints of a real person.
 #
-# ## Edges or vertices: where does a pose come from?
+# ## Edges or vertices: what should a pose be found from?
 #
-# To learn who somebody is, one first needs the pose of every registration, and finds it with a template of
-# somebody else. What should be compared, the vertices, or the edges as SCAPE does? SMPL's own training takes edges
+# To learn a person's shape from registrations, one first needs the pose of each of them, and has to find it with
+# the template of somebody else. What should be compared, the vertices, or the edges as SCAPE does? SMPL's own
+# training takes edges
 # (Loper and others, *SMPL: A Skinned Multi-Person Linear Model*, 2015). We ask 12 made-up people whose poses are
 # known. Both fits have the same body with mean shape, the same start at rest, and the same solver with
 # the same stopping rule; a fit to vertices also finds the translation, which edges do not have.
@@ -411,17 +419,18 @@ Picture(
 # %% [markdown]
 # With another person's template the median error is 1.8 degrees by edges and 12 degrees by vertices; the intervals
 # above, which hold the median with a confidence of 96 %, lie far apart. This is not a
-# matter of the start: fits to vertices that begin at the true pose leave it and end at 12 degrees too. If an
-# upper arm is too long, every vertex below the elbow is in the wrong place, and other joints bend to make up for it;
-# its edges keep nearly the right directions, and a wrong length stays where it is. Edges have a price. Each is a
-# difference of two vertices, so it carries the noise of both over a short length. With the right template and noise,
+# matter of the start: fits to vertices that begin at the true pose leave it and end at 12 degrees too. If the
+# template's upper arm is too long, every vertex below the elbow is in the wrong place, and other joints bend to
+# make up for it. The edges below the elbow, however, keep nearly the right directions, so that the error stays in
+# the upper arm. Edges have a disadvantage too. Each is a difference of two vertices, so it carries the noise of
+# both over a short length. With the right template and noise,
 # vertices give 3.2 degrees and edges 3.9. These people and poses are synthetic, so the numbers
 # say what happens with this body, and not how large the errors are for people who were scanned.
 #
 # ## Side by side
 #
-# One row of the table needs a number. An edge is a difference of two vertices, so an offset cancels in
-# it. That is why SCAPE's matrices need no fourth column, and why SMPL's do:
+# One row of the table below is shown by numbers first. An edge is a difference of two vertices, so an offset
+# cancels in it. That is why SCAPE's matrices need no fourth column, and SMPL's, which move vertices, do:
 
 # %%
 G = body.kinematics.motion(pose, np.zeros(body.n_betas)).G  # (24, 3, 4): the row 0 0 0 1 left out
@@ -442,24 +451,26 @@ print(
 # | a matrix of the pose | $4 \times 4$: it turns and shifts | $3 \times 3$: it turns and stretches |
 # | it is applied to | vertices | edges |
 # | shape and pose | added at rest | multiplied |
-# | joints | a chain; regressed from the rest surface | none: rotations of parts, edges add up |
-# | to pose it | matrix products | the same, and a sparse solve |
+# | joints | a chain; regressed from the rest surface | none: parts have rotations, and edges add up |
+# | work to pose the body | matrix products | the same, and a sparse solve |
 # | bones keep their length | by construction | nearly |
-# | in a game engine | as it is | no |
+# | runs in game engines | as it is | no |
 #
 # And for a pose that is found in a mesh:
 #
 # | | vertices | edges |
 # | --- | --- | --- |
 # | unknowns beside the pose | the translation | none |
-# | a wrong length | is made up for by other joints | stays where it is |
+# | a bone of wrong length | other joints bend to make up for it | the error stays in that bone |
 # | error of the pose, another person's template | 12 degrees | 1.8 degrees |
 # | error of the pose, the right template and 5 mm of noise | 3.2 degrees | 3.9 degrees |
 #
 # ## What to remember
 #
-# - A triangle's deformation needs a third axis; two edges leave it open.
+# - Two edges do not determine a triangle's deformation; a third axis is needed.
 # - Stitching is linear least squares with one sparse matrix. It sees edges only, and not where the body is.
-# - Blended rotations lose volume, $\cos^2(\alpha/2)$, with triangles as with vertices.
-# - With a template of somebody else, a pose is found by edges; vertices bend the body until it reaches them.
-# - SMPL adds, SCAPE multiplies. Principal components of vertices are never behind, on vertices.
+# - Blended rotations shrink volumes by $\cos^2(\alpha/2)$, with triangles as with vertices.
+# - With the template of somebody else, find a pose by edges: a fit to vertices bends joints to make up for
+#   bones of wrong length.
+# - SMPL adds shape and pose, and SCAPE multiplies them. Of the variance of vertices, principal components of
+#   vertices never explain less than any other directions.

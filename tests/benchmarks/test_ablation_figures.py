@@ -9,8 +9,8 @@ from benchmarks.ablations.figures import (
     plot_turn_errors,
 )
 from benchmarks.ablations.study import Ablated
+from workbench.lectures.material.training_costs import caption_costs, plot_costs
 from workbench.plots.figure import house_style, png, sheet
-from workbench.plots.training_costs import caption_costs, plot_costs
 from workbench.training.progress import LogEntry
 
 ZERO = dict.fromkeys(("E_D", "E_Y", "E_J", "E_P", "E_W"), 0.0)

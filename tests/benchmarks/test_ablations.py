@@ -12,6 +12,7 @@ from benchmarks.ablations.study import (
     turn_errors,
 )
 from workbench import load_body
+from workbench.lectures.material.pose_in_shape import aligned, pose_share
 from workbench.synthetic.made_up import (
     CorruptedRegistrations,
     draw_registrations,
@@ -19,7 +20,6 @@ from workbench.synthetic.made_up import (
     random_smpl,
 )
 from workbench.training.estimate import Sigmas
-from workbench.training.pose_in_shape import aligned, pose_share
 from workbench.training.registrations import InMemory
 
 START = jointed_tube(7, 5)

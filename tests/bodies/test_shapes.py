@@ -8,7 +8,7 @@ import pytest
 
 import workbench as wb
 from tests.bodies_made_up import smpl_like_body
-from workbench.course.shapes.shape_directions import along, joint_moves, with_joints_of_the_mean
+from workbench.lectures.material.shape_directions import along, joint_moves, with_joints_of_the_mean
 
 EXAMPLE = import_module("examples.24_shape_directions")
 reconstruction_errors, variances = EXAMPLE.reconstruction_errors, EXAMPLE.variances

@@ -14,18 +14,18 @@ from workbench.bodies.ablations import (
     without_shape_blend_shapes,
 )
 from workbench.bodies.forward.skinning import blended
-from workbench.course.shapes.limbs import Limb
-from workbench.course.shapes.separate_parts import SeparateParts
-from workbench.course.shapes.tubes import (
+from workbench.errors import BadArgument, BadBody, UnknownName
+from workbench.geometry.dual_quaternions import dual_quaternions
+from workbench.geometry.rotation import matrix_from_vector
+from workbench.geometry.solids import lengths, mesh_edges, volume
+from workbench.lectures.material.limbs import Limb, lids, piece_volume
+from workbench.lectures.material.separate_parts import SeparateParts
+from workbench.lectures.material.tubes import (
     linear_radius,
     tube,
     volume_lost_bent,
     volume_lost_twisted,
 )
-from workbench.errors import BadArgument, BadBody, UnknownName
-from workbench.geometry.dual_quaternions import dual_quaternions
-from workbench.geometry.rotation import matrix_from_vector
-from workbench.geometry.solids import lengths, lids, mesh_edges, piece_volume, volume
 
 TUBE = tube()
 DUAL = replace(TUBE, skinning=wb.dual_quaternion_blend)

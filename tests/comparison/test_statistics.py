@@ -15,8 +15,8 @@ from workbench.comparison.statistics import (
     median,
     rate,
     sign_test,
-    wilson,
 )
+from workbench.lectures.material.wilson import wilson
 
 EXACT = 1e-9  # of a probability: sums of binomial terms lose some 1e-15
 

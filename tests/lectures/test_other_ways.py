@@ -109,13 +109,13 @@ def by_softmax(x: Array, examples: Array, width: float) -> Array:
     return scipy.special.softmax(-(np.linalg.norm(x - examples, axis=1) ** 2) / width**2)
 
 
-def by_the_small_side(F: Array, D: Array, price: float) -> Array:
-    return F.T @ np.linalg.solve(F @ F.T + price * np.eye(len(F)), D)
+def by_the_small_side(F: Array, D: Array, ridge: float) -> Array:
+    return F.T @ np.linalg.solve(F @ F.T + ridge * np.eye(len(F)), D)
 
 
-def by_rows_below(F: Array, D: Array, price: float) -> Array:
+def by_rows_below(F: Array, D: Array, ridge: float) -> Array:
     n = F.shape[1]
-    below = np.vstack([F, np.sqrt(price) * np.eye(n)])
+    below = np.vstack([F, np.sqrt(ridge) * np.eye(n)])
     return np.linalg.lstsq(below, np.vstack([D, np.zeros((n, D.shape[1]))]), rcond=None)[0]
 
 

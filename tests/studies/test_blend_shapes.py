@@ -25,9 +25,9 @@ from workbench.bodies.forward.kernel_features import (
 )
 from workbench.bodies.forward.posing import Posing
 from workbench.bodies.forward.skinning import unskinned
-from workbench.course.shapes.tubes import tube
 from workbench.errors import BadArgument, BadFile
 from workbench.geometry.mesh_graph import along_edges
+from workbench.lectures.material.tubes import tube
 from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.studies.blend_shapes import questions
 from workbench.studies.blend_shapes.predictors import (

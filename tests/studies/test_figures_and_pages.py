@@ -7,16 +7,17 @@ import pytest
 from matplotlib.axes import Axes
 
 import workbench as wb
-from workbench.plots import (
-    caption_by_angle,
-    caption_differences,
+from workbench.lectures.material.by_angle import caption_by_angle, plot_by_angle
+from workbench.lectures.material.variance import (
     caption_left_over,
     caption_variances,
-    house_style,
-    plot_by_angle,
-    plot_differences,
     plot_left_over,
     plot_variances,
+)
+from workbench.plots import (
+    caption_differences,
+    house_style,
+    plot_differences,
     png,
     sheet,
 )

@@ -81,7 +81,7 @@ class Affine:
 
     @cached_property
     def plain(self) -> str | None:
-        """The name of the block that it is, entry by entry; None if it is anything else."""
+        """The name of the one block to which this map is equal; None if there is no such block."""
         if len(self.terms) != 1 or self.offset.any():
             return None
         ((name, matrix),) = self.terms.items()

@@ -53,7 +53,7 @@ class Batched(Protocol):
 def scalar(function: cs.Function, longest: int = LONGEST) -> cs.Function | None:
     """The function in scalar instructions, if these are at most `longest`; None otherwise.
 
-    A function that calls a function of the user has no such form.
+    A function that calls one written in Python, such as a Callback, has no such form.
     """
     rows = sum(function.nnz_out(i) for i in range(function.n_out()))
     if max(rows, *(function.nnz_in(i) for i in range(function.n_in()))) > longest:

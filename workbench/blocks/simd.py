@@ -152,7 +152,8 @@ def statements(
 def _parts(function: cs.Function, shared: Sequence[bool]) -> tuple[list[list[str]], int]:
     """The instructions in pieces: a compiler's time grows faster than the length of a piece.
 
-    Also how many results a later piece takes from an earlier one: they go through memory, `t`.
+    The second result is the number of results that later pieces take from earlier ones; these go
+    through an array in memory, `t`.
     """
     instructions = statements(function, shared)
     part_of = {name: n // LINES for n, (name, _, _) in enumerate(instructions)}

@@ -25,11 +25,7 @@ from workbench.installation import DISTRIBUTION, VERSION
 
 P = ParamSpec("P")
 
-app = typer.Typer(
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-)
+app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
 
 
 def tell_version(wanted: bool) -> None:

@@ -5,8 +5,9 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 
-from workbench.cli.output import folder_to_write, print_page, timed_lines, warn_without_effect
+from workbench.cli.output import folder_to_write, print_page, say, timed_lines, warn_without_effect
 from workbench.cli.run import Out
 from workbench.studies.blend_shapes.page import table_text, write_predictor_study
 from workbench.studies.blend_shapes.study import PredictorPlan, predictor_study
@@ -47,6 +48,6 @@ def blendshapes(
         warn_without_effect(console, "--test", "the poses of the recording are tested on")
     folder = folder_to_write(out, "blendshapes", "")
     found = predictor_study(plan, mocap, timed_lines(console))
-    console.print(table_text(found), highlight=False, markup=False, soft_wrap=True)
-    console.print(f"tested on {found.n_test} {found.test}", highlight=False, soft_wrap=True)
+    say(console, escape(table_text(found)))
+    say(console, f"tested on {found.n_test} {found.test}")
     print_page(console, "page", write_predictor_study(found, folder))

@@ -8,7 +8,8 @@ from rich.console import Console
 from rich.markup import escape
 
 from workbench.bodies.catalogue import BODIES, load_body
-from workbench.cli.output import folder_to_write, print_page
+from workbench.cli.output import folder_to_write, print_page, say
+from workbench.cli.run import Out
 from workbench.homes import expanded
 from workbench.reports import card_text, write_card
 
@@ -17,14 +18,12 @@ def body(
     name: Annotated[
         str, typer.Argument(help=f"An embedded body ({', '.join(BODIES)}), or a file of your own.")
     ] = "default",
-    out: Annotated[Path, typer.Option(help="Folder in which the card's folder is made.")] = Path(
-        "runs"
-    ),
+    out: Out = Path("runs"),
 ) -> None:
     """Print a body's model card, and draw it from two sides and in several shapes."""
     console = Console()
     model = load_body(name)
-    console.print(escape(card_text(model)), highlight=False, soft_wrap=True)
+    say(console, escape(card_text(model)))
     source = "" if name in BODIES else str(expanded(name).resolve())
     folder = folder_to_write(out, f"body-{Path(name).stem}", source)
     print_page(console, "card", write_card(model, folder, source))

@@ -15,7 +15,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from workbench import comparison
 from workbench.cli.leaving import Interrupted
-from workbench.cli.output import print_page, solver_table, warn_without_effect
+from workbench.cli.output import print_page, say, solver_table, warn_without_effect
 from workbench.cli.run import Setting, settings
 from workbench.comparison.comparison import MAIN
 from workbench.comparison.design import chosen, numbering
@@ -57,8 +57,7 @@ def compare(
     ] = None,
     setting: Setting = None,
     seeds: Annotated[
-        int,
-        typer.Option(help="Number of starts, for problems with an argument start or seed."),
+        int, typer.Option(help="Number of starts, for problems with an argument start or seed.")
     ] = 1,
     workers: Annotated[
         int, typer.Option(help="Number of runs at the same time on this machine.")
@@ -118,16 +117,16 @@ def compare(
         ) from error
     console.print(solver_table(_table(found)))
     for text in (prices_sentence(), *advice(found)):
-        console.print(escape(text), highlight=False, soft_wrap=True)
+        say(console, escape(text))
     console.print(solver_table(_times(found)))
-    console.print(MEASURED, highlight=False, soft_wrap=True)
+    say(console, MEASURED)
     console.print("[dim]writing the page[/]")
     print_page(console, "report", write_comparison(found, out))
 
 
 @contextmanager
 def _cluster(address: str | None) -> Iterator[None]:
-    """Runs go to a Dask cluster inside, if there is an address of one."""
+    """Send runs to a Dask cluster inside of the context, if an address is given."""
     if address is None:
         yield
         return
@@ -206,7 +205,7 @@ def _effort(found: comparison.Comparison, solver: str) -> str:
 
 
 def _times(found: comparison.Comparison) -> Table:
-    """Seconds as they were measured, apart from what ranks."""
+    """A table of the measured seconds, which rank no solver."""
     spreads = {solver: seconds_of_runs(found, solver) for solver in found.solvers}
     columns: Columns[str] = {
         "seconds of a run": str,

@@ -8,16 +8,8 @@ from rich.console import Console
 from rich.markup import escape
 
 from workbench import diagnostics
-from workbench.cli.output import folder_to_write, print_page, warn_without_effect
-from workbench.cli.run import (
-    Name,
-    Out,
-    Setting,
-    SolverName,
-    settings,
-    solved,
-    solver_named,
-)
+from workbench.cli.output import folder_to_write, print_page, say, warn_without_effect
+from workbench.cli.run import Name, Out, Setting, SolverName, settings, solved, solver_named
 from workbench.errors import BadArgument
 from workbench.experiments import Experiment, find
 from workbench.fitting.setup import Setup
@@ -37,8 +29,7 @@ def diagnose(
         ),
     ] = None,
     at_start: Annotated[
-        bool,
-        typer.Option("--at-start", help="Diagnose at the start instead of at the solution."),
+        bool, typer.Option("--at-start", help="Diagnose at the start instead of at the solution.")
     ] = False,
     data_alone: Annotated[
         bool, typer.Option("--data-alone", help="Leave the priors out of the Jacobian.")
@@ -60,7 +51,7 @@ def diagnose(
     solving = None if at_start else by
     first, setup = _looked_at(console, experiment, solving, data_alone)
     second = _looked_at(console, other, solving, data_alone)[0] if other else None
-    console.print(escape(first.report()), highlight=False, soft_wrap=True)
+    say(console, escape(first.report()))
     console.print("[dim]writing the page[/]")
     page = write_diagnosis(
         first,

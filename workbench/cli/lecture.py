@@ -14,7 +14,7 @@ from rich.syntax import Syntax
 from rich.table import Table
 
 from workbench import course
-from workbench.cli.output import make_folder, print_page
+from workbench.cli.output import make_folder, print_page, say
 from workbench.course.cells import Cell, carried_out
 from workbench.course.grades import CheckResult, CheckState, Grade
 from workbench.course.handing_out import hand_out
@@ -22,6 +22,7 @@ from workbench.course.notebooks import executed, notebook, write_notebook
 from workbench.course.outline import course as outline
 from workbench.course.outline import lecture
 from workbench.course.student_process import SECONDS, grade
+from workbench.diagnostics.structure import counted
 from workbench.errors import BadArgument, BadFile
 from workbench.site import write_course_site
 from workbench.writing import replacing
@@ -64,13 +65,13 @@ def show(number: Number) -> None:
         ("minutes", str(one.minutes)),
         ("text", str(one.folder / "lecture.py")),
     ):
-        console.print(f"[dim]{title:8}[/] {escape(text)}", highlight=False, soft_wrap=True)
+        say(console, f"[dim]{title:8}[/] {escape(text)}")
     exercises = one.module("exercises")
     for k, name in enumerate(one.exercises, 1):
         points = sum(check.points for check in one.checks if check.exercise == name)
         task = (getattr(exercises, name).__doc__ or "").splitlines()[0]
-        head = f"[bold]{number}.{k} {name}[/]  {escape(task)} [dim]({_points(points)})[/]"
-        console.print(head, highlight=False, soft_wrap=True)
+        worth = counted(points, "point")
+        say(console, f"[bold]{number}.{k} {name}[/]  {escape(task)} [dim]({worth})[/]")
     console.print(f"\nworkbench lecture run {number}, workbench lecture start {number} FOLDER")
 
 
@@ -93,7 +94,7 @@ def run(
                 temporary.write_bytes(value.png)
             console.print(f"[bold]{escape(str(path))}[/]: {escape(value.caption)}\n")
         elif value is not None:
-            console.print(escape(repr(value)) + "\n", highlight=False, soft_wrap=True)
+            say(console, escape(repr(value)) + "\n")
     console.print(f"the code: {escape(str(one.folder / 'lecture.py'))}", soft_wrap=True)
 
 
@@ -102,7 +103,7 @@ def _nothing(cell: Cell) -> None:
 
 
 def _show_code(cell: Cell) -> None:
-    """Before the cell is run, so that what it prints stands below."""
+    """Print a cell of code. It is called before the cell runs, whose output then stands below."""
     if not cell.prose:
         Console().print(Syntax(cell.text, "python", background_color="default"))
 
@@ -111,7 +112,7 @@ def _show_prose(console: Console, text: str) -> None:
     """Formulas that stand alone keep their lines; Markdown would fill them up."""
     for k, part in enumerate(re.split(r"^(\$\$.+?\$\$)[ ]*$", text, flags=re.S | re.M)):
         if k % 2:
-            console.print(escape(part), highlight=False, soft_wrap=True)
+            say(console, escape(part))
         elif part.strip():
             console.print(Markdown(_literal(part)))
         console.print()
@@ -208,12 +209,8 @@ def _print(console: Console, found: Grade) -> None:
         soft_wrap=True,
     )
     if found.trouble:
-        console.print(
-            f"[bold red]the file could not be loaded:[/] {escape(found.trouble)}\n"
-            "nothing was graded",
-            highlight=False,
-            soft_wrap=True,
-        )
+        say(console, f"[bold red]the file could not be loaded:[/] {escape(found.trouble)}")
+        say(console, "nothing was graded")
     table = Table(box=None, padding=(0, 2, 0, 0), show_header=False)
     table.add_column()
     table.add_column()
@@ -232,7 +229,7 @@ def _print(console: Console, found: Grade) -> None:
         if printed := found.printed.get(name):
             table.add_row("[dim]  printed[/]", f"[dim]{escape(printed)}[/]")
     console.print(table, highlight=False)
-    console.print(f"[bold]{found.points} of {_points(found.of)}[/]\n", highlight=False)
+    console.print(f"[bold]{found.points} of {counted(found.of, 'point')}[/]\n", highlight=False)
 
 
 def _state(mark: CheckResult) -> str:
@@ -247,10 +244,6 @@ def _lines(mark: CheckResult) -> list[str]:
         if text
     ]
     return lines + ([f"[yellow]perhaps[/]   {escape(mark.hint)}"] if mark.hint else [])
-
-
-def _points(n: int) -> str:
-    return f"{n} point" + ("" if n == 1 else "s")
 
 
 COMMANDS: dict[str, Callable[..., None]] = {

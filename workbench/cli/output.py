@@ -51,6 +51,13 @@ def solver_table(table: Table) -> RichTable:
     return shown
 
 
+def say(console: Console, text: str) -> None:
+    """Print marked-up text whose numbers keep the colour of the rest, and which only a terminal
+    breaks into lines.
+    """
+    console.print(text, highlight=False, soft_wrap=True)
+
+
 def print_page(console: Console, kind: str, page: Path) -> None:
     """Say where something of a kind (report, card, body) was written."""
     console.print(f"{kind}: [bold]{escape(str(page))}[/]", soft_wrap=True)
@@ -69,8 +76,4 @@ def timed_lines(console: Console) -> Callable[[str], None]:
 
 def warn_without_effect(console: Console, option: str, because: str) -> None:
     """Say that an option changes nothing; the command continues as if it had not been given."""
-    console.print(
-        f"[bold yellow]{option} changes nothing:[/] {escape(because)}",
-        highlight=False,
-        soft_wrap=True,
-    )
+    say(console, f"[bold yellow]{option} changes nothing:[/] {escape(because)}")

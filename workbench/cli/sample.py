@@ -13,7 +13,7 @@ from rich.progress import Progress as Bar
 
 from workbench import sampling
 from workbench.cli.leaving import Interrupted
-from workbench.cli.output import folder_to_write, make_folder, print_page, warn_without_effect
+from workbench.cli.output import folder_to_write, make_folder, print_page, say, warn_without_effect
 from workbench.cli.run import Name, Out, Setting, SolverName, settings, solved, solver_named
 from workbench.errors import UnknownName
 from workbench.experiments import find
@@ -117,7 +117,7 @@ def sample(
         approximation = sampling.laplace(problem, at, names, rest=rest, seed=seed)
         parts.append(BlockPosterior(part, posterior, approximation))
         text = posterior.summary(truth_of(posterior, setup))
-        console.print(escape(text), highlight=False, soft_wrap=True)
+        say(console, escape(text))
         _print_beside(console, posterior, approximation)
         if posterior.interrupted:
             interrupted = True
@@ -172,23 +172,13 @@ def _print_beside(
     console: Console, posterior: sampling.Posterior, approximation: sampling.Posterior
 ) -> None:
     """How good Laplace's approximation is, and the entries for which it is not good enough."""
-    console.print(
-        f"Laplace's approximation: {escape(approximation.verdict)}",
-        highlight=False,
-        soft_wrap=True,
-    )
+    say(console, f"Laplace's approximation: {escape(approximation.verdict)}")
     rows = sampling.compared_with_laplace(posterior, approximation)
     unlike = [row for row in rows if row.remark != "agrees"]
     if not posterior.mixed:
         return
-    console.print(
-        f"Laplace's approximation agrees in {len(rows) - len(unlike)} of {len(rows)} entries",
-        highlight=False,
-    )
+    agree = f"{len(rows) - len(unlike)} of {len(rows)} entries"
+    say(console, f"Laplace's approximation agrees in {agree}")
     for row in unlike:
-        console.print(
-            f"  {escape(row.label)}: {row.remark} (sd {row.ratio:.2f} times Laplace's, mean "
-            f"{row.shift:+.2f} of them off)",
-            highlight=False,
-            soft_wrap=True,
-        )
+        off = f"sd {row.ratio:.2f} times Laplace's, mean {row.shift:+.2f} of them off"
+        say(console, f"  {escape(row.label)}: {row.remark} ({off})")

@@ -1,5 +1,5 @@
 """What a command finds as it starts: streams that may be closed, full, or unable to write a
-letter, and a folder that may be gone.
+character, and a folder that may be gone.
 """
 
 import os
@@ -75,8 +75,9 @@ def tell(sentence: str) -> None:
 
 
 def explain(error: Exception) -> bool:
-    """Print a sentence for an error of ours; false for any other, which is a mistake in the
-    workbench.
+    """Print the sentence of an error of ours, and return True.
+
+    Return False for any other error, which is a mistake in the workbench.
     """
     from rich.console import Console
     from rich.markup import escape

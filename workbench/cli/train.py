@@ -50,8 +50,7 @@ def train(
         ),
     ] = None,
     gender: Annotated[
-        str | None,
-        typer.Option(help=f"Use registrations of one gender ({', '.join(GENDERS)})."),
+        str | None, typer.Option(help=f"Use registrations of one gender ({', '.join(GENDERS)}).")
     ] = None,
     held_out: Annotated[
         Path | None,
@@ -151,7 +150,7 @@ def _mind_unused(console: Console, start: str | None, gender: str | None, reach:
 def _data(
     console: Console, folder: Path | None, start: str | None, gender: str | None
 ) -> tuple[str, Start, Registrations, Registrations | None]:
-    """The run's name, its start, and the two sets."""
+    """The run's name, its start, and the registrations of the two sets, poses and shapes."""
     if folder is None:
         console.print(
             "no folder was given: training a synthetic tube with bones from data with 1 mm of "
@@ -177,11 +176,7 @@ def _data(
 
 
 def _ideal_errors(
-    folder: Path | None,
-    held_out: Path,
-    guess: Start,
-    poses: Registrations,
-    people: Registrations,
+    folder: Path | None, held_out: Path, guess: Start, poses: Registrations, people: Registrations
 ) -> dict[str, float]:
     """The errors of ideal skinning on held-out people whose ground truth is known."""
     if not (held_out / TRUTH).is_file():

@@ -5,9 +5,10 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 
 from workbench.cli.blendshapes import Mocap, Seed
-from workbench.cli.output import folder_to_write, print_page, timed_lines
+from workbench.cli.output import folder_to_write, print_page, say, timed_lines
 from workbench.cli.run import Out
 from workbench.studies.triangles.page import triangles_text, write_triangles
 from workbench.studies.triangles.people import TrianglePlan
@@ -49,5 +50,5 @@ def triangles(
     plan = TrianglePlan(body, people, subjects, poses, held_out, test, betas, seed)
     folder = folder_to_write(out, "triangles", "")
     found = triangle_study(plan, wheel, mocap, timed_lines(console))
-    console.print(triangles_text(found), highlight=False, markup=False, soft_wrap=True)
+    say(console, escape(triangles_text(found)))
     print_page(console, "page", write_triangles(found, folder))

@@ -40,8 +40,9 @@ class Budget:
                 raise BadArgument(f"{field.name} of a budget must be above 0, not {value!r}")
 
     def given(self, solver: Solver, repetition: int = 0) -> Solver:
-        """The solver with these limits in those of the house's options that it has, and a seed of
-        its own for each repetition if it has one.
+        """The solver with these limits, as far as it has the house's options for them.
+
+        If it has a seed, each repetition gets another.
         """
         wanted = {
             "max_evaluations": self.max_evaluations,
@@ -53,9 +54,5 @@ class Budget:
         options: Any = solver
         fits = fields(options) if is_dataclass(options) else ()
         has = {field.name for field in fits if field.init} & wanted.keys()
-        return _changed(options, {name: wanted[name] for name in has})
-
-
-def _changed(solver: Any, options: dict[str, Any]) -> Solver:
-    changed: Solver = replace(solver, **options) if options else solver
-    return changed
+        given: Solver = replace(options, **{name: wanted[name] for name in has}) if has else solver
+        return given

@@ -111,8 +111,8 @@ class Comparison:
 
     @cached_property
     def comparable(self) -> tuple[Instance, ...]:
-        """The instances that say something of a solver: more than one run ended on the problem, or
-        a cost is known beforehand. All shares, efforts and pairs are over these.
+        """The instances that say something about a solver, because more than one run ended on the
+        problem or a cost is known beforehand. All shares, efforts and pairs are over these.
         """
         return tuple(i for i in self.instances if not self.yardsticks[i.name].alone)
 

@@ -113,11 +113,11 @@ def _component(given: object, name: str) -> Component:
 def explain(
     problem: Problem, fixed: Array, lost: Basin, best: Basin, priors: tuple[str, ...] = ()
 ) -> Explanation:
-    """Decompose the way on the named directions that are weak at the lost end, those
-    residuals being left out that are priors.
+    """Decompose the way from the lost end to the best one into directions with names.
 
-    Weak is a singular value below a tenth of the median one, or below one sigma for a whole unit
-    and a tenth of the largest.
+    They are the directions that are weak at the lost end, without the residuals that are priors: a
+    singular value is weak if it is below a tenth of the median one, or below one sigma for a whole
+    unit and below a tenth of the largest.
     """
     way = best.x - lost.x
     length = float(np.linalg.norm(way))
@@ -125,7 +125,8 @@ def explain(
     data = problem.without(*priors) if 0 < len(priors) < len(problem.residuals) else problem
     seen = diagnose_whole(data, values)
     along, components = _along(way, _weak(seen, data, problem))
-    costs = [_cost(problem, lost.x + s * way, fixed) for s in np.linspace(0, 1, POINTS)]
+    between = [lost.x + s * way for s in np.linspace(0, 1, POINTS)]
+    costs = [half_squared(problem.residual(x, fixed)) for x in between]
     return Explanation(
         cost=lost.cost,
         best=best.cost,
@@ -182,7 +183,3 @@ def _along(way: Array, weak: tuple[Direction, ...]) -> tuple[float, tuple[Compon
         for i, x in zip(chosen, c, strict=True)
     ]
     return min(1.0, share), tuple(sorted(components, key=lambda part: -part.length))
-
-
-def _cost(problem: Problem, x: Array, fixed: Array) -> float:
-    return half_squared(problem.residual(x, fixed))

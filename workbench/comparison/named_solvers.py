@@ -20,7 +20,7 @@ Given = str | Solver | Iterable[str | Solver] | Mapping[str, Solver]
 
 @dataclass(frozen=True)
 class NamedSolver:
-    """A solver with a name of its own; `source` is the file that defines it, `called` what."""
+    """A solver and its name; it is defined in the file `source`, under the name `called`."""
 
     name: str
     solver: Solver

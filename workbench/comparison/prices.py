@@ -11,9 +11,10 @@ and memory take, n being the number of free numbers:
     Hessian of the cost, n second-order adjoints            4 + 6 n
 
 These are upper bounds of operations, not of seconds. A sparse Jacobian, or one whose structure is
-known, takes less, which counts against solvers that ask for Jacobians; a gradient may take many
-times its price on the clock where the residual is very quick, which counts for those that ask for
-gradients. So the ratios that were measured stand beside the prices on the page of a comparison.
+known, takes less than its price, which is unfavourable to solvers that ask for Jacobians. Where the
+residual is very quick, a gradient may take many times its price on the clock, which is favourable
+to solvers that ask for gradients. The page of a comparison therefore shows the measured ratios
+beside the prices.
 
 No theorem gives the ratio of a constraint to a residual. Evaluating all constraints once is priced
 as one residual by convention, and their derivatives follow the same bounds.

@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 from scipy.special import betaincinv
 
 LEVEL = 0.05  # of every test; intervals have the confidence 1 - LEVEL
-Z = 1.959963984540054  # of the standard normal, two-sided 95 %
 FEWEST = 6  # numbers for an interval of their median, and decided problems for a test
 TIE = 0.01  # efforts that differ by less, as a share of the smaller one, are equal
 
@@ -46,20 +45,6 @@ def rate(successes: int, trials: int) -> Interval:
     low = 0.0 if k == 0 else float(betaincinv(k, n - k + 1, tail))
     high = 1.0 if k == n else float(betaincinv(k + 1, n - k, 1 - tail))
     return Interval(k / n, low, high, 1 - LEVEL)
-
-
-def wilson(successes: int, trials: int) -> Interval:
-    """A proportion with Wilson's score interval (1927). It covers 95 % on average over true
-    proportions, and less at some of them: at worst 79 % of one trial. `rate` never covers less.
-    """
-    if trials == 0:
-        return Interval(np.nan)
-    p, n = successes / trials, trials
-    middle = (p + Z**2 / (2 * n)) / (1 + Z**2 / n)
-    half = Z / (1 + Z**2 / n) * float(np.sqrt(p * (1 - p) / n + Z**2 / (4 * n**2)))
-    low = 0.0 if successes == 0 else max(0.0, middle - half)
-    high = 1.0 if successes == trials else min(1.0, middle + half)
-    return Interval(p, low, high, np.nan)
 
 
 def median(numbers: ArrayLike) -> Interval:
@@ -167,9 +152,10 @@ class Duel:
 
 
 def duel(a: ArrayLike, b: ArrayLike, problems: Sequence[Hashable], tie: float = TIE) -> Duel:
-    """Efforts of two solvers (P,), infinite where one failed, and the problem of each start;
-    within `tie` of each other is a tie. A start on which an effort is unknown, NaN, is left out,
-    unless the other one failed there.
+    """Compare two solvers by their efforts (P,) from the same starts, infinite where one failed.
+
+    `problems` names the problem of each start. Efforts that differ by at most the share `tie` are a
+    tie. A start at which an effort is unknown (NaN) is left out, unless the other solver failed.
     """
     x, y = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
     fails = np.isposinf(x) & np.isposinf(y)

@@ -70,9 +70,10 @@ class Yardstick:
     alone: bool = False
 
     def target(self, tau: float) -> float:
-        """The cost that meets it; NaN where start or best is not finite. Rounding is allowed for:
-        1e-12 of f*, 1e-16 of f_0. A start that constraints forbid may cost less than f*, and then
-        there is no way down to share: the target is what counts as the lowest cost.
+        """The largest cost that meets the target; NaN where start or best is not finite.
+
+        Rounding is allowed for: 1e-12 of f*, 1e-16 of f_0. A start that constraints forbid may cost
+        less than f*. The target is then the largest cost that counts as the lowest one.
         """
         if not (np.isfinite(self.start) and np.isfinite(self.best)):
             return np.nan
@@ -81,13 +82,13 @@ class Yardstick:
         return self.best + max(tau * (self.start - self.best), slack)
 
     def met(self, record: Record, tau: float) -> Array | None:
-        """The row of the trace (counts, seconds, cost) at which a run met it, or None."""
+        """The row of the trace (counts, seconds, cost) at which a run met the target, or None."""
         rows = record.observed.trace
         below = np.flatnonzero(rows[:, -1] <= self.target(tau)) if rows.size else np.zeros(0, int)
         return np.asarray(rows[below[0]]) if below.size else None
 
     def ends_below(self, record: Record, tau: float) -> bool:
-        """Whether the point that a run ended at meets it, wherever that was evaluated."""
+        """Whether the end of a run meets the target, even if the run never evaluated that point."""
         return record.finite and record.inside and record.cost <= self.target(tau)
 
     def near(self, cost: float) -> bool:

@@ -157,7 +157,7 @@ class StudentProcess:
         return answer
 
     def _in_time(self, exchange: Callable[[float], Exchanged]) -> Exchanged:
-        """The result of an exchange, whose time is taken from the seconds left. Raises Ended."""
+        """The result of an exchange; its time is subtracted from the seconds left. Raises Ended."""
         began = time.monotonic()
         try:
             exchanged = exchange(self._left)

@@ -2,12 +2,13 @@
 
 A sparse Jacobian that falls into `Parts` is eliminated part after part in the same way.
 
-Once every row that reads the unknowns u of a frame is there, [A B] (u; w) says what they do beside
-the unknowns w that are left. With the pseudoinverse A^+, u = -A^+ B w is the best answer to w, and
-the rows (I - A A^+) B remain for w. What A does not see is unseen by the whole sequence, with
-w = 0. At the end the shared unknowns are left, with the square root of their Schur complement. This
-is the square-root information filter (Bierman, Factorization Methods for Discrete Sequential
-Estimation, 1977) with an SVD in place of a triangular factor, which finds the unseen directions.
+Let [A B] (u; w) be all rows that read the unknowns u of a frame; they also read some of the
+unknowns w that are left. With the pseudoinverse A^+, the best u for a given w is u = -A^+ B w, and
+the rows (I - A A^+) B remain for w. A direction of u that A does not see is, with w = 0, unseen by
+the whole sequence. At the end the shared unknowns are left, with the square root of their Schur
+complement. This is the square-root information filter (Bierman, Factorization Methods for Discrete
+Sequential Estimation, 1977) with an SVD in place of a triangular factor, which finds the unseen
+directions.
 
 Time and memory grow in proportion to the number of frames while no row reaches over many of them.
 """
@@ -174,7 +175,10 @@ class Elimination:
 
 
 def _eliminated(A: Array, u: Index, w: Index, tolerance: float) -> tuple[EliminationStep, Array]:
-    """The step of eliminating the first columns of A (m, u + w), and the rows left for w."""
+    """Eliminate the first columns of A, those of the unknowns `u`; then come those of `w`.
+
+    Returns the step, and the rows that are left for `w`.
+    """
     k, n = len(u), len(u) + len(w)
     R = np.zeros((n, n))
     found = triangle(A)

@@ -79,9 +79,9 @@ def thick(here: Linearization) -> int:
 def pattern_at(problem: Problem) -> csc_array:
     """Where a problem's Jacobian can be nonzero, (m, n), by its whole graph.
 
-    The graph of a very large mesh takes many times the memory of its Jacobian, and points that only
-    arithmetic has are in no graph. There it is the pattern of the chain rule, in which each point
-    reads all of its body's blocks.
+    The graph of a very large mesh takes many times the memory of its Jacobian, and points that are
+    computed by arithmetic alone are in no graph. There it is the pattern of the chain rule, in
+    which each point reads all of its body's blocks.
     """
     if problem.size * problem.free.size > BY_GRAPH or not problem.has_graph:
         return problem.pattern

@@ -98,7 +98,7 @@ class Dictionary:
 
     @staticmethod
     def of(layout: Layout, found: Iterable[NamedSubspace]) -> "Dictionary":
-        """The dictionary of those subspaces in which each entry may move by itself."""
+        """The dictionary of those subspaces that are spanned by single entries."""
         kept = [motion for motion in found if motion.basis is None]
         moves = np.zeros((len(kept), layout.size), dtype=bool)
         for row, motion in zip(moves, kept, strict=True):

@@ -13,7 +13,7 @@ CLEARLY_FRESH = 0.1  # the same sine, above which vectors are kept as they are
 
 
 def null_basis(A: Array, tolerance: float) -> Array:
-    """Orthonormal (n, d): the vectors that A (m, n) shortens to `tolerance` times their length."""
+    """Orthonormal (n, d): right singular vectors of A (m, n) of values up to `tolerance`."""
     n = A.shape[1]
     if not n:
         return np.zeros((0, 0))

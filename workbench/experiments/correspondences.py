@@ -10,11 +10,7 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.catalogue import load_body
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadArgument, UnknownName
-from workbench.experiments.synthetic_people import (
-    MADE_OF_THE_MODEL,
-    exact_answer,
-    person_at_origin,
-)
+from workbench.experiments.synthetic_people import MADE_OF_THE_MODEL, exact_answer, person_at_origin
 from workbench.fitting.body_priors import pose_prior, shape_prior
 from workbench.fitting.compared_solvers import LARGE, SECOND_ORDER
 from workbench.fitting.landmarks import joint_fit
@@ -83,7 +79,7 @@ def shape_from_landmarks(
 def _person(
     body: str, seed: int, pose_sigma: float
 ) -> tuple[SkinnedBody | TriangleBody, np.random.Generator, Values]:
-    """A body, the source of its noise, and a person of it at the origin."""
+    """A body, a generator of random numbers, and a `person_at_origin` drawn with it."""
     model, rng = load_body(body), np.random.default_rng(seed)
     return model, rng, person_at_origin(model, rng, pose_sigma)
 

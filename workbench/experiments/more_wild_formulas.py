@@ -69,7 +69,7 @@ def powell_singular(x: cs.MX, m: int) -> cs.MX:
 
 
 def freudenstein_roth(x: cs.MX, m: int) -> cs.MX:
-    """Two cubics with a root at (5, 4), and a minimum of 49/2 that is none."""
+    """Two cubics with a root at (5, 4), and a minimum of cost 49/2 that is no root."""
     y = x[1]
     return cs.vertcat(x[0] - 13 + ((5 - y) * y - 2) * y, x[0] - 29 + ((y + 1) * y - 14) * y)
 

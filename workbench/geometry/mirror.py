@@ -28,7 +28,7 @@ def opposites(names: Sequence[str]) -> Index:
 
 @dataclass(frozen=True, eq=False)
 class Mirror:
-    """Vertex and joint on the other side of each: `vertices` (N,), `joints` (K,)."""
+    """For each vertex (N,) and each joint (K,), the one on the other side of the body."""
 
     vertices: Index
     joints: Index

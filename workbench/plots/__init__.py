@@ -2,19 +2,8 @@
 
 from matplotlib.figure import Figure
 
-from workbench.plots.body import (
-    caption_body,
-    caption_shape_gallery,
-    plot_body,
-    plot_shape_gallery,
-)
-from workbench.plots.by_angle import caption_by_angle, plot_by_angle
-from workbench.plots.convergence import (
-    ITERATIONS,
-    SECONDS,
-    caption_convergence,
-    plot_convergence,
-)
+from workbench.plots.body import caption_body, caption_shape_gallery, plot_body, plot_shape_gallery
+from workbench.plots.convergence import ITERATIONS, SECONDS, caption_convergence, plot_convergence
 from workbench.plots.direction import caption_direction, plot_direction
 from workbench.plots.distances import (
     caption_differences,
@@ -47,12 +36,6 @@ from workbench.plots.uncertainty import (
     plot_data_share,
     plot_sigmas,
 )
-from workbench.plots.variance import (
-    caption_left_over,
-    caption_variances,
-    plot_left_over,
-    plot_variances,
-)
 
 __all__ = [
     "ITERATIONS",
@@ -60,14 +43,12 @@ __all__ = [
     "Figure",
     "caption_beside_laplace",
     "caption_body",
-    "caption_by_angle",
     "caption_convergence",
     "caption_corner",
     "caption_data_share",
     "caption_differences",
     "caption_direction",
     "caption_distances",
-    "caption_left_over",
     "caption_minima",
     "caption_overlay",
     "caption_shape_gallery",
@@ -78,18 +59,15 @@ __all__ = [
     "caption_stitching",
     "caption_taylor",
     "caption_traces",
-    "caption_variances",
     "house_style",
     "plot_beside_laplace",
     "plot_body",
-    "plot_by_angle",
     "plot_convergence",
     "plot_corner",
     "plot_data_share",
     "plot_differences",
     "plot_direction",
     "plot_distances",
-    "plot_left_over",
     "plot_minima",
     "plot_overlay",
     "plot_shape_gallery",
@@ -101,7 +79,6 @@ __all__ = [
     "plot_stitching",
     "plot_taylor",
     "plot_traces",
-    "plot_variances",
     "png",
     "sheet",
     "smallest",

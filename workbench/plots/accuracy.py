@@ -18,15 +18,8 @@ def plot_accuracy(comparison: Comparison, *, ax: Axes) -> Axes:
     for k, solver in enumerate(comparison.solvers):
         digits = comparison.digits(solver)
         at = y[k] + 0.28 * rng.uniform(-1, 1, digits.size)
-        ax.plot(
-            digits,
-            at,
-            solver_mark(k),
-            color=solver_line(k)["color"],
-            markersize=4,
-            alpha=0.7,
-            linestyle="none",
-        )
+        colour = solver_line(k)["color"]
+        ax.plot(digits, at, solver_mark(k), color=colour, markersize=4, alpha=0.7)
         if digits.size:
             ax.plot([digits.mean()] * 2, [y[k] - 0.38, y[k] + 0.38], color=INK, linewidth=1.6)
     ax.axvline(ENOUGH, color=FAINT, linewidth=1.0, linestyle="--")

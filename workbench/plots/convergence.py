@@ -93,15 +93,8 @@ def plot_convergence(
             markevery=max(1, len(x) // 12),
             label=plain(f"{name}: {_ending(solution)}"),
         )
-        ax.plot(
-            x[-1:],
-            np.maximum(y[-1:], floor),
-            color=colour,
-            marker=marker,
-            markersize=8,
-            markerfacecolor=colour if solution.converged else "white",
-            linestyle="none",
-        )
+        fill = colour if solution.converged else "white"
+        ax.plot(x[-1:], np.maximum(y[-1:], floor), marker, color=colour, ms=8, mfc=fill)
     ax.set(yscale="log", ylim=(floor / 100, 5.0))
     ticks = [float(t) for t in ax.get_yticks() if 5 * floor < t <= 1]  # the floor stands for 0
     ax.set_yticks(ticks)

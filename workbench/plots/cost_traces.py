@@ -52,9 +52,8 @@ def plot_cost_traces(
             ax.plot(x[-1:], y[-1:], ".", color=solver_line(k)["color"], alpha=alpha, markersize=5)
         ax.plot([], [], linewidth=1.6, label=plain(solver), **solver_line(k))
     relative_cost_axis(comparison, ax)
-    ax.set(xscale="log", xlim=(against.least, 1.5 * longest))
+    ax.set(xscale="log", xlim=(against.least, 1.5 * longest), xlabel=against.label)
     decades(ax.xaxis, against.least, 1.5 * longest)
-    ax.set_xlabel(against.label)
     return ax
 
 
@@ -62,9 +61,8 @@ def relative_cost_axis(comparison: Comparison, ax: Axes) -> None:
     """Label the y-axis with (f - f*) / (f_0 - f*), and mark the targets on it."""
     for tau in comparison.taus:
         ax.axhline(tau, color=FAINT, linewidth=0.7, linestyle=(0, (1, 3)))
-    ax.set(yscale="log", ylim=(LOWEST / 3, 5))
+    ax.set(yscale="log", ylim=(LOWEST / 3, 5), ylabel="(f − f*) / (f₀ − f*)")
     decades(ax.yaxis, LOWEST, 1.0)
-    ax.set_ylabel("(f − f*) / (f₀ − f*)")
     ax.grid(color=FAINT, alpha=0.2, linewidth=0.6)
 
 
@@ -99,9 +97,8 @@ def plot_waterfall(comparison: Comparison, problem: str, *, ax: Axes) -> Axes:
             **solver_line(k),
         )
     relative_cost_axis(comparison, ax)
-    ax.set_xlim(0.5, len(instances) + 0.5)
+    ax.set(xlim=(0.5, len(instances) + 0.5), xlabel="run, best first")
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
-    ax.set_xlabel("run, best first")
     return ax
 
 
@@ -111,6 +108,6 @@ def caption_waterfall(comparison: Comparison, problem: str) -> str:
     return (
         f"{problem}: how far above the lowest cost known each solver's {runs} "
         "runs got at best, sorted for each solver separately. Flat steps are basins that several "
-        "runs ended in; the further right a solver's curve stays at the bottom, the more starts "
-        "it leads there. Dotted lines are the targets."
+        "runs ended in; the further right a solver's curve stays at the bottom, the more of its "
+        "runs end there. Dotted lines are the targets."
     )

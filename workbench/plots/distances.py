@@ -45,9 +45,10 @@ def plot_differences(
     name: str = "SMPL",
     most: float | None = None,
 ) -> Axes:
-    """`whole` (N, 3) m uncoloured, called `name`, then the others by name, on one scale of mm.
+    """Draw `whole` (N, 3) m uncoloured, and then the others, coloured by distance from it in mm.
 
-    The scale ends at `most` mm, or at the largest distance; larger ones have the last colour.
+    `whole` is called `name`. The scale of colours ends at `most` mm, or at the largest distance;
+    larger distances have the last colour.
     """
     away = {label: distances_between(vertices, whole) for label, vertices in others.items()}
     end = max(float(d.max()) for d in away.values()) if most is None else most

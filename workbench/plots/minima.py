@@ -28,11 +28,9 @@ def plot_minima(solution: Solution, *, ax: Axes) -> Axes:
             y = np.full(len(x), max(one.cost, LEAST * largest))
             ax.plot(x, y, "o-", color=LINES[k % len(LINES)], markersize=5, linewidth=1.4)
         first = last
-    ax.set_yscale("log")
-    ax.set_xlim(0.5, first - 0.5)
+    ax.set(yscale="log", xlim=(0.5, first - 0.5))
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
-    ax.set_xlabel("start, the one with the lowest end first")
-    ax.set_ylabel("cost at the end")
+    ax.set(xlabel="start, the one with the lowest end first", ylabel="cost at the end")
     return ax
 
 

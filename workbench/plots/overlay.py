@@ -40,20 +40,11 @@ def plot_overlay(outcome: Outcome, view: int, *, ax: Axes, shape: float = 1.25) 
         list(np.stack([observed, projected], axis=1)), colors=faded, linewidths=1.0
     )
     ax.add_collection(pairs).set_zorder(2)
-    ax.scatter(
-        overlay.projected[:, 0],
-        overlay.projected[:, 1],
-        marker="x",
-        s=30,
-        c=BLUE,
-        linewidths=1.4,
-        zorder=3,
-        label="fitted",
-    )
+    u, v = overlay.projected.T
+    ax.scatter(u, v, marker="x", s=30, c=BLUE, linewidths=1.4, zorder=3, label="fitted")
     ax.scatter(
         observed[:, 0],
         observed[:, 1],
-        marker="o",
         s=42,
         facecolors="none",
         edgecolors=faded,
@@ -62,9 +53,7 @@ def plot_overlay(outcome: Outcome, view: int, *, ax: Axes, shape: float = 1.25) 
         label="observed",
     )
     (left, right), (top, bottom) = window(overlay, shape)
-    ax.set_xlim(left, right)
-    ax.set_ylim(bottom, top)  # v down
-    ax.set_aspect("equal")
+    ax.set(xlim=(left, right), ylim=(bottom, top), aspect="equal")  # v down
     ax.set(xlabel="u (px)", ylabel="v (px)")
     ax.set_title(_title(overlay), loc="left")
     below = ScaledTranslation(0, -BELOW / 72, ax.figure.dpi_scale_trans)

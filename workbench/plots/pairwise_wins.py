@@ -8,6 +8,7 @@ from workbench.comparison.comparison import MAIN
 from workbench.comparison.pairs import duels
 from workbench.comparison.statistics import FEWEST, LEVEL
 from workbench.comparison.targets import named
+from workbench.diagnostics.structure import counted
 from workbench.plots.labels import plain
 from workbench.plots.palette import INK
 
@@ -27,16 +28,9 @@ def plot_pairwise_wins(comparison: Comparison, tau: float = MAIN, *, ax: Axes) -
             duel = pairs[a, b]
             decided = duel.first + duel.second
             shares[i, j] = duel.first / decided if decided else np.nan
-            ax.text(
-                j,
-                i,
-                f"{duel.first}:{duel.second}\n{_p(duel.corrected)}",
-                ha="center",
-                va="center",
-                fontsize=8,
-                color=INK,
-                fontweight="bold" if duel.decided else "normal",
-            )
+            said = f"{duel.first}:{duel.second}\np {min(duel.corrected, 1):.2g}"
+            weight = "bold" if duel.decided else "normal"
+            ax.text(j, i, said, ha="center", va="center", size=8, color=INK, weight=weight)
     ax.imshow(shares, cmap="PuOr_r", vmin=-0.35, vmax=1.35)
     ax.set_xticks(range(n), [plain(s) for s in names], rotation=35, ha="right")
     ax.set_yticks(range(n), [plain(s) for s in names])
@@ -49,19 +43,15 @@ def plot_pairwise_wins(comparison: Comparison, tau: float = MAIN, *, ax: Axes) -
 
 def caption_pairwise_wins(comparison: Comparison, tau: float = MAIN) -> str:
     """What `plot_pairwise_wins` shows."""
-    n = len(comparison.compared)
+    problems = counted(len(comparison.compared), "problem")
     return (
         f"Pairs of solvers from the same starts, at the target {named(tau)}: the number of starts "
         "from which the solver of the row needed less effort than that of the column, and the "
         "number from which it needed more. If only one of them met the target, it wins; efforts "
         "within 1 % are a tie; a start from which both failed counts for neither. A solver whose "
         "effort was not counted wins only where the other one failed. Below is the p-value of "
-        f"the exact two-sided sign test on {n} problem{'' if n == 1 else 's'}, each of which goes "
+        f"the exact two-sided sign test on {problems}, each of which goes "
         "to the solver that won more of its starts, corrected for the number of pairs (Holm). "
         f"Bold pairs differ significantly at the level of {LEVEL:.0%} for all pairs together, "
         f"which takes at least {FEWEST} decided problems."
     )
-
-
-def _p(value: float) -> str:
-    return f"p {value:.2g}" if value < 1 else "p 1"

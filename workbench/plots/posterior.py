@@ -39,16 +39,9 @@ def plot_corner(
     """
     chosen = list(entries)
     flat = posterior.flat[:: max(1, len(posterior.flat) // SHOWN)][:, chosen]
-    labels = [
-        "\n".join(
-            plain(part)
-            for part in (
-                *posterior.labels[i].replace("[", "\n[").split("\n"),
-                f"({posterior.units[i]})",
-            )
-        )
-        for i in chosen
-    ]
+    entries_of = [posterior.labels[i].replace("[", "\n[") for i in chosen]
+    units = [posterior.units[i] for i in chosen]
+    labels = [plain(f"{entry}\n({unit})") for entry, unit in zip(entries_of, units, strict=True)]
     _corner()(
         flat,
         fig=figure,
@@ -148,8 +141,7 @@ def plot_spray(
         draw_silhouettes(seen[: len(bodies)], faces, *own, ax=ax)
         if truth is not None:
             draw_outline(seen[-1], faces, *own, ax=ax)
-    ax.set_aspect("equal")
-    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), ylabel="y (m)")
+    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", ylabel="y (m)")
     ax.set_xlabel("from the front, and from the right: the same scale across as up")
     return ax
 
@@ -174,19 +166,8 @@ def plot_spray_in_view(
     draw_silhouettes(pixels, faces, low, high, ax=ax)
     if truth is not None:
         draw_outline(truth, faces, low, high, ax=ax)
-    ax.plot(
-        seen[:, 0],
-        seen[:, 1],
-        "o",
-        color=VERMILLION,
-        markersize=5,
-        markerfacecolor="none",
-        linestyle="none",
-        label="observed",
-    )
-    ax.set_xlim(low[0], high[0])
-    ax.set_ylim(high[1], low[1])  # v down
-    ax.set_aspect("equal")
+    ax.plot(*seen.T, "o", color=VERMILLION, markersize=5, markerfacecolor="none", label="observed")
+    ax.set(xlim=(low[0], high[0]), ylim=(high[1], low[1]), aspect="equal")  # v down
     ax.set(xlabel="u (px)", ylabel="v (px)")
     ax.legend(loc="lower right", bbox_to_anchor=(1, 1))
     return ax
@@ -229,7 +210,7 @@ def caption_spray(count: int, where: str, synthetic: bool = False) -> str:
     """What `plot_spray` and `plot_spray_in_view` show."""
     return (
         f"{count} bodies drawn from the posterior, {where}: white pixels are covered by none, "
-        "full blue by all. Where the outline is blurred, the data leave the body open; what "
-        "was not sampled is the same in all of them."
+        "full blue by all. Where the outline is blurred, data and priors do not determine the "
+        "body; unknowns that were not sampled are the same in all of them."
         + (f"{MADE_OF}: the red outline of that body." if synthetic else "")
     )

@@ -55,11 +55,9 @@ def _curves(
         lift = 0.012 * (k / max(1, count - 1) - 0.5)  # so that equal curves do not hide each other
         y = shares[:, names.index(solver)] + lift
         ax.step(x, y, where="post", linewidth=1.6, label=plain(solver), **solver_line(k))
-    ax.set(xscale="log", xlim=(x[0], x[-1]))
+    ax.set(xscale="log", xlim=(x[0], x[-1]), ylim=(-0.03, 1.05), ylabel="share of the starts")
     decades(ax.xaxis, x[0], x[-1])
-    ax.set_ylim(-0.03, 1.05)
     ax.yaxis.set_major_formatter(PercentFormatter(1.0))
-    ax.set_ylabel("share of the starts")
     ax.set_title(f"target τ = {named(tau)}", loc="left")
     ax.grid(color=FAINT, alpha=0.25, linewidth=0.6)
 

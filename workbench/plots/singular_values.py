@@ -23,27 +23,19 @@ def plot_singular_values(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
     """
     s, n, rank = diagnosis.singular_values, diagnosis.shape[1], diagnosis.rank
     floor = _floor(diagnosis)
-    index = (
-        np.arange(1, s.size + 1) + rank - diagnosis.reduced_rank
-    )  # after what constraints forbid
+    # What constraints forbid comes first.
+    index = np.arange(1, s.size + 1) + rank - diagnosis.reduced_rank
     seen = index <= rank
     drawn = np.maximum(s, floor)
     ax.plot(index[seen], drawn[seen], "o", color=BLUE, markersize=4, label="seen")
-    ax.plot(
-        index[~seen],
-        drawn[~seen],
-        "o",
-        color=VERMILLION,
-        markersize=5,
-        markerfacecolor="none",
-        label="below the tolerance",
-    )
+    hollow = index[~seen], drawn[~seen]
+    ax.plot(*hollow, "o", color=VERMILLION, ms=5, mfc="none", label="below the tolerance")
     if diagnosis.tolerance > floor:
         ax.axhline(diagnosis.tolerance, color=VERMILLION, linewidth=1.0, linestyle="--")
         text = f"tolerance {diagnosis.tolerance:.1e}"
         note_at(ax, text, 0.02, diagnosis.tolerance, VERMILLION)
-    ax.set(yscale="log", ylim=(floor / 3, 10 * max(float(s.max(initial=0.0)), 10 * floor)))
-    ax.set_xlim(0.0, n + 1.0)
+    top = 10 * max(float(s.max(initial=0.0)), 10 * floor)
+    ax.set(yscale="log", xlim=(0.0, n + 1.0), ylim=(floor / 3, top))
     if rank < n:
         ax.axvline(rank + 0.5, color=FAINT, linewidth=1.0)
         ax.axvspan(rank + 0.5, n + 1.0, color=VERMILLION, alpha=0.07, linewidth=0)
@@ -126,8 +118,6 @@ def _floor(diagnosis: Diagnosis) -> float:
     if not above.size:
         return 1e-1
     least = float(above.min())
-    if (
-        diagnosis.rank == diagnosis.shape[1] and least > FAR * tolerance
-    ):  # a tolerance so far below would leave the drawing empty
-        return least / 10
+    if diagnosis.rank == diagnosis.shape[1] and least > FAR * tolerance:
+        return least / 10  # a tolerance so far below would leave the drawing empty
     return max(min(least, tolerance), 1e-4 * tolerance) / 3

@@ -30,15 +30,9 @@ def plot_sparsity(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
         for (top, bottom), height in zip(pairwise(diagnosis.row_edges), heights, strict=True)
     ]
     image = np.vstack(drawn) if drawn else np.zeros((1, max(n, 1)), dtype=bool)
-    ax.imshow(
-        image,
-        extent=(0, max(n, 1), len(image), 0),
-        aspect="auto",
-        interpolation="nearest",
-        cmap=ListedColormap(["white", BLUE]),
-        vmin=0,
-        vmax=1,
-    )
+    two = ListedColormap(["white", BLUE])
+    extent = (0, max(n, 1), len(image), 0)
+    ax.imshow(image, two, aspect="auto", interpolation="nearest", vmin=0, vmax=1, extent=extent)
     rows = np.cumsum([0, *heights])
     columns = [0, *(part.stop for part in diagnosis.free.slices.values())]
     for edge in rows[1:-1]:

@@ -10,7 +10,7 @@ from workbench.plots.body import Figurine, line_up
 
 
 def plot_stitching(stages: Mapping[str, Array], *, ax: Axes) -> Axes:
-    """Triangles (F, 3, 3) m, corner by corner, by the name of the stage, side by side."""
+    """Draw several stages side by side: `stages` maps their names to triangles (F, 3, 3) m."""
     triangles = np.arange(3 * len(next(iter(stages.values())))).reshape(-1, 3)
     shown = [Figurine(name, corners.reshape(-1, 3)) for name, corners in stages.items()]
     return line_up(shown, triangles, ax=ax, contrast=0.7)

@@ -18,29 +18,17 @@ def plot_sigmas(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
         x = np.arange(at.start, at.stop)
         sigma, prior = known.sigma[at], known.prior_sigma[at]
         seen = np.isfinite(sigma)
-        colour = LINES[i % len(LINES)]
-        ax.plot(  # of a block of which nothing is known only the strips tell
-            x[seen],
-            sigma[seen],
-            MARKERS[i % len(MARKERS)],
-            color=colour,
-            markersize=4,
-            linestyle="none",
-            label=f"{block.name} ({block.unit})" if seen.any() else None,
-        )
+        colour, marker = LINES[i % len(LINES)], MARKERS[i % len(MARKERS)]
+        # Of a block of which nothing is known only the strips tell.
+        label = f"{block.name} ({block.unit})" if seen.any() else None
+        ax.plot(x[seen], sigma[seen], marker, color=colour, markersize=4, label=label)
         finite = np.isfinite(prior)
-        ax.plot(x[finite], prior[finite], "_", color=colour, markersize=7, linestyle="none")
+        ax.plot(x[finite], prior[finite], "_", color=colour, markersize=7)
         ax.axvline(at.stop - 0.5, color=FAINT, linewidth=0.6, alpha=0.5)
     blind = np.flatnonzero(~np.isfinite(known.sigma))
     for i, (first, last) in enumerate(_runs(blind)):  # no number is known, so none is drawn
-        ax.axvspan(
-            first - 0.5,
-            last + 0.5,
-            color=VERMILLION,
-            alpha=0.13,
-            linewidth=0,
-            label="unknown: no finite standard deviation" if i == 0 else None,
-        )
+        label = None if i else "unknown: no finite standard deviation"
+        ax.axvspan(first - 0.5, last + 0.5, color=VERMILLION, alpha=0.13, linewidth=0, label=label)
     if blind.size == known.sigma.size:  # nothing to put on an axis of numbers
         ax.set_yticks([])
         ax.set_xlim(-0.5, blind.size - 0.5)
@@ -105,8 +93,8 @@ def plot_data_share(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
     ax.axhline(0.5, color=VERMILLION, linewidth=1.0, linestyle="--")
     note_at(ax, "half from the data", 0.99, 0.5, VERMILLION)
     ax.set(ylim=(0, 1.04), xlim=(0.5, share.size + 0.5))
-    ax.set_xlabel("direction, those that the data know best first")
-    ax.set_ylabel("share from the data (0 to 1)")
+    ax.set(xlabel="direction, those that the data know best first")
+    ax.set(ylabel="share from the data (0 to 1)")
     ax.set_title(
         f"the data decide {share.sum():.1f} of {diagnosis.shape[1]} directions", loc="left"
     )

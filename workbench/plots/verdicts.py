@@ -55,7 +55,7 @@ def caption_verdicts(comparison: Comparison) -> str:
     else:
         text += " No run claims convergence at a point that is not stationary."
     if came[TargetOutcome.ALONE]:
-        text += " Blue is the only end on a problem whose lowest cost is unknown: low or high."
+        text += " Blue marks the only end on a problem: nothing says whether its cost is low."
     if any(n for verdict, n in came.items() if verdict not in COLOURS):
         text += " Grey runs gave no answer, or refused a problem that the solver is not made for."
     return text
@@ -80,9 +80,9 @@ def caption_basins(comparison: Comparison, problem: str) -> str:
     own = len({id(comparison.end_analysis(i.name)) for i in comparison.of(problem)})
     each = " Every start has data, and therefore basins, of its own." if own > 1 else ""
     return (
-        f"{problem}: the basin that each end leads to, by Levenberg-Marquardt from there, the "
-        "lowest first. Two ends are in one basin if the residuals cannot tell them apart, whatever "
-        f"their values are.{each}"
+        f"{problem}: the basins to which the ends lead when Levenberg-Marquardt goes on from them; "
+        "basin 1 is the lowest. Two ends are in one basin if the residuals cannot tell them apart, "
+        f"whatever the unknowns are.{each}"
     )
 
 
@@ -97,8 +97,7 @@ def _bars(solvers: Sequence[str], parts: Sequence[Part], ax: Axes) -> Axes:
         ax.bar_label(bars, shown, label_type="center", fontsize=8, color=INK)
         left += counts
     ax.set_yticks(y, [plain(s) for s in solvers])
-    ax.set_xlabel("runs")
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     ax.grid(axis="x", color=FAINT, alpha=0.25, linewidth=0.6)
-    ax.set_ylim(-0.6, len(solvers) - 0.4)
+    ax.set(xlabel="runs", ylim=(-0.6, len(solvers) - 0.4))
     return ax

@@ -1,1 +1,1 @@
-"""Which poses are likely before any data: Gaussians and mixtures learned, and joint limits."""
+"""Which poses are likely before any data: learned Gaussians and mixtures, and joint limits."""

@@ -6,10 +6,4 @@ from workbench.problem.problem import Problem
 from workbench.problem.sequence import sequence
 from workbench.problem.spectrum import Spectrum
 
-__all__ = [
-    "Constraint",
-    "Linearization",
-    "Problem",
-    "Spectrum",
-    "sequence",
-]
+__all__ = ["Constraint", "Linearization", "Problem", "Spectrum", "sequence"]

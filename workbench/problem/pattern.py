@@ -183,9 +183,10 @@ def _places(pattern: Pattern, parts: Sequence[Part | Scattered]) -> Index:
 
 
 def _keys(part: Part | Scattered, m: int) -> Index:
-    """A number for every entry; in this order they are stored column by column.
+    """A number for every entry of a part; sorted by it, entries are stored column by column.
 
-    Those of a dense part have the axes (columns, rows), those of a sparse one are in its order.
+    For a dense part the numbers have the axes (columns, rows); for a sparse part they are in the
+    order of its entries.
     """
     if isinstance(part, Scattered):
         return part.entry_columns * m + part.pattern.indices

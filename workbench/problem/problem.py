@@ -40,7 +40,7 @@ class Problem:
     changed; `freeing` makes another.
 
     Raises DuplicateResidual, TwoSymbolsOneName, UnknownName, UnreadBlock, BadBounds, NotNumbers,
-    BadResidual, or BadArgument for names that are none.
+    BadResidual, or BadArgument for a name that has another form than these.
     """
 
     def __init__(

@@ -38,7 +38,7 @@ def end_with_parent() -> None:
 
 
 def end_with(parent: int) -> None:
-    """End this process when its parent, which has this number, is gone: a thread looks."""
+    """End this process when its parent, which has this number, is gone. A thread watches it."""
     threading.Thread(target=_watch, args=(parent,), daemon=True).start()
 
 

@@ -24,7 +24,7 @@ LARGEST = 2**53  # beyond, whole numbers have no exact float64, and nothing is c
 
 @dataclass(frozen=True)
 class Kind:
-    """What the elements of an array are; `reals("N", 3)` is an array of these, of that shape.
+    """What the elements of an array must be. A kind is called with a shape: `reals("N", 3)`.
 
     Attributes:
         elements: what the elements are, for error messages.
@@ -38,7 +38,7 @@ class Kind:
     read: Callable[[NDArray[Any]], NDArray[Any]]
 
     def __call__(self, *shape: Size) -> "Expected":
-        """What a file's array of such elements must be."""
+        """The expectation that an array of a file has such elements, and this shape."""
         return Expected(self, shape)
 
 

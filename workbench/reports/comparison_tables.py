@@ -47,7 +47,7 @@ def success_table(comparison: Comparison) -> Table:
 
 
 def verdicts_table(comparison: Comparison) -> Table:
-    """How many runs came to what; verdicts that nobody met are left out."""
+    """How many runs got each verdict; verdicts that no run got are left out."""
     counts = {solver: comparison.counted(solver) for solver in comparison.solvers}
     there = [v for v in TargetOutcome if any(c[v] for c in counts.values())]
     head = [words_of(v) for v in there]

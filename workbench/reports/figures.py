@@ -32,7 +32,7 @@ def shown(figure: Figure, caption: str) -> Shown:
 def drawn(
     sheet: Callable[P, Figure], caption: Callable[P, str], *results: P.args, **options: P.kwargs
 ) -> Shown:
-    """A figure that takes the same results as its caption."""
+    """A figure and its caption, both made from the same results."""
     return shown(sheet(*results, **options), caption(*results, **options))
 
 

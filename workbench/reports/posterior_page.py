@@ -20,12 +20,7 @@ from workbench.reports.figures import Shown, shown
 from workbench.reports.folder import SUMMARY, Content, write_folder
 from workbench.reports.page import page
 from workbench.reports.tables import Table, number
-from workbench.sampling import (
-    EntryComparison,
-    Posterior,
-    compared_with_laplace,
-    search_in_words,
-)
+from workbench.sampling import EntryComparison, Posterior, compared_with_laplace, search_in_words
 
 DRAWN = 24  # bodies in a spray
 

@@ -192,9 +192,10 @@ def array_tables(outcome: Outcome) -> dict[str, Table]:
         if SMALL < block.size <= MOST and len(block.shape) == 2 and block.shape[1] == 3:
             unit = _unit(block)
             value = block.taken(outcome.values[block.name])
+            names = block.labels or [str(k) for k in range(len(value))]
             rows = tuple(
-                (_row_name(block, k), *(number(float(x), 3) for x in row), number(_length(row), 3))
-                for k, row in enumerate(value)
+                (name, *(number(float(x), 3) for x in (*row, np.linalg.norm(row))))
+                for name, row in zip(names, value, strict=True)
             )
             head = (block.name, *(axis + unit for axis in "xyz"), "length" + unit)
             found[f"{block.name}: {' × '.join(map(str, block.shape))}{unit}"] = Table(
@@ -226,11 +227,3 @@ def _told(unit: str) -> str:
 def _sigma(sigma: float | np.ndarray) -> str:
     low, high = float(np.min(sigma)), float(np.max(sigma))
     return number(low, 3) if low == high else f"{number(low, 3)} to {number(high, 3)}"
-
-
-def _row_name(block: Block, k: int) -> str:
-    return block.labels[k] if block.labels is not None else str(k)
-
-
-def _length(row: np.ndarray) -> float:
-    return float(np.linalg.norm(row))

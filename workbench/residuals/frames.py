@@ -78,7 +78,7 @@ class Frames:
         return cs.vertcat(*[columns[t] for t in sorted(columns)]), tuple(reads)
 
     def residual(self, each: Mapping[int, tuple[Residual, Described]]) -> Residual:
-        """One residual for those that single frames have under one name.
+        """One residual of the sequence, from residuals of single frames with one name.
 
         Raises BadResidual where they differ in more than their rows, points and numbers.
         """

@@ -27,8 +27,8 @@ class Residual:
 
     Where d = `rows_per_point` rows in succession are the coordinates of one point, 3 in space and
     2 in an image, a sigma or a weight may be given for each of the m / d points instead of each
-    row, and a kernel `of_norms` can tell which rows belong together. Such a kernel takes a weight
-    for each point only: half a point is not weighed.
+    row, and a kernel `of_norms` can tell which rows belong together. With such a kernel
+    weights are given by point: the rows of one point cannot have different weights.
 
     The expression is written in placeholders of points: casadi.jacobian of it by a body's pose
     has no nonzeros, for a placeholder is a symbol of its own. `graph` is the same in the symbols of

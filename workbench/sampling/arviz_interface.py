@@ -23,8 +23,10 @@ HOMES = ("HOME", "XDG_CACHE_HOME", "XDG_CONFIG_HOME")
 
 
 def arviz() -> ModuleType:
-    """The module. Where the user's home cannot be written it is imported with another home: it
-    keeps a file there by which it knows when it has said that last.
+    """The module ArviZ, without the announcement that it makes when it is imported.
+
+    It keeps the date of its last announcement in the user's home. Where that cannot be written, it
+    is imported with another home.
     """
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", r"\s*ArviZ is undergoing", FutureWarning)

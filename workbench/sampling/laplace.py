@@ -135,7 +135,7 @@ def compared_with_laplace(
 
 
 def peaks(draws: Array) -> int:
-    """How many modes a smooth density of the draws (N,) has, valleys between them deep enough."""
+    """How many modes a smoothed density of the draws (N,) has, with deep valleys between them."""
     from scipy.stats import gaussian_kde
 
     some = draws[:: max(1, len(draws) // 4000)]

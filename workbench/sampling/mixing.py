@@ -111,7 +111,7 @@ class Mixing:
 
     @cached_property
     def chances(self) -> Array:
-        """The chance that ensembles differ as much as these, for each entry, (k,)."""
+        """P-values (k,): how probable it is that ensembles of one distribution differ as much."""
         times = self.times / self.thin
         return np.array([disagreement(o, t) for o, t in zip(self._each, times, strict=True)])
 

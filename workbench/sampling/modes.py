@@ -105,8 +105,8 @@ def search_in_words(found: ModeSearch) -> str:
 def missed_mode(known: tuple[Mode, ...], draws: Array) -> tuple[float, float] | None:
     """The largest mode of comparable mass that draws (N, k) hardly visit, or None.
 
-    It is said by its share of the mass of all modes and of the draws. A draw belongs to the mode
-    whose Laplace approximation, weighed by its share, is the most probable to have made it.
+    Returns two shares of this mode: of the mass of all modes, and of the draws. A draw belongs to
+    the mode whose Laplace approximation, times its share, has the highest density there.
     """
     if len(known) < 2:
         return None

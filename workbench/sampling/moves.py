@@ -86,7 +86,7 @@ class Snooker(emcee.moves.RedBlueMove):  # type: ignore[misc]
 
 
 def _three(n: int, count: int, random: np.random.RandomState) -> tuple[Index, ...]:
-    """`count` times three different ones of n."""
+    """Draw `count` times three different numbers below n; one array (count,) for each of them."""
     i, j, m = (random.randint(n - gone, size=count) for gone in range(3))
     j = j + (j >= i)
     low, high = np.minimum(i, j), np.maximum(i, j)

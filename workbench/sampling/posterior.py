@@ -162,7 +162,7 @@ class Posterior:
         return f"{verdict.value}: {why}"
 
     def interval(self, level: float = 0.9) -> Array:
-        """The central interval of each entry (k, 2), `held.what` being fixed if anything is.
+        """The central interval of each entry (k, 2); `conditioning` says what is held fixed.
 
         Raises NotConverged unless the draws are usable. If the only problem is that numbers
         held fixed make the interval narrow, `conditional_interval` still returns it.

@@ -25,7 +25,7 @@ from workbench.problem.banded import BandedFactor, BandedMatrix
 
 @dataclass(frozen=True, eq=False)
 class BandedRest:
-    """The matrix (n, c) that makes of w ~ N(0, 1) what is integrated out; it is never stored.
+    """The matrix (n, c) that turns w ~ N(0, 1) into draws of what is integrated out; never stored.
 
     Attributes:
         factor: Cholesky's factor of the normal equations.
@@ -240,7 +240,7 @@ def _mostly(layout: Layout, direction: Array) -> str:
 
 
 def banded_rest(here: Linearization, named: Index) -> tuple[Array, BandedRest] | None:
-    """The ridge -H_bb^-1 H_ba in the rows of b, (n, k), and what spreads about it, H = J'J.
+    """The ridge -H_bb^-1 H_ba in the rows of b, (n, k), and the spread of b about it; H = J'J.
 
     a are the `named` unknowns and b all others. None where H_bb is not definite enough.
     """

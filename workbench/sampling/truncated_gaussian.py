@@ -98,11 +98,7 @@ def share_cut_off(
     there = target.problem.stacked_constraints
     if there is None or gaussian.boxed == len(gaussian.F):
         return 0.0
-    free = replace(
-        gaussian,
-        F=gaussian.F[: gaussian.boxed],
-        g=gaussian.g[: gaussian.boxed],
-    )
+    free = replace(gaussian, F=gaussian.F[: gaussian.boxed], g=gaussian.g[: gaussian.boxed])
     drawn, along = draws_from(free, TRIED, rng)[0], np.linalg.inv(gaussian.half).T
     x = target.subspace.points(drawn)
     linear = (drawn - gaussian.mean) @ along @ gaussian.F[gaussian.boxed :].T + gaussian.g[

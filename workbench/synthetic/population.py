@@ -12,13 +12,7 @@ from workbench.geometry.solids import volume
 from workbench.synthetic.base_mesh import N_BODY, BaseMesh, read_base_mesh
 from workbench.synthetic.rig import Rig, at_most_four, read_rig
 from workbench.synthetic.shape_targets import Person, ShapeTargets, read_shape_targets
-from workbench.synthetic.skeleton import (
-    JOINT,
-    N_JOINTS,
-    joint_positions,
-    offsets,
-    unskin,
-)
+from workbench.synthetic.skeleton import JOINT, N_JOINTS, joint_positions, offsets, unskin
 from workbench.synthetic.wheel import Wheel
 
 Report = Callable[[str], None]
@@ -155,10 +149,7 @@ def t_pose_rotations(joints: Array, knuckles: Array) -> Array:
     `joints` (24, 3) m; `knuckles` (3, 3) m of the left index, middle and little finger.
     """
     at = {name: joints[k] for name, k in JOINT.items()}
-    upper, fore = (
-        at["left_elbow"] - at["left_shoulder"],
-        at["left_wrist"] - at["left_elbow"],
-    )
+    upper, fore = (at["left_elbow"] - at["left_shoulder"], at["left_wrist"] - at["left_elbow"])
     index, middle, little = knuckles
     shoulder = frame(X, FRONT) @ frame(upper, fore).T
     hand = frame(X, FRONT) @ frame(middle - at["left_wrist"], index - little).T

@@ -94,7 +94,10 @@ def _two_ends(x: float) -> tuple[float, float]:
 
 @dataclass(frozen=True, eq=False)
 class ShapeTargets:
-    """Displacements (T, 3 V) m: first one per combination of levels, then the local pairs."""
+    """Displacements (T, 3 V) m: one for each combination of levels, then the local ones.
+
+    Of these, those for more of each property come first, and then those for less of it.
+    """
 
     combinations: tuple[tuple[str, ...], ...]
     local: tuple[str, ...]

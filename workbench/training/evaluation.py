@@ -20,11 +20,7 @@ from workbench.training.first_guess import Start
 from workbench.training.objective import Objective
 from workbench.training.pose_training import first_estimate, first_poses
 from workbench.training.poses import ShapePrior
-from workbench.training.registrations import (
-    Registrations,
-    RegistrationSubset,
-    in_memory,
-)
+from workbench.training.registrations import Registrations, RegistrationSubset, in_memory
 from workbench.training.shape_training import unposed_people, unposing_jobs
 
 STEPS = 4  # of Gauss and Newton for a held-out person's rest shape and poses

@@ -152,7 +152,10 @@ class NormalEquations:
 
     @cached_property
     def _local_factors(self) -> MaskedCholesky:
-        """Where posedirs are local: one factor for each set of features, E_Y being averaged."""
+        """Where posedirs are local: one factor for each set of features.
+
+        It is that of the mean of the sums with E_Y and without.
+        """
         own = self.objective.locality
         assert own is not None  # or nobody asks for these factors
         if "templates" in self.names:

@@ -227,7 +227,10 @@ def motions_of_segments(
 def rotation_centres(
     motions: SegmentMotions, subject: Index, parents: tuple[int, ...], rings: Array
 ) -> Array:
-    """Joints (K, 3) m on the template, the mean of all subjects; `rings` (K, 3) m are the prior."""
+    """Joints (K, 3) m on the template, as means over all subjects.
+
+    `rings` (K, 3) m are the means of the joints' priors.
+    """
     found = rings.copy()
     prior = (FIT / RING) * np.eye(6)
     for k, parent in enumerate(parents[1:], start=1):

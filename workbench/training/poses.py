@@ -194,7 +194,8 @@ class PoseFit:
     ) -> Values:
         """The pose (K, 3) rad, betas and trans of one mesh; never worse than the start.
 
-        `start` is a first guess of the pose. Betas begin, or stay, at the given ones or zero.
+        `start` is a first guess of the pose. Betas begin at the given ones, or at zero, and stay
+        there if they are fixed.
         """
         values: Values = self.body.start() | {"pose": start, "observed": vertices}
         if betas is not None:

@@ -57,7 +57,7 @@ SAYS = {
             for name in ("order", "bone")
         )
     ),
-    "This body has its pelvis at the origin, whatever its shape, and there the mistake does"
+    "This body has its pelvis at the origin, whatever its shape, so the mistake does"
     " not show. Other bodies stand on the ground.": lambda run: (
         run.line("as it comes")[-1] < 0.05,  # mm
         run.line("on the ground")[-1] > 1000,
@@ -66,20 +66,20 @@ SAYS = {
     "If $G_k$ is applied to them, it adds the position of the joint once more": lambda run: (
         run.line("no joint is turned")[0] > 0.5
     ),
-    "drawn with its arms lowered by 45 degrees. Then the surface is the template if the pose is that pose, and not if the pose is zero": lambda run: (
+    "drawn with its arms lowered by 45 degrees. Then the body looks like the template in the pose with lowered arms, and not in the pose zero": lambda run: (
         float(np.degrees(np.abs(run["lowered"]).max())),
         run.line("in its own pose")[0] < 1e-14,
         run.line("in the pose 0")[1] > 0.1,
     ),
-    "which at rest is the origin itself, for every joint, and in any pose is off by as much as $j_k$ is "
-    "from the origin": lambda run: (
+    "At rest this is the origin itself, for every joint. In every pose its distance from the posed joint is "
+    "the distance of $j_k$ from the origin.": lambda run: (
         np.abs(run["still"] @ np.linalg.inv(run["still"]) - np.eye(4)).max() < 1e-12,
         np.allclose(
             np.linalg.norm(run["bound"][:, :3, 3] - run["body"].joints(run["truth"]), axis=1),
             np.linalg.norm(run["joints"], axis=1),
         ),
     ),
-    "The posed joint is the offset of $G_k$; it is also $G'_k\\, j_k$": lambda run: (
+    "The posed joint is the offset of $G_k$. It is also $G'_k\\, j_k$": lambda run: (
         max(run.line("offset of G ")[-2:]) < 1,  # mm
         max(run.line("G' times the joint at rest")[-2:]) < 1,
         min(run.line("offset of G'")[-2:]) > 100,
@@ -94,4 +94,4 @@ SAYS = {
     ),
 }
 
-GIVEN = ("For a template in the T-pose, $\\theta^* = 0$,",)
+GIVEN = ("for a template in the T-pose, $\\theta^* = 0$,",)

@@ -42,7 +42,7 @@ def meeting(run: Run) -> set[tuple[str, str]]:
 
 
 SAYS = {
-    "Here are four readings": lambda run: len(run["readings"]) == 5,
+    "Here are four ways to read it": lambda run: len(run["readings"]) == 5,
     "With weights of 0 the body is a point, and with 1 it is 24 times as tall.": lambda run: (
         0,
         1,
@@ -82,10 +82,11 @@ SAYS = {
     "In the end each vertex keeps its four largest weights.": lambda run: (
         int((run["first_weights"] > 0).sum(axis=1).max()) == 4
     ),
-    "The least is near 3 cm (dotted), the library's border.": lambda run: (
+    "It is least near 3 cm (dotted), the library's border.": lambda run: (
         100 * inspect.signature(type(run["begun"]).weights).parameters["border"].default,
         bool(0.02 < run["nearest"] < 0.05),
-        run.line("in other places than training")[1] < run.line("in other places than training")[0],
+        run.line("at other joints than after training")[1]
+        < run.line("at other joints than after training")[0],
     ),
     "a registration may be off by 2 mm, and a weight by 0.3": lambda run: (
         1e3 * run["Sigmas"]().data,

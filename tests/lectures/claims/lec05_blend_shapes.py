@@ -106,18 +106,18 @@ SAYS = {
     "expects most people between the groups, where there are none": lambda run: (
         run["needed_step"] / 2 > 5 * run["lengths"][3]
     ),
-    "with 10 of our synthetic people in 36 poses each that were learned from motion capture": lambda run: (
+    "with 10 of our synthetic people in 36 poses each, drawn from a mixture that was learned from motion capture": lambda run: (
         len(run["ten"]),
         int((run["who"] == 0).sum()),
     ),
-    "then 360 people, who are at rest": lambda run: len(run["sets"]["360 people at rest"]),
+    "and last 360 people, who are at rest": lambda run: len(run["sets"]["360 people at rest"]),
     "The first direction of the same 360 meshes. Left: of the meshes as they are posed, it goes from "
     "lowered hands to raised ones, and legs change their length on the way": lambda run: (
         len(run["posed"]),
         reach(run, "posed")[1] > reach(run, "posed")[0] + 0.4,
         pose(run, "10 people, posed")[0] > 90,
     ),
-    "Right: after poses were taken back, it is mostly stature.": lambda run: (
+    "Right: of the un-posed meshes, it is mostly stature.": lambda run: (
         np.ptp(run["ends_drawn"][3].vertices[:, 1])
         > 1.2 * np.ptp(run["ends_drawn"][2].vertices[:, 1])
     ),
@@ -127,7 +127,7 @@ SAYS = {
         ).max()
         < 1e-10
     ),
-    "Even then the meshes of ten people fill nine directions at most": lambda run: (
+    "Even with exact un-posing, the meshes of ten people fill nine directions at most": lambda run: (
         len(run["ten"]),
         np.linalg.matrix_rank(
             (
@@ -137,12 +137,12 @@ SAYS = {
         )
         == 9,
     ),
-    "Shape directions are learned from many people, with their poses taken back.": lambda run: (
+    "Shape directions are learned from many people, whose poses are undone first.": lambda run: (
         pose(run, "10 people, posed")[1] + 20
         < pose(run, "10 people, un-posed")[1]
         < pose(run, "360 people at rest")[1]
     ),
-    "seen with 2 mm of noise. One pupil has all 207 features": lambda run: (
+    "seen with 2 mm of noise. We learn two kinds. The first has all 207 features": lambda run: (
         float(1e3 * (run["noisy"] - run["wanted"]).std()),
         run["F_all"].shape[1],
     ),
@@ -150,7 +150,7 @@ SAYS = {
         210 - max(run["counts"]),
         len(run["lessons"]) - 210,
     ),
-    "If a vertex may depend on near joints only, a quarter of the poses does as well.": lambda run: (
+    "If a vertex may depend on near joints only, a quarter of the poses is enough for the same error.": lambda run: (
         all(
             run["scores"]["near joints"][k] < 1.05 * run["scores"]["all joints"][k + 2]
             for k in (0, 1)
@@ -169,18 +169,18 @@ SAYS = {
         run.line("the same at rest")[0] < run.line("the same at rest")[1],
     ),
     "Here $\\tau$, in rad², says": lambda run: np.isclose(run["examples"].width ** 2, run["tau"]),
-    "Shares hit no example, because its neighbours contribute as well": lambda run: (
+    "Kernels that are divided by their sum reproduce no example, because its neighbours contribute as well": lambda run: (
         at_examples(run, "divided by the sum").min() > 0.5
     ),
     "kernels that are not divided add up to too much": lambda run: (
         error(run, "not divided", 40) > error(run, "none", 40)
     ),
-    "solved for, they are exact at the examples and good between": lambda run: (
+    "solved for, kernels are exact at the examples and good between": lambda run: (
         at_examples(run, "exact").max() < 1e-6,
         error(run, "exact", 60) < 0.5 * error(run, "none", 60),
     ),
-    "Far from all examples the kernels fade, and hardly anything is repaired; shares stay with the "
-    "nearest example": lambda run: (
+    "Far from all examples the kernels fade, and hardly anything is repaired. If they are divided by "
+    "their sum, the nearest example is used instead": lambda run: (
         error(run, "not divided", 170) > 0.9 * error(run, "none", 170),
         error(run, "exact", 170) > 0.9 * error(run, "none", 170),
         error(run, "divided by the sum", 170) < 0.8 * error(run, "none", 170),
@@ -214,7 +214,7 @@ SAYS = {
     ),
     "with $K = 23$": lambda run: run["body"].n_joints - 1,
     "That is 207 features.": lambda run: len(run["f"]),
-    "Their order is part of the file": lambda run: (
+    "Their order is part of the file format": lambda run: (
         run.line("features that are not zero")[0] == 9 * (run["elbow"] - 1)
     ),
     "one person in twenty is beyond $\\pm 2$": lambda run: 20,

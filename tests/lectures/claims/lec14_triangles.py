@@ -74,8 +74,8 @@ SAYS = {
     "a mesh has far fewer: most deformations are those of no mesh at all": lambda run: (
         3 * len(run["template"]) < 9 * len(run["faces"]) / 2
     ),
-    "Eight of SCAPE's directions explain 90 % of how the vertices vary, but 90 % of the deformations "
-    "takes 14.": lambda run: (
+    "Eight of SCAPE's directions explain 90 % of the variance of the vertices, but 90 % of the variance of "
+    "the deformations takes 14.": lambda run: (
         first_k(run["by_triangles"].share, 0.9) == 8,
         90,
         90,
@@ -87,7 +87,7 @@ SAYS = {
             round(1e3 * float(np.std(run["noisy"] - run["whole"][run["seen"]]))),
         )
     ),
-    "In the mean it comes nearer than SCAPE, whose parts are rigid.": lambda run: (
+    "On average it comes nearer than SCAPE, whose parts are rigid.": lambda run: (
         mean_error(run, "SMPL") < mean_error(run, "BlendSCAPE") < mean_error(run, "SCAPE")
     ),
     "both need more iterations": lambda run: (
@@ -98,17 +98,17 @@ SAYS = {
         run.line("rotations alone")[-1] < 1e-13,
         run.line("corners that were one vertex")[0] > 100,
     ),
-    "They make six equations for nine unknowns": lambda run: (
+    "They give six equations for nine unknowns": lambda run: (
         run["two_moved"].size == 6 and run["true"].size == 9
     ),
-    "The shortest answer flattens space.": lambda run: (
+    "the one with the smallest norm flattens space": lambda run: (
         np.linalg.matrix_rank(run["by_edges"]) == 2,
         abs(np.linalg.det(run["by_edges"])) < 1e-9 < 0.9 < np.linalg.det(run["true"]),
     ),
-    "A triangle's deformation needs a third axis; two edges leave it open.": lambda run: (
+    "Two edges do not determine a triangle's deformation; a third axis is needed.": lambda run: (
         np.abs(run["found"] - run["turn"]).max() < 1e-9
     ),
-    "Where the mesh is as a whole stays open, one direction for each coordinate": lambda run: (
+    "It leaves open where the mesh is as a whole: one direction for each coordinate": lambda run: (
         run.line("smallest singular values")[-1] == run["body"].n_vertices - 1
     ),
     "the arm has turned and has not moved": lambda run: np.allclose(
@@ -130,12 +130,11 @@ SAYS = {
         np.allclose(run["least"], np.cos(run["angles"][::6] / 2) ** 2, atol=0.05),
         run["mean_det"][-1] < 1e-9,
     ),
-    "So in SMPL what shape and pose do together is what they do one by one; in SCAPE a stout person's skin "
-    "bends in proportion.": lambda run: (
-        run.line("SMPL        together")[0] < 1e-9,
-        run.line("BlendSCAPE  together")[0] > 1,
+    "So in SMPL the effect of shape and pose together is the sum of their single effects. In SCAPE it is not": lambda run: (
+        run.line("SMPL        effect of both")[0] < 1e-9,
+        run.line("BlendSCAPE  effect of both")[0] > 1,
     ),
-    "on 80 people drawn from our shape space": lambda run: len(run["people"]),
+    "of 80 people drawn from our shape space": lambda run: len(run["people"]),
     "of 80 made-up people": lambda run: len(run["people"]),
     "an offset cancels in it": lambda run: (
         run.line("edges with the offset and without it")[0] < 1e-9,
@@ -144,7 +143,7 @@ SAYS = {
     "| a matrix of the pose | $4 \\times 4$: it turns and shifts | $3 \\times 3$: it turns and stretches |": (
         lambda run: run["G"].shape == (24, 3, 4) and run["X"].shape == (len(run["faces"]), 3, 3)
     ),
-    "Vertices are never behind": lambda run: bool(
+    "Directions of vertices never explain less": lambda run: bool(
         (run["by_vertices"].share >= run["by_triangles"].share - 1e-12).all()
     ),
 }

@@ -16,14 +16,7 @@ from workbench.bodies.skinned import SkinnedBody
 from workbench.errors import BadFile
 from workbench.reading.archive import open_arrays
 from workbench.reading.damage import taken_for
-from workbench.reading.expected import (
-    Kind,
-    check_numbers,
-    read_expected,
-    reals,
-    texts,
-    wholes,
-)
+from workbench.reading.expected import Kind, check_numbers, read_expected, reals, texts, wholes
 from workbench.reading.facts import facts_in
 
 PARTS = ("rows", "columns", "shares")  # of a sparse matrix of whole numbers

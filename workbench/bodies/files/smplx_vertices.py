@@ -1,6 +1,5 @@
 """The vertices that the package smplx shows as joints 24 to 44, for bodies of any topology."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -83,10 +82,6 @@ def _nearest(template: Array, point: Array) -> int:
 
 def _farthest(body: SkinnedBody, extra: Extra) -> int:
     """Among the vertices that move mostly with the joints; among all, if there are none."""
-    mine = np.isin(body.weights.argmax(axis=1), _joints(body, extra.joints))
+    mine = np.isin(np.array(body.joint_names)[body.weights.argmax(axis=1)], extra.joints)
     along = body.template @ np.array(extra.direction)
     return int(np.argmax(np.where(mine, along, -np.inf) if mine.any() else along))
-
-
-def _joints(body: SkinnedBody, names: Sequence[str]) -> list[int]:
-    return [k for k, name in enumerate(body.joint_names) if name in names]

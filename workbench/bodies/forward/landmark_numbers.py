@@ -66,7 +66,10 @@ class LandmarkArithmetic:
         return joints, posedirs.reshape(len(joints), 9, points.posedirs.shape[1])
 
     def on_joints(self, of_rest_points: Array) -> Array:
-        """What rest points have (r, P), laid out by joint and landmark: (K, r, L)."""
+        """Numbers of the rest points (r, P), sorted by joint and landmark: (K, r, L).
+
+        Zero where a landmark has no rest point on a joint.
+        """
         found = np.zeros((len(self.ancestors), len(of_rest_points), len(self.rest_points.first)))
         found[self.rest_points.joint, :, self.landmark] = of_rest_points.T
         return found

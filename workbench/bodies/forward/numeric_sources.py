@@ -73,7 +73,10 @@ class Named:
 
     @cached_property
     def plain(self) -> tuple[str, str, str] | None:
-        """The names of three blocks, if the arguments are these, which are free as wholes."""
+        """The names of the blocks pose, betas and trans, if the arguments are whole blocks.
+
+        None if an argument is made of blocks in another way, or a block is free in part.
+        """
         return None if self.wanted else plain_names(self.maps)
 
     def only(self, wanted: Mapping[str, Index]) -> Named:

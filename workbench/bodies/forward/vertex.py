@@ -53,9 +53,10 @@ def motion_column(motion: Motion, betas: Array, slopes: Slopes | None = None) ->
 def vertex_functions(parents: tuple[int, ...], B: int) -> dict[str, cs.Function]:
     """Functions of columns by name, for a body with B betas on this tree of K joints.
 
-    They are small, one joint or beta each, so that what they need stays in registers. What is
-    called `motion` is the same for all vertices. M = sum_j w_j G_j, (3, 4), and other matrices of
-    motions, stand row by row. The values of those in `ADDED` are summed up by who calls them.
+    They are small, for one joint or one beta each, so that what they need stays in registers. The
+    arguments called `motion` are the same for all vertices. M = sum_j w_j G_j, (3, 4), and other
+    matrices of motions are stored row by row. The caller sums the values of the functions that
+    `ADDED` names.
 
         shaped       (template, shapedirs, betas) -> T + S betas, (3,) m
         bent         (posedirs_k, features_k) -> P_k f_k, (3,) m

@@ -7,10 +7,11 @@ from matplotlib.axes import Axes
 
 from workbench.arrays import Array
 from workbench.plots.labels import plain
-from workbench.plots.palette import BLUE, DASHES, FAINT, INK, LINES, MARKERS, VERMILLION
+from workbench.plots.palette import BLUE, DASHES, FAINT, INK, LINES, VERMILLION
 from workbench.studies.blend_shapes.predictors import INTERPOLATION, LINEAR, Result
 from workbench.studies.blend_shapes.questions import FACTORS, TURNS, ByExamples, ByPenalty
 
+LENGTH = "rms length of the blend shapes (mm)"
 ROUND = [d * 10.0**e for e in range(-2, 3) for d in (1, 2, 5)]  # ticks, mm or ms
 
 
@@ -86,9 +87,8 @@ def plot_by_factor(found: Mapping[str, Array], *, ax: Axes) -> Axes:
     for i, (name, sizes) in enumerate(found.items()):
         ax.plot(FACTORS, sizes, color=LINES[i], linestyle=DASHES[i % 4], label=plain(name))
     ax.axvspan(0, 1, color=FAINT, alpha=0.15, linewidth=0)
-    ax.set_xlabel("factor on theta (1: the pose as drawn)")
-    ax.set(ylabel="rms length of the blend shapes (mm)", xlim=(FACTORS[0], FACTORS[-1]))
-    ax.set_ylim(bottom=0)
+    ax.set(xlim=(FACTORS[0], FACTORS[-1]), ylim=(0, None))
+    ax.set(xlabel="factor on theta (1: the pose as drawn)", ylabel=LENGTH)
     ax.legend()
     return ax
 
@@ -111,15 +111,12 @@ def caption_by_factor(found: Mapping[str, Array]) -> str:
 def plot_by_angle(found: Mapping[str, Array], *, ax: Axes) -> Axes:
     """How long blend shapes are while the neck turns twice around."""
     for i, (name, sizes) in enumerate(found.items()):
-        ax.plot(
-            np.degrees(TURNS), sizes, color=LINES[i], linestyle=DASHES[i % 4], label=plain(name)
-        )
+        ax.plot(np.degrees(TURNS), sizes, DASHES[i % 4], color=LINES[i], label=plain(name))
     for turn in (360, 720):
         ax.axvline(turn, color=FAINT, linewidth=0.8)
     ax.set_xticks(range(0, 721, 90))
     ax.set(xlim=(0, 720), ylim=(0, 1.3 * max(float(sizes.max()) for sizes in found.values())))
-    ax.set_xlabel("turn of the neck about the vertical (degrees)")
-    ax.set_ylabel("rms length of the blend shapes (mm)")
+    ax.set(xlabel="turn of the neck about the vertical (degrees)", ylabel=LENGTH)
     ax.legend(loc="upper left")
     return ax
 
@@ -142,26 +139,13 @@ def caption_by_angle(found: Mapping[str, Array]) -> str:
 def plot_by_penalty(rows: Sequence[ByPenalty], what: str, *, ax: Axes) -> Axes:
     """Errors against the share that a penalty leaves, whose name is `what`."""
     shares = [100 * row.share for row in rows]
-    ax.plot(
-        shares,
-        [r.training_rms for r in rows],
-        color=BLUE,
-        marker=MARKERS[0],
-        label="training poses, at rest (rms)",
-    )
-    ax.plot(
-        shares,
-        [r.test_mean for r in rows],
-        color=VERMILLION,
-        marker=MARKERS[1],
-        linestyle="--",
-        label="test poses, posed (mean)",
-    )
+    training, test = [r.training_rms for r in rows], [r.test_mean for r in rows]
+    ax.plot(shares, training, "o-", color=BLUE, label="training poses, at rest (rms)")
+    ax.plot(shares, test, "s--", color=VERMILLION, label="test poses, posed (mean)")
     ax.set_xscale("log")
     ax.minorticks_off()
     ax.set_xticks(shares, [f"{x:.2g}" for x in shares])
-    ax.set(xlabel=plain(what), ylabel="distance (mm)")
-    ax.set_ylim(bottom=0)
+    ax.set(xlabel=plain(what), ylabel="distance (mm)", ylim=(0, None))
     ax.legend()
     return ax
 

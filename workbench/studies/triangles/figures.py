@@ -52,8 +52,7 @@ def plot_rms(shapes: ShapeDirections, *, ax: Axes) -> Axes:
     _curves(ax, 0, shapes, lambda explained: 1e3 * explained.rms[:-1])
     ax.set_xscale("symlog", linthresh=1)
     _counts(ax, 0, len(shapes.leads) - 1)
-    ax.set_yscale("log")
-    ax.set_ylim(bottom=0.1)
+    ax.set(yscale="log", ylim=(0.1, None))
     shown = [mm for mm in (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50) if mm <= ax.get_ylim()[1]]
     ax.set_yticks(shown, [f"{mm:g}" for mm in shown])
     ax.minorticks_off()

@@ -19,9 +19,7 @@ from workbench.training.progress import BlockLines
 from workbench.training.registrations import InMemory, training_and_held_out
 from workbench.training.ridge import Selection
 from workbench.training.training import train
-from workbench.training.triangles.alternation import (
-    QUICK as QUICK_BLOCKS,
-)
+from workbench.training.triangles.alternation import QUICK as QUICK_BLOCKS
 from workbench.training.triangles.alternation import (
     TriangleEstimate,
     TriangleOptions,

@@ -18,7 +18,7 @@ from scipy.sparse.csgraph import connected_components
 from workbench.arrays import Array, Index
 from workbench.bodies.skinned import SkinnedBody
 from workbench.errors import BadArgument, UnknownName
-from workbench.geometry.solids import lengths, mesh_edges, piece_volume
+from workbench.geometry.solids import lengths, mesh_edges, volume
 
 CARRIED = 0.5  # the least weight of a vertex for the two bones of a joint together
 HALFWAY = 0.2  # how far from one half weights may be at the thinnest place of a limb
@@ -126,3 +126,27 @@ def _distances(points: Array, direction: Array) -> Array:
     """The distances (n,) of points from a line through the origin."""
     across = points - (points @ direction)[:, None] * direction
     return np.asarray(np.linalg.norm(across, axis=1))
+
+
+def lids(triangles: Index) -> list[Index]:
+    """The open ends of a piece of surface: each the directed edges (n, 2) that close it."""
+    directed = triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    known = {(int(a), int(b)) for a, b in directed}
+    open_edges = np.array([(b, a) for a, b in sorted(known) if (b, a) not in known], dtype=np.int64)
+    if not len(open_edges):
+        return []
+    n = int(open_edges.max()) + 1
+    graph = coo_array((np.ones(len(open_edges)), tuple(open_edges.T)), shape=(n, n))
+    _, label = connected_components(graph, directed=False)
+    ends = label[open_edges[:, 0]]
+    return [open_edges[ends == end] for end in np.unique(ends)]
+
+
+def piece_volume(vertices: Array, triangles: Index) -> float:
+    """Inside a piece of surface whose open ends are closed by cones from their mean points, m^3."""
+    points, faces = [vertices], [triangles]
+    for number, lid in enumerate(lids(triangles)):
+        points.append(vertices[np.unique(lid)].mean(axis=0, keepdims=True))
+        top = np.full((len(lid), 1), len(vertices) + number)
+        faces.append(np.hstack([lid, top]))
+    return volume(np.vstack(points), np.vstack(faces))
