@@ -1,0 +1,264 @@
+"""The default solver: steps as long as the trust region, and a region that follows the gain."""
+
+import casadi as cs
+import numpy as np
+import pytest
+import scipy.optimize
+from scipy.stats import ortho_group
+
+import workbench.solvers.trust_region as module
+from tests.solvers.problems import body_fit, decay, line, rosenbrock
+from workbench import Block, LevenbergMarquardt, Linearization, Problem, Residual, TrustRegion
+from workbench import residuals as terms
+from workbench.arrays import Array
+from workbench.problem import steps
+from workbench.problem.steps import Step, automatic
+from workbench.solvers import DEFAULT, SOLVERS, solve
+from workbench.solvers.box_step import box_step
+from workbench.solvers.damped_length import LEAST, MOST, step_within
+
+
+def graded(seed: int, n: int, weakest: float) -> Linearization:
+    """A linear model whose singular values fall from 1 to `weakest`."""
+    rng = np.random.default_rng(seed)
+    U = ortho_group.rvs(n + 3, random_state=rng)[:, :n]
+    V = ortho_group.rvs(n, random_state=rng)
+    return Linearization(rng.normal(size=n + 3), U * np.geomspace(1, weakest, n) @ V.T)
+
+
+def damped_in(here: Linearization, counted: list[float]):
+    n = here.shape[1]
+
+    def damped(damping: float) -> Step | None:
+        counted.append(damping)
+        far = np.full(n, np.inf)
+        return box_step(here, damping, np.ones(n), -far, far, automatic)
+
+    return damped
+
+
+@pytest.mark.parametrize("weakest", [0.5, 1e-2, 1e-5])
+@pytest.mark.parametrize("share", [0.9, 0.3, 1e-2, 1e-5])
+@pytest.mark.parametrize("first", [0.0, 1e-8, 1e-2, 1e6])
+def test_a_step_is_the_best_of_its_length(weakest: float, share: float, first: float) -> None:
+    """By the conditions of the constrained minimum: (J'J + damping I) p = -J'r, and the length."""
+    here = graded(0, 6, weakest)
+    radius = share * float(np.linalg.norm(here.step()))
+    counted: list[float] = []
+    steepness = float(np.linalg.norm(here.gradient))
+    step, damping = step_within(radius, damped_in(here, counted), steepness, first)
+    assert step is not None
+    assert damping > 0
+    assert LEAST * radius <= np.linalg.norm(step.p) <= MOST * radius
+    np.testing.assert_allclose(here.normal @ step.p + damping * step.p, -here.gradient, atol=1e-10)
+    assert len(counted) <= 12
+
+
+def test_a_step_that_is_short_enough_is_not_damped() -> None:
+    here = graded(1, 5, 1e-3)
+    newton = here.step()
+    for first in (0.0, 1e-3, 1.0):
+        counted: list[float] = []
+        steepness = float(np.linalg.norm(here.gradient))
+        step, damping = step_within(
+            1.001 * float(np.linalg.norm(newton)), damped_in(here, counted), steepness, first
+        )
+        assert step is not None
+        assert damping in {0.0, first}
+        assert np.linalg.norm(step.p) >= LEAST * np.linalg.norm(newton)
+
+
+def test_without_an_answer_undamped_it_is_damped() -> None:
+    """Cholesky declines dependent columns; with damping it takes them."""
+    here = Linearization(np.array([1.0, -2.0]), np.array([[1.0, 1.0], [2.0, 2.0]]))
+    step, damping = step_within(
+        10.0, lambda damping: steps.cholesky(here, damping, np.ones(2)), 5.0, 0.0
+    )
+    assert step is not None
+    assert 0 < damping < 1e-3
+    np.testing.assert_allclose(step.p, [0.3, 0.3], rtol=1e-4)
+
+
+def test_it_is_the_default() -> None:
+    problem, start = decay()
+    assert SOLVERS[DEFAULT] == TrustRegion()
+    assert solve(problem, start).solver == "trust-region"
+
+
+@pytest.mark.parametrize("start", [[-1.2, 1.0], [5.0, -7.0], [-30.0, 20.0]])
+def test_the_cost_falls_and_no_step_is_longer_than_its_region(start: list[float]) -> None:
+    problem, _ = rosenbrock()
+    solution = TrustRegion().solve(problem, {"x": np.array(start)})
+    assert solution.converged
+    np.testing.assert_allclose(solution.values["x"], [1, 1], atol=1e-5)
+    assert (np.diff([one.cost for one in solution.trace]) < 0).all()
+    lengths = [one.step_norm for one in solution.trace[1:]]
+    assert lengths[0] <= MOST * np.linalg.norm(start)
+    bent = 1 + module.BENT / 2
+    for before, after in zip(lengths, lengths[1:], strict=False):
+        assert after <= 2 * MOST * bent * before
+
+
+@pytest.mark.parametrize("radius", [1e-3, 0.1, 1.0])
+def test_the_first_step_is_as_long_as_the_first_radius(radius: float) -> None:
+    solution = TrustRegion(first_radius=radius, max_iterations=1).solve(*line())
+    assert LEAST * radius <= solution.trace[1].step_norm <= MOST * radius
+
+
+def test_a_linear_problem_takes_one_step_within_the_radius() -> None:
+    problem, start = line()
+    solution = TrustRegion(first_radius=1e3).solve(problem, start)
+    assert solution.iterations == 1
+    assert solution.trace[1].damping == 0
+
+
+def test_the_way_turns_with_the_unknowns() -> None:
+    """Lengths are all it knows of the unknowns, and a rotation does not change them."""
+    turn = ortho_group.rvs(3, random_state=0)
+    t = np.linspace(0, 3, 15)
+    y = 2 * np.exp(-1.3 * t) + 0.5 + 0.05 * np.random.default_rng(0).normal(size=15)
+    x = Block("x", (3,)).symbol
+
+    def problem(z: cs.MX) -> Problem:
+        return Problem((Residual("decay", z[0] * cs.exp(-z[1] * t) + z[2] - y, 0.05),), ("x",))
+
+    start = np.array([1.0, 0.5, 0.1])
+    ours = TrustRegion().solve(problem(x), {"x": start})
+    theirs = TrustRegion().solve(problem(cs.mtimes(cs.DM(turn), x)), {"x": turn.T @ start})
+    assert ours.iterations == theirs.iterations
+    for one, other in zip(ours.trace, theirs.trace, strict=True):
+        np.testing.assert_allclose(one.values["x"], turn @ other.values["x"], atol=1e-7)
+
+
+def test_one_unit_for_all_unknowns_does_not_matter() -> None:
+    """A start of length 0 apart, radii and dampings follow the unit."""
+    unit = 1000.0
+    t = np.linspace(0, 3, 15)
+    x = Block("x", (2,)).symbol
+
+    def problem(z: cs.MX) -> Problem:
+        row = z[0] * cs.exp(-z[1] * t) - 2 * np.exp(-1.3 * t)
+        return Problem((Residual("decay", row, 0.05),), ("x",))
+
+    ours = TrustRegion().solve(problem(x), {"x": np.array([1.0, 0.5])})
+    theirs = TrustRegion().solve(problem(x / unit), {"x": unit * np.array([1.0, 0.5])})
+    assert ours.iterations == theirs.iterations
+    for one, other in zip(ours.trace, theirs.trace, strict=True):
+        np.testing.assert_allclose(one.values["x"], other.values["x"] / unit, atol=1e-9)
+
+
+def test_convergence_is_quadratic_where_the_residual_vanishes() -> None:
+    problem, start = decay(noise=0.0)
+    solution = TrustRegion(gradient_tolerance=1e-14).solve(problem, start)
+    lengths = [one.step_norm for one in solution.trace[-4:]]
+    orders = [np.log(b) / np.log(a) for a, b in zip(lengths, lengths[1:], strict=False) if a < 0.1]
+    assert orders
+    assert min(orders) > 1.5
+
+
+def test_a_far_first_step_does_not_leap_into_a_desert() -> None:
+    """The Gauss-Newton step leaves the peak behind, where all columns are zero."""
+    t = np.linspace(-1, 1, 21)
+    x = Block("x", (2,)).symbol
+    seen = np.exp(-(((t - 0.2) / 0.1) ** 2))
+    peak = cs.exp(-(((t - x[0]) / x[1]) ** 2)) - seen
+    problem = Problem((Residual("peak", peak, 1.0),), ("x",))
+    start = {"x": np.array([-0.3, 0.3])}
+    here = problem.linearize(start)
+    after = problem.linearize({"x": start["x"] + here.step()})
+    assert after.cost > here.cost
+    solution = TrustRegion().solve(problem, start)
+    assert solution.converged
+    np.testing.assert_allclose(solution.values["x"], [0.2, 0.1], atol=1e-6)
+
+
+def banana(n: int) -> tuple[Problem, dict[str, Array]]:
+    """The cube function in n unknowns (Moré and Wild 2009): a long curved valley."""
+    x = Block("x", (n,)).symbol
+    rows = [x[0] - 1, *(10 * (x[i] - x[i - 1] ** 3) for i in range(1, n))]
+    problem = Problem((Residual("cube", cs.vertcat(*rows), 1.0),), ("x",))
+    return problem, {"x": np.full(n, 0.5)}
+
+
+def test_bends_shorten_the_way_along_a_curved_valley(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem, start = banana(6)
+    bent = TrustRegion().solve(problem, start)
+    monkeypatch.setattr(module, "bend", lambda run, x, here, p, damping: np.zeros_like(p))
+    straight = TrustRegion().solve(problem, start)
+    assert bent.converged
+    assert bent.evaluations.total < straight.evaluations.total
+    np.testing.assert_allclose(bent.values["x"], 1, atol=1e-4)
+
+
+def test_a_bend_is_the_second_derivative_pulled_back() -> None:
+    """For residuals quadratic along p, (J'J + damping I) a = -J'r_pp / 2 to rounding."""
+    problem, start = rosenbrock()
+
+    class Stub:
+        def __init__(self) -> None:
+            self.problem, (self.x, self.fixed) = problem, problem.split(start)
+
+        def evaluate(self, kind: str, function):
+            assert kind == "residual"
+            return function()
+
+    run = Stub()
+    here = problem.linearize(start)
+    p = np.array([0.05, -0.02])
+    a = module.bend(run, run.x, here, p, 100.0)  # type: ignore[arg-type]
+    r_pp = np.array([-20 * p[0] ** 2, 0.0])
+    expected = np.linalg.solve(here.normal + 100 * np.eye(2), -0.5 * here.dense.T @ r_pp)
+    np.testing.assert_allclose(a, expected, rtol=1e-8)
+
+
+def test_dependent_columns_do_no_harm() -> None:
+    x = Block("x", (3,)).symbol
+    blind = Problem((Residual("sum", cs.exp(x[0] + x[1]) - 2.0, 1.0),), ("x",))
+    solution = TrustRegion().solve(blind, {"x": np.zeros(3)})
+    assert solution.converged
+    half = np.log(2) / 2
+    np.testing.assert_allclose(solution.values["x"], [half, half, 0], atol=1e-6)
+
+
+def test_bounds_are_kept_and_the_end_is_that_of_scipy() -> None:
+    bounds = {"x": (np.array([0.0, 1.5, -1.0]), np.array([1.5, 3.0, 1.0]))}
+    problem, start = decay(bounds=bounds)
+    start = start | {"x": np.array([1.0, 2.0, 0.0])}
+    solution = TrustRegion().solve(problem, start)
+    for one in solution.trace:
+        assert (bounds["x"][0] <= one.values["x"]).all()
+        assert (one.values["x"] <= bounds["x"][1]).all()
+    x, fixed = problem.split(start)
+    expected = scipy.optimize.least_squares(
+        lambda x: problem.residual(x, fixed),
+        x,
+        jac=lambda x: problem.linearize_at(x, fixed).jacobian,
+        bounds=bounds["x"],
+        xtol=1e-14,
+        ftol=1e-14,
+        gtol=1e-14,
+    )
+    assert solution.converged
+    assert solution.cost == pytest.approx(expected.cost, rel=1e-8)
+
+
+def test_robust_kernels_and_bodies_end_where_levenberg_and_marquardt_s_does() -> None:
+    problem, start = body_fit()
+    ours, theirs = TrustRegion().solve(problem, start), LevenbergMarquardt().solve(problem, start)
+    assert ours.converged
+    assert ours.cost == pytest.approx(theirs.cost, rel=1e-8)
+    x = Block("x", (2,)).symbol
+    t = np.arange(10.0)
+    seen = 1 + 2 * t + np.where(t == 7, 30.0, 0.0)
+    row = Residual("line", x[0] + x[1] * t - seen, 1.0, kernel=terms.geman_mcclure)
+    robust = Problem((row,), ("x",))
+    found = TrustRegion().solve(robust, {"x": np.zeros(2)})
+    assert found.converged
+    np.testing.assert_allclose(found.values["x"], [1, 2], atol=0.05)
+
+
+@pytest.mark.parametrize("by", [steps.qr, steps.svd, steps.cholesky])
+def test_the_linear_algebra_is_a_value(by) -> None:
+    solution = TrustRegion(linear_algebra=by).solve(*decay())
+    assert solution.converged
+    assert set(solution.linear_algebra) == {by.__name__}
