@@ -1,5 +1,7 @@
 """The default solver: steps as long as the trust region, and a region that follows the gain."""
 
+import itertools
+
 import casadi as cs
 import numpy as np
 import pytest
@@ -95,7 +97,7 @@ def test_the_cost_falls_and_no_step_is_longer_than_its_region(start: list[float]
     lengths = [one.step_norm for one in solution.trace[1:]]
     assert lengths[0] <= MOST * np.linalg.norm(start)
     bent = 1 + module.BENT / 2
-    for before, after in zip(lengths, lengths[1:], strict=False):
+    for before, after in itertools.pairwise(lengths):
         assert after <= 2 * MOST * bent * before
 
 
@@ -123,9 +125,10 @@ def test_the_way_turns_with_the_unknowns() -> None:
         return Problem((Residual("decay", z[0] * cs.exp(-z[1] * t) + z[2] - y, 0.05),), ("x",))
 
     start = np.array([1.0, 0.5, 0.1])
-    ours = TrustRegion().solve(problem(x), {"x": start})
-    theirs = TrustRegion().solve(problem(cs.mtimes(cs.DM(turn), x)), {"x": turn.T @ start})
-    assert ours.iterations == theirs.iterations
+    solver = TrustRegion(max_iterations=4)
+    ours = solver.solve(problem(x), {"x": start})
+    theirs = solver.solve(problem(cs.mtimes(cs.DM(turn), x)), {"x": turn.T @ start})
+    assert ours.iterations == theirs.iterations == 4
     for one, other in zip(ours.trace, theirs.trace, strict=True):
         np.testing.assert_allclose(one.values["x"], turn @ other.values["x"], atol=1e-7)
 
@@ -151,25 +154,23 @@ def test_convergence_is_quadratic_where_the_residual_vanishes() -> None:
     problem, start = decay(noise=0.0)
     solution = TrustRegion(gradient_tolerance=1e-14).solve(problem, start)
     lengths = [one.step_norm for one in solution.trace[-4:]]
-    orders = [np.log(b) / np.log(a) for a, b in zip(lengths, lengths[1:], strict=False) if a < 0.1]
+    orders = [np.log(b) / np.log(a) for a, b in itertools.pairwise(lengths) if a < 0.1]
     assert orders
     assert min(orders) > 1.5
 
 
-def test_a_far_first_step_does_not_leap_into_a_desert() -> None:
-    """The Gauss-Newton step leaves the peak behind, where all columns are zero."""
+def test_the_first_step_does_not_leap_into_a_desert() -> None:
+    """The Gauss-Newton step makes the peak so narrow that it falls between the data."""
     t = np.linspace(-1, 1, 21)
     x = Block("x", (2,)).symbol
-    seen = np.exp(-(((t - 0.2) / 0.1) ** 2))
-    peak = cs.exp(-(((t - x[0]) / x[1]) ** 2)) - seen
+    peak = cs.exp(-(((t - x[0]) / x[1]) ** 2)) - np.exp(-((t / 0.2) ** 2))
     problem = Problem((Residual("peak", peak, 1.0),), ("x",))
-    start = {"x": np.array([-0.3, 0.3])}
-    here = problem.linearize(start)
-    after = problem.linearize({"x": start["x"] + here.step()})
-    assert after.cost > here.cost
+    start = {"x": np.array([-0.1, 1.0])}
+    leap = {"x": start["x"] + problem.linearize(start).step()}
+    assert problem.linearize(leap).column_norms.max() < 1e-60
     solution = TrustRegion().solve(problem, start)
     assert solution.converged
-    np.testing.assert_allclose(solution.values["x"], [0.2, 0.1], atol=1e-6)
+    np.testing.assert_allclose(np.abs(solution.values["x"]), [0, 0.2], atol=1e-6)
 
 
 def banana(n: int) -> tuple[Problem, dict[str, Array]]:
