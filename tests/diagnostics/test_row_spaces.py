@@ -15,13 +15,14 @@ ROWS = {
     ],
     "bounds alone": [[0.0, 3, 0], [0, -1, 0], [1e-9, 0, 0]],
     "a row that is held but for rounding": [[1.0, 0, 0], [1, 1e-18, 0]],
+    "a row that is held but for little": [[1.0, 0, 0], [1e6, 1e-6, 0]],
     "rows of very different units": [[1e6, 1e6, 0, 0], [0, 1e-6, 1e-6, 0]],
     "a row of zeros": [[0.0, 0, 0], [1, 1, 0]],
     "no rows": np.zeros((0, 4)),
     "no unknowns": np.zeros((0, 0)),
     "all unknowns": np.random.default_rng(0).normal(size=(5, 3)),
 }
-RANKS = dict(zip(ROWS, (2, 2, 1, 2, 1, 0, 0, 3), strict=True))
+RANKS = dict(zip(ROWS, (2, 2, 1, 2, 2, 1, 0, 0, 3), strict=True))
 
 
 @pytest.mark.parametrize("name", ROWS)

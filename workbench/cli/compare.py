@@ -50,8 +50,7 @@ def compare(
         list[str] | None,
         typer.Option(
             "--solver",
-            help=f"One of {', '.join(SOLVERS)}, or a Python file that defines "
-            "one or more "
+            help=f"One of {', '.join(SOLVERS)}, or a Python file that defines one or more "
             "solvers; repeat the option for each solver.",
         ),
     ] = None,

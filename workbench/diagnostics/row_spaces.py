@@ -21,7 +21,7 @@ def held(rows: Array) -> tuple[Mask, Array]:
     still = np.asarray(rows[alone].any(axis=0), dtype=bool)
     others = rows[rows.any(axis=1) & ~alone]
     others = np.where(still, 0.0, others / np.linalg.norm(others, axis=1)[:, None])
-    return still, others[np.linalg.norm(others, axis=1) > EPS * max(1, *others.shape)]
+    return still, others[np.linalg.norm(others, axis=1) > EPS]
 
 
 def row_space(rows: Array) -> Array:
