@@ -115,7 +115,7 @@ class Affine:
         return found.reshape(M, *self.shape)
 
     def pulled(self, gradient: Array) -> dict[str, Array]:
-        """The gradient by each block, flat, of what has the given gradient by this array, flat."""
+        """The gradients by the blocks, from the gradient by this array; all of them flat."""
         if self.plain is not None:
             return {self.plain: gradient}
         found = {name: np.zeros(matrix.shape[1]) for name, matrix in self.terms.items()}

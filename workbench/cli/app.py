@@ -1,4 +1,4 @@
-"""The commands together; importing this takes a second, for all that they need comes with it."""
+"""All commands. Importing this takes a second, because it imports everything that they need."""
 
 from collections.abc import Callable
 from functools import wraps

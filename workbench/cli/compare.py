@@ -182,7 +182,7 @@ class _Told:
 
 
 def _table(found: comparison.Comparison) -> Table:
-    """By counts alone, as narrow as a terminal; intervals are on the page."""
+    """The success of each solver by counts alone, to fit a terminal; the page has intervals."""
     head = (f"met {named(MAIN)}", "lowest", "effort", "elsewhere", "false claims", "failed")
     runs, rows = found.comparable, []
     for solver in found.solvers:

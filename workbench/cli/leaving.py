@@ -29,8 +29,8 @@ class Terminated(BaseException):
 class Signals:
     """A context: inside, Ctrl-C raises KeyboardInterrupt and SIGTERM raises Terminated.
 
-    They are raised once more if Python reports that they were lost, in a destructor say; and
-    Terminated also after a while, should C code or an `except:` of somebody's have swallowed it.
+    They are raised once more if Python reports that they were lost, for example in a destructor.
+    Terminated is also raised again after a while, in case C code or a bare `except:` caught it.
     After the context, the command is over: a signal ends the process at once. Where Ctrl-C is
     ignored, as in the background of a shell, it stays so.
     """

@@ -57,8 +57,9 @@ def failure(stream: TextIO) -> OSError | None:
 
 
 def unprinted(error: Exception | None) -> OSError | None:
-    """The same error, if it is that what was printed cannot be written: it names no file, and
-    was raised in a library that prints.
+    """The given error, if it means that output could not be printed; None otherwise.
+
+    Such an error names no file, and was raised in a library that prints.
     """
     if not isinstance(error, OSError) or error.filename is not None:
         return None

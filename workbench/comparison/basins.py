@@ -41,7 +41,7 @@ class Basin:
 
 def polished(problem: Problem, x: Array, fixed: Array) -> Array:
     """Where Levenberg-Marquardt (IPOPT, with constraints) leads to from x; never to a higher cost,
-    nor to where a limit is missed.
+    nor to a point that violates a limit.
     """
     options = {"gradient_tolerance": POLISH_TO, "max_seconds": POLISH_SECONDS}
     solver: Solver = LevenbergMarquardt(**options)  # type: ignore[arg-type]

@@ -103,7 +103,7 @@ class MeteredFunction:
         return self._answered(lambda: function.call(arguments, *inlined), ordered, named)
 
     def map(self, *arguments: Any) -> Any:
-        """As of a CasADi function; `map(count)` and `map(count, how)` are still counted."""
+        """Like `map` of a CasADi function; `map(count)` and `map(count, how)` are still counted."""
         mapped = self._function.map(*arguments)
         if isinstance(arguments[0], int):
             return self._of(mapped)

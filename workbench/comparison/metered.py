@@ -240,7 +240,7 @@ def _completing(part: Problem, problem: Problem) -> Complete:
 
 
 def _placed(x: Array, fixed: Array, entries: Places | None) -> Points:
-    """The points of `Problem.costs`, which are x but for some places."""
+    """The points of `Problem.costs`, which equal x except in some places."""
 
     def point(z: Array) -> tuple[Array, Array]:
         at = np.array(x, dtype=float).ravel()

@@ -87,35 +87,30 @@ def identifiability(
     nothing reads and those of the under-determined part.
     """
     eliminated = constrained.by_elimination
+    share: Array | None = None
     if eliminated is not None:
         with limited_threads():
-            return _by_elimination(eliminated, prior_rows, prior, yardsticks, unread, under)
-    sigma, half = constrained.laplace
-    blind = np.isinf(sigma)
-    share = _data_share(constrained.here, prior_rows, half)
-    decided, better = float(share.sum()), int(np.sum(share > 0.5))
-    verdicts = _verdicts(sigma, prior, yardsticks, blind, unread, under)
-    return Identifiability(sigma, prior, _correlated(half, blind), share, decided, better, verdicts)
+            sigma, pairs, decided, better = _by_elimination(eliminated, prior_rows)
+    else:
+        sigma, half = constrained.laplace
+        pairs = _correlated(half, np.isinf(sigma))
+        share = _data_share(constrained.here, prior_rows, half)
+        decided, better = float(share.sum()), int(np.sum(share > 0.5))
+    verdicts = _verdicts(sigma, prior, yardsticks, unread, under)
+    return Identifiability(sigma, prior, pairs, share, decided, better, verdicts)
 
 
 def _by_elimination(
-    jacobian: EliminatedJacobian,
-    prior_rows: Mask,
-    prior: Array,
-    yardsticks: Array,
-    unread: Index,
-    under: Index,
-) -> Identifiability:
-    """The same without singular values."""
+    jacobian: EliminatedJacobian, prior_rows: Mask
+) -> tuple[Array, tuple[tuple[int, int, float], ...], float, int]:
+    """Sigmas, correlated pairs, `effective` and `better_from_data` without singular values."""
     sigma = np.sqrt(jacobian.variances)
     decided: float = jacobian.eliminated.rank - len(jacobian.forbidden)
     better = int(decided)
     if prior_rows.any():
         decided -= jacobian.information_in(prior_rows)
         better = jacobian.count_mostly_from(prior_rows)
-    pairs = _strongest(jacobian, sigma)
-    verdicts = _verdicts(sigma, prior, yardsticks, np.isinf(sigma), unread, under)
-    return Identifiability(sigma, prior, pairs, None, decided, better, verdicts)
+    return sigma, _strongest(jacobian, sigma), decided, better
 
 
 def _strongest(jacobian: EliminatedJacobian, sigma: Array) -> tuple[tuple[int, int, float], ...]:
@@ -174,13 +169,9 @@ def _apart(rows: Linearization, read: Index) -> list[Index]:
 
 
 def _verdicts(
-    sigma: Array,
-    prior: Array,
-    yardsticks: Array,
-    blind: Mask,
-    unread: Index,
-    under: Index,
+    sigma: Array, prior: Array, yardsticks: Array, unread: Index, under: Index
 ) -> tuple[EntryIdentifiability, ...]:
+    blind = np.isinf(sigma)
     structural = np.zeros(sigma.size, dtype=bool)
     structural[unread] = True
     structural[under] |= blind[under]

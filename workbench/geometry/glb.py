@@ -181,7 +181,7 @@ def _local(node: dict[str, Any]) -> Array:
 
 
 def _part(document: _Document, primitive: dict[str, Any]) -> tuple[Array, Index]:
-    """Vertices and triangles of one primitive; of lines nothing, of points no triangles."""
+    """Vertices and triangles of one primitive; lines are left out, and points have no triangles."""
     mode, attributes = primitive.get("mode", TRIANGLES), primitive.get("attributes")
     none = np.zeros((0, 3), dtype=np.int64)
     if mode not in (POINTS, TRIANGLES, STRIP, FAN) or not isinstance(attributes, dict):

@@ -26,7 +26,9 @@ from workbench.geometry.triangles import edge_matrix
 
 @dataclass(frozen=True, eq=False)
 class Stitching:
-    """How F triangles hang together in N vertices; factorised once, when first asked.
+    """The least-squares problem that stitches F triangles to a mesh of N vertices.
+
+    Its matrix is factorised once, when it is first needed.
 
     Raises BadMesh for faces that are not triangles of those vertices.
 

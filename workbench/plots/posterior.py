@@ -20,7 +20,7 @@ SHOWN = 5000  # draws
 
 
 def widest(posterior: Posterior, approximation: Posterior | None, most: int = MOST) -> list[int]:
-    """The entries to show where there are too many: slow or unlike Laplace's approximation."""
+    """The entries to show if there are too many: those that mix slowly, or unlike Laplace's."""
     if posterior.size <= most:
         return list(range(posterior.size))
     interest = posterior.mixing.times / posterior.mixing.times.max()

@@ -170,7 +170,7 @@ class Started:
         self.pid = self._popen.pid
 
     def wait(self, seconds: float) -> int | None:
-        """Wait for the exit code, minus the number of a signal; None if the process still runs."""
+        """Wait for the exit code, negative if a signal ended it; None if the process still runs."""
         with suppress(subprocess.TimeoutExpired):
             return self._popen.wait(timeout=seconds)
         return None

@@ -66,7 +66,7 @@ def _count_lists(text: str | bytes | bytearray) -> int:
 
 
 def _unequal(entries: list[tuple[str, Any]]) -> dict[str, Any]:
-    """An object of JSON whose entries have names of their own."""
+    """An object of JSON. Raises BadFile if two of its entries have one name."""
     found = dict(entries)
     if len(found) < len(entries):
         twice, _ = Counter(name for name, _ in entries).most_common(1)[0]

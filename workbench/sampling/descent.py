@@ -88,10 +88,11 @@ def mode_from(target: LogDensity, start: Array) -> Mode:
 def _cut_off(J: Array, r: Array, z: Array, low: Array, high: Array) -> float:
     """The log of the share of Laplace's Gaussian at z that bounds leave, where z is on bounds.
 
-    For an entry on a bound, off which the cost rises with the slope g, and its standard deviation
-    sigma with the entries that are on no bound free: exp((g sigma)^2 / 2) Phi(-g sigma), the
-    integral of exp(-g t - t^2 / (2 sigma^2)) over t > 0 and that over all t. Several such entries
-    count one by one.
+    For an entry on a bound let g be the slope with which the cost rises away from the bound, and
+    sigma its standard deviation if the entries on no bound are free. The share is
+    exp((g sigma)^2 / 2) Phi(-g sigma): the integral of exp(-g t - t^2 / (2 sigma^2)) over t > 0,
+    divided by that of exp(-t^2 / (2 sigma^2)) over all t. The shares of several such entries are
+    multiplied.
     """
     near = AT_A_BOUND * np.maximum(1.0, abs(z))
     at_low, at_high = z - low <= near, high - z <= near
@@ -137,7 +138,10 @@ def dependent_bounds(target: LogDensity) -> tuple[Array, Array, Array]:
 
 
 def covariance_half(target: LogDensity, J: Array) -> Array:
-    """A square root of (J'J)^-1; an entry with two bounds has a uniform variance at most."""
+    """A square root of (J'J)^-1.
+
+    The variance of an entry with two bounds is at most that of a uniform distribution.
+    """
     return inverse_half(target, np.vstack([J, rows_between(*bounds_of(target), np.sqrt(12))]))
 
 

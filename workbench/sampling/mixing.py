@@ -72,7 +72,7 @@ class Mixing:
 
     @cached_property
     def growth(self) -> float:
-        """The largest time of all, over the largest in the first half alone."""
+        """The largest autocorrelation time, divided by the largest of the first half alone."""
         half = self.draws.shape[1] // 2
         if self.exact or half < 2:
             return 1.0

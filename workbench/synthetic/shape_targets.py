@@ -68,8 +68,8 @@ class Person:
         """The share of each level of each trait; the levels of a trait sum to at most one.
 
         Gender and age are interpolated between two levels, and muscle, weight, cup size and
-        firmness between three. Height and proportions have two levels, and none of either in the
-        middle.
+        firmness between three. Height and proportions have two levels, and in the middle both
+        shares are zero.
         """
         shares: dict[str, tuple[float, ...]] = {
             "gender": (1 - self.gender, self.gender),

@@ -75,7 +75,7 @@ class Teacher:
         return bones, offsets(bones, placed[at], self.joints[at])
 
     def _partly_untwisted(self, rotation: Array, k: int, child: int) -> Array:
-        """A local rotation (3, 3) with a share only of its twist about the bone."""
+        """A local rotation (3, 3) with only a share of its twist about the bone."""
         vector = Rotation.from_matrix(rotation).as_rotvec()
         twist = twist_about(self.joints[child] - self.joints[k], vector)
         back: Array = Rotation.from_rotvec(-(1 - PROXIMAL_SHARE) * twist).as_matrix()

@@ -198,7 +198,7 @@ def halves(items: Sequence[Item]) -> list[Sequence[Item]]:
 
 
 def over_halves(work: Callable[[Sequence[Item]], Sum], items: Sequence[Item]) -> list[Sum]:
-    """What some work makes of each half of the items, on two threads."""
+    """The results of a function for each half of the items, on two threads."""
     with ThreadPoolExecutor() as threads:
         return list(threads.map(work, halves(items)))
 

@@ -78,7 +78,7 @@ class SymbolicTraining:
     def residuals(self, term: str) -> list[Residual]:
         """The residuals of one term, E_D to E_T; none if the objective has it switched off.
 
-        Raises UnknownName for a term that there is not.
+        Raises UnknownName for a term that does not exist.
         """
         writers: dict[str, Callable[[], Iterable[Residual]]] = {
             "E_D": self._data,

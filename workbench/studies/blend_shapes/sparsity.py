@@ -62,7 +62,7 @@ def nonzero_share(posedirs: Array) -> float:
 
 
 def _shrunk(P: Array, N: int, per_joint: int, by: float) -> Array:
-    """Every group of (F, 3 N) shortened by `by`, or zero if it is not as long."""
+    """Every group of (F, 3 N) shortened by `by`, or zero if it is shorter than that."""
     groups = P.reshape(-1, per_joint, N, 3)
     length = np.sqrt(np.einsum("kfic,kfic->ki", groups, groups))
     factor = np.maximum(0, 1 - by / np.maximum(length, 1e-300))

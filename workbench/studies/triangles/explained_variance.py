@@ -18,7 +18,7 @@ from workbench.training.triangles.shape_space import learn_shapes, stitched_dire
 
 @dataclass(frozen=True, eq=False)
 class ExplainedVariance:
-    """How near k shape directions come to people, whose centroids are laid together, k = 0, 1, ...
+    """How near k = 0, 1, ... shape directions come to people whose centroids were made to coincide.
 
     Attributes:
         share: (k + 1,), of the variance of the vertices.

@@ -110,7 +110,7 @@ class TriangleStudy:
         results: of every model.
         true_seam_jump: the jump of the test meshes themselves.
         n_seams: how many pairs of neighbouring faces are of different parts.
-        choices: by model, how strongly the part that depends on pose was held.
+        choices: by model, how strongly the pose-dependent part was regularized.
         timings: of the models shown, on their mesh and on the full one.
         smpl: the trained SMPL.
         poses: (H, K, 3) in radians, difficult test poses.
