@@ -320,13 +320,14 @@ def test_evaluations_are_counted(name: str, monkeypatch: pytest.MonkeyPatch) -> 
     for method in asked:
         monkeypatch.setattr(problem, method, counting(method))
     solution = SOLVERS[name].solve(problem, start)
-    counts = solution.evaluations
+    counts, own = solution.evaluations + solution.judging, solution.evaluations
     assert counts.residual == asked["residual"]
     assert counts.gradient == asked["cost_and_gradient"]
     assert counts.hessian == asked["hessian_at"]
     # the judge looks at the best point too, if the solver did not do so last
     assert asked["linearize_at"] - counts.jacobian in (0, 1)
-    assert solution.trace[-1].evaluations.jacobian <= counts.jacobian
+    assert solution.trace[-1].evaluations.jacobian <= own.jacobian
+    assert solution.judging.jacobian == solution.judging.hessian == 0
 
 
 @EACH_SOLVER

@@ -6,10 +6,11 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import Array
+from workbench.blocks.directions import dominant
 from workbench.comparison.basins import Basin
 from workbench.diagnostics import Diagnosis, diagnose_whole
 from workbench.diagnostics.named_subspaces import named_subspaces
-from workbench.diagnostics.null_space import WEAK, Direction, directions, dominant
+from workbench.diagnostics.null_space import WEAK, Direction, directions
 from workbench.problem import Problem
 from workbench.problem.rounding import half_squared
 from workbench.reading.facts import facts

@@ -4,9 +4,10 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from workbench.blocks.directions import dominant
 from workbench.diagnostics.conditioning import PARALLEL
 from workbench.diagnostics.diagnosis import Diagnosis
-from workbench.diagnostics.null_space import Direction, dominant
+from workbench.diagnostics.null_space import Direction
 from workbench.diagnostics.structure import counted, gathered, named_groups
 from workbench.diagnostics.wording import Finding
 from workbench.errors import some_of

@@ -9,6 +9,7 @@ from scipy.sparse import csc_array
 
 from workbench.arrays import Array
 from workbench.blocks import Layout
+from workbench.blocks.directions import ALIKE, dominant
 from workbench.diagnostics.eliminated_jacobian import EliminatedJacobian
 from workbench.diagnostics.named_subspaces import NamedSubspace, named_subspaces
 from workbench.diagnostics.point import Point
@@ -21,7 +22,6 @@ from workbench.threads import limited_threads
 
 WEAK = 0.99  # sigmas per yardstick; a prior as wide as the yardstick has 1
 LISTED = 12  # weak directions that are looked for where there are no singular values
-ALIKE = 1e-6  # entries of a direction that differ by less count as equal
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,11 +222,3 @@ def along_axes(v: Array, motion: NamedSubspace) -> str:
     first = first / (float(np.linalg.norm(first)) or 1.0)
     terms = [f"{c:.2f} {a}" for c, a in zip(first, "xyz", strict=True) if abs(c) > 1e-6]
     return terms[0].split()[1] if len(terms) == 1 else " + ".join(terms).replace("+ -", "- ")
-
-
-def dominant(v: Array, free: Layout, most: int = 4) -> str:
-    """The largest entries of a direction: `0.71 betas[3] - 0.70 trans[z] + ...`."""
-    size = np.round(abs(v) / abs(v).max() / ALIKE)  # so that rounding does not shuffle equals
-    order = [int(i) for i in np.argsort(-size, kind="stable") if size[i] * ALIKE > 0.05]
-    terms = [f"{'-' if v[i] < 0 else '+'} {abs(v[i]):.2f} {free.label(i)}" for i in order[:most]]
-    return " ".join(terms).removeprefix("+ ") + (" + ..." if len(order) > most else "")

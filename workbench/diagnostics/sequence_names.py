@@ -8,8 +8,8 @@ from scipy.sparse import csc_array
 
 from workbench.arrays import Array, Mask
 from workbench.blocks import Layout
+from workbench.blocks.directions import dominant
 from workbench.diagnostics.named_subspaces import NamedSubspace, named_subspaces
-from workbench.diagnostics.null_space import dominant
 from workbench.diagnostics.single_frames import SingleFrames
 from workbench.diagnostics.sparse_bases import FRESH
 from workbench.diagnostics.structure import counted, gathered

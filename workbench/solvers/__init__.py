@@ -10,6 +10,7 @@ from workbench.solvers.damping import Damped
 from workbench.solvers.dogleg import Dogleg, RadiusRule, chumpy, textbook
 from workbench.solvers.gauss_newton import GaussNewton
 from workbench.solvers.ipopt import Ipopt
+from workbench.solvers.iterate import Evaluations, Iterate
 from workbench.solvers.levenberg_marquardt import LevenbergMarquardt
 from workbench.solvers.line_search import backtracking, full_step
 from workbench.solvers.newton import Newton
@@ -19,9 +20,7 @@ from workbench.solvers.scaling import columns, identity
 from workbench.solvers.scipy import Scipy
 from workbench.solvers.solution import (
     Callback,
-    Evaluations,
     Hypothesis,
-    Iterate,
     Solution,
     Solver,
     Status,

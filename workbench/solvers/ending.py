@@ -1,58 +1,22 @@
 """How a run ended, judged by the problem at the best point."""
 
-from typing import NamedTuple, Protocol
+from dataclasses import replace
 
 import numpy as np
 
 from workbench.arrays import Array, Mask
 from workbench.blocks import Layout
 from workbench.errors import some_of
-from workbench.problem import Linearization, Problem
+from workbench.problem import Linearization
 from workbench.problem.optimality import hidden
 from workbench.problem.rounding import half_squared
-from workbench.solvers.best import Best
-from workbench.solvers.limits import Options, Stop
-from workbench.solvers.linearization_cache import LinearizationCache
-from workbench.solvers.rounding_noise import RoundingNoise
-from workbench.solvers.sensitivity import Sensitivity, lost
+from workbench.solvers.blindness import before_blind
+from workbench.solvers.ended import NAMED, Ended, Ending
+from workbench.solvers.limits import Stop
+from workbench.solvers.no_minimum import unless_no_minimum
+from workbench.solvers.sensitivity import lost
 from workbench.solvers.solution import Status
 from workbench.solvers.wrapping import rewrapped
-
-NAMED = 6  # unknowns in a message; there may be thousands
-
-
-class Ended(Protocol):
-    """A run that is over, as far as its end is judged by it; see `Run`.
-
-    Attributes:
-        problem: the problem that was solved.
-        limits: the limits and tolerances of the solver.
-        x: (n,) the start.
-        fixed: the fixed numbers.
-        best: the best point.
-        linearizations: the last linearization.
-        sensitivity: the longest column of each unknown on the way.
-        rounding_noise: the rounding errors along the run.
-    """
-
-    problem: Problem
-    limits: Options
-    x: Array
-    fixed: Array
-    best: Best
-    linearizations: LinearizationCache
-    sensitivity: Sensitivity
-    rounding_noise: RoundingNoise
-
-
-class Ending(NamedTuple):
-    """How a run ended; see the fields of the same names of `Solution`."""
-
-    status: Status
-    message: str
-    optimality: float = np.nan
-    lost: tuple[str, ...] = ()
-    unnoticed: tuple[str, ...] = ()
 
 
 def ending(run: Ended, stop: Stop) -> Ending:
@@ -75,25 +39,30 @@ def ending(run: Ended, stop: Stop) -> Ending:
     labels, unread, unnoticed = (
         tuple(free.labels_of(np.flatnonzero(m))) for m in (gone, never & ~read, never & read)
     )
+    found = Ending(status, message, optimality, labels, (*unread, *unnoticed))
     converged = optimality <= run.limits.gradient_tolerance
     if best.violation > 1:
         if status in (Status.CONVERGED, Status.STALLED):
-            status, message = Status.INFEASIBLE, _violation(run)
-    elif gone.any() and (converged or status in (Status.CONVERGED, Status.STALLED)):
-        names = some_of(labels, NAMED)
-        status, message = Status.LOST, Status.LOST.value.replace("some unknowns", names)
-    elif converged:
-        status, message = Status.CONVERGED, Status.CONVERGED.value
+            return replace(found, status=Status.INFEASIBLE, message=_violation(run))
+        return found
+    if gone.any() and (converged or status in (Status.CONVERGED, Status.STALLED)):
+        return before_blind(run, gone, found)
+    found = unless_no_minimum(run, here, found, converged)
+    if found.status in (Status.SADDLE, Status.VALLEY):
+        return found
+    if converged:
+        message = Status.CONVERGED.value
         if unread:
             message += f" (no residual reads {some_of(unread, NAMED)})"
         if unnoticed:
             names = some_of(unnoticed, NAMED)
             message += f" (no residual changes with {names} where its Jacobian was computed)"
-    elif status in (Status.CONVERGED, Status.STALLED):
+        return replace(found, status=Status.CONVERGED, message=message)
+    if status in (Status.CONVERGED, Status.STALLED):
         if status is Status.CONVERGED:
             status, message = Status.STALLED, Status.STALLED.value
-        message = _hidden(run, here, free) or message
-    return Ending(status, message, optimality, labels, (*unread, *unnoticed))
+        return replace(found, status=status, message=_hidden(run, here, free) or message)
+    return found
 
 
 def _judged(run: Ended, x: Array) -> Linearization:
@@ -105,12 +74,12 @@ def _judged(run: Ended, x: Array) -> Linearization:
 def _lost(run: Ended, here: Linearization) -> Mask:
     """Which unknowns (n,) are lost: the residual changed with them, but not at the best point."""
     x, rounding = run.best.x, run.rounding_noise.at(run.best.x, here)
-    gone = run.sensitivity.gone(x, run.x, here, run.problem.support, rounding)
+    gone = run.sensitivity.gone(x, here, run.problem.support, rounding)
     if not gone.any():
         return gone
     start = _judged(run, run.x)
     residual = lambda to: run.problem.residual(to, run.fixed)  # noqa: E731
-    return lost(gone, x, start, run.x, here, rounding, residual)
+    return lost(gone, x, run.sensitivity.size(x), start, here, rounding, residual)
 
 
 def _wrapped(run: Ended, here: Linearization, optimality: float) -> tuple[Linearization, float]:

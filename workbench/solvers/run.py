@@ -18,12 +18,13 @@ from workbench.problem.storage import Stored, entries
 from workbench.solvers.abilities import refuse
 from workbench.solvers.best import Best
 from workbench.solvers.ending import ending
+from workbench.solvers.iterate import Evaluations, Iterate
 from workbench.solvers.limits import Options, Stop, guarded, stop_of, unwarned
 from workbench.solvers.linearization_cache import LinearizationCache
 from workbench.solvers.meter import Meter
 from workbench.solvers.rounding_noise import RoundingNoise
 from workbench.solvers.sensitivity import Sensitivity
-from workbench.solvers.solution import Callback, Evaluations, Iterate, Solution, Status
+from workbench.solvers.solution import Callback, Solution, Status
 from workbench.solvers.wrapping import rewrapped
 from workbench.threads import limited_threads
 
@@ -58,7 +59,7 @@ class Run:
         self.stopped: Stop | None = None
         self.not_finite = 0  # points in a row at which the residual was NaN or infinite
         self.met_not_finite = -2  # how long the trace was when the last of them was met
-        self.sensitivity = Sensitivity(self.x.size)
+        self.sensitivity = Sensitivity(self.x)
         self._unpolished = 0  # tries in a row that did not lead to a more stationary point
         self.linearizations = LinearizationCache()
         self.rounding_noise = RoundingNoise(problem, self.fixed, self.linearizations)
@@ -115,7 +116,7 @@ class Run:
         here = self.evaluate("jacobian", lambda: self.problem.linearize_at(x, self.fixed))
         if not isfinite(self._kept(x, here.cost if here.finite else np.inf, here)):
             raise Stop(Status.NOT_FINITE)
-        self.sensitivity.observe(here)
+        self.sensitivity.observe(x, here)
         self.rounding_noise.age += 1
         return self.linearizations.keep(x, here)
 
@@ -160,6 +161,11 @@ class Run:
         self.not_finite = 0
         self.best.offer(x, cost, violation)
         return cost
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether somebody has pressed Ctrl-C."""
+        return self._interrupts.pressed
 
     # Iterates.
 
@@ -277,22 +283,18 @@ class Run:
     def solution(self) -> Solution:
         """The best point and how the run ended, which is STOPPED after Ctrl-C, even at its end."""
         stop = self.stopped or Stop(Status.STALLED)
-        with closing(self._interrupts), unwarned():
-            status, message, optimality, lost, unnoticed = ending(self, stop)
-        if self._interrupted or self._interrupts.pressed:
-            late = ", after it had converged" if status is Status.CONVERGED else ""
-            status, message = Status.STOPPED, INTERRUPTED + late
+        with closing(self._interrupts), unwarned(), limited_threads():
+            told = vars(ending(self, stop))
+        if self._interrupted or self.interrupted:
+            late = ", after it had converged" if told["status"] is Status.CONVERGED else ""
+            told |= {"status": Status.STOPPED, "message": INTERRUPTED + late}
         return Solution(
-            self.problem.free.unpack(self.best.x, self._around),
-            self.best.cost,
-            optimality,
-            status,
-            message,
-            self.name,
-            Evaluations(**self.meter.counts),
-            self.meter.seconds,
-            tuple(self.trace),
-            max(self.best.violation, 0.0) if np.isfinite(self.best.cost) else 0.0,
-            lost,
-            unnoticed,
+            values=self.problem.free.unpack(self.best.x, self._around),
+            cost=self.best.cost,
+            solver=self.name,
+            evaluations=Evaluations(**self.meter.counts),
+            seconds=self.meter.seconds,
+            trace=tuple(self.trace),
+            violation=max(self.best.violation, 0.0) if np.isfinite(self.best.cost) else 0.0,
+            **told,
         )

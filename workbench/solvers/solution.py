@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, astuple, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from enum import Enum
 from pathlib import Path
 from typing import Any, Protocol
@@ -15,11 +15,22 @@ from workbench.problem import Problem
 from workbench.reading.archive import open_arrays
 from workbench.reading.damage import taken_for
 from workbench.reading.expected import doubles, nothing_else, read_expected, texts
-from workbench.reading.facts import Facts, amount, duration, facts_in, number, several, text
+from workbench.reading.facts import (
+    Facts,
+    amount,
+    duration,
+    facts_in,
+    number,
+    several,
+    text,
+    whole,
+)
 from workbench.reading.facts import facts as facts_of
+from workbench.solvers.iterate import Evaluations, Iterate
 from workbench.writing import replacing
 
-FACTS, VALUE, TRACE, HYPOTHESES = "solution", "value:", "trace:", "hypotheses:"  # in a file
+FACTS, VALUE, TRACE = "solution", "value:", "trace:"  # in a file
+HYPOTHESES, LOWER = "hypotheses:", "lower:"
 Row = tuple[Any, ...]  # all of an Iterate but its values
 
 
@@ -27,13 +38,21 @@ class Status(Enum):
     """How a solve ended; the value says what to do next."""
 
     CONVERGED = (
-        "the gradient, or what bounds and constraints leave of it, vanishes here, as at a minimum; "
-        "it would also vanish at a saddle point or a maximum"
+        "the gradient, or what bounds and constraints leave of it, vanishes here, as at a minimum, "
+        "and no direction was found along which the cost falls"
+    )
+    SADDLE = (
+        "the gradient vanishes, but this is no minimum: the cost falls along a direction; start "
+        "from the `lower` point of the solution, which lies there"
     )
     STALLED = "no step lowers the cost although the gradient does not vanish; diagnose the problem"
     LOST = (
-        "the residual does not change with some unknowns here, although it did on the way, and "
-        "says nothing about them; start nearer, bound them, or give them a prior"
+        "the residual no longer changes with some unknowns, although it did on the way, and says "
+        "nothing about them; start nearer, bound them, or give them a prior"
+    )
+    VALLEY = (
+        "the cost falls along a valley without end as some unknowns run off, and has no minimum "
+        "there; bound them, give them a prior, or choose other unknowns, such as their inverses"
     )
     MAX_ITERATIONS = "out of iterations; raise max_iterations or start nearer"
     MAX_EVALUATIONS = "out of evaluations; raise max_evaluations or start nearer"
@@ -43,61 +62,6 @@ class Status(Enum):
     RAISED = "the residual raised an exception; see the message"
     TOO_LARGE = "memory does not suffice for what the solver asks for; see the message"
     STOPPED = "stopped by the callback or from the keyboard; the best point so far was kept"
-
-
-@dataclass(frozen=True)
-class Evaluations:
-    """The number of evaluations of each kind.
-
-    Attributes:
-        residual: of the residual, and so of the cost.
-        gradient: of the cost and its gradient.
-        jacobian: of the residual and its Jacobian.
-        hessian: of the exact Hessian of the cost.
-        constraint: of the values, the Jacobian or the Hessian of the constraints.
-    """
-
-    residual: int = 0
-    gradient: int = 0
-    jacobian: int = 0
-    hessian: int = 0
-    constraint: int = 0
-
-    @property
-    def total(self) -> int:
-        """All evaluations but those of the constraints."""
-        return self.residual + self.gradient + self.jacobian + self.hessian
-
-    def __add__(self, other: "Evaluations") -> "Evaluations":
-        """The evaluations of both."""
-        return Evaluations(*(a + b for a, b in zip(astuple(self), astuple(other), strict=True)))
-
-
-@dataclass(frozen=True, eq=False)
-class Iterate:
-    """One point that a solver visited.
-
-    Attributes:
-        values: the values of the free blocks.
-        cost: the cost at the point.
-        optimality: `Problem.optimality`, 0 at a stationary point; NaN where it was not computed.
-        step_norm: the length of the step from the iterate before, in the units of the unknowns.
-        damping: the damping after the step, or by how much the Hessian was changed; 0 for solvers
-            that have neither.
-        evaluations: the evaluations up to here.
-        seconds: the time up to here, in s.
-        linear_algebra: the factorization that gave the step to this point; empty where it is not
-            known.
-    """
-
-    values: Values
-    cost: float
-    optimality: float
-    step_norm: float
-    damping: float
-    evaluations: Evaluations
-    seconds: float
-    linear_algebra: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,10 +100,17 @@ class Solution:
         violation: by how many tolerances the worst constraint is exceeded; up to 1 the point is
             feasible.
         lost: labels of the lost unknowns: the residual changed with them on the way, and no longer
-            does at this point.
+            did where the run ended. If the status is LOST, this point is the best one before that.
+        lost_since: for each of the first of these, the number of the iterate from which on the
+            residual did not change with it; empty for any other status.
         unnoticed: labels of unknowns whose columns of the Jacobian were zero at all points where it
             was computed.
         hypotheses: the minima that several starts led to, this one first; empty for one start.
+        running: labels of the unknowns that run off along a valley without end.
+        lower: if the status is SADDLE, values beside the saddle where the cost is lower, from which
+            to start again; else None.
+        judging: the evaluations by which the end was judged after the run. They are not among
+            `evaluations`, and no limit of the solver applies to them.
     """
 
     values: Values
@@ -155,6 +126,10 @@ class Solution:
     lost: tuple[str, ...] = ()
     unnoticed: tuple[str, ...] = ()
     hypotheses: tuple[Hypothesis, ...] = ()
+    lost_since: tuple[int, ...] = ()
+    running: tuple[str, ...] = ()
+    lower: Values | None = None
+    judging: Evaluations = field(default_factory=Evaluations)
 
     @property
     def converged(self) -> bool:
@@ -186,6 +161,9 @@ class Solution:
             "lost": self.lost,
             "unnoticed": self.unnoticed,
             "trace": [list(asdict(replace(i, values={})).values())[1:] for i in self.trace],
+            "lost_since": self.lost_since,
+            "running": self.running,
+            "judging": asdict(self.judging),
             "hypotheses": [[h.cost, h.status.name, h.starts, h.violation] for h in self.hypotheses],
         }
         arrays = {FACTS: np.array(json.dumps(facts))}
@@ -194,6 +172,7 @@ class Solution:
             arrays[TRACE + name] = np.array([i.values[name] for i in self.trace])
             if self.hypotheses:
                 arrays[HYPOTHESES + name] = np.array([h.values[name] for h in self.hypotheses])
+        arrays |= {LOWER + name: value for name, value in (self.lower or {}).items()}
         with replacing(path) as temporary, temporary.open("wb") as file:
             np.savez_compressed(file, **arrays)  # type: ignore[arg-type]  # its bool has another name
 
@@ -219,6 +198,9 @@ class Solution:
                 expected[TRACE + name] = doubles(len(rows), *shape) if rows else doubles(0)
                 if minima:
                     expected[HYPOTHESES + name] = doubles(len(minima), *shape)
+            lower = any(key.startswith(LOWER) for key in archive.headers)
+            if lower:
+                expected |= {LOWER + name: doubles(*shape) for name, shape in shapes.items()}
             nothing_else(archive, (*expected, FACTS))
             arrays = read_expected(archive, expected)
             found = _solution(facts, rows, arrays, tuple(shapes))
@@ -226,11 +208,17 @@ class Solution:
             Hypothesis({name: arrays[HYPOTHESES + name][i] for name in shapes}, *one)
             for i, one in enumerate(minima)
         )
-        return replace(found, hypotheses=tuple(several_minima))
+        beside = {name: arrays[LOWER + name] for name in shapes} if lower else None
+        return replace(found, hypotheses=tuple(several_minima), lower=beside)
 
 
 def _solution(facts: Facts, rows: Sequence[Row], arrays: Values, names: Sequence[str]) -> Solution:
-    """The solution from arrays that are checked already. Raises BadFile for wrong facts."""
+    """The solution from arrays that are checked already. Raises BadFile for wrong facts.
+
+    Older files lack some of the facts.
+    """
+    since = facts.several("lost_since", whole) if "lost_since" in facts.entries else ()
+    judging = facts.facts("judging") if "judging" in facts.entries else None
     return Solution(
         values={name: arrays[VALUE + name] for name in names},
         cost=facts.amount("cost"),
@@ -247,6 +235,9 @@ def _solution(facts: Facts, rows: Sequence[Row], arrays: Values, names: Sequence
         violation=facts.amount("missed") if "missed" in facts.entries else 0.0,
         lost=facts.several("lost", text) if "lost" in facts.entries else (),
         unnoticed=facts.several("unnoticed", text) if "unnoticed" in facts.entries else (),
+        lost_since=since,
+        running=facts.several("running", text) if "running" in facts.entries else (),
+        judging=Evaluations() if judging is None else _evaluations(judging),
     )
 
 

@@ -10,18 +10,24 @@ from workbench.errors import BadArgument
 from workbench.interrupts import Interrupts
 from workbench.problem import Problem
 from workbench.solvers.abilities import Abilities
+from workbench.solvers.iterate import Evaluations, Iterate
 from workbench.solvers.levenberg_marquardt import LevenbergMarquardt
 from workbench.solvers.run import INTERRUPTED
 from workbench.solvers.solution import (
     Callback,
-    Evaluations,
-    Iterate,
     Solution,
     Solver,
     Status,
 )
 
-GOES_ON = (Status.CONVERGED, Status.STALLED, Status.MAX_ITERATIONS, Status.INFEASIBLE)
+GOES_ON = (
+    Status.CONVERGED,
+    Status.SADDLE,
+    Status.VALLEY,
+    Status.STALLED,
+    Status.MAX_ITERATIONS,
+    Status.INFEASIBLE,
+)
 
 
 @dataclass(frozen=True)

@@ -15,12 +15,12 @@ from workbench.interrupts import Interrupts
 from workbench.problem import Problem
 from workbench.processes.forked import forked
 from workbench.solvers.abilities import Abilities
+from workbench.solvers.iterate import Evaluations
 from workbench.solvers.levenberg_marquardt import LevenbergMarquardt
 from workbench.solvers.minima import clusters, further_minima
 from workbench.solvers.run import INTERRUPTED
 from workbench.solvers.solution import (
     Callback,
-    Evaluations,
     Hypothesis,
     Solution,
     Solver,

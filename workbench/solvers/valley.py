@@ -1,0 +1,95 @@
+"""Whether a run went along a valley without end: the cost falls for ever as some unknowns grow.
+
+exp(-x) has no least square, nor has any model that is the better the larger one of its numbers is.
+A run shows this if some unknowns grew to its last iterates, without slowing down as they do near a
+minimum. Then they are taken further and further, the others follow by Gauss-Newton steps, and there
+is a valley if the cost never rises.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from workbench.arrays import Array, Mask
+from workbench.problem.rounding import fall, half_squared
+from workbench.solvers.end_point import EndPoint
+from workbench.solvers.iterate import Iterate
+
+ITERATES = 5  # at least: fewer show no tendency
+GROWN = 0.02  # of an unknown's size, in the last quarter of a run
+SLOWED = 0.3  # of the growth in the quarter before: at a minimum it is much less
+BEYOND = 3.0  # times its value at the start, at least: how large such an unknown has become
+NEAR = (0.01, 0.1, 0.3, 0.6, 1.0, 1.7, 3.0, 5.0, 8.0, 15.0, 30.0)  # times the way so far: each
+FARTHER = (*NEAR, 100.0, 1e4, 1e6, 1e8)  # of these is tried; at a minimum between, the cost rises
+SURELY = 8  # of these, at least, must be tried; beyond, the residual may be infinite
+FOLLOWED = 5  # Gauss-Newton steps of the other unknowns at each of them
+SHORTER = (1.0, 0.25, 0.06)  # parts of such a step that are tried
+
+
+def valley(
+    end: EndPoint, start: Array, trace: Sequence[Iterate], noticed: Mask, converged: bool
+) -> Mask | None:
+    """The unknowns (n,) that run off while the cost falls; None if none do, or after few iterates.
+
+    `start` (n,) is the first point of the trace, and `noticed` (n,) are the unknowns that changed
+    the residual by more than rounding. If the run has `converged`, its last step must
+    also be about as long as those before.
+    """
+    if len(trace) < ITERATES or not np.isfinite(end.here.cost):
+        return None
+    last, pack = len(trace) - 1, end.problem.free.pack
+    middle, late, previous, final = (trace[k] for k in (last // 2, (3 * last) // 4, last - 1, last))
+    quarters, there = (pack(middle.values), pack(late.values)), pack(final.values)
+    noise = end.noise
+    running = _running(end, start, *quarters, end.x)
+    if final.cost <= end.here.cost + noise:  # the best point may be one of several at its cost
+        running |= _running(end, start, *quarters, there)
+    running &= noticed & (end.x != start)
+    if converged and running.any():
+        step, way = np.abs(there - pack(previous.values)), np.abs(there - quarters[1])
+        running &= step > SLOWED * way / (last - (3 * last) // 4)
+    if not running.any() or not middle.cost > end.here.cost + noise:
+        return None
+    way, tried = np.where(running, end.x - start, 0.0), 0
+    at = _followed(end, end.x, running, noise)
+    before = end.residual(at)
+    for times in FARTHER:
+        at = _followed(end, np.where(running, end.x + times * way, at), running, noise)
+        r = end.residual(at)
+        if not np.isfinite(r).all():
+            break
+        if fall(before, r) < -end.rounding.of_fall(before, r != before):
+            return None
+        before, tried = r, tried + 1
+    return running if tried >= SURELY else None
+
+
+def _running(end: EndPoint, start: Array, middle: Array, late: Array, final: Array) -> Mask:
+    """The unknowns (n,) that grew as fast in the last quarter of the run as before."""
+    before, now = late - middle, final - late
+    size = np.abs(final)
+    grew = (size >= BEYOND * np.abs(start)) & (np.abs(now) > GROWN * size)
+    grew &= np.abs(now) > SLOWED * np.abs(before)
+    grew &= (now * before > 0) & (now * final > 0)
+    limit = np.where(now > 0, end.problem.upper, end.problem.lower)
+    return np.asarray(grew & ~np.isfinite(limit))
+
+
+def _followed(end: EndPoint, x: Array, running: Mask, noise: float) -> Array:
+    """The point after the unknowns that do not run have followed, by Gauss-Newton steps."""
+    rest = np.flatnonzero(~running)
+    low, high = end.problem.lower, end.problem.upper
+    for _ in range(FOLLOWED if rest.size else 0):
+        here = end.linearize(x)
+        if not here.finite:
+            return x
+        full = np.zeros_like(x)
+        full[rest] = here.columns(rest).step()
+        for part in SHORTER:
+            to = np.clip(x + part * full, low, high)
+            if half_squared(end.residual(to)) < here.cost - noise:
+                x = to
+                break
+        else:
+            return x
+    return x
