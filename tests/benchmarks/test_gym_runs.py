@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.gym import page
+from benchmarks.gym import checked, page
 from benchmarks.gym.cases import CASES, NEW
 from benchmarks.gym.looks import HEAD, LOG, looked
 from benchmarks.gym.peers import ALL, AS_IT_COMES, Peer
@@ -197,6 +197,10 @@ def test_the_page_is_written_from_the_numbers_that_are_kept() -> None:
         for half in ("tuning", "untouched")
         if (path := PLACE / "results" / f"gym-{half}.json").exists()
     }
-    assert (PLACE / "GYM.md").read_text() == "\n".join(page.lines(kept)) + "\n"
+    file = PLACE / "results" / "gym-ends.csv"
+    ends = list(checked.read(file)) if file.exists() else []
+    told = page.lines(kept, checked.lines(ends) if ends else ())
+    assert (PLACE / "GYM.md").read_text() == "\n".join(told) + "\n"
+    assert {end.case for end in ends} <= {one.name for one in tuning()}
     assert [name for name, _ in kept["tuning"]["cases"]] == [one.name for one in tuning()]
     assert set(kept["tuning"]["solvers"]) == set(ALL)
