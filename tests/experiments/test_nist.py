@@ -17,7 +17,11 @@ from workbench.solvers import SOLVERS, LevenbergMarquardt
 NAMES = [experiment.name for experiment in SUITES["nist"]]
 EACH = pytest.mark.parametrize("name", NAMES)
 GRADIENT_TOLERANCE = 1e-12
-MOST_DIGITS = ("levenberg-marquardt-columns", "ipopt-exact")
+LEAST_DIGITS = {  # of any run; identity scaling loses some where the tightest fit is Lanczos3
+    "trust-region": 7.5,
+    "levenberg-marquardt-columns": 8,
+    "ipopt-exact": 8,
+}
 
 
 def built(name: str, start: int = 1) -> tuple[Setup, KnownAnswer]:
@@ -119,7 +123,7 @@ def test_a_solver_finds_the_answer_from_the_near_start(name: str) -> None:
     assert digits(solution.values, known.values) >= 4
 
 
-@pytest.mark.parametrize("solver", MOST_DIGITS)
+@pytest.mark.parametrize("solver", LEAST_DIGITS)
 def test_all_twenty_four_runs_are_solved_to_ten_digits_in_the_mean(solver: str) -> None:
     """Digits of the worst parameter, capped at 11; who claims to have converged has."""
     options: Any = SOLVERS[solver]
@@ -133,7 +137,7 @@ def test_all_twenty_four_runs_are_solved_to_ten_digits_in_the_mean(solver: str) 
             found.append(min(11, digits(solution.values, known.values)))
             assert solution.optimality < 1e-9
     assert len(found) == 24
-    assert min(found) > 8
+    assert min(found) > LEAST_DIGITS[solver]
     assert np.mean(found) >= 10
 
 
