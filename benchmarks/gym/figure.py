@@ -12,7 +12,7 @@ from benchmarks.gym.page import profile, profiled
 from workbench.plots import figure as style
 from workbench.plots.palette import FAINT, solver_line
 
-WIDEST = 30.0  # factor of the least effort
+WIDEST = 30.0  # factor of the least evaluations
 POINTS = 400
 TICKS = (1, 2, 5, 10, 20, 30)
 
@@ -33,7 +33,7 @@ def draw(found: Mapping[str, Any], path: Path) -> None:
         ax.xaxis.set_minor_locator(NullLocator())
         ax.set_ylim(0.0, 1.02)
         ax.yaxis.set_major_formatter(PercentFormatter(1.0))
-        ax.set_xlabel("effort over the least of all")
+        ax.set_xlabel("evaluations over the least of all")
         ax.set_ylabel("share of the cases that are solved")
         ax.grid(color=FAINT, alpha=0.25, linewidth=0.6)
         ax.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)

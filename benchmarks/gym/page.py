@@ -12,12 +12,14 @@ from benchmarks.gym.case import Case
 from benchmarks.gym.runs import Kept
 from workbench.arrays import Array
 from workbench.comparison.profiles import performance_profile
+from workbench.solvers import DEFAULT
 
-FACTORS = (1, 2, 5, 10)
-DEFAULT = "levenberg-marquardt"
+FACTORS = (1, 1.25, 1.5, 2, 3, 5, 10)
+LEAST, PRICED = "evaluations", "effort"  # what a profile counts
 TRF = ("peer trf", "peer trf, jac")
 PROFILED = (  # of those that were run: a profile depends on who takes part
     DEFAULT,
+    "levenberg-marquardt",
     "levenberg-marquardt-columns",
     "gauss-newton",
     "dogleg",
@@ -45,8 +47,8 @@ with its own limits. `peer` is `scipy.optimize.least_squares` without the workbe
 `jac` its option `x_scale="jac"`.
 
 A performance profile is the share of the cases that a solver solves with at most so many times the
-effort of the best one of the profile (Dolan and Moré 2002). Effort is counted in evaluations of the
-residual, at the prices of `workbench.comparison.prices`.
+evaluations of the best one of the profile (Dolan and Moré 2002). A second table counts effort
+instead, which is evaluations of the residual at the prices of `workbench.comparison.prices`.
 """
 
 ENDS = """## Ends that are called converged
@@ -87,10 +89,10 @@ def read(path: Path) -> dict[str, Any]:
     return found
 
 
-def efforts(found: Mapping[str, Any], solvers: Sequence[str]) -> Array:
-    """(P, S) effort until the target, infinite where it was not met."""
+def efforts(found: Mapping[str, Any], solvers: Sequence[str], by: str) -> Array:
+    """(P, S) evaluations or effort until the target, infinite where it was not met."""
     columns = [
-        np.where(np.array(row["solved"], bool), row["effort"], np.inf)
+        np.where(np.array(row["solved"], bool), row[by], np.inf)
         for row in (found["solvers"][name] for name in solvers)
     ]
     return np.column_stack(columns)
@@ -101,9 +103,9 @@ def profiled(found: Mapping[str, Any]) -> list[str]:
     return [name for name in PROFILED if name in found["solvers"]]
 
 
-def profile(found: Mapping[str, Any], factors: Sequence[float] = FACTORS) -> Array:
+def profile(found: Mapping[str, Any], factors: Sequence[float] = FACTORS, by: str = LEAST) -> Array:
     """(len(factors), S) the performance profile of the `profiled` solvers."""
-    return performance_profile(efforts(found, profiled(found)), factors)
+    return performance_profile(efforts(found, profiled(found), by), factors)
 
 
 def lost(found: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -150,11 +152,12 @@ def _half(half: str, found: Mapping[str, Any]) -> Iterator[str]:
         median = np.median(np.array(row["evaluations"])[solved]) if solved.any() else np.nan
         yield f"| {name} | {solved.sum()} of {solved.size} | {false} | {median:,.0f} |"
     names = profiled(found)
-    yield "\nThe performance profile, by factors of the least effort:\n"
-    yield "| solver | " + " | ".join(f"{factor:g}" for factor in FACTORS) + " |"
-    yield "| --- |" + " --: |" * len(FACTORS)
-    for name, shares in zip(names, profile(found).T, strict=True):
-        yield f"| {name} | " + " | ".join(f"{share:.1%}" for share in shares) + " |"
+    for by in (LEAST, PRICED):
+        yield f"\nThe performance profile, by factors of the least {by}:\n"
+        yield "| solver | " + " | ".join(f"{factor:g}" for factor in FACTORS) + " |"
+        yield "| --- |" + " --: |" * len(FACTORS)
+        for name, shares in zip(names, profile(found, by=by).T, strict=True):
+            yield f"| {name} | " + " | ".join(f"{share:.1%}" for share in shares) + " |"
     yield f"\n![Performance profiles on the {half} cases](results/gym-{half}.svg)\n"
     missing = lost(found)
     if missing:

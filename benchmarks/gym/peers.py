@@ -9,7 +9,7 @@ import scipy.optimize
 from workbench.blocks import Values
 from workbench.problem import Problem
 from workbench.problem.storage import dense
-from workbench.solvers import SOLVERS, LevenbergMarquardt, Solver, Status
+from workbench.solvers import DEFAULT, SOLVERS, Solver, Status
 
 TIGHT = 1e-15
 
@@ -80,9 +80,9 @@ PEERS = {
     "peer lm": Peer("lm"),
 }
 LEFT_OUT = ("nlopt-mlsl",)  # it needs bounds
-AS_IT_COMES = "levenberg-marquardt, as it comes"
+AS_IT_COMES = f"{DEFAULT}, as it comes"
 ALL: dict[str, Any] = {
     **{name: one for name, one in SOLVERS.items() if name not in LEFT_OUT},
-    AS_IT_COMES: AsItComes(LevenbergMarquardt()),
+    AS_IT_COMES: AsItComes(SOLVERS[DEFAULT]),
     **PEERS,
 }
