@@ -18,6 +18,7 @@ from workbench.experiments.synthetic_people import likely_person, random_start
 from workbench.fitting.setup import Setup
 
 JACOBIAN = (
+    "trust-region",
     "levenberg-marquardt",
     "levenberg-marquardt-columns",
     "gauss-newton",
@@ -26,7 +27,7 @@ JACOBIAN = (
     "scipy-lm",
 )
 GENERAL = ("ipopt", "ipopt-lbfgs", "sqp", "nlopt-lbfgs", "nlopt-slsqp")
-BOUNDED = ("levenberg-marquardt", "scipy-trf", "scipy-dogbox", "nlopt-bobyqa")
+BOUNDED = ("trust-region", "levenberg-marquardt", "scipy-trf", "scipy-dogbox", "nlopt-bobyqa")
 CONSTRAINED = ("ipopt", "ipopt-exact", "ipopt-lbfgs", "sqp", "nlopt-slsqp")
 MANY = 1000  # unknowns
 
@@ -207,7 +208,7 @@ TEMPERAMENTS: Mapping[str, Temperament] = {
                 Experiment("tridiagonal", tridiagonal, "Broyden's, 1,000 unknowns"),
                 *_of("bodies", "video"),
             ),
-            ("levenberg-marquardt", "gauss-newton", "scipy-trf", *GENERAL),
+            ("trust-region", "levenberg-marquardt", "gauss-newton", "scipy-trf", *GENERAL),
             3,
         ),
         Temperament(
@@ -215,7 +216,7 @@ TEMPERAMENTS: Mapping[str, Temperament] = {
             "a program that cannot be differentiated computes the residual, and there are at most "
             "six unknowns",
             _near(),
-            ("levenberg-marquardt", "scipy-lm", "nlopt-lbfgs", "nlopt-bobyqa"),
+            ("trust-region", "levenberg-marquardt", "scipy-lm", "nlopt-lbfgs", "nlopt-bobyqa"),
             2,
         ),
         Temperament(
