@@ -9,15 +9,14 @@ from matplotlib.axes import Axes
 from workbench.plots.palette import FAINT, LINES, MARKERS
 from workbench.training.progress import LogEntry
 
-TERMS = ("E_D", "E_Y", "E_J", "E_P", "E_W")
 NOTHING = 1e-6  # of the last cost: a term below is rounding, and not drawn
 
 
 def plot_costs(log: Sequence[LogEntry], *, ax: Axes) -> Axes:
-    """The cost after every block, the whole and by term."""
+    """The cost after every block, the whole and by the terms of the log."""
     at = np.arange(len(log) + 1)
     least = NOTHING * sum(log[-1].after.values())
-    for i, term in enumerate(TERMS):
+    for i, term in enumerate(log[0].before):
         costs = [log[0].before[term], *(entry.after[term] for entry in log)]
         if max(costs) > least:
             shown = np.where(np.array(costs) > least, costs, np.nan)

@@ -39,6 +39,15 @@ def test_costs_are_drawn_block_by_block() -> None:
     assert "falls in 1 of 2 blocks" in caption_costs(rising)
 
 
+def test_every_term_of_the_log_is_drawn() -> None:
+    before, after = ({**ZERO, "E_D": cost, "E_T": cost / 4} for cost in (100.0, 10.0))
+    with house_style():
+        _, (ax,) = sheet(5, 4)
+        plot_costs((LogEntry("surfaces", before, after, {}, 1.0),), ax=ax)
+    drawn = {line.get_label(): list(line.get_ydata()) for line in ax.get_lines()}
+    assert drawn == {"E_D": [100, 10], "E_T": [25, 2.5], "all": [125, 12.5]}
+
+
 def test_shares_and_errors_are_drawn_in_their_units() -> None:
     with house_style():
         figure, axes = sheet(8, 4, 2)
