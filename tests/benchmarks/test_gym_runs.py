@@ -187,7 +187,11 @@ def made_up() -> dict[str, object]:
 def test_a_profile_compares_with_the_best_and_never_with_a_failure() -> None:
     found = made_up()
     assert page.profiled(found) == ["trust-region", "peer trf"]
-    assert page.profile(found, (1, 3, 4), by=page.PRICED).tolist() == [[0.5, 0.5], [0.5, 0.5], [0.5, 1.0]]
+    assert page.profile(found, (1, 3, 4), by=page.PRICED).tolist() == [
+        [0.5, 0.5],
+        [0.5, 0.5],
+        [0.5, 1.0],
+    ]
     assert page.lost(found) == [(SMALL[1].name, SMALL[1].family)]
 
 

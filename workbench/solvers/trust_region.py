@@ -8,7 +8,7 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.problem import Linearization, Problem
-from workbench.problem.steps import LinearAlgebra, Step, automatic
+from workbench.problem.steps import LinearAlgebra, Step, sparing
 from workbench.solvers.abilities import Abilities, Boxes, Derivative
 from workbench.solvers.box_step import box_step
 from workbench.solvers.damped_length import step_within
@@ -48,7 +48,7 @@ class TrustRegion:
     Attributes:
         first_radius: the first radius, in the units of the unknowns; None for the length of the
             start.
-        linear_algebra: how the step is computed; `automatic` chooses a factorization.
+        linear_algebra: how the step is computed; `sparing` chooses a factorization.
         max_iterations: the largest number of steps.
         max_evaluations: the largest number of evaluations of the residual, its gradient, its
             Jacobian and its Hessian together.
@@ -59,7 +59,7 @@ class TrustRegion:
     """
 
     first_radius: float | None = None
-    linear_algebra: LinearAlgebra = automatic
+    linear_algebra: LinearAlgebra = sparing
     max_iterations: int = 2_000
     max_evaluations: int = 10_000
     max_seconds: float = 600.0
