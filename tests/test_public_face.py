@@ -63,6 +63,7 @@ WORKBENCH = [
     "TargetOutcome",
     "Trained",
     "TriangleBody",
+    "TrustRegion",
     "Values",
     "View",
     "WorkbenchError",
@@ -98,6 +99,7 @@ RESIDUALS = [
     "vertices",
 ]
 SOLVERS = [
+    "trust-region",
     "gauss-newton",
     "gauss-newton-full",
     "levenberg-marquardt",

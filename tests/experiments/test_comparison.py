@@ -52,7 +52,7 @@ def test_the_outcome_names_who_found_less() -> None:
     less = replace(outcome.solution, cost=0.9 * outcome.solution.cost)
     poor = replace(outcome, compared=outcome.compared | {"ipopt": less})
     assert poor.better == "ipopt"
-    assert poor.excess("levenberg-marquardt") == pytest.approx(1 / 0.9 - 1)
+    assert poor.excess("trust-region") == pytest.approx(1 / 0.9 - 1)
     barely = replace(outcome.solution, cost=(1 - 1e-8) * outcome.solution.cost)
     assert replace(outcome, compared=outcome.compared | {"ipopt": barely}).better is None
 
@@ -125,7 +125,7 @@ def test_an_interrupt_ends_the_comparison_and_keeps_what_there_is(
     assert outcome.interrupted
     assert "comparing: nlopt-lbfgs" not in told
     assert outcome.skipped == ("nlopt-lbfgs",) if keeps else ("gauss-newton", "nlopt-lbfgs")
-    assert set(outcome.compared) == {"levenberg-marquardt", *(["gauss-newton"] if keeps else [])}
+    assert set(outcome.compared) == {"trust-region", *(["gauss-newton"] if keeps else [])}
 
 
 def test_an_interrupt_of_the_solver_itself_ends_it_too() -> None:

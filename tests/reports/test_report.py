@@ -72,7 +72,7 @@ def test_the_summary_is_json_without_nan(folder: Path) -> None:
     assert summary["measures"][1] == {"name": "unknown", "value": None, "unit": "mm", "over": ""}
     assert summary["versions"]["casadi"]
     assert set(summary["files"]) == FILES
-    assert set(summary["compared"]) == {"levenberg-marquardt", "gauss-newton", "nlopt-lbfgs"}
+    assert set(summary["compared"]) == {"trust-region", "gauss-newton", "nlopt-lbfgs"}
     assert summary["better"] is None
     assert summary["best_cost"] == outcome_made_up().best_cost
     assert sum(summary["costs"].values()) == pytest.approx(summary["cost"])
@@ -149,11 +149,11 @@ def test_another_solver_that_found_less_is_named_with_how_much(tmp_path: Path) -
     said = f"ipopt found a lower cost from the same start: {tables.number(cost / 2, 6)}, which is"
     text = page.read_text(encoding="utf-8")
     assert said in text
-    assert "(50.0%) less than levenberg-marquardt found" in text
+    assert "(50.0%) less than trust-region found" in text
     assert 'class="ending"' in text  # not the green of a good end
     summary = json.loads((page.parent / "summary.json").read_text(encoding="utf-8"))
     assert summary["better"] == "ipopt"
-    assert summary["compared"]["levenberg-marquardt"]["excess"] == pytest.approx(1.0)
+    assert summary["compared"]["trust-region"]["excess"] == pytest.approx(1.0)
     assert summary["best_cost"] == cost / 2
 
 

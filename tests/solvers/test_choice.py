@@ -28,7 +28,7 @@ def test_what_is_seen_of_a_linear_problem_is_exact() -> None:
 
 def test_a_linear_problem_needs_no_damping() -> None:
     advice = recommend(line(), {"x": np.zeros(3)})
-    assert advice.solver == "levenberg-marquardt"
+    assert advice.solver == "trust-region"
     assert "gauss-newton" in advice.others
 
 

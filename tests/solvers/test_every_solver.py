@@ -16,7 +16,7 @@ import scipy.optimize
 from tests.solvers.problems import TRUTH, body_fit, decay, line, rosenbrock
 from workbench import SOLVERS, Block, Problem, Residual, Status, Values, solve, solvers
 from workbench.errors import BadArgument, NotSupported, UnknownName
-from workbench.solvers import Boxes, Iterate, LevenbergMarquardt, Nlopt, Solution
+from workbench.solvers import DEFAULT, Boxes, Iterate, Nlopt, Solution
 from workbench.solvers.abilities import check_abilities
 
 LOCAL = [name for name, solver in SOLVERS.items() if not solver.abilities.is_global]
@@ -163,7 +163,7 @@ def test_bounds_are_honoured_or_refused(name: str) -> None:
     problem, start = decay(bounds=BOUNDS)
     if name not in BOUNDED:
         with pytest.raises(
-            NotSupported, match=r"takes no bounds.*bounds x; use levenberg-marquardt, ipopt"
+            NotSupported, match=r"takes no bounds.*bounds x; use trust-region, ipopt"
         ):
             SOLVERS[name].solve(problem, start)
         return
@@ -345,6 +345,7 @@ def test_the_start_is_left_alone(name: str) -> None:
 
 
 COME_BACK = (
+    "trust-region",
     "gauss-newton",
     "levenberg-marquardt",
     "levenberg-marquardt-columns",
@@ -445,9 +446,9 @@ def test_an_exception_in_the_residual_ends_the_run(
 # The catalogue.
 
 
-def test_levenberg_marquardt_is_asked_unless_told_otherwise() -> None:
+def test_a_trust_region_is_asked_unless_told_otherwise() -> None:
     problem, start = decay()
-    assert solve(problem, start).solver == LevenbergMarquardt().solve(problem, start).solver
+    assert solve(problem, start).solver == DEFAULT == "trust-region"
     other = solve(problem, start, SOLVERS["gauss-newton"])
     assert isinstance(other, Solution)
     assert other.solver == "gauss-newton"
