@@ -157,6 +157,24 @@ def test_constraints_are_not_judged() -> None:
     assert solution.converged
 
 
+# Flat minima.
+
+
+def test_a_combination_that_changes_nothing_is_named() -> None:
+    """Two decays of equal rates: only the sum of their amplitudes matters."""
+    t, b = np.linspace(0, 3, 12), Block("x", (3,)).symbol
+    noise = 0.1 * np.random.default_rng(0).standard_normal(12)
+    rows = (b[0] + b[1]) * cs.exp(-t) + b[2] * t - 1 - noise
+    flat = solve(of(rows), {"x": [0.3, 0.1, 0.0]})
+    assert flat.converged
+    assert "the cost hardly depends on 0.71 x[0] - 0.71 x[1], so that" in flat.message
+    both = solve(of(rows + 1e-3 * (b[0] - b[1])), {"x": [0.3, 0.1, 0.0]})
+    assert both.message == Status.CONVERGED.value
+    b = Block("x", (4,)).symbol
+    twice = solve(of(b[0] + b[1] - 1, b[2] + b[3] - 2, 0.1 * b[0] + 0.1 * b[1]), {"x": np.ones(4)})
+    assert "2 directions change no residual here" in twice.message
+
+
 # Counting.
 
 
