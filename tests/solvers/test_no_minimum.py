@@ -137,22 +137,22 @@ def test_bounds_that_hold_the_fall_make_a_minimum() -> None:
     assert solution.lower is not None
     assert solution.lower["x"][0] > 0
     # x[1] is pressed against its bound, and bends down more than x[0], which is on a ridge
-    bent = 1 + XY[1] - 50 * XY[1] ** 2
-    pressed = of(XY[0] ** 2 - 1, bent, bounds={"x[1]": (0.0, 0.005)})
+    bent = 1 + XY[1] - 5e6 * XY[1] ** 2
+    pressed = of(XY[0] ** 2 - 1, bent, bounds={"x[1]": (0.0, 5e-8)})
     solution = solve(pressed, {"x": [0.0, 0.0]})
     assert solution.status is Status.SADDLE
     assert "1.00 x[0], from" in solution.message
-    alone = of(bent, XY[0], bounds={"x[1]": (0.0, 0.005)})
+    alone = of(bent, XY[0], bounds={"x[1]": (0.0, 5e-8)})
     assert solve(alone, {"x": [0.0, 0.0]}).converged
 
 
 def test_a_lower_minimum_beyond_a_barrier_makes_no_saddle() -> None:
-    """Two shallow wells at 1,000 and 1,050: from the bottom of the higher one the cost rises."""
-    u = (X - 1025) / 25
+    """Two shallow wells at 946 and 1,050: from the bottom of the higher one the cost rises."""
+    u = (X - 998) / 52
     problem = of(cs.sqrt(2 + 2e-9 * ((u**2 - 1) ** 2 + 0.3 * u)))
     higher = float(max(np.roots([4, 0, -4, 0.3]).real))
     for at, falls in ((higher, False), (float(sorted(np.roots([4, 0, -4, 0.3]).real)[1]), True)):
-        x = np.array([1025 + 25 * at])
+        x = np.array([998 + 52 * at])
         here = problem.linearize_at(x, np.zeros(0))
         rounding = problem.rounding(x, np.zeros(0), here.residual)
         end = EndPoint(problem, np.zeros(0), x, here, rounding, np.abs(x), 1e-6, lambda: None)
