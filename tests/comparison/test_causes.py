@@ -6,10 +6,11 @@ import pytest
 
 from tests.comparison.problems import SLIDE, Liar, lost_well, slide
 from workbench import Block, LevenbergMarquardt, Problem, Residual, compare
-from workbench.comparison import Budget, Cause
+from workbench.comparison import Budget, Cause, TargetOutcome
 from workbench.comparison.curvature import SADDLE, least_curvature
 from workbench.comparison.end_analysis import EndAnalysis, analyse_ends
-from workbench.experiments import Setup, find
+from workbench.comparison.words import advice
+from workbench.experiments import Experiment, Setup, find
 from workbench.problem import Constraint
 
 
@@ -99,3 +100,27 @@ def test_each_end_of_a_comparison_has_its_cause() -> None:
     assert stayed == {Cause.STOPPED_EARLY}
     short = compare([SLIDE], solvers, budget=Budget(max_evaluations=3))
     assert short.causes["slide, start 0", "levenberg-marquardt"] is Cause.LIMIT
+
+
+def test_a_stop_at_a_saddle_is_counted_as_one() -> None:
+    """Both wells of the slide are known from other starts; the top between them is a saddle."""
+    ridge = Experiment("ridge", _ridge, "", {})
+    found = compare([ridge], {"lm": LevenbergMarquardt(), "stays": Liar()}, seeds=2)
+    assert {run: record.claim for run, record in found.records.items() if run[1] == "lm"} == {
+        ("ridge, start 0", "lm"): "SADDLE",
+        ("ridge, start 1", "lm"): "CONVERGED",
+    }
+    for solver in ("lm", "stays"):  # one says so, and the other does not
+        assert found.outcomes["ridge, start 0", solver] is TargetOutcome.SADDLE
+        assert found.causes["ridge, start 0", solver] is Cause.SADDLE
+        assert not found.delivered("ridge, start 0", solver, 0.9)
+    assert found.counted("lm")[TargetOutcome.REACHED] == 1
+    assert any("ends at a saddle point" in said for said in advice(found))
+
+
+def _ridge(start: int = 0) -> Setup:
+    """A start on the ridge between two minima, and one beside it."""
+    x = Block("x", (2,))
+    rows = cs.vertcat(x.symbol[0] ** 2 - 1, x.symbol[1], 1)
+    problem = Problem([Residual("r", rows, 1.0)], ["x"])
+    return Setup(problem, {"x": np.array([0.5 * start, 0.0])}, "is the ridge left?")

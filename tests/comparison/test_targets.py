@@ -70,6 +70,33 @@ def test_verdicts(run: object, lowest: bool | None, expected: TargetOutcome) -> 
     assert target_outcome(run, YARD, lowest, 1e-6) is expected  # type: ignore[arg-type]
 
 
+SADDLE, VALLEY, LOST = TargetOutcome.SADDLE, TargetOutcome.VALLEY, TargetOutcome.LOST
+
+
+@pytest.mark.parametrize(
+    ("run", "lowest", "at_saddle", "expected"),
+    [
+        (record("p", "s", [5.0]), False, True, SADDLE),  # whatever the solver says
+        (record("p", "s", [5.0], claim="SADDLE"), False, False, SADDLE),
+        (record("p", "s", [5.0], claim="SADDLE", optimality=0.1), None, False, None),
+        (record("p", "s", [5.0], claim="VALLEY"), False, False, VALLEY),
+        (record("p", "s", [5.0], claim="VALLEY", optimality=0.1), None, False, VALLEY),
+        (record("p", "s", [5.0], claim="LOST", optimality=0.1), False, False, LOST),
+        (record("p", "s", [1.0], claim="LOST", optimality=0.1), True, False, None),
+        (record("p", "s", [1.0], claim="SADDLE"), True, True, None),
+    ],
+)
+def test_ends_that_are_no_minimum(
+    run: object, lowest: bool | None, at_saddle: bool, expected: TargetOutcome | None
+) -> None:
+    """They are told from minima above the lowest cost; at the lowest cost, the cost decides."""
+    found = target_outcome(run, YARD, lowest, 1e-6, at_saddle)  # type: ignore[arg-type]
+    if expected is None:
+        assert found in (TargetOutcome.REACHED, TargetOutcome.STALLED)
+    else:
+        assert found is expected
+
+
 def test_the_lowest_cost_of_anybody_is_the_yardstick_of_all() -> None:
     found = comparison({("p", "a"): [9.0, 3.0], ("p", "b"): [9.0, 4.0]}, basins={("p", "b"): 1})
     assert found.yardsticks["p"].best == 3

@@ -11,6 +11,8 @@ from workbench import SOLVERS, Block, Problem, Residual, Solution, Status, resid
 from workbench.geometry.rotation import rodrigues
 from workbench.problem.bounds import Bounds
 from workbench.residuals.kernels import geman_mcclure
+from workbench.solvers.end_point import EndPoint
+from workbench.solvers.saddle import saddle
 
 LOCAL = [name for name in SOLVERS if name not in ("nlopt-mlsl", "nlopt-bobyqa")]
 X, XY = Block("x").symbol, Block("x", (2,)).symbol
@@ -134,8 +136,27 @@ def test_bounds_that_hold_the_fall_make_a_minimum() -> None:
     assert solution.status is Status.SADDLE
     assert solution.lower is not None
     assert solution.lower["x"][0] > 0
-    pressed = of(XY[0] ** 2 - 1 - XY[0], XY[1], bounds={"x[0]": (-3.0, 0.0)})  # rises from 0
-    assert solve(pressed, {"x": [-0.01, 1.0]}).status is not Status.SADDLE
+    # x[1] is pressed against its bound, and bends down more than x[0], which is on a ridge
+    bent = 1 + XY[1] - 5e6 * XY[1] ** 2
+    pressed = of(XY[0] ** 2 - 1, bent, bounds={"x[1]": (0.0, 5e-8)})
+    solution = solve(pressed, {"x": [0.0, 0.0]})
+    assert solution.status is Status.SADDLE
+    assert "1.00 x[0], from" in solution.message
+    alone = of(bent, XY[0], bounds={"x[1]": (0.0, 5e-8)})
+    assert solve(alone, {"x": [0.0, 0.0]}).converged
+
+
+def test_a_lower_minimum_beyond_a_barrier_makes_no_saddle() -> None:
+    """Two shallow wells at 946 and 1,050: from the bottom of the higher one the cost rises."""
+    u = (X - 998) / 52
+    problem = of(cs.sqrt(2 + 2e-9 * ((u**2 - 1) ** 2 + 0.3 * u)))
+    higher = float(max(np.roots([4, 0, -4, 0.3]).real))
+    for at, falls in ((higher, False), (float(sorted(np.roots([4, 0, -4, 0.3]).real)[1]), True)):
+        x = np.array([998 + 52 * at])
+        here = problem.linearize_at(x, np.zeros(0))
+        rounding = problem.rounding(x, np.zeros(0), here.residual)
+        end = EndPoint(problem, np.zeros(0), x, here, rounding, np.abs(x), 1e-6, lambda: None)
+        assert (saddle(end, 1) is not None) == falls
 
 
 def test_a_robust_minimum_is_no_saddle_and_a_robust_ridge_is_one() -> None:
@@ -155,6 +176,24 @@ def test_constraints_are_not_judged() -> None:
     """On a circle the cost may fall along the curve and along no line, which is left unsaid."""
     solution = SOLVERS["ipopt"].solve(*body_fit())
     assert solution.converged
+
+
+# Flat minima.
+
+
+def test_a_combination_that_changes_nothing_is_named() -> None:
+    """Two decays of equal rates: only the sum of their amplitudes matters."""
+    t, b = np.linspace(0, 3, 12), Block("x", (3,)).symbol
+    noise = 0.1 * np.random.default_rng(0).standard_normal(12)
+    rows = (b[0] + b[1]) * cs.exp(-t) + b[2] * t - 1 - noise
+    flat = solve(of(rows), {"x": [0.3, 0.1, 0.0]})
+    assert flat.converged
+    assert "the cost hardly depends on 0.71 x[0] - 0.71 x[1], so that" in flat.message
+    both = solve(of(rows + 1e-3 * (b[0] - b[1])), {"x": [0.3, 0.1, 0.0]})
+    assert both.message == Status.CONVERGED.value
+    b = Block("x", (4,)).symbol
+    twice = solve(of(b[0] + b[1] - 1, b[2] + b[3] - 2, 0.1 * b[0] + 0.1 * b[1]), {"x": np.ones(4)})
+    assert "2 directions change no residual here" in twice.message
 
 
 # Counting.
@@ -250,6 +289,8 @@ def test_the_best_point_before_an_unknown_went_blind_is_returned(name: str) -> N
     assert f"from iterate {since} on" in solution.message
     before = solution.trace[:since]
     assert solution.cost == min(iterate.cost for iterate in before)
+    k = int(np.argmin([iterate.cost for iterate in before]))
+    assert f"this is the best point before that, iterate {k};" in solution.message
     best = min(before, key=lambda iterate: iterate.cost)
     np.testing.assert_array_equal(solution.values["x"], best.values["x"])
     here = problem.linearize(solution.values)

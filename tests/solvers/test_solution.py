@@ -156,3 +156,34 @@ def test_files_from_before_there_were_constraints_are_read(tmp_path: Path) -> No
     assert old.cost == solution.cost
     assert old.violation == 0
     assert old.trace[-1].linear_algebra == ""
+
+
+def test_a_saddle_keeps_its_lower_point_and_a_valley_its_names(tmp_path: Path) -> None:
+    x = Block("x").symbol
+    saddle = solve(Problem((residuals.gaussian(x**2, mean=1.0),), ("x",)), {"x": 0.0})
+    valley = solve(Problem((residuals.gaussian(1 / x),), ("x",)), {"x": 1.0})
+    for found, status in ((saddle, Status.SADDLE), (valley, Status.VALLEY)):
+        assert found.status is status
+        found.save(tmp_path / "run.npz")
+        again = Solution.load(tmp_path / "run.npz")
+        assert_same(again, found)
+        assert (again.running, again.judging) == (found.running, found.judging)
+        if found.lower is None:
+            assert again.lower is None
+        else:
+            assert again.lower is not None
+            np.testing.assert_array_equal(again.lower["x"], found.lower["x"])
+
+
+def test_files_from_before_ends_were_judged_are_read(tmp_path: Path) -> None:
+    solution = some_solution()
+    solution.save(tmp_path / "run.npz")
+    with np.load(tmp_path / "run.npz") as archive:
+        arrays = dict(archive)
+    facts = json.loads(str(arrays["solution"]))
+    for name in ("lost_since", "running", "judging"):
+        del facts[name]
+    np.savez(tmp_path / "old.npz", **{**arrays, "solution": np.array(json.dumps(facts))})
+    again = Solution.load(tmp_path / "old.npz")
+    assert_same(again, solution)
+    assert (again.lost_since, again.running, again.judging.total) == ((), (), 0)

@@ -16,6 +16,7 @@ from tests.solvers.problems import body_fit
 from workbench import SOLVERS, LevenbergMarquardt, Spread, Starts, Status
 from workbench.errors import BadArgument, UnknownName
 from workbench.processes.forked import FORKING, ProcessDied, forked
+from workbench.reports.tables import hypotheses_table
 from workbench.solvers import Iterate, Solution, within_bounds
 from workbench.solvers.minima import all_seen, clusters, further_minima
 
@@ -219,3 +220,14 @@ def test_clusters_of_one_minimum_are_found_whatever_the_order() -> None:
     ends = [np.array([x]) for x in (4.0, 9.0, 4.0 + 1e-9, -7.0, 9.0)]
     assert clusters(problem, fixed, ends, least=1e-10) == ((0, 2), (1, 4), (3,))
     assert len(clusters(problem, fixed, ends)) == 4  # without noise no cost is left to compare with
+
+
+def test_a_minimum_above_the_lowest_is_not_shown_as_plain_success() -> None:
+    problem, start = waves()
+    solution = TWENTY.solve(problem, start)
+    shown = [row[-1] for row in hypotheses_table(solution).rows]
+    assert shown[0] == "converged"
+    converged = [one.status is wb.Status.CONVERGED for one in solution.hypotheses[1:]]
+    assert any(converged)
+    for said, good in zip(shown[1:], converged, strict=True):
+        assert (said == "converged, not lowest") == good

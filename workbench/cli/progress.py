@@ -12,7 +12,8 @@ from workbench.cli.output import rich_table
 from workbench.diagnostics import Diagnosis
 from workbench.experiments.running import Outcome
 from workbench.reports import tables
-from workbench.solvers import Iterate, Status
+from workbench.solvers import Iterate
+from workbench.solvers.minima import AS_GOOD
 
 ROWS = 12  # of the live table; the whole trace is in the report
 
@@ -145,7 +146,7 @@ def _comparison(outcome: Outcome) -> Table:
             str(s.iterations),
             str(s.evaluations.total),
             f"{s.seconds:.2f}",
-            s.status.name,
-            style="" if s.status is Status.CONVERGED else "yellow",
+            tables.status_said(outcome, name).upper(),
+            style="" if s.converged and outcome.excess(name) <= AS_GOOD else "yellow",
         )
     return table

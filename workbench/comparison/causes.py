@@ -3,22 +3,24 @@
 from collections.abc import Mapping
 from enum import Enum
 
-from workbench.comparison.curvature import SADDLE
 from workbench.comparison.end_analysis import ABOVE, EndAnalysis
 from workbench.comparison.record import Ending, Record
 from workbench.comparison.targets import LIMITS, Yardstick, stationary
 from workbench.experiments.relative_costs import relative_excess
+from workbench.solvers import Status
 
 
 class Cause(Enum):
     """Why an end costs more than 1.01 times the lowest cost known.
 
-    The first two are stationary points, the others are not: a solver was stopped on its way, or
-    gave up.
+    The first two are stationary points. Of the others, a solver found out the next two by its own
+    evaluations; at the rest, it was stopped on its way, or gave up.
     """
 
     SECOND_BASIN = "it is another minimum"
     SADDLE = "it is a saddle point: the cost falls along a direction of negative curvature"
+    VALLEY = "the cost falls along a valley without end, in which some unknowns run off"
+    LOST = "some unknowns no longer changed the residual on the way"
     LIMIT = "a limit of evaluations, iterations or time ended the run on its way"
     ROUNDING = "rounding of the residual leaves unknowns undetermined there"
     RANK = "the Jacobian has a lower rank there than at the lowest point"
@@ -35,10 +37,14 @@ def cause(
     excess = relative_excess(record.cost, yardstick.best, yardstick.start)
     if yardstick.alone or not excess > ABOVE - 1:
         return None
+    if record.claim == Status.VALLEY.name:
+        return Cause.VALLEY
     if stationary(record, tolerance):
         basin = ends.where[k]
-        bends = basin < len(ends.curvatures) and ends.curvatures[basin] < SADDLE
+        bends = ends.at_saddle(basin) or record.claim == Status.SADDLE.name
         return Cause.SADDLE if bends else Cause.SECOND_BASIN
+    if record.claim == Status.LOST.name:
+        return Cause.LOST
     if record.ending is Ending.CUT or record.claim in LIMITS:
         return Cause.LIMIT
     if ends.hidden[k]:

@@ -19,6 +19,11 @@ from workbench.comparison.record import Ending, Record, ended
 from workbench.comparison.targets import NEARLY, TAUS, TargetOutcome, Yardstick, target_outcome
 from workbench.experiments.relative_costs import share_left
 
+NO_ANSWER = (  # however near the lowest cost these ends are
+    TargetOutcome.OTHER_BASIN,
+    TargetOutcome.SADDLE,
+    TargetOutcome.ALONE,
+)
 MAIN = 1e-5  # the target by which solvers are told apart where one number has to do
 
 
@@ -146,11 +151,10 @@ class Comparison:
         found = {}
         for (instance, solver), record in self.records.items():
             yardstick, basin = self.yardsticks[instance], self.basins.get((instance, solver))
-            costs = self.end_analysis(instance).costs
-            lowest = None if basin is None else yardstick.near(costs[basin])
-            found[instance, solver] = target_outcome(
-                record, yardstick, lowest, self.design.budget.stationary
-            )
+            ends, tolerance = self.end_analysis(instance), self.design.budget.stationary
+            lowest = None if basin is None else yardstick.near(ends.costs[basin])
+            bends = basin is not None and ends.at_saddle(basin)
+            found[instance, solver] = target_outcome(record, yardstick, lowest, tolerance, bends)
         return found
 
     @cached_property
@@ -173,10 +177,7 @@ class Comparison:
         """Whether a run gave an answer by itself that meets a target, in no worse basin."""
         record = self.records[instance, solver]
         meets = self.yardsticks[instance].ends_below(record, tau)
-        fine = self.outcomes[instance, solver] not in (
-            TargetOutcome.OTHER_BASIN,
-            TargetOutcome.ALONE,
-        )
+        fine = self.outcomes[instance, solver] not in NO_ANSWER
         return record.ending is Ending.RETURNED and meets and fine
 
     def uncounted(self, instance: str, solver: str, tau: float = MAIN) -> bool:

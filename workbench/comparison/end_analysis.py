@@ -8,7 +8,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.comparison.basins import Basin, basins
-from workbench.comparison.curvature import least_curvature
+from workbench.comparison.curvature import SADDLE, least_curvature
 from workbench.comparison.explanation import Explanation, explain
 from workbench.comparison.record import Stored
 from workbench.errors import BadFile, listed
@@ -51,6 +51,10 @@ class EndAnalysis:
     points: Array = field(default_factory=lambda: np.zeros((0, 0)))
     explanations: dict[int, Explanation] = field(default_factory=dict)
     message: str = ""
+
+    def at_saddle(self, basin: int) -> bool:
+        """Whether the lowest point of a basin is a saddle; False where its curvature is unknown."""
+        return basin < len(self.curvatures) and self.curvatures[basin] < SADDLE
 
     def stored(self) -> Stored:
         """The analysis as facts and arrays; `of` reads them."""

@@ -32,6 +32,11 @@ class TargetOutcome(Enum):
     REACHED = "ended at the lowest cost known"
     ALONE = "is the only one that ended, and no cost is known to compare it with"
     OTHER_BASIN = "ended at a stationary point of another basin, where the cost is higher"
+    SADDLE = "ended at a saddle point, from which the cost falls along a direction"
+    VALLEY = "ended in a valley without end, along which some unknowns run off"
+    LOST = (
+        "came to where some unknowns no longer change the residual, and returned the point before"
+    )
     FALSE_CLAIM = "claims convergence at a point that is not stationary"
     STALLED = "gave up at a point that is not stationary"
     OUT_OF_BUDGET = "ran out of evaluations, iterations or time"
@@ -115,12 +120,25 @@ def ended_by_clock(record: Record) -> bool:
     return out_of_time or cut or record.ending is Ending.KILLED
 
 
+SAID = {  # of ends above the lowest cost: what a solver found out there by evaluations
+    Status.VALLEY.name: TargetOutcome.VALLEY,
+    Status.LOST.name: TargetOutcome.LOST,
+    Status.SADDLE.name: TargetOutcome.SADDLE,
+}
+
+
 def target_outcome(
-    record: Record, yardstick: Yardstick, lowest: bool | None, tolerance: float
+    record: Record,
+    yardstick: Yardstick,
+    lowest: bool | None,
+    tolerance: float,
+    at_saddle: bool = False,
 ) -> TargetOutcome:
     """What became of a run.
 
-    `lowest` says whether its end leads to the lowest cost known; None if that is not known.
+    `lowest` says whether its end leads to the lowest cost known; None if that is not known. If the
+    end is stationary, `at_saddle` says whether the curvature there is negative. What a solver says
+    of an end above the lowest cost is believed only where it is no praise.
     """
     if record.ending in EARLY:
         return EARLY[record.ending]
@@ -136,8 +154,10 @@ def target_outcome(
         return TargetOutcome.REACHED
     if settled and lowest:
         return TargetOutcome.REACHED
+    if record.claim in SAID and (settled or record.claim != Status.SADDLE.name):
+        return SAID[record.claim]
     if settled:
-        return TargetOutcome.OTHER_BASIN
+        return TargetOutcome.SADDLE if at_saddle else TargetOutcome.OTHER_BASIN
     if claims(record):
         return TargetOutcome.FALSE_CLAIM
     if record.ending is Ending.CUT or record.claim in LIMITS:

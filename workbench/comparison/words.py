@@ -191,6 +191,12 @@ def _lost(comparison: Comparison) -> list[str]:
                 f"In {elsewhere} of {runs} runs {solver} ends in a basin of higher cost: start it "
                 "from several points."
             )
+        saddles = counts[TargetOutcome.SADDLE]
+        if saddles:
+            out.append(
+                f"In {saddles} of {runs} runs {solver} ends at a saddle point, from which the cost "
+                "falls: start it again from the `lower` point of its solution."
+            )
     return out
 
 

@@ -9,7 +9,7 @@ from scipy.sparse import csc_array
 
 from workbench.arrays import Array
 from workbench.blocks import Layout
-from workbench.blocks.directions import ALIKE, dominant
+from workbench.blocks.directions import dominant, signed
 from workbench.diagnostics.eliminated_jacobian import EliminatedJacobian
 from workbench.diagnostics.named_subspaces import NamedSubspace, named_subspaces
 from workbench.diagnostics.point import Point
@@ -208,12 +208,6 @@ def _direction(
 def _mixed(v: Array, here: Linearization, free: Layout) -> Direction:
     v = signed(v)
     return Direction(dominant(v, free), "mixed", (), v, float(np.linalg.norm(here.along(v))))
-
-
-def signed(v: Array) -> Array:
-    """The vector scaled to length 1, the first of its largest entries positive."""
-    v = v / np.linalg.norm(v)
-    return np.asarray(v * np.sign(v[np.argmax(abs(v) > (1 - ALIKE) * abs(v).max())]))
 
 
 def along_axes(v: Array, motion: NamedSubspace) -> str:

@@ -9,13 +9,18 @@ from matplotlib.ticker import MaxNLocator
 
 from workbench.comparison import Comparison, TargetOutcome
 from workbench.diagnostics.structure import counted
+from workbench.errors import joined
 from workbench.plots.labels import plain
 from workbench.plots.palette import BLUE, FAINT, GREEN, INK, ORANGE, PURPLE, SKY, VERMILLION
 
+SADDLE, VALLEY, LOST = "#6a5acd", "#8c6d31", "#f0c987"  # seldom met: beside the palette's
 COLOURS = {
     TargetOutcome.REACHED: GREEN,
     TargetOutcome.ALONE: BLUE,
     TargetOutcome.OTHER_BASIN: SKY,
+    TargetOutcome.SADDLE: SADDLE,
+    TargetOutcome.VALLEY: VALLEY,
+    TargetOutcome.LOST: LOST,
     TargetOutcome.STALLED: ORANGE,
     TargetOutcome.OUT_OF_BUDGET: PURPLE,
     TargetOutcome.FALSE_CLAIM: VERMILLION,
@@ -50,6 +55,13 @@ def caption_verdicts(comparison: Comparison) -> str:
         text += " The longer the green bar, the better."
     if came[TargetOutcome.OTHER_BASIN]:
         text += " Light blue runs converged in another basin."
+    no_minimum = {
+        TargetOutcome.SADDLE: "at saddle points (violet)",
+        TargetOutcome.VALLEY: "in valleys without end (brown)",
+        TargetOutcome.LOST: "where unknowns no longer change the residual (sand)",
+    }
+    if met := [where for verdict, where in no_minimum.items() if came[verdict]]:
+        text += f" Some ended {joined(met)}."
     if came[TargetOutcome.FALSE_CLAIM]:
         text += " Vermillion runs claim convergence at points that are not stationary."
     else:

@@ -18,6 +18,7 @@ from workbench.experiments.running import Outcome
 from workbench.fitting.setup import Measure
 from workbench.residuals import Residual
 from workbench.solvers import Hypothesis, Solution, Status
+from workbench.solvers.minima import AS_GOOD
 
 SMALL = 24  # entries of a block that is listed number by number
 MOST = 3000  # entries of one that is listed row by row; what is larger is in the .npz alone
@@ -109,11 +110,21 @@ def interrupted_said(outcome: Outcome) -> str:
     return f"The {what} was cut short from the keyboard{lacks}."
 
 
+def status_said(outcome: Outcome, solver: str) -> str:
+    """How a solver ended, in words: `converged, not lowest` if another one found a lower cost."""
+    return _status(outcome.compared[solver].status, outcome.excess(solver) > AS_GOOD)
+
+
+def _status(status: Status, above: bool) -> str:
+    said = status.name.lower().replace("_", " ")
+    return f"{said}, not lowest" if above and status is Status.CONVERGED else said
+
+
 def solvers_table(outcome: Outcome) -> Table:
     """How each solver ended, with its time and its evaluations."""
     columns: Columns[tuple[str, Solution]] = {
         "solver": lambda of: of[0],
-        "status": lambda of: of[1].status.name.lower().replace("_", " "),
+        "status": lambda of: status_said(outcome, of[0]),
         "seconds": lambda of: f"{of[1].seconds:.2f}",
         "cost": lambda of: f"{of[1].cost:.8g}",
         "above the best": lambda of: number(outcome.excess(of[0]), 2),
@@ -134,7 +145,7 @@ def hypotheses_table(solution: Solution) -> Table:
         "cost": lambda of: f"{of[1].cost:.8g}",
         "starts": lambda of: str(len(of[1].starts)),
         "their numbers": lambda of: some_of(list(map(str, sorted(of[1].starts))), MOST_STARTS),
-        "best run": lambda of: of[1].status.name.lower().replace("_", " "),
+        "best run": lambda of: _status(of[1].status, of[0] > 1),
     }
     return Table.of(enumerate(solution.hypotheses, 1), columns, (0, 1, 2))
 

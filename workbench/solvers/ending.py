@@ -12,6 +12,7 @@ from workbench.problem.optimality import hidden
 from workbench.problem.rounding import half_squared
 from workbench.solvers.blindness import before_blind
 from workbench.solvers.ended import NAMED, Ended, Ending
+from workbench.solvers.flatness import flat_in_words
 from workbench.solvers.limits import Stop
 from workbench.solvers.no_minimum import unless_no_minimum
 from workbench.solvers.sensitivity import lost
@@ -57,6 +58,7 @@ def ending(run: Ended, stop: Stop) -> Ending:
         if unnoticed:
             names = some_of(unnoticed, NAMED)
             message += f" (no residual changes with {names} where its Jacobian was computed)"
+        message += flat_in_words(run.problem, best.x, here)
         return replace(found, status=Status.CONVERGED, message=message)
     if status in (Status.CONVERGED, Status.STALLED):
         if status is Status.CONVERGED:

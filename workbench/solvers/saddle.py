@@ -30,7 +30,7 @@ NEARLY_ZERO = 1e-9  # a number whose size says nothing of its unit
 DOUBLINGS = 10  # of the step to a lower point, as long as the cost falls on
 ACROSS = 0.1  # of 1/n: the least squared part of a random vector along any one direction
 FEW = 20  # unknowns up to which every direction is looked at, by gradients to both sides
-FEWEST, SHARE = 3, 6  # gradients otherwise, and one for so many evaluations of the run
+FEWEST, SHARE = 2, 10  # gradients otherwise, and one for so many evaluations of the run
 DENSE = 3000  # unknowns up to which an M that is an array is factorized
 
 Product = Callable[[Array], Array]

@@ -23,6 +23,7 @@ NEAR = (0.01, 0.1, 0.3, 0.6, 1.0, 1.7, 3.0, 5.0, 8.0, 15.0, 30.0)  # times the w
 FARTHER = (*NEAR, 100.0, 1e4, 1e6, 1e8)  # of these is tried; at a minimum between, the cost rises
 SURELY = 8  # of these, at least, must be tried; beyond, the residual may be infinite
 FOLLOWED = 5  # Gauss-Newton steps of the other unknowns at each of them
+IMPERFECT = 1e-6  # of the cost: what these steps may leave above the least
 SHORTER = (1.0, 0.25, 0.06)  # parts of such a step that are tried
 
 
@@ -58,7 +59,8 @@ def valley(
         r = end.residual(at)
         if not np.isfinite(r).all():
             break
-        if fall(before, r) < -end.rounding.of_fall(before, r != before):
+        left = IMPERFECT * half_squared(before) + end.rounding.of_fall(before, r != before)
+        if fall(before, r) < -left:
             return None
         before, tried = r, tried + 1
     return running if tried >= SURELY else None

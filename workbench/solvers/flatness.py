@@ -1,0 +1,54 @@
+"""Whether the cost hardly depends on some combination of unknowns at a minimum, in words."""
+
+import numpy as np
+import scipy.linalg
+
+from workbench.arrays import Array
+from workbench.blocks.directions import dominant, signed
+from workbench.problem import Linearization, Problem
+from workbench.problem.steps import EPS
+from workbench.solvers.ended import NAMED
+
+MOST = 300  # unknowns: with more, singular values take too long
+SUSPECT = 1e-6  # of the largest singular value: what J'J cannot tell from zero
+ROUNDS = 2  # of inverse iteration, each of which gains at least three digits
+
+
+def flat_in_words(problem: Problem, x: Array, here: Linearization) -> str:
+    """Which direction changes no residual at x (n,), or how many; empty if none does.
+
+    Zero columns, unknowns on bounds, and problems with constraints are left out. Singular values
+    are computed only if inverse iteration with J'J finds that the least one may be zero (Golub and
+    Van Loan, Matrix Computations, 2013, section 7.6.1).
+    """
+    inside = (here.column_norms > 0) & (x > problem.lower) & (x < problem.upper)
+    n = int(inside.sum())
+    if here.constraints is not None or here.estimated or not 0 < n <= MOST:
+        return ""
+    lengths = here.column_norms[inside]
+    normal = np.asarray(here.normal)[np.ix_(inside, inside)] / np.outer(lengths, lengths)
+    if not _suspect(normal):
+        return ""
+    unit = here.columns(np.flatnonzero(inside)).scaled(1 / lengths)
+    null = n - unit.rank
+    if null == 0:
+        return ""
+    so = "so that other values fit as well"
+    if null > 1:
+        return f" ({null} directions change no residual here, {so}; a diagnosis names them)"
+    direction = np.zeros(len(x))
+    direction[inside] = np.linalg.svd(unit.unit_triangle)[2][-1]
+    return f" (the cost hardly depends on {dominant(signed(direction), problem.free, NAMED)}, {so})"
+
+
+def _suspect(normal: Array) -> bool:
+    """Whether the least eigenvalue of J'J, its diagonal being 1, is zero up to its rounding."""
+    n = len(normal)
+    L, failed = scipy.linalg.lapack.dpotrf(normal + 10 * n * EPS * np.eye(n), lower=True)
+    if failed:
+        return True
+    v = np.random.default_rng(0).standard_normal(n)
+    for _ in range(ROUNDS):
+        v = scipy.linalg.cho_solve((L, True), v / np.linalg.norm(v), check_finite=False)
+    v /= np.linalg.norm(v)
+    return bool(v @ normal @ v <= SUSPECT**2 * n + 100 * n * EPS)
