@@ -53,11 +53,16 @@ def test_a_step_that_does_not_help_any_more_ends_the_run() -> None:
     assert around.solve(problem, start).status is Status.STALLED
 
 
-def test_a_linear_problem_takes_one_step() -> None:
+def test_a_linear_problem_takes_one_step_or_two_out_of_the_first_radius() -> None:
     problem, start = line()
-    solution = GaussNewton().solve(problem, start)
-    assert solution.status is Status.CONVERGED
-    assert solution.iterations == 1
+    for far in (1.0, 1e-6, 0.0):
+        solution = GaussNewton().solve(problem, {"x": far * start["x"]})
+        assert solution.status is Status.CONVERGED
+        assert solution.iterations == 2
+    whole = GaussNewton(line_search=full_step).solve(problem, start)
+    assert whole.status is Status.CONVERGED
+    assert whole.iterations == 1
+    assert GaussNewton().solve(problem, {"x": whole.values["x"] + 0.1}).iterations == 1
 
 
 def test_every_step_keeps_armijos_promise() -> None:

@@ -8,7 +8,7 @@ from workbench.arrays import Array, Mask
 from workbench.blocks import Values
 from workbench.problem import Linearization, Problem
 from workbench.problem.steps import EPS, LinearAlgebra, Step, automatic
-from workbench.solvers.abilities import Abilities, Boxes, Derivative
+from workbench.solvers.abilities import DAMPED, Abilities, Boxes, Derivative
 from workbench.solvers.damping import FASTEST_FALL, eased
 from workbench.solvers.run import Run
 from workbench.solvers.scaling import Scaling, identity
@@ -62,6 +62,7 @@ class LevenbergMarquardt:
         return Abilities(
             Derivative.JACOBIAN,
             Boxes.TAKEN,
+            first_step=DAMPED,
             source="Levenberg 1944; Marquardt 1963; Moré 1978; Nielsen 1999",
         )
 

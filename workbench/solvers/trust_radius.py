@@ -1,0 +1,38 @@
+"""How long a step may be: a radius around a point, inside of which its linear model is trusted.
+
+At a point far from a minimum the linear model may promise the most at a place that it knows nothing
+about. There an exponential underflows or a peak has left the data, no unknown changes the residual
+any more, and no way leads back.
+"""
+
+import numpy as np
+
+from workbench.arrays import Array
+
+FIRST = 0.9  # of the distance from zero: at zero itself roots and logarithms have no derivative
+GROWTH = 2.0  # of a step over the one before
+TRUSTED = 0.1  # of |J p|: how far the linear model may be off where a step may be longer still
+
+
+def first_radius(x: Array, D: Array, share: float = FIRST) -> float:
+    """The radius at the start x (n,) in the metric D (n,): a share of max(|D x|, 1), usually 0.9.
+
+    From a start that is not near zero, the first step thus does not lead as far as zero; from zero,
+    it is shorter than one unit. SciPy's trf begins with |D x|, and with 1 at zero; MINPACK with 100
+    |D x|, and with 100 at zero (Moré, The Levenberg-Marquardt algorithm: implementation and theory,
+    1978).
+    """
+    return share * max(float(np.linalg.norm(D * x)), 1.0)
+
+
+def radius_after(p: Array, change: Array, error: Array) -> float:
+    """How long the step after p (n,) may be: twice as long, and longer where the model was right.
+
+    `change` (m,) is J p, by which the linear model changed the residual, and `error` (m,) by how
+    much the residual at the end of the step is another one. The error grows as the square of the
+    length of a step, so that its share of the change grows as the length. The next step may be so
+    long that this share would be a tenth. So a linear problem is solved in two steps at most,
+    however far away it begins.
+    """
+    share = float(np.linalg.norm(error)) / max(float(np.linalg.norm(change)), 1e-300)
+    return float(np.linalg.norm(p)) * max(GROWTH, TRUSTED / max(share, 1e-16))
