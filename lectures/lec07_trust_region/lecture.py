@@ -290,8 +290,7 @@ for name in ("levenberg-marquardt", "dogleg"):
     tried(name)
 
 # %% [markdown]
-# With both ways to a shorter step, all runs end. Which is quicker depends on the problem; lecture 11 is
-# about comparing.
+# With both ways to a shorter step, all runs end. Lecture 11 is about which solver is quicker.
 #
 # ## What is long?
 #

@@ -9,7 +9,15 @@ from workbench import Block, Problem, Residual, Solution, Solver, Values
 from workbench.solvers import SOLVERS, Damped, Dogleg, GaussNewton, Ipopt, Sqp, chumpy, full_step
 from workbench.solvers.abilities import DAMPED, IN_A_RADIUS, OWN, WHOLE
 from workbench.solvers.run import Run
-from workbench.solvers.trust_radius import FIRST, GROWTH, TRUSTED, first_radius, radius_after
+from workbench.solvers.trust_radius import (
+    AGREED,
+    FIRST,
+    GROWTH,
+    TRUSTED,
+    first_radius,
+    radius_after,
+    trusted,
+)
 
 T = np.linspace(0, 5, 30)
 WIDE, WIDER = (1.5, 0.2), (3.0, 0.2)
@@ -73,6 +81,25 @@ def test_the_radius_after_a_step() -> None:
     assert radius_after(p, change, bent) == pytest.approx(0.5 * GROWTH)
     assert radius_after(p, change, bent / 100) == pytest.approx(0.5 * TRUSTED * 500)
     assert radius_after(p, change, 0 * bent) > 1e10
+
+
+def test_the_way_out_of_the_radius_ends_where_the_model_does() -> None:
+    """tanh bends away from its tangent at 0, which promises that the residual vanishes at 1."""
+    problem = Problem((Residual("bends", cs.tanh(Block("x").symbol) - 1, 1.0),), "x")
+    with Run("gauss-newton", GaussNewton(), problem, {"x": np.array(0.0)}, None) as run:
+        here = run.begin()
+        held = [
+            size * trusted(run, run.x, here, lambda times, p=size: np.array([times * p]), 1 / size)
+            for size in (1 / 64, 1 / 32, 0.9)
+        ]
+
+        def share(x: float) -> float:
+            return (here.cost - run.cost(np.array([x]))) / here.predicted_decrease(np.array([x]))
+
+        assert held[0] == held[1] > 1 / 32
+        assert share(held[0]) >= AGREED > share(2 * held[0])
+        assert held[2] == 0
+        assert run.meter.counts["jacobian"] == 1
 
 
 def test_no_step_is_longer_than_was_allowed_after_the_one_before() -> None:

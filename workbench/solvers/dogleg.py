@@ -12,7 +12,7 @@ from workbench.solvers.abilities import IN_A_RADIUS, WHOLE, Abilities, Boxes, De
 from workbench.solvers.run import Run
 from workbench.solvers.scaling import Scaling, identity
 from workbench.solvers.solution import Callback, Solution
-from workbench.solvers.trust_radius import FIRST, first_radius
+from workbench.solvers.trust_radius import FIRST, first_radius, trusted
 
 
 @dataclass(frozen=True)
@@ -72,10 +72,10 @@ class Dogleg:
     """Powell's dogleg: a trust-region method that needs one factorization for each iterate.
 
     The first radius is the length of the first Gauss-Newton step or, if that is longer, 0.9 of the
-    distance of the start from zero, or 0.9 near zero (see `trust_radius`); chumpy's rule takes the
-    Gauss-Newton step, however long it is. See Powell, A hybrid method for
-    nonlinear equations, 1970, and Madsen, Nielsen and Tingleff, Methods for non-linear least
-    squares problems, 2004, section 3.3.
+    distance of the start from zero, or 0.9 near zero, or as much as the linear model proves right
+    (see `trust_radius`); chumpy's rule takes the Gauss-Newton step, however long it is. See Powell,
+    A hybrid method for nonlinear equations, 1970, and Madsen, Nielsen and Tingleff, Methods for
+    non-linear least squares problems, 2004, section 3.3.
 
     Attributes:
         rule: how the radius follows the gain ratio: `textbook`, or `chumpy`, with which this is the
@@ -121,10 +121,9 @@ class Dogleg:
                 newton = self.linear_algebra(here, 0.0, np.ones_like(D))
                 if newton is None:
                     run.stall("the columns of the Jacobian are dependent; use automatic")
-                if not np.isfinite(radius):
-                    radius = first_radius(x, D, self.rule.first)
-                    radius = min(radius, float(np.linalg.norm(D * newton.p)))
                 cauchy = cauchy_point(here, D)
+                if not np.isfinite(radius):
+                    radius = self._first(run, x, here, newton.p, cauchy, D)
                 while True:
                     p = dogleg_step(newton.p, cauchy, D, radius)
                     gain_ratio = run.gain_ratio(x, here, x + p, here.predicted_decrease(p))
@@ -141,3 +140,16 @@ class Dogleg:
                 del here  # first: its memory serves the next one
                 x, here = run.move(x + p, 0.0, newton.by)
         return run.solution()
+
+    def _first(
+        self, run: Run, x: Array, here: Linearization, newton: Array, cauchy: Array, D: Array
+    ) -> float:
+        """The radius at the start x (n,)."""
+        length, radius = float(np.linalg.norm(D * newton)), first_radius(x, D, self.rule.first)
+        if length <= radius:
+            return length
+
+        def step(times: float) -> Array:
+            return dogleg_step(newton, cauchy, D, times * radius)
+
+        return radius * max(1.0, trusted(run, x, here, step, length / radius))

@@ -1,6 +1,7 @@
 """The Gauss-Newton method: the minimum of the linear model, then a line search towards it."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from workbench.solvers.abilities import IN_A_RADIUS, WHOLE, Abilities, Boxes, De
 from workbench.solvers.line_search import LineSearch, backtracking, full_step
 from workbench.solvers.run import Run
 from workbench.solvers.solution import Callback, Solution
-from workbench.solvers.trust_radius import first_radius, radius_after
+from workbench.solvers.trust_radius import first_radius, radius_after, trusted
 
 
 @dataclass(frozen=True)
@@ -20,9 +21,9 @@ class GaussNewton:
 
     Where J has no full rank, p is the shortest of the solutions. See Nocedal and Wright, Numerical
     Optimization, 2006, section 10.3. The line search begins inside a radius, so that no step leaps
-    to where nothing is known: the first step is shorter than the start is far from zero, or than 1
-    near zero, and each step is at most twice as long as the one before, or as long as the linear
-    model was right (see `trust_radius`).
+    to where nothing is known. The first step is shorter than the start is far from zero, or than 1
+    near zero, unless the linear model proves right farther out; each later step is at most twice as
+    long as the one before, or as long as the linear model was right (see `trust_radius`).
 
     Attributes:
         line_search: how far to go along p: `backtracking`, or `full_step`, which always takes the
@@ -67,8 +68,11 @@ class GaussNewton:
                 step = self.linear_algebra(here, 0.0, np.ones(len(x)))
                 if step is None:
                     run.stall("the columns of the Jacobian are dependent; damp, or use automatic")
-                p = step.p * min(1.0, radius / max(float(np.linalg.norm(step.p)), 1e-300))
-                length = self.line_search(run, x, here, p)
+                share = min(1.0, radius / max(float(np.linalg.norm(step.p)), 1e-300))
+                p, length = step.p * share, 0.0
+                if share < 1 and len(run.trace) == 1:
+                    length = trusted(run, x, here, partial(np.multiply, p), 1 / share)
+                length = length or self.line_search(run, x, here, p)
                 p *= length
                 if np.array_equal(x + p, x):
                     run.stall()
