@@ -4,7 +4,7 @@ import casadi as cs
 import numpy as np
 import pytest
 
-from tests.solvers.problems import rosenbrock
+from tests.solvers.problems import body_fit, rosenbrock
 from workbench import Block, Problem, Residual, Solution, Solver, Values
 from workbench.solvers import SOLVERS, Damped, Dogleg, GaussNewton, Ipopt, Sqp, chumpy, full_step
 from workbench.solvers.abilities import DAMPED, IN_A_RADIUS, OWN, WHOLE
@@ -100,6 +100,13 @@ def test_the_way_out_of_the_radius_ends_where_the_model_does() -> None:
         assert share(held[0]) >= AGREED > share(2 * held[0])
         assert held[2] == 0
         assert run.meter.counts["jacobian"] == 1
+
+
+def test_a_near_body_takes_no_more_jacobians_than_with_whole_steps() -> None:
+    whole = GaussNewton(line_search=full_step).solve(*body_fit())
+    within = GaussNewton().solve(*body_fit())
+    assert within.converged
+    assert within.evaluations.jacobian <= whole.evaluations.jacobian
 
 
 def test_no_step_is_longer_than_was_allowed_after_the_one_before() -> None:
