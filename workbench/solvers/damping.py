@@ -10,7 +10,7 @@ from workbench.arrays import Array
 from workbench.problem import Linearization
 from workbench.problem.storage import Stored, unblocked
 from workbench.solvers.run import Run
-from workbench.solvers.trust_radius import first_radius, trusted
+from workbench.solvers.trust_radius import first_radius
 
 FASTEST_FALL = 0.1  # of the damping in one step; the paper's 1/3 needs 4 more on a noiseless body
 RISE, RISES = 4.0, 8  # of the damping for each step that was tried in vain, and how many count
@@ -37,8 +37,7 @@ class Damped:
     gain ratio, as that of Levenberg and Marquardt does (Madsen, Nielsen and Tingleff, Methods for
     non-linear least squares problems, 2004, section 3.2). It vanishes at the solution of a problem
     that Gauss and Newton's method solves. At the start it is raised until the damped step is no
-    longer than the first radius, or than the linear model proves right (see `trust_radius`), so
-    that the first step does not leap. With
+    longer than the first radius (see `trust_radius`), so that the first step does not leap. With
     constraints there is no damping, for a line search then cuts steps for the sake of the
     constraints, too, and the first step is as long as they allow.
 
@@ -76,29 +75,12 @@ class DampedHessian:
             damping = min(self._next(self._last, x, here), LARGEST)
             self._damping = damping if damping > SMALLEST else 0.0
         else:
-            self._damping = self._first(x, here, largest)
+            radius = first_radius(x, np.ones_like(x))
+            while self._damping < LARGEST and not _length(here, self._damping * largest) <= radius:
+                self._damping *= 2.0
         H = _raised(unblocked(here.normal), self._damping * largest)
         self._last = Last(x.copy(), here.cost, here.gradient, H, self._tried)
         return H
-
-    def _first(self, x: Array, here: Linearization, largest: float) -> float:
-        """The damping at the start x (n,), the least with which the first step is trusted."""
-        problem, radius, least = self._run.problem, first_radius(x, np.ones_like(x)), self._damping
-
-        def damping(longest: float) -> float:
-            found = least
-            while found < LARGEST and not _length(here, found * largest) <= longest:
-                found *= 2.0
-            return found
-
-        def step(times: float) -> Array:
-            p = here.step(damping(times * radius) * largest)
-            return np.asarray(np.clip(x + p, problem.lower, problem.upper) - x)
-
-        longest = _length(here, least * largest) / radius
-        if longest <= 1:
-            return least
-        return damping(radius * max(1.0, trusted(self._run, x, here, step, longest)))
 
     @property
     def _tried(self) -> int:
