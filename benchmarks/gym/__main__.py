@@ -72,7 +72,7 @@ def _run(asked: argparse.Namespace, half: str, cases: tuple[Case, ...]) -> None:
 
 def _check(asked: argparse.Namespace, cases: tuple[Case, ...]) -> None:
     """Ends that are called converged, judged by differences."""
-    file = asked.runs / f"ends-{code_version()}.csv"
+    file = asked.runs / f"ends-{code_version()}-{checked.version()}.csv"
     if asked.again:
         file.unlink(missing_ok=True)
     solvers = {name: one for name, one in SOLVERS.items() if name in asked.solvers}

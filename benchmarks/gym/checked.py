@@ -29,6 +29,7 @@ from workbench.threads import limited_threads
 
 BUDGET = Budget(max_evaluations=2_000, max_seconds=10.0, gradient_tolerance=1e-6)
 RUNS = 2_000
+JUDGE = ("arithmetic", "high_precision", "verdicts", "checked")  # modules beside this one
 BROKEN, UNJUDGED = "BROKEN", "not judged"
 
 
@@ -70,6 +71,12 @@ class End:
 
 
 COLUMNS = tuple(field.name for field in fields(End))
+
+
+def version() -> str:
+    """A hash of what runs and judges, so that no verdict of an earlier judge is kept."""
+    files = (Path(__file__).with_name(f"{name}.py") for name in JUDGE)
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:8]
 
 
 def draw(cases: Sequence[Case], solvers: Mapping[str, Any], runs: int) -> dict[str, list[str]]:

@@ -138,8 +138,7 @@ class _Judged:
         )
         here = self.problem.linearize_at(self.x, self.fixed)
         explained = explained_by_rounding(self.x, here, self.problem.support, self.rounding)
-        measured = self.problem.support.norms(here.residual - r)  # rounding as it is, not at most
-        explained = np.maximum(explained, measured)
+        explained = explained + self.problem.support.norms(here.residual - r)  # as it is
         lengths = np.where(self.lengths > 0, self.lengths, 1.0)
         explained = explained + np.linalg.norm(r) * self.error / lengths
         shares = np.where(sizes > 0, sizes, 1.0)

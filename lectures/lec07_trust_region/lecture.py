@@ -335,8 +335,7 @@ for name in ("levenberg-marquardt", "dogleg", "trust-region"):
     tried(name)
 
 # %% [markdown]
-# With each of these ways to a shorter step, all runs end. Which is quicker depends on the problem;
-# lecture 11 is about comparing.
+# With each of these ways to a shorter step, all runs end. Lecture 11 is about which solver is quicker.
 #
 # ## What is long?
 #

@@ -73,7 +73,7 @@ for name in ("rosenbrock", "helical-valley"):
     table(name)
 
 # %% [markdown]
-# On the first the dogleg has the fewest iterations, on the second Levenberg-Marquardt. And an iteration
+# On the first Gauss-Newton has the fewest iterations, on the second Levenberg-Marquardt. And an iteration
 # is not the same thing for everybody: one of Gauss-Newton may try many steps, one of L-BFGS (a method
 # that knows gradients only, and builds a picture of the second derivatives from them) takes no Jacobian
 # at all. Nor does what solvers report of themselves mean the same: L-BFGS has come down to a cost of
@@ -87,11 +87,9 @@ for name in ("bard-far", "freudenstein-roth"):
 # %% [markdown]
 # On the second problem three of the four say `CONVERGED` at a cost of 24.5, although 0 can be reached.
 # They are not wrong: the gradient does vanish there. A *stationary point* is all that these methods can
-# see. On the first problem Gauss-Newton leaps to where the gradient vanishes because some unknowns no
-# longer change the residual at all, at more than two thousand times the least cost. The workbench
-# remembers that they did and says `LOST`; by the gradient alone that would be "converged" too. But
-# whoever counts "converged" counts all of these, and whoever compares times lets a solver win by
-# stopping early.
+# see. On the first problem Gauss-Newton stops at more than two thousand times the least cost, where no
+# step along its direction helps any more, and says `STALLED`. But whoever counts "converged" counts all
+# stationary points, and whoever compares times lets a solver win by stopping early.
 #
 # ## Counting what was spent
 #
@@ -130,7 +128,7 @@ with house_style():
 Picture(
     figure,
     "Cost above the least one known, as a share of that at the start. Left: all arrive, and who is "
-    "ahead changes on the way. Right: two arrive; the others stay at another stationary point. The "
+    "ahead changes on the way. Right: two arrive; the others stall on the way. The "
     "grey line is a target, the same for all. Below 1e-16 is drawn at 1e-16.",
 )
 
@@ -176,9 +174,9 @@ print(
 print(f"{'median, - as infinite':24}" + "".join(f"{t:21.0f}" for t in np.median(times, axis=0)))
 
 # %% [markdown]
-# Look at the last lines. By the **mean over the problems that were solved** Gauss-Newton is as quick as
+# Look at the last lines. By the **mean over the problems that were solved** Gauss-Newton is quicker than
 # the dogleg, though it fails on two more: the hard problems are left out of its mean. And one problem,
-# brown-dennis, makes up 43 % of the dogleg's mean. The median, with failures as infinite, has neither
+# brown-dennis, makes up 46 % of the dogleg's mean. The median, with failures as infinite, has neither
 # fault, but it is a single number.
 #
 # One target is not enough either. The far start of freudenstein-roth costs so much that $10^{-5}$ of
@@ -230,16 +228,16 @@ Picture(
     figure,
     "Performance profiles for the target 1e-5. At the left edge: how often a solver is the "
     "quickest of all. At the right edge: how often it arrives at all. L-BFGS is never the "
-    "quickest, and as reliable as the dogleg; Gauss-Newton is often the quickest, and the least "
-    "reliable.",
+    "quickest, and as reliable as the dogleg; Levenberg-Marquardt is mostly the quickest, and "
+    "Gauss-Newton the least reliable.",
 )
 
 # %% [markdown]
 # ## What a profile does not say
 #
 # The ratio is taken to the best *of those present*. Take one solver out, and on each problem on which
-# it was the best, another one becomes the best, and not always the same one. So the order of two
-# solvers can turn because a third one has left (Gould and Scott, 2016): a profile of many solvers is no
+# it alone was the best, another one becomes the best. So the order of two solvers can turn because a
+# third one has left (Gould and Scott, 2016): a profile of many solvers is no
 # ranking. To learn which of two is better, compare these two alone.
 
 # %%

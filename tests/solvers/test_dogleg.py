@@ -95,10 +95,13 @@ def test_the_cost_falls_with_every_iterate() -> None:
             assert (np.diff([i.cost for i in solution.trace]) < 0).all()
 
 
-def test_a_linear_problem_takes_one_step() -> None:
-    solution = Dogleg().solve(*line())
-    assert solution.status is Status.CONVERGED
-    assert solution.iterations == 1
+def test_a_linear_problem_takes_one_step_from_any_start() -> None:
+    problem, start = line()
+    for rule in (chumpy, Dogleg().rule):
+        for far in (1.0, 1e-6, 1e6):
+            solution = Dogleg(rule=rule).solve(problem, {"x": far * start["x"]})
+            assert solution.status is Status.CONVERGED
+            assert solution.iterations == 1
 
 
 def test_column_scaling_forgets_the_units() -> None:

@@ -4,7 +4,7 @@ import numpy as np
 
 from tests.solvers.problems import TRUTH, decay, line, rosenbrock
 from workbench import GaussNewton, Status
-from workbench.solvers import Solution, full_step
+from workbench.solvers import Solution, backtracking, full_step
 
 START, NEAR = np.array([1.0, 3.0, 0.0]), np.array([1.5, 1.0, 0.3])
 
@@ -53,11 +53,13 @@ def test_a_step_that_does_not_help_any_more_ends_the_run() -> None:
     assert around.solve(problem, start).status is Status.STALLED
 
 
-def test_a_linear_problem_takes_one_step() -> None:
+def test_a_linear_problem_takes_one_step_from_any_start() -> None:
     problem, start = line()
-    solution = GaussNewton().solve(problem, start)
-    assert solution.status is Status.CONVERGED
-    assert solution.iterations == 1
+    for search in (backtracking, full_step):
+        for far in (1.0, 1e-6, 1e6):
+            solution = GaussNewton(line_search=search).solve(problem, {"x": far * start["x"]})
+            assert solution.status is Status.CONVERGED
+            assert solution.iterations == 1
 
 
 def test_every_step_keeps_armijos_promise() -> None:

@@ -28,7 +28,7 @@ def solvers(
         None, "--for", help="Recommend solvers for an experiment or a Python file, with reasons."
     ),
 ) -> None:
-    """List the solvers: their derivatives, bounds, constraints, kind of search, and sources.
+    """List the solvers: derivatives, bounds, constraints, kind of search, first step, and sources.
 
     With --for, recommend one for a problem from its size, structure, bounds and conditioning.
     benchmarks/SOLVERS.md compares solvers on problems of each kind.
@@ -40,7 +40,7 @@ def solvers(
     listed = ALGORITHMS if nlopt else {name: s.abilities for name, s in SOLVERS.items()}
     console, heads = Console(), [*COLUMNS]
     wide = console.width >= WIDE
-    tables = [heads] if wide else [heads[:-1], [heads[0], heads[-1]]]
+    tables = [heads] if wide else [heads[:-2], [heads[0], *heads[-2:]]]
     for i, shown in enumerate(tables):
         if i:
             console.print()
@@ -72,5 +72,6 @@ COLUMNS: Columns[tuple[str, Abilities]] = {
     "bounds": lambda of: BOUNDS[of[1].bounds],
     "constraints": lambda of: _constraints(of[1]),
     "searches": lambda of: _looks(of[1]),
+    "first step": lambda of: of[1].first_step,
     "described in": lambda of: _described(of[1]),
 }

@@ -10,6 +10,7 @@ from workbench.arrays import Array
 from workbench.problem import Linearization
 from workbench.problem.storage import Stored, unblocked
 from workbench.solvers.run import Run
+from workbench.solvers.trust_radius import first_radius
 
 FASTEST_FALL = 0.1  # of the damping in one step; the paper's 1/3 needs 4 more on a noiseless body
 RISE, RISES = 4.0, 8  # of the damping for each step that was tried in vain, and how many count
@@ -35,11 +36,13 @@ class Damped:
     than once since the last Hessian, which means that it cut the step; otherwise it follows the
     gain ratio, as that of Levenberg and Marquardt does (Madsen, Nielsen and Tingleff, Methods for
     non-linear least squares problems, 2004, section 3.2). It vanishes at the solution of a problem
-    that Gauss and Newton's method solves. With constraints there is no damping, for a line search
-    then cuts steps for the sake of the constraints, too.
+    that Gauss and Newton's method solves. At the start it is raised until the damped step is no
+    longer than the first radius (see `trust_radius`), so that the first step does not leap. With
+    constraints there is no damping, for a line search then cuts steps for the sake of the
+    constraints, too, and the first step is as long as they allow.
 
     Attributes:
-        first_damping: the damping at the start.
+        first_damping: the least damping at the start, as a share of the largest entry of J'J.
     """
 
     first_damping: float = 1e-3
@@ -65,12 +68,16 @@ class DampedHessian:
         here = self._run.linearize(x)
         if not self._damped:
             return unblocked(here.normal)
+        largest = float(here.column_norms.max(initial=0.0) ** 2)
         if self._last is not None:
             if np.array_equal(x, self._last.x):
                 return self._last.hessian
             damping = min(self._next(self._last, x, here), LARGEST)
             self._damping = damping if damping > SMALLEST else 0.0
-        largest = float(here.column_norms.max(initial=0.0) ** 2)
+        else:
+            radius = first_radius(x, np.ones_like(x))
+            while self._damping < LARGEST and not _length(here, self._damping * largest) <= radius:
+                self._damping *= 2.0
         H = _raised(unblocked(here.normal), self._damping * largest)
         self._last = Last(x.copy(), here.cost, here.gradient, H, self._tried)
         return H
@@ -110,6 +117,11 @@ class Last(NamedTuple):
     gradient: Array
     hessian: Stored
     tried: int
+
+
+def _length(here: Linearization, damping: float) -> float:
+    """The length of the damped step."""
+    return float(np.linalg.norm(here.step(damping)))
 
 
 def _raised(normal: Stored, by: float) -> Stored:

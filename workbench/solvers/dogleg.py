@@ -8,10 +8,11 @@ from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.problem import Linearization, Problem
 from workbench.problem.steps import LinearAlgebra, automatic
-from workbench.solvers.abilities import Abilities, Boxes, Derivative
+from workbench.solvers.abilities import IN_A_RADIUS, WHOLE, Abilities, Boxes, Derivative
 from workbench.solvers.run import Run
 from workbench.solvers.scaling import Scaling, identity
 from workbench.solvers.solution import Callback, Solution
+from workbench.solvers.trust_radius import FIRST, first_radius, trusted
 
 
 @dataclass(frozen=True)
@@ -23,18 +24,22 @@ class RadiusRule:
         growth: see `good`; a larger one trusts the linear model farther at once.
         poor: a gain ratio below this multiplies the radius by `shrinkage`.
         shrinkage: see `poor`, between 0 and 1.
+        first: the first radius, at most, as a share of the distance of the start from zero, or of 1
+            if that is more; infinite for the length of the first Gauss-Newton step.
     """
 
     good: float
     growth: float
     poor: float
     shrinkage: float
+    first: float
 
 
-# Madsen, Nielsen and Tingleff, Methods for non-linear least squares problems, 2004, section 3.3
-textbook = RadiusRule(good=0.75, growth=3.0, poor=0.25, shrinkage=0.5)
+# Madsen, Nielsen and Tingleff, Methods for non-linear least squares problems, 2004, section 3.3;
+# the first radius, which they leave to the user, is that of `trust_radius`
+textbook = RadiusRule(good=0.75, growth=3.0, poor=0.25, shrinkage=0.5, first=FIRST)
 # the rule of chumpy, the optimizer with which SMPL was first fitted
-chumpy = RadiusRule(good=0.9, growth=2.5, poor=0.05, shrinkage=0.25)
+chumpy = RadiusRule(good=0.9, growth=2.5, poor=0.05, shrinkage=0.25, first=np.inf)
 
 
 def cauchy_point(here: Linearization, D: Array) -> Array:
@@ -66,9 +71,11 @@ def dogleg_step(newton: Array, cauchy: Array, D: Array, radius: float) -> Array:
 class Dogleg:
     """Powell's dogleg: a trust-region method that needs one factorization for each iterate.
 
-    The first radius is the length of the first Gauss-Newton step. See Powell, A hybrid method for
-    nonlinear equations, 1970, and Madsen, Nielsen and Tingleff, Methods for non-linear least
-    squares problems, 2004, section 3.3.
+    The first radius is the length of the first Gauss-Newton step or, if that is longer, 0.9 of the
+    distance of the start from zero, or 0.9 near zero, or as much as the linear model proves right
+    (see `trust_radius`); chumpy's rule takes the Gauss-Newton step, however long it is. See Powell,
+    A hybrid method for nonlinear equations, 1970, and Madsen, Nielsen and Tingleff, Methods for
+    non-linear least squares problems, 2004, section 3.3.
 
     Attributes:
         rule: how the radius follows the gain ratio: `textbook`, or `chumpy`, with which this is the
@@ -100,6 +107,7 @@ class Dogleg:
             Derivative.JACOBIAN,
             Boxes.UNKNOWN,
             source="Powell 1970; Madsen, Nielsen and Tingleff 2004",
+            first_step=WHOLE if np.isinf(self.rule.first) else IN_A_RADIUS,
             note="by the rules of the course's optimizer" if self.rule is chumpy else "",
         )
 
@@ -113,9 +121,9 @@ class Dogleg:
                 newton = self.linear_algebra(here, 0.0, np.ones_like(D))
                 if newton is None:
                     run.stall("the columns of the Jacobian are dependent; use automatic")
-                if not np.isfinite(radius):
-                    radius = float(np.linalg.norm(D * newton.p))
                 cauchy = cauchy_point(here, D)
+                if not np.isfinite(radius):
+                    radius = self._first(run, x, here, newton.p, cauchy, D)
                 while True:
                     p = dogleg_step(newton.p, cauchy, D, radius)
                     gain_ratio = run.gain_ratio(x, here, x + p, here.predicted_decrease(p))
@@ -132,3 +140,16 @@ class Dogleg:
                 del here  # first: its memory serves the next one
                 x, here = run.move(x + p, 0.0, newton.by)
         return run.solution()
+
+    def _first(
+        self, run: Run, x: Array, here: Linearization, newton: Array, cauchy: Array, D: Array
+    ) -> float:
+        """The radius at the start x (n,)."""
+        length, radius = float(np.linalg.norm(D * newton)), first_radius(x, D, self.rule.first)
+        if length <= radius:
+            return length
+
+        def step(times: float) -> Array:
+            return dogleg_step(newton, cauchy, D, times * radius)
+
+        return radius * max(1.0, trusted(run, x, here, step, length / radius))

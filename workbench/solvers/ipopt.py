@@ -6,7 +6,7 @@ import casadi as cs
 
 from workbench.blocks import Values
 from workbench.problem import Problem
-from workbench.solvers.abilities import Abilities, Boxes, Derivative
+from workbench.solvers.abilities import IN_A_RADIUS, WHOLE, Abilities, Boxes, Derivative
 from workbench.solvers.damping import DAMPED, Damped
 from workbench.solvers.limits import Stop
 from workbench.solvers.oracle import (
@@ -80,6 +80,7 @@ class Ipopt:
             Boxes.TAKEN,
             equations=True,
             inequalities=True,
+            first_step=IN_A_RADIUS if isinstance(self.hessian, Damped) else WHOLE,
             source="Waechter and Biegler 2006",
         )
 

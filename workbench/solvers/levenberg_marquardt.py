@@ -7,7 +7,7 @@ import numpy as np
 from workbench.blocks import Values
 from workbench.problem import Problem
 from workbench.problem.steps import EPS, LinearAlgebra, automatic
-from workbench.solvers.abilities import Abilities, Boxes, Derivative
+from workbench.solvers.abilities import DAMPED, Abilities, Boxes, Derivative
 from workbench.solvers.box_step import box_step
 from workbench.solvers.damping import FASTEST_FALL, eased
 from workbench.solvers.run import Run
@@ -61,6 +61,7 @@ class LevenbergMarquardt:
         return Abilities(
             Derivative.JACOBIAN,
             Boxes.TAKEN,
+            first_step=DAMPED,
             source="Levenberg 1944; Marquardt 1963; Moré 1978; Nielsen 1999",
         )
 

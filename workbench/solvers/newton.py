@@ -8,7 +8,7 @@ import scipy.linalg
 from workbench.blocks import Values
 from workbench.problem import Problem
 from workbench.problem.storage import dense
-from workbench.solvers.abilities import Abilities, Boxes, Derivative
+from workbench.solvers.abilities import WHOLE, Abilities, Boxes, Derivative
 from workbench.solvers.convexity import Convexify, reflected
 from workbench.solvers.line_search import LineSearch, backtracking
 from workbench.solvers.run import Run
@@ -52,7 +52,10 @@ class Newton:
     def abilities(self) -> Abilities:
         """It needs a Hessian at every iterate, and takes no bounds."""
         return Abilities(
-            Derivative.HESSIAN, Boxes.UNKNOWN, source="Nocedal and Wright 2006, section 3.4"
+            Derivative.HESSIAN,
+            Boxes.UNKNOWN,
+            first_step=WHOLE,
+            source="Nocedal and Wright 2006, section 3.4",
         )
 
     def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:

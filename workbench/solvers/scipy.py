@@ -11,15 +11,18 @@ from workbench.blocks import Values
 from workbench.errors import UnknownName
 from workbench.problem import Problem
 from workbench.problem.storage import Stored, columns_of, dense, stacked, unblocked
-from workbench.solvers.abilities import Abilities, Boxes, Derivative
+from workbench.solvers.abilities import IN_A_RADIUS, Abilities, Boxes, Derivative
 from workbench.solvers.run import Run
 from workbench.solvers.scaling import Scaling, identity
 from workbench.solvers.solution import Callback, Solution, Status
 
 METHODS = {
-    "trf": Abilities(Derivative.JACOBIAN, Boxes.TAKEN, source="Branch, Coleman and Li 1999; SciPy"),
-    "dogbox": Abilities(Derivative.JACOBIAN, Boxes.TAKEN, source="Voglis and Lagaris 2004; SciPy"),
-    "lm": Abilities(Derivative.JACOBIAN, Boxes.UNKNOWN, source="Moré 1978 (MINPACK); SciPy"),
+    name: Abilities(Derivative.JACOBIAN, boxes, first_step=IN_A_RADIUS, source=source)
+    for name, boxes, source in (
+        ("trf", Boxes.TAKEN, "Branch, Coleman and Li 1999; SciPy"),
+        ("dogbox", Boxes.TAKEN, "Voglis and Lagaris 2004; SciPy"),
+        ("lm", Boxes.UNKNOWN, "Moré 1978 (MINPACK); SciPy"),
+    )
 }
 TOLERANCE = 1e-15  # of SciPy's own rules, so that ours is asked first
 

@@ -6,8 +6,8 @@ import casadi as cs
 
 from workbench.blocks import Values
 from workbench.problem import Problem
-from workbench.solvers.abilities import Abilities, Boxes, Derivative
-from workbench.solvers.damping import DAMPED
+from workbench.solvers.abilities import IN_A_RADIUS, WHOLE, Abilities, Boxes, Derivative
+from workbench.solvers.damping import DAMPED, Damped
 from workbench.solvers.limits import Stop
 from workbench.solvers.oracle import Hessian, Oracle, needs_hessian, unless_solved
 from workbench.solvers.run import Run
@@ -74,6 +74,7 @@ class Sqp:
             Boxes.TAKEN,
             equations=True,
             inequalities=True,
+            first_step=IN_A_RADIUS if isinstance(self.hessian, Damped) else WHOLE,
             source="Nocedal and Wright 2006, chapter 18; CasADi's sqpmethod",
         )
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from workbench.blocks import Values
 from workbench.problem import Problem
-from workbench.solvers.abilities import Abilities, Boxes, Derivative
+from workbench.solvers.abilities import WHOLE, Abilities, Boxes, Derivative
 from workbench.solvers.dogleg import cauchy_point
 from workbench.solvers.line_search import LineSearch, backtracking
 from workbench.solvers.run import Run
@@ -42,7 +42,13 @@ class SteepestDescent:
     @property
     def abilities(self) -> Abilities:
         """It needs a Jacobian for the length of the step, and is meant for teaching."""
-        return Abilities(Derivative.JACOBIAN, Boxes.UNKNOWN, teaching=True, source="Cauchy 1847")
+        return Abilities(
+            Derivative.JACOBIAN,
+            Boxes.UNKNOWN,
+            teaching=True,
+            first_step=WHOLE,
+            source="Cauchy 1847",
+        )
 
     def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         """Solve from `start`; see `Solver`. Raises NotSupported for bounds or constraints."""

@@ -9,7 +9,7 @@ from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.problem import Linearization, Problem
 from workbench.problem.steps import LinearAlgebra, Step, sparing
-from workbench.solvers.abilities import Abilities, Boxes, Derivative
+from workbench.solvers.abilities import IN_A_RADIUS, Abilities, Boxes, Derivative
 from workbench.solvers.box_step import box_step
 from workbench.solvers.damped_length import step_within
 from workbench.solvers.run import Run
@@ -71,6 +71,7 @@ class TrustRegion:
         return Abilities(
             Derivative.JACOBIAN,
             Boxes.TAKEN,
+            first_step=IN_A_RADIUS,
             source="Moré 1978; Transtrum and Sethna 2012",
         )
 

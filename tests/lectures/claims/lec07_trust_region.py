@@ -11,11 +11,6 @@ def ended(run: Run, solver: str) -> tuple[int, int]:
     return int(found[0]), int(found[3])
 
 
-def iterations(run: Run, solver: str) -> tuple[int, int]:
-    found = run.line(f"{solver:20} in reach")
-    return int(found[2]), int(found[5])
-
-
 def last_steps(run: Run) -> np.ndarray:
     """How bent the arm is, the length asked for, and the share taken, of the last six steps."""
     rows = run["rows"][-6:]
@@ -79,10 +74,6 @@ SAYS = {
         ended(run, name) == (30, 30) for name in ("levenberg-marquardt", "dogleg")
     ),
     "The same thirty starts, by both": lambda run: len(run["starts"]),
-    "Which is quicker depends on the problem": lambda run: (
-        iterations(run, "dogleg")[0] < iterations(run, "levenberg-marquardt")[0],
-        iterations(run, "dogleg")[1] > iterations(run, "levenberg-marquardt")[1],
-    ),
     "Grey: the cost, and four radii": lambda run: len(run["radii"]) == 4,
     "the dogleg does the same in two straight legs": lambda run: all(
         line[-1] > 0.98 for line in run.lines("the dogleg keeps")

@@ -111,9 +111,9 @@ SAYS = {
         len(run["PROBLEMS"]),
         len(run["NAMES"]) == 4,
     ),
-    "On the first the dogleg has the fewest iterations, on the second Levenberg-Marquardt.": (
+    "On the first Gauss-Newton has the fewest iterations, on the second Levenberg-Marquardt.": (
         lambda run: (
-            np.argmin(iterations(run, "rosenbrock")) == DOGLEG,
+            np.argmin(iterations(run, "rosenbrock")) == GN,
             np.argmin(iterations(run, "helical-valley")) == LM,
         )
     ),
@@ -126,12 +126,11 @@ SAYS = {
         *{round(ended(run, "freudenstein-roth", k)[1], 1) for k in (LM, DOGLEG, LBFGS)},
         round(run["setups"]["freudenstein-roth"].known.cost),
     ),
-    "Gauss-Newton leaps to where the gradient vanishes because some unknowns no longer change the "
-    "residual at all, at more than two thousand times the least cost. The workbench remembers that they "
-    "did and says `LOST`": lambda run: (
+    "Gauss-Newton stops at more than two thousand times the least cost, where no step along its "
+    "direction helps any more, and says `STALLED`": lambda run: (
         above(ended(run, "bard-far", GN)[1] / run["setups"]["bard-far"].known.cost),
-        ended(run, "bard-far", GN)[2] == "LOST",
-        run["solutions"]["bard-far", run["NAMES"][GN]].optimality < 1e-6,
+        ended(run, "bard-far", GN)[2] == "STALLED",
+        run["solutions"]["bard-far", run["NAMES"][GN]].optimality > 1e-6,
     ),
     "which promises 95 % whatever the share is, and is wider for that reason": lambda run: (
         95 if run["worst"](run["rate"], 3) >= 0.95 > run["worst"](run["wilson"], 3) else 0
@@ -149,34 +148,31 @@ SAYS = {
         len(leaders(run, "rosenbrock")) > 1,
         arrived(run, "bard-far") == [False, True, False, True],
     ),
-    "By the **mean over the problems that were solved** Gauss-Newton is as quick as the dogleg, though it "
-    "fails on two more": lambda run: (
-        abs(mean(run, GN) / mean(run, DOGLEG) - 1) < 0.1,
+    "By the **mean over the problems that were solved** Gauss-Newton is quicker than the dogleg, though "
+    "it fails on two more": lambda run: (
+        mean(run, GN) < 0.8 * mean(run, DOGLEG),
         lost(run)[GN] == lost(run)[DOGLEG] + 2,
     ),
-    "brown-dennis, makes up 43 % of the dogleg's mean": lambda run: share_of(
+    "brown-dennis, makes up 46 % of the dogleg's mean": lambda run: share_of(
         run, "brown-dennis", DOGLEG
     ),
     "The median, with failures as infinite, has neither fault": lambda run: (
-        np.median(run["times"], axis=0)[GN] > 1.3 * np.median(run["times"], axis=0)[DOGLEG]
+        np.median(run["times"], axis=0)[GN] > 1.1 * np.median(run["times"], axis=0)[DOGLEG]
     ),
     "$10^{-5}$ of the way is met at the wrong stationary point. Closer targets show it": lambda run: (
         run["met"][run["PROBLEMS"].index("freudenstein-roth-far")].all(),
         not np.isfinite(run["needed"](1e-7))[run["PROBLEMS"].index("freudenstein-roth-far")].any(),
     ),
     "At $\\alpha = 1$: how often it *is* the best": lambda run: 1,
-    "L-BFGS is never the quickest, and as reliable as the dogleg; Gauss-Newton is often the"
-    " quickest, and the least reliable": lambda run: (
+    "L-BFGS is never the quickest, and as reliable as the dogleg; Levenberg-Marquardt is mostly the"
+    " quickest, and Gauss-Newton the least reliable": lambda run: (
         quickest(run, 0)[LBFGS] == 0,
         lost(run)[LBFGS] == lost(run)[DOGLEG],
-        quickest(run, 0)[GN] > 30,
+        quickest(run, 0)[LM] > 50,
         lost(run)[GN] > max(lost(run)[[LM, DOGLEG, LBFGS]]),
     ),
-    "on each problem on which it was the best, another one becomes the best, and not always"
-    " the same one": lambda run: (
-        quickest(run, 1)[0] == quickest(run, 0)[GN],
-        quickest(run, 1)[1] > quickest(run, 0)[LM],
-        quickest(run, 1)[2] > quickest(run, 0)[LBFGS],
+    "on each problem on which it alone was the best, another one becomes the best": lambda run: (
+        quickest(run, 1)[0] > quickest(run, 0)[GN]
     ),
     "Prices matter, too.": lambda run: (
         at_price(run, "10 residuals") != at_price(run, "1 residual ")
