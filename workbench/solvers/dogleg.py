@@ -95,7 +95,7 @@ class Dogleg:
     rule: RadiusRule = textbook
     scaling: Scaling = identity
     linear_algebra: LinearAlgebra = automatic
-    max_iterations: int = 200
+    max_iterations: int = 2_000
     max_evaluations: int = 10_000
     max_seconds: float = 600.0
     gradient_tolerance: float = 1e-6

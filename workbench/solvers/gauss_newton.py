@@ -40,7 +40,7 @@ class GaussNewton:
 
     line_search: LineSearch = backtracking
     linear_algebra: LinearAlgebra = automatic
-    max_iterations: int = 100
+    max_iterations: int = 1_000
     max_evaluations: int = 10_000
     max_seconds: float = 600.0
     gradient_tolerance: float = 1e-6
