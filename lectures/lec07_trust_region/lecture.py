@@ -288,9 +288,9 @@ Picture(
 # ## What the workbench does unless told otherwise
 #
 # `wb.solve` without a named solver takes Levenberg's step *and* a radius. It searches for the $\lambda$
-# of that radius after all: beside the Jacobian of a body another factorization costs little, and a step
-# whose length is right to a tenth is as good as an exact one (Hebden 1973; Moré 1978). As $\lambda$ runs
-# over many powers of ten, the search joins two trials by a straight line between *logarithms*:
+# of that radius after all: beside the Jacobian of a body another factorization costs little, and it is
+# enough if the length is right to a tenth, as Hebden (1973) and Moré (1978) found. Because $\lambda$ may
+# have any order of magnitude, the search draws a straight line through two trials in *logarithms*:
 
 # %%
 source(step_within)
@@ -298,9 +298,9 @@ source(step_within)
 # %% [markdown]
 # The gain ratio now sets the radius. After a poor step it is halved; after a good one, or a Gauss-Newton
 # step that was not poor, it is twice the length of the step. Why is this better than setting $\lambda$
-# directly? A radius keeps its meaning from one point to the next. If the singular values of $J$ change
-# by a factor of a thousand, as on the way out of a flat region, the same $\lambda$ damps a thousand
-# million times more or less of the step, while a step of 0.1 rad stays one of 0.1 rad.
+# directly? A radius keeps its meaning from one point to the next. Where the singular values of $J$
+# change much, as on the way out of a flat region, the same $\lambda$ shortens steps far more or far less
+# than before, whereas a radius is still the same length in radians.
 
 # %%
 source(wb.TrustRegion.solve)
@@ -309,8 +309,8 @@ source(wb.TrustRegion.solve)
 # One thing in the loop is new: `bend`. A narrow valley that curves allows straight steps only as long as
 # the valley is straight, and the cost falls by a little each time. Once a step lowers the cost by less
 # than a tenth, the loop therefore looks a tenth of the next step ahead, measures by how much the
-# residual $e$ bends along $p$, and adds the correction $a$ that the linear model has for that
-# (Transtrum and Sethna 2012, where the corrected step follows a geodesic):
+# residual $e$ bends along $p$, and adds the correction $a$ that the linear model has for that. Transtrum
+# and Sethna (2012) derive it from a geodesic, the straightest way on the surface of all residuals:
 #
 # $$ (J^\top J + \lambda I)\, a = -\tfrac12 J^\top e_{pp}, \qquad
 #    e_{pp} = \frac{d^2}{dt^2}\, e(x + t p) \Big|_{t=0} . $$
@@ -366,5 +366,5 @@ for name, scaling in (("Levenberg, D = I", np.ones(2)), ("Marquardt, D = |J_i|",
 # - Halving a bad step leaves its direction bad. Damping shortens each direction by its own share,
 #   $s_i^2 / (s_i^2 + \lambda)$ of Gauss-Newton's.
 # - $\lambda$ and a radius are two names of one thing; the dogleg goes there with one factorization, the
-#   workbench's default with two or three, and exactly.
+#   workbench's default with two or three.
 # - A length needs a unit: $D$ says what a unit of each entry costs.

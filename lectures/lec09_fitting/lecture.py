@@ -67,7 +67,7 @@ m, p = 3 * body.n_vertices, 72 + 10 + 3
 print(f"5 mm times the root of {p} / {m}: {5 * np.sqrt(p / m):.2f} mm")
 
 # %% [markdown]
-# This is as good as a fit can be: it takes about ten iterations, and the fit is *closer to the truth*
+# This is as good as a fit can be: it takes six or seven iterations, and the fit is *closer to the truth*
 # than its data. It has $m = 1107$ equations for $p = 85$ unknowns, and it can follow the noise only in
 # the 85 directions in which the model can move. Of the expected squared length of the noise,
 # $\sigma^2 m$, the share $p / m$ remains in the fit. So the error per coordinate is $\sigma \sqrt{p/m}$,
@@ -188,7 +188,7 @@ for name, angle in (("facing the camera", 0.0), ("facing away", np.pi)):
 
 # %% [markdown]
 # Both fits converged, and both reproduce the image to within the noise of the detector. But the one that
-# began turned away had to twist the body to do so: it ended in another minimum, at ten times the cost.
+# began turned away had to twist the body to do so: it ended in another minimum, at nearly five times the cost.
 # This is no error of the solver, which only goes downhill. A fit to one image needs a good start. If in
 # doubt, try several starts, and keep the fit with the lowest cost.
 #
