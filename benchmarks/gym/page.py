@@ -14,6 +14,7 @@ from workbench.arrays import Array
 from workbench.comparison.profiles import performance_profile
 from workbench.solvers import DEFAULT
 
+HEADINGS = {"tuning": "Cases on which solvers may be tuned", "untouched": "Untouched cases"}
 FACTORS = (1, 1.25, 1.5, 2, 3, 5, 10)
 LEAST, PRICED = "evaluations", "effort"  # what a profile counts
 TRF = ("peer trf", "peer trf, jac")
@@ -31,24 +32,27 @@ PROFILED = (  # of those that were run: a profile depends on who takes part
 INTRODUCTION = """# The gym
 
 `python -m benchmarks.gym` runs solvers on problems with known answers: regressions that NIST
-certified, published sums of squares from 1, 10 and 100 times their starts, curves and regressions
-with outliers drawn at random, bundle adjustment, arms that reach, and bodies. A hash of a problem's
-name decides whether solvers may be tuned on it (`gym/split.py`). The others are left untouched:
-they are run by `python -m benchmarks.gym --untouched PURPOSE`, which writes every look at them down
-in `gym/looks.md`.
+certified; published sums of squares from their own starts and from starts 10 and 100 times as far
+from the origin; curves and regressions with outliers that were drawn at random; bundle adjustment;
+arms that have to reach a point; and bodies. `gym/cases.py` lists them, and each module beside it
+names its sources. A hash of a problem's name decides whether solvers may be tuned on it
+(`gym/split.py`). The others are left untouched: they are run by
+`python -m benchmarks.gym --untouched PURPOSE`, which writes every look at them down in
+`gym/looks.md`.
 
 A run has *solved* a case if it ends at a cost of at most (1 + 1e-6) f* + 1e-12 f_0, where f* is the
-cost of the known answer and f_0 the least cost at any start of the problem; where NIST certified
-the parameters, these must agree to four digits as well. *False claims* are runs that say that they
-converged and have not solved the case; a worse minimum is among them. *Evaluations* is the median
-number of evaluations of all kinds until the target, over the cases that a solver solved. All runs
-have the limits of a comparison, 2,000 evaluations and 30 seconds, but "as it comes" is the default
-with its own limits. `peer` is `scipy.optimize.least_squares` without the workbench around it, and
-`jac` its option `x_scale="jac"`.
+cost of the known answer and f_0 the least of the costs at all starts of the problem. Where NIST
+certified the parameters, these must agree to four digits as well. *False claims* counts the runs
+that say that they converged and have not solved the case. A run that converged to a minimum with a
+higher cost is one of them. *Evaluations* is the median number of evaluations of all kinds until the
+case was solved. It is a median over the cases that this solver solved, so a solver that solves only
+easy cases has a small one. All runs are limited to 2,000 evaluations and 30 seconds. The row "as it
+comes" is the default solver with its own limits instead. `peer` is `scipy.optimize.least_squares`
+without the workbench around it, and `jac` says that its option `x_scale` is `"jac"`.
 
 A performance profile is the share of the cases that a solver solves with at most so many times the
-evaluations of the best one of the profile (Dolan and Moré 2002). A second table counts effort
-instead, which is evaluations of the residual at the prices of `workbench.comparison.prices`.
+fewest evaluations that any solver of the table needs (Dolan and Moré 2002). A second table counts
+effort instead, which is evaluations of the residual at the prices of `workbench.comparison.prices`.
 """
 
 ENDS = """## Ends that are called converged
@@ -129,7 +133,7 @@ def lines(parts: Mapping[str, Mapping[str, Any]], ends: Iterable[str] = ()) -> I
     """Line by line."""
     yield INTRODUCTION
     for half, found in parts.items():
-        yield f"## {half.capitalize()}\n"
+        yield f"## {HEADINGS[half]}\n"
         yield from _half(half, found)
     for count, line in enumerate(ends):
         if not count:
@@ -141,7 +145,7 @@ def _half(half: str, found: Mapping[str, Any]) -> Iterator[str]:
     families = Counter(family for _, family in found["cases"])
     yield (
         f"{len(found['cases'])} cases: "
-        + ", ".join(f"{count} {family}" for family, count in families.items())
+        + "; ".join(f"{count} {family}" for family, count in families.items())
         + ".\n"
     )
     yield "| solver | solved | false claims | evaluations |"
@@ -161,7 +165,10 @@ def _half(half: str, found: Mapping[str, Any]) -> Iterator[str]:
     yield f"\n![Performance profiles on the {half} cases](results/gym-{half}.svg)\n"
     missing = lost(found)
     if missing:
-        yield "Cases that SciPy's trf solves, with one of its scalings, and the default does not:\n"
+        yield (
+            "Cases that SciPy's trf solves with at least one of its two scalings, and the default "
+            "does not:\n"
+        )
         for name, family in missing:
             yield f"- {name} ({family})"
         yield ""
