@@ -20,7 +20,7 @@ from workbench.comparison.log import KINDS, Observed
 from workbench.comparison.record import Ending, Record
 from workbench.experiments import SUITES
 from workbench.fitting.known import KnownAnswer
-from workbench.solvers import SOLVERS
+from workbench.solvers import DEFAULT, SOLVERS
 
 PLACE = Path(__file__).parents[2] / "benchmarks"
 SMALL = tuple(
@@ -208,3 +208,31 @@ def test_the_page_is_written_from_the_numbers_that_are_kept() -> None:
     assert {end.case for end in ends} <= {one.name for one in tuning()}
     assert [name for name, _ in kept["tuning"]["cases"]] == [one.name for one in tuning()]
     assert set(kept["tuning"]["solvers"]) == set(ALL)
+
+
+@pytest.mark.parametrize("half", ["tuning", "untouched"])
+def test_the_default_is_within_two_points_of_the_best_at_every_factor(half: str) -> None:
+    """By evaluations; and a third fewer of them than Levenberg-Marquardt where both succeed."""
+    found = page.read(PLACE / "results" / f"gym-{half}.json")
+    assert page.profiled(found)[0] == DEFAULT
+    shares = page.profile(found, list(np.geomspace(1, 1000, 300)))
+    assert (shares[:, 0] >= shares.max(axis=1) - 0.02).all()
+    ours, theirs = (found["solvers"][name] for name in (DEFAULT, "levenberg-marquardt"))
+    both = np.array(ours["solved"], bool) & np.array(theirs["solved"], bool)
+    spent, before = (np.array(one["evaluations"])[both].sum() for one in (ours, theirs))
+    assert 0.6 < spent / before < 0.7
+
+
+def test_every_run_of_nists_regressions_is_solved_by_the_default() -> None:
+    """From both of its starts, those that are untouched and those in the suite `nist`."""
+    for half, families in (("tuning", ["nist, tuned"]), ("untouched", ["nist"])):
+        found = page.read(PLACE / "results" / f"gym-{half}.json")
+        solved = {
+            name: bool(ours)
+            for (name, family), ours in zip(
+                found["cases"], found["solvers"][DEFAULT]["solved"], strict=True
+            )
+            if family in families and "as far" not in name
+        }
+        assert len(solved) in {24, 30}
+        assert all(solved.values()), [name for name, ours in solved.items() if not ours]
