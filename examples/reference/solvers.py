@@ -1,5 +1,5 @@
-"""TrustRegion, GaussNewton, LevenbergMarquardt, Dogleg, Newton, SteepestDescent, Ipopt, Sqp, Scipy,
-Nlopt: one problem, solved by each of them.
+"""GaussNewton, LevenbergMarquardt, Dogleg, Newton, SteepestDescent, Ipopt, Sqp, Scipy, Nlopt: one
+problem, solved by each of them.
 """
 
 import numpy as np
@@ -11,7 +11,6 @@ curve = wb.Residual("curve", w.symbol[1] - w.symbol[0] ** 2, sigma=1.0)
 floor = wb.Residual("floor", 1 - w.symbol[0], sigma=1.0)
 problem = wb.Problem([curve, floor], free=["w"], blocks=[w])
 for solver in (
-    wb.TrustRegion(),
     wb.GaussNewton(),
     wb.LevenbergMarquardt(first_damping=0.1),
     wb.Dogleg(),

@@ -87,9 +87,9 @@ for name in ("bard-far", "freudenstein-roth"):
 # %% [markdown]
 # On the second problem three of the four say `CONVERGED` at a cost of 24.5, although 0 can be reached.
 # They are not wrong: the gradient does vanish there. A *stationary point* is all that these methods can
-# see. On the first problem Gauss-Newton stops at more than two thousand times the least cost, where no
-# step along its direction helps any more, and says `STALLED`. But whoever counts "converged" counts all
-# stationary points, and whoever compares times lets a solver win by stopping early.
+# see. On the first problem Gauss-Newton ends at more than two thousand times the least cost, where the
+# cost still falls a little while unknowns run off, and says `VALLEY`. But whoever counts "converged"
+# counts all stationary points, and whoever compares times lets a solver win by stopping early.
 #
 # ## Counting what was spent
 #
@@ -174,10 +174,10 @@ print(
 print(f"{'median, - as infinite':24}" + "".join(f"{t:21.0f}" for t in np.median(times, axis=0)))
 
 # %% [markdown]
-# Look at the last lines. By the **mean over the problems that were solved** Gauss-Newton is quicker than
-# the dogleg, though it fails on two more: the hard problems are left out of its mean. And one problem,
-# brown-dennis, makes up 46 % of the dogleg's mean. The median, with failures as infinite, has neither
-# fault, but it is a single number.
+# Look at the last lines. By the **mean over the problems that were solved** Gauss-Newton takes nearly
+# twice as long as the dogleg, by the median hardly longer: one problem, brown-dennis, makes up 69 % of its
+# mean. Such a mean also leaves out the problems on which a solver fails, which are often the hard ones.
+# The median, with failures as infinite, has neither fault, but it is a single number.
 #
 # One target is not enough either. The far start of freudenstein-roth costs so much that $10^{-5}$ of
 # the way is met at the wrong stationary point. Closer targets show it:

@@ -154,11 +154,12 @@ def test_an_effort_is_the_price_of_what_was_asked_until_then(
     found = twice[0]
     row = found.met("line, seed 0", "gauss-newton", 1e-5)
     assert row is not None
-    assert (row[0], row[2]) == (1, 1)  # a linear problem: one Jacobian, and one look at its step
+    # a linear problem: one Jacobian, and a look at the radius and at the whole step
+    assert (row[0], row[2]) == (2, 1)
     prices = found.prices["line"]
     expected = row[0] + row[1] * prices["gradient"] + row[2] * prices["jacobian"]
     assert (prices["gradient"], prices["jacobian"]) == (4.0, 1 + 1.5 * 3)  # published, n = 3
-    assert expected == 1 + 5.5
+    assert expected == 2 + 5.5
     at = [i.name for i in found.instances].index("line, seed 0")
     assert found.needed(1e-5)[at, 1] == pytest.approx(expected)
 

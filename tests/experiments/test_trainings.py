@@ -139,7 +139,7 @@ def test_the_shape_space_has_its_principal_components_as_minimum_and_zero_as_a_s
 @pytest.mark.parametrize("model", ["lbs", "smpl", "scape", "blend-scape"])
 def test_each_model_is_fitted_to_points_of_itself(model: str) -> None:
     setup = standard(f"body-points-{model}")
-    found = solve(setup.problem, setup.start)
+    found = solve(setup.problem, setup.start, LevenbergMarquardt())
     assert setup.known is not None
     assert found.cost == pytest.approx(setup.known.cost, rel=1e-6)
     observed, everywhere = setup.measures(setup.start | found.values)

@@ -90,9 +90,10 @@ def test_a_saddle_among_many_unknowns_is_found() -> None:
     x = Block("x", (300,)).symbol
     A = np.random.default_rng(0).standard_normal((400, 299))
     problem = of(A @ x[1:] - np.ones(400), 3 * (x[0] ** 2 - 1))
-    solution = solve(problem, {"x": np.zeros(300)})
+    solution = SOLVERS["levenberg-marquardt"].solve(problem, {"x": np.zeros(300)})
     assert solution.status is Status.SADDLE
     assert "1.00 x[0], from" in solution.message
+    assert solve(problem, {"x": np.full(300, 1e-9)}).converged  # beside the ridge it goes down
 
 
 # Minima that are none of these.
@@ -278,7 +279,7 @@ def peak() -> tuple[Problem, dict[str, list[float]]]:
     return of(XY[1] * cs.exp(-((t - XY[0]) ** 2)) - np.exp(-(t**2))), {"x": [4.5, 1.0]}
 
 
-@pytest.mark.parametrize("name", ["gauss-newton", "dogleg"])
+@pytest.mark.parametrize("name", ["gauss-newton-full", "dogleg"])
 def test_the_best_point_before_an_unknown_went_blind_is_returned(name: str) -> None:
     problem, start = peak()
     solution = SOLVERS[name].solve(problem, start)

@@ -176,8 +176,8 @@ class Run:
     def gain_ratio(self, x: Array, here: Linearization, to: Array, predicted: float) -> float:
         """The actual decrease of the cost from x to another point over the `predicted` one.
 
-        If rounding errors hide a decrease of that size, it is 1 for a more stationary point. If
-        several points in a row are not more stationary, nothing is left to gain and the run ends.
+        If rounding errors hide both decreases, it is 1 for a more stationary point. If several
+        points in a row are not more stationary, nothing is left to gain and the run ends.
         """
         self.check()  # a solver that tries shorter and shorter steps may never evaluate anything
         if not predicted > 0:
@@ -185,9 +185,9 @@ class Run:
         cost, residual = self.cost_and_residual(to)
         if not np.isfinite(cost):
             return -np.inf
-        moved = residual != here.residual
-        if not self.rounding_noise.hides(predicted, x, here, moved):
-            return fall(here.residual, residual) / predicted
+        moved, fallen = residual != here.residual, fall(here.residual, residual)
+        if not self.rounding_noise.hides(max(predicted, fallen), x, here, moved):
+            return fallen / predicted
         there = self.linearize(to)
         if self.optimality(to, there) <= POLISHED * self.optimality(x, here):
             self._unpolished = 0

@@ -126,11 +126,11 @@ SAYS = {
         *{round(ended(run, "freudenstein-roth", k)[1], 1) for k in (LM, DOGLEG, LBFGS)},
         round(run["setups"]["freudenstein-roth"].known.cost),
     ),
-    "Gauss-Newton stops at more than two thousand times the least cost, where no step along its "
-    "direction helps any more, and says `STALLED`": lambda run: (
+    "Gauss-Newton ends at more than two thousand times the least cost, where the cost still falls a "
+    "little while unknowns run off, and says `VALLEY`": lambda run: (
         above(ended(run, "bard-far", GN)[1] / run["setups"]["bard-far"].known.cost),
-        ended(run, "bard-far", GN)[2] == "STALLED",
-        run["solutions"]["bard-far", run["NAMES"][GN]].optimality > 1e-6,
+        ended(run, "bard-far", GN)[2] == "VALLEY",
+        run["solutions"]["bard-far", run["NAMES"][GN]].running != (),
     ),
     "which promises 95 % whatever the share is, and is wider for that reason": lambda run: (
         95 if run["worst"](run["rate"], 3) >= 0.95 > run["worst"](run["wilson"], 3) else 0
@@ -148,16 +148,14 @@ SAYS = {
         len(leaders(run, "rosenbrock")) > 1,
         arrived(run, "bard-far") == [False, True, False, True],
     ),
-    "By the **mean over the problems that were solved** Gauss-Newton is quicker than the dogleg, though "
-    "it fails on two more": lambda run: (
-        mean(run, GN) < 0.8 * mean(run, DOGLEG),
-        lost(run)[GN] == lost(run)[DOGLEG] + 2,
+    "By the **mean over the problems that were solved** Gauss-Newton takes nearly twice as long as the "
+    "dogleg, by the median hardly longer": lambda run: (
+        1.9 < mean(run, GN) / mean(run, DOGLEG) < 2,
+        np.median(run["times"], axis=0)[GN] < 1.2 * np.median(run["times"], axis=0)[DOGLEG],
     ),
-    "brown-dennis, makes up 46 % of the dogleg's mean": lambda run: share_of(
-        run, "brown-dennis", DOGLEG
-    ),
-    "The median, with failures as infinite, has neither fault": lambda run: (
-        np.median(run["times"], axis=0)[GN] > 1.1 * np.median(run["times"], axis=0)[DOGLEG]
+    "brown-dennis, makes up 69 % of its mean": lambda run: share_of(run, "brown-dennis", GN),
+    "Such a mean also leaves out the problems on which a solver fails": lambda run: (
+        lost(run)[GN] > lost(run)[DOGLEG] > 0
     ),
     "$10^{-5}$ of the way is met at the wrong stationary point. Closer targets show it": lambda run: (
         run["met"][run["PROBLEMS"].index("freudenstein-roth-far")].all(),
