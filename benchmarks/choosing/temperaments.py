@@ -208,7 +208,7 @@ TEMPERAMENTS: Mapping[str, Temperament] = {
                 Experiment("tridiagonal", tridiagonal, "Broyden's, 1,000 unknowns"),
                 *_of("bodies", "video"),
             ),
-            ("trust-region", "levenberg-marquardt", "gauss-newton", "scipy-trf", *GENERAL),
+            ("levenberg-marquardt", "gauss-newton", "scipy-trf", *GENERAL),
             3,
         ),
         Temperament(
