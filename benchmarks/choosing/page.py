@@ -24,21 +24,24 @@ independent, so where a problem has several starts correct intervals would be wi
 `python -m benchmarks.choosing` measures all of this and writes this page.
 """
 ADVICE = {
-    "well-behaved": "Use Levenberg-Marquardt, which is the default, or Gauss-Newton. Solvers that "
-    "use only the gradient need about three times the effort of Levenberg-Marquardt, or more.",
-    "far start": "Use Levenberg-Marquardt: no solver solves more starts, and none needs less "
-    "effort.",
-    "noisy": "Noise of this size does not stop Levenberg-Marquardt: no solver solves more starts, "
-    "and it needs less than half the effort of BOBYQA, which needs no derivatives.",
-    "bounds": "Levenberg-Marquardt projects its steps on the bounds and solves all starts. So do "
-    "SLSQP, SQP, NLopt's L-BFGS, SciPy's trf and IPOPT. SLSQP needs the least effort here.",
+    "well-behaved": "Use trust-region, which is the default: no solver needs less effort. "
+    "Gauss-Newton needs little more. Solvers that use only the gradient need nearly four times the "
+    "effort, or more.",
+    "far start": "Use trust-region or Levenberg-Marquardt: no solver solves more starts, and "
+    "Levenberg-Marquardt needs the least effort.",
+    "noisy": "Noise of this size does not stop solvers that use the Jacobian. No solver solves more "
+    "starts than IPOPT, and it needs less than half the effort of BOBYQA, which needs no "
+    "derivatives.",
+    "bounds": "Trust-region and Levenberg-Marquardt keep their steps between the bounds and solve "
+    "all starts. So do SLSQP, SQP, NLopt's L-BFGS, SciPy's trf and IPOPT. SLSQP needs the least "
+    "effort here.",
     "constraints": "Use IPOPT with the exact Hessian. With a Hessian that is approximated from "
     "gradients (ipopt-lbfgs), IPOPT solves none of these starts.",
     "many unknowns": "Gauss-Newton, Levenberg-Marquardt and IPOPT use the Jacobian's sparsity. "
     "NLopt's L-BFGS needs the least effort, and Gauss-Newton solves the most starts. SLSQP, which "
     "stores dense matrices, solves no start.",
-    "no derivatives": "Levenberg-Marquardt with finite differences solves more starts than BOBYQA, "
-    "with a quarter of the effort.",
+    "no derivatives": "Trust-region with finite differences solves more starts than BOBYQA, with "
+    "less than a quarter of the effort.",
     "several minima": "No solver reaches the lowest known minimum from more than a quarter of the "
     "starts. Start from several places and keep the best result.",
 }
