@@ -29,8 +29,8 @@ ADVICE = {
     "effort, or more.",
     "far start": "Use trust-region or Levenberg-Marquardt: no solver solves more starts, and "
     "Levenberg-Marquardt needs the least effort.",
-    "noisy": "Noise of this size does not stop solvers that use the Jacobian. No solver solves more "
-    "starts than IPOPT, and it needs less than half the effort of BOBYQA, which needs no "
+    "noisy": "Noise of this size does not stop solvers that use the Jacobian. No solver solves "
+    "more starts than IPOPT, and it needs less than half the effort of BOBYQA, which needs no "
     "derivatives.",
     "bounds": "Trust-region and Levenberg-Marquardt keep their steps between the bounds and solve "
     "all starts. So do SLSQP, SQP, NLopt's L-BFGS, SciPy's trf and IPOPT. SLSQP needs the least "
