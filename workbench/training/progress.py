@@ -55,10 +55,10 @@ class Silent:
     """A report that shows nothing."""
 
     def block(self, progress: Progress) -> None:
-        """Do nothing."""
+        """Take the end of a block, and show nothing of it."""
 
     def part(self, doing: str, done: int, of: int) -> None:
-        """Do nothing."""
+        """Take how far something long has come, and show nothing of it."""
 
 
 SILENT = Silent()

@@ -33,7 +33,7 @@ class LeastSquares(Protocol):
     """A way to minimise |A x - b|^2; where that leaves x open, the shortest."""
 
     def solve(self, A: LinearOperator, b: Array) -> Array:
-        """The minimum x."""
+        """The x (n,) that minimises |A x - b|^2, for A (m, n) and b (m,)."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Lsqr:
     most: int = 4000
 
     def solve(self, A: LinearOperator, b: Array) -> Array:
-        """The minimum x."""
+        """The x (n,) that minimises |A x - b|^2, for A (m, n) and b (m,), up to the tolerance."""
         x, stopped, count = lsqr(
             A, b, atol=self.tolerance, btol=self.tolerance, conlim=0, iter_lim=self.most
         )[:3]
