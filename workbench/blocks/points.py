@@ -17,7 +17,11 @@ PLACEHOLDER = "placeholder("  # how the names of placeholders begin when a graph
 
 
 class PointsAt(Protocol):
-    """Points at one set of values; each method can use intermediate results of earlier calls."""
+    """Points at one set of values; each method can use intermediate results of earlier calls.
+
+    What is said of three coordinates holds as well for d numbers of each point, such as its
+    distance from a surface, where a source has these instead.
+    """
 
     @property
     def points(self) -> Array:
@@ -105,7 +109,8 @@ class Points:
     in these blocks.
 
     Attributes:
-        symbol: the placeholder, (3, N) in metres.
+        symbol: the placeholder, (3, N) in metres; (d, N) where a source has d numbers of each
+            point instead of its coordinates.
         source: where the points come from.
     """
 
@@ -113,9 +118,18 @@ class Points:
     source: PointSource
 
     @staticmethod
-    def of(source: PointSource, name: str) -> "Points":
-        """A new placeholder for the points of a source, its symbol called `placeholder(name)`."""
-        return Points(cs.MX.sym(f"{PLACEHOLDER}{name})", 3, source.count), source)
+    def of(source: PointSource, name: str, numbers: int = 3) -> "Points":
+        """A new placeholder for the points of a source, its symbol called `placeholder(name)`.
+
+        `numbers` is d, how many numbers the source has of each point.
+        """
+        return Points(cs.MX.sym(f"{PLACEHOLDER}{name})", numbers, source.count), source)
+
+    def frozen(self, values: Mapping[str, Array]) -> "Points":
+        """The same placeholder, its source held where it is chosen anew; see `ChosenAnew`."""
+        if not hasattr(self.source, "frozen"):
+            return self
+        return Points(self.symbol, cast(ChosenAnew, self.source).frozen(values))
 
     @property
     def name(self) -> str:
@@ -204,8 +218,26 @@ def unlisted(expression: cs.MX, points: Iterable[Points]) -> tuple[str, ...]:
     )
 
 
+class ChosenAnew(Protocol):
+    """What a PointSource provides in addition if something in it is chosen anew at every point.
+
+    Contacts between a scan and a surface are an example. Such a source has no graph, but the one
+    that it gives with the choice held has.
+    """
+
+    def frozen(self, values: Mapping[str, Array]) -> PointSource:
+        """The source with the choice held as it is at these values."""
+
+
 class SparsePoints(Protocol):
     """What NumericPoints may provide in addition: where a derivative can be nonzero."""
+
+    def nonzeros(self, name: str) -> int | None:
+        """How many nonzeros the derivative by a block has at most, where their places change.
+
+        This method may be missing. By a block of which it returns a number, the points are asked
+        for `jacobian`, whose nonzeros may be anywhere, and there is no `pattern`.
+        """
 
     def pattern(self, name: str) -> csc_array | None:
         """Where the points' derivative by a block can be nonzero at any values, (3 N, size).
@@ -233,6 +265,13 @@ def pattern_of(source: NumericPoints, name: str) -> csc_array | None:
     return cast(SparsePoints, source).pattern(name)
 
 
+def nonzeros_of(source: NumericPoints, name: str) -> int | None:
+    """How many nonzeros a derivative has whose nonzeros change their places; None for others."""
+    if not hasattr(source, "nonzeros"):
+        return None
+    return cast(SparsePoints, source).nonzeros(name)
+
+
 def jacobian_of(here: PointsAt, name: str) -> csc_array:
-    """The sparse derivative by a block of which `pattern_of` has a pattern, (3 N, size)."""
+    """The sparse derivative by a block with a pattern or a number of nonzeros, (3 N, size)."""
     return cast(SparsePointsAt, here).jacobian(name)

@@ -25,12 +25,15 @@ def diagnose(
     singular values. For any other problem it is a Diagnosis. It has no singular values either
     where the Jacobian is large, sparse and falls into parts, which are eliminated instead.
 
+    Contacts with a scan, which are chosen anew at every point, are held as they are at `at`.
+
     `priors` are the names of the residuals that are priors and not data, or one such name; the
     diagnosis separates what they contribute. Raises UnknownName for a name that no residual has,
     BadArgument for anything but a problem, TooLarge for more than 4,000 unknowns whose Jacobian is
     sparse and falls into no small parts, and whatever `Problem.split` raises for the values.
     """
     names = _checked(problem, priors)
+    problem = problem.frozen(at)
     here = linearized(problem, at)  # looks at every value
     if is_long(here.jacobian):
         return SequenceDiagnosis(problem, problem.read(at), here, sequence_words.WORDING, names)
@@ -42,6 +45,7 @@ def diagnose_whole(
 ) -> Diagnosis:
     """A diagnosis with singular values. Raises TooLarge for a long sequence."""
     names = _checked(problem, priors)
+    problem = problem.frozen(at)
     return _whole(problem, at, linearized(problem, at), names)
 
 

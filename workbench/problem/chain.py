@@ -21,15 +21,16 @@ from workbench.arrays import Array
 from workbench.blocks import Layout, NumericPoints, PointsAt
 from workbench.blocks.batched import Buffered
 from workbench.blocks.layout import all_values
-from workbench.blocks.points import jacobian_of, pattern_of
+from workbench.blocks.points import jacobian_of, nonzeros_of, pattern_of
 from workbench.problem.graph import FORWARD, Graph, split
 from workbench.problem.naming import distinct
 from workbench.problem.nonzeros import columns_of_nonzeros
-from workbench.problem.pattern import Assembly, Part, Pattern, Scattered, merged
+from workbench.problem.pattern import Assembly, Moving, Part, Pattern, Scattered, merged
 from workbench.problem.rounding import Support, half_squared
 from workbench.problem.storage import Stored, check_fits, is_sparse
 from workbench.residuals import Residual
 
+_NOTHING = Part(np.zeros(0, dtype=np.int64), slice(0, 0))  # of a matrix
 SUMS = 3  # sums of a row's terms with random weights: in a single one they may cancel
 
 
@@ -104,17 +105,18 @@ class Chain:
 
         Where a source has no pattern, each of its points reads all numbers of its blocks.
         """
-        return merged(self.by_x, [part for _, _, part in self._parts])
+        parts = [part for _, _, part in self._parts]
+        return merged(self.by_x, [p.everywhere if isinstance(p, Moving) else p for p in parts])
 
     @cached_property
-    def _parts(self) -> list[tuple[int, str, Part | Scattered]]:
+    def _parts(self) -> list[tuple[int, str, Part | Scattered | Moving]]:
         """For every source and every block that it reads: their numbers, and the part of J.
 
         The part holds every entry of the rows that read the source; or, where the source has a
         pattern of this block, the places in which the product dr/dp dp/dx can be nonzero.
         """
         return [
-            (i, name, _part(pattern, pattern_of(source, name), at))
+            (i, name, _part(pattern, source, name, at))
             for i, (source, pattern) in enumerate(zip(self.sources, self.by_points, strict=True))
             for name, at in self.free.slices.items()
             if name in source.reads
@@ -122,7 +124,8 @@ class Chain:
 
     @cached_property
     def _assembly(self) -> Assembly:
-        return Assembly(self.by_x, [part for _, _, part in self._parts])
+        parts = [part for _, _, part in self._parts]
+        return Assembly(self.by_x, [p if not isinstance(p, Moving) else _NOTHING for p in parts])
 
     def _jacobian(
         self, places: Sequence[PointsAt], direct: Array, by_points: list[Array]
@@ -138,16 +141,19 @@ class Chain:
     ) -> csc_array:
         """The Jacobian by its nonzeros; each part of the sum is written to its places."""
         assembly = self._assembly
-        found = assembly.zeros()
+        found, moved = assembly.zeros(), []
         for i, (here, pattern, own, entries) in enumerate(
             zip(places, self.by_points, self._own_rows, by_points, strict=True)
         ):
             into: dict[str, Array] = {}
             dense: list[tuple[int, str, Part]] = []
             for number, name, part in self._parts_of[i]:
-                if isinstance(part, Scattered):
+                if not isinstance(part, Part):
                     product = pattern.times(entries, jacobian_of(here, name))
-                    assembly.add_scattered(number, product, found)
+                    if isinstance(part, Moving):
+                        moved.append(part.within(product, assembly.shape[1]))
+                    else:
+                        assembly.add_scattered(number, product, found)
                     continue
                 room = None if own is None else assembly.view(number, found)
                 size = part.columns.stop - part.columns.start
@@ -164,12 +170,12 @@ class Chain:
                 elif assembly.view(number, found) is None:
                     assembly.add_part(number, into[name], found)
         assembly.add(direct, found)
-        return assembly.matrix(found)
+        return sum(moved, assembly.matrix(found))
 
     @cached_property
-    def _parts_of(self) -> list[list[tuple[int, str, Part | Scattered]]]:
+    def _parts_of(self) -> list[list[tuple[int, str, Part | Scattered | Moving]]]:
         """The parts of each source: where they stand among all, the block's name, and the part."""
-        found: list[list[tuple[int, str, Part | Scattered]]] = [[] for _ in self.sources]
+        found: list[list[tuple[int, str, Part | Scattered | Moving]]] = [[] for _ in self.sources]
         for number, (i, name, part) in enumerate(self._parts):
             found[i].append((number, name, part))
         return found
@@ -185,7 +191,7 @@ class Chain:
         ):
             dense: dict[str, slice] = {}
             for _, name, part in self._parts_of[i]:
-                if isinstance(part, Scattered):
+                if not isinstance(part, Part):
                     product = pattern.times(entries, jacobian_of(here, name)).tocoo()
                     columns[part.columns.start + product.col, product.row] += product.data
                 else:
@@ -237,7 +243,7 @@ class Chain:
         through = np.zeros((n, len(self.sources)), dtype=bool)
         scattered = [part for _, _, part in self._parts if isinstance(part, Scattered)]
         for i, _, part in self._parts:
-            if isinstance(part, Part):
+            if not isinstance(part, Scattered):
                 through[part.columns, i] = True
         kinds, group_of = np.unique(through, axis=0, return_inverse=True)
         groups = np.zeros((len(kinds), m), dtype=bool)
@@ -268,10 +274,16 @@ class Chain:
         return last[1]
 
 
-def _part(pattern: Pattern, of_points: csc_array | None, columns: slice) -> Part | Scattered:
-    """The part of J in some columns through points that have the pattern `of_points`, if any."""
+def _part(
+    pattern: Pattern, source: NumericPoints, name: str, columns: slice
+) -> Part | Scattered | Moving:
+    """The part of J in the columns of a block, through the points of a source."""
+    rows, nonzeros = np.unique(pattern.rows), nonzeros_of(source, name)
+    if nonzeros is not None:
+        return Moving(rows, columns, nonzeros)
+    of_points = pattern_of(source, name)
     if of_points is None:
-        return Part(np.unique(pattern.rows), columns)
+        return Part(rows, columns)
     return Scattered(pattern.reached(of_points), columns)
 
 

@@ -8,7 +8,7 @@ from scipy.sparse import csc_array
 
 from workbench.arrays import Array, Index
 from workbench.blocks import Layout, NumericPoints, PointsAt
-from workbench.blocks.points import jacobian_of, pattern_of
+from workbench.blocks.points import jacobian_of, nonzeros_of, pattern_of
 
 Entries = Mapping[str, Index]
 
@@ -49,6 +49,10 @@ class PartlyFreePoints:
         """The columns of wanted entries in the source's pattern, if it has one."""
         found = pattern_of(self.source, name)
         return None if found is None else _columns(found, self.wanted.get(name))
+
+    def nonzeros(self, name: str) -> int | None:
+        """The number that the source gives for the whole block."""
+        return nonzeros_of(self.source, name)
 
     def evaluate(self, values: Mapping[str, Array]) -> "PartlyFreePointsAt":
         """The points where whole blocks have these values."""

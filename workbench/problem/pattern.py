@@ -99,6 +99,31 @@ class Scattered(NamedTuple):
         return np.asarray(columns_of_nonzeros(self.pattern) + self.columns.start)
 
 
+class Moving(NamedTuple):
+    """A sparse part of a matrix whose entries change their places from point to point.
+
+    Attributes:
+        rows: the numbers of the rows that it can have entries in, rising.
+        columns: the columns.
+        filled: how many entries it has at most.
+    """
+
+    rows: Index
+    columns: slice
+    filled: int
+
+    @property
+    def everywhere(self) -> Part:
+        """All places at which there may be an entry at some point."""
+        return Part(self.rows, self.columns)
+
+    def within(self, entries: csc_array, n: int) -> csc_array:
+        """The part's entries at one point (m, size), as part of a matrix (m, n)."""
+        before, after = self.columns.start, n - self.columns.stop
+        starts = np.pad(entries.indptr, (before, after), mode="edge")
+        return csc_array((entries.data, entries.indices, starts), shape=(entries.shape[0], n))
+
+
 def merged(pattern: Pattern, parts: Sequence[Part | Scattered]) -> csc_array:
     """Where a sum of single entries and parts can be nonzero, (m, n)."""
     columns, rows = np.divmod(_places(pattern, parts), pattern.shape[0])

@@ -57,7 +57,7 @@ class Problem:
         self.bounds = dict(mapping("the bounds of a problem", {} if bounds is None else bounds))
         naming.check_names((*free, *self.bounds), self.known, self._named)
         self._known = Layout(tuple(self.known.values()))
-        self.free, self.fixed = naming.free_and_fixed(self._known, free)
+        self.free, self.fixed = self._layouts = naming.free_and_fixed(self._known, free)
         self.lower, self.upper = flat_bounds(self.bounds, self.free, self._known)
         self.stacked_constraints = (
             ConstraintSet(self.constraints, *self._layouts) if self.constraints else None
@@ -79,13 +79,20 @@ class Problem:
         reads = [r.reads for r in left] + [c.reads for c in self.constraints]
         return self._with(left, self.free.spelled(set(self.free.names).difference(*reads)))
 
+    def frozen(self, values: Mapping[str, ArrayLike]) -> "Problem":
+        """The same problem with contacts held as they are at these values; it has a graph.
+
+        A problem in which nothing is chosen anew at every point is returned as it is.
+        """
+        read = self.values(*self.split(values))
+        held = [residual.frozen(read) for residual in self.residuals]
+        return self if held == [*self.residuals] else self._with(held, self.free.spelled())
+
     def _with(self, residuals: Iterable[Residual], names: Iterable[str]) -> "Problem":
         free, _ = naming.free_and_fixed(self._known, names)
         bounds = of_free(self.bounds, free, self._known)
         kept = [c for c in self.constraints if not set(free.names).isdisjoint(c.reads)]
         return Problem(residuals, names, bounds, self._named, kept)
-
-    # Values in and out.
 
     def read(self, values: Mapping[str, ArrayLike]) -> Values:
         """The values of the blocks that the problem reads, as arrays; others are left out."""
@@ -242,8 +249,6 @@ class Problem:
         """Where the Jacobian may be nonzero, (m, n): each point reads all of its body's blocks."""
         return self._chain.pattern
 
-    # Convergence.
-
     def rounding(self, x: Array, fixed: Array, residual: Array) -> Rounding:
         """How large the rounding error of each row of the residual (m,) at x may be.
 
@@ -293,7 +298,3 @@ class Problem:
         whole = self._graph if self.has_graph else None
         parts = split(self._whitened, self.points, *self._layouts)
         return Batch(whole, *parts, *self._layouts)
-
-    @property
-    def _layouts(self) -> tuple[Layout, Layout]:
-        return self.free, self.fixed

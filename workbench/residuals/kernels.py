@@ -78,6 +78,42 @@ class Huber:
 
 
 @dataclass(frozen=True)
+class Scaled:
+    """A kernel with a scale of its own, apart from sigma; see `scaled`.
+
+    Attributes:
+        of: the kernel at a scale of one sigma.
+        scale: c, in sigmas.
+    """
+
+    of: Kernel
+    scale: float
+
+    def __call__(self, s: cs.MX) -> cs.MX:
+        """The factors g(s / c^2) of squares s."""
+        return self.of(s / self.scale**2)
+
+
+def scaled(kernel: Kernel, scale: float) -> Scaled:
+    """c^2 rho(s / c^2): the same kernel, for which outliers begin c times as far away.
+
+    Sigma says how noisy good data are, and c where bad data begin; with `geman_mcclure` alone both
+    are one number, and whoever widens it to reach farther also trusts all data less, compared with
+    priors. Near zero c changes nothing: c^2 rho(s / c^2) ~ s. Give `of_norms(scaled(...))` for
+    distances of points. Raises BadResidual for a kernel that is no function, for one of norms, and
+    for a scale that is not above zero.
+    """
+    if not callable(kernel) or isinstance(kernel, OfNorms):
+        raise BadResidual(
+            "scaled takes a kernel of single numbers, such as geman_mcclure, not "
+            f"{kernel!r}; for distances write of_norms(scaled(geman_mcclure, 10))"
+        )
+    if not isinstance(scale, (int, float, np.number)) or not 0 < scale < np.inf:
+        raise BadResidual(f"a kernel's scale is a number of sigmas above zero, not {scale}")
+    return Scaled(kernel, float(scale))
+
+
+@dataclass(frozen=True)
 class OfNorms:
     """A kernel of the lengths of whole residuals, made from one of single numbers: `of_norms`.
 

@@ -1,7 +1,7 @@
 """The form of every error term."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import casadi as cs
 import numpy as np
@@ -142,6 +142,12 @@ class Residual:
         the whole problem, whitened, that is `Problem.graph()`.
         """
         return in_blocks(self.expression, self.points)
+
+    def frozen(self, values: Mapping[str, Array]) -> "Residual":
+        """The residual with contacts and the like held as they are at these values."""
+        held = tuple(points.frozen(values) for points in self.points)
+        same = all(one is other for one, other in zip(held, self.points, strict=True))
+        return self if same else replace(self, points=held)
 
     @property
     def reads(self) -> tuple[str, ...]:

@@ -1,0 +1,238 @@
+"""Points in contact with a surface: contacts chosen anew at every point of a solver, or held.
+
+Each point of a scan is compared with the closest place on a surface whose vertices move with the
+unknowns. Which place that is changes with them, so that no graph can express it. With the contact
+held, what is compared is an affine function of the vertices,
+
+    q(V) = q_0 + W (V - V_0),
+
+and its derivative W is, for a distance, the derivative of the true distance too.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as cs
+import numpy as np
+from scipy.sparse import csc_array, csr_array
+
+from workbench.arrays import Array, Mask
+from workbench.blocks import Block, NumericPoints, PointsAt, PointSource, Tree
+from workbench.blocks.points import jacobian_of, pattern_of
+
+
+@dataclass(frozen=True, eq=False)
+class Contacts:
+    """What contacts say at one place of a surface, and how it changes with the vertices.
+
+    Attributes:
+        numbers: (M, d) m, such as one signed distance of each of M points.
+        slopes: (M d, 3 N) W, their derivative by the coordinates of N vertices, contacts held.
+        found: (M,) which points have a contact; the numbers of the others are constant.
+    """
+
+    numbers: Array
+    slopes: csr_array
+    found: Mask
+
+
+Search = Callable[[Array], Contacts]  # from the vertices (N, 3) m of a surface
+
+
+@dataclass(frozen=True, eq=False)
+class MovingContacts:
+    """A source of d numbers for each of M points in contact with a surface; see PointSource.
+
+    Attributes:
+        surface: the source of the surface's N vertices.
+        arithmetic: the vertices by arithmetic.
+        count: M, the number of points.
+        labels: a name for each point, where they have names.
+        search: finds the contacts with vertices at given places.
+    """
+
+    surface: PointSource
+    arithmetic: NumericPoints
+    count: int
+    labels: tuple[str, ...] | None
+    search: Search
+
+    @property
+    def expression(self) -> None:
+        """None: no graph chooses contacts."""
+
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        """The blocks that the surface depends on."""
+        return self.surface.blocks
+
+    @property
+    def tree(self) -> Tree | None:
+        """The kinematic tree that moves the surface, where there is one."""
+        return self.surface.tree
+
+    @property
+    def numeric(self) -> "MovingContacts":
+        """Itself, for it computes its numbers."""
+        return self
+
+    @property
+    def reads(self) -> tuple[str, ...]:
+        """The names of the blocks that the surface depends on."""
+        return self.arithmetic.reads
+
+    def contacts(self, values: Mapping[str, Array]) -> Contacts:
+        """The contacts where the blocks have these values."""
+        return self.search(self.arithmetic.evaluate(values).points)
+
+    def evaluate(self, values: Mapping[str, Array]) -> "ContactsAt":
+        """The numbers where the blocks have these values, with contacts chosen there."""
+        here = self.arithmetic.evaluate(values)
+        found = self.search(here.points)
+        return ContactsAt(here, found.numbers, found.slopes)
+
+    def evaluate_batch(self, values: Mapping[str, Array]) -> Array:
+        """The numbers (M, d) for several values of each block."""
+        return np.stack([self.search(at).numbers for at in self.arithmetic.evaluate_batch(values)])
+
+    def nonzeros(self, name: str) -> int | None:
+        """How many nonzeros the derivative by a block can have; None if it is dense."""
+        pattern = pattern_of(self.arithmetic, name)
+        if pattern is None:
+            return None
+        of_a_vertex = -(-pattern.nnz // max(1, pattern.shape[0] // 3))
+        return CORNERS * of_a_vertex * self.count
+
+    def frozen(self, values: Mapping[str, Array]) -> "HeldContacts":
+        """The contacts as they are at these values, held."""
+        here = self.arithmetic.evaluate(values).points
+        found = self.search(here)
+        at_zero = found.numbers.ravel() - found.slopes @ here.ravel()
+        numbers = at_zero.reshape(found.numbers.shape)
+        return HeldContacts(self.surface, self.arithmetic, self.labels, numbers, found.slopes)
+
+
+CORNERS = 3  # of a triangle: the vertices that one contact depends on
+
+
+@dataclass(frozen=True, eq=False)
+class HeldContacts:
+    """A source of q_0 + W V, d numbers of M points whose contacts are held; see PointSource.
+
+    Attributes:
+        surface: the source of the surface's N vertices.
+        arithmetic: the vertices by arithmetic.
+        labels: a name for each point, where they have names.
+        at_zero: (M, d) m, q_0: the numbers if all vertices were at zero.
+        slopes: (M d, 3 N) W.
+    """
+
+    surface: PointSource
+    arithmetic: NumericPoints
+    labels: tuple[str, ...] | None
+    at_zero: Array
+    slopes: csr_array
+
+    @property
+    def count(self) -> int:
+        """M, the number of points."""
+        return len(self.at_zero)
+
+    @cached_property
+    def expression(self) -> cs.MX | None:
+        """The numbers in the blocks' symbols, (d, M); None if the surface has no expression."""
+        vertices = self.surface.expression
+        if vertices is None:
+            return None
+        W = self.slopes.tocsc()
+        W.sort_indices()
+        sparsity = cs.Sparsity(*W.shape, W.indptr.tolist(), W.indices.tolist())
+        moved = cs.MX(cs.DM(sparsity, W.data.tolist())) @ cs.vec(cs.densify(vertices))
+        return cs.reshape(moved, *self.at_zero.shape[::-1]) + cs.DM(self.at_zero.T)
+
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        """The blocks that the surface depends on."""
+        return self.surface.blocks
+
+    @property
+    def tree(self) -> Tree | None:
+        """The kinematic tree that moves the surface, where there is one."""
+        return self.surface.tree
+
+    @property
+    def numeric(self) -> "HeldContacts":
+        """Itself, for it computes its numbers."""
+        return self
+
+    @property
+    def reads(self) -> tuple[str, ...]:
+        """The names of the blocks that the surface depends on."""
+        return self.arithmetic.reads
+
+    def evaluate(self, values: Mapping[str, Array]) -> "ContactsAt":
+        """The numbers where the blocks have these values."""
+        here = self.arithmetic.evaluate(values)
+        return ContactsAt(here, self._numbers(here.points), self.slopes)
+
+    def evaluate_batch(self, values: Mapping[str, Array]) -> Array:
+        """The numbers (M, d) for several values of each block."""
+        return np.stack([self._numbers(at) for at in self.arithmetic.evaluate_batch(values)])
+
+    def pattern(self, name: str) -> csc_array | None:
+        """Where the derivative by a block can be nonzero; None if it is dense."""
+        pattern = pattern_of(self.arithmetic, name)
+        if pattern is None:
+            return None
+        ones = csc_array((np.ones(pattern.nnz), pattern.indices, pattern.indptr), pattern.shape)
+        found = csc_array(_with(np.ones(self.slopes.nnz), self.slopes) @ ones)
+        found.sort_indices()
+        return found
+
+    def _numbers(self, vertices: Array) -> Array:
+        moved = self.slopes @ vertices.ravel()
+        return np.asarray(self.at_zero + moved.reshape(self.at_zero.shape))
+
+
+@dataclass(frozen=True, eq=False)
+class ContactsAt:
+    """The numbers of contacts at one set of values; see PointsAt and SparsePointsAt.
+
+    Attributes:
+        here: the surface's vertices.
+        points: (M, d) m, the numbers.
+        slopes: (M d, 3 N) W.
+    """
+
+    here: PointsAt
+    points: Array
+    slopes: csr_array
+
+    def tangent(self, into: Mapping[str, Array], scale: Array | None) -> None:
+        """Write the derivative, transposed, into[block] (size, M d)."""
+        width = self.slopes.shape[1]
+        rooms = {name: np.empty((len(target), width)) for name, target in into.items()}
+        self.here.tangent(rooms, None)
+        W = self.slopes if scale is None else _with(_per_row(self.slopes, scale), self.slopes)
+        for name, target in into.items():
+            target[...] = (W @ rooms[name].T).T
+
+    def jacobian(self, name: str) -> csc_array:
+        """The derivative by a block by which that of the vertices is sparse, (M d, size)."""
+        found = csc_array(self.slopes @ jacobian_of(self.here, name))
+        found.sort_indices()
+        return found
+
+    def adjoint(self, pull: Array) -> dict[str, Array]:
+        """The gradient of sum(pull * numbers), pull (M d,), by each block; flat."""
+        return self.here.adjoint(np.asarray(self.slopes.T @ pull))
+
+
+def _with(entries: Array, matrix: csr_array) -> csr_array:
+    """A matrix with other entries in the same places."""
+    return csr_array((entries, matrix.indices, matrix.indptr), shape=matrix.shape)
+
+
+def _per_row(matrix: csr_array, scale: Array) -> Array:
+    return np.asarray(matrix.data * np.repeat(scale, np.diff(matrix.indptr)))

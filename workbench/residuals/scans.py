@@ -1,0 +1,236 @@
+"""Distances between a scan and a model, whose contacts are chosen anew at every linearization."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import casadi as cs
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.sparse import csr_array
+
+from workbench.arrays import Array, Index
+from workbench.blocks import Block, Points, PointSource
+from workbench.blocks.checks import reals
+from workbench.blocks.expressed_points import ExpressedPoints
+from workbench.errors import BadResidual
+from workbench.geometry.surface_tree import Closest, SurfaceTree
+from workbench.residuals.arguments import confidences, expressed, named_after, numbered
+from workbench.residuals.contact_forms import Form, Offsets, distance
+from workbench.residuals.contacts import Contacts, MovingContacts
+from workbench.residuals.kernels import Kernel, quadratic
+from workbench.residuals.residual import Residual
+
+FACING = 0.5  # cosine of the largest angle between normals in contact: 60 degrees
+
+
+def scan_to_model(
+    points: Points | cs.MX,
+    faces: ArrayLike,
+    scan: ArrayLike,
+    *,
+    sigma: float | Array,
+    kernel: Kernel = quadratic,
+    weights: ArrayLike | None = None,
+    normals: ArrayLike | None = None,
+    within: float = np.inf,
+    facing: float = FACING,
+    form: Form = distance,
+    name: str | None = None,
+) -> Residual:
+    """min over s on the surface of |p_i - s| in metres, for every point p_i of a scan: E_S.
+
+    `points` are the vertices (N, 3) of the surface: points of a body, or the symbol of a block
+    whose rows may all be free; `faces` (F, 3) are its triangles, and `scan` (M, 3) m is fixed.
+
+    At every linearization each point is compared with the place on the surface that is closest
+    then. With u the direction from that place to the point, r = u . (p - s) is the signed distance,
+    and its derivative with u and the contact held is the derivative of the distance to the moving
+    surface (see `contact_forms.distance`). Choosing contacts anew at every linearization is thus
+    Gauss-Newton on the true cost, and no alternation like the iterated closest points of Besl and
+    McKay (1992), where the cost that is minimized changes between steps. The cost is smooth but for
+    places where contacts switch. `Problem.frozen(values)` holds the contacts and has a graph.
+
+    Sigma is the noise of the scan in metres. Where outliers begin is the kernel's business:
+    `scaled(geman_mcclure, 10)` has a scale of ten sigmas. The weight of a point (M,), such as the
+    area that it stands for or its confidence, is outside of the kernel. A point farther than
+    `within` metres from the surface has no contact; its distance is `within`, and constant. With
+    oriented unit `normals` (M, 3) of the scan, only triangles whose normals have a cosine of at
+    least `facing` with the point's are candidates; `within` must then be finite. `form` says what
+    a contact is worth: `distance`, `plane`, `offset` (three rows) or `loose`.
+
+    Raises BadResidual for arguments that do not fit, and NotNumbers.
+    """
+    source, name = _surface("scan_to_model", points, name)
+    triangles = numbered(name, "faces (F", faces, 3, source.count)
+    seen = _vectors(name, "the scan", scan)
+    facing_to = None if normals is None else _normals(name, normals, len(seen))
+    _check_gate(name, within, facing, normals is not None)
+    search = _OnModel(triangles, seen, facing_to, within, facing, form)
+    return _residual(name, source, search, len(seen), form, sigma, kernel, weights)
+
+
+def model_to_scan(
+    points: Points | cs.MX,
+    scan: ArrayLike,
+    scan_faces: ArrayLike,
+    *,
+    sigma: float | Array,
+    kernel: Kernel = quadratic,
+    weights: ArrayLike | None = None,
+    within: float = np.inf,
+    form: Form = distance,
+    name: str | None = None,
+) -> Residual:
+    """min over s on the scan of |v_i - s| in metres, for every vertex v_i of the model.
+
+    `scan` (M, 3) m and `scan_faces` (T, 3) are a mesh that stands still; contacts are chosen anew
+    at every linearization, as in `scan_to_model`. Parts of the model that the scan does not show
+    are drawn to its boundary, unless a gate `within` (m) or a robust kernel lets them go.
+    Raises BadResidual for arguments that do not fit, NotNumbers, and BadMesh for a bad scan.
+    """
+    source, name = _surface("model_to_scan", points, name)
+    seen = _vectors(name, "the scan", scan)
+    _check_gate(name, within, FACING, False)
+    tree = SurfaceTree(seen, numbered(name, "scan_faces (T", scan_faces, 3, len(seen)))
+    search = _OnScan(tree, within, form)
+    return _residual(name, source, search, source.count, form, sigma, kernel, weights)
+
+
+@dataclass(frozen=True, eq=False)
+class _OnModel:
+    """Contacts of a scan's points with the model's surface; see `Search`."""
+
+    faces: Index
+    scan: Array
+    normals: Array | None
+    within: float
+    facing: float
+    form: Form
+    _first: list[SurfaceTree] = field(default_factory=list)  # what is known of the faces alone
+
+    def __call__(self, vertices: Array) -> Contacts:
+        """The contacts with vertices (N, 3) m at these places."""
+        if not self._first:
+            self._first.append(SurfaceTree(vertices, self.faces))
+        tree = self._first[0].moved(vertices)
+        at = tree.closest(self.scan, self.within, self.normals, self.facing)
+        numbers, directions = _compared(self.form, self.scan, at, self.within)
+        touched = np.flatnonzero(at.faces >= 0)
+        corners, shares = self.faces[at.faces[touched]], at.shares[touched]
+        pulls = -directions[touched, :, None, :] * shares[:, None, :, None]  # (m, d, 3 corners, 3)
+        columns = np.broadcast_to(3 * corners[:, None, :, None] + np.arange(3), pulls.shape)
+        slopes = _by_rows(pulls, columns, touched, len(self.scan), vertices.size)
+        return Contacts(numbers, slopes, at.faces >= 0)
+
+
+@dataclass(frozen=True, eq=False)
+class _OnScan:
+    """Contacts of the model's vertices with a scan that stands still; see `Search`."""
+
+    tree: SurfaceTree
+    within: float
+    form: Form
+
+    def __call__(self, vertices: Array) -> Contacts:
+        """The contacts of vertices (N, 3) m at these places."""
+        at = self.tree.closest(vertices, self.within)
+        numbers, directions = _compared(self.form, vertices, at, self.within)
+        touched = np.flatnonzero(at.faces >= 0)
+        pulls = directions[touched]  # (m, d, 3)
+        columns = np.broadcast_to(3 * touched[:, None, None] + np.arange(3), pulls.shape)
+        slopes = _by_rows(pulls, columns, touched, len(vertices), vertices.size)
+        return Contacts(numbers, slopes, at.faces >= 0)
+
+
+def _compared(form: Form, points: Array, at: Closest, within: float) -> tuple[Array, Array]:
+    """The form's numbers (M, d) and derivatives by offsets (M, d, 3); constant without contact."""
+    numbers, directions = form.of(Offsets(points - at.points, at.normals, at.distances))
+    missed = at.faces < 0
+    if missed.any():
+        numbers, directions = numbers.copy(), directions.copy()
+        numbers[missed], directions[missed] = 0.0, 0.0
+        numbers[missed, 0] = within
+    return numbers, directions
+
+
+def _by_rows(pulls: Array, columns: Index, touched: Index, count: int, width: int) -> csr_array:
+    """W (count d, width) from entries (m, d, ...) in the rows of the points `touched` (m,)."""
+    d, each = pulls.shape[1], pulls[0, 0].size if len(pulls) else 0
+    filled = np.zeros((count, d), dtype=np.int64)
+    filled[touched] = each
+    starts = np.concatenate([[0], np.cumsum(filled.ravel())])
+    found = csr_array((pulls.ravel(), columns.flatten(), starts), shape=(count * d, width))
+    found.sort_indices()
+    return found
+
+
+def _surface(function: str, points: Points | cs.MX, name: str | None) -> tuple[PointSource, str]:
+    name = name or named_after(function, points, points)
+    if isinstance(points, Points):
+        return points.source, name
+    expression, _ = expressed(points)
+    return ExpressedPoints(expression, tuple(Block.of(s) for s in cs.symvar(expression))), name
+
+
+def _residual(
+    name: str,
+    source: PointSource,
+    search: Callable[[Array], Contacts],
+    count: int,
+    form: Form,
+    sigma: float | Array,
+    kernel: Kernel,
+    weights: ArrayLike | None,
+) -> Residual:
+    arithmetic = source.numeric
+    if arithmetic is None:
+        if source.expression is None:
+            raise BadResidual(f"residual {name!r} is of points that have no arithmetic")
+        arithmetic = ExpressedPoints(source.expression, source.blocks)
+    contacts = MovingContacts(source, arithmetic, count, None, search)
+    placed = Points.of(contacts, name, form.numbers)
+    each = None if weights is None else confidences(name, weights, count, "points")
+    return Residual(
+        name,
+        cs.vec(placed.symbol),
+        sigma,
+        "m",
+        kernel,
+        (placed,),
+        weights=each,
+        rows_per_point=form.numbers,
+    )
+
+
+def _vectors(name: str, what: str, value: ArrayLike) -> Array:
+    found = np.ascontiguousarray(reals(f"residual {name!r}: {what}", value))
+    if found.ndim != 2 or found.shape[1] != 3 or not len(found) or not np.isfinite(found).all():
+        raise BadResidual(
+            f"residual {name!r} needs {what} as finite numbers (M, 3), not an array of shape "
+            f"{found.shape}" + (" with NaN or infinity" if not np.isfinite(found).all() else "")
+        )
+    return found
+
+
+def _normals(name: str, normals: ArrayLike, count: int) -> Array:
+    found = _vectors(name, "the scan's normals", normals)
+    if len(found) != count:
+        raise BadResidual(
+            f"residual {name!r} has {count} points, but {len(found)} normals; give one for each"
+        )
+    lengths = np.linalg.norm(found, axis=1)
+    if not (lengths > 0).all():
+        raise BadResidual(f"residual {name!r} has a normal of length zero; leave such points out")
+    return np.asarray(found / lengths[:, None])
+
+
+def _check_gate(name: str, within: float, facing: float, oriented: bool) -> None:
+    if not isinstance(within, (int, float, np.number)) or not within > 0:
+        raise BadResidual(f"residual {name!r} needs a gate `within` above zero m, not {within!r}")
+    if oriented and not np.isfinite(within):
+        raise BadResidual(
+            f"residual {name!r} uses normals, so that a point may have no contact; say by "
+            "`within`, in metres, what its distance is then, for example within=0.2"
+        )
+    if not isinstance(facing, (int, float, np.number)) or not -1 <= facing <= 1:
+        raise BadResidual(f"residual {name!r} needs a cosine `facing` from -1 to 1, not {facing!r}")
