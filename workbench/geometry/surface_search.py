@@ -6,13 +6,14 @@ products from left to right, nothing that depends on how NumPy adds up.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from workbench.arrays import Array, Index, Mask
 from workbench.geometry.surface_boxes import FAR, Boxes
-from workbench.geometry.surface_order import NONE, WIDE
+from workbench.geometry.surface_order import NONE, WIDE, Order
 
 TOGETHER = 2048  # points that descend together
 MOST = 8192  # pairs of a point and a node that are looked at together
@@ -53,6 +54,19 @@ class Found:
     shares: Array
     squares: Array
     normals: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """How boxes are fitted and searches made.
+
+    Attributes:
+        boxes: from the order of the triangles and the vertices (N, 3) m.
+        search: what is asked for, in boxes of its own making.
+    """
+
+    boxes: Callable[[Order, Array], Boxes]
+    search: Callable[[Boxes, Asked], Found]
 
 
 def by_numpy(boxes: Boxes, asked: Asked) -> Found:
@@ -202,3 +216,6 @@ def _normals(boxes: Boxes, faces: Index, shares: Array) -> Array:
 def _dot(x: Array, y: Array) -> Array:
     found: Array = x[0] * y[0] + x[1] * y[1] + x[2] * y[2]
     return found
+
+
+IN_NUMPY = Way(Boxes.of, by_numpy)

@@ -11,13 +11,11 @@ import numpy as np
 from workbench.arrays import Array, Index
 from workbench.errors import BadArgument, BadMesh
 from workbench.geometry.meshes import Mesh
-from workbench.geometry.surface_boxes import Boxes
+from workbench.geometry.surface_kernels import quickest
 from workbench.geometry.surface_order import NONE, Order
-from workbench.geometry.surface_search import Asked, Found, by_numpy
+from workbench.geometry.surface_search import Asked, Found, Way
 
 CANCELLED = 1e-9  # a sum of unit normals that is shorter says nothing
-
-Search = Callable[[Boxes, Asked], Found]
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,12 +56,12 @@ class SurfaceTree:
     ([[0.25, 0.25, 0.0], [1.0, 0.0, 0.0]], [0.5, 1.0])
     """
 
-    def __init__(self, vertices: Array, faces: Index, search: Search = by_numpy) -> None:
+    def __init__(self, vertices: Array, faces: Index, way: Callable[[], Way] = quickest) -> None:
         mesh = Mesh(_numbers(vertices, "vertices"), _whole(faces))
         if not len(mesh.faces):
             raise BadMesh("a surface without faces has no closest places; give at least one")
-        self._search = search
-        self._boxes = Boxes.of(Order.of(mesh.vertices, mesh.faces), mesh.vertices)
+        self._way = way  # a function, as a loaded library cannot be pickled
+        self._boxes = way().boxes(Order.of(mesh.vertices, mesh.faces), mesh.vertices)
 
     def moved(self, vertices: Array) -> SurfaceTree:
         """The same triangles with vertices (N, 3) m elsewhere: boxes refitted, no new tree.
@@ -77,7 +75,7 @@ class SurfaceTree:
         if len(new) != order.n_vertices:
             raise BadMesh(f"{len(new)} vertices cannot take the place of {order.n_vertices}")
         tree = object.__new__(SurfaceTree)
-        tree._search, tree._boxes = self._search, Boxes.of(order, new)
+        tree._way, tree._boxes = self._way, self._way().boxes(order, new)
         return tree
 
     def closest(
@@ -100,7 +98,7 @@ class SurfaceTree:
             raise BadArgument(f"there are {len(p)} points, but {len(n)} normals; give one for each")
         if not within >= 0:
             raise BadArgument(f"within is {within}, but must be a distance in m, not negative")
-        found = self._search(self._boxes, Asked(p, float(within), n, float(facing)))
+        found = self._way().search(self._boxes, Asked(p, float(within), n, float(facing)))
         return self._closest(p, float(within), found)
 
     def _closest(self, points: Array, within: float, found: Found) -> Closest:
