@@ -13,6 +13,7 @@ from workbench.geometry.triangles import FLAT
 
 ROWS = 18  # numbers of a triangle: corners a, b, c (9), 1 / |edge|^2 of ab, ac, bc (3), slopes (6)
 FAR = 1e150  # m: where there are no triangles; its square is still finite
+TINY = 1e-300  # m^2: the square of an edge that counts as a point
 MARGIN = 1e-14  # of the largest coordinate: boxes are wider by so much, more than rounding is
 
 
@@ -51,7 +52,7 @@ class Boxes:
         area = np.sqrt(_dot(n, n))
         flat = ~(area > FLAT * squares.max(axis=0))
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-            inverses = np.where(squares > 0, 1 / squares, 0)
+            inverses = np.where(squares > TINY, 1 / squares, 0)
             n = np.where(flat, 0, n / area)
             g, h = (np.where(flat, 0, _cross(*sides) / area) for sides in ((v, n), (n, u)))
         triangles = np.empty((len(order.leaves), ROWS, WIDE))

@@ -1,8 +1,8 @@
 """The triangles of a mesh in the order of a tree: neighbours in space are neighbours in memory.
 
 The tree halves the triangles again and again, across the longest side of their centroids' box,
-until at most WIDE are left in each leaf; three halvings make one step, so that a node has WIDE children.
-All leaves are on one level, and where a node's children are needs no pointers.
+until at most WIDE are left in each leaf; three halvings make one step, so that a node has WIDE
+children. All leaves are on one level, so that where a node's children are needs no pointers.
 """
 
 from __future__ import annotations

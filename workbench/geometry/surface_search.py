@@ -172,8 +172,11 @@ def _candidates(rows: Array, p: Array) -> tuple[list[Array], list[Array]]:
         away = start - t * edge
         found.append(np.where((t > 0) & (t < 1), _dot(away, away), np.inf))
         places.append(t)
-    v, w = _dot(ap, slopes[:3]), _dot(ap, slopes[3:])
-    away = (ap - v * (b - a)) - w * (c - a)
+    v, w, away = np.zeros_like(t), np.zeros_like(t), ap
+    for _ in range(2):  # a second time, as the first is inexact in a thin triangle
+        more_v, more_w = _dot(away, slopes[:3]), _dot(away, slopes[3:])
+        v, w = v + more_v, w + more_w
+        away = (away - more_v * (b - a)) - more_w * (c - a)
     found.append(np.where((v > 0) & (w > 0) & ((1 - v) - w > 0), _dot(away, away), np.inf))
     return found, [v, w, *places]
 

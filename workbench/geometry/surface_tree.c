@@ -10,6 +10,7 @@ Compiled without contraction of products and sums; loops over WIDE lanes become 
 #define ROWS 18
 #define NONE (-1)
 #define FAR 1e150
+#define TINY 1e-300
 #define SHRINK (1 - 1e-14)
 #define DEEPEST 24 /* levels: 8^24 triangles are more than there are */
 
@@ -72,7 +73,7 @@ EXPORT void fit(
         const double squares[3] = {square(u), square(v), square(w)};
         double longest = squares[0];
         for (integer k = 0; k < 3; k++) {
-            t[(9 + k) * WIDE] = squares[k] > 0 ? 1 / squares[k] : 0;
+            t[(9 + k) * WIDE] = squares[k] > TINY ? 1 / squares[k] : 0;
             longest = squares[k] > longest ? squares[k] : longest;
         }
         const double area = sqrt(square(n)), sign = (to[1] - to[0] + 3) % 3 == 1 ? 1 : -1;
@@ -150,9 +151,15 @@ INLINE void candidates(const double *t, double x, double y, double z, double *d,
     EDGE(3, p, u, AT(9))
     EDGE(4, p, v, AT(10))
     EDGE(5, q, w, AT(11))
-    const double g = dot(px, py, pz, AT(12), AT(13), AT(14));
-    const double h = dot(px, py, pz, AT(15), AT(16), AT(17));
-    const double fx = px - g * ux - h * vx, fy = py - g * uy - h * vy, fz = pz - g * uz - h * vz;
+    double g = 0, h = 0, fx = px, fy = py, fz = pz;
+    for (integer i = 0; i < 2; i++) { /* a second time, as the first is inexact in a thin triangle */
+        const double more_g = dot(fx, fy, fz, AT(12), AT(13), AT(14));
+        const double more_h = dot(fx, fy, fz, AT(15), AT(16), AT(17));
+        g += more_g, h += more_h;
+        fx = fx - more_g * ux - more_h * vx;
+        fy = fy - more_g * uy - more_h * vy;
+        fz = fz - more_g * uz - more_h * vz;
+    }
     const double f = dot(fx, fy, fz, fx, fy, fz);
     s[0] = g, s[1] = h;
     d[6] = (g > 0) & (h > 0) & (1 - g - h > 0) ? f : INFINITY;

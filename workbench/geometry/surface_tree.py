@@ -15,6 +15,7 @@ from workbench.geometry.surface_kernels import quickest
 from workbench.geometry.surface_order import NONE, Order
 from workbench.geometry.surface_search import Asked, Found, Way
 
+FARTHEST = 1e70  # m: no coordinate is larger, so that products of four do not overflow
 CANCELLED = 1e-9  # a sum of unit normals that is shorter says nothing
 
 
@@ -57,7 +58,7 @@ class SurfaceTree:
     """
 
     def __init__(self, vertices: Array, faces: Index, way: Callable[[], Way] = quickest) -> None:
-        mesh = Mesh(_numbers(vertices, "vertices"), _whole(faces))
+        mesh = Mesh(_places(vertices), _whole(faces))
         if not len(mesh.faces):
             raise BadMesh("a surface without faces has no closest places; give at least one")
         self._way = way  # a function, as a loaded library cannot be pickled
@@ -71,7 +72,7 @@ class SurfaceTree:
         are not finite.
         """
         order = self._boxes.order
-        new = Mesh(_numbers(vertices, "vertices"), order.faces[:0]).vertices
+        new = Mesh(_places(vertices), order.faces[:0]).vertices
         if len(new) != order.n_vertices:
             raise BadMesh(f"{len(new)} vertices cannot take the place of {order.n_vertices}")
         tree = object.__new__(SurfaceTree)
@@ -98,6 +99,8 @@ class SurfaceTree:
             raise BadArgument(f"there are {len(p)} points, but {len(n)} normals; give one for each")
         if not within >= 0:
             raise BadArgument(f"within is {within}, but must be a distance in m, not negative")
+        if np.isnan(facing):
+            raise BadArgument(f"facing is {facing}, but must be a cosine, from -1 to 1")
         found = self._way().search(self._boxes, Asked(p, float(within), n, float(facing)))
         return self._closest(p, float(within), found)
 
@@ -124,25 +127,34 @@ def _lengths(vectors: Array) -> Array:
     return np.asarray(np.sqrt(x * x + y * y + z * z))
 
 
-def _numbers(given: Array, what: str) -> Array:
+def _places(vertices: Array) -> Array:
     try:
-        return np.array(given, dtype=np.float64)
+        given = np.array(vertices, dtype=np.float64, order="C")
     except (TypeError, ValueError) as error:
-        raise BadMesh(f"{what} are no numbers: {error}") from error
+        raise BadMesh(f"vertices must be an array of real numbers: {error}") from error
+    if (np.abs(given[np.isfinite(given)]) > FARTHEST).any():
+        raise BadMesh(
+            f"a vertex is farther than {FARTHEST:g} m from the origin; remove or repair it"
+        )
+    return given
 
 
 def _whole(faces: Index) -> Index:
     given = np.asarray(faces)
     if given.dtype.kind not in "iu":
         raise BadMesh(f"faces are {given.dtype}, but must be whole numbers of vertices")
-    return np.array(given, dtype=np.int64)
+    return np.array(given, dtype=np.int64, order="C")
 
 
 def _rows(given: Array, what: str) -> Array:
-    array = np.ascontiguousarray(given, dtype=np.float64)
+    try:
+        array = np.ascontiguousarray(given, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise BadArgument(f"{what} must be an array of real numbers: {error}") from error
     if array.ndim != 2 or array.shape[1] != 3:
         raise BadArgument(f"{what} have shape {array.shape}, but must be (M, 3)")
-    if not np.isfinite(array).all():
-        bad = int(np.argmax(~np.isfinite(array).all(axis=1)))
+    right = (np.abs(array) <= FARTHEST).all(axis=1)
+    if not right.all():
+        bad = int(np.argmin(right))
         raise BadArgument(f"row {bad} of {what} is {array[bad].tolist()}; leave it out")
     return array
