@@ -20,8 +20,8 @@ def boundary(scan: Scan, *, width: float = 0.0) -> Mask:
     """Mark the points (M,) at the boundary of a scan, and those within `width` m of them.
 
     Of a mesh these are the ends of edges that only one face has. Of a cloud they are the points
-    whose 48 neighbours, seen along the normal, leave a gap of more than 120 degrees (Bendels et al.,
-    Detecting Holes in Point Set Surfaces, 2006). Raises BadArgument for a width below 0.
+    whose 48 neighbours, seen along the normal, leave a gap of more than 120 degrees (Bendels et
+    al., Detecting Holes in Point Set Surfaces, 2006). Raises BadArgument for a width below 0.
     """
     if not 0 <= width < np.inf:
         raise BadArgument(f"a boundary has a width of 0 m or more, not {width:g}")

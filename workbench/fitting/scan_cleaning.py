@@ -30,24 +30,22 @@ def cleaned(contents: Contents, most: int) -> Contents:
     points = contents.points
     with np.errstate(invalid="ignore"):
         there = np.asarray((np.abs(points) < LARGEST).all(axis=1))  # nor NaN
-    contents = _kept(contents, there, "points are NaN, infinite or beyond 1e9, and are left out")
+    contents = _kept(contents, there, "NaN, infinite or beyond 1e9, and left out")
     if contents.faces is None:
         nothing = np.asarray(~contents.points.any(axis=1))
         if nothing.sum() > 1:
-            contents = _kept(
-                contents, ~nothing, "points are 0 0 0, as missing ones are, and are left out"
-            )
+            contents = _kept(contents, ~nothing, "0 0 0, as missing ones are, and left out")
         contents = _sampled(contents, most)
     else:
         used = np.zeros(len(contents.points), dtype=bool)
         used[contents.faces] = True
-        contents = _kept(contents, used, "points are in no face, and are left out")
+        contents = _kept(contents, used, "in no face, and left out")
     contents = _merged(contents)
     if len(contents.points):
         middle = np.median(contents.points, axis=0)
         away = np.linalg.norm(contents.points - middle, axis=1)
         near = np.asarray(away <= FAR * np.percentile(away, 90))
-        contents = _kept(contents, near, "points are far from all others, and are left out")
+        contents = _kept(contents, near, "far from all others, and left out")
     if len(contents.points) < FEWEST:
         said = "".join(f"; {note}" for note in contents.notes[-4:])
         raise BadScan(
@@ -61,6 +59,11 @@ def isolated(points: Array) -> Mask:
     """Which points (M, 3) have no other within ten times the usual distance: (M,)."""
     distances = np.asarray(cKDTree(points).query(points, k=2)[0])[:, 1]
     return np.asarray(distances > ISOLATED * np.median(distances), dtype=np.bool_)
+
+
+def points_are(count: int) -> str:
+    """The beginning of a sentence on so many points."""
+    return "1 point is" if count == 1 else f"{count:,} points are"
 
 
 def _with_faces_checked(contents: Contents) -> Contents:
@@ -91,7 +94,7 @@ def _kept(contents: Contents, mask: Mask, why: str) -> Contents:
         points=contents.points[mask],
         normals=None if contents.normals is None else contents.normals[mask],
         faces=faces,
-        notes=(*contents.notes, f"{count:,} {why}"),
+        notes=(*contents.notes, f"{points_are(count)} {why}"),
     )
 
 
@@ -102,7 +105,7 @@ def _sampled(contents: Contents, most: int) -> Contents:
         return contents
     chosen = np.zeros(N, dtype=bool)
     chosen[np.random.default_rng(SEED).choice(N, most, replace=False)] = True
-    return _kept(contents, chosen, f"of {N:,} points are left out at random, {most:,} are enough")
+    return _kept(contents, chosen, f"left out, drawn at random, for {most:,} are enough")
 
 
 def _merged(contents: Contents) -> Contents:
@@ -128,7 +131,10 @@ def _merged(contents: Contents) -> Contents:
             points=points[first],
             normals=None if contents.normals is None else contents.normals[first],
             faces=None if contents.faces is None else number[place[contents.faces]],
-            notes=(*contents.notes, f"{count:,} points repeat others, and are merged with them"),
+            notes=(
+                *contents.notes,
+                f"{points_are(count)} in the place of another, and merged with it",
+            ),
         )
     )
 

@@ -95,7 +95,9 @@ def _of_columns(numbers: NDArray[Any], columns: int) -> Contents:
     if are_normals:
         notes = ("columns 4 to 6 have length one and are taken for normals",)
     if columns > read:
-        notes += (f"columns {read + 1} to {columns} are not read",)
+        one = columns == read + 1
+        which = f"column {columns} is" if one else f"columns {read + 1} to {columns} are"
+        notes += (f"{which} not read",)
     return Contents(points, further if are_normals else None, notes=notes)
 
 

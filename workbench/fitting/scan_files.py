@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from workbench.arrays import Array
 from workbench.errors import BadArgument, BadFile, cut
 from workbench.fitting.scan import BadScan, Scan
-from workbench.fitting.scan_cleaning import cleaned, isolated
+from workbench.fitting.scan_cleaning import cleaned, isolated, points_are
 from workbench.fitting.scan_contents import Contents, contents_of
 from workbench.fitting.scan_normals import with_normals
 from workbench.fitting.scan_outline import outline
@@ -25,6 +25,15 @@ DECLARED = {".glb": ("m", "y")}  # by glTF 2.0, section 3.4
 @dataclass(frozen=True, eq=False)
 class ReadScan:
     """A scan that was read from a file, and what was guessed about it.
+
+    >>> import numpy as np, tempfile
+    >>> from workbench import load_body
+    >>> body = load_body("small")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     np.save(f"{folder}/scan.npy", 1000 * body.template)
+    ...     read = read_scan(f"{folder}/scan.npy")
+    >>> read.unit, read.up, read.scan.n_points
+    ('mm', 'y', 369)
 
     Attributes:
         scan: the scan in m, y up.
@@ -106,7 +115,7 @@ def _weighted(contents: Contents, most: int) -> tuple[Scan, tuple[str, ...]]:
     points, normals, faces = contents.points, contents.normals, contents.faces
     if faces is None:
         alone = int(isolated(points).sum())
-        note = f"{alone:,} points are far from their neighbours, and may not belong to the scan"
+        note = f"{points_are(alone)} far from all neighbours, and may not belong to the scan"
         return Scan(points, normals, None, areas_of_neighbours(points)), (note,) if alone else ()
     weights = areas_of_faces(points, faces)
     if not weights.any():
