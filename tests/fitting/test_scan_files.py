@@ -88,7 +88,8 @@ def test_what_trimesh_wrote_has_the_same_surface(tmp_path: Path, suffix: str) ->
     mesh.export(tmp_path / f"scan{suffix}")
     read = read_scan(tmp_path / f"scan{suffix}")
     scan = read.scan
-    assert scan.faces is not None and scan.weights is not None
+    assert scan.faces is not None
+    assert scan.weights is not None
     assert (scan.n_points, len(scan.faces)) == (len(STANDING), len(FACES))
     np.testing.assert_allclose(scan.weights.sum(), mesh.area, rtol=1e-5)
     corners = [
@@ -138,9 +139,7 @@ def test_clutter_and_density_do_not_change_the_guesses(tmp_path: Path) -> None:
     clutter = SURFACE.mean(axis=0) + rng.uniform(-1.5, 1.5, (1000, 3))  # 20 %
     dense = np.repeat(SURFACE[SURFACE[:, 1] < SURFACE[:, 1].mean()], 5, axis=0)
     dense = dense + rng.normal(size=dense.shape) * 0.002
-    read = read_scan(
-        saved(tmp_path / "scan.npy", 1000 * np.concatenate([SURFACE, clutter, dense]))
-    )
+    read = read_scan(saved(tmp_path / "scan.npy", 1000 * np.concatenate([SURFACE, clutter, dense])))
     assert (read.unit, read.up) == ("mm", "y")
     assert said(read, "far from all neighbours")
 
@@ -149,7 +148,8 @@ def test_a_hand_is_in_metres_and_nothing_is_sure(tmp_path: Path) -> None:
     hand = SURFACE[SURFACE[:, 1] > SURFACE[:, 1].max() - 0.2]
     read = read_scan(saved(tmp_path / "hand.npy", hand))
     assert (read.unit, read.up) == ("m", "y")
-    assert said(read, "this is uncertain") and said(read, "would tell")
+    assert said(read, "this is uncertain")
+    assert said(read, "would tell")
     assert read_scan(saved(tmp_path / "hand.npy", 100 * hand)).unit == "cm"
 
 
@@ -162,7 +162,8 @@ def test_a_camera_orients_normals_and_moves_with_the_scan(tmp_path: Path) -> Non
         read_scan(tmp_path / "scan.npz"),
         read_scan(tmp_path / "scan.npy", camera_position=stored["camera_position"]),
     ):
-        assert (read.unit, read.up) == ("mm", "z") and read.camera_position is not None
+        assert (read.unit, read.up) == ("mm", "z")
+        assert read.camera_position is not None
         np.testing.assert_allclose(read.camera_position, camera, atol=1e-12)
         assert read.scan.normals is not None
         towards = ((camera - read.scan.points) * read.scan.normals).sum(axis=1)
@@ -176,9 +177,11 @@ def test_normals_in_columns_are_seen_and_other_columns_are_named(tmp_path: Path)
     colours = np.full((len(SURFACE), 3), 200.0)
     both = read_scan(saved(tmp_path / "a.xyz", np.column_stack([SURFACE, outwards, colours])))
     np.testing.assert_allclose(both.scan.normals, outwards, atol=1e-12)
-    assert said(both, "columns 7 to 9 are not read") and said(both, "taken for normals")
+    assert said(both, "columns 7 to 9 are not read")
+    assert said(both, "taken for normals")
     colour = read_scan(saved(tmp_path / "b.csv", np.column_stack([SURFACE, colours])))
-    assert colour.scan.normals is None and said(colour, "columns 4 to 6 are not read")
+    assert colour.scan.normals is None
+    assert said(colour, "columns 4 to 6 are not read")
 
 
 def test_text_may_begin_with_titles_a_count_or_comments_and_end_in_words(tmp_path: Path) -> None:
@@ -195,7 +198,8 @@ def test_arrays_of_several_people_have_to_be_named(tmp_path: Path) -> None:
     with pytest.raises(BadFile, match="one has to be named: ann, bob"):
         read_scan(path)
     read = read_scan(path, name="bob")
-    assert read.unit == "mm" and said(read, "not read are the arrays ann, floor")
+    assert read.unit == "mm"
+    assert said(read, "not read are the arrays ann, floor")
     assert said(read, "normals are those of the file")
     with pytest.raises(BadFile, match="no array 'carl'; arrays of points are ann, bob"):
         read_scan(path, name="carl")
@@ -230,7 +234,8 @@ def test_faces_follow_the_points_that_stay(tmp_path: Path) -> None:
     left = faces[(faces != 5).all(axis=1)]
     np.testing.assert_array_equal(read.scan.points[read.scan.faces], points[left])
     assert read.scan.n_points == len(STANDING) - 1
-    assert said(read, "1 point is NaN") and said(read, "2 points are in no face")
+    assert said(read, "1 point is NaN")
+    assert said(read, "2 points are in no face")
 
 
 def test_faces_that_look_inwards_are_turned(tmp_path: Path) -> None:
@@ -252,8 +257,10 @@ def test_many_points_become_fewer_and_stand_for_the_same_area(tmp_path: Path, su
     else:
         write_mesh(path, points, mesh.faces)
     read = read_scan(path, most=3000)
-    assert read.scan.n_points == 3000 and read.scan.faces is None
-    assert read.scan.weights is not None and said(read, "at random")
+    assert read.scan.n_points == 3000
+    assert read.scan.faces is None
+    assert read.scan.weights is not None
+    assert said(read, "at random")
     assert read.scan.weights.sum() == pytest.approx(mesh.area, rel=0.1)
     np.testing.assert_array_equal(read.scan.points, read_scan(path, most=3000).scan.points)
 

@@ -16,17 +16,18 @@ TURNS: dict[str, Array] = {  # rotations that take the axis to y; what faces -y 
 }
 STANDING = (1.0, 2.3)  # m, from the floor to the head
 LONGER = 1.3  # times as tall as the thinnest side
-MIDDLE = 0.5  # the height of the mean of a person's surface, as a share: 0.48 to 0.57 of 9 in 10
-UPRIGHT, UPSIDE_DOWN = 0.01, -0.03  # how far above the middle the mean is if one is sure of it
+END = 0.06  # of the height: the feet at one end, the head at the other
+ABOVE, WIDER = 11.0, 0.5  # what the two signs of a head count: the best on 504 scans of mocap poses
+SURE = 0.2  # of their sum: of these 3 % would be turned over wrongly, 92 % rightly
 
 
 def up_axis(cells: Array, given: str | None, declared: str | None = None) -> tuple[str, str]:
     """Which axis of an outline (C, 3) m points up, and a sentence on why; `given` wins.
 
     `declared` is the axis that the file's format prescribes. The surface of a standing person
-    spreads most along the height, with arms stretched to the sides as well, and its mean lies above
-    the middle; if it does not clearly lie below it, the axis is taken to be positive, as most are.
-    For what is no standing person y is taken. Raises UnknownName.
+    spreads most along the height, with arms stretched to the sides as well. The axis is positive,
+    as most are, unless the form clearly says that the head is at its other end. For what is no
+    standing person y is taken. Raises UnknownName.
     """
     if given is not None:
         axis = given.removeprefix("+")
@@ -41,12 +42,24 @@ def up_axis(cells: Array, given: str | None, declared: str | None = None) -> tup
             "y is taken to be up, for the scan is not of the form of a standing person, which "
             "would tell; give the axis if it is another"
         )
-    low, high = np.percentile(cells[:, height], TRIM)
-    above = (cells[:, height].mean() - low) / (high - low) - MIDDLE
-    name = f"-{'xyz'[height]}" if above < UPSIDE_DOWN else "xyz"[height]
-    why = (
-        f"{name} is taken to be up: the scan is {sides[height]:.2f} m tall along it, as a person is"
+    upright = _upright(cells, height)
+    name = f"-{'xyz'[height]}" if upright < -SURE else "xyz"[height]
+    tall = f"{sides[height]:.2f} m tall along it"
+    why = f"{name} is taken to be up: the scan is {tall}, as a person is"
+    return name, why if abs(upright) > SURE else f"{why}, but which end is the head is not clear"
+
+
+def _upright(cells: Array, axis: int) -> float:
+    """How clearly the head is at the end of an axis: above 0 if it is, below if the feet are.
+
+    The mean of a person's surface lies above the middle, and two feet lie farther apart than the
+    two sides of a head.
+    """
+    low, high = np.percentile(cells[:, axis], TRIM)
+    heights = (cells[:, axis] - low) / (high - low)
+    across = np.delete(cells, axis, axis=1)
+    feet, head = (
+        np.sqrt(across[end].var(axis=0).sum()) if end.sum() > 3 else (high - low) / 50
+        for end in (heights < END, heights > 1 - END)
     )
-    if UPSIDE_DOWN <= above < UPRIGHT:
-        why += ", but which end is the head is not clear"
-    return name, why
+    return float(ABOVE * (heights.mean() - 0.5) + WIDER * np.log(feet / head))
