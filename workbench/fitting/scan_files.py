@@ -13,7 +13,7 @@ from workbench.fitting.scan_cleaning import cleaned, isolated, points_are
 from workbench.fitting.scan_contents import Contents, contents_of
 from workbench.fitting.scan_normals import with_normals
 from workbench.fitting.scan_outline import outline
-from workbench.fitting.scan_surface import areas_of_faces, areas_of_neighbours
+from workbench.fitting.scan_surface import areas_of_faces, areas_of_neighbours, units
 from workbench.fitting.scan_units import UNITS, unit_of
 from workbench.fitting.scan_up import TURNS, up_axis
 
@@ -103,7 +103,7 @@ def _read(contents: Contents, suffix: str, unit: str | None, up: str | None, mos
     contents = replace(
         contents,
         points=np.ascontiguousarray(contents.points @ turn.T * scale),
-        normals=None if contents.normals is None else contents.normals @ turn.T,
+        normals=None if contents.normals is None else units(contents.normals) @ turn.T,
     )
     contents = with_normals(contents, camera)
     scan, notes = _weighted(contents, most)
