@@ -19,6 +19,8 @@ from workbench.fitting.landmarks import joint_fit
 from workbench.fitting.mesh_start import STARTS, from_correspondences, placed
 from workbench.fitting.meshes import mesh_fit, own_mesh
 from workbench.fitting.observations import BadObservation, Observations, Photograph, photograph
+from workbench.fitting.scan_boundary import boundary
+from workbench.fitting.scan_files import ReadScan, read_scan
 from workbench.fitting.setup import Measure, Setup, View
 
 __all__ = [
@@ -28,8 +30,10 @@ __all__ = [
     "Measure",
     "Observations",
     "Photograph",
+    "ReadScan",
     "Setup",
     "View",
+    "boundary",
     "from_correspondences",
     "joint_fit",
     "keypoint_fit",
@@ -41,5 +45,6 @@ __all__ = [
     "read_calibration",
     "read_keypoints",
     "read_observations",
+    "read_scan",
     "shape_prior",
 ]
