@@ -15,7 +15,6 @@ import casadi as cs
 import numpy as np
 
 from builder.packing import write_arrays
-from workbench.arrays import Array
 from workbench.blocks import Block, Values
 from workbench.experiments.balance import FITTED, published
 from workbench.geometry.camera import Camera, triangulate

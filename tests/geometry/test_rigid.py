@@ -45,7 +45,6 @@ def test_the_example_that_umeyama_published() -> None:
     """Three points in the plane, and the same mirrored (Umeyama 1991, section IV).
 
     Each stands here twice, 3 above the plane and 3 below, so that the rotation is one of the plane.
-    Its published error without the third coordinate, 0.053, is that with the scale 0.721.
     """
     source = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 2.0]])
     target = np.array([[0.0, 0.0], [-1.0, 0.0], [0.0, 2.0]])
@@ -54,8 +53,6 @@ def test_the_example_that_umeyama_published() -> None:
     np.testing.assert_allclose(
         found.R, [[0.832, 0.555, 0], [-0.555, 0.832, 0], [0, 0, 1]], atol=5e-4
     )
-    scaled = 0.721 * source @ found.R[:2, :2].T + [-0.8, 0.4]
-    np.testing.assert_allclose(np.mean(np.sum((scaled - target) ** 2, axis=1)), 0.053, atol=5e-4)
 
 
 @BOTH
