@@ -1,0 +1,204 @@
+"""Closest triangles by NumPy: the tree is descended for many points at once, level by level.
+
+Every formula is written so that compiled code can say the same to the last bit: sums of three
+products from left to right, nothing that depends on how NumPy adds up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.arrays import Array, Index, Mask
+from workbench.geometry.surface_boxes import FAR, Boxes
+from workbench.geometry.surface_order import NONE, WIDE
+
+TOGETHER = 2048  # points that descend together
+MOST = 8192  # pairs of a point and a node that are looked at together
+SHRINK = 1 - 1e-14  # of the distance to a box, so that rounding hides no triangle
+# Which corners of a, b, c a candidate lies between: a, b, c, ab, ac, bc, and the inside.
+BETWEEN = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, 0, 1], [0, 1, 1], [1, 1, 1]])
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """What is searched for.
+
+    Attributes:
+        points: (M, 3) m.
+        within: m, how far a triangle may be.
+        normals: (M, 3) of the points, or None.
+        facing: the least cosine of a triangle's normal with the point's.
+    """
+
+    points: Array
+    within: float
+    normals: Array | None
+    facing: float
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """Where the closest triangles are.
+
+    Attributes:
+        faces: (M,), NONE where there is none.
+        shares: (M, 3) barycentric coordinates, for the face's corners in their own order.
+        squares: (M,) m^2, the squared distance.
+        normals: (M, 3) the sum of the normals around the place, of any length.
+    """
+
+    faces: Index
+    shares: Array
+    squares: Array
+    normals: Array
+
+
+def by_numpy(boxes: Boxes, asked: Asked) -> Found:
+    """The closest triangle of each point, and the place in it."""
+    M = len(asked.points)
+    search = _Search(boxes, asked, np.full(M, asked.within**2), np.full(M, len(boxes.order.faces)))
+    for first in range(0, M, TOGETHER):
+        search.run(np.arange(first, min(first + TOGETHER, M)))
+    faces = np.where(search.faces < len(boxes.order.faces), search.faces, NONE)
+    shares, squares = np.zeros((M, 3)), search.squares
+    some = np.flatnonzero(faces != NONE)
+    shares[some] = _shares(boxes, faces[some], asked.points[some])
+    normals = np.zeros((M, 3))
+    normals[some] = _normals(boxes, faces[some], shares[some])
+    return Found(faces, shares, squares, normals)
+
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """The best found so far: squared distances (M,) and faces (M,), which change."""
+
+    boxes: Boxes
+    asked: Asked
+    squares: Array
+    faces: Index
+
+    def run(self, points: Index) -> None:
+        """Find the closest triangles of these points.
+
+        The nearest child of every node comes first, all others once that is done: most are then
+        farther than what was found.
+        """
+        levels = self.boxes.order.levels
+        offsets = np.cumsum((0, *levels))
+        waiting = [(0, points, np.zeros_like(points), np.zeros(len(points)))]
+        while waiting:
+            level, points, nodes, squares = waiting.pop()
+            near = squares <= self.squares[points]
+            points, nodes = points[near], nodes[near]
+            if len(points) > MOST:
+                for part in range(0, len(points), MOST):
+                    chosen = slice(part, part + MOST)
+                    waiting.append((level, points[chosen], nodes[chosen], squares[near][chosen]))
+                continue
+            if not len(points):
+                continue
+            if level == len(levels) - 1:
+                self._visit(points, nodes)
+                continue
+            lower = self._to_children(points, offsets[level] + nodes)
+            first = np.argmin(lower, axis=1)
+            rows = np.arange(len(points))
+            nearest = lower[rows, first].copy()
+            lower[rows, first] = np.inf
+            row, child = np.nonzero((lower <= self.squares[points][:, None]) & (lower < FAR))
+            rest = (points[row], WIDE * nodes[row] + child, lower[row, child])
+            waiting.append((level + 1, *rest))
+            waiting.append((level + 1, points, WIDE * nodes + first, nearest))
+
+    def _to_children(self, points: Index, nodes: Index) -> Array:
+        """Squared distances (n, WIDE) to the boxes of a node's children, rounded down."""
+        sides, p = self.boxes.nodes[nodes], self.asked.points[points]
+        out = [
+            np.maximum(np.maximum(sides[:, k] - p[:, k, None], p[:, k, None] - sides[:, k + 3]), 0)
+            for k in range(3)
+        ]
+        found: Array = (out[0] * out[0] + out[1] * out[1] + out[2] * out[2]) * SHRINK
+        return found
+
+    def _visit(self, points: Index, leaves: Index) -> None:
+        """Compare the triangles of leaves with the best so far."""
+        p = self.asked.points[points]
+        rows = self.boxes.triangles[leaves].transpose(1, 0, 2)
+        squares = np.minimum.reduce(_candidates(rows, p.T[:, :, None])[0])
+        numbers = self.boxes.order.leaves[leaves]
+        counts: Mask = numbers != NONE
+        if self.asked.normals is not None:
+            n, q = self.boxes.normals[numbers], self.asked.normals[points][:, None]
+            cosines = n[..., 0] * q[..., 0] + n[..., 1] * q[..., 1] + n[..., 2] * q[..., 2]
+            counts &= cosines >= self.asked.facing
+        row, lane = np.nonzero(counts & (squares <= self.squares[points][:, None]))
+        squares, numbers, points = squares[row, lane], numbers[row, lane], points[row]
+        order = np.lexsort((numbers, squares, points))
+        squares, numbers, points = squares[order], numbers[order], points[order]
+        first = np.diff(points, prepend=-1) > 0
+        squares, numbers, points = squares[first], numbers[first], points[first]
+        better = (squares < self.squares[points]) | (numbers < self.faces[points])
+        self.squares[points[better]] = squares[better]
+        self.faces[points[better]] = numbers[better]
+
+
+def _candidates(rows: Array, p: Array) -> tuple[list[Array], list[Array]]:
+    """Squared distances from p to seven places in triangles, infinite where there is no such place.
+
+    In the order of BETWEEN; then v, w and the shares along ab, ac and bc.
+    """
+    corners, inverses, slopes = rows[:9].reshape(3, 3, *rows.shape[1:]), rows[9:12], rows[12:]
+    a, b, c = corners
+    ap, bp, cp = p - a, p - b, p - c
+    found, places = [_dot(ap, ap), _dot(bp, bp), _dot(cp, cp)], []
+    for start, edge, inverse in zip((ap, ap, bp), (b - a, c - a, c - b), inverses, strict=True):
+        t = _dot(start, edge) * inverse
+        away = start - t * edge
+        found.append(np.where((t > 0) & (t < 1), _dot(away, away), np.inf))
+        places.append(t)
+    v, w = _dot(ap, slopes[:3]), _dot(ap, slopes[3:])
+    away = (ap - v * (b - a)) - w * (c - a)
+    found.append(np.where((v > 0) & (w > 0) & ((1 - v) - w > 0), _dot(away, away), np.inf))
+    return found, [v, w, *places]
+
+
+def _shares(boxes: Boxes, faces: Index, points: Array) -> Array:
+    """Barycentric coordinates (n, 3) of the places in these faces that are closest to points."""
+    leaf, lane = np.divmod(boxes.order.lanes[faces], WIDE)
+    squares, (v, w, ab, ac, bc) = _candidates(boxes.triangles[leaf, :, lane].T, points.T)
+    kind = np.argmin(np.stack(squares), axis=0)
+    none, all_ = np.zeros_like(v), np.ones_like(v)
+    a = np.choose(kind, [all_, none, none, 1 - ab, 1 - ac, none, (1 - v) - w])
+    b = np.choose(kind, [none, all_, none, ab, none, 1 - bc, v])
+    c = np.choose(kind, [none, none, all_, none, ac, bc, w])
+    found = np.empty((len(faces), 3))
+    np.put_along_axis(found, boxes.order.rising[faces], np.stack([a, b, c], axis=1), axis=1)
+    return found
+
+
+def _normals(boxes: Boxes, faces: Index, shares: Array) -> Array:
+    """The sum of the normals of all faces that meet at places in these faces, (n, 3)."""
+    features, found = boxes.order.features, boxes.normals[faces]
+    corners = (shares > 0).sum(axis=1)
+    for kind in (1, 2):  # at a vertex, on an edge
+        here = np.flatnonzero(corners == kind)
+        one = np.argmax(shares[here], axis=1) if kind == 1 else np.argmin(shares[here], axis=1)
+        table = features.n_edges + boxes.order.faces if kind == 1 else features.edges
+        which = table[faces[here], one]
+        first, counts = features.starts[which], np.diff(features.starts)[which]
+        rows = np.repeat(np.arange(len(here)), counts)
+        within = np.arange(len(rows)) - np.repeat(np.cumsum(counts) - counts, counts)
+        around = features.corners[first[rows] + within]
+        n = boxes.normals[around // 3]
+        if kind == 1:
+            n = n * boxes.angles.ravel()[around][:, None]
+        for axis in range(3):
+            found[here, axis] = np.bincount(rows, n[:, axis], minlength=len(here))
+    return found
+
+
+def _dot(x: Array, y: Array) -> Array:
+    found: Array = x[0] * y[0] + x[1] * y[1] + x[2] * y[2]
+    return found
