@@ -10,6 +10,7 @@ from workbench.registration.icp_steps import (
     point_to_point,
 )
 from workbench.registration.point_cloud import PointCloud
+from workbench.registration.surface_points import random_surface_points
 
 __all__ = [
     "Alignment",
@@ -26,4 +27,5 @@ __all__ = [
     "distance_gauss_newton",
     "point_to_plane",
     "point_to_point",
+    "random_surface_points",
 ]

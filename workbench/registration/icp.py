@@ -15,6 +15,7 @@ from workbench.registration.icp_steps import Contacts, Step, distance_gauss_newt
 from workbench.registration.point_cloud import Target
 
 STAY = Similarity(np.eye(3), np.zeros(3))
+SQUARES = LeastSquares()
 
 
 class Stopped(Enum):
@@ -106,6 +107,7 @@ class Icp:
         halvings: how often a step that raises the cost is halved. If none of them lowers it, the
             registration ends. With 0, steps are taken as they are.
 
+    >>> from workbench.registration import PointCloud
     >>> cube = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1.5)])
     >>> found = Icp().align(cube + [0.1, 0.0, -0.2], PointCloud(cube))
     >>> found.t.round(6), found.stopped.name
@@ -113,7 +115,7 @@ class Icp:
     """
 
     step: Step = distance_gauss_newton
-    loss: Loss = LeastSquares()
+    loss: Loss = SQUARES
     gate: float = np.inf
     facing: float = 0.5
     max_iterations: int = 200

@@ -72,7 +72,8 @@ class Trimmed:
 
     Attributes:
         share: the share of the points that count, above 0 and at most 1. It should be below the
-            share of the points that have a counterpart.
+            share of the points that have a counterpart. Points are counted whatever their weight,
+            so that only with equal weights the cost of alternation never rises.
 
     Raises BadArgument for another share.
     """

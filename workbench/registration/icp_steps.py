@@ -11,7 +11,7 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.errors import BadArgument
 from workbench.geometry.rigid import Similarity, procrustes
-from workbench.geometry.rotation import matrix_from_vector
+from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 
 TOUCHING = 1e-9  # m: below this the direction of a distance is rounding
 UNSEEN = 1e-10  # of the largest eigenvalue of J'J: motions that change no distance
@@ -110,7 +110,5 @@ def _linear_step(contacts: Contacts, directions: Array, r: Array) -> Similarity:
 
 def part_of(motion: Similarity, share: float, centre: Array) -> Similarity:
     """A share of a rigid motion about a point (3,) m: of its turn, and of the way of that point."""
-    from workbench.geometry.rotation import vector_from_matrix
-
     R = matrix_from_vector(share * vector_from_matrix(motion.R))
     return Similarity(R, centre + share * (motion(centre) - centre) - R @ centre)

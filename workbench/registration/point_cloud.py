@@ -7,30 +7,11 @@ from typing import Protocol
 import numpy as np
 from scipy.spatial import cKDTree
 
-from workbench.arrays import Array, Index
+from workbench.arrays import Array
 from workbench.errors import BadArgument
+from workbench.geometry.surface_tree import Closest
 
 MOST_TRIED = 16  # nearest points of a cloud among which one that faces the right way is looked for
-
-
-class Found(Protocol):
-    """The closest places of M points on a target, see `workbench.geometry.surface_tree`."""
-
-    @property
-    def faces(self) -> Index:
-        """(M,) the number of the face, or the point of a cloud; -1 if there is none."""
-
-    @property
-    def points(self) -> Array:
-        """(M, 3) m."""
-
-    @property
-    def distances(self) -> Array:
-        """(M,) m, with a sign where the target has an inside."""
-
-    @property
-    def normals(self) -> Array:
-        """(M, 3) unit normals of the target; zeros where it has none."""
 
 
 class Target(Protocol):
@@ -42,18 +23,8 @@ class Target(Protocol):
         within: float = np.inf,
         normals: Array | None = None,
         facing: float = 0.5,
-    ) -> Found:
+    ) -> Closest:
         """The closest place within a distance whose normal agrees with that of the point."""
-
-
-@dataclass(frozen=True, eq=False)
-class ClosestOfCloud:
-    """The closest points of a cloud; see `Found`."""
-
-    faces: Index
-    points: Array
-    distances: Array
-    normals: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,27 +75,29 @@ class PointCloud:
         within: float = np.inf,
         normals: Array | None = None,
         facing: float = 0.5,
-    ) -> ClosestOfCloud:
+    ) -> Closest:
         """The nearest point of the cloud to each of M points (M, 3) m.
 
         It is within `within` m, and if both sides have normals, theirs have a cosine of at least
-        `facing`; of the nearest 16 points the first such one is taken. Otherwise `faces` is -1.
-        Distances are not negative, because a cloud has no inside.
+        `facing`; of the nearest 16 points the first such one is taken. `faces` holds the numbers
+        of the points, -1 where there is none. Distances are not negative, as a cloud has no inside.
         """
         compared = normals is not None and self.normals is not None
         count = min(MOST_TRIED, len(self.points)) if compared else 1
-        distances, numbers = self._tree.query(points, k=count, distance_upper_bound=within)
-        distances, numbers = distances.reshape(-1, count), numbers.reshape(-1, count)
-        there = np.isfinite(distances)
-        numbers = np.where(there, numbers, 0)
+        asked = self._tree.query(points, k=[*range(1, count + 1)], distance_upper_bound=within)
+        distances, numbers = np.asarray(asked[0]), np.asarray(asked[1])  # (M, count) both
+        near = np.isfinite(distances)
+        numbers = np.where(near, numbers, 0)
         if normals is not None and self.normals is not None:
-            there &= np.einsum("mi,mki->mk", normals, self.normals[numbers]) >= facing
-        rows, first = np.arange(len(points)), there.argmax(axis=1)
-        found, chosen = there[rows, first], numbers[rows, first]
+            near &= np.einsum("mi,mki->mk", normals, self.normals[numbers]) >= facing
+        rows, first = np.arange(len(points)), near.argmax(axis=1)
+        found, chosen = near[rows, first], numbers[rows, first]
         own = np.zeros_like(self.points) if self.normals is None else self.normals
-        return ClosestOfCloud(
-            np.where(found, chosen, -1),
-            self.points[chosen],
-            np.where(found, distances[rows, first], np.inf),
-            own[chosen],
+        there = found[:, None]
+        return Closest(
+            faces=np.where(found, chosen, -1),
+            shares=there * np.array([1.0, 0.0, 0.0]),
+            points=np.where(there, self.points[chosen], points),
+            distances=np.where(found, distances[rows, first], within),
+            normals=np.where(there, own[chosen], 0.0),
         )
