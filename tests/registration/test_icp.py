@@ -200,11 +200,22 @@ def test_a_step_that_leaps_is_halved() -> None:
         return Similarity(turn, 8 * (motion(centre) - centre) + centre - turn @ centre)
 
     cloud = PointCloud(RIGHT)
-    plain = Icp(eightfold, max_iterations=30).align(SCAN, cloud)
+    plain = Icp(eightfold, max_iterations=30, halvings=0).align(SCAN, cloud)
     halved = Icp(eightfold, max_iterations=100, halvings=6).align(SCAN, cloud)
     costs = [one.cost for one in halved.trace]
     assert costs == sorted(costs, reverse=True)
     assert off(halved) < 1e-3 < off(plain)
+
+
+def test_gauss_newton_far_from_the_target_settles_with_halvings_alone() -> None:
+    """A quarter turn away, full steps leap from one contact to the other for ever."""
+    start = Similarity(matrix_from_vector([0.0, 0.0, np.pi / 2]), np.zeros(3))
+    plain, halved = (
+        Icp(halvings=n, max_iterations=150).align(RIGHT, SURFACE, start) for n in (0, 5)
+    )
+    assert plain.stopped is Stopped.OUT_OF_ITERATIONS
+    assert halved.stopped is Stopped.SETTLED
+    assert np.all(np.diff([one.cost for one in halved.trace]) <= 1e-12)
 
 
 def test_where_no_part_of_a_step_lowers_the_cost_it_ends() -> None:

@@ -39,14 +39,13 @@ from workbench.registration import (
     random_surface_points,
 )
 from workbench.registration.basins import AXES, grid
-from workbench.registration.icp_steps import Step
 from workbench.reports.folder import Content, write_folder
 from workbench.reports.tables import Table
 
-METHODS: dict[str, Step] = {
-    "distance": distance_gauss_newton,
-    "point-to-plane": point_to_plane,
-    "point-to-point": point_to_point,
+METHODS = {
+    "distance": Icp(distance_gauss_newton),
+    "point-to-plane": Icp(point_to_plane, halvings=0),
+    "point-to-point": Icp(point_to_point),
 }
 AxisOption = Annotated[
     list[str] | None,
@@ -88,7 +87,7 @@ def basins(
     source = "" if body in BODIES else str(expanded(body).resolve())
     folder = folder_to_write(out, f"basins-{Path(body).stem}", source)
     scan, truth, surface = _made_up(model.template, model.faces, points, noise, seed)
-    align = partial(Icp(METHODS[method]).align, scan, surface)
+    align = partial(METHODS[method].align, scan, surface)
     found: list[BasinMap] = []
     with Progress(console=console, transient=True) as bar:
         task = bar.add_task("registering", total=starts)

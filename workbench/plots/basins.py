@@ -26,8 +26,9 @@ def plot_basins(maps: Sequence[BasinMap], *, ax: Axes) -> Axes:
         colour, mark = LINES[k % len(LINES)], MARKERS[k % len(MARKERS)]
         dashes = DASHES[k % len(DASHES)]
         ax.plot(x, y, dashes, color=colour, linewidth=1.2, alpha=0.7)
-        ax.plot(x[found], y[found], mark, color=colour, label=f"about {one.axes[0]}")
-        ax.plot(x[~found], y[~found], mark, color=colour, markerfacecolor="white")
+        size = max(4.0, 10.0 - 2.5 * k)  # so that equal ends of several maps are all seen
+        ax.plot(x[found], y[found], mark, color=colour, ms=size, label=f"about {one.axes[0]}")
+        ax.plot(x[~found], y[~found], mark, color=colour, ms=size, markerfacecolor="white")
     ax.set(xlim=(-187, 187), ylim=(-6, 186))
     ax.set_xlabel("angle of the start from the truth (degrees)")
     ax.set_ylabel("rotation error at the end (degrees)")

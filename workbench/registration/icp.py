@@ -104,8 +104,9 @@ class Icp:
         facing: the least cosine between the normals of a point and of its contact.
         max_iterations: at most so many steps.
         tolerance: m; the registration ends when no point moves farther than this.
-        halvings: how often a step that raises the cost is halved. If none of them lowers it, the
-            registration ends. With 0, steps are taken as they are.
+        halvings: how often a step that raises the cost is halved, as Gauss-Newton's can far from
+            the target. If the cost rises along all of its parts, the registration ends. With 0,
+            steps are taken as they are, as `point_to_plane` does in the papers.
 
     >>> from workbench.registration import PointCloud
     >>> cube = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1.5)])
@@ -120,7 +121,7 @@ class Icp:
     facing: float = 0.5
     max_iterations: int = 200
     tolerance: float = 1e-6
-    halvings: int = 0
+    halvings: int = 5
 
     def __post_init__(self) -> None:
         for name, least in (("max_iterations", 0), ("tolerance", 0.0), ("halvings", 0)):
@@ -166,8 +167,7 @@ class Icp:
             if there is None:
                 stopped = Stopped.NO_LOWER
                 break
-            moved = float(np.linalg.norm(there.points - here.points, axis=1).max())
-            here = there
+            moved, here = here.to(there), there
             keep(here, moved)
             if moved <= self.tolerance:
                 stopped = Stopped.SETTLED
@@ -178,7 +178,7 @@ class Icp:
         """The place after one step, or None if the cost falls along no part of it."""
         motion = self.step(here.contacts())
         there = here.at(motion)
-        if not self.halvings or there.cost <= here.cost:
+        if not self.halvings or there.cost <= here.cost or here.to(there) <= self.tolerance:
             return there
         centre = here.points.mean(axis=0)
         for k in range(1, self.halvings + 1):
@@ -245,6 +245,10 @@ class _Place:
     def at(self, step: Similarity) -> "_Place":
         """The place after a step from here."""
         return _Place(self.icp, self.source, self.target, step.after(self.motion))
+
+    def to(self, other: "_Place") -> float:
+        """How far, m, the point that moves farthest comes on the way to another place."""
+        return float(np.linalg.norm(other.points - self.points, axis=1).max())
 
     def iterate(self, moved: float) -> IcpIterate:
         """What the trace keeps."""
