@@ -203,7 +203,7 @@ def test_a_step_that_leaps_is_halved() -> None:
     plain = Icp(eightfold, max_iterations=30, halvings=0).align(SCAN, cloud)
     halved = Icp(eightfold, max_iterations=100, halvings=6).align(SCAN, cloud)
     costs = [one.cost for one in halved.trace]
-    assert costs == sorted(costs, reverse=True)
+    assert np.all(np.diff(costs) <= 1e-12)
     assert off(halved) < 1e-3 < off(plain)
 
 
