@@ -49,6 +49,9 @@ class GemanMcClure:
             begin, and says nothing about the noise of the others.
 
     Raises BadArgument for a scale that is not above zero.
+
+    >>> GemanMcClure(0.02).weights(np.array([0.0, 0.02, 2.0])).round(4)
+    array([1.  , 0.25, 0.  ])
     """
 
     scale: float
@@ -76,6 +79,9 @@ class Trimmed:
             so that only with equal weights the cost of alternation never rises.
 
     Raises BadArgument for another share.
+
+    >>> Trimmed(0.5).weights(np.array([0.01, 0.3, 0.02, 0.5]))
+    array([1., 0., 1., 0.])
     """
 
     share: float
