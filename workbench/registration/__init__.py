@@ -1,0 +1,31 @@
+"""Registration: surfaces and points brought onto scans, without known correspondences."""
+
+from workbench.registration.basins import BasinMap, basin_map
+from workbench.registration.icp import Alignment, Icp, IcpIterate, Stopped
+from workbench.registration.icp_losses import GemanMcClure, LeastSquares, Trimmed
+from workbench.registration.icp_steps import (
+    Contacts,
+    distance_gauss_newton,
+    point_to_plane,
+    point_to_point,
+)
+from workbench.registration.point_cloud import PointCloud
+from workbench.registration.surface_points import random_surface_points
+
+__all__ = [
+    "Alignment",
+    "BasinMap",
+    "Contacts",
+    "GemanMcClure",
+    "Icp",
+    "IcpIterate",
+    "LeastSquares",
+    "PointCloud",
+    "Stopped",
+    "Trimmed",
+    "basin_map",
+    "distance_gauss_newton",
+    "point_to_plane",
+    "point_to_point",
+    "random_surface_points",
+]
