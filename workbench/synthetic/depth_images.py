@@ -85,7 +85,7 @@ def _boxes(corners: Array, scanner: Scanner) -> Index:
 
     Triangles that reach behind the scanner get the whole image, and those behind it nothing.
     """
-    before = corners[..., 2] > NEAR
+    before = np.asarray(corners[..., 2] > NEAR)
     pixels = _image(corners, before, scanner)
     last = np.array(scanner.size) - 1
     whole = (before.any(axis=1) & ~before.all(axis=1))[:, None]

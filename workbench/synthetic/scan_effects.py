@@ -36,7 +36,7 @@ class Noise:
         grazing: in m^(3/2).
 
     >>> Noise().sigma(np.array([1.0, 2.0]), np.zeros(2)).round(5).tolist()
-    [0.00143, 0.0057]
+    [0.00142, 0.0057]
     """
 
     growth: float = 1.425e-3
