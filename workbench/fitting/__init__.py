@@ -19,6 +19,7 @@ from workbench.fitting.landmarks import joint_fit
 from workbench.fitting.mesh_start import STARTS, from_correspondences, placed
 from workbench.fitting.meshes import mesh_fit, own_mesh
 from workbench.fitting.observations import BadObservation, Observations, Photograph, photograph
+from workbench.fitting.scan import BadScan, Scan
 from workbench.fitting.scan_boundary import boundary
 from workbench.fitting.scan_files import ReadScan, read_scan
 from workbench.fitting.setup import Measure, Setup, View
@@ -26,11 +27,13 @@ from workbench.fitting.setup import Measure, Setup, View
 __all__ = [
     "STARTS",
     "BadObservation",
+    "BadScan",
     "KnownAnswer",
     "Measure",
     "Observations",
     "Photograph",
     "ReadScan",
+    "Scan",
     "Setup",
     "View",
     "boundary",
