@@ -15,6 +15,12 @@ def volume(vertices: Array, triangles: Index) -> float:
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
 
 
+def area(vertices: Array, triangles: Index) -> float:
+    """The area of a surface (m^2) with vertices (N, 3) m and triangles (F, 3)."""
+    a, b, c = vertices[triangles].transpose(1, 0, 2)
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+
+
 def mesh_edges(triangles: Index) -> Index:
     """Every edge once, (E, 2), the smaller number first."""
     both = triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)

@@ -1,0 +1,194 @@
+"""Registration with free vertices: the template's vertices are unknowns, coupled to the model."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from workbench.arrays import Array, Mask
+from workbench.blocks import Block, Values
+from workbench.bodies import SkinnedBody
+from workbench.errors import BadArgument
+from workbench.fitting.body_priors import pose_prior, shape_prior
+from workbench.fitting.scan import Scan
+from workbench.geometry.solids import area
+from workbench.problem import Problem
+from workbench.problem.conjugate_gradients import ConjugateGradients
+from workbench.registration.coupling import Coupling, by_edges
+from workbench.registration.scan_term import ScanTerm, touched
+from workbench.residuals import Residual
+from workbench.solvers import Solution, Solver, TrustRegion
+
+BODY = ("pose", "betas", "trans")
+VERTICES = "vertices"
+OF_MODEL = TrustRegion(gradient_tolerance=1e-4, max_iterations=100)
+OF_VERTICES = TrustRegion(
+    linear_algebra=ConjugateGradients(), gradient_tolerance=1e-3, max_iterations=30
+)
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A stage of a registration: what is free, and how strongly vertices are coupled.
+
+    Raises BadArgument if nothing is free, for an infinite or negative coupling, and for vertices
+    that are free although the coupling is infinite.
+
+    Attributes:
+        name: what it is called.
+        free: the names of the free blocks, out of pose, betas, trans and vertices.
+        coupling: sigma_C in m, of each coordinate; 0 for an infinite coupling, V = M.
+        solver: what solves it.
+    """
+
+    name: str
+    free: tuple[str, ...]
+    coupling: float
+    solver: Solver = OF_VERTICES
+
+    def __post_init__(self) -> None:
+        if not self.free or not 0 <= self.coupling < np.inf:
+            raise BadArgument(
+                f"stage {self.name!r} needs a free block and a coupling from 0 m on, not "
+                f"{self.free} and {self.coupling:g} m"
+            )
+        if (VERTICES in self.free) == (self.coupling == 0):
+            raise BadArgument(
+                f"in stage {self.name!r}, the vertices are free if and only if the coupling is "
+                f"above 0 m; {self.free} are free, and the coupling is {self.coupling:g} m"
+            )
+
+
+STAGES = (
+    Stage("model", BODY, 0.0, OF_MODEL),
+    Stage("strong", (VERTICES,), 0.002),
+    Stage("weak", (VERTICES,), 0.01),
+)
+"""Infinite coupling, then strong, then weak."""
+
+
+@dataclass(frozen=True, eq=False)
+class StageResult:
+    """How a stage ended.
+
+    Attributes:
+        stage: the stage.
+        solution: what its solver found.
+        vertices: (N, 3) m, the surface at its end.
+    """
+
+    stage: Stage
+    solution: Solution
+    vertices: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Registered:
+    """A template on a scan.
+
+    Attributes:
+        values: pose, betas, trans and vertices, by name.
+        model: (N, 3) m, the vertices of the posed model at the end.
+        touched: (N,) which vertices the scan touches; the others rest on the coupling alone.
+        stages: how each stage ended.
+    """
+
+    values: Values
+    model: Array
+    touched: Mask
+    stages: tuple[StageResult, ...]
+
+    @property
+    def vertices(self) -> Array:
+        """(N, 3) m, the registration."""
+        return self.values[VERTICES]
+
+
+@dataclass(frozen=True, eq=False)
+class FreeVertices:
+    """A body and a scan as problems over pose, betas, trans and vertices, for every stage one.
+
+        E = E_S(scan to V) + E_C(V to M(pose, betas, trans)) + E_pose + E_betas
+
+    in three stages: with an infinite coupling V is M, and this is the fit of the model; then the
+    coupling is strong, at last weak (Hirshberg, Loper, Rachlin and Black, Coregistration, ECCV
+    2012; Bogo et al., FAUST, CVPR 2014). All are the same terms with other names free.
+
+    Attributes:
+        body: its template has the faces of the registration.
+        scan: points, and normals and areas if they are known.
+        term: how the scan pulls.
+        couple: how free vertices are coupled to the model's.
+
+    >>> from workbench import load_body
+    >>> body = load_body("small")
+    >>> scan = Scan(body.vertices() + [0.01, 0, 0])
+    >>> done = FreeVertices(body, scan).register(body.start())
+    >>> done.values["trans"].round(3).tolist(), int(done.touched.sum()) == body.n_vertices
+    ([0.01, 0.0, 0.0], True)
+    """
+
+    body: SkinnedBody
+    scan: Scan
+    term: ScanTerm = field(default_factory=ScanTerm)
+    couple: Coupling = by_edges
+
+    def problem(self, stage: Stage) -> Problem:
+        """The problem of a stage. Raises UnknownName for a name that nothing reads."""
+        pose, betas, trans = (block.symbol for block in self.body.blocks())
+        model = self.body.points(pose, betas, trans)
+        priors = (pose_prior(self.body), shape_prior(self.body))
+        if stage.coupling == 0:
+            return Problem((self._scan(model), *priors), stage.free)
+        block = Block(VERTICES, (self.body.n_vertices, 3), "m")
+        coupling = self.couple(block.symbol, model, self.body.faces, stage.coupling)
+        read = priors if set(BODY) & set(stage.free) else ()  # constants otherwise
+        return Problem((self._scan(block.symbol), coupling, *read), stage.free, blocks=(block,))
+
+    def register(
+        self, start: Mapping[str, Array], stages: tuple[Stage, ...] = STAGES
+    ) -> Registered:
+        """The stages in turn, each from where the last one ended.
+
+        `start` has pose (K, 3) rad, betas (B,) and trans (3,) m near the scan; a stage of free
+        vertices begins at the model's unless `start` holds vertices (N, 3) m too. Raises
+        BadArgument if there are no stages.
+        """
+        if not stages:
+            raise BadArgument("a registration has one stage or more; give a tuple of stages")
+        values = {name: np.asarray(start[name], dtype=float) for name in BODY}
+        values[VERTICES] = np.asarray(start.get(VERTICES, self._model(values)), dtype=float)
+        done: list[StageResult] = []
+        for stage in stages:
+            solution = stage.solver.solve(self.problem(stage), values)
+            values |= solution.values
+            if stage.coupling == 0:
+                values[VERTICES] = self._model(values)
+            done.append(StageResult(stage, solution, values[VERTICES]))
+        symbol = Block(VERTICES, (self.body.n_vertices, 3), "m").symbol
+        seen = touched(self._scan(symbol), values, self.term.outlier)
+        return Registered(values, self._model(values), seen, tuple(done))
+
+    def _scan(self, points: object) -> Residual:
+        whole = area(self.body.template, self.body.faces)
+        return self.term.residual(points, self.body.faces, self.scan, whole)
+
+    def _model(self, values: Mapping[str, Array]) -> Array:
+        return np.asarray(self.body.vertices(*(values[name] for name in BODY)))
+
+
+def posterior_sd(problem: Problem, values: Values, draws: int = 64, seed: int = 0) -> Array:
+    """The posterior standard deviation of every free number at a minimum, (n,), estimated.
+
+    If z is standard normal, x = (J'J)^-1 J'z has the covariance (J'J)^-1 of Laplace's approximation
+    (Papandreou and Yuille, Gaussian sampling by local perturbations, 2010). Each draw is one solve
+    by conjugate gradients; `draws` of them give a relative error of 1 / sqrt(2 draws).
+    """
+    here = problem.linearize(values)
+    rng = np.random.default_rng(seed)
+    solve = ConjugateGradients(tolerance=1e-3)
+    squares = np.zeros(problem.free.size)
+    for _ in range(draws):
+        drawn = type(here)(rng.standard_normal(here.shape[0]), here.jacobian)
+        squares += solve(drawn, 0.0, np.ones(problem.free.size)).p ** 2
+    return np.sqrt(squares / draws)
