@@ -1,4 +1,4 @@
-"""Simulated scans: the truth that is kept, every effect by itself, and the same for the same seed."""
+"""Simulated scans: the truth that is kept, every effect by itself, and seeds."""
 
 from dataclasses import replace
 from typing import Any

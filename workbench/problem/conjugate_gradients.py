@@ -8,7 +8,7 @@ from scipy.sparse import bsr_array, csr_array
 from workbench.arrays import Array
 from workbench.errors import BadArgument
 from workbench.problem.steps import LinearModel, Step
-from workbench.problem.storage import by_nonzeros, is_array
+from workbench.problem.storage import unblocked
 
 SMALLEST = 1e-12  # of a block's trace: a smaller eigenvalue of it is only rounding
 
@@ -66,7 +66,7 @@ class ConjugateGradients:
                 f"{n} unknowns cannot be divided into blocks of {size}; choose another block size"
             )
         stored = here.jacobian
-        J = csr_array(stored if is_array(stored) else by_nonzeros(stored))
+        J = csr_array(unblocked(stored))
         Jt = csr_array(J.T)
         raised = damping * D**2
         inverse = _inverse_of_blocks(J, raised, size)

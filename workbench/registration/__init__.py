@@ -1,6 +1,14 @@
 """Registration: surfaces and points brought onto scans, without known correspondences."""
 
 from workbench.registration.basins import BasinMap, basin_map
+from workbench.registration.coupling import Coupling, by_edges, by_vertices
+from workbench.registration.free_vertices import (
+    FreeVertices,
+    Registered,
+    Stage,
+    StageResult,
+    posterior_sd,
+)
 from workbench.registration.icp import Alignment, Icp, IcpIterate, Stopped
 from workbench.registration.icp_losses import GemanMcClure, LeastSquares, Trimmed
 from workbench.registration.icp_steps import (
@@ -10,6 +18,7 @@ from workbench.registration.icp_steps import (
     point_to_point,
 )
 from workbench.registration.point_cloud import PointCloud
+from workbench.registration.scan_term import ScanTerm, touched
 from workbench.registration.surface_points import random_surface_points
 
 __all__ = [
