@@ -1,7 +1,7 @@
 """Residuals over named blocks, some of them free."""
 
 from collections.abc import Iterable, Mapping
-from functools import cached_property
+from functools import cached_property, partial
 
 import casadi as cs
 import numpy as np
@@ -93,6 +93,10 @@ class Problem:
         bounds = of_free(self.bounds, free, self._known)
         kept = [c for c in self.constraints if not set(free.names).isdisjoint(c.reads)]
         return Problem(residuals, names, bounds, self._named, kept)
+
+    def for_judging(self) -> "Problem":
+        """The same, for questions beside the end of a run, which are no part of the run."""
+        return self
 
     def read(self, values: Mapping[str, ArrayLike]) -> Values:
         """The values of the blocks that the problem reads, as arrays; others are left out."""
@@ -212,10 +216,7 @@ class Problem:
 
     def slopes(self, x: Array, fixed: Array, entries: Places | None = None) -> Slopes:
         """A function of z (M, k) to the costs (M,) and their gradients (M, k); see `costs`."""
-
-        def one(at: Array) -> tuple[float, Array]:
-            return self.cost_and_gradient(at, fixed)
-
+        one = partial(self.cost_and_gradient, fixed=fixed)
         return slopes(self._batch, x, fixed, self._places(entries), one)
 
     def _places(self, entries: Places | None) -> Places:
