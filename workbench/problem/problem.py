@@ -294,6 +294,5 @@ class Problem:
 
     @cached_property
     def _batch(self) -> Batch:
-        whole = self._graph if self.has_graph else None
         parts = split(self._whitened, self.points, *self._layouts)
-        return Batch(whole, *parts, *self._layouts)
+        return Batch(self._graph if self.has_graph else None, *parts, *self._layouts)
