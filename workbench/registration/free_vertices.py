@@ -18,15 +18,14 @@ from workbench.problem.conjugate_gradients import ConjugateGradients
 from workbench.registration.coupling import Coupling, by_edges
 from workbench.registration.scan_term import ScanTerm, touched
 from workbench.residuals import Residual
-from workbench.solvers import Solution, Solver, TrustRegion
+from workbench.solvers import Iterate, Solution, Solver, TrustRegion
 
 NEAR = ScanTerm(outlier=0.01, within=0.05, facing=0.8)
 BODY = ("pose", "betas", "trans")
 VERTICES = "vertices"
 OF_MODEL = TrustRegion(gradient_tolerance=1e-4, max_iterations=100)
-OF_VERTICES = TrustRegion(
-    linear_algebra=ConjugateGradients(), gradient_tolerance=1e-3, max_iterations=30
-)
+OF_VERTICES = TrustRegion(linear_algebra=ConjugateGradients(), max_iterations=30)
+SETTLED = 1e-3  # of the cost: a stage of free vertices ends after a smaller decrease
 
 
 @dataclass(frozen=True)
@@ -43,6 +42,9 @@ class Stage:
         term: how the scan pulls. Free vertices follow clutter where a whole body does not, so that
             outliers begin earlier for them.
         solver: what solves it.
+        settled: the stage ends after a step that lowers the cost by less than this share of it;
+            with 0 only the solver decides. Contacts go on switching between neighbouring triangles
+            when nothing else happens any more, so that gradients vanish late or never.
     """
 
     name: str
@@ -50,6 +52,7 @@ class Stage:
     coupling: float
     term: ScanTerm = NEAR
     solver: Solver = OF_VERTICES
+    settled: float = SETTLED
 
     def __post_init__(self) -> None:
         if not self.free or not 0 <= self.coupling < np.inf:
@@ -64,8 +67,27 @@ class Stage:
             )
 
 
+@dataclass
+class Settled:
+    """A callback of a solver that stops it when the cost falls by less than a share of it.
+
+    Attributes:
+        share: of the cost, the smallest decrease by one step after which the run goes on.
+        before: the cost of the last iterate.
+    """
+
+    share: float
+    before: float = np.inf
+
+    def __call__(self, iterate: Iterate) -> bool:
+        """Whether the run is to stop after this iterate."""
+        done = self.before - iterate.cost < self.share * iterate.cost
+        self.before = iterate.cost
+        return bool(done)
+
+
 STAGES = (
-    Stage("model", BODY, 0.0, ScanTerm(), OF_MODEL),
+    Stage("model", BODY, 0.0, ScanTerm(), OF_MODEL, 0.0),
     Stage("strong", (VERTICES,), 0.002),
     Stage("weak", (VERTICES,), 0.01),
 )
@@ -163,7 +185,8 @@ class FreeVertices:
         values[VERTICES] = np.asarray(start.get(VERTICES, self._model(values)), dtype=float)
         done: list[StageResult] = []
         for stage in stages:
-            solution = stage.solver.solve(self.problem(stage), values)
+            ends = Settled(stage.settled) if stage.settled > 0 else None
+            solution = stage.solver.solve(self.problem(stage), values, callback=ends)
             values |= solution.values
             if stage.coupling == 0:
                 values[VERTICES] = self._model(values)
