@@ -3,12 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import bsr_array, csr_array
+from scipy.sparse import bsr_array, csc_array
 
 from workbench.arrays import Array
 from workbench.errors import BadArgument
+from workbench.problem.nonzeros import columns_of_nonzeros, sums
 from workbench.problem.steps import LinearModel, Step
-from workbench.problem.storage import unblocked
+from workbench.problem.storage import Matrix, by_nonzeros
 
 SMALLEST = 1e-12  # of a block's trace: a smaller eigenvalue of it is only rounding
 
@@ -65,9 +66,8 @@ class ConjugateGradients:
             raise BadArgument(
                 f"{n} unknowns cannot be divided into blocks of {size}; choose another block size"
             )
-        stored = here.jacobian
-        J = csr_array(unblocked(stored))
-        Jt = csr_array(J.T)
+        J = by_columns_of(here.jacobian)
+        Jt = J.T  # by rows, in the same memory
         raised = damping * D**2
         inverse = _inverse_of_blocks(J, raised, size)
         p, residual = np.zeros(n), -here.gradient
@@ -90,7 +90,12 @@ class ConjugateGradients:
         return Step(p, "conjugate gradients")
 
 
-def _inverse_of_blocks(J: csr_array, raised: Array, size: int) -> bsr_array:
+def by_columns_of(jacobian: Matrix) -> csc_array:
+    """The nonzeros of J, column by column."""
+    return csc_array(jacobian) if isinstance(jacobian, np.ndarray) else by_nonzeros(jacobian)
+
+
+def _inverse_of_blocks(J: csc_array, raised: Array, size: int) -> bsr_array:
     """The inverse of the blocks (size, size) on the diagonal of J'J + diag(raised)."""
     n = J.shape[1]
     blocks = _blocks(J, size)
@@ -98,18 +103,23 @@ def _inverse_of_blocks(J: csr_array, raised: Array, size: int) -> bsr_array:
     blocks[:, places, places] += raised.reshape(-1, size)
     trace = np.einsum("bii->b", blocks)
     blocks[:, places, places] += np.where(trace > 0, SMALLEST * trace, 1.0)[:, None]
-    found = np.linalg.inv(blocks)
     where = np.arange(n // size)
-    return bsr_array((found, where, np.arange(n // size + 1)), shape=(n, n))
+    return bsr_array((np.linalg.inv(blocks), where, np.arange(n // size + 1)), shape=(n, n))
 
 
-def _blocks(J: csr_array, size: int) -> Array:
-    """The blocks (n / size, size, size) on the diagonal of J'J."""
-    n = J.shape[1]
-    columns = J.tocsc()
-    by_place = [csr_array(columns[:, i::size].T) for i in range(size)]  # (n / size, m)
+def _blocks(J: csc_array, size: int) -> Array:
+    """The blocks (n / size, size, size) on the diagonal of J'J, as sums over J's rows."""
+    m, n = J.shape
+    columns = columns_of_nonzeros(J)
+    places = (columns // size) * m + J.indices  # a number for each row of each block of columns
+    order = np.argsort(places, kind="stable")
+    sorted_places = places[order]
+    first = np.concatenate([[True], sorted_places[1:] != sorted_places[:-1]])
+    rows = np.zeros((int(first.sum()), size))
+    rows[np.cumsum(first) - 1, columns[order] % size] = J.data[order]
+    of_block = sorted_places[first] // m
     found = np.empty((n // size, size, size))
-    for i, one in enumerate(by_place):
-        for j, other in enumerate(by_place[: i + 1]):
-            found[:, i, j] = found[:, j, i] = one.multiply(other).sum(axis=1)
+    for i in range(size):
+        for j in range(i + 1):
+            found[:, i, j] = found[:, j, i] = sums(of_block, rows[:, i] * rows[:, j], n // size)
     return found

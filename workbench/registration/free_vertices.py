@@ -1,12 +1,13 @@
 """Registration with free vertices: the template's vertices are unknowns, coupled to the model."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
+import casadi as cs
 import numpy as np
 
 from workbench.arrays import Array, Mask
-from workbench.blocks import Block, Values
+from workbench.blocks import Block, Points, Values
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadArgument
 from workbench.fitting.body_priors import pose_prior, shape_prior
@@ -17,14 +18,14 @@ from workbench.problem.conjugate_gradients import ConjugateGradients
 from workbench.registration.coupling import Coupling, by_edges
 from workbench.registration.scan_term import ScanTerm, touched
 from workbench.residuals import Residual
-from workbench.solvers import Solution, Solver, TrustRegion
+from workbench.solvers import Iterate, Solution, Solver, TrustRegion
 
+NEAR = ScanTerm(outlier=0.01, within=0.05, facing=0.8)
 BODY = ("pose", "betas", "trans")
 VERTICES = "vertices"
 OF_MODEL = TrustRegion(gradient_tolerance=1e-4, max_iterations=100)
-OF_VERTICES = TrustRegion(
-    linear_algebra=ConjugateGradients(), gradient_tolerance=1e-3, max_iterations=30
-)
+OF_VERTICES = TrustRegion(linear_algebra=ConjugateGradients(), max_iterations=30)
+SETTLED = 1e-3  # of the cost: a stage of free vertices ends after a smaller decrease
 
 
 @dataclass(frozen=True)
@@ -38,13 +39,20 @@ class Stage:
         name: what it is called.
         free: the names of the free blocks, out of pose, betas, trans and vertices.
         coupling: sigma_C in m, of each coordinate; 0 for an infinite coupling, V = M.
+        term: how the scan pulls. Free vertices follow clutter where a whole body does not, so that
+            outliers begin earlier for them.
         solver: what solves it.
+        settled: the stage ends after a step that lowers the cost by less than this share of it;
+            with 0 only the solver decides. Contacts go on switching between neighbouring triangles
+            when nothing else happens any more, so that gradients vanish late or never.
     """
 
     name: str
     free: tuple[str, ...]
     coupling: float
+    term: ScanTerm = NEAR
     solver: Solver = OF_VERTICES
+    settled: float = SETTLED
 
     def __post_init__(self) -> None:
         if not self.free or not 0 <= self.coupling < np.inf:
@@ -59,8 +67,27 @@ class Stage:
             )
 
 
+@dataclass
+class Settled:
+    """A callback of a solver that stops it when the cost falls by less than a share of it.
+
+    Attributes:
+        share: of the cost, the smallest decrease by one step after which the run goes on.
+        before: the cost of the last iterate.
+    """
+
+    share: float
+    before: float = np.inf
+
+    def __call__(self, iterate: Iterate) -> bool:
+        """Whether the run is to stop after this iterate."""
+        done = self.before - iterate.cost < self.share * iterate.cost
+        self.before = iterate.cost
+        return bool(done)
+
+
 STAGES = (
-    Stage("model", BODY, 0.0, OF_MODEL),
+    Stage("model", BODY, 0.0, ScanTerm(), OF_MODEL, 0.0),
     Stage("strong", (VERTICES,), 0.002),
     Stage("weak", (VERTICES,), 0.01),
 )
@@ -117,7 +144,6 @@ class FreeVertices:
     Attributes:
         body: its template has the faces of the registration.
         scan: points, and normals and areas if they are known.
-        term: how the scan pulls.
         couple: how free vertices are coupled to the model's.
 
     >>> from workbench import load_body
@@ -130,7 +156,6 @@ class FreeVertices:
 
     body: SkinnedBody
     scan: Scan
-    term: ScanTerm = field(default_factory=ScanTerm)
     couple: Coupling = by_edges
 
     def problem(self, stage: Stage) -> Problem:
@@ -139,11 +164,11 @@ class FreeVertices:
         model = self.body.points(pose, betas, trans)
         priors = (pose_prior(self.body), shape_prior(self.body))
         if stage.coupling == 0:
-            return Problem((self._scan(model), *priors), stage.free)
+            return Problem((self._scan(model, stage.term), *priors), stage.free)
         block = Block(VERTICES, (self.body.n_vertices, 3), "m")
         coupling = self.couple(block.symbol, model, self.body.faces, stage.coupling)
         read = priors if set(BODY) & set(stage.free) else ()  # constants otherwise
-        return Problem((self._scan(block.symbol), coupling, *read), stage.free, blocks=(block,))
+        return Problem((self._scan(block.symbol, stage.term), coupling, *read), stage.free, blocks=(block,))
 
     def register(
         self, start: Mapping[str, Array], stages: tuple[Stage, ...] = STAGES
@@ -160,18 +185,19 @@ class FreeVertices:
         values[VERTICES] = np.asarray(start.get(VERTICES, self._model(values)), dtype=float)
         done: list[StageResult] = []
         for stage in stages:
-            solution = stage.solver.solve(self.problem(stage), values)
+            ends = Settled(stage.settled) if stage.settled > 0 else None
+            solution = stage.solver.solve(self.problem(stage), values, callback=ends)
             values |= solution.values
             if stage.coupling == 0:
                 values[VERTICES] = self._model(values)
             done.append(StageResult(stage, solution, values[VERTICES]))
         symbol = Block(VERTICES, (self.body.n_vertices, 3), "m").symbol
-        seen = touched(self._scan(symbol), values, self.term.outlier)
+        seen = touched(self._scan(symbol, stages[-1].term), values, stages[-1].term.outlier)
         return Registered(values, self._model(values), seen, tuple(done))
 
-    def _scan(self, points: object) -> Residual:
+    def _scan(self, points: Points | cs.MX, term: ScanTerm) -> Residual:
         whole = area(self.body.template, self.body.faces)
-        return self.term.residual(points, self.body.faces, self.scan, whole)
+        return term.residual(points, self.body.faces, self.scan, whole)
 
     def _model(self, values: Mapping[str, Array]) -> Array:
         return np.asarray(self.body.vertices(*(values[name] for name in BODY)))
