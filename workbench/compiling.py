@@ -14,7 +14,7 @@ import shlex
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -93,14 +93,18 @@ def vectors() -> str:
     return files(__package__).joinpath("vectors.h").read_text(encoding="utf-8")
 
 
-def library(name: str, source: str, trusted: Callable[[ctypes.CDLL], bool]) -> ctypes.CDLL:
+def library(
+    name: str, source: str, trusted: Callable[[ctypes.CDLL], bool], more: Sequence[str] = ()
+) -> ctypes.CDLL:
     """The compiled source, from the cache or anew; `trusted` says whether its numbers are right.
+
+    The flags `more` follow FLAGS, and so overrule them.
 
     A file is called name-key-digest.so: the key of source, compiler, flags and processor, and the
     digest of the file itself, so that one which is damaged is never loaded. Raises NoLibrary.
     """
     compiler = find_compiler()
-    flags = (*FLAGS, compiler.native)
+    flags = (*FLAGS, compiler.native, *more)
     key = _digest("\0".join((source, *compiler.command, compiler.target, *flags)).encode())
     folder = cache_folder()
     for kept in sorted(folder.glob(f"{name}-{key}-*.so")) if folder.is_dir() else ():

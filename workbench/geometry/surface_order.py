@@ -1,8 +1,8 @@
 """The triangles of a mesh in the order of a tree: neighbours in space are neighbours in memory.
 
-The tree halves the triangles again and again, across the longest side of their centroids' box, until
-at most WIDE are left in each leaf; three halvings make one step, so that a node has WIDE children.
-All leaves are on one level, and where a node's children are needs no pointers.
+The tree halves the triangles again and again, across the longest side of their centroids' box,
+until at most WIDE are left in each leaf; three halvings make one step, so that a node has WIDE
+children. All leaves are on one level, so that where a node's children are needs no pointers.
 """
 
 from __future__ import annotations
@@ -78,6 +78,11 @@ class Order:
         Taken in this order, an edge that two triangles share is computed from the same end in both.
         """
         return np.argsort(self.faces, axis=1, kind="stable")
+
+    @cached_property
+    def ends(self) -> Index:
+        """The vertices of each face in rising order, (F, 3)."""
+        return np.take_along_axis(self.faces, self.rising, axis=1)
 
     @cached_property
     def features(self) -> Features:

@@ -6,13 +6,14 @@ products from left to right, nothing that depends on how NumPy adds up.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from workbench.arrays import Array, Index, Mask
 from workbench.geometry.surface_boxes import FAR, Boxes
-from workbench.geometry.surface_order import NONE, WIDE
+from workbench.geometry.surface_order import NONE, WIDE, Order
 
 TOGETHER = 2048  # points that descend together
 MOST = 8192  # pairs of a point and a node that are looked at together
@@ -53,6 +54,19 @@ class Found:
     shares: Array
     squares: Array
     normals: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """How boxes are fitted and searches made.
+
+    Attributes:
+        boxes: from the order of the triangles and the vertices (N, 3) m.
+        search: what is asked for, in boxes of its own making.
+    """
+
+    boxes: Callable[[Order, Array], Boxes]
+    search: Callable[[Boxes, Asked], Found]
 
 
 def by_numpy(boxes: Boxes, asked: Asked) -> Found:
@@ -158,8 +172,11 @@ def _candidates(rows: Array, p: Array) -> tuple[list[Array], list[Array]]:
         away = start - t * edge
         found.append(np.where((t > 0) & (t < 1), _dot(away, away), np.inf))
         places.append(t)
-    v, w = _dot(ap, slopes[:3]), _dot(ap, slopes[3:])
-    away = (ap - v * (b - a)) - w * (c - a)
+    v, w, away = np.zeros_like(t), np.zeros_like(t), ap
+    for _ in range(2):  # a second time, as the first is inexact in a thin triangle
+        more_v, more_w = _dot(away, slopes[:3]), _dot(away, slopes[3:])
+        v, w = v + more_v, w + more_w
+        away = (away - more_v * (b - a)) - more_w * (c - a)
     found.append(np.where((v > 0) & (w > 0) & ((1 - v) - w > 0), _dot(away, away), np.inf))
     return found, [v, w, *places]
 
@@ -202,3 +219,6 @@ def _normals(boxes: Boxes, faces: Index, shares: Array) -> Array:
 def _dot(x: Array, y: Array) -> Array:
     found: Array = x[0] * y[0] + x[1] * y[1] + x[2] * y[2]
     return found
+
+
+IN_NUMPY = Way(Boxes.of, by_numpy)

@@ -11,13 +11,12 @@ import numpy as np
 from workbench.arrays import Array, Index
 from workbench.errors import BadArgument, BadMesh
 from workbench.geometry.meshes import Mesh
-from workbench.geometry.surface_boxes import Boxes
+from workbench.geometry.surface_kernels import quickest
 from workbench.geometry.surface_order import NONE, Order
-from workbench.geometry.surface_search import Asked, Found, by_numpy
+from workbench.geometry.surface_search import Asked, Found, Way
 
+FARTHEST = 1e70  # m: no coordinate is larger, so that products of four do not overflow
 CANCELLED = 1e-9  # a sum of unit normals that is shorter says nothing
-
-Search = Callable[[Boxes, Asked], Found]
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,12 +57,12 @@ class SurfaceTree:
     ([[0.25, 0.25, 0.0], [1.0, 0.0, 0.0]], [0.5, 1.0])
     """
 
-    def __init__(self, vertices: Array, faces: Index, search: Search = by_numpy) -> None:
-        mesh = Mesh(_numbers(vertices, "vertices"), _whole(faces))
+    def __init__(self, vertices: Array, faces: Index, way: Callable[[], Way] = quickest) -> None:
+        mesh = Mesh(_places(vertices), _whole(faces))
         if not len(mesh.faces):
             raise BadMesh("a surface without faces has no closest places; give at least one")
-        self._search = search
-        self._boxes = Boxes.of(Order.of(mesh.vertices, mesh.faces), mesh.vertices)
+        self._way = way  # a function, as a loaded library cannot be pickled
+        self._boxes = way().boxes(Order.of(mesh.vertices, mesh.faces), mesh.vertices)
 
     def moved(self, vertices: Array) -> SurfaceTree:
         """The same triangles with vertices (N, 3) m elsewhere: boxes refitted, no new tree.
@@ -73,11 +72,11 @@ class SurfaceTree:
         are not finite.
         """
         order = self._boxes.order
-        new = Mesh(_numbers(vertices, "vertices"), order.faces[:0]).vertices
+        new = Mesh(_places(vertices), order.faces[:0]).vertices
         if len(new) != order.n_vertices:
             raise BadMesh(f"{len(new)} vertices cannot take the place of {order.n_vertices}")
         tree = object.__new__(SurfaceTree)
-        tree._search, tree._boxes = self._search, Boxes.of(order, new)
+        tree._way, tree._boxes = self._way, self._way().boxes(order, new)
         return tree
 
     def closest(
@@ -100,7 +99,9 @@ class SurfaceTree:
             raise BadArgument(f"there are {len(p)} points, but {len(n)} normals; give one for each")
         if not within >= 0:
             raise BadArgument(f"within is {within}, but must be a distance in m, not negative")
-        found = self._search(self._boxes, Asked(p, float(within), n, float(facing)))
+        if np.isnan(facing):
+            raise BadArgument(f"facing is {facing}, but must be a cosine, from -1 to 1")
+        found = self._way().search(self._boxes, Asked(p, float(within), n, float(facing)))
         return self._closest(p, float(within), found)
 
     def _closest(self, points: Array, within: float, found: Found) -> Closest:
@@ -126,25 +127,34 @@ def _lengths(vectors: Array) -> Array:
     return np.asarray(np.sqrt(x * x + y * y + z * z))
 
 
-def _numbers(given: Array, what: str) -> Array:
+def _places(vertices: Array) -> Array:
     try:
-        return np.array(given, dtype=np.float64)
+        given = np.array(vertices, dtype=np.float64, order="C")
     except (TypeError, ValueError) as error:
-        raise BadMesh(f"{what} are no numbers: {error}") from error
+        raise BadMesh(f"vertices must be an array of real numbers: {error}") from error
+    if (np.abs(given[np.isfinite(given)]) > FARTHEST).any():
+        raise BadMesh(
+            f"a vertex is farther than {FARTHEST:g} m from the origin; remove or repair it"
+        )
+    return given
 
 
 def _whole(faces: Index) -> Index:
     given = np.asarray(faces)
     if given.dtype.kind not in "iu":
         raise BadMesh(f"faces are {given.dtype}, but must be whole numbers of vertices")
-    return np.array(given, dtype=np.int64)
+    return np.array(given, dtype=np.int64, order="C")
 
 
 def _rows(given: Array, what: str) -> Array:
-    array = np.ascontiguousarray(given, dtype=np.float64)
+    try:
+        array = np.ascontiguousarray(given, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise BadArgument(f"{what} must be an array of real numbers: {error}") from error
     if array.ndim != 2 or array.shape[1] != 3:
         raise BadArgument(f"{what} have shape {array.shape}, but must be (M, 3)")
-    if not np.isfinite(array).all():
-        bad = int(np.argmax(~np.isfinite(array).all(axis=1)))
+    right = (np.abs(array) <= FARTHEST).all(axis=1)
+    if not right.all():
+        bad = int(np.argmin(right))
         raise BadArgument(f"row {bad} of {what} is {array[bad].tolist()}; leave it out")
     return array

@@ -1,0 +1,442 @@
+"""Closest places on a surface: as an exhaustive search finds them, in both ways to compute them."""
+
+import logging
+import pickle
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial.transform import Rotation
+
+import workbench as wb
+from workbench.arrays import Array, Index
+from workbench.errors import BadArgument, BadMesh
+from workbench.geometry import surface_kernels
+from workbench.geometry.surface_kernels import compiled, quickest
+from workbench.geometry.surface_search import IN_NUMPY, Way
+from workbench.geometry.surface_tree import Closest, SurfaceTree
+
+CUBE = trimesh.creation.box()  # of side 1, around the origin
+
+
+def in_numpy() -> Way:
+    return IN_NUMPY
+
+
+def in_c() -> Way:
+    way = compiled()
+    if way is None:
+        pytest.skip("no C compiler on the PATH")
+    return way
+
+
+BOTH = pytest.mark.parametrize("way", [in_numpy, in_c])
+Ways = Callable[[], Way]
+
+
+def soup(rng: np.random.Generator) -> tuple[Array, Index]:
+    """Triangles of all kinds: large, small, thin, lines, points, the same again, turned over."""
+    vertices = rng.normal(size=(90, 3))
+    vertices[40:60] = vertices[:20] + 1e-3 * rng.normal(size=(20, 3))
+    vertices[60:70] = (vertices[:10] + vertices[10:20]) / 2
+    vertices[70:80] = vertices[:10]
+    faces = rng.integers(90, size=(110, 3))
+    first = np.arange(10)
+    lines = np.stack([first, first + 10, first + 60], axis=1)
+    points = np.stack([first, first + 70, first], axis=1)
+    again, over = faces[:15, [1, 2, 0]], faces[15:30, ::-1]
+    return vertices, np.concatenate([again, lines, faces, points, over, lines[:, [2, 0, 1]]])
+
+
+def blob() -> tuple[Array, Index]:
+    mesh = trimesh.creation.icosphere(subdivisions=2)
+    v = np.array(mesh.vertices)
+    return v * (1 + 0.3 * np.sin(5 * v[:, :1]) * np.cos(4 * v[:, 1:2])), np.array(mesh.faces)
+
+
+def everywhere(rng: np.random.Generator, vertices: Array, faces: Index, count: int) -> Array:
+    """Points far off, near, exactly on the surface, and at vertices."""
+    face = rng.integers(len(faces), size=count)
+    on = np.einsum("ik,ikj->ij", rng.dirichlet([0.7] * 3, count), vertices[faces[face]])
+    size = np.repeat([0, 1e-9, 1e-3, 0.1, 3.0], -(-count // 5))[:count, None]
+    on += size * rng.normal(size=on.shape)
+    on[:20] = vertices[faces[face[:20], 0]]
+    return on
+
+
+def oracle(vertices: Array, faces: Index, points: Array, counts: Array | None = None) -> Array:
+    """The distance of every point from the nearest of all triangles that count for it, (M,)."""
+    best = np.full(len(points), np.inf)
+    for f, corners in enumerate(vertices[faces]):
+        here = np.full(len(points), np.inf)
+        for a, b in zip(corners, np.roll(corners, 1, axis=0), strict=True):
+            t = (points - a) @ (b - a) / max((b - a) @ (b - a), 1e-200)
+            away = points - a - np.clip(t, 0, 1)[:, None] * (b - a)
+            here = np.minimum(here, np.linalg.norm(away, axis=1))
+        edges = (corners[1:] - corners[0]).T
+        inside = (points - corners[0]) @ np.linalg.pinv(edges).T
+        off = np.linalg.norm(points - corners[0] - inside @ edges.T, axis=1)
+        right = (inside >= 0).all(axis=1) & (inside.sum(axis=1) <= 1)
+        here = np.where(right, np.minimum(here, off), here)
+        best = np.minimum(best, here if counts is None else np.where(counts[:, f], here, np.inf))
+    return best
+
+
+def unit(vectors: Array) -> Array:
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 1e-12)
+
+
+def normals_of(vertices: Array, faces: Index) -> Array:
+    a, b, c = vertices[faces].transpose(1, 0, 2)
+    return unit(np.cross(b - a, c - a))
+
+
+def assert_consistent(found: Closest, vertices: Array, faces: Index, points: Array) -> None:
+    there = found.faces >= 0
+    assert (found.shares >= 0).all()
+    np.testing.assert_allclose(found.shares.sum(axis=1), there, atol=1e-15)
+    places = np.einsum("ik,ikj->ij", found.shares, vertices[faces[found.faces]])
+    np.testing.assert_allclose(found.points, np.where(there[:, None], places, points), atol=1e-15)
+    away = np.linalg.norm(points - found.points, axis=1)
+    np.testing.assert_allclose(np.abs(found.distances[there]), away[there], atol=1e-14)
+
+
+@BOTH
+def test_the_distances_of_an_exhaustive_search(way: Ways) -> None:
+    rng = np.random.default_rng(0)
+    vertices, faces = soup(rng)
+    points = everywhere(rng, vertices, faces, 10_000)
+    found = SurfaceTree(vertices, faces, way).closest(points)
+    expected = oracle(vertices, faces, points)
+    np.testing.assert_allclose(np.abs(found.distances), expected, rtol=0, atol=1e-12)
+    assert_consistent(found, vertices, faces, points)
+
+
+@BOTH
+@pytest.mark.parametrize("facing", [0.5, 0.0, -0.3])
+def test_an_exhaustive_search_among_the_triangles_that_face_a_point_and_are_near(
+    way: Ways, facing: float
+) -> None:
+    rng, within = np.random.default_rng(1), 0.2
+    vertices, faces = soup(rng)
+    points = everywhere(rng, vertices, faces, 10_000)
+    normals = unit(rng.normal(size=points.shape))
+    found = SurfaceTree(vertices, faces, way).closest(points, within, normals, facing)
+    counts = normals @ normals_of(vertices, faces).T >= facing
+    expected = np.minimum(oracle(vertices, faces, points, counts), within)
+    np.testing.assert_allclose(np.abs(found.distances), expected, rtol=0, atol=1e-12)
+    assert_consistent(found, vertices, faces, points)
+    there = found.faces >= 0
+    assert 1000 < there.sum() < 9900
+    assert counts[there, found.faces[there]].all()
+    np.testing.assert_array_equal(found.points[~there], points[~there])
+    np.testing.assert_array_equal(found.distances[~there], within)
+    assert not found.normals[~there].any()
+
+
+@pytest.mark.parametrize("faces_count", [1, 2, 7, 8, 9, 16, 17, 64, 65, 129, 600, 5000])
+def test_both_ways_say_the_same_to_the_last_bit(faces_count: int) -> None:
+    rng = np.random.default_rng(faces_count)
+    vertices = rng.normal(size=(5 + faces_count // 3, 3)) * [1, 2, 0.1]
+    faces = rng.integers(len(vertices), size=(faces_count, 3))
+    points = everywhere(rng, vertices, faces, 500)
+    normals = unit(rng.normal(size=points.shape))
+    for gate in ((), (0.3,), (np.inf, normals), (0.5, normals, 0.1)):
+        one, other = (
+            SurfaceTree(vertices, faces, w).closest(points, *gate) for w in (in_numpy, in_c)
+        )
+        for name in ("faces", "shares", "points", "distances", "normals"):
+            np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+
+
+@BOTH
+def test_of_equally_close_triangles_the_first_is_taken(way: Ways) -> None:
+    rng = np.random.default_rng(2)
+    vertices, faces = blob()
+    again = np.concatenate([faces, faces[::-1, [2, 0, 1]], faces[:, ::-1]])
+    points = 1.5 * rng.normal(size=(500, 3))
+    once, thrice = (SurfaceTree(vertices, f, way).closest(points) for f in (faces, again))
+    np.testing.assert_array_equal(once.faces, thrice.faces)
+    np.testing.assert_array_equal(once.points, thrice.points)
+    around = [np.flatnonzero((faces == v).any(axis=1)).min() for v in range(len(vertices))]
+    at_vertices = SurfaceTree(vertices, faces, way).closest(vertices)
+    np.testing.assert_array_equal(at_vertices.faces, around)
+    outwards = vertices + 1e-3 * unit(vertices)
+    at_vertex = (SurfaceTree(vertices, faces, way).closest(outwards).shares == 1).any(axis=1)
+    found = SurfaceTree(vertices, faces, way).closest(outwards[at_vertex]).faces
+    np.testing.assert_array_equal(found, np.array(around)[at_vertex])
+
+
+@BOTH
+def test_an_edge_belongs_to_the_first_of_its_triangles(way: Ways) -> None:
+    rng = np.random.default_rng(3)
+    vertices = np.array([[0.0, 0, 0], [0.3, 1.1, 0.2], [1, 0.1, -0.7], [-1, 0.2, -0.6]])
+    t = rng.uniform(0.1, 0.9, (200, 1))
+    points = t * vertices[1] + rng.uniform(0, 0.3, (200, 1)) * [0, 0, 1]
+    for faces in ([[0, 2, 1], [1, 3, 0]], [[3, 0, 1], [2, 1, 0]]):
+        found = SurfaceTree(vertices, np.array(faces), way).closest(points)
+        on_edge = (found.shares == 0).sum(axis=1) == 1
+        assert on_edge.all()
+        assert not found.faces.any()
+
+
+# Signs and normals.
+
+
+def winding(vertices: Array, faces: Index, points: Array) -> Array:
+    """How often a closed surface runs around each point (van Oosterom and Strackee, 1983)."""
+    found = np.zeros(len(points))
+    for corners in vertices[faces]:
+        a, b, c = (corner - points for corner in corners)
+        x, y, z = (np.linalg.norm(side, axis=1) for side in (a, b, c))
+        over = np.einsum("ij,ij->i", a, np.cross(b, c))
+        ab, bc, ca = (np.einsum("ij,ij->i", *pair) for pair in ((a, b), (b, c), (c, a)))
+        found += 2 * np.arctan2(over, x * y * z + ab * z + bc * x + ca * y)
+    return found / (4 * np.pi)
+
+
+def needle() -> tuple[Array, Index]:
+    """A tetrahedron whose dihedral angles are far from right."""
+    vertices = np.array([[0.0, 0, 0], [1, 0, 0], [0.3, 0.05, 0.01], [0.4, -0.02, 0.2]])
+    faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+    return vertices, faces if winding(vertices, faces, vertices.mean(0)[None])[0] > 0 else faces[
+        :, ::-1
+    ]
+
+
+def star() -> tuple[Array, Index]:
+    """A ball with a spike on every face."""
+    mesh = trimesh.creation.icosphere(subdivisions=1)
+    middles = np.array(mesh.triangles_center)
+    tips = middles * np.where(np.arange(len(middles)) % 2, 2.5, 0.4)[:, None]
+    f, N = np.array(mesh.faces), len(mesh.vertices)
+    tip = N + np.arange(len(f))
+    faces = np.concatenate([np.stack([f[:, i], f[:, (i + 1) % 3], tip], 1) for i in range(3)])
+    return np.concatenate([mesh.vertices, tips]), faces
+
+
+def torus() -> tuple[Array, Index]:
+    mesh = trimesh.creation.torus(1, 0.4, 16, 8)
+    return np.array(mesh.vertices), np.array(mesh.faces)
+
+
+@BOTH
+@pytest.mark.parametrize("shape", [needle, star, torus, blob])
+def test_inside_is_negative(way: Ways, shape: Callable[[], tuple[Array, Index]]) -> None:
+    rng = np.random.default_rng(4)
+    vertices, faces = shape()
+    low, high = vertices.min(axis=0) - 0.3, vertices.max(axis=0) + 0.3
+    near = everywhere(rng, vertices, faces, 3000)
+    points = np.concatenate([rng.uniform(low, high, (3000, 3)), near])
+    found = SurfaceTree(vertices, faces, way).closest(points)
+    clear = np.abs(found.distances) > 1e-10
+    inside = winding(vertices, faces, points) > 0.5
+    assert 200 < (inside & clear).sum() < clear.sum() - 200
+    np.testing.assert_array_equal(found.distances[clear] < 0, inside[clear])
+    assert (found.shares[clear] == 0).any(axis=1).sum() > 1000  # the cases that normals decide
+    turned = SurfaceTree(vertices, faces[:, ::-1], way).closest(points)
+    np.testing.assert_allclose(turned.distances[clear], -found.distances[clear], atol=1e-15)
+
+
+@BOTH
+def test_normals_of_a_cube(way: Ways) -> None:
+    tree = SurfaceTree(np.array(CUBE.vertices), np.array(CUBE.faces), way)
+    points = np.array([[1.0, 1, 1], [1, 1, 0.1], [1, 0.2, 0.1], [0.4, 0.1, 0.1], [-1, -1, 1]])
+    found = tree.closest(points)
+    expected = unit(np.array([[1.0, 1, 1], [1, 1, 0], [1, 0, 0], [1, 0, 0], [-1, -1, 1]]))
+    np.testing.assert_allclose(found.normals, expected, atol=1e-15)
+    distances = [np.sqrt(0.75), np.sqrt(0.5), 0.5, -0.1, np.sqrt(0.75)]
+    np.testing.assert_allclose(found.distances, distances, atol=1e-15)
+
+
+@BOTH
+def test_where_normals_cancel_the_face_has_its_own(way: Ways) -> None:
+    vertices = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    found = SurfaceTree(vertices, np.array([[0, 1, 2], [2, 1, 0]]), way).closest(
+        np.array([[0.2, -1, 0.1], [-1, -1, -0.1]])
+    )
+    np.testing.assert_array_equal(found.normals, [[0, 0, 1]] * 2)
+    assert (found.distances > 0).tolist() == [True, False]
+
+
+@BOTH
+def test_normals_choose_the_side_of_a_thin_sheet(way: Ways) -> None:
+    square = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    vertices = np.concatenate([square, square - [0, 0, 0.001]])
+    faces = np.array([[0, 1, 2], [0, 2, 3], [6, 5, 4], [7, 6, 4]])
+    tree, points = SurfaceTree(vertices, faces, way), np.array([[0.6, 0.2, 0.1], [0.2, 0.6, 0.1]])
+    assert tree.closest(points).faces.tolist() == [0, 1]
+    down = np.array([[0, 0, -1.0]] * 2)
+    assert tree.closest(points, normals=down).faces.tolist() == [2, 3]
+    assert tree.closest(points, 0.1, down).faces.tolist() == [-1, -1]
+
+
+# What must not matter.
+
+
+@BOTH
+@pytest.mark.parametrize("shape", [blob, lambda: soup(np.random.default_rng(5))])
+def test_moved_is_as_new(way: Ways, shape: Callable[[], tuple[Array, Index]]) -> None:
+    rng = np.random.default_rng(6)
+    vertices, faces = shape()
+    tree = SurfaceTree(vertices, faces, way)
+    for elsewhere in (vertices * [0.2, 1, 3] + 0.1, rng.normal(size=vertices.shape)):
+        points = everywhere(rng, elsewhere, faces, 1000)
+        normals = unit(rng.normal(size=points.shape))
+        refitted, rebuilt = tree.moved(elsewhere), SurfaceTree(elsewhere, faces, way)
+        for gate in ((), (0.1, normals)):
+            one, other = refitted.closest(points, *gate), rebuilt.closest(points, *gate)
+            for name in ("faces", "shares", "points", "distances", "normals"):
+                np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+    back = tree.moved(elsewhere).moved(vertices).closest(points)
+    np.testing.assert_array_equal(back.distances, tree.closest(points).distances)
+
+
+@BOTH
+@pytest.mark.parametrize("scale", [1.0, 1e-3, 1e4])
+def test_rigid_motion_and_scale_change_distances_by_the_scale_alone(
+    way: Ways, scale: float
+) -> None:
+    rng = np.random.default_rng(7)
+    vertices, faces = blob()
+    points = 1.2 * rng.normal(size=(2000, 3))
+    R, shift = Rotation.random(rng=rng).as_matrix(), rng.normal(size=3)
+    here = SurfaceTree(vertices, faces, way).closest(points)
+    move = lambda x: scale * (x @ R.T + shift)  # noqa: E731
+    there = SurfaceTree(move(vertices), faces, way).closest(move(points))
+    np.testing.assert_allclose(there.distances, scale * here.distances, atol=1e-14 * scale)
+    np.testing.assert_allclose(there.points, move(here.points), atol=1e-13 * scale)
+    clear = (here.shares > 1e-9).all(axis=1)
+    assert clear.sum() > 500
+    np.testing.assert_array_equal(there.faces[clear], here.faces[clear])
+    np.testing.assert_allclose(there.normals[clear], here.normals[clear] @ R.T, atol=1e-12)
+
+
+@BOTH
+def test_far_from_the_origin_and_far_from_the_surface(way: Ways) -> None:
+    rng = np.random.default_rng(8)
+    vertices, faces = blob()
+    vertices = vertices + 1e5
+    points = np.concatenate([vertices[:50] + 0.1 * rng.normal(size=(50, 3)), -1e9 * np.eye(3)])
+    found = SurfaceTree(vertices, faces, way).closest(points)
+    expected = oracle(vertices, faces, points)
+    np.testing.assert_allclose(np.abs(found.distances), expected, rtol=1e-13, atol=1e-10)
+
+
+@BOTH
+def test_the_gate_includes_its_end(way: Ways) -> None:
+    tree = SurfaceTree(np.eye(3), np.array([[0, 1, 2]]), way)
+    assert tree.closest(np.eye(3), within=0).faces.tolist() == [0, 0, 0]
+    assert tree.closest(np.array([[3.0, 0, 0]]), within=2).distances.tolist() == [2]
+    assert tree.closest(np.array([[3.0, 0, 0]]), within=2).faces.tolist() == [0]
+    assert tree.closest(np.array([[3.0, 0, 0]]), within=1.999).faces.tolist() == [-1]
+
+
+@BOTH
+def test_no_points_have_no_places(way: Ways) -> None:
+    found = SurfaceTree(np.eye(3), np.array([[0, 1, 2]]), way).closest(np.zeros((0, 3)))
+    assert found.points.shape == found.shares.shape == found.normals.shape == (0, 3)
+    assert found.faces.shape == found.distances.shape == (0,)
+
+
+@BOTH
+def test_vertices_of_a_body_are_on_it(way: Ways) -> None:
+    body = wb.load_body("small")
+    found = SurfaceTree(body.template, body.faces, way).closest(body.template)
+    np.testing.assert_array_equal(found.points, body.template)
+    assert not found.distances.any()
+
+
+def test_arguments_in_any_layout_and_left_as_they_were() -> None:
+    vertices, faces = blob()
+    points = np.random.default_rng(9).normal(size=(50, 3))
+    expected = SurfaceTree(vertices, faces).closest(points)
+    vertices_of_columns, faces_of_four = np.asfortranarray(vertices), faces.astype(np.int32)
+    tree = SurfaceTree(vertices_of_columns, faces_of_four)
+    vertices_of_columns[:] = 0
+    every_other = np.repeat(points, 2, axis=0)[::2]
+    np.testing.assert_array_equal(tree.closest(every_other).points, expected.points)
+    assert tree.closest(points.astype(np.float32)).points == pytest.approx(
+        expected.points, abs=1e-5
+    )
+
+
+def test_a_tree_goes_to_another_process() -> None:
+    tree, points = SurfaceTree(*blob()), np.random.default_rng(10).normal(size=(20, 3))
+    again = pickle.loads(pickle.dumps(tree))
+    np.testing.assert_array_equal(again.closest(points).shares, tree.closest(points).shares)
+
+
+def test_without_a_compiler_numpy_finds_them(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setenv("WORKBENCH_COMPILE", "0")
+    compiled.cache_clear()
+    try:
+        with caplog.at_level(logging.INFO, logger="workbench"):
+            assert quickest() is IN_NUMPY
+            assert quickest() is IN_NUMPY
+    finally:
+        compiled.cache_clear()
+    said = [record.getMessage() for record in caplog.records]
+    assert said == ["closest points are found by NumPy: switched off by WORKBENCH_COMPILE=0"]
+
+
+def test_a_library_with_other_numbers_is_not_trusted(monkeypatch: pytest.MonkeyPatch) -> None:
+    way = in_c()
+    loaded = way.search.__self__.library  # type: ignore[attr-defined]
+    assert surface_kernels._agrees(loaded)
+    monkeypatch.setattr(surface_kernels, "FLAT", 0.3)  # as if it called other triangles flat
+    assert not surface_kernels._agrees(loaded)
+
+
+# Bad input.
+
+
+@pytest.mark.parametrize(
+    ("vertices", "faces", "says"),
+    [
+        (np.eye(3), np.zeros((0, 3), int), "a surface without faces has no closest places"),
+        (np.eye(3), [[0, 1, 3]], "face 0 is [0, 1, 3], but there are 3 vertices from 0"),
+        (np.eye(3), [[0, 1, -1]], "face 0 is [0, 1, -1]"),
+        (np.eye(3), [[0.0, 1.0, 2.0]], "faces are float64, but must be whole numbers"),
+        (np.eye(3), [[0, 1]], "faces have shape (1, 2), but must be (., 3)"),
+        (np.eye(3) * np.nan, [[0, 1, 2]], "vertex 0 is [nan, nan, nan]"),
+        (np.eye(3) * 1e80, [[0, 1, 2]], "a vertex is farther than 1e+70 m"),
+        ([["a"]], [[0, 1, 2]], "vertices must be an array of real numbers"),
+        (np.eye(2), [[0, 1, 1]], "vertices have shape (2, 2), but must be (., 3)"),
+    ],
+)
+def test_what_is_no_surface(vertices: Array, faces: Index, says: str) -> None:
+    with pytest.raises(BadMesh) as error:
+        SurfaceTree(vertices, np.asarray(faces))
+    assert says in str(error.value)
+
+
+def test_moving_other_vertices() -> None:
+    tree = SurfaceTree(np.eye(3), np.array([[0, 1, 2]]))
+    with pytest.raises(BadMesh, match="4 vertices cannot take the place of 3"):
+        tree.moved(np.zeros((4, 3)))
+    with pytest.raises(BadMesh, match=r"vertex 1 is \[0.0, inf, 0.0\]"):
+        tree.moved(np.diag([1, np.inf, 1]))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (([1.0, 2, 3],), "points have shape (3,), but must be (M, 3)"),
+        ((np.diag([1, np.nan, 1]),), "row 1 of points is [0.0, nan, 0.0]; leave it out"),
+        ((np.eye(3), -1.0), "within is -1.0, but must be a distance in m"),
+        ((np.eye(3), np.nan), "within is nan, but must be a distance in m"),
+        ((np.eye(3), 1.0, np.ones((2, 3))), "there are 3 points, but 2 normals; give one for each"),
+        ((np.eye(3), 1.0, np.eye(3), np.nan), "facing is nan, but must be a cosine"),
+        ((["a"],), "points must be an array of real numbers"),
+    ],
+)
+def test_what_is_no_question(arguments: tuple[Array, ...], says: str) -> None:
+    tree = SurfaceTree(np.eye(3), np.array([[0, 1, 2]]))
+    with pytest.raises(BadArgument) as error:
+        tree.closest(*arguments)
+    assert says in str(error.value)

@@ -1,0 +1,125 @@
+"""The same searches by compiled code, one point after the other; see surface_tree.c."""
+
+from __future__ import annotations
+
+import ctypes
+import logging
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.arrays import Array
+from workbench.compiling import NoLibrary, library
+from workbench.geometry.surface_boxes import ROWS, Boxes, widening
+from workbench.geometry.surface_order import WIDE, Order
+from workbench.geometry.surface_search import IN_NUMPY, Asked, Found, Way
+from workbench.geometry.triangles import FLAT
+
+LOG = logging.getLogger(__name__)
+NAME = "surface-tree"
+EXACT = ("-O3", "-ffp-contract=off", "-fno-math-errno")  # the rounding of NumPy, loops as vectors
+TRIED = 100  # triangles and points that a library is tried on
+
+Word = NDArray[np.generic] | int | float | None
+
+
+def quickest() -> Way:
+    """By compiled code; by NumPy where there is no compiler."""
+    return compiled() or IN_NUMPY
+
+
+@cache
+def compiled() -> Way | None:
+    """By compiled code, loaded once per process; None where there is no compiler."""
+    try:
+        source = files(__package__).joinpath("surface_tree.c").read_text(encoding="utf-8")
+        loaded = Loaded(library(NAME, source, _agrees, EXACT))
+        return Way(loaded.boxes, loaded.search)
+    except NoLibrary as error:
+        LOG.info("closest points are found by NumPy: %s", error)
+        return None
+
+
+@dataclass(frozen=True, eq=False)
+class Loaded:
+    """Boxes and searches of a loaded library.
+
+    Attributes:
+        library: the compiled functions.
+    """
+
+    library: ctypes.CDLL
+
+    def boxes(self, order: Order, vertices: Array) -> Boxes:
+        """As IN_NUMPY."""
+        F, levels = len(order.faces), order.levels
+        triangles = np.empty((len(order.leaves), ROWS, WIDE))
+        nodes = np.empty((sum(levels[:-1]), 6, WIDE))
+        normals, areas, turns = np.empty((F, 3)), np.empty(F), np.empty((F, 3))
+        where = (len(order.leaves), order.leaves, order.faces, order.rising, vertices)
+        self._run("fit", *where, FLAT, triangles, normals, areas, turns)
+        counts = np.array(levels, np.intp)
+        self._run("enclose", len(levels), counts, triangles, widening(vertices), nodes)
+        return Boxes(order, vertices, triangles, nodes, normals, areas, turns)
+
+    def search(self, boxes: Boxes, asked: Asked) -> Found:
+        """As IN_NUMPY."""
+        order, M = boxes.order, len(asked.points)
+        found = Found(np.empty(M, np.int64), np.empty((M, 3)), np.empty(M), np.empty((M, 3)))
+        offsets, features = np.cumsum((0, *order.levels), dtype=np.intp), order.features
+        self._run(
+            "closest",
+            *(M, asked.points, asked.normals, float(asked.within) ** 2, float(asked.facing)),
+            *(len(order.levels), offsets, order.leaves, boxes.triangles, boxes.nodes),
+            *(boxes.normals, order.rising, order.faces, features.edges, features.n_edges),
+            *(features.starts, features.corners, boxes.angles, len(order.faces)),
+            *(found.faces, found.shares, found.squares, found.normals),
+        )
+        return found
+
+    def _run(self, name: str, *words: Word) -> None:
+        """A function of the library; arrays, which must be in one piece, by their addresses."""
+        getattr(self.library, name)(*map(_word, words))
+
+
+def _word(given: Word) -> ctypes.c_double | ctypes.c_ssize_t:
+    if isinstance(given, float):
+        return ctypes.c_double(given)
+    if isinstance(given, np.ndarray):
+        assert given.flags.c_contiguous
+        return ctypes.c_ssize_t(given.ctypes.data)
+    return ctypes.c_ssize_t(given or 0)
+
+
+def _agrees(loaded: ctypes.CDLL) -> bool:
+    """Whether the library says what NumPy says, about a few random triangles, some of them flat."""
+    rng, way = np.random.default_rng(0), Loaded(loaded)
+    vertices, faces = (
+        rng.standard_normal((TRIED // 2, 3)),
+        rng.integers(TRIED // 2, size=(TRIED, 3)),
+    )
+    faces = np.concatenate([faces, faces[::7, [1, 2, 0]]])
+    order = Order.of(vertices, faces)
+    boxes, expected = way.boxes(order, vertices), IN_NUMPY.boxes(order, vertices)
+    points, normals = rng.standard_normal((2, TRIED, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    tried = (Asked(points, 1.0, None, 0.0), Asked(points, np.inf, normals, 0.5))
+    answers = [(way.search(boxes, asked), IN_NUMPY.search(expected, asked)) for asked in tried]
+    return all(
+        np.array_equal(getattr(got, name), getattr(right, name))
+        for got, right in ((boxes, expected), *answers)
+        for name in (
+            "triangles",
+            "nodes",
+            "normals",
+            "areas",
+            "turns",
+            "faces",
+            "shares",
+            "squares",
+        )
+        if hasattr(got, name)
+    )
