@@ -19,15 +19,18 @@ from workbench.fitting.landmarks import joint_fit
 from workbench.fitting.mesh_start import STARTS, from_correspondences, placed
 from workbench.fitting.meshes import mesh_fit, own_mesh
 from workbench.fitting.observations import BadObservation, Observations, Photograph, photograph
+from workbench.fitting.scan import BadScan, Scan
 from workbench.fitting.setup import Measure, Setup, View
 
 __all__ = [
     "STARTS",
     "BadObservation",
+    "BadScan",
     "KnownAnswer",
     "Measure",
     "Observations",
     "Photograph",
+    "Scan",
     "Setup",
     "View",
     "from_correspondences",
