@@ -172,18 +172,23 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--dry", action="store_true", help="print, and write nothing")
     asked = parser.parse_args(arguments)
     body, poses = load_body("default"), held_out_poses(asked.recording)
-    known = json.loads(RESULTS.read_text()) if RESULTS.exists() else {"scenes": {}}
-    if asked.dry:
-        known = {"scenes": {}}
+    seeds = range(asked.first, asked.first + asked.count)
+    runs: dict[str, dict[int, dict[str, Any]]] = {}
     for name in asked.scenes:
         views, normals = SCENES[name]
-        kept = {run["seed"]: run for run in known["scenes"].get(name, [])}
-        for seed in range(asked.first, asked.first + asked.count):
-            kept[seed] = judged(body, poses, seed, views, normals)
-            print(name, kept[seed], flush=True)
+        runs[name] = {}
+        for seed in seeds:
+            runs[name][seed] = judged(body, poses, seed, views, normals)
+            print(name, json.dumps(runs[name][seed]), flush=True)
+    both = forms(body, poses, range(asked.first, asked.first + asked.forms)) if asked.forms else {}
+    known: dict[str, Any] = {"scenes": {}}
+    if RESULTS.exists() and not asked.dry:
+        known = json.loads(RESULTS.read_text())
+    for name, more in runs.items():
+        kept = {run["seed"]: run for run in known["scenes"].get(name, [])} | more
         known["scenes"][name] = [kept[seed] for seed in sorted(kept)]
-    if asked.forms:
-        known["forms"] = forms(body, poses, range(asked.first, asked.first + asked.forms))
+    if both:
+        known["forms"] = both
     print(page(known))
     if not asked.dry:
         keep(RESULTS, known | {"machine": machine.description()}, 5)

@@ -62,7 +62,8 @@ def fit(body: SkinnedBody, truth: Array) -> ModelFit:
 def test_a_known_body_is_found_from_a_clean_scan(fit: ModelFit, truth: Array) -> None:
     assert np.linalg.norm(fit.vertices() - truth, axis=1).mean() < 0.01
     costs = [one.cost for one in fit.hypotheses]
-    assert costs == sorted(costs) and not fit.stopped
+    assert costs == sorted(costs)
+    assert not fit.stopped
 
 
 def test_a_clean_fit_is_supported_and_not_doubted(fit: ModelFit) -> None:
@@ -110,7 +111,8 @@ def test_two_facings_that_cost_the_same_are_said(fit: ModelFit) -> None:
     twin = Hypothesis(turned, 1.001 * fit.cost, Status.CONVERGED, (1,))
     tied = ModelFit(fit.body, fit.scan, fit.problem, fit.reach, (fit.hypotheses[0], twin), 0, 0.0)
     (found,) = doubts(tied)
-    assert found.part == "facing" and "turned by 180 degrees" in found.text
+    assert found.part == "facing"
+    assert "turned by 180 degrees" in found.text
 
 
 def test_scans_of_something_else_are_doubted(body: SkinnedBody) -> None:
@@ -132,7 +134,8 @@ def test_a_body_before_the_scan_is_seen_from_its_camera(fit: ModelFit, truth: Ar
     )
     near = {one.part for one in doubts(away, camera=[0.0, 0.0, 3.0])}
     behind = {one.part for one in doubts(away, camera=[0.0, 0.0, -3.0])}
-    assert "before" in near and "before" not in behind
+    assert "before" in near
+    assert "before" not in behind
 
 
 def test_feet_start_at_the_lowest_points_despite_clutter(body: SkinnedBody, truth: Array) -> None:
@@ -166,8 +169,11 @@ def test_progress_can_stop_a_fit(body: SkinnedBody, truth: Array) -> None:
         return len(told) == 3
 
     fit = fit_model(body, cloud(body, truth), progress=stop)
-    assert len(told) == 3 and told[0].stages == 3 and told[0].starts == 16
-    assert "callback" in fit.stopped and np.isfinite(fit.cost)
+    assert len(told) == 3
+    assert told[0].stages == 3
+    assert told[0].starts == 16
+    assert "callback" in fit.stopped
+    assert np.isfinite(fit.cost)
     assert any(one.part == "run" for one in doubts(fit))
 
 

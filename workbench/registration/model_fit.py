@@ -60,8 +60,8 @@ class Stage:
 
 STAGES = (
     Stage(300, 0.05, 0.10, 16, 20),
-    Stage(800, 0.02, 0.05, 5, 25),
-    Stage(3000, 0.005, 0.03, 2, 40, 0.002),
+    Stage(800, 0.02, 0.05, 8, 25),
+    Stage(3000, 0.005, 0.03, 3, 40, 0.002),
 )
 
 
@@ -91,6 +91,14 @@ class ModelFit:
         iterations: of all runs together.
         seconds: the time of all runs, in s.
         stopped: why the fit ended early, in a sentence; empty if it did not.
+
+    >>> from workbench import load_body
+    >>> body = load_body("small")
+    >>> scan = Scan(body.vertices())
+    >>> stages = (Stage(200, sigma=0.02, reach=0.1, starts=2, iterations=10),)
+    >>> fit = fit_model(body, scan, stages=stages)
+    >>> bool(np.linalg.norm(fit.vertices() - scan.points, axis=1).mean() < 0.1)  # m
+    True
     """
 
     body: Body
