@@ -1,1 +1,30 @@
-"""Synthetic people and registrations, with known answers: nothing in here was measured."""
+"""Synthetic people, registrations and scans, with known answers: nothing in here was measured."""
+
+from workbench.synthetic.clutter import Clutter, Crate, Floor, Specks, Thing
+from workbench.synthetic.scan_effects import Box, Clothing, HalfSpace, Holes, Noise, Region
+from workbench.synthetic.scan_grids import Joining
+from workbench.synthetic.scanned_people import ScannedPerson, clothed, people
+from workbench.synthetic.scanners import Scanner, scanners
+from workbench.synthetic.scans import SimulatedScan, scan
+
+__all__ = [
+    "Box",
+    "Clothing",
+    "Clutter",
+    "Crate",
+    "Floor",
+    "HalfSpace",
+    "Holes",
+    "Joining",
+    "Noise",
+    "Region",
+    "ScannedPerson",
+    "Scanner",
+    "SimulatedScan",
+    "Specks",
+    "Thing",
+    "clothed",
+    "people",
+    "scan",
+    "scanners",
+]
