@@ -1,20 +1,46 @@
 """Registration: surfaces and points brought onto scans, without known correspondences."""
 
+from workbench.registration.basins import BasinMap, basin_map
 from workbench.registration.doubts import Doubts, doubts
+from workbench.registration.icp import Alignment, Icp, IcpIterate, Stopped
+from workbench.registration.icp_losses import GemanMcClure, LeastSquares, Trimmed
+from workbench.registration.icp_steps import (
+    Contacts,
+    distance_gauss_newton,
+    point_to_plane,
+    point_to_point,
+)
 from workbench.registration.model_fit import STAGES, ModelFit, Progress, Stage, fit_model
+from workbench.registration.point_cloud import PointCloud
 from workbench.registration.scan_starts import arms_lowered, scan_starts
 from workbench.registration.support import Support, support
+from workbench.registration.surface_points import random_surface_points
 
 __all__ = [
     "STAGES",
+    "Alignment",
+    "BasinMap",
+    "Contacts",
     "Doubts",
+    "GemanMcClure",
+    "Icp",
+    "IcpIterate",
+    "LeastSquares",
     "ModelFit",
+    "PointCloud",
     "Progress",
     "Stage",
+    "Stopped",
     "Support",
+    "Trimmed",
     "arms_lowered",
+    "basin_map",
+    "distance_gauss_newton",
     "doubts",
     "fit_model",
+    "point_to_plane",
+    "point_to_point",
+    "random_surface_points",
     "scan_starts",
     "support",
 ]
