@@ -2,6 +2,7 @@
 
 from workbench.registration.basins import BasinMap, basin_map
 from workbench.registration.coupling import Coupling, by_edges, by_vertices
+from workbench.registration.doubts import Doubts, doubts
 from workbench.registration.free_vertices import (
     FreeVertices,
     Registered,
@@ -17,34 +18,48 @@ from workbench.registration.icp_steps import (
     point_to_plane,
     point_to_point,
 )
+from workbench.registration.model_fit import FIT_STAGES, FitStage, ModelFit, Progress, fit_model
 from workbench.registration.point_cloud import PointCloud
+from workbench.registration.scan_starts import arms_lowered, scan_starts
 from workbench.registration.scan_term import ScanTerm, touched
+from workbench.registration.support import Support, support
 from workbench.registration.surface_points import random_surface_points
 
 __all__ = [
+    "FIT_STAGES",
     "Alignment",
     "BasinMap",
     "Contacts",
     "Coupling",
+    "Doubts",
+    "FitStage",
     "FreeVertices",
     "GemanMcClure",
     "Icp",
     "IcpIterate",
     "LeastSquares",
+    "ModelFit",
     "PointCloud",
+    "Progress",
     "Registered",
     "ScanTerm",
     "Stage",
     "StageResult",
     "Stopped",
+    "Support",
     "Trimmed",
+    "arms_lowered",
     "basin_map",
     "by_edges",
     "by_vertices",
     "distance_gauss_newton",
+    "doubts",
+    "fit_model",
     "point_to_plane",
     "point_to_point",
     "posterior_sd",
     "random_surface_points",
+    "scan_starts",
+    "support",
     "touched",
 ]

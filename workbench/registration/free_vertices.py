@@ -168,7 +168,9 @@ class FreeVertices:
         block = Block(VERTICES, (self.body.n_vertices, 3), "m")
         coupling = self.couple(block.symbol, model, self.body.faces, stage.coupling)
         read = priors if set(BODY) & set(stage.free) else ()  # constants otherwise
-        return Problem((self._scan(block.symbol, stage.term), coupling, *read), stage.free, blocks=(block,))
+        return Problem(
+            (self._scan(block.symbol, stage.term), coupling, *read), stage.free, blocks=(block,)
+        )
 
     def register(
         self, start: Mapping[str, Array], stages: tuple[Stage, ...] = STAGES
