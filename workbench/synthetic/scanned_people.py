@@ -81,13 +81,13 @@ def _person(
         PLACE_SIGMA * rng.standard_normal(3),
     )
     names = (block.name for block in body.blocks())
-    template = body.template
+    shape, template = body, body.template
     if own_shape:
-        rough = np.random.default_rng((*seed, 1)).standard_normal((len(template), 3))
-        drawn = smooth_field(template, body.faces, OWN_SPREAD, rough)
+        drawn = smooth_field(template, OWN_SPREAD, 3, np.random.default_rng((*seed, 1)))
         rms = np.sqrt(np.mean((drawn**2).sum(axis=1)))
         template = template + own_shape * drawn / rms
-    vertices = replace(body, template=template).vertices(*arguments)
+        shape = replace(body, template=template)
+    vertices = shape.vertices(*arguments)
     return ScannedPerson(dict(zip(names, arguments, strict=True)), vertices, template)
 
 
