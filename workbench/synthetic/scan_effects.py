@@ -61,6 +61,16 @@ class Holes:
 
     Each disc is what lies within `radius` m of a random point of the surface and faces the same
     half of space. Raises BadArgument for a negative number.
+
+    Attributes:
+        count: the number of discs.
+        radius: in m.
+
+    >>> from workbench.synthetic import scan, scanners
+    >>> wall, faces = np.array([[-9.0, -9, 0], [9, -9, 0], [0, 9, 0]]), np.array([[0, 1, 2]])
+    >>> whole = scan(wall, faces, scanners(1), seed=0).scan.n_points
+    >>> scan(wall, faces, scanners(1), seed=0, holes=Holes(200, 0.3)).scan.n_points < whole
+    True
     """
 
     count: int = 6
@@ -108,7 +118,12 @@ class Clothing:
         thickest: in m, the offset that the field comes near to where it is largest.
         spread: in m, over about which distance it varies.
         where: (N,) from 0 to 1, by which the offset of each vertex is multiplied; None for 1.
-            `clothed` gives the torso and the upper limbs of a body.
+            `clothed` gives the torso, the upper arms and the legs of a body.
+
+    >>> places = np.random.default_rng(0).uniform(-1, 1, (1000, 3))
+    >>> offsets = Clothing(0.02).offsets(places, np.random.default_rng(1))
+    >>> bool(offsets.min() >= 0), bool(0.015 < offsets.max() <= 0.02)
+    (True, True)
     """
 
     thickest: float = 0.02
