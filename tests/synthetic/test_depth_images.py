@@ -74,7 +74,7 @@ def test_a_sphere_is_at_the_depth_of_a_sphere() -> None:
 
 
 def test_every_pixel_is_what_trying_all_triangles_finds() -> None:
-    (scanner,) = scanners(1, distance=2.0, turn=0.5, size=(30, 40), focal=33.0)
+    (scanner,) = scanners(1, distance=2.0, turn=0.5, size=(24, 30), focal=25.0)
     image = depth_image(BENT, BODY.faces, scanner)
     far = every_hit(BENT, BODY.faces, scanner.place, scanner.directions()).min(axis=1)
     np.testing.assert_array_equal(np.flatnonzero(np.isfinite(far)), image.pixel)

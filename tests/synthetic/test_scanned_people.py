@@ -49,7 +49,9 @@ def test_an_own_shape_is_as_large_as_asked_and_smooth_and_no_shape_of_the_body()
         moved = other.template - BODY.template
         assert np.sqrt(np.mean((moved**2).sum(axis=1))) == pytest.approx(0.005)
         steps = moved[edges[:, 0]] - moved[edges[:, 1]]
-        assert np.sqrt(np.mean((steps**2).sum(axis=1))) < 0.5 * 0.005
+        lengths = np.linalg.norm(np.diff(BODY.template[edges], axis=1)[:, 0], axis=1)
+        slope = np.sqrt((steps**2).sum() / (lengths**2).sum())
+        assert slope < 1.3 * 0.005 / 0.1  # it varies over a tenth of a metre
         directions = BODY.shapedirs.reshape(-1, BODY.n_betas)
         left = moved.ravel() - directions @ np.linalg.lstsq(directions, moved.ravel())[0]
         assert np.linalg.norm(left) > 0.5 * np.linalg.norm(moved)
