@@ -3,13 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import bsr_array, csc_array
+from scipy.sparse import bsr_array, csr_array
 
 from workbench.arrays import Array
 from workbench.errors import BadArgument
-from workbench.problem.nonzeros import columns_of_nonzeros, sums
 from workbench.problem.steps import LinearModel, Step
-from workbench.problem.storage import Matrix, by_nonzeros
+from workbench.problem.storage import Symmetric, unblocked
 
 SMALLEST = 1e-12  # of a block's trace: a smaller eigenvalue of it is only rounding
 
@@ -20,8 +19,7 @@ class ConjugateGradients:
 
     The preconditioner inverts the blocks of `block` consecutive unknowns on the diagonal of
     J'J + damping D^2, such as the three coordinates of one vertex (block Jacobi; Saad, Iterative
-    methods for sparse linear systems, 2003, section 10.1). J'J is never formed: each iteration is
-    one product with J and one with J'.
+    methods for sparse linear systems, 2003, section 10.2).
 
     The iterations begin at zero, so that each result is the best step in the space it was looked
     for in: its length grows from iteration to iteration, and the cost of the linear model falls
@@ -61,65 +59,51 @@ class ConjugateGradients:
 
         Raises BadArgument if the unknowns cannot be divided into blocks of this size.
         """
-        n, size = len(here.gradient), self.block
+        return Step(self.solved(here.normal, damping * D**2, -here.gradient), "conjugate gradients")
+
+    def solved(self, normal: Symmetric, raised: Array, right: Array) -> Array:
+        """The x (n,) with (A + diag(raised)) x = right, nearly, for a positive semidefinite A (n, n).
+
+        Raises BadArgument if the unknowns cannot be divided into blocks of this size.
+        """
+        n, size = len(right), self.block
         if n % size:
             raise BadArgument(
                 f"{n} unknowns cannot be divided into blocks of {size}; choose another block size"
             )
-        J = by_columns_of(here.jacobian)
-        Jt = J.T  # by rows, in the same memory
-        raised = damping * D**2
-        inverse = _inverse_of_blocks(J, raised, size)
-        p, residual = np.zeros(n), -here.gradient
+        stored = unblocked(normal)
+        A = bsr_array(csr_array(stored.T), blocksize=(size, size))  # .T is A, by rows
+        inverse = _inverse_of_blocks(A, raised, size)
+        x, residual = np.zeros(n), right.copy()
         preconditioned = inverse @ residual
         direction, square = preconditioned, float(residual @ preconditioned)
         enough = self.tolerance**2 * square
         for _ in range(self.products):
             if not square > enough:
                 break
-            product = Jt @ (J @ direction) + raised * direction
+            product = A @ direction + raised * direction
             bent = float(direction @ product)
             if not bent > 0:
                 break
             length = square / bent
-            p += length * direction
+            x += length * direction
             residual -= length * product
             preconditioned = inverse @ residual
             square, before = float(residual @ preconditioned), square
             direction = preconditioned + (square / before) * direction
-        return Step(p, "conjugate gradients")
+        return x
 
 
-def by_columns_of(jacobian: Matrix) -> csc_array:
-    """The nonzeros of J, column by column."""
-    return csc_array(jacobian) if isinstance(jacobian, np.ndarray) else by_nonzeros(jacobian)
-
-
-def _inverse_of_blocks(J: csc_array, raised: Array, size: int) -> bsr_array:
-    """The inverse of the blocks (size, size) on the diagonal of J'J + diag(raised)."""
-    n = J.shape[1]
-    blocks = _blocks(J, size)
+def _inverse_of_blocks(A: bsr_array, raised: Array, size: int) -> bsr_array:
+    """The inverse of the blocks (size, size) on the diagonal of A + diag(raised)."""
+    n = A.shape[0] // size
+    rows = np.repeat(np.arange(n), np.diff(A.indptr))
+    here = rows == A.indices
+    blocks = np.zeros((n, size, size))
+    blocks[rows[here]] = A.data[here]
     places = np.arange(size)
     blocks[:, places, places] += raised.reshape(-1, size)
     trace = np.einsum("bii->b", blocks)
     blocks[:, places, places] += np.where(trace > 0, SMALLEST * trace, 1.0)[:, None]
-    where = np.arange(n // size)
-    return bsr_array((np.linalg.inv(blocks), where, np.arange(n // size + 1)), shape=(n, n))
-
-
-def _blocks(J: csc_array, size: int) -> Array:
-    """The blocks (n / size, size, size) on the diagonal of J'J, as sums over J's rows."""
-    m, n = J.shape
-    columns = columns_of_nonzeros(J)
-    places = (columns // size) * m + J.indices  # a number for each row of each block of columns
-    order = np.argsort(places, kind="stable")
-    sorted_places = places[order]
-    first = np.concatenate([[True], sorted_places[1:] != sorted_places[:-1]])
-    rows = np.zeros((int(first.sum()), size))
-    rows[np.cumsum(first) - 1, columns[order] % size] = J.data[order]
-    of_block = sorted_places[first] // m
-    found = np.empty((n // size, size, size))
-    for i in range(size):
-        for j in range(i + 1):
-            found[:, i, j] = found[:, j, i] = sums(of_block, rows[:, i] * rows[:, j], n // size)
-    return found
+    inverse = np.linalg.inv(blocks)
+    return bsr_array((inverse, np.arange(n), np.arange(n + 1)), shape=A.shape)

@@ -214,9 +214,9 @@ def posterior_sd(problem: Problem, values: Values, draws: int = 64, seed: int = 
     """
     here = problem.linearize(values)
     rng = np.random.default_rng(seed)
-    solve = ConjugateGradients(tolerance=1e-3)
-    squares = np.zeros(problem.free.size)
+    solve, n = ConjugateGradients(), problem.free.size
+    squares = np.zeros(n)
     for _ in range(draws):
-        drawn = type(here)(rng.standard_normal(here.shape[0]), here.jacobian)
-        squares += solve(drawn, 0.0, np.ones(problem.free.size)).p ** 2
+        pull = here.jacobian.T @ rng.standard_normal(here.shape[0])
+        squares += solve.solved(here.normal, np.zeros(n), pull) ** 2
     return np.sqrt(squares / draws)
