@@ -217,3 +217,12 @@ def test_nine_numbers_cost_more_except_for_one_small_turn() -> None:
         assert example.at_best[case, form, solver] >= 18
         if form == "three":
             assert example.at_best[case, form, solver] == example.SEEDS
+
+
+def test_free_vertices_come_nearer_to_a_scanned_person_than_the_model() -> None:
+    example = import_module("examples.18_a_body_on_a_scan")
+    assert not example.warnings
+    assert max(example.model) < 15  # mm
+    seen, hidden = np.array(example.free) / np.array(example.model)
+    assert seen < 0.8
+    assert hidden < 1
