@@ -2,6 +2,8 @@
 
 from workbench.registration.coupling import Coupling, by_edges, by_vertices
 from workbench.registration.free_vertices import (
+    QUICK_STAGES,
+    STAGES,
     FreeVertices,
     Registered,
     Stage,
@@ -11,6 +13,8 @@ from workbench.registration.free_vertices import (
 from workbench.registration.scan_term import ScanTerm, touched
 
 __all__ = [
+    "QUICK_STAGES",
+    "STAGES",
     "Coupling",
     "FreeVertices",
     "Registered",
